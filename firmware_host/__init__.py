@@ -1,0 +1,1 @@
+"""The host side of the sensor: OpenNI2 streams, recordings, and the synthetic sensor."""

@@ -1,0 +1,57 @@
+"""The `hangtime` command: gathers the commands of every installed package and turns errors into one sentence."""
+
+from __future__ import annotations
+
+import sys
+from importlib.metadata import entry_points
+
+import typer
+
+from formats.errors import HangtimeError
+
+app = typer.Typer(
+    name="hangtime",
+    help="Measure how a real garment moves, fit a cloth simulation to it, and diagnose what it still gets wrong.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+
+@app.callback()
+def root() -> None:
+    """Measure how a real garment moves, fit a cloth simulation to it, and diagnose what it still gets wrong."""
+
+
+def gather_commands() -> list[str]:
+    """Add every package's commands to `app`; return the names of packages whose libraries are not installed."""
+    absent = []
+    for entry in sorted(entry_points(group="hangtime.commands"), key=lambda e: e.name):
+        try:
+            add_commands = entry.load()
+        except ModuleNotFoundError as error:
+            if error.name is None or error.name.split(".")[0] in {"formats", "firmware_host", "capture", "fit"}:
+                raise
+            absent.append(f"{entry.name} ({error.name} is not installed)")
+        else:
+            add_commands(app)
+    return absent
+
+
+def main() -> None:
+    """Run the command line; a HangtimeError becomes one sentence on stderr and exit code 2."""
+    absent = gather_commands()
+    if absent:
+        app.info.epilog = "Not available here: " + ", ".join(absent)
+    try:
+        app()
+    except HangtimeError as error:
+        print(f"hangtime: {error}", file=sys.stderr)
+        sys.exit(2)
+    except BrokenPipeError:
+        sys.exit(141)
+
+
+if __name__ == "__main__":
+    main()

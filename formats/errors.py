@@ -1,0 +1,33 @@
+"""Every error that a user of Hangtime can act on.
+
+    HangtimeError                 says what, where, and what to do next; the command line exits with 2
+      +-- DescriptionError        a rig or garment file that does not hold
+      +-- TakeError               a take that is missing, damaged or not a take
+      +-- ResultError             a fit result or diagnosis that does not match its schema
+      +-- firmware_host.errors.*  the sensor
+      +-- capture.errors.*        tracking and recording
+      +-- fit.errors.*            fitting and diagnosis
+"""
+
+from __future__ import annotations
+
+
+class HangtimeError(Exception):
+    """An error with one clear sentence: what, where, and what to do next."""
+
+    def __init__(self, what: str, *, where: object = None, advice: str = "") -> None:
+        self.what, self.where, self.advice = what, where, advice
+        place = f"{where}: " if where is not None else ""
+        super().__init__(f"{place}{what}" + (f"; {advice}" if advice else ""))
+
+
+class DescriptionError(HangtimeError):
+    """A rig or garment description that is missing, malformed or impossible."""
+
+
+class TakeError(HangtimeError):
+    """A take archive that is missing, damaged or not a take archive."""
+
+
+class ResultError(HangtimeError):
+    """A fit result or diagnosis that does not match its published schema."""

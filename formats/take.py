@@ -1,0 +1,58 @@
+"""A take: one recording of a swung garment, as arrays in memory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formats.garment import Garment
+from formats.rig import Rig
+
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Take:
+    """One recording, in the sensor frame of its rig (imported takes: the frame in which `rig.gravity` is given).
+
+    time [s], (frames,), strictly increasing, from 0
+    held [m], (frames, 2, 3): the two ends of the held edge, left first; NaN where not valid
+    held_valid, (frames, 2)
+    held_sd [m], (frames, 2, 3): standard deviation per axis
+    points [m], (frames, points, 3): in the order of `garment.points`; NaN where not valid
+    points_valid, (frames, points)
+    points_sd [m], (frames, points, 3)
+    state, (frames,), uint16: bits of `formats.take.FrameState`
+    markers [m], (frames, 2, 3): marker centres where the rig has a hanger, else the same as `held`
+    """
+
+    take_id: str
+    created: str
+    rig: Rig
+    garment: Garment
+    time: Floats
+    held: Floats
+    held_valid: Booleans
+    held_sd: Floats
+    points: Floats
+    points_valid: Booleans
+    points_sd: Floats
+    state: NDArray[np.uint16]
+    markers: Floats
+    source: str = ""
+    notes: dict[str, str] = field(default_factory=dict)
+    is_complete: bool = True
+
+
+class FrameState:
+    """Bits of `Take.state`: what went wrong in a frame."""
+
+    MARKER_LOST = 1
+    GARMENT_LOST = 2
+    DEPTH_MISSING = 4
+    COLOUR_MISSING = 8
+    FRAMES_DROPPED_BEFORE = 16
+    CLOCK_JUMPED = 32

@@ -1,0 +1,37 @@
+"""The one place where Taichi is started."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+
+_started: dict[str, int] = {}
+
+
+def available_threads() -> int:
+    """Return the number of processors this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def start(threads: int | None = None) -> None:
+    """Start Taichi on the CPU, once per process; later calls do nothing.
+
+    Single precision; compiled kernels are kept in Taichi's offline cache, so that a second process starts at once.
+    """
+    if _started:
+        return
+    os.environ.setdefault("TI_LOG_LEVEL", "error")
+    # Taichi prints a banner to stdout at import, which would spoil piped output.
+    with contextlib.redirect_stdout(io.StringIO()):
+        import taichi as ti
+
+        _started["threads"] = threads or available_threads()
+        ti.init(
+            arch=ti.cpu,
+            default_fp=ti.f32,
+            fast_math=True,
+            offline_cache=True,
+            cpu_max_num_threads=_started["threads"],
+            log_level=ti.ERROR,
+        )

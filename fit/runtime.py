@@ -21,12 +21,11 @@ def start(threads: int | None = None) -> None:
     """
     if _started:
         return
-    os.environ.setdefault("TI_LOG_LEVEL", "error")
-    # Taichi prints a banner to stdout at import, which would spoil piped output.
+    _started["threads"] = threads or available_threads()
+    # Taichi prints a banner to stdout, which would spoil piped output.
     with contextlib.redirect_stdout(io.StringIO()):
         import taichi as ti
 
-        _started["threads"] = threads or available_threads()
         ti.init(
             arch=ti.cpu,
             default_fp=ti.f32,

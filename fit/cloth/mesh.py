@@ -101,14 +101,12 @@ def build_mesh(garment: Garment, spacing: float) -> ClothMesh:
     held = np.arange(columns) if garment.held == "edge" else np.array([0, columns - 1])
     points = np.array([p.at_m for p in garment.points], float).reshape(-1, 2)
     point_nodes, point_weights = _locate(points, rest, triangles)
-    free = np.ones(len(rest), bool)
     pull_points, pull_weights = _spread(points, rest)
     hem = np.zeros(len(rest))
     bottom = np.arange(columns) + (rows - 1) * columns
     lengths = np.linalg.norm(np.diff(rest[bottom], axis=0), axis=1)
     hem[bottom[:-1]] += lengths / 2
     hem[bottom[1:]] += lengths / 2
-    del free
     return ClothMesh(
         rest=rest,
         triangles=triangles.astype(np.int32),

@@ -1,0 +1,38 @@
+"""Air drag: each face is slowed by the still air that it pushes aside.
+
+    f = -1/2 rho c A |v_n| v_n n        [N], v_n = v . n
+
+with the velocity v of the face, its unit normal n and area A. Only motion along the normal counts.
+Source: S. F. Hoerner, "Fluid-Dynamic Drag" (1965), chapter 3: a square plate across the flow has c = 1.1 to 1.3,
+a long strip up to 2.0; porous cloth less.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import taichi as ti
+
+from fit.effects.base import Effect
+
+AIR_DENSITY = 1.204  # kg/m^3, dry air at 20 degC and 101.325 kPa
+
+
+@ti.func
+def _normal_drag(amplitude, vx, vy, vz, nx, ny, nz, area):
+    normal_speed = vx * nx + vy * ny + vz * nz
+    size = -0.5 * AIR_DENSITY * amplitude * area * ti.abs(normal_speed) * normal_speed
+    return size * nx, size * ny, size * nz
+
+
+@dataclass(frozen=True)
+class AirDrag(Effect):
+    """Quadratic normal drag in still air; the amplitude is the drag coefficient."""
+
+    name: ClassVar[str] = "air_drag"
+    title: ClassVar[str] = "air drag"
+    acts_on: ClassVar[str] = "air"
+    unit: ClassVar[str] = "1"
+    low: ClassVar[float] = 0.0
+    high: ClassVar[float] = 3.0
+    typical: ClassVar[float] = 1.2
+    face_force: ClassVar = staticmethod(_normal_drag)

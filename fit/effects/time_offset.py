@@ -1,0 +1,29 @@
+"""Time offset: the cloth's points carry later time stamps than the hanger's markers.
+
+    y(t) = x(t - tau)
+
+Applied to the simulated side: a cloth driven by the hanger as it was tau earlier is, at every instant, where the cloth
+was tau earlier. Noisy data are never shifted. Source: RGBench corrects a camera delay of 59.8 ms in one of its takes.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from fit.effects.base import Effect, Floats
+
+
+@dataclass(frozen=True)
+class TimeOffset(Effect):
+    """Delay of the points against the markers; positive when the points come late."""
+
+    name: ClassVar[str] = "time_offset"
+    title: ClassVar[str] = "time offset between markers and points"
+    acts_on: ClassVar[str] = "measurement"
+    unit: ClassVar[str] = "s"
+    low: ClassVar[float] = -0.1
+    high: ClassVar[float] = 0.1
+    typical: ClassVar[float] = 0.02
+
+    def held_times(self, times: Floats, amplitude: float) -> Floats:
+        """Return the instants [s] of the hanger's path that drive the cloth at `times` [s]."""
+        return times - amplitude

@@ -1,0 +1,196 @@
+"""A take made ready for simulation: world frame, smooth hanger path, targets for the observer.
+
+World frame: z against gravity, x along the sensor's x as far as level, y = z × x, metres.
+The hanger's path and the observer's targets are quintic smoothing splines that follow the data to within their noise
+(discrepancy principle: squared residuals over variance add up to the number of frames), so that white sensor noise is
+not turned into accelerations. The noise is the smaller of what the take states and what fourth differences show:
+white noise of deviation s has fourth differences of deviation sqrt(70) s.
+Source: C. H. Reinsch, "Smoothing by spline functions", Numer. Math. 10 (1967); FITPACK (Dierckx) as in scipy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.errors import DriveError, FitError
+from formats.garment import Garment
+from formats.take import Take
+
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+Curve = Callable[[Floats], Floats]
+
+LONGEST_GAP = 0.5  # s without a hanger position that a spline may bridge: half a swing
+FASTEST_HANGER = 8.0  # m/s, twice what a hand can do with a hanger
+FEWEST_FRAMES = 20  # below, neither splines nor statistics make sense
+SMALLEST_NOISE = 1e-5  # m: below it splines only interpolate
+LONGEST_BRIDGE = 0.25  # s without a point over which its spline is still believed
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One take in the world frame.
+
+    time [s], (frames,)
+    points [m], (frames, points, 3), NaN where not valid; point_sd [m], (points,): per axis, root mean square
+    held: (n,) instants [s] -> (n, 6) left and right end of the held edge [m]
+    target_curves: per point, (n,) instants -> (n, 6) place [m] and velocity [m/s]
+    trust: (n,) instants -> (n, points), 1 where the point was seen nearby in time, else 0
+    """
+
+    take_id: str
+    garment: Garment
+    time: Floats
+    points: Floats
+    valid: Booleans
+    point_sd: Floats
+    held_sd: float
+    held: Curve
+    target_curves: tuple[Curve, ...]
+
+    @property
+    def duration(self) -> float:
+        """Length of the recording [s]."""
+        return float(self.time[-1])
+
+    def targets(self, instants: Floats) -> tuple[Floats, Floats]:
+        """Return the observer's targets, (n, points, 6), and trust, (n, points), at `instants` [s]."""
+        wanted = np.stack([curve(instants) for curve in self.target_curves], 1)
+        trust = np.zeros(wanted.shape[:2])
+        for k in range(len(self.target_curves)):
+            seen = self.time[self.valid[:, k]]
+            if len(seen):
+                after = np.clip(np.searchsorted(seen, instants), 1, max(len(seen) - 1, 1))
+                before = seen[np.minimum(after, len(seen)) - 1]
+                behind = seen[np.minimum(after, len(seen) - 1)]
+                distance = np.minimum(np.abs(instants - before), np.abs(instants - behind))
+                trust[:, k] = distance <= LONGEST_BRIDGE
+        return wanted, trust
+
+    def with_points(self, points: Floats) -> Recording:
+        """Return the same recording with other points, (frames, points, 3), their curves fitted anew."""
+        curves = tuple(_target_curve(self.time, points[:, k], self.valid[:, k], self.point_sd[k]) for k in range(points.shape[1]))
+        return Recording(
+            take_id=self.take_id, garment=self.garment, time=self.time, points=points, valid=self.valid,
+            point_sd=self.point_sd, held_sd=self.held_sd, held=self.held, target_curves=curves,
+        )  # fmt: skip
+
+
+def world_from_sensor(gravity: tuple[float, float, float]) -> Floats:
+    """Return the rotation, (3, 3), from the rig's frame to the world frame."""
+    up = -np.asarray(gravity, float)
+    up /= np.linalg.norm(up)
+    across = np.array([1.0, 0.0, 0.0])
+    across -= (across @ up) * up
+    if np.linalg.norm(across) < 1e-6:
+        across = np.array([0.0, 1.0, 0.0])
+    across /= np.linalg.norm(across)
+    return np.stack([across, np.cross(up, across), up])
+
+
+def prepare(take: Take) -> Recording:
+    """Turn a take into a recording that can be simulated.
+
+    Raises:
+        DriveError: the hanger's path has a gap or a jump.
+        FitError: too few frames or points.
+    """
+    if len(take.time) < FEWEST_FRAMES:
+        raise FitError(
+            f"the take has {len(take.time)} frames, at least {FEWEST_FRAMES} are needed",
+            where=take.take_id,
+            advice="record a longer take",
+        )
+    rotation = world_from_sensor(take.rig.gravity)
+    time = take.time - take.time[0]
+    points = take.points @ rotation.T
+    valid = take.points_valid & np.isfinite(take.points).all(2)
+    held_valid = take.held_valid.all(1) & np.isfinite(take.held).all((1, 2))
+    if valid.sum() < FEWEST_FRAMES:
+        raise FitError(
+            "hardly any point of the garment was seen",
+            where=take.take_id,
+            advice="check with `hangtime takes show`, then record again",
+        )
+    seen_sd = np.where(valid[..., None], take.points_sd, np.nan)
+    with np.errstate(invalid="ignore"):
+        point_sd = np.sqrt(np.array([np.nanmean(seen_sd[:, k] ** 2) if valid[:, k].any() else 0.0
+                                     for k in range(points.shape[1])]))  # fmt: skip
+    held_sd = float(np.sqrt(np.mean(take.held_sd[held_valid] ** 2))) if held_valid.any() else 0.0
+    held = _held_curve(take.take_id, time, take.held @ rotation.T, held_valid, held_sd)
+    curves = tuple(_target_curve(time, points[:, k], valid[:, k], point_sd[k]) for k in range(points.shape[1]))
+    return Recording(
+        take_id=take.take_id, garment=take.garment, time=time, points=np.where(valid[..., None], points, np.nan),
+        valid=valid, point_sd=point_sd, held_sd=held_sd, held=held, target_curves=curves,
+    )  # fmt: skip
+
+
+def noise_of(values: Floats) -> float:
+    """Return the deviation of white noise in a smooth, evenly sampled column, from its fourth differences."""
+    fourth = np.diff(values, 4)
+    return float(np.median(np.abs(fourth)) / 0.6745 / np.sqrt(70.0))
+
+
+def _smooth(time: Floats, values: Floats, stated_sd: float) -> list[Curve]:
+    """Smoothing splines of the columns of `values`, (n, k)."""
+    from scipy.interpolate import UnivariateSpline
+
+    curves = []
+    for column in values.T:
+        sd = max(min(stated_sd, noise_of(column)), SMALLEST_NOISE)
+        curves.append(UnivariateSpline(time, column, w=np.full(len(time), 1 / sd), k=5, s=len(time)))
+    return curves
+
+
+def _held_curve(name: str, time: Floats, held: Floats, valid: Booleans, sd: float) -> Curve:
+    seen = time[valid]
+    if len(seen) < FEWEST_FRAMES:
+        raise DriveError(
+            f"the hanger was seen in {len(seen)} frames only",
+            where=name,
+            advice="keep both markers in view; check with `hangtime takes show`",
+        )
+    gaps = np.diff(np.concatenate([[time[0]], seen, [time[-1]]]))
+    if gaps.max() > LONGEST_GAP:
+        at = seen[max(int(np.argmax(gaps)) - 1, 0)]
+        raise DriveError(
+            f"the hanger is lost for {gaps.max():.2f} s at {at:.2f} s",
+            where=name,
+            advice=f"gaps above {LONGEST_GAP} s cannot be bridged; record again with both markers in view",
+        )
+    places = held[valid].reshape(len(seen), 6)
+    speed = np.linalg.norm(np.diff(places.reshape(-1, 2, 3), axis=0), axis=2) / np.diff(seen)[:, None]
+    if speed.max() > FASTEST_HANGER:
+        at = seen[int(np.argmax(speed.max(1)))]
+        raise DriveError(
+            f"the hanger jumps at {at:.2f} s ({speed.max():.0f} m/s)",
+            where=name,
+            advice="no hand moves like that: check the markers' ids and the depth there",
+        )
+    splines = _smooth(seen, places, sd)
+    first, last = seen[0], seen[-1]
+
+    def held_at(instants: Floats) -> Floats:
+        inside = np.clip(instants, first, last)
+        return np.stack([np.asarray(s(inside)) for s in splines], 1)
+
+    return held_at
+
+
+def _target_curve(time: Floats, place: Floats, valid: Booleans, sd: float) -> Curve:
+    seen = time[valid]
+    if len(seen) < 8:
+        return lambda instants: np.zeros((len(instants), 6))
+    splines = _smooth(seen, place[valid], sd)
+    slopes = [s.derivative() for s in splines]  # type: ignore[attr-defined]
+    first, last = seen[0], seen[-1]
+
+    def target_at(instants: Floats) -> Floats:
+        inside = np.clip(instants, first, last)
+        return np.stack([np.asarray(s(inside)) for s in (*splines, *slopes)], 1)
+
+    return target_at

@@ -1,0 +1,1 @@
+"""Search for parameters: small objects with `ask()` and `tell()`; the caller owns the loop."""

@@ -1,0 +1,26 @@
+"""What becomes of a proposal beyond a bound."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+def reflect(values: Floats, low: Floats, high: Floats) -> Floats:
+    """Return the values mirrored at the bounds as often as it takes, each (parameters,)."""
+    span = high - low
+    folded = np.mod(values - low, 2 * span)
+    return np.clip(low + np.where(folded > span, 2 * span - folded, folded), low, high)
+
+
+def redraw(centre: Floats, uniform: Floats, spread: Floats, low: Floats, high: Floats) -> Floats:
+    """Return Cauchy steps from the centre as if redrawn until inside, from one uniform number in [0, 1) each.
+
+    The inverse of the Cauchy distribution function, restricted to its part between the bounds; each
+    (parameters,).
+    """
+    below = np.arctan((low - centre) / spread) / np.pi
+    above = np.arctan((high - centre) / spread) / np.pi
+    return np.clip(centre + spread * np.tan(np.pi * (below + uniform * (above - below))), low, high)

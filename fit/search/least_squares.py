@@ -1,0 +1,291 @@
+"""Levenberg-Marquardt within bounds, for a simulator that takes many candidates at once.
+
+    cost(u) = sum_j rho(r_j(u)) + (z(u) - z0)' P (z(u) - z0)
+    (J' W J + P_u + lambda diag(J' W J + P_u)) s = -(J' W r + P_u (u - u0))
+
+W holds Huber's weights min(1, k/|r|), rho is its loss (r^2 within k, else 2 k |r| - k^2), z is the working
+coordinate (the logarithm of a parameter searched on a log scale, else the parameter itself) and u is z scaled
+to [0, 1] between its bounds. One batch gives all columns of J by finite differences, the next tries a ladder
+of dampings lambda side by side and keeps the best. Parameters that a bound holds back are left out of the
+step (projected gradient), so that an optimum on a bound is reached exactly and is left again when the slope
+turns.
+
+Source: Marquardt 1963, "An algorithm for least-squares estimation of nonlinear parameters", section 3; the
+projection as in Kanzow, Yamashita and Fukushima 2004, "Levenberg-Marquardt methods with strong local
+convergence properties for solving nonlinear equations with convex constraints"; the weights from Huber 1964,
+"Robust estimation of a location parameter".
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.errors import BlowUpError, FitError
+
+Floats = NDArray[np.float64]
+Residuals = Callable[[Floats], Floats]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoundedSpace:
+    """The box of parameters, and which of them are searched on a log scale; each (parameters,)."""
+
+    minimum: Floats
+    maximum: Floats
+    is_log: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        if not (self.minimum < self.maximum).all():
+            raise FitError("a lower bound is not below its upper bound", where="least squares")
+        if (self.is_log & (self.minimum <= 0)).any():
+            raise FitError("a parameter on a log scale needs a lower bound above zero", where="least squares")
+
+    @property
+    def scale(self) -> Floats:
+        """Width of the box in working coordinates, (parameters,)."""
+        return self.to_working(self.maximum) - self.to_working(self.minimum)
+
+    def to_working(self, parameters: Floats) -> Floats:
+        """Return z(theta), (..., parameters)."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.where(self.is_log, np.log(np.where(self.is_log, parameters, 1.0)), parameters)
+
+    def to_unit(self, parameters: Floats) -> Floats:
+        """Return u(theta) in [0, 1], (..., parameters)."""
+        return np.clip((self.to_working(parameters) - self.to_working(self.minimum)) / self.scale, 0.0, 1.0)
+
+    def from_unit(self, unit: Floats) -> Floats:
+        """Return theta(u), exactly within the bounds, (..., parameters)."""
+        working = self.to_working(self.minimum) + unit * self.scale
+        parameters = np.where(self.is_log, np.exp(np.where(self.is_log, working, 0.0)), working)
+        return np.clip(parameters, self.minimum, self.maximum)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prior:
+    """A Gaussian belief: mean in own units, (p,); precision in working coordinates, (p, p)."""
+
+    mean: Floats
+    precision: Floats
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeastSquaresSettings:
+    """When to stop, and how many candidates a batch holds."""
+
+    width: int = 8
+    max_iterations: int = 30
+    step: float = (
+        0.01  # finite difference, share of the box; wide enough to rise above single-precision motion
+    )
+    is_central: bool = False  # twice the simulations for columns without the first-order error
+    huber: float | None = None  # k, in units of the residuals; None for plain squares
+    damping: float = 1e-2  # first lambda
+    cost_tolerance: float = 1e-6  # relative fall of the cost
+    step_tolerance: float = 1e-6  # longest step, share of the box
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeastSquaresResult:
+    """Where the search ended.
+
+    parameters, (p,); residuals, (m,); jacobian, (m, p): d residual / d working coordinate (log for log
+    parameters); weights, (m,): Huber's; cost_history, (iterations + 1,); at_bound, (p,): held back by a
+    bound.
+    """
+
+    parameters: Floats
+    residuals: Floats
+    jacobian: Floats
+    weights: Floats
+    prior_precision: Floats
+    cost: float
+    cost_history: tuple[float, ...]
+    simulations: int
+    batches: int
+    is_converged: bool
+    reason: str
+    at_bound: NDArray[np.bool_] = field(repr=False)
+
+    @property
+    def precision(self) -> Floats:
+        """J' W J + P in working coordinates, (p, p): inverse covariance if residuals are in sigmas."""
+        return np.asarray((self.jacobian.T * self.weights) @ self.jacobian + self.prior_precision)
+
+    def covariance(self, variance: float = 1.0) -> Floats:
+        """Covariance in working coordinates, (p, p), for residuals of this variance."""
+        return np.asarray(variance * np.linalg.pinv(self.precision, hermitian=True))
+
+
+def minimise(
+    residuals: Residuals,
+    start: Floats,
+    space: BoundedSpace,
+    *,
+    prior: Prior | None = None,
+    settings: LeastSquaresSettings | None = None,
+) -> LeastSquaresResult:
+    """Return the parameters of least cost found from `start`, (p,).
+
+    `residuals(candidates (lanes, p)) -> (lanes, m)` is called with up to `settings.width` candidates; a lane
+    with a value that is not finite is never chosen.
+
+    Raises:
+        FitError: the start lies outside the bounds.
+        BlowUpError: the start itself has no finite residuals.
+    """
+    return _Search(residuals, space, prior, settings or LeastSquaresSettings()).run(
+        np.asarray(start, dtype=float)
+    )
+
+
+class _Search:
+    def __init__(
+        self, residuals: Residuals, space: BoundedSpace, prior: Prior | None, settings: LeastSquaresSettings
+    ) -> None:
+        self.residuals, self.space, self.settings = residuals, space, settings
+        count = len(space.minimum)
+        working_precision = (
+            np.zeros((count, count)) if prior is None else np.asarray(prior.precision, dtype=float)
+        )
+        self.working_precision = working_precision
+        self.precision = working_precision * np.outer(space.scale, space.scale)
+        mean = space.minimum if prior is None else prior.mean
+        self.mean = (
+            space.to_working(np.asarray(mean, dtype=float)) - space.to_working(space.minimum)
+        ) / space.scale
+        self.simulations = self.batches = 0
+
+    def run(self, start: Floats) -> LeastSquaresResult:
+        settings = self.settings
+        if not ((self.space.minimum <= start) & (start <= self.space.maximum)).all():
+            raise FitError(
+                "the start lies outside the bounds", where="least squares", advice="move it inside"
+            )
+        u = self.space.to_unit(start)
+        r = self._evaluate(u[None])[0]
+        if not np.isfinite(r).all():
+            raise BlowUpError(
+                "the simulation at the start is not finite",
+                where="least squares",
+                advice="start nearer to typical fabric",
+            )
+        cost, damping = self._cost(u, r), settings.damping
+        history, reason, is_converged = [cost], f"stopped after {settings.max_iterations} iterations", False
+        jacobian = self._jacobian(u, r)
+        for _ in range(settings.max_iterations):
+            normal, slope = self._normal_equations(u, r, jacobian)
+            free = ~(((u <= 0) & (slope > 0)) | ((u >= 1) & (slope < 0)))
+            if not free.any() or np.abs(slope[free]).max() <= 1e-12 * max(1.0, cost):
+                reason, is_converged = "no slope is left within the bounds", True
+                break
+            found = self._try_dampings(u, cost, normal, slope, free, damping)
+            if found is None:
+                reason, is_converged = "no step of any damping lowers the cost", True
+                break
+            moved, r, lower, damping = found
+            fall, longest = (cost - lower) / max(cost, 1e-300), float(np.abs(moved - u).max())
+            u, cost = moved, lower
+            history.append(cost)
+            jacobian = self._jacobian(u, r)
+            if fall < settings.cost_tolerance:
+                reason, is_converged = "the cost has stopped falling", True
+                break
+            if longest < settings.step_tolerance:
+                reason, is_converged = "the steps have become short", True
+                break
+        _, slope = self._normal_equations(u, r, jacobian)
+        return LeastSquaresResult(
+            parameters=self.space.from_unit(u),
+            residuals=r,
+            jacobian=jacobian / self.space.scale,
+            weights=self._weights(r),
+            prior_precision=self.working_precision,
+            cost=cost,
+            cost_history=tuple(history),
+            simulations=self.simulations,
+            batches=self.batches,
+            is_converged=is_converged,
+            reason=reason,
+            at_bound=((u <= 0) & (slope > 0)) | ((u >= 1) & (slope < 0)),
+        )
+
+    def _evaluate(self, units: Floats) -> Floats:
+        found = []
+        for first in range(0, len(units), self.settings.width):
+            batch = self.space.from_unit(units[first : first + self.settings.width])
+            found.append(np.asarray(self.residuals(batch), dtype=float))
+            self.simulations += len(batch)
+            self.batches += 1
+        return np.concatenate(found)
+
+    def _weights(self, r: Floats) -> Floats:
+        if self.settings.huber is None:
+            return np.ones_like(r)
+        return self.settings.huber / np.maximum(np.abs(r), self.settings.huber)
+
+    def _cost(self, u: Floats, r: Floats) -> float:
+        if not np.isfinite(r).all():
+            return math.inf
+        k, size = self.settings.huber, np.abs(r)
+        loss = size**2 if k is None else np.where(size <= k, size**2, 2 * k * size - k * k)
+        return float(loss.sum() + (u - self.mean) @ self.precision @ (u - self.mean))
+
+    def _normal_equations(self, u: Floats, r: Floats, jacobian: Floats) -> tuple[Floats, Floats]:
+        weighted = jacobian.T * self._weights(r)
+        return weighted @ jacobian + self.precision, weighted @ r + self.precision @ (u - self.mean)
+
+    def _jacobian(self, u: Floats, r: Floats) -> Floats:
+        """d residual / d u, (m, p); a column that blew up is taken from the other side, or is zero."""
+        h, count = self.settings.step, len(u)
+        inward = np.where(u + h <= 1, h, -h)
+        aside = u + np.diag(inward)
+        if not self.settings.is_central:
+            columns = (self._evaluate(aside) - r) / inward[:, None]
+        else:
+            other = np.clip(u - np.diag(inward), 0, 1)
+            both = self._evaluate(np.concatenate([aside, other]))
+            apart = np.diag(aside - other)
+            columns = (both[:count] - both[count:]) / apart[:, None]
+        broken = ~np.isfinite(columns).all(1)
+        if broken.any():
+            back = np.clip(u - np.diag(inward), 0, 1)[broken]
+            step = (back - u).sum(1)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                columns[broken] = (self._evaluate(back) - r) / step[:, None]
+            columns[~np.isfinite(columns).all(1)] = 0.0
+        return columns.T
+
+    def _try_dampings(
+        self, u: Floats, cost: float, normal: Floats, slope: Floats, free: NDArray[np.bool_], damping: float
+    ) -> tuple[Floats, Floats, float, float] | None:
+        """Return the best lower (u, residuals, cost, its damping) of ladders of dampings, or None."""
+        rungs = self.settings.width
+        # One ladder spans lambda/30 to 30 lambda and more; three reach from Gauss-Newton to a crawl downhill.
+        factors = 10.0 ** np.linspace(-1.5, 1.5, rungs) if rungs > 1 else np.array([0.1])
+        for _ in range(3 if rungs > 1 else 12):
+            ladder = np.clip(damping * factors, 1e-12, 1e12)
+            tries = np.stack([self._trial(u, normal, slope, free, rung) for rung in ladder])
+            found = self._evaluate(tries)
+            costs = np.array([self._cost(a, b) for a, b in zip(tries, found, strict=True)])
+            best = int(np.argmin(costs))
+            if costs[best] < cost:
+                return tries[best], found[best], float(costs[best]), float(ladder[best])
+            damping *= 10.0 ** (3.0 if rungs > 1 else 1.0)
+        return None
+
+    def _trial(
+        self, u: Floats, normal: Floats, slope: Floats, free: NDArray[np.bool_], damping: float
+    ) -> Floats:
+        reduced = normal[np.ix_(free, free)]
+        diagonal = np.diag(reduced)
+        # A column without any effect would make the system singular; a little of the largest keeps it still.
+        floor = 1e-9 * max(float(diagonal.max()), 1e-300)
+        step = np.zeros_like(u)
+        step[free] = np.linalg.solve(reduced + np.diag(damping * diagonal + floor), -slope[free])
+        return np.clip(u + step, 0.0, 1.0)

@@ -1,0 +1,76 @@
+"""Which proposals of a sequential chain to evaluate side by side before knowing which will be reached.
+
+Iteration t+1 starts from one of two places, depending on whether iteration t was accepted; so the proposals
+to come form a binary tree. A node is reached with the product of the guessed probabilities along its path,
+and a batch advances the chain by as many iterations as it holds nodes of the true path. The expectation of
+that is the sum of the nodes' reach probabilities, and a child is never likelier than its parent: taking the
+likeliest node next, again and again, is the tree of the greatest expected advance. With no acceptances it is
+a line of rejections, with a half each a full tree.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass
+class Branch:
+    """A node: its candidate, and the batch index of the node that follows in either case, if in the batch."""
+
+    candidate: Floats
+    is_start: bool = False
+    if_accepted: int | None = None
+    if_rejected: int | None = None
+
+
+def grow(
+    current: Floats,
+    width: int,
+    *,
+    depth: int,
+    is_started: bool,
+    propose: Callable[[Floats, int], Floats],
+    acceptance: Callable[[int], float],
+) -> list[Branch]:
+    """Return up to `width` nodes, likeliest first, no deeper than `depth` iterations.
+
+    `propose(theta, offset)` makes the candidate of the iteration `offset` after the next from theta,
+    (parameters,); `acceptance(offset)` guesses the probability that it is accepted. Before the start, theta
+    itself comes first.
+    """
+    nodes: list[Branch] = []
+    # (-reach probability, order of arrival, parent, whether accepted there, theta, offset)
+    waiting: list[tuple[float, int, int | None, bool, Floats, int]] = []
+    arrivals = 0
+    if is_started:
+        if depth > 0:
+            waiting.append((-1.0, 0, None, False, current, 0))
+    else:
+        nodes.append(Branch(current.copy(), is_start=True))
+        if depth > 0:
+            waiting.append((-1.0, 0, 0, True, current, 0))
+    while waiting and len(nodes) < width:
+        negative_reach, _, parent, was_accepted, theta, offset = heapq.heappop(waiting)
+        index = len(nodes)
+        if parent is not None:
+            if was_accepted:
+                nodes[parent].if_accepted = index
+            else:
+                nodes[parent].if_rejected = index
+        candidate = propose(theta, offset)
+        nodes.append(Branch(candidate))
+        if offset + 1 < depth:
+            accepted = acceptance(offset)
+            arrivals += 2
+            heapq.heappush(
+                waiting, (negative_reach * (1 - accepted), arrivals - 1, index, False, theta, offset + 1)
+            )
+            heapq.heappush(waiting, (negative_reach * accepted, arrivals, index, True, candidate, offset + 1))
+    return nodes

@@ -1,0 +1,154 @@
+"""Least squares find known answers inside the box and on its edge, in batches."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fit.errors import BlowUpError, FitError
+from fit.search.least_squares import BoundedSpace, LeastSquaresSettings, Prior, minimise
+
+FINE = LeastSquaresSettings(step=1e-6, max_iterations=100, cost_tolerance=1e-12, step_tolerance=1e-10)
+
+
+def box(low, high, is_log=False):
+    low, high = np.atleast_1d(np.array(low, float)), np.atleast_1d(np.array(high, float))
+    return BoundedSpace(minimum=low, maximum=high, is_log=np.broadcast_to(is_log, low.shape))
+
+
+def rosenbrock(candidates):
+    x, y = candidates.T
+    return np.stack([10 * (y - x**2), 1 - x], 1)
+
+
+TIME = np.linspace(0, 3, 40)
+
+
+def decay(candidates):
+    """amplitude exp(-rate t) against 2 exp(-0.7 t)."""
+    return candidates[:, :1] * np.exp(-candidates[:, 1:2] * TIME) - 2.0 * np.exp(-0.7 * TIME)
+
+
+@pytest.mark.parametrize("width", [1, 3, 8, 16])
+def test_rosenbrock_valley_ends_at_1_1(width):
+    settings = LeastSquaresSettings(
+        width=width, step=1e-6, max_iterations=300, cost_tolerance=1e-14, step_tolerance=1e-12
+    )
+    found = minimise(rosenbrock, np.array([-1.2, 1.0]), box([-3, -3], [3, 3]), settings=settings)
+    assert found.parameters == pytest.approx([1, 1], abs=1e-4)
+    assert found.is_converged
+    assert (np.diff(found.cost_history) < 0).all()
+
+
+def test_no_batch_is_wider_than_asked_and_all_simulations_are_counted():
+    sizes = []
+
+    def counted(candidates):
+        sizes.append(len(candidates))
+        return rosenbrock(candidates)
+
+    found = minimise(
+        counted, np.array([-1.2, 1.0]), box([-3, -3], [3, 3]), settings=LeastSquaresSettings(width=4)
+    )
+    assert max(sizes) <= 4
+    assert (found.simulations, found.batches) == (sum(sizes), len(sizes))
+
+
+def test_exponential_decay_on_a_log_scale_gives_2_and_0_7():
+    found = minimise(decay, np.array([0.2, 8.0]), box([1e-2, 1e-2], [1e2, 1e1], is_log=True), settings=FINE)
+    assert found.parameters == pytest.approx([2.0, 0.7], rel=1e-5)
+    # d r / d ln amplitude is the curve itself.
+    assert found.jacobian[:, 0] == pytest.approx(2 * np.exp(-0.7 * TIME), rel=1e-3)
+
+
+def test_central_differences_keep_the_answer_where_wide_steps_are_needed():
+    wide = LeastSquaresSettings(step=0.02, is_central=True, max_iterations=60, width=16)
+    found = minimise(decay, np.array([0.2, 8.0]), box([1e-2, 1e-2], [1e2, 1e1], is_log=True), settings=wide)
+    assert found.parameters == pytest.approx([2.0, 0.7], rel=1e-3)
+
+
+def test_an_optimum_beyond_the_box_ends_exactly_on_its_edge():
+    found = minimise(decay, np.array([1.0, 1.0]), box([0.1, 0.1], [1.5, 5.0]), settings=FINE)
+    assert found.parameters[0] == 1.5
+    # Best rate for amplitude 1.5, from a fine grid.
+    rates = np.linspace(0.1, 5, 50001)
+    costs = (decay(np.stack([np.full_like(rates, 1.5), rates], 1)) ** 2).sum(1)
+    assert found.parameters[1] == pytest.approx(rates[costs.argmin()], abs=2e-4)
+    assert found.at_bound.tolist() == [True, False]
+
+
+def test_a_start_on_the_edge_is_left_again():
+    found = minimise(decay, np.array([10.0, 0.1]), box([0.1, 0.1], [10.0, 5.0]), settings=FINE)
+    assert found.parameters == pytest.approx([2.0, 0.7], rel=1e-5)
+
+
+def test_huber_ignores_one_outlier_of_a_hundred_that_drags_plain_squares_by_a_tenth():
+    data = np.full(100, 3.0)
+    data[17] = 13.0
+
+    def constant(candidates):
+        return candidates[:, :1] - data
+
+    plain = minimise(constant, np.array([1.0]), box(0, 10), settings=FINE).parameters[0]
+    robust = minimise(
+        constant,
+        np.array([1.0]),
+        box(0, 10),
+        settings=LeastSquaresSettings(step=1e-6, huber=0.01, max_iterations=100),
+    ).parameters[0]
+    assert plain == pytest.approx(3.1, abs=1e-4)  # (99 * 3 + 13) / 100
+    assert robust == pytest.approx(3.0, abs=2e-3)  # 0.01 / 99 away
+
+
+def test_a_prior_of_equal_weight_meets_the_data_half_way():
+    found = minimise(
+        lambda candidates: candidates - 2.0,
+        np.array([5.0]),
+        box(0, 10),
+        prior=Prior(mean=np.array([4.0]), precision=np.eye(1)),
+        settings=FINE,
+    )
+    assert found.parameters[0] == pytest.approx(3.0, abs=1e-5)
+    assert found.cost == pytest.approx(2.0)
+    assert found.covariance()[0, 0] == pytest.approx(0.5, rel=1e-4)
+
+
+def test_covariance_of_a_mean_is_variance_over_count():
+    found = minimise(
+        lambda candidates: np.repeat(candidates - 2.0, 25, axis=1), np.array([5.0]), box(0, 10), settings=FINE
+    )
+    assert found.covariance(4.0)[0, 0] == pytest.approx(4.0 / 25, rel=1e-4)
+
+
+def test_a_parameter_without_effect_stays_put():
+    found = minimise(
+        lambda c: np.stack([c[:, 0] - 2.0, c[:, 0] - 2.5], 1),
+        np.array([5.0, 7.0]),
+        box([0, 0], [10, 10]),
+        settings=FINE,
+    )
+    assert found.parameters == pytest.approx([2.25, 7.0], abs=1e-4)
+
+
+def test_lanes_that_blow_up_are_never_chosen():
+    def fragile(candidates):
+        residuals = decay(candidates)
+        residuals[candidates[:, 0] > 2.4] = np.nan
+        return residuals
+
+    found = minimise(fragile, np.array([0.3, 4.0]), box([0.1, 0.1], [10.0, 5.0]), settings=FINE)
+    assert found.parameters == pytest.approx([2.0, 0.7], rel=1e-4)
+
+
+def test_a_start_that_blows_up_is_refused():
+    with pytest.raises(BlowUpError, match="start"):
+        minimise(lambda candidates: np.full((len(candidates), 3), np.nan), np.array([1.0]), box(0, 10))
+
+
+def test_bounds_the_wrong_way_round_are_refused():
+    with pytest.raises(FitError, match="lower bound"):
+        box(1, 0)
+    with pytest.raises(FitError, match="log scale"):
+        box(0, 1, is_log=True)
+    with pytest.raises(FitError, match="outside the bounds"):
+        minimise(lambda candidates: candidates, np.array([11.0]), box(0, 10))

@@ -1,0 +1,118 @@
+"""Depth of a surface at one place of the image, from noisy, quantised and partly missing pixels.
+
+A plane seen by a pinhole camera is linear in inverse depth, which is also what the sensor measures:
+
+    1/z = a + b (u - u0) + c (v - v0)                     fitted by least squares, outliers cut twice
+    sd(a)^2 = sd_pixel^2 [(A^T A)^-1]_00 * correlated pixels,   sd(z) = z^2 sd(a)
+    sd_axial(z) = 0.0012 + 0.0019 (z - 0.4)^2             [m]
+    step(z) = z^2 / (8 * 0.075 f),    sd_pixel^2 = (sd_axial^2 + step^2 / 12) / z^4
+
+Source of sd_axial and of the lateral noise: Nguyen, Izadi, Lovell, "Modeling Kinect Sensor Noise for
+Improved 3D Reconstruction and Tracking", 3DIMPVT 2012, section 3. Disparity in steps of 1/8 pixel over a
+75 mm baseline: Khoshelham, Elberink, "Accuracy and Resolution of Kinect Depth Data", Sensors 12 (2012),
+section 3. A mean of quantised pixels is finer than a step because the noise dithers it; a median is not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+BASELINE = 0.075  # m, PrimeSense and Kinect v1 (Khoshelham and Elberink 2012)
+DISPARITY_STEPS = 8.0  # steps per pixel of disparity (same source)
+LATERAL_SD = 0.8  # px, where a depth edge lies (Nguyen et al. 2012, section 3.2, below 60 degrees)
+CORRELATED_PIXELS = (
+    13.0  # temporal noise of a real Kinect v1 at 0.8-2.6 m: neighbours correlate by 0.57 along u and v
+)
+OUTLIER_SD = 4.0  # pixel noises from the surface beyond which a pixel is another surface
+FEWEST_PIXELS = 12  # a plane through fewer noisy pixels is not a measurement
+
+
+@dataclass(frozen=True)
+class SurfaceDepth:
+    """Depth [m] of a surface at one pixel, its standard deviation [m], and the fit behind it.
+
+    residuals [m], (pixels,) in depth; used, (pixels,): which of the given pixels lie on the surface.
+    """
+
+    depth: float
+    sd: float
+    residuals: Floats
+    used: NDArray[np.bool_]
+
+
+def pixel_sd(depth: float, focal_length: float) -> float:
+    """Return the standard deviation [m] of one depth pixel at `depth` [m]; `focal_length` in pixels."""
+    axial = 0.0012 + 0.0019 * (depth - 0.4) ** 2
+    step = depth**2 / (DISPARITY_STEPS * BASELINE * focal_length)
+    return float(np.sqrt(axial**2 + step**2 / 12.0))
+
+
+def fit_surface(
+    u: Floats, v: Floats, z: Floats, *, focal_length: float, spread: float, correlated_pixels: float
+) -> SurfaceDepth | None:
+    """Fit a plane through pixels and return its depth at u = v = 0.
+
+    u, v [px], (pixels,): places relative to the wanted one; z [m], (pixels,), all positive.
+    `spread` [m]: how far in depth the surface may reach over these pixels. None where too few pixels agree.
+    """
+    if z.size < FEWEST_PIXELS:
+        return None
+    middle = float(np.median(z))
+    noise = pixel_sd(middle, focal_length)
+    used = np.abs(z - middle) < spread + OUTLIER_SD * noise
+    inverse = 1.0 / z
+    columns = np.stack([np.ones_like(u), u, v])
+    for _ in range(2):
+        if np.count_nonzero(used) < FEWEST_PIXELS:
+            return None
+        chosen = columns[:, used]
+        normal = chosen @ chosen.T
+        if np.linalg.cond(normal) > 1e9:  # all pixels on one line of the image
+            return None
+        coefficients = np.linalg.solve(normal, chosen @ inverse[used])
+        residuals = -(inverse - coefficients @ columns) * z * middle
+        used = np.abs(residuals) < OUTLIER_SD * noise
+    a = float(coefficients[0])
+    if a <= 0.0:
+        return None
+    depth = 1.0 / a
+    variance = float(np.linalg.inv(normal)[0, 0]) * (noise / middle**2) ** 2 * correlated_pixels
+    return SurfaceDepth(depth, depth**2 * float(np.sqrt(variance)), residuals, used)
+
+
+class CorrelationMeter:
+    """Measures over how many pixels this sensor's noise is correlated, from flat plates of known outline.
+
+        pixels = (1 + rho_u) / (1 - rho_u) * (1 + rho_v) / (1 - rho_v)
+
+    The sum of a first-order correlation rho^|lag| over both directions; rho is the correlation of direct
+    neighbours. It starts from a real Kinect's and moves to the sensor's own as plates are seen.
+    """
+
+    PRIOR_WEIGHT = 200.0  # pixels' worth of belief in the starting value: less than one marker plate
+
+    def __init__(self, pixels: float = CORRELATED_PIXELS) -> None:
+        ratio = np.sqrt(pixels)
+        rho = (ratio - 1.0) / (ratio + 1.0)
+        self._products = np.full(2, rho * self.PRIOR_WEIGHT)
+        self._squares = np.full(2, self.PRIOR_WEIGHT)
+
+    @property
+    def pixels(self) -> float:
+        """How many neighbouring pixels carry the information of one independent pixel."""
+        rho = np.clip(self._products / self._squares, 0.0, 0.8)
+        return float(np.prod((1.0 + rho) / (1.0 - rho)))
+
+    def add(self, residuals: Floats, used: NDArray[np.bool_]) -> None:
+        """Add one plate's residuals in units of the pixel noise, (rows, columns), where `used` is true."""
+        for axis in range(2):
+            rows, marks = (residuals.T, used.T) if axis == 0 else (residuals, used)
+            both = marks[1:] & marks[:-1]
+            a, b = rows[1:][both], rows[:-1][both]
+            self._products[axis] += float(a @ b)
+            self._squares[axis] += 0.5 * float(a @ a + b @ b)

@@ -1,0 +1,28 @@
+"""Every error of tracking and recording that a user can act on.
+
+HangtimeError
+  +-- CaptureError
+        +-- UntrackableError    the rig or garment describes something that this tracker cannot follow
+        +-- NoMarkersError      a whole recording in which the hanger was never seen
+        +-- OutputError         the take or its pictures cannot be written there
+"""
+
+from __future__ import annotations
+
+from formats.errors import HangtimeError
+
+
+class CaptureError(HangtimeError):
+    """An error while a recording is tracked."""
+
+
+class UntrackableError(CaptureError):
+    """A rig or garment description that is in order but that the tracker cannot follow."""
+
+
+class NoMarkersError(CaptureError):
+    """A recording in which the two hanger markers were never seen together."""
+
+
+class OutputError(CaptureError):
+    """A take or a picture that cannot be written where it was asked for."""

@@ -1,11 +1,12 @@
 """A take made ready for simulation: world frame, smooth hanger path, targets for the observer.
 
 World frame: z against gravity, x along the sensor's x as far as level, y = z × x, metres.
-The hanger's path and the observer's targets are quintic smoothing splines that follow the data to within their noise
-(discrepancy principle: squared residuals over variance add up to the number of frames), so that white sensor noise is
-not turned into accelerations. The noise is the smaller of what the take states and what fourth differences show:
-white noise of deviation s has fourth differences of deviation sqrt(70) s.
-Source: C. H. Reinsch, "Smoothing by spline functions", Numer. Math. 10 (1967); FITPACK (Dierckx) as in scipy.
+The hanger's path and the observer's targets are cubic smoothing splines: f minimises
+    sum_k (y_k - f(t_k))^2 + lambda integral f''^2 dt,   a low-pass 1 / (1 + (lambda / rate) omega^4)
+with lambda set for a cut-off at 6 Hz, or 0.4 of the frame rate if that is lower: flat for hand-made motion (0.1 % at
+1 Hz), so that sensor noise is not turned into accelerations and swings are not made smaller.
+Source: P. J. Green & B. W. Silverman, "Nonparametric Regression and Generalized Linear Models" (1994), section 2.2;
+the transfer function from B. W. Silverman, Ann. Statist. 12 (1984).
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ Curve = Callable[[Floats], Floats]
 LONGEST_GAP = 0.5  # s without a hanger position that a spline may bridge: half a swing
 FASTEST_HANGER = 8.0  # m/s, twice what a hand can do with a hanger
 FEWEST_FRAMES = 20  # below, neither splines nor statistics make sense
-SMALLEST_NOISE = 1e-5  # m: below it splines only interpolate
+CUT_OFF = 6.0  # Hz of the smoothing splines; hands swing below 2 Hz
+CUT_OFF_SHARE = 0.4  # of the frame rate, just below what frames can show
 LONGEST_BRIDGE = 0.25  # s without a point over which its spline is still believed
 
 
@@ -73,7 +75,7 @@ class Recording:
 
     def with_points(self, points: Floats) -> Recording:
         """Return the same recording with other points, (frames, points, 3), their curves fitted anew."""
-        curves = tuple(_target_curve(self.time, points[:, k], self.valid[:, k], self.point_sd[k]) for k in range(points.shape[1]))
+        curves = tuple(_target_curve(self.time, points[:, k], self.valid[:, k]) for k in range(points.shape[1]))
         return Recording(
             take_id=self.take_id, garment=self.garment, time=self.time, points=points, valid=self.valid,
             point_sd=self.point_sd, held_sd=self.held_sd, held=self.held, target_curves=curves,
@@ -121,8 +123,8 @@ def prepare(take: Take) -> Recording:
         point_sd = np.sqrt(np.array([np.nanmean(seen_sd[:, k] ** 2) if valid[:, k].any() else 0.0
                                      for k in range(points.shape[1])]))  # fmt: skip
     held_sd = float(np.sqrt(np.mean(take.held_sd[held_valid] ** 2))) if held_valid.any() else 0.0
-    held = _held_curve(take.take_id, time, take.held @ rotation.T, held_valid, held_sd)
-    curves = tuple(_target_curve(time, points[:, k], valid[:, k], point_sd[k]) for k in range(points.shape[1]))
+    held = _held_curve(take.take_id, time, take.held @ rotation.T, held_valid)
+    curves = tuple(_target_curve(time, points[:, k], valid[:, k]) for k in range(points.shape[1]))
     return Recording(
         take_id=take.take_id, garment=take.garment, time=time, points=np.where(valid[..., None], points, np.nan),
         valid=valid, point_sd=point_sd, held_sd=held_sd, held=held, target_curves=curves,
@@ -135,18 +137,22 @@ def noise_of(values: Floats) -> float:
     return float(np.median(np.abs(fourth)) / 0.6745 / np.sqrt(70.0))
 
 
-def _smooth(time: Floats, values: Floats, stated_sd: float) -> list[Curve]:
-    """Smoothing splines of the columns of `values`, (n, k)."""
-    from scipy.interpolate import UnivariateSpline
+def _smooth(time: Floats, values: Floats, cut_off: float = CUT_OFF) -> list[Curve]:
+    """Smoothing splines of the columns of `values`, (n, k), with a cut-off [Hz]."""
+    from scipy.interpolate import make_smoothing_spline
 
-    curves = []
-    for column in values.T:
-        sd = max(min(stated_sd, noise_of(column)), SMALLEST_NOISE)
-        curves.append(UnivariateSpline(time, column, w=np.full(len(time), 1 / sd), k=5, s=len(time)))
-    return curves
+    rate = (len(time) - 1) / (time[-1] - time[0])
+    omega = 2 * np.pi * min(cut_off, CUT_OFF_SHARE * rate)
+    return [make_smoothing_spline(time, column, lam=rate / omega**4) for column in values.T]
 
 
-def _held_curve(name: str, time: Floats, held: Floats, valid: Booleans, sd: float) -> Curve:
+def low_pass(time: Floats, values: Floats, cut_off: float) -> Floats:
+    """Return `values`, (frames, ...), without what is faster than the cut-off [Hz]; same filter for every column."""
+    columns = values.reshape(len(time), -1)
+    return np.stack([np.asarray(s(time)) for s in _smooth(time, columns, cut_off)], 1).reshape(values.shape)
+
+
+def _held_curve(name: str, time: Floats, held: Floats, valid: Booleans) -> Curve:
     seen = time[valid]
     if len(seen) < FEWEST_FRAMES:
         raise DriveError(
@@ -171,7 +177,7 @@ def _held_curve(name: str, time: Floats, held: Floats, valid: Booleans, sd: floa
             where=name,
             advice="no hand moves like that: check the markers' ids and the depth there",
         )
-    splines = _smooth(seen, places, sd)
+    splines = _smooth(seen, places)
     first, last = seen[0], seen[-1]
 
     def held_at(instants: Floats) -> Floats:
@@ -181,11 +187,11 @@ def _held_curve(name: str, time: Floats, held: Floats, valid: Booleans, sd: floa
     return held_at
 
 
-def _target_curve(time: Floats, place: Floats, valid: Booleans, sd: float) -> Curve:
+def _target_curve(time: Floats, place: Floats, valid: Booleans) -> Curve:
     seen = time[valid]
     if len(seen) < 8:
         return lambda instants: np.zeros((len(instants), 6))
-    splines = _smooth(seen, place[valid], sd)
+    splines = _smooth(seen, place[valid])
     slopes = [s.derivative() for s in splines]  # type: ignore[attr-defined]
     first, last = seen[0], seen[-1]
 

@@ -101,7 +101,7 @@ def make_rollout(lanes: int, face_forces: tuple):
                 f[b, m, c] = f[b, m, c] - wm * moment
 
     @ti.func
-    def pull_at_points(b, sample, part, gain, damping, x: ti.template(), v: ti.template(), pull: ti.template(),
+    def pull_at_points(b, sample, part, gain, damping, moving, x: ti.template(), v: ti.template(), pull: ti.template(),
                        nodes: ti.template(), weights: ti.template(), targets: ti.template(), trust: ti.template()):
         for p in range(nodes.shape[0]):
             i, j, k = nodes[p, 0], nodes[p, 1], nodes[p, 2]
@@ -112,7 +112,7 @@ def make_rollout(lanes: int, face_forces: tuple):
                 dy = (1.0 - part) * targets[sample, p, c + 3] + part * targets[sample + 1, p, c + 3]
                 here = wi * x[b, i, c] + wj * x[b, j, c] + wk * x[b, k, c]
                 speed = wi * v[b, i, c] + wj * v[b, j, c] + wk * v[b, k, c]
-                pull[b, p, c] = believed * (gain * (y - here) + damping * (dy - speed))
+                pull[b, p, c] = believed * (gain * (y - here) + damping * (moving * dy - speed))
 
     @ti.func
     def hold(b, step, x: ti.template(), v: ti.template(), held: ti.template(), fraction: ti.template(),
@@ -143,7 +143,7 @@ def make_rollout(lanes: int, face_forces: tuple):
             if task % TASK == 0:
                 b = task // TASK
                 frames = frame_step.shape[0]
-                settle_gain = 355.0  # (2 pi 3 Hz)^2: settling is always drawn to the observed first shape
+                settle_gain = 355.0  # (2 pi 3 Hz)^2: the first half of settling is drawn to the observed first shape
                 settle_pull_damping = 37.7
                 step = -settle_steps
                 for frame in range(frames):
@@ -151,10 +151,13 @@ def make_rollout(lanes: int, face_forces: tuple):
                         is_settling = step < 0
                         now = ti.max(step, 0)
                         rate = material[b, 6]
-                        pull_gain, pull_damping = gain, damping
+                        pull_gain, pull_damping, moving = gain, damping, 1.0
                         if is_settling:
                             rate = rate + settle_damping
                             pull_gain, pull_damping = settle_gain, settle_pull_damping
+                            moving = 0.0  # at rest: the slope of a spline's end is mostly noise
+                            if step >= -settle_steps // 2:
+                                pull_gain = 0.0  # from the observed folds into the model's own equilibrium
                         for i in range(f.shape[1]):
                             for c in ti.static(range(3)):
                                 f[b, i, c] = vec(0.0)
@@ -166,7 +169,7 @@ def make_rollout(lanes: int, face_forces: tuple):
                         if pull_gain > 0.0:
                             sample = now // steps_per_target
                             part = ti.cast(now - sample * steps_per_target, ti.f32) / ti.cast(steps_per_target, ti.f32)
-                            pull_at_points(b, sample, part, pull_gain, pull_damping, x, v, pull, point_nodes,
+                            pull_at_points(b, sample, part, pull_gain, pull_damping, moving, x, v, pull, point_nodes,
                                            point_weights, targets, trust)
                             for i in range(f.shape[1]):
                                 j, k, m = pull_points[i, 0], pull_points[i, 1], pull_points[i, 2]

@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 SAFETY = 0.7  # of the linear limit: stretched and folded cloth is a little stiffer than flat cloth
 COARSEST_STEP = 1e-3  # s: swings, pulls and samples stay well resolved even for soft cloth
 TARGET_SPACING = 5e-3  # s between the observer's targets; linear between them
-SETTLE_TIME = 1.0  # s that the cloth hangs at the first hanger pose before the take begins
+SETTLE_TIME = 2.0  # s that the cloth hangs at the first hanger pose before the take begins
 SETTLE_DAMPING = 6.0  # 1/s during that time
 
 

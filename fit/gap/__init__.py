@@ -1,0 +1,1 @@
+"""The diagnosis: where the sim-to-real gap lies, which unmodelled effect causes it, how far it shrinks with it."""

@@ -1,0 +1,120 @@
+"""Fit base parameters, alone or jointly with effects, to the observer's residuals by least squares.
+
+Searched are base parameters, on a log scale where they have one, and amplitudes in units of their typical size.
+Weak Gaussian priors (a factor of e^1.5 on log parameters) hold what the data cannot tell near its initial value.
+Covariance of the estimate, robust against correlation inside blocks of half a second (the sandwich):
+
+    V = H^-1 (sum_b s_b s_b^T) H^-1,    H = J^T J + prior,   s_b = J_b^T r_b
+
+Source: K.-Y. Liang & S. L. Zeger, Biometrika 73 (1986), eq. 7 (cluster-robust covariance).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.gap.observer import Observer
+from fit.search.least_squares import BoundedSpace, LeastSquaresSettings, Prior, minimise
+
+Floats = NDArray[np.float64]
+
+PRIOR_LOG = 1.5  # standard deviation of log parameters about their initial values
+PRIOR_AMPLITUDE = 5.0  # of amplitudes, in typical sizes, about zero
+NORMAL_95 = 1.645  # two-sided 90 %
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A least-squares fit.
+
+    vector, (parameters,): base parameters; amplitudes, (effects,), zero where not active
+    active: indices of the effects that were fitted
+    residual, (numbers,); jacobian, (numbers, parameters + active), and deviation, same order: of logs, plain values and typical sizes
+    """
+
+    vector: Floats
+    amplitudes: Floats
+    active: tuple[int, ...]
+    residual: Floats
+    jacobian: Floats
+    deviation: Floats
+    is_converged: bool
+
+    @property
+    def cost(self) -> float:
+        """Sum of squared whitened residuals."""
+        return float(self.residual @ self.residual)
+
+
+class Problem:
+    """The map between the searched numbers (base parameters, amplitudes in typical sizes) and what the observer is told."""
+
+    def __init__(self, observer: Observer, active: tuple[int, ...] = ()) -> None:
+        self.observer, self.active = observer, active
+        method = observer.parameterisation
+        effects = [observer.effects[k] for k in active]
+        self._typical = np.array([e.typical for e in effects])
+        low, high = np.array([e.low for e in effects]), np.array([e.high for e in effects])
+        self.space = BoundedSpace(
+            minimum=np.concatenate([method.minimum, low / self._typical]),
+            maximum=np.concatenate([method.maximum, high / self._typical]),
+            is_log=np.concatenate([method.is_log, np.zeros(len(active), bool)]),
+        )
+        self.prior_sd = np.concatenate(
+            [np.where(method.is_log, PRIOR_LOG, method.maximum - method.minimum), np.full(len(active), PRIOR_AMPLITUDE)]
+        )
+        self.prior = Prior(
+            mean=np.concatenate([method.initial, np.zeros(len(active))]), precision=np.diag(self.prior_sd**-2)
+        )
+
+    def pack(self, vector: Floats, amplitudes: Floats) -> Floats:
+        """Return the searched numbers for base parameters, (parameters,), and amplitudes, (effects,), within bounds."""
+        numbers = np.concatenate([vector, amplitudes[list(self.active)] / self._typical])
+        return np.asarray(np.clip(numbers, self.space.minimum, self.space.maximum))
+
+    def unpack(self, numbers: Floats) -> tuple[Floats, Floats]:
+        """Return base parameters, (candidates, parameters), and amplitudes, (candidates, effects)."""
+        count = numbers.shape[1] - len(self.active)
+        amplitudes = np.zeros((len(numbers), len(self.observer.effects)))
+        amplitudes[:, list(self.active)] = numbers[:, count:] * self._typical
+        return numbers[:, :count], amplitudes
+
+    def residuals(self, numbers: Floats) -> Floats:
+        """Whitened residuals, (candidates, numbers)."""
+        return self.observer.residuals(*self.unpack(numbers))
+
+
+def fit(observer: Observer, vector: Floats, amplitudes: Floats, active: tuple[int, ...] = (), *, iterations: int = 12) -> Fitted:
+    """Fit base parameters and the amplitudes of the active effects, starting from the given ones."""
+    problem = Problem(observer, active)
+    settings = LeastSquaresSettings(max_iterations=iterations, cost_tolerance=1e-3, step_tolerance=1e-3)
+    found = minimise(
+        problem.residuals, problem.pack(vector, amplitudes), problem.space, prior=problem.prior, settings=settings
+    )
+    vectors, fitted_amplitudes = problem.unpack(found.parameters[None])
+    deviation = sandwich(found.jacobian, found.residuals, observer.layout.block, problem.prior_sd)
+    return Fitted(
+        vectors[0], fitted_amplitudes[0], active, found.residuals, found.jacobian, deviation, found.is_converged
+    )
+
+
+def sandwich(jacobian: Floats, residual: Floats, block: NDArray[np.int64], prior_sd: Floats) -> Floats:
+    """Cluster-robust standard deviations, (parameters,), of a least-squares estimate."""
+    hessian = jacobian.T @ jacobian + np.diag(prior_sd**-2)
+    scores = np.zeros((int(block.max()) + 1, jacobian.shape[1]))
+    np.add.at(scores, block, jacobian * residual[:, None])
+    inverse = np.linalg.inv(hessian)
+    blocks = len(np.unique(block))
+    meat = scores.T @ scores * blocks / max(blocks - 1, 1)
+    return np.asarray(np.sqrt(np.maximum(np.diag(inverse @ meat @ inverse), 0.0)))
+
+
+def amplitude_interval(fitted: Fitted, observer: Observer, effect: int) -> tuple[float, float]:
+    """90 % interval of an active effect's amplitude in its own unit."""
+    place = len(fitted.vector) + fitted.active.index(effect)
+    half = NORMAL_95 * float(fitted.deviation[place]) * observer.effects[effect].typical
+    middle = float(fitted.amplitudes[effect])
+    return middle - half, middle + half

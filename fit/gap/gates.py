@@ -1,0 +1,94 @@
+"""What must hold before anything is diagnosed: enough moving data, a predictable take, a converged fit, a fine mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.cloth.simulator import Resolution
+from fit.gap.fitting import Fitted
+from fit.gap.observer import Observer
+from fit.recording import Recording
+from formats.results import Gate
+
+Floats = NDArray[np.float64]
+
+SHORTEST = 3.0  # s of motion: six blocks, below which no statistic holds
+SMALLEST_SWING = 0.03  # m of travel of the hanger
+LARGEST_NUMERICS = 0.2  # of the gap that a finer mesh and step may remove
+REFINEMENT = 1.5  # of the mesh spacing
+CONVERGED = 0.05  # relative difference in cost between the best fits
+FREQUENCIES = (0.0, 0.5, 1.0, 2.0, 3.0)  # Hz, of the observer's pull
+NUDGE = 1e-3  # relative change of a parameter that a predictable take forgets
+FORGOTTEN = 0.2  # of the sensor's noise
+
+
+def data_gates(recordings: list[Recording]) -> list[Gate]:
+    """Is there enough data, and does anything move?"""
+    shortest = min(r.duration for r in recordings)
+    swing = min(float(np.ptp(r.held(r.time), axis=0).max()) for r in recordings)
+    repeated = max(_repeated(r) for r in recordings)
+    return [
+        Gate(name="length", passed=shortest >= SHORTEST, figure=shortest, limit=SHORTEST, unit="s",
+             sentence=f"The shortest take lasts {shortest:.1f} s; at least {SHORTEST:.0f} s are needed."),
+        Gate(name="motion", passed=swing >= SMALLEST_SWING, figure=1e3 * swing, limit=1e3 * SMALLEST_SWING, unit="mm",
+             sentence=f"The hanger travels {1e3 * swing:.0f} mm in the calmest take."),
+        Gate(name="repeated frames", passed=repeated <= 0.1, figure=100 * repeated, limit=10.0, unit="%",
+             sentence=f"{100 * repeated:.0f} % of the frames repeat the one before."),
+    ]  # fmt: skip
+
+
+def _repeated(recording: Recording) -> float:
+    same = (np.nan_to_num(np.diff(recording.points, axis=0), nan=1.0) == 0).all((1, 2))
+    return float(same.mean())
+
+
+def choose_frequency(observer: Observer, vector: Floats) -> tuple[float, Gate]:
+    """Return the weakest pull [Hz] under which the takes are predictable, and the gate that says so.
+
+    Two simulations that differ by a thousandth in every stiffness must stay within a fifth of the noise of each other.
+    """
+    none = np.zeros((2, len(observer.effects)))
+    nudged = np.stack([vector, vector * (1 + NUDGE)])
+    noise = float(np.sqrt(3 * np.mean(observer.layout.sd**2))) * 1e3
+    apart = np.inf
+    for frequency in FREQUENCIES:
+        both = observer.with_frequency(frequency).residuals(nudged, none)
+        apart = float(observer.in_mm(both[1] - both[0]))
+        if apart <= FORGOTTEN * noise:
+            break
+    passed = apart <= noise
+    sentence = (
+        f"A change of {NUDGE:g} in the parameters moves the points by {apart:.2f} mm"
+        + (f" under a pull of {frequency:g} Hz." if frequency else " in a free rollout.")
+    )
+    return frequency, Gate(
+        name="predictability", passed=passed, figure=apart, limit=noise, unit="mm", sentence=sentence
+    )
+
+
+def convergence_gate(fits: list[Fitted]) -> Gate:
+    """Do independent starts of the base fit end at the same cost?"""
+    costs = np.sort([f.cost for f in fits])
+    spread = float(costs[1] / costs[0] - 1) if len(costs) > 1 else 0.0
+    return Gate(
+        name="base fit", passed=spread <= CONVERGED, figure=100 * spread, limit=100 * CONVERGED, unit="%",
+        sentence=f"The best two of {len(fits)} starts of the base fit end {100 * spread:.1f} % apart in cost.",
+    )  # fmt: skip
+
+
+def numerics_gate(closed: float | None) -> Gate:
+    """Does a finer mesh and step explain the gap? It is judged like an effect: by its closure on the same motion."""
+    share = max(closed or 0.0, 0.0)
+    sentence = f"A mesh {REFINEMENT:g} times finer at half the step, refitted, removes {100 * share:.0f} % of the gap."
+    if closed is None:
+        sentence = "There is hardly a gap that a finer mesh could explain."
+    return Gate(
+        name="mesh and step", passed=share <= LARGEST_NUMERICS, figure=100 * share, limit=100 * LARGEST_NUMERICS, unit="%",
+        sentence=sentence,
+    )  # fmt: skip
+
+
+def finer(resolution: Resolution) -> Resolution:
+    """Return the resolution that the mesh gate compares with."""
+    return Resolution(spacing=resolution.spacing / REFINEMENT, step_share=0.5 * resolution.step_share)

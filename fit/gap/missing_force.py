@@ -1,0 +1,108 @@
+"""Line B: what the missing force looks like, from the observer's pull alone, without any library.
+
+The pull per mass at the tracked points, a = w^2 (y - x) + 2 w (ydot - v), is what the model needs and lacks. Sensor noise
+dominates it above the motion's own frequencies, so pull and features alike pass the same 2 Hz low-pass. It is split into its part along the cloth's normal n, and regressed on features of the observer's own
+motion that are odd (velocities: dissipative) or even (accelerations, constants: conservative) under time reversal:
+
+    odd   v,  |v_n| v_n n          even   (dv/dt . n) n,  dv/dt,  a constant vector
+
+The exponent p is the one for which -|v_n|^p sign(v_n) explains most of the normal part.
+Source: the parity argument is that of Line B in this project's design; regression of increments on model terms as in
+R. Mojgani, A. Chattopadhyay, P. Hassanzadeh, "Discovery of interpretable structural model errors", Chaos 32 (2022).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.cloth.simulator import Simulator
+from fit.gap.observer import Observer
+from fit.recording import Recording, low_pass
+from formats.results import MissingForce
+
+Floats = NDArray[np.float64]
+
+FREQUENCY = 3.0  # Hz: strong enough that the observer's states are those of the data
+LOW_PASS = 2.0  # Hz
+EXPONENTS = np.arange(0.0, 3.01, 0.25)
+
+
+def find_missing_force(observer: Observer, vector: Floats) -> MissingForce:
+    """Describe the pull that the base model needs on the observer's recordings."""
+    parts = [_pull(observer, r, vector, rho) for r, rho in zip(observer.recordings, observer.densities, strict=True)]
+    pull, normal, below, odd, even, powers = (_joined([p[k] for p in parts]) for k in range(6))
+    along = (pull * normal).sum(1)
+    total = max(float((pull**2).sum()), 1e-12)
+    both = _explained(pull, np.concatenate([odd, even], 1))
+    odd_share = float(np.clip(both - _explained(pull, even), 0, 1))
+    even_share = float(np.clip(both - _explained(pull, odd), 0, 1))
+    gains = [_explained(along, powers[:, k : k + 1]) for k in range(len(EXPONENTS))]
+    exponent = float(EXPONENTS[int(np.argmax(gains))]) if max(gains) > 0.05 else None
+    power = (pull**2).sum(1)
+    shares = {name: float(power[below == k].sum() / total) for k, name in enumerate(("top", "middle", "bottom"))}
+    normal_share = float((along**2).sum() / total)
+    return MissingForce(
+        normal_share=normal_share,
+        odd_share=odd_share,
+        even_share=even_share,
+        amplitude_exponent=exponent,
+        spatial_share=shares,
+        sentence=_sentence(normal_share, odd_share, even_share, exponent, shares),
+    )
+
+
+def _pull(observer: Observer, recording: Recording, vector: Floats, density: float) -> tuple[Floats, ...]:
+    """Pull [m/s^2], normals, third of the height, odd and even features and powers of the speed, a row per seen point."""
+    simulator = Simulator(recording, observer.effects, resolution=observer.resolution)
+    material = observer.parameterisation.to_materials(vector[None], density)
+    done = simulator.run(material, observer_hz=FREQUENCY, shapes=True)
+    time, mesh = recording.time, simulator.mesh
+    places = done.points[0]
+    velocity = np.gradient(places, time, axis=0)
+    acceleration = np.gradient(velocity, time, axis=0)
+    wanted, trust = recording.targets(time)
+    omega = 2 * np.pi * FREQUENCY
+    pull = omega**2 * (wanted[..., :3] - places) + 2 * omega * (wanted[..., 3:] - velocity)
+    assert done.shapes is not None
+    corners = done.shapes[0][:, mesh.point_nodes].astype(float)
+    normal = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-12)
+    height = np.array([p.at_m[1] for p in recording.garment.points])
+    third = np.clip(3 * (height.max() - height) / max(np.ptp(height), 1e-9), 0, 2.999).astype(int)
+    free = third > 0  # the held edge cannot be pulled
+    chosen = recording.valid & (trust > 0) & free[None]
+    chosen[:3] = chosen[-3:] = False  # one-sided differences
+    normal_speed = (velocity * normal).sum(2, keepdims=True)
+    pressed = (acceleration * normal).sum(2, keepdims=True) * normal
+    odd = np.stack([velocity, np.abs(normal_speed) * normal_speed * normal], 2)
+    constant = np.broadcast_to(np.eye(3), (*velocity.shape[:2], 3, 3))
+    even = np.concatenate([np.stack([acceleration, pressed], 2), constant], 2)
+    powers = np.abs(normal_speed) ** EXPONENTS * np.sign(normal_speed)
+    slow = [low_pass(time, values, LOW_PASS) for values in (pull, odd, even, powers)]
+    pull, odd, even, powers = (values[chosen] for values in slow)
+    return pull, normal[chosen], np.broadcast_to(third, chosen.shape)[chosen], odd, even, powers
+
+
+def _joined(parts: list[Floats]) -> Floats:
+    return np.concatenate(parts)
+
+
+def _explained(target: Floats, features: Floats) -> float:
+    """Share of the power of the target, (n,) or (n, 3), that features, (n, k) or (n, k, 3), explain."""
+    matrix = np.moveaxis(features, 1, -1).reshape(target.size, -1)
+    solution, *_ = np.linalg.lstsq(matrix, target.ravel(), rcond=None)
+    rest = target.ravel() - matrix @ solution
+    return float(1 - (rest @ rest) / max(float(target.ravel() @ target.ravel()), 1e-12))
+
+
+def _sentence(normal: float, odd: float, even: float, exponent: float | None, shares: dict[str, float]) -> str:
+    direction = "mostly along the cloth's normal" if normal > 0.6 else "in all directions"
+    kind = "opposes motion" if odd > 2 * even else "acts like inertia or a constant load" if even > 2 * odd else "is mixed"
+    growth = f", grows with speed to the power {exponent:g}" if exponent is not None and odd > even else ""
+    where = max(shares, key=lambda name: shares[name])
+    return (
+        f"The missing force acts {direction} ({100 * normal:.0f} %), {kind} "
+        f"(dissipative features explain {100 * odd:.0f} %, conservative ones {100 * even:.0f} %){growth}, "
+        f"and is strongest in the {where} third of the cloth ({100 * shares[where]:.0f} %)."
+    )

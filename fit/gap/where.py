@@ -1,0 +1,91 @@
+"""Where the gap lies: the held-out residual by place on the cloth, phase of the motion, frequency and direction."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.gap.observer import Observer
+from formats.results import VertexResidual, Where, WhereBin
+
+Floats = NDArray[np.float64]
+
+STILL_SPEED = 0.03  # m/s of the hanger: below, the hand rests
+RING_DOWN = 0.3  # s of rest after which motion is the cloth's own
+BANDS = ((0.0, 0.3), (0.3, 0.7), (0.7, 1.5), (1.5, 3.0), (3.0, 15.0))  # Hz
+DIRECTIONS = ("sideways (x)", "to and from the sensor (y)", "vertical (z)")
+
+
+def find_where(observer: Observer, residual: Floats) -> Where:
+    """Split the squared error of a residual, (numbers,), four ways; each split's shares add up to one."""
+    layout = observer.layout
+    squared = (residual * layout.sd * 1e3) ** 2  # mm^2 per axis
+    garment = observer.recordings[0].garment
+    points = len(garment.points)
+    by_point = _means(squared, layout.point, points)
+    places = np.array([p.at_m for p in garment.points])
+    down = (places[:, 1].max() - places[:, 1]) / max(np.ptp(places[:, 1]), 1e-9)
+    across = (places[:, 0] - places[:, 0].min()) / max(np.ptp(places[:, 0]), 1e-9)
+    region = np.where(down < 1 / 3, "top", np.where(down > 2 / 3, "bottom", "middle")).astype(object)
+    side = np.where(across < 1 / 3, " left", np.where(across > 2 / 3, " right", " centre")).astype(object)
+    names = np.asarray(region + side)
+    space = [_bin(str(n), squared[np.isin(layout.point, np.flatnonzero(names == n))], squared) for n in dict.fromkeys(names)]
+    phases = np.concatenate([_phases(r)[layout.frame[layout.take == k]] for k, r in enumerate(observer.recordings)])
+    time = [_bin(str(n), squared[phases == n], squared) for n in sorted(set(phases))]
+    term = [_bin(name, squared[layout.axis == axis], squared) for axis, name in enumerate(DIRECTIONS)]
+    return Where(
+        space=sorted(space, key=lambda b: -b.value_mm),
+        vertices=[
+            VertexResidual(at_m=p.at_m, value_mm=float(np.sqrt(3 * by_point[k]))) for k, p in enumerate(garment.points)
+        ],
+        time=time,
+        frequency=_frequencies(observer, residual),
+        term=term,
+    )
+
+
+def _means(values: Floats, index: NDArray[np.int64], count: int) -> Floats:
+    total = np.bincount(index, values, minlength=count)
+    return np.asarray(total / np.maximum(np.bincount(index, minlength=count), 1))
+
+
+def _bin(name: str, part: Floats, whole: Floats) -> WhereBin:
+    value = float(np.sqrt(3 * part.mean())) if len(part) else 0.0
+    return WhereBin(name=name, value_mm=value, share=float(part.sum() / max(whole.sum(), 1e-12)))
+
+
+def _phases(recording) -> NDArray[np.str_]:  # type: ignore[no-untyped-def]
+    """Name the phase of the motion of every frame, (frames,)."""
+    time = recording.time
+    middle = recording.held(time).reshape(-1, 2, 3).mean(1)
+    speed = np.linalg.norm(np.gradient(middle, time, axis=0), axis=1)
+    is_still = speed < STILL_SPEED
+    has_moved = np.maximum.accumulate(np.where(is_still, -np.inf, time))
+    ringing = is_still & (time - has_moved > RING_DOWN) & np.isfinite(has_moved)
+    faster = np.gradient(speed, time) > 0
+    names = np.where(faster, "hanger speeding up", "hanger slowing down")
+    names = np.where(is_still, "hanger at rest before the swing", names)
+    names = np.where(is_still & np.isfinite(has_moved), "hanger turning or just stopped", names)
+    return np.where(ringing, "ring-down, hanger at rest", names)
+
+
+def _frequencies(observer: Observer, residual: Floats) -> list[WhereBin]:
+    """Split the variance over frequency bands; missing points count as zero residual."""
+    layout = observer.layout
+    power = np.zeros(len(BANDS))
+    for number, recording in enumerate(observer.recordings):
+        mine = layout.take == number
+        grid = np.zeros((len(recording.time), len(recording.garment.points), 3))
+        grid[layout.frame[mine], layout.point[mine], layout.axis[mine]] = (residual * layout.sd * 1e3)[mine]
+        rate = (len(recording.time) - 1) / recording.duration
+        spectrum = (np.abs(np.fft.rfft(grid, axis=0)) ** 2).sum((1, 2))
+        spectrum[1:] *= 2
+        hertz = np.fft.rfftfreq(len(recording.time), 1 / rate)
+        for k, (low, high) in enumerate(BANDS):
+            power[k] += spectrum[(hertz >= low) & (hertz < high)].sum() / len(recording.time)
+    total = max(power.sum(), 1e-12)
+    mean = 3 * ((residual * layout.sd * 1e3) ** 2).mean()
+    return [
+        WhereBin(name=f"{low:g} to {high:g} Hz", value_mm=float(np.sqrt(mean * p / total)), share=float(p / total))
+        for (low, high), p in zip(BANDS, power, strict=True)
+    ]

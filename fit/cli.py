@@ -1,9 +1,177 @@
-"""Commands of the `fit` package."""
+"""`hangtime fit` and `hangtime diagnose`."""
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+from typing import Annotated
+
 import typer
+
+Takes = Annotated[
+    list[Path], typer.Argument(metavar="TAKE...", help="Take archives (.mcap) to fit to.", show_default=False)
+]
+HeldOut = Annotated[
+    list[Path],
+    typer.Option("--held-out", metavar="TAKE", help="A take of another motion to judge on; may be repeated."),
+]
+Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; made if absent.")]
+Spacing = Annotated[
+    float,
+    typer.Option(
+        "--spacing", metavar="METRES", help="Mesh spacing; smaller is finer and slower (time grows with its cube)."
+    ),
+]
+Seed = Annotated[int, typer.Option("--seed", help="Seed of every random number.")]
 
 
 def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
+    app.command("fit")(fit_command)
+    app.command("diagnose")(diagnose_command)
+
+
+def fit_command(
+    takes: Takes,
+    held_out: HeldOut = [],  # noqa: B006  (Typer copies it)
+    method: Annotated[
+        str,
+        typer.Option(
+            "--method", help="kinect-skirt: the paper's six Blender parameters; si: physical units, weight known."
+        ),
+    ] = "kinect-skirt",
+    effect: Annotated[
+        list[str], typer.Option("--effect", metavar="NAME", help="Keep this effect in the model; may be repeated.")
+    ] = [],  # noqa: B006
+    iterations: Annotated[int, typer.Option("--iterations", min=1, help="Iterations of the annealing.")] = 350,
+    gamma: Annotated[
+        float | None, typer.Option("--gamma", help="Factor gamma of the acceptance [1/m].", show_default="1e5")
+    ] = None,
+    out: Out = Path("fit"),
+    spacing: Spacing = 0.05,
+    seed: Seed = 0,
+) -> None:
+    """Find the cloth parameters that make the simulation follow the takes.
+
+    Simulated annealing as in the Kinect-skirt paper: freely running simulations, mean distance of the tracked points.
+    Writes DIR/fit.json and DIR/report.html. Interrupt with Ctrl-C at any time; the same command goes on where it was.
+    """
+    from fit.calibration import calibrate, request_of
+    from fit.parameterisations import find_method
+    from fit.reporting import write_fit_report
+    from formats.archive import read_take
+    from formats.results import save_fit_result
+
+    request = request_of(find_method(method), effect, iterations=iterations, seed=seed, spacing=spacing, gamma=gamma)
+    training, testing = [read_take(p) for p in takes], [read_take(p) for p in held_out]
+    out.mkdir(parents=True, exist_ok=True)
+    progress = ProgressLine("annealing")
+
+    def show(done: int, total: int, best: float) -> None:
+        progress.show(done / total, f"{done}/{total} iterations, mean error {1e3 * best:.1f} mm")
+
+    try:
+        result = calibrate(training, testing, request, checkpoint=out / "fit.partial.json", progress=show)
+    except KeyboardInterrupt:
+        progress.end()
+        typer.echo(
+            f"Interrupted; the search is kept in {out / 'fit.partial.json'}. The same command goes on.", err=True
+        )
+        raise typer.Exit(130) from None
+    progress.end()
+    save_fit_result(out / "fit.json", result)
+    report = write_fit_report(out / "report.html", result, training, testing, request)
+    typer.echo(_table(result))
+    typer.echo(f"Fit result: {out / 'fit.json'}\nReport:     {report}")
+
+
+def diagnose_command(
+    takes: Takes,
+    held_out: HeldOut = [],  # noqa: B006
+    fit_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--fit", metavar="FIT.json", help="A fit result to show in the same report.", show_default="DIR/fit.json"
+        ),
+    ] = None,
+    out: Out = Path("diagnosis"),
+    spacing: Spacing = 0.05,
+    seed: Seed = 0,
+) -> None:
+    """Say where the simulation misses, which unmodelled effect causes it, and how far the error shrinks with it.
+
+    Fits the base model and every effect of the library to the takes and judges them on the held-out ones. Writes
+    DIR/diagnosis.json and DIR/report.html.
+    """
+    from fit.cloth.simulator import Resolution
+    from fit.gap.diagnosis import diagnose
+    from fit.reporting import write_diagnosis_report
+    from formats.archive import read_take
+    from formats.results import load_fit_result, save_diagnosis
+
+    training, testing = [read_take(p) for p in takes], [read_take(p) for p in held_out]
+    if fit_file is None and (out / "fit.json").exists():
+        fit_file = out / "fit.json"
+    fitted = load_fit_result(fit_file) if fit_file else None
+    out.mkdir(parents=True, exist_ok=True)
+    progress = ProgressLine("diagnosis")
+    resolution = Resolution(spacing=spacing)
+    try:
+        findings = diagnose(
+            training,
+            testing,
+            resolution=resolution,
+            seed=seed,
+            progress=lambda stage, share: progress.show(share, stage),
+        )
+    except KeyboardInterrupt:
+        progress.end()
+        typer.echo("Interrupted; nothing was written.", err=True)
+        raise typer.Exit(130) from None
+    progress.end()
+    save_diagnosis(out / "diagnosis.json", findings.diagnosis)
+    report = write_diagnosis_report(out / "report.html", findings, fitted, training, testing, resolution)
+    typer.echo(f"Verdict: {findings.diagnosis.verdict}\n{findings.diagnosis.sentence}")
+    typer.echo(f"Diagnosis: {out / 'diagnosis.json'}\nReport:    {report}")
+
+
+class ProgressLine:
+    """One line on a terminal that shows how far a long job is; a few whole lines where output is not a terminal."""
+
+    def __init__(self, title: str) -> None:
+        self._title = title
+        self._is_terminal = sys.stderr.isatty()
+        self._last = -1.0
+        self._last_stage = ""
+
+    def show(self, share: float, text: str) -> None:
+        """Show the share done, 0 to 1, and a few words."""
+        if self._is_terminal:
+            filled = round(24 * share)
+            bar = "#" * filled + "." * (24 - filled)
+            print(f"\r{self._title} [{bar}] {100 * share:3.0f} %  {text[:60]:<60}", end="", file=sys.stderr, flush=True)
+        elif share >= self._last + 0.1:
+            print(f"{self._title}: {100 * share:.0f} %, {text}", file=sys.stderr, flush=True)
+            self._last = share
+
+    def end(self) -> None:
+        """Leave the line."""
+        if self._is_terminal:
+            print(file=sys.stderr)
+
+
+def _table(result) -> str:  # type: ignore[no-untyped-def]
+    """The fitted parameters and errors, for a terminal."""
+    lines = [f"{'parameter':<22}{'initial':>12}{'fitted':>12}   90 % interval"]
+    for p in result.parameters:
+        interval = f"{p.interval_low:.3g} to {p.interval_high:.3g}" if p.interval_low is not None else ""
+        told = "" if p.is_identified in (True, None) else "  (the data cannot tell)"
+        lines.append(f"{p.name + ' [' + p.unit + ']':<22}{p.initial:>12.4g}{p.fitted:>12.4g}   {interval}{told}")
+    pairs = [("training", result.error.train_before, result.error.train_after)]
+    if result.error.held_out_before and result.error.held_out_after:
+        pairs.append(("held out", result.error.held_out_before, result.error.held_out_after))
+    lines.append(f"{'error':<22}{'before':>12}{'after':>12}")
+    for name, before, after in pairs:
+        lines.append(f"{'mean, ' + name:<22}{1e3 * before.mean_m:>9.1f} mm{1e3 * after.mean_m:>9.1f} mm")
+        lines.append(f"{'largest, ' + name:<22}{1e3 * before.max_m:>9.1f} mm{1e3 * after.max_m:>9.1f} mm")
+    return "\n".join(lines)

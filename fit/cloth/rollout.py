@@ -9,7 +9,7 @@ f is the sum of
     membrane   St. Venant-Kirchhoff, orthotropic, without Poisson coupling: with Fu, Fv the columns of the
                deformation gradient, tensions S11 = k (Fu.Fu - 1)/2, S22 = k (Fv.Fv - 1)/2, S12 = G Fu.Fv, each plus
                Kelvin-Voigt damping time x stiffness x strain rate; force on the corners from P = [Fu Fv] S
-    bending    -B Q x on every inner edge (fit.cloth.mesh), with Kelvin-Voigt damping
+    bending    -B Q x, the gradient of the plate energy (fit.cloth.mesh), with Kelvin-Voigt damping
     effects    forces on faces from the chosen effects (fit.effects)
 pull is the observer's (fit.gap.observer): w^2 (y - x) + 2 zeta w (ydot - v), spread from the tracked points.
 """
@@ -41,8 +41,19 @@ def make_rollout(lanes: int, face_forces: tuple):
     active = [k for k, force in enumerate(face_forces) if force is not None]
 
     @ti.func
-    def membrane(b, x: ti.template(), v: ti.template(), f: ti.template(), triangles: ti.template(),
-                 inverse: ti.template(), area: ti.template(), stretch, shear, time, amplitude: ti.template()):
+    def membrane(
+        b,
+        x: ti.template(),
+        v: ti.template(),
+        f: ti.template(),
+        triangles: ti.template(),
+        inverse: ti.template(),
+        area: ti.template(),
+        stretch,
+        shear,
+        time,
+        amplitude: ti.template(),
+    ):
         for e in range(triangles.shape[0]):
             i, j, k = triangles[e, 0], triangles[e, 1], triangles[e, 2]
             b00, b01, b10, b11 = inverse[e, 0], inverse[e, 1], inverse[e, 2], inverse[e, 3]
@@ -62,8 +73,7 @@ def make_rollout(lanes: int, face_forces: tuple):
             s11 = stretch * (0.5 * (u0 * u0 + u1 * u1 + u2 * u2 - 1.0) + time * (u0 * du0 + u1 * du1 + u2 * du2))
             s22 = stretch * (0.5 * (w0 * w0 + w1 * w1 + w2 * w2 - 1.0) + time * (w0 * dw0 + w1 * dw1 + w2 * dw2))
             s12 = shear * (
-                u0 * w0 + u1 * w1 + u2 * w2
-                + time * (u0 * dw0 + u1 * dw1 + u2 * dw2 + w0 * du0 + w1 * du1 + w2 * du2)
+                u0 * w0 + u1 * w1 + u2 * w2 + time * (u0 * dw0 + u1 * dw1 + u2 * dw2 + w0 * du0 + w1 * du1 + w2 * du2)
             )
             g0, g1, g2 = s11 * u0 + s12 * w0, s11 * u1 + s12 * w1, s11 * u2 + s12 * w2
             h0, h1, h2 = s12 * u0 + s22 * w0, s12 * u1 + s22 * w1, s12 * u2 + s22 * w2
@@ -86,10 +96,18 @@ def make_rollout(lanes: int, face_forces: tuple):
             f[b, k, 0], f[b, k, 1], f[b, k, 2] = f[b, k, 0] + fk0, f[b, k, 1] + fk1, f[b, k, 2] + fk2
 
     @ti.func
-    def bending(b, x: ti.template(), v: ti.template(), f: ti.template(), hinges: ti.template(),
-                weights: ti.template(), stiffness, time):
-        for e in range(hinges.shape[0]):
-            i, j, k, m = hinges[e, 0], hinges[e, 1], hinges[e, 2], hinges[e, 3]
+    def bending(
+        b,
+        x: ti.template(),
+        v: ti.template(),
+        f: ti.template(),
+        bends: ti.template(),
+        weights: ti.template(),
+        stiffness,
+        time,
+    ):
+        for e in range(bends.shape[0]):
+            i, j, k, m = bends[e, 0], bends[e, 1], bends[e, 2], bends[e, 3]
             wi, wj, wk, wm = weights[e, 0], weights[e, 1], weights[e, 2], weights[e, 3]
             for c in ti.static(range(3)):
                 curl = wi * x[b, i, c] + wj * x[b, j, c] + wk * x[b, k, c] + wm * x[b, m, c]
@@ -101,8 +119,21 @@ def make_rollout(lanes: int, face_forces: tuple):
                 f[b, m, c] = f[b, m, c] - wm * moment
 
     @ti.func
-    def pull_at_points(b, sample, part, gain, damping, moving, x: ti.template(), v: ti.template(), pull: ti.template(),
-                       nodes: ti.template(), weights: ti.template(), targets: ti.template(), trust: ti.template()):
+    def pull_at_points(
+        b,
+        sample,
+        part,
+        gain,
+        damping,
+        moving,
+        x: ti.template(),
+        v: ti.template(),
+        pull: ti.template(),
+        nodes: ti.template(),
+        weights: ti.template(),
+        targets: ti.template(),
+        trust: ti.template(),
+    ):
         for p in range(nodes.shape[0]):
             i, j, k = nodes[p, 0], nodes[p, 1], nodes[p, 2]
             wi, wj, wk = weights[p, 0], weights[p, 1], weights[p, 2]
@@ -115,8 +146,16 @@ def make_rollout(lanes: int, face_forces: tuple):
                 pull[b, p, c] = believed * (gain * (y - here) + damping * (moving * dy - speed))
 
     @ti.func
-    def hold(b, step, x: ti.template(), v: ti.template(), held: ti.template(), fraction: ti.template(),
-             path: ti.template(), per_second):
+    def hold(
+        b,
+        step,
+        x: ti.template(),
+        v: ti.template(),
+        held: ti.template(),
+        fraction: ti.template(),
+        path: ti.template(),
+        per_second,
+    ):
         for h in range(held.shape[0]):
             i = held[h]
             s = fraction[h]
@@ -127,16 +166,38 @@ def make_rollout(lanes: int, face_forces: tuple):
 
     @ti.kernel
     def rollout(
-        x: lanes_3d, v: lanes_3d, f: lanes_3d, pull: lanes_3d,
-        triangles: integers_2d, inverse: floats_2d, area: floats_1d,
-        hinges: integers_2d, hinge_weights: floats_2d,
-        held: integers_1d, fraction: floats_1d, path: lanes_3d,
-        point_nodes: integers_2d, point_weights: floats_2d, pull_points: integers_2d, pull_weights: floats_2d,
-        targets: floats_3d, trust: floats_2d, steps_per_target: ti.i32,
-        material: lanes_2d, inverse_mass: lanes_2d, amplitude: lanes_2d,
-        frame_step: integers_1d, frame_lag: floats_1d,
-        dt: ti.f32, settle_steps: ti.i32, settle_damping: ti.f32, gain: ti.f32, damping: ti.f32,
-        seen: lanes_4d, shapes: lanes_4d, keep_shapes: ti.i32,
+        x: lanes_3d,
+        v: lanes_3d,
+        f: lanes_3d,
+        pull: lanes_3d,
+        triangles: integers_2d,
+        inverse: floats_2d,
+        area: floats_1d,
+        bends: integers_2d,
+        bend_weights: floats_2d,
+        held: integers_1d,
+        fraction: floats_1d,
+        path: lanes_3d,
+        point_nodes: integers_2d,
+        point_weights: floats_2d,
+        pull_points: integers_2d,
+        pull_weights: floats_2d,
+        targets: floats_3d,
+        trust: floats_2d,
+        steps_per_target: ti.i32,
+        material: lanes_2d,
+        inverse_mass: lanes_2d,
+        amplitude: lanes_2d,
+        frame_step: integers_1d,
+        frame_lag: floats_1d,
+        dt: ti.f32,
+        settle_steps: ti.i32,
+        settle_damping: ti.f32,
+        gain: ti.f32,
+        damping: ti.f32,
+        seen: lanes_4d,
+        shapes: lanes_4d,
+        keep_shapes: ti.i32,
     ):
         groups = x.shape[0]
         for task in range(groups * TASK):
@@ -161,16 +222,40 @@ def make_rollout(lanes: int, face_forces: tuple):
                         for i in range(f.shape[1]):
                             for c in ti.static(range(3)):
                                 f[b, i, c] = vec(0.0)
-                        membrane(b, x, v, f, triangles, inverse, area, material[b, 1], material[b, 2],
-                                 material[b, 4], amplitude)
-                        bending(b, x, v, f, hinges, hinge_weights, material[b, 3], material[b, 5])
+                        membrane(
+                            b,
+                            x,
+                            v,
+                            f,
+                            triangles,
+                            inverse,
+                            area,
+                            material[b, 1],
+                            material[b, 2],
+                            material[b, 4],
+                            amplitude,
+                        )
+                        bending(b, x, v, f, bends, bend_weights, material[b, 3], material[b, 5])
                         keep = 1.0 - 0.5 * dt * rate
                         give = 1.0 / (1.0 + 0.5 * dt * rate)
                         if pull_gain > 0.0:
                             sample = now // steps_per_target
                             part = ti.cast(now - sample * steps_per_target, ti.f32) / ti.cast(steps_per_target, ti.f32)
-                            pull_at_points(b, sample, part, pull_gain, pull_damping, moving, x, v, pull, point_nodes,
-                                           point_weights, targets, trust)
+                            pull_at_points(
+                                b,
+                                sample,
+                                part,
+                                pull_gain,
+                                pull_damping,
+                                moving,
+                                x,
+                                v,
+                                pull,
+                                point_nodes,
+                                point_weights,
+                                targets,
+                                trust,
+                            )
                             for i in range(f.shape[1]):
                                 j, k, m = pull_points[i, 0], pull_points[i, 1], pull_points[i, 2]
                                 wj, wk, wm = pull_weights[i, 0], pull_weights[i, 1], pull_weights[i, 2]

@@ -169,7 +169,7 @@ class Simulator:
         self._kernel(
             *state, np.zeros((groups, points, 3, lanes), np.float32),
             mesh.triangles, single(mesh.inverse), single(mesh.area),
-            mesh.hinges, single(mesh.hinge_weights),
+            mesh.bends, single(mesh.bend_weights),
             mesh.held_nodes, single(mesh.held_fraction), _in_lanes(path, lanes),
             mesh.point_nodes, single(mesh.point_weights), mesh.pull_points, single(mesh.pull_weights),
             wanted, trust, every,
@@ -244,7 +244,9 @@ def _unit_frequencies(mesh: ClothMesh) -> tuple[float, float, float]:
         scale = np.repeat(1 / np.sqrt(mesh.node_area), axes)
         strain = coo_array((values * scale[c], (r, c)), shape=(size, nodes * axes)).tocsr()
         start = np.random.default_rng(0).standard_normal(nodes * axes)
-        return float(eigsh((strain.T @ strain).tocsc(), 1, which="LA", v0=start, return_eigenvectors=False, tol=1e-3)[0])
+        return float(
+            eigsh((strain.T @ strain).tocsc(), 1, which="LA", v0=start, return_eigenvectors=False, tol=1e-3)[0]
+        )
 
     face_index = rows.astype(np.int64)
     stretch = max(
@@ -252,6 +254,6 @@ def _unit_frequencies(mesh: ClothMesh) -> tuple[float, float, float]:
         largest([(root * gradient_v, 0)], faces, face_index, columns, 1),
     )
     shear = largest([(root * gradient_v, 0), (root * gradient_u, 1)], faces, face_index, columns, 2)
-    hinge_index = np.repeat(np.arange(len(mesh.hinges)), 4).astype(np.int64)
-    bending = largest([(mesh.hinge_weights, 0)], len(mesh.hinges), hinge_index, mesh.hinges.ravel(), 1)
+    bend_index = np.repeat(np.arange(len(mesh.bends)), 4).astype(np.int64)
+    bending = largest([(mesh.bend_weights, 0)], len(mesh.bends), bend_index, mesh.bends.ravel(), 1)
     return stretch, shear, bending

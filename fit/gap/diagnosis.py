@@ -113,7 +113,8 @@ def diagnose(
         next_experiment=None,
         gates=found_gates,
         cost=Cost(
-            simulations=observer.simulations + (judge.simulations if test else 0) + fine_simulations, seconds=clock.monotonic() - started,
+            simulations=observer.simulations + (judge.simulations if test else 0) + fine_simulations,
+            seconds=clock.monotonic() - started,
         ),
         base_parameters=base_parameters(observer, base),
         notes=_notes(training, held_out, observer),
@@ -240,7 +241,9 @@ def _gap(
     after = errors[best] if best is not None else None
     return Gap(
         base_mm=Figure(value=float(np.sqrt(base.squared_mm)), interval=error_interval(base, picks)),
-        with_effect_mm=Figure(value=float(np.sqrt(after.squared_mm)), interval=error_interval(after, picks)) if after else None,
+        with_effect_mm=Figure(value=float(np.sqrt(after.squared_mm)), interval=error_interval(after, picks))
+        if after
+        else None,
         floor_mm=Figure(value=floor, interval=(max(floor - 1.645 * floor_error, 0.0), floor + 1.645 * floor_error)),
         closure=findings[best].closure if best is not None else None,
         is_held_out=is_held_out,
@@ -249,7 +252,9 @@ def _gap(
 
 def replace_gap(gap: Gap) -> Gap:
     """Return the gap without the figures of an effect that the verdict does not name."""
-    return Gap(base_mm=gap.base_mm, with_effect_mm=None, floor_mm=gap.floor_mm, closure=None, is_held_out=gap.is_held_out)
+    return Gap(
+        base_mm=gap.base_mm, with_effect_mm=None, floor_mm=gap.floor_mm, closure=None, is_held_out=gap.is_held_out
+    )
 
 
 def base_parameters(observer: Observer, fitted: Fitted) -> list[FitParameter]:
@@ -257,24 +262,36 @@ def base_parameters(observer: Observer, fitted: Fitted) -> list[FitParameter]:
     described = []
     for k, parameter in enumerate(SI.parameters):
         value, spread = float(fitted.vector[k]), 1.645 * float(fitted.deviation[k])
-        low, high = (value * np.exp(-spread), value * np.exp(spread)) if parameter.is_log else (value - spread, value + spread)
+        low, high = (
+            (value * np.exp(-spread), value * np.exp(spread)) if parameter.is_log else (value - spread, value + spread)
+        )
         low, high = max(low, parameter.minimum), min(high, parameter.maximum)
         is_identified = bool(spread < 0.7) if parameter.is_log else None
         described.append(
             FitParameter(
-                name=parameter.name, unit=parameter.unit, initial=parameter.initial, fitted=value,
-                minimum=parameter.minimum, maximum=parameter.maximum, interval_low=float(low), interval_high=float(high),
-                is_identified=is_identified, note=parameter.meaning,
+                name=parameter.name,
+                unit=parameter.unit,
+                initial=parameter.initial,
+                fitted=value,
+                minimum=parameter.minimum,
+                maximum=parameter.maximum,
+                interval_low=float(low),
+                interval_high=float(high),
+                is_identified=is_identified,
+                note=parameter.meaning,
             )
-        )  # fmt: skip
+        )
     return described
 
 
 def _notes(training: list[Take], held_out: list[Take], observer: Observer) -> list[str]:
-    notes = [
-        f"Observer pull {observer.frequency:g} Hz, mesh {1e3 * observer.resolution.spacing:.0f} mm."
+    how = (
+        f"Observer pull of {observer.frequency:g} Hz"
         if observer.frequency
-        else f"Free rollouts: the takes are predictable without a pull. Mesh {1e3 * observer.resolution.spacing:.0f} mm.",
+        else "Free rollouts, predictable as they are"
+    )
+    notes = [
+        f"{how}; mesh of {1e3 * observer.resolution.spacing:.0f} mm.",
         f"Effects in the library: {', '.join(e.name for e in observer.effects)}. Others were not looked for.",
         "Errors are root mean square distances of the tracked points after each point's constant offset was taken out.",
         "Probabilities are not given: they need a calibration that has not been done.",
@@ -284,5 +301,3 @@ def _notes(training: list[Take], held_out: list[Take], observer: Observer) -> li
     if len(training) + len(held_out) < 3:
         notes.append("Too few takes to see how a recording differs from its own repetition.")
     return notes
-
-

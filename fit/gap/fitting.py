@@ -32,7 +32,8 @@ class Fitted:
 
     vector, (parameters,): base parameters; amplitudes, (effects,), zero where not active
     active: indices of the effects that were fitted
-    residual, (numbers,); jacobian, (numbers, parameters + active), and deviation, same order: of logs, plain values and typical sizes
+    residual, (numbers,); jacobian, (numbers, parameters + active), and deviation, (parameters + active,): of logs,
+    plain values and typical sizes
     """
 
     vector: Floats
@@ -50,7 +51,7 @@ class Fitted:
 
 
 class Problem:
-    """The map between the searched numbers (base parameters, amplitudes in typical sizes) and what the observer is told."""
+    """The map between the searched numbers (base parameters, amplitudes in typical sizes) and the observer's."""
 
     def __init__(self, observer: Observer, active: tuple[int, ...] = ()) -> None:
         self.observer, self.active = observer, active
@@ -87,7 +88,9 @@ class Problem:
         return self.observer.residuals(*self.unpack(numbers))
 
 
-def fit(observer: Observer, vector: Floats, amplitudes: Floats, active: tuple[int, ...] = (), *, iterations: int = 12) -> Fitted:
+def fit(
+    observer: Observer, vector: Floats, amplitudes: Floats, active: tuple[int, ...] = (), *, iterations: int = 12
+) -> Fitted:
     """Fit base parameters and the amplitudes of the active effects, starting from the given ones."""
     problem = Problem(observer, active)
     settings = LeastSquaresSettings(max_iterations=iterations, cost_tolerance=1e-3, step_tolerance=1e-3)

@@ -40,16 +40,23 @@ def point_noise(recording: Recording) -> Floats:
     return np.maximum(stated, seen)
 
 
-def noise_floor(observer: Observer, vector: Floats, amplitudes: Floats, rng: np.random.Generator) -> tuple[float, float]:
+def noise_floor(
+    observer: Observer, vector: Floats, amplitudes: Floats, rng: np.random.Generator
+) -> tuple[float, float]:
     """Return the noise floor of the observer's error [mm] and its standard error over replicas."""
     before = float(observer.in_mm(observer.residuals(vector[None], amplitudes[None])[0])) ** 2
     grown = []
     for _ in range(REPLICAS):
         noisy = [
-            r.with_points(r.points + rng.normal(size=r.points.shape) * point_noise(r)[:, None]) for r in observer.recordings
+            r.with_points(r.points + rng.normal(size=r.points.shape) * point_noise(r)[:, None])
+            for r in observer.recordings
         ]
         again = Observer(
-            noisy, observer.parameterisation, observer.effects, frequency=observer.frequency, resolution=observer.resolution
+            noisy,
+            observer.parameterisation,
+            observer.effects,
+            frequency=observer.frequency,
+            resolution=observer.resolution,
         )
         grown.append(float(again.in_mm(again.residuals(vector[None], amplitudes[None])[0])) ** 2 - before)
     floors = np.sqrt(np.maximum(grown, 0.0))

@@ -58,9 +58,8 @@ def choose_frequency(observer: Observer, vector: Floats) -> tuple[float, Gate]:
         if apart <= FORGOTTEN * noise:
             break
     passed = apart <= noise
-    sentence = (
-        f"A change of {NUDGE:g} in the parameters moves the points by {apart:.2f} mm"
-        + (f" under a pull of {frequency:g} Hz." if frequency else " in a free rollout.")
+    sentence = f"A change of {NUDGE:g} in the parameters moves the points by {apart:.2f} mm" + (
+        f" under a pull of {frequency:g} Hz." if frequency else " in a free rollout."
     )
     return frequency, Gate(
         name="predictability", passed=passed, figure=apart, limit=noise, unit="mm", sentence=sentence
@@ -84,9 +83,13 @@ def numerics_gate(closed: float | None) -> Gate:
     if closed is None:
         sentence = "There is hardly a gap that a finer mesh could explain."
     return Gate(
-        name="mesh and step", passed=share <= LARGEST_NUMERICS, figure=100 * share, limit=100 * LARGEST_NUMERICS, unit="%",
+        name="mesh and step",
+        passed=share <= LARGEST_NUMERICS,
+        figure=100 * share,
+        limit=100 * LARGEST_NUMERICS,
+        unit="%",
         sentence=sentence,
-    )  # fmt: skip
+    )
 
 
 def finer(resolution: Resolution) -> Resolution:

@@ -1,8 +1,9 @@
 """Line B: what the missing force looks like, from the observer's pull alone, without any library.
 
-The pull per mass at the tracked points, a = w^2 (y - x) + 2 w (ydot - v), is what the model needs and lacks. Sensor noise
-dominates it above the motion's own frequencies, so pull and features alike pass the same 2 Hz low-pass. It is split into its part along the cloth's normal n, and regressed on features of the observer's own
-motion that are odd (velocities: dissipative) or even (accelerations, constants: conservative) under time reversal:
+The pull per mass at the tracked points, a = w^2 (y - x) + 2 w (ydot - v), is what the model needs and lacks. Sensor
+noise dominates it above the motion's own frequencies, so pull and features alike pass the same 2 Hz low-pass. It is
+split into its part along the cloth's normal n, and regressed on features of the observer's own motion that are odd
+(velocities: dissipative) or even (accelerations, constants: conservative) under time reversal:
 
     odd   v,  |v_n| v_n n          even   (dv/dt . n) n,  dv/dt,  a constant vector
 
@@ -25,6 +26,7 @@ Floats = NDArray[np.float64]
 
 FREQUENCY = 3.0  # Hz: strong enough that the observer's states are those of the data
 LOW_PASS = 2.0  # Hz
+VISIBLE = 0.2  # share of the pull that features must explain before its shape is described
 EXPONENTS = np.arange(0.0, 3.01, 0.25)
 
 
@@ -53,7 +55,7 @@ def find_missing_force(observer: Observer, vector: Floats) -> MissingForce:
 
 
 def _pull(observer: Observer, recording: Recording, vector: Floats, density: float) -> tuple[Floats, ...]:
-    """Pull [m/s^2], normals, third of the height, odd and even features and powers of the speed, a row per seen point."""
+    """Pull [m/s^2], normals, third of the height, odd and even features, powers of the speed; a row per seen point."""
     simulator = Simulator(recording, observer.effects, resolution=observer.resolution)
     material = observer.parameterisation.to_materials(vector[None], density)
     done = simulator.run(material, observer_hz=FREQUENCY, shapes=True)
@@ -97,8 +99,15 @@ def _explained(target: Floats, features: Floats) -> float:
 
 
 def _sentence(normal: float, odd: float, even: float, exponent: float | None, shares: dict[str, float]) -> str:
+    if odd + even < VISIBLE:
+        return (
+            "What the base fit left of the missing force is hidden in the sensor's noise: "
+            f"features of the motion explain {100 * (odd + even):.0f} % of the pull."
+        )
     direction = "mostly along the cloth's normal" if normal > 0.6 else "in all directions"
-    kind = "opposes motion" if odd > 2 * even else "acts like inertia or a constant load" if even > 2 * odd else "is mixed"
+    kind = (
+        "opposes motion" if odd > 2 * even else "acts like inertia or a constant load" if even > 2 * odd else "is mixed"
+    )
     growth = f", grows with speed to the power {exponent:g}" if exponent is not None and odd > even else ""
     where = max(shares, key=lambda name: shares[name])
     return (

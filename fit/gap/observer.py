@@ -56,7 +56,9 @@ class Observer:
         self.frequency = frequency
         self.resolution = resolution or Resolution()
         self._simulators = [Simulator(r, effects, resolution=self.resolution) for r in recordings]
-        self.densities = [r.garment.mass_kg / float(s.mesh.area.sum()) for r, s in zip(recordings, self._simulators, strict=True)]
+        self.densities = [
+            r.garment.mass_kg / float(s.mesh.area.sum()) for r, s in zip(recordings, self._simulators, strict=True)
+        ]
         self.layout = _layout(recordings)
         self.mesh = self._simulators[0].mesh
 

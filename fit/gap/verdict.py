@@ -29,7 +29,10 @@ def decide(
     """Apply the rules in their order: gates, is there a gap, does one effect explain it."""
     failed = [g for g in gates if not g.passed]
     on = "on motion not used for fitting" if gap.is_held_out else "on the motion it was fitted to (no held-out take)"
-    numbers = f"The base model misses by {gap.base_mm.value:.1f} mm {on}; the sensor's noise alone is {gap.floor_mm.value:.1f} mm."
+    numbers = (
+        f"The base model misses by {gap.base_mm.value:.1f} mm {on}; "
+        f"the sensor's noise alone is {gap.floor_mm.value:.1f} mm."
+    )
     blocking = [g for g in failed if GATE_VERDICTS.get(g.name) != "numerics"]
     if blocking:
         return Verdict("inconclusive", [], f"No diagnosis: {blocking[0].sentence} {numbers}")
@@ -68,7 +71,8 @@ def decide(
     return Verdict(
         "effect",
         [best.id],
-        f"The model lacks {titles[best.id]}. {numbers} With {titles[best.id]} ({_with_unit(best)}) it misses by {after:.1f} mm: "
+        f"The model lacks {titles[best.id]}. {numbers} "
+        f"With {titles[best.id]} ({_with_unit(best)}) it misses by {after:.1f} mm: "
         f"{100 * best.closure.value:.0f} % of the gap is closed [{100 * low:.0f} to {100 * high:.0f} %].",
     )
 

@@ -29,7 +29,9 @@ def find_where(observer: Observer, residual: Floats) -> Where:
     region = np.where(down < 1 / 3, "top", np.where(down > 2 / 3, "bottom", "middle")).astype(object)
     side = np.where(across < 1 / 3, " left", np.where(across > 2 / 3, " right", " centre")).astype(object)
     names = np.asarray(region + side)
-    space = [_bin(str(n), squared[np.isin(layout.point, np.flatnonzero(names == n))], squared) for n in dict.fromkeys(names)]
+    space = [
+        _bin(str(n), squared[np.isin(layout.point, np.flatnonzero(names == n))], squared) for n in dict.fromkeys(names)
+    ]
     phases = np.concatenate([_phases(r)[layout.frame[layout.take == k]] for k, r in enumerate(observer.recordings)])
     time = [_bin(str(n), squared[phases == n], squared) for n in sorted(set(phases))]
     term = [_bin(name, squared[layout.axis == axis], squared) for axis, name in enumerate(DIRECTIONS)]

@@ -30,7 +30,13 @@ def sheet(width=0.4, height=0.45, held="edge", mass=0.036, grid=None):
             for c, x in enumerate(np.linspace(-half, half, grid))
         )
     return Garment(
-        format="hangtime-garment/1", name="sheet", kind="swatch", mass_kg=mass, outline_m=outline, held=held, points=points
+        format="hangtime-garment/1",
+        name="sheet",
+        kind="swatch",
+        mass_kg=mass,
+        outline_m=outline,
+        held=held,
+        points=points,
     )
 
 
@@ -41,7 +47,9 @@ def swing(time, *, amplitude=0.08, hz=0.8, start=0.5, stop=1e9, sideways=0.0):
     fade = 1 - np.clip((time - stop) / 0.3, 0, 1)
     fade = fade**3 * (10 - 15 * fade + 6 * fade**2)
     wave = np.sin(2 * np.pi * hz * (time - start)) * ramp * fade
-    return np.stack([sideways * np.sin(2 * np.pi * 1.3 * hz * (time - start)) * ramp * fade, amplitude * wave, 0 * time], 1)
+    return np.stack(
+        [sideways * np.sin(2 * np.pi * 1.3 * hz * (time - start)) * ramp * fade, amplitude * wave, 0 * time], 1
+    )
 
 
 def take_of(garment, time, displacement, points=None, *, sd=0.001, name="scene"):
@@ -61,10 +69,19 @@ def take_of(garment, time, displacement, points=None, *, sd=0.001, name="scene")
     )  # fmt: skip
 
 
+def hung(garment, time):
+    """Points of the garment hanging flat and still, (frames, points, 3)."""
+    rest = np.array([[p.at_m[0], 0.0, p.at_m[1]] for p in garment.points])
+    return np.broadcast_to(rest, (len(time), *rest.shape)).copy()
+
+
 def material(garment, **changes):
     """Material row of a garment of median fabric, with changes."""
     area = 0.5 * abs(
-        sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(garment.outline_m, garment.outline_m[1:] + garment.outline_m[:1], strict=True))
+        sum(
+            a[0] * b[1] - b[0] * a[1]
+            for a, b in zip(garment.outline_m, garment.outline_m[1:] + garment.outline_m[:1], strict=True)
+        )
     )
     base = mat.Material(areal_density=garment.mass_kg / area)
     return mat.as_rows([dataclasses.replace(base, **changes)])
@@ -76,8 +93,7 @@ def simulate_take(garment, time, displacement, materials, *, effects=(), amplitu
     recording = prepare(take_of(garment, time, displacement, name=name))
     simulator = Simulator(recording, effects, resolution=resolution or Resolution())
     # Settling is drawn to the first observed shape, which does not exist yet: aim it at the hanging sheet.
-    rest = np.array([[p.at_m[0], 0.0, p.at_m[1]] for p in garment.points])
-    recording = recording.with_points(np.broadcast_to(rest, (len(time), *rest.shape)).copy())
+    recording = recording.with_points(hung(garment, time))
     simulator = Simulator(recording, effects, resolution=resolution or Resolution())
     points = simulator.run(materials, amplitudes).points[0]
     points = points + np.random.default_rng(seed).normal(0, noise, points.shape) if noise else points

@@ -1,0 +1,103 @@
+"""Gather what a report shows: simulate the takes once more before, after and with the named effect, shapes kept."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.calibration import Request
+from fit.cloth.simulator import Resolution, Simulator
+from fit.gap.diagnosis import Findings
+from fit.parameterisations import SI, find_method
+from fit.recording import Recording, prepare
+from fit.report import ReportMotion, write_report
+from formats.results import FitResult
+from formats.take import Take
+
+Floats = NDArray[np.float64]
+
+
+def write_fit_report(
+    path: Path, result: FitResult, training: list[Take], held_out: list[Take], request: Request
+) -> Path:
+    """Write the report of a fit and return its path."""
+    initial = np.array([p.initial for p in result.parameters])
+    fitted = np.array([p.fitted for p in result.parameters])
+    count = len(request.method.parameters)
+    motions = []
+    for take, is_held_out in _both(training, held_out):
+        recording = prepare(take)
+        simulator = Simulator(recording, request.effects, resolution=request.resolution)
+        density = recording.garment.mass_kg / float(simulator.mesh.area.sum())
+        vectors = np.stack([initial, fitted])
+        materials = request.method.to_materials(vectors[:, :count], density)
+        done = simulator.run(materials, vectors[:, count:], shapes=True)
+        motions.append(_motion(recording, is_held_out, simulator, done.points, done.shapes, ("before", "after")))
+    write_report(path, fit=result, diagnosis=None, motions=motions)
+    return path
+
+
+def write_diagnosis_report(
+    path: Path,
+    findings: Findings,
+    fitted: FitResult | None,
+    training: list[Take],
+    held_out: list[Take],
+    resolution: Resolution,
+) -> Path:
+    """Write the report of a diagnosis, with the fit beside it where there is one, and return its path.
+
+    `before` is the model with default parameters, `after` the fit (or the base fit of the diagnosis), `with_effect` the
+    base model refitted with the effect that the verdict names.
+    """
+    motions = []
+    is_named = bool(findings.diagnosis.named) and findings.best is not None
+    off = np.zeros(len(findings.effects))
+    for take, is_held_out in _both(training, held_out):
+        recording = prepare(take)
+        simulator = Simulator(recording, findings.effects, resolution=resolution)
+        density = recording.garment.mass_kg / float(simulator.mesh.area.sum())
+        rows, amplitudes, names = [], [off, off], ["before", "after"]
+        if fitted is not None and not fitted.effects:
+            method = find_method(fitted.method)
+            values = np.array([[p.initial for p in fitted.parameters], [p.fitted for p in fitted.parameters]])
+            rows += list(method.to_materials(values, density))
+        else:
+            rows += list(SI.to_materials(np.stack([SI.initial, findings.base.vector]), density))
+        if is_named and findings.best is not None:
+            rows += list(SI.to_materials(findings.best.vector[None], density))
+            amplitudes.append(findings.best.amplitudes)
+            names.append("with_effect")
+        done = simulator.run(np.array(rows), np.array(amplitudes), shapes=True)
+        motions.append(_motion(recording, is_held_out, simulator, done.points, done.shapes, tuple(names)))
+    write_report(path, fit=fitted, diagnosis=findings.diagnosis, motions=motions)
+    return path
+
+
+def _both(training: list[Take], held_out: list[Take]) -> list[tuple[Take, bool]]:
+    """Held-out takes first: their errors are the ones that count."""
+    return [(t, True) for t in held_out] + [(t, False) for t in training]
+
+
+def _motion(
+    recording: Recording, is_held_out: bool, simulator: Simulator, points: Floats,
+    shapes: NDArray[np.float32] | None, names: tuple[str, ...],
+) -> ReportMotion:  # fmt: skip
+    runs: dict[str, Floats] = {}
+    for k, name in enumerate(names):
+        if np.isfinite(points[k]).all():
+            runs[name] = points[k]
+            if shapes is not None:
+                runs["mesh_" + name] = shapes[k].astype(float)
+    return ReportMotion(
+        take_id=recording.take_id,
+        is_held_out=is_held_out,
+        time=recording.time,
+        real=recording.points,
+        point_names=tuple(p.name for p in recording.garment.points),
+        triangles=simulator.mesh.triangles.astype(np.int64),
+        held=recording.held(recording.time).reshape(-1, 2, 3),
+        **runs,
+    )

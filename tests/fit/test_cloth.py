@@ -1,0 +1,214 @@
+"""The cloth against closed forms: what the solver computes is what the equations say."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.optimize import curve_fit
+
+from fit.cloth import material as mat
+from fit.cloth.mesh import build_mesh
+from fit.cloth.simulator import Resolution, Simulator
+from fit.effects import LIBRARY
+from fit.effects.air_drag import AIR_DENSITY
+from fit.errors import DriveError, FitError
+from fit.recording import prepare, world_from_sensor
+from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
+
+GRAVITY = 9.80665
+
+
+def test_bending_energy_of_a_rolled_sheet_is_half_b_over_radius_squared_per_area():
+    """A 0.4 m sheet rolled to a radius of 0.5 m: 1/2 B / R^2 = 2 B per area, away from the free edges."""
+    mesh = build_mesh(sheet(width=0.4, height=0.4), 0.02)
+    radius = 0.5
+    rolled = np.stack(
+        [radius * np.sin(mesh.rest[:, 0] / radius), mesh.rest[:, 1], radius * np.cos(mesh.rest[:, 0] / radius)], 1
+    )
+    bent = np.einsum("bk,bkc->bc", mesh.bend_weights, rolled[mesh.bends])
+    energy = 0.5 * (bent**2).sum()
+    # Free edges bend freely: the outermost half cells carry no energy, one cell in twenty.
+    assert energy == pytest.approx(0.5 / radius**2 * 0.16, rel=0.06)
+
+
+def test_a_flat_sheet_does_not_resist_bending_forces_or_translation():
+    mesh = build_mesh(sheet(), 0.05)
+    flat = np.stack([mesh.rest[:, 0] + 3.0, mesh.rest[:, 1], 2.0 * mesh.rest[:, 0]], 1)
+    assert np.abs(np.einsum("bk,bkc->bc", mesh.bend_weights, flat[mesh.bends])).max() < 1e-9
+
+
+def test_areas_and_hem_add_up_to_the_garment():
+    mesh = build_mesh(sheet(width=0.4, height=0.45), 0.05)
+    assert mesh.node_area.sum() == pytest.approx(0.18)
+    assert mesh.hem_length.sum() == pytest.approx(0.4)
+
+
+def ring_down(spacing):
+    """Frequency [Hz] of the first swing of a drag-free hanging sheet, from a fit to its bottom edge."""
+    garment = sheet(height=0.45)
+    time = np.arange(0, 8, 1 / 30)
+    nudge = swing(time, amplitude=0.008, hz=0.9, stop=2.0)
+    take = simulate_take(
+        garment, time, nudge, material(garment, velocity_damping=0.0), resolution=Resolution(spacing=spacing)
+    )
+    late = time > 2.6
+
+    def wave(t, a, b, omega, decay):
+        return np.exp(-decay * t) * (a * np.cos(omega * t) + b * np.sin(omega * t))
+
+    found, _ = curve_fit(wave, time[late], take.points[late, 2, 1], p0=[0.03, 0.0, 2 * np.pi * 0.9, 0.0])
+    return found[2] / (2 * np.pi)
+
+
+def test_a_hanging_sheet_swings_at_the_frequency_of_a_hanging_chain():
+    """First zero of J0 over 2: omega = 1.2024 sqrt(g / L); lumped masses make a coarse sheet a little slow."""
+    theory = 1.2024 * np.sqrt(GRAVITY / 0.45) / (2 * np.pi)
+    assert ring_down(0.05) == pytest.approx(theory, rel=0.015)
+
+
+def test_a_finer_mesh_comes_closer_to_the_closed_form():
+    theory = 1.2024 * np.sqrt(GRAVITY / 0.45) / (2 * np.pi)
+    assert abs(ring_down(0.0375) - theory) < abs(ring_down(0.1) - theory) / 2
+
+
+def hanging(garment, **changes):
+    time = np.arange(0, 2, 1 / 30)
+    return simulate_take(garment, time, np.zeros((len(time), 3)), material(garment, **changes)), time
+
+
+def test_a_hanging_sheet_stretches_by_half_its_weight_over_its_stiffness():
+    """Strain at height z is rho g (L - z) / k; the bottom sinks by rho g L^2 / (2 k) = 4.97 mm for k = 40 N/m."""
+    garment = sheet(width=0.4, height=0.45, mass=0.036)
+    take, _ = hanging(garment, stretch_stiffness=40.0, velocity_damping=5.0)
+    sunk = -take.points[-1, 2, 2] - 0.45
+    linear = 0.2 * GRAVITY * 0.45**2 / (2 * 40.0)
+    # St. Venant-Kirchhoff stiffens: S (1 + e) = load, so 3 e^2 / 2 less at a largest strain of 2 %.
+    assert sunk == pytest.approx(linear, rel=0.04)
+
+
+def test_a_falling_sheet_with_drag_ends_at_its_terminal_speed():
+    """rho g = 1/2 rho_air c v^2: a flat sheet of 0.2 kg/m^2 with c = 1.2 falls at 1.648 m/s."""
+    force = LIBRARY[0].face_force
+    assert force is not None
+    terminal = np.sqrt(2 * 0.2 * GRAVITY / (AIR_DENSITY * 1.2))
+    assert terminal == pytest.approx(1.648, abs=1e-3)
+    garment = sheet()
+    time = np.arange(0, 3, 1 / 30)
+    # Held at the top and pulled steadily through the air at the terminal speed, drag equals weight: 45 degrees.
+    ramp = np.clip(time - 0.2, 0, None)
+    displacement = np.stack([0 * time, terminal * (ramp - 0.4 * np.tanh(ramp / 0.4)), 0 * time], 1)
+    take = simulate_take(
+        garment, time, displacement, material(garment, velocity_damping=1e-9), effects=LIBRARY,
+        amplitudes=np.array([[1.2, 0.0, 0.0]]),
+    )  # fmt: skip
+    # Normal drag on a sheet that leans by a: rho g sin a = 1/2 rho_air c (v cos a)^2, so sin a = cos^2 a, a = 38.2 deg.
+    across = take.points[-1, 2] - take.points[-1, 1]
+    lean = np.degrees(np.arctan2(-across[1], -across[2]))
+    assert lean == pytest.approx(38.17, abs=2.0)
+
+
+def test_results_do_not_depend_on_company_lanes_or_threads():
+    garment = sheet()
+    time = np.arange(0, 2, 1 / 30)
+    recording = prepare(take_of(garment, time, swing(time), hung(garment, time)))
+    rows = np.concatenate([material(garment, velocity_damping=d) for d in np.linspace(0.5, 2, 11)])
+    together = Simulator(recording).run(rows).points
+    alone = Simulator(recording).run(rows[4:5]).points
+    assert np.array_equal(together[4], alone[0])
+
+
+def test_more_mass_with_everything_in_proportion_changes_nothing():
+    """Mass is degenerate: density, stiffnesses and damping forces times 1.5 give the same motion."""
+    garment = sheet()
+    time = np.arange(0, 3, 1 / 30)
+    recording = prepare(take_of(garment, time, swing(time, amplitude=0.03), hung(garment, time)))
+    row = material(garment)
+    heavier = row.copy()
+    heavier[0, [mat.DENSITY, mat.STRETCH, mat.SHEAR, mat.BENDING]] *= 1.5
+    both = Simulator(recording).run(np.concatenate([row, heavier])).points
+    # Single precision; the take is short and gentle so that rounding has no time to grow.
+    assert np.abs(both[0] - both[1]).max() < 1e-4
+
+
+def test_every_effect_is_exactly_off_at_zero_and_changes_something_at_its_typical_size():
+    garment = sheet()
+    time = np.arange(0, 3, 1 / 30)
+    recording = prepare(take_of(garment, time, swing(time), hung(garment, time)))
+    row = material(garment)
+    plain = Simulator(recording, LIBRARY).run(row, np.zeros((1, len(LIBRARY)))).points[0]
+    amplitudes = np.diag([e.typical for e in LIBRARY])
+    moved = Simulator(recording, LIBRARY).run(np.repeat(row, len(LIBRARY), 0), amplitudes).points
+    for effect, points in zip(LIBRARY, moved, strict=True):
+        assert np.isfinite(points).all(), effect.name
+        assert np.abs(points - plain).max() > 1e-3, effect.name
+        assert effect.low <= 0.0 < effect.typical <= effect.high, effect.name
+    without = Simulator(recording).run(row).points[0]
+    # Two kernels, so rounding may differ; physics may not.
+    assert np.abs(without - plain).max() < 1e-3
+
+
+def test_hem_moves_mass_to_the_bottom_edge_and_keeps_the_weight():
+    """0.01 kg/m on a 0.4 m hem is 4 g of the 36 g."""
+    mesh = build_mesh(sheet(), 0.05)
+    mass = LIBRARY[1].node_mass(0.2 * mesh.node_area, mesh, 0.01)
+    assert mass.sum() == pytest.approx(0.036)
+    bottom = mesh.hem_length > 0
+    assert mass[bottom].sum() == pytest.approx(0.004 + (0.032 / 0.036) * 0.2 * mesh.node_area[bottom].sum())
+
+
+def test_time_offset_delays_the_cloth():
+    """The points of a take whose points come 1/30 s late are those of the frame before."""
+    garment = sheet()
+    time = np.arange(0, 3, 1 / 30)
+    recording = prepare(take_of(garment, time, swing(time), hung(garment, time)))
+    row = material(garment, velocity_damping=2.0)
+    run = Simulator(recording, LIBRARY).run(np.repeat(row, 2, 0), np.array([[0, 0, 0], [0, 0, 1 / 30]])).points
+    assert np.abs(run[1][30:] - run[0][29:-1]).max() < 2e-3
+
+
+def test_gravity_along_the_sensors_y_becomes_down():
+    rotation = world_from_sensor((0.0, 1.0, 0.0))
+    assert rotation @ [0, 1, 0] == pytest.approx([0, 0, -1])
+    assert rotation @ [0, 0, 1] == pytest.approx([0, 1, 0])
+    assert np.linalg.det(rotation) == pytest.approx(1.0)
+
+
+def test_a_hanger_that_is_lost_for_a_second_is_refused():
+    garment = sheet()
+    time = np.arange(0, 4, 1 / 30)
+    take = take_of(garment, time, swing(time))
+    valid = take.held_valid.copy()
+    valid[40:75] = False
+    with pytest.raises(DriveError, match="lost for"):
+        prepare(dataclasses.replace(take, held_valid=valid))
+
+
+def test_a_hanger_that_jumps_is_refused():
+    garment = sheet()
+    time = np.arange(0, 4, 1 / 30)
+    displacement = swing(time)
+    displacement[50] += 1.0
+    with pytest.raises(DriveError, match="jumps"):
+        prepare(take_of(garment, time, displacement))
+
+
+def test_a_take_of_ten_frames_is_refused():
+    garment = sheet()
+    time = np.arange(10) / 30
+    with pytest.raises(FitError, match="10 frames"):
+        prepare(take_of(garment, time, np.zeros((10, 3))))
+
+
+def test_a_garment_with_five_corners_is_refused():
+    garment = sheet()
+    with pytest.raises(FitError, match="5 corners"):
+        build_mesh(dataclasses_replace(garment, outline_m=(*garment.outline_m, (-0.3, -0.2))), 0.05)
+
+
+def dataclasses_replace(struct, **changes):
+    """msgspec's structs have their own replace."""
+    import msgspec
+
+    return msgspec.structs.replace(struct, **changes)

@@ -1,0 +1,300 @@
+"use strict";
+/* The motion player: real points against the simulated cloth, drawn on one canvas. No library, no network. */
+(() => {
+  const box = document.getElementById("player");
+  const source = JSON.parse(document.getElementById("motions").textContent);
+  if (!box || !source.length) return;
+  const canvas = box.querySelector("canvas"), ink = canvas.getContext("2d");
+  const part = (name) => box.querySelector(`[data-part="${name}"]`);
+  const RUNS = ["before", "after", "with_effect"];
+  const VIEWS = { front: [0, 0.04], side: [Math.PI / 2, 0.04], oblique: [0.65, 0.28] };
+  const state = { motion: 0, run: "after", time: 0, playing: false, speed: 1, yaw: 0.65, pitch: 0.28, zoom: 1, cloth: "shaded", errors: true };
+  const motions = [];
+  let colours = {}, drawn = 0;
+
+  /* Numbers travel as differences in time, zigzag, low bytes before high bytes, deflate, base64. */
+  async function unpack(pack) {
+    if (!pack) return null;
+    const bytes = Uint8Array.from(atob(pack.data), (c) => c.charCodeAt(0));
+    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+    const planes = new Uint8Array(await new Response(stream).arrayBuffer());
+    const count = planes.length / 2, width = pack.count * 3, raw = new Int16Array(count), out = new Float32Array(count);
+    for (let i = 0; i < count; i++) {
+      const coded = planes[i] | (planes[count + i] << 8);
+      raw[i] = ((coded >>> 1) ^ -(coded & 1)) + (i >= width ? raw[i - width] : 0);
+      out[i] = raw[i] === -32768 ? NaN : raw[i] * pack.step + pack.centre[i % 3];
+    }
+    return { values: out, count: pack.count, every: pack.every, frames: count / width };
+  }
+
+  async function load(index) {
+    if (motions[index]) return motions[index];
+    const given = source[index], motion = { ...given, points: {}, meshes: {} };
+    motion.real = await unpack(given.real);
+    motion.held = await unpack(given.held);
+    for (const run of RUNS) {
+      motion.points[run] = await unpack(given.points[run]);
+      motion.meshes[run] = await unpack(given.meshes[run]);
+    }
+    motion.triangles = given.triangles;
+    measure(motion);
+    motions[index] = motion;
+    return motion;
+  }
+
+  /* Centre, size, floor and the direction along the held edge, so that "front" means the same for every take. */
+  function measure(motion) {
+    const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+    for (const track of [motion.real, motion.held, ...Object.values(motion.meshes)]) {
+      if (!track) continue;
+      track.values.forEach((v, i) => { if (v < low[i % 3]) low[i % 3] = v; if (v > high[i % 3]) high[i % 3] = v; });
+    }
+    motion.centre = low.map((v, i) => (v + high[i]) / 2);
+    motion.radius = Math.max(0.05, Math.hypot(...low.map((v, i) => high[i] - v)) / 2);
+    motion.floor = low[2] - 0.06;
+    let x = 0, y = 0;
+    if (motion.held) for (let f = 0; f < motion.held.frames; f++) {
+      const a = at(motion.held, f, 0), b = at(motion.held, f, 1);
+      if (Number.isFinite(a[0] + b[0])) { x += b[0] - a[0]; y += b[1] - a[1]; }
+    }
+    motion.heading = Math.hypot(x, y) > 1e-9 ? Math.atan2(y, x) : 0;
+  }
+
+  /* Position of one point at a frame that may lie between two stored ones. */
+  function at(track, frame, point) {
+    const place = Math.min(frame / track.every, track.frames - 1), first = Math.floor(place);
+    const second = Math.min(first + 1, track.frames - 1), share = place - first;
+    const a = (first * track.count + point) * 3, b = (second * track.count + point) * 3, v = track.values;
+    if (share === 0) return [v[a], v[a + 1], v[a + 2]];
+    return [0, 1, 2].map((i) => v[a + i] * (1 - share) + v[b + i] * share);
+  }
+
+  function frameAt(motion, time) {
+    let low = 0, high = motion.time.length - 1;
+    while (low < high) { const mid = (low + high + 1) >> 1; if (motion.time[mid] <= time + 1e-9) low = mid; else high = mid - 1; }
+    return low;
+  }
+
+  function readColours() {
+    const style = getComputedStyle(document.documentElement), get = (name) => style.getPropertyValue(name).trim();
+    for (const name of ["ink", "soft", "line", "real", "before", "after", "effect", "cloth", "cloth-back"]) colours[name] = get(`--${name}`);
+    colours.with_effect = colours.effect;
+  }
+
+  function projector(motion, width, height) {
+    const yaw = motion.heading + state.yaw, sy = Math.sin(yaw), cy = Math.cos(yaw);
+    const sp = Math.sin(state.pitch), cp = Math.cos(state.pitch);
+    const scale = (0.5 * Math.min(width, height * 1.25) / motion.radius) * state.zoom, far = 6 * motion.radius;
+    return (p) => {
+      const x = p[0] - motion.centre[0], y = p[1] - motion.centre[1], z = p[2] - motion.centre[2];
+      const right = x * cy + y * sy, away = -x * sy + y * cy;
+      const depth = away * cp - z * sp, up = away * sp + z * cp, near = far / (far + depth);
+      return [width / 2 + right * scale * near, height / 2 - up * scale * near, depth, scale * near];
+    };
+  }
+
+  function line(points, colour, thickness, dash = []) {
+    ink.strokeStyle = colour; ink.lineWidth = thickness; ink.setLineDash(dash); ink.beginPath();
+    points.forEach((p, i) => (i ? ink.lineTo(p[0], p[1]) : ink.moveTo(p[0], p[1])));
+    ink.stroke(); ink.setLineDash([]);
+  }
+
+  function drawFloor(motion, project) {
+    const reach = Math.ceil(motion.radius * 8) / 10, step = reach > 1.2 ? 0.5 : 0.2, lines = Math.ceil(reach / step);
+    const cos = Math.cos(motion.heading), sin = Math.sin(motion.heading);
+    const spot = (a, b) => project([motion.centre[0] + a * cos - b * sin, motion.centre[1] + a * sin + b * cos, motion.floor]);
+    for (let i = -lines; i <= lines; i++) {
+      line([spot(i * step, -lines * step), spot(i * step, lines * step)], colours.line, 1);
+      line([spot(-lines * step, i * step), spot(lines * step, i * step)], colours.line, 1);
+    }
+  }
+
+  function drawCloth(motion, mesh, frame, project) {
+    const triangles = motion.triangles;
+    if (!mesh || !triangles.length || state.cloth === "none") return;
+    const world = [], seen = [];
+    for (let i = 0; i < mesh.count; i++) { world.push(at(mesh, frame, i)); seen.push(project(world[i])); }
+    if (state.cloth === "wire") {
+      ink.strokeStyle = `rgb(${colours.cloth} / .65)`; ink.lineWidth = 0.8; ink.beginPath();
+      for (const [a, b, c] of triangles) {
+        ink.moveTo(seen[a][0], seen[a][1]); ink.lineTo(seen[b][0], seen[b][1]); ink.lineTo(seen[c][0], seen[c][1]); ink.lineTo(seen[a][0], seen[a][1]);
+      }
+      ink.stroke();
+      return;
+    }
+    const order = triangles.map((t) => [seen[t[0]][2] + seen[t[1]][2] + seen[t[2]][2], t]).sort((p, q) => q[0] - p[0]);
+    const front = colours.cloth.split(" ").map(Number), back = colours["cloth-back"].split(" ").map(Number);
+    ink.lineWidth = 0.7; ink.lineJoin = "round";
+    for (const [, [a, b, c]] of order) {
+      const u = world[b].map((v, i) => v - world[a][i]), w = world[c].map((v, i) => v - world[a][i]);
+      const n = [u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]];
+      const size = Math.hypot(...n);
+      if (!(size > 0)) continue;
+      const side = (seen[b][0] - seen[a][0]) * (seen[c][1] - seen[a][1]) - (seen[b][1] - seen[a][1]) * (seen[c][0] - seen[a][0]);
+      const light = 0.62 + 0.45 * Math.abs(n[0] * 0.35 + n[1] * -0.55 + n[2] * 0.76) / size;
+      const tint = (side < 0 ? front : back).map((v) => Math.min(255, Math.round(v * light)));
+      ink.fillStyle = ink.strokeStyle = `rgb(${tint.join(" ")} / .93)`;
+      ink.beginPath(); ink.moveTo(seen[a][0], seen[a][1]); ink.lineTo(seen[b][0], seen[b][1]); ink.lineTo(seen[c][0], seen[c][1]); ink.closePath();
+      ink.fill(); ink.stroke();
+    }
+  }
+
+  function drawScale(motion, project, height) {
+    const pixels = project(motion.centre)[3] * 0.1;
+    line([[14, height - 16], [14 + pixels, height - 16]], colours.ink, 2);
+    ink.fillStyle = colours.soft; ink.font = "12px system-ui, sans-serif"; ink.fillText("10 cm", 14, height - 22);
+  }
+
+  function draw() {
+    const motion = motions[state.motion];
+    if (!motion) return;
+    const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
+    if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+      canvas.width = Math.round(width * ratio); canvas.height = Math.round(height * ratio);
+    }
+    ink.setTransform(ratio, 0, 0, ratio, 0, 0); ink.clearRect(0, 0, width, height);
+    const project = projector(motion, width, height), frame = frameAt(motion, state.time);
+    drawFloor(motion, project);
+    drawCloth(motion, motion.meshes[state.run], frame, project);
+    if (motion.held) {
+      const ends = [at(motion.held, frame, 0), at(motion.held, frame, 1)];
+      if (ends.flat().every(Number.isFinite)) line(ends.map(project), colours.ink, 5);
+    }
+    const run = motion.points[state.run];
+    let sum = 0, count = 0, worst = -1, name = "";
+    for (let i = 0; i < motion.real.count; i++) {
+      const real = at(motion.real, frame, i), model = run && at(run, frame, i);
+      const isSeen = real.every(Number.isFinite), p = project(real), q = model && project(model);
+      if (model && model.every(Number.isFinite)) {
+        if (isSeen) {
+          const apart = Math.hypot(...real.map((v, k) => v - model[k]));
+          sum += apart; count += 1;
+          if (apart > worst) { worst = apart; name = motion.point_names[i]; }
+          if (state.errors) line([p, q], colours.real, 1.6);
+        }
+        ink.strokeStyle = colours[state.run]; ink.lineWidth = 2.2; ink.strokeRect(q[0] - 4.5, q[1] - 4.5, 9, 9);
+      }
+      if (isSeen) { ink.fillStyle = colours.real; ink.beginPath(); ink.arc(p[0], p[1], 5, 0, 7); ink.fill(); }
+    }
+    drawScale(motion, project, height);
+    const end = motion.time[motion.time.length - 1], now = motion.time[frame];
+    part("clock").textContent = `${now.toFixed(2)} of ${end.toFixed(2)} s`;
+    part("scrub").value = String(frame);
+    part("scrub").setAttribute("aria-valuetext", `${now.toFixed(2)} seconds`);
+    part("readout").textContent = count
+      ? `Mean error now ${(1e3 * sum / count).toFixed(1)} mm over ${count} points, largest ${(1e3 * worst).toFixed(1)} mm at ${name.replaceAll("_", " ")}.`
+      : "No tracked point is seen in this frame.";
+    for (const plot of document.querySelectorAll(".plot[data-motion]")) {
+      const cursor = plot.querySelector(".cursor"), span = Number(plot.dataset.end) - Number(plot.dataset.start);
+      cursor.hidden = Number(plot.dataset.motion) !== state.motion;
+      cursor.style.left = `${Math.max(0, Math.min(100, 100 * (now - Number(plot.dataset.start)) / span))}%`;
+    }
+  }
+
+  function press(group, value) {
+    for (const button of box.querySelectorAll(`[data-${group}]`)) button.setAttribute("aria-pressed", String(button.dataset[group] === value));
+  }
+
+  function show(changes = {}) {
+    Object.assign(state, changes);
+    state.pitch = Math.max(-1.5, Math.min(1.5, state.pitch)); state.zoom = Math.max(0.4, Math.min(5, state.zoom));
+    press("run", state.run); press("cloth", state.cloth);
+    const view = Object.keys(VIEWS).find((v) => Math.abs(VIEWS[v][0] - state.yaw) < 1e-6 && Math.abs(VIEWS[v][1] - state.pitch) < 1e-6);
+    press("view", view || "");
+    part("play").textContent = state.playing ? "Pause" : "Play";
+    if (!drawn) drawn = requestAnimationFrame(() => { drawn = 0; draw(); });
+  }
+
+  async function choose(index, changes = {}) {
+    const motion = await load(index), scrub = part("scrub");
+    scrub.max = String(motion.time.length - 1);
+    for (const button of box.querySelectorAll("[data-run]")) button.disabled = !motion.points[button.dataset.run], button.hidden = button.disabled;
+    const runs = RUNS.filter((run) => motion.points[run]);
+    for (const button of box.querySelectorAll("[data-cloth]")) button.disabled = !Object.values(motion.meshes).some(Boolean);
+    if (part("motion")) part("motion").value = String(index);
+    const run = runs.includes(changes.run || state.run) ? changes.run || state.run : runs[runs.length - 1] || "after";
+    show({ time: motion.time[0], ...changes, motion: index, run });
+  }
+
+  let before = 0;
+  function tick(now) {
+    if (!state.playing) return;
+    const motion = motions[state.motion], end = motion.time[motion.time.length - 1];
+    let time = state.time + (before ? Math.min(0.2, (now - before) / 1000) * state.speed : 0);
+    before = now;
+    if (time > end) time = motion.time[0];
+    show({ time }); requestAnimationFrame(tick);
+  }
+  function play(wanted) { before = 0; show({ playing: wanted }); if (wanted) requestAnimationFrame(tick); }
+  function step(frames) {
+    const motion = motions[state.motion], frame = frameAt(motion, state.time) + frames;
+    show({ playing: false, time: motion.time[Math.max(0, Math.min(motion.time.length - 1, frame))] });
+  }
+  const turn = (view) => show({ yaw: VIEWS[view][0], pitch: VIEWS[view][1] });
+
+  box.addEventListener("click", (event) => {
+    const button = event.target.closest("button");
+    if (!button) return;
+    if (button.dataset.part === "play") play(!state.playing);
+    if (button.dataset.run) show({ run: button.dataset.run });
+    if (button.dataset.view) turn(button.dataset.view);
+    if (button.dataset.cloth) show({ cloth: button.dataset.cloth });
+    if (button.dataset.zoom) show({ zoom: state.zoom * Number(button.dataset.zoom) });
+  });
+  part("scrub").addEventListener("input", (event) => show({ playing: false, time: motions[state.motion].time[Number(event.target.value)] }));
+  part("speed").addEventListener("change", (event) => show({ speed: Number(event.target.value) }));
+  part("errors").addEventListener("change", (event) => show({ errors: event.target.checked }));
+  if (part("motion")) part("motion").addEventListener("change", (event) => choose(Number(event.target.value)));
+  let held = null;
+  canvas.addEventListener("pointerdown", (event) => { held = [event.clientX, event.clientY]; canvas.setPointerCapture(event.pointerId); });
+  canvas.addEventListener("pointermove", (event) => {
+    if (!held) return;
+    const [x, y] = held; held = [event.clientX, event.clientY];
+    show({ yaw: state.yaw - (event.clientX - x) * 0.008, pitch: state.pitch + (event.clientY - y) * 0.008 });
+  });
+  for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => { held = null; });
+  canvas.addEventListener("wheel", (event) => {
+    if (!event.ctrlKey) return;
+    event.preventDefault(); show({ zoom: state.zoom * Math.exp(-event.deltaY * 0.004) });
+  }, { passive: false });
+  canvas.addEventListener("keydown", (event) => {
+    const key = event.key, turned = { ArrowLeft: [0.1, 0], ArrowRight: [-0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] }[key];
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (key === " ") play(!state.playing);
+    else if (turned && event.shiftKey) show({ yaw: state.yaw + turned[0], pitch: state.pitch + turned[1] });
+    else if (key === "ArrowLeft") step(-1);
+    else if (key === "ArrowRight") step(1);
+    else if (key === "f") turn("front");
+    else if (key === "s") turn("side");
+    else if (key === "+" || key === "-") show({ zoom: state.zoom * (key === "+" ? 1.2 : 1 / 1.2) });
+    else return;
+    event.preventDefault();
+  });
+  for (const plot of document.querySelectorAll(".plot[data-motion]")) {
+    plot.classList.add("is-seekable");
+    plot.addEventListener("click", (event) => {
+      const frame = plot.getBoundingClientRect(), start = Number(plot.dataset.start), span = Number(plot.dataset.end) - start;
+      choose(Number(plot.dataset.motion), { playing: false, time: start + span * (event.clientX - frame.left) / frame.width });
+    });
+  }
+
+  /* An address such as report.html#t=1.2&view=side&run=before&motion=0&cloth=wire opens the player in that state. */
+  function fromAddress() {
+    const wanted = new URLSearchParams(location.hash.slice(1)), changes = {};
+    if (wanted.get("view") in VIEWS) [changes.yaw, changes.pitch] = VIEWS[wanted.get("view")];
+    if (RUNS.includes(wanted.get("run"))) changes.run = wanted.get("run");
+    if (["shaded", "wire", "none"].includes(wanted.get("cloth"))) changes.cloth = wanted.get("cloth");
+    if (wanted.has("t") && Number.isFinite(Number(wanted.get("t")))) changes.time = Number(wanted.get("t"));
+    const motion = Math.max(0, Math.min(source.length - 1, Math.trunc(Number(wanted.get("motion"))) || 0));
+    return choose(motion, changes);
+  }
+  readColours();
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { readColours(); show(); });
+  window.addEventListener("resize", () => show());
+  window.addEventListener("hashchange", () => { if (location.hash.includes("=")) fromAddress(); });
+  window.addEventListener("beforeprint", draw);
+  fromAddress().then(
+    () => { box.dataset.ready = "yes"; },
+    (error) => { part("readout").textContent = `This browser cannot unpack the motion (${error.message}); any browser from 2023 on can.`; part("readout").className = "readout warning"; },
+  );
+})();

@@ -1,0 +1,79 @@
+"""Numbers and names as a reader of the report wants them, escaped for HTML."""
+
+from __future__ import annotations
+
+import html
+import math
+
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+MISSING = "–"
+
+
+def escaped(text: object) -> str:
+    """Return any text as HTML shows it literally."""
+    return html.escape(str(text), quote=True)
+
+
+def words(name: str) -> str:
+    """Return an identifier as escaped words."""
+    return escaped(name.replace("_", " "))
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Return a number with so many significant digits; a dash where there is none."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    if value == 0:
+        return "0"
+    exponent = math.floor(math.log10(abs(value)))
+    if -4 < exponent < 6:
+        text = f"{value:.{max(0, digits - 1 - exponent)}f}"
+        return (text.rstrip("0").rstrip(".") if "." in text else text).replace("-", "−")
+    mantissa, power = f"{value:.{digits - 1}e}".split("e")
+    return f"{mantissa.rstrip('0').rstrip('.')} × 10{str(int(power)).translate(SUPERSCRIPTS)}".replace("-", "−")
+
+
+def millimetres(metres: float | None) -> str:
+    """Return a length given in metres in millimetres with one decimal."""
+    return MISSING if metres is None or not math.isfinite(metres) else f"{1e3 * metres:.1f} mm"
+
+
+def tenths(value: float | None, unit: str = "mm") -> str:
+    """Return a number with one decimal and its unit, so that a column of them lines up."""
+    return MISSING if value is None or not math.isfinite(value) else f"{value:.1f} {unit}".replace("-", "−")
+
+
+def tenths_interval(ends: tuple[float, float] | None) -> str:
+    """Return an interval as `low to high` with one decimal, or nothing."""
+    if ends is None or not all(math.isfinite(end) for end in ends):
+        return ""
+    return f"{ends[0]:.1f} to {ends[1]:.1f}"
+
+
+def percent(share: float | None) -> str:
+    """Return a share of one as a percentage."""
+    return MISSING if share is None or not math.isfinite(share) else f"{100 * share:.0f} %".replace("-", "−")
+
+
+def interval(ends: tuple[float, float] | None, scale: float = 1.0, digits: int = 3) -> str:
+    """Return an interval as `low to high`, or nothing."""
+    if ends is None or not all(math.isfinite(end) for end in ends):
+        return ""
+    return f"{number(scale * ends[0], digits)} to {number(scale * ends[1], digits)}"
+
+
+def small(text: str) -> str:
+    """Return escaped text set small, or nothing."""
+    return f"<small>{text}</small>" if text else ""
+
+
+def unit_of(unit: str) -> str:
+    """Return a unit after a thin space; nothing for a pure number."""
+    return "" if unit in ("", "1") else f"&#8239;{escaped(unit)}"
+
+
+def probability(value: float | None) -> str:
+    """Return a p-value or probability; very small ones as a bound."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    return "&lt; 0.001" if value < 0.001 else f"{value:.3f}" if value < 0.1 else f"{value:.2f}"

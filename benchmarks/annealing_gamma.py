@@ -32,9 +32,7 @@ def smooth(candidates: Floats) -> Floats:
     """Return a made-up D [m], (candidates,), of parameters, (candidates, 6)."""
     shares = (candidates - BOX.minimum) / (BOX.maximum - BOX.minimum)
     apart = shares[:, 1:] - BEST
-    apart[:, [0, 3]] += 0.03 * (
-        candidates[:, :1] ** 0.5 - 1
-    )  # more mass is made up for by more stiffness and air
+    apart[:, [0, 3]] += 0.03 * (candidates[:, :1] ** 0.5 - 1)  # more mass is made up for by more stiffness and air
     bowl = np.sqrt(((COST * apart) ** 2).sum(1) + 1e-4) - 1e-2
     bumps = (
         0.004
@@ -54,9 +52,7 @@ def trap(candidates: Floats) -> Floats:
 STAND_INS: dict[str, Callable[[Floats], Floats]] = {"smooth": smooth, "trap": trap}
 
 
-def anneal(
-    distance: Callable[[Floats], Floats], settings: AnnealingSettings, seed: int, width: int = 16
-) -> Annealing:
+def anneal(distance: Callable[[Floats], Floats], settings: AnnealingSettings, seed: int, width: int = 16) -> Annealing:
     """Run one whole chain on a stand-in."""
     chain = Annealing(KINECT_SKIRT.initial, BOX, settings, np.random.default_rng(seed))
     while not chain.is_finished:
@@ -82,9 +78,7 @@ def row(distance: Callable[[Floats], Floats], settings: AnnealingSettings, seeds
 
 def main(seeds: int = 10) -> list[dict[str, float]]:
     """Print the table; return its rows."""
-    start = ", ".join(
-        f"{name} {1e3 * d(KINECT_SKIRT.initial[None])[0]:.0f} mm" for name, d in STAND_INS.items()
-    )
+    start = ", ".join(f"{name} {1e3 * d(KINECT_SKIRT.initial[None])[0]:.0f} mm" for name, d in STAND_INS.items())
     print(f"D at the paper's initial values: {start}; {seeds} seeds, 350 iterations")
     print(
         f"{'D':7} {'bounds':8} {'gamma':>7}  {'best D, median (quartiles)':26} {'last D':>7}"

@@ -13,7 +13,7 @@ The paper leaves five things open. We chose, and each can be set in `AnnealingSe
 
 - gamma is 1e5 per metre. T falls from 1000 to 5.9, so a step that is 10 mm worse passes with 1/e at the start
   and one that is 0.06 mm worse at the end. On two stand-ins for D (`benchmarks/annealing_gamma.py`, 30 seeds,
-  350 iterations) 1e1 to 1e3 wander to the end and end 8 to 16 mm worse; from 1e4 on one valley is
+  350 iterations) 1e1 to 1e3 keep wandering and end 8 to 16 mm worse; from 1e4 on one valley is
   found equally well, but 1e4 settles in the wrong one of two more often (median 48 mm against 38). Beyond 1e5
   nothing more is gained.
 - A proposal beyond a bound is reflected back. Early steps are 6 intervals wide, wider than most ranges:
@@ -46,9 +46,7 @@ from fit.search.speculation import Branch, grow
 
 Floats = NDArray[np.float64]
 
-MEMORY = (
-    64  # proposals from whose outcome the next acceptances are guessed; changes speed only, never the chain
-)
+MEMORY = 64  # proposals from whose outcome the next acceptances are guessed; changes speed only, never the chain
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -277,18 +275,14 @@ class Annealing:
     def _guess_acceptance(self, offset: int) -> float:
         """Probability that the iteration is accepted, from its own p2 and what recent proposals did."""
         draws, temperature = self._ahead(offset)
-        worst = (
-            -temperature / self.settings.gamma * math.log(max(draws[-1], 1e-300))
-        )  # largest rise that passes (5)
+        worst = -temperature / self.settings.gamma * math.log(max(draws[-1], 1e-300))  # largest rise that passes (5)
         passed = sum(change <= worst for change in self._changes)
         return (passed + 1.0) / (len(self._changes) + 2.0)
 
     def _start(self, distance: float) -> None:
         self.is_started = True
         self.current_distance = self.best_distance = distance
-        self.steps.append(
-            AnnealingStep(0, self.settings.start_temperature, distance, distance, distance, True)
-        )
+        self.steps.append(AnnealingStep(0, self.settings.start_temperature, distance, distance, distance, True))
 
     def _step(self, candidate: Floats, distance: float) -> bool:
         draws, temperature = self._ahead(0)
@@ -307,9 +301,7 @@ class Annealing:
         if distance < self.best_distance:
             self.best, self.best_distance = candidate.copy(), distance
         self.steps.append(
-            AnnealingStep(
-                self.iteration, temperature, distance, self.current_distance, self.best_distance, is_accepted
-            )
+            AnnealingStep(self.iteration, temperature, distance, self.current_distance, self.best_distance, is_accepted)
         )
         return is_accepted
 

@@ -38,9 +38,7 @@ class ParallelChains:
         starts = np.atleast_2d(starts)
         own = settings.shortened(max(1, settings.iterations // len(starts))) if is_split else settings
         streams = generator.spawn(len(starts))
-        self.chains = [
-            Annealing(start, box, own, stream) for start, stream in zip(starts, streams, strict=True)
-        ]
+        self.chains = [Annealing(start, box, own, stream) for start, stream in zip(starts, streams, strict=True)]
         self._asked: list[tuple[Annealing, int]] = []
 
     @property
@@ -87,9 +85,7 @@ class ParallelChains:
 
     def ask(self, width: int) -> Floats:
         """Return up to `width` candidates, (candidates, parameters): spare lanes go to those behind."""
-        waiting = sorted((c for c in self.chains if not c.is_finished), key=lambda chain: len(chain.steps))[
-            :width
-        ]
+        waiting = sorted((c for c in self.chains if not c.is_finished), key=lambda chain: len(chain.steps))[:width]
         self._asked, batch = [], []
         for place, chain in enumerate(waiting):
             share = width // len(waiting) + (place < width % len(waiting))

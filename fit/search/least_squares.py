@@ -80,9 +80,7 @@ class LeastSquaresSettings:
 
     width: int = 8
     max_iterations: int = 30
-    step: float = (
-        0.01  # finite difference, share of the box; wide enough to rise above single-precision motion
-    )
+    step: float = 0.01  # finite difference, share of the box; wide enough to rise above single-precision motion
     is_central: bool = False  # twice the simulations for columns without the first-order error
     huber: float | None = None  # k, in units of the residuals; None for plain squares
     damping: float = 1e-2  # first lambda
@@ -139,9 +137,7 @@ def minimise(
         FitError: the start lies outside the bounds.
         BlowUpError: the start itself has no finite residuals.
     """
-    return _Search(residuals, space, prior, settings or LeastSquaresSettings()).run(
-        np.asarray(start, dtype=float)
-    )
+    return _Search(residuals, space, prior, settings or LeastSquaresSettings()).run(np.asarray(start, dtype=float))
 
 
 class _Search:
@@ -150,23 +146,17 @@ class _Search:
     ) -> None:
         self.residuals, self.space, self.settings = residuals, space, settings
         count = len(space.minimum)
-        working_precision = (
-            np.zeros((count, count)) if prior is None else np.asarray(prior.precision, dtype=float)
-        )
+        working_precision = np.zeros((count, count)) if prior is None else np.asarray(prior.precision, dtype=float)
         self.working_precision = working_precision
         self.precision = working_precision * np.outer(space.scale, space.scale)
         mean = space.minimum if prior is None else prior.mean
-        self.mean = (
-            space.to_working(np.asarray(mean, dtype=float)) - space.to_working(space.minimum)
-        ) / space.scale
+        self.mean = (space.to_working(np.asarray(mean, dtype=float)) - space.to_working(space.minimum)) / space.scale
         self.simulations = self.batches = 0
 
     def run(self, start: Floats) -> LeastSquaresResult:
         settings = self.settings
         if not ((self.space.minimum <= start) & (start <= self.space.maximum)).all():
-            raise FitError(
-                "the start lies outside the bounds", where="least squares", advice="move it inside"
-            )
+            raise FitError("the start lies outside the bounds", where="least squares", advice="move it inside")
         u = self.space.to_unit(start)
         r = self._evaluate(u[None])[0]
         if not np.isfinite(r).all():
@@ -279,9 +269,7 @@ class _Search:
             damping *= 10.0 ** (3.0 if rungs > 1 else 1.0)
         return None
 
-    def _trial(
-        self, u: Floats, normal: Floats, slope: Floats, free: NDArray[np.bool_], damping: float
-    ) -> Floats:
+    def _trial(self, u: Floats, normal: Floats, slope: Floats, free: NDArray[np.bool_], damping: float) -> Floats:
         reduced = normal[np.ix_(free, free)]
         diagonal = np.diag(reduced)
         # A column without any effect would make the system singular; a little of the largest keeps it still.

@@ -69,8 +69,6 @@ def grow(
         if offset + 1 < depth:
             accepted = acceptance(offset)
             arrivals += 2
-            heapq.heappush(
-                waiting, (negative_reach * (1 - accepted), arrivals - 1, index, False, theta, offset + 1)
-            )
+            heapq.heappush(waiting, (negative_reach * (1 - accepted), arrivals - 1, index, False, theta, offset + 1))
             heapq.heappush(waiting, (negative_reach * accepted, arrivals, index, True, candidate, offset + 1))
     return nodes

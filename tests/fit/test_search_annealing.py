@@ -109,9 +109,7 @@ def test_every_candidate_stays_within_the_bounds():
 
 def test_reflection_folds_a_step_of_two_and_a_quarter_boxes_to_a_quarter():
     low, high = np.array([0.0]), np.array([1.0])
-    folded = [
-        bounds.reflect(np.array([x]), low, high)[0] for x in (0.25, -0.25, 1.25, 2.25, -3.75, 1e9 + 0.5)
-    ]
+    folded = [bounds.reflect(np.array([x]), low, high)[0] for x in (0.25, -0.25, 1.25, 2.25, -3.75, 1e9 + 0.5)]
     assert folded == pytest.approx([0.25, 0.25, 0.75, 0.25, 0.25, 0.5])
 
 
@@ -176,18 +174,14 @@ def test_distances_for_other_candidates_are_refused():
 
 
 def test_shortened_settings_reach_the_same_last_temperature():
-    assert AnnealingSettings().shortened(50).temperature(50) == pytest.approx(
-        AnnealingSettings().temperature(350)
-    )
+    assert AnnealingSettings().shortened(50).temperature(50) == pytest.approx(AnnealingSettings().temperature(350))
 
 
 @pytest.mark.parametrize(("is_split", "iterations"), [(False, 60), (True, 15)])
 def test_four_chains_share_batches_and_match_the_same_chains_alone(is_split, iterations):
     starts = np.tile(KINECT_SKIRT.initial, (4, 1))
     both = [
-        ParallelChains(
-            starts, BOX, AnnealingSettings(iterations=60), np.random.default_rng(8), is_split=is_split
-        )
+        ParallelChains(starts, BOX, AnnealingSettings(iterations=60), np.random.default_rng(8), is_split=is_split)
         for _ in range(2)
     ]
     run(both[0], 16)
@@ -216,10 +210,7 @@ def test_chains_take_turns_when_there_are_fewer_lanes_than_chains():
 
 
 def test_gamma_table_still_runs_and_the_default_beats_a_hundredth_of_it():
-    rows = {
-        gamma: annealing_gamma.row(annealing_gamma.trap, AnnealingSettings(gamma=gamma), 4)
-        for gamma in (1e3, 1e5)
-    }
+    rows = {gamma: annealing_gamma.row(annealing_gamma.trap, AnnealingSettings(gamma=gamma), 4) for gamma in (1e3, 1e5)}
     assert rows[1e5]["best"] < rows[1e3]["best"] - 3.0  # mm; 49 and 38 with 30 seeds
     assert rows[1e5]["last_third"] < 0.1 < rows[1e3]["last_third"]
 

@@ -47,9 +47,7 @@ def test_no_batch_is_wider_than_asked_and_all_simulations_are_counted():
         sizes.append(len(candidates))
         return rosenbrock(candidates)
 
-    found = minimise(
-        counted, np.array([-1.2, 1.0]), box([-3, -3], [3, 3]), settings=LeastSquaresSettings(width=4)
-    )
+    found = minimise(counted, np.array([-1.2, 1.0]), box([-3, -3], [3, 3]), settings=LeastSquaresSettings(width=4))
     assert max(sizes) <= 4
     assert (found.simulations, found.batches) == (sum(sizes), len(sizes))
 

@@ -1,12 +1,12 @@
 """Every error that a user of Hangtime can act on.
 
-    HangtimeError                 says what, where, and what to do next; the command line exits with 2
-      +-- DescriptionError        a rig or garment file that does not hold
-      +-- TakeError               a take that is missing, damaged or not a take
-      +-- ResultError             a fit result or diagnosis that does not match its schema
-      +-- firmware_host.errors.*  the sensor
-      +-- capture.errors.*        tracking and recording
-      +-- fit.errors.*            fitting and diagnosis
+HangtimeError                 says what, where, and what to do next; the command line exits with 2
+  +-- DescriptionError        a rig or garment file that does not hold
+  +-- TakeError               a take that is missing, damaged or not a take
+  +-- ResultError             a fit result or diagnosis that does not match its schema
+  +-- firmware_host.errors.*  the sensor
+  +-- capture.errors.*        tracking and recording
+  +-- fit.errors.*            fitting and diagnosis
 """
 
 from __future__ import annotations

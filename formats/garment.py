@@ -29,3 +29,20 @@ class Garment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     held: Literal["edge", "corners"]
     points: tuple[TrackedPoint, ...]
     layers: int = 1
+
+    @property
+    def area_m2(self) -> float:
+        """Area of the flat outline [m^2] (shoelace formula)."""
+        corners = (*self.outline_m, self.outline_m[0]) if self.outline_m else ()
+        doubled = sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(corners, corners[1:], strict=False))
+        return abs(doubled) / 2
+
+    @property
+    def areal_density(self) -> float:
+        """Mass per area [kg/m^2], all layers together."""
+        return self.mass_kg / self.area_m2
+
+    @property
+    def point_names(self) -> tuple[str, ...]:
+        """Names of the tracked points, in order."""
+        return tuple(point.name for point in self.points)

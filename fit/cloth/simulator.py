@@ -27,6 +27,7 @@ SAFETY = 0.7  # of the linear limit: stretched and folded cloth is a little stif
 COARSEST_STEP = 1e-3  # s: swings, pulls and samples stay well resolved even for soft cloth
 TARGET_SPACING = 5e-3  # s between the observer's targets; linear between them
 SETTLE_TIME = 2.0  # s that the cloth hangs at the first hanger pose before the take begins
+WIDE_LANES, NARROW_LANES = 8, 4  # candidates side by side; few candidates go narrow so that every thread has some
 SETTLE_DAMPING = 6.0  # 1/s during that time
 
 
@@ -63,16 +64,15 @@ class Simulator:
         effects: tuple[Effect, ...] = (),
         *,
         resolution: Resolution | None = None,
-        lanes: int = 8,
     ) -> None:
         runtime.start()
         from fit.cloth.rollout import make_rollout
 
-        self.recording, self.effects, self.lanes = recording, effects, lanes
+        self.recording, self.effects = recording, effects
         self.resolution = resolution or Resolution()
         self.mesh: ClothMesh = build_mesh(recording.garment, self.resolution.spacing)
         self.simulations = 0
-        self._kernel = make_rollout(lanes, tuple(e.face_force for e in effects))
+        self._make_rollout = make_rollout
         self._frequencies = _unit_frequencies(self.mesh)
         self._targets: dict[int, tuple[Floats, Floats, int]] = {}
         self._threads = runtime.available_threads()
@@ -100,10 +100,11 @@ class Simulator:
         halvings = self._halvings(materials, amplitudes)
         for level in np.unique(halvings):
             members = np.flatnonzero(halvings == level)
-            width = self.lanes * self._threads
+            lanes = WIDE_LANES if len(members) > NARROW_LANES * self._threads else NARROW_LANES
+            width = lanes * self._threads
             for start in range(0, len(members), width):
                 chosen = members[start : start + width]
-                self._run_group(chosen, int(level), materials, amplitudes, observer_hz, seen, kept)
+                self._run_group(chosen, lanes, int(level), materials, amplitudes, observer_hz, seen, kept)
         self.simulations += count
         blown = ~(np.abs(seen).max((1, 2, 3)) < 100.0)  # metres: far outside any room
         seen[blown] = np.nan
@@ -142,10 +143,10 @@ class Simulator:
         return self._targets[halvings]
 
     def _run_group(
-        self, chosen: NDArray[np.int64], halvings: int, materials: Floats, amplitudes: Floats,
+        self, chosen: NDArray[np.int64], lanes: int, halvings: int, materials: Floats, amplitudes: Floats,
         observer_hz: float, seen: Floats, kept: NDArray[np.float32] | None,
     ) -> None:  # fmt: skip
-        recording, mesh, lanes = self.recording, self.mesh, self.lanes
+        recording, mesh = self.recording, self.mesh
         dt = self.step(halvings)
         groups = -(-len(chosen) // lanes)
         padded = np.concatenate([chosen, np.repeat(chosen[-1:], groups * lanes - len(chosen))])
@@ -166,7 +167,8 @@ class Simulator:
         out = np.zeros((groups, frames, points, 3, lanes), np.float32)
         whole = np.zeros((groups, frames if kept is not None else 1, nodes, 3, lanes), np.float32)
         single = lambda a: np.ascontiguousarray(a, np.float32)  # noqa: E731
-        self._kernel(
+        kernel = self._make_rollout(lanes, tuple(e.face_force for e in self.effects))
+        kernel(
             *state, np.zeros((groups, points, 3, lanes), np.float32),
             mesh.triangles, single(mesh.inverse), single(mesh.area),
             mesh.bends, single(mesh.bend_weights),

@@ -79,7 +79,7 @@ def convergence_gate(fits: list[Fitted]) -> Gate:
 def numerics_gate(closed: float | None) -> Gate:
     """Does a finer mesh and step explain the gap? It is judged like an effect: by its closure on the same motion."""
     share = max(closed or 0.0, 0.0)
-    sentence = f"A mesh {REFINEMENT:g} times finer at half the step, refitted, removes {100 * share:.0f} % of the gap."
+    sentence = f"A mesh {REFINEMENT:g} times finer with its smaller step, refitted, removes {100 * share:.0f} % of the gap."
     if closed is None:
         sentence = "There is hardly a gap that a finer mesh could explain."
     return Gate(
@@ -94,4 +94,4 @@ def numerics_gate(closed: float | None) -> Gate:
 
 def finer(resolution: Resolution) -> Resolution:
     """Return the resolution that the mesh gate compares with."""
-    return Resolution(spacing=resolution.spacing / REFINEMENT, step_share=0.5 * resolution.step_share)
+    return Resolution(spacing=resolution.spacing / REFINEMENT, step_share=resolution.step_share)

@@ -1,0 +1,374 @@
+"""Take archives: one recording in one MCAP file that survives a power cut and a flipped bit. See `formats/SPEC.md`."""
+
+from __future__ import annotations
+
+import io
+import os
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import msgpack
+import msgspec
+import numpy as np
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Chunk, Message
+from mcap.stream_reader import breakup_chunk
+from mcap.writer import CompressionType, IndexType, Writer
+from numpy.typing import NDArray
+
+from formats.columns import pack, pack_flags, unpack, unpack_flags
+from formats.descriptions import check_garment, check_rig
+from formats.errors import DescriptionError, TakeError
+from formats.garment import Garment
+from formats.rig import Rig
+from formats.take import Take
+
+Floats = NDArray[np.float64]
+
+VERSION = 1
+PROFILE = f"hangtime-take/{VERSION}"
+MAGIC = b"\x89MCAP0\r\n"
+POSITION_STEP = 1e-4  # m: a twentieth of the best depth sensor's noise
+TIME_STEP = 1e-6  # s
+BLOCK_SECONDS = 1.0  # lost at most in a power cut
+HEADER_EVERY = 30  # blocks: the header is repeated, and once more at the end, so that no flipped bit loses the take
+HEADER, BLOCK, END = "/header", "/block", "/end"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """One frame's measurements in the sensor frame; NaN and False where something was not seen.
+
+    time [s]; markers, held [m], (2, 3); points [m], (points, 3); deviations per axis [m], same shapes;
+    state: bits of `formats.take.FrameState`
+    """
+
+    time: float
+    markers: Floats
+    held: Floats
+    held_valid: NDArray[np.bool_]
+    held_sd: Floats
+    points: Floats
+    points_valid: NDArray[np.bool_]
+    points_sd: Floats
+    state: int = 0
+
+
+class TakeWriter:
+    """Write a take frame by frame; `finish` gives the file its name, until then it is `NAME.partial`.
+
+    As a context manager it finishes on leaving, and keeps the partial file when an exception passes.
+    """
+
+    def __init__(
+        self, path: Path, *, take_id: str, created: str, rig: Rig, garment: Garment, source: str = "",
+        notes: dict[str, str] | None = None,
+    ) -> None:  # fmt: skip
+        check_rig(rig, take_id)
+        check_garment(garment, take_id)
+        self.path, self.partial = path, path.with_name(path.name + ".partial")
+        self._points = len(garment.points)
+        self._header = {
+            "format": PROFILE, "take_id": take_id, "created": created, "rig": msgspec.to_builtins(rig),
+            "garment": msgspec.to_builtins(garment), "source": source, "notes": notes or {},
+        }  # fmt: skip
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._file = self.partial.open("wb")
+        self._mcap = Writer(
+            self._file, chunk_size=1, compression=CompressionType.ZSTD, index_types=IndexType.CHUNK,
+            use_statistics=True, use_summary_offsets=False, enable_data_crcs=False,
+        )  # fmt: skip
+        self._mcap.start(profile=PROFILE, library="hangtime")
+        schema = self._mcap.register_schema("hangtime", "", b"")
+        self._channels = {t: self._mcap.register_channel(t, "msgpack", schema) for t in (HEADER, BLOCK, END)}
+        self._frames: list[Frame] = []
+        self._count = self._blocks = 0
+        self._last_time = -np.inf
+        self._write(HEADER, self._header)
+
+    def append(self, frame: Frame) -> None:
+        """Add a frame.
+
+        Raises:
+            TakeError: time does not increase, a valid value is not finite, or a shape is wrong.
+        """
+        where = f"{self._header['take_id']}, frame {self._count + len(self._frames)}"
+        if not frame.time > self._last_time:
+            raise TakeError(
+                f"time goes from {self._last_time:.6f} s to {frame.time:.6f} s", where=where,
+                advice="frames must come in the order of their time stamps",
+            )  # fmt: skip
+        if frame.points.shape != (self._points, 3) or frame.points_valid.shape != (self._points,):
+            raise TakeError(f"points have shape {frame.points.shape}, not {(self._points, 3)}", where=where)
+        for name, values, valid in (
+            ("point", frame.points, frame.points_valid),
+            ("held end", frame.held, frame.held_valid),
+        ):
+            bad = valid & ~np.isfinite(values).all(-1)
+            if bad.any():
+                raise TakeError(f"{name} {int(np.argmax(bad))} is marked valid but is not a number", where=where)
+        self._last_time = frame.time
+        self._frames.append(frame)
+        if frame.time - self._frames[0].time >= BLOCK_SECONDS:
+            self._flush()
+
+    def finish(self) -> Path:
+        """Write what is left, make it durable, and give the file its final name."""
+        self._flush()
+        self._write(HEADER, self._header)
+        self._write(END, {"frames": self._count, "blocks": self._blocks})
+        self._mcap.finish()
+        self._sync()
+        self._file.close()
+        self.partial.replace(self.path)
+        folder = os.open(self.path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+        return self.path
+
+    def discard(self) -> None:
+        """Remove what was written."""
+        self._file.close()
+        self.partial.unlink(missing_ok=True)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self.finish()
+        elif not self._file.closed:
+            self._flush()
+            self._sync()
+            self._file.close()
+
+    def _flush(self) -> None:
+        if not self._frames:
+            return
+        if self._blocks and self._blocks % HEADER_EVERY == 0:
+            self._write(HEADER, self._header)
+        self._write(BLOCK, _encode_block(self._frames, self._count))
+        self._count += len(self._frames)
+        self._blocks += 1
+        self._frames = []
+        self._sync()
+
+    def _write(self, topic: str, content: dict[str, Any]) -> None:
+        stamp = max(int(1e9 * self._last_time), 0) if np.isfinite(self._last_time) else 0
+        self._mcap.add_message(self._channels[topic], stamp, msgpack.packb(content), stamp)
+
+    def _sync(self) -> None:
+        self._file.flush()
+        os.fsync(self._file.fileno())
+
+
+def _encode_block(frames: list[Frame], first: int) -> dict[str, Any]:
+    stack = {
+        name: np.stack([getattr(f, name) for f in frames])
+        for name in ("markers", "held", "held_valid", "held_sd", "points", "points_valid", "points_sd")
+    }
+    return {
+        "first": first,
+        "frames": len(frames),
+        "time": pack(np.array([[f.time] for f in frames]), TIME_STEP),
+        "state": np.array([f.state for f in frames], "<u2").tobytes(),
+        "markers_valid": pack_flags(np.isfinite(stack["markers"]).all(-1)),
+        **{name: pack(stack[name], POSITION_STEP) for name in ("markers", "held", "held_sd", "points", "points_sd")},
+        **{name: pack_flags(stack[name]) for name in ("held_valid", "points_valid")},
+    }
+
+
+def _decode_block(block: dict[str, Any], points: int) -> dict[str, NDArray[Any]]:
+    n = block["frames"]
+    decoded: dict[str, NDArray[Any]] = {
+        "time": unpack(block["time"], (n,), TIME_STEP),
+        "state": np.frombuffer(block["state"], "<u2").astype(np.uint16),
+        "markers": unpack(block["markers"], (n, 2, 3), POSITION_STEP),
+        "held": unpack(block["held"], (n, 2, 3), POSITION_STEP),
+        "held_sd": unpack(block["held_sd"], (n, 2, 3), POSITION_STEP),
+        "points": unpack(block["points"], (n, points, 3), POSITION_STEP),
+        "points_sd": unpack(block["points_sd"], (n, points, 3), POSITION_STEP),
+        "held_valid": unpack_flags(block["held_valid"], (n, 2)),
+        "points_valid": unpack_flags(block["points_valid"], (n, points)),
+    }
+    markers_valid = unpack_flags(block["markers_valid"], (n, 2))
+    for name, valid in (
+        ("markers", markers_valid), ("held", decoded["held_valid"]), ("points", decoded["points_valid"]),
+    ):  # fmt: skip
+        decoded[name][~valid] = np.nan
+    return decoded
+
+
+@dataclass(frozen=True, kw_only=True)
+class TakeReport:
+    """What `verify_take` found."""
+
+    frames: int
+    blocks: int
+    damaged_blocks: int
+    is_complete: bool
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether the take is finished and nothing is damaged."""
+        return self.is_complete and self.damaged_blocks == 0
+
+
+def read_take(path: Path) -> Take:
+    """Read a take; of a damaged or cut-off file, what survives (`is_complete` says so).
+
+    Raises:
+        TakeError: the file is missing, not a take, of a newer version, or holds no frame.
+    """
+    return _read(path)[0]
+
+
+def verify_take(path: Path) -> TakeReport:
+    """Read a take and say how much of it is sound.
+
+    Raises:
+        TakeError: as `read_take`.
+    """
+    return _read(path)[1]
+
+
+def _read(path: Path) -> tuple[Take, TakeReport]:
+    header: dict[str, Any] | None = None
+    end: dict[str, Any] | None = None
+    blocks: dict[int, dict[str, Any]] = {}
+    damaged = 0
+    for content in _messages(path):
+        if content is None:
+            damaged += 1
+        elif "format" in content:
+            header = content
+        elif "first" in content:
+            blocks[content["first"]] = content
+        elif "blocks" in content:
+            end = content
+    if header is None:
+        raise TakeError(
+            "holds no readable header", where=path, advice="it is not a take archive, or its beginning is destroyed"
+        )
+    rig, garment = _described(header, path)
+    points = len(garment.points)
+    decoded = []
+    for first in sorted(blocks):
+        try:
+            decoded.append(_decode_block(blocks[first], points))
+        except (ValueError, KeyError, TypeError):
+            damaged += 1
+    if not decoded:
+        raise TakeError("holds no frame", where=path, advice="the recording ended before its first second")
+    joined = {name: np.concatenate([d[name] for d in decoded]) for name in decoded[0]}
+    keep = np.concatenate([[True], np.diff(np.maximum.accumulate(joined["time"])) > 0])
+    joined = {name: values[keep] for name, values in joined.items()}
+    expected = end["blocks"] if end else None
+    is_complete = end is not None and len(decoded) == expected
+    if expected is not None:
+        damaged = max(damaged, expected - len(decoded))
+    take = Take(
+        take_id=header["take_id"], created=header["created"], rig=rig, garment=garment,
+        source=header["source"], notes=header["notes"], is_complete=is_complete, **joined,
+    )  # fmt: skip
+    return take, TakeReport(
+        frames=len(take.time), blocks=len(decoded), damaged_blocks=damaged, is_complete=end is not None
+    )
+
+
+def _described(header: dict[str, Any], path: Path) -> tuple[Rig, Garment]:
+    name, _, version = str(header["format"]).partition("/")
+    if name != "hangtime-take":
+        raise TakeError(f"is a {header['format']!r}, not a take", where=path, advice="give a take archive")
+    if not version.isdigit() or int(version) > VERSION:
+        raise TakeError(f"is of format version {version}; this Hangtime reads up to {VERSION}", where=path,
+                        advice="update Hangtime")  # fmt: skip
+    try:
+        rig, garment = msgspec.convert(header["rig"], Rig), msgspec.convert(header["garment"], Garment)
+        check_rig(rig, path)
+        check_garment(garment, path)
+    except (msgspec.ValidationError, DescriptionError) as error:
+        raise TakeError(f"its rig or garment does not hold: {error}", where=path, advice="record it again") from error
+    return rig, garment
+
+
+def _messages(path: Path) -> Iterator[dict[str, Any] | None]:
+    """Yield the content of every message, None for a damaged chunk; look for the next chunk after damage."""
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise TakeError(f"cannot be read ({error.strerror})", where=path, advice="check the path") from error
+    if not raw:
+        raise TakeError("is empty", where=path, advice="give a take archive")
+    if not raw.startswith(MAGIC) and MAGIC[:5] != raw[:5] and b"hangtime-take" not in raw[:200]:
+        raise TakeError(
+            "is not a take archive", where=path, advice="give a file that `hangtime record` or `import` wrote"
+        )
+    at = len(MAGIC)
+    was_sound = True
+    while at + 9 <= len(raw):
+        opcode, length = raw[at], struct.unpack_from("<Q", raw, at + 1)[0]
+        if opcode == Opcode.DATA_END:
+            return
+        is_whole = at + 9 + length <= len(raw)
+        found = _chunk_content(raw[at + 9 : at + 9 + length]) if opcode == Opcode.CHUNK and is_whole else None
+        if found is not None:
+            yield from found
+            was_sound = True
+            at += 9 + length
+        elif opcode in (Opcode.HEADER, Opcode.MESSAGE_INDEX) and is_whole and length < 4096:
+            at += 9 + length
+        else:
+            if was_sound and is_whole:
+                yield None
+            was_sound = False
+            at = raw.find(bytes([Opcode.CHUNK]), at + 1)
+            if at < 0:
+                return
+
+
+def _chunk_content(record: bytes) -> list[dict[str, Any]] | None:
+    """Content of the messages of a chunk record, or None if it is damaged."""
+    try:
+        chunk = Chunk.read(ReadDataStream(io.BytesIO(record)))
+        if not 0 < chunk.uncompressed_size < 1 << 28:
+            return None
+        return [
+            msgpack.unpackb(m.data) for m in breakup_chunk(chunk, validate_crc=True) if isinstance(m, Message)
+        ]  # fmt: skip
+    except Exception:  # damaged bytes can fail anywhere in zstd, MCAP and msgpack
+        return None
+
+
+def write_take(path: Path, take: Take) -> Path:
+    """Write a whole take at once.
+
+    Raises:
+        TakeError: as `TakeWriter.append`.
+    """
+    writer = TakeWriter(
+        path, take_id=take.take_id, created=take.created, rig=take.rig, garment=take.garment, source=take.source,
+        notes=take.notes,
+    )  # fmt: skip
+    try:
+        for k, time in enumerate(take.time):
+            writer.append(
+                Frame(
+                    time=float(time), markers=take.markers[k], held=take.held[k], held_valid=take.held_valid[k],
+                    held_sd=take.held_sd[k], points=take.points[k], points_valid=take.points_valid[k],
+                    points_sd=take.points_sd[k], state=int(take.state[k]),
+                )
+            )  # fmt: skip
+    except TakeError:
+        writer.discard()
+        raise
+    return writer.finish()

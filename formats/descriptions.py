@@ -1,0 +1,187 @@
+"""Reading and writing of rig and garment descriptions (TOML); every error names the file and the field."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+import numpy as np
+
+from formats.errors import DescriptionError
+from formats.garment import Garment
+from formats.rig import Rig
+
+Description = TypeVar("Description", Garment, Rig)
+
+HEAVIEST = 50.0  # kg
+ON_OUTLINE = 2e-3  # m by which a tracked point may lie outside the outline
+
+
+def load_garment(path: Path) -> Garment:
+    """Read a garment description.
+
+    Raises:
+        DescriptionError: the file is missing, malformed or impossible; names the field.
+    """
+    garment = _load(path, Garment)
+    check_garment(garment, path)
+    return garment
+
+
+def load_rig(path: Path) -> Rig:
+    """Read a rig description.
+
+    Raises:
+        DescriptionError: the file is missing, malformed or impossible; names the field.
+    """
+    rig = _load(path, Rig)
+    check_rig(rig, path)
+    return rig
+
+
+def dump_description(description: Garment | Rig) -> str:
+    """Return the TOML text of a rig or garment."""
+    plain = {k: v for k, v in msgspec.to_builtins(description).items() if v is not None}
+    lines, tables = [], []
+    for key, value in plain.items():
+        if isinstance(value, dict):
+            tables.append(f"\n[{key}]\n" + "".join(f"{k} = {_toml(v)}\n" for k, v in value.items()))
+        elif key == "points":
+            for point in value:
+                tables.append("\n[[points]]\n" + "".join(f"{k} = {_toml(v)}\n" for k, v in point.items()))
+        else:
+            lines.append(f"{key} = {_toml(value)}\n")
+    return "".join(lines) + "".join(tables)
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, str):
+        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_toml(v) for v in value) + "]"
+    return repr(value)
+
+
+def _load(path: Path, kind: type[Description]) -> Description:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not a text file"
+        raise DescriptionError(f"cannot be read ({reason})", where=path, advice="check the path") from error
+    try:
+        plain = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise DescriptionError(f"is not valid TOML: {error}", where=path, advice="mend that line") from error
+    try:
+        return msgspec.convert(plain, kind)
+    except msgspec.ValidationError as error:
+        raise DescriptionError(
+            _named(str(error), plain, kind), where=path, advice="see docs/file-formats.md"
+        ) from error
+
+
+def _named(message: str, plain: dict[str, Any], kind: type[Garment] | type[Rig]) -> str:
+    """Put the field before msgspec's message, and name the closest known field for an unknown one."""
+    unknown = re.search(r"unknown field `(.+?)`", message)
+    place = re.search(r" - at `\$\.?(.*?)`", message)
+    field = place.group(1) if place else ""
+    words = re.sub(r" - at `.*?`", "", message)
+    if unknown:
+        known = [f.name for f in msgspec.structs.fields(kind)] + ["name", "at_m", "dictionary", "ids", "held_m"]
+        close = difflib.get_close_matches(unknown.group(1), known, 1)
+        hint = f"; did you mean `{close[0]}`?" if close else ""
+        return f"unknown field `{unknown.group(1)}`{' in ' + field if field else ''}{hint}"
+    return f"{field}: {words}" if field else words
+
+
+def check_garment(garment: Garment, where: object) -> None:
+    """Check what a type cannot say.
+
+    Raises:
+        DescriptionError: an impossible garment; names the field.
+    """
+
+    def refuse(what: str) -> None:
+        raise DescriptionError(what, where=where, advice="see docs/file-formats.md")
+
+    if not 0 < garment.mass_kg < HEAVIEST:
+        refuse(f"mass_kg must be above 0 and below {HEAVIEST:g} (got {garment.mass_kg:g})")
+    if garment.layers < 1:
+        refuse(f"layers must be 1 or more (got {garment.layers})")
+    outline = np.array(garment.outline_m, float)
+    if len(outline) < 3:
+        refuse(f"outline_m needs 3 corners or more (got {len(outline)})")
+    if not np.isfinite(outline).all():
+        refuse("outline_m has a number that is not finite")
+    if garment.area_m2 < 1e-4:
+        refuse(f"outline_m encloses hardly any area ({garment.area_m2:.2g} m2)")
+    if _crosses_itself(outline):
+        refuse("outline_m crosses itself: list the corners in order, from the top left clockwise")
+    names = garment.point_names
+    for name in names:
+        if names.count(name) > 1:
+            refuse(f"points: the name {name!r} is used twice")
+    for point in garment.points:
+        if _distance_outside(np.array(point.at_m), outline) > ON_OUTLINE:
+            refuse(f"points: {point.name!r} lies outside the outline")
+
+
+def _crosses_itself(outline: np.ndarray[Any, Any]) -> bool:
+    count = len(outline)
+
+    def side(a: Any, b: Any, c: Any) -> float:
+        return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+    for i in range(count):
+        a, b = outline[i], outline[(i + 1) % count]
+        for j in range(i + 2, count):
+            if (j + 1) % count == i:
+                continue
+            c, d = outline[j], outline[(j + 1) % count]
+            if side(a, b, c) * side(a, b, d) < 0 and side(c, d, a) * side(c, d, b) < 0:
+                return True
+    return False
+
+
+def _distance_outside(place: np.ndarray[Any, Any], outline: np.ndarray[Any, Any]) -> float:
+    """How far a place lies outside a polygon [m]; 0 inside."""
+    ends = np.roll(outline, -1, axis=0)
+    along = ends - outline
+    share = np.clip(((place - outline) * along).sum(1) / np.maximum((along**2).sum(1), 1e-18), 0, 1)
+    nearest = float(np.linalg.norm(outline + share[:, None] * along - place, axis=1).min())
+    above = (outline[:, 1] > place[1]) != (ends[:, 1] > place[1])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = outline[:, 0] + (place[1] - outline[:, 1]) / (ends[:, 1] - outline[:, 1]) * along[:, 0]
+    is_inside = bool(np.count_nonzero(above & (place[0] < crossing)) % 2)
+    return 0.0 if is_inside else nearest
+
+
+def check_rig(rig: Rig, where: object) -> None:
+    """Check what a type cannot say.
+
+    Raises:
+        DescriptionError: an impossible rig; names the field.
+    """
+
+    def refuse(what: str) -> None:
+        raise DescriptionError(what, where=where, advice="see docs/file-formats.md")
+
+    length = float(np.linalg.norm(rig.gravity))
+    if not abs(length - 1) < 0.01:
+        refuse(f"gravity must be a unit vector (its length is {length:.3g})")
+    if rig.sensor is not None:
+        for name in ("width", "height", "fx", "fy"):
+            if not getattr(rig.sensor, name) > 0:
+                refuse(f"sensor.{name} must be above 0 (got {getattr(rig.sensor, name):g})")
+    if rig.hanger is not None:
+        hanger = rig.hanger
+        if hanger.ids[0] == hanger.ids[1]:
+            refuse(f"hanger.ids must differ (both are {hanger.ids[0]})")
+        if not 0 < hanger.marker_size_m < hanger.marker_distance_m:
+            refuse("hanger.marker_size_m must be above 0 and below hanger.marker_distance_m")
+        if not np.linalg.norm(np.subtract(*hanger.held_m)) > 0.01:
+            refuse("hanger.held_m: the two ends of the held edge are at the same place")

@@ -1,0 +1,37 @@
+"""From marker centres to the held ends of the cloth: the hanger's frame.
+
+    x = (m1 - m0) / |m1 - m0|,   y = (g - (g . x) x) / |...|,   z = x × y,   held_k = (m0 + m1) / 2 + R [x y z] h_k
+
+with gravity's direction g. Two markers do not show how far the hanger pitches about its bar; it is taken to hang.
+Source: Gram-Schmidt; the definition is that of `formats.rig.Hanger`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formats.errors import DescriptionError
+from formats.rig import Rig
+
+Floats = NDArray[np.float64]
+
+
+def held_ends(markers: Floats, rig: Rig) -> Floats:
+    """Return the ends of the held edge [m], (..., 2, 3), from marker centres [m], (..., 2, 3); NaN in, NaN out.
+
+    Raises:
+        DescriptionError: the rig has no hanger.
+    """
+    if rig.hanger is None:
+        raise DescriptionError("the rig has no [hanger]", where=rig.name, advice="add one, see docs/file-formats.md")
+    left, right = markers[..., 0, :], markers[..., 1, :]
+    x = right - left
+    x = x / np.linalg.norm(x, axis=-1, keepdims=True)
+    gravity = np.asarray(rig.gravity, float)
+    y = gravity - (x @ gravity)[..., None] * x
+    y = y / np.linalg.norm(y, axis=-1, keepdims=True)
+    frame = np.stack([x, y, np.cross(x, y)], -1)
+    offsets = np.asarray(rig.hanger.held_m, float)
+    middle = 0.5 * (left + right)
+    return np.asarray(middle[..., None, :] + np.einsum("...ij,kj->...ki", frame, offsets))

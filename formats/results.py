@@ -1,0 +1,283 @@
+"""Fit results and diagnoses: JSON files with published schemas, validated when written and when read."""
+
+from __future__ import annotations
+
+import math
+import os
+import tempfile
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+import msgspec
+
+from formats.errors import ResultError
+
+Interval = tuple[float, float]
+
+
+class FitParameter(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One fitted parameter, its bounds and its 90 % interval."""
+
+    name: str
+    unit: str
+    initial: float
+    fitted: float
+    minimum: float
+    maximum: float
+    interval_low: float | None = None
+    interval_high: float | None = None
+    is_identified: bool | None = None
+    note: str = ""
+
+
+class ErrorFigure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Distance of the tracked points [m], averaged over the points of each frame."""
+
+    mean_m: float
+    max_m: float
+    per_frame_m: list[float]
+    time_s: list[float]
+
+
+class FitError(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Errors before (initial parameters) and after the fit."""
+
+    train_before: ErrorFigure
+    train_after: ErrorFigure
+    held_out_before: ErrorFigure | None = None
+    held_out_after: ErrorFigure | None = None
+
+
+class FitResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What a fit found."""
+
+    format: Literal["hangtime-fit/1"]
+    created: str
+    take_ids: list[str]
+    held_out_ids: list[str]
+    method: str
+    search: str
+    seed: int
+    parameters: list[FitParameter]
+    error: FitError
+    effects: dict[str, float]
+    history: list[float]
+    simulations: int
+    seconds: float
+    notes: list[str]
+
+
+class Figure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A figure and its 90 % interval."""
+
+    value: float
+    interval: Interval | None = None
+
+
+class Gap(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Root mean square error [mm] of the base model, with the named effect, and of the sensor's noise alone."""
+
+    base_mm: Figure
+    floor_mm: Figure
+    with_effect_mm: Figure | None = None
+    closure: Figure | None = None
+    is_held_out: bool = False
+
+
+class EffectFinding(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What was found about one effect of the library."""
+
+    id: str
+    group: str
+    tested: bool
+    amplitude: float
+    unit: str
+    probability: float | None = None
+    amplitude_interval: Interval | None = None
+    closure: Figure | None = None
+    p_value: float | None = None
+    minimum_detectable: float | None = None
+    explained: float | None = None
+    absorbed: float | None = None
+    note: str = ""
+
+
+class WhereBin(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One place, phase, frequency band or direction and its share of the squared error."""
+
+    name: str
+    value_mm: float
+    share: float
+
+
+class VertexResidual(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Root mean square residual at one place of the flat garment."""
+
+    at_m: tuple[float, float]
+    value_mm: float
+
+
+class Where(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where the gap lies, split four ways."""
+
+    space: list[WhereBin]
+    vertices: list[VertexResidual]
+    time: list[WhereBin]
+    frequency: list[WhereBin]
+    term: list[WhereBin]
+
+
+class MissingForce(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the force looks like that the base model lacks."""
+
+    normal_share: float
+    odd_share: float
+    even_share: float
+    amplitude_exponent: float | None
+    spatial_share: dict[str, float]
+    sentence: str
+
+
+class NextExperiment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The recording that would settle most."""
+
+    id: str
+    motion: str
+    separates: list[str]
+    sentence: str
+    sigmas_next: float | None = None
+    sigmas_now: float | None = None
+
+
+class Gate(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A condition that must hold before anything is diagnosed."""
+
+    name: str
+    passed: bool
+    figure: float | None
+    limit: float | None
+    unit: str
+    sentence: str
+
+
+class Cost(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the diagnosis cost."""
+
+    simulations: int
+    seconds: float
+
+
+Verdict = Literal["none", "effect", "ambiguous", "several", "unknown", "numerics", "inconclusive"]
+
+
+class Diagnosis(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The sim-to-real gap of some takes: how large, where, why, and what would help."""
+
+    format: Literal["hangtime-diagnosis/1"]
+    created: str
+    take_ids: list[str]
+    held_out_ids: list[str]
+    verdict: Verdict
+    sentence: str
+    named: list[str]
+    gap: Gap
+    effects: list[EffectFinding]
+    where: Where
+    missing_force: MissingForce | None
+    next_experiment: NextExperiment | None
+    gates: list[Gate]
+    cost: Cost
+    base_parameters: list[FitParameter]
+    notes: list[str]
+
+
+Result = TypeVar("Result", FitResult, Diagnosis)
+
+SCHEMAS = {"fit-result.json": FitResult, "diagnosis.json": Diagnosis}
+
+
+def schema_of(record: type[FitResult] | type[Diagnosis]) -> dict[str, Any]:
+    """Return the JSON Schema (2020-12) of a result file."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **msgspec.json.schema(record)}
+
+
+def save_fit_result(path: Path, result: FitResult) -> None:
+    """Write a fit result; the file appears whole or not at all."""
+    _save(path, result)
+
+
+def load_fit_result(path: Path) -> FitResult:
+    """Read a fit result.
+
+    Raises:
+        ResultError: the file is missing or does not match the schema.
+    """
+    return _load(path, FitResult)
+
+
+def save_diagnosis(path: Path, diagnosis: Diagnosis) -> None:
+    """Write a diagnosis; the file appears whole or not at all."""
+    _save(path, diagnosis)
+
+
+def load_diagnosis(path: Path) -> Diagnosis:
+    """Read a diagnosis.
+
+    Raises:
+        ResultError: the file is missing or does not match the schema.
+    """
+    return _load(path, Diagnosis)
+
+
+def _save(path: Path, record: FitResult | Diagnosis) -> None:
+    _check(record, path)
+    raw = msgspec.json.format(msgspec.json.encode(record), indent=2)
+    msgspec.json.decode(raw, type=type(record))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile(dir=path.parent, prefix=path.name, suffix=".partial", delete=False) as file:
+        partial = Path(file.name)
+        try:
+            file.write(raw + b"\n")
+            file.flush()
+            os.fsync(file.fileno())
+            partial.chmod(0o644)
+            partial.replace(path)
+        except BaseException:
+            partial.unlink(missing_ok=True)
+            raise
+
+
+def _load(path: Path, kind: type[Result]) -> Result:
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise ResultError(f"cannot be read ({error.strerror})", where=path, advice="check the path") from error
+    try:
+        record = msgspec.json.decode(raw, type=kind)
+    except msgspec.MsgspecError as error:
+        raise ResultError(f"is not a {kind.__name__}: {error}", where=path, advice="make it again") from error
+    _check(record, path)
+    return record
+
+
+def _check(record: FitResult | Diagnosis, path: Path) -> None:
+    """Check what a schema cannot say: finite numbers, and that named effects were tested."""
+    _check_finite(msgspec.to_builtins(record), path, "")
+    if isinstance(record, Diagnosis):
+        known = {finding.id for finding in record.effects}
+        for name in record.named:
+            if name not in known:
+                raise ResultError(f"names the effect {name!r}, which is not among its findings", where=path)
+        if record.verdict == "effect" and len(record.named) != 1:
+            raise ResultError("the verdict `effect` names exactly one effect", where=path)
+
+
+def _check_finite(value: Any, path: Path, at: str) -> None:
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ResultError(f"{at or 'value'} is not a finite number", where=path)
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            _check_finite(inner, path, f"{at}.{key}" if at else str(key))
+    elif isinstance(value, list | tuple):
+        for number, inner in enumerate(value):
+            _check_finite(inner, path, f"{at}[{number}]")

@@ -1,0 +1,86 @@
+"""A take in a few figures, for people and for programs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from formats.take import FrameState, Take
+
+STATE_NAMES = {
+    FrameState.MARKER_LOST: "marker lost",
+    FrameState.GARMENT_LOST: "garment lost",
+    FrameState.DEPTH_MISSING: "depth missing",
+    FrameState.COLOUR_MISSING: "colour missing",
+    FrameState.FRAMES_DROPPED_BEFORE: "frames dropped before",
+    FrameState.CLOCK_JUMPED: "clock jumped",
+}
+
+
+def summarise(take: Take) -> dict[str, Any]:
+    """Return a take's figures as plain numbers and text."""
+    frames = len(take.time)
+    duration = float(take.time[-1] - take.time[0])
+    seen = take.points_valid.mean(0)
+    points = []
+    for k, name in enumerate(take.garment.point_names):
+        sd = take.points_sd[take.points_valid[:, k], k]
+        points.append(
+            {
+                "name": name,
+                "seen_percent": round(100 * float(seen[k]), 1),
+                "sd_mm": round(1e3 * float(np.sqrt((sd**2).mean())), 2) if len(sd) else None,
+            }
+        )
+    swing = np.ptp(take.held[take.held_valid.all(1)], axis=0).max(0) if take.held_valid.all(1).any() else np.zeros(3)
+    return {
+        "take_id": take.take_id,
+        "created": take.created,
+        "is_complete": take.is_complete,
+        "frames": frames,
+        "duration_s": round(duration, 3),
+        "rate_hz": round((frames - 1) / duration, 2) if duration else None,
+        "rig": take.rig.name,
+        "garment": take.garment.name,
+        "mass_kg": take.garment.mass_kg,
+        "hanger_seen_percent": round(100 * float(take.held_valid.all(1).mean()), 1),
+        "hanger_travel_mm": [round(1e3 * float(s), 1) for s in swing],
+        "points": points,
+        "states": {name: int(((take.state & bit) > 0).sum()) for bit, name in STATE_NAMES.items()},
+        "source": take.source,
+        "notes": take.notes,
+    }
+
+
+def describe(summary: dict[str, Any]) -> str:
+    """Return a summary as lines for a terminal."""
+    s = summary
+    lines = [
+        f"take      {s['take_id']}{'' if s['is_complete'] else '   (INCOMPLETE)'}",
+        f"created   {s['created']}",
+        f"length    {s['duration_s']:g} s, {s['frames']} frames, {s['rate_hz']:g} a second",
+        f"rig       {s['rig']}",
+        f"garment   {s['garment']}, {1e3 * s['mass_kg']:.1f} g",
+        f"hanger    seen in {s['hanger_seen_percent']:g} % of the frames, "
+        f"travels {' x '.join(f'{t:.0f}' for t in s['hanger_travel_mm'])} mm",
+    ]
+    points = s["points"]
+    if len(points) <= 12:
+        for p in points:
+            noise = f"sd {p['sd_mm']:g} mm" if p["sd_mm"] is not None else "never seen"
+            lines.append(f"point     {p['name']:<14} seen {p['seen_percent']:5.1f} %   {noise}")
+    else:
+        shares = [p["seen_percent"] for p in points]
+        noises = [p["sd_mm"] for p in points if p["sd_mm"] is not None]
+        lines.append(
+            f"points    {len(points)}, seen {min(shares):g} to {max(shares):g} %, "
+            f"median sd {float(np.median(noises)):g} mm"
+        )
+    for name, count in s["states"].items():
+        if count:
+            lines.append(f"state     {name} in {count} frames")
+    if s["source"]:
+        lines.append(f"source    {s['source']}")
+    lines += [f"note      {key}: {text}" for key, text in s["notes"].items()]
+    return "\n".join(lines)

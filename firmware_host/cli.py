@@ -1,9 +1,105 @@
-"""Commands of the `firmware_host` package."""
+"""`hangtime sensor`: list, play, synthesise."""
 
 from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
 
 import typer
 
 
 def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
+    sensor = typer.Typer(help="Sensors and sensor recordings.", no_args_is_help=True)
+    sensor.command("list")(list_sensors)
+    sensor.command("play")(play)
+    sensor.command("synthesise")(synthesise)
+    app.add_typer(sensor, name="sensor")
+
+
+def list_sensors() -> None:
+    """List the depth sensors that OpenNI2 sees on this machine."""
+    from firmware_host import openni2_library
+
+    uris = openni2_library.load().Device.enumerate_uris()
+    for uri in uris:
+        typer.echo(uri.decode(errors="replace"))
+    if not uris:
+        typer.echo("No depth sensor is connected.")
+
+
+def play(
+    source: Annotated[str, typer.Argument(metavar="FILE|URI", help="An .oni recording, openni2: or synthetic:MOTION.")],
+    max_frames: Annotated[int | None, typer.Option("--max-frames", min=1, help="Stop after so many frames.")] = None,
+) -> None:
+    """Play a recording or sensor to its end and say what came: frames, rate, resolution, depth coverage, drops."""
+    import numpy as np
+
+    from firmware_host.opening import open_sensor
+
+    count = dropped = without_colour = 0
+    coverage: list[float] = []
+    first = last = 0.0
+    with open_sensor(source) as sensor:
+        info = sensor.info
+        typer.echo(f"{info.name}: {info.intrinsics.width} x {info.intrinsics.height}, {info.fps:g} frames a second")
+        for note in info.notes:
+            typer.echo(f"note: {note}")
+        for frame in sensor.frames():
+            first = frame.time_s if count == 0 else first
+            last = frame.time_s
+            count += 1
+            dropped += frame.dropped_before
+            without_colour += frame.colour is None
+            coverage.append(float(np.count_nonzero(frame.depth)) / frame.depth.size)
+            if count == max_frames:
+                break
+    rate = (count - 1) / (last - first) if last > first else float("nan")
+    typer.echo(
+        f"{count} frames in {last - first:.2f} s ({rate:.1f} a second), {dropped} dropped, {without_colour} without colour; "
+        f"depth in {100 * float(np.mean(coverage)) if coverage else 0:.0f} % of the pixels"
+    )
+
+
+def synthesise(
+    out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the recording; made if absent.")],
+    name: Annotated[str, typer.Option("--name", help="Name of the recording.")] = "swing",
+    motion: Annotated[
+        str, typer.Option("--motion", help="How the hanger is swung: swing, mixed, gentle or twist.")
+    ] = "swing",
+    effect: Annotated[
+        str,
+        typer.Option("--effect", help="What the cloth does beyond the base model: none, air_drag, hem or time_offset."),
+    ] = "air_drag",
+    amplitude: Annotated[
+        float | None, typer.Option("--amplitude", help="Size of the effect in its own unit.", show_default="typical")
+    ] = None,
+    seconds: Annotated[float, typer.Option("--seconds", min=4.0, help="Length of the recording.")] = 8.0,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of hand jitter and sensor noise.")] = 1,
+) -> None:
+    """Make a sensor recording without a sensor: a skirt on a swung hanger, seen by a depth camera with real faults.
+
+    Writes DIR/NAME.oni, DIR/NAME.truth.npz, DIR/rig.toml and DIR/garment.toml.
+    """
+    import sys
+
+    from firmware_host.synthetic.recording import make_recording
+
+    last = -10
+
+    def show(stage: str, share: float) -> None:
+        nonlocal last
+        percent = round(100 * share)
+        if sys.stderr.isatty():
+            print(f"\r{name}: {stage} {percent:3d} %", end="", file=sys.stderr, flush=True)
+        elif percent >= last + 25 or percent < last:
+            print(f"{name}: {stage} {percent} %", file=sys.stderr, flush=True)
+            last = percent
+
+    paths = make_recording(
+        out, name, motion=motion, effect=effect, amplitude=amplitude, seconds=seconds, seed=seed, progress=show
+    )
+    if sys.stderr.isatty():
+        print(file=sys.stderr)
+    for path in paths:
+        typer.echo(str(path))

@@ -1,0 +1,89 @@
+"""What every depth sensor offers, be it live, recorded or synthetic: a stream of stamped frames with a clear end."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formats.rig import Sensor
+
+STALL_TIMEOUT = 5.0  # s without a frame before a live sensor counts as stalled; a USB reset takes about 2 s
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorInfo:
+    """What is known of a sensor before its first frame.
+
+    `frame_count` is the number of depth frames to come, None where it is not known (live sensors).
+    `notes` are sentences about assumptions, such as a default focal length.
+    """
+
+    name: str
+    uri: str
+    width: int
+    height: int
+    fps: float
+    intrinsics: Sensor
+    is_live: bool
+    frame_count: int | None = None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SensorFrame:
+    """One depth frame and the colour frame nearest to it in time.
+
+    index: number of the depth frame from 0, counting dropped ones
+    time_s [s]: the device's clock when the depth was taken; strictly increasing, any origin
+    host_time_s [s]: the host's monotonic clock when the frame was handed over
+    depth [mm], (height, width), uint16, 0 where nothing was measured
+    colour, RGB, (height, width, 3), uint8, registered to depth; None where no colour frame is near in time
+    dropped_before: frames that the device counted and nobody received since the frame before
+    """
+
+    index: int
+    time_s: float
+    host_time_s: float
+    depth: NDArray[np.uint16]
+    colour: NDArray[np.uint8] | None
+    dropped_before: int = 0
+
+
+class DepthSensor(ABC):
+    """A source of frames; use it as a context manager, it is open from construction to `close`."""
+
+    @property
+    @abstractmethod
+    def info(self) -> SensorInfo:
+        """Name, size, rate and intrinsics."""
+
+    @abstractmethod
+    def read(self, timeout_s: float = STALL_TIMEOUT) -> SensorFrame | None:
+        """Return the next frame, or None at the end of a recording and ever after.
+
+        Raises:
+            SensorStalledError: a live sensor sent nothing for `timeout_s` seconds.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release the sensor; closing twice is allowed."""
+
+    def frames(self, timeout_s: float = STALL_TIMEOUT) -> Iterator[SensorFrame]:
+        """Yield frames until the end of the recording; a live sensor never ends by itself."""
+        while (frame := self.read(timeout_s)) is not None:
+            yield frame
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

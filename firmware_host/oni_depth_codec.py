@@ -1,0 +1,120 @@
+"""The lossless "16zT" depth codec of .oni recordings: a table of the values, then differences of table places in nibbles.
+
+    byte hl < 0xE0        two differences, h - 6 and l - 6 (l = 13: no second pixel, l = 15: a full place follows)
+    byte 0xE1 ... 0xEF    1 to 15 pairs of pixels without a change
+    byte 0xFF             a full place follows: one byte 192 + d for |d| < 64, else two bytes, high byte first, below 0x8000
+
+A difference d is the place before minus this place. Source: OpenNI2 2.2, Source/Drivers/OniFile/Formats/
+XnStreamCompression.cpp, XnStreamUncompressDepth16ZWithEmbTable.
+"""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+from numpy.typing import NDArray
+
+LONGEST_TABLE = 0x8000  # distinct values: a full place has 15 bits
+
+
+def encode_depth(image: NDArray[np.uint16]) -> bytes:
+    """Compress a depth image [any unit], any shape, uint16.
+
+    Raises:
+        ValueError: more than 32768 distinct values.
+    """
+    pixels = np.ascontiguousarray(image, dtype=np.uint16).ravel()
+    table = np.flatnonzero(np.bincount(pixels, minlength=1)).astype("<u2")
+    if table.size > LONGEST_TABLE:
+        raise ValueError(f"16zT holds at most {LONGEST_TABLE} distinct values, not {table.size}")
+    place_of = np.zeros(int(table[-1]) + 1, np.int32)
+    place_of[table] = np.arange(table.size)
+    places = place_of[pixels]
+    head = struct.pack("<H", table.size) + table.tobytes() + struct.pack("<H", int(places[0]))
+    return head + _encode_steps(places) if places.size > 1 else head
+
+
+def _encode_steps(places: NDArray[np.int32]) -> bytes:
+    step = places[:-1] - places[1:]
+    n = step.size
+    at = np.arange(n, dtype=np.int32)
+    is_small = np.abs(step) <= 6
+    # Small steps go in pairs from the start of each run; a step left over shares its byte with what follows.
+    run_start = np.maximum.accumulate(np.where(is_small, np.int32(-1), at))
+    opens = is_small & ((at - run_start) & 1 == 1)
+    next_small = np.append(is_small[1:], False)
+    is_pair, is_lone = opens & next_small, opens & ~next_small
+    is_full = ~is_small
+    nibble = step + 6
+    pair = (nibble << 4) | np.append(nibble[1:], 0)
+    after_lone = np.append(False, is_lone[:-1])
+    lead = np.where(after_lone, (np.append(0, nibble[:-1]) << 4) | 0xF, 0xFF)
+    is_tail = is_lone & (at == n - 1)
+
+    token = np.flatnonzero(is_pair | is_full | is_tail)
+    full, tail = is_full[token], is_tail[token]
+    first = np.where(full, lead[token], np.where(tail, (nibble[token] << 4) | 0xD, pair[token]))
+    size = np.ones(token.size, np.int64)
+    is_short = np.abs(step[token]) <= 63
+    size[full] = np.where(is_short[full], 2, 3)
+    size, first = _merge_still_pairs(is_pair[token] & (pair[token] == 0x66), size, first)
+
+    end = np.cumsum(size)
+    out = np.empty(int(end[-1]), np.uint8)
+    begin = end - size
+    written = size > 0
+    out[begin[written]] = first[written]
+    short, long = full & is_short, full & ~is_short
+    out[begin[short] + 1] = step[token][short] + 192
+    target = places[1:][token][long]
+    out[begin[long] + 1] = target >> 8
+    out[begin[long] + 2] = target & 0xFF
+    return out.tobytes()
+
+
+def _merge_still_pairs(
+    is_still: NDArray[np.bool_], size: NDArray[np.int64], first: NDArray[np.int32]
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Write each run of up to 15 unchanged pairs as one byte, at the place of its last pair."""
+    k = np.arange(is_still.size)
+    rank = (k - np.maximum.accumulate(np.where(is_still, -1, k)) - 1) % 15
+    ends = is_still & (np.append(~is_still[1:], True) | (rank == 14))
+    return np.where(is_still & ~ends, 0, size), np.where(ends, 0xE1 + rank, first)
+
+
+def decode_depth(data: bytes, shape: tuple[int, int]) -> NDArray[np.uint16]:
+    """Expand a compressed depth image; slow, for checks.
+
+    Raises:
+        ValueError: the data is cut off or does not fill `shape`.
+    """
+    try:
+        (table_size,) = struct.unpack_from("<H", data, 0)
+        table = np.frombuffer(data, "<u2", table_size, 2)
+        at = 2 + 2 * table_size
+        (place,) = struct.unpack_from("<H", data, at)
+        places = [place]
+        at += 2
+        while at < len(data):
+            byte = data[at]
+            at += 1
+            if 0xE0 < byte < 0xFF:
+                places += [place] * (2 * (byte - 0xE0))
+                continue
+            low = 0xF
+            if byte < 0xE0:
+                place -= (byte >> 4) - 6
+                places.append(place)
+                low = byte & 0xF
+            if low == 0xF:
+                is_short = data[at] & 0x80
+                place = place - (data[at] - 192) if is_short else (data[at] << 8) | data[at + 1]
+                at += 1 if is_short else 2
+                places.append(place)
+            elif low != 0xD:
+                place -= low - 6
+                places.append(place)
+        return np.asarray(table[np.array(places)].reshape(shape))
+    except (IndexError, struct.error) as error:
+        raise ValueError("the compressed depth image is cut off or damaged") from error

@@ -1,0 +1,29 @@
+"""From the name of a sensor to the sensor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from firmware_host.depth_sensor import DepthSensor
+from firmware_host.errors import SensorUnavailableError
+
+FORMS = "a path to an .oni file, openni2: (the connected device) or synthetic:MOTION?effect=NAME&seconds=8&seed=1"
+
+
+def open_sensor(uri: str) -> DepthSensor:
+    """Open a sensor by its name: see `FORMS`.
+
+    Raises:
+        SensorUnavailableError: no such sensor; RecordingError: no such recording.
+    """
+    if uri.startswith("synthetic:"):
+        from firmware_host.synthetic.sensor import SyntheticSensor
+
+        return SyntheticSensor.from_uri(uri)
+    from firmware_host.openni2_sensor import OpenNI2Sensor
+
+    if uri in {"openni2:", "openni2"}:
+        return OpenNI2Sensor()
+    if "://" in uri:
+        raise SensorUnavailableError(f"there is no sensor {uri!r}", advice=f"give {FORMS}")
+    return OpenNI2Sensor(Path(uri))

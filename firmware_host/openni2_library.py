@@ -1,0 +1,82 @@
+"""Load OpenNI2's Python binding and the native library behind it, once per process.
+
+Two repairs: on Python 3.13 the binding's enum metaclass must finish its classes in `__init__` (ctypes builds them there
+now), and the native library is loaded by its versioned name, the only one that distributions install without headers.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import ctypes.util
+import sys
+from typing import Any
+
+from firmware_host.errors import SensorUnavailableError
+
+LIBRARY = "libOpenNI2.so.0"
+ADVICE = "install it: apt-get install libopenni2-0"
+
+_loaded: dict[str, Any] = {}
+
+
+def load() -> Any:
+    """Return the binding's `openni2` module, initialised.
+
+    Raises:
+        SensorUnavailableError: the binding or the native library is not installed.
+    """
+    if "module" in _loaded:
+        return _loaded["module"]
+    try:
+        _repair_enums()
+        from openni import _openni2, openni2
+    except ModuleNotFoundError as error:
+        raise SensorUnavailableError(
+            "the Python package `openni` is not installed", advice="pip install 'hangtime[capture]'"
+        ) from error
+    try:
+        _openni2.load_dll(LIBRARY)
+    except OSError as error:
+        raise SensorUnavailableError(f"the OpenNI2 library ({LIBRARY}) is not installed", advice=ADVICE) from error
+    try:
+        _openni2.oniInitialize(_openni2.ONI_API_VERSION)
+    except openni2.OpenNIError as error:
+        raise SensorUnavailableError(f"OpenNI2 does not start: {error}", advice="check its drivers") from error
+    openni2._openni2_initialized = True
+    openni2.loaded_dll_directory = LIBRARY
+    _loaded["module"] = openni2
+    return openni2
+
+
+def is_available() -> bool:
+    """Whether OpenNI2 can be used here."""
+    try:
+        load()
+    except SensorUnavailableError:
+        return False
+    return True
+
+
+def _repair_enums() -> None:
+    if sys.version_info < (3, 13):
+        return
+    from openni import utils
+
+    base = type(ctypes.c_int)
+
+    def create(cls: Any, name: str, bases: Any, namespace: Any) -> Any:
+        return base.__new__(cls, name, bases, namespace)
+
+    def finish(self: Any, name: str, bases: Any, namespace: Any) -> None:
+        base.__init__(self, name, bases, namespace)
+        if namespace.get("__module__") == utils.__name__:
+            return
+        namespace["_values_"].clear()
+        for member in namespace["_names_"]:
+            if not member.startswith("_"):
+                setattr(self, member, self(namespace[member]))
+                namespace["_names_"][member] = namespace[member]
+                namespace["_values_"][namespace[member]] = member
+
+    utils.CEnumMeta.__new__ = staticmethod(create)
+    utils.CEnumMeta.__init__ = finish

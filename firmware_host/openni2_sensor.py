@@ -1,0 +1,196 @@
+"""Live devices and `.oni` recordings through OpenNI2.
+
+Recordings play in manual mode (speed -1): each read brings the next frame, nothing is skipped. Every read is preceded by
+a wait with a time limit, because reading past the end blocks for ever. The library's seek is broken and never called.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from firmware_host import openni2_library
+from firmware_host.depth_sensor import SensorFrame, SensorInfo
+from firmware_host.errors import RecordingError, SensorStalledError, SensorUnavailableError
+from formats.rig import Sensor
+
+END_WAIT = 1.0  # s without a frame after which a recording of unknown length has ended
+STALL_WAIT = 3.0  # s without a frame after which a live device has stalled
+FOCAL_SHARE = 575.8 / 640  # focal length over width of PS1080 and Kinect v1 depth cameras (OpenNI's factory default)
+MAGIC = b"NI10"
+
+
+class OpenNI2Sensor:
+    """One OpenNI2 device or recording with a depth and, where there is one, a colour stream."""
+
+    def __init__(self, target: Path | None = None) -> None:
+        """Open a recording, or the first live device.
+
+        Raises:
+            SensorUnavailableError: no library, or no device.
+            RecordingError: the file is missing or not a recording.
+        """
+        self._path = target
+        if target is not None:
+            _check_recording(target)
+        self._openni2 = openni2_library.load()
+        self._is_closed = False
+        self._device = self._open(target)
+        try:
+            self._depth, self._colour = self._start()
+        except BaseException:
+            self._device.close()
+            raise
+
+    def _open(self, target: Path | None) -> Any:
+        if target is None and not self._openni2.Device.enumerate_uris():
+            raise SensorUnavailableError(
+                "no depth sensor is connected", advice="plug it in and check its permission with `hangtime sensor list`"
+            )
+        try:
+            return self._openni2.Device(str(target).encode() if target else None)
+        except (self._openni2.OpenNIError, AssertionError) as error:
+            if target is not None:
+                raise RecordingError(
+                    "OpenNI2 cannot open it", where=target, advice="is it a whole .oni file?"
+                ) from error
+            raise SensorUnavailableError(f"the sensor does not open: {error}", advice="unplug and replug it") from error
+
+    def _start(self) -> tuple[Any, Any]:
+        depth, colour = self._device.create_depth_stream(), self._device.create_color_stream()
+        if depth is None:
+            raise RecordingError("has no depth stream", where=self._path or "device", advice="record depth and colour")
+        if self._device.playback is not None:
+            self._device.playback.set_speed(-1.0)
+            self._device.playback.set_repeat_enabled(False)
+        elif colour is not None:
+            mode = self._openni2.IMAGE_REGISTRATION_DEPTH_TO_COLOR
+            if self._device.is_image_registration_mode_supported(mode):
+                self._device.set_image_registration_mode(mode)
+            self._device.set_depth_color_sync_enabled(True)
+        self._info = self._describe(depth)
+        depth.start()
+        if colour is not None:
+            colour.start()
+        return depth, colour
+
+    def _describe(self, depth: Any) -> SensorInfo:
+        mode = depth.get_video_mode()
+        width, height = int(mode.resolutionX), int(mode.resolutionY)
+        notes = []
+        try:
+            fx = 0.5 * width / np.tan(0.5 * depth.get_horizontal_fov())
+            fy = 0.5 * height / np.tan(0.5 * depth.get_vertical_fov())
+        except self._openni2.OpenNIError:
+            fx = fy = FOCAL_SHARE * width
+            notes.append(f"field of view unknown; focal length taken as {fx:.1f} px, as for PS1080 and Kinect v1")
+        frames = depth.get_number_of_frames() if self._device.playback is not None else None
+        info = self._device.get_device_info()
+        return SensorInfo(
+            name=info.name.decode(errors="replace") or "OpenNI2 device",
+            uri=str(self._path) if self._path else info.uri.decode(errors="replace"),
+            fps=float(mode.fps),
+            intrinsics=Sensor(
+                width=width, height=height, fx=float(fx), fy=float(fy), cx=(width - 1) / 2, cy=(height - 1) / 2
+            ),
+            is_live=self._device.playback is None,
+            frame_count=frames if frames is not None and frames > 0 else None,
+            notes=tuple(notes),
+        )
+
+    @property
+    def info(self) -> SensorInfo:
+        """What the sensor is."""
+        return self._info
+
+    def frames(self) -> Iterator[SensorFrame]:
+        """Yield frames; colour is paired with the depth frame nearest in time, within half a frame.
+
+        Raises:
+            SensorStalledError: a live device sent nothing for three seconds.
+        """
+        half = 0.5e6 / self._info.fps
+        last_index, given = 0, 0
+        held: tuple[int, np.ndarray[Any, Any]] | None = None
+        while self._info.frame_count is None or given < self._info.frame_count:
+            found = self._read(self._depth, np.uint16)
+            if found is None:
+                return
+            index, stamp, depth = found
+            colour = None
+            while self._colour is not None:
+                if held is None:
+                    read = self._read(self._colour, np.uint8)
+                    if read is None:
+                        break
+                    held = read[1], read[2]
+                if held[0] < stamp - half:
+                    held = None  # too old for this frame and all that follow
+                    continue
+                if held[0] <= stamp + half:
+                    colour, held = held[1], None
+                break
+            dropped = max(index - last_index - 1, 0) if last_index else 0
+            last_index, given = index, given + 1
+            yield SensorFrame(
+                index=index, time_s=stamp * 1e-6, host_time_s=time.monotonic(), depth=depth, colour=colour,
+                dropped_before=dropped,
+            )  # fmt: skip
+
+    def _read(self, stream: Any, kind: type) -> tuple[int, int, np.ndarray[Any, Any]] | None:
+        """Read one frame as (index, time stamp [us], image), or None at the end of a recording."""
+        limit = STALL_WAIT if self._info.is_live else END_WAIT
+        if self._openni2.wait_for_any_stream([stream], limit) is None:
+            if self._info.is_live:
+                raise SensorStalledError(
+                    f"no frame for {limit:g} s", where=self._info.uri, advice="unplug and replug the sensor"
+                )
+            return None
+        frame = stream.read_frame()
+        try:
+            shape = (frame.height, frame.width) if kind is np.uint16 else (frame.height, frame.width, 3)
+            raw = frame.get_buffer_as_uint8()
+            # Copied: the memory is the library's and goes back to it with close().
+            image = (
+                np.frombuffer(raw, np.uint8)[: int(np.prod(shape)) * np.dtype(kind).itemsize]
+                .view(kind)
+                .reshape(shape)
+                .copy()
+            )
+            return int(frame.frameIndex), int(frame.timestamp), image
+        finally:
+            frame.close()
+
+    def close(self) -> None:
+        """Stop the streams and close the device."""
+        if self._is_closed:
+            return
+        self._is_closed = True
+        for stream in (self._depth, self._colour):
+            if stream is not None:
+                stream.stop()
+                stream.close()
+        self._device.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _check_recording(path: Path) -> None:
+    try:
+        with path.open("rb") as file:
+            magic = file.read(len(MAGIC))
+    except OSError as error:
+        raise RecordingError(f"cannot be read ({error.strerror})", where=path, advice="check the path") from error
+    if magic != MAGIC:
+        raise RecordingError("is not an .oni recording", where=path, advice="give a file recorded with OpenNI")

@@ -69,7 +69,7 @@ def synthesise(
     ] = "swing",
     effect: Annotated[
         str,
-        typer.Option("--effect", help="What the cloth does beyond the base model: none, air_drag, hem or time_offset."),
+        typer.Option("--effect", help="What is planted: none, air_drag, hem or time_offset."),
     ] = "air_drag",
     amplitude: Annotated[
         float | None, typer.Option("--amplitude", help="Size of the effect in its own unit.", show_default="typical")

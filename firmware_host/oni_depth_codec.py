@@ -1,8 +1,8 @@
-"""The lossless "16zT" depth codec of .oni recordings: a table of the values, then differences of table places in nibbles.
+"""The lossless "16zT" depth codec of .oni recordings: a table of values, then differences of table places in nibbles.
 
     byte hl < 0xE0        two differences, h - 6 and l - 6 (l = 13: no second pixel, l = 15: a full place follows)
     byte 0xE1 ... 0xEF    1 to 15 pairs of pixels without a change
-    byte 0xFF             a full place follows: one byte 192 + d for |d| < 64, else two bytes, high byte first, below 0x8000
+    byte 0xFF             a full place follows: one byte 192 + d for |d| < 64, else two bytes, high first, below 0x8000
 
 A difference d is the place before minus this place. Source: OpenNI2 2.2, Source/Drivers/OniFile/Formats/
 XnStreamCompression.cpp, XnStreamUncompressDepth16ZWithEmbTable.

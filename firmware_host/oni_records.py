@@ -2,9 +2,9 @@
 
 All numbers are little-endian and packed:
 
-    file header   "NI10", version 1.0.1.0, largest time stamp (u64, microseconds), largest node id (u32)       24 bytes
-    record        "NIR" 0, type, node, size of header and fields, size of payload (u32 each), undo position (u64)   28 bytes
-                  then fields, then payload
+    file header   24 bytes: "NI10", version 1.0.1.0, largest time stamp (u64, us), largest node id (u32)
+    record        28 bytes: "NIR" 0, type, node, size of header and fields, size of payload (u32 each),
+                  undo position (u64); then fields, then payload
 
 Source: OpenNI2 2.2, Source/Core/OniDataRecords.{h,cpp} and Source/Drivers/OniFile/DataRecords.h.
 """

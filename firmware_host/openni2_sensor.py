@@ -1,7 +1,8 @@
 """Live devices and `.oni` recordings through OpenNI2.
 
-Recordings play in manual mode (speed -1): each read brings the next frame, nothing is skipped. Every read is preceded by
-a wait with a time limit, because reading past the end blocks for ever. The library's seek is broken and never called.
+Recordings play in manual mode (speed -1): each read brings the next frame, nothing is skipped. Every read is preceded
+by a wait with a time limit, because reading past the end blocks for ever. The library's seek is broken and never
+called.
 """
 
 from __future__ import annotations
@@ -9,23 +10,21 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from firmware_host import openni2_library
-from firmware_host.depth_sensor import SensorFrame, SensorInfo
+from firmware_host.depth_sensor import STALL_TIMEOUT, DepthSensor, SensorFrame, SensorInfo
 from firmware_host.errors import RecordingError, SensorStalledError, SensorUnavailableError
 from formats.rig import Sensor
 
 END_WAIT = 1.0  # s without a frame after which a recording of unknown length has ended
-STALL_WAIT = 3.0  # s without a frame after which a live device has stalled
 FOCAL_SHARE = 575.8 / 640  # focal length over width of PS1080 and Kinect v1 depth cameras (OpenNI's factory default)
 MAGIC = b"NI10"
 
 
-class OpenNI2Sensor:
+class OpenNI2Sensor(DepthSensor):
     """One OpenNI2 device or recording with a depth and, where there is one, a colour stream."""
 
     def __init__(self, target: Path | None = None) -> None:
@@ -40,6 +39,8 @@ class OpenNI2Sensor:
             _check_recording(target)
         self._openni2 = openni2_library.load()
         self._is_closed = False
+        self._timeout = STALL_TIMEOUT
+        self._pairs = self._paired()
         self._device = self._open(target)
         try:
             self._depth, self._colour = self._start()
@@ -93,6 +94,8 @@ class OpenNI2Sensor:
         info = self._device.get_device_info()
         return SensorInfo(
             name=info.name.decode(errors="replace") or "OpenNI2 device",
+            width=width,
+            height=height,
             uri=str(self._path) if self._path else info.uri.decode(errors="replace"),
             fps=float(mode.fps),
             intrinsics=Sensor(
@@ -108,12 +111,17 @@ class OpenNI2Sensor:
         """What the sensor is."""
         return self._info
 
-    def frames(self) -> Iterator[SensorFrame]:
-        """Yield frames; colour is paired with the depth frame nearest in time, within half a frame.
+    def read(self, timeout_s: float = STALL_TIMEOUT) -> SensorFrame | None:
+        """Return the next frame, or None at the end of a recording and ever after.
 
         Raises:
-            SensorStalledError: a live device sent nothing for three seconds.
+            SensorStalledError: a live device sent nothing for `timeout_s` seconds.
         """
+        self._timeout = timeout_s
+        return next(self._pairs, None)
+
+    def _paired(self) -> Iterator[SensorFrame]:
+        """Pair each depth frame with the colour frame nearest in time, within half a frame."""
         half = 0.5e6 / self._info.fps
         last_index, given = 0, 0
         held: tuple[int, np.ndarray[Any, Any]] | None = None
@@ -138,13 +146,13 @@ class OpenNI2Sensor:
             dropped = max(index - last_index - 1, 0) if last_index else 0
             last_index, given = index, given + 1
             yield SensorFrame(
-                index=index, time_s=stamp * 1e-6, host_time_s=time.monotonic(), depth=depth, colour=colour,
+                index=index - 1, time_s=stamp * 1e-6, host_time_s=time.monotonic(), depth=depth, colour=colour,
                 dropped_before=dropped,
             )  # fmt: skip
 
     def _read(self, stream: Any, kind: type) -> tuple[int, int, np.ndarray[Any, Any]] | None:
         """Read one frame as (index, time stamp [us], image), or None at the end of a recording."""
-        limit = STALL_WAIT if self._info.is_live else END_WAIT
+        limit = self._timeout if self._info.is_live else END_WAIT
         if self._openni2.wait_for_any_stream([stream], limit) is None:
             if self._info.is_live:
                 raise SensorStalledError(
@@ -176,14 +184,6 @@ class OpenNI2Sensor:
                 stream.stop()
                 stream.close()
         self._device.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def _check_recording(path: Path) -> None:

@@ -1,0 +1,73 @@
+"""What a structured-light depth camera makes of true depth.
+
+    lateral     every pixel looks sigma_L = 0.8 px aside (normal)
+    axial       sigma_z = 0.0012 + 0.0019 (z - 0.4)^2  [m], alike over about three pixels
+    disparity   d = f b / z rounded to 1/8 px, baseline b = 75 mm
+    shadow      the projector, b aside, does not reach f b (1/z_near - 1/z_far) px of the background beside an edge
+    edges       pixels beside a jump in depth are missing in a third of all cases
+Sources: C. V. Nguyen, S. Izadi, D. Lovell, "Modeling Kinect sensor noise for improved 3D reconstruction and tracking"
+(3DIMPVT 2012), section 3; K. Khoshelham, S. O. Elberink, Sensors 12 (2012) (disparity).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formats.rig import Sensor
+
+Floats = NDArray[np.float64]
+
+LATERAL_PX = 0.8
+BASELINE = 0.075  # m
+DISPARITY_STEP = 1 / 8  # px
+JUMP = 0.05  # m between neighbours
+EDGE_MISSING = 1 / 3
+NEAREST, FARTHEST = 0.4, 8.0  # m
+
+
+def axial_deviation(depth: Floats) -> Floats:
+    """Standard deviation of depth [m] at a depth [m] (Nguyen et al. 2012, eq. 3, at angles below 60 degrees)."""
+    return np.asarray(0.0012 + 0.0019 * (depth - 0.4) ** 2)
+
+
+def spoil(truth: Floats, camera: Sensor, rng: np.random.Generator) -> NDArray[np.uint16]:
+    """Return the depth image [mm], (height, width), that the camera gives for true depth [m], 0 where unknown."""
+    height, width = truth.shape
+    rows = np.arange(height)[:, None] + np.rint(rng.normal(0, LATERAL_PX, truth.shape)).astype(int)
+    columns = np.arange(width)[None] + np.rint(rng.normal(0, LATERAL_PX, truth.shape)).astype(int)
+    depth = truth[np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)]
+    depth = depth + axial_deviation(depth) * _alike_over_three_pixels(rng.normal(size=truth.shape))
+    scale = camera.fx * BASELINE
+    disparity = np.rint(scale / np.maximum(depth, 1e-3) / DISPARITY_STEP) * DISPARITY_STEP
+    depth = scale / np.maximum(disparity, DISPARITY_STEP)
+    missing = _shadow(truth, scale)
+    jump = np.zeros(truth.shape, bool)
+    across, down = np.abs(np.diff(truth, axis=1)) > JUMP, np.abs(np.diff(truth, axis=0)) > JUMP
+    jump[:, 1:] |= across
+    jump[:, :-1] |= across
+    jump[1:] |= down
+    jump[:-1] |= down
+    missing |= jump & (rng.random(truth.shape) < EDGE_MISSING)
+    missing |= (depth < NEAREST) | (depth > FARTHEST)
+    return np.asarray(np.where(missing, 0, np.rint(1000 * depth)), np.uint16)
+
+
+def _alike_over_three_pixels(noise: Floats) -> Floats:
+    """Average over 3 x 3 pixels, scaled back to unit variance."""
+    padded = np.pad(noise, 1, mode="wrap")
+    height, width = noise.shape
+    total = sum(padded[i : i + height, j : j + width] for i in range(3) for j in range(3))
+    return np.asarray(total) / 3.0
+
+
+def _shadow(truth: Floats, scale: float) -> NDArray[np.bool_]:
+    """Pixels that the projector, to the left of the camera, does not reach: hidden behind something to their left."""
+    height, width = truth.shape
+    # The projector sees a point at column u - scale / z (its own image column, up to a constant).
+    column = np.arange(width)[None] - scale / truth
+    hidden = np.zeros((height, width), bool)
+    nearest_right = np.minimum.accumulate(column[:, ::-1], axis=1)[:, ::-1]
+    # Seen from the projector, whatever to the right in the image has a smaller column hides this one.
+    hidden[:, :-1] = nearest_right[:, 1:] < column[:, :-1] - 1.0
+    return hidden

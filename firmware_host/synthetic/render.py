@@ -1,0 +1,136 @@
+"""Render the synthetic world: true depth and colour of a wall, a clamp bar, two marker plates and the cloth.
+
+Pinhole camera: u = fx x / z + cx, v = fy y / z + cy. The cloth is a grid of nodes, bilinear between them, drawn as
+points about a third of a pixel apart into a depth buffer; plates and bar are flat and met by each pixel's ray exactly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_host.synthetic.scene import BAR_SIZE, CAMERA, HANGER, MARKER_BITS, PLATE_SIZE, WALL_DISTANCE
+
+Floats = NDArray[np.float64]
+
+SAMPLES = 3  # a side, per pixel of plates and bar
+SPACING = 0.8e-3  # m between drawn points of the cloth: a third of a pixel at 1.5 m
+SUB_EXPOSURES = 3
+EXPOSURE = 0.008  # s
+WALL, BAR, CLOTH, WHITE, BLACK = 128.0, 60.0, (176.0, 74.0, 82.0), 235.0, 22.0
+LIGHT = np.array([0.3, -0.5, -0.8]) / np.linalg.norm([0.3, -0.5, -0.8])
+
+
+@dataclass(frozen=True)
+class View:
+    """True depth [m], (height, width), and colour, (height, width, 3), 0 to 255."""
+
+    depth: Floats
+    colour: Floats
+
+
+class Renderer:
+    """Draws one pose after the other; keeps what does not change."""
+
+    def __init__(self, rows: int, columns: int, height: float, width: float) -> None:
+        fine_rows, fine_columns = int(height / SPACING), int(width / SPACING)
+        self._down, self._across = _interpolation(rows, fine_rows), _interpolation(columns, fine_columns)
+        v, u = np.mgrid[0 : CAMERA.height, 0 : CAMERA.width].astype(float)
+        # A wall with a faint pattern, so that colour images are not flat.
+        wall = WALL + 14 * np.sin(u / 23.0) * np.sin(v / 31.0)
+        self._wall = np.repeat(wall[..., None], 3, axis=2)
+
+    def view(self, origin: Floats, rotation: Floats, nodes: Floats) -> View:
+        """Draw the hanger at an origin, (3,), and rotation, (3, 3), with the cloth's nodes, (rows, columns, 3)."""
+        depth = np.full((CAMERA.height, CAMERA.width), WALL_DISTANCE)
+        colour = self._wall.copy()
+        self._draw_cloth(nodes, depth, colour)
+        bar_at = origin + rotation @ np.array([0.0, HANGER.held_m[0][1] - 0.004, -0.004])
+        _draw_rectangle(bar_at, rotation, BAR_SIZE, depth, colour, None)
+        half = HANGER.marker_distance_m / 2
+        for side, marker in ((-half, HANGER.ids[0]), (half, HANGER.ids[1])):
+            at = origin + rotation @ np.array([side, 0.0, 0.0])
+            _draw_rectangle(at, rotation, (PLATE_SIZE, PLATE_SIZE), depth, colour, marker)
+        return View(depth, colour)
+
+    def blurred(self, poses: list[tuple[Floats, Floats, Floats]]) -> NDArray[np.uint8]:
+        """Average the colour of several poses within one exposure."""
+        total = sum(self.view(*pose).colour for pose in poses)
+        return np.clip(np.rint(np.asarray(total) / len(poses)), 0, 255).astype(np.uint8)
+
+    def _draw_cloth(self, nodes: Floats, depth: Floats, colour: Floats) -> None:
+        fine = np.einsum("ri,ijc->rjc", self._down, nodes)
+        fine = np.einsum("sj,rjc->rsc", self._across, fine)
+        along, down = np.gradient(nodes, axis=1), np.gradient(nodes, axis=0)
+        normal = np.cross(along, down)
+        normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-12)
+        shade = 0.35 + 0.65 * np.abs(normal @ LIGHT)
+        shade = self._down @ shade @ self._across.T
+        z = fine[..., 2].ravel()
+        u = np.rint(CAMERA.fx * fine[..., 0].ravel() / z + CAMERA.cx).astype(np.int64)
+        v = np.rint(CAMERA.fy * fine[..., 1].ravel() / z + CAMERA.cy).astype(np.int64)
+        inside = (u >= 0) & (u < CAMERA.width) & (v >= 0) & (v < CAMERA.height) & (z > 0.1)
+        pixel, z, shade = (v * CAMERA.width + u)[inside], z[inside], shade.ravel()[inside]
+        order = np.argsort(-z, kind="stable")  # far first, so that the nearest is written last
+        pixel, z, shade = pixel[order], z[order], shade[order]
+        flat_depth, flat_colour = depth.reshape(-1), colour.reshape(-1, 3)
+        flat_depth[pixel] = z
+        flat_colour[pixel] = shade[:, None] * np.asarray(CLOTH)
+
+
+def _interpolation(count: int, fine: int) -> Floats:
+    """Weights, (fine, count), of linear interpolation."""
+    place = np.linspace(0, count - 1, fine)
+    lower = np.minimum(place.astype(int), count - 2)
+    weights = np.zeros((fine, count))
+    weights[np.arange(fine), lower] = 1 - (place - lower)
+    weights[np.arange(fine), lower + 1] = place - lower
+    return weights
+
+
+def _draw_rectangle(
+    at: Floats, rotation: Floats, size: tuple[float, float], depth: Floats, colour: Floats, marker: int | None
+) -> None:
+    """Draw a flat rectangle square to the hanger's depth axis; with a marker id, a white plate that carries it."""
+    corners = (
+        at + (np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * (0.5 * np.array([*size, 0]))) @ rotation.T
+    )
+    u, v = CAMERA.fx * corners[:, 0] / corners[:, 2] + CAMERA.cx, CAMERA.fy * corners[:, 1] / corners[:, 2] + CAMERA.cy
+    left, right = max(int(u.min()) - 1, 0), min(int(u.max()) + 2, CAMERA.width)
+    top, bottom = max(int(v.min()) - 1, 0), min(int(v.max()) + 2, CAMERA.height)
+    if left >= right or top >= bottom:
+        return
+    fraction = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
+    us = (np.arange(left, right)[:, None] + fraction).ravel()
+    vs = (np.arange(top, bottom)[:, None] + fraction).ravel()
+    ray = np.stack(
+        np.broadcast_arrays((us[None] - CAMERA.cx) / CAMERA.fx, (vs[:, None] - CAMERA.cy) / CAMERA.fy, 1.0), -1
+    )
+    normal = rotation[:, 2]
+    z = (at @ normal) / (ray @ normal)
+    local = (ray * z[..., None] - at) @ rotation
+    inside = (np.abs(local[..., 0]) <= size[0] / 2) & (np.abs(local[..., 1]) <= size[1] / 2)
+    value = np.full(inside.shape, BAR) if marker is None else _marker_pattern(local, marker)
+    shape = (bottom - top, SAMPLES, right - left, SAMPLES)
+    covered = inside.reshape(shape).mean((1, 3))
+    painted = (value * inside).reshape(shape).sum((1, 3)) / np.maximum(inside.reshape(shape).sum((1, 3)), 1)
+    patch, behind = depth[top:bottom, left:right], colour[top:bottom, left:right]
+    middle = z.reshape(shape).mean((1, 3))
+    is_near = middle < patch
+    share = np.where(is_near, covered, 0.0)[..., None]
+    behind[:] = (1 - share) * behind + share * painted[..., None]
+    patch[:] = np.where(is_near & (covered > 0.5), middle, patch)
+
+
+def _marker_pattern(local: Floats, marker: int) -> Floats:
+    """Brightness of a marker plate at places in its plane [m], (..., 3)."""
+    bits = np.zeros((6, 6))
+    bits[1:5, 1:5] = MARKER_BITS[marker]
+    cell = HANGER.marker_size_m / 6
+    column = np.floor(local[..., 0] / cell + 3).astype(int)
+    row = np.floor(local[..., 1] / cell + 3).astype(int)
+    inside = (column >= 0) & (column < 6) & (row >= 0) & (row < 6)
+    bit = bits[np.clip(row, 0, 5), np.clip(column, 0, 5)]
+    return np.where(inside, np.where(bit > 0, WHITE, BLACK), WHITE)

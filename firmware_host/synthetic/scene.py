@@ -1,0 +1,96 @@
+"""The scene of the synthetic world: camera, hanger, markers, skirt and where they are.
+
+Sensor frame: x right, y down, z away from the sensor, metres; gravity along +y.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formats.garment import Garment, TrackedPoint
+from formats.rig import Hanger, Rig, Sensor
+
+Floats = NDArray[np.float64]
+
+# PS1080 at VGA: OpenNI's factory focal length.
+CAMERA = Sensor(width=640, height=480, fx=575.8, fy=575.8, cx=319.5, cy=239.5)
+FPS = 30
+HANGER_REST = (0.0, -0.27, 1.6)  # m, midway between the markers
+WALL_DISTANCE = 2.6  # m
+PLATE_SIZE = 0.076  # m, white plate that carries a marker
+BAR_SIZE = (0.44, 0.022)  # m, clamp bar along the held edge
+
+HANGER = Hanger(
+    dictionary="DICT_4X4_50", ids=(0, 1), marker_size_m=0.06, marker_distance_m=0.30,
+    held_m=((-0.20, 0.09, 0.0), (0.20, 0.09, 0.0)),
+)  # fmt: skip
+RIG = Rig(format="hangtime-rig/1", name="synthetic rig", gravity=(0.0, 1.0, 0.0), hanger=HANGER, sensor=CAMERA)
+
+# Bits of the first two markers of OpenCV's DICT_4X4_50, 1 is white, rows from the top
+# (opencv `predefined_dictionaries.hpp`, DICT_4X4_1000_BYTES; checked against OpenCV by the tests of `capture`).
+MARKER_BITS = {
+    0: ((1, 0, 1, 1), (0, 1, 0, 1), (0, 0, 1, 1), (0, 0, 1, 0)),
+    1: ((0, 0, 0, 0), (1, 1, 1, 1), (1, 0, 0, 1), (1, 0, 1, 0)),
+}
+
+TOP, BOTTOM, HEIGHT = 0.40, 0.50, 0.45  # m, the skirt's front panel
+
+
+def central_place() -> tuple[float, float]:
+    """Place of the skirt's centre: largest smallest distance to the four corners (flat, so distances are straight)."""
+    # By symmetry on the middle line at depth d: (TOP/2)^2 + d^2 = (BOTTOM/2)^2 + (HEIGHT - d)^2.
+    depth = ((BOTTOM / 2) ** 2 - (TOP / 2) ** 2 + HEIGHT**2) / (2 * HEIGHT)
+    return 0.0, -depth
+
+
+def demo_garment() -> Garment:
+    """The front panel of a short skirt in a clamp hanger."""
+    outline = ((-TOP / 2, 0.0), (TOP / 2, 0.0), (BOTTOM / 2, -HEIGHT), (-BOTTOM / 2, -HEIGHT))
+    names = ("top_left", "top_right", "bottom_right", "bottom_left")
+    points = [TrackedPoint(name=n, at_m=p) for n, p in zip(names, outline, strict=True)]
+    points.append(TrackedPoint(name="centre", at_m=central_place()))
+    return Garment(
+        format="hangtime-garment/1", name="demo skirt", kind="skirt", mass_kg=0.035, outline_m=outline, held="edge",
+        points=tuple(points),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where the hanger is: origin, (n, 3), and rotation, (n, 3, 3), from the hanger's frame to the sensor's."""
+
+    origin: Floats
+    rotation: Floats
+
+    def to_sensor(self, offsets: Floats) -> Floats:
+        """Move offsets in the hanger's frame, (k, 3), to the sensor's, (n, k, 3)."""
+        return np.asarray(self.origin[:, None] + np.einsum("nij,kj->nki", self.rotation, offsets))
+
+    @property
+    def markers(self) -> Floats:
+        """Marker centres [m], (n, 2, 3)."""
+        half = HANGER.marker_distance_m / 2
+        return self.to_sensor(np.array([[-half, 0.0, 0.0], [half, 0.0, 0.0]]))
+
+    @property
+    def held(self) -> Floats:
+        """Ends of the held edge [m], (n, 2, 3)."""
+        return self.to_sensor(np.array(HANGER.held_m))
+
+
+def place(displacement: Floats, yaw: Floats, roll: Floats) -> Placement:
+    """Place the hanger: displaced, (n, 3), turned about the vertical and rolled about its own depth axis, (n,) each."""
+    cy, sy, cr, sr = np.cos(yaw), np.sin(yaw), np.cos(roll), np.sin(roll)
+    zero = np.zeros_like(yaw)
+    rotation = np.stack(
+        [
+            np.stack([cy * cr, -cy * sr, sy], -1),
+            np.stack([sr, cr, zero], -1),
+            np.stack([-sy * cr, sy * sr, cy], -1),
+        ],
+        axis=1,
+    )
+    return Placement(np.asarray(HANGER_REST) + displacement, rotation)

@@ -1,0 +1,69 @@
+"""The synthetic sensor: the synthetic world behind the contract of every depth sensor."""
+
+from __future__ import annotations
+
+import time
+from typing import Self
+from urllib.parse import parse_qsl
+
+from firmware_host.depth_sensor import STALL_TIMEOUT, DepthSensor, SensorFrame, SensorInfo
+from firmware_host.errors import SensorAddressError
+from firmware_host.synthetic.scene import CAMERA, FPS
+from firmware_host.synthetic.world import FIRST_STAMP, World, make_world
+
+
+class SyntheticSensor(DepthSensor):
+    """Frames of a synthetic world, as fast as they are asked for."""
+
+    def __init__(self, world: World, uri: str) -> None:
+        self.world, self._uri = world, uri
+        self._renderer = world.renderer()
+        self._number = 0
+        self._is_closed = False
+
+    @classmethod
+    def from_uri(cls, uri: str) -> Self:
+        """Open `synthetic:MOTION?effect=NAME&amplitude=A&seconds=S&seed=N`.
+
+        Raises:
+            SensorAddressError: an unknown motion, effect or option.
+        """
+        motion, _, query = uri.removeprefix("synthetic:").partition("?")
+        options = dict(parse_qsl(query))
+        unknown = set(options) - {"effect", "amplitude", "seconds", "seed"}
+        if unknown:
+            raise SensorAddressError(
+                f"unknown option {sorted(unknown)[0]!r}", where=uri, advice="choose of effect, amplitude, seconds, seed"
+            )
+        try:
+            amplitude = float(options["amplitude"]) if "amplitude" in options else None
+            seconds, seed = float(options.get("seconds", 8)), int(options.get("seed", 1))
+        except ValueError as error:
+            raise SensorAddressError(f"an option is not a number: {error}", where=uri) from error
+        effect = options.get("effect", "none")
+        world = make_world(motion=motion or "swing", effect=effect, amplitude=amplitude, seconds=seconds, seed=seed)
+        return cls(world, uri)
+
+    @property
+    def info(self) -> SensorInfo:
+        """What the sensor is."""
+        return SensorInfo(
+            name="synthetic sensor",
+            width=CAMERA.width,
+            height=CAMERA.height, uri=self._uri, fps=FPS, intrinsics=CAMERA, is_live=False,
+            frame_count=len(self.world.time),
+        )  # fmt: skip
+
+    def read(self, timeout_s: float = STALL_TIMEOUT) -> SensorFrame | None:
+        """Return the next frame, or None at the end and ever after."""
+        if self._is_closed or self._number >= len(self.world.time):
+            return None
+        number = self._number
+        self._number += 1
+        depth, colour = self.world.frame(number, self._renderer)
+        stamp = float(self.world.time[number]) + FIRST_STAMP
+        return SensorFrame(index=number, time_s=stamp, host_time_s=time.monotonic(), depth=depth, colour=colour)
+
+    def close(self) -> None:
+        """End the sensor."""
+        self._is_closed = True

@@ -12,13 +12,15 @@ from firmware_host.errors import SensorAddressError
 from firmware_host.synthetic.cloth import ClothPhysics, simulate
 from firmware_host.synthetic.depth_noise import spoil
 from firmware_host.synthetic.motion import hanger_pose
-from firmware_host.synthetic.render import EXPOSURE, SUB_EXPOSURES, Renderer
+from firmware_host.synthetic.render import Renderer
 from firmware_host.synthetic.scene import CAMERA, FPS, Placement, demo_garment, place
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 TYPICAL = {"none": 0.0, "air_drag": 1.2, "hem": 0.02, "time_offset": 0.03}
+EXPOSURE = 0.008  # s
+PIXEL_NOISE = 2.0  # of 255
 FIRST_STAMP = 0.001  # s: OpenNI ignores a frame at time 0
 
 
@@ -36,23 +38,20 @@ class World:
         """Render one frame with the camera's faults; the same number gives the same images."""
         rng = np.random.default_rng([self.seed, number])
         origin, rotation, nodes = self.hanger.origin, self.hanger.rotation, self.nodes
-        depth = spoil(renderer.view(origin[number], rotation[number], nodes[number]).depth, CAMERA, rng)
-        ahead = min(number + 1, len(self.time) - 1)
-        behind = max(number - 1, 0)
+        ahead, behind = min(number + 1, len(self.time) - 1), max(number - 1, 0)
         span = self.time[ahead] - self.time[behind]
-        poses = []
-        for share in np.linspace(-0.5, 0.5, SUB_EXPOSURES):
-            step = share * EXPOSURE / span
-            turned = rotation[number] + step * (rotation[ahead] - rotation[behind])
-            poses.append(
-                (
-                    origin[number] + step * (origin[ahead] - origin[behind]),
-                    np.linalg.svd(turned)[0] @ np.linalg.svd(turned)[2],
-                    nodes[number] + step * (nodes[ahead] - nodes[behind]),
-                )
+        middle = renderer.view(origin[number], rotation[number], nodes[number])
+        colour = middle.colour
+        # Motion blur: the middle of the exposure and both its ends.
+        for step in (-0.5 * EXPOSURE / span, 0.5 * EXPOSURE / span):
+            turned, _, back = np.linalg.svd(rotation[number] + step * (rotation[ahead] - rotation[behind]))
+            moved = origin[number] + step * (origin[ahead] - origin[behind])
+            colour = (
+                colour
+                + renderer.view(moved, turned @ back, nodes[number] + step * (nodes[ahead] - nodes[behind])).colour
             )
-        colour = renderer.blurred(poses).astype(float) + rng.normal(0, 2.0, (CAMERA.height, CAMERA.width, 3))
-        return depth, np.clip(np.rint(colour), 0, 255).astype(np.uint8)
+        colour = colour / 3 + PIXEL_NOISE * rng.standard_normal((CAMERA.height, CAMERA.width, 1))
+        return spoil(middle.depth, CAMERA, rng), np.clip(np.rint(colour), 0, 255).astype(np.uint8)
 
     def renderer(self) -> Renderer:
         """Return a renderer for this world's cloth."""

@@ -1,9 +1,9 @@
 """Errors of fitting and diagnosis.
 
-    HangtimeError
-      +-- FitError            the request cannot be fitted
-            +-- DriveError    a hanger path that no cloth can follow (gaps, jumps)
-            +-- BlowUpError   a simulation that left the realm of finite numbers
+HangtimeError
+  +-- FitError            the request cannot be fitted
+        +-- DriveError    a hanger path that no cloth can follow (gaps, jumps)
+        +-- BlowUpError   a simulation that left the realm of finite numbers
 """
 
 from __future__ import annotations

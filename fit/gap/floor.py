@@ -5,7 +5,7 @@ growth of the squared error is the noise's own share, as seen by the whole pipel
 
     floor^2 = E^2(one more) - E^2(0)
 
-The noise of each point is the larger of what the take states and what fourth differences show.
+The noise of each point is the larger of what the take states and what sixth differences show.
 Source: J. R. Cook & L. A. Stefanski, "Simulation-extrapolation estimation ...", JASA 89 (1994).
 """
 
@@ -20,7 +20,7 @@ from fit.recording import Recording, noise_of
 Floats = NDArray[np.float64]
 
 REPLICAS = 3
-SLOWEST_RATE = 20.0  # frames/s: below, swings themselves show in fourth differences
+SLOWEST_RATE = 20.0  # frames/s: below, swings themselves show in sixth differences
 
 
 def point_noise(recording: Recording) -> Floats:

@@ -18,7 +18,7 @@ SMALLEST_SWING = 0.03  # m of travel of the hanger
 LARGEST_NUMERICS = 0.2  # of the gap that a finer mesh and step may remove
 REFINEMENT = 1.5  # of the mesh spacing
 CONVERGED = 0.05  # relative difference in cost between the best fits
-FREQUENCIES = (0.0, 0.5, 1.0, 2.0, 3.0)  # Hz, of the observer's pull
+FREQUENCIES = (0.0, 0.5, 1.0, 2.0, 3.0, 4.5, 6.0)  # Hz, of the observer's pull
 NUDGE = 1e-3  # relative change of a parameter that a predictable take forgets
 FORGOTTEN = 0.2  # of the sensor's noise
 
@@ -79,7 +79,9 @@ def convergence_gate(fits: list[Fitted]) -> Gate:
 def numerics_gate(closed: float | None) -> Gate:
     """Does a finer mesh and step explain the gap? It is judged like an effect: by its closure on the same motion."""
     share = max(closed or 0.0, 0.0)
-    sentence = f"A mesh {REFINEMENT:g} times finer with its smaller step, refitted, removes {100 * share:.0f} % of the gap."
+    sentence = (
+        f"A mesh {REFINEMENT:g} times finer with its smaller step, refitted, removes {100 * share:.0f} % of the gap."
+    )
     if closed is None:
         sentence = "There is hardly a gap that a finer mesh could explain."
     return Gate(

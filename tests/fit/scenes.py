@@ -77,13 +77,7 @@ def hung(garment, time):
 
 def material(garment, **changes):
     """Material row of a garment of median fabric, with changes."""
-    area = 0.5 * abs(
-        sum(
-            a[0] * b[1] - b[0] * a[1]
-            for a, b in zip(garment.outline_m, garment.outline_m[1:] + garment.outline_m[:1], strict=True)
-        )
-    )
-    base = mat.Material(areal_density=garment.mass_kg / area)
+    base = mat.Material(areal_density=garment.areal_density)
     return mat.as_rows([dataclasses.replace(base, **changes)])
 
 

@@ -1,0 +1,179 @@
+"""The diagnosis on takes whose truth is known because our own solver made them on a finer mesh."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fit.cloth.simulator import Resolution, Simulator
+from fit.effects import LIBRARY
+from fit.errors import FitError
+from fit.gap import gates
+from fit.gap.closure import BlockErrors, closure
+from fit.gap.diagnosis import diagnose
+from fit.gap.fitting import sandwich
+from fit.gap.floor import noise_floor
+from fit.gap.observer import Observer
+from fit.gap.screening import groups
+from fit.gap.verdict import decide
+from fit.parameterisations import SI
+from fit.recording import low_pass, prepare
+from formats.results import EffectFinding, Figure, Gap, Gate
+from tests.fit.scenes import material, sheet, simulate_take, swing
+
+FRAME = 1 / 30
+NOISE = 0.003
+
+
+def moderate_swing(seconds=6.0):
+    time = np.arange(0, seconds, FRAME)
+    return time, swing(time, amplitude=0.05, hz=0.7, stop=seconds - 2.0, sideways=0.02)
+
+
+def truth(effect=None, amplitude=0.0, *, noise=0.0, name="truth", displacement=None, time=None, damping=1.5):
+    if time is None:
+        time, displacement = moderate_swing()
+    garment = sheet()
+    row = material(garment, velocity_damping=damping, bending_stiffness=3e-5, shear_stiffness=40.0)
+    amplitudes = np.array([[amplitude if e.name == effect else 0.0 for e in LIBRARY]])
+    return simulate_take(
+        garment, time, displacement, row, effects=LIBRARY, amplitudes=amplitudes, noise=noise, name=name
+    ), row
+
+
+def pull_mm(recording, row, frequency):
+    """Root mean square of y - x under the observer's pull [mm]."""
+    seen = Simulator(recording, ()).run(row, observer_hz=frequency).points[0]
+    return 1e3 * float(np.sqrt(np.nanmean((recording.points - seen) ** 2)))
+
+
+def test_the_observer_needs_no_pull_on_data_from_the_model_itself():
+    """First test of the diagnosis: noise-free data of the model give residuals far below a millimetre."""
+    take, row = truth()
+    assert pull_mm(prepare(take), row, 3.0) < 0.3
+
+
+def test_data_shifted_by_one_frame_fail_the_observer_loudly():
+    take, row = truth()
+    late = np.concatenate([take.points[:1], take.points[:-1]])
+    shifted = pull_mm(prepare(dataclasses.replace(take, points=late)), row, 3.0)
+    assert shifted > 10 * pull_mm(prepare(take), row, 3.0)
+    assert shifted > 2.0
+
+
+def test_the_noise_floor_of_a_perfect_model_is_the_noise():
+    """3 mm per axis is 5.2 mm per point; a free rollout of the truth has exactly that error and floor."""
+    take, row = truth(noise=NOISE)
+    observer = Observer([prepare(take)], SI, LIBRARY, frequency=0.0)
+    vector = np.array([row[0, 1], row[0, 2], row[0, 3], row[0, 5], row[0, 6]])
+    off = np.zeros(len(LIBRARY))
+    floor, _ = noise_floor(observer, vector, off, np.random.default_rng(7))
+    error = float(observer.in_mm(observer.residuals(vector[None], off[None])[0]))
+    assert floor == pytest.approx(NOISE * 1e3 * np.sqrt(3), rel=0.08)
+    assert error == pytest.approx(floor, rel=0.08)
+
+
+def test_low_pass_keeps_a_swing_and_stops_noise():
+    """At 1 Hz the 6 Hz filter keeps 99.9 % of the amplitude; of what is at 14 Hz it leaves 5 %."""
+    time = np.arange(0, 10, FRAME)
+    kept = low_pass(time, np.sin(2 * np.pi * time)[:, None], 6.0)[60:-60, 0]
+    assert np.abs(kept - np.sin(2 * np.pi * time)[60:-60]).max() < 2e-3
+    assert np.abs(low_pass(time, np.sin(2 * np.pi * 14 * time)[:, None], 6.0)[60:-60]).max() < 0.06
+
+
+def test_closure_is_the_share_of_the_gap_that_is_removed():
+    """100 mm^2 without, 36 with, floor 4 mm: (100 - 36) / (100 - 16) = 0.762."""
+    base, better = BlockErrors(np.full(8, 1000.0), np.full(8, 10.0)), BlockErrors(np.full(8, 360.0), np.full(8, 10.0))
+    picks = np.tile(np.arange(8), (10, 1))
+    found = closure(base, better, 4.0, picks)
+    assert found is not None
+    assert found[0] == pytest.approx(64 / 84)
+
+
+def test_closure_is_not_given_where_there_is_no_gap():
+    level = BlockErrors(np.full(8, 160.0), np.full(8, 10.0))
+    assert closure(level, level, 4.0, np.tile(np.arange(8), (10, 1))) is None
+
+
+def test_sandwich_of_independent_blocks_is_the_textbook_variance():
+    """A mean of 400 numbers of deviation 1 in 100 blocks has a standard deviation of 1/20."""
+    rng = np.random.default_rng(0)
+    residual = rng.standard_normal(400)
+    deviation = sandwich(np.ones((400, 1)), residual, np.repeat(np.arange(100), 4), np.array([1e6]))
+    assert deviation[0] == pytest.approx(0.05, rel=0.2)
+
+
+def test_parallel_signatures_form_one_group():
+    cosines = np.array([[1.0, 0.2, 0.95], [0.2, 1.0, 0.1], [0.95, 0.1, 1.0]])
+    assert groups(cosines) == [0, 1, 0]
+
+
+def finding(name, closed, p, *, group=None, amplitude=1.0):
+    return EffectFinding(
+        id=name, group=group or name, tested=True, amplitude=amplitude, amplitude_interval=(0.9, 1.1), unit="1",
+        closure=Figure(value=closed, interval=(closed - 0.1, closed + 0.1)), p_value=p,
+    )  # fmt: skip
+
+
+GAP = Gap(
+    base_mm=Figure(value=12.0, interval=(11.0, 13.0)),
+    floor_mm=Figure(value=5.0),
+    with_effect_mm=Figure(value=6.0),
+    is_held_out=True,
+)
+PASSED = [Gate(name="base fit", passed=True, figure=0.0, limit=5.0, unit="%", sentence="")]
+
+
+@pytest.mark.parametrize(
+    ("findings", "wins", "gate_list", "verdict"),
+    [
+        ([finding("air_drag", 0.8, 0.001), finding("hem", 0.1, 0.5)], {"air_drag": 1.0}, PASSED, "effect"),
+        ([finding("air_drag", 0.8, 0.2)], {"air_drag": 1.0}, PASSED, "unknown"),
+        ([finding("air_drag", 0.1, 0.001)], {"air_drag": 1.0}, PASSED, "unknown"),
+        ([finding("air_drag", 0.8, 0.001), finding("hem", 0.7, 0.001)], {"air_drag": 0.6}, PASSED, "ambiguous"),
+        ([finding("air_drag", 0.8, 0.001)], {"air_drag": 1.0},
+         [Gate(name="mesh and step", passed=False, figure=40.0, limit=20.0, unit="%", sentence="coarse")], "numerics"),
+        ([finding("air_drag", 0.8, 0.001)], {"air_drag": 1.0},
+         [Gate(name="motion", passed=False, figure=3.0, limit=30.0, unit="mm", sentence="still")], "inconclusive"),
+    ],
+)  # fmt: skip
+def test_the_verdict_follows_the_rules(findings, wins, gate_list, verdict):
+    assert decide(GAP, findings, wins, gate_list, LIBRARY).verdict == verdict
+
+
+def test_an_error_at_the_noise_is_no_gap():
+    level = Gap(base_mm=Figure(value=5.2, interval=(5.0, 5.4)), floor_mm=Figure(value=5.1), is_held_out=True)
+    assert decide(level, [finding("air_drag", 0.8, 0.001)], {}, PASSED, LIBRARY).verdict == "none"
+
+
+def test_a_take_in_which_nothing_moves_is_inconclusive():
+    time = np.arange(0, 5, FRAME)
+    take, _ = truth(time=time, displacement=np.zeros((len(time), 3)), noise=0.001)
+    assert [g.name for g in gates.data_gates([prepare(take)]) if not g.passed] == ["motion"]
+
+
+def test_takes_of_different_garments_are_refused():
+    one, _ = truth()
+    other = dataclasses.replace(one, garment=sheet(mass=0.05))
+    with pytest.raises(FitError, match="different garments"):
+        diagnose([one, other], [])
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize(("effect", "amplitude"), [("air_drag", 1.2), ("hem", 0.02), ("time_offset", 0.03)])
+def test_a_planted_effect_is_named_with_its_amplitude(effect, amplitude):
+    """Data from a finer mesh at 3 mm noise: the effect is named and its amplitude is within a fifth."""
+    time = np.arange(0, 8, FRAME)
+    first = swing(time, amplitude=0.06, hz=0.7, stop=5) + swing(time, amplitude=0.05, hz=1.0, start=2.5, stop=5)
+    second = swing(time, amplitude=0.09, hz=0.55, stop=4) + swing(time, amplitude=0.03, hz=1.2, start=1, stop=5.5)
+    damping = 0.3 if effect == "air_drag" else 1.0
+    training, _ = truth(effect, amplitude, noise=NOISE, time=time, displacement=first, name="a", damping=damping)
+    judging, _ = truth(effect, amplitude, noise=NOISE, time=time, displacement=second, name="b", damping=damping)
+    found = diagnose([training], [judging], resolution=Resolution(spacing=0.05)).diagnosis
+    assert found.verdict == "effect", found.sentence
+    assert found.named == [effect]
+    named = next(f for f in found.effects if f.id == effect)
+    assert named.amplitude == pytest.approx(amplitude, rel=0.2)

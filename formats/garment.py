@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Literal
 
 import msgspec
@@ -34,7 +35,7 @@ class Garment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     def area_m2(self) -> float:
         """Area of the flat outline [m^2] (shoelace formula)."""
         corners = (*self.outline_m, self.outline_m[0]) if self.outline_m else ()
-        doubled = sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(corners, corners[1:], strict=False))
+        doubled = sum(a[0] * b[1] - b[0] * a[1] for a, b in pairwise(corners))
         return abs(doubled) / 2
 
     @property

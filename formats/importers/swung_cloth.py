@@ -43,15 +43,16 @@ def import_swung_cloth(path: Path) -> Take:
             f"points have shape {points.shape}, not (frames, 64, 3)", where=path, advice="see docs/real-cloth.md"
         )
     rest = data["rest"].astype(float)
-    width, height = (float(size) for size in np.ptp(rest, axis=0))
-    rest = rest - [rest[:, 0].min() + width / 2, rest[:, 1].max()]
+    width, height = (round(float(size), 6) for size in np.ptp(rest, axis=0))
+    rest = np.round(rest - [rest[:, 0].min() + width / 2, rest[:, 1].max()], 6)
     held = _left_first(data["hanger_corners"].astype(float), points, data["valid"], rest)
     keep = np.concatenate([[True], np.diff(np.maximum.accumulate(time)) > 0])
     valid = data["valid"].astype(bool) & np.isfinite(points).all(2)
     held_valid = np.isfinite(held).all(2)
     half = width / 2
     garment = Garment(
-        format="hangtime-garment/1", name="swung cloth", kind="swatch", mass_kg=float(MEDIAN_DENSITY * width * height),
+        format="hangtime-garment/1", name="swung cloth", kind="swatch",
+        mass_kg=round(MEDIAN_DENSITY * width * height, 6),
         outline_m=((-half, 0.0), (half, 0.0), (half, -height), (-half, -height)), held="corners",
         points=tuple(
             TrackedPoint(name=f"row{k // 8}_column{k % 8}", at_m=(float(x), float(y))) for k, (x, y) in enumerate(rest)

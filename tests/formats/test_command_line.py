@@ -1,0 +1,87 @@
+"""`hangtime takes` and `hangtime import` as a user meets them."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from formats.archive import read_take, write_take
+from tests.formats.test_archive import a_take
+
+SHARED = Path(os.environ.get("HANGTIME_SHARED_DATA", Path(__file__).parents[3] / "shared" / "data"))
+
+
+def hangtime(*words):
+    return subprocess.run([sys.executable, "-m", "formats.command", *map(str, words)], capture_output=True, text=True)
+
+
+def swung_cloth(path, frames=40):
+    """A small file in the layout of the real recordings; row 0 is the free bottom edge."""
+    x, y = np.meshgrid(np.linspace(0, 0.3, 8), np.linspace(0, 0.3, 8))
+    rest = np.stack([x.ravel(), y.ravel()], 1)
+    points = np.stack([rest[:, 0], 0 * rest[:, 0], rest[:, 1] - 0.05], 1)[None].repeat(frames, 0)
+    np.savez(
+        path, t=np.arange(frames) * 0.11 - 0.34, points=points, valid=np.ones((frames, 64), bool),
+        hanger_corners=points[:, [56, 63]], hanger_corners_seen=points[:, [56, 63]], rest=rest,
+    )  # fmt: skip
+
+
+def test_show_says_what_a_take_holds(tmp_path):
+    done = hangtime("takes", "show", write_take(tmp_path / "a.mcap", a_take()))
+    assert done.returncode == 0
+    assert "4.967 s, 150 frames, 30 a second" in done.stdout
+    assert "marker lost in 1 frames" in done.stdout
+
+
+def test_verify_says_sound_and_damaged(tmp_path):
+    whole = write_take(tmp_path / "a.mcap", a_take())
+    assert hangtime("takes", "verify", whole).returncode == 0
+    (tmp_path / "b.mcap").write_bytes(whole.read_bytes()[:-2500])
+    done = hangtime("takes", "verify", whole, tmp_path / "b.mcap")
+    assert done.returncode == 2
+    assert done.stdout.startswith("sound")
+    assert "incomplete" in done.stdout
+
+
+@pytest.mark.parametrize("words", [("takes", "show", "gone.mcap"), ("import", "gone.npz", "--out", "takes")])
+def test_a_missing_file_gives_one_sentence_and_exit_code_2(tmp_path, words):
+    done = subprocess.run(
+        [sys.executable, "-m", "formats.command", *words], capture_output=True, text=True, cwd=tmp_path
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith("hangtime: gone.")
+    assert "Traceback" not in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_import_makes_takes_that_hang(tmp_path):
+    """The held corners are the top left and right; gravity is -z; the grid keeps its place on the cloth."""
+    swung_cloth(tmp_path / "r.npz")
+    assert hangtime("import", tmp_path / "r.npz", "--out", tmp_path / "takes").returncode == 0
+    take = read_take(tmp_path / "takes" / "r.mcap")
+    assert take.time[0] == 0.0
+    assert take.garment.points[0].at_m == pytest.approx((-0.15, -0.3))
+    assert take.held[0] == pytest.approx(np.array([[0.0, 0.0, 0.25], [0.3, 0.0, 0.25]]))
+    assert take.rig.gravity == (0.0, 0.0, -1.0)
+
+
+def test_import_of_something_else_is_refused(tmp_path):
+    np.savez(tmp_path / "x.npz", t=np.arange(3))
+    done = hangtime("import", tmp_path / "x.npz", "--out", tmp_path / "takes")
+    assert done.returncode == 2
+    assert "has no array 'points'" in done.stderr
+
+
+@pytest.mark.shared_data
+@pytest.mark.skipif(not (SHARED / "swung-cloth").is_dir(), reason=f"no real recordings at {SHARED}")
+def test_real_recordings_can_be_imported(tmp_path):
+    files = sorted((SHARED / "swung-cloth").glob("*.npz"))
+    assert hangtime("import", *files, "--out", tmp_path).returncode == 0
+    takes = [read_take(p) for p in sorted(tmp_path.glob("*.mcap"))]
+    assert len(takes) == len(files) == 16
+    assert all(t.points_valid.mean() > 0.9 for t in takes)

@@ -1,0 +1,100 @@
+"""Rigs, garments and the hanger's frame."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import pytest
+
+from formats.descriptions import dump_description, load_garment, load_rig
+from formats.errors import DescriptionError
+from formats.hanger import held_ends
+from formats.rig import Hanger, Rig, Sensor
+from tests.formats.test_archive import GARMENT
+
+HANGER = Hanger(
+    dictionary="DICT_4X4_50",
+    ids=(0, 1),
+    marker_size_m=0.05,
+    marker_distance_m=0.3,
+    held_m=((-0.2, 0.1, 0.0), (0.2, 0.1, 0.0)),
+)
+RIG = Rig(
+    format="hangtime-rig/1", name="bench", gravity=(0.0, 1.0, 0.0), hanger=HANGER,
+    sensor=Sensor(width=640, height=480, fx=575.8, fy=575.8, cx=319.5, cy=239.5),
+)  # fmt: skip
+
+
+def test_descriptions_come_back_from_their_files(tmp_path):
+    (tmp_path / "garment.toml").write_text(dump_description(GARMENT))
+    (tmp_path / "rig.toml").write_text(dump_description(RIG))
+    assert load_garment(tmp_path / "garment.toml") == GARMENT
+    assert load_rig(tmp_path / "rig.toml") == RIG
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"mass_kg": -1.0}, r"mass_kg must be above 0.*got -1"),
+        ({"layers": 0}, "layers must be 1 or more"),
+        ({"outline_m": ((0, 0), (1, 0))}, "outline_m needs 3 corners"),
+        ({"outline_m": ((0, 0), (0.4, -0.4), (0.4, 0), (0, -0.5))}, "outline_m crosses itself"),
+        ({"points": (*GARMENT.points, GARMENT.points[0])}, "'p0' is used twice"),
+        ({"points": (msgspec.structs.replace(GARMENT.points[0], at_m=(0.5, 0.5)),)}, "'p0' lies outside"),
+    ],
+)
+def test_an_impossible_garment_is_refused_with_its_field(tmp_path, change, words):
+    (tmp_path / "garment.toml").write_text(dump_description(msgspec.structs.replace(GARMENT, **change)))
+    with pytest.raises(DescriptionError, match=words) as caught:
+        load_garment(tmp_path / "garment.toml")
+    assert "garment.toml" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("mass_kg", "mass_gk", "unknown field `mass_gk`; did you mean `mass_kg`"),
+        ("mass_kg = 0.03", 'mass_kg = "light"', "mass_kg: Expected `float`, got `str`"),
+        ("name", "name = = ", "not valid TOML"),
+        ('held = "edge"', 'held = "sleeve"', "held: Invalid enum value 'sleeve'"),
+    ],
+)
+def test_a_wrong_line_is_named(tmp_path, old, new, words):
+    (tmp_path / "garment.toml").write_text(dump_description(GARMENT).replace(old, new, 1))
+    with pytest.raises(DescriptionError, match=words):
+        load_garment(tmp_path / "garment.toml")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"gravity": (0.0, 2.0, 0.0)}, "gravity must be a unit vector"),
+        ({"hanger": msgspec.structs.replace(HANGER, ids=(3, 3))}, "hanger.ids must differ"),
+        ({"hanger": msgspec.structs.replace(HANGER, marker_size_m=0.4)}, "hanger.marker_size_m"),
+    ],
+)
+def test_an_impossible_rig_is_refused_with_its_field(tmp_path, change, words):
+    (tmp_path / "rig.toml").write_text(dump_description(msgspec.structs.replace(RIG, **change)))
+    with pytest.raises(DescriptionError, match=words):
+        load_rig(tmp_path / "rig.toml")
+
+
+def test_area_and_density_by_hand():
+    """0.4 m x 0.4 m = 0.16 m^2; 30 g on it are 0.1875 kg/m^2."""
+    assert GARMENT.area_m2 == pytest.approx(0.16)
+    assert GARMENT.areal_density == pytest.approx(0.1875)
+
+
+def test_a_level_hanger_holds_its_cloth_below_and_beside_its_markers():
+    markers = np.array([[[-0.15, -0.3, 1.5], [0.15, -0.3, 1.5]]])
+    assert held_ends(markers, RIG)[0] == pytest.approx(np.array([[-0.2, -0.2, 1.5], [0.2, -0.2, 1.5]]))
+
+
+def test_a_hanger_turned_by_ninety_degrees_turns_its_cloth():
+    """Markers one behind the other: the ends lie along z, still 0.1 m below."""
+    markers = np.array([[[0.0, 0.0, 1.0], [0.0, 0.0, 1.3]]])
+    assert held_ends(markers, RIG)[0] == pytest.approx(np.array([[0.0, 0.1, 0.95], [0.0, 0.1, 1.35]]))
+
+
+def test_a_lost_marker_gives_no_ends():
+    assert np.isnan(held_ends(np.full((1, 2, 3), np.nan), RIG)).all()

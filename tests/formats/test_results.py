@@ -1,0 +1,52 @@
+"""Result files: schemas, validation, atomic writing."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import jsonschema
+import msgspec
+import pytest
+
+import formats
+from formats.errors import ResultError
+from formats.results import SCHEMAS, load_diagnosis, load_fit_result, save_diagnosis, save_fit_result, schema_of
+from tests.fit.report_scene import diagnosis, fit_result
+
+SCHEMA_FOLDER = Path(formats.__file__).parent / "schemas"
+
+
+@pytest.mark.parametrize("name", sorted(SCHEMAS))
+def test_the_published_schema_is_the_one_in_force(name):
+    assert json.loads((SCHEMA_FOLDER / name).read_text()) == schema_of(SCHEMAS[name])
+
+
+def test_results_come_back_and_match_their_schemas(tmp_path):
+    fit, found = fit_result(), diagnosis()
+    save_fit_result(tmp_path / "fit.json", fit)
+    save_diagnosis(tmp_path / "diagnosis.json", found)
+    assert load_fit_result(tmp_path / "fit.json") == fit
+    assert load_diagnosis(tmp_path / "diagnosis.json") == found
+    jsonschema.validate(json.loads((tmp_path / "fit.json").read_text()), schema_of(SCHEMAS["fit-result.json"]))
+    jsonschema.validate(json.loads((tmp_path / "diagnosis.json").read_text()), schema_of(SCHEMAS["diagnosis.json"]))
+
+
+def test_a_number_that_is_not_finite_is_refused_and_nothing_is_left(tmp_path):
+    bad = msgspec.structs.replace(fit_result(), seconds=float("nan"))
+    with pytest.raises(ResultError, match="seconds is not a finite number"):
+        save_fit_result(tmp_path / "fit.json", bad)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_named_effect_must_be_among_the_findings(tmp_path):
+    bad = msgspec.structs.replace(diagnosis(), verdict="effect", named=["gremlins"])
+    with pytest.raises(ResultError, match="gremlins"):
+        save_diagnosis(tmp_path / "d.json", bad)
+
+
+def test_a_wrong_field_is_named(tmp_path):
+    save_fit_result(tmp_path / "fit.json", fit_result())
+    (tmp_path / "fit.json").write_text((tmp_path / "fit.json").read_text().replace('"seed"', '"sead"'))
+    with pytest.raises(ResultError, match="sead"):
+        load_fit_result(tmp_path / "fit.json")

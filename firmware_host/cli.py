@@ -56,7 +56,8 @@ def play(
                 break
     rate = (count - 1) / (last - first) if last > first else float("nan")
     typer.echo(
-        f"{count} frames in {last - first:.2f} s ({rate:.1f} a second), {dropped} dropped, {without_colour} without colour; "
+        f"{count} frames in {last - first:.2f} s ({rate:.1f} a second), "
+        f"{dropped} dropped, {without_colour} without colour; "
         f"depth in {100 * float(np.mean(coverage)) if coverage else 0:.0f} % of the pixels"
     )
 

@@ -25,9 +25,7 @@ Floats = NDArray[np.float64]
 BASELINE = 0.075  # m, PrimeSense and Kinect v1 (Khoshelham and Elberink 2012)
 DISPARITY_STEPS = 8.0  # steps per pixel of disparity (same source)
 LATERAL_SD = 0.8  # px, where a depth edge lies (Nguyen et al. 2012, section 3.2, below 60 degrees)
-CORRELATED_PIXELS = (
-    13.0  # temporal noise of a real Kinect v1 at 0.8-2.6 m: neighbours correlate by 0.57 along u and v
-)
+CORRELATED_PIXELS = 13.0  # temporal noise of a real Kinect v1 at 0.8-2.6 m: neighbours correlate by 0.57 along u and v
 OUTLIER_SD = 4.0  # pixel noises from the surface beyond which a pixel is another surface
 FEWEST_PIXELS = 12  # a plane through fewer noisy pixels is not a measurement
 

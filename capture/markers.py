@@ -29,9 +29,7 @@ Floats = NDArray[np.float64]
 
 CENTRE_SD = 0.08  # px, rms of the centre against drawn markers of 17 px with noise and 8 ms blur: 0.04-0.08
 CORNER_BIAS = 0.5  # px, a small blurred marker looks smaller by up to this at either side
-WANTED_SIDE = (
-    52.0  # px, windows are enlarged until a marker side is about this: corners twice as fine as at 17 px
-)
+WANTED_SIDE = 52.0  # px, windows are enlarged until a marker side is about this: corners twice as fine as at 17 px
 LARGEST_ENLARGEMENT = 4
 HARDEST_HAND = 40.0  # m/s^2, acceleration of a hand-held hanger that a search window must allow for
 LONGEST_GUESS = 0.3  # s, after this long a loss the whole picture is searched
@@ -103,9 +101,7 @@ class MarkerTracker:
         self._detector = cv2.aruco.ArucoDetector(marker_dictionary(self.hanger.dictionary), parameters)
         half = self.hanger.marker_size_m / 2
         self._square = np.array([[-half, half, 0], [half, half, 0], [half, -half, 0], [-half, -half, 0]])
-        self._matrix = np.array(
-            [[self.sensor.fx, 0, self.sensor.cx], [0, self.sensor.fy, self.sensor.cy], [0, 0, 1.0]]
-        )
+        self._matrix = np.array([[self.sensor.fx, 0, self.sensor.cx], [0, self.sensor.fy, self.sensor.cy], [0, 0, 1.0]])
         self._tracks: list[_ImageTrack | None] = [None, None]
 
     def track(self, colour: NDArray[np.uint8], depth: NDArray[np.uint16], time: float) -> HangerSight:
@@ -140,9 +136,7 @@ class MarkerTracker:
         for row in range(2):
             track = self._tracks[row]
             if track is not None and time - track.time <= LONGEST_GUESS:
-                corners[row] = self._search_window(
-                    colour, row, *track.window(time, self._pixels_per_metre(track))
-                )
+                corners[row] = self._search_window(colour, row, *track.window(time, self._pixels_per_metre(track)))
         known = [track is not None and time - track.time <= LONGEST_GUESS for track in self._tracks]
         if all(known):
             return corners
@@ -162,9 +156,7 @@ class MarkerTracker:
             corners = np.where(np.isfinite(corners), corners, finer)
         return corners
 
-    def _search_window(
-        self, colour: NDArray[np.uint8], row: int, centre: Floats, reach: float, side: float
-    ) -> Floats:
+    def _search_window(self, colour: NDArray[np.uint8], row: int, centre: Floats, reach: float, side: float) -> Floats:
         height, width = colour.shape[:2]
         left, top = (max(0, int(c - reach)) for c in centre)
         right, bottom = min(width, int(centre[0] + reach) + 2), min(height, int(centre[1] + reach) + 2)
@@ -207,9 +199,7 @@ class MarkerTracker:
         plate = self._plate_depth(quad, centre, depth)
         if plate is None:
             return unknown, unknown
-        seen, _, translation = cv2.solvePnP(
-            self._square, quad, self._matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE
-        )
+        seen, _, translation = cv2.solvePnP(self._square, quad, self._matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
         if not seen:
             return unknown, unknown
         pose_depth = float(translation[2, 0])

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import NoMarkersError, OutputError, UntrackableError
-from capture.garment import GarmentSight, garment_tracker, nothing_found
+from capture.garment import GarmentSight, GarmentTracker, garment_tracker, nothing_found
 from capture.markers import HangerSight, MarkerTracker, nothing_seen
 from firmware_host.depth_sensor import DepthSensor, SensorFrame
 from formats.archive import Frame, TakeWriter
@@ -138,7 +138,9 @@ def _check_rig(sensor: DepthSensor, rig: Rig) -> None:
         )
 
 
-def _track(frame, hanger_tracker, cloth_tracker, rig, garment):  # type: ignore[no-untyped-def]
+def _track(
+    frame: SensorFrame, hanger_tracker: MarkerTracker, cloth_tracker: GarmentTracker, rig: Rig, garment: Garment
+) -> tuple[HangerSight, GarmentSight, int]:
     """Find hanger and garment in one frame; return both sights and the frame's state."""
     state = FrameState.FRAMES_DROPPED_BEFORE if frame.dropped_before else 0
     has_depth = np.count_nonzero(frame.depth) >= FEWEST_DEPTH * frame.depth.size
@@ -166,7 +168,7 @@ def _as_frame(time: float, hanger: HangerSight, cloth: GarmentSight, rig: Rig, s
         time=time,
         markers=hanger.positions,
         held=held,
-        held_valid=np.isfinite(held).all(1),
+        held_valid=np.asarray(np.isfinite(held).all(1)),
         held_sd=np.broadcast_to(sd, (2, 3)),
         points=np.where(cloth.valid[:, None], cloth.points, np.nan),
         points_valid=cloth.valid,

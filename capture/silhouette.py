@@ -154,7 +154,7 @@ def find_corners(silhouette: Silhouette, held: Floats) -> tuple[Floats, Floats]:
     offset = np.array([silhouette.window.left, silhouette.window.top], dtype=np.float64)
     top = _line_through(held - offset)
     for i in range(4):
-        lines = []
+        lines: list[tuple[Floats, float] | None] = []
         for neighbour in ((i - 1) % 4, (i + 1) % 4):
             if {i, neighbour} == {0, 1}:
                 lines.append((top, 0.0))

@@ -88,10 +88,8 @@ class Model:
 
     def distances(self, vectors: Floats) -> Floats:
         """Mean over the takes of D [m], (candidates,); infinite where a simulation blew up."""
-        return np.mean(
-            [objective.distance(r.points, p) for r, p in zip(self.recordings, self.points(vectors), strict=True)],
-            axis=0,
-        )
+        by_take = [objective.distance(r.points, p) for r, p in zip(self.recordings, self.points(vectors), strict=True)]
+        return np.asarray(np.mean(by_take, axis=0))
 
     def error(self, vector: Floats) -> ErrorFigure:
         """Mean distance of the points per frame of all takes, one after the other, for one vector."""
@@ -204,7 +202,7 @@ def _result(
         FitParameter(
             name=p.name, unit=p.unit, initial=p.initial, fitted=float(best[k]), minimum=p.minimum, maximum=p.maximum,
             interval_low=float(intervals[k, 0]), interval_high=float(intervals[k, 1]),
-            is_identified=bool(is_identified[k]), note=p.meaning,
+            is_identified=bool(is_identified[k]) and p.name != request.method.scale, note=p.meaning,
         )
         for k, p in enumerate(request.parameters)
     ]  # fmt: skip

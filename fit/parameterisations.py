@@ -54,6 +54,7 @@ class Parameterisation:
     parameters: tuple[Parameter, ...]
     to_materials: Callable[[Floats, float], Floats]
     not_identified: str
+    scale: str = ""  # the parameter that only scales all others and that no motion can tell
 
     @property
     def initial(self) -> Floats:
@@ -116,6 +117,7 @@ KINECT_SKIRT = Parameterisation(
         "Mass is not identified: density, stiffnesses and drag times the same factor give the same motion. "
         "Only ratios to the density are; `--method si` takes the garment's weight as known."
     ),
+    scale="mass",
 )  # fmt: skip
 
 

@@ -111,7 +111,7 @@ def prepare(take: Take) -> Recording:
     time = take.time - take.time[0]
     points = take.points @ rotation.T
     valid = take.points_valid & np.isfinite(take.points).all(2)
-    held_valid = take.held_valid.all(1) & np.isfinite(take.held).all((1, 2))
+    held_valid = np.asarray(take.held_valid.all(1) & np.isfinite(take.held).all((1, 2)))
     if valid.sum() < FEWEST_FRAMES:
         raise FitError(
             "hardly any point of the garment was seen",

@@ -1,12 +1,12 @@
 """The synthetic world's own cloth: masses and springs on a grid, velocity Verlet, double precision.
 
 On purpose another discretisation than the fitter's, from which nothing is imported:
-    threads    along rows and columns, k = E w / l (E membrane stiffness [N/m], w width that the thread stands for, l length)
+    threads    along rows and columns, k = E w / l (E membrane stiffness [N/m], w the width it stands for, l its length)
     shear      both diagonals of every cell. Sheared by gamma, a diagonal of length d of an h_x x h_y cell changes by
                gamma h_x h_y / d, so k_d = G d^2 / (2 h_x h_y) per diagonal gives 1/2 G gamma^2 per area
     bending    second differences along both threads, energy 1/2 B w / l^3 |x_- - 2 x + x_+|^2
-    drag       -1/2 rho_air C(a) A |v_n| |v| ... along the normal, C falling with the angle of attack a:
-               C = c (0.05 + 0.95 sin(a)^1.5) with |v_n| = |v| sin(a)
+    drag       -1/2 rho_air C(a) A |v_n| v_n n, C falling with the angle of attack a, sin(a) = |v_n| / |v|:
+               C = c (0.05 + 0.95 sin(a)^1.5)
     damping    c v per mass, and of every thread in proportion to its stiffness
 Sources: X. Provot, "Deformation constraints in a mass-spring model", GI 1995 (threads and diagonals); L. Verlet, Phys.
 Rev. 159 (1967); plates at an angle: S. F. Hoerner, "Fluid-Dynamic Drag" (1965), chapter 3.
@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +56,7 @@ def simulate(
     step = cloth.stable_step()
     count = int(np.ceil(times[-1] / step)) + 2
     settle = round(SETTLE_TIME / step)
-    ends = held_ends(np.arange(count + 1) * step)
+    ends = held_ends(np.asarray(np.arange(count + 1) * step, float))
     cloth.hang(ends[0])
     for _ in range(settle):
         cloth.advance(ends[0], step, SETTLE_DAMPING)
@@ -103,7 +104,7 @@ class _Cloth:
         self.x = np.zeros((rows, columns, 3))
         self.v, self.f = np.zeros_like(self.x), np.zeros_like(self.x)
 
-    def _threads(self, cell: Floats) -> list[tuple[object, object, Floats, Floats]]:
+    def _threads(self, cell: Floats) -> list[tuple[Any, Any, Floats, Floats]]:
         """Springs as (from, to, length, stiffness)."""
         rest, physics = self.rest, self.physics
         whole, low, high = slice(None), slice(None, -1), slice(1, None)
@@ -124,7 +125,7 @@ class _Cloth:
             springs.append((a, b, length, physics.shear_stiffness * length**2 / (2 * cell)))
         return springs
 
-    def _bends(self, cell: Floats) -> list[tuple[object, object, object, Floats]]:
+    def _bends(self, cell: Floats) -> list[tuple[Any, Any, Any, Floats]]:
         rest, stiffness = self.rest, self.physics.bending_stiffness
         whole = slice(None)
         before, at, after = slice(None, -2), slice(1, -1), slice(2, None)
@@ -139,12 +140,12 @@ class _Cloth:
         """Return a step [s] below 2 / omega of the stiffest node (sum of its springs over its mass)."""
         total = np.zeros(self.mass.shape[:2])
         for a, b, _, k in self.threads:
-            total[a] += k  # type: ignore[index]
-            total[b] += k  # type: ignore[index]
+            total[a] += k
+            total[b] += k
         for a, b, c, k in self.bends:
-            total[a] += k  # type: ignore[index]
-            total[b] += 4 * k  # type: ignore[index]
-            total[c] += k  # type: ignore[index]
+            total[a] += k
+            total[b] += 4 * k
+            total[c] += k
         return float(SAFETY * 2 / np.sqrt((2 * total / self.mass[..., 0]).max()))
 
     def hang(self, ends: Floats) -> None:
@@ -161,17 +162,17 @@ class _Cloth:
         f[..., 1] = GRAVITY * self.mass[..., 0]
         time = self.physics.thread_damping_time
         for a, b, length, stiffness in self.threads:
-            apart, closing = x[b] - x[a], v[b] - v[a]  # type: ignore[index]
+            apart, closing = x[b] - x[a], v[b] - v[a]
             now = np.sqrt(np.einsum("ijk,ijk->ij", apart, apart))
             rate = np.einsum("ijk,ijk->ij", apart, closing) / now
             pull = (stiffness * (now - length + time * rate) / now)[..., None] * apart
-            f[a] += pull  # type: ignore[index]
-            f[b] -= pull  # type: ignore[index]
+            f[a] += pull
+            f[b] -= pull
         for a, b, c, stiffness in self.bends:
-            bend = stiffness[..., None] * (x[a] - 2 * x[b] + x[c])  # type: ignore[index]
-            f[a] -= bend  # type: ignore[index]
-            f[b] += 2 * bend  # type: ignore[index]
-            f[c] -= bend  # type: ignore[index]
+            bend = stiffness[..., None] * (x[a] - 2 * x[b] + x[c])
+            f[a] -= bend
+            f[b] += 2 * bend
+            f[c] -= bend
         if self.drag:
             self._add_drag()
         damping = 0.5 * step * (self.physics.linear_damping + extra_damping)

@@ -140,7 +140,7 @@ def _grid_triangles(rows: int, columns: int) -> NDArray[np.int64]:
 
 
 def _bends(rest: Floats, node_area: Floats, rows: int, columns: int) -> tuple[Integers, Floats]:
-    """Return nodes and weights of every second difference; those of three nodes name the last one twice, at weight 0."""
+    """Return nodes and weights of every second difference; of three nodes the last is named twice, at weight 0."""
     index = np.arange(rows * columns).reshape(rows, columns)
     nodes, weights = [], []
     for before, at, after in (

@@ -138,7 +138,7 @@ class Simulator:
             dt = self.step(halvings)
             every = max(round(TARGET_SPACING / dt), 1)
             count = int(np.ceil(self.recording.duration / (every * dt))) + 3
-            wanted, trust = self.recording.targets(np.arange(count) * every * dt)
+            wanted, trust = self.recording.targets(np.asarray(np.arange(count) * every * dt, float))
             self._targets[halvings] = wanted.astype(np.float32), trust.astype(np.float32), every
         return self._targets[halvings]
 
@@ -186,7 +186,7 @@ class Simulator:
 
     def _paths(self, padded: NDArray[np.int64], amplitudes: Floats, steps: int, dt: float) -> Floats:
         """Held ends per candidate and step, (candidates, steps, 6); equal clocks are evaluated once."""
-        instants = np.arange(steps) * dt
+        instants = np.asarray(np.arange(steps) * dt, float)
         known: dict[tuple[float, ...], Floats] = {}
         rows = []
         for i in padded:

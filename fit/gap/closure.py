@@ -44,7 +44,7 @@ def block_errors(observer: Observer, residual: Floats) -> BlockErrors:
     layout = observer.layout
     squared = (residual * layout.sd * 1e3) ** 2
     count = np.bincount(layout.block) / 3.0
-    sums = np.bincount(layout.block, squared)
+    sums = np.asarray(np.bincount(layout.block, squared), float)
     seen = count > 0
     return BlockErrors(sums[seen], count[seen])
 

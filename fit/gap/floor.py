@@ -37,7 +37,7 @@ def point_noise(recording: Recording) -> Floats:
             for k in range(recording.points.shape[1])
         ]
     )
-    return np.maximum(stated, seen)
+    return np.asarray(np.maximum(stated, seen))
 
 
 def noise_floor(

@@ -64,7 +64,10 @@ def screen(observer: Observer, base: Fitted, rng: np.random.Generator) -> Screen
     jacobian = base.jacobian[:, : len(base.vector)]
     precision = np.diag(Problem(observer).prior_sd ** -2)
     hat = np.linalg.solve(jacobian.T @ jacobian + precision, jacobian.T)
-    project = lambda w: w - (w @ jacobian) @ hat  # noqa: E731
+
+    def project(rows: Floats) -> Floats:
+        return np.asarray(rows - (rows @ jacobian) @ hat)
+
     squares = (signatures**2).sum(1)
     projected, rest = project(signatures), project(base.residual[None])[0]
     left = np.maximum((projected**2).sum(1), 1e-12)

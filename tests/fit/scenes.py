@@ -61,8 +61,9 @@ def take_of(garment, time, displacement, points=None, *, sd=0.001, name="scene")
     if points is None:
         points = np.zeros((len(time), count, 3))
     seen = np.isfinite(points).all(2)
+    rig = Rig(format="hangtime-rig/1", name="test", gravity=(0.0, 0.0, -1.0))
     return Take(
-        take_id=name, created="2026-01-01T00:00:00Z", rig=Rig(format="hangtime-rig/1", name="test", gravity=(0.0, 0.0, -1.0)),
+        take_id=name, created="2026-01-01T00:00:00Z", rig=rig,
         garment=garment, time=time, held=held, held_valid=np.ones((len(time), 2), bool),
         held_sd=np.full((len(time), 2, 3), 1e-4), points=points, points_valid=seen,
         points_sd=np.full((len(time), count, 3), sd), state=np.zeros(len(time), np.uint16), markers=held,

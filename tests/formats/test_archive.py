@@ -31,7 +31,8 @@ def a_take(frames=150, seed=0):
     state[7] = FrameState.MARKER_LOST | FrameState.FRAMES_DROPPED_BEFORE
     return Take(
         take_id="a", created="2026-01-01T00:00:00Z", rig=RIG, garment=GARMENT, time=time, held=held,
-        held_valid=np.ones((frames, 2), bool), held_sd=np.full((frames, 2, 3), 0.002), points=points, points_valid=valid,
+        held_valid=np.ones((frames, 2), bool), held_sd=np.full((frames, 2, 3), 0.002), points=points,
+        points_valid=valid,
         points_sd=np.full((frames, 4, 3), 0.003), state=state, markers=held, source="test", notes={"who": "me"},
     )  # fmt: skip
 
@@ -92,12 +93,15 @@ def test_a_flipped_bit_costs_at_most_one_second(tmp_path, seed):
 
 def test_an_interrupted_recording_leaves_a_readable_partial_file(tmp_path):
     take = a_take()
-    with pytest.raises(RuntimeError, match="power"), TakeWriter(
-        tmp_path / "a.mcap", take_id="a", created="now", rig=RIG, garment=GARMENT
-    ) as writer:  # fmt: skip
-        for k in range(70):
-            writer.append(frame_of(take, k))
-        raise RuntimeError("power")
+
+    def record_until_the_power_fails():
+        with TakeWriter(tmp_path / "a.mcap", take_id="a", created="now", rig=RIG, garment=GARMENT) as writer:
+            for k in range(70):
+                writer.append(frame_of(take, k))
+            raise RuntimeError("power")
+
+    with pytest.raises(RuntimeError, match="power"):
+        record_until_the_power_fails()
     assert not (tmp_path / "a.mcap").exists()
     back = read_take(tmp_path / "a.mcap.partial")
     assert len(back.time) == 70

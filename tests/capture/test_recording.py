@@ -1,0 +1,138 @@
+"""From a sensor to a take, against the truth of the synthetic world."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from capture.errors import NoMarkersError, UntrackableError
+from capture.recording import record
+from firmware_host.depth_sensor import DepthSensor, SensorFrame
+from firmware_host.synthetic.scene import CAMERA, MARKER_BITS, RIG, demo_garment
+from firmware_host.synthetic.sensor import SyntheticSensor
+from firmware_host.synthetic.world import FIRST_STAMP, make_world
+from formats.archive import read_take
+from formats.take import FrameState
+
+
+@pytest.fixture(scope="module")
+def world():
+    """Four seconds: still, swung, stopped."""
+    return make_world(motion="swing", effect="air_drag", amplitude=None, seconds=4.0, seed=3)
+
+
+class Every(DepthSensor):
+    """Every so many frames of a world, changed by a function: a sensor that misbehaves."""
+
+    def __init__(self, world, step, change=lambda frame: frame):
+        self._inner, self._step, self._change = SyntheticSensor(world, "test"), step, change
+
+    @property
+    def info(self):
+        return self._inner.info
+
+    def read(self, timeout_s=1.0):
+        while True:
+            frame = self._inner.read()
+            if frame is None:
+                return None
+            if frame.index % self._step == 0:
+                return self._change(frame)
+
+    def close(self):
+        self._inner.close()
+
+
+def changed(frame, **changes):
+    fields = {
+        name: getattr(frame, name) for name in ("index", "time_s", "host_time_s", "depth", "colour", "dropped_before")
+    }
+    return SensorFrame(**(fields | changes))
+
+
+def recorded(sensor, path):
+    return record(sensor, RIG, demo_garment(), path, take_id="t", created="2026-01-01T00:00:00Z")
+
+
+@pytest.fixture(scope="module")
+def take(world, tmp_path_factory):
+    path = tmp_path_factory.mktemp("take") / "t.mcap"
+    with Every(world, 3) as sensor:
+        recorded(sensor, path)
+    return read_take(path)
+
+
+def errors_mm(take, world, seen, truth):
+    frames = np.searchsorted(world.time + FIRST_STAMP, take.time - 1e-5)
+    return 1e3 * np.linalg.norm(seen - truth[frames], axis=-1)
+
+
+def test_every_frame_shows_the_hanger(take):
+    assert take.held_valid.all()
+    assert (take.state == 0).all()
+
+
+def test_markers_are_placed_to_two_millimetres_still_and_five_moving(take, world):
+    apart = errors_mm(take, world, take.markers, world.hanger.markers)
+    still = take.time < 0.9
+    assert np.sqrt((apart[still] ** 2).mean()) < 2.0
+    assert np.sqrt((apart[~still] ** 2).mean()) < 5.0
+
+
+def test_corners_are_placed_to_eight_millimetres_in_the_median(take, world):
+    assert np.nanmedian(errors_mm(take, world, take.points, world.points)[:, :4]) < 8.0
+
+
+def test_the_centre_is_placed_to_nine_millimetres_on_average(take, world):
+    """The paper reports 19 mm."""
+    assert np.nanmean(errors_mm(take, world, take.points, world.points)[:, 4]) < 9.0
+
+
+def test_points_are_seen_in_nearly_every_frame(take):
+    assert take.points_valid.mean() > 0.95
+
+
+def test_the_worlds_markers_are_opencvs():
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    for marker, bits in MARKER_BITS.items():
+        picture = cv2.aruco.generateImageMarker(dictionary, marker, 6)
+        assert np.array_equal(picture[1:5, 1:5] > 127, np.array(bits) > 0)
+
+
+def test_a_recording_without_markers_leaves_no_take(world, tmp_path):
+    with (
+        Every(world, 10, lambda f: changed(f, colour=np.full_like(f.colour, 90))) as sensor,
+        pytest.raises(NoMarkersError, match="seen together in 0 of 12 frames"),
+    ):
+        recorded(sensor, tmp_path / "t.mcap")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_lost_depth_lost_colour_and_a_clock_that_jumps_are_told_frame_by_frame(world, tmp_path):
+    def spoil(frame):
+        if frame.index == 30:
+            return changed(frame, depth=np.zeros_like(frame.depth))
+        if frame.index == 36:
+            return changed(frame, colour=None)
+        if frame.index == 42:
+            return changed(frame, time_s=0.5)
+        return frame
+
+    with Every(world, 6, spoil) as sensor:
+        recorded(sensor, tmp_path / "t.mcap")
+    take = read_take(tmp_path / "t.mcap")
+    state = {round(30 * (t - FIRST_STAMP)): s for t, s in zip(take.time, take.state, strict=True)}
+    assert state[30] & FrameState.DEPTH_MISSING
+    assert state[36] & FrameState.COLOUR_MISSING
+    assert 42 not in state
+    assert state[48] & FrameState.CLOCK_JUMPED
+    assert not take.points_valid[list(state).index(30)].any()
+
+
+def test_a_sensor_of_another_size_than_the_rig_says_is_refused(world, tmp_path):
+    import msgspec
+
+    small = msgspec.structs.replace(RIG, sensor=msgspec.structs.replace(CAMERA, width=320, height=240))
+    with Every(world, 10) as sensor, pytest.raises(UntrackableError, match="640 x 480 pixels, the rig says 320 x 240"):
+        record(sensor, small, demo_garment(), tmp_path / "t.mcap", take_id="t", created="now")

@@ -53,7 +53,7 @@ def import_swung_cloth(path: Path) -> Take:
     garment = Garment(
         format="hangtime-garment/1", name="swung cloth", kind="swatch",
         mass_kg=round(MEDIAN_DENSITY * width * height, 6),
-        outline_m=((-half, 0.0), (half, 0.0), (half, -height), (-half, -height)), held="corners",
+        outline_m=((-half, 0.0), (half, 0.0), (half, -height), (-half, -height)), held="edge",
         points=tuple(
             TrackedPoint(name=f"row{k // 8}_column{k % 8}", at_m=(float(x), float(y))) for k, (x, y) in enumerate(rest)
         ),

@@ -1,0 +1,117 @@
+"""What the synthetic camera draws is where the truth says it is."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from firmware_host.oni_records import summarise
+from firmware_host.synthetic import recording
+from firmware_host.synthetic.scene import CAMERA, HANGER, demo_garment, place
+from formats.descriptions import load_garment, load_rig
+from tests.firmware_host.scenes import flat_world
+
+
+def pixel(place_m: np.ndarray) -> tuple[float, float]:
+    return (
+        CAMERA.fx * place_m[0] / place_m[2] + CAMERA.cx,
+        CAMERA.fy * place_m[1] / place_m[2] + CAMERA.cy,
+    )
+
+
+def test_the_plates_and_the_cloth_have_their_true_depth() -> None:
+    world = flat_world(1)
+    depth = world.renderer().view(world.hanger.origin[0], world.hanger.rotation[0], world.nodes[0]).depth
+    for spot in [*world.hanger.markers[0], world.points[0, 4]]:
+        u, v = pixel(spot)
+        assert depth[round(v), round(u)] == pytest.approx(spot[2], abs=1e-9)
+
+
+def test_a_turned_plate_has_its_true_depth_at_its_centre() -> None:
+    world = flat_world(1)
+    turned = place(np.zeros((1, 3)), np.array([np.radians(20)]), np.zeros(1))
+    depth = world.renderer().view(turned.origin[0], turned.rotation[0], world.nodes[0]).depth
+    for spot in turned.markers[0]:
+        u, v = pixel(spot)
+        # Half a pixel is 1.4 mm of width, on a plane at 20 degrees 0.5 mm of depth.
+        assert depth[round(v), round(u)] == pytest.approx(spot[2], abs=6e-4)
+
+
+def test_the_skirt_covers_as_many_pixels_as_its_area_says() -> None:
+    world = flat_world(1)
+    depth = world.renderer().view(world.hanger.origin[0], world.hanger.rotation[0], world.nodes[0]).depth
+    top = int(np.ceil(pixel(world.points[0, 0])[1])) + 5  # below the bar, which covers the held edge
+    lowest = int(pixel(world.points[0, 2])[1]) + 3
+    covered = (depth[top:lowest] < 2.0).sum()
+    height = world.points[0, 2, 1] - (top - 0.5 - CAMERA.cy) / CAMERA.fy * 1.6
+    width_at_top = 0.5 - 0.1 * height / 0.45
+    area = 0.5 * (0.5 + width_at_top) * height
+    # A pixel counts when any of the cloth falls into it: up to half a pixel more around 500 pixels of outline.
+    assert covered == pytest.approx(area * (CAMERA.fx / 1.6) ** 2, rel=0.015)
+
+
+def test_the_markers_show_black_borders_white_plates_and_their_first_bits() -> None:
+    world = flat_world(1)
+    colour = world.renderer().view(world.hanger.origin[0], world.hanger.rotation[0], world.nodes[0]).colour[..., 0]
+    cell = HANGER.marker_size_m / 6
+    for centre, first_row in zip(world.hanger.markers[0], ([1, 0, 1, 1], [0, 0, 0, 0]), strict=True):
+
+        def brightness(column: float, row: float, centre: np.ndarray = centre) -> float:
+            u, v = pixel(centre + np.array([(column - 2.5) * cell, (row - 2.5) * cell, 0.0]))
+            return float(colour[round(v), round(u)])
+
+        assert [int(brightness(1 + k, 1) > 128) for k in range(4)] == first_row
+        assert max(brightness(k, 0) for k in range(6)) < 60
+        assert min(brightness(k, -0.8) for k in range(6)) > 200
+
+
+def test_a_hanger_moving_across_an_exposure_is_blurred() -> None:
+    def sharpness(step: float) -> float:
+        world = flat_world(3)
+        world.hanger.origin[:, 0] += step * np.arange(3)
+        _, colour = world.frame(1, world.renderer())
+        u, v = pixel(world.hanger.markers[1, 0])
+        patch = colour[round(v) - 12 : round(v) + 13, round(u) - 12 : round(u) + 13, 0].astype(float)
+        return float(np.abs(np.diff(patch, axis=1)).max())
+
+    # 60 mm a frame is 1.8 m/s: 14 mm or 5 px in 8 ms, so steps from white to black become ramps.
+    assert sharpness(0.06) < 0.8 * sharpness(0.0)
+
+
+def test_the_centre_lies_where_all_four_corners_are_equally_far() -> None:
+    garment = demo_garment()
+    centre = np.array(garment.points[4].at_m)
+    # 0.2^2 + d^2 = 0.25^2 + (0.45 - d)^2 gives d = 0.25 and a distance of 0.320 m.
+    np.testing.assert_allclose(centre, [0.0, -0.25])
+    np.testing.assert_allclose(np.linalg.norm(np.array(garment.outline_m) - centre, axis=1), 0.3201562, atol=1e-6)
+
+
+def test_the_hanger_keeps_its_frame_when_it_yaws_and_rolls() -> None:
+    placed = place(np.zeros((1, 3)), np.array([0.3]), np.array([0.05]))
+    x, y, z = placed.rotation[0].T
+    left, right = placed.markers[0]
+    np.testing.assert_allclose(x, (right - left) / 0.3, atol=1e-12)
+    gravity = np.array([0.0, 1.0, 0.0])
+    down = gravity - (gravity @ x) * x
+    np.testing.assert_allclose(y, down / np.linalg.norm(down), atol=1e-12)
+    np.testing.assert_allclose(z, np.cross(x, y), atol=1e-12)
+
+
+def test_a_recording_comes_with_its_rig_garment_and_truth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    world = flat_world(3, depth_step=0.01)
+    monkeypatch.setattr(recording, "make_world", lambda **_: world)
+    paths = recording.make_recording(tmp_path, "take", motion="swing", effect="none", seed=1)
+    assert {path.name for path in paths} == {"take.oni", "take.truth.npz", "rig.toml", "garment.toml"}
+    assert not list(tmp_path.glob("*.partial"))
+    assert summarise(tmp_path / "take.oni").depth_frames == 3
+    rig, garment = load_rig(tmp_path / "rig.toml"), load_garment(tmp_path / "garment.toml")
+    assert rig.sensor == CAMERA
+    assert garment.mass_kg == 0.035
+    with np.load(tmp_path / "take.truth.npz") as truth:
+        assert truth["markers"].shape == (3, 2, 3)
+        np.testing.assert_allclose(truth["held"][2, :, 2], 1.62)
+        np.testing.assert_allclose(truth["points"], world.points)
+        assert json.loads(str(truth["meta"]))["effect"] == "none"

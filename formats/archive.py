@@ -179,7 +179,8 @@ def _encode_block(frames: list[Frame], first: int) -> dict[str, Any]:
     return {
         "first": first,
         "frames": len(frames),
-        "time": pack(np.array([[f.time] for f in frames]), TIME_STEP),
+        "start": round(frames[0].time / TIME_STEP),
+        "time": pack(np.array([[f.time - round(frames[0].time / TIME_STEP) * TIME_STEP] for f in frames]), TIME_STEP),
         "state": np.array([f.state for f in frames], "<u2").tobytes(),
         "markers_valid": pack_flags(np.isfinite(stack["markers"]).all(-1)),
         **{name: pack(stack[name], POSITION_STEP) for name in ("markers", "held", "held_sd", "points", "points_sd")},
@@ -190,7 +191,7 @@ def _encode_block(frames: list[Frame], first: int) -> dict[str, Any]:
 def _decode_block(block: dict[str, Any], points: int) -> dict[str, NDArray[Any]]:
     n = block["frames"]
     decoded: dict[str, NDArray[Any]] = {
-        "time": unpack(block["time"], (n,), TIME_STEP),
+        "time": block["start"] * TIME_STEP + unpack(block["time"], (n,), TIME_STEP),
         "state": np.frombuffer(block["state"], "<u2").astype(np.uint16),
         "markers": unpack(block["markers"], (n, 2, 3), POSITION_STEP),
         "held": unpack(block["held"], (n, 2, 3), POSITION_STEP),

@@ -50,6 +50,13 @@ def test_a_take_comes_back_to_half_a_step(tmp_path):
     assert (back.rig, back.garment, back.notes, back.is_complete) == (RIG, GARMENT, {"who": "me"}, True)
 
 
+def test_a_clock_that_has_run_for_a_month_keeps_its_microseconds(tmp_path):
+    take = a_take()
+    take.time[:] += 2.6e6
+    back = read_take(write_take(tmp_path / "a.mcap", take))
+    assert np.abs(back.time - take.time).max() <= 0.6e-6
+
+
 def test_a_finished_take_leaves_no_partial_file(tmp_path):
     write_take(tmp_path / "a.mcap", a_take())
     assert [p.name for p in tmp_path.iterdir()] == ["a.mcap"]

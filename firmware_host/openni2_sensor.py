@@ -17,11 +17,11 @@ import numpy as np
 from firmware_host import openni2_library
 from firmware_host.depth_sensor import STALL_TIMEOUT, DepthSensor, SensorFrame, SensorInfo
 from firmware_host.errors import RecordingError, SensorStalledError, SensorUnavailableError
+from firmware_host.oni_records import OniSummary, summarise
 from formats.rig import Sensor
 
 END_WAIT = 1.0  # s without a frame after which a recording of unknown length has ended
 FOCAL_SHARE = 575.8 / 640  # focal length over width of PS1080 and Kinect v1 depth cameras (OpenNI's factory default)
-MAGIC = b"NI10"
 
 
 class OpenNI2Sensor(DepthSensor):
@@ -35,8 +35,7 @@ class OpenNI2Sensor(DepthSensor):
             RecordingError: the file is missing or not a recording.
         """
         self._path = target
-        if target is not None:
-            _check_recording(target)
+        self._summary = summarise(target) if target is not None else None
         self._openni2 = openni2_library.load()
         self._is_closed = False
         self._timeout = STALL_TIMEOUT
@@ -49,12 +48,9 @@ class OpenNI2Sensor(DepthSensor):
             raise
 
     def _open(self, target: Path | None) -> Any:
-        if target is None and not self._openni2.Device.enumerate_uris():
-            raise SensorUnavailableError(
-                "no depth sensor is connected", advice="plug it in and check its permission with `hangtime sensor list`"
-            )
+        uri = str(target).encode() if target is not None else self._first_device()
         try:
-            return self._openni2.Device(str(target).encode() if target else None)
+            return self._openni2.Device(uri)
         except (self._openni2.OpenNIError, AssertionError) as error:
             if target is not None:
                 raise RecordingError(
@@ -62,13 +58,22 @@ class OpenNI2Sensor(DepthSensor):
                 ) from error
             raise SensorUnavailableError(f"the sensor does not open: {error}", advice="unplug and replug it") from error
 
+    def _first_device(self) -> bytes:
+        # OpenNI2 lists recordings that this process has played as devices, even after they were closed.
+        uris = [uri for uri in self._openni2.Device.enumerate_uris() if not uri.lower().endswith(b".oni")]
+        if not uris:
+            raise SensorUnavailableError(
+                "no depth sensor is connected", advice="plug it in and check its permission with `hangtime sensor list`"
+            )
+        return bytes(uris[0])
+
     def _start(self) -> tuple[Any, Any]:
         depth, colour = self._device.create_depth_stream(), self._device.create_color_stream()
         if depth is None:
             raise RecordingError("has no depth stream", where=self._path or "device", advice="record depth and colour")
         if self._device.playback is not None:
             self._device.playback.set_speed(-1.0)
-            self._device.playback.set_repeat_enabled(False)
+            self._device.playback.set_repeat_enabled(True)
         elif colour is not None:
             mode = self._openni2.IMAGE_REGISTRATION_DEPTH_TO_COLOR
             if self._device.is_image_registration_mode_supported(mode):
@@ -90,7 +95,8 @@ class OpenNI2Sensor(DepthSensor):
         except self._openni2.OpenNIError:
             fx = fy = FOCAL_SHARE * width
             notes.append(f"field of view unknown; focal length taken as {fx:.1f} px, as for PS1080 and Kinect v1")
-        frames = depth.get_number_of_frames() if self._device.playback is not None else None
+        if self._summary is not None and not self._summary.is_complete:
+            notes.append("the recording was interrupted; its last frame is left out")
         info = self._device.get_device_info()
         return SensorInfo(
             name=info.name.decode(errors="replace") or "OpenNI2 device",
@@ -102,7 +108,7 @@ class OpenNI2Sensor(DepthSensor):
                 width=width, height=height, fx=float(fx), fy=float(fy), cx=(width - 1) / 2, cy=(height - 1) / 2
             ),
             is_live=self._device.playback is None,
-            frame_count=frames if frames is not None and frames > 0 else None,
+            frame_count=None if self._summary is None else _playable(self._summary),
             notes=tuple(notes),
         )
 
@@ -117,25 +123,37 @@ class OpenNI2Sensor(DepthSensor):
         Raises:
             SensorStalledError: a live device sent nothing for `timeout_s` seconds.
         """
+        if self._is_closed:
+            return None
         self._timeout = timeout_s
-        return next(self._pairs, None)
+        try:
+            return next(self._pairs, None)
+        except SensorStalledError:
+            self._pairs = self._paired()  # a generator that raised is at its end; the device may come back
+            raise
 
     def _paired(self) -> Iterator[SensorFrame]:
         """Pair each depth frame with the colour frame nearest in time, within half a frame."""
         half = 0.5e6 / self._info.fps
         last_index, given = 0, 0
+        colours_left = np.inf if self._summary is None else self._summary.colour_frames
         held: tuple[int, np.ndarray[Any, Any]] | None = None
         while self._info.frame_count is None or given < self._info.frame_count:
             found = self._read(self._depth, np.uint16)
             if found is None:
                 return
             index, stamp, depth = found
+            if self._summary is not None and index <= last_index:
+                return  # the player skipped a frame and has begun its next round
             colour = None
             while self._colour is not None:
                 if held is None:
+                    if colours_left == 0:
+                        break  # the next one would be the first of the next round
                     read = self._read(self._colour, np.uint8)
                     if read is None:
                         break
+                    colours_left -= 1
                     held = read[1], read[2]
                 if held[0] < stamp - half:
                     held = None  # too old for this frame and all that follow
@@ -186,11 +204,6 @@ class OpenNI2Sensor(DepthSensor):
         self._device.close()
 
 
-def _check_recording(path: Path) -> None:
-    try:
-        with path.open("rb") as file:
-            magic = file.read(len(MAGIC))
-    except OSError as error:
-        raise RecordingError(f"cannot be read ({error.strerror})", where=path, advice="check the path") from error
-    if magic != MAGIC:
-        raise RecordingError("is not an .oni recording", where=path, advice="give a file recorded with OpenNI")
+def _playable(summary: OniSummary) -> int:
+    """Frames to give out: of an interrupted recording all but the last, see the top of this module."""
+    return summary.depth_frames if summary.is_complete else summary.depth_frames - 1

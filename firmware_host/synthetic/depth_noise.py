@@ -62,7 +62,7 @@ def _alike_over_three_pixels(noise: Floats) -> Floats:
 
 
 def _shadow(truth: Floats, scale: float) -> NDArray[np.bool_]:
-    """Pixels that the projector, to the left of the camera, does not reach: hidden behind something to their left."""
+    """Pixels that the projector, to the right of the camera, does not reach: hidden behind something to their right."""
     height, width = truth.shape
     # The projector sees a point at column u - scale / z (its own image column, up to a constant).
     column = np.arange(width)[None] - scale / truth

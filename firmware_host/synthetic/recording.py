@@ -10,7 +10,7 @@ import numpy as np
 from firmware_host.errors import RecordingError
 from firmware_host.oni_writer import OniWriter
 from firmware_host.synthetic.scene import CAMERA, FPS, RIG, demo_garment
-from firmware_host.synthetic.world import FIRST_STAMP, Progress, make_world
+from firmware_host.synthetic.world import FIRST_STAMP, TYPICAL, Progress, World, make_world
 from formats.descriptions import dump_description
 
 
@@ -32,17 +32,20 @@ def make_recording(
     except OSError as error:
         raise RecordingError(f"cannot be made ({error.strerror})", where=out, advice="choose another folder") from error
     recording, partial = out / f"{name}.oni", out / f"{name}.oni.partial"
-    renderer = world.renderer()
-    with OniWriter(partial, CAMERA, fps=FPS) as writer:
-        for number, stamp in enumerate(world.time):
-            depth, colour = world.frame(number, renderer)
-            time_us = round(1e6 * (stamp + FIRST_STAMP))
-            writer.write_depth(time_us, depth)
-            writer.write_colour(time_us, colour)
-            progress("camera", 0.3 + 0.7 * (number + 1) / len(world.time))
+    try:
+        _write_frames(partial, world, progress)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise
     partial.replace(recording)
     truth = out / f"{name}.truth.npz"
-    meta = {"motion": motion, "effect": effect, "amplitude": amplitude, "seconds": seconds, "seed": seed}
+    meta = {
+        "motion": motion,
+        "effect": effect,
+        "amplitude": TYPICAL[effect] if amplitude is None else amplitude,
+        "seconds": seconds,
+        "seed": seed,
+    }
     np.savez_compressed(
         truth, time=world.time + FIRST_STAMP, markers=world.hanger.markers, held=world.hanger.held, points=world.points,
         grid=world.nodes.astype(np.float32), meta=json.dumps(meta),
@@ -51,3 +54,14 @@ def make_recording(
     rig.write_text(dump_description(RIG))
     garment.write_text(dump_description(demo_garment()))
     return [recording, truth, rig, garment]
+
+
+def _write_frames(path: Path, world: World, progress: Progress) -> None:
+    renderer = world.renderer()
+    with OniWriter(path, CAMERA, fps=FPS) as writer:
+        for number, stamp in enumerate(world.time):
+            depth, colour = world.frame(number, renderer)
+            time_us = round(1e6 * (stamp + FIRST_STAMP))
+            writer.write_depth(time_us, depth)
+            writer.write_colour(time_us, colour)
+            progress("camera", 0.3 + 0.7 * (number + 1) / len(world.time))

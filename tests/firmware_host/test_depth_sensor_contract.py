@@ -1,24 +1,30 @@
-"""One suite of promises for every depth sensor."""
+"""One suite for every depth sensor: the synthetic one and OpenNI2 playing a file keep the same promises."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from firmware_host.depth_sensor import DepthSensor
+from firmware_host.openni2_sensor import OpenNI2Sensor
 from firmware_host.synthetic.sensor import SyntheticSensor
-from tests.firmware_host.scenes import flat_world
+from tests.firmware_host.scenes import flat_world, write_recording
 
 Opener = Callable[[], DepthSensor]
 FRAMES = 4
 
 
-@pytest.fixture(params=["synthetic"])
-def open_it(request: pytest.FixtureRequest) -> Opener:
-    return lambda: SyntheticSensor(flat_world(FRAMES), f"{request.param}:flat")
+@pytest.fixture(params=["synthetic", pytest.param("openni2_file", marks=pytest.mark.openni)])
+def open_it(request: pytest.FixtureRequest, tmp_path: Path) -> Opener:
+    if request.param == "synthetic":
+        return lambda: SyntheticSensor(flat_world(FRAMES), "synthetic:flat")
+    request.getfixturevalue("openni")
+    path = write_recording(tmp_path / "a.oni", FRAMES)
+    return lambda: OpenNI2Sensor(path)
 
 
 def test_the_size_announced_is_the_size_delivered(open_it: Opener) -> None:

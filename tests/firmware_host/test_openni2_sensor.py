@@ -1,0 +1,242 @@
+"""Recordings and devices through the real OpenNI2 library, and a live device that stalls through a stand-in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from firmware_host import openni2_library
+from firmware_host.errors import RecordingError, SensorStalledError, SensorUnavailableError
+from firmware_host.oni_records import RecordType, read_records
+from firmware_host.oni_writer import OniWriter
+from firmware_host.opening import open_sensor
+from firmware_host.openni2_sensor import OpenNI2Sensor
+from formats.command import app, gather_commands
+from tests.firmware_host.scenes import PERIOD_US, SMALL, picture, write_recording
+
+KINECT_ROOM = Path(__file__).parents[3] / "shared" / "data" / "oni" / "kinect-room.oni"
+
+
+@pytest.fixture(scope="module")
+def command() -> CliRunner:
+    gather_commands()
+    return CliRunner()
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("openni")
+@pytest.mark.parametrize("codec", ["16zT", "NONE"])
+def test_the_library_plays_every_byte_and_microsecond_that_was_written(tmp_path: Path, codec: str) -> None:
+    with OpenNI2Sensor(write_recording(tmp_path / "a.oni", 8, depth_codec=codec)) as sensor:
+        frames = list(sensor.frames())
+    assert len(frames) == 8
+    for number, frame in enumerate(frames):
+        depth, colour = picture(number)
+        np.testing.assert_array_equal(frame.depth, depth)
+        np.testing.assert_array_equal(frame.colour, colour)
+        assert round(frame.time_s * 1e6) == 1000 + number * PERIOD_US
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("openni")
+def test_the_written_field_of_view_gives_the_focal_length_back(tmp_path: Path) -> None:
+    with OpenNI2Sensor(write_recording(tmp_path / "a.oni", 2)) as sensor:
+        assert sensor.info.intrinsics.fx == pytest.approx(57.58, rel=1e-5)
+        assert sensor.info.intrinsics.fy == pytest.approx(57.58, rel=1e-5)
+        assert sensor.info.notes == ()
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("openni")
+def test_a_recording_that_lost_power_plays_all_but_its_last_whole_frame(tmp_path: Path) -> None:
+    path = tmp_path / "a.oni"
+    with OniWriter(path, SMALL) as writer:
+        for number in range(6):
+            depth, colour = picture(number)
+            writer.write_depth(1000 + number * PERIOD_US, depth)
+            writer.write_colour(2000 + number * PERIOD_US, colour)
+        writer._file.flush()
+        unfinished = path.read_bytes()
+    path.write_bytes(unfinished[:-100])  # the sixth colour frame is cut
+    with OpenNI2Sensor(path) as sensor:
+        frames = list(sensor.frames())
+        assert sensor.info.notes == ("the recording was interrupted; its last frame is left out",)
+    assert len(frames) == 5
+    np.testing.assert_array_equal(frames[-1].depth, picture(4)[0])
+    np.testing.assert_array_equal(frames[-1].colour, picture(4)[1])
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("openni")
+def test_a_finished_recording_cut_by_a_broken_copy_is_refused(tmp_path: Path) -> None:
+    path = write_recording(tmp_path / "a.oni", 6)
+    last = [r for r in read_records(path) if r.type == RecordType.NEW_DATA][-2]
+    path.write_bytes(path.read_bytes()[: last.payload_position + 10])
+    with pytest.raises(RecordingError, match="OpenNI2 cannot open it; is it a whole"):
+        OpenNI2Sensor(path)
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("openni")
+def test_forty_recordings_are_played_to_their_end_and_closed_without_a_crash(tmp_path: Path) -> None:
+    # Played without a loop, one close in about 60 ended the process.
+    path = write_recording(tmp_path / "a.oni", 3)
+    for _ in range(40):
+        with OpenNI2Sensor(path) as sensor:
+            assert len(list(sensor.frames())) == 3
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("openni")
+def test_colour_twelve_milliseconds_late_is_paired_with_its_own_depth(tmp_path: Path) -> None:
+    # 11.7 ms is what a Kinect's recording has between its streams; half a frame is 16.7 ms.
+    with OpenNI2Sensor(write_recording(tmp_path / "a.oni", 5, colour_delay_us=11_700)) as sensor:
+        for number, frame in enumerate(sensor.frames()):
+            np.testing.assert_array_equal(frame.colour, picture(number)[1])
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("openni")
+def test_a_depth_frame_without_colour_nearby_has_none(tmp_path: Path) -> None:
+    path = tmp_path / "a.oni"
+    with OniWriter(path, SMALL) as writer:
+        for number in range(6):
+            depth, colour = picture(number)
+            writer.write_depth(1000 + number * PERIOD_US, depth)
+            if number != 3:
+                writer.write_colour(2000 + number * PERIOD_US, colour)
+    with OpenNI2Sensor(path) as sensor:
+        frames = list(sensor.frames())
+    assert [frame.colour is None for frame in frames] == [False, False, False, True, False, False]
+    np.testing.assert_array_equal(frames[4].colour, picture(4)[1])
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("openni")
+def test_a_recording_of_depth_alone_plays_without_colour(tmp_path: Path) -> None:
+    path = tmp_path / "a.oni"
+    with OniWriter(path, SMALL, with_colour=False) as writer:
+        for number in range(3):
+            writer.write_depth(1000 + number * PERIOD_US, picture(number)[0])
+    with OpenNI2Sensor(path) as sensor:
+        assert [frame.colour for frame in sensor.frames()] == [None, None, None]
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("openni")
+@pytest.mark.skipif(Path("/dev/bus/usb").exists(), reason="a sensor may be connected")
+def test_a_recording_played_before_is_not_taken_for_a_live_device(tmp_path: Path) -> None:
+    open_sensor(str(write_recording(tmp_path / "a.oni", 2))).close()
+    with pytest.raises(SensorUnavailableError, match="no depth sensor is connected; plug it in"):
+        open_sensor("openni2:")
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("openni")
+def test_playing_prints_frames_rate_and_size(command: CliRunner, tmp_path: Path) -> None:
+    path = write_recording(tmp_path / "a.oni", 7)
+    result = command.invoke(app, ["sensor", "play", str(path)])
+    assert result.exit_code == 0, result.output
+    assert "64 x 48" in result.output
+    assert "7 frames" in result.output
+    assert "30.0 a second" in result.output
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("openni")
+def test_playing_stops_after_the_frames_asked_for(command: CliRunner, tmp_path: Path) -> None:
+    path = write_recording(tmp_path / "a.oni", 7)
+    result = command.invoke(app, ["sensor", "play", str(path), "--max-frames", "3"])
+    assert result.exit_code == 0, result.output
+    assert "3 frames" in result.output
+
+
+@pytest.mark.openni
+@pytest.mark.shared_data
+@pytest.mark.usefixtures("openni")
+@pytest.mark.skipif(not KINECT_ROOM.exists(), reason="shared/data/oni/kinect-room.oni is not here")
+def test_a_real_kinect_recording_plays_its_twelve_frames_and_stops() -> None:
+    with open_sensor(str(KINECT_ROOM)) as sensor:
+        info, frames = sensor.info, list(sensor.frames())
+    assert (info.width, info.height, len(frames)) == (640, 480, 12)
+    assert all(frame.colour is not None for frame in frames)
+    # A room, mostly measured, at room-like distances.
+    depth = frames[5].depth
+    assert 0.6 < (depth > 0).mean() < 0.95
+    assert 500 < float(depth[depth > 0].mean()) < 5000
+
+
+class StandInStream:
+    """A live stream that has some frames and then falls silent."""
+
+    def __init__(self, frames: int, image: np.ndarray) -> None:
+        self.left, self.image, self.count = frames, np.ascontiguousarray(image), 0
+
+    def get_video_mode(self) -> Any:
+        return SimpleNamespace(resolutionX=64, resolutionY=48, fps=30)
+
+    def get_horizontal_fov(self) -> float:
+        return 1.0
+
+    get_vertical_fov = get_horizontal_fov
+
+    def start(self) -> None: ...
+
+    stop = close = start
+
+    def read_frame(self) -> Any:
+        self.left, self.count = self.left - 1, self.count + 1
+        # The device counted a frame between the second and the third that never arrived.
+        index = self.count + (self.count > 2)
+        return SimpleNamespace(
+            frameIndex=index, timestamp=index * PERIOD_US, height=48, width=64,
+            get_buffer_as_uint8=lambda: bytearray(self.image.tobytes()), close=lambda: None,
+        )  # fmt: skip
+
+
+@pytest.fixture
+def stand_in(monkeypatch: pytest.MonkeyPatch) -> StandInStream:
+    """Replace the binding by one with a single live depth stream of three frames."""
+    stream = StandInStream(3, picture(0)[0])
+    device = SimpleNamespace(
+        playback=None, create_depth_stream=lambda: stream, create_color_stream=lambda: None, close=lambda: None,
+        get_device_info=lambda: SimpleNamespace(name=b"stand-in", uri=b"1d27/0600"),
+    )  # fmt: skip
+
+    class Device:
+        def __new__(cls, uri: bytes) -> Any:
+            return device
+
+        enumerate_uris = staticmethod(lambda: [b"/tmp/old.oni", b"1d27/0600"])
+
+    binding = SimpleNamespace(
+        Device=Device,
+        OpenNIError=RuntimeError,
+        wait_for_any_stream=lambda streams, timeout: streams[0] if streams[0].left > 0 else None,
+    )
+    monkeypatch.setattr(openni2_library, "load", lambda: binding)
+    return stream
+
+
+def test_a_live_device_that_falls_silent_is_an_error_each_time_not_an_end(stand_in: StandInStream) -> None:
+    with OpenNI2Sensor() as sensor:
+        assert sensor.info.is_live
+        frames = [sensor.read() for _ in range(3)]
+        for _ in range(2):
+            with pytest.raises(SensorStalledError, match=r"no frame for 0\.5 s; unplug"):
+                sensor.read(0.5)
+        stand_in.left = 1
+        assert sensor.read() is not None
+    assert [frame.dropped_before for frame in frames if frame is not None] == [0, 0, 1]
+
+
+def test_a_closed_sensor_gives_no_more_frames(stand_in: StandInStream) -> None:
+    sensor = OpenNI2Sensor()
+    assert sensor.read() is not None
+    sensor.close()
+    assert sensor.read() is None

@@ -21,7 +21,7 @@ def make_recording(
     """Write NAME.oni, NAME.truth.npz, rig.toml and garment.toml into a folder and return their paths.
 
     Raises:
-        RecordingError: the folder cannot be written; SensorUnavailableError: no such motion or effect.
+        RecordingError: the folder cannot be written; SensorAddressError: no such motion or effect.
     """
     world = make_world(
         motion=motion, effect=effect, amplitude=amplitude, seconds=seconds, seed=seed,

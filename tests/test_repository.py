@@ -1,0 +1,312 @@
+"""What holds for the repository as a whole: import rules, texts, scripts, device rules."""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import shutil
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+import typer
+from typer.main import get_command
+
+from formats import command
+
+ROOT = Path(__file__).parent.parent
+PACKAGES = ("formats", "firmware_host", "capture", "fit")
+MODULES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
+SCRIPTS = [*sorted((ROOT / "scripts").iterdir()), ROOT / ".ci/run"]
+SUFFIXES = {"", ".md", ".toml", ".py", ".js", ".css", ".html", ".json", ".rules", ".conf"}
+FOLDERS = (*PACKAGES, "docs", "benchmarks", "scripts", "systemd", "tests")
+TEXTS = [
+    path
+    for path in [*ROOT.glob("*.*"), ROOT / ".ci/run", *(p for folder in FOLDERS for p in (ROOT / folder).rglob("*"))]
+    if path.is_file() and path.suffix in SUFFIXES
+    if not any(part == "__pycache__" or part.endswith("_cache") for part in path.parts)
+]
+
+# package: what of ours and of the large libraries its modules may import
+MAY_IMPORT = {
+    "formats": {"formats"},
+    "firmware_host": {"formats", "firmware_host", "openni", "usb"},
+    "capture": {"formats", "firmware_host", "capture", "cv2"},
+    "fit": {"formats", "fit", "scipy", "taichi"},
+}
+GUARDED = set().union(*MAY_IMPORT.values())
+
+
+def name_of(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+def imports(path: Path) -> set[str]:
+    """First parts of the names that a module imports, at any depth of its code."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            found.add(node.module.split(".")[0])
+    return found
+
+
+def ruff_on(path: str, statement: str) -> str:
+    """What ruff says of a module at this place that holds this statement."""
+    ruff = [sys.executable, "-m", "ruff", "check", "--no-cache", "--select", "TID251", "--output-format", "concise"]
+    code = f'"""A module."""\n\n{statement}\n'
+    done = subprocess.run(
+        [*ruff, "--stdin-filename", path, "-"], input=code, capture_output=True, text=True, cwd=ROOT, check=False
+    )
+    return done.stdout + done.stderr
+
+
+# --- imports ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_ruff_refuses_each_import_that_a_package_may_not_have(package: str) -> None:
+    for guarded in [*sorted(GUARDED - MAY_IMPORT[package]), "typer"]:
+        said = ruff_on(f"{package}/example.py", f"import {guarded}")
+        assert "TID251" in said, f"{package} may import {guarded}: {said}"
+    foreign = "from capture.markers import find_markers" if package == "fit" else "from fit.cloth import mesh"
+    assert "TID251" in ruff_on(f"{package}/deeper/example.py", foreign)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_ruff_allows_each_import_that_a_package_needs(package: str) -> None:
+    allowed = "\n".join(f"import {name}" for name in sorted(MAY_IMPORT[package]))
+    assert "TID251" not in ruff_on(f"{package}/example.py", allowed)
+
+
+@pytest.mark.parametrize("module", MODULES, ids=name_of)
+def test_every_module_imports_only_what_its_package_may(module: Path) -> None:
+    """Ruff lets command-line modules off this rule because they import Typer; this does not."""
+    package = name_of(module).split("/")[0]
+    assert imports(module) & GUARDED <= MAY_IMPORT[package]
+    if module.name != "cli.py" and name_of(module) != "formats/command.py":
+        assert "typer" not in imports(module)
+
+
+def test_help_loads_none_of_the_four_heavy_libraries() -> None:
+    code = """
+        import sys
+        sys.argv = ["hangtime", "--help"]
+        from formats.command import main
+        try:
+            main()
+        except SystemExit:
+            pass
+        print("loaded:", sorted({"cv2", "openni", "scipy", "taichi"} & set(sys.modules)))
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, cwd=ROOT, check=True
+    )
+    assert "diagnose" in done.stdout
+    assert "loaded: []" in done.stdout
+
+
+# --- modules and texts --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("module", [*MODULES, *sorted((ROOT / "benchmarks").glob("*.py"))], ids=name_of)
+def test_every_module_says_what_it_is_for_and_stays_below_400_lines(module: Path) -> None:
+    text = module.read_text()
+    assert ast.get_docstring(ast.parse(text))
+    assert text.count("\n") <= 400
+    assert not {"utils", "common", "helpers", "misc"} & set(module.with_suffix("").parts)
+
+
+def test_no_text_names_a_folder_of_somebodys_own_machine_or_a_package_index() -> None:
+    private = re.compile(r"(?<![\w.$}])/(?:home|root|work|Users)/\w|index-url|\bpypi\.\w+", re.IGNORECASE)
+    found = [
+        f"{name_of(path)}: {match.group()}"
+        for path in TEXTS
+        if path != Path(__file__)
+        for match in private.finditer(path.read_text())
+    ]
+    assert found == []
+
+
+def test_every_link_to_a_file_leads_to_a_file() -> None:
+    dead = [
+        f"{name_of(path)}: {target}"
+        for path in TEXTS
+        if path.suffix == ".md"
+        for target in re.findall(r"\]\(([^)#]+)[^)]*\)", path.read_text())
+        if "://" not in target and not (path.parent / target).exists()
+    ]
+    assert dead == []
+
+
+def shown_commands() -> list[tuple[str, str]]:
+    """Every `hangtime ...` line in the code blocks of the texts, as (file, line)."""
+    shown = []
+    for path in TEXTS:
+        if path.suffix != ".md":
+            continue
+        text = path.read_text().replace("\\\n", " ")
+        blocks = re.findall(r"```.*?\n(.*?)```", text, re.DOTALL) + re.findall(r"^ {4}\S.*$", text, re.MULTILINE)
+        lines = [line.strip() for block in blocks for line in block.splitlines()]
+        shown += [(name_of(path), line) for line in lines if line.startswith("hangtime ")]
+    return shown
+
+
+def test_every_command_that_a_text_shows_exists_with_its_options() -> None:
+    assert len(shown_commands()) >= 4
+    command.gather_commands()
+    for file, line in shown_commands():
+        group = get_command(command.app)
+        words = line.split()[1:]
+        while isinstance(group, typer.core.TyperGroup):
+            assert next(iter(words), "no command") in group.commands, f"{file}: {line}"
+            group = group.commands[words.pop(0)]
+        known = {option for parameter in group.params for option in parameter.opts} | {"--help"}
+        assert {word.split("=")[0] for word in words if word.startswith("--")} <= known, f"{file}: {line}"
+
+
+# --- scripts ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=name_of)
+def test_every_script_is_plain_posix_shell(script: Path) -> None:
+    assert script.read_text().startswith("#!/bin/sh\n")
+    assert os.access(script, os.X_OK)
+    subprocess.run(["sh", "-n", script], check=True)
+    if shutil.which("shellcheck"):
+        subprocess.run(["shellcheck", script], check=True)
+
+
+@pytest.mark.parametrize("script", sorted((ROOT / "scripts").iterdir()), ids=name_of)
+def test_every_script_explains_itself_without_setting_anything_up(script: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "scripts" / script.name
+    copy.parent.mkdir()
+    shutil.copy(script, copy)
+    done = subprocess.run([copy, "--help"], capture_output=True, text=True, check=True)
+    assert f"Usage: scripts/{script.name}" in done.stdout
+    assert sorted(tmp_path.rglob("*")) == [copy.parent, copy]
+
+
+def run_setup(folder: Path, pythons: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    """Run scripts/setup where only these Pythons exist, with neither apt-get nor sudo."""
+    programs = folder / "programs"
+    programs.mkdir()
+    for name in ("cat", "cksum", "cmp", "dirname", "env", "head", "id", "rm", "uname"):
+        found = shutil.which(name)
+        assert found
+        (programs / name).symlink_to(found)
+    for name, text in pythons.items():
+        (programs / name).write_text(f"#!/bin/sh\n{text}\n")
+        (programs / name).chmod(0o755)
+    (folder / "scripts").mkdir()
+    shutil.copy(ROOT / "scripts/setup", folder / "scripts")
+    shutil.copy(ROOT / "pyproject.toml", folder)
+    return subprocess.run(
+        ["/bin/sh", folder / "scripts/setup"], env={"PATH": str(programs)}, capture_output=True, text=True, check=False
+    )
+
+
+def test_setup_names_the_three_pythons_it_needs_when_there_is_none(tmp_path: Path) -> None:
+    done = run_setup(tmp_path, {"python3": "exit 1"})
+    assert done.returncode == 1
+    assert "no Python 3.11, 3.12 or 3.13 on PATH" in done.stderr
+    assert not (tmp_path / ".venv").exists()
+
+
+def test_setup_names_the_one_debian_package_that_a_python_without_ensurepip_needs(tmp_path: Path) -> None:
+    without = f'case "$*" in *ensurepip* | *"-m pip"*) exit 1 ;; esac\nexec {sys.executable} "$@"'
+    done = run_setup(tmp_path, {"python3": without})
+    assert done.returncode == 1
+    assert f"sudo apt-get install python{sys.version_info[0]}.{sys.version_info[1]}-venv" in done.stderr
+    assert not (tmp_path / ".venv").exists()
+
+
+HANGTIME = """#!/bin/sh
+# Writes what each command would write.
+echo "$*" >>calls
+out() { while [ "$1" != --out ]; do shift; done; echo "$2"; }
+case "$1 $2" in
+    "sensor synthesise") mkdir -p "$3" && for f in "$5.oni" rig.toml garment.toml; do echo >"$3/$f"; done ;;
+    record*) echo >"$(out "$@")" ;;
+    fit*) [ ! -e broken ] || exit 2; echo >"$(out "$@")/fit.json"; echo >"$(out "$@")/report.html" ;;
+    diagnose*) echo '{"sentence": "Air is missing."}' >"$(out "$@")/diagnosis.json"; echo >"$(out "$@")/report.html" ;;
+esac
+"""
+
+
+@pytest.fixture
+def demo(tmp_path: Path) -> Path:
+    """A checkout whose `hangtime` only touches its outputs."""
+    for folder in (*PACKAGES, "scripts", ".venv/bin"):
+        (tmp_path / folder).mkdir(parents=True)
+    shutil.copy(ROOT / "scripts/demo", tmp_path / "scripts")
+    for name, text in {"scripts/setup": "#!/bin/sh\n", ".venv/bin/hangtime": HANGTIME}.items():
+        (tmp_path / name).write_text(text)
+        (tmp_path / name).chmod(0o755)
+    (tmp_path / ".venv/bin/python").symlink_to(sys.executable)
+    return tmp_path
+
+
+def run_demo(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([folder / "scripts/demo", *arguments], capture_output=True, text=True, check=False)
+
+
+def test_the_second_demo_skips_all_4_steps_and_still_says_the_verdict(demo: Path) -> None:
+    assert run_demo(demo).returncode == 0
+    again = run_demo(demo)
+    assert again.stdout.count("up to date, skipped") == 4
+    assert "verdict: Air is missing." in again.stdout
+    assert run_demo(demo, "--fresh").stdout.count("up to date, skipped") == 0
+
+
+def test_changed_fitting_code_repeats_2_of_the_demos_4_steps(demo: Path) -> None:
+    run_demo(demo)
+    (demo / "fit/model.py").write_text("")
+    assert run_demo(demo).stdout.count("up to date, skipped") == 2
+
+
+def test_a_demo_step_that_failed_ends_the_demo_and_runs_again(demo: Path) -> None:
+    (demo / "broken").touch()
+    assert run_demo(demo).returncode == 2
+    assert not (demo / "demo/diagnosis.json").exists()
+    (demo / "broken").unlink()
+    assert run_demo(demo).stdout.count("up to date, skipped") == 2
+
+
+# --- device rules -------------------------------------------------------------------------------
+
+
+def device_rules(path: Path) -> list[dict[str, str]]:
+    """The rules of a udev file that name a product, each as key to value."""
+    lines = [line for line in path.read_text().splitlines() if line and not line.startswith("#")]
+    pairs = [dict(re.findall(r'([A-Z]+(?:\{\w+\})?)(?:==|!=|\+=|:=|=)"([^"]*)"', line)) for line in lines]
+    return [rule for rule in pairs if "ATTR{idProduct}" in rule]
+
+
+def test_the_sensor_rules_win_over_debians_number_60_and_open_no_device_to_everybody() -> None:
+    (path,) = (ROOT / "systemd/udev").glob("*.rules")
+    assert int(path.name.split("-")[0]) < 60
+    for rule in device_rules(path):
+        assert (rule["MODE"], rule["GROUP"], rule["TAG"]) == ("0660", "plugdev", "uaccess")
+    assert path.read_text().count('MODE:="0660"') == len(device_rules(path)) >= 3
+
+
+def test_the_sensor_rules_cover_every_device_that_debian_opens_to_everybody() -> None:
+    debian = Path("/usr/lib/udev/rules.d/60-libopenni2-0.rules")
+    if not debian.exists():
+        debian = Path("/lib/udev/rules.d/60-libopenni2-0.rules")
+    if not debian.exists():
+        pytest.skip("libopenni2-0 is not installed")
+    (path,) = (ROOT / "systemd/udev").glob("*.rules")
+    ours = {(r["ATTR{idVendor}"], p) for r in device_rules(path) for p in r["ATTR{idProduct}"].split("|")}
+    theirs = {(r["ATTR{idVendor}"], r["ATTR{idProduct}"]) for r in device_rules(debian)}
+    assert len(theirs) >= 10
+    assert theirs <= ours
+
+
+def test_systemd_folder_is_no_python_package() -> None:
+    assert not list((ROOT / "systemd").rglob("*.py"))

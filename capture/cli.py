@@ -10,7 +10,7 @@ import typer
 
 def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
-    app.command("record")(record_command)
+    app.command("record", short_help="Track hanger and garment and keep them as a take.")(record_command)
 
 
 def record_command(

@@ -27,8 +27,8 @@ Seed = Annotated[int, typer.Option("--seed", help="Seed of every random number."
 
 def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
-    app.command("fit")(fit_command)
-    app.command("diagnose")(diagnose_command)
+    app.command("fit", short_help="Find the cloth parameters that follow the takes.")(fit_command)
+    app.command("diagnose", short_help="Say what the simulation lacks, and how sure that is.")(diagnose_command)
 
 
 def fit_command(
@@ -104,15 +104,20 @@ def diagnose_command(
     DIR/diagnosis.json and DIR/report.html.
     """
     from fit.cloth.simulator import Resolution
+    from fit.errors import FitError
     from fit.gap.diagnosis import diagnose
     from fit.reporting import write_diagnosis_report
     from formats.archive import read_take
     from formats.results import load_fit_result, save_diagnosis
 
     training, testing = [read_take(p) for p in takes], [read_take(p) for p in held_out]
-    if fit_file is None and (out / "fit.json").exists():
-        fit_file = out / "fit.json"
     fitted = load_fit_result(fit_file) if fit_file else None
+    ids = [t.take_id for t in training]
+    if fitted is not None and fitted.take_ids != ids:
+        raise FitError("the fit is of other takes", where=fit_file, advice="fit these takes first, or leave out --fit")
+    if fitted is None and (out / "fit.json").exists():
+        beside = load_fit_result(out / "fit.json")
+        fitted = beside if beside.take_ids == ids else None
     out.mkdir(parents=True, exist_ok=True)
     progress = ProgressLine("diagnosis")
     resolution = Resolution(spacing=spacing)

@@ -14,7 +14,7 @@ def add_commands(app: typer.Typer) -> None:
     takes.command("show")(show_take)
     takes.command("verify")(verify_takes)
     app.add_typer(takes, name="takes")
-    app.command("import")(import_recordings)
+    app.command("import", short_help="Turn other people's recordings into takes.")(import_recordings)
 
 
 def show_take(

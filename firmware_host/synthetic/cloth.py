@@ -1,9 +1,10 @@
-"""The synthetic world's own cloth: masses and springs on a grid, velocity Verlet, double precision.
+"""The synthetic world's own cloth: masses and springs on a grid, Verlet's leapfrog, double precision.
 
 On purpose another discretisation than the fitter's, from which nothing is imported:
     threads    along rows and columns, k = E w / l (E membrane stiffness [N/m], w the width it stands for, l its length)
     shear      both diagonals of every cell. Sheared by gamma, a diagonal of length d of an h_x x h_y cell changes by
-               gamma h_x h_y / d, so k_d = G d^2 / (2 h_x h_y) per diagonal gives 1/2 G gamma^2 per area
+               gamma h_x h_y / d, so k_d = G d^2 / (2 h_x h_y) per diagonal gives 1/2 G gamma^2 per area. Stretched,
+               diagonals pull too: along x the membrane stiffness is E + G (h_x / h_y)^2, so keep the cells near square
     bending    second differences along both threads, energy 1/2 B w / l^3 |x_- - 2 x + x_+|^2
     drag       -1/2 rho_air C(a) A |v_n| v_n n, C falling with the angle of attack a, sin(a) = |v_n| / |v|:
                C = c (0.05 + 0.95 sin(a)^1.5)
@@ -21,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_host.errors import SensorAddressError
 from formats.garment import Garment
 
 Floats = NDArray[np.float64]
@@ -30,6 +32,7 @@ AIR_DENSITY = 1.204  # kg/m^3 at 20 degC
 ROWS, COLUMNS = 18, 17
 SETTLE_TIME, SETTLE_DAMPING = 1.5, 6.0  # s, 1/s
 SAFETY = 0.6  # of the stable step
+HEM_SHARE = 0.8  # of the weight at most: the lighter the rest, the shorter the stable step
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +54,13 @@ def simulate(
     """Return the nodes [m], (times, rows, columns, 3), sensor frame, of a garment held along its whole top edge.
 
     held_ends: times [s], (n,) -> left and right end of the top edge [m], (n, 2, 3); the cloth hangs at rest at time 0.
+
+    Raises:
+        SensorAddressError: an unknown effect, an amplitude that no cloth can have, or times that are not numbers.
     """
+    _check_effects(garment, effects)
+    if not np.isfinite(times).all():
+        raise SensorAddressError("the cloth's frame times are not all finite", advice="give a finite time offset")
     cloth = _Cloth(garment, physics, effects, rows, columns)
     step = cloth.stable_step()
     count = int(np.ceil(times[-1] / step)) + 2
@@ -71,6 +80,18 @@ def simulate(
         cloth.advance(ends[number + 1], step, 0.0)
     progress(1.0)
     return out
+
+
+def _check_effects(garment: Garment, effects: dict[str, float]) -> None:
+    *_, bottom_right, bottom_left = garment.outline_m
+    hem_length = float(np.hypot(bottom_right[0] - bottom_left[0], bottom_right[1] - bottom_left[1]))
+    highest = {"air_drag": np.inf, "hem": HEM_SHARE * garment.mass_kg / hem_length}
+    for name, amplitude in effects.items():
+        if name not in highest:
+            raise SensorAddressError(f"the synthetic cloth has no effect {name!r}", advice="choose of air_drag, hem")
+        if not (np.isfinite(amplitude) and 0.0 <= amplitude <= highest[name]):
+            limits = "a finite number of at least 0" if name == "air_drag" else f"0 to {highest[name]:.3g} kg/m"
+            raise SensorAddressError(f"{name} cannot have the amplitude {amplitude:g}", advice=f"choose {limits}")
 
 
 class _Cloth:

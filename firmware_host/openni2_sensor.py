@@ -182,7 +182,7 @@ class OpenNI2Sensor(DepthSensor):
             shape = (frame.height, frame.width) if kind is np.uint16 else (frame.height, frame.width, 3)
             raw = frame.get_buffer_as_uint8()
             # Copied: the memory is the library's and goes back to it with close().
-            image = (
+            image: np.ndarray[Any, Any] = (
                 np.frombuffer(raw, np.uint8)[: int(np.prod(shape)) * np.dtype(kind).itemsize]
                 .view(kind)
                 .reshape(shape)

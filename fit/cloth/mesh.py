@@ -195,6 +195,6 @@ def _spread(points: Floats, rest: Floats) -> tuple[Integers, Floats]:
     try:
         simplices = Delaunay(points).simplices
     except QhullError:
-        nearest = np.argmin(np.linalg.norm(rest[:, None] - points[None], axis=2), axis=1)
-        return np.repeat(nearest[:, None], 3, 1).astype(np.int32), np.tile([1.0, 0.0, 0.0], (len(rest), 1))
+        closest = np.argmin(np.linalg.norm(rest[:, None] - points[None], axis=2), axis=1)
+        return np.repeat(closest[:, None], 3, 1).astype(np.int32), np.tile([1.0, 0.0, 0.0], (len(rest), 1))
     return _locate(rest, points, simplices)

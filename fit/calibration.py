@@ -14,7 +14,7 @@ from __future__ import annotations
 import json
 import time as clock
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -50,10 +50,20 @@ class Request:
     seed: int = 0
     width: int = 16
     resolution: Resolution = field(default_factory=Resolution)
+    bounds: tuple[tuple[str, float, float], ...] = ()  # name, low, high: narrower than the parameter's own
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The method's parameters and one for each effect."""
+        """The method's parameters and one for each effect, within the request's bounds."""
+        narrowed = {name: (low, high) for name, low, high in self.bounds}
+        return tuple(
+            replace(p, minimum=low, maximum=high, initial=min(max(p.initial, low), high))
+            for p in self._all_parameters
+            for low, high in [narrowed.get(p.name, (p.minimum, p.maximum))]
+        )
+
+    @property
+    def _all_parameters(self) -> tuple[Parameter, ...]:
         extra = tuple(
             Parameter(
                 name=e.name,
@@ -168,6 +178,7 @@ def _key(training: list[Take], request: Request) -> dict[str, object]:
     return {
         "takes": [t.take_id for t in training], "method": request.method.name, "seed": request.seed,
         "effects": [e.name for e in request.effects], "spacing": request.resolution.spacing,
+        "bounds": [list(b) for b in request.bounds],
     }  # fmt: skip
 
 
@@ -263,21 +274,54 @@ def request_of(
     seed: int,
     spacing: float,
     gamma: float | None = None,
+    bounds: list[str] | None = None,
 ) -> Request:
-    """Gather a request from plain values.
+    """Gather a request from plain values; bounds as NAME=LOW:HIGH.
 
     Raises:
-        FitError: an unknown effect.
+        FitError: an unknown effect, or bounds that are crossed, malformed, of no parameter or outside its range.
     """
     settings = (
         AnnealingSettings(iterations=iterations)
         if gamma is None
         else AnnealingSettings(iterations=iterations, gamma=gamma)
     )
-    return Request(
+    request = Request(
         method=method,
         effects=find_effects(effects),
         settings=settings,
         seed=seed,
         resolution=Resolution(spacing=spacing),
     )
+    known = {p.name: p for p in request.parameters}
+    return replace(request, bounds=tuple(_read_bounds(text, known) for text in bounds or []))
+
+
+def _read_bounds(text: str, known: dict[str, Parameter]) -> tuple[str, float, float]:
+    name, _, span = text.partition("=")
+    low_text, _, high_text = span.partition(":")
+    if name not in known:
+        raise FitError(
+            f"there is no parameter named {name!r}", where="--bounds", advice=f"known parameters: {', '.join(known)}"
+        )
+    try:
+        low, high = float(low_text), float(high_text)
+    except ValueError:
+        raise FitError(
+            f"{text!r} is not NAME=LOW:HIGH", where="--bounds", advice=f"for example {name}={known[name].minimum:g}:"
+            f"{known[name].maximum:g}",
+        ) from None  # fmt: skip
+    parameter = known[name]
+    if not low < high:
+        raise FitError(
+            f"the lower bound of {name}, {low:g}, is not below its upper bound, {high:g}",
+            where="--bounds",
+            advice="give the smaller number first",
+        )
+    if not (parameter.minimum <= low and high <= parameter.maximum):
+        raise FitError(
+            f"{low:g} to {high:g} leaves the range of {name}",
+            where="--bounds",
+            advice=f"stay within {parameter.minimum:g} to {parameter.maximum:g} {parameter.unit}",
+        )
+    return name, low, high

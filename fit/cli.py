@@ -43,6 +43,12 @@ def fit_command(
     effect: Annotated[
         list[str], typer.Option("--effect", metavar="NAME", help="Keep this effect in the model; may be repeated.")
     ] = [],  # noqa: B006
+    bounds: Annotated[
+        list[str],
+        typer.Option(
+            "--bounds", metavar="NAME=LOW:HIGH", help="Search this parameter within narrower bounds; may be repeated."
+        ),
+    ] = [],  # noqa: B006
     iterations: Annotated[int, typer.Option("--iterations", min=1, help="Iterations of the annealing.")] = 350,
     gamma: Annotated[
         float | None, typer.Option("--gamma", help="Factor gamma of the acceptance [1/m].", show_default="1e5")
@@ -62,7 +68,9 @@ def fit_command(
     from formats.archive import read_take
     from formats.results import save_fit_result
 
-    request = request_of(find_method(method), effect, iterations=iterations, seed=seed, spacing=spacing, gamma=gamma)
+    request = request_of(
+        find_method(method), effect, iterations=iterations, seed=seed, spacing=spacing, gamma=gamma, bounds=bounds
+    )
     training, testing = [read_take(p) for p in takes], [read_take(p) for p in held_out]
     out.mkdir(parents=True, exist_ok=True)
     progress = ProgressLine("annealing")

@@ -68,6 +68,15 @@ def test_an_interrupted_fit_goes_on_to_the_same_end(tmp_path):
     assert [p.fitted for p in resumed.parameters] == [p.fitted for p in whole.parameters]
 
 
+def test_a_search_stays_within_narrower_bounds():
+    """The initial 0.95 lies outside 0.96 to 0.98 and is moved to the nearer bound."""
+    request = request_of(KINECT_SKIRT, [], iterations=12, seed=3, spacing=0.1, bounds=["velocity=0.96:0.98"])
+    velocity = next(p for p in calibrate([a_swung_take()], [], request).parameters if p.name == "velocity")
+    assert velocity.initial == 0.96
+    assert 0.96 <= velocity.fitted <= 0.98
+    assert (velocity.minimum, velocity.maximum) == (0.96, 0.98)
+
+
 def test_a_saved_search_of_other_takes_is_refused(tmp_path):
     take = a_swung_take()
     (tmp_path / "c.json").write_text(json.dumps({"key": {"takes": ["x"]}, "search": {}}))
@@ -83,6 +92,10 @@ def test_a_saved_search_of_other_takes_is_refused(tmp_path):
         (("fit", "a.mcap", "--method", "guess"), "there is no method named 'guess'"),
         (("fit", "a.mcap", "--effect", "gremlins"), "there is no effect named 'gremlins'"),
         (("fit", "a.mcap", "--spacing", "3"), "mesh spacing 3.0 m does not fit"),
+        (("fit", "a.mcap", "--bounds", "bend=20:3"), "the lower bound of bend, 20, is not below its upper bound, 3"),
+        (("fit", "a.mcap", "--bounds", "bent=3:20"), "there is no parameter named 'bent'"),
+        (("fit", "a.mcap", "--bounds", "bend=3"), "'bend=3' is not NAME=LOW:HIGH"),
+        (("fit", "a.mcap", "--bounds", "bend=3:900"), "3 to 900 leaves the range of bend"),
         (("diagnose", "a.mcap", "--fit", "gone.json"), "gone.json: cannot be read"),
     ],
 )

@@ -1,0 +1,201 @@
+"""Find depth sensors on the USB bus and say what is known of each before it is asked anything."""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from firmware_host.errors import SensorAddressError, SensorUnavailableError
+from firmware_host.usb_control.link import PyusbLink, as_firmware_error
+from firmware_host.usb_control.models import MODELS, Model, Protocol
+
+LIBUSB = "libusb-1.0.so.0"
+SPEEDS = {  # libusb.h, enum libusb_speed: name and Mbit/s
+    0: ("unknown speed", 0.0),
+    1: ("low speed, 1.5 Mbit/s", 1.5),
+    2: ("full speed, 12 Mbit/s", 12.0),
+    3: ("high speed, 480 Mbit/s", 480.0),
+    4: ("SuperSpeed, 5 Gbit/s", 5_000.0),
+    5: ("SuperSpeed+, 10 Gbit/s", 10_000.0),
+}
+SELF_POWERED = 0x40  # bit of bmAttributes (USB 2.0, table 9-10)
+UNPOWERED_PORT = 100  # mA that a port of a hub without its own supply gives (USB 2.0, section 7.2.1.1)
+NO_SENSOR = "no depth sensor on the USB bus"
+PLUG_IN = "plug it in, with its own power supply if it has one"
+
+
+@dataclass(frozen=True, kw_only=True)
+class UsbDevice:
+    """One device on the bus that Hangtime knows.
+
+    serial: what the USB descriptor says, None where it has none or may not be read
+    milliamperes: what the device may draw, 0 where unknown
+    on_unpowered_hub: whether the hub before it has no supply of its own
+    kernel_driver: whether a driver of the kernel holds its first interface, None where unknown
+    """
+
+    model: Model
+    vendor: int
+    product: int
+    bus: int
+    address: int
+    speed: int
+    serial: str | None
+    milliamperes: int
+    on_unpowered_hub: bool
+    kernel_driver: bool | None
+    handle: Any
+
+    @property
+    def where(self) -> str:
+        """Name and place, for messages."""
+        return f"{self.model.name} at USB {self.bus}:{self.address}"
+
+    @property
+    def megabits(self) -> float:
+        """Speed of the connection [Mbit/s], 0 where unknown."""
+        return SPEEDS.get(self.speed, SPEEDS[0])[1]
+
+    def open_link(self) -> PyusbLink:
+        """Return a link for control transfers."""
+        return PyusbLink(self.handle, self.where)
+
+    def check_access(self) -> None:
+        """Open the device once.
+
+        Raises:
+            UsbAccessError: not permitted, or held by another program.
+            UsbUnpluggedError: it is gone.
+        """
+        import usb.core
+
+        try:
+            self.handle.get_active_configuration()
+        except usb.core.USBError as error:
+            raise as_firmware_error(error, self.where) from error
+
+
+def load_backend() -> Any:
+    """Return pyusb's libusb backend.
+
+    Raises:
+        SensorUnavailableError: pyusb or libusb is not installed, or libusb does not start.
+    """
+    try:
+        import usb.backend.libusb1
+    except ModuleNotFoundError as error:
+        raise SensorUnavailableError(
+            "the Python package `pyusb` is not installed", advice="pip install 'hangtime[capture]'"
+        ) from error
+    try:
+        ctypes.CDLL(LIBUSB)
+    except OSError as error:
+        raise SensorUnavailableError(
+            f"the USB library ({LIBUSB}) is not installed", advice="install it: apt-get install libusb-1.0-0"
+        ) from error
+    backend = usb.backend.libusb1.get_backend(find_library=lambda _: LIBUSB)
+    if backend is None:
+        raise SensorUnavailableError("libusb does not start", advice="is /dev/bus/usb there and readable?")
+    return backend
+
+
+def find_devices() -> list[UsbDevice]:
+    """Return every known device, cameras first, in the order of the bus.
+
+    Raises:
+        SensorUnavailableError: libusb cannot be used.
+    """
+    backend = load_backend()
+    import usb.core
+
+    found = usb.core.find(find_all=True, backend=backend, custom_match=lambda d: (d.idVendor, d.idProduct) in MODELS)
+    devices = [_describe(handle) for handle in found]
+    return sorted(devices, key=lambda device: (not device.model.is_camera, device.bus, device.address))
+
+
+def choose(devices: Sequence[UsbDevice], protocols: Sequence[Protocol], place: str | None = None) -> UsbDevice:
+    """Return the first device that speaks one of these protocols, or the one at `place` (BUS:ADDRESS).
+
+    Raises:
+        SensorUnavailableError: no such device.
+        SensorAddressError: `place` is no place, or the device there speaks another protocol.
+    """
+    if place is not None:
+        devices = [device for device in devices if (device.bus, device.address) == parse_place(place)]
+        if not devices:
+            raise SensorUnavailableError(f"no depth sensor at USB {place}", advice="see `hangtime sensor list`")
+    if not devices:
+        raise SensorUnavailableError(NO_SENSOR, advice=PLUG_IN)
+    for device in devices:
+        if device.model.protocol in protocols:
+            return device
+    raise SensorAddressError(
+        f"it cannot be asked: Hangtime speaks the {Protocol.PS1080.value} and the {Protocol.KINECT_MOTOR.value}'s",
+        where=devices[0].where, advice="see docs/sensor.md for what works with which sensor",
+    )  # fmt: skip
+
+
+def parse_place(place: str) -> tuple[int, int]:
+    """Return (bus, address) of BUS:ADDRESS.
+
+    Raises:
+        SensorAddressError: it is not two numbers.
+    """
+    bus, colon, address = place.partition(":")
+    if not (colon and bus.isdecimal() and address.isdecimal()):
+        raise SensorAddressError(f"{place!r} is no place on the USB bus", advice="give BUS:ADDRESS, for example 1:4")
+    return int(bus), int(address)
+
+
+def _describe(handle: Any) -> UsbDevice:
+    return UsbDevice(
+        model=MODELS[handle.idVendor, handle.idProduct],
+        vendor=handle.idVendor, product=handle.idProduct, bus=handle.bus or 0, address=handle.address or 0,
+        speed=handle.speed or 0, serial=_serial(handle), milliamperes=_milliamperes(handle),
+        on_unpowered_hub=_is_on_unpowered_hub(handle), kernel_driver=_kernel_driver(handle), handle=handle,
+    )  # fmt: skip
+
+
+def _serial(handle: Any) -> str | None:
+    import usb.core
+
+    try:
+        text = handle.serial_number
+    except (usb.core.USBError, ValueError, UnicodeError):  # ValueError: pyusb could not read the languages
+        return None
+    return str(text).strip("\0 ") or None if text else None
+
+
+def _milliamperes(handle: Any) -> int:
+    import usb.core
+
+    try:
+        return 2 * int(handle[0].bMaxPower)  # the descriptor counts in 2 mA (USB 2.0, table 9-10)
+    except (usb.core.USBError, IndexError):
+        return 0
+
+
+def _is_on_unpowered_hub(handle: Any) -> bool:
+    import usb.core
+
+    try:
+        hub = handle.parent
+        if hub is None or hub.parent is None:  # a root hub is the computer itself
+            return False
+        return not hub[0].bmAttributes & SELF_POWERED
+    except (usb.core.USBError, IndexError):
+        return False
+
+
+def _kernel_driver(handle: Any) -> bool | None:
+    import usb.core
+
+    try:
+        return bool(handle.is_kernel_driver_active(0))
+    except usb.core.USBError as error:
+        return False if error.errno in (errno.ENODATA, errno.ENOENT) else None
+    except NotImplementedError:
+        return None

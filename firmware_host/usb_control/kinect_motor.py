@@ -1,0 +1,129 @@
+"""The Kinect v1's foot: lamp, tilt motor and accelerometer, a USB device of its own (045e:02b0).
+
+    a = 9.80665 counts / 819        [m/s^2], three signed 16-bit numbers, big-endian
+    tilt = number / 2               [degrees], signed 8 bits, -128 while the motor moves
+
+Source: libfreenect, `src/tilt.c` (requests, layout, range of tilt) and `include/libfreenect.h` (lamp and motor states,
+819 counts per g, after the data sheet of Kionix's KXSD9).
+
+Axes: level, the accelerometer reads +1 g in y. Microsoft describes the same part's reading as the direction of gravity
+in axes left, up, forward, with -1 g in y when level (Kinect for Windows 1.8, NuiAccelerometerGetCurrentReading): the
+opposite sign. Hence gravity in the sensor frame (x right, y down, z away) is (x, y, -z). No device has confirmed the
+signs of x and z yet: tilting the sensor up must make the third number fall.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass
+from enum import IntEnum
+
+from firmware_host.errors import FirmwareReplyError, FirmwareUnsupportedError
+from firmware_host.usb_control.link import UsbLink
+
+SET_LED = 0x06  # freenect_set_led
+SET_TILT = 0x31  # freenect_set_tilt_degs
+GET_STATE = 0x32  # freenect_update_tilt_state
+STATE = struct.Struct(">xxhhhbB")  # ten bytes: two unused, x, y, z, twice the tilt, motor state
+COUNTS_PER_G = 819.0  # FREENECT_COUNTS_PER_G
+GRAVITY = 9.80665  # m/s^2, standard
+LARGEST_TILT = 31.0  # degrees, MAX_TILT_ANGLE
+UNKNOWN_TILT = -128  # what the tilt reads while the motor moves
+STILL = 0.15  # of g; farther from 1 g, the sensor is being moved or a zero point is off (data sheet: 0.25 g at most)
+
+
+class Led(IntEnum):
+    """The lamp's states, freenect_led_options."""
+
+    OFF = 0
+    GREEN = 1
+    RED = 2
+    YELLOW = 3
+    BLINK_GREEN = 4
+    BLINK_RED_YELLOW = 6
+
+
+class Motor(IntEnum):
+    """What the motor does, freenect_tilt_status_code."""
+
+    STOPPED = 0
+    AT_LIMIT = 1
+    MOVING = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotorState:
+    """One reading.
+
+    acceleration [m/s^2], accelerometer's axes; gravity counts as an acceleration upwards
+    tilt_degrees [degrees], up is positive, None while the motor moves
+    """
+
+    acceleration: tuple[float, float, float]
+    tilt_degrees: float | None
+    motor: Motor | int
+
+    @property
+    def size_g(self) -> float:
+        """Size of the acceleration in units of standard gravity; 1 when the sensor stands still."""
+        return math.hypot(*self.acceleration) / GRAVITY
+
+    @property
+    def is_still(self) -> bool:
+        """Whether what is measured can be gravity alone."""
+        return abs(self.size_g - 1) <= STILL
+
+    def gravity(self) -> tuple[float, float, float]:
+        """Return the unit vector of gravity in the sensor frame (x right, y down, z away), as a rig.toml wants it.
+
+        Raises:
+            FirmwareReplyError: nothing is measured in any direction.
+        """
+        x, y, z = self.acceleration
+        size = math.hypot(x, y, z)
+        if size == 0:
+            raise FirmwareReplyError("the accelerometer reads zero in every direction", where="Kinect v1 motor")
+        return x / size, y / size, -z / size
+
+
+class KinectMotor:
+    """Asks the foot of a Kinect v1."""
+
+    def __init__(self, link: UsbLink, where: str = "Kinect v1 motor") -> None:
+        self._link, self._where = link, where
+
+    def state(self) -> MotorState:
+        """Return accelerometer and tilt as they are now.
+
+        Raises:
+            FirmwareReplyError: the answer is short.
+        """
+        data = self._link.receive(STATE.size, GET_STATE)
+        if len(data) != STATE.size:
+            raise FirmwareReplyError(
+                f"the answer has {len(data)} of {STATE.size} bytes", where=self._where, advice="replug the Kinect"
+            )
+        x, y, z, half_degrees, status = STATE.unpack(data)
+        return MotorState(
+            acceleration=(x * GRAVITY / COUNTS_PER_G, y * GRAVITY / COUNTS_PER_G, z * GRAVITY / COUNTS_PER_G),
+            tilt_degrees=None if half_degrees == UNKNOWN_TILT else half_degrees / 2,
+            motor=Motor(status) if status in set(Motor) else status,
+        )
+
+    def set_led(self, led: Led) -> None:
+        """Switch the lamp."""
+        self._link.send(SET_LED, led)
+
+    def tilt_to(self, degrees: float) -> None:
+        """Start moving to this angle from the horizon [degrees], up is positive; it takes seconds.
+
+        Raises:
+            FirmwareUnsupportedError: beyond what the motor can do.
+        """
+        if not abs(degrees) <= LARGEST_TILT:
+            raise FirmwareUnsupportedError(
+                f"a tilt of {degrees:g} degrees is out of reach", where=self._where,
+                advice=f"stay between -{LARGEST_TILT:g} and {LARGEST_TILT:g}",
+            )  # fmt: skip
+        self._link.send(SET_TILT, round(2 * degrees))

@@ -1,0 +1,57 @@
+"""Which USB devices are depth sensors, or parts of one, and what each of them can be asked.
+
+Vendor and product numbers: Debian's `60-libopenni2-0.rules` and OpenNI2's `PS1080/Sensor/XnDeviceEnumeration.cpp`
+(PS1080), `PSLink/LinkDeviceEnumeration.cpp` and `primesense-usb.rules` (PSLink), libfreenect's
+`src/freenect_internal.h` (Kinect), ros_astra_camera's `56-orbbec-usb.rules` (Orbbec).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Protocol(Enum):
+    """The language that a device's control endpoint speaks."""
+
+    PS1080 = "PS1080 host protocol"
+    KINECT_MOTOR = "Kinect v1 motor"
+    NONE = "none that Hangtime speaks"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Model:
+    """One kind of device.
+
+    openni2_driver: the file name of OpenNI2's driver without `lib` and `.so`, None where Debian ships none
+    is_camera: whether this part gives depth; a Kinect v1 is three devices, and only one of them does
+    """
+
+    name: str
+    protocol: Protocol = Protocol.NONE
+    openni2_driver: str | None = None
+    is_camera: bool = True
+
+
+PRIMESENSE = 0x1D27
+MICROSOFT = 0x045E
+ORBBEC = 0x2BC5
+
+_PS1080 = Model(
+    name="PrimeSense PS1080 (Carmine, Xtion)", protocol=Protocol.PS1080, openni2_driver="PS1080"
+)  # fmt: skip
+_PSLINK = Model(name="PrimeSense PSLink (Carmine 1.25 and relatives)", openni2_driver="PSLink")
+_ORBBEC = Model(name="Orbbec Astra")
+
+MODELS: dict[tuple[int, int], Model] = {
+    **{(PRIMESENSE, product): _PS1080 for product in (0x0200, 0x0300, 0x0400, 0x0401, 0x0500, 0x0600, 0x0601, 0x0609)},
+    **{(PRIMESENSE, product): _PSLINK for product in (0x1250, 0x1260, 0x1270, 0x1280, 0x1290, 0x2100, 0x2200, 0xF9DB)},
+    (MICROSOFT, 0x02AE): Model(name="Kinect v1 camera"),
+    (MICROSOFT, 0x02B0): Model(name="Kinect v1 motor", protocol=Protocol.KINECT_MOTOR, is_camera=False),
+    (MICROSOFT, 0x02AD): Model(name="Kinect v1 audio", is_camera=False),
+    (MICROSOFT, 0x02BF): Model(name="Kinect for Windows camera"),
+    (MICROSOFT, 0x02BB): Model(name="Kinect for Windows audio", is_camera=False),
+    (MICROSOFT, 0x02BE): Model(name="Kinect for Windows audio", is_camera=False),
+    (MICROSOFT, 0x02C3): Model(name="Kinect for Windows audio", is_camera=False),
+    **{(ORBBEC, product): _ORBBEC for product in (0x0401, 0x0402, 0x0403, 0x0404, 0x0407)},
+}

@@ -1,4 +1,4 @@
-"""`hangtime sensor`: list, play, synthesise."""
+"""`hangtime sensor`: list, play, synthesise, and what `usb_control` adds."""
 
 from __future__ import annotations
 
@@ -10,22 +10,34 @@ import typer
 
 def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
+    from firmware_host.usb_control.cli import add_commands as add_usb_commands
+
     sensor = typer.Typer(help="Sensors and sensor recordings.", no_args_is_help=True)
     sensor.command("list")(list_sensors)
     sensor.command("play")(play)
     sensor.command("synthesise")(synthesise)
+    add_usb_commands(sensor)
     app.add_typer(sensor, name="sensor")
 
 
 def list_sensors() -> None:
-    """List the depth sensors that OpenNI2 sees on this machine."""
+    """List the depth sensors on the USB bus, and those that OpenNI2 sees."""
     from firmware_host import openni2_library
+    from firmware_host.usb_control.devices import find_devices
+    from firmware_host.usb_control.report import place_lines
 
+    devices = find_devices()
+    for device in devices:
+        typer.echo(device.model.name)
+        for name, value in place_lines(device):
+            typer.echo(f"    {name:<14} {value}")
     uris = openni2_library.load().Device.enumerate_uris()
     for uri in uris:
-        typer.echo(uri.decode(errors="replace"))
-    if not uris:
+        typer.echo(f"OpenNI2 sees {uri.decode(errors='replace')}")
+    if not devices and not uris:
         typer.echo("No depth sensor is connected.")
+    elif not uris:
+        typer.echo("OpenNI2 sees none of them; `hangtime sensor doctor` says why.")
 
 
 def play(

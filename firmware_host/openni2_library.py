@@ -6,15 +6,22 @@ now), and the native library is loaded by its versioned name, the only one that 
 
 from __future__ import annotations
 
+import configparser
 import ctypes
 import ctypes.util
 import sys
+from pathlib import Path
 from typing import Any
 
 from firmware_host.errors import SensorUnavailableError
 
 LIBRARY = "libOpenNI2.so.0"
 ADVICE = "install it: apt-get install libopenni2-0"
+SETTINGS = Path("/etc/openni2/OpenNI.ini")  # Debian's place; [Drivers] Repository= names the folder of drivers
+DRIVER_FOLDERS = (  # beside the library, where no setting says otherwise
+    "/usr/lib/*/OpenNI2/Drivers", "/usr/lib/OpenNI2/Drivers", "/usr/lib64/OpenNI2/Drivers",
+    "/usr/local/lib/OpenNI2/Drivers", "/usr/local/lib/*/OpenNI2/Drivers",
+)  # fmt: skip
 
 _loaded: dict[str, Any] = {}
 
@@ -55,6 +62,23 @@ def is_available() -> bool:
     except SensorUnavailableError:
         return False
     return True
+
+
+def find_driver(name: str) -> Path | None:
+    """Return the file of OpenNI2's driver of this name, as `PS1080`, or None where it is not installed."""
+    folders = [folder for pattern in DRIVER_FOLDERS for folder in sorted(Path("/").glob(pattern.lstrip("/")))]
+    settings = configparser.ConfigParser(interpolation=None, strict=False)
+    try:
+        settings.read(SETTINGS)
+        chosen = settings.get("Drivers", "Repository", fallback="").strip()
+    except (configparser.Error, UnicodeDecodeError):
+        chosen = ""
+    if chosen.startswith("/"):
+        folders = [Path(chosen)]
+    for folder in folders:
+        for file in sorted(folder.glob(f"lib{name}.so*")):
+            return file
+    return None
 
 
 def _repair_enums() -> None:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from firmware_host.errors import SensorAddressError, SensorUnavailableError
+from firmware_host.errors import FirmwareUnsupportedError, SensorAddressError, SensorUnavailableError
 from firmware_host.usb_control.link import PyusbLink, as_firmware_error
 from firmware_host.usb_control.models import MODELS, Model, Protocol
 
@@ -116,12 +116,17 @@ def find_devices() -> list[UsbDevice]:
     return sorted(devices, key=lambda device: (not device.model.is_camera, device.bus, device.address))
 
 
-def choose(devices: Sequence[UsbDevice], protocols: Sequence[Protocol], place: str | None = None) -> UsbDevice:
-    """Return the first device that speaks one of these protocols, or the one at `place` (BUS:ADDRESS).
+def choose(
+    devices: Sequence[UsbDevice], protocols: Sequence[Protocol], what: str, place: str | None = None
+) -> list[UsbDevice]:
+    """Return the devices that speak one of these protocols; `place` (BUS:ADDRESS) narrows it to one.
+
+    what: what shall be asked of it, for the message: "a log", "a lamp"
 
     Raises:
         SensorUnavailableError: no such device.
-        SensorAddressError: `place` is no place, or the device there speaks another protocol.
+        FirmwareUnsupportedError: there are devices, but none that speaks one of the protocols.
+        SensorAddressError: `place` is no place.
     """
     if place is not None:
         devices = [device for device in devices if (device.bus, device.address) == parse_place(place)]
@@ -129,13 +134,13 @@ def choose(devices: Sequence[UsbDevice], protocols: Sequence[Protocol], place: s
             raise SensorUnavailableError(f"no depth sensor at USB {place}", advice="see `hangtime sensor list`")
     if not devices:
         raise SensorUnavailableError(NO_SENSOR, advice=PLUG_IN)
-    for device in devices:
-        if device.model.protocol in protocols:
-            return device
-    raise SensorAddressError(
-        f"it cannot be asked: Hangtime speaks the {Protocol.PS1080.value} and the {Protocol.KINECT_MOTOR.value}'s",
-        where=devices[0].where, advice="see docs/sensor.md for what works with which sensor",
-    )  # fmt: skip
+    chosen = [device for device in devices if device.model.protocol in protocols]
+    if not chosen:
+        raise FirmwareUnsupportedError(
+            f"Hangtime cannot ask it for {what}", where=devices[0].where,
+            advice="docs/sensor.md says what works with which sensor",
+        )  # fmt: skip
+    return chosen
 
 
 def parse_place(place: str) -> tuple[int, int]:

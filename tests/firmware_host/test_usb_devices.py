@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from firmware_host.errors import (
+    FirmwareUnsupportedError,
     SensorAddressError,
     SensorUnavailableError,
     UsbAccessError,
@@ -87,12 +88,12 @@ def test_the_device_asked_is_the_first_that_can_be_asked_or_the_one_named(bus: A
     bus(KinectCameraModel(), KinectMotorModel(), Ps1080Model())
     found = devices.find_devices()
     either = (Protocol.PS1080, Protocol.KINECT_MOTOR)
-    assert devices.choose(found, either).model.protocol is Protocol.PS1080
-    assert devices.choose(found, either, "1:5").model.protocol is Protocol.KINECT_MOTOR
-    with pytest.raises(SensorAddressError, match="Kinect v1 camera at USB 1:4: it cannot be asked"):
-        devices.choose(found, either, "1:4")
+    assert [device.model.protocol for device in devices.choose(found, either, "a lamp")] == [*either]
+    assert devices.choose(found, either, "a lamp", "1:5")[0].model.protocol is Protocol.KINECT_MOTOR
+    with pytest.raises(FirmwareUnsupportedError, match="Kinect v1 camera at USB 1:4: Hangtime cannot ask it for a log"):
+        devices.choose(found, either, "a log", "1:4")
     with pytest.raises(SensorUnavailableError, match="no depth sensor at USB 1:9"):
-        devices.choose(found, either, "1:9")
+        devices.choose(found, either, "a log", "1:9")
 
 
 @pytest.mark.parametrize("place", ["1", "1:x", ":", "-1:2", "one:two"])
@@ -103,7 +104,7 @@ def test_a_place_is_two_numbers(place: str) -> None:
 
 def test_an_empty_bus_says_so() -> None:
     with pytest.raises(SensorUnavailableError, match=r"^no depth sensor on the USB bus; plug it in"):
-        devices.choose([], (Protocol.PS1080,))
+        devices.choose([], (Protocol.PS1080,), "a log")
 
 
 def test_without_libusb_the_advice_is_the_apt_command(monkeypatch: pytest.MonkeyPatch) -> None:

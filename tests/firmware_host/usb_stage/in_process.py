@@ -75,8 +75,8 @@ class ModelBackend(usb.backend.IBackend):
         return SimpleNamespace(
             bLength=18, bDescriptorType=1, bcdUSB=0x200, bDeviceClass=0, bDeviceSubClass=0, bDeviceProtocol=0,
             bMaxPacketSize0=64, idVendor=model.vendor, idProduct=model.product, bcdDevice=1, iManufacturer=0,
-            iProduct=0, iSerialNumber=3 if model.serial else 0, bNumConfigurations=1, address=4 + number, bus=1, port_number=1,
-            port_numbers=(1,), speed=self.speed,
+            iProduct=0, iSerialNumber=3 if model.serial else 0, bNumConfigurations=1, address=4 + number, bus=1,
+            port_number=1, port_numbers=(1,), speed=self.speed,
         )  # fmt: skip
 
     def get_configuration_descriptor(self, dev: Any, config: int) -> Any:

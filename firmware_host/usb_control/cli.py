@@ -1,0 +1,112 @@
+"""`hangtime sensor info|log|reset|led`: what is asked of the sensor itself."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+Place = Annotated[
+    str | None,
+    typer.Option("--device", metavar="BUS:ADDRESS", help="Which one, as `hangtime sensor list` shows it."),
+]
+
+
+def add_commands(sensor: typer.Typer) -> None:
+    """Add these commands to `hangtime sensor`."""
+    sensor.command("info", short_help="Ask the sensor for firmware, serial number, tilt.")(info)
+    sensor.command("log", short_help="Print what the firmware logged.")(log)
+    sensor.command("reset", short_help="Reset the firmware, or reboot the sensor.")(reset)
+    sensor.command("led", short_help="Switch the sensor's lamp.")(led)
+
+
+def info(device: Place = None) -> None:
+    """Ask the sensor for firmware, serial number, platform; a Kinect for tilt, acceleration and gravity."""
+    from firmware_host.usb_control import devices
+    from firmware_host.usb_control.models import Protocol
+    from firmware_host.usb_control.report import information, place_lines
+
+    found = devices.find_devices()
+    for chosen in devices.choose(found, (Protocol.PS1080, Protocol.KINECT_MOTOR), "what it knows of itself", device):
+        typer.echo(chosen.model.name)
+        for name, value in place_lines(chosen) + information(chosen):
+            typer.echo(f"    {name:<14} {value}")
+
+
+def log(device: Place = None) -> None:
+    """Print what the firmware logged since the last time; it forgets what was read."""
+    from firmware_host.usb_control import devices
+    from firmware_host.usb_control.models import Protocol
+    from firmware_host.usb_control.ps1080 import Ps1080
+
+    chosen = devices.choose(devices.find_devices(), (Protocol.PS1080,), "a log", device)[0]
+    lines = Ps1080(chosen.open_link(), chosen.where).log()
+    for line in lines:
+        typer.echo(line)
+    if not lines:
+        typer.echo("The log is empty.")
+
+
+def reset(
+    reboot: Annotated[bool, typer.Option("--reboot", help="Boot it anew: it leaves the bus and comes back.")] = False,
+    device: Place = None,
+) -> None:
+    """Set the firmware back to its start, or reboot the sensor, and wait until it answers again."""
+    from firmware_host.errors import UsbTimeoutError
+    from firmware_host.usb_control import devices
+    from firmware_host.usb_control.link import PyusbLink
+    from firmware_host.usb_control.models import Protocol
+    from firmware_host.usb_control.ps1080 import Ps1080, wait_until_answering
+
+    chosen = devices.choose(devices.find_devices(), (Protocol.PS1080,), "a reset", device)[0]
+    link = chosen.open_link()
+    sensor = Ps1080(link, chosen.where)
+    if reboot:
+        sensor.reboot()
+    else:
+        sensor.soft_reset()
+    link.close()
+
+    def find_again() -> PyusbLink | None:
+        """Return the sensor of the same kind and serial; its address changes with a reboot."""
+        for other in devices.find_devices():
+            same_kind = (other.vendor, other.product) == (chosen.vendor, chosen.product)
+            if same_kind and (chosen.serial is None or other.serial in (None, chosen.serial)):
+                return other.open_link()
+        return None
+
+    seconds = wait_until_answering(find_again)
+    if seconds is None:
+        raise UsbTimeoutError("it does not answer after the reset", where=chosen.where, advice="unplug and replug it")
+    typer.echo(f"{chosen.where}: {'rebooted' if reboot else 'reset'}, answers again after {seconds:.1f} s")
+
+
+def led(
+    colour: Annotated[
+        str,
+        typer.Argument(metavar="COLOUR", help="Kinect: off, green, red, yellow, blink-green, blink-red-yellow; "
+                       "PS1080: on or off."),
+    ],
+    device: Place = None,
+) -> None:  # fmt: skip
+    """Switch the sensor's lamp: the Kinect's has colours, the PS1080's is on or off."""
+    from firmware_host.errors import SensorAddressError
+    from firmware_host.usb_control import devices
+    from firmware_host.usb_control.kinect_motor import KinectMotor, Led
+    from firmware_host.usb_control.models import Protocol
+    from firmware_host.usb_control.ps1080 import Ps1080
+
+    either = (Protocol.PS1080, Protocol.KINECT_MOTOR)
+    chosen = devices.choose(devices.find_devices(), either, "a lamp", device)[0]
+    is_kinect = chosen.model.protocol is Protocol.KINECT_MOTOR
+    colours = {led.name.lower().replace("_", "-"): led for led in Led}
+    known = list(colours) if is_kinect else ["on", "off"]
+    if colour not in known:
+        raise SensorAddressError(
+            f"its lamp has no state {colour!r}", where=chosen.where, advice=f"choose of {', '.join(known)}"
+        )
+    if is_kinect:
+        KinectMotor(chosen.open_link(), chosen.where).set_led(colours[colour])
+    else:
+        Ps1080(chosen.open_link(), chosen.where).set_led(colour == "on")
+    typer.echo(f"{chosen.where}: lamp {colour}")

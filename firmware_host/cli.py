@@ -1,4 +1,4 @@
-"""`hangtime sensor`: list, play, synthesise, and what `usb_control` adds."""
+"""`hangtime sensor`: list, play, synthesise, and what `usb_control` and `doctor` add."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import typer
 
 def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
+    from firmware_host.doctor.cli import add_commands as add_doctor
     from firmware_host.usb_control.cli import add_commands as add_usb_commands
 
     sensor = typer.Typer(help="Sensors and sensor recordings.", no_args_is_help=True)
@@ -17,6 +18,7 @@ def add_commands(app: typer.Typer) -> None:
     sensor.command("play")(play)
     sensor.command("synthesise")(synthesise)
     add_usb_commands(sensor)
+    add_doctor(sensor)
     app.add_typer(sensor, name="sensor")
 
 

@@ -1,0 +1,52 @@
+"""The doctor's last line: are the hanger's two markers visible? Contributed to `hangtime sensor doctor`."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.markers import marker_dictionary
+from firmware_host.doctor.checks import Check, Examination, Finding, ok, problem, skipped
+
+USUAL_DICTIONARY = "DICT_4X4_50"  # of the rig that `hangtime sensor synthesise` writes and docs/recording.md prints
+USUAL_IDS = (0, 1)
+LEAST_SEEN = 0.5  # of the frames looked at; tracking searches finer and bridges gaps, a hidden marker is hidden longer
+ENLARGEMENT = 2  # markers of 6 cm at 2 m are 17 px at 640 px; twice that is found more surely
+
+
+def markers_visible(examination: Examination) -> Finding:
+    """Look for both markers in some frames."""
+    dictionary, ids = USUAL_DICTIONARY, USUAL_IDS
+    if examination.rig is not None:
+        hanger = examination.rig.hanger
+        if hanger is None:
+            return problem("the rig has no hanger section", "describe it as in docs/file-formats.md")
+        dictionary, ids = hanger.dictionary, hanger.ids
+    frames = [] if examination.sample is None else examination.sample.frames
+    pictures = [frame.colour for frame in frames if frame.colour is not None]
+    if not pictures:
+        return skipped("there is no colour picture to look at")
+    detector = cv2.aruco.ArucoDetector(marker_dictionary(dictionary))
+    seen = [_ids_in(picture, detector) for picture in pictures]
+    shares = {number: sum(number in found for found in seen) / len(seen) for number in ids}
+    text = f"{dictionary} " + ", ".join(
+        f"marker {number} in {100 * share:.0f} %" for number, share in shares.items()
+    ) + f" of {len(seen)} frames"  # fmt: skip
+    if min(shares.values()) >= LEAST_SEEN:
+        return ok(text)
+    others = sorted(set().union(*seen) - set(ids))
+    advice = "hang the hanger 1 to 2 m before the sensor, markers towards it, in even light"
+    if others:
+        advice = f"markers {others} are there instead: give the rig that describes them with --rig"
+    return problem(text, advice)
+
+
+def _ids_in(picture: NDArray[np.uint8], detector: cv2.aruco.ArucoDetector) -> set[int]:
+    grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
+    larger = cv2.resize(grey, None, fx=ENLARGEMENT, fy=ENLARGEMENT, interpolation=cv2.INTER_CUBIC)
+    _, ids, _ = detector.detectMarkers(larger)
+    return set() if ids is None else {int(number) for number in np.ravel(ids)}
+
+
+CHECK = Check(name="markers", look=markers_visible, needs=("streams",), is_for_recordings=True)

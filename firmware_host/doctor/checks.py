@@ -1,0 +1,168 @@
+"""What a check is, in which order checks run, and which are skipped because an earlier one failed.
+
+Another package adds checks through the entry point group `hangtime.sensor_checks`: each entry names a `Check`. They come
+after the built-in ones, in the order of their names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from importlib.metadata import entry_points
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from firmware_host.depth_sensor import DepthSensor, SensorFrame, SensorInfo
+from firmware_host.usb_control.devices import UsbDevice
+from formats.errors import HangtimeError
+from formats.rig import Rig
+
+GROUP = "hangtime.sensor_checks"
+KEPT_EVERY = 0.5  # s between the frames that a sample keeps for later checks
+
+
+class Verdict(Enum):
+    """How a check ended."""
+
+    OK = "ok"
+    PROBLEM = "problem"
+    SKIPPED = "skipped"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """How a check ended, and in one sentence what it saw or what to do."""
+
+    verdict: Verdict
+    text: str
+
+
+def ok(text: str) -> Finding:
+    """All is well: `text` says what was seen."""
+    return Finding(Verdict.OK, text)
+
+
+def problem(what: str, advice: str) -> Finding:
+    """Something must be done."""
+    return Finding(Verdict.PROBLEM, f"{what}; {advice}")
+
+
+def skipped(reason: str) -> Finding:
+    """It could not be looked at."""
+    return Finding(Verdict.SKIPPED, reason)
+
+
+@dataclass
+class StreamSample:
+    """What came while the streams were watched.
+
+    times [s]: of each frame, by the device's clock
+    dropped: frames that the device counted and nobody received
+    coverage: share of the pixels with a depth, one number for each frame
+    frames: some of the frames, evenly spread
+    """
+
+    info: SensorInfo
+    times: list[float] = field(default_factory=list)
+    dropped: int = 0
+    coverage: list[float] = field(default_factory=list)
+    frames: list[SensorFrame] = field(default_factory=list)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last frame [s]."""
+        return self.times[-1] - self.times[0] if self.times else 0.0
+
+    def add(self, frame: SensorFrame) -> None:
+        """Count a frame; drops before the first one do not count."""
+        self.dropped += frame.dropped_before if self.times else 0
+        self.times.append(frame.time_s)
+        self.coverage.append(float(np.count_nonzero(frame.depth)) / frame.depth.size)
+        if not self.frames or frame.time_s - self.frames[-1].time_s >= KEPT_EVERY:
+            self.frames.append(frame)
+
+
+@dataclass
+class Examination:
+    """What is examined, and what earlier checks left for later ones.
+
+    source: a recording or another sensor's name; None is the live sensor
+    rig: whose markers must be visible; None stands for the usual ones
+    place: which device to look at, BUS:ADDRESS; None is the first camera
+    """
+
+    source: str | None = None
+    rig: Rig | None = None
+    place: str | None = None
+    devices: list[UsbDevice] = field(default_factory=list)
+    camera: UsbDevice | None = None
+    sensor: DepthSensor | None = None
+    sample: StreamSample | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self.sensor is not None:
+            self.sensor.close()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """One line of the doctor.
+
+    needs: names of the checks that must be ok for this one to make sense
+    is_for_recordings: whether it also looks at a recording; the others look at the device
+    """
+
+    name: str
+    look: Callable[[Examination], Finding]
+    needs: tuple[str, ...] = ()
+    is_for_recordings: bool = False
+
+
+def all_checks(is_recording: bool) -> list[Check]:
+    """Return the checks that apply, in their order."""
+    from firmware_host.doctor.stream_checks import STREAM_CHECKS
+    from firmware_host.doctor.usb_checks import USB_CHECKS
+
+    found = [*USB_CHECKS, *STREAM_CHECKS, *contributed()]
+    return [check for check in found if check.is_for_recordings or not is_recording]
+
+
+def contributed() -> list[Check]:
+    """Return the checks of other packages; one whose libraries are absent becomes a line that says so."""
+    checks = []
+    for entry in sorted(entry_points(group=GROUP), key=lambda e: e.name):
+        try:
+            check = entry.load()
+        except ModuleNotFoundError as error:
+            finding = skipped(f"{error.name} is not installed")
+            check = Check(name=entry.name, look=lambda _, said=finding: said, is_for_recordings=True)  # type: ignore[misc]
+        checks.append(check)
+    return checks
+
+
+def examine(checks: Sequence[Check], examination: Examination) -> Iterator[tuple[Check, Finding]]:
+    """Run the checks one by one and yield each with its finding.
+
+    An error of ours inside a check is its finding; any other error is a fault of the program and passes through.
+    """
+    failed: set[str] = set()
+    for check in checks:
+        missing = [name for name in check.needs if name in failed]
+        if missing:
+            finding = skipped(f"waits for `{missing[0]}`")
+        else:
+            try:
+                finding = check.look(examination)
+            except HangtimeError as error:
+                finding = Finding(Verdict.PROBLEM, str(error))
+        if finding.verdict is not Verdict.OK:
+            failed.add(check.name)
+        yield check, finding

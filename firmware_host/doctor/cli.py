@@ -1,0 +1,46 @@
+"""`hangtime sensor doctor`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def add_commands(sensor: typer.Typer) -> None:
+    """Add this command to `hangtime sensor`."""
+    sensor.command("doctor", short_help="Check the sensor from USB to markers; say what to do.")(doctor)
+
+
+def doctor(
+    recording: Annotated[
+        str | None, typer.Argument(metavar="[RECORDING.oni]", help="Check a recording instead of the live sensor.")
+    ] = None,
+    rig: Annotated[
+        Path | None, typer.Option("--rig", metavar="RIG.toml", help="Whose markers must be visible.")
+    ] = None,
+    device: Annotated[
+        str | None, typer.Option("--device", metavar="BUS:ADDRESS", help="Which of several sensors to look at on USB.")
+    ] = None,
+) -> None:
+    """Check everything that a recording needs, one line each: `ok`, or what to do.
+
+    Exit code 0 only when every line is ok, 1 when one is not.
+    """
+    from firmware_host.doctor.checks import Examination, Verdict, all_checks, examine
+    from firmware_host.errors import RecordingError
+    from formats.descriptions import load_rig
+
+    if recording is not None and ":" not in recording and not Path(recording).is_file():
+        raise RecordingError("there is no such recording", where=recording, advice="give a path to an .oni file")
+    checks = all_checks(is_recording=recording is not None)
+    width = max(len(check.name) for check in checks)
+    is_well = True
+    with Examination(source=recording, rig=None if rig is None else load_rig(rig), place=device) as examination:
+        for check, finding in examine(checks, examination):
+            is_well = is_well and finding.verdict is Verdict.OK
+            mark = {Verdict.OK: "ok: ", Verdict.PROBLEM: "", Verdict.SKIPPED: "skipped: "}[finding.verdict]
+            typer.echo(f"{check.name:<{width}}  {mark}{finding.text}")
+    if not is_well:
+        raise typer.Exit(1)

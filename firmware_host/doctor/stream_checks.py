@@ -1,0 +1,83 @@
+"""Do frames come, as many as they should, and is there depth in them? Of a live sensor or of a recording."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from firmware_host.doctor.checks import Check, Examination, Finding, StreamSample, ok, problem
+from firmware_host.errors import SensorUnavailableError
+from firmware_host.opening import open_sensor
+
+LIVE_SENSOR = "openni2:"
+WATCHED = 5.0  # s of frames that are looked at
+WARM_UP = 10  # frames of a live sensor left out: exposure settles, and the first ones may come late
+LOWEST_RATE = 0.95  # of the nominal rate; the device's clock is far better than this, so less means lost frames
+MOST_DROPPED = 0.01  # of the frames: one in five seconds at 30 a second, which tracking bridges
+LEAST_COVERAGE = 0.3  # of the pixels, on average; a real room measured 60 to 95 %, a garment before a far wall has less
+
+
+def streams_start(examination: Examination) -> Finding:
+    """Open the sensor and wait for the first frame."""
+    sensor = examination.sensor = open_sensor(examination.source or LIVE_SENSOR)
+    frame = sensor.read()
+    if frame is None:
+        return problem("there is no frame in it", "record again")
+    info = sensor.info
+    examination.sample = StreamSample(info=info)
+    examination.sample.add(frame)
+    text = f"{info.name}, {info.width} x {info.height} at {info.fps:g} frames a second"
+    if frame.colour is None:
+        return problem(f"{text}, but no colour beside the depth", "colour is needed to find the markers")
+    return ok(text)
+
+
+def rate_and_drops(examination: Examination) -> Finding:
+    """Watch the streams for some seconds."""
+    sensor, sample = examination.sensor, _sample(examination)
+    if sensor is None:
+        raise SensorUnavailableError("no sensor is open", advice="see the checks above")
+    if sample.info.is_live:
+        for _ in range(WARM_UP):
+            sensor.read()
+        sample = examination.sample = StreamSample(info=sample.info)
+    while sample.duration < WATCHED and (frame := sensor.read()) is not None:
+        sample.add(frame)
+    return judge_rate(sample)
+
+
+def judge_rate(sample: StreamSample) -> Finding:
+    """Compare what came with what should have come."""
+    if sample.duration <= 0:
+        return problem("a second frame never came", "record longer")
+    rate, counted = (len(sample.times) - 1) / sample.duration, len(sample.times) + sample.dropped
+    text = f"{rate:.1f} frames a second for {sample.duration:.1f} s, {sample.dropped} of {counted} dropped"
+    if sample.dropped > MOST_DROPPED * counted:
+        return problem(text, "end other programs, and plug the sensor into a port of its own")
+    if rate < LOWEST_RATE * sample.info.fps:
+        return problem(f"{text}, but {sample.info.fps:g} a second are due", "end other programs and try again")
+    return ok(text)
+
+
+def depth_coverage(examination: Examination) -> Finding:
+    """Look at how many pixels have a depth."""
+    sample = _sample(examination)
+    mean, least = float(np.mean(sample.coverage)), float(np.min(sample.coverage))
+    text = f"depth in {100 * mean:.0f} % of the pixels, in the worst frame {100 * least:.0f} %"
+    if mean < LEAST_COVERAGE:
+        return problem(
+            text, "stand 1 to 3 m away, keep the sun out, and look for a cover on the emitter or a mirror in the view"
+        )
+    return ok(text)
+
+
+def _sample(examination: Examination) -> StreamSample:
+    if examination.sample is None:
+        raise SensorUnavailableError("nothing came from the sensor", advice="see the checks above")
+    return examination.sample
+
+
+STREAM_CHECKS = (
+    Check(name="streams", look=streams_start, needs=("device", "permission", "driver"), is_for_recordings=True),
+    Check(name="frame rate", look=rate_and_drops, needs=("streams",), is_for_recordings=True),
+    Check(name="depth", look=depth_coverage, needs=("streams",), is_for_recordings=True),
+)

@@ -1,7 +1,7 @@
 """What a check is, in which order checks run, and which are skipped because an earlier one failed.
 
-Another package adds checks through the entry point group `hangtime.sensor_checks`: each entry names a `Check`. They come
-after the built-in ones, in the order of their names.
+Another package adds checks through the entry point group `hangtime.sensor_checks`: each entry names a `Check`. They
+come after the built-in ones, in the order of their names.
 """
 
 from __future__ import annotations

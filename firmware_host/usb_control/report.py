@@ -20,7 +20,7 @@ def driver_status(device: UsbDevice) -> str:
     """Say whether OpenNI2 has a driver for it here, and whether the kernel holds it."""
     name = device.model.openni2_driver
     if not device.model.is_camera:
-        status = "no camera"
+        status = "none needed, this part gives no pictures"
     elif name is None:
         status = "OpenNI2 as Debian ships it has no driver for it"
     elif openni2_library.find_driver(name) is None:

@@ -11,7 +11,14 @@ import usb.backend
 import usb.core
 
 from firmware_host.errors import UsbStallError, UsbTimeoutError, UsbUnpluggedError
-from tests.firmware_host.usb_stage.models import VENDOR_IN, VENDOR_OUT, GoneError, SilenceError, StallError
+from tests.firmware_host.usb_stage.models import (
+    VENDOR_IN,
+    VENDOR_OUT,
+    GoneError,
+    SilenceError,
+    StallError,
+    string_descriptor,
+)
 
 
 class ModelLink:
@@ -130,9 +137,3 @@ class ModelBackend(usb.backend.IBackend):
         for place, byte in enumerate(answer[: len(data)]):
             data[place] = byte
         return min(len(answer), len(data))
-
-
-def string_descriptor(text: str, value: int) -> bytes:
-    """Answer GET_DESCRIPTOR for the list of languages (number 0) and for a text."""
-    body = b"\x09\x04" if value & 0xFF == 0 else text.encode("utf-16-le")
-    return bytes([2 + len(body), 3]) + body

@@ -167,3 +167,9 @@ class KinectCameraModel:
     def control(self, kind: int, request: int, value: int, data: bytes, length: int) -> bytes:
         """Refuse everything."""
         raise StallError
+
+
+def string_descriptor(text: str, value: int) -> bytes:
+    """Answer GET_DESCRIPTOR for the list of languages (number 0) and for a text."""
+    body = b"\x09\x04" if value & 0xFF == 0 else text.encode("utf-16-le")
+    return bytes([2 + len(body), 3]) + body

@@ -1,0 +1,184 @@
+"""The commands and pyusb through the real libusb, on a USB bus that umockdev mocks: nothing of ours is replaced.
+
+The sensors behind it are the models of `usb_stage`. Skipped where umockdev is not installed (scripts/setup says how).
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+STAGE = Path(__file__).parent / "usb_stage" / "mocked_bus.py"
+ROOT = Path(__file__).parents[2]
+SYSTEM_PYTHON = "/usr/bin/python3"
+BINDINGS = "import gi; gi.require_version('UMockdev', '1.0'); from gi.repository import UMockdev"
+HANGTIME = (sys.executable, "-c", "from formats.command import main; main()", "sensor")
+
+# Asks for the version with a time limit of 0.3 s, so that silence does not cost the usual 5 s; prints what happens.
+ASK = """
+from firmware_host.errors import FirmwareError
+from firmware_host.usb_control.devices import find_devices
+from firmware_host.usb_control.kinect_motor import KinectMotor
+from firmware_host.usb_control.link import PyusbLink
+from firmware_host.usb_control.models import Protocol
+from firmware_host.usb_control.ps1080 import Ps1080
+
+(device,) = find_devices()
+link = PyusbLink(device.handle, device.where, timeout_s=0.3)
+try:
+    if device.model.protocol is Protocol.PS1080:
+        print(Ps1080(link, device.where, timeout_s=0.3).version())
+    else:
+        print(KinectMotor(link, device.where).state().tilt_degrees)
+except FirmwareError as error:
+    print(type(error).__name__, error)
+"""
+
+
+@cache
+def why_not() -> str:
+    """Why the bus cannot be mocked here; empty when it can."""
+    if sys.maxsize < 2**32:
+        return "the mocked bus is written for 64 bit"
+    if shutil.which("umockdev-wrapper") is None:
+        return "umockdev is not installed (scripts/setup --with-umockdev)"
+    found = Path(SYSTEM_PYTHON).exists() and subprocess.run(
+        [SYSTEM_PYTHON, "-c", BINDINGS], capture_output=True, check=False
+    )
+    if not found or found.returncode:
+        return "umockdev's Python bindings are not installed (scripts/setup --with-umockdev)"
+    return ""
+
+
+@pytest.fixture(autouse=True)
+def umockdev() -> None:
+    if why_not():
+        pytest.skip(why_not())
+
+
+def run(stage: str, *program: str) -> subprocess.CompletedProcess[str]:
+    """Run a program on a bus of these models, as "ps1080:stall motor"."""
+    command = ["umockdev-wrapper", SYSTEM_PYTHON, str(STAGE), *stage.split(), "--", *program]
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=60, check=False, cwd=ROOT, env={**os.environ}
+    )
+
+
+def test_list_shows_place_serial_speed_and_driver() -> None:
+    done = run("ps1080 camera", *HANGTIME, "list")
+    assert re.search(r"PrimeSense PS1080 .*\n +place +USB 1:4, 1d27:0600\n +serial +1401160123\n", done.stdout)
+    assert "high speed, 480 Mbit/s" in done.stdout
+    assert re.search(r"Kinect v1 camera\n +place +USB 1:5, 045e:02ae\n +serial +A00364A01234567A", done.stdout)
+
+
+def test_info_of_a_ps1080_shows_firmware_serial_number_platform_and_geometry() -> None:
+    done = run("ps1080", *HANGTIME, "info")
+    assert done.returncode == 0, done.stderr
+    for line in (r"firmware +5\.8\.22 on PS1080 A6", "serial number +1401160123", "platform +ARM", r"575\.8 px at 640"):
+        assert re.search(line, done.stdout)
+
+
+def test_info_of_a_kinect_shows_tilt_and_gravity() -> None:
+    done = run("camera motor", *HANGTIME, "info")
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"tilt +30\.0 degrees", done.stdout)
+    assert re.search(r"gravity +\[0\.0000, 0\.8657, -0\.5006\]", done.stdout)
+
+
+def test_the_log_is_printed_line_by_line() -> None:
+    done = run("ps1080", *HANGTIME, "log")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[0] == "12: emitter on"
+    assert len(done.stdout.splitlines()) == 3
+
+
+@pytest.mark.parametrize(
+    ("stage", "colour", "told"),
+    [("ps1080", "on", "'led': (0, 1)"), ("camera motor", "blink-green", "'led': 4"), ("motor", "off", "'led': 0")],
+)
+def test_the_lamp_is_switched_at_the_device(stage: str, colour: str, told: str) -> None:
+    done = run(stage, *HANGTIME, "led", colour)
+    assert done.returncode == 0, done.stderr
+    assert told in done.stderr
+
+
+@pytest.mark.parametrize(("options", "mode", "says"), [((), 3, "reset"), (("--reboot",), 4, "rebooted")])
+def test_a_reset_reaches_the_device_and_waits_for_its_answer(options: tuple[str, ...], mode: int, says: str) -> None:
+    done = run("ps1080", *HANGTIME, "reset", *options)
+    assert done.returncode == 0, done.stderr
+    assert f"'mode': {mode}" in done.stderr
+    assert re.search(rf"USB 1:4: {says}, answers again after [01]\.\d s", done.stdout)
+
+
+@pytest.mark.parametrize(
+    ("stage", "answer"),
+    [
+        ("ps1080", "5.8.22"),
+        ("ps1080:slow", "5.8.22"),
+        ("ps1080:split", "5.8.22"),
+        ("ps1080:stale", "5.8.22"),
+        ("ps1080:stall", "UsbStallError"),
+        ("ps1080:timeout", "UsbTimeoutError"),
+        ("ps1080:short", "FirmwareReplyError"),
+        ("ps1080:magic", "FirmwareReplyError"),
+        ("ps1080:refuse", "FirmwareRefusalError"),
+        ("ps1080:unplug", "UsbUnpluggedError"),
+        ("ps1080:unplug-late", "UsbUnpluggedError"),
+        ("motor", "30.0"),
+        ("motor:stall", "UsbStallError"),
+        ("motor:timeout", "UsbTimeoutError"),
+        ("motor:short", "FirmwareReplyError"),
+        ("motor:unplug", "UsbUnpluggedError"),
+    ],
+)
+def test_what_a_device_does_on_the_wire_becomes_the_answer_or_the_error_for_it(stage: str, answer: str) -> None:
+    done = run(stage, sys.executable, "-c", ASK)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split()[0] == answer
+
+
+@pytest.mark.parametrize(
+    ("stage", "command", "says"),
+    [
+        ("ps1080:unplug-late", "info", "USB 1:4: the sensor was unplugged; plug it in again"),
+        ("ps1080:magic", "log", "starts with 0x1234, not 0x4252"),
+        ("camera", "info", "Kinect v1 camera at USB 1:4: Hangtime cannot ask it for what it knows"),
+        ("motor", "log", "Kinect v1 motor at USB 1:4: Hangtime cannot ask it for a log"),
+        ("motor", "reset", "Hangtime cannot ask it for a reset"),
+        ("motor", "led purple", "no state 'purple'; choose of off, green, red, yellow, blink-green, blink-red-yellow"),
+        ("ps1080:old", "led on", "firmware 5.3.29 has no such request"),
+        ("ps1080", "info --device 1:9", "no depth sensor at USB 1:9"),
+        ("ps1080", "info --device four", "'four' is no place on the USB bus; give BUS:ADDRESS"),
+        ("", "info", "hangtime: no depth sensor on the USB bus; plug it in"),
+    ],
+)
+def test_a_command_that_fails_says_why_in_one_sentence_and_exits_with_2(stage: str, command: str, says: str) -> None:
+    done = run(stage, *HANGTIME, *command.split())
+    complaint = [line for line in done.stderr.splitlines() if line.startswith("hangtime:")]
+    assert done.returncode == 2
+    assert len(complaint) == 1
+    assert says in complaint[0]
+    assert "Traceback" not in done.stderr
+
+
+def test_the_doctor_goes_as_far_as_a_sensor_without_streams_lets_it() -> None:
+    lines = dict(re.split(r"  +", line, maxsplit=1) for line in run("ps1080", *HANGTIME, "doctor").stdout.splitlines())
+    assert lines["device"] == "ok: PrimeSense PS1080 (Carmine, Xtion) at USB 1:4, 1d27:0600"
+    assert lines["permission"] == "ok: this user may open it"
+    assert lines["speed and power"] == "ok: high speed, 480 Mbit/s, up to 500 mA"
+    assert lines["firmware"] == "ok: 5.8.22 on PS1080 A6"
+    assert not lines["streams"].startswith("ok")
+    assert lines["markers"] == "skipped: waits for `streams`"
+
+
+def test_the_doctor_tells_a_kinect_without_its_power_supply_from_no_kinect() -> None:
+    done = run("motor", *HANGTIME, "doctor")
+    assert done.returncode == 1
+    assert "only a part of a sensor is there: Kinect v1 motor at USB 1:4; plug in its power supply" in done.stdout

@@ -48,7 +48,7 @@ def load() -> Any:
     try:
         _openni2.oniInitialize(_openni2.ONI_API_VERSION)
     except openni2.OpenNIError as error:
-        raise SensorUnavailableError(f"OpenNI2 does not start: {error}", advice="check its drivers") from error
+        raise SensorUnavailableError(f"OpenNI2 does not start: {reason(error)}", advice="check its drivers") from error
     openni2._openni2_initialized = True
     openni2.loaded_dll_directory = LIBRARY
     _loaded["module"] = openni2
@@ -62,6 +62,14 @@ def is_available() -> bool:
     except SensorUnavailableError:
         return False
     return True
+
+
+def reason(error: BaseException) -> str:
+    """Return what the library says of an error of the binding, which keeps it as bytes among a code and a file."""
+    for part in error.args:
+        if isinstance(part, bytes) and part.strip():
+            return part.decode(errors="replace").strip().rstrip("!.")
+    return str(error)
 
 
 def find_driver(name: str) -> Path | None:

@@ -56,7 +56,9 @@ class OpenNI2Sensor(DepthSensor):
                 raise RecordingError(
                     "OpenNI2 cannot open it", where=target, advice="is it a whole .oni file?"
                 ) from error
-            raise SensorUnavailableError(f"the sensor does not open: {error}", advice="unplug and replug it") from error
+            raise SensorUnavailableError(
+                f"the sensor does not open: {openni2_library.reason(error)}", advice="unplug and replug it"
+            ) from error
 
     def _first_device(self) -> bytes:
         # OpenNI2 lists recordings that this process has played as devices, even after they were closed.

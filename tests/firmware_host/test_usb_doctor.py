@@ -1,0 +1,261 @@
+"""The doctor: order, skipping, what each line says, and the exit code."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from firmware_host import openni2_library
+from firmware_host.depth_sensor import SensorFrame, SensorInfo
+from firmware_host.doctor import checks, stream_checks, usb_checks
+from firmware_host.doctor.checks import Check, Examination, StreamSample, Verdict, examine, ok, problem, skipped
+from firmware_host.errors import RecordingError, SensorUnavailableError
+from firmware_host.oni_writer import OniWriter
+from formats.command import app, gather_commands
+from tests.firmware_host.scenes import PERIOD_US, SMALL, picture, write_recording
+
+pytest.importorskip("usb.core")
+from firmware_host.usb_control import devices
+from tests.firmware_host.usb_stage.in_process import ModelBackend
+from tests.firmware_host.usb_stage.models import KinectCameraModel, KinectMotorModel, Ps1080Model
+
+
+@pytest.fixture(scope="module")
+def command() -> CliRunner:
+    gather_commands()
+    return CliRunner()
+
+
+@pytest.fixture
+def bus(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Put a bus of models in libusb's place, and OpenNI2 with its PS1080 driver beside it."""
+    monkeypatch.setattr(openni2_library, "load", lambda: None)
+    monkeypatch.setattr(openni2_library, "find_driver", lambda name: Path(f"/drivers/lib{name}.so.0"))
+    return lambda *models, **options: monkeypatch.setattr(
+        devices, "load_backend", lambda: ModelBackend(*models, **options)
+    )
+
+
+def says(check: Callable[[Examination], checks.Finding], examination: Examination) -> str:
+    """What a check finds, its verdict in front."""
+    ((_, finding),) = examine([Check(name="it", look=check)], examination)
+    return f"{finding.verdict.value}: {finding.text}"
+
+
+def examined(**options: Any) -> Examination:
+    """An examination whose device check has run."""
+    examination = Examination(**options)
+    usb_checks.on_the_bus(examination)
+    return examination
+
+
+# --- order and skipping -------------------------------------------------------------------------
+
+
+def test_a_check_waits_for_those_that_it_needs_and_for_those_that_were_skipped() -> None:
+    made = [
+        Check(name="a", look=lambda _: problem("no", "do")),
+        Check(name="b", look=lambda _: ok("yes"), needs=("a",)),
+        Check(name="c", look=lambda _: ok("yes"), needs=("b",)),
+        Check(name="d", look=lambda _: ok("yes"), needs=("elsewhere",)),
+    ]
+    found = [(check.name, finding.verdict.value, finding.text) for check, finding in examine(made, Examination())]
+    assert found == [
+        ("a", "problem", "no; do"), ("b", "skipped", "waits for `a`"), ("c", "skipped", "waits for `b`"),
+        ("d", "ok", "yes"),
+    ]  # fmt: skip
+
+
+def test_an_error_of_ours_is_a_finding_and_a_fault_of_the_program_is_not() -> None:
+    def look(_: Examination) -> checks.Finding:
+        raise RecordingError("is damaged", where="x.oni", advice="copy it again")
+
+    assert says(look, Examination()) == "problem: x.oni: is damaged; copy it again"
+    with pytest.raises(ZeroDivisionError):
+        says(lambda _: ok(str(1 / 0)), Examination())
+
+
+def test_the_checks_come_in_the_order_of_what_depends_on_what() -> None:
+    names = [check.name for check in checks.all_checks(is_recording=False)]
+    assert names == [
+        "device", "permission", "speed and power", "firmware", "driver", "streams", "frame rate", "depth", "markers",
+    ]  # fmt: skip
+    assert [check.name for check in checks.all_checks(is_recording=True)] == names[5:]
+
+
+def test_a_check_whose_library_is_absent_is_a_line_that_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    def load() -> Check:
+        raise ModuleNotFoundError("no cv2", name="cv2")
+
+    monkeypatch.setattr(checks, "entry_points", lambda group: [SimpleNamespace(name="markers", load=load)])
+    ((check, finding),) = examine(checks.contributed(), Examination())
+    assert (check.name, finding) == ("markers", skipped("cv2 is not installed"))
+
+
+# --- the device ---------------------------------------------------------------------------------
+
+
+def test_a_healthy_ps1080_is_ok_up_to_its_driver(bus: Callable[..., None]) -> None:
+    bus(Ps1080Model())
+    found = [finding for _, finding in examine(usb_checks.USB_CHECKS, Examination())]
+    assert [finding.verdict for finding in found] == [Verdict.OK] * 5
+    assert found[3].text == "5.8.22 on PS1080 A6"
+    assert found[4].text == "OpenNI2 and its driver libPS1080.so.0"
+
+
+def test_an_empty_bus_and_a_foot_without_a_camera_get_different_advice(bus: Callable[..., None]) -> None:
+    bus()
+    assert says(usb_checks.on_the_bus, Examination()).startswith("problem: no depth sensor on the USB bus; plug it in")
+    bus(KinectMotorModel())
+    assert "the camera needs it" in says(usb_checks.on_the_bus, Examination())
+
+
+def test_the_second_of_two_sensors_is_looked_at_when_it_is_named(bus: Callable[..., None]) -> None:
+    bus(Ps1080Model(), Ps1080Model())
+    assert "USB 1:4, 1d27:0600; 1 more" in says(usb_checks.on_the_bus, Examination())
+    assert says(usb_checks.on_the_bus, Examination(place="1:5")).endswith("USB 1:5, 1d27:0600")
+
+
+def test_a_denied_device_names_the_rules_file(bus: Callable[..., None]) -> None:
+    bus(Ps1080Model(), denied=(0,))
+    assert "copy systemd/udev/55-hangtime-depth-sensor.rules" in says(usb_checks.may_be_opened, examined())
+    assert (Path(__file__).parents[2] / "systemd/udev/55-hangtime-depth-sensor.rules").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ({"speed": 3}, "ok: high speed, 480 Mbit/s, up to 500 mA"),
+        ({"speed": 2}, "problem: it is connected at full speed, 12 Mbit/s, the streams need 480 Mbit/s"),
+        ({"hub_attributes": 0x80}, "problem: it may draw 500 mA from a hub without a supply, which gives 100 mA"),
+        ({"hub_attributes": 0xC0}, "ok: high speed"),
+        ({"speed": 0}, "ok: unknown speed"),
+    ],
+)
+def test_speed_and_power_are_compared_with_what_the_streams_need(
+    bus: Callable[..., None], options: dict[str, int], expected: str
+) -> None:
+    bus(Ps1080Model(), **options)
+    assert says(usb_checks.fast_and_powered, examined()).startswith(expected)
+
+
+def test_a_firmware_that_answers_nonsense_is_a_problem_and_a_kinect_has_none_to_ask(bus: Callable[..., None]) -> None:
+    bus(Ps1080Model("magic"))
+    assert "starts with 0x1234" in says(usb_checks.firmware_answers, examined())
+    bus(KinectCameraModel())
+    assert says(usb_checks.firmware_answers, examined()).startswith("ok: none of its own to ask")
+
+
+def test_a_driver_that_debian_does_not_ship_or_that_is_not_installed_is_a_problem(
+    bus: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bus(KinectCameraModel())
+    assert "has no driver for the Kinect v1 camera; record with" in says(usb_checks.driver_is_there, examined())
+    bus(Ps1080Model())
+    monkeypatch.setattr(openni2_library, "find_driver", lambda name: None)
+    assert "libPS1080.so is not installed; install it: apt-get" in says(usb_checks.driver_is_there, examined())
+
+
+def test_the_folder_of_drivers_is_the_one_that_openni_is_told_to_use(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = tmp_path / "OpenNI.ini"
+    settings.write_text(f"[Drivers]\nRepository={tmp_path}\n")
+    monkeypatch.setattr(openni2_library, "SETTINGS", settings)
+    assert openni2_library.find_driver("PS1080") is None
+    (tmp_path / "libPS1080.so.0").touch()
+    assert openni2_library.find_driver("PS1080") == tmp_path / "libPS1080.so.0"
+
+
+# --- the streams --------------------------------------------------------------------------------
+
+
+def sample(count: int, *, period: float = 1 / 30, dropped: tuple[int, ...] = (), share: float = 0.8) -> StreamSample:
+    """So many frames; after each of the frames `dropped`, one is missing."""
+    info = SensorInfo(name="s", uri="s", width=10, height=10, fps=30.0, intrinsics=SMALL, is_live=True)
+    depth = np.zeros((10, 10), np.uint16)
+    depth.flat[: round(100 * share)] = 1000
+    made = StreamSample(info=info)
+    for number in range(count):
+        made.add(
+            SensorFrame(
+                index=number, time_s=period * number, host_time_s=0.0, depth=depth, colour=None,
+                dropped_before=int(number in dropped),
+            )
+        )  # fmt: skip
+    return made
+
+
+@pytest.mark.parametrize(
+    ("made", "expected"),
+    [
+        (sample(151), "ok: 30.0 frames a second for 5.0 s, 0 of 151 dropped"),
+        (sample(151, dropped=(70,)), "ok: 30.0 frames a second for 5.0 s, 1 of 152 dropped"),
+        (sample(151, dropped=(70, 80)), "problem: 30.0 frames a second for 5.0 s, 2 of 153 dropped; end other"),
+        (sample(101, period=0.05), "problem: 20.0 frames a second for 5.0 s, 0 of 101 dropped, but 30 a second are"),
+        (sample(1), "problem: a second frame never came"),
+    ],
+)
+def test_more_than_one_percent_dropped_or_five_percent_too_slow_is_a_problem(made: StreamSample, expected: str) -> None:
+    assert says(lambda _: stream_checks.judge_rate(made), Examination()).startswith(expected)
+
+
+@pytest.mark.parametrize(("share", "verdict"), [(0.31, "ok"), (0.29, "problem")])
+def test_depth_in_less_than_three_tenths_of_the_pixels_is_a_problem(share: float, verdict: str) -> None:
+    assert says(stream_checks.depth_coverage, Examination(sample=sample(3, share=share))).startswith(
+        f"{verdict}: depth"
+    )
+
+
+def test_a_frame_every_half_second_is_kept_for_other_checks() -> None:
+    assert [frame.index for frame in sample(40).frames] == [0, 15, 30]
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("openni")
+def test_a_recording_is_checked_from_its_streams_on_and_lacks_markers(command: CliRunner, tmp_path: Path) -> None:
+    result = command.invoke(app, ["sensor", "doctor", str(write_recording(tmp_path / "a.oni", 20))])
+    assert result.exit_code == 1, result.output
+    lines = result.output.splitlines()
+    assert [line.split("  ")[0] for line in lines] == ["streams", "frame rate", "depth", "markers"]
+    assert lines[0] == "streams     ok: oni File, 64 x 48 at 30 frames a second"
+    assert lines[1] == "frame rate  ok: 30.0 frames a second for 0.6 s, 0 of 20 dropped"
+    assert "marker 0 in 0 %, marker 1 in 0 % of 2 frames; hang the hanger" in lines[3]
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("openni")
+def test_a_recording_without_colour_says_so_and_skips_the_rest(command: CliRunner, tmp_path: Path) -> None:
+    path = tmp_path / "a.oni"
+    with OniWriter(path, SMALL, with_colour=False) as writer:
+        for number in range(3):
+            writer.write_depth(1000 + number * PERIOD_US, picture(number)[0])
+    result = command.invoke(app, ["sensor", "doctor", str(path)])
+    assert result.exit_code == 1
+    assert "but no colour beside the depth; colour is needed" in result.output
+    assert result.output.count("skipped: waits for `streams`") == 3
+
+
+@pytest.mark.parametrize("wrong", [["gone.oni"], ["--rig", "gone.toml"]])
+def test_a_file_that_is_not_there_ends_the_doctor_before_it_begins(command: CliRunner, wrong: list[str]) -> None:
+    result = command.invoke(app, ["sensor", "doctor", *wrong])
+    assert result.output == ""
+    assert str(result.exception).startswith("gone.")
+
+
+def test_without_libusb_the_doctors_first_line_says_how_to_get_it(
+    command: CliRunner, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def load_backend() -> None:
+        raise SensorUnavailableError("the USB library is not installed", advice="apt-get install libusb-1.0-0")
+
+    monkeypatch.setattr(devices, "load_backend", load_backend)
+    result = command.invoke(app, ["sensor", "doctor"])
+    assert result.exit_code == 1
+    assert result.output.startswith("device           the USB library is not installed; apt-get install libusb-1.0-0\n")

@@ -36,7 +36,7 @@ def markers_visible(examination: Examination) -> Finding:
     if min(shares.values()) >= LEAST_SEEN:
         return ok(text)
     others = sorted(set().union(*seen) - set(ids))
-    advice = "hang the hanger 1 to 2 m before the sensor, markers towards it, in even light"
+    advice = "hang the hanger 1.2 to 2.5 m before the sensor, markers towards it, in even light"
     if others:
         advice = f"markers {others} are there instead: give the rig that describes them with --rig"
     return problem(text, advice)

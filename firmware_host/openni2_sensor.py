@@ -7,6 +7,7 @@ called.
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,6 +21,8 @@ from firmware_host.errors import RecordingError, SensorStalledError, SensorUnava
 from firmware_host.oni_records import OniSummary, summarise
 from formats.rig import Sensor
 
+LIVE_MODE = (640, 480, 30)  # px, px, frames a second: what PS1080 devices do best in depth and colour alike
+REPLUG = "unplug and replug it"
 END_WAIT = 1.0  # s without a frame after which a recording of unknown length has ended
 FOCAL_SHARE = 575.8 / 640  # focal length over width of PS1080 and Kinect v1 depth cameras (OpenNI's factory default)
 
@@ -57,7 +60,7 @@ class OpenNI2Sensor(DepthSensor):
                     "OpenNI2 cannot open it", where=target, advice="is it a whole .oni file?"
                 ) from error
             raise SensorUnavailableError(
-                f"the sensor does not open: {openni2_library.reason(error)}", advice="unplug and replug it"
+                f"the sensor does not open: {openni2_library.reason(error)}", advice=REPLUG
             ) from error
 
     def _first_device(self) -> bytes:
@@ -76,16 +79,35 @@ class OpenNI2Sensor(DepthSensor):
         if self._device.playback is not None:
             self._device.playback.set_speed(-1.0)
             self._device.playback.set_repeat_enabled(True)
-        elif colour is not None:
-            mode = self._openni2.IMAGE_REGISTRATION_DEPTH_TO_COLOR
-            if self._device.is_image_registration_mode_supported(mode):
-                self._device.set_image_registration_mode(mode)
-            self._device.set_depth_color_sync_enabled(True)
+        else:
+            self._set_up_live(depth, colour)
         self._info = self._describe(depth)
-        depth.start()
-        if colour is not None:
-            colour.start()
+        try:
+            for stream in (depth, colour):
+                if stream is not None:
+                    stream.start()
+        except self._openni2.OpenNIError as error:
+            raise SensorUnavailableError(
+                f"its streams do not start: {openni2_library.reason(error)}", where=self._info.uri, advice=REPLUG
+            ) from error
         return depth, colour
+
+    def _set_up_live(self, depth: Any, colour: Any) -> None:
+        """Ask for the largest common picture, unmirrored: PS1080 devices begin with 320 x 240, seen as in a mirror."""
+        for stream in (depth, colour):
+            if stream is None:
+                continue
+            mode = stream.get_video_mode()
+            mode.resolutionX, mode.resolutionY, mode.fps = LIVE_MODE
+            with contextlib.suppress(self._openni2.OpenNIError):  # a device without it keeps its own
+                stream.set_video_mode(mode)
+            with contextlib.suppress(self._openni2.OpenNIError):
+                stream.set_mirroring_enabled(False)
+        if colour is not None:
+            registration = self._openni2.IMAGE_REGISTRATION_DEPTH_TO_COLOR
+            if self._device.is_image_registration_mode_supported(registration):
+                self._device.set_image_registration_mode(registration)
+            self._device.set_depth_color_sync_enabled(True)
 
     def _describe(self, depth: Any) -> SensorInfo:
         mode = depth.get_video_mode()

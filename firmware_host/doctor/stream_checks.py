@@ -65,7 +65,8 @@ def depth_coverage(examination: Examination) -> Finding:
     text = f"depth in {100 * mean:.0f} % of the pixels, in the worst frame {100 * least:.0f} %"
     if mean < LEAST_COVERAGE:
         return problem(
-            text, "look at it from 1.2 to 2.5 m, keep the sun out, and look for a cover on the emitter or a mirror in the view"
+            text,
+            "look at it from 1.2 to 2.5 m, keep the sun out, look for a covered emitter or a mirror in the view",
         )
     return ok(text)
 

@@ -189,6 +189,11 @@ class StandInStream:
 
     stop = close = start
 
+    def set_video_mode(self, mode: Any) -> None: ...
+
+    def set_mirroring_enabled(self, is_on: bool) -> None:
+        raise RuntimeError("not supported")
+
     def read_frame(self) -> Any:
         self.left, self.count = self.left - 1, self.count + 1
         # The device counted a frame between the second and the third that never arrived.

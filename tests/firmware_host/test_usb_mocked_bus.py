@@ -5,6 +5,7 @@ The sensors behind it are the models of `usb_stage`. Skipped where umockdev is n
 
 from __future__ import annotations
 
+import ast
 import os
 import re
 import shutil
@@ -13,7 +14,10 @@ import sys
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from firmware_host import openni2_library
 
 STAGE = Path(__file__).parent / "usb_stage" / "mocked_bus.py"
 ROOT = Path(__file__).parents[2]
@@ -38,6 +42,22 @@ try:
     else:
         print(KinectMotor(link, device.where).state().tilt_degrees)
 except FirmwareError as error:
+    print(type(error).__name__, error)
+"""
+
+# Reads a live sensor with a time limit of 1 s; prints the first frame's size, distance and colour, then what ends it.
+WATCH = """
+import sys
+from firmware_host.errors import SensorError
+from firmware_host.opening import open_sensor
+
+try:
+    with open_sensor("openni2:") as sensor:
+        for number in range(int(sys.argv[1])):
+            frame = sensor.read(1.0)
+            colour = None if frame.colour is None else frame.colour.shape
+            print(frame.depth.shape, int(frame.depth.min()), int(frame.depth.max()), colour, round(frame.time_s, 3))
+except SensorError as error:
     print(type(error).__name__, error)
 """
 
@@ -182,3 +202,46 @@ def test_the_doctor_tells_a_kinect_without_its_power_supply_from_no_kinect() -> 
     done = run("motor", *HANGTIME, "doctor")
     assert done.returncode == 1
     assert "only a part of a sensor is there: Kinect v1 motor at USB 1:4; plug in its power supply" in done.stdout
+
+
+# --- OpenNI2's own driver on the same bus -------------------------------------------------------
+
+
+@pytest.fixture
+def driver() -> None:
+    if openni2_library.find_driver("PS1080") is None:
+        pytest.skip("OpenNI2's PS1080 driver is not installed (apt-get install libopenni2-0)")
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("driver")
+def test_a_live_ps1080_streams_640_by_480_unmirrored_at_the_distance_of_its_shifts() -> None:
+    done = run("streaming", sys.executable, "-c", WATCH, "9")
+    lines = done.stdout.splitlines()
+    assert len(lines) == 9, done.stdout + done.stderr
+    # A shift of 800 is 1193 mm, see usb_stage/streams.py.
+    assert all(line.startswith("(480, 640) 1193 1193 ") for line in lines)
+    assert sum("(480, 640, 3)" in line for line in lines) >= 7  # the streams begin one after the other
+    steps = np.diff([float(line.split()[-1]) for line in lines])
+    # Whole thirtieths of a second; a busy machine may lose a frame. Times are printed to the millisecond.
+    np.testing.assert_allclose(30 * steps, np.maximum(np.round(30 * steps), 1), atol=0.05)
+    parameters = ast.literal_eval(re.search(r"'parameters': (\{.*?\})", done.stderr)[1])  # type: ignore[index]
+    assert (parameters[23], parameters[71]) == (0, 0)  # mirroring of depth and colour
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("driver")
+@pytest.mark.parametrize("fault", ["pulled", "no-frames"])
+def test_a_live_sensor_that_is_unplugged_or_sends_nothing_is_an_error_after_the_time_limit(fault: str) -> None:
+    done = run(f"streaming:{fault}", sys.executable, "-c", WATCH, "200")
+    assert done.stdout.splitlines()[-1].startswith("SensorStalledError 1d27/0600@1/4: no frame for 1 s")
+    assert len(done.stdout.splitlines()) > (5 if fault == "pulled" else 0)
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("driver")
+def test_the_doctor_finds_nothing_wrong_with_a_sensor_that_streams_two_markers() -> None:
+    pytest.importorskip("cv2")
+    done = run("streaming", *HANGTIME, "doctor")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count("  ok: ") == 9

@@ -33,6 +33,7 @@ def fixed_parameters() -> bytes:
     """The block of 168 bytes with the values that a real sensor has, in centimetres."""
     block = bytearray(168)
     struct.pack_into("<ii", block, 0, 77, 5000)
+    struct.pack_into("<i", block, 76, 1)  # nImageCmosType: there is a colour camera
     struct.pack_into("<4f", block, 92, 7.5, 2.3, 120.0, 0.1042)
     return bytes(block)
 

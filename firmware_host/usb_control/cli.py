@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from typing import Annotated
 
 import typer
@@ -40,7 +41,8 @@ def log(device: Place = None) -> None:
     from firmware_host.usb_control.ps1080 import Ps1080
 
     chosen = devices.choose(devices.find_devices(), (Protocol.PS1080,), "a log", device)[0]
-    lines = Ps1080(chosen.open_link(), chosen.where).log()
+    with closing(chosen.open_link()) as link:
+        lines = Ps1080(link, chosen.where).log()
     for line in lines:
         typer.echo(line)
     if not lines:
@@ -59,13 +61,12 @@ def reset(
     from firmware_host.usb_control.ps1080 import Ps1080, wait_until_answering
 
     chosen = devices.choose(devices.find_devices(), (Protocol.PS1080,), "a reset", device)[0]
-    link = chosen.open_link()
-    sensor = Ps1080(link, chosen.where)
-    if reboot:
-        sensor.reboot()
-    else:
-        sensor.soft_reset()
-    link.close()
+    with closing(chosen.open_link()) as link:
+        sensor = Ps1080(link, chosen.where)
+        if reboot:
+            sensor.reboot()
+        else:
+            sensor.soft_reset()
 
     def find_again() -> PyusbLink | None:
         """Return the sensor of the same kind and serial; its address changes with a reboot."""
@@ -105,8 +106,9 @@ def led(
         raise SensorAddressError(
             f"its lamp has no state {colour!r}", where=chosen.where, advice=f"choose of {', '.join(known)}"
         )
-    if is_kinect:
-        KinectMotor(chosen.open_link(), chosen.where).set_led(colours[colour])
-    else:
-        Ps1080(chosen.open_link(), chosen.where).set_led(colour == "on")
+    with closing(chosen.open_link()) as link:
+        if is_kinect:
+            KinectMotor(link, chosen.where).set_led(colours[colour])
+        else:
+            Ps1080(link, chosen.where).set_led(colour == "on")
     typer.echo(f"{chosen.where}: lamp {colour}")

@@ -6,7 +6,6 @@ The sensors behind it are the models of `usb_stage`. Skipped where umockdev is n
 from __future__ import annotations
 
 import ast
-import os
 import re
 import shutil
 import subprocess
@@ -86,9 +85,7 @@ def umockdev() -> None:
 def run(stage: str, *program: str) -> subprocess.CompletedProcess[str]:
     """Run a program on a bus of these models, as "ps1080:stall motor"."""
     command = ["umockdev-wrapper", SYSTEM_PYTHON, str(STAGE), *stage.split(), "--", *program]
-    return subprocess.run(
-        command, capture_output=True, text=True, timeout=60, check=False, cwd=ROOT, env={**os.environ}
-    )
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, cwd=ROOT)
 
 
 def test_list_shows_place_serial_speed_and_driver() -> None:

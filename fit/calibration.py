@@ -54,7 +54,7 @@ class Request:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The method's parameters and one for each effect, within the request's bounds."""
+        """The method's parameters and one for each component of each effect, within the request's bounds."""
         narrowed = {name: (low, high) for name, low, high in self.bounds}
         return tuple(
             replace(p, minimum=low, maximum=high, initial=min(max(p.initial, low), high))
@@ -66,7 +66,7 @@ class Request:
     def _all_parameters(self) -> tuple[Parameter, ...]:
         extra = tuple(
             Parameter(
-                name=e.name,
+                name=f"{e.name}.{component}" if component else e.name,
                 unit=e.unit,
                 initial=0.0,
                 minimum=e.low,
@@ -75,6 +75,7 @@ class Request:
                 meaning=e.title,
             )
             for e in self.effects
+            for component in e.components
         )
         return self.method.parameters + extra
 
@@ -236,7 +237,9 @@ def _result(
             held_out_before=judge.error(initial) if judge else None,
             held_out_after=judge.error(best) if judge else None,
         ),
-        effects={e.name: float(best[len(request.method.parameters) + k]) for k, e in enumerate(request.effects)},
+        effects={
+            p.name: float(best[k]) for k, p in enumerate(request.parameters) if k >= len(request.method.parameters)
+        },
         history=[float(v) for v in search.best_history],
         simulations=search.evaluations * len(training),
         seconds=seconds,

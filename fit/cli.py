@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from fit.blind.cli import app as blind
+
 Takes = Annotated[
     list[Path], typer.Argument(metavar="TAKE...", help="Take archives (.mcap) to fit to.", show_default=False)
 ]
@@ -29,6 +31,7 @@ def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
     app.command("fit", short_help="Find the cloth parameters that follow the takes.")(fit_command)
     app.command("diagnose", short_help="Say what the simulation lacks, and how sure that is.")(diagnose_command)
+    app.add_typer(blind, name="blind", short_help="Check the diagnosis on cases whose cause is sealed.")
 
 
 def fit_command(
@@ -102,18 +105,34 @@ def diagnose_command(
             "--fit", metavar="FIT.json", help="A fit result to show in the same report.", show_default="DIR/fit.json"
         ),
     ] = None,
+    model: Annotated[
+        str,
+        typer.Option(
+            "--model",
+            help="Base model: si (physical units), lean (si without shear and bending viscosity), kinect-skirt.",
+        ),
+    ] = "si",
+    add: Annotated[
+        list[str],
+        typer.Option("--add", metavar="EFFECT", help="Also refit with this effect and show it; may be repeated."),
+    ] = [],  # noqa: B006
     out: Out = Path("diagnosis"),
-    spacing: Spacing = 0.05,
+    spacing: Annotated[
+        float | None,
+        typer.Option("--spacing", metavar="METRES", help="Mesh spacing.", show_default="a ninth of the smaller side"),
+    ] = None,
     seed: Seed = 0,
 ) -> None:
     """Say where the simulation misses, which unmodelled effect causes it, and how far the error shrinks with it.
 
     Fits the base model and every effect of the library to the takes and judges them on the held-out ones. Writes
-    DIR/diagnosis.json and DIR/report.html.
+    DIR/diagnosis.json and DIR/report.html. Interrupt with Ctrl-C at any time; the same command goes on where it was.
     """
     from fit.cloth.simulator import Resolution
+    from fit.effects import find_effects
     from fit.errors import FitError
     from fit.gap.diagnosis import diagnose
+    from fit.parameterisations import find_method
     from fit.reporting import write_diagnosis_report
     from formats.archive import read_take
     from formats.results import load_fit_result, save_diagnosis
@@ -126,26 +145,45 @@ def diagnose_command(
     if fitted is None and (out / "fit.json").exists():
         beside = load_fit_result(out / "fit.json")
         fitted = beside if beside.take_ids == ids else None
+    base, added = find_method(model), find_effects(add)
     out.mkdir(parents=True, exist_ok=True)
     progress = ProgressLine("diagnosis")
-    resolution = Resolution(spacing=spacing)
+    resolution = Resolution(spacing=spacing) if spacing is not None else None
     try:
         findings = diagnose(
             training,
             testing,
+            model=base,
+            added=tuple(e.name for e in added),
+            checkpoint=out / "diagnosis.partial",
             resolution=resolution,
             seed=seed,
             progress=lambda stage, share: progress.show(share, stage),
         )
     except KeyboardInterrupt:
         progress.end()
-        typer.echo("Interrupted; nothing was written.", err=True)
+        typer.echo(
+            f"Interrupted; finished fits are kept in {out / 'diagnosis.partial'}. The same command goes on.", err=True
+        )
         raise typer.Exit(130) from None
     progress.end()
     save_diagnosis(out / "diagnosis.json", findings.diagnosis)
-    report = write_diagnosis_report(out / "report.html", findings, fitted, training, testing, resolution)
+    report = write_diagnosis_report(out / "report.html", findings, fitted, training, testing, findings.resolution)
     typer.echo(f"Verdict: {findings.diagnosis.verdict}\n{findings.diagnosis.sentence}")
+    for finding in findings.diagnosis.effects:
+        if finding.id in add:
+            typer.echo(_added_line(finding))
+    if findings.diagnosis.next_experiment is not None:
+        typer.echo(findings.diagnosis.next_experiment.sentence)
     typer.echo(f"Diagnosis: {out / 'diagnosis.json'}\nReport:    {report}")
+
+
+def _added_line(finding) -> str:  # type: ignore[no-untyped-def]
+    """What adding one effect by hand does, for a terminal."""
+    if not finding.tested:
+        return f"{finding.id}: {finding.note}"
+    closed = f"closes {100 * finding.closure.value:.0f} % of the gap" if finding.closure else "there is no gap to close"
+    return f"With {finding.id} at {finding.amplitude:.3g} {finding.unit}: {closed} (p = {finding.p_value:.3f})."
 
 
 class ProgressLine:

@@ -16,6 +16,7 @@ Air is a linear drag per area [0.02 N s/m^3 each], Velocity the factor that is l
 1/25 s. Multiplying rho, k, G, B and the drag by the same number changes no motion, so Mass alone is not identified.
 
 `si` is the diagnosis' base model: the weighed density is taken as known, so every parameter is identified in principle.
+`lean` is `si` without shear stiffness and bending viscosity, which are effects of the diagnosis' library then.
 """
 
 from __future__ import annotations
@@ -85,7 +86,7 @@ class Parameterisation:
 def _kinect_materials(vectors: Floats, weighed_density: float) -> Floats:
     mass, struct, bend, spring, air, velocity = vectors.T
     density = mass * weighed_density
-    rows = np.empty((len(vectors), len(mat.NAMES)))
+    rows = np.zeros((len(vectors), len(mat.NAMES)))
     rows[:, mat.DENSITY] = density
     rows[:, mat.STRETCH] = 10.0 * struct
     rows[:, mat.SHEAR] = struct
@@ -123,7 +124,7 @@ KINECT_SKIRT = Parameterisation(
 
 def _si_materials(vectors: Floats, weighed_density: float) -> Floats:
     stretch, shear, bending, bending_time, velocity = vectors.T
-    rows = np.empty((len(vectors), len(mat.NAMES)))
+    rows = np.zeros((len(vectors), len(mat.NAMES)))
     rows[:, mat.DENSITY] = weighed_density
     rows[:, mat.STRETCH] = stretch
     rows[:, mat.SHEAR] = shear
@@ -154,7 +155,31 @@ SI = Parameterisation(
     not_identified="",
 )  # fmt: skip
 
-METHODS = {p.name: p for p in (KINECT_SKIRT, SI)}
+
+def _lean_materials(vectors: Floats, weighed_density: float) -> Floats:
+    stretch, bending, velocity = vectors.T
+    rows = np.zeros((len(vectors), len(mat.NAMES)))
+    rows[:, mat.DENSITY] = weighed_density
+    rows[:, mat.STRETCH] = stretch
+    rows[:, mat.SHEAR] = 1e-3 * stretch
+    rows[:, mat.BENDING] = bending
+    rows[:, mat.MEMBRANE_TIME] = 2e-5
+    rows[:, mat.BENDING_TIME] = 1e-4
+    rows[:, mat.VELOCITY] = velocity
+    return rows
+
+
+# Warp and weft springs, bending and linear damping, as simple engines have them; shear is a trace that keeps it stable.
+LEAN = Parameterisation(
+    name="lean",
+    parameters=tuple(
+        p for p in SI.parameters if p.name in {"stretch_stiffness", "bending_stiffness", "velocity_damping"}
+    ),
+    to_materials=_lean_materials,
+    not_identified="",
+)
+
+METHODS = {p.name: p for p in (KINECT_SKIRT, SI, LEAN)}
 
 
 def find_method(name: str) -> Parameterisation:

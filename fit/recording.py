@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,7 @@ FASTEST_HANGER = 8.0  # m/s, twice what a hand can do with a hanger
 FEWEST_FRAMES = 20  # below, neither splines nor statistics make sense
 CUT_OFF = 6.0  # Hz of the smoothing splines; hands swing below 2 Hz
 CUT_OFF_SHARE = 0.4  # of the frame rate, just below what frames can show
+ON_EDGE = 0.02  # of the garment's height below its top within which a point sits on the held edge
 LONGEST_BRIDGE = 0.25  # s without a point over which its spline is still believed
 
 
@@ -41,7 +43,8 @@ class Recording:
     points [m], (frames, points, 3), NaN where not valid; point_sd [m], (points,): per axis, root mean square
     held: (n,) instants [s] -> (n, 6) left and right end of the held edge [m]
     target_curves: per point, (n,) instants -> (n, 6) place [m] and velocity [m/s]
-    trust: (n,) instants -> (n, points), 1 where the point was seen nearby in time, else 0
+    edge_turn: (n,) instants -> (n, 2) yaw and roll of the tracked held edge against the path, each of rms 1
+    judged, (points,): false for points on the held edge, which measure the boundary and not the cloth
     """
 
     take_id: str
@@ -53,6 +56,8 @@ class Recording:
     held_sd: float
     held: Curve
     target_curves: tuple[Curve, ...]
+    edge_turn: Curve
+    judged: Booleans
 
     @property
     def duration(self) -> float:
@@ -79,6 +84,7 @@ class Recording:
         return Recording(
             take_id=self.take_id, garment=self.garment, time=self.time, points=points, valid=self.valid,
             point_sd=self.point_sd, held_sd=self.held_sd, held=self.held, target_curves=curves,
+            edge_turn=self.edge_turn, judged=self.judged,
         )  # fmt: skip
 
 
@@ -125,10 +131,35 @@ def prepare(take: Take) -> Recording:
     held_sd = float(np.sqrt(np.mean(take.held_sd[held_valid] ** 2))) if held_valid.any() else 0.0
     held = _held_curve(take.take_id, time, take.held @ rotation.T, held_valid)
     curves = tuple(_target_curve(time, points[:, k], valid[:, k]) for k in range(points.shape[1]))
+    places = np.array([p.at_m for p in take.garment.points])
+    on_edge = places[:, 1] > places[:, 1].max() - ON_EDGE * float(np.ptp(places[:, 1]))
+    seen = np.where(valid[..., None], points, np.nan)
+    turn = _edge_turn(time, seen[:, on_edge], places[on_edge, 0], held(time).reshape(-1, 2, 3))
     return Recording(
-        take_id=take.take_id, garment=take.garment, time=time, points=np.where(valid[..., None], points, np.nan),
+        take_id=take.take_id, garment=take.garment, time=time, points=seen,
         valid=valid, point_sd=point_sd, held_sd=held_sd, held=held, target_curves=curves,
+        edge_turn=turn, judged=~on_edge if (~on_edge).sum() >= 3 else np.ones(len(places), bool),
     )  # fmt: skip
+
+
+def _edge_turn(time: Floats, points: Floats, across: Floats, held: Floats) -> Curve:
+    """Slopes of the displacement of the held edge's points over their place along it: yaw and roll, scaled to rms 1."""
+    bar = held[:, 1] - held[:, 0]
+    length = np.linalg.norm(bar, axis=1, keepdims=True)
+    level = np.cross([0.0, 0.0, 1.0], bar / np.maximum(length, 1e-9))
+    arm = across - across.mean()
+    apart = points - held.mean(1)[:, None]
+    sides = np.stack([np.einsum("fpc,fc->fp", apart, level), apart[..., 2] - arm * (bar[:, 2:] / length)], 2)
+    seen = np.isfinite(sides).all(2)
+    usable = (seen * np.abs(arm)).sum(1) > 0.5 * np.abs(arm).sum() if len(arm) > 1 else np.zeros(len(time), bool)
+    if usable.sum() < FEWEST_FRAMES:
+        return lambda instants: np.zeros((len(instants), 2))
+    weight = seen * arm
+    slopes = np.nan_to_num(sides * weight[..., None]).sum(1)[usable] / (weight * arm).sum(1)[usable, None]
+    scale = np.maximum(np.sqrt((slopes**2).mean(0)), 1e-6)
+    splines = _smooth(time[usable], slopes / scale)
+    first, last = time[usable][0], time[usable][-1]
+    return lambda instants: np.asarray(splines(np.clip(instants, first, last)))
 
 
 def noise_of(values: Floats) -> float:
@@ -141,19 +172,19 @@ def noise_of(values: Floats) -> float:
     return float(np.median(np.abs(sixth)) / 0.6745 / np.sqrt(924.0))
 
 
-def _smooth(time: Floats, values: Floats, cut_off: float = CUT_OFF) -> list[Curve]:
-    """Smoothing splines of the columns of `values`, (n, k), with a cut-off [Hz]."""
+def _smooth(time: Floats, values: Floats, cut_off: float = CUT_OFF) -> Any:
+    """Smoothing spline of `values`, (n, k), with a cut-off [Hz]; called with instants, (m,), it returns (m, k)."""
     from scipy.interpolate import make_smoothing_spline
 
     rate = (len(time) - 1) / (time[-1] - time[0])
     omega = 2 * np.pi * min(cut_off, CUT_OFF_SHARE * rate)
-    return [make_smoothing_spline(time, column, lam=rate / omega**4) for column in values.T]
+    return make_smoothing_spline(time, values, lam=rate / omega**4)
 
 
 def low_pass(time: Floats, values: Floats, cut_off: float) -> Floats:
     """Return `values`, (frames, ...), without what is faster than the cut-off [Hz]; same filter for every column."""
     columns = values.reshape(len(time), -1)
-    return np.stack([np.asarray(s(time)) for s in _smooth(time, columns, cut_off)], 1).reshape(values.shape)
+    return np.asarray(_smooth(time, columns, cut_off)(time)).reshape(values.shape)
 
 
 def _held_curve(name: str, time: Floats, held: Floats, valid: Booleans) -> Curve:
@@ -186,7 +217,7 @@ def _held_curve(name: str, time: Floats, held: Floats, valid: Booleans) -> Curve
 
     def held_at(instants: Floats) -> Floats:
         inside = np.clip(instants, first, last)
-        return np.stack([np.asarray(s(inside)) for s in splines], 1)
+        return np.asarray(splines(inside))
 
     return held_at
 
@@ -196,11 +227,11 @@ def _target_curve(time: Floats, place: Floats, valid: Booleans) -> Curve:
     if len(seen) < 8:
         return lambda instants: np.zeros((len(instants), 6))
     splines = _smooth(seen, place[valid])
-    slopes = [s.derivative() for s in splines]  # type: ignore[attr-defined]
+    slopes = splines.derivative()
     first, last = seen[0], seen[-1]
 
     def target_at(instants: Floats) -> Floats:
         inside = np.clip(instants, first, last)
-        return np.stack([np.asarray(s(inside)) for s in (*splines, *slopes)], 1)
+        return np.concatenate([splines(inside), slopes(inside)], 1)
 
     return target_at

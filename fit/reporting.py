@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from fit.calibration import Request
 from fit.cloth.simulator import Resolution, Simulator
+from fit.effects.base import amplitudes_of
 from fit.gap.diagnosis import Findings
-from fit.parameterisations import SI, find_method
+from fit.parameterisations import find_method
 from fit.recording import Recording, prepare
 from fit.report import ReportMotion, write_report
 from formats.results import FitResult
@@ -54,7 +55,7 @@ def write_diagnosis_report(
     """
     motions = []
     is_named = bool(findings.diagnosis.named) and findings.best is not None
-    off = np.zeros(len(findings.effects))
+    off = amplitudes_of(findings.effects)
     for take, is_held_out in _both(training, held_out):
         recording = prepare(take)
         simulator = Simulator(recording, findings.effects, resolution=resolution)
@@ -65,9 +66,9 @@ def write_diagnosis_report(
             values = np.array([[p.initial for p in fitted.parameters], [p.fitted for p in fitted.parameters]])
             rows += list(method.to_materials(values, density))
         else:
-            rows += list(SI.to_materials(np.stack([SI.initial, findings.base.vector]), density))
+            rows += list(findings.model.to_materials(np.stack([findings.model.initial, findings.base.vector]), density))
         if is_named and findings.best is not None:
-            rows += list(SI.to_materials(findings.best.vector[None], density))
+            rows += list(findings.model.to_materials(findings.best.vector[None], density))
             amplitudes.append(findings.best.amplitudes)
             names.append("with_effect")
         done = simulator.run(np.array(rows), np.array(amplitudes), shapes=True)

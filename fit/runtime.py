@@ -10,8 +10,10 @@ _started: dict[str, int] = {}
 
 
 def available_threads() -> int:
-    """Return the number of processors this process may use."""
-    return len(os.sched_getaffinity(0))
+    """Return the number of processors this process may use; HANGTIME_THREADS in the environment lowers it."""
+    allowed = len(os.sched_getaffinity(0))
+    wanted = os.environ.get("HANGTIME_THREADS", "")
+    return min(int(wanted), allowed) if wanted.isdigit() and int(wanted) > 0 else allowed
 
 
 def start(threads: int | None = None) -> None:

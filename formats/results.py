@@ -79,6 +79,7 @@ class Gap(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
 
     base_mm: Figure
     floor_mm: Figure
+    numerics_mm: float | None = None
     with_effect_mm: Figure | None = None
     closure: Figure | None = None
     is_held_out: bool = False
@@ -99,6 +100,7 @@ class EffectFinding(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     minimum_detectable: float | None = None
     explained: float | None = None
     absorbed: float | None = None
+    components: dict[str, float] = {}
     note: str = ""
 
 

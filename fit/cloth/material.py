@@ -15,6 +15,8 @@ class Material:
     areal_density [kg/m^2]; stretch_stiffness [N/m] along warp and weft; shear_stiffness [N/m] per radian;
     bending_stiffness [N m]; membrane_damping_time [s] and bending_damping_time [s]: Kelvin-Voigt, moment and tension
     follow stiffness x (strain + time x strain rate); velocity_damping [1/s]: linear, of every node against still air.
+    What effects switch on, zero in every base model: stretch_ratio and bending_ratio, logarithms of warp over weft;
+    stiffening [1], relative growth of stretch stiffness per strain; tilt_x and tilt_y, sines of gravity's angles.
     """
 
     areal_density: float = 0.2
@@ -24,10 +26,19 @@ class Material:
     membrane_damping_time: float = 2e-5
     bending_damping_time: float = 1e-3
     velocity_damping: float = 0.5
+    stretch_ratio: float = 0.0
+    bending_ratio: float = 0.0
+    stiffening: float = 0.0
+    tilt_x: float = 0.0
+    tilt_y: float = 0.0
 
 
 NAMES = tuple(f.name for f in fields(Material))
-DENSITY, STRETCH, SHEAR, BENDING, MEMBRANE_TIME, BENDING_TIME, VELOCITY = range(len(NAMES))
+(
+    DENSITY, STRETCH, SHEAR, BENDING, MEMBRANE_TIME, BENDING_TIME, VELOCITY,
+    STRETCH_RATIO, BENDING_RATIO, STIFFENING, TILT_X, TILT_Y,
+) = range(len(NAMES))  # fmt: skip
+BASE_COLUMNS = 7  # the first ones; the rest are zero without effects
 
 
 def as_rows(materials: list[Material]) -> NDArray[np.float64]:

@@ -22,6 +22,7 @@ from formats.garment import Garment
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int32]
+ROW_BEND, COLUMN_BEND, TWIST = range(3)  # second differences across, down, and mixed
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,8 @@ class ClothMesh:
 
     rest [m], (nodes, 2), material plane, x right, y up
     triangles, (faces, 3); inverse [1/m], (faces, 4) as B00 B01 B10 B11; area [m^2], (faces,)
-    bends, (bends, 4); bend_weights [1/m], (bends, 4): second difference of four nodes times the root of its area
+    bends, (bends, 4); bend_weights [1/m], (bends, 4): second difference of four nodes times the root of its area;
+    the second node of a row or column bend is its middle one; bend_kind, (bends,); bend_area [m^2], (bends,)
     node_area [m^2], (nodes,)
     held_nodes, (held,); held_fraction, (held,): place along the held edge, 0 at its left end
     point_nodes, (points, 3); point_weights, (points, 3): barycentric, material place of each tracked point
@@ -45,6 +47,8 @@ class ClothMesh:
     area: Floats
     bends: Integers
     bend_weights: Floats
+    bend_kind: Integers
+    bend_area: Floats
     node_area: Floats
     held_nodes: Integers
     held_fraction: Floats
@@ -96,7 +100,7 @@ def build_mesh(garment: Garment, spacing: float) -> ClothMesh:
     area = doubled / 2
     node_area = np.zeros(len(rest))
     np.add.at(node_area, triangles, area[:, None] / 3)
-    bends, weights = _bends(rest, node_area, rows, columns)
+    bends, weights, kinds, bend_area = _bends(rest, node_area, rows, columns)
     held = np.arange(columns) if garment.held == "edge" else np.array([0, columns - 1])
     points = np.array([p.at_m for p in garment.points], float).reshape(-1, 2)
     point_nodes, point_weights = _locate(points, rest, triangles)
@@ -113,6 +117,8 @@ def build_mesh(garment: Garment, spacing: float) -> ClothMesh:
         area=area,
         bends=bends,
         bend_weights=weights,
+        bend_kind=kinds,
+        bend_area=bend_area,
         node_area=node_area,
         held_nodes=held.astype(np.int32),
         held_fraction=held / (columns - 1),
@@ -139,13 +145,13 @@ def _grid_triangles(rows: int, columns: int) -> NDArray[np.int64]:
     return np.stack([first, second], 1).reshape(-1, 3)
 
 
-def _bends(rest: Floats, node_area: Floats, rows: int, columns: int) -> tuple[Integers, Floats]:
-    """Return nodes and weights of every second difference; of three nodes the last is named twice, at weight 0."""
+def _bends(rest: Floats, node_area: Floats, rows: int, columns: int) -> tuple[Integers, Floats, Integers, Floats]:
+    """Return nodes, weights, kinds and areas of the second differences; of three nodes the last comes twice, at 0."""
     index = np.arange(rows * columns).reshape(rows, columns)
-    nodes, weights = [], []
-    for before, at, after in (
-        (index[:, :-2], index[:, 1:-1], index[:, 2:]),
-        (index[:-2], index[1:-1], index[2:]),
+    nodes, weights, kinds, areas = [], [], [], []
+    for kind, before, at, after in (
+        (ROW_BEND, index[:, :-2], index[:, 1:-1], index[:, 2:]),
+        (COLUMN_BEND, index[:-2], index[1:-1], index[2:]),
     ):
         i, j, k = before.ravel(), at.ravel(), after.ravel()
         left, right = np.linalg.norm(rest[j] - rest[i], axis=1), np.linalg.norm(rest[k] - rest[j], axis=1)
@@ -153,6 +159,8 @@ def _bends(rest: Floats, node_area: Floats, rows: int, columns: int) -> tuple[In
         second = np.stack([2 / (left * whole), -2 / (left * right), 2 / (right * whole), 0 * whole], 1)
         nodes.append(np.stack([i, j, k, k], 1))
         weights.append(np.sqrt(node_area[j])[:, None] * second)
+        kinds.append(np.full(len(j), kind))
+        areas.append(node_area[j])
     a, b = index[:-1, :-1].ravel(), index[:-1, 1:].ravel()
     c, d = index[1:, :-1].ravel(), index[1:, 1:].ravel()
     first, second = rest[d] - rest[a], rest[c] - rest[b]
@@ -160,7 +168,12 @@ def _bends(rest: Floats, node_area: Floats, rows: int, columns: int) -> tuple[In
     nodes.append(np.stack([a, b, c, d], 1))
     # x_uv = (a - b - c + d) / cell, counted twice in the energy
     weights.append(np.sqrt(2 / cell)[:, None] * np.array([1.0, -1.0, -1.0, 1.0]))
-    return np.concatenate(nodes).astype(np.int32), np.concatenate(weights)
+    kinds.append(np.full(len(cell), TWIST))
+    areas.append(cell)
+    return (
+        np.concatenate(nodes).astype(np.int32), np.concatenate(weights),
+        np.concatenate(kinds).astype(np.int32), np.concatenate(areas),
+    )  # fmt: skip
 
 
 def _barycentric(place: Floats, corners: Floats) -> Floats:

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from fit import runtime
 from fit.cloth import material as mat
 from fit.cloth.mesh import ClothMesh, build_mesh
-from fit.effects.base import Effect
+from fit.effects.base import Effect, columns_of
+from fit.effects.bending_hysteresis import REFERENCE_CURVATURE
 from fit.errors import FitError
 from fit.recording import Recording
 
@@ -26,8 +27,10 @@ Floats = NDArray[np.float64]
 SAFETY = 0.7  # of the linear limit: stretched and folded cloth is a little stiffer than flat cloth
 COARSEST_STEP = 1e-3  # s: swings, pulls and samples stay well resolved even for soft cloth
 TARGET_SPACING = 5e-3  # s between the observer's targets; linear between them
-SETTLE_TIME = 2.0  # s that the cloth hangs at the first hanger pose before the take begins
+SETTLE_TIME = 1.6  # s that the cloth hangs at the first hanger pose before the take begins
 WIDE_LANES, NARROW_LANES = 8, 4  # candidates side by side; few candidates go narrow so that every thread has some
+GRAVITY = 9.80665  # m/s^2
+LARGEST_STRAIN = 0.05  # strain up to which stiffening cloth stays stable
 SETTLE_DAMPING = 6.0  # 1/s during that time
 
 
@@ -51,10 +54,23 @@ class Resolution:
     step_share: float = 1.0
 
 
+@dataclass(frozen=True)
+class _Work:
+    """What the candidates of one call of the kernel share; materials with effects and amplitudes of all candidates."""
+
+    lanes: int
+    half_octaves: int
+    has_effects: bool
+    materials: Floats
+    amplitudes: Floats
+    observer_hz: float
+
+
 class Simulator:
     """Simulate one recording for any number of candidates.
 
-    A candidate is a row of material parameters (`fit.cloth.material.NAMES`) and a row of effect amplitudes.
+    A candidate is a row of material parameters (`fit.cloth.material.NAMES`) and a row of the effects' amplitudes, their
+    components one after the other (`columns`).
     Its result does not depend on its company in the batch.
     """
 
@@ -72,6 +88,7 @@ class Simulator:
         self.resolution = resolution or Resolution()
         self.mesh: ClothMesh = build_mesh(recording.garment, self.resolution.spacing)
         self.simulations = 0
+        self.columns = columns_of(effects)
         self._make_rollout = make_rollout
         self._frequencies = _unit_frequencies(self.mesh)
         self._targets: dict[int, tuple[Floats, Floats, int]] = {}
@@ -82,101 +99,146 @@ class Simulator:
     ) -> Rollouts:
         """Simulate candidates.
 
-        materials, (candidates, 7); amplitudes, (candidates, effects), 0 where None;
+        materials, (candidates, parameters); amplitudes, (candidates, components of all effects), 0 where None;
         observer_hz: natural frequency of the pull towards the measured points, 0 for a free rollout.
 
         Raises:
             FitError: the shapes of the arguments do not fit together.
         """
         count = len(materials)
+        width = self.columns[-1].stop if self.columns else 0
         if amplitudes is None:
-            amplitudes = np.zeros((count, len(self.effects)))
-        if amplitudes.shape != (count, len(self.effects)) or materials.shape[1] != len(mat.NAMES):
+            amplitudes = np.zeros((count, width))
+        if amplitudes.shape != (count, width) or materials.shape[1] != len(mat.NAMES):
             raise FitError(f"candidates of shape {materials.shape} and {amplitudes.shape} do not fit together")
         recording, mesh = self.recording, self.mesh
         frames, points = recording.points.shape[:2]
         seen = np.full((count, frames, points, 3), np.nan)
         kept = np.zeros((count, frames, len(mesh.rest), 3), np.float32) if shapes else None
-        halvings = self._halvings(materials, amplitudes)
-        for level in np.unique(halvings):
-            members = np.flatnonzero(halvings == level)
+        changed = self._with_effects(materials, amplitudes)
+        kinds = self._half_octaves(changed, amplitudes) + 100 * self._needs_effects(amplitudes)
+        for kind in np.unique(kinds):
+            members = np.flatnonzero(kinds == kind)
             lanes = WIDE_LANES if len(members) > NARROW_LANES * self._threads else NARROW_LANES
-            width = lanes * self._threads
-            for start in range(0, len(members), width):
-                chosen = members[start : start + width]
-                self._run_group(chosen, lanes, int(level), materials, amplitudes, observer_hz, seen, kept)
+            together = lanes * self._threads
+            for start in range(0, len(members), together):
+                chosen = members[start : start + together]
+                work = _Work(lanes, int(kind) % 100, kind >= 100, changed, amplitudes, observer_hz)
+                self._run_group(chosen, work, seen, kept)
         self.simulations += count
         blown = ~(np.abs(seen).max((1, 2, 3)) < 100.0)  # metres: far outside any room
         seen[blown] = np.nan
+        for k, effect in enumerate(self.effects):
+            if type(effect).observe is not Effect.observe:
+                for i in np.flatnonzero(amplitudes[:, self.columns[k]].any(1)):
+                    seen[i] = effect.observe(seen[i], recording, amplitudes[i, self.columns[k]])
         return Rollouts(seen, kept)
 
-    def step(self, halvings: int = 0) -> float:
-        """Return the time step [s] after this many halvings."""
-        return COARSEST_STEP * self.resolution.step_share / 2.0**halvings
-
-    def _halvings(self, materials: Floats, amplitudes: Floats) -> NDArray[np.int64]:
-        """Per candidate, how often the coarsest step must be halved to be stable."""
-        by_stretch, by_shear, by_bending = self._frequencies
-        stretch, shear = materials[:, mat.STRETCH] * by_stretch, materials[:, mat.SHEAR] * by_shear
-        bend = materials[:, mat.BENDING] * by_bending
-        light = np.ones(len(materials))
+    def _with_effects(self, materials: Floats, amplitudes: Floats) -> Floats:
+        """Material rows with what the effects change in them."""
+        changed = materials.copy()
         for k, effect in enumerate(self.effects):
-            for i in np.flatnonzero(amplitudes[:, k]):
-                light[i] *= effect.stiffest(materials[i, mat.DENSITY], self.mesh, amplitudes[i, k])
+            for i in np.flatnonzero(amplitudes[:, self.columns[k]].any(1)):
+                changed[i] = effect.material(changed[i], amplitudes[i, self.columns[k]])
+        return changed
+
+    def _needs_effects(self, amplitudes: Floats) -> NDArray[np.bool_]:
+        """Which candidates have an effect that the plain kernel does not know."""
+        needed = np.zeros(len(amplitudes), bool)
+        for effect, columns in zip(self.effects, self.columns, strict=True):
+            if effect.in_kernel:
+                needed |= amplitudes[:, columns].any(1)
+        return needed
+
+    def step(self, half_octaves: int = 0) -> float:
+        """Return the time step [s] after this many half octaves."""
+        return COARSEST_STEP * self.resolution.step_share / 2.0 ** (half_octaves / 2)
+
+    def _half_octaves(self, materials: Floats, amplitudes: Floats) -> NDArray[np.int64]:
+        """Per candidate, by how many half octaves the coarsest step must be shorter to be stable."""
+        by_stretch, by_shear, by_bending = self._frequencies
+        stiffest = np.exp(0.5 * np.abs(materials[:, mat.STRETCH_RATIO])) * (
+            1 + LARGEST_STRAIN * materials[:, mat.STIFFENING]
+        )
+        stretch, shear = materials[:, mat.STRETCH] * stiffest * by_stretch, materials[:, mat.SHEAR] * by_shear
+        bending = materials[:, mat.BENDING] * np.exp(0.5 * np.abs(materials[:, mat.BENDING_RATIO]))
+        light = np.ones(len(materials))
+        for i in np.flatnonzero(amplitudes.any(1)):
+            even = materials[i, mat.DENSITY] * self.mesh.node_area
+            light[i] = float(np.min(self._masses(materials[i], amplitudes[i]) / even))
+            bending[i] += self._friction(amplitudes[i]) / REFERENCE_CURVATURE
+        bend = bending * by_bending
         density = materials[:, mat.DENSITY] * np.maximum(light, 1e-3)
         omega2 = (stretch + shear + bend) / density
         omega = np.sqrt(omega2)
         damping = (stretch + shear) * materials[:, mat.MEMBRANE_TIME] + bend * materials[:, mat.BENDING_TIME]
         zeta = damping / density / (2 * omega)
         limit = SAFETY * 2 / omega * (np.sqrt(1 + zeta**2) - zeta)
-        wanted = np.ceil(np.log2(COARSEST_STEP / limit))
-        return np.clip(wanted, 0, 7).astype(np.int64)
+        wanted = np.ceil(2 * np.log2(COARSEST_STEP / limit))
+        return np.clip(wanted, 0, 14).astype(np.int64)
 
-    def _observer_targets(self, halvings: int) -> tuple[Floats, Floats, int]:
+    def _observer_targets(self, half_octaves: int) -> tuple[Floats, Floats, int]:
         """Targets and trust on a grid of whole steps, and the number of steps between two of them."""
-        if halvings not in self._targets:
-            dt = self.step(halvings)
+        if half_octaves not in self._targets:
+            dt = self.step(half_octaves)
             every = max(round(TARGET_SPACING / dt), 1)
             count = int(np.ceil(self.recording.duration / (every * dt))) + 3
             wanted, trust = self.recording.targets(np.asarray(np.arange(count) * every * dt, float))
-            self._targets[halvings] = wanted.astype(np.float32), trust.astype(np.float32), every
-        return self._targets[halvings]
+            self._targets[half_octaves] = wanted.astype(np.float32), trust.astype(np.float32), every
+        return self._targets[half_octaves]
+
+    def _masses(self, row: Floats, amplitude: Floats) -> Floats:
+        """Masses of the nodes [kg] of one candidate."""
+        mass = row[mat.DENSITY] * self.mesh.node_area
+        for effect, columns in zip(self.effects, self.columns, strict=True):
+            mass = effect.node_mass(mass, self.mesh, amplitude[columns])
+        return mass
+
+    def _friction(self, amplitude: Floats) -> float:
+        """Largest frictional moment per width [N] of one candidate."""
+        return sum(e.friction_moment(amplitude[c]) for e, c in zip(self.effects, self.columns, strict=True))
 
     def _run_group(
-        self, chosen: NDArray[np.int64], lanes: int, halvings: int, materials: Floats, amplitudes: Floats,
-        observer_hz: float, seen: Floats, kept: NDArray[np.float32] | None,
-    ) -> None:  # fmt: skip
-        recording, mesh = self.recording, self.mesh
-        dt = self.step(halvings)
+        self, chosen: NDArray[np.int64], work: _Work, seen: Floats, kept: NDArray[np.float32] | None
+    ) -> None:
+        recording, mesh, lanes = self.recording, self.mesh, work.lanes
+        dt = self.step(work.half_octaves)
         groups = -(-len(chosen) // lanes)
         padded = np.concatenate([chosen, np.repeat(chosen[-1:], groups * lanes - len(chosen))])
-        nodes, (frames, points) = len(mesh.rest), recording.points.shape[:2]
+        materials, amplitudes = work.materials[padded], work.amplitudes[padded]
+        nodes, bends, (frames, points) = len(mesh.rest), len(mesh.bends), recording.points.shape[:2]
         frame_step = np.floor(recording.time / dt + 1e-9).astype(np.int32)
         frame_lag = (recording.time - frame_step * dt).astype(np.float32)
-        path = self._paths(padded, amplitudes, int(frame_step[-1]) + 3, dt)
-        inverse_mass = np.empty((len(padded), nodes))
-        for row, i in enumerate(padded):
-            mass = materials[i, mat.DENSITY] * mesh.node_area
-            for k, effect in enumerate(self.effects):
-                mass = effect.node_mass(mass, mesh, amplitudes[i, k])
-            inverse_mass[row] = 1.0 / mass
-        wanted, trust, every = self._observer_targets(halvings)
-        omega = 2 * np.pi * observer_hz
+        path = self._paths(amplitudes, int(frame_step[-1]) + 3, dt)
+        inverse_mass = np.stack([1.0 / self._masses(m, a) for m, a in zip(materials, amplitudes, strict=True)])
+        wanted, trust, every = self._observer_targets(work.half_octaves)
+        omega = 2 * np.pi * work.observer_hz
         start = _starting_shape(mesh, path[:, 0])
         state = [_in_lanes(start, lanes), *(np.zeros((groups, nodes, 3, lanes), np.float32) for _ in range(2))]
         out = np.zeros((groups, frames, points, 3, lanes), np.float32)
         whole = np.zeros((groups, frames if kept is not None else 1, nodes, 3, lanes), np.float32)
         single = lambda a: np.ascontiguousarray(a, np.float32)  # noqa: E731
-        kernel = self._make_rollout(lanes, tuple(e.face_force for e in self.effects))
+        active = self.effects if work.has_effects else ()
+        with_bends, with_added = any(e.bends for e in active), any(e.adds_mass for e in active)
+        faces = tuple(
+            (c.start, c.stop - c.start, e.face_force)
+            for e, c in zip(active, self.columns, strict=False)
+            if e.face_force is not None
+        )
+        rest, added = self._resting(amplitudes, bends, with_bends), self._carried(amplitudes, nodes, with_added)
+        kernel = self._make_rollout(lanes, faces, with_bends, with_added)
         kernel(
             *state, np.zeros((groups, points, 3, lanes), np.float32),
             mesh.triangles, single(mesh.inverse), single(mesh.area),
-            mesh.bends, single(mesh.bend_weights),
+            mesh.bends, single(mesh.bend_weights), mesh.bend_kind, single(np.sqrt(mesh.bend_area)),
+            np.zeros((groups, nodes if with_bends or with_added else 1, 3, lanes), np.float32),
+            _in_lanes(rest, lanes), np.zeros((groups, bends if with_bends else 1, lanes), np.float32),
+            _in_lanes(added, lanes),
             mesh.held_nodes, single(mesh.held_fraction), _in_lanes(path, lanes),
             mesh.point_nodes, single(mesh.point_weights), mesh.pull_points, single(mesh.pull_weights),
             wanted, trust, every,
-            _in_lanes(materials[padded], lanes), _in_lanes(inverse_mass, lanes),
-            _in_lanes(amplitudes[padded] if self.effects else np.zeros((len(padded), 1)), lanes),
+            _in_lanes(self._kernel_rows(materials, amplitudes), lanes), _in_lanes(inverse_mass, lanes),
+            _in_lanes(amplitudes if self.effects else np.zeros((len(padded), 1)), lanes),
             frame_step, frame_lag, dt, round(SETTLE_TIME / dt), SETTLE_DAMPING, omega**2, 2 * omega,
             out, whole, int(kept is not None),
         )  # fmt: skip
@@ -184,21 +246,51 @@ class Simulator:
         if kept is not None:
             kept[chosen] = _from_lanes(whole)[: len(chosen)]
 
-    def _paths(self, padded: NDArray[np.int64], amplitudes: Floats, steps: int, dt: float) -> Floats:
-        """Held ends per candidate and step, (candidates, steps, 6); equal clocks are evaluated once."""
+    def _kernel_rows(self, materials: Floats, amplitudes: Floats) -> Floats:
+        """What the kernel wants to know of each candidate, (candidates, 14)."""
+        warp, weft = np.exp(0.5 * materials[:, mat.STRETCH_RATIO]), np.exp(0.5 * materials[:, mat.BENDING_RATIO])
+        x, y = np.sin(materials[:, mat.TILT_X]), np.sin(materials[:, mat.TILT_Y])
+        stretch, bending = materials[:, mat.STRETCH], materials[:, mat.BENDING]
+        return np.stack(
+            [
+                stretch * warp, stretch / warp, materials[:, mat.SHEAR], bending * weft, bending / weft, bending,
+                materials[:, mat.MEMBRANE_TIME], materials[:, mat.BENDING_TIME], materials[:, mat.VELOCITY],
+                materials[:, mat.STIFFENING], GRAVITY * x, GRAVITY * y, -GRAVITY * np.sqrt(1 - x**2 - y**2),
+                np.array([self._friction(a) for a in amplitudes]),
+            ],
+            axis=1,
+        )  # fmt: skip
+
+    def _resting(self, amplitudes: Floats, bends: int, is_needed: bool) -> Floats:
+        """Curvature at rest per candidate and bend [1/m]."""
+        rest = np.zeros((len(amplitudes), bends if is_needed else 1))
+        for effect, columns in zip(self.effects if is_needed else (), self.columns, strict=False):
+            for i in np.flatnonzero(amplitudes[:, columns].any(1)):
+                rest[i] += effect.rest_curvature(self.mesh, amplitudes[i, columns])
+        return rest
+
+    def _carried(self, amplitudes: Floats, nodes: int, is_needed: bool) -> Floats:
+        """Added mass per candidate and node [kg]."""
+        added = np.zeros((len(amplitudes), nodes if is_needed else 1))
+        for effect, columns in zip(self.effects if is_needed else (), self.columns, strict=False):
+            for i in np.flatnonzero(amplitudes[:, columns].any(1)):
+                added[i] += effect.added_mass(self.mesh, amplitudes[i, columns])
+        return added
+
+    def _paths(self, amplitudes: Floats, steps: int, dt: float) -> Floats:
+        """Held ends per candidate and step, (candidates, steps, 6); equal drives are evaluated once."""
         instants = np.asarray(np.arange(steps) * dt, float)
-        known: dict[tuple[float, ...], Floats] = {}
+        drivers = [k for k, e in enumerate(self.effects) if type(e).drive is not Effect.drive]
+        known: dict[bytes, Floats] = {}
         rows = []
-        for i in padded:
-            shifted = instants
-            key = []
-            for k, effect in enumerate(self.effects):
-                moved = effect.held_times(shifted, amplitudes[i, k])
-                key.append(amplitudes[i, k] if moved is not shifted else 0.0)
-                shifted = moved
-            name = tuple(key)
+        for row in amplitudes:
+            name = b"".join(row[self.columns[k]].tobytes() for k in drivers)
             if name not in known:
-                known[name] = self.recording.held(shifted)
+                curve = self.recording.held
+                for k in drivers:
+                    if row[self.columns[k]].any():
+                        curve = self.effects[k].drive(curve, self.recording, row[self.columns[k]])
+                known[name] = curve(instants)
             rows.append(known[name])
         return np.stack(rows)
 

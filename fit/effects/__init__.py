@@ -1,12 +1,60 @@
 """The library of effects. A new effect is one file and one line in `LIBRARY`."""
 
+from fit.effects.added_mass import AddedMass
 from fit.effects.air_drag import AirDrag
+from fit.effects.air_lift import AirLift
+from fit.effects.anisotropy import Anisotropy
+from fit.effects.attachment_offset import AttachmentOffset
 from fit.effects.base import Effect
+from fit.effects.bending_hysteresis import BendingHysteresis
+from fit.effects.bending_viscosity import BendingViscosity
+from fit.effects.clip_slack import ClipSlack
+from fit.effects.clip_slip import ClipSlip
+from fit.effects.clock_drift import ClockDrift
+from fit.effects.corner_erosion import CornerErosion
+from fit.effects.depth_scale import DepthScale
+from fit.effects.draught import Draught
+from fit.effects.filter_lag import FilterLag
+from fit.effects.gravity_tilt import GravityTilt
+from fit.effects.hanger_compliance import HangerCompliance
+from fit.effects.hanger_rotation import HangerRotation
 from fit.effects.hem import Hem
+from fit.effects.mass_distribution import MassDistribution
+from fit.effects.rest_curvature import RestCurvature
+from fit.effects.shear_stiffness import ShearStiffness
+from fit.effects.strain_stiffening import StrainStiffening
+from fit.effects.stretch_viscosity import StretchViscosity
 from fit.effects.time_offset import TimeOffset
+from fit.effects.tracker_smoothing import TrackerSmoothing
 from fit.errors import FitError
 
-LIBRARY: tuple[Effect, ...] = (AirDrag(), Hem(), TimeOffset())
+LIBRARY: tuple[Effect, ...] = (
+    ShearStiffness(),
+    BendingHysteresis(),
+    RestCurvature(),
+    Hem(),
+    Anisotropy(),
+    StrainStiffening(),
+    BendingViscosity(),
+    StretchViscosity(),
+    MassDistribution(),
+    HangerCompliance(),
+    HangerRotation(),
+    AttachmentOffset(),
+    ClipSlip(),
+    ClipSlack(),
+    AirDrag(),
+    AddedMass(),
+    Draught(),
+    AirLift(),
+    TimeOffset(),
+    GravityTilt(),
+    DepthScale(),
+    FilterLag(),
+    CornerErosion(),
+    ClockDrift(),
+    TrackerSmoothing(),
+)
 
 
 def find_effects(names: list[str]) -> tuple[Effect, ...]:

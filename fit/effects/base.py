@@ -1,24 +1,43 @@
 """What an effect is: a piece of physics or measurement that the base model leaves out and that can be switched on.
 
-An effect has one amplitude; 0 is exactly off. It acts through hooks, each with a do-nothing default:
-`face_force` in the step, `node_mass` on the mass of the nodes, `held_times` on the clock of the hanger's path.
+An effect has one amplitude, or one per direction (its `components`); all at 0 is exactly off. It acts through hooks,
+each with a do-nothing default, so that the step and the observer know no effect by name:
+
+    cloth        `material`, `node_mass`, `rest_curvature`, `friction_moment`
+    air          `face_force` (inside the kernel), `added_mass`
+    boundary     `drive`: the path of the held ends
+    measurement  `drive`, and `observe`: what a tracker makes of the simulated points
+
+A measurement effect acts on the simulated side; noisy data are never transformed.
 """
+
+from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fit.cloth.mesh import ClothMesh
 
+if TYPE_CHECKING:
+    from fit.recording import Recording
+
 Floats = NDArray[np.float64]
+Curve = Callable[[Floats], Floats]
+MOST_COMPONENTS = 3
 
 
 @dataclass(frozen=True)
 class Effect:
-    """One unmodelled effect: name, unit, physical range, typical size and hooks."""
+    """One unmodelled effect: name, unit, physical range, typical size and hooks.
+
+    `low`, `high` and `typical` hold for each component; an effect of several components has the length of its
+    amplitude vector as its size. `in_base` names the parameter of the base model that is the same physics, if any.
+    """
 
     name: ClassVar[str]
     title: ClassVar[str]
@@ -27,22 +46,67 @@ class Effect:
     low: ClassVar[float]
     high: ClassVar[float]
     typical: ClassVar[float]
+    components: ClassVar[tuple[str, ...]] = ("",)
+    in_base: ClassVar[str] = ""
     face_force: ClassVar[Callable[..., Any] | None] = None
+    bends: ClassVar[bool] = False  # whether `rest_curvature` or `friction_moment` does anything
+    adds_mass: ClassVar[bool] = False  # whether `added_mass` does anything
 
-    def node_mass(self, mass: Floats, mesh: ClothMesh, amplitude: float) -> Floats:
+    def material(self, row: Floats, amplitude: Floats) -> Floats:
+        """Return the material row (`fit.cloth.material.NAMES`) with this effect."""
+        return row
+
+    def node_mass(self, mass: Floats, mesh: ClothMesh, amplitude: Floats) -> Floats:
         """Return the nodes' masses [kg], (nodes,), with this effect."""
         return mass
 
-    def held_times(self, times: Floats, amplitude: float) -> Floats:
-        """Return the instants [s] of the hanger's path that drive the cloth at `times` [s]."""
-        return times
+    def rest_curvature(self, mesh: ClothMesh, amplitude: Floats) -> Floats | float:
+        """Return the curvature at which each bend rests [1/m], (bends,), positive towards the outer normal."""
+        return 0.0
+
+    def friction_moment(self, amplitude: Floats) -> float:
+        """Return the largest frictional moment per width [N]."""
+        return 0.0
+
+    def added_mass(self, mesh: ClothMesh, amplitude: Floats) -> Floats | float:
+        """Return the mass that moves along with each node's normal motion [kg], (nodes,)."""
+        return 0.0
+
+    def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:
+        """Return the path of the held ends, (n,) instants [s] -> (n, 6) [m], with this effect."""
+        return path
+
+    def observe(self, points: Floats, recording: Recording, amplitude: Floats) -> Floats:
+        """Return what the tracker makes of the simulated points [m], (frames, points, 3)."""
+        return points
 
     @property
     def is_one_sided(self) -> bool:
         """Whether physics allows only amplitudes of one sign."""
         return self.low >= 0.0
 
-    def stiffest(self, areal_density: float, mesh: ClothMesh, amplitude: float) -> float:
-        """Return the factor by which this effect lowers the lightest node's mass (for the stable step)."""
-        mass = areal_density * mesh.node_area
-        return float(np.min(self.node_mass(mass, mesh, amplitude) / mass))
+    @property
+    def in_kernel(self) -> bool:
+        """Whether the effect needs the kernel with effects; others run in the plain one."""
+        return self.face_force is not None or self.bends or self.adds_mass
+
+
+def size_of(amplitude: Floats) -> float:
+    """Return one number for an effect's amplitude: itself, or the length of its vector."""
+    return float(amplitude[0]) if len(amplitude) == 1 else float(np.linalg.norm(amplitude))
+
+
+def columns_of(effects: tuple[Effect, ...]) -> list[slice]:
+    """Return which columns of a row of amplitudes belong to each effect."""
+    ends = np.cumsum([0, *(len(e.components) for e in effects)])
+    return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+
+
+def amplitudes_of(effects: tuple[Effect, ...], **chosen: float | tuple[float, ...]) -> Floats:
+    """Return a row of amplitudes, (components,), zero but for the effects named."""
+    columns = columns_of(effects)
+    row = np.zeros(columns[-1].stop if columns else 0)
+    for name, amplitude in chosen.items():
+        where = next(c for e, c in zip(effects, columns, strict=True) if e.name == name)
+        row[where] = amplitude
+    return row

@@ -21,17 +21,17 @@ class Hem(Effect):
     """Extra mass along the bottom edge at unchanged total weight."""
 
     name: ClassVar[str] = "hem"
-    title: ClassVar[str] = "heavier hem"
+    title: ClassVar[str] = "a heavier hem"
     acts_on: ClassVar[str] = "cloth"
     unit: ClassVar[str] = "kg/m"
     low: ClassVar[float] = 0.0
     high: ClassVar[float] = 0.05
     typical: ClassVar[float] = 0.01
 
-    def node_mass(self, mass: Floats, mesh: ClothMesh, amplitude: float) -> Floats:
+    def node_mass(self, mass: Floats, mesh: ClothMesh, amplitude: Floats) -> Floats:
         """Return the nodes' masses [kg], (nodes,), with the hem's share moved to the bottom edge."""
-        if amplitude == 0.0:
+        if amplitude[0] == 0.0:
             return mass
         total, length = float(mass.sum()), float(mesh.hem_length.sum())
-        in_hem = min(amplitude * length, LARGEST_SHARE * total)
+        in_hem = min(float(amplitude[0]) * length, LARGEST_SHARE * total)
         return mass * (1.0 - in_hem / total) + mesh.hem_length * (in_hem / length)

@@ -9,7 +9,8 @@ was tau earlier. Noisy data are never shifted. Source: RGBench corrects a camera
 from dataclasses import dataclass
 from typing import ClassVar
 
-from fit.effects.base import Effect, Floats
+from fit.effects.base import Curve, Effect, Floats
+from fit.recording import Recording
 
 
 @dataclass(frozen=True)
@@ -17,13 +18,13 @@ class TimeOffset(Effect):
     """Delay of the points against the markers; positive when the points come late."""
 
     name: ClassVar[str] = "time_offset"
-    title: ClassVar[str] = "time offset between markers and points"
+    title: ClassVar[str] = "a time offset between markers and points"
     acts_on: ClassVar[str] = "measurement"
     unit: ClassVar[str] = "s"
     low: ClassVar[float] = -0.1
     high: ClassVar[float] = 0.1
     typical: ClassVar[float] = 0.02
 
-    def held_times(self, times: Floats, amplitude: float) -> Floats:
-        """Return the instants [s] of the hanger's path that drive the cloth at `times` [s]."""
-        return times - amplitude
+    def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:
+        """Return the path of the held ends as it was tau earlier."""
+        return lambda instants: path(instants - amplitude[0])

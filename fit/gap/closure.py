@@ -41,10 +41,10 @@ class BlockErrors:
 
 def block_errors(observer: Observer, residual: Floats) -> BlockErrors:
     """Gather a whitened residual, (numbers,), into blocks."""
-    layout = observer.layout
-    squared = (residual * layout.sd * 1e3) ** 2
-    count = np.bincount(layout.block) / 3.0
-    sums = np.asarray(np.bincount(layout.block, squared), float)
+    block = observer.layout.moving(observer.layout.block)
+    squared = (1e3 * observer.layout.metres(residual)) ** 2
+    count = np.bincount(block) / 3.0
+    sums = np.asarray(np.bincount(block, squared), float)
     seen = count > 0
     return BlockErrors(sums[seen], count[seen])
 

@@ -6,6 +6,8 @@ import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,24 +16,33 @@ from fit.cloth.simulator import Resolution
 from fit.effects import LIBRARY
 from fit.effects.base import Effect
 from fit.errors import FitError
+from fit.gap import findings as described
 from fit.gap import gates as gate
-from fit.gap.closure import BlockErrors, block_errors, bootstrap_picks, closure, error_interval
-from fit.gap.fitting import Fitted, amplitude_interval, fit
+from fit.gap.base_fit import fit_base
+from fit.gap.checkpoint import Checkpoint, Key
+from fit.gap.closure import bootstrap_picks, closure
+from fit.gap.fitting import Fitted, fit
 from fit.gap.floor import noise_floor
+from fit.gap.hypotheses import Hypothesis, judged, polished, refit, shortlist
 from fit.gap.missing_force import find_missing_force
+from fit.gap.next_experiment import propose
+from fit.gap.numerics import refine
 from fit.gap.observer import Observer
-from fit.gap.screening import Screened, groups, screen
-from fit.gap.verdict import decide
+from fit.gap.screening import Screened, screen
+from fit.gap.verdict import Evidence, Verdict, decide
 from fit.gap.where import find_where
-from fit.parameterisations import SI
+from fit.parameterisations import SI, Parameterisation
 from fit.recording import Recording, prepare
-from formats.results import Cost, Diagnosis, EffectFinding, Figure, FitParameter, Gap, Gate
+from formats.results import Cost, Diagnosis, Gate
 from formats.take import Take
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
-FIRST_FREQUENCY = 3.0  # Hz: strong enough that every start finds the basin
+CELLS = 9  # across the smaller side of the garment
+FINEST, COARSEST = 0.02, 0.06  # m, of the mesh that is chosen by itself
+MOST_EFFECTS = 3  # that one verdict may name
+POLISHED = 2  # hypotheses that are fitted on with a Jacobian of their own
 
 
 @dataclass(frozen=True)
@@ -42,6 +53,8 @@ class Findings:
     base: Fitted
     best: Fitted | None
     effects: tuple[Effect, ...]
+    model: Parameterisation
+    resolution: Resolution
 
 
 def diagnose(
@@ -49,55 +62,57 @@ def diagnose(
     held_out: list[Take],
     *,
     effects: tuple[Effect, ...] = LIBRARY,
+    model: Parameterisation = SI,
+    added: tuple[str, ...] = (),
+    checkpoint: Path | None = None,
     resolution: Resolution | None = None,
     seed: int = 0,
     progress: Progress = lambda stage, share: None,
 ) -> Findings:
     """Diagnose the gap between takes and the base model.
 
+    added: names of effects whose refit is to be shown whatever the screening says of them.
+    checkpoint: folder in which finished fits are kept until the diagnosis is done.
+
     Raises:
-        FitError: no take, or takes of different garments.
+        FitError: no take, takes of different garments, or a checkpoint of other takes.
     """
     started = clock.monotonic()
     _check_same_garment(training + held_out)
     rng = np.random.default_rng(seed)
     progress("reading takes", 0.0)
-    train = [prepare(t) for t in training]
-    test = [prepare(t) for t in held_out]
+    train, test = [prepare(t) for t in training], [prepare(t) for t in held_out]
     found_gates = gate.data_gates(train + test)
-    observer = Observer(train, SI, effects, frequency=FIRST_FREQUENCY, resolution=resolution)
-    judge = Observer(test, SI, effects, frequency=FIRST_FREQUENCY, resolution=resolution) if test else observer
+    resolution = resolution or fine_enough(train[0])
+    observer = Observer(train, model, effects, frequency=0.0, resolution=resolution)
+    kept = Checkpoint(checkpoint, _key(training, held_out, model, added, observer, seed))
+    fits, observer, predictability = fit_base(observer, progress, kept, seed)
+    judge = observer if not test else Observer(
+        test, model, effects, frequency=observer.frequency, resolution=resolution
+    )  # fmt: skip
+    search = _Search(observer, judge, fits, rng, progress, kept)
+    search.first_round(added)
+    found_gates += [predictability, gate.convergence_gate(search.fits, search.least_cost)]
 
-    base, fits, observer, predictability = _fit_base(observer, progress)
-    judge = judge.with_frequency(observer.frequency)
-    progress("refitting with each effect", 0.45)
-    screened = screen(observer, base, rng)
-    refits = _refit_each(observer, base, screened, progress)
-    fits = _fair_base(observer, fits, refits)
-    base = min(fits, key=lambda f: f.cost)
-    found_gates += [predictability, gate.convergence_gate(fits)]
-
-    progress("judging on held-out motion" if test else "judging", 0.9)
-    off = np.zeros(len(effects))
-    floor, floor_error = noise_floor(judge, base.vector, off, rng)
-    base_errors = _errors(judge, base)
-    effect_errors = [_errors(judge, f) for f in refits]
-    picks = bootstrap_picks(base_errors, rng)
-    findings = _findings(observer, screened, refits, base_errors, effect_errors, floor, picks)
-    progress("checking mesh and step", 0.93)
-    fine_errors, fine_simulations = _refined(train, test, effects, observer, base)
-    mesh_closure = closure(base_errors, fine_errors, floor, picks)
-    found_gates.append(gate.numerics_gate(mesh_closure[0] if mesh_closure else None))
-    order = sorted(range(len(effects)), key=lambda k: effect_errors[k].squared_mm)
-    best = order[0] if order else None
-    gap = _gap(base_errors, effect_errors, best, findings, floor, floor_error, picks, bool(test))
-    verdict = decide(gap, findings, _win_shares(effects, effect_errors, picks), found_gates, effects)
-    if verdict.verdict not in {"effect", "ambiguous"}:
-        gap = replace_gap(gap)
-    progress("drawing maps", 0.95)
-    residual = judge.residuals(base.vector[None], off[None])[0]
-    force = find_missing_force(judge, base.vector)
-    progress("done", 1.0)
+    progress("noise floor", 0.8)
+    base = search.base.fitted
+    floor, floor_error = noise_floor(judge, base.vector, observer.off, rng)
+    progress("checking mesh and step", 0.83)
+    refined = refine(observer, judge, base)
+    picks = bootstrap_picks(search.base.errors, rng)
+    mesh_closure = closure(search.base.errors, refined.errors, floor, picks)
+    found_gates.append(gate.numerics_gate(mesh_closure[0] if mesh_closure else None, refined.numerics_mm))
+    evidence = search.evidence(floor, refined.numerics_mm, picks, found_gates, is_held_out=bool(test))
+    verdict = decide(evidence, effects)
+    if verdict.verdict in {"effect", "unknown"}:
+        progress("looking for a second effect", 0.88)
+        search.further_rounds(floor, refined.numerics_mm, picks)
+        evidence = search.evidence(floor, refined.numerics_mm, picks, found_gates, is_held_out=bool(test))
+        verdict = decide(evidence, effects)
+    progress("imagining the next recording", 0.93)
+    proposal = propose(observer, base, *search.alive(evidence, verdict))
+    progress("drawing maps", 0.97)
+    best = search.named(verdict)
     diagnosis = Diagnosis(
         format="hangtime-diagnosis/1",
         created=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -106,20 +121,142 @@ def diagnose(
         verdict=verdict.verdict,  # type: ignore[arg-type]
         sentence=verdict.sentence,
         named=verdict.named,
-        gap=gap,
-        effects=sorted(findings, key=lambda f: -(f.closure.value if f.closure else -1.0)),
-        where=find_where(judge, residual),
-        missing_force=force,
-        next_experiment=None,
+        gap=described.describe_gap(evidence, best, floor_error),
+        effects=described.describe_effects(evidence, effects, model),
+        where=find_where(judge, judge.residuals(base.vector[None], observer.off[None])[0]),
+        missing_force=find_missing_force(judge, base.vector),
+        next_experiment=proposal,
         gates=found_gates,
         cost=Cost(
-            simulations=observer.simulations + (judge.simulations if test else 0) + fine_simulations,
+            simulations=observer.simulations + (judge.simulations if test else 0) + refined.simulations,
             seconds=clock.monotonic() - started,
         ),
-        base_parameters=base_parameters(observer, base),
-        notes=_notes(training, held_out, observer),
+        base_parameters=described.base_parameters(model, base),
+        notes=described.notes(len(training), len(held_out), observer),
     )
-    return Findings(diagnosis, base, refits[best] if best is not None else None, effects)
+    kept.clear()
+    progress("done", 1.0)
+    return Findings(diagnosis, base, best.fitted if best else None, effects, model, resolution)
+
+
+class _Search:
+    """The hypotheses so far: the base model, one more effect each, and what is added to the best of them."""
+
+    def __init__(
+        self, observer: Observer, judge: Observer, fits: list[Fitted], rng: np.random.Generator, progress: Progress,
+        kept: Checkpoint,
+    ) -> None:  # fmt: skip
+        self.observer, self.judge, self.rng, self.progress, self.kept = observer, judge, rng, progress, kept
+        self.fits = fits
+        self.tested = tuple(
+            k
+            for k, e in enumerate(observer.effects)
+            if not (e.in_base and e.in_base in {p.name for p in observer.parameterisation.parameters})
+        )
+        self.base = Hypothesis((), fits[0], judged(judge, fits[0]))
+        self.screened: Screened
+        self.singles: dict[int, Hypothesis] = {}
+        self.joint: list[tuple[Hypothesis, float]] = []  # with further effects, and the last one's p-value
+
+    def first_round(self, added: tuple[str, ...]) -> None:
+        """Screen, refit the shortlist, give the base model the same second chance."""
+        self.progress("screening", 0.32)
+        self.screened = screen(self.observer, self.base.fitted, self.tested, self.rng)
+        places = shortlist(self.screened)
+        wanted = [n for n, k in enumerate(self.screened.effects) if self.observer.effects[k].name in added]
+        places += [n for n in wanted if n not in places]
+        for count, place in enumerate(places):
+            k = self.screened.effects[place]
+            self.progress(f"refitting with {self.observer.effects[k].title}", 0.38 + 0.3 * count / len(places))
+            self.singles[k] = self._refit(self.base.fitted, self.screened, place)
+        best = min(self.singles.values(), key=lambda h: h.fitted.cost)
+        again = self.kept.recall("base-again", lambda: fit(self.observer, best.fitted.vector, self.observer.off))
+        self.fits = sorted([*self.fits, again], key=lambda f: f.cost)
+        if self.fits[0] is again:
+            self.base = Hypothesis((), again, judged(self.judge, again))
+        self.progress("polishing", 0.72)
+        order = sorted(self.singles, key=lambda k: self.singles[k].fitted.cost)
+        for k in order[:POLISHED]:
+            old = self.singles[k].fitted
+            name = f"{self.observer.effects[k].name}-polished"
+            fitted = self.kept.recall(name, partial(polished, self.observer, old))
+            self.singles[k] = Hypothesis((k,), fitted, judged(self.judge, fitted))
+
+    @property
+    def least_cost(self) -> float:
+        """Cost of the best refit with an effect."""
+        return min(h.fitted.cost for h in self.singles.values())
+
+    def further_rounds(self, floor: float, numerics: float, picks: NDArray[np.int64]) -> None:
+        """Add effects to the best one as long as there is something left to explain."""
+        current = min(self.singles.values(), key=lambda h: h.errors.squared_mm)
+        while len(current.effects) < MOST_EFFECTS:
+            if current.errors.squared_mm < 1.1 * (floor**2 + numerics**2):
+                return
+            left = tuple(k for k in self.tested if k not in current.effects)
+            screened = screen(self.observer, current.fitted, left, self.rng)
+            places = shortlist(screened)[:3]
+            tried = [(self._refit(current.fitted, screened, n), n) for n in places]
+            best, place = min(tried, key=lambda pair: pair[0].errors.squared_mm)
+            self.joint.append((best, float(screened.family_p_value[place])))
+            if best.errors.squared_mm > 0.95 * current.errors.squared_mm:
+                return
+            current = best
+
+    def _refit(self, start: Fitted, screened: Screened, place: int) -> Hypothesis:
+        active = (*start.active, screened.effects[place])
+        name = "+".join(self.observer.effects[k].name for k in active)
+        fitted = self.kept.recall(name, lambda: refit(self.observer, start, screened, place))
+        return Hypothesis(active, fitted, judged(self.judge, fitted))
+
+    def alive(self, evidence: Evidence, verdict: Verdict) -> tuple[list[Hypothesis], list[float]]:
+        """Return the hypotheses that a further recording should tell apart, and how much each weighs."""
+        if verdict.verdict not in {"effect", "ambiguous", "unknown"}:
+            return [], []
+        shares = evidence.win_shares()
+        order = sorted(self.singles, key=lambda k: self.singles[k].errors.squared_mm)
+        named = [k for k in order if self.observer.effects[k].name in verdict.named]
+        chosen = (named + [k for k in order if k not in named])[: max(2, len(named))]
+        return [self.singles[k] for k in chosen], [max(shares[k], 0.1) for k in chosen]
+
+    def evidence(
+        self, floor: float, numerics: float, picks: NDArray[np.int64], gates: list[Gate], *, is_held_out: bool
+    ) -> Evidence:
+        """Gather what the verdict is decided on."""
+        return Evidence(
+            observer=self.observer, screened=self.screened, base=self.base, singles=self.singles, joint=self.joint,
+            floor_mm=floor, numerics_mm=numerics, picks=picks, gates=gates, is_held_out=is_held_out,
+        )  # fmt: skip
+
+    def named(self, verdict: Verdict) -> Hypothesis | None:
+        """Return the hypothesis that the verdict names."""
+        wanted = {k for k, e in enumerate(self.observer.effects) if e.name in verdict.named}
+        if verdict.verdict == "several":
+            return next(h for h, _ in self.joint if set(h.effects) == wanted)
+        if verdict.verdict in {"effect", "ambiguous"}:
+            first = next(k for k, e in enumerate(self.observer.effects) if e.name == verdict.named[0])
+            return self.singles[first]
+        return None
+
+
+def fine_enough(recording: Recording) -> Resolution:
+    """Return the mesh that a diagnosis needs: a ninth of the garment's smaller side.
+
+    On cloth of an independent simulator without any effect this leaves errors at the noise (`docs/blind-check.md`).
+    """
+    side = float(np.ptp(np.array(recording.garment.outline_m), axis=0).min())
+    return Resolution(spacing=float(np.clip(round(side / CELLS, 3), FINEST, COARSEST)))
+
+
+def _key(
+    training: list[Take], held_out: list[Take], model: Parameterisation, added: tuple[str, ...], observer: Observer,
+    seed: int,
+) -> Key:  # fmt: skip
+    return {
+        "takes": [t.take_id for t in training], "held_out": [t.take_id for t in held_out], "model": model.name,
+        "added": list(added), "effects": [e.name for e in observer.effects], "seed": seed,
+        "spacing": observer.resolution.spacing,
+    }  # fmt: skip
 
 
 def _check_same_garment(takes: list[Take]) -> None:
@@ -132,172 +269,3 @@ def _check_same_garment(takes: list[Take]) -> None:
                 where=take.take_id,
                 advice="diagnose one garment at a time",
             )
-
-
-def _fit_base(observer: Observer, progress: Progress) -> tuple[Fitted, list[Fitted], Observer, Gate]:
-    """Fit the base model from several starts, then under the weakest pull that keeps the takes predictable."""
-    initial = SI.initial
-    starts = [initial]
-    for bending, damping in ((4.0, 3.0), (0.3, 2.0)):
-        start = initial.copy()
-        start[2] *= bending
-        start[4] *= damping
-        starts.append(start)
-    off = np.zeros(len(observer.effects))
-    rough = []
-    for k, start in enumerate(starts):
-        progress(f"base fit, start {k + 1} of {len(starts)}", 0.02 + 0.08 * k)
-        rough.append(fit(observer, start, off, iterations=4))
-    best = min(rough, key=lambda f: f.cost)
-    frequency, predictability = gate.choose_frequency(observer, best.vector)
-    weaker = observer.with_frequency(frequency)
-    fits = []
-    for k, one in enumerate(rough):
-        progress(f"base fit, start {k + 1} of {len(rough)}, pull {frequency:g} Hz", 0.25 + 0.06 * k)
-        fits.append(fit(weaker, one.vector, off))
-    base = min(fits, key=lambda f: f.cost)
-    # A take can be predictable at the rough fit and not at the final one.
-    frequency, predictability = gate.choose_frequency(observer, base.vector)
-    if frequency > weaker.frequency:
-        weaker = observer.with_frequency(frequency)
-        fits = [fit(weaker, one.vector, off) for one in fits]
-        base = min(fits, key=lambda f: f.cost)
-    return base, fits, weaker, predictability
-
-
-def _refit_each(observer: Observer, base: Fitted, screened: Screened, progress: Progress) -> list[Fitted]:
-    """Refit base parameters jointly with each effect, from the screened amplitude or a third of the typical one."""
-    refits = []
-    for k, effect in enumerate(observer.effects):
-        progress(f"refitting with {effect.title}", 0.45 + 0.4 * k / len(observer.effects))
-        guess = float(np.clip(screened.amplitude[k], effect.low, effect.high))
-        start = np.zeros(len(observer.effects))
-        start[k] = np.copysign(max(abs(guess), 0.3 * effect.typical), guess)
-        refits.append(fit(observer, base.vector, start, (k,)))
-    return refits
-
-
-def _fair_base(observer: Observer, fits: list[Fitted], refits: list[Fitted]) -> list[Fitted]:
-    """Give the base model the same second chance: refit it from where the best effect's refit ended."""
-    best = min(refits, key=lambda f: f.cost)
-    return [*fits, fit(observer, best.vector, np.zeros(len(observer.effects)))]
-
-
-def _errors(judge: Observer, fitted: Fitted) -> BlockErrors:
-    return block_errors(judge, judge.residuals(fitted.vector[None], fitted.amplitudes[None])[0])
-
-
-def _findings(
-    observer: Observer, screened: Screened, refits: list[Fitted], base_errors: BlockErrors,
-    effect_errors: list[BlockErrors], floor: float, picks: NDArray[np.int64],
-) -> list[EffectFinding]:  # fmt: skip
-    group = groups(screened.cosines)
-    shares = _win_shares(observer.effects, effect_errors, picks)
-    findings = []
-    for k, effect in enumerate(observer.effects):
-        closed = closure(base_errors, effect_errors[k], floor, picks)
-        findings.append(
-            EffectFinding(
-                id=effect.name,
-                group=observer.effects[group[k]].name,
-                tested=True,
-                probability=None,
-                amplitude=float(refits[k].amplitudes[k]),
-                amplitude_interval=amplitude_interval(refits[k], observer, k),
-                unit=effect.unit,
-                closure=Figure(value=closed[0], interval=closed[1]) if closed else None,
-                p_value=float(screened.p_value[k]),
-                minimum_detectable=float(screened.minimum_detectable[k]),
-                explained=float(screened.explained[k]),
-                absorbed=float(screened.absorbed[k]),
-                note=f"best effect in {100 * shares[effect.name]:.0f} % of bootstrap draws",
-            )
-        )
-    return findings
-
-
-def _win_shares(effects: tuple[Effect, ...], errors: list[BlockErrors], picks: NDArray[np.int64]) -> dict[str, float]:
-    """Share of bootstrap draws of the held-out blocks in which each effect leaves the smallest error."""
-    drawn = np.stack([e.draw(picks) for e in errors])
-    winners = np.argmin(drawn, axis=0)
-    return {e.name: float(np.mean(winners == k)) for k, e in enumerate(effects)}
-
-
-def _refined(
-    train: list[Recording], test: list[Recording], effects: tuple[Effect, ...], observer: Observer, base: Fitted
-) -> tuple[BlockErrors, int]:
-    """Refit the base model on a finer mesh and judge it on the same motion; also return the simulations it took."""
-    resolution = gate.finer(observer.resolution)
-    fine = Observer(train, SI, effects, frequency=observer.frequency, resolution=resolution)
-    fitted = fit(fine, base.vector, base.amplitudes, iterations=3)
-    judge = Observer(test, SI, effects, frequency=observer.frequency, resolution=resolution) if test else fine
-    return _errors(judge, fitted), fine.simulations + (judge.simulations if test else 0)
-
-
-def _gap(
-    base: BlockErrors, errors: list[BlockErrors], best: int | None, findings: list[EffectFinding],
-    floor: float, floor_error: float, picks: NDArray[np.int64], is_held_out: bool,
-) -> Gap:  # fmt: skip
-    after = errors[best] if best is not None else None
-    return Gap(
-        base_mm=Figure(value=float(np.sqrt(base.squared_mm)), interval=error_interval(base, picks)),
-        with_effect_mm=Figure(value=float(np.sqrt(after.squared_mm)), interval=error_interval(after, picks))
-        if after
-        else None,
-        floor_mm=Figure(value=floor, interval=(max(floor - 1.645 * floor_error, 0.0), floor + 1.645 * floor_error)),
-        closure=findings[best].closure if best is not None else None,
-        is_held_out=is_held_out,
-    )
-
-
-def replace_gap(gap: Gap) -> Gap:
-    """Return the gap without the figures of an effect that the verdict does not name."""
-    return Gap(
-        base_mm=gap.base_mm, with_effect_mm=None, floor_mm=gap.floor_mm, closure=None, is_held_out=gap.is_held_out
-    )
-
-
-def base_parameters(observer: Observer, fitted: Fitted) -> list[FitParameter]:
-    """Describe the fitted base parameters with 90 % intervals."""
-    described = []
-    for k, parameter in enumerate(SI.parameters):
-        value, spread = float(fitted.vector[k]), 1.645 * float(fitted.deviation[k])
-        low, high = (
-            (value * np.exp(-spread), value * np.exp(spread)) if parameter.is_log else (value - spread, value + spread)
-        )
-        low, high = max(low, parameter.minimum), min(high, parameter.maximum)
-        is_identified = bool(spread < 0.7) if parameter.is_log else None
-        described.append(
-            FitParameter(
-                name=parameter.name,
-                unit=parameter.unit,
-                initial=parameter.initial,
-                fitted=value,
-                minimum=parameter.minimum,
-                maximum=parameter.maximum,
-                interval_low=float(low),
-                interval_high=float(high),
-                is_identified=is_identified,
-                note=parameter.meaning,
-            )
-        )
-    return described
-
-
-def _notes(training: list[Take], held_out: list[Take], observer: Observer) -> list[str]:
-    how = (
-        f"Observer pull of {observer.frequency:g} Hz"
-        if observer.frequency
-        else "Free rollouts, predictable as they are"
-    )
-    notes = [
-        f"{how}; mesh of {1e3 * observer.resolution.spacing:.0f} mm.",
-        f"Effects in the library: {', '.join(e.name for e in observer.effects)}. Others were not looked for.",
-        "Errors are root mean square distances of the tracked points after each point's constant offset was taken out.",
-        "Probabilities are not given: they need a calibration that has not been done.",
-    ]
-    if not held_out:
-        notes.append("No held-out take: closure is measured on the motion it was fitted to and flatters.")
-    if len(training) + len(held_out) < 3:
-        notes.append("Too few takes to see how a recording differs from its own repetition.")
-    return notes

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fit.effects.base import size_of
 from fit.gap.observer import Observer
 from fit.search.least_squares import BoundedSpace, LeastSquaresSettings, Prior, minimise
 
@@ -24,16 +25,17 @@ Floats = NDArray[np.float64]
 PRIOR_LOG = 1.5  # standard deviation of log parameters about their initial values
 PRIOR_AMPLITUDE = 5.0  # of amplitudes, in typical sizes, about zero
 NORMAL_95 = 1.645  # two-sided 90 %
+COST_TOLERANCE = 2e-3  # relative fall of the cost at which a fit ends
 
 
 @dataclass(frozen=True)
 class Fitted:
     """A least-squares fit.
 
-    vector, (parameters,): base parameters; amplitudes, (effects,), zero where not active
-    active: indices of the effects that were fitted
-    residual, (numbers,); jacobian, (numbers, parameters + active), and deviation, (parameters + active,): of logs,
-    plain values and typical sizes
+    vector, (parameters,): base parameters; amplitudes, (components,) of all effects, zero where not active
+    active: indices of the effects that were fitted, in the order of their columns in the jacobian
+    residual, (numbers,); jacobian, (numbers, parameters + components), and deviation, (parameters + components,): of
+    logs, plain values and typical sizes
     """
 
     vector: Floats
@@ -56,31 +58,37 @@ class Problem:
     def __init__(self, observer: Observer, active: tuple[int, ...] = ()) -> None:
         self.observer, self.active = observer, active
         method = observer.parameterisation
-        effects = [observer.effects[k] for k in active]
+        effects = [observer.effects[k] for k in active for _ in observer.effects[k].components]
+        self.columns = np.concatenate(
+            [np.zeros(0, int), *(np.arange(len(observer.off))[observer.columns[k]] for k in active)]
+        )
         self._typical = np.array([e.typical for e in effects])
         low, high = np.array([e.low for e in effects]), np.array([e.high for e in effects])
         self.space = BoundedSpace(
             minimum=np.concatenate([method.minimum, low / self._typical]),
             maximum=np.concatenate([method.maximum, high / self._typical]),
-            is_log=np.concatenate([method.is_log, np.zeros(len(active), bool)]),
+            is_log=np.concatenate([method.is_log, np.zeros(len(effects), bool)]),
         )
         self.prior_sd = np.concatenate(
-            [np.where(method.is_log, PRIOR_LOG, method.maximum - method.minimum), np.full(len(active), PRIOR_AMPLITUDE)]
+            [
+                np.where(method.is_log, PRIOR_LOG, method.maximum - method.minimum),
+                np.full(len(effects), PRIOR_AMPLITUDE),
+            ]
         )
         self.prior = Prior(
-            mean=np.concatenate([method.initial, np.zeros(len(active))]), precision=np.diag(self.prior_sd**-2)
+            mean=np.concatenate([method.initial, np.zeros(len(effects))]), precision=np.diag(self.prior_sd**-2)
         )
 
     def pack(self, vector: Floats, amplitudes: Floats) -> Floats:
         """Return the searched numbers for base parameters, (parameters,), and amplitudes, (effects,), within bounds."""
-        numbers = np.concatenate([vector, amplitudes[list(self.active)] / self._typical])
+        numbers = np.concatenate([vector, amplitudes[self.columns] / self._typical])
         return np.asarray(np.clip(numbers, self.space.minimum, self.space.maximum))
 
     def unpack(self, numbers: Floats) -> tuple[Floats, Floats]:
         """Return base parameters, (candidates, parameters), and amplitudes, (candidates, effects)."""
-        count = numbers.shape[1] - len(self.active)
-        amplitudes = np.zeros((len(numbers), len(self.observer.effects)))
-        amplitudes[:, list(self.active)] = numbers[:, count:] * self._typical
+        count = numbers.shape[1] - len(self.columns)
+        amplitudes = np.zeros((len(numbers), len(self.observer.off)))
+        amplitudes[:, self.columns] = numbers[:, count:] * self._typical
         return numbers[:, :count], amplitudes
 
     def residuals(self, numbers: Floats) -> Floats:
@@ -89,13 +97,29 @@ class Problem:
 
 
 def fit(
-    observer: Observer, vector: Floats, amplitudes: Floats, active: tuple[int, ...] = (), *, iterations: int = 12
+    observer: Observer,
+    vector: Floats,
+    amplitudes: Floats,
+    active: tuple[int, ...] = (),
+    *,
+    iterations: int = 12,
+    jacobian: Floats | None = None,
 ) -> Fitted:
-    """Fit base parameters and the amplitudes of the active effects, starting from the given ones."""
+    """Fit base parameters and the amplitudes of the active effects, starting from the given ones.
+
+    jacobian, (numbers, parameters + components): known near the start, it is updated by chords instead of made anew.
+    """
     problem = Problem(observer, active)
-    settings = LeastSquaresSettings(max_iterations=iterations, cost_tolerance=1e-3, step_tolerance=1e-3)
+    settings = LeastSquaresSettings(
+        max_iterations=iterations, cost_tolerance=COST_TOLERANCE, step_tolerance=1e-3, is_chord=True
+    )
     found = minimise(
-        problem.residuals, problem.pack(vector, amplitudes), problem.space, prior=problem.prior, settings=settings
+        problem.residuals,
+        problem.pack(vector, amplitudes),
+        problem.space,
+        prior=problem.prior,
+        settings=settings,
+        jacobian=jacobian,
     )
     vectors, fitted_amplitudes = problem.unpack(found.parameters[None])
     deviation = sandwich(found.jacobian, found.residuals, observer.layout.block, problem.prior_sd)
@@ -115,9 +139,22 @@ def sandwich(jacobian: Floats, residual: Floats, block: NDArray[np.int64], prior
     return np.asarray(np.sqrt(np.maximum(np.diag(inverse @ meat @ inverse), 0.0)))
 
 
-def amplitude_interval(fitted: Fitted, observer: Observer, effect: int) -> tuple[float, float]:
-    """90 % interval of an active effect's amplitude in its own unit."""
-    place = len(fitted.vector) + fitted.active.index(effect)
-    half = NORMAL_95 * float(fitted.deviation[place]) * observer.effects[effect].typical
-    middle = float(fitted.amplitudes[effect])
-    return middle - half, middle + half
+def amplitude_of(fitted: Fitted, observer: Observer, effect: int) -> tuple[float, tuple[float, float]]:
+    """Return the size of an active effect's amplitude and its 90 % interval, in its own unit.
+
+    The length of a vector estimated with noise is too long on average: |a|^2 - sum sd^2 is not. Its interval is that of
+    the component along the vector (delta method).
+    """
+    before = fitted.active[: fitted.active.index(effect)]
+    place = len(fitted.vector) + sum(len(observer.effects[k].components) for k in before)
+    amplitude = fitted.amplitudes[observer.columns[effect]]
+    deviation = fitted.deviation[place : place + len(amplitude)] * observer.effects[effect].typical
+    if len(amplitude) == 1:
+        middle, half = float(amplitude[0]), NORMAL_95 * float(deviation[0])
+        return middle, (middle - half, middle + half)
+    # A component cannot be known worse than its prior, and one that is hardly known must not drown the others.
+    spread = np.minimum(deviation, np.abs(amplitude))
+    length = size_of(amplitude)
+    middle = float(np.sqrt(max(float((amplitude**2 - spread**2).sum()), 0.0)))
+    half = NORMAL_95 * float(np.sqrt(((amplitude / max(length, 1e-12) * deviation) ** 2).sum()))
+    return middle, (middle - half, middle + half)

@@ -6,7 +6,15 @@ growth of the squared error is the noise's own share, as seen by the whole pipel
     floor^2 = E^2(one more) - E^2(0)
 
 The noise of each point is the larger of what the take states and what sixth differences show.
-Source: J. R. Cook & L. A. Stefanski, "Simulation-extrapolation estimation ...", JASA 89 (1994).
+
+Where points lie on a grid, noise that is slow in time shows too: it is independent from point to point, while a model's
+error is smooth over the cloth. With the residual r and the mean of opposite neighbours M r,
+
+    sigma^2 = median_p  mean (r - M r)_p^2 / (1 + sum_q M_pq^2)
+
+The larger of both counts, the second at most LARGEST_RATIO times the first: wrinkles that the mesh lacks are not noise.
+Sources: J. R. Cook & L. A. Stefanski, "Simulation-extrapolation estimation ...", JASA 89 (1994); T. Gasser, L. Sroka,
+C. Jennen-Steinmetz, "Residual variance and residual pattern in nonlinear regression", Biometrika 73 (1986).
 """
 
 from __future__ import annotations
@@ -14,12 +22,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fit.effects.tracker_smoothing import opposite_neighbours
 from fit.gap.observer import Observer
 from fit.recording import Recording, noise_of
 
 Floats = NDArray[np.float64]
 
 REPLICAS = 3
+LARGEST_RATIO = 1.5  # of slow and fast noise together over fast noise alone
+FEWEST_NEIGHBOURS = 9  # points with opposite neighbours below which nothing is said
 SLOWEST_RATE = 20.0  # frames/s: below, swings themselves show in sixth differences
 
 
@@ -44,7 +55,8 @@ def noise_floor(
     observer: Observer, vector: Floats, amplitudes: Floats, rng: np.random.Generator
 ) -> tuple[float, float]:
     """Return the noise floor of the observer's error [mm] and its standard error over replicas."""
-    before = float(observer.in_mm(observer.residuals(vector[None], amplitudes[None])[0])) ** 2
+    residual = observer.residuals(vector[None], amplitudes[None])[0]
+    before = float(observer.in_mm(residual)) ** 2
     grown = []
     for _ in range(REPLICAS):
         noisy = [
@@ -60,4 +72,33 @@ def noise_floor(
         )
         grown.append(float(again.in_mm(again.residuals(vector[None], amplitudes[None])[0])) ** 2 - before)
     floors = np.sqrt(np.maximum(grown, 0.0))
-    return float(floors.mean()), float(floors.std(ddof=1) / np.sqrt(REPLICAS))
+    fast = float(floors.mean())
+    slow = neighbour_noise(observer, residual)
+    return max(fast, min(slow, LARGEST_RATIO * fast)), float(floors.std(ddof=1) / np.sqrt(REPLICAS))
+
+
+def neighbour_noise(observer: Observer, residual: Floats) -> float:
+    """Root mean square distance [mm] of noise that is independent from point to point; 0 where points are too few."""
+    layout = observer.layout
+    metres = layout.metres(residual)
+    take, frame, point, axis = (layout.moving(a) for a in (layout.take, layout.frame, layout.point, layout.axis))
+    squares = []
+    for number, recording in enumerate(observer.recordings):
+        mine = take == number
+        grid = np.full((len(recording.time), len(recording.garment.points), 3), np.nan)
+        grid[frame[mine], point[mine], axis[mine]] = metres[mine]
+        judged = np.flatnonzero(recording.judged)
+        mixing = opposite_neighbours(np.array([recording.garment.points[k].at_m for k in judged]))
+        has_neighbours = np.diag(mixing) == 0.0
+        if has_neighbours.sum() < FEWEST_NEIGHBOURS:
+            continue
+        missing = np.isnan(grid[:, judged])
+        apart = grid[:, judged] - np.einsum("pq,fqc->fpc", mixing, np.nan_to_num(grid[:, judged]))
+        broken = missing | (np.einsum("pq,fqc->fpc", (mixing > 0).astype(float), missing.astype(float)) > 0)
+        apart[broken] = np.nan
+        factor = 1 + (mixing**2).sum(1)
+        with np.errstate(invalid="ignore"):
+            counted = np.maximum((~broken).sum((0, 2)), 1)
+            per_point = np.nansum(apart**2, axis=(0, 2)) / counted / factor
+        squares.append(per_point[has_neighbours & (counted > 1)])
+    return 1e3 * float(np.sqrt(3 * np.median(np.concatenate(squares)))) if squares else 0.0

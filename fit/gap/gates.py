@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.cloth.simulator import Resolution
 from fit.gap.fitting import Fitted
+from fit.gap.numerics import REFINEMENT
 from fit.gap.observer import Observer
 from fit.recording import Recording
 from formats.results import Gate
 
 Floats = NDArray[np.float64]
 
-SHORTEST = 3.0  # s of motion: six blocks, below which no statistic holds
+SHORTEST = 2.5  # s of motion: five blocks a take, below which no statistic holds
 SMALLEST_SWING = 0.03  # m of travel of the hanger
-LARGEST_NUMERICS = 0.2  # of the gap that a finer mesh and step may remove
-REFINEMENT = 1.5  # of the mesh spacing
-CONVERGED = 0.05  # relative difference in cost between the best fits
+LARGEST_NUMERICS = 0.4  # of the gap that a finer mesh and step may remove
+SHARE_OF_EFFECT = 0.3  # of the cost that the best effect saves
+CONVERGED = 0.15  # relative difference in cost between the best fits
 FREQUENCIES = (0.0, 0.5, 1.0, 2.0, 3.0, 4.5, 6.0)  # Hz, of the observer's pull
 NUDGE = 1e-3  # relative change of a parameter that a predictable take forgets
 FORGOTTEN = 0.2  # of the sensor's noise
@@ -30,7 +30,7 @@ def data_gates(recordings: list[Recording]) -> list[Gate]:
     repeated = max(_repeated(r) for r in recordings)
     return [
         Gate(name="length", passed=shortest >= SHORTEST, figure=shortest, limit=SHORTEST, unit="s",
-             sentence=f"The shortest take lasts {shortest:.1f} s; at least {SHORTEST:.0f} s are needed."),
+             sentence=f"The shortest take lasts {shortest:.1f} s; at least {SHORTEST:g} s are needed."),
         Gate(name="motion", passed=swing >= SMALLEST_SWING, figure=1e3 * swing, limit=1e3 * SMALLEST_SWING, unit="mm",
              sentence=f"The hanger travels {1e3 * swing:.0f} mm in the calmest take."),
         Gate(name="repeated frames", passed=repeated <= 0.1, figure=100 * repeated, limit=10.0, unit="%",
@@ -48,7 +48,7 @@ def choose_frequency(observer: Observer, vector: Floats) -> tuple[float, Gate]:
 
     Two simulations that differ by a thousandth in every stiffness must stay within a fifth of the noise of each other.
     """
-    none = np.zeros((2, len(observer.effects)))
+    none = np.stack([observer.off, observer.off])
     nudged = np.stack([vector, vector * (1 + NUDGE)])
     noise = float(np.sqrt(3 * np.mean(observer.layout.sd**2))) * 1e3
     apart = np.inf
@@ -66,24 +66,29 @@ def choose_frequency(observer: Observer, vector: Floats) -> tuple[float, Gate]:
     )
 
 
-def convergence_gate(fits: list[Fitted]) -> Gate:
-    """Do independent starts of the base fit end at the same cost?"""
+def convergence_gate(fits: list[Fitted], best_effect: float) -> Gate:
+    """Do independent starts of the base fit end at the same cost, or at least much nearer than an effect brings them?
+
+    best_effect: cost of the best refit with an effect.
+    """
     costs = np.sort([f.cost for f in fits])
     spread = float(costs[1] / costs[0] - 1) if len(costs) > 1 else 0.0
+    limit = max(CONVERGED, SHARE_OF_EFFECT * (1 - best_effect / float(costs[0])))
     return Gate(
-        name="base fit", passed=spread <= CONVERGED, figure=100 * spread, limit=100 * CONVERGED, unit="%",
+        name="base fit", passed=spread <= limit, figure=100 * spread, limit=100 * limit, unit="%",
         sentence=f"The best two of {len(fits)} starts of the base fit end {100 * spread:.1f} % apart in cost.",
     )  # fmt: skip
 
 
-def numerics_gate(closed: float | None) -> Gate:
+def numerics_gate(closed: float | None, numerics_mm: float) -> Gate:
     """Does a finer mesh and step explain the gap? It is judged like an effect: by its closure on the same motion."""
     share = max(closed or 0.0, 0.0)
     sentence = (
-        f"A mesh {REFINEMENT:g} times finer with its smaller step, refitted, removes {100 * share:.0f} % of the gap."
+        f"A mesh {REFINEMENT:g} times finer with its smaller step, refitted, removes {100 * share:.0f} % of the gap; "
+        f"the mesh moves the points by about {numerics_mm:.1f} mm."
     )
     if closed is None:
-        sentence = "There is hardly a gap that a finer mesh could explain."
+        sentence = f"There is hardly a gap; the mesh moves the points by about {numerics_mm:.1f} mm."
     return Gate(
         name="mesh and step",
         passed=share <= LARGEST_NUMERICS,
@@ -92,8 +97,3 @@ def numerics_gate(closed: float | None) -> Gate:
         unit="%",
         sentence=sentence,
     )
-
-
-def finer(resolution: Resolution) -> Resolution:
-    """Return the resolution that the mesh gate compares with."""
-    return Resolution(spacing=resolution.spacing / REFINEMENT, step_share=resolution.step_share)

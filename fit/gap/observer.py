@@ -3,9 +3,13 @@
     pull = w^2 (y - x) + 2 zeta w (ydot - v),   w = 2 pi f, zeta = 1        [m/s^2]
 
 With a perfect model and no noise the pull is zero; what it needs is the missing force. f = 0 is a free rollout.
-Residuals are y - x at the frames, divided by each point's standard deviation. A constant offset of each point (a
-silhouette tracker's corners sit a little inside the true ones) is a nuisance of the measurement and is taken out:
-the mean over the take is removed from data and signatures alike.
+Residuals are y - x at the frames, of the points that are not on the held edge, in two parts: what varies about each
+point's mean over a take, divided by the noise, and the mean itself, divided by how well it is known:
+
+    dynamic  (r - mean r) / sigma          static  mean r / sqrt(OFFSET_SD^2 + sigma^2 / n)
+
+Points of a silhouette sit a few millimetres beside the material points that they stand for, constantly: for garments
+whose points are found in a silhouette (skirts, T-shirts) the static part says nothing of the cloth and is left out.
 Source: D. G. Luenberger, "An introduction to observers", IEEE TAC 16 (1971); synchronisation of chaotic models,
 H. D. I. Abarbanel et al., "Dynamical state and parameter estimation", SIAM J. Appl. Dyn. Syst. 8 (2009).
 """
@@ -18,19 +22,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.cloth.simulator import Resolution, Simulator
-from fit.effects.base import Effect
+from fit.effects.base import Effect, columns_of
 from fit.parameterisations import Parameterisation
 from fit.recording import Recording
 
 Floats = NDArray[np.float64]
 
+OFFSET_SD = 1e-3  # m, prior of a marker's constant offset: glue, and where its middle is taken to be
 BLOCK = 0.5  # s: residuals further apart than half a swing count as independent
 LOST = 1e3  # standard deviations that a candidate is charged per number when it blew up
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where each number of a stacked residual vector comes from; all arrays (numbers,)."""
+    """Where each number of a stacked residual vector comes from; all arrays (numbers,).
+
+    sd [m] turns a number back into metres; is_static marks means over a take, whose frame is -1;
+    static_of: for a dynamic number the place of its point's static one, or -1.
+    """
 
     take: NDArray[np.int64]
     block: NDArray[np.int64]
@@ -38,6 +47,19 @@ class Layout:
     point: NDArray[np.int64]
     axis: NDArray[np.int64]
     sd: Floats
+    is_static: NDArray[np.bool_]
+    static_of: NDArray[np.int64]
+
+    def metres(self, residuals: Floats) -> Floats:
+        """Return y - x [m] of every dynamic number, (..., dynamic), from whitened residuals, (..., numbers)."""
+        whole = residuals * self.sd
+        moving = whole[..., ~self.is_static]
+        at = self.static_of[~self.is_static]
+        return np.asarray(np.where(at >= 0, moving + whole[..., at], moving))
+
+    def moving(self, values: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the entries of one of the arrays above that belong to dynamic numbers."""
+        return values[~self.is_static]
 
 
 class Observer:
@@ -59,6 +81,7 @@ class Observer:
         self.densities = [
             r.garment.mass_kg / float(s.mesh.area.sum()) for r, s in zip(recordings, self._simulators, strict=True)
         ]
+        self.columns = columns_of(effects)
         self.layout = _layout(recordings)
         self.mesh = self._simulators[0].mesh
 
@@ -74,6 +97,12 @@ class Observer:
         other.frequency = frequency
         return other
 
+    def at_resolution(self, resolution: Resolution) -> Observer:
+        """Return an observer of the same recordings and pull on another mesh."""
+        return Observer(
+            self.recordings, self.parameterisation, self.effects, frequency=self.frequency, resolution=resolution
+        )
+
     def trajectories(self, vectors: Floats, amplitudes: Floats, *, frequency: float | None = None) -> list[Floats]:
         """Simulated points per recording, each (candidates, frames, points, 3) [m]."""
         hertz = self.frequency if frequency is None else frequency
@@ -82,20 +111,36 @@ class Observer:
             for s, rho in zip(self._simulators, self.densities, strict=True)
         ]
 
+    @property
+    def off(self) -> Floats:
+        """Amplitudes of no effect, (components,)."""
+        return np.zeros(self.columns[-1].stop if self.columns else 0)
+
     def residuals(self, vectors: Floats, amplitudes: Floats) -> Floats:
         """Whitened residuals, (candidates, numbers), in the order of `layout`."""
-        parts = []
+        moving, static = [], []
         for recording, simulated in zip(self.recordings, self.trajectories(vectors, amplitudes), strict=True):
-            apart = recording.points - simulated
-            apart = apart - np.nanmean(apart, axis=1, keepdims=True) if np.isfinite(apart).any() else apart
-            scaled = apart / _deviations(recording)[:, None]
-            parts.append(scaled[:, recording.valid].reshape(len(vectors), -1))
-        whole = np.concatenate(parts, axis=1)
+            seen = recording.valid & recording.judged
+            apart = np.where(seen[..., None], recording.points - simulated, 0.0)
+            count = np.maximum(seen.sum(0), 1)[:, None]
+            mean = apart.sum(1) / count
+            scaled = (apart - mean[:, None]) / _deviations(recording)[:, None]
+            moving.append(scaled[:, seen].reshape(len(vectors), -1))
+            if has_static(recording):
+                chosen = recording.judged & seen.any(0)
+                known = mean / np.sqrt(OFFSET_SD**2 + _deviations(recording)[:, None] ** 2 / count)
+                static.append(known[:, chosen].reshape(len(vectors), -1))
+        whole = np.concatenate([*moving, *static], axis=1)
         return np.where(np.isfinite(whole), np.clip(whole, -LOST, LOST), LOST)
 
     def in_mm(self, residuals: Floats) -> Floats:
         """Root mean square distance of a point [mm] from whitened residuals, (..., numbers) -> (...,)."""
-        return np.asarray(1e3 * np.sqrt(3 * ((residuals * self.layout.sd) ** 2).mean(-1)))
+        return np.asarray(1e3 * np.sqrt(3 * (self.layout.metres(residuals) ** 2).mean(-1)))
+
+
+def has_static(recording: Recording) -> bool:
+    """Whether the points are material points, whose constant offset from the simulation is an error of the model."""
+    return recording.garment.kind == "swatch"
 
 
 def _deviations(recording: Recording) -> Floats:
@@ -105,16 +150,47 @@ def _deviations(recording: Recording) -> Floats:
 
 def _layout(recordings: list[Recording]) -> Layout:
     columns: list[list[NDArray[np.int64]]] = [[], [], [], [], []]
-    deviations = []
-    first_block = 0
+    still: list[list[NDArray[np.int64]]] = [[], [], [], [], []]
+    deviations, still_deviations, static_of = [], [], []
+    first_block, first_static = 0, 0
     for number, recording in enumerate(recordings):
-        frame, point = np.nonzero(recording.valid)
+        seen = recording.valid & recording.judged
+        frame, point = np.nonzero(seen)
         frame, point = np.repeat(frame, 3), np.repeat(point, 3)
         block = (recording.time[frame] / BLOCK).astype(np.int64) + first_block
-        first_block = int(block.max()) + 1
+        first_block = int(block.max(initial=first_block)) + 1
         axis = np.tile(np.arange(3), len(frame) // 3)
         for column, values in zip(columns, (np.full(len(frame), number), block, frame, point, axis), strict=True):
             column.append(values)
         deviations.append(_deviations(recording)[point])
-    take, block, frame, point, axis = (np.concatenate(c) for c in columns)
-    return Layout(take, block, frame, point, axis, np.concatenate(deviations))
+        chosen = np.flatnonzero(recording.judged & seen.any(0)) if has_static(recording) else np.zeros(0, np.int64)
+        place = np.full(seen.shape[1], -1)
+        place[chosen] = first_static + 3 * np.arange(len(chosen))
+        static_of.append(np.where(place[point] >= 0, place[point] + axis, -1))
+        first_static += 3 * len(chosen)
+        third = _thirds(recording)[np.repeat(chosen, 3)]
+        ones = np.ones(3 * len(chosen), np.int64)
+        rows = (number * ones, third + 3 * number, -ones, np.repeat(chosen, 3), np.tile(np.arange(3), len(chosen)))
+        for column, one in zip(still, rows, strict=True):
+            column.append(one)
+        count = np.maximum(seen.sum(0), 1)
+        still_deviations.append(np.repeat(np.sqrt(OFFSET_SD**2 + _deviations(recording) ** 2 / count)[chosen], 3))
+    moving = [np.concatenate(c) for c in columns]
+    static = [np.concatenate(c) for c in still]
+    static[1] = static[1] + first_block
+    count = len(moving[0])
+    at = np.concatenate(static_of)
+    take, block, frame, point, axis = (np.concatenate(pair) for pair in zip(moving, static, strict=True))
+    return Layout(
+        take, block, frame, point, axis,
+        sd=np.concatenate([*deviations, *still_deviations]),
+        is_static=np.arange(len(take)) >= count,
+        static_of=np.concatenate([np.where(at >= 0, at + count, -1), np.full(len(static[0]), -1)]),
+    )  # fmt: skip
+
+
+def _thirds(recording: Recording) -> NDArray[np.int64]:
+    """Top, middle or bottom third of the garment, (points,)."""
+    height = np.array([p.at_m[1] for p in recording.garment.points])
+    down = 3 * (height.max() - height) / max(float(np.ptp(height)), 1e-9)
+    return np.asarray(np.clip(down, 0, 2), np.int64)

@@ -1,17 +1,18 @@
 """Line A: which effect's signature does the residual of the base fit carry?
 
-With the residual r of the base fit, its Jacobian J and an effect's signature s (change of the residual per unit of
-amplitude, taken at the typical size), base parameters are projected out of both:
+With the residual r of a fit, its Jacobian J and an effect's signatures S (change of the residual per unit of amplitude,
+one column per component, taken at the typical size), what the fitted parameters can imitate is projected out of both:
 
-    P = I - J (J'J + Lambda)^-1 J',   sp = P s,   rp = P r
-    alpha = -(sp'rp)/(sp'sp),   explained = (sp'rp)^2 / (sp'sp rp'rp),   absorbed = 1 - |sp|^2 / |s|^2
-    T = g / sqrt(sum_b g_b^2),  g_b = sp_b' rp_b over blocks b of half a second
+    P = I - J (J'J + Lambda)^-1 J',   Sp = P S,   rp = P r
+    alpha = -(Sp'Sp)^-1 Sp'rp,   explained = |Sp alpha|^2 / |rp|^2,   absorbed = 1 - |Sp|^2 / |S|^2
+    T = g' (sum_b g_b g_b')^-1 g,   g = sum_b g_b,  g_b = Sp_b' rp_b over blocks b of half a second
 
-T is judged against its own wild bootstrap (the signs of the blocks' scores drawn at random), and the largest |T| of all
-effects against the largest of the bootstrap, which controls the family-wise error under any correlation.
-The smallest amplitude that would be found with power 0.8 at level 0.05: (1.645 + 0.842) sd(alpha).
+T is judged against its own wild bootstrap (the signs of the blocks' scores drawn at random), and the smallest p of all
+effects against the smallest of each draw, which controls the family-wise error under any correlation.
+The smallest amplitude that would be found with power 0.8 at level 0.05 is (1.645 + 0.842) sd(alpha), with block scores
+of what the best hypothesis leaves: a gap that is explained is no noise.
 Sources: C. R. Rao, Proc. Camb. Phil. Soc. 44 (1948) (score test); P. H. Westfall & S. S. Young, "Resampling-based
-multiple testing" (1993), section 2.4 (max-T); A. Mendler, M. Doehler, C. E. Ventura, MSSP 154 (2021) (minimum
+multiple testing" (1993), section 2.4 (min-p); A. Mendler, M. Doehler, C. E. Ventura, MSSP 154 (2021) (minimum
 detectable change).
 """
 
@@ -30,69 +31,139 @@ Floats = NDArray[np.float64]
 REPLICAS = 2000
 DETECTION = 1.645 + 0.842  # one-sided 5 % and power 80 %
 GROUP_COSINE = 0.9  # signatures closer than this cannot be told apart
+SECANT = 1.0  # typical sizes at which signatures are taken
 
 
 @dataclass(frozen=True)
 class Screened:
-    """What the score test says of each effect; all arrays (effects,)."""
+    """What the score test says of each screened effect.
 
-    amplitude: Floats
+    effects: their indices in the library; amplitude: per effect its vector, (components,)
+    explained, absorbed, p_value (own), family_p_value: (screened,)
+    projected: per effect its projected signatures in typical sizes, (components, numbers); typical, (screened,)
+    cosines, (screened, screened): of what each effect alone would explain of the residual
+    raw: per effect its signatures in typical sizes, (components, numbers), columns of a joint Jacobian
+    predicted: cost that a linear refit would save, (screened,)
+    """
+
+    effects: tuple[int, ...]
+    amplitude: list[Floats]
     explained: Floats
     absorbed: Floats
-    score: Floats
     p_value: Floats
-    minimum_detectable: Floats
+    family_p_value: Floats
     cosines: Floats
+    predicted: Floats
+    raw: list[Floats]
+    projected: list[Floats]
+    typical: Floats
+
+    def minimum_detectable(self, left: Floats, block: NDArray[np.int64]) -> Floats:
+        """Smallest amplitude of each effect that would have shown, (screened,), where `left` is what a model leaves."""
+        found = np.zeros(len(self.effects))
+        for n, rows in enumerate(self.projected):
+            gain = np.zeros((int(block.max()) + 1, len(rows)))
+            np.add.at(gain, block, (rows * left).T)
+            inverse = np.linalg.pinv(rows @ rows.T, hermitian=True)
+            spread = inverse @ (gain.T @ gain) @ inverse
+            found[n] = DETECTION * self.typical[n] * float(np.sqrt(max(np.linalg.eigvalsh(spread)[-1], 0.0)))
+        return found
 
 
-def screen(observer: Observer, base: Fitted, rng: np.random.Generator) -> Screened:
-    """Screen every effect of the observer against the base fit."""
-    effects = observer.effects
-    count = len(effects)
-    amplitudes = np.diag([e.typical for e in effects])
-    both = np.concatenate([amplitudes, -amplitudes]) if any(not e.is_one_sided for e in effects) else amplitudes
-    for k, effect in enumerate(effects):
-        if effect.is_one_sided and len(both) > count:
-            both[count + k] = 0.0
-    moved = observer.residuals(np.tile(base.vector, (len(both), 1)), both)
-    signatures = np.empty((count, len(base.residual)))
-    for k, effect in enumerate(effects):
-        if effect.is_one_sided:
-            signatures[k] = (moved[k] - base.residual) / effect.typical
-        else:
-            signatures[k] = (moved[k] - moved[count + k]) / (2 * effect.typical)
-    jacobian = base.jacobian[:, : len(base.vector)]
-    precision = np.diag(Problem(observer).prior_sd ** -2)
+def signatures_of(observer: Observer, fitted: Fitted, chosen: tuple[int, ...]) -> list[Floats]:
+    """Change of the residual per unit of each component of the chosen effects, each (components, numbers)."""
+    rows = []
+    for k in chosen:
+        effect, columns = observer.effects[k], observer.columns[k]
+        for column in range(columns.start, columns.stop):
+            for sign in (1.0,) if effect.is_one_sided else (1.0, -1.0):
+                row = fitted.amplitudes.copy()
+                row[column] = np.clip(row[column] + sign * SECANT * effect.typical, effect.low, effect.high)
+                rows.append(row)
+    moved = observer.residuals(np.tile(fitted.vector, (len(rows), 1)), np.array(rows))
+    found, at = [], 0
+    for k in chosen:
+        effect, columns = observer.effects[k], observer.columns[k]
+        parts = []
+        for column in range(columns.start, columns.stop):
+            if effect.is_one_sided:
+                parts.append((moved[at] - fitted.residual) / (rows[at][column] - fitted.amplitudes[column]))
+                at += 1
+            else:
+                parts.append((moved[at] - moved[at + 1]) / (rows[at][column] - rows[at + 1][column]))
+                at += 2
+        found.append(np.array(parts))
+    return found
+
+
+def screen(observer: Observer, fitted: Fitted, chosen: tuple[int, ...], rng: np.random.Generator) -> Screened:
+    """Screen the chosen effects of the library against a fit, whose own effects are projected out like parameters."""
+    signatures = signatures_of(observer, fitted, chosen)
+    jacobian = fitted.jacobian
+    precision = np.diag(Problem(observer, fitted.active).prior_sd ** -2)
     hat = np.linalg.solve(jacobian.T @ jacobian + precision, jacobian.T)
 
     def project(rows: Floats) -> Floats:
         return np.asarray(rows - (rows @ jacobian) @ hat)
 
-    squares = (signatures**2).sum(1)
-    projected, rest = project(signatures), project(base.residual[None])[0]
-    left = np.maximum((projected**2).sum(1), 1e-12)
-    pull = projected * rest
-    blocks = np.zeros((count, int(observer.layout.block.max()) + 1))
-    np.add.at(blocks.T, observer.layout.block, pull.T)
-    gain = blocks.sum(1)
-    spread = np.sqrt(np.maximum((blocks**2).sum(1), 1e-30))
-    score = -gain / spread
-    signs = rng.choice([-1.0, 1.0], size=(REPLICAS, blocks.shape[1]))
-    drawn = -(signs @ blocks.T) / spread
-    one_sided = np.array([e.is_one_sided for e in effects])
-    judged = np.where(one_sided, score, np.abs(score))
-    largest = np.where(one_sided, drawn, np.abs(drawn)).max(1)
-    p_value = (1 + (largest[:, None] >= judged).sum(0)) / (1 + REPLICAS)
-    unit = projected / np.sqrt(left)[:, None]
+    rest = project(fitted.residual[None])[0]
+    blocks = observer.layout.block
+    signs = rng.choice([-1.0, 1.0], size=(REPLICAS, int(blocks.max()) + 1))
+    amplitude, statistic, drawn, contributions, raw = [], [], [], [], []
+    explained, absorbed, predicted = (np.zeros(len(chosen)) for _ in range(3))
+    kept = []
+    for n, (k, rows) in enumerate(zip(chosen, signatures, strict=True)):
+        typical = observer.effects[k].typical
+        scaled = rows * typical
+        seen = project(scaled)
+        ridge = 1e-9 * max(float((scaled**2).sum()), 1e-12) * np.eye(len(rows))
+        hessian = seen @ seen.T + ridge
+        gain = np.zeros((signs.shape[1], len(rows)))
+        np.add.at(gain, blocks, (seen * rest).T)
+        total = gain.sum(0)
+        alpha = -np.linalg.solve(hessian, total)
+        if observer.effects[k].is_one_sided:
+            alpha = np.maximum(alpha, 0.0)
+        amplitude.append(alpha * typical)
+        predicted[n] = max(float(-2 * total @ alpha - alpha @ hessian @ alpha), 0.0)
+        explained[n] = predicted[n] / max(float(rest @ rest), 1e-12)
+        absorbed[n] = 1 - float((seen**2).sum()) / max(float((scaled**2).sum()), 1e-12)
+        meat = gain.T @ gain + 1e-12 * max(float(np.trace(gain.T @ gain)), 1e-30) * np.eye(len(rows))
+        one_sided = observer.effects[k].is_one_sided
+        statistic.append(_statistic(total[None], meat, one_sided)[0])
+        drawn.append(_statistic(signs @ gain, meat, one_sided))
+        kept.append(seen)
+        contributions.append(alpha @ seen)
+        raw.append(scaled)
+    p_value, family = _p_values(np.array(statistic), np.array(drawn))
     return Screened(
-        amplitude=-gain / left,
-        explained=gain**2 / (left * max(float(rest @ rest), 1e-12)),
-        absorbed=1 - left / np.maximum(squares, 1e-12),
-        score=score,
-        p_value=p_value,
-        minimum_detectable=DETECTION * spread / left,
-        cosines=unit @ unit.T,
-    )
+        effects=chosen, amplitude=amplitude, explained=explained, absorbed=absorbed, p_value=p_value,
+        family_p_value=family, cosines=_cosines(np.array(contributions)), predicted=predicted, raw=raw, projected=kept,
+        typical=np.array([observer.effects[k].typical for k in chosen]),
+    )  # fmt: skip
+
+
+def _statistic(total: Floats, meat: Floats, is_one_sided: bool) -> Floats:
+    """T of block scores summed with signs, (draws, components) -> (draws,); a one-sided one counts only if it fits."""
+    value = np.einsum("dc,cd->d", total, np.linalg.solve(meat, total.T))
+    return np.where(total[:, 0] < 0, value, -value) if is_one_sided else np.asarray(value)
+
+
+def _p_values(statistic: Floats, drawn: Floats) -> tuple[Floats, Floats]:
+    """Own and family-wise p-values from statistics, (effects,), and draws, (effects, replicas)."""
+    replicas = drawn.shape[1]
+    own = (1 + (drawn >= statistic[:, None]).sum(1)) / (1 + replicas)
+    # p-value of every draw among all draws of its own effect
+    order = np.argsort(np.argsort(-drawn, axis=1), axis=1)
+    smallest = ((1 + order) / replicas).min(0)
+    family = (1 + (smallest[None] <= own[:, None]).sum(1)) / (1 + replicas)
+    return own, family
+
+
+def _cosines(rows: Floats) -> Floats:
+    """Cosines between rows, (effects, effects); zero rows are alike to none."""
+    unit = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-12)
+    return np.asarray(unit @ unit.T)
 
 
 def groups(cosines: Floats) -> list[int]:

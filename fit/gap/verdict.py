@@ -4,14 +4,109 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from fit.effects.base import Effect
-from formats.results import EffectFinding, Gap, Gate
+from fit.gap.closure import closure, error_interval
+from fit.gap.fitting import amplitude_of
+from fit.gap.hypotheses import Hypothesis
+from fit.gap.observer import Observer
+from fit.gap.screening import GROUP_COSINE, Screened
+from formats.results import Figure, Gate
+
+Floats = NDArray[np.float64]
 
 LEVEL = 0.05  # family-wise
 SMALLEST_CLOSURE = 0.25  # an effect that removes less of the gap is not its cause
+MOST_LEFT = 0.6  # of the gap that a cause may leave unexplained, beyond noise and mesh
 CLEAR_WIN = 0.8  # share of bootstrap draws in which the winner beats every other effect
+NEAR, NEAR_TWIN = 0.8, 0.9  # of the winner's closure from which an effect, or one of the same shape, is a rival
+AT_BOUND = 0.01  # of an effect's range: an amplitude nearer to its end was stopped by it
+RIVAL = 0.1  # share of bootstrap draws that makes an effect a rival
 SIGNIFICANT_GAP = 1.2  # base error over floor, squared: below, there is nothing to explain
-GATE_VERDICTS = {"mesh and step": "numerics"}  # every other failed gate means `inconclusive`
+MESH_SHARE = 0.5  # of the mesh's squared error that an effect must remove at least
+SECOND_GAIN = 0.15  # of the gap that a further effect must close
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a verdict is decided on: hypotheses with their held-out errors, noise floor [mm], mesh error [mm], gates."""
+
+    observer: Observer
+    screened: Screened
+    base: Hypothesis
+    singles: dict[int, Hypothesis]
+    joint: list[tuple[Hypothesis, float]]
+    floor_mm: float
+    numerics_mm: float
+    picks: NDArray[np.int64]
+    gates: list[Gate]
+    is_held_out: bool
+
+    def closure_of(self, hypothesis: Hypothesis) -> Figure | None:
+        """Share of the gap that a hypothesis closes; None where there is hardly a gap."""
+        found = closure(self.base.errors, hypothesis.errors, self.floor_mm, self.picks)
+        return Figure(value=found[0], interval=found[1]) if found else None
+
+    def error_of(self, hypothesis: Hypothesis) -> Figure:
+        """Root mean square held-out error of a hypothesis [mm]."""
+        return Figure(
+            value=float(np.sqrt(hypothesis.errors.squared_mm)), interval=error_interval(hypothesis.errors, self.picks)
+        )
+
+    def p_value(self, effect: int) -> float:
+        """Family-wise p-value of an effect of the library."""
+        return float(self.screened.family_p_value[self.screened.effects.index(effect)])
+
+    def amplitude(self, effect: int) -> tuple[float, tuple[float, float]]:
+        """Size of a refitted effect and its 90 % interval."""
+        return amplitude_of(self.singles[effect].fitted, self.observer, effect)
+
+    def alike(self, one: int, other: int) -> bool:
+        """Whether two effects explain the same part of the residual, so that a mesh's small error can swap them."""
+        places = [self.screened.effects.index(k) for k in (one, other)]
+        return bool(abs(self.screened.cosines[places[0], places[1]]) > GROUP_COSINE)
+
+    def is_at_bound(self, hypothesis: Hypothesis) -> bool:
+        """Whether the effect that a hypothesis adds last was stopped by the end of its physical range."""
+        last = hypothesis.effects[-1]
+        effect, amplitude = self.observer.effects[last], hypothesis.fitted.amplitudes[self.observer.columns[last]]
+        reach = AT_BOUND * (effect.high - effect.low)
+        below = amplitude < effect.low + reach if effect.low < 0 else np.zeros(len(amplitude), bool)
+        return bool((below | (amplitude > effect.high - reach)).any())
+
+    def probabilities(self) -> dict[int, float]:
+        """Share of bootstrap draws in which each refitted effect leaves the least error and is worth naming.
+
+        Worth naming: the base error of the draw is clearly above the noise, and the effect closes a quarter of it.
+        """
+        base = self.base.errors.draw(self.picks)
+        drawn = {k: h.errors.draw(self.picks) for k, h in self.singles.items()}
+        least = np.min(np.stack(list(drawn.values())), axis=0)
+        has_gap = base > SIGNIFICANT_GAP * self.floor_mm**2
+        return {
+            k: float(np.mean((d <= least) & has_gap & (base - d >= SMALLEST_CLOSURE * (base - self.floor_mm**2))))
+            for k, d in drawn.items()
+        }
+
+    def win_shares(self) -> dict[int, float]:
+        """Share of bootstrap draws of the held-out blocks in which each refitted effect leaves the smallest error."""
+        drawn = np.stack([h.errors.draw(self.picks) for h in self.singles.values()])
+        winners = np.argmin(drawn, axis=0)
+        return {k: float(np.mean(winners == n)) for n, k in enumerate(self.singles)}
+
+    def exceeds(self, known: float) -> bool:
+        """Whether the base model's squared error is clearly above a known one [mm^2]."""
+        error = self.error_of(self.base)
+        assert error.interval is not None
+        return bool(error.value**2 > SIGNIFICANT_GAP * known and error.interval[0] ** 2 > known)
+
+    def explains_enough(self, hypothesis: Hypothesis) -> bool:
+        """Whether what a hypothesis leaves, beyond noise and mesh, is small against the gap."""
+        gap = self.base.errors.squared_mm - self.floor_mm**2
+        left = hypothesis.errors.squared_mm - self.floor_mm**2 - self.numerics_mm**2
+        return left <= MOST_LEFT * gap
 
 
 @dataclass(frozen=True)
@@ -23,63 +118,137 @@ class Verdict:
     sentence: str
 
 
-def decide(
-    gap: Gap, findings: list[EffectFinding], win_share: dict[str, float], gates: list[Gate], effects: tuple[Effect, ...]
-) -> Verdict:
-    """Apply the rules in their order: gates, is there a gap, does one effect explain it."""
-    failed = [g for g in gates if not g.passed]
-    on = "on motion not used for fitting" if gap.is_held_out else "on the motion it was fitted to (no held-out take)"
-    numbers = (
-        f"The base model misses by {gap.base_mm.value:.1f} mm {on}; "
-        f"the sensor's noise alone is {gap.floor_mm.value:.1f} mm."
-    )
-    blocking = [g for g in failed if GATE_VERDICTS.get(g.name) != "numerics"]
+def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
+    """Apply the rules in their order: gates, is there a gap, does an effect explain it, does it explain enough."""
+    failed = [g for g in evidence.gates if not g.passed]
+    numbers = _numbers(evidence)
+    blocking = [g for g in failed if g.name not in {"mesh and step", "base fit"}]
     if blocking:
         return Verdict("inconclusive", [], f"No diagnosis: {blocking[0].sentence} {numbers}")
-    significant = gap.base_mm.value**2 > SIGNIFICANT_GAP * gap.floor_mm.value**2 and (
-        gap.base_mm.interval is None or gap.base_mm.interval[0] > gap.floor_mm.value
-    )
-    if not significant:
-        return Verdict("none", [], f"No gap: the base model explains the motion down to the noise. {numbers}")
-    titles = {e.name: e.title for e in effects}
-    passing = [
-        f
-        for f in findings
-        if f.p_value is not None
-        and f.p_value < LEVEL
-        and f.closure is not None
-        and f.closure.value >= SMALLEST_CLOSURE
-        and f.closure.interval is not None
-        and f.closure.interval[0] > 0
-        and f.amplitude_interval is not None
-        and f.amplitude_interval[0] * f.amplitude_interval[1] > 0
-    ]
-    passing.sort(key=lambda f: -(f.closure.value if f.closure else 0.0))
-    if failed:
-        return Verdict("numerics", [], f"Refine first: {failed[0].sentence} {numbers}")
+    noise, mesh = evidence.floor_mm**2, evidence.numerics_mm**2
+    passing = passing_effects(evidence) if evidence.exceeds(noise) else []
+    if not evidence.exceeds(noise) or (not passing and not evidence.exceeds(noise + mesh)):
+        return Verdict("none", [], f"No gap: the base model explains the motion down to noise and mesh. {numbers}")
+    if any(g.name == "base fit" for g in failed):
+        return Verdict("inconclusive", [], f"No diagnosis: {failed[0].sentence} {numbers}")
+    coarse = next((g for g in failed if g.name == "mesh and step"), None)
+    closures = [c.value for k in passing if (c := evidence.closure_of(evidence.singles[k])) is not None]
+    # A finer mesh is a rival like any other: it counts where no effect closes more of the gap than it does.
+    if coarse is not None and 100 * max(closures, default=0.0) <= (coarse.figure or 0.0):
+        return Verdict("numerics", [], f"Refine first: {coarse.sentence} {numbers}")
     if not passing:
         return Verdict("unknown", [], f"There is a gap that no effect in the library explains. {numbers}")
+    several = _several(evidence)
+    if several is not None and several.effects[0] in passing:
+        return _name_several(evidence, several, effects)
     best = passing[0]
-    rivals = [f for f in passing[1:] if win_share.get(best.id, 0.0) < CLEAR_WIN or f.group == best.group]
+    closed = evidence.closure_of(evidence.singles[best])
+    assert closed is not None
+    if not evidence.explains_enough(evidence.singles[best]):
+        return Verdict(
+            "unknown",
+            [],
+            f"There is a gap that no effect in the library explains: {effects[best].title} comes nearest and closes "
+            f"only {100 * closed.value:.0f} % of it. {numbers}",
+        )
+    shares = evidence.win_shares()
+    rivals = [
+        k
+        for k in passing[1:]
+        if (shares[best] < CLEAR_WIN and shares[k] >= RIVAL and _near(evidence, best, k, NEAR))
+        or (evidence.alike(best, k) and _near(evidence, best, k, NEAR_TWIN))
+    ]
     if rivals:
-        names = [best.id, *(f.id for f in rivals)]
-        either = " or ".join(titles[n] for n in names)
-        return Verdict("ambiguous", names, f"{either.capitalize()}: this data cannot tell them apart. {numbers}")
-    assert best.closure is not None
-    low, high = best.closure.interval or (best.closure.value, best.closure.value)
-    after = gap.with_effect_mm.value if gap.with_effect_mm else float("nan")
+        names = [effects[k].name for k in (best, *rivals)]
+        either = " or ".join(effects[k].title for k in (best, *rivals))
+        return Verdict(
+            "ambiguous", names, f"{either[0].upper()}{either[1:]}: this data cannot tell them apart. {numbers}"
+        )
+    low, high = closed.interval or (closed.value, closed.value)
+    title = effects[best].title
     return Verdict(
         "effect",
-        [best.id],
-        f"The model lacks {titles[best.id]}. {numbers} "
-        f"With {titles[best.id]} ({_with_unit(best)}) it misses by {after:.1f} mm: "
-        f"{100 * best.closure.value:.0f} % of the gap is closed [{100 * low:.0f} to {100 * high:.0f} %].",
+        [effects[best].name],
+        f"The model lacks {title}. {numbers} With {title} ({_with_unit(evidence, best, effects)}) it misses by "
+        f"{evidence.error_of(evidence.singles[best]).value:.1f} mm: {100 * closed.value:.0f} % of the gap is closed "
+        f"[{100 * low:.0f} to {100 * high:.0f} %].",
     )
 
 
-def _with_unit(finding: EffectFinding) -> str:
-    unit = "" if finding.unit == "1" else f" {finding.unit}"
-    if finding.amplitude_interval is None:
-        return f"{finding.amplitude:.3g}{unit}"
-    low, high = finding.amplitude_interval
-    return f"{finding.amplitude:.3g}{unit} [{low:.3g} to {high:.3g}]"
+def passing_effects(evidence: Evidence) -> list[int]:
+    """Return the effects that pass every test on their own, the one that closes most first."""
+    passing = []
+    for k, hypothesis in evidence.singles.items():
+        closed = evidence.closure_of(hypothesis)
+        if closed is None or closed.interval is None or evidence.is_at_bound(hypothesis):
+            continue
+        _, (low, high) = evidence.amplitude(k)
+        # The score test is blind to effects that act in few half-seconds; held-out motion is not.
+        gain = evidence.base.errors.squared_mm - hypothesis.errors.squared_mm
+        is_certain = evidence.p_value(k) < LEVEL or closed.interval[0] >= SMALLEST_CLOSURE
+        is_resolved = gain > MESH_SHARE * evidence.numerics_mm**2
+        if (
+            is_certain
+            and is_resolved
+            and closed.value >= SMALLEST_CLOSURE
+            and closed.interval[0] > 0
+            and low * high > 0
+        ):
+            passing.append((closed.value, k))
+    return [k for _, k in sorted(passing, reverse=True)]
+
+
+def _near(evidence: Evidence, best: int, other: int, share: float) -> bool:
+    """Whether another effect closes at least a share of what the best one closes."""
+    first, second = evidence.closure_of(evidence.singles[best]), evidence.closure_of(evidence.singles[other])
+    return first is not None and second is not None and second.value > share * first.value
+
+
+def _several(evidence: Evidence) -> Hypothesis | None:
+    """Return the largest joint hypothesis in which every added effect was needed."""
+    accepted: Hypothesis | None = None
+    before = min(evidence.singles.values(), key=lambda h: h.errors.squared_mm)
+    gap = evidence.base.errors.squared_mm - evidence.floor_mm**2
+    for hypothesis, p_value in evidence.joint:
+        gain = (before.errors.draw(evidence.picks) - hypothesis.errors.draw(evidence.picks)) / gap
+        is_real = p_value < LEVEL and not evidence.is_at_bound(hypothesis)
+        if not is_real or gain.mean() < SECOND_GAIN or np.quantile(gain, 0.05) <= 0:
+            break
+        accepted = before = hypothesis
+    return accepted
+
+
+def _name_several(evidence: Evidence, several: Hypothesis, effects: tuple[Effect, ...]) -> Verdict:
+    closed = evidence.closure_of(several)
+    assert closed is not None
+    titles = " and ".join(effects[k].title for k in several.effects)
+    if not evidence.explains_enough(several):
+        return Verdict(
+            "unknown",
+            [],
+            f"There is a gap that no effect in the library explains: {titles} together close only "
+            f"{100 * closed.value:.0f} % of it. {_numbers(evidence)}",
+        )
+    return Verdict(
+        "several",
+        [effects[k].name for k in several.effects],
+        f"The model lacks {titles}. {_numbers(evidence)} With them it misses by "
+        f"{evidence.error_of(several).value:.1f} mm: {100 * closed.value:.0f} % of the gap is closed.",
+    )
+
+
+def _numbers(evidence: Evidence) -> str:
+    on = "on motion not used for fitting"
+    if not evidence.is_held_out:
+        on = "on the motion it was fitted to (no held-out take)"
+    return (
+        f"The base model misses by {evidence.error_of(evidence.base).value:.1f} mm {on}; "
+        f"the sensor's noise alone is {evidence.floor_mm:.1f} mm."
+    )
+
+
+def _with_unit(evidence: Evidence, effect: int, effects: tuple[Effect, ...]) -> str:
+    kind = effects[effect]
+    unit = "" if kind.unit == "1" else f" {kind.unit}"
+    middle, (low, high) = evidence.amplitude(effect)
+    return f"{middle:.3g}{unit} [{low:.3g} to {high:.3g}]"

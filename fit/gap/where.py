@@ -19,22 +19,23 @@ DIRECTIONS = ("sideways (x)", "to and from the sensor (y)", "vertical (z)")
 def find_where(observer: Observer, residual: Floats) -> Where:
     """Split the squared error of a residual, (numbers,), four ways; each split's shares add up to one."""
     layout = observer.layout
-    squared = (residual * layout.sd * 1e3) ** 2  # mm^2 per axis
+    point, axis_of, take = (layout.moving(a) for a in (layout.point, layout.axis, layout.take))
+    squared = (1e3 * layout.metres(residual)) ** 2  # mm^2 per axis
     garment = observer.recordings[0].garment
     points = len(garment.points)
-    by_point = _means(squared, layout.point, points)
+    by_point = _means(squared, point, points)
     places = np.array([p.at_m for p in garment.points])
     down = (places[:, 1].max() - places[:, 1]) / max(np.ptp(places[:, 1]), 1e-9)
     across = (places[:, 0] - places[:, 0].min()) / max(np.ptp(places[:, 0]), 1e-9)
     region = np.where(down < 1 / 3, "top", np.where(down > 2 / 3, "bottom", "middle")).astype(object)
     side = np.where(across < 1 / 3, " left", np.where(across > 2 / 3, " right", " centre")).astype(object)
     names = np.asarray(region + side)
-    space = [
-        _bin(str(n), squared[np.isin(layout.point, np.flatnonzero(names == n))], squared) for n in dict.fromkeys(names)
-    ]
-    phases = np.concatenate([_phases(r)[layout.frame[layout.take == k]] for k, r in enumerate(observer.recordings)])
+    space = [_bin(str(n), squared[np.isin(point, np.flatnonzero(names == n))], squared) for n in dict.fromkeys(names)]
+    phases = np.concatenate(
+        [_phases(r)[layout.moving(layout.frame)[take == k]] for k, r in enumerate(observer.recordings)]
+    )
     time = [_bin(str(n), squared[phases == n], squared) for n in sorted(set(phases))]
-    term = [_bin(name, squared[layout.axis == axis], squared) for axis, name in enumerate(DIRECTIONS)]
+    term = [_bin(name, squared[axis_of == axis], squared) for axis, name in enumerate(DIRECTIONS)]
     return Where(
         space=sorted(space, key=lambda b: -b.value_mm),
         vertices=[
@@ -74,11 +75,13 @@ def _phases(recording) -> NDArray[np.str_]:  # type: ignore[no-untyped-def]
 def _frequencies(observer: Observer, residual: Floats) -> list[WhereBin]:
     """Split the variance over frequency bands; missing points count as zero residual."""
     layout = observer.layout
+    metres = layout.metres(residual)
+    take, frame, point, axis = (layout.moving(a) for a in (layout.take, layout.frame, layout.point, layout.axis))
     power = np.zeros(len(BANDS))
     for number, recording in enumerate(observer.recordings):
-        mine = layout.take == number
+        mine = take == number
         grid = np.zeros((len(recording.time), len(recording.garment.points), 3))
-        grid[layout.frame[mine], layout.point[mine], layout.axis[mine]] = (residual * layout.sd * 1e3)[mine]
+        grid[frame[mine], point[mine], axis[mine]] = 1e3 * metres[mine]
         rate = (len(recording.time) - 1) / recording.duration
         spectrum = (np.abs(np.fft.rfft(grid, axis=0)) ** 2).sum((1, 2))
         spectrum[1:] *= 2
@@ -86,7 +89,7 @@ def _frequencies(observer: Observer, residual: Floats) -> list[WhereBin]:
         for k, (low, high) in enumerate(BANDS):
             power[k] += spectrum[(hertz >= low) & (hertz < high)].sum() / len(recording.time)
     total = max(power.sum(), 1e-12)
-    mean = 3 * ((residual * layout.sd * 1e3) ** 2).mean()
+    mean = 3 * ((1e3 * metres) ** 2).mean()
     return [
         WhereBin(name=f"{low:g} to {high:g} Hz", value_mm=float(np.sqrt(mean * p / total)), share=float(p / total))
         for (low, high), p in zip(BANDS, power, strict=True)

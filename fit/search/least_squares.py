@@ -13,7 +13,8 @@ turns.
 Source: Marquardt 1963, "An algorithm for least-squares estimation of nonlinear parameters", section 3; the
 projection as in Kanzow, Yamashita and Fukushima 2004, "Levenberg-Marquardt methods with strong local
 convergence properties for solving nonlinear equations with convex constraints"; the weights from Huber 1964,
-"Robust estimation of a location parameter".
+"Robust estimation of a location parameter"; chords: Broyden 1965, "A class of methods for solving nonlinear
+simultaneous equations", method 1.
 """
 
 from __future__ import annotations
@@ -81,6 +82,9 @@ class LeastSquaresSettings:
     width: int = 8
     max_iterations: int = 30
     step: float = 0.01  # finite difference, share of the box; wide enough to rise above single-precision motion
+    is_chord: bool = (
+        False  # Broyden's update of J instead of new differences after every step; J is made anew at the end
+    )
     is_central: bool = False  # twice the simulations for columns without the first-order error
     huber: float | None = None  # k, in units of the residuals; None for plain squares
     damping: float = 1e-2  # first lambda
@@ -127,17 +131,21 @@ def minimise(
     *,
     prior: Prior | None = None,
     settings: LeastSquaresSettings | None = None,
+    jacobian: Floats | None = None,
 ) -> LeastSquaresResult:
     """Return the parameters of least cost found from `start`, (p,).
 
     `residuals(candidates (lanes, p)) -> (lanes, m)` is called with up to `settings.width` candidates; a lane
-    with a value that is not finite is never chosen.
+    with a value that is not finite is never chosen. A `jacobian`, (m, p), of working coordinates that is known near
+    the start saves its differences; a search by chords then returns it updated instead of made anew.
 
     Raises:
         FitError: the start lies outside the bounds.
         BlowUpError: the start itself has no finite residuals.
     """
-    return _Search(residuals, space, prior, settings or LeastSquaresSettings()).run(np.asarray(start, dtype=float))
+    return _Search(residuals, space, prior, settings or LeastSquaresSettings()).run(
+        np.asarray(start, dtype=float), jacobian
+    )
 
 
 class _Search:
@@ -153,7 +161,7 @@ class _Search:
         self.mean = (space.to_working(np.asarray(mean, dtype=float)) - space.to_working(space.minimum)) / space.scale
         self.simulations = self.batches = 0
 
-    def run(self, start: Floats) -> LeastSquaresResult:
+    def run(self, start: Floats, known: Floats | None) -> LeastSquaresResult:
         settings = self.settings
         if not ((self.space.minimum <= start) & (start <= self.space.maximum)).all():
             raise FitError("the start lies outside the bounds", where="least squares", advice="move it inside")
@@ -167,7 +175,7 @@ class _Search:
             )
         cost, damping = self._cost(u, r), settings.damping
         history, reason, is_converged = [cost], f"stopped after {settings.max_iterations} iterations", False
-        jacobian = self._jacobian(u, r)
+        jacobian = self._jacobian(u, r) if known is None else known * self.space.scale
         for _ in range(settings.max_iterations):
             normal, slope = self._normal_equations(u, r, jacobian)
             free = ~(((u <= 0) & (slope > 0)) | ((u >= 1) & (slope < 0)))
@@ -178,17 +186,23 @@ class _Search:
             if found is None:
                 reason, is_converged = "no step of any damping lowers the cost", True
                 break
-            moved, r, lower, damping = found
+            moved, new, lower, damping = found
             fall, longest = (cost - lower) / max(cost, 1e-300), float(np.abs(moved - u).max())
-            u, cost = moved, lower
+            if settings.is_chord:
+                step = moved - u
+                jacobian = jacobian + np.outer(new - r - jacobian @ step, step) / max(float(step @ step), 1e-30)
+            u, r, cost = moved, new, lower
             history.append(cost)
-            jacobian = self._jacobian(u, r)
+            if not settings.is_chord:
+                jacobian = self._jacobian(u, r)
             if fall < settings.cost_tolerance:
                 reason, is_converged = "the cost has stopped falling", True
                 break
             if longest < settings.step_tolerance:
                 reason, is_converged = "the steps have become short", True
                 break
+        if settings.is_chord and known is None:
+            jacobian = self._jacobian(u, r)
         _, slope = self._normal_equations(u, r, jacobian)
         return LeastSquaresResult(
             parameters=self.space.from_unit(u),

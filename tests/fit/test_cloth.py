@@ -13,6 +13,8 @@ from fit.cloth.mesh import build_mesh
 from fit.cloth.simulator import Resolution, Simulator
 from fit.effects import LIBRARY
 from fit.effects.air_drag import AIR_DENSITY
+from fit.effects.base import amplitudes_of, columns_of
+from fit.effects.hem import Hem
 from fit.errors import DriveError, FitError
 from fit.recording import prepare, world_from_sensor
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
@@ -90,8 +92,6 @@ def test_a_hanging_sheet_stretches_by_half_its_weight_over_its_stiffness():
 
 def test_a_falling_sheet_with_drag_ends_at_its_terminal_speed():
     """rho g = 1/2 rho_air c v^2: a flat sheet of 0.2 kg/m^2 with c = 1.2 falls at 1.648 m/s."""
-    force = LIBRARY[0].face_force
-    assert force is not None
     terminal = np.sqrt(2 * 0.2 * GRAVITY / (AIR_DENSITY * 1.2))
     assert terminal == pytest.approx(1.648, abs=1e-3)
     garment = sheet()
@@ -101,7 +101,7 @@ def test_a_falling_sheet_with_drag_ends_at_its_terminal_speed():
     displacement = np.stack([0 * time, terminal * (ramp - 0.4 * np.tanh(ramp / 0.4)), 0 * time], 1)
     take = simulate_take(
         garment, time, displacement, material(garment, velocity_damping=1e-9), effects=LIBRARY,
-        amplitudes=np.array([[1.2, 0.0, 0.0]]),
+        amplitudes=amplitudes_of(LIBRARY, air_drag=1.2)[None],
     )  # fmt: skip
     # Normal drag on a sheet that leans by a: rho g sin a = 1/2 rho_air c (v cos a)^2, so sin a = cos^2 a, a = 38.2 deg.
     across = take.points[-1, 2] - take.points[-1, 1]
@@ -133,12 +133,19 @@ def test_more_mass_with_everything_in_proportion_changes_nothing():
 
 
 def test_every_effect_is_exactly_off_at_zero_and_changes_something_at_its_typical_size():
-    garment = sheet()
+    """A twisted swing with a grid of points, which every effect can be seen in."""
+    garment = sheet(grid=5)
     time = np.arange(0, 3, 1 / 30)
-    recording = prepare(take_of(garment, time, swing(time), hung(garment, time)))
+    twisted = swing(time, sideways=0.05)
+    points = hung(garment, time) + twisted[:, None]
+    points[:, :5, 1] += 0.03 * np.sin(3 * time)[:, None] * np.linspace(-1, 1, 5)
+    recording = prepare(take_of(garment, time, twisted, points))
     row = material(garment)
-    plain = Simulator(recording, LIBRARY).run(row, np.zeros((1, len(LIBRARY)))).points[0]
-    amplitudes = np.diag([e.typical for e in LIBRARY])
+    columns = columns_of(LIBRARY)
+    plain = Simulator(recording, LIBRARY).run(row, np.zeros((1, columns[-1].stop))).points[0]
+    amplitudes = np.zeros((len(LIBRARY), columns[-1].stop))
+    for k, effect in enumerate(LIBRARY):
+        amplitudes[k, columns[k]] = effect.typical
     moved = Simulator(recording, LIBRARY).run(np.repeat(row, len(LIBRARY), 0), amplitudes).points
     for effect, points in zip(LIBRARY, moved, strict=True):
         assert np.isfinite(points).all(), effect.name
@@ -152,7 +159,7 @@ def test_every_effect_is_exactly_off_at_zero_and_changes_something_at_its_typica
 def test_hem_moves_mass_to_the_bottom_edge_and_keeps_the_weight():
     """0.01 kg/m on a 0.4 m hem is 4 g of the 36 g."""
     mesh = build_mesh(sheet(), 0.05)
-    mass = LIBRARY[1].node_mass(0.2 * mesh.node_area, mesh, 0.01)
+    mass = Hem().node_mass(0.2 * mesh.node_area, mesh, np.array([0.01]))
     assert mass.sum() == pytest.approx(0.036)
     bottom = mesh.hem_length > 0
     assert mass[bottom].sum() == pytest.approx(0.004 + (0.032 / 0.036) * 0.2 * mesh.node_area[bottom].sum())
@@ -164,7 +171,8 @@ def test_time_offset_delays_the_cloth():
     time = np.arange(0, 3, 1 / 30)
     recording = prepare(take_of(garment, time, swing(time), hung(garment, time)))
     row = material(garment, velocity_damping=2.0)
-    run = Simulator(recording, LIBRARY).run(np.repeat(row, 2, 0), np.array([[0, 0, 0], [0, 0, 1 / 30]])).points
+    amplitudes = np.stack([amplitudes_of(LIBRARY), amplitudes_of(LIBRARY, time_offset=1 / 30)])
+    run = Simulator(recording, LIBRARY).run(np.repeat(row, 2, 0), amplitudes).points
     assert np.abs(run[1][30:] - run[0][29:-1]).max() < 2e-3
 
 

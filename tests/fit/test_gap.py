@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from fit.cloth.simulator import Resolution, Simulator
-from fit.effects import LIBRARY
+from fit.effects import LIBRARY, find_effects
+from fit.effects.base import amplitudes_of, columns_of
 from fit.errors import FitError
 from fit.gap import gates
 from fit.gap.closure import BlockErrors, closure
 from fit.gap.diagnosis import diagnose
-from fit.gap.fitting import sandwich
+from fit.gap.fitting import Fitted, sandwich
 from fit.gap.floor import noise_floor
+from fit.gap.hypotheses import Hypothesis
 from fit.gap.observer import Observer
-from fit.gap.screening import groups
-from fit.gap.verdict import decide
+from fit.gap.screening import Screened, groups
+from fit.gap.verdict import Evidence, decide
 from fit.parameterisations import SI
 from fit.recording import low_pass, prepare
-from formats.results import EffectFinding, Figure, Gap, Gate
+from formats.results import Gate
 from tests.fit.scenes import material, sheet, simulate_take, swing
 
 FRAME = 1 / 30
@@ -37,7 +40,7 @@ def truth(effect=None, amplitude=0.0, *, noise=0.0, name="truth", displacement=N
         time, displacement = moderate_swing()
     garment = sheet()
     row = material(garment, velocity_damping=damping, bending_stiffness=3e-5, shear_stiffness=40.0)
-    amplitudes = np.array([[amplitude if e.name == effect else 0.0 for e in LIBRARY]])
+    amplitudes = amplitudes_of(LIBRARY, **({effect: amplitude} if effect else {}))[None]
     return simulate_take(
         garment, time, displacement, row, effects=LIBRARY, amplitudes=amplitudes, noise=noise, name=name
     ), row
@@ -68,7 +71,7 @@ def test_the_noise_floor_of_a_perfect_model_is_the_noise():
     take, row = truth(noise=NOISE)
     observer = Observer([prepare(take)], SI, LIBRARY, frequency=0.0)
     vector = np.array([row[0, 1], row[0, 2], row[0, 3], row[0, 5], row[0, 6]])
-    off = np.zeros(len(LIBRARY))
+    off = observer.off
     floor, _ = noise_floor(observer, vector, off, np.random.default_rng(7))
     error = float(observer.in_mm(observer.residuals(vector[None], off[None])[0]))
     assert floor == pytest.approx(NOISE * 1e3 * np.sqrt(3), rel=0.08)
@@ -110,42 +113,72 @@ def test_parallel_signatures_form_one_group():
     assert groups(cosines) == [0, 1, 0]
 
 
-def finding(name, closed, p, *, group=None, amplitude=1.0):
-    return EffectFinding(
-        id=name, group=group or name, tested=True, amplitude=amplitude, amplitude_interval=(0.9, 1.1), unit="1",
-        closure=Figure(value=closed, interval=(closed - 0.1, closed + 0.1)), p_value=p,
+BLOCKS = 12
+
+
+def errors(mm, wobble=0.1, seed=0):
+    """Held-out errors of 12 blocks of ten points, about `mm` root mean square."""
+    shares = 1 + wobble * np.random.default_rng(seed).uniform(-1, 1, BLOCKS)
+    return BlockErrors(10.0 * mm**2 * shares * BLOCKS / shares.sum(), np.full(BLOCKS, 10.0))
+
+
+def hypothesis(names, mm, *, seed=0, sizes=1.0, deviation=0.05):
+    index = [e.name for e in LIBRARY]
+    active = tuple(index.index(n) for n in names)
+    columns = columns_of(LIBRARY)
+    row = amplitudes_of(LIBRARY, **{n: sizes * find_effects([n])[0].typical for n in names})
+    wide = sum(columns[k].stop - columns[k].start for k in active)
+    fitted = Fitted(SI.initial, row, active, np.zeros(3), np.zeros((3, 5 + wide)), np.full(5 + wide, deviation), True)
+    return Hypothesis(active, fitted, errors(mm, seed=seed))
+
+
+def evidence_of(singles, *, base=12.0, floor=5.0, p=0.001, gate_list=(), joint=(), joint_p=0.001, sizes=1.0):
+    """Evidence from errors in mm: `singles` and `joint` as {names: mm}."""
+    given = (hypothesis((n,), mm, seed=k, sizes=sizes) for k, (n, mm) in enumerate(singles.items()))
+    found = {h.effects[0]: h for h in given}
+    effects = tuple(found)
+    p_values = np.full(len(effects), p)
+    screened = Screened(
+        effects=effects, amplitude=[], explained=p_values, absorbed=p_values, p_value=p_values, family_p_value=p_values,
+        cosines=np.eye(len(effects)), predicted=p_values, raw=[], projected=[], typical=p_values,
+    )  # fmt: skip
+    return Evidence(
+        observer=SimpleNamespace(effects=LIBRARY, columns=columns_of(LIBRARY)),
+        screened=screened, base=hypothesis((), base), singles=found,
+        joint=[(hypothesis(names, mm, seed=9), joint_p) for names, mm in joint],
+        floor_mm=floor, numerics_mm=1.0, picks=np.random.default_rng(1).integers(0, BLOCKS, (400, BLOCKS)),
+        gates=[*PASSED, *gate_list], is_held_out=True,
     )  # fmt: skip
 
 
-GAP = Gap(
-    base_mm=Figure(value=12.0, interval=(11.0, 13.0)),
-    floor_mm=Figure(value=5.0),
-    with_effect_mm=Figure(value=6.0),
-    is_held_out=True,
-)
 PASSED = [Gate(name="base fit", passed=True, figure=0.0, limit=5.0, unit="%", sentence="")]
+COARSE = Gate(name="mesh and step", passed=False, figure=60.0, limit=40.0, unit="%", sentence="coarse")
+STILL = Gate(name="motion", passed=False, figure=3.0, limit=30.0, unit="mm", sentence="still")
 
 
 @pytest.mark.parametrize(
-    ("findings", "wins", "gate_list", "verdict"),
+    ("given", "verdict", "named"),
     [
-        ([finding("air_drag", 0.8, 0.001), finding("hem", 0.1, 0.5)], {"air_drag": 1.0}, PASSED, "effect"),
-        ([finding("air_drag", 0.8, 0.2)], {"air_drag": 1.0}, PASSED, "unknown"),
-        ([finding("air_drag", 0.1, 0.001)], {"air_drag": 1.0}, PASSED, "unknown"),
-        ([finding("air_drag", 0.8, 0.001), finding("hem", 0.7, 0.001)], {"air_drag": 0.6}, PASSED, "ambiguous"),
-        ([finding("air_drag", 0.8, 0.001)], {"air_drag": 1.0},
-         [Gate(name="mesh and step", passed=False, figure=40.0, limit=20.0, unit="%", sentence="coarse")], "numerics"),
-        ([finding("air_drag", 0.8, 0.001)], {"air_drag": 1.0},
-         [Gate(name="motion", passed=False, figure=3.0, limit=30.0, unit="mm", sentence="still")], "inconclusive"),
+        # 12 mm without, 6 with, floor 5: (144 - 36) / (144 - 25) = 91 % of the gap.
+        ({"singles": {"air_drag": 6.0, "hem": 11.5}}, "effect", ["air_drag"]),
+        ({"singles": {"air_drag": 11.9}}, "unknown", []),
+        # 10.2 mm: a third of the gap, significant and yet not the cause.
+        ({"singles": {"air_drag": 10.2}}, "unknown", []),
+        ({"singles": {"air_drag": 6.0, "hem": 6.02}}, "ambiguous", ["air_drag", "hem"]),
+        # A finer mesh closes 60 %: more than 44 % with drag, less than 91 %.
+        ({"singles": {"air_drag": 9.6}, "gate_list": [COARSE]}, "numerics", []),
+        ({"singles": {"air_drag": 6.0}, "gate_list": [COARSE]}, "effect", ["air_drag"]),
+        ({"singles": {"air_drag": 6.0}, "gate_list": [STILL]}, "inconclusive", []),
+        ({"singles": {"air_drag": 5.0}, "base": 5.3}, "none", []),
+        # Drag of 3.0, the end of its range: no such air.
+        ({"singles": {"air_drag": 6.0}, "sizes": 2.5}, "unknown", []),
+        ({"singles": {"air_drag": 9.0}, "joint": [(("air_drag", "hem"), 5.5)]}, "several", ["air_drag", "hem"]),
+        ({"singles": {"air_drag": 9.0}, "joint": [(("air_drag", "hem"), 5.5)], "joint_p": 0.3}, "effect", ["air_drag"]),
     ],
-)  # fmt: skip
-def test_the_verdict_follows_the_rules(findings, wins, gate_list, verdict):
-    assert decide(GAP, findings, wins, gate_list, LIBRARY).verdict == verdict
-
-
-def test_an_error_at_the_noise_is_no_gap():
-    level = Gap(base_mm=Figure(value=5.2, interval=(5.0, 5.4)), floor_mm=Figure(value=5.1), is_held_out=True)
-    assert decide(level, [finding("air_drag", 0.8, 0.001)], {}, PASSED, LIBRARY).verdict == "none"
+)
+def test_the_verdict_follows_the_rules(given, verdict, named):
+    found = decide(evidence_of(**given), LIBRARY)
+    assert (found.verdict, found.named) == (verdict, named), found.sentence
 
 
 def test_a_take_in_which_nothing_moves_is_inconclusive():

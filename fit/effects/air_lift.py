@@ -1,0 +1,40 @@
+"""Air lift: air that flows along the cloth presses it sideways where the cloth leans into the flow.
+
+    f = -1/2 rho c A |v_t| v_n n        [N], v_n = v . n, v_t = v - v_n n
+
+the part of a flat plate's normal force C_N(angle) that is linear in the angle of attack: at small angles
+C_N = c sin(angle), so 1/2 rho |v|^2 A C_N = 1/2 rho c A |v| v_n, and with |v| ~ |v_t| there the above. (What is
+quadratic in v_n is `air_drag`.) A thin plate in potential flow has c = 2 pi, real strips of low aspect ratio 2 to 4.
+Source: J. Katz, A. Plotkin, "Low-Speed Aerodynamics" (2001), section 5.4; S. F. Hoerner, "Fluid-Dynamic Lift" (1975),
+chapter 17 (low aspect ratio).
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import taichi as ti
+
+from fit.effects.air_drag import AIR_DENSITY
+from fit.effects.base import Effect
+
+
+@ti.func
+def _lift(c, unused, unused_too, vx, vy, vz, nx, ny, nz, area):
+    normal_speed = vx * nx + vy * ny + vz * nz
+    tx, ty, tz = vx - normal_speed * nx, vy - normal_speed * ny, vz - normal_speed * nz
+    size = -0.5 * AIR_DENSITY * c * area * ti.sqrt(tx * tx + ty * ty + tz * tz) * normal_speed
+    return size * nx, size * ny, size * nz
+
+
+@dataclass(frozen=True)
+class AirLift(Effect):
+    """Normal force from motion along the sheet; the amplitude is the slope of the lift curve."""
+
+    name: ClassVar[str] = "air_lift"
+    title: ClassVar[str] = "air lift"
+    acts_on: ClassVar[str] = "air"
+    unit: ClassVar[str] = "1"
+    low: ClassVar[float] = 0.0
+    high: ClassVar[float] = 8.0
+    typical: ClassVar[float] = 2.0
+    face_force: ClassVar = staticmethod(_lift)

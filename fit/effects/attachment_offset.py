@@ -1,0 +1,47 @@
+"""Attachment offset: the cloth hangs from another place of the hanger than the rig says.
+
+    held_k(t) = measured_k(t) + R(t) d,     R = [x y z] of the hanger's frame (`formats.hanger`)
+
+Source: rigid-body kinematics; offsets of a few millimetres to centimetres are what a tape measure gives.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fit.effects.base import Curve, Effect, Floats
+from fit.recording import Recording
+
+
+def hanger_axes(ends: Floats) -> Floats:
+    """Return the hanger's axes, (n, 3, 3), columns x (along the bar), y (down), z, from held ends (n, 6)."""
+    x = ends[:, 3:] - ends[:, :3]
+    x = x / np.linalg.norm(x, axis=1, keepdims=True)
+    down = np.array([0.0, 0.0, -1.0])
+    y = down - (x @ down)[:, None] * x
+    y = y / np.linalg.norm(y, axis=1, keepdims=True)
+    return np.stack([x, y, np.cross(x, y)], 2)
+
+
+@dataclass(frozen=True)
+class AttachmentOffset(Effect):
+    """Offset of the held edge in the hanger's frame."""
+
+    name: ClassVar[str] = "attachment_offset"
+    title: ClassVar[str] = "cloth attached elsewhere on the hanger"
+    acts_on: ClassVar[str] = "boundary"
+    unit: ClassVar[str] = "m"
+    low: ClassVar[float] = -0.05
+    high: ClassVar[float] = 0.05
+    typical: ClassVar[float] = 0.01
+    components: ClassVar[tuple[str, ...]] = ("along", "down", "out")
+
+    def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:
+        """Return the path of the held ends, moved in the hanger's frame."""
+
+        def drive(instants: Floats) -> Floats:
+            ends = path(instants)
+            return np.asarray(ends + np.tile(hanger_axes(ends) @ amplitude, 2))
+
+        return drive

@@ -1,0 +1,34 @@
+"""Bending hysteresis: threads rub on each other when cloth bends, so that its moment depends on the way it came.
+
+    dM/dkappa = s_0 (1 - sign(dkappa) M / M_max),     s_0 = M_max / kappa_ref
+
+the Dahl model with exponent 1; M_max [N] is the largest frictional moment per width (half of KES's 2HB), kappa_ref the
+change of curvature over which it builds up. M adds to the elastic moment B kappa.
+Source: E. Miguel et al., "Modeling and estimation of internal friction in cloth" (SIGGRAPH Asia 2013), section 4;
+P. R. Dahl, "A solid friction model" (1968). KES: 2HB of apparel is 1e-4 to 1e-3 N.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from fit.effects.base import Effect, Floats
+
+REFERENCE_CURVATURE = 5.0  # 1/m: the loop closes within a fifth of KES's 100 1/m
+
+
+@dataclass(frozen=True)
+class BendingHysteresis(Effect):
+    """Friction in bending; the amplitude is the largest frictional moment per width."""
+
+    name: ClassVar[str] = "bending_hysteresis"
+    title: ClassVar[str] = "friction in bending"
+    acts_on: ClassVar[str] = "cloth"
+    unit: ClassVar[str] = "N"
+    low: ClassVar[float] = 0.0
+    high: ClassVar[float] = 2e-3
+    typical: ClassVar[float] = 2e-4
+    bends: ClassVar[bool] = True
+
+    def friction_moment(self, amplitude: Floats) -> float:
+        """Return the largest frictional moment per width [N]."""
+        return float(amplitude[0])

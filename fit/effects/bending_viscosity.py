@@ -1,0 +1,35 @@
+"""Bending viscosity: a moment that opposes the rate of bending.
+
+    M = B kappa + eta dkappa/dt        [N], eta = B tau        [N m s]
+
+The amplitude is eta per width. Base models with a bending damping time of their own contain it already.
+Source: Kelvin-Voigt; P. Lahey & G. Heppler, J. Text. Inst. (2004): fabric bending as viscous plus frictional.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fit.cloth import material as mat
+from fit.effects.base import Effect, Floats
+
+
+@dataclass(frozen=True)
+class BendingViscosity(Effect):
+    """Additional viscosity in bending."""
+
+    name: ClassVar[str] = "bending_viscosity"
+    title: ClassVar[str] = "bending viscosity"
+    acts_on: ClassVar[str] = "cloth"
+    unit: ClassVar[str] = "N m s"
+    low: ClassVar[float] = 0.0
+    high: ClassVar[float] = 2e-5
+    typical: ClassVar[float] = 1e-6
+    in_base: ClassVar[str] = "bending_damping_time"
+
+    def material(self, row: Floats, amplitude: Floats) -> Floats:
+        """Return the material row with a longer bending damping time."""
+        changed = row.copy()
+        changed[mat.BENDING_TIME] += amplitude[0] / row[mat.BENDING]
+        return np.asarray(changed)

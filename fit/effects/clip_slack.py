@@ -1,0 +1,39 @@
+"""Clip slack: the held ends are nearer to each other, or further apart, than the rig says.
+
+    held_k(t) = measured_k(t) ± (a / 2) x(t)
+
+towards each other for positive a, so that the top edge sags or folds between them.
+Source: kinematics; a tape measure over clips is off by 2 to 20 mm.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fit.effects.attachment_offset import hanger_axes
+from fit.effects.base import Curve, Effect, Floats
+from fit.recording import Recording
+
+
+@dataclass(frozen=True)
+class ClipSlack(Effect):
+    """How much nearer the held ends are than measured."""
+
+    name: ClassVar[str] = "clip_slack"
+    title: ClassVar[str] = "slack between the clips"
+    acts_on: ClassVar[str] = "boundary"
+    unit: ClassVar[str] = "m"
+    low: ClassVar[float] = -0.03
+    high: ClassVar[float] = 0.03
+    typical: ClassVar[float] = 0.008
+
+    def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:
+        """Return the path of the held ends, moved towards each other."""
+
+        def drive(instants: Floats) -> Floats:
+            ends = path(instants)
+            inwards = 0.5 * amplitude[0] * hanger_axes(ends)[:, :, 0]
+            return np.asarray(ends + np.concatenate([inwards, -inwards], 1))
+
+        return drive

@@ -1,0 +1,44 @@
+"""Corner erosion: a silhouette loses its corners or its whole border, so that points are seen too far inside.
+
+    corners:  y = x + a (c - x) / |c - x|                for points at the free corners of the outline
+    border:   y = x + (b / half) (c - x)                 for every point, b at the middle of the border
+
+with the middle c of the simulated points and half the garment's smaller side.
+Source: opening of a silhouette by a disc removes its corners; P. Soille, "Morphological Image Analysis" (2003),
+section 4.2.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fit.effects.base import Effect, Floats
+from fit.recording import Recording
+
+NEAR = 0.12  # of the garment's smaller side: points nearer to a corner of the outline than this sit at it
+
+
+@dataclass(frozen=True)
+class CornerErosion(Effect):
+    """How far the free corners, and the whole border, are seen inside their true places."""
+
+    name: ClassVar[str] = "corner_erosion"
+    title: ClassVar[str] = "an eroded silhouette"
+    acts_on: ClassVar[str] = "measurement"
+    unit: ClassVar[str] = "m"
+    low: ClassVar[float] = -0.005
+    high: ClassVar[float] = 0.04
+    typical: ClassVar[float] = 0.008
+    components: ClassVar[tuple[str, ...]] = ("corners", "border")
+
+    def observe(self, points: Floats, recording: Recording, amplitude: Floats) -> Floats:
+        """Return the points drawn inwards."""
+        outline = np.array(recording.garment.outline_m)
+        places = np.array([p.at_m for p in recording.garment.points])
+        half = 0.5 * float(np.ptp(outline, axis=0).min())
+        free = outline[outline[:, 1] < outline[:, 1].max() - half]
+        at_corner = (np.linalg.norm(places[:, None] - free[None], axis=2) < NEAR * half * 2).any(1)
+        inwards = points.mean(1, keepdims=True) - points
+        unit = inwards / np.maximum(np.linalg.norm(inwards, axis=2, keepdims=True), 1e-9)
+        return np.asarray(points + amplitude[0] * at_corner[:, None] * unit + amplitude[1] / half * inwards)

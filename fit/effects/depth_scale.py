@@ -1,0 +1,39 @@
+"""Depth scale: the sensor reads every distance too long or too short by the same share.
+
+    y = (1 + s) x        about the sensor
+
+either of the points alone (the hanger was measured by other means), or of the whole scene, hanger included: then the
+cloth is driven by measured / (1 + s) and what it does is scaled back.
+Source: pinhole geometry; structured-light sensors are off by 0.3 to 3 % (K. Khoshelham & S. Oude Elberink, Sensors 12
+(2012), section 4).
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fit.effects.base import Curve, Effect, Floats
+from fit.recording import Recording
+
+
+@dataclass(frozen=True)
+class DepthScale(Effect):
+    """Relative error of distances, of the points alone and of the whole scene."""
+
+    name: ClassVar[str] = "depth_scale"
+    title: ClassVar[str] = "a wrong depth scale"
+    acts_on: ClassVar[str] = "measurement"
+    unit: ClassVar[str] = "1"
+    low: ClassVar[float] = -0.06
+    high: ClassVar[float] = 0.06
+    typical: ClassVar[float] = 0.01
+    components: ClassVar[tuple[str, ...]] = ("points", "scene")
+
+    def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:
+        """Return the true path of the held ends behind the scaled one."""
+        return lambda instants: path(instants) / (1.0 + amplitude[1])
+
+    def observe(self, points: Floats, recording: Recording, amplitude: Floats) -> Floats:
+        """Return the points as the sensor scales them."""
+        return np.asarray(points * ((1.0 + amplitude[0]) * (1.0 + amplitude[1])))

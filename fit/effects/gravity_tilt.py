@@ -1,0 +1,36 @@
+"""Gravity tilt: the rig's direction of gravity is not the true one.
+
+    g = 9.80665 (sin a_x, sin a_y, -sqrt(1 - sin^2 a_x - sin^2 a_y))        [m/s^2]
+
+Only the simulation's gravity is turned; the measured path of the hanger stays as it was measured.
+Source: geometry; hand-levelled sensors are off by 0.2 to 3 degrees (0.0035 to 0.05 rad).
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fit.cloth import material as mat
+from fit.effects.base import Effect, Floats
+
+
+@dataclass(frozen=True)
+class GravityTilt(Effect):
+    """Angle of true gravity against the rig's, towards x and towards y of the world frame."""
+
+    name: ClassVar[str] = "gravity_tilt"
+    title: ClassVar[str] = "tilted gravity"
+    acts_on: ClassVar[str] = "measurement"
+    unit: ClassVar[str] = "rad"
+    low: ClassVar[float] = -0.15
+    high: ClassVar[float] = 0.15
+    typical: ClassVar[float] = 0.03
+    components: ClassVar[tuple[str, ...]] = ("x", "y")
+
+    def material(self, row: Floats, amplitude: Floats) -> Floats:
+        """Return the material row with gravity turned."""
+        changed = row.copy()
+        changed[mat.TILT_X] += amplitude[0]
+        changed[mat.TILT_Y] += amplitude[1]
+        return np.asarray(changed)

@@ -1,0 +1,59 @@
+"""Hanger compliance: rod or hook bend, so that the cloth's held edge lags behind the markers.
+
+    e'' + 2 zeta w e' + w^2 e = -a(t),     held = measured + e,     c = 1 / w^2
+
+with the acceleration a of the middle of the held edge. The amplitude is the compliance c [s^2]: in slow motion
+e = -c a, and c = 0 is rigid. Integrated exactly for an acceleration that is constant over each millisecond.
+Source: base-excited oscillator, J. P. Den Hartog, "Mechanical Vibrations" (1956), section 2.6; rods ring at 4 to 12 Hz.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fit.effects.base import Curve, Effect, Floats
+from fit.recording import Recording
+
+DAMPING = 0.1  # 1, share of critical damping of a rod in a hand
+GRID = 1e-3  # s
+
+
+@dataclass(frozen=True)
+class HangerCompliance(Effect):
+    """Compliance of the hanger between markers and cloth."""
+
+    name: ClassVar[str] = "hanger_compliance"
+    title: ClassVar[str] = "a hanger that bends"
+    acts_on: ClassVar[str] = "boundary"
+    unit: ClassVar[str] = "s^2"
+    low: ClassVar[float] = 0.0
+    high: ClassVar[float] = 4e-3  # 2.5 Hz
+    typical: ClassVar[float] = 7e-4  # 6 Hz
+
+    def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:
+        """Return the path of the held ends with the bending of the rod."""
+        if amplitude[0] == 0.0:
+            return path
+        time = np.arange(0.0, recording.duration + 0.1, GRID)
+        middle = path(time).reshape(-1, 2, 3).mean(1)
+        acceleration = np.gradient(np.gradient(middle, GRID, axis=0), GRID, axis=0)
+        acceleration[:2] = acceleration[-2:] = 0.0
+        bent = respond(acceleration, GRID, 1.0 / np.sqrt(float(amplitude[0])))
+
+        def drive(instants: Floats) -> Floats:
+            aside = np.stack([np.interp(instants, time, bent[:, c]) for c in range(3)], 1)
+            return np.asarray(path(instants) + np.tile(aside, 2))
+
+        return drive
+
+
+def respond(acceleration: Floats, dt: float, omega: float) -> Floats:
+    """Return the deflection e [m], (n, 3), of a rod of natural frequency omega [rad/s] to accelerations, (n, 3)."""
+    from scipy.linalg import expm
+    from scipy.signal import dlsim
+
+    system = np.array([[0.0, 1.0, 0.0], [-(omega**2), -2 * DAMPING * omega, -1.0], [0.0, 0.0, 0.0]])
+    whole = expm(system * dt)
+    discrete = (whole[:2, :2], whole[:2, 2:], np.array([[1.0, 0.0]]), np.zeros((1, 1)), dt)
+    return np.stack([dlsim(discrete, acceleration[:, c])[1][:, 0] for c in range(acceleration.shape[1])], 1)

@@ -1,0 +1,37 @@
+"""Rest curvature: the cloth was rolled or folded and wants to stay curved.
+
+    E = B/2 integral of (kappa - kappa_0)^2,    force = -B W (W x - kappa_0 sqrt(area) n)
+
+kappa_0 uniform over the garment, about the horizontal (the cloth curls up or down) and about the vertical (its sides
+curl); positive bends towards the outer normal n of the triangles. W as in `fit.cloth.mesh`.
+Source: E. Grinspun et al., "Discrete Shells" (SCA 2003), section 3 (rest angles); creases reach 1 to 40 1/m.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fit.cloth.mesh import COLUMN_BEND, ROW_BEND, ClothMesh
+from fit.effects.base import Effect, Floats
+
+
+@dataclass(frozen=True)
+class RestCurvature(Effect):
+    """Curvature of the unloaded cloth about the horizontal and about the vertical."""
+
+    name: ClassVar[str] = "rest_curvature"
+    title: ClassVar[str] = "cloth that is curved at rest"
+    acts_on: ClassVar[str] = "cloth"
+    unit: ClassVar[str] = "1/m"
+    low: ClassVar[float] = -40.0
+    high: ClassVar[float] = 40.0
+    typical: ClassVar[float] = 5.0
+    components: ClassVar[tuple[str, ...]] = ("horizontal", "vertical")
+    bends: ClassVar[bool] = True
+
+    def rest_curvature(self, mesh: ClothMesh, amplitude: Floats) -> Floats:
+        """Return the curvature at which each bend rests [1/m], (bends,)."""
+        return np.where(
+            mesh.bend_kind == COLUMN_BEND, amplitude[0], np.where(mesh.bend_kind == ROW_BEND, amplitude[1], 0.0)
+        )

@@ -1,0 +1,36 @@
+"""Shear stiffness: resistance of the cloth to changing the angle between warp and weft.
+
+    S12 = (G + a) Fu . Fv        [N/m]
+
+Many simulators' cloth is built of warp and weft springs only and has none. Base models that have a shear stiffness of
+their own (`in_base`) contain this effect already; it is then fitted, not diagnosed.
+Source: St. Venant-Kirchhoff membrane; KES shear tests give 0.2 to 4 gf/(cm deg), that is 11 to 220 N/m per radian.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fit.cloth import material as mat
+from fit.effects.base import Effect, Floats
+
+
+@dataclass(frozen=True)
+class ShearStiffness(Effect):
+    """Additional shear stiffness."""
+
+    name: ClassVar[str] = "shear_stiffness"
+    title: ClassVar[str] = "shear stiffness"
+    acts_on: ClassVar[str] = "cloth"
+    unit: ClassVar[str] = "N/m"
+    low: ClassVar[float] = 0.0
+    high: ClassVar[float] = 220.0
+    typical: ClassVar[float] = 20.0
+    in_base: ClassVar[str] = "shear_stiffness"
+
+    def material(self, row: Floats, amplitude: Floats) -> Floats:
+        """Return the material row with more shear stiffness."""
+        changed = row.copy()
+        changed[mat.SHEAR] += amplitude[0]
+        return np.asarray(changed)

@@ -1,0 +1,57 @@
+"""Tracker smoothing: a tracker with a smoothness prior irons the wrinkles out of its points.
+
+    y_p = (1 - a) x_p + a mean_{q near p} x_q
+
+near: the four nearest points on the flat garment, or fewer where there are fewer; points on the border keep to their
+neighbours along the border, so that flat cloth stays where it is.
+Source: Laplacian smoothing, G. Taubin, "A signal processing approach to fair surface design" (SIGGRAPH 1995), section
+2.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fit.effects.base import Effect, Floats
+from fit.recording import Recording
+
+
+@dataclass(frozen=True)
+class TrackerSmoothing(Effect):
+    """Share of each point that is replaced by the mean of its neighbours."""
+
+    name: ClassVar[str] = "tracker_smoothing"
+    title: ClassVar[str] = "a tracker that irons out wrinkles"
+    acts_on: ClassVar[str] = "measurement"
+    unit: ClassVar[str] = "1"
+    low: ClassVar[float] = 0.0
+    high: ClassVar[float] = 1.0
+    typical: ClassVar[float] = 0.4
+
+    def observe(self, points: Floats, recording: Recording, amplitude: Floats) -> Floats:
+        """Return the smoothed points."""
+        if amplitude[0] == 0.0:
+            return points
+        mixing = opposite_neighbours(np.array([p.at_m for p in recording.garment.points]))
+        return np.asarray(points + amplitude[0] * (np.einsum("pq,fqc->fpc", mixing, points) - points))
+
+
+def opposite_neighbours(places: Floats) -> Floats:
+    """Return the mean of opposite neighbours as a matrix, (points, points): pairs q, r with p in their middle."""
+    count = len(places)
+    mixing = np.zeros((count, count))
+    tolerance = 1e-3 * max(float(np.ptp(places, axis=0).max()), 1e-9)
+    for p in range(count):
+        mirrored = 2 * places[p] - places
+        apart = np.linalg.norm(places[None] - mirrored[:, None], axis=2)
+        q = np.nonzero(apart < tolerance)[0]
+        reach = np.linalg.norm(places[q] - places[p], axis=1)
+        other = reach > tolerance
+        if not other.any():
+            mixing[p, p] = 1.0
+            continue
+        nearest = reach[other].min() * 1.01
+        chosen = other & (reach <= nearest)
+        np.add.at(mixing[p], q[chosen], 1.0 / chosen.sum())
+    return mixing

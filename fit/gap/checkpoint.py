@@ -1,0 +1,75 @@
+"""Keeps the fits of a diagnosis that is not finished, so that the same command goes on where it was interrupted.
+
+One `.npz` per fit, written whole or not at all, beside `key.json`, which says of which takes and options they are.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from fit.errors import FitError
+from fit.gap.fitting import Fitted
+
+Key = dict[str, object]
+
+
+class Checkpoint:
+    """A folder of finished fits; without a folder it keeps nothing."""
+
+    def __init__(self, folder: Path | None, key: Key) -> None:
+        """Open or begin the folder.
+
+        Raises:
+            FitError: it holds the fits of other takes or options, or cannot be read.
+        """
+        self.folder = folder
+        if folder is None:
+            return
+        note = folder / "key.json"
+        if note.exists():
+            try:
+                kept = json.loads(note.read_text())
+            except (OSError, ValueError) as error:
+                raise FitError("the kept fits cannot be read", where=folder, advice="delete the folder") from error
+            if kept != key:
+                raise FitError(
+                    "the kept fits are of other takes or options",
+                    where=folder,
+                    advice="delete the folder or choose another --out",
+                )
+        else:
+            folder.mkdir(parents=True, exist_ok=True)
+            note.write_text(json.dumps(key))
+
+    def recall(self, name: str, make: Callable[[], Fitted]) -> Fitted:
+        """Return the kept fit of this name, or make it and keep it."""
+        if self.folder is None:
+            return make()
+        path = self.folder / f"{name}.npz"
+        # A fit that cannot be read is made again: it costs time and nothing else.
+        with contextlib.suppress(OSError, ValueError, KeyError), np.load(path) as kept:
+            return Fitted(
+                vector=kept["vector"], amplitudes=kept["amplitudes"], active=tuple(int(k) for k in kept["active"]),
+                residual=kept["residual"], jacobian=kept["jacobian"], deviation=kept["deviation"],
+                is_converged=bool(kept["is_converged"]),
+            )  # fmt: skip
+        fitted = make()
+        partial = path.with_suffix(".writing.npz")
+        np.savez(
+            partial, vector=fitted.vector, amplitudes=fitted.amplitudes, active=np.array(fitted.active, int),
+            residual=fitted.residual, jacobian=fitted.jacobian, deviation=fitted.deviation,
+            is_converged=fitted.is_converged,
+        )  # fmt: skip
+        partial.replace(path)
+        return fitted
+
+    def clear(self) -> None:
+        """Delete what was kept."""
+        if self.folder is not None:
+            shutil.rmtree(self.folder, ignore_errors=True)

@@ -1,0 +1,129 @@
+"""What the diagnosis found, as the records of `formats.results`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fit.effects.base import Effect, size_of
+from fit.gap.fitting import NORMAL_95, Fitted
+from fit.gap.hypotheses import Hypothesis
+from fit.gap.observer import Observer
+from fit.gap.screening import groups
+from fit.gap.verdict import Evidence
+from fit.parameterisations import Parameterisation
+from formats.results import EffectFinding, Figure, FitParameter, Gap
+
+
+def describe_gap(evidence: Evidence, best: Hypothesis | None, floor_error: float) -> Gap:
+    """Describe the gap, with the figures of the hypothesis that the verdict names, if any."""
+    floor = evidence.floor_mm
+    return Gap(
+        base_mm=evidence.error_of(evidence.base),
+        with_effect_mm=evidence.error_of(best) if best else None,
+        floor_mm=Figure(
+            value=floor, interval=(max(floor - NORMAL_95 * floor_error, 0.0), floor + NORMAL_95 * floor_error)
+        ),
+        numerics_mm=evidence.numerics_mm,
+        closure=evidence.closure_of(best) if best else None,
+        is_held_out=evidence.is_held_out,
+    )
+
+
+def describe_effects(evidence: Evidence, effects: tuple[Effect, ...], model: Parameterisation) -> list[EffectFinding]:
+    """Describe every effect of the library, the one that closes most first."""
+    screened, shares = evidence.screened, evidence.win_shares()
+    group, probabilities = groups(screened.cosines), evidence.probabilities()
+    least = min([evidence.base, *evidence.singles.values()], key=lambda h: h.fitted.cost).fitted.residual
+    detectable = screened.minimum_detectable(least, evidence.observer.layout.block)
+    found = []
+    for k, effect in enumerate(effects):
+        if k not in screened.effects:
+            value = dict(zip((p.name for p in model.parameters), evidence.base.fitted.vector, strict=True))
+            found.append(
+                EffectFinding(
+                    id=effect.name, group=effect.name, tested=False, amplitude=0.0, unit=effect.unit,
+                    note=f"part of the base model: {effect.in_base} is fitted, {value[effect.in_base]:.3g}",
+                )
+            )  # fmt: skip
+            continue
+        place = screened.effects.index(k)
+        hypothesis = evidence.singles.get(k)
+        amplitude = (
+            hypothesis.fitted.amplitudes[evidence.observer.columns[k]] if hypothesis else screened.amplitude[place]
+        )
+        note = (
+            f"best effect in {100 * shares[k]:.0f} % of bootstrap draws"
+            if hypothesis
+            else "screened only: too little of the residual to be worth a refit; amplitude linearised"
+        )
+        found.append(
+            EffectFinding(
+                id=effect.name,
+                group=effects[screened.effects[group[place]]].name,
+                tested=True,
+                probability=probabilities.get(k, 0.0),
+                amplitude=evidence.amplitude(k)[0] if hypothesis else size_of(amplitude),
+                amplitude_interval=evidence.amplitude(k)[1] if hypothesis else None,
+                components=dict(zip(effect.components, amplitude.tolist(), strict=True)) if len(amplitude) > 1 else {},
+                unit=effect.unit,
+                closure=evidence.closure_of(hypothesis) if hypothesis else None,
+                p_value=float(screened.family_p_value[place]),
+                minimum_detectable=float(detectable[place]),
+                explained=float(screened.explained[place]),
+                absorbed=float(screened.absorbed[place]),
+                note=note,
+            )
+        )
+    return sorted(found, key=lambda f: (-(f.closure.value if f.closure else -9.0), -(f.explained or 0.0)))
+
+
+def base_parameters(model: Parameterisation, fitted: Fitted) -> list[FitParameter]:
+    """Describe the fitted base parameters with 90 % intervals."""
+    described = []
+    for k, parameter in enumerate(model.parameters):
+        value, spread = float(fitted.vector[k]), NORMAL_95 * float(fitted.deviation[k])
+        low, high = (
+            (value * np.exp(-spread), value * np.exp(spread)) if parameter.is_log else (value - spread, value + spread)
+        )
+        low, high = max(low, parameter.minimum), min(high, parameter.maximum)
+        described.append(
+            FitParameter(
+                name=parameter.name,
+                unit=parameter.unit,
+                initial=parameter.initial,
+                fitted=value,
+                minimum=parameter.minimum,
+                maximum=parameter.maximum,
+                interval_low=float(low),
+                interval_high=float(high),
+                is_identified=bool(spread < 0.7) if parameter.is_log else None,
+                note=parameter.meaning,
+            )
+        )
+    return described
+
+
+def notes(training: int, held_out: int, observer: Observer) -> list[str]:
+    """Say what a reader must know to judge the figures."""
+    how = (
+        f"Observer pull of {observer.frequency:g} Hz"
+        if observer.frequency
+        else "Free rollouts, predictable as they are"
+    )
+    said = [
+        f"{how}; mesh of {1e3 * observer.resolution.spacing:.0f} mm.",
+        "Errors are root mean square distances of the tracked points that are not on the held edge.",
+        "Probabilities are shares of bootstrap draws of the held-out half-seconds in which an effect is best and worth "
+        "naming; docs/blind-check.md says how far they hold.",
+    ]
+    if not observer.layout.is_static.any():
+        said.append(
+            "Points of a silhouette sit constantly a little beside the material: each point's mean offset was taken "
+            "out, "
+            "so effects that only move the cloth's resting place cannot be seen."
+        )
+    if not held_out:
+        said.append("No held-out take: closure is measured on the motion it was fitted to and flatters.")
+    if training + held_out < 3:
+        said.append("Too few takes to see how a recording differs from its own repetition.")
+    return said

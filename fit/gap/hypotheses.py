@@ -1,0 +1,87 @@
+"""What could explain the gap: the base model with one effect of the library, or with several, refitted and judged.
+
+Effects are shortlisted by the cost that a linear refit would save (`fit.gap.screening`); those are refitted jointly
+with
+the base parameters, from the linear solution, along chords. Every hypothesis is judged by its error on the held-out
+takes. A further effect is added as long as it explains held-out error that is still there (forward selection).
+Source: Y. C. Pati, R. Rezaiifar, P. Krishnaprasad, "Orthogonal matching pursuit" (1993), with refits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.gap.closure import BlockErrors, block_errors
+from fit.gap.fitting import Fitted, Problem, fit
+from fit.gap.observer import Observer
+from fit.gap.screening import Screened
+
+Floats = NDArray[np.float64]
+
+SHORTLIST = 5  # effects that are refitted
+ITERATIONS = 5  # of each refit
+SHARES = (0.3, 0.6, 1.0, 1.5)  # of the linear guess of an amplitude that are tried as starts
+ALIKE = 0.9  # cosine above which an effect is refitted because its twin is
+LEAST_SHARE = 0.02  # of the shortlist's best predicted saving; what saves less is not refitted
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A refitted model and its held-out errors; effects are indices in the library."""
+
+    effects: tuple[int, ...]
+    fitted: Fitted
+    errors: BlockErrors
+
+
+def shortlist(screened: Screened) -> list[int]:
+    """Return places in `screened.effects` of what deserves a refit, most promising first."""
+    order = [int(n) for n in np.argsort(-screened.predicted)]
+    best = order[0]
+    least = LEAST_SHARE * float(screened.predicted[best])
+    chosen = [n for n in order[:SHORTLIST] if screened.predicted[n] > least or n == best]
+    twins = [n for n in order if n not in chosen and abs(screened.cosines[best, n]) > ALIKE]
+    return chosen + twins[:2]
+
+
+def refit(observer: Observer, start: Fitted, screened: Screened, place: int) -> Fitted:
+    """Refit a model with one more effect, starting from the joint linear solution."""
+    effect = screened.effects[place]
+    active = (*start.active, effect)
+    problem = Problem(observer, active)
+    count = len(start.vector)
+    joint = np.concatenate([start.jacobian, screened.raw[place].T], axis=1)
+    # Gauss-Newton from `start`, which is a minimum of its own parameters, kept within a factor of e per parameter.
+    normal = joint.T @ joint + np.diag(problem.prior_sd**-2)
+    step = -np.linalg.solve(normal, joint.T @ start.residual)
+    logs = observer.parameterisation.is_log
+    moved = np.where(
+        logs, start.vector * np.exp(np.clip(step[:count] * logs, -1, 1)), start.vector + step[:count] * ~logs
+    )
+    columns = observer.columns[effect]
+    kind = observer.effects[effect]
+    guess = np.clip(screened.amplitude[place], 0.9 * kind.low, 0.9 * kind.high)
+    if not np.abs(guess).max() > 0.1 * kind.typical:
+        guess = np.full(len(guess), 0.3 * kind.typical)
+    tries = []
+    for vector in (moved, start.vector):
+        for share in SHARES:
+            amplitudes = start.amplitudes.copy()
+            amplitudes[columns] = share * guess
+            tries.append(problem.pack(vector, amplitudes))
+    vectors, rows = problem.unpack(np.array(tries))
+    best = int(np.argmin((observer.residuals(vectors, rows) ** 2).sum(1)))
+    return fit(observer, vectors[best], rows[best], active, iterations=ITERATIONS, jacobian=joint)
+
+
+def judged(judge: Observer, fitted: Fitted) -> BlockErrors:
+    """Held-out errors of a fit."""
+    return block_errors(judge, judge.residuals(fitted.vector[None], fitted.amplitudes[None])[0])
+
+
+def polished(observer: Observer, old: Fitted) -> Fitted:
+    """Fit on with a Jacobian of its own, which the intervals need."""
+    return fit(observer, old.vector, old.amplitudes, old.active, iterations=3)

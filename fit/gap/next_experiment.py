@@ -1,0 +1,225 @@
+"""Which recording would tell apart what is still alive: every motion of a menu is simulated and compared.
+
+For two explanations i and j with contributions c_i, c_j (change of the residual at their fitted amplitudes) on the
+present
+takes and on a new one together, and what base parameters and the other one's amplitude can imitate projected out,
+
+    T_ij = min over (theta, beta) of | c_i - J theta - beta c_j |^2 / phi
+
+in squared standard deviations; phi is by how much block scores of the present residual exceed those of white noise. The
+motion with the largest sum of p_i p_j (sqrt T_ij(next) - sqrt T_ij(now)) is proposed.
+Sources: A. C. Atkinson, V. V. Fedorov, "The design of experiments for discriminating between two rival models",
+Biometrika 62 (1975); G. E. P. Box, W. J. Hill, Technometrics 9 (1967).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.effects.base import Effect
+from fit.gap.fitting import Fitted, Problem
+from fit.gap.hypotheses import Hypothesis
+from fit.gap.observer import Observer
+from fit.recording import Recording
+from formats.results import NextExperiment
+
+Floats = NDArray[np.float64]
+
+SECONDS, RATE = 4.0, 30.0
+STEP = 0.01  # of the box, for the Jacobian
+MOST_ALIVE = 4
+WORTH_IT = 1.0  # standard deviations that a recording must add
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One entry of the menu: path of the hanger's middle, (n,) s -> (n, 3) m, its yaw [rad], and what is turned round.
+
+    `turned` gives factors on the components of effects that change sign, or vanish, when cloth or rig is turned.
+    """
+
+    id: str
+    sentence: str
+    path: Callable[[Floats], Floats]
+    yaw: Callable[[Floats], Floats] = lambda t: 0 * t
+    turned: dict[str, tuple[float, ...]] = field(default_factory=dict)
+
+
+def _ramp(t: Floats) -> Floats:
+    s = np.clip((t - 0.3) / 0.6, 0, 1)
+    return np.asarray(s**3 * (10 - 15 * s + 6 * s * s))
+
+
+def _still(t: Floats) -> Floats:
+    return np.zeros((len(t), 3))
+
+
+def _face_on(t: Floats) -> Floats:
+    grown = np.interp(t, [0, 1.3, 1.6, 2.6, 2.9, 4], [0.02, 0.02, 0.06, 0.06, 0.12, 0.12])
+    return np.stack([0 * t, grown * np.sin(2 * np.pi * 0.8 * t) * _ramp(t), 0 * t], 1)
+
+
+def _edge_on(t: Floats) -> Floats:
+    return np.asarray(_face_on(t)[:, [1, 0, 2]])
+
+
+def _chirp(t: Floats) -> Floats:
+    phase = 2 * np.pi * (0.4 * t + 0.5 * (2.6 / SECONDS) * t**2)
+    return np.stack([0 * t, 0.015 * np.sin(phase) * _ramp(t), 0 * t], 1)
+
+
+def _flick(t: Floats) -> Floats:
+    s = np.clip((t - 0.5) / 0.25, 0, 1)
+    return np.stack([0 * t, 0.12 * s**3 * (10 - 15 * s + 6 * s * s), 0 * t], 1)
+
+
+def _bounce(t: Floats) -> Floats:
+    return np.stack([0 * t, 0 * t, 0.05 * np.sin(2 * np.pi * 1.5 * t) * _ramp(t)], 1)
+
+
+MENU = (
+    Motion("S0", "hold the hanger still for five seconds, three times, hanging the cloth anew each time", _still),
+    Motion("S1", "hang the cloth back to front and swing it face-on", _face_on, turned={"rest_curvature": (-1, -1)}),
+    Motion("S2", "hang the cloth upside down and swing it face-on", _face_on,
+           turned={"hem": (0,), "mass_distribution": (1, -1), "rest_curvature": (1, 1)}),
+    Motion("S3", "swing face-on at one pace, first 2 cm, then 6 cm, then 12 cm wide", _face_on),
+    Motion("S4", "swing edge-on at one pace, first 2 cm, then 6 cm, then 12 cm wide", _edge_on),
+    Motion("S5", "shake gently face-on, from slow to fast", _chirp),
+    Motion("S6", "flick the hanger face-on and stop dead", _flick),
+    Motion("S7", "twist the hanger to and fro by 30 degrees", _still,
+           yaw=lambda t: np.asarray(np.radians(30) * np.sin(2 * np.pi * 0.7 * t) * _ramp(t))),
+    Motion("S8", "bounce the hanger up and down", _bounce),
+    Motion("S9", "turn the whole rig by 180 degrees in the room and swing face-on", _face_on,
+           turned={"draught": (-1, -1)}),
+)  # fmt: skip
+
+
+def propose(observer: Observer, base: Fitted, alive: list[Hypothesis], weights: list[float]) -> NextExperiment | None:
+    """Return the motion that best separates the living explanations, or None where none adds a standard deviation.
+
+    weights, (alive,): how probable each is; fewer than two explanations are compared with `no effect`.
+    """
+    alive, weights = alive[:MOST_ALIVE], weights[:MOST_ALIVE]
+    if not alive:
+        return None
+    now_j, now_c = base.jacobian[:, : len(base.vector)], [_contribution(observer, base, h, {}) for h in alive]
+    inflation = _inflation(observer, base, now_c)
+    best: tuple[float, Motion, float, float, tuple[int, int]] | None = None
+    for motion in MENU:
+        imagined = Observer(
+            [imagine(observer.recordings[0], motion)], observer.parameterisation, observer.effects,
+            frequency=observer.frequency, resolution=observer.resolution,
+        )  # fmt: skip
+        next_j = _jacobian(imagined, base)
+        next_c = [_contribution(imagined, base, h, motion.turned) for h in alive]
+        together = [np.concatenate(pair) for pair in zip(now_c, next_c, strict=True)]
+        gain, top = 0.0, (-1.0, 0.0, 0.0, (0, 0))
+        for i, j in _pairs(len(alive)):
+            before = _apart(observer, now_j, now_c, i, j) / np.sqrt(inflation)
+            after = _apart(observer, np.concatenate([now_j, next_j]), together, i, j) / np.sqrt(inflation)
+            share = weights[i] * (weights[j] if j >= 0 else 1.0)
+            gain += share * (after - before)
+            top = max(top, (share * (after - before), before, after, (i, j)))
+        if best is None or gain > best[0]:
+            best = (gain, motion, top[1], top[2], top[3])
+    assert best is not None
+    _, motion, now, after, (i, j) = best
+    if after - now < WORTH_IT:
+        return None
+    titles = [observer.effects[alive[k].effects[-1]].title if k >= 0 else "no effect" for k in (i, j)]
+    return NextExperiment(
+        id=motion.id,
+        motion=motion.sentence,
+        separates=[observer.effects[alive[k].effects[-1]].name for k in (i, j) if k >= 0],
+        sigmas_now=float(now),
+        sigmas_next=float(after),
+        sentence=f"Next, {motion.sentence}: together with the present takes that would tell {titles[0]} from "
+        f"{titles[1]} by {after:.1f} standard deviations; now it is {now:.1f}.",
+    )
+
+
+def imagine(like: Recording, motion: Motion) -> Recording:
+    """Return a recording of a motion that has not been made yet, of the same garment, hanger and sensor."""
+    time = np.asarray(np.arange(0, SECONDS, 1 / RATE))
+    ends = like.held(np.zeros(1))[0].reshape(2, 3)
+    middle, arm = ends.mean(0), (ends[1] - ends[0]) / 2
+    across = np.array([arm[0], arm[1], 0.0])
+    across = across / max(float(np.linalg.norm(across)), 1e-9)
+    frame = np.stack([across, np.cross([0.0, 0.0, 1.0], across), [0.0, 0.0, 1.0]], 1)
+
+    def held(instants: Floats) -> Floats:
+        moved = middle + motion.path(instants) @ frame.T
+        angle = motion.yaw(instants)
+        turned = np.stack(
+            [np.cos(angle) * arm[0] - np.sin(angle) * arm[1], np.sin(angle) * arm[0] + np.cos(angle) * arm[1],
+             arm[2] + 0 * angle], 1,
+        )  # fmt: skip
+        return np.concatenate([moved - turned, moved + turned], 1)
+
+    places = np.array([p.at_m for p in like.garment.points])
+    top = np.array(like.garment.outline_m)[:, 1].max()
+    hung = middle + places[:, :1] * across + np.stack([0 * places[:, 1], 0 * places[:, 1], places[:, 1] - top], 1)
+    points = np.repeat(hung[None], len(time), 0)
+    still = tuple(lambda instants, at=at: np.tile(np.concatenate([at, np.zeros(3)]), (len(instants), 1)) for at in hung)
+    return Recording(
+        take_id=motion.id, garment=like.garment, time=time, points=points, valid=np.ones(points.shape[:2], bool),
+        point_sd=like.point_sd, held_sd=like.held_sd, held=held, target_curves=still,
+        edge_turn=lambda instants: np.zeros((len(instants), 2)), judged=like.judged,
+    )  # fmt: skip
+
+
+def _contribution(
+    observer: Observer, base: Fitted, hypothesis: Hypothesis, turned: dict[str, tuple[float, ...]]
+) -> Floats:
+    """Change of the residual that a hypothesis' last effect makes at its fitted amplitude, (numbers,)."""
+    effect = hypothesis.effects[-1]
+    row = np.zeros(len(observer.off))
+    columns = observer.columns[effect]
+    kind: Effect = observer.effects[effect]
+    row[columns] = hypothesis.fitted.amplitudes[columns] * np.asarray(turned.get(kind.name, 1.0))
+    both = observer.residuals(np.tile(base.vector, (2, 1)), np.stack([observer.off, row]))
+    return np.asarray(both[1] - both[0])
+
+
+def _jacobian(observer: Observer, base: Fitted) -> Floats:
+    """Jacobian of the base parameters in working coordinates, (numbers, parameters)."""
+    problem = Problem(observer)
+    unit = problem.space.to_unit(base.vector)
+    steps = np.where(unit + STEP <= 1, STEP, -STEP)
+    rows = problem.space.from_unit(np.concatenate([unit[None], unit + np.diag(steps)]))
+    found = observer.residuals(rows, np.tile(observer.off, (len(rows), 1)))
+    return np.asarray(((found[1:] - found[0]) / (steps * problem.space.scale)[:, None]).T)
+
+
+def _inflation(observer: Observer, base: Fitted, contributions: list[Floats]) -> float:
+    """By how much block scores of the residual exceed those of white noise of deviation 1; at least 1."""
+    least = base.residual
+    for c in contributions:
+        least = least - c * float(c @ least) / max(float(c @ c), 1e-12)
+    block = observer.layout.block
+    ratios = []
+    for c in contributions:
+        score = np.bincount(block, c * least)
+        ratios.append(float((score**2).sum() / max(float(c @ c), 1e-12)))
+    return max(1.0, float(np.median(ratios)))
+
+
+def _apart(observer: Observer, jacobian: Floats, contributions: list[Floats], i: int, j: int) -> float:
+    """Norm of what is left of c_i beside base parameters and, unless j is -1, any multiple of c_j."""
+    precision = np.diag(Problem(observer).prior_sd ** -2)
+    columns = jacobian
+    if j >= 0:
+        columns = np.concatenate([jacobian, contributions[j][:, None]], 1)
+        precision = np.pad(precision, ((0, 1), (0, 1)))
+        precision[-1, -1] = 1e-6
+    wanted = contributions[i]
+    solution = np.linalg.solve(columns.T @ columns + precision, columns.T @ wanted)
+    return float(np.linalg.norm(wanted - columns @ solution))
+
+
+def _pairs(count: int) -> list[tuple[int, int]]:
+    return [(0, -1)] if count == 1 else [(i, j) for i in range(count) for j in range(count) if i < j]

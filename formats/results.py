@@ -129,6 +129,14 @@ class Where(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     term: list[WhereBin]
 
 
+class ForceAt(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Root mean square of the missing force per mass [m/s^2] at one place of the flat garment, in two directions."""
+
+    at_m: tuple[float, float]
+    normal: float
+    in_plane: float
+
+
 class MissingForce(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What the force looks like that the base model lacks."""
 
@@ -138,6 +146,7 @@ class MissingForce(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     amplitude_exponent: float | None
     spatial_share: dict[str, float]
     sentence: str
+    places: list[ForceAt] = []
 
 
 class NextExperiment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

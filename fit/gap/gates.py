@@ -15,6 +15,7 @@ Floats = NDArray[np.float64]
 
 SHORTEST = 2.5  # s of motion: five blocks a take, below which no statistic holds
 SMALLEST_SWING = 0.03  # m of travel of the hanger
+LEAST_OWN_MOTION = 2.0  # times the noise: a board on the hanger would move by the noise alone
 LARGEST_NUMERICS = 0.4  # of the gap that a finer mesh and step may remove
 SHARE_OF_EFFECT = 0.3  # of the cost that the best effect saves
 CONVERGED = 0.15  # relative difference in cost between the best fits
@@ -28,14 +29,26 @@ def data_gates(recordings: list[Recording]) -> list[Gate]:
     shortest = min(r.duration for r in recordings)
     swing = min(float(np.ptp(r.held(r.time), axis=0).max()) for r in recordings)
     repeated = max(_repeated(r) for r in recordings)
+    own, noise = min((_own_motion(r), float(np.sqrt(3 * np.mean(r.point_sd**2)))) for r in recordings)
+    least = LEAST_OWN_MOTION * noise
     return [
         Gate(name="length", passed=shortest >= SHORTEST, figure=shortest, limit=SHORTEST, unit="s",
              sentence=f"The shortest take lasts {shortest:.1f} s; at least {SHORTEST:g} s are needed."),
         Gate(name="motion", passed=swing >= SMALLEST_SWING, figure=1e3 * swing, limit=1e3 * SMALLEST_SWING, unit="mm",
              sentence=f"The hanger travels {1e3 * swing:.0f} mm in the calmest take."),
+        Gate(name="cloth motion", passed=own >= least, figure=1e3 * own, limit=1e3 * least, unit="mm",
+             sentence=f"The points move by {1e3 * own:.1f} mm against the hanger in the calmest take; "
+             f"their noise is {1e3 * noise:.1f} mm."),
         Gate(name="repeated frames", passed=repeated <= 0.1, figure=100 * repeated, limit=10.0, unit="%",
              sentence=f"{100 * repeated:.0f} % of the frames repeat the one before."),
     ]  # fmt: skip
+
+
+def _own_motion(recording: Recording) -> float:
+    """Root mean square motion of the judged points against the middle of the held edge [m]."""
+    middle = recording.held(recording.time).reshape(-1, 2, 3).mean(1)
+    apart = (recording.points - middle[:, None])[:, recording.judged & recording.valid.any(0)]
+    return float(np.sqrt(np.nanmean(((apart - np.nanmean(apart, axis=0)) ** 2).sum(2))))
 
 
 def _repeated(recording: Recording) -> float:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from fit.cloth.simulator import Simulator
 from fit.gap.observer import Observer
 from fit.recording import Recording, low_pass
-from formats.results import MissingForce
+from formats.results import ForceAt, MissingForce
 
 Floats = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ EXPONENTS = np.arange(0.0, 3.01, 0.25)
 def find_missing_force(observer: Observer, vector: Floats) -> MissingForce:
     """Describe the pull that the base model needs on the observer's recordings."""
     parts = [_pull(observer, r, vector, rho) for r, rho in zip(observer.recordings, observer.densities, strict=True)]
-    pull, normal, below, odd, even, powers = (_joined([p[k] for p in parts]) for k in range(6))
+    pull, normal, below, odd, even, powers, point = (_joined([p[k] for p in parts]) for k in range(7))
     along = (pull * normal).sum(1)
     total = max(float((pull**2).sum()), 1e-12)
     both = _explained(pull, np.concatenate([odd, even], 1))
@@ -51,11 +51,27 @@ def find_missing_force(observer: Observer, vector: Floats) -> MissingForce:
         amplitude_exponent=exponent,
         spatial_share=shares,
         sentence=_sentence(normal_share, odd_share, even_share, exponent, shares),
+        places=_places(observer, pull, along, point),
     )
 
 
+def _places(observer: Observer, pull: Floats, along: Floats, point: Floats) -> list[ForceAt]:
+    """Root mean square pull per tracked point, along the normal and in the plane of the cloth."""
+    found = []
+    for k, tracked in enumerate(observer.recordings[0].garment.points):
+        mine = point == k
+        if mine.any():
+            whole, normal = float((pull[mine] ** 2).sum(1).mean()), float((along[mine] ** 2).mean())
+            found.append(
+                ForceAt(
+                    at_m=tracked.at_m, normal=float(np.sqrt(normal)), in_plane=float(np.sqrt(max(whole - normal, 0.0)))
+                )
+            )
+    return found
+
+
 def _pull(observer: Observer, recording: Recording, vector: Floats, density: float) -> tuple[Floats, ...]:
-    """Pull [m/s^2], normals, third of the height, odd and even features, powers of the speed; a row per seen point."""
+    """Pull [m/s^2], normals, third of the height, odd and even features, powers of the speed, point; a row each."""
     simulator = Simulator(recording, observer.effects, resolution=observer.resolution)
     material = observer.parameterisation.to_materials(vector[None], density)
     done = simulator.run(material, observer_hz=FREQUENCY, shapes=True)
@@ -83,7 +99,8 @@ def _pull(observer: Observer, recording: Recording, vector: Floats, density: flo
     powers = np.abs(normal_speed) ** EXPONENTS * np.sign(normal_speed)
     slow = [low_pass(time, values, LOW_PASS) for values in (pull, odd, even, powers)]
     pull, odd, even, powers = (values[chosen] for values in slow)
-    return pull, normal[chosen], np.broadcast_to(third, chosen.shape)[chosen], odd, even, powers
+    point = np.broadcast_to(np.arange(chosen.shape[1]), chosen.shape)[chosen]
+    return pull, normal[chosen], np.broadcast_to(third, chosen.shape)[chosen], odd, even, powers, point
 
 
 def _joined(parts: list[Floats]) -> Floats:

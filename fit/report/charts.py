@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.report.text import escaped, number, percent, small, tenths, tenths_interval, words
-from formats.results import Figure, Gap, VertexResidual, WhereBin
+from formats.results import EffectFinding, Figure, ForceAt, Gap, VertexResidual, WhereBin
 
 Floats = NDArray[np.float64]
 
@@ -54,6 +54,54 @@ def gap_bars(gap: Gap, effect_name: str) -> str:
     if after is not None:
         legend.append(("var(--effect)", "is-striped", f"removed by {effect_name}"))
     return f'<div class="bars">{"".join(rows)}</div>{_legend(legend)}'
+
+
+def effect_bars(gap: Gap, effects: Sequence[EffectFinding], named: Sequence[str]) -> str:
+    """Return what each refitted effect would leave of the base error, alone; one bar per effect, best first."""
+    base, floor = gap.base_mm.value, gap.floor_mm.value
+    rows = []
+    for effect in effects:
+        if effect.closure is None:
+            continue
+        left = math.sqrt(max(base**2 - effect.closure.value * (base**2 - floor**2), 0.0))
+        low, shown = min(floor, base), min(max(left, min(floor, base)), base)
+        parts = [("floor", 0.0, low), ("rest", low, shown), ("gone", shown, base)]
+        name = words(effect.id) + (' <span class="tag">named</span>' if effect.id in named else "")
+        bars = "".join(
+            f'<i class="{kind}" style="left:{_share(start, base)};width:{_share(end - start, base)}"></i>'
+            for kind, start, end in parts
+            if end > start
+        )
+        rows.append(_bar(name, f"{tenths(left)} {small(percent(effect.closure.value) + ' closed')}", bars))
+    return f'<div class="bars small">{"".join(rows)}</div>' if rows else ""
+
+
+def force_map(places: Sequence[ForceAt]) -> str:
+    """Return the garment from the front with the missing force at each point.
+
+    A disc is its part along the normal, a bar across it the part in the plane, both as large as they are strong.
+    """
+    if len(places) < 2:
+        return ""
+    at = np.array([(p.at_m[0], -p.at_m[1]) for p in places])
+    most = max([max(p.normal, p.in_plane) for p in places] + [1e-12])
+    size = float(max(np.ptp(at, axis=0).max(), 0.05))
+    reach = size * min(0.08, 0.55 / math.sqrt(len(places)))
+    left, top = at.min(axis=0) - 1.6 * reach
+    width, height = np.ptp(at, axis=0) + 3.2 * reach
+    marks = "".join(
+        f'<circle cx="{x:.4f}" cy="{y:.4f}" r="{reach * p.normal / most:.4f}" class="along-normal">'
+        f"<title>{p.normal:.2f} m/s² along the normal, {p.in_plane:.2f} m/s² in the plane</title></circle>"
+        f'<line x1="{x - reach * p.in_plane / most:.4f}" x2="{x + reach * p.in_plane / most:.4f}" y1="{y:.4f}" '
+        f'y2="{y:.4f}" class="in-plane" stroke-width="{reach / 6:.4f}"/>'
+        for (x, y), p in zip(at, places, strict=True)
+    )
+    outline = " ".join(f"{x:.4f},{y:.4f}" for x, y in _hull(at))
+    return (
+        f'<svg class="cloth-map" viewBox="{left:.4f} {top:.4f} {width:.4f} {height:.4f}" role="img" '
+        f'aria-label="Missing force by place on the cloth"><polygon points="{outline}"/>{marks}</svg>'
+        f'<p class="note">Disc: along the normal; bar: in the plane. The largest is {number(most, 2)} m/s².</p>'
+    )
 
 
 def _bar_row(name: str, figure: Figure, parts: Sequence[tuple[str, float, float]], reach: float) -> str:

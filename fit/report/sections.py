@@ -7,7 +7,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fit.report.charts import RUN_NAMES, Curve, cloth_map, error_chart, gap_bars, where_bars
+from fit.report.charts import (
+    RUN_NAMES,
+    Curve,
+    cloth_map,
+    effect_bars,
+    error_chart,
+    force_map,
+    gap_bars,
+    where_bars,
+)  # fmt: skip
 from fit.report.motion import RUNS, ReportMotion
 from fit.report.tables import effect_table, parameter_table
 from fit.report.text import (
@@ -170,9 +179,23 @@ def effects(diagnosis: Diagnosis | None) -> str:
     """Return every effect of the library, tested or not."""
     if diagnosis is None or not diagnosis.effects:
         return ""
-    table = effect_table(diagnosis.effects, diagnosis.named)
-    intro = "Every effect of the library with its 90 % interval. The named ones are marked."
-    return _section("effects", "Effects considered", f'<p class="lead">{intro}</p>{table}')
+    refitted = [e for e in diagnosis.effects if e.closure is not None or e.id in diagnosis.named]
+    others = [e for e in diagnosis.effects if e not in refitted]
+    body = ""
+    if refitted:
+        body += (
+            '<p class="lead">What the model would still miss by with each effect alone, everything fitted again; '
+            "striped: what goes, solid: what stays above the noise.</p>"
+            + effect_bars(diagnosis.gap, refitted, diagnosis.named)
+            + effect_table(refitted, diagnosis.named)
+        )
+    if others:
+        listed = effect_table(others, diagnosis.named)
+        what = (
+            f"{len(others)} effects whose signature the residual hardly carries, and how small they could be and show"
+        )
+        body += f"<details{'' if refitted else ' open'}><summary>{what}</summary>{listed}</details>"
+    return _section("effects", "Effects considered", body)
 
 
 def where(diagnosis: Diagnosis | None) -> str:
@@ -206,7 +229,11 @@ def missing_force(found: MissingForce | None) -> str:
         ("grows with speed to the power of", number(found.amplitude_exponent)),
         ("place", ", ".join(f"{words(name)} {percent(share)}" for name, share in shares.items()) or MISSING),
     ]
-    return _section("force", "What the missing force looks like", f"<p>{escaped(found.sentence)}</p>{_pairs(pairs)}")
+    return _section(
+        "force",
+        "What the missing force looks like",
+        f"<p>{escaped(found.sentence)}</p>{force_map(found.places)}{_pairs(pairs)}",
+    )
 
 
 def gates(diagnosis: Diagnosis | None) -> str:

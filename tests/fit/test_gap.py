@@ -24,7 +24,7 @@ from fit.gap.verdict import Evidence, decide
 from fit.parameterisations import SI
 from fit.recording import low_pass, prepare
 from formats.results import Gate
-from tests.fit.scenes import material, sheet, simulate_take, swing
+from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 
 FRAME = 1 / 30
 NOISE = 0.003
@@ -184,7 +184,16 @@ def test_the_verdict_follows_the_rules(given, verdict, named):
 def test_a_take_in_which_nothing_moves_is_inconclusive():
     time = np.arange(0, 5, FRAME)
     take, _ = truth(time=time, displacement=np.zeros((len(time), 3)), noise=0.001)
-    assert [g.name for g in gates.data_gates([prepare(take)]) if not g.passed] == ["motion"]
+    assert [g.name for g in gates.data_gates([prepare(take)]) if not g.passed] == ["motion", "cloth motion"]
+
+
+def test_points_that_never_move_against_the_hanger_are_inconclusive():
+    """A stiff board on the hanger says nothing of cloth."""
+    time, moved = moderate_swing()
+    garment = sheet()
+    points = hung(garment, time) + moved[:, None] + np.random.default_rng(0).normal(0, 0.001, (len(time), 5, 3))
+    found = gates.data_gates([prepare(take_of(garment, time, moved, points))])
+    assert [g.name for g in found if not g.passed] == ["cloth motion"]
 
 
 def test_takes_of_different_garments_are_refused():

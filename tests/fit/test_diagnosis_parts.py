@@ -1,0 +1,213 @@
+"""The parts of the diagnosis that work between its gates and its verdict."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fit.cloth.simulator import Resolution
+from fit.effects import LIBRARY, find_effects
+from fit.effects.base import amplitudes_of, columns_of
+from fit.errors import FitError
+from fit.gap.base_fit import find_starts
+from fit.gap.checkpoint import Checkpoint
+from fit.gap.diagnosis import diagnose, fine_enough
+from fit.gap.fitting import Fitted, amplitude_of
+from fit.gap.floor import neighbour_noise
+from fit.gap.hypotheses import Hypothesis
+from fit.gap.next_experiment import MENU, imagine, propose
+from fit.gap.numerics import motion_mm
+from fit.gap.observer import Observer
+from fit.gap.screening import screen
+from fit.parameterisations import LEAN, SI
+from fit.recording import prepare
+from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
+
+FRAME = 1 / 30
+COARSE = Resolution(spacing=0.1)
+
+
+def a_take(name="a", effect=None, amplitude=0.0, *, hz=0.7, grid=5, noise=0.001, seconds=3.0, seed=0):
+    time = np.arange(0, seconds, FRAME)
+    garment = sheet(grid=grid)
+    row = material(garment, velocity_damping=1.5, bending_stiffness=3e-5, shear_stiffness=40.0)
+    chosen = amplitudes_of(LIBRARY, **({effect: amplitude} if effect else {}))[None]
+    moved = swing(time, amplitude=0.05, hz=hz, sideways=0.02, stop=seconds - 1)
+    return simulate_take(
+        garment, time, moved, row, effects=LIBRARY, amplitudes=chosen, noise=noise, seed=seed, name=name,
+        resolution=COARSE,
+    )  # fmt: skip
+
+
+def truth_vector():
+    row = material(sheet(), velocity_damping=1.5, bending_stiffness=3e-5, shear_stiffness=40.0)[0]
+    return np.array([row[1], row[2], row[3], row[5], row[6]])
+
+
+def fitted_at(observer, vector, amplitudes=None):
+    """A fit that ends where it began, with a Jacobian of its base parameters."""
+    residual = observer.residuals(vector[None], observer.off[None])[0]
+    steps = vector * 0.02
+    moved = observer.residuals(vector + np.diag(steps), np.tile(observer.off, (len(vector), 1)))
+    jacobian = ((moved - residual) / 0.02).T
+    return Fitted(
+        vector, observer.off if amplitudes is None else amplitudes, (), residual, jacobian, np.ones(len(vector)), True
+    )
+
+
+def test_screening_ranks_the_planted_effect_first_and_is_sure_of_it():
+    observer = Observer([prepare(a_take(effect="hem", amplitude=0.01))], SI, LIBRARY, frequency=0.0, resolution=COARSE)
+    chosen = tuple(k for k, e in enumerate(LIBRARY) if e.name in {"hem", "anisotropy", "clip_slack", "draught"})
+    found = screen(observer, fitted_at(observer, truth_vector()), chosen, np.random.default_rng(0))
+    best = found.effects[int(np.argmax(found.predicted))]
+    assert LIBRARY[best].name == "hem"
+    place = found.effects.index(best)
+    assert found.family_p_value[place] < 0.05
+    assert (found.family_p_value >= found.p_value).all()
+    # The signature is a secant at the typical size, which is what was planted.
+    assert found.amplitude[place][0] == pytest.approx(0.01, rel=0.3)
+
+
+def test_nothing_is_sure_of_an_effect_where_there_is_none():
+    observer = Observer([prepare(a_take())], SI, LIBRARY, frequency=0.0, resolution=COARSE)
+    found = screen(observer, fitted_at(observer, truth_vector()), (3, 13, 14, 16), np.random.default_rng(0))
+    assert found.family_p_value.min() > 0.05
+
+
+def test_static_residuals_count_for_material_points_only():
+    """A 3 mm shift of every point: 3 mm of error on a swatch, none where points are a silhouette's."""
+    take = a_take(noise=0.0)
+    shifted = dataclasses.replace(take, points=take.points + np.array([0.003, 0.0, 0.0]))
+    for kind, error in (("swatch", 3.0), ("skirt", 0.0)):
+        chosen = dataclasses.replace(shifted, garment=_of_kind(take.garment, kind))
+        observer = Observer([prepare(chosen)], SI, (), frequency=0.0, resolution=COARSE)
+        residual = observer.residuals(truth_vector()[None], observer.off[None])[0]
+        assert float(observer.in_mm(residual)) == pytest.approx(error, abs=0.15), kind
+
+
+def _of_kind(garment, kind):
+    import msgspec
+
+    return msgspec.structs.replace(garment, kind=kind)
+
+
+def test_points_on_the_held_edge_are_not_judged():
+    recording = prepare(a_take())
+    assert recording.judged.sum() == 20
+    assert not recording.judged[:5].any()
+
+
+def test_slow_noise_of_single_points_is_seen_between_neighbours():
+    """2 mm per axis of noise that lasts a second is 3.5 mm of distance; sixth differences in time cannot see it."""
+    take = a_take(noise=0.0, seconds=5.0)
+    rng = np.random.default_rng(3)
+    slow = np.repeat(rng.normal(0, 0.002, (5, 25, 3)), 30, axis=0)
+    observer = Observer(
+        [prepare(dataclasses.replace(take, points=take.points + slow))], SI, (), frequency=0.0, resolution=COARSE
+    )
+    residual = observer.residuals(truth_vector()[None], observer.off[None])[0]
+    assert neighbour_noise(observer, residual) == pytest.approx(3.46, rel=0.2)
+
+
+def test_starts_are_within_bounds_and_the_best_comes_first():
+    observer = Observer([prepare(a_take())], SI, (), frequency=3.0, resolution=COARSE)
+    starts = np.array(find_starts(observer, 0))
+    assert ((starts >= SI.minimum) & (starts <= SI.maximum)).all()
+    costs = (observer.residuals(starts, np.tile(observer.off, (len(starts), 1))) ** 2).sum(1)
+    assert costs[0] == costs.min()
+
+
+def test_the_length_of_a_noisy_vector_is_not_overstated():
+    """(3, 4) with deviations of 1: sqrt(25 - 2) = 4.80, and 1.645 x 1 either way."""
+    effects = find_effects(["gravity_tilt"])
+    typical = effects[0].typical
+    observer = Observer([prepare(a_take())], SI, effects, frequency=0.0, resolution=COARSE)
+    fitted = Fitted(
+        SI.initial, np.array([3.0, 4.0]), (0,), np.zeros(1), np.zeros((1, 7)), np.full(7, 1 / typical), True
+    )
+    value, (low, high) = amplitude_of(fitted, observer, 0)
+    assert value == pytest.approx(np.sqrt(23))
+    assert (low, high) == pytest.approx((np.sqrt(23) - 1.645, np.sqrt(23) + 1.645))
+
+
+def test_the_mesh_is_a_ninth_of_the_smaller_side():
+    assert fine_enough(prepare(a_take())).spacing == pytest.approx(0.044)
+
+
+def test_motion_is_what_points_do_about_their_mean():
+    """A stiff swing of 50 mm either way: 50 / sqrt(2) = 35 mm, ramps apart."""
+    garment = sheet(grid=5)
+    time = np.arange(0, 6, FRAME)
+    moved = swing(time, amplitude=0.05, hz=0.5, start=-2.0)
+    take = take_of(garment, time, moved, hung(garment, time) + moved[:, None])
+    observer = Observer([prepare(take)], SI, (), frequency=0.0, resolution=COARSE)
+    assert motion_mm(observer) == pytest.approx(35.4, rel=0.03)
+
+
+def test_turning_cloth_or_rig_tells_a_draught_from_tilted_gravity():
+    """Both only lean the cloth; a twist of the hanger, or a turned rig, puts the wind on another side of it."""
+    observer = Observer([prepare(a_take())], SI, LIBRARY, frequency=0.0, resolution=COARSE)
+    base = fitted_at(observer, truth_vector())
+    columns = columns_of(LIBRARY)
+    alive = []
+    for name, size in (("gravity_tilt", (0.0, 0.02)), ("draught", (0.0, 0.35))):
+        k = next(k for k, e in enumerate(LIBRARY) if e.name == name)
+        row = amplitudes_of(LIBRARY, **{name: size})
+        assert row[columns[k]].any()
+        alive.append(Hypothesis((k,), dataclasses.replace(base, amplitudes=row, active=(k,)), None))
+    found = propose(observer, base, alive, [0.5, 0.5])
+    assert found is not None
+    assert found.id in {"S7", "S9"}
+    assert found.separates == ["gravity_tilt", "draught"]
+    assert found.sigmas_next > 2 * found.sigmas_now
+
+
+def test_every_motion_of_the_menu_can_be_imagined():
+    recording = prepare(a_take())
+    for motion in MENU:
+        imagined = imagine(recording, motion)
+        path = imagined.held(imagined.time)
+        assert np.isfinite(path).all(), motion.id
+        gap = np.linalg.norm(path[:, 3:] - path[:, :3], axis=1)
+        assert gap == pytest.approx(np.full(len(gap), 0.4), abs=2e-3), motion.id
+
+
+def test_an_interrupted_diagnosis_goes_on_to_the_same_end(tmp_path):
+    takes = [a_take("a", "air_drag", 1.2), a_take("b", "air_drag", 1.2, hz=1.0, seed=1)]
+    options = {"effects": find_effects(["air_drag", "hem"]), "resolution": COARSE}
+    whole = diagnose(takes[:1], takes[1:], **options)
+    folder = tmp_path / "partial"
+
+    def interrupt(stage, share):
+        if stage == "polishing":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        diagnose(takes[:1], takes[1:], checkpoint=folder, progress=interrupt, **options)
+    assert len(list(folder.glob("*.npz"))) >= 5
+    stages = []
+    resumed = diagnose(
+        takes[:1], takes[1:], checkpoint=folder, progress=lambda stage, share: stages.append(stage), **options
+    )
+    assert resumed.diagnosis.sentence == whole.diagnosis.sentence
+    assert np.array_equal(resumed.base.vector, whole.base.vector)
+    assert resumed.diagnosis.cost.simulations < 0.7 * whole.diagnosis.cost.simulations
+    assert not folder.exists()
+
+
+def test_kept_fits_of_other_takes_are_refused(tmp_path):
+    Checkpoint(tmp_path / "p", {"takes": ["a"]})
+    with pytest.raises(FitError, match="other takes or options"):
+        Checkpoint(tmp_path / "p", {"takes": ["b"]})
+    (tmp_path / "p" / "key.json").write_text("{")
+    with pytest.raises(FitError, match="cannot be read"):
+        Checkpoint(tmp_path / "p", {"takes": ["a"]})
+
+
+def test_the_lean_model_leaves_shear_to_the_library():
+    row = LEAN.to_materials(LEAN.initial[None], 0.2)[0]
+    assert row[2] == pytest.approx(0.3)  # N/m: a thousandth of the stretch stiffness
+    names = {p.name for p in LEAN.parameters}
+    assert not {e.in_base for e in LIBRARY if e.in_base} & names

@@ -30,7 +30,10 @@ def find_where(observer: Observer, residual: Floats) -> Where:
     region = np.where(down < 1 / 3, "top", np.where(down > 2 / 3, "bottom", "middle")).astype(object)
     side = np.where(across < 1 / 3, " left", np.where(across > 2 / 3, " right", " centre")).astype(object)
     names = np.asarray(region + side)
-    space = [_bin(str(n), squared[np.isin(point, np.flatnonzero(names == n))], squared) for n in dict.fromkeys(names)]
+    seen = np.bincount(point, minlength=points) > 0  # points on the held edge are not judged
+    space = [
+        _bin(str(n), squared[np.isin(point, np.flatnonzero(names == n))], squared) for n in dict.fromkeys(names[seen])
+    ]
     phases = np.concatenate(
         [_phases(r)[layout.moving(layout.frame)[take == k]] for k, r in enumerate(observer.recordings)]
     )
@@ -39,7 +42,9 @@ def find_where(observer: Observer, residual: Floats) -> Where:
     return Where(
         space=sorted(space, key=lambda b: -b.value_mm),
         vertices=[
-            VertexResidual(at_m=p.at_m, value_mm=float(np.sqrt(3 * by_point[k]))) for k, p in enumerate(garment.points)
+            VertexResidual(at_m=p.at_m, value_mm=float(np.sqrt(3 * by_point[k])))
+            for k, p in enumerate(garment.points)
+            if seen[k]
         ],
         time=time,
         frequency=_frequencies(observer, residual),

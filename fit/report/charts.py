@@ -73,7 +73,7 @@ def effect_bars(gap: Gap, effects: Sequence[EffectFinding], named: Sequence[str]
             if end > start
         )
         rows.append(_bar(name, f"{tenths(left)} {small(percent(effect.closure.value) + ' closed')}", bars))
-    return f'<div class="bars small">{"".join(rows)}</div>' if rows else ""
+    return f'<div class="bars">{"".join(rows)}</div>' if rows else ""
 
 
 def force_map(places: Sequence[ForceAt]) -> str:

@@ -191,9 +191,7 @@ def effects(diagnosis: Diagnosis | None) -> str:
         )
     if others:
         listed = effect_table(others, diagnosis.named)
-        what = (
-            f"{len(others)} effects whose signature the residual hardly carries, and how small they could be and show"
-        )
+        what = f"{len(others)} effects of which the residual shows hardly anything, and how small each could be seen"
         body += f"<details{'' if refitted else ' open'}><summary>{what}</summary>{listed}</details>"
     return _section("effects", "Effects considered", body)
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from fit.blind.cli import app as blind
+from fit.blind.cli import add_commands as add_blind_commands
 
 Takes = Annotated[
     list[Path], typer.Argument(metavar="TAKE...", help="Take archives (.mcap) to fit to.", show_default=False)
@@ -31,7 +31,7 @@ def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
     app.command("fit", short_help="Find the cloth parameters that follow the takes.")(fit_command)
     app.command("diagnose", short_help="Say what the simulation lacks, and how sure that is.")(diagnose_command)
-    app.add_typer(blind, name="blind", short_help="Check the diagnosis on cases whose cause is sealed.")
+    add_blind_commands(app)
 
 
 def fit_command(

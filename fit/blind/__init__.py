@@ -1,1 +1,1 @@
-"""The blind check: cases of a generator that shares no code with the diagnosis, sealed labels, and a score."""
+"""The blind check: a generator of withheld truths, the seal around them, and the scorer."""

@@ -1,173 +1,249 @@
-"""One blind case: cloth, hand, sensor noise and takes, drawn independently of what is planted.
+"""A case: three takes to diagnose and two of other motions to judge on, of one cloth with withheld truth.
 
-Noise of every point: white, and slow with a correlation time of 0.3 s at a third of its size; a few points drop out.
+What a case looks like (size, weight, points, rate, noise, gaps, length, camera) is drawn from one random stream, what
+is true of it from another, so that looks tell nothing. A null has no library effect, no air and no friction: linear
+damping and random stiffness only.
 """
 
 from __future__ import annotations
 
-import dataclasses
-from dataclasses import dataclass
-from datetime import UTC, datetime
+import shutil
+from pathlib import Path
+from typing import Literal
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.blind.engine import SAMPLES, Drive, Plan, simulate
-from fit.blind.motions import HELD_OUT, TRAINING, HandMotion
-from fit.blind.plants import PLANTS, STRANGERS, Case
-from fit.blind.sheet import Sheet, build_sheet
+from fit.blind.boundary import real_ends
+from fit.blind.engine import SAMPLES, SIDE, Cloth, Engine
+from fit.blind.hands import HELD_OUT, TRAINING, move
+from fit.blind.plants import UNKNOWNS, Plant, Planted, with_plants
+from fit.blind.sensing import (
+    HELD_SHARE,
+    SLOW_SHARE,
+    SPARE,
+    gaps,
+    reported_points,
+    scaled,
+    sensor_frame,
+    slow_noise,
+)
+from fit.errors import BlowUpError
+from formats.archive import write_take
 from formats.garment import Garment, TrackedPoint
 from formats.rig import Rig
 from formats.take import Take
 
 Floats = NDArray[np.float64]
+Kind = Literal["single", "null", "pair", "unknown"]
 
-SPACING = 0.03  # m: the diagnosis' own mesh has 0.05 m
-SENSOR_DISTANCE = 1.5  # m along y
-SLOW_SHARE, SLOW_TIME = 1 / 3, 0.3  # of the white noise; s
-HELD_SD = 2e-4  # m
+FILES = tuple(f"take-{k + 1}.mcap" for k in range(len(TRAINING))) + tuple(
+    f"held-out-{k + 1}.mcap" for k in range(len(HELD_OUT))
+)
+CREATED = "2000-01-01T00:00:00Z"  # of every take: a time stamp would tell the order of making
 
 
-@dataclass(frozen=True)
-class Description:
-    """What everybody may know of a case; nothing in it depends on the label."""
+class Look(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What anybody may see of a case, drawn without regard to what is planted.
+
+    width, height, distance [m]; mass [kg]; grid: points per side, 0 for corners and centre; rate [1/s]; duration [s]
+    noise [m]: white deviation per axis; away: share of the time that a point is not seen; tilt [rad]: of the sensor
+    """
 
     width: float
     height: float
-    density: float
-    layout: str
-    seconds: float
+    mass: float
+    grid: int
     rate: float
+    duration: float
     noise: float
-    dropout: float
+    away: float
+    tilt: tuple[float, float]
+    distance: float
+
+    def features(self) -> list[float]:
+        """Return everything of a look as numbers."""
+        return [self.width, self.height, self.mass, self.grid, self.rate, self.duration, self.noise, self.away,
+                *self.tilt, self.distance]  # fmt: skip
+
+
+class Truth(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Everything about a case: its label, its cloth [SI], its look and the seed of what is left."""
+
+    id: str
+    kind: Kind
+    planted: tuple[Planted, ...]
+    stretch: float
+    shear: float
+    bending: float
+    damping: float
+    look: Look
     seed: int
 
 
-@dataclass(frozen=True)
-class Label:
-    """What is planted: names and amplitudes; kind is `null`, `single`, `pair` or `stranger`."""
-
-    kind: str
-    names: tuple[str, ...] = ()
-    amplitudes: tuple[float, ...] = ()
-
-
-def draw_description(rng: np.random.Generator) -> Description:
-    """Draw the public side of a case."""
-    return Description(
-        width=float(rng.uniform(0.3, 0.42)), height=float(rng.uniform(0.3, 0.45)),
-        density=float(np.exp(rng.uniform(np.log(0.1), np.log(0.35)))),
-        layout=str(rng.choice(["9x9", "8x8", "5"], p=[0.5, 0.3, 0.2])), seconds=float(rng.uniform(3.0, 3.8)),
-        rate=float(rng.choice([30.0, 40.0, 60.0])), noise=float(np.exp(rng.uniform(np.log(0.0005), np.log(0.003)))),
-        dropout=float(rng.uniform(0, 0.1)), seed=int(rng.integers(2**31)),
+def draw_truth(case_id: str, kind: Kind, plants: tuple[Plant, ...], seed: tuple[int, ...]) -> Truth:
+    """Draw one case. plants: what is planted, one for a single or unknown, two for a pair, none for a null."""
+    looks, truths = (np.random.default_rng([*seed, stream]) for stream in (1, 2))
+    look = draw_look(looks)
+    cloth = draw_cloth(truths, look)
+    return Truth(
+        id=case_id, kind=kind, planted=tuple(plant.draw(truths, cloth) for plant in plants), stretch=cloth.stretch,
+        shear=cloth.shear, bending=cloth.bending, damping=cloth.damping, look=look, seed=int(truths.integers(2**31)),
     )  # fmt: skip
 
 
-def draw_label(kind: str, name: str, rng: np.random.Generator) -> Label:
-    """Draw amplitudes; `name` is one effect, two joined by `+`, or empty for a null."""
-    names = tuple(n for n in name.split("+") if n)
-    known = {**PLANTS, **STRANGERS}
-    sizes = tuple(float(known[n].typical * np.exp(rng.uniform(np.log(0.5), np.log(3.0)))) for n in names)
-    return Label(kind, names, sizes)
+def draw_look(rng: np.random.Generator) -> Look:
+    """Draw what a case looks like."""
+    width, height = rng.uniform(0.30, 0.45, 2)
+    density = _log_uniform(rng, 0.1, 0.35)  # kg/m^2, apparel
+    return Look(
+        width=float(width), height=float(height), mass=float(density * width * height),
+        grid=int(rng.choice([9, 9, 8, 0])), rate=float(rng.choice([30, 45, 60])),
+        duration=float(np.round(rng.uniform(3.2, 4.0), 2)), noise=float(_log_uniform(rng, 0.5e-3, 3e-3)),
+        away=float(rng.uniform(0, 0.1)), tilt=(float(rng.uniform(-0.08, 0.08)), float(rng.uniform(-0.03, 0.03))),
+        distance=float(rng.uniform(1.2, 1.8)),
+    )  # fmt: skip
 
 
-def make_takes(case_id: str, about: Description, label: Label) -> tuple[list[Take], list[Take]]:
-    """Simulate a case; return training and held-out takes.
+def draw_cloth(rng: np.random.Generator, look: Look) -> Cloth:
+    """Draw base stiffness and damping of apparel; a sheet that shears as hard as it stretches is no cloth."""
+    stretch, shear = _log_uniform(rng, 100, 600), _log_uniform(rng, 10, 80)
+    while shear > stretch / 4:
+        stretch, shear = _log_uniform(rng, 100, 600), _log_uniform(rng, 10, 80)
+    return Cloth(
+        width=look.width, height=look.height, density=look.mass / (look.width * look.height), stretch=stretch,
+        shear=shear, bending=_log_uniform(rng, 3e-6, 1e-4), damping=float(rng.uniform(0.3, 1.5)),
+    )  # fmt: skip
+
+
+def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def plan(numbers: dict[Kind, int], plants: tuple[Plant, ...], seed: int) -> list[Truth]:
+    """Draw all cases of a set in random order: every effect equally often, pairs of two different ones.
+
+    numbers: how many singles, nulls, pairs and unknowns
+    """
+    rng = np.random.default_rng([seed, 0])
+    wanted: list[tuple[Kind, tuple[Plant, ...]]] = [("null", ())] * numbers["null"]
+    wanted += [("single", (plant,)) for plant in _rounds(rng, plants, numbers["single"])]
+    wanted += [("unknown", (plant,)) for plant in _rounds(rng, UNKNOWNS, numbers["unknown"])]
+    for _ in range(numbers["pair"]):
+        first, second = rng.choice(len(plants), 2, replace=False)
+        wanted.append(("pair", (plants[first], plants[second])))
+    order = rng.permutation(len(wanted))
+    names: list[str] = []
+    while len(names) < len(wanted):
+        name = rng.bytes(4).hex()
+        names += [name] * (name not in names)
+    return [
+        draw_truth(name, wanted[k][0], wanted[k][1], (seed, number))
+        for number, (name, k) in enumerate(zip(names, order, strict=True))
+    ]
+
+
+def _rounds(rng: np.random.Generator, plants: tuple[Plant, ...], count: int) -> list[Plant]:
+    """Every plant equally often, the rest drawn without replacement."""
+    drawn: list[Plant] = []
+    while len(drawn) < count:
+        drawn += [plants[k] for k in rng.permutation(len(plants))]
+    return drawn[:count]
+
+
+def write_case(folder: Path, truth: Truth, *, side: float = SIDE) -> list[Path]:
+    """Simulate a case and write its takes; the folder appears whole or not at all.
 
     Raises:
-        BlowUpError: the generator's cloth became unstable.
+        BlowUpError: the simulation does not stay finite even with a quarter of the step.
     """
-    rng = np.random.default_rng(about.seed)
-    sheet = build_sheet(about.width, about.height, SPACING, rng)
-    plan = _fabric(about, rng)
-    places = _places(about)
-    time = np.arange(0.0, about.seconds, 1 / about.rate)
-    motions = [make(rng) for make in (*TRAINING, *HELD_OUT)]
-    true_paths = [_path(sheet, m, about.seconds) for m in motions]
-    # Everything above is drawn before the label acts, so that it does not depend on it.
-    case = Case(
-        sheet, plan, list(true_paths), [time.copy() for _ in motions], places, np.random.default_rng(about.seed + 1)
-    )
-    for name, amplitude in zip(label.names, label.amplitudes, strict=True):
-        {**PLANTS, **STRANGERS}[name].apply(case, amplitude)
-    drives = [Drive(p, t) for p, t in zip(case.paths, case.times, strict=True)]
-    points = simulate(sheet, case.plan, drives, places)
-    takes = []
-    noise = np.random.default_rng(about.seed + 2)
-    for number, (true, path) in enumerate(zip(points, true_paths, strict=True)):
-        seen = true
-        for observe in case.observers:
-            seen = observe(seen, time)
-        ends = _at(path[:, [0, -1]], time) * case.hanger_scale
-        takes.append(_take(f"{case_id}-{number + 1}", about, time, ends, seen, noise))
-    return takes[: len(TRAINING)], takes[len(TRAINING) :]
+    partial = folder.with_name(f".{folder.name}.partial")
+    shutil.rmtree(partial, ignore_errors=True)
+    partial.mkdir(parents=True)
+    for name, take in zip(FILES, make_takes(truth, side=side), strict=True):
+        write_take(partial / name, take)
+    shutil.rmtree(folder, ignore_errors=True)
+    partial.replace(folder)
+    return [folder / name for name in FILES]
 
 
-def _fabric(about: Description, rng: np.random.Generator) -> Plan:
-    def log(low: float, high: float) -> float:
-        return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+def make_takes(truth: Truth, *, side: float = SIDE) -> list[Take]:
+    """Simulate a case and return its takes, three for training and two held out."""
+    look, rng = truth.look, np.random.default_rng(truth.seed)
+    cloth = _cloth(truth)
+    garment = _garment(look)
+    flat = np.array([p.at_m for p in garment.points])
+    measured = [move(rng, k, look.duration, look.width, look.height, truth.damping) for k in TRAINING + HELD_OUT]
+    after = round(SPARE * SAMPLES)
+    driven = [real_ends(ends, truth.planted, k) for k, ends in enumerate(measured)]
+    driven = [np.concatenate([ends, np.repeat(ends[-1:], after, 0)]) for ends in driven]
+    length = (len(driven[0]) - 1) / SAMPLES
+    for share in (1.0, 0.5, 0.25):
+        try:
+            motion = Engine(cloth, side=side, step_share=share).run(np.stack(driven), length, flat)
+            break
+        except BlowUpError:
+            if share == 0.25:
+                raise
+    return [
+        _take(truth, garment, f"{truth.id}-{FILES[k].removesuffix('.mcap')}", ends, motion.points[k], rng)
+        for k, ends in enumerate(measured)
+    ]
 
-    stretch, bending = log(100, 600), log(3e-6, 8e-5)
-    return Plan(
-        warp=stretch, weft=stretch, shear=log(10, 80), poisson=float(rng.uniform(0, 0.25)), bending=(bending, bending),
-        density=about.density, damping=float(rng.uniform(0.3, 1.5)),
+
+def _cloth(truth: Truth) -> Cloth:
+    look = truth.look
+    cloth = Cloth(
+        width=look.width, height=look.height, density=look.mass / (look.width * look.height), stretch=truth.stretch,
+        shear=truth.shear, bending=truth.bending, damping=truth.damping,
+    )  # fmt: skip
+    return with_plants(cloth, truth.planted)
+
+
+def _garment(look: Look) -> Garment:
+    half, low = look.width / 2, -look.height
+    outline = ((-half, 0.0), (half, 0.0), (half, low), (-half, low))
+    if look.grid:
+        places = [
+            (f"row{r}_col{c}", (float(x), float(y)))
+            for r, y in enumerate(np.linspace(0, low, look.grid))
+            for c, x in enumerate(np.linspace(-half, half, look.grid))
+        ]
+    else:
+        corners = ("top_left", "top_right", "bottom_right", "bottom_left")
+        places = [*zip(corners, outline, strict=True), ("centre", (0.0, low / 2))]
+    return Garment(
+        format="hangtime-garment/1", name="swatch", kind="swatch", mass_kg=look.mass, outline_m=outline, held="edge",
+        points=tuple(TrackedPoint(name=name, at_m=at) for name, at in places),
     )  # fmt: skip
 
 
-def _places(about: Description) -> Floats:
-    half = about.width / 2
-    if about.layout == "5":
-        return np.array([[-half, 0], [half, 0], [half, -about.height], [-half, -about.height], [0, -about.height / 2]])
-    side = int(about.layout[0])
-    y, x = np.meshgrid(np.linspace(0, -about.height, side), np.linspace(-half, half, side), indexing="ij")
-    return np.stack([x.ravel(), y.ravel()], 1)
-
-
-def _path(sheet: Sheet, motion: HandMotion, seconds: float) -> Floats:
-    """Path of the held nodes in front of a sensor at the origin that looks along y, (samples, held, 3)."""
-    t = np.arange(0.0, seconds + 0.3, 1 / SAMPLES)
-    arm = np.stack([sheet.rest[sheet.top, 0], 0 * sheet.rest[sheet.top, 0], 0 * sheet.rest[sheet.top, 0]], 1)
-    yaw, roll = motion.yaw(t)[:, None], motion.roll(t)[:, None]
-    x = arm[None, :, 0]
-    turned = np.stack([x * np.cos(yaw) * np.cos(roll), x * np.sin(yaw) * np.cos(roll), x * np.sin(roll) + 0 * yaw], 2)
-    middle = motion.displacement(t) + np.array([0.0, SENSOR_DISTANCE, 0.2])
-    return np.asarray(middle[:, None] + turned)
-
-
-def _at(path: Floats, time: Floats) -> Floats:
-    stamps = np.arange(len(path)) / SAMPLES
-    flat = path.reshape(len(path), -1)
-    return np.stack([np.interp(time, stamps, column) for column in flat.T], 1).reshape(len(time), *path.shape[1:])
-
-
-def _take(name: str, about: Description, time: Floats, ends: Floats, true: Floats, rng: np.random.Generator) -> Take:
-    white = rng.normal(0, about.noise, true.shape)
-    keep = np.exp(-1 / about.rate / SLOW_TIME)
-    slow = np.zeros_like(true)
-    slow[0] = rng.normal(0, 1, true.shape[1:])
-    for k in range(1, len(slow)):
-        slow[k] = keep * slow[k - 1] + np.sqrt(1 - keep**2) * rng.normal(0, 1, true.shape[1:])
-    seen = rng.random(true.shape[:2]) >= about.dropout
-    points = np.where(seen[..., None], true + white + SLOW_SHARE * about.noise * slow, np.nan)
-    half = about.width / 2
-    count = true.shape[1]
-    garment = Garment(
-        format="hangtime-garment/1", name="swatch", kind="swatch", mass_kg=about.density * about.width * about.height,
-        outline_m=((-half, 0.0), (half, 0.0), (half, -about.height), (-half, -about.height)), held="edge",
-        points=tuple(
-            TrackedPoint(name=f"p{k}", at_m=(float(x), float(y))) for k, (x, y) in enumerate(_places(about))
-        ),
-    )  # fmt: skip
-    held = ends + rng.normal(0, HELD_SD, ends.shape)
+def _take(truth: Truth, garment: Garment, name: str, ends: Floats, points: Floats, rng: np.random.Generator) -> Take:
+    """Turn motion in the world into a take in the sensor's frame with noise and gaps."""
+    look = truth.look
+    time = np.arange(int(look.duration * look.rate) + 1) / look.rate
+    time = time[time <= look.duration]
+    flat = np.array([p.at_m for p in garment.points])
+    seen = reported_points(points, time, flat, truth.planted)
+    held = np.stack([np.interp(time, np.arange(len(ends)) / SAMPLES, column) for column in ends.T], 1)
+    rotation, away = sensor_frame(look.tilt), np.array([0.0, -look.height / 2, look.distance])
+    seen, held = seen @ rotation.T + away, held.reshape(-1, 2, 3) @ rotation.T + away
+    for one in truth.planted:
+        if one.id == "depth_scale":
+            share = one.components["points"] or one.components["scene"]
+            seen = scaled(seen, share, look.distance)
+            held = scaled(held, one.components["scene"], look.distance)
+    seen += look.noise * (rng.normal(size=seen.shape) + SLOW_SHARE * slow_noise(rng, seen.shape, look.rate))
+    held = held + HELD_SHARE * look.noise * rng.normal(size=held.shape)
+    valid = gaps(rng, (len(time), len(flat)), look.away)
+    seen[~valid] = np.nan
+    total = look.noise * np.sqrt(1 + SLOW_SHARE**2)
+    down = rotation @ [0.0, 0.0, -1.0]
     return Take(
-        take_id=name, created=datetime(2026, 1, 1, tzinfo=UTC).isoformat(),
-        rig=Rig(format="hangtime-rig/1", name="bench", gravity=(0.0, 0.0, -1.0)), garment=garment, time=time, held=held,
-        held_valid=np.ones((len(time), 2), bool), held_sd=np.full((len(time), 2, 3), HELD_SD), points=points,
-        points_valid=seen, points_sd=np.full((len(time), count, 3), about.noise), state=np.zeros(len(time), np.uint16),
-        markers=held,
+        take_id=name, created=CREATED, garment=garment,
+        rig=Rig(format="hangtime-rig/1", name="rig", gravity=(float(down[0]), float(down[1]), float(down[2]))),
+        time=time, held=held, held_valid=np.ones((len(time), 2), bool),
+        held_sd=np.full(held.shape, HELD_SHARE * look.noise), points=seen, points_valid=valid,
+        points_sd=np.full(seen.shape, total), state=np.zeros(len(time), np.uint16), markers=held.copy(),
     )  # fmt: skip
-
-
-def as_record(label: Label) -> dict[str, object]:
-    """Return a label as plain values."""
-    return dataclasses.asdict(label)

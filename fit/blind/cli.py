@@ -1,139 +1,162 @@
-"""`hangtime blind`: make sealed cases, run the diagnosis on them, score the answers, report."""
+"""`hangtime blind make|run|score|report`."""
 
 from __future__ import annotations
 
-import hashlib
-import json
-from datetime import UTC, datetime
+import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-if TYPE_CHECKING:
-    from fit.blind.scoring import Answer, Score
-
-app = typer.Typer(no_args_is_help=True, help="Check the diagnosis on cases whose cause is sealed.")
-
-Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the cases.", show_default=False)]
+blind = typer.Typer(
+    name="blind",
+    help="Check the diagnosis on cases whose truth is sealed.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+Set = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the set of cases.", show_default=False)]
 Answers = Annotated[Path, typer.Argument(metavar="ANSWERS", help="Folder of the answers.", show_default=False)]
 
 
-@app.command()
-def make(
-    folder: Folder,
-    cases: Annotated[int, typer.Option("--cases", min=0, help="Cases with one effect.")] = 23,
-    nulls: Annotated[int, typer.Option("--nulls", min=0, help="Cases without any effect.")] = 10,
+def add_commands(app: typer.Typer) -> None:
+    """Add the group `blind` to the `hangtime` command."""
+    app.add_typer(blind)
+
+
+@blind.command("make", short_help="Simulate cases with withheld effects and seal their labels.")
+def make_command(
+    folder: Set,
+    cases: Annotated[int, typer.Option("--cases", min=0, help="Cases with one effect of the library.")] = 0,
+    nulls: Annotated[int, typer.Option("--nulls", min=0, help="Cases with no effect.")] = 0,
     pairs: Annotated[int, typer.Option("--pairs", min=0, help="Cases with two effects.")] = 0,
-    strangers: Annotated[int, typer.Option("--strangers", min=0, help="Cases with an effect of no library.")] = 3,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of everything but the key.")] = 0,
+    unknowns: Annotated[int, typer.Option("--unknowns", min=0, help="Cases with an effect of no library.")] = 0,
+    effect: Annotated[
+        list[str], typer.Option("--effect", metavar="NAME", help="Plant only this effect; may be repeated.")
+    ] = [],  # noqa: B006  (Typer copies it)
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of every random number.")] = 0,
+    workers: Annotated[int, typer.Option("--workers", min=1, help="Processes that simulate side by side.")] = 1,
+    side: Annotated[float, typer.Option("--side", metavar="METRES", help="Side of the generator's triangles.")] = 0.025,
 ) -> None:
-    """Simulate cases with a generator that shares no code with the diagnosis, and seal what is planted in them.
+    """Simulate cases with withheld effects and seal their labels.
 
-    Interrupted, the same command goes on where it was.
+    Writes DIR/cases, DIR/manifest.json with the hash of every file, and DIR/sealed. Interrupt with Ctrl-C at any time;
+    the same command goes on where it was.
     """
-    import numpy as np
+    from fit.blind.making import make_set
+    from fit.blind.plants import find_plants
 
-    from fit.blind.collection import draw_labels
-    from fit.blind.collection import make as make_collection
-    from fit.cli import ProgressLine
-
-    line = ProgressLine("cases")
-    labels = draw_labels(cases, nulls, pairs, strangers, np.random.default_rng([seed, 0]))
-    make_collection(
-        folder, labels, seed, lambda done, total, case: line.show(done / max(total, 1), f"{done}/{total} {case}")
-    )
-    line.end()
-    manifest = json.loads((folder / "manifest.json").read_text())
-    typer.echo(
-        f"{len(manifest['cases'])} cases in {folder / 'cases'}; labels sealed, SHA-256 {manifest['labels_sha256']}"
-    )
-
-
-@app.command()
-def run(
-    folder: Folder,
-    answers: Answers,
-    spacing: Annotated[
-        float | None, typer.Option("--spacing", metavar="METRES", help="Mesh spacing of the diagnosis.")
-    ] = None,
-    workers: Annotated[int, typer.Option("--workers", min=1, help="Diagnoses at a time.")] = 1,
-) -> None:
-    """Diagnose every case that has no answer yet; the same command goes on after an interruption."""
-    from fit.blind.collection import run as run_collection
-    from fit.cli import ProgressLine
-
-    line = ProgressLine("diagnoses")
-    options = [] if spacing is None else ["--spacing", str(spacing)]
-    run_collection(
-        folder,
-        answers,
-        lambda done, total, case: line.show(done / max(total, 1), f"{done}/{total} {case}"),
-        options,
-        workers,
-    )
-    line.end()
-    typer.echo(f"Answers in {answers}")
-
-
-@app.command()
-def score(folder: Folder, answers: Answers) -> None:
-    """Hash the answers, open the seal, print every rate with its interval. Each opening is noted in DIR/looks.jsonl."""
-    found, _, hashes = _open(folder, answers)
-    for name, rate in found.rates.items():
-        typer.echo(f"{name:<62} {rate}")
-    for name, value in found.figures.items():
-        typer.echo(f"{name:<62} {value:.3f}")
-    typer.echo("\n".join(["Missed:", *found.misses]) if found.misses else "Nothing missed.")
-    record = {
-        "rates": {n.strip(): [r.hits, r.total] for n, r in found.rates.items()}, "figures": found.figures,
-        "misses": found.misses, **hashes,
-    }  # fmt: skip
-    (answers / "score.json").write_text(json.dumps(record, indent=1) + "\n")
-
-
-@app.command()
-def report(
-    folder: Folder,
-    answers: Answers,
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The page.")] = Path("blind.html"),
-) -> None:
-    """Write rates, baselines, confusion matrix and misses as one HTML page."""
-    from fit.blind.page import baselines_of, write_page
-
-    found, listed, hashes = _open(folder, answers)
-    out.write_text(write_page(found, listed, baselines_of(listed), hashes))
-    typer.echo(f"Report: {out}")
-
-
-def _open(folder: Path, answers: Path) -> tuple[Score, list[Answer], dict[str, str]]:
-    """Hash the answers, then open the seal and score."""
-    from fit.blind.collection import case_ids, open_labels
-    from fit.blind.scoring import Answer
-    from fit.blind.scoring import score as score_answers
-    from fit.errors import FitError
-    from formats.results import load_diagnosis
-
-    cases = case_ids(folder)
-    missing = [c for c in cases if not any((answers / c / n).exists() for n in ("diagnosis.json", "failed.txt"))]
-    if missing:
-        raise FitError(
-            f"{len(missing)} of {len(cases)} cases have no answer",
-            where=answers,
-            advice="run `hangtime blind run` first",
+    line = CountLine("making")
+    try:
+        manifest = make_set(
+            folder,
+            {"single": cases, "null": nulls, "pair": pairs, "unknown": unknowns},
+            find_plants(effect),
+            seed,
+            workers=workers,
+            side=side,
+            progress=line.show,
         )
-    digest = hashlib.sha256()
-    said = {}
-    for case in cases:
-        path = answers / case / "diagnosis.json"
-        said[case] = load_diagnosis(path) if path.exists() else None
-        digest.update(path.read_bytes() if path.exists() else b"failed")
-    labels = open_labels(folder)
-    listed = [Answer(case, labels[case], said[case]) for case in cases]
-    found = score_answers(listed)
-    manifest = json.loads((folder / "manifest.json").read_text())
-    hashes = {"answers_sha256": digest.hexdigest(), "labels_sha256": str(manifest["labels_sha256"])}
-    look = {"time": datetime.now(UTC).isoformat(timespec="seconds"), **hashes}
-    with (folder / "looks.jsonl").open("a") as file:
-        file.write(json.dumps(look) + "\n")
-    return found, listed, hashes
+    except KeyboardInterrupt:
+        line.end()
+        typer.echo("Interrupted; finished cases are kept. The same command goes on.", err=True)
+        raise typer.Exit(130) from None
+    line.end()
+    typer.echo(f"{len(manifest.cases)} cases in {folder / 'cases'}; labels sealed as {manifest.sealed}")
+
+
+@blind.command("run", short_help="Diagnose every case of a set.")
+def run_command(
+    folder: Set,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="ANSWERS", help="Folder for the answers.", show_default="DIR/answers"),
+    ] = None,
+    option: Annotated[
+        list[str],
+        typer.Option("--option", metavar="WORD", help="A word passed on to `hangtime diagnose`; may be repeated."),
+    ] = [],  # noqa: B006
+    again: Annotated[bool, typer.Option("--again", help="Try cases again that ended without a diagnosis.")] = False,
+) -> None:
+    """Diagnose every case of a set with `hangtime diagnose`, one after the other.
+
+    Cases that are done are skipped; one that fails counts as inconclusive. Interrupt with Ctrl-C at any time; the same
+    command goes on where it was.
+    """
+    from fit.blind.running import run_set
+
+    answers = out or folder / "answers"
+    line = CountLine("diagnosing")
+    try:
+        failed = run_set(
+            folder,
+            answers,
+            options=option,
+            again=again,
+            progress=lambda done, total, bad: line.show(done, total, f", {bad} without a diagnosis" if bad else ""),
+        )
+    except KeyboardInterrupt:
+        line.end()
+        typer.echo("Interrupted; finished answers are kept. The same command goes on.", err=True)
+        raise typer.Exit(130) from None
+    line.end()
+    typer.echo(f"Answers in {answers}" + (f"; {failed} cases ended without a diagnosis" if failed else ""))
+
+
+@blind.command("score", short_help="Hash the answers, open the seal, print every rate.")
+def score_command(folder: Set, answers: Answers) -> None:
+    """Hash the answers, open the seal, print every rate with its 95 % interval, and record that the seal was opened."""
+    from fit.blind.page import ROWS, figure
+    from fit.blind.scoring import SCORE, score_set
+
+    score = score_set(folder, answers)
+    bins = [name for name, rates in score.by_size.items() if rates.cases]
+    typer.echo(f"{len(score.cases)} cases, opening {score.look} of this seal; answers {score.answers}")
+    for title, name, asked in ROWS:
+        said = figure(score.overall, name)
+        typer.echo(f"{title:<48} {said:<32}" + (f" asked: {asked}" if asked else ""))
+        for size in bins:
+            part = figure(score.by_size[size], name)
+            if part != "–":
+                typer.echo(f"    {size + ' x detectable':<44} {part}")
+    typer.echo(f"{'baseline: chance':<48} {100 * score.chance:.0f} %")
+    for name, rate in score.baselines.items():
+        typer.echo(f"{'baseline: ' + name:<48} {rate}")
+    for note in score.notes:
+        typer.echo(note)
+    typer.echo(f"Score: {answers / SCORE}")
+
+
+@blind.command("report", short_help="Write the score as one HTML file.")
+def report_command(
+    folder: Set,
+    answers: Answers,
+    out: Annotated[Path, typer.Option("--out", metavar="FILE.html", help="Where to write it.")] = Path("blind.html"),
+) -> None:
+    """Write scored answers as one HTML file: rates, confusion, calibration, baselines, every case."""
+    from fit.blind.making import read_manifest
+    from fit.blind.page import write_page
+
+    read_manifest(folder)
+    typer.echo(f"Report: {write_page(answers, out)}")
+
+
+class CountLine:
+    """A line on a terminal that counts cases; a few whole lines where output is not a terminal."""
+
+    def __init__(self, title: str) -> None:
+        self._title, self._last = title, -1.0
+        self._is_terminal = sys.stderr.isatty()
+
+    def show(self, done: int, total: int, more: str = "") -> None:
+        """Show how many are done."""
+        text = f"{self._title}: {done}/{total} cases{more}"
+        if self._is_terminal:
+            print(f"\r{text:<70}", end="", file=sys.stderr, flush=True)
+        elif done == total or done / total >= self._last + 0.1:
+            print(text, file=sys.stderr, flush=True)
+            self._last = done / total
+
+    def end(self) -> None:
+        """Leave the line."""
+        if self._is_terminal:
+            print(file=sys.stderr)

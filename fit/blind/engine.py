@@ -1,126 +1,248 @@
-"""Run the generator: from a plan of one take to the true positions of its points."""
+"""The project's own generator of swung-cloth motion, in double precision, independent of the fitter's simulator.
+
+What differs on purpose: equilateral triangles twice as fine, a neo-Hookean ground with Poisson coupling and two fibre
+families, cotangent hinges, velocity Verlet, an angle-dependent air law (`fit.blind.kernel`, `fit.blind.sheet`).
+
+Stable step with the highest frequency omega and the highest damping rate d:  dt < 4 / (sqrt(d^2 + 4 omega^2) + d).
+Source: T. Belytschko, W. K. Liu, B. Moran, "Nonlinear Finite Elements for Continua and Structures", section 6.2.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fit import runtime
-from fit.blind.sheet import Sheet, locate
-from fit.errors import BlowUpError
+from fit.blind.sheet import Sheet, bending_rate, make_sheet, membrane_rate, place_on
+from fit.errors import BlowUpError, FitError
 
 Floats = NDArray[np.float64]
 
-SETTLE = 1.5  # s at the first pose, strongly damped
-SAMPLES = 500.0  # per second of the path
-SAFETY = 0.35  # of the time a membrane wave takes across the thinnest triangle
+SIDE = 0.025  # m of a triangle: half the fitter's default spacing
+SAMPLES = 200  # per second of what is kept: swung cloth moves below 10 Hz
+SAFETY = 0.7  # of the linear limit: the bound is of the flat sheet
+SETTLE_TIME = 2.0  # s that the sheet hangs still before a take
+SETTLE_DAMPING = 6.0  # 1/s during that time: critical for the slowest swing
+POISSON = 0.3  # of the ground
+GRAVITY = 9.80665  # m/s^2
+HEM_WIDTH = 0.02  # m of cloth that is turned up
+HEM_BENDING = 3.0  # times the bending stiffness of the cloth
+MAGNET_AT = 0.65  # of the height below the held edge
+MAGNET_REACH = 0.05  # m, over which its pull falls
+LIGHTEST = 0.1  # of its mass that every node keeps where mass is uneven
 
 
-@dataclass
-class Plan:
-    """Everything about the cloth of one case that does not change from take to take.
+@dataclass(frozen=True, kw_only=True)
+class Cloth:
+    """A sheet and everything that acts on it; what is 0 is exactly absent.
 
-    warp, weft, shear [N/m], poisson [1], bending [N m] (down, across), density [kg/m^2], damping [1/s]
-    node_mass [kg], (nodes,), or None for even cloth; added [kg], (nodes,); rest_curvature [1/m]: function of the
-    unit vector square to each hinge, (hinges, 2) -> (hinges,); extra: further numbers of `fit.blind.swing.PARAMETERS`
+    width, height [m]; density [kg/m^2]; stretch, shear [N/m]; bending [N m]; damping [1/s], linear
+    stretch_ratio, bending_ratio: logarithms of warp over weft; stiffening [1]; stretch_time [s]; bend_viscosity [N m s]
+    friction [N]; curl [1/m]: rest curvature about the horizontal and about the vertical; hem [kg/m]
+    mass_slope [1]: relative growth of the density across and down; gravity_tilt [rad]: about the vertical, in x and y
+    drag, lift [1]; wind [m/s], (3,); gust_phase [rad]; added_mass [kg/m^2]
+    wake [N s/m^3] and wake_time [s]: force that remembers; bob [kg] and bob_length [m]: weight on a string at a corner
+    thread [N/m]: from a corner to the room; magnet [N]: behind the lower middle; corner: -1 left, 1 right
     """
 
-    warp: float
-    weft: float
-    shear: float
-    poisson: float
-    bending: tuple[float, float]
-    density: float
-    damping: float
-    node_mass: Floats | None = None
-    added: Floats | None = None
-    rest_curvature: tuple[float, float] = (0.0, 0.0)
-    extra: dict[str, float] = field(default_factory=dict)
+    width: float
+    height: float
+    density: float = 0.2
+    stretch: float = 300.0
+    shear: float = 30.0
+    bending: float = 1.4e-5
+    damping: float = 0.5
+    stretch_ratio: float = 0.0
+    bending_ratio: float = 0.0
+    stiffening: float = 0.0
+    stretch_time: float = 0.0
+    bend_viscosity: float = 0.0
+    friction: float = 0.0
+    curl: tuple[float, float] = (0.0, 0.0)
+    hem: float = 0.0
+    mass_slope: tuple[float, float] = (0.0, 0.0)
+    gravity_tilt: tuple[float, float] = (0.0, 0.0)
+    drag: float = 0.0
+    lift: float = 0.0
+    wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gust_phase: float = 0.0
+    added_mass: float = 0.0
+    wake: float = 0.0
+    wake_time: float = 0.4
+    bob: float = 0.0
+    bob_length: float = 0.06
+    thread: float = 0.0
+    magnet: float = 0.0
+    corner: int = 1
+
+    @property
+    def mass(self) -> float:
+        """What scales show for the cloth [kg], hem included, foreign objects not."""
+        return self.density * self.width * self.height + self.hem * self.width
 
 
 @dataclass(frozen=True)
-class Drive:
-    """One take: path of the held nodes [m], (samples, held, 3), at SAMPLES per second, and when points are seen [s]."""
+class Motion:
+    """What a batch of takes did: time [s], (samples,); points [m], (takes, samples, points, 3), world frame, z up.
 
-    path: Floats
-    frames: Floats
-
-
-def simulate(sheet: Sheet, plan: Plan, drives: list[Drive], places: Floats) -> list[Floats]:
-    """Return the true points of every take [m], each (frames, points, 3).
-
-    Raises:
-        BlowUpError: a take became unstable.
+    shapes, (takes, samples, nodes, 6): places [m] and velocities [m/s], or None.
     """
-    runtime.start()
-    from fit.blind.swing import PARAMETERS, swing
 
-    takes, nodes = len(drives), len(sheet.rest)
-    numbers = {
-        "warp": plan.warp, "weft": plan.weft, "poisson": plan.poisson, "shear": plan.shear, "damping": plan.damping,
-        "gz": -9.80665, **plan.extra,
-    }  # fmt: skip
-    row = np.array([numbers.get(name, 0.0) for name in PARAMETERS])
-    mass = sheet.node_area * plan.density if plan.node_mass is None else plan.node_mass
-    added = np.zeros(nodes) if plan.added is None else plan.added
-    squared = sheet.across**2
-    stiffness = squared @ np.array([plan.bending[1], plan.bending[0]])
-    rest = squared @ np.array([plan.rest_curvature[1], plan.rest_curvature[0]])
-    dt = _step(sheet, plan, row, stiffness, mass)
-    longest = max(d.path.shape[0] for d in drives)
-    path = np.stack([np.concatenate([d.path, np.repeat(d.path[-1:], longest - len(d.path), 0)]) for d in drives])
-    frames = max(len(d.frames) for d in drives)
-    times = np.stack([np.concatenate([d.frames, np.full(frames - len(d.frames), 1e9)]) for d in drives])
-    point_nodes, point_weights = locate(sheet, places)
-    held = np.zeros(nodes, np.int32)
-    held[sheet.top] = 1
-    seen = np.zeros((takes, frames, len(places), 3))
-    steps = int(np.ceil(max(d.frames[-1] for d in drives) / dt)) + 2
-    repeat = lambda a: np.ascontiguousarray(np.repeat(a[None], takes, 0))  # noqa: E731
-    swing(
-        _hung(sheet, path[:, 0]), np.zeros((takes, nodes, 3)), np.zeros((takes, nodes, 3)), np.zeros((takes, nodes, 3)),
-        repeat(rest), np.zeros((takes, nodes)), sheet.triangles, sheet.inverse, sheet.area, sheet.hinges,
-        sheet.hinge_weights, repeat(stiffness), repeat(rest), sheet.hinge_scale, repeat(mass), repeat(added),
-        repeat(row), sheet.top, path, SAMPLES, held, point_nodes, point_weights, times, seen, dt, int(SETTLE / dt),
-        steps, int(numbers.get("friction", 0) > 0 or any(plan.rest_curvature)),
-        int(any(numbers.get(k, 0.0) > 0 for k in ("magnet", "wall", "wake"))),
-    )  # fmt: skip
-    found = [seen[k, : len(d.frames)] for k, d in enumerate(drives)]
-    if not all(np.isfinite(f).all() and np.abs(f).max() < 50 for f in found):
-        raise BlowUpError("the generator's cloth became unstable", where="blind case", advice="use another seed")
-    return found
+    time: Floats
+    points: Floats
+    shapes: Floats | None
+    steps: int
 
 
-def _step(sheet: Sheet, plan: Plan, row: Floats, stiffness: Floats, mass: Floats) -> float:
-    """Return a stable step [s]: membrane waves, membrane viscosity, and bending by Gershgorin's bound."""
-    corners = sheet.rest[sheet.triangles]
-    longest = np.max(
-        [np.linalg.norm(corners[:, a] - corners[:, b], axis=1) for a, b in ((0, 1), (1, 2), (2, 0))], axis=0
-    )
-    thinnest = float((2 * sheet.area / longest).min())
-    density = float((mass / sheet.node_area).min())
-    modulus = (max(plan.warp, plan.weft) * (1 + plan.poisson) + plan.shear) * (1 + 0.05 * float(row[4]))
-    wave = SAFETY * 2 * thinnest / np.sqrt(modulus / density)
-    rows = np.zeros(len(mass))
-    size = np.abs(sheet.hinge_weights)
-    extra = stiffness + float(row[8]) / 6.0
-    np.add.at(rows, sheet.hinges, size * (size.sum(1) * extra)[:, None])
-    bend = 1.2 / np.sqrt((rows / mass).max())
-    slow = np.zeros(len(mass))
-    np.add.at(slow, sheet.hinges, size * (size.sum(1) * float(row[6]))[:, None])
-    bending_viscous = 0.5 / max(float((slow / mass).max()), 1e-9)
-    membrane_viscous = 0.15 * thinnest**2 * density / max(modulus * float(row[5]), 1e-12)
-    return float(min(wave, bend, bending_viscous, membrane_viscous, 5e-4))
+class Engine:
+    """Simulate one cloth, held along its top edge, in several takes."""
+
+    def __init__(self, cloth: Cloth, *, side: float = SIDE, step_share: float = 1.0) -> None:
+        if not 0 < side <= min(cloth.width, cloth.height) / 2:
+            raise FitError(
+                f"a side of {side} m does not fit the sheet", advice="choose less than half its smaller side"
+            )
+        self.cloth, self.step_share = cloth, step_share
+        self.sheet = make_sheet(cloth.width, cloth.height, side)
+        self.node_mass = _node_mass(cloth, self.sheet)
+        self.hinge_bending, self.hinge_curl = _hinge_rows(cloth, self.sheet)
+        ground = 2 * (1 + POISSON) * cloth.shear
+        if ground > 0.9 * cloth.stretch:
+            raise FitError(f"shear of {cloth.shear} N/m is too much for a stretch stiffness of {cloth.stretch} N/m")
+        fibre = cloth.stretch - ground
+        self.fibres = fibre * np.exp(cloth.stretch_ratio / 2), fibre * np.exp(-cloth.stretch_ratio / 2)
+        self.lam = 2 * POISSON / (1 - POISSON) * cloth.shear
+
+    @property
+    def stable_step(self) -> float:
+        """The largest step [s] that the linear bound allows, times a margin."""
+        cloth, sheet = self.cloth, self.sheet
+        lightest = float((self.node_mass / sheet.node_area).min())
+        fibre = max(self.fibres) * (1 + 0.1 * cloth.stiffening)
+        omega2 = membrane_rate(sheet, fibre + self.lam + 2 * cloth.shear, self.lam, cloth.shear) / lightest
+        hinge = bending_rate(sheet) / lightest
+        omega2 += hinge * (float(self.hinge_bending.max()) + cloth.friction / 4.0)
+        rate = membrane_rate(sheet, fibre * cloth.stretch_time, 0.0, 0.0) / lightest + hinge * cloth.bend_viscosity
+        return float(SAFETY * 4 / (np.sqrt(rate**2 + 4 * omega2) + rate))
+
+    def run(
+        self, ends: Floats, duration: float, places: Floats, *, settle: float = SETTLE_TIME, shapes: bool = False
+    ) -> Motion:
+        """Swing the sheet.
+
+        ends [m], (takes, n, 6): left and right end of the held edge, evenly spaced over `duration` [s], world frame;
+        places [m], (points, 2): where on the flat sheet to look.
+
+        Raises:
+            BlowUpError: a simulation left the realm of finite numbers.
+        """
+        runtime.start(1)
+        from fit.blind import kernel
+
+        sheet, takes, nodes = self.sheet, len(ends), len(self.sheet.rest)
+        every = int(np.ceil(1 / (SAMPLES * self.step_share * self.stable_step)))
+        dt = 1 / (SAMPLES * every)
+        samples = round(duration * SAMPLES) + 1
+        steps = (samples - 1) * every
+        path = _resample(ends, duration, np.linspace(0.0, steps * dt, steps + 1))
+        x = _hung(path[:, 0], sheet)
+        v, f, acceleration, normal = (np.zeros((takes, nodes, 3)) for _ in range(4))
+        corner = sheet.node_at(self.cloth.corner * sheet.width / 2, -sheet.height)
+        bob = np.zeros((takes, 2, 3))
+        bob[:, 0] = x[:, corner] - [0.0, 0.0, self.cloth.bob_length]
+        carried, weights = place_on(sheet, np.asarray(places, float))
+        spot = np.exp(-((sheet.rest - MAGNET_AT * np.array([0.0, -sheet.height])) ** 2).sum(1) / MAGNET_REACH**2)
+        spot[spot < 0.01] = 0.0
+        seen = np.zeros((takes, samples, len(carried), 3))
+        kept = np.zeros((takes, samples, nodes, 6) if shapes else (1, 1, 1, 6))
+        kernel.rollout(
+            x, v, f, acceleration, normal, np.zeros((takes, len(sheet.area))), np.zeros((takes, len(sheet.hinges), 3)),
+            bob, sheet.triangles, sheet.inverse, sheet.area, sheet.hinges, sheet.hinge_cotangents, sheet.hinge_area,
+            self.hinge_bending, self.hinge_curl, self.node_mass, _air_mass(sheet), spot / spot.sum(), sheet.held,
+            sheet.rest[sheet.held, 0] / sheet.width + 0.5, path, self._numbers(kernel.NAMES, x, corner), dt,
+            round(settle / dt), SETTLE_DAMPING, every, carried, weights, seen, kept, int(shapes),
+        )  # fmt: skip
+        if not (np.abs(seen) < 100.0).all():  # metres: far outside any room
+            raise BlowUpError(
+                "the generator's cloth flew apart", where=f"step {dt:.2e} s", advice="make the case with another seed"
+            )
+        return Motion(np.arange(samples) / SAMPLES, seen, kept if shapes else None, steps + round(settle / dt))
+
+    def _numbers(self, names: tuple[str, ...], x: Floats, corner: int) -> Floats:
+        """Rows of the kernel's numbers, (takes, names)."""
+        cloth, sheet = self.cloth, self.sheet
+        across, away = np.sin(cloth.gravity_tilt)
+        down = -np.sqrt(1 - across**2 - away**2)
+        magnet = sheet.node_at(0.0, -MAGNET_AT * sheet.height)
+        rows = []
+        for k in range(len(x)):
+            thread = x[k, corner] + [0.25 * cloth.corner, 0.1, -0.15]
+            pole = x[k, magnet] + [0.0, 0.06, 0.0]
+            known = {
+                "gravity_x": GRAVITY * across, "gravity_y": GRAVITY * away, "gravity_z": GRAVITY * down,
+                "damping": cloth.damping, "mu": cloth.shear, "lam": self.lam, "fibre_warp": self.fibres[0],
+                "fibre_weft": self.fibres[1], "stiffening": cloth.stiffening, "stretch_time": cloth.stretch_time,
+                "bend_viscosity": cloth.bend_viscosity, "friction": cloth.friction, "drag": cloth.drag,
+                "lift": cloth.lift, "wind_x": cloth.wind[0], "wind_y": cloth.wind[1], "wind_z": cloth.wind[2],
+                "gust_phase": cloth.gust_phase, "wake": cloth.wake, "wake_time": cloth.wake_time,
+                "added_mass": cloth.added_mass, "bob_mass": cloth.bob, "bob_length": cloth.bob_length,
+                "bob_node": corner, "thread": cloth.thread, "thread_node": corner, "thread_x": thread[0],
+                "thread_y": thread[1], "thread_z": thread[2],
+                "thread_length": float(np.linalg.norm(thread - x[k, corner])), "magnet": cloth.magnet,
+                "magnet_x": pole[0], "magnet_y": pole[1], "magnet_z": pole[2], "magnet_reach": MAGNET_REACH,
+            }  # fmt: skip
+            rows.append([float(known[name]) for name in names])
+        return np.array(rows)
 
 
-def _hung(sheet: Sheet, first: Floats) -> Floats:
-    """Flat cloth hanging from the first held pose, (takes, nodes, 3)."""
-    shape = np.empty((len(first), len(sheet.rest), 3))
-    x = sheet.rest[sheet.top, 0]
-    for t, held in enumerate(first):
-        for c in range(3):
-            shape[t, :, c] = np.interp(sheet.rest[:, 0], x, held[:, c])
-        shape[t, :, 2] += sheet.rest[:, 1]
-    return shape
+def _node_mass(cloth: Cloth, sheet: Sheet) -> Floats:
+    """Masses [kg], (nodes,): uneven along a quarter sine of the same first moment as a straight slope; hem below."""
+    xi, eta = 2 * sheet.rest[:, 0] / sheet.width, -2 * sheet.rest[:, 1] / sheet.height - 1
+    same_moment = np.pi**2 / 12
+    slope = cloth.mass_slope[0] * np.sin(np.pi * xi / 2) + cloth.mass_slope[1] * np.sin(np.pi * eta / 2)
+    mass = sheet.node_area * np.maximum(1 + same_moment * slope, LIGHTEST)
+    return np.asarray(mass * cloth.density * sheet.width * sheet.height / mass.sum() + cloth.hem * sheet.bottom_length)
+
+
+def _hinge_rows(cloth: Cloth, sheet: Sheet) -> tuple[Floats, Floats]:
+    """Bending stiffness [N m] and resting hinge curvature [1/m], (hinges,).
+
+    Curvature down the sheet loads only the level edges, with 3 kappa; curvature across it loads them with -kappa and
+    the slanting ones with 2 kappa: B_warp = B_level, B_weft = (B_level + 8 B_slanting) / 9.
+    """
+    steep = sheet.hinge_across[:, 1] ** 2
+    warp, weft = cloth.bending * np.exp(cloth.bending_ratio / 2), cloth.bending * np.exp(-cloth.bending_ratio / 2)
+    slanting = max((9 * weft - warp) / 8, 0.1 * weft)
+    stiffness = np.where(steep > 0.7, warp, slanting)
+    if cloth.hem > 0:
+        middle = sheet.rest[sheet.hinges[:, :2]].mean(1)[:, 1]
+        stiffness = np.where(middle < HEM_WIDTH - sheet.height, HEM_BENDING * stiffness, stiffness)
+    curl = cloth.curl[0] * (4 * steep - 1) + cloth.curl[1] * (4 * sheet.hinge_across[:, 0] ** 2 - 1)
+    # more curled at the bottom, as cloth comes off a roll; its mean over the sheet is the amplitude
+    place = -sheet.rest[sheet.hinges[:, :2]].mean(1)[:, 1] / sheet.height
+    return stiffness, np.asarray(curl * (0.6 + 0.8 * place))
+
+
+def _air_mass(sheet: Sheet) -> Floats:
+    """Area [m^2] times the share of the carried air, (nodes,): 1 in the middle, falling to zero at the edges."""
+    xi, eta = 2 * sheet.rest[:, 0] / sheet.width, -2 * sheet.rest[:, 1] / sheet.height - 1
+    return np.asarray(sheet.node_area * (np.clip(1 - xi**2, 0, 1) * np.clip(1 - eta**2, 0, 1)) ** 0.6)
+
+
+def _hung(ends: Floats, sheet: Sheet) -> Floats:
+    """The flat sheet below the held edge's ends, (takes, 6) -> (takes, nodes, 3)."""
+    left, right = ends[:, None, :3], ends[:, None, 3:]
+    share = (sheet.rest[:, 0] / sheet.width + 0.5)[None, :, None]
+    places = (1 - share) * left + share * right
+    places[..., 2] += sheet.rest[:, 1]
+    return np.ascontiguousarray(places)
+
+
+def _resample(ends: Floats, duration: float, instants: Floats) -> Floats:
+    """Smooth path of the ends at every step, (takes, steps, 6)."""
+    from scipy.interpolate import CubicSpline
+
+    given = np.linspace(0.0, duration, ends.shape[1])
+    return np.ascontiguousarray(np.swapaxes(CubicSpline(given, np.swapaxes(ends, 0, 1))(instants), 0, 1))

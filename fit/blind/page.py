@@ -1,99 +1,174 @@
-"""The blind check as one self-contained HTML page: rates, confusion matrix, misses."""
+"""The blind check as one HTML file with nothing from outside: rates, confusion, calibration, baselines, every case."""
 
 from __future__ import annotations
 
-import html
-import math
-from collections.abc import Sequence
+from html import escape
+from pathlib import Path
 
-from fit.blind.scoring import Answer, Score
+import msgspec
+import numpy as np
 
+from fit.blind.rates import Rate
+from fit.blind.scoring import HEADLINE_BIN, SCORE, Rates, Score, headline
+from fit.blind.seal import write_whole
+from fit.errors import FitError
+
+# Asked of the own generator at 2 to 4 times the minimum detectable amplitude; null and unknown cases have no amplitude.
+ROWS = (
+    ("false alarms on nulls", "false_alarms", "at most 5 %"),
+    ("right group first", "right_first", "at least 90 %"),
+    ("right effect, alone", "right_alone", ""),
+    ("right group among the first three", "right_in_three", "at least 97 %"),
+    ("`unknown` where no library effect is at work", "said_unknown", "at least 85 %"),
+    ("confident and wrong", "confident_and_wrong", "at most 2 %"),
+    ("pairs: one of the two named", "pair_one_named", ""),
+    ("pairs: both named", "pair_both_named", ""),
+    ("closure, median", "closure", ""),
+    ("closure against the refitted true effect, mean", "closure_against_oracle", "at least 0.92"),
+    ("amplitude, median relative error", "amplitude_error", "at most 0.12"),
+    ("amplitude within the 90 % interval", "amplitude_covered", "85 to 95 %"),
+    ("place found, local effects", "place_found", "at least 90 %"),
+    ("Brier score", "brier", "at most 0.12"),
+)
 STYLE = """
-body{font:16px/1.5 system-ui,sans-serif;max-width:70rem;margin:2rem auto;padding:0 1rem;color:#1d2129;background:#fff}
-table{border-collapse:collapse;margin:1rem 0}
-th,td{padding:.25rem .6rem;text-align:left;border-bottom:1px solid #dde1e8}
-td.number{text-align:right;font-variant-numeric:tabular-nums}
-.matrix td,.matrix th{font-size:.8rem;padding:.15rem .35rem}
-.matrix th.up{writing-mode:vertical-rl;transform:rotate(180deg);border:0;vertical-align:bottom}
-.matrix td{text-align:center;border:1px solid #eef0f4}
-.right{background:#cfe8d5}.wrong{background:#f6d5d0}.mild{background:#f7efcf}
-.scroll{overflow-x:auto}pre{white-space:pre-wrap;background:#f5f6f8;padding:.8rem}
+:root { color-scheme: light dark; --line: #8886; --bar: #1f63b5; }
+body { font: 1rem/1.5 system-ui, sans-serif; max-width: 75rem; margin: 1.5rem auto; padding: 0 1rem;
+  font-variant-numeric: tabular-nums; }
+h1 { font-size: 1.6rem; } h2 { font-size: 1.2rem; margin-top: 2rem; }
+.scroll { overflow-x: auto; } table { border-collapse: collapse; font-size: .9rem; }
+th, td { border-bottom: 1px solid var(--line); padding: .25rem .6rem; text-align: right; white-space: nowrap; }
+th:first-child, td:first-child { text-align: left; } thead th { vertical-align: bottom; }
+.turned { writing-mode: vertical-rl; transform: rotate(180deg); text-align: left; font-weight: 500; }
+small, .soft { color: GrayText; } svg { max-width: 26rem; width: 100%; }
 """
 
 
-def write_page(score: Score, answers: Sequence[Answer], baselines: dict[str, float], hashes: dict[str, str]) -> str:
+def write_page(answers: Path, out: Path) -> Path:
+    """Write the page of scored answers.
+
+    Raises:
+        FitError: the answers are not scored, or the file cannot be written there.
+    """
+    try:
+        score = msgspec.json.decode((answers / SCORE).read_bytes(), type=Score)
+    except OSError as error:
+        raise FitError(
+            "the answers are not scored", where=answers, advice="score them first: `hangtime blind score`"
+        ) from error
+    except msgspec.MsgspecError as error:
+        raise FitError(f"is not a score: {error}", where=answers / SCORE, advice="score the answers again") from error
+    try:
+        write_whole(out, render(score).encode())
+    except OSError as error:
+        raise FitError(f"cannot be written ({error.strerror})", where=out, advice="choose another --out") from error
+    return out
+
+
+def render(score: Score) -> str:
     """Return the page."""
-    rates = "".join(
-        f"<tr><td>{_text(name)}</td><td class=number>{_text(rate)}</td></tr>" for name, rate in score.rates.items()
+    parts = [
+        f"<h1>Blind check: {len(score.cases)} cases</h1><p>{escape(headline(score))}</p>",
+        f"<p class=soft>Scored {score.created}; opening {score.look} of this seal. Labels {score.sealed[:16]}…, "
+        f"answers {score.answers[:16]}… (SHA-256).</p>",
+        "".join(f"<p>{escape(note)}</p>" for note in score.notes),
+        "<h2>Rates</h2><p>Single effects also by true amplitude over the smallest amplitude that the diagnosis says it "
+        f"could detect; what is asked holds for {HEADLINE_BIN}. Brackets: 95 % Wilson intervals.</p>",
+        rates_table(score),
+        "<h2>Planted against named first</h2>", _counts(score.confusion, "planted"),
+        "<h2>Verdicts</h2>", _counts(score.verdicts, "kind of case"),
+        "<h2>Calibration</h2>", _calibration(score),
+        "<h2>Baselines</h2>", _baselines(score),
+        "<h2>Every case</h2>", _cases(score),
+    ]  # fmt: skip
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>Blind check</title>'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<style>{STYLE}</style></head><body>{''.join(parts)}</body></html>\n"
     )
-    figures = "".join(
-        f"<tr><td>{_text(name)}</td><td class=number>{value:.3f}</td></tr>" for name, value in score.figures.items()
-    )
-    others = "".join(
-        f"<tr><td>{_text(name)}</td><td class=number>{100 * value:.0f} %</td></tr>" for name, value in baselines.items()
-    )
-    origin = "".join(
-        f"<tr><td>{_text(name)}</td><td><code>{_text(value)}</code></td></tr>" for name, value in hashes.items()
+
+
+def figure(rates: Rates, name: str) -> str:
+    """Return one figure of some rates in words, a dash where no case allows it."""
+    value = getattr(rates, name)
+    if isinstance(value, Rate):
+        return str(value) if value.n else "–"
+    return "–" if value is None else f"{value:.2f}"
+
+
+def rates_table(score: Score) -> str:
+    """Return the table of rates: overall and by size."""
+    head = "".join(f"<th>{escape(name)}<br><small>{r.cases} cases</small></th>" for name, r in score.by_size.items())
+    body = "".join(
+        f"<tr><td>{escape(title)}</td><td>{asked}</td><td>{figure(score.overall, name)}</td>"
+        + "".join(f"<td>{figure(r, name)}</td>" for r in score.by_size.values())
+        + "</tr>"
+        for title, name, asked in ROWS
     )
     return (
-        f"<!doctype html><html lang=en><meta charset=utf-8><title>Blind check</title><style>{STYLE}</style>"
-        f"<h1>Blind check</h1><p>{len(answers)} cases of a generator that shares no code with the diagnosis. "
-        "Shares with their 95 % Wilson intervals.</p>"
-        f"<h2>Rates</h2><table>{rates}{figures}</table>"
-        f"<h2>Baselines</h2><p>Share of single effects that a simpler rule names.</p><table>{others}</table>"
-        f"<h2>Planted against named</h2>{_matrix(score)}"
-        f"<h2>Misses</h2><pre>{_text(chr(10).join(score.misses) or 'none')}</pre>"
-        f"<h2>Origin</h2><table>{origin}</table></html>\n"
+        f"<div class=scroll><table><thead><tr><th></th><th>asked</th><th>all<br><small>{score.overall.cases} cases"
+        f"</small></th>{head}</tr></thead><tbody>{body}</tbody></table></div>"
     )
 
 
-def baselines_of(answers: Sequence[Answer]) -> dict[str, float]:
-    """Return the share of single effects that simpler rules name right."""
-    singles = [a for a in answers if a.label.kind == "single"]
-    if not singles:
-        return {}
-    count = len(singles)
-    library = max(len(a.diagnosis.effects) for a in singles if a.diagnosis is not None)
-    always = sum(a.label.names[0] == "air_drag" for a in singles) / count
-
-    def top(key: str, sign: float) -> float:
-        hits = 0
-        for a in singles:
-            found = [f for f in (a.diagnosis.effects if a.diagnosis else []) if getattr(f, key) is not None]
-            best = max(found, key=lambda f: sign * getattr(f, key), default=None)
-            hits += best is not None and best.id == a.label.names[0]
-        return hits / count
-
-    return {
-        "chance": 1 / library,
-        "always air drag": always,
-        "largest explained residual at the base fit, no refit, no held-out motion": top("explained", 1.0),
-        "smallest p-value of the score test": top("p_value", -1.0),
-    }
+def _counts(table: dict[str, dict[str, int]], corner: str) -> str:
+    columns = sorted({c for row in table.values() for c in row})
+    most = max((n for row in table.values() for n in row.values()), default=1)
+    head = "".join(f'<th><span class="turned">{escape(c)}</span></th>' for c in columns)
+    body = ""
+    for name, row in table.items():
+        cells = "".join(
+            f'<td style="background:rgb(31 99 181/{0.65 * row.get(c, 0) / most:.2f})">{row.get(c, "")}</td>'
+            for c in columns
+        )
+        body += f"<tr><td>{escape(name)}</td>{cells}</tr>"
+    return (
+        f"<div class=scroll><table><thead><tr><th>{escape(corner)}</th>{head}</tr></thead><tbody>{body}</tbody>"
+        "</table></div>"
+    )
 
 
-def _matrix(score: Score) -> str:
-    rows = sorted({planted for planted, _ in score.confusion})
-    columns = sorted({said for _, said in score.confusion})
-    head = "".join(f"<th class=up>{_text(c)}</th>" for c in columns)
-    body = []
-    for planted in rows:
-        cells = []
-        for said in columns:
-            count = score.confusion.get((planted, said), 0)
-            tone = "" if not count else _tone(planted, said)
-            cells.append(f"<td class={tone or 'none'}>{count or ''}</td>")
-        body.append(f"<tr><th>{_text(planted)}</th>{''.join(cells)}</tr>")
-    return f"<div class=scroll><table class=matrix><tr><th></th>{head}</tr>{''.join(body)}</table></div>"
+def _calibration(score: Score) -> str:
+    """Share of right names against stated probability, in fifths."""
+    given = [(j.probability, not _is_wrong(j.named, j.planted)) for j in score.cases if j.probability is not None]
+    if not given:
+        return "<p>The diagnosis gives no probabilities yet, so there is nothing to calibrate.</p>"
+    stated, right = np.array([p for p, _ in given]), np.array([r for _, r in given])
+    marks = ""
+    for low in np.arange(0, 1, 0.2):
+        inside = (stated >= low) & ((stated < low + 0.2) | (low > 0.7))
+        if inside.any():
+            x, y = 100 * stated[inside].mean(), 100 - 100 * right[inside].mean()
+            marks += f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{1 + np.sqrt(inside.sum()):.1f}" fill="var(--bar)"/>'
+    return (
+        '<svg viewBox="-8 -4 116 116" role="img" aria-label="share of right names against stated probability">'
+        '<rect width="100" height="100" fill="none" stroke="currentColor" stroke-width=".5"/>'
+        '<line x1="0" y1="100" x2="100" y2="0" stroke="currentColor" stroke-dasharray="2"/>'
+        f'{marks}<text x="50" y="109" font-size="6" text-anchor="middle" fill="currentColor">stated probability</text>'
+        "</svg>"
+    )
 
 
-def _tone(planted: str, said: str) -> str:
-    if said in planted.split("+") or (planted == "nothing" and said == "none"):
-        return "right"
-    return "mild" if said in {"none", "unknown", "inconclusive", "numerics"} else "wrong"
+def _is_wrong(named: tuple[str, ...], planted: tuple[str, ...]) -> bool:
+    return not set(named) & set(planted)
 
 
-def _text(value: object) -> str:
-    if isinstance(value, float) and not math.isfinite(value):
-        return "–"
-    return html.escape(str(value))
+def _baselines(score: Score) -> str:
+    rows = f"<tr><td>the diagnosis, right group first</td><td>{score.overall.right_first}</td></tr>"
+    rows += f"<tr><td>chance</td><td>{100 * score.chance:.0f} %</td></tr>"
+    rows += "".join(f"<tr><td>{escape(n)}</td><td>{rate}</td></tr>" for n, rate in score.baselines.items())
+    return f"<table><tbody>{rows}</tbody></table>"
+
+
+def _cases(score: Score) -> str:
+    rows = ""
+    for j in sorted(score.cases, key=lambda j: (j.kind, j.planted)):
+        size = "" if j.ratio is None else f"{j.ratio:.1f}"
+        amplitude = "" if j.amplitude is None else f"{j.amplitude:.3g}"
+        rows += (
+            f"<tr><td>{j.id}</td><td>{j.kind}</td><td>{escape(', '.join(j.planted))}</td><td>{amplitude}</td>"
+            f"<td>{size}</td><td>{j.verdict}</td><td>{escape(', '.join(j.named))}</td></tr>"
+        )
+    head = "".join(
+        f"<th>{h}</th>" for h in ("case", "kind", "planted", "amplitude", "over detectable", "verdict", "named")
+    )
+    return f"<div class=scroll><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"

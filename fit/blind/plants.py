@@ -1,308 +1,194 @@
-"""The effects that cases contain, with the generator's own laws, and their sizes.
+"""What the generator can plant: the effects of the diagnosis' library by laws of its own, and some of no library.
 
-Each plant changes the plan of the cloth, the path of the held nodes, or what the tracker makes of the true points.
-Sizes are
-drawn log-uniformly from half to three times the typical one, independently of everything else in a case. Equations,
-ranges and sources: KES handbooks, Hoerner (drag), Brennen (added mass), Khoshelham & Elberink (depth), as in
-`docs/diagnosis.md`; what differs from the diagnosis' own laws is said at each plant.
+Amplitudes are drawn log-uniformly over 0.5 to 3 times a typical size, cut off where apparel and sensors end. An amount
+of several components has the length of their vector as its amplitude. How each acts:
+
+    cloth, air    fields of `fit.blind.engine.Cloth`
+    boundary      `fit.blind.boundary`: the held edge is not where the markers say
+    measurement   `fit.blind.sensing`: the points are not where or when the cloth was; gravity is a field of `Cloth`
+
+Typical sizes and ranges: S. Kawabata's KES figures for apparel (2HB 1e-4 to 1e-3 N), H. Wang et al., "Data-driven
+elastic models for cloth" (SIGGRAPH 2011), S. F. Hoerner, "Fluid-Dynamic Drag" (1965), K. Khoshelham & S. Oude Elberink,
+Sensors 12 (2012); docs/blind-check.md has the table. Self-contact is not generated. Shear stiffness is not an
+effect to the default base model, which has it, and a clamped sheet shears by about a degree: its stiffening cannot be
+seen.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.blind.engine import SAMPLES, Plan
-from fit.blind.motions import minimum_jerk
-from fit.blind.sheet import Sheet
+from fit.blind.engine import Cloth
+from fit.errors import FitError
 
 Floats = NDArray[np.float64]
+SMALLEST, LARGEST = 0.5, 3.0  # times the typical size
+
+BOTTOM = ("bottom left", "bottom centre", "bottom right")
 
 
-@dataclass
-class Case:
-    """What plants work on. paths [m]: per take (samples, held, 3); times [s]: per take when its points are seen."""
+class Planted(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One planted effect: amplitude in `unit`, signed components, and the cloth's regions where it shows, if local."""
 
-    sheet: Sheet
-    plan: Plan
-    paths: list[Floats]
-    times: list[Floats]
-    places: Floats
-    rng: np.random.Generator
-    observers: list[Callable[[Floats, Floats], Floats]] = field(default_factory=list)
-    hanger_scale: float = 1.0
+    id: str
+    amplitude: float
+    unit: str
+    components: dict[str, float]
+    place: tuple[str, ...] = ()
+    in_library: bool = True
+    seed: int = 0
 
 
 @dataclass(frozen=True)
 class Plant:
-    """One effect of the generator: its id, typical size, unit, place (if it is local) and what it does to a case."""
+    """A kind of effect: its unit, its typical and largest amplitude, its components, how their direction is drawn.
 
-    name: str
-    typical: float
+    direction: `sign` one component of either sign, `positive`, `any` a random direction, `axis` one component alone,
+    `equal` all components alike; on_cloth changes the cloth; place: regions by sign or component
+    """
+
+    id: str
+    acts_on: str
     unit: str
-    apply: Callable[[Case, float], None]
-    place: str = ""
-
-
-def _direction(rng: np.random.Generator, count: int) -> Floats:
-    way = rng.normal(size=count)
-    return np.asarray(way / np.linalg.norm(way))
-
-
-def _extra(case: Case, **numbers: float) -> None:
-    case.plan = replace(case.plan, extra={**case.plan.extra, **numbers})
-
-
-def _mass(case: Case) -> Floats:
-    even = case.sheet.node_area * case.plan.density
-    return even if case.plan.node_mass is None else case.plan.node_mass
-
-
-def _hysteresis(case: Case, size: float) -> None:
-    """Prandtl's elastic-sliding element instead of Dahl's curve."""
-    _extra(case, friction=size)
-
-
-def _rest_curvature(case: Case, size: float) -> None:
-    down, across = size * _direction(case.rng, 2)
-    case.plan = replace(case.plan, rest_curvature=(float(down), float(across)))
-
-
-def _hem(case: Case, size: float) -> None:
-    """A band of 15 mm at the bottom instead of a line."""
-    mass, y = _mass(case), case.sheet.rest[:, 1]
-    band = np.clip(1 - (y - y.min()) / 0.03, 0, None) * case.sheet.node_area
-    length = float(np.ptp(case.sheet.rest[:, 0]))
-    extra = band / band.sum() * size * length
-    total = mass.sum()
-    case.plan = replace(case.plan, node_mass=mass * (1 - extra.sum() / total) + extra)
-
-
-def _anisotropy(case: Case, size: float) -> None:
-    half = np.exp(0.5 * size * case.rng.choice([-1, 1]))
-    plan = case.plan
-    case.plan = replace(
-        plan, warp=plan.warp * half, weft=plan.weft / half, bending=(plan.bending[0] * half, plan.bending[1] / half)
-    )
-
-
-def _mass_distribution(case: Case, size: float) -> None:
-    """A smooth step instead of a slope."""
-    rest, mass = case.sheet.rest, _mass(case)
-    place = (rest - rest.mean(0)) / (np.ptp(rest, axis=0) / 2) @ (_direction(case.rng, 2) * [1, -1])
-    tilted = mass * np.clip(1 + size * np.tanh(1.3 * place) / np.tanh(1.3), 0.1, None)
-    case.plan = replace(case.plan, node_mass=tilted * mass.sum() / tilted.sum())
-
-
-def _moved(case: Case, change: Callable[[Floats, Floats], Floats]) -> None:
-    case.paths = [change(path, np.arange(len(path)) / SAMPLES) for path in case.paths]
-
-
-def _compliance(case: Case, size: float) -> None:
-    """A two-stage rod: the same static compliance, integrated step by step, damped by 15 % instead of 10 %."""
-    omega, dt = 1 / np.sqrt(size), 1 / SAMPLES
-
-    def bend(path: Floats, t: Floats) -> Floats:
-        middle = path.mean(1)
-        acceleration = np.gradient(np.gradient(middle, dt, axis=0), dt, axis=0)
-        e, rate = np.zeros(3), np.zeros(3)
-        out = np.zeros_like(middle)
-        for k, a in enumerate(acceleration):
-            for _ in range(4):
-                rate = rate + dt / 4 * (-a - omega**2 * e - 2 * 0.15 * omega * rate)
-                e = e + dt / 4 * rate
-            out[k] = e
-        return np.asarray(path + out[:, None])
-
-    _moved(case, bend)
-
-
-def _rotation(case: Case, size: float) -> None:
-    """The bar turns in the hand, unseen by the hanger's markers, at a pace of its own."""
-    hertz, phase = case.rng.uniform(0.3, 1.2), case.rng.uniform(0, 2 * np.pi)
-    yaw, roll = size * np.sqrt(2) * _direction(case.rng, 2)
-
-    def turn(path: Floats, t: Floats) -> Floats:
-        course = np.sin(2 * np.pi * hertz * t + phase) * minimum_jerk(t / 0.5)
-        middle = path.mean(1, keepdims=True)
-        arm = path - middle
-        a, b = (yaw * course)[:, None], (roll * course)[:, None]
-        x = arm[..., 0] * np.cos(a) * np.cos(b)
-        return np.asarray(
-            middle + np.stack([x, arm[..., 1] + arm[..., 0] * np.sin(a), arm[..., 2] + arm[..., 0] * np.sin(b)], 2)
-        )
-
-    _moved(case, turn)
-
-
-def _offset(case: Case, size: float) -> None:
-    way = size * _direction(case.rng, 3)
-    _moved(case, lambda path, t: path + way)
-
-
-def _slip(case: Case, size: float) -> None:
-    """The slip takes 30 ms and tapers along the bar."""
-    left, right = np.abs(_direction(case.rng, 2)) * size
-
-    def slip(path: Floats, t: Floats) -> Floats:
-        middle = path.mean(1)
-        hardest = np.linalg.norm(np.gradient(np.gradient(middle, axis=0), axis=0), axis=1)
-        at = t[2:-2][int(np.argmax(hardest[2:-2]))] + 0.02
-        share = np.linspace(0, 1, path.shape[1])
-        down = (left * (1 - share) + right * share)[None] * minimum_jerk((t - at) / 0.03)[:, None]
-        return np.asarray(path - np.stack([0 * down, 0 * down, down], 2))
-
-    _moved(case, slip)
-
-
-def _slack(case: Case, size: float) -> None:
-    sign = case.rng.choice([-1.0, 1.0])
-
-    def closer(path: Floats, t: Floats) -> Floats:
-        middle = path.mean(1, keepdims=True)
-        length = np.linalg.norm(path[:, -1] - path[:, 0], axis=1)[:, None, None]
-        return np.asarray(middle + (path - middle) * (1 - sign * size / length))
-
-    _moved(case, closer)
-
-
-def _added_mass(case: Case, size: float) -> None:
-    """Even over the sheet but for a border of 50 mm, instead of an ellipse."""
-    rest = case.sheet.rest
-    edge = np.min(np.concatenate([rest - rest.min(0), rest.max(0) - rest], 1), axis=1)
-    case.plan = replace(case.plan, added=0.8 * size * case.sheet.node_area * minimum_jerk(edge / 0.05))
-
-
-def _draught(case: Case, size: float) -> None:
-    way = case.rng.uniform(0, 2 * np.pi)
-    _extra(case, wx=float(size * np.cos(way)), wy=float(size * np.sin(way)))
-
-
-def _tilt(case: Case, size: float) -> None:
-    way = case.rng.uniform(0, 2 * np.pi)
-    down = 9.80665 * np.cos(size)
-    _extra(
-        case, gx=float(9.80665 * np.sin(size) * np.cos(way)), gy=float(9.80665 * np.sin(size) * np.sin(way)), gz=-down
-    )
-
-
-def _late(case: Case, size: float) -> None:
-    late = size * case.rng.choice([-1.0, 1.0])
-    case.times = [t - late for t in case.times]
-
-
-def _drift(case: Case, size: float) -> None:
-    case.times = [t * (1 - size) for t in case.times]
-
-
-def _observed(case: Case, change: Callable[[Floats, Floats], Floats]) -> None:
-    case.observers.append(change)
-
-
-def _depth(case: Case, size: float) -> None:
-    """Everything the sensor sees, or the points alone, scaled about a sensor at the origin."""
-    scale = 1 + size * case.rng.choice([-1.0, 1.0])
-    if case.rng.random() < 0.5:
-        case.hanger_scale = scale
-    _observed(case, lambda points, t: points * scale)
-
-
-def _lag(case: Case, size: float) -> None:
-    """Exponential smoothing frame by frame."""
-
-    def smooth(points: Floats, t: Floats) -> Floats:
-        out = points.copy()
-        for k in range(1, len(points)):
-            out[k] = out[k - 1] + (1 - np.exp(-(t[k] - t[k - 1]) / size)) * (points[k] - out[k - 1])
-        return out
-
-    _observed(case, smooth)
-
-
-def _erosion(case: Case, size: float) -> None:
-    """Free corners, and half as much their neighbours within 60 mm."""
-    places = case.places
-    low = places[:, 1].min()
-    corners = np.array([[places[:, 0].min(), low], [places[:, 0].max(), low]])
-    reach = np.exp(-((np.linalg.norm(places[:, None] - corners[None], axis=2).min(1) / 0.03) ** 2))
-
-    def erode(points: Floats, t: Floats) -> Floats:
-        way = points.mean(1, keepdims=True) - points
-        return np.asarray(
-            points + size * reach[:, None] * way / np.maximum(np.linalg.norm(way, axis=2, keepdims=True), 1e-9)
-        )
-
-    _observed(case, erode)
-
-
-def _ironed(case: Case, size: float) -> None:
-    """Gaussian smoothing over the grid, mirrored at the border."""
-    side = round(np.sqrt(len(case.places)))
-
-    def iron(points: Floats, t: Floats) -> Floats:
-        if side * side != len(case.places):
-            return points
-        grid = points.reshape(len(points), side, side, 3)
-        for axis in (1, 2):
-            ends = [np.take(grid, [k], axis) for k in (0, 1, -2, -1)]
-            before, after = 2 * ends[0] - ends[1], 2 * ends[3] - ends[2]
-            wide = np.concatenate([before, grid, after], axis)
-            left, right = np.take(wide, range(side), axis), np.take(wide, range(2, side + 2), axis)
-            grid = (1 - size / 2) * grid + size / 4 * (left + right)
-        return np.asarray(grid.reshape(points.shape))
-
-    _observed(case, iron)
-
-
-def _magnet(case: Case, size: float) -> None:
-    rest = case.sheet.rest
-    _extra(case, magnet=size, mx=float(case.rng.uniform(-0.3, 0.3) * np.ptp(rest[:, 0])),
-           my=float(case.paths[0][0, :, 1].mean() + case.rng.choice([-1, 1]) * 0.04),
-           mz=float(case.paths[0][0, :, 2].mean() + 0.8 * rest[:, 1].min()))  # fmt: skip
-
-
-def _wall(case: Case, size: float) -> None:
-    _extra(case, wall=size, wall_y=float(case.paths[0][0, :, 1].mean() + 0.015))
-
-
-PLANTS = {
-    p.name: p
-    for p in (
-        Plant("bending_hysteresis", 3e-4, "N", _hysteresis),
-        Plant("rest_curvature", 6.0, "1/m", _rest_curvature),
-        Plant("hem", 0.012, "kg/m", _hem, place="bottom"),
-        Plant("anisotropy", 0.8, "1", _anisotropy),
-        Plant("strain_stiffening", 40.0, "1", lambda c, a: _extra(c, stiffening=a)),
-        Plant("stretch_viscosity", 1.5e-3, "s", lambda c, a: _extra(c, membrane_viscosity=a)),
-        Plant("mass_distribution", 0.35, "1", _mass_distribution),
-        Plant("hanger_compliance", 8e-4, "s^2", _compliance),
-        Plant("hanger_rotation", 0.04, "rad", _rotation),
-        Plant("attachment_offset", 0.01, "m", _offset),
-        Plant("clip_slip", 0.006, "m", _slip),
-        Plant("clip_slack", 0.006, "m", _slack),
-        Plant("air_drag", 1.0, "1", lambda c, a: _extra(c, drag=a)),
-        Plant("added_mass", 0.1, "kg/m^2", _added_mass),
-        Plant("draught", 0.3, "m/s", _draught),
-        Plant("air_lift", 3.0, "1", lambda c, a: _extra(c, lift=a)),
-        Plant("time_offset", 0.015, "s", _late),
-        Plant("gravity_tilt", 0.025, "rad", _tilt),
-        Plant("depth_scale", 0.01, "1", _depth),
-        Plant("filter_lag", 0.02, "s", _lag),
-        Plant("corner_erosion", 0.008, "m", _erosion, place="bottom"),
-        Plant("clock_drift", 0.006, "1", _drift),
-        Plant("tracker_smoothing", 0.5, "1", _ironed),
-    )
-}
-
-# What no library has: the air's memory of its wake, a magnet beside the cloth, a wall that it touches.
-STRANGERS = {
-    p.name: p
-    for p in (
-        Plant("wake_memory", 0.6, "1", lambda c, a: _extra(c, wake=a)),
-        Plant("magnet", 6.0, "m/s^2", _magnet, place="bottom"),
-        Plant("wall", 2000.0, "1/s^2", _wall, place="bottom"),
-    )
-}
+    typical: float
+    most: float
+    components: tuple[str, ...] = ("",)
+    direction: str = "positive"
+    on_cloth: Callable[[Cloth, Planted], Cloth] | None = None
+    place: tuple[str, ...] = ()
+    in_library: bool = True
+
+    def draw(self, rng: np.random.Generator, cloth: Cloth) -> Planted:
+        """Draw an amplitude and a direction for this cloth."""
+        least, most = SMALLEST * self.typical, min(LARGEST * self.typical, self.most)
+        amplitude = float(np.exp(rng.uniform(np.log(least), np.log(most))))
+        turn, sign, axis = rng.normal(size=len(self.components)), rng.choice([-1.0, 1.0]), rng.integers(8)
+        seed = int(rng.integers(2**31))
+        if self.id == "hem":
+            amplitude = min(amplitude, 0.5 * cloth.density * cloth.height)
+        direction = {
+            "positive": np.ones(1),
+            "sign": np.array([sign]),
+            "any": turn / np.linalg.norm(turn),
+            "axis": np.eye(len(self.components))[axis % len(self.components)] * sign,
+            "positive axis": np.eye(len(self.components))[axis % len(self.components)],
+            "equal": np.full(len(self.components), sign / np.sqrt(len(self.components))),
+            "towards": np.array([np.sin(0.6 * np.tanh(turn[0])), sign * np.cos(0.6 * np.tanh(turn[0]))]),
+        }[self.direction]
+        parts = dict(zip(self.components, (amplitude * direction).tolist(), strict=True))
+        place = self.place
+        if self.id == "clip_slip":
+            place = ("top left",) if parts["left"] > 0 else ("top right",)
+        if self.id in {"corner_pendulum", "loose_thread"}:
+            place = ("bottom left",) if sign < 0 else ("bottom right",)
+            parts = {"": float(sign * amplitude)}
+        return Planted(
+            id=self.id, amplitude=amplitude, unit=self.unit, components=parts, place=place, in_library=self.in_library,
+            seed=seed,
+        )  # fmt: skip
+
+
+def _field(*names: str) -> Callable[[Cloth, Planted], Cloth]:
+    """Set one field per component of the amount."""
+
+    def change(cloth: Cloth, planted: Planted) -> Cloth:
+        values = dict(zip(names, planted.components.values(), strict=True))
+        return dataclasses.replace(cloth, **values)  # type: ignore[arg-type]
+
+    return change
+
+
+def _pair(name: str) -> Callable[[Cloth, Planted], Cloth]:
+    """Set one field that holds all components."""
+
+    def change(cloth: Cloth, planted: Planted) -> Cloth:
+        return dataclasses.replace(cloth, **{name: tuple(planted.components.values())})  # type: ignore[arg-type]
+
+    return change
+
+
+def _hem(cloth: Cloth, planted: Planted) -> Cloth:
+    """Move mass to the hem; what scales show stays."""
+    return dataclasses.replace(cloth, hem=planted.amplitude, density=cloth.density - planted.amplitude / cloth.height)
+
+
+def _draught(cloth: Cloth, planted: Planted) -> Cloth:
+    wind = (planted.components["x"], planted.components["y"], 0.0)
+    return dataclasses.replace(cloth, wind=wind, gust_phase=2 * np.pi * (planted.seed % 1000) / 1000)
+
+
+def _at_corner(name: str) -> Callable[[Cloth, Planted], Cloth]:
+    def change(cloth: Cloth, planted: Planted) -> Cloth:
+        corner = 1 if planted.components[""] > 0 else -1
+        amount = planted.amplitude
+        if name == "bob":  # a share of the cloth's mass
+            amount *= cloth.mass
+        return dataclasses.replace(cloth, corner=corner, **{name: amount})  # type: ignore[arg-type]
+
+    return change
+
+
+PLANTS: tuple[Plant, ...] = (
+    Plant("bending_hysteresis", "cloth", "N", 2e-4, 1e-3, on_cloth=_field("friction")),
+    Plant("rest_curvature", "cloth", "1/m", 5.0, 40.0, ("horizontal", "vertical"), "axis", _pair("curl")),
+    Plant("hem", "cloth", "kg/m", 0.01, 0.05, on_cloth=_hem, place=BOTTOM),
+    Plant("anisotropy", "cloth", "1", 0.7, 2.0, ("stretch", "bending"), "equal",
+          _field("stretch_ratio", "bending_ratio")),
+    Plant("strain_stiffening", "cloth", "1", 40.0, 120.0, on_cloth=_field("stiffening")),
+    Plant("bending_viscosity", "cloth", "N m s", 1e-6, 1e-5, on_cloth=_field("bend_viscosity")),
+    Plant("stretch_viscosity", "cloth", "s", 3e-4, 1e-3, on_cloth=_field("stretch_time")),
+    Plant("mass_distribution", "cloth", "1", 0.3, 0.7, ("across", "down"), "any", _pair("mass_slope")),
+    Plant("hanger_compliance", "boundary", "s^2", 7e-4, 2e-3),
+    Plant("hanger_rotation", "boundary", "rad", 0.03, 0.1, ("yaw", "roll"), "any"),
+    Plant("attachment_offset", "boundary", "m", 0.01, 0.03, ("along", "down", "out"), "any"),
+    Plant("clip_slip", "boundary", "m", 0.005, 0.015, ("left", "right"), "positive axis"),
+    Plant("clip_slack", "boundary", "m", 0.008, 0.02, direction="sign"),
+    Plant("air_drag", "air", "1", 1.2, 2.5, on_cloth=_field("drag")),
+    Plant("added_mass", "air", "kg/m^2", 0.1, 0.4, on_cloth=_field("added_mass")),
+    Plant("draught", "air", "m/s", 0.3, 0.6, ("x", "y"), "towards", _draught),
+    Plant("air_lift", "air", "1", 2.0, 6.0, on_cloth=_field("lift")),
+    Plant("time_offset", "measurement", "s", 0.02, 0.06, direction="sign"),
+    Plant("gravity_tilt", "measurement", "rad", 0.02, 0.052, ("x", "y"), "any", _pair("gravity_tilt")),
+    Plant("depth_scale", "measurement", "1", 0.01, 0.03, ("points", "scene"), "axis"),
+    Plant("filter_lag", "measurement", "s", 0.02, 0.06),
+    Plant("corner_erosion", "measurement", "m", 0.008, 0.02, place=("bottom left", "bottom right")),
+    Plant("clock_drift", "measurement", "1", 0.005, 0.015, direction="sign"),
+    Plant("tracker_smoothing", "measurement", "1", 0.4, 1.0),
+)  # fmt: skip
+
+UNKNOWNS: tuple[Plant, ...] = (
+    Plant("wake_memory", "air", "N s/m^3", 0.8, 2.4, on_cloth=_field("wake"), in_library=False),
+    Plant("corner_pendulum", "cloth", "1", 0.1, 0.3, on_cloth=_at_corner("bob"), in_library=False),
+    Plant("loose_thread", "boundary", "N/m", 0.5, 1.5, on_cloth=_at_corner("thread"), in_library=False),
+    Plant("hidden_magnet", "air", "N", 0.05, 0.15, on_cloth=_field("magnet"), in_library=False,
+          place=("middle centre", "bottom centre")),
+)  # fmt: skip
+
+
+def find_plants(names: list[str]) -> tuple[Plant, ...]:
+    """Return the library's effects of these names, all of them for no name.
+
+    Raises:
+        FitError: a name that cannot be planted.
+    """
+    known = {plant.id: plant for plant in PLANTS}
+    for name in names:
+        if name not in known:
+            raise FitError(f"no effect named {name!r} can be planted", advice=f"known: {', '.join(sorted(known))}")
+    return tuple(known[name] for name in names) or PLANTS
+
+
+def with_plants(cloth: Cloth, planted: tuple[Planted, ...]) -> Cloth:
+    """Return the cloth with what was planted in cloth and air."""
+    kinds = {plant.id: plant for plant in PLANTS + UNKNOWNS}
+    for one in planted:
+        change = kinds[one.id].on_cloth
+        if change is not None:
+            cloth = change(cloth, one)
+    return cloth

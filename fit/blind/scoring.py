@@ -1,181 +1,181 @@
-"""The score of answers against labels: every rate with its Wilson interval, in bins of effect size.
+"""Score answers against the sealed labels: answers are hashed before the seal is opened, and every opening is recorded.
 
-    p = (k + z^2/2) / (n + z^2) ± z sqrt(k (n - k) / n + z^2/4) / (n + z^2),   z = 1.96
-
-The size of an effect is its true amplitude over the smallest that the diagnosis says this data could have shown. A
-named group counts as right where the truth is in it.
-Source: E. B. Wilson, J. Am. Stat. Assoc. 22 (1927); G. W. Brier, Monthly Weather Review 78 (1950).
+ANSWERS/answers.sha256     one line per answer, written first
+ANSWERS/score.json         every rate, overall and by true amplitude over the minimum detectable one
+DIR/looks.jsonl            one line per opening of the seal: when, of which answers, with what headline
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+import hashlib
+import json
+from collections import Counter
+from datetime import UTC, datetime
+from pathlib import Path
 
-import numpy as np
+import msgspec
 
-from fit.blind.cases import Label
-from fit.blind.plants import PLANTS, STRANGERS
-from formats.results import Diagnosis, EffectFinding
+from fit.blind.judging import BINS, Judged, judge
+from fit.blind.making import changed_files, open_labels, read_manifest
+from fit.blind.rates import Rate, mean, median, rate_of
+from fit.blind.running import DIAGNOSIS, FAILURE
+from fit.blind.seal import sha256_of, write_whole
+from fit.errors import FitError
 
-BINS = ((0.0, 1.0), (1.0, 2.0), (2.0, 4.0), (4.0, math.inf))
-HEADLINE = (2.0, 4.0)
-CONFIDENT = 0.8
-
-
-@dataclass(frozen=True)
-class Rate:
-    """So many of so many, with a 95 % Wilson interval."""
-
-    hits: int
-    total: int
-
-    @property
-    def value(self) -> float:
-        """Share, or NaN of none."""
-        return self.hits / self.total if self.total else math.nan
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Wilson's interval."""
-        if not self.total:
-            return 0.0, 1.0
-        k, n, z = self.hits, self.total, 1.96
-        middle, half = (k + z * z / 2) / (n + z * z), z * math.sqrt(k * (n - k) / n + z * z / 4) / (n + z * z)
-        return max(middle - half, 0.0), min(middle + half, 1.0)
-
-    def __str__(self) -> str:
-        low, high = self.interval
-        share = f"{100 * self.value:.0f} %" if self.total else "–"
-        return f"{share} ({self.hits}/{self.total}) [{100 * low:.0f} to {100 * high:.0f} %]"
+ANSWERS_HASHES, SCORE, LOOKS = "answers.sha256", "score.json", "looks.jsonl"
+HEADLINE_BIN = "2 to 4"
+SCORE_FORMAT = "hangtime-blind-score/1"
+ORACLE_LEAST = 0.05  # of the gap: below, a ratio of closures means nothing
 
 
-@dataclass(frozen=True)
-class Answer:
-    """One case: its label and what was said; a failed diagnosis has none."""
+class Rates(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The rates of some cases; figures that no case allows are None."""
 
-    case: str
-    label: Label
-    diagnosis: Diagnosis | None
-
-    @property
-    def verdict(self) -> str:
-        """The verdict; `inconclusive` where the diagnosis failed."""
-        return self.diagnosis.verdict if self.diagnosis else "inconclusive"
-
-    @property
-    def named(self) -> list[str]:
-        """Effects that the verdict names."""
-        return self.diagnosis.named if self.diagnosis else []
-
-    def ranked(self) -> list[str]:
-        """Effects in the order of the diagnosis, best first."""
-        return [f.id for f in self.diagnosis.effects if f.tested and f.closure is not None] if self.diagnosis else []
-
-    def finding(self, name: str) -> EffectFinding | None:
-        """What was found of an effect."""
-        found = self.diagnosis.effects if self.diagnosis else []
-        return next((f for f in found if f.id == name), None)
-
-    @property
-    def size(self) -> float:
-        """True amplitude over the minimum detectable one; infinite where there is no effect."""
-        found = self.finding(self.label.names[0]) if self.label.names else None
-        if found is None or not found.minimum_detectable:
-            return math.nan
-        return self.label.amplitudes[0] / found.minimum_detectable
+    cases: int
+    false_alarms: Rate
+    right_first: Rate
+    right_alone: Rate
+    right_in_three: Rate
+    pair_one_named: Rate
+    pair_both_named: Rate
+    said_unknown: Rate
+    confident_and_wrong: Rate
+    amplitude_covered: Rate
+    place_found: Rate
+    amplitude_error: float | None
+    closure: float | None
+    closure_against_oracle: float | None
+    brier: float | None
 
 
-@dataclass
-class Score:
-    """All rates by name, other figures by name, and the confusion of planted against first-named."""
+class Score(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What a set of answers is worth."""
 
-    rates: dict[str, Rate] = field(default_factory=dict)
-    figures: dict[str, float] = field(default_factory=dict)
-    confusion: dict[tuple[str, str], int] = field(default_factory=dict)
-    misses: list[str] = field(default_factory=list)
+    format: str
+    created: str
+    sealed: str
+    answers: str
+    look: int
+    overall: Rates
+    by_size: dict[str, Rates]
+    in_base_model: int
+    verdicts: dict[str, dict[str, int]]
+    confusion: dict[str, dict[str, int]]
+    baselines: dict[str, Rate]
+    chance: float
+    cases: tuple[Judged, ...]
+    notes: tuple[str, ...]
 
 
-def score(answers: Sequence[Answer]) -> Score:
-    """Score answers."""
-    found = Score()
-    kinds = {k: [a for a in answers if a.label.kind == k] for k in ("null", "single", "pair", "stranger")}
-    nulls, singles, strangers = kinds["null"], kinds["single"], kinds["stranger"]
-    found.rates["false alarms on nulls (an effect named)"] = _rate(bool(a.named) for a in nulls)
-    found.rates["nulls called none"] = _rate(a.verdict == "none" for a in nulls)
-    found.rates["single effects: right one or its group named"] = _rate(_is_right(a) for a in singles)
-    found.rates["single effects: right where anything was named"] = _rate(_is_right(a) for a in singles if a.named)
-    for low, high in BINS:
-        chosen = [a for a in singles if low <= a.size < high]
-        span = f"{low:g} to {high:g} times detectable" if math.isfinite(high) else f"above {low:g} times detectable"
-        found.rates[f"  named right, {span}"] = _rate(_is_right(a) for a in chosen)
-        found.rates[f"  in the first three, {span}"] = _rate(a.label.names[0] in a.ranked()[:3] for a in chosen)
-    found.rates["unknown where no library has it"] = _rate(a.verdict == "unknown" for a in strangers)
-    found.rates["not misnamed where no library has it"] = _rate(not a.named for a in strangers)
-    found.rates["pairs: both named"] = _rate(set(a.label.names) <= set(a.named) for a in kinds["pair"])
-    found.rates["pairs: at least one named, none wrong"] = _rate(
-        bool(a.named) and set(a.named) <= set(a.label.names) for a in kinds["pair"]
+def hash_answers(folder: Path, answers: Path) -> str:
+    """Write the hash of every answer and return the hash of them all.
+
+    Raises:
+        FitError: cases have neither a diagnosis nor a recorded failure.
+    """
+    lines, missing = [], []
+    for case in read_manifest(folder).cases:
+        found = [answers / case / name for name in (DIAGNOSIS, FAILURE) if (answers / case / name).exists()]
+        missing += [case] * (not found)
+        lines += [f"{sha256_of(path)}  {case}/{path.name}" for path in found[:1]]
+    if missing:
+        raise FitError(
+            f"{len(missing)} cases have no answer, first {missing[0]}", where=answers,
+            advice="the same `hangtime blind run` goes on with them; the seal stays closed until then",
+        )  # fmt: skip
+    raw = ("\n".join(lines) + "\n").encode()
+    write_whole(answers / ANSWERS_HASHES, raw)
+    return hashlib.sha256(raw).hexdigest()
+
+
+def score_set(folder: Path, answers: Path) -> Score:
+    """Hash the answers, open the seal, judge every case, write the score and record the look.
+
+    Raises:
+        FitError: answers are missing, public files changed, or the seal is broken.
+    """
+    manifest = read_manifest(folder)
+    changed = changed_files(folder, manifest)
+    if changed or not manifest.complete:
+        raise FitError("the public files are not those that were made", where=folder, advice="make the set again")
+    hashed = hash_answers(folder, answers)
+    labels = open_labels(folder)
+    looks = folder / LOOKS
+    look = 1 + (len(looks.read_text().splitlines()) if looks.exists() else 0)
+    judged = tuple(judge(truth, answers) for truth in labels.truths)
+    score = summarise(judged, len(labels.plants))
+    score = msgspec.structs.replace(score, sealed=manifest.sealed, answers=hashed, look=look)
+    write_whole(answers / SCORE, msgspec.json.format(msgspec.json.encode(score), indent=1) + b"\n")
+    line = {
+        "at": score.created, "labels": manifest.sealed, "answers": hashed, "cases": len(judged),
+        "headline": headline(score),
+    }  # fmt: skip
+    with looks.open("a") as file:
+        file.write(json.dumps(line) + "\n")
+    return score
+
+
+def summarise(judged: tuple[Judged, ...], effects: int) -> Score:
+    """Turn judged cases into rates. effects: how many kinds were planted, for chance."""
+    counted = [j for j in judged if j.is_tested]
+    singles = [j for j in counted if j.kind == "single"]
+    notes = []
+    if not any(j.probability is not None for j in judged):
+        notes.append("The diagnosis gives no probabilities: no Brier score; the verdict `effect` counts as confident.")
+    in_base = len(judged) - len(counted)
+    if in_base:
+        notes.append(f"{in_base} cases have an effect that is part of the base model; they count in no rate.")
+    by_size = {name: rates_of([j for j in singles if j.bin == name]) for name in BINS}
+    always = rate_of(j.planted == ("air_drag",) for j in singles)
+    return Score(
+        format=SCORE_FORMAT, created=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), sealed="", answers="", look=0,
+        overall=rates_of(counted), by_size=by_size, in_base_model=in_base,
+        verdicts=_table([(j.kind, j.verdict) for j in judged]),
+        confusion=_table([(_label(j), _first_named(j)) for j in judged if j.kind != "pair"]),
+        baselines={"always air_drag": always}, chance=1 / max(effects, 1), cases=judged,
+        notes=tuple(notes),
+    )  # fmt: skip
+
+
+def rates_of(judged: list[Judged]) -> Rates:
+    """Return every rate of some cases."""
+    singles, pairs = [j for j in judged if j.kind == "single"], [j for j in judged if j.kind == "pair"]
+
+    def asked(name: str, among: list[Judged]) -> Rate:
+        return rate_of(value for j in among if (value := getattr(j, name)) is not None)
+
+    known = [(j.closure or 0.0, j.closure_of_oracle or 0.0) for j in singles]
+    against = [max(min(mine / best, 1.0), 0.0) for mine, best in known if best > ORACLE_LEAST]
+    return Rates(
+        cases=len(judged), false_alarms=asked("false_alarm", judged), right_first=asked("right_first", singles),
+        right_alone=asked("right_alone", singles), right_in_three=asked("right_in_three", singles),
+        pair_one_named=asked("right_first", pairs), pair_both_named=asked("both_named", pairs),
+        said_unknown=asked("said_unknown", judged), confident_and_wrong=asked("confident_and_wrong", judged),
+        amplitude_covered=asked("amplitude_covered", singles), place_found=asked("place_found", judged),
+        amplitude_error=median([j.amplitude_error for j in singles if j.amplitude_error is not None]),
+        closure=median([j.closure for j in singles if j.closure is not None]),
+        closure_against_oracle=mean(against), brier=mean([j.brier for j in judged if j.brier is not None]),
+    )  # fmt: skip
+
+
+def headline(score: Score) -> str:
+    """Return one line: the rates that matter most."""
+    best = score.by_size[HEADLINE_BIN].right_first
+    return (
+        f"false alarms {score.overall.false_alarms}; right group first at {HEADLINE_BIN} times the minimum "
+        f"detectable {best}, overall {score.overall.right_first}; `unknown` {score.overall.said_unknown}"
     )
-    given = [(a, p) for a in answers for p in [_probability(a)] if p is not None]
-    found.rates["confident (0.8 and above) and wrong"] = _rate(p >= CONFIDENT and not _is_right(a) for a, p in given)
-    if given:
-        found.figures["Brier score of the named effect"] = float(np.mean([(p - _is_right(a)) ** 2 for a, p in given]))
-    errors, covered = [], []
-    for a in singles:
-        f = a.finding(a.label.names[0])
-        if f is not None and _is_right(a) and f.amplitude_interval is not None:
-            errors.append(abs(abs(f.amplitude) - a.label.amplitudes[0]) / a.label.amplitudes[0])
-            low, high = f.amplitude_interval
-            low, high = (-high, -low) if f.amplitude < 0 else (low, high)
-            covered.append(low <= a.label.amplitudes[0] <= high)
-    if errors:
-        found.figures["amplitude, median relative error where named right"] = float(np.median(errors))
-    found.rates["amplitude: 90 % interval covers"] = _rate(covered)
-    local = [a for a in (*singles, *strangers) if _place(a) and a.diagnosis is not None and a.verdict != "none"]
-    found.rates["place found, local effects"] = _rate(_found_place(a) for a in local)
-    for a in answers:
-        planted = "+".join(a.label.names) or "nothing"
-        said = a.named[0] if a.named else a.verdict
-        found.confusion[planted, said] = found.confusion.get((planted, said), 0) + 1
-        wanted = "none" if a.label.kind == "null" else "unknown" if a.label.kind == "stranger" else ""
-        right = a.verdict == wanted if wanted else _is_right(a)
-        if not right:
-            found.misses.append(f"{a.case}: {planted} ({_sizes(a)}) -> {a.verdict} {' '.join(a.named)}".rstrip())
-    return found
 
 
-def _sizes(answer: Answer) -> str:
-    sizes = ", ".join(f"{v:.3g}" for v in answer.label.amplitudes)
-    return f"{sizes}; {answer.size:.1f} times detectable" if math.isfinite(answer.size) else sizes
+def _label(judged: Judged) -> str:
+    return judged.planted[0] if judged.planted else "(nothing)"
 
 
-def _rate(hits: Iterable[bool]) -> Rate:
-    listed = [bool(h) for h in hits]
-    return Rate(sum(listed), len(listed))
+def _first_named(judged: Judged) -> str:
+    return judged.named[0] if judged.named else f"({judged.verdict})"
 
 
-def _is_right(answer: Answer) -> bool:
-    """Whether the planted effects are named: one of a group that was not told apart, or exactly those of `several`."""
-    wanted, named = set(answer.label.names), set(answer.named)
-    if not wanted or not named:
-        return False
-    if answer.verdict == "ambiguous":
-        return bool(wanted & named)
-    return named == wanted
-
-
-def _probability(answer: Answer) -> float | None:
-    found = answer.finding(answer.named[0]) if answer.named else None
-    return found.probability if found else None
-
-
-def _place(answer: Answer) -> str:
-    known = {**PLANTS, **STRANGERS}
-    return known[answer.label.names[0]].place if len(answer.label.names) == 1 else ""
-
-
-def _found_place(answer: Answer) -> bool:
-    assert answer.diagnosis is not None
-    worst = max(answer.diagnosis.where.space, key=lambda b: b.value_mm, default=None)
-    return worst is not None and worst.name.startswith(_place(answer))
+def _table(pairs: list[tuple[str, str]]) -> dict[str, dict[str, int]]:
+    counts = Counter(pairs)
+    rows = sorted({row for row, _ in pairs})
+    return {row: {column: n for (r, column), n in sorted(counts.items()) if r == row} for row in rows}

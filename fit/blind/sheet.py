@@ -1,13 +1,19 @@
-"""The generator's sheet: an irregular triangle mesh of a rectangle, with hinges.
+"""The generator's mesh: a rectangle of equilateral triangles with cotangent hinges, and the bound of its stable step.
 
-Nodes sit on staggered rows (a triangular lattice, jittered inside), joined by Delaunay triangulation. Bending is the
-isometric hinge energy of neighbouring triangles,
+Rows are staggered by half a side, with half triangles at the two sides. Bending of a sheet that does not stretch, per
+inner edge between triangles of areas A0, A1, with s = sum_i K_i x_i the integrated mean-curvature vector,
 
-    E_e = (B_e / 2) s_e |K_e x|^2,   K_e = (c03 + c04, c01 + c02, -c01 - c03, -c02 - c04),   s_e = 3 / (A_0 + A_1)
+    E = B/2 |s|^2 / (A0 + A1),      K = (cot1 + cot1', cot0 + cot0', -(cot0 + cot1), -(cot0' + cot1'))
 
-with cotangents c of the angles at the edge, scaled once so that a rolled sheet has B / (2 R^2) per area on this mesh.
-Source: M. Bergou, M. Wardetzky, D. Harmon, D. Zorin, E. Grinspun, "A quadratic bending model for inextensible surfaces"
-(SGP 2006), equations 3 and 5.
+and K in the order: the edge's two ends, the two opposite corners. Hinges see 3 kappa_mm - kappa_tt (m square to the
+edge, t along it); over the three edge directions of equilateral triangles the mean of its square is
+3 (kappa_1^2 + kappa_2^2 - 2/3 kappa_1 kappa_2), so a third of the usual hinge energy is the plate energy with
+Poisson's ratio -1/3 and B is the moment per width and curvature.
+Source: M. Bergou et al., "A quadratic bending model for inextensible surfaces" (SGP 2006), section 4; the factor:
+H. S. Seung & D. R. Nelson, Phys. Rev. A 38, 1005 (1988), section II.
+
+Stable step: omega^2 <= max over triangles of lambda(K_e, M_e) (B. M. Irons' element bound) plus the same for hinges.
+Source: T. Belytschko, W. K. Liu, B. Moran, "Nonlinear Finite Elements for Continua and Structures", section 6.2.
 """
 
 from __future__ import annotations
@@ -21,111 +27,141 @@ from scipy.spatial import Delaunay
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int32]
 
-JITTER = 0.15  # of the spacing, of inner nodes
-
 
 @dataclass(frozen=True)
 class Sheet:
-    """Rest shape and connectivity.
+    """A rectangular sheet, x across from -width/2, y from 0 at its held top edge down to -height.
 
-    rest [m], (nodes, 2), x across, y up from -height to 0; triangles, (faces, 3); inverse [1/m], (faces, 4); area,
-    (faces,)
-    hinges, (hinges, 4): both ends of the edge and the two opposite corners; hinge_weights, (hinges, 4), energy is
-    1/2 B |w x|^2; across, (hinges, 2): unit vector square to the edge; hinge_scale: w x = hinge_scale * curvature
-    top, (held,): nodes of the held edge, left to right; node_area, (nodes,)
+    rest [m], (nodes, 2); triangles, (faces, 3); inverse [1/m], (faces, 4): B00 B01 B10 B11 of the inverse edge matrix
+    area [m^2], (faces,); node_area [m^2], (nodes,)
+    hinges, (hinges, 4): edge ends, opposite corners; hinge_faces, (hinges, 2); hinge_cotangents, (hinges, 4)
+    hinge_area [m^2], (hinges,): A0 + A1; hinge_across, (hinges, 2): unit vector square to the edge
+    held, (held,): nodes of the top edge; bottom_length [m], (nodes,): share of the bottom edge
     """
 
+    width: float
+    height: float
     rest: Floats
     triangles: Integers
     inverse: Floats
     area: Floats
-    hinges: Integers
-    hinge_weights: Floats
-    across: Floats
-    hinge_scale: Floats
-    top: Integers
     node_area: Floats
+    hinges: Integers
+    hinge_faces: Integers
+    hinge_cotangents: Floats
+    hinge_area: Floats
+    hinge_across: Floats
+    held: Integers
+    bottom_length: Floats
+
+    def node_at(self, x: float, y: float) -> int:
+        """Return the node nearest to a place on the flat sheet [m]."""
+        return int(np.argmin(np.hypot(self.rest[:, 0] - x, self.rest[:, 1] - y)))
 
 
-def build_sheet(width: float, height: float, spacing: float, rng: np.random.Generator) -> Sheet:
-    """Mesh a rectangle [m]."""
-    rows = max(round(height / (spacing * 0.866)), 3) + 1
-    columns = max(round(width / spacing), 3) + 1
-    nodes = []
-    for r, y in enumerate(np.linspace(0, -height, rows)):
-        x = np.linspace(0, width, columns)
-        if r % 2:
-            x = np.concatenate([[0], (x[:-1] + x[1:]) / 2, [width]])
-        line = np.stack([x - width / 2, np.full(len(x), y)], 1)
-        if 0 < r < rows - 1:
-            line[1:-1] += rng.uniform(-JITTER, JITTER, (len(line) - 2, 2)) * spacing
-        nodes.append(line)
-    rest = np.concatenate(nodes)
-    triangles = Delaunay(rest).simplices.astype(np.int32)
-    first, second = rest[triangles[:, 1]] - rest[triangles[:, 0]], rest[triangles[:, 2]] - rest[triangles[:, 0]]
-    doubled = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
-    triangles = triangles[np.abs(doubled) > 1e-3 * spacing**2]
-    first, second = rest[triangles[:, 1]] - rest[triangles[:, 0]], rest[triangles[:, 2]] - rest[triangles[:, 0]]
-    doubled = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
-    turned = doubled < 0
-    triangles[turned] = triangles[turned][:, [0, 2, 1]]
-    first[turned], second[turned] = second[turned].copy(), first[turned].copy()
-    doubled = np.abs(doubled)
-    inverse = np.stack([second[:, 1], -second[:, 0], -first[:, 1], first[:, 0]], 1) / doubled[:, None]
+def make_sheet(width: float, height: float, side: float) -> Sheet:
+    """Mesh a sheet with triangles of about `side` [m]."""
+    columns = max(2, round(width / side))
+    rows = max(2, round(height / (side * np.sqrt(3) / 2)))
+    places = []
+    for row in range(rows + 1):
+        across = np.linspace(-0.5, 0.5, columns + 1)
+        if row % 2:
+            across = np.concatenate([[-0.5], (across[1:] + across[:-1]) / 2, [0.5]])
+        places += [(width * x, -height * row / rows) for x in across]
+    rest = np.array(places)
+    triangles = _staggered(rest, rows)
+    p, q = rest[triangles[:, 1]] - rest[triangles[:, 0]], rest[triangles[:, 2]] - rest[triangles[:, 0]]
+    doubled = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
+    inverse = np.stack([q[:, 1], -q[:, 0], -p[:, 1], p[:, 0]], 1) / doubled[:, None]
+    area = doubled / 2
     node_area = np.zeros(len(rest))
-    np.add.at(node_area, triangles, doubled[:, None] / 6)
-    hinges, weights, across, scale = _hinges(rest, triangles)
-    top = np.flatnonzero(np.isclose(rest[:, 1], 0.0))
-    top = top[np.argsort(rest[top, 0])]
-    order = np.asarray(top, np.int32)
-    return Sheet(rest, triangles, inverse, doubled / 2, hinges, weights, across, scale, order, node_area)
+    np.add.at(node_area, triangles, area[:, None] / 3)
+    hinges, faces = _hinges(triangles)
+    cotangents = _cotangents(rest[hinges])
+    along = rest[hinges[:, 1]] - rest[hinges[:, 0]]
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    bottom = np.flatnonzero(np.isclose(rest[:, 1], -height))
+    length = np.zeros(len(rest))
+    gaps = np.diff(rest[bottom, 0])
+    length[bottom[:-1]] += gaps / 2
+    length[bottom[1:]] += gaps / 2
+    return Sheet(
+        width=width, height=height, rest=rest, triangles=triangles.astype(np.int32), inverse=inverse, area=area,
+        node_area=node_area, hinges=hinges, hinge_faces=faces, hinge_cotangents=cotangents,
+        hinge_area=area[faces].sum(1), hinge_across=np.stack([-along[:, 1], along[:, 0]], 1),
+        held=np.flatnonzero(np.isclose(rest[:, 1], 0.0)).astype(np.int32), bottom_length=length,
+    )  # fmt: skip
 
 
-def _hinges(rest: Floats, triangles: Integers) -> tuple[Integers, Floats, Floats, Floats]:
-    owners: dict[tuple[int, int], list[int]] = {}
-    for face in triangles.tolist():
+def _staggered(rest: Floats, rows: int) -> NDArray[np.int64]:
+    """Counter-clockwise Delaunay triangles of the staggered rows, without slivers on the hull."""
+    triangles = np.asarray(Delaunay(rest).simplices, np.int64)
+    p, q = rest[triangles[:, 1]] - rest[triangles[:, 0]], rest[triangles[:, 2]] - rest[triangles[:, 0]]
+    doubled = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
+    triangles[doubled < 0] = triangles[doubled < 0][:, [0, 2, 1]]
+    kept = triangles[np.abs(doubled) > 1e-6 * np.ptp(rest[:, 1]) ** 2 / rows**2]
+    # Neighbours in memory: triangles from top to bottom.
+    centre = rest[kept].mean(1)
+    return np.asarray(kept[np.lexsort((centre[:, 0], -np.round(centre[:, 1], 9)))])
+
+
+def _hinges(triangles: NDArray[np.int64]) -> tuple[Integers, Integers]:
+    """Return the nodes, (hinges, 4), and triangles, (hinges, 2), of every inner edge."""
+    seen: dict[tuple[int, int], tuple[int, int]] = {}
+    nodes, faces = [], []
+    for face, corners in enumerate(triangles.tolist()):
         for k in range(3):
-            one, other, opposite = face[k], face[(k + 1) % 3], face[(k + 2) % 3]
-            owners.setdefault((min(one, other), max(one, other)), []).append(opposite)
-    inner = [(e[0], e[1], o[0], o[1]) for e, o in owners.items() if len(o) == 2]
-    hinges = np.array(inner, np.int32)
-    a, b, c, d = (rest[hinges[:, k]] for k in range(4))
-
-    def cot(p: Floats, q: Floats) -> Floats:
-        return np.asarray((p * q).sum(1) / np.abs(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]))
-
-    c01, c02 = cot(b - a, c - a), cot(b - a, d - a)  # angles at a, in both triangles
-    c03, c04 = cot(a - b, c - b), cot(a - b, d - b)  # angles at b
-    pattern = np.stack([c03 + c04, c01 + c02, -c01 - c03, -c02 - c04], 1)
-    areas = 0.5 * (_area(a, b, c) + _area(a, b, d))
-    weights = np.sqrt(3.0 / (2 * areas))[:, None] * pattern
-    edge = b - a
-    across = np.stack([-edge[:, 1], edge[:, 0]], 1) / np.linalg.norm(edge, axis=1, keepdims=True)
-    # A roll of unit curvature about either axis, small: z = 1/2 (x . d)^2; energy per area must be 1/2.
-    total = np.ptp(rest[:, 0]) * np.ptp(rest[:, 1])
-    energy = np.mean([0.5 * ((weights * (0.5 * rest[hinges, k] ** 2)).sum(1) ** 2).sum() for k in (0, 1)])
-    weights = weights * np.sqrt(0.5 * total / energy)
-    lift = 0.5 * ((rest[hinges] * across[:, None]).sum(2)) ** 2  # unit curvature square to the edge
-    return hinges, weights, across, (weights * lift).sum(1)
+            i, j, opposite = corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]
+            key = (min(i, j), max(i, j))
+            if key in seen:
+                other, other_face = seen[key]
+                nodes.append((*key, other, opposite))
+                faces.append((other_face, face))
+            else:
+                seen[key] = (opposite, face)
+    return np.array(nodes, np.int32), np.array(faces, np.int32)
 
 
-def _area(a: Floats, b: Floats, c: Floats) -> Floats:
-    p, q = b - a, c - a
-    return np.asarray(0.5 * np.abs(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]))
+def _cotangents(corners: Floats) -> Floats:
+    """Return K of every hinge, (hinges, 4), from its nodes' places (hinges, 4, 2)."""
+
+    def cot(at: int, one: int, two: int) -> Floats:
+        a, b = corners[:, one] - corners[:, at], corners[:, two] - corners[:, at]
+        return np.asarray((a * b).sum(1) / np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
+
+    first, second = (cot(0, 1, 2), cot(1, 0, 2)), (cot(0, 1, 3), cot(1, 0, 3))
+    return np.stack([second[1] + first[1], first[0] + second[0], -first[0] - first[1], -second[0] - second[1]], 1)
 
 
-def locate(sheet: Sheet, places: Floats) -> tuple[Integers, Floats]:
-    """Return corners, (points, 3), and barycentric weights, (points, 3), of places on the flat sheet [m]."""
+def membrane_rate(sheet: Sheet, normal: float, coupled: float, shear: float) -> float:
+    """Return the bound of omega^2 at unit density [m^4/s^2 kg] of a membrane of these stiffnesses [N/m]."""
+    b = np.zeros((len(sheet.area), 3, 6))
+    rows = sheet.inverse.reshape(-1, 2, 2)
+    slopes = np.concatenate([-rows.sum(1, keepdims=True), rows], 1)  # d/dx, d/dy of the three corners' hats
+    b[:, 0, 0::2], b[:, 1, 1::2] = slopes[:, :, 0], slopes[:, :, 1]
+    b[:, 2, 0::2], b[:, 2, 1::2] = slopes[:, :, 1], slopes[:, :, 0]
+    stiffness = np.array([[normal, coupled, 0], [coupled, normal, 0], [0, 0, shear]])
+    return float(np.linalg.eigvalsh(3 * np.einsum("eki,kl,elj->eij", b, stiffness, b)).max())
+
+
+def bending_rate(sheet: Sheet) -> float:
+    """Return the bound of omega^2 [1/m^4] at unit bending stiffness and unit density."""
+    share = np.bincount(sheet.hinges.ravel(), minlength=len(sheet.rest))
+    mass = sheet.node_area / np.maximum(share, 1)
+    return float(((sheet.hinge_cotangents**2 / mass[sheet.hinges]).sum(1) / sheet.hinge_area).max())
+
+
+def place_on(sheet: Sheet, places: Floats) -> tuple[Integers, Floats]:
+    """Return corners, (points, 3), and barycentric weights, (points, 3), that carry places [m], (points, 2)."""
     nodes, weights = [], []
     corners = sheet.rest[sheet.triangles]
+    inverse = sheet.inverse.reshape(-1, 2, 2)
     for place in places:
-        p, q, r = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], place - corners[:, 0]
-        doubled = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
-        second = (r[:, 0] * q[:, 1] - r[:, 1] * q[:, 0]) / doubled
-        third = (p[:, 0] * r[:, 1] - p[:, 1] * r[:, 0]) / doubled
-        inside = np.stack([1 - second - third, second, third], 1)
+        second_third = np.einsum("fij,fj->fi", inverse, place - corners[:, 0])
+        inside = np.column_stack([1 - second_third.sum(1), second_third])
         best = int(np.argmax(inside.min(1)))
-        clipped = np.clip(inside[best], 0, None)
+        held = np.clip(inside[best], 0, None)
         nodes.append(sheet.triangles[best])
-        weights.append(clipped / clipped.sum())
+        weights.append(held / held.sum())
     return np.array(nodes, np.int32), np.array(weights)

@@ -1,0 +1,147 @@
+"""Hold one answer against its truth: every yes and no that the rates are made of.
+
+A verdict names the right group when the true effect is among the effects it names (an `ambiguous` verdict is one group)
+or shares a group with the first of them by the diagnosis' own grouping. Without probabilities, naming one effect as
+`effect` counts as confident. Closure is compared with that of the true effect, refitted by the diagnosis itself: an
+oracle that knows which effect it is, but not how large.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+
+from fit.blind.cases import Kind, Truth
+from fit.blind.rates import brier
+from fit.blind.running import DIAGNOSIS
+from formats.errors import ResultError
+from formats.results import Diagnosis, EffectFinding, load_diagnosis
+
+BINS = ("below 0.5", "0.5 to 1", "1 to 2", "2 to 4", "above 4", "not known")  # times the minimum detectable
+EDGES = (0.5, 1.0, 2.0, 4.0)
+CONFIDENT = 0.8
+NAMING = frozenset({"effect", "ambiguous", "several"})
+
+
+class Judged(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One case, judged. None: does not apply, or the answer does not say."""
+
+    id: str
+    kind: Kind
+    planted: tuple[str, ...]
+    amplitude: float | None
+    ratio: float | None
+    bin: str
+    verdict: str
+    named: tuple[str, ...]
+    is_tested: bool
+    false_alarm: bool | None = None
+    right_first: bool | None = None
+    right_alone: bool | None = None
+    right_in_three: bool | None = None
+    both_named: bool | None = None
+    said_unknown: bool | None = None
+    confident_and_wrong: bool = False
+    closure: float | None = None
+    closure_of_oracle: float | None = None
+    amplitude_error: float | None = None
+    amplitude_covered: bool | None = None
+    place_found: bool | None = None
+    brier: float | None = None
+    probability: float | None = None
+
+
+def judge(truth: Truth, answers: Path) -> Judged:
+    """Judge one case; no diagnosis, or one that cannot be read, is `inconclusive`."""
+    try:
+        said: Diagnosis | None = load_diagnosis(answers / truth.id / DIAGNOSIS)
+    except ResultError:
+        said = None
+    findings = {f.id: f for f in said.effects} if said else {}
+    first = truth.planted[0] if truth.planted else None
+    true = findings.get(first.id) if first and first.in_library else None
+    named = tuple(said.named) if said and said.verdict in NAMING else ()
+    ratio = _ratio(first.amplitude, true) if first else None
+    judged = Judged(
+        id=truth.id, kind=truth.kind, planted=tuple(p.id for p in truth.planted),
+        amplitude=first.amplitude if first else None, ratio=ratio, bin=bin_of(ratio),
+        verdict=said.verdict if said else "inconclusive", named=named,
+        is_tested=true.tested if true else True, probability=_highest(findings, named),
+    )  # fmt: skip
+    wrong = bool(named) and not (set(named) & set(judged.planted) or _same_group(findings, named, judged.planted))
+    certain = judged.verdict == "effect" if judged.probability is None else judged.probability >= CONFIDENT
+    judged = msgspec.structs.replace(
+        judged, confident_and_wrong=wrong and certain, brier=_brier(findings, judged.planted, truth.kind)
+    )
+    if truth.kind == "null":
+        return msgspec.structs.replace(judged, false_alarm=bool(named))
+    if truth.kind == "unknown":
+        return msgspec.structs.replace(
+            judged, said_unknown=judged.verdict == "unknown", place_found=_place(said, first.place if first else ())
+        )
+    if truth.kind == "pair":
+        return msgspec.structs.replace(
+            judged, right_first=bool(named) and not wrong, both_named=set(judged.planted) <= set(named)
+        )
+    return _judge_single(judged, truth, said, true, wrong)
+
+
+def _judge_single(
+    judged: Judged, truth: Truth, said: Diagnosis | None, true: EffectFinding | None, wrong: bool
+) -> Judged:
+    findings, planted = ({f.id: f for f in said.effects} if said else {}), truth.planted[0]
+    groups = list(dict.fromkeys(f.group for f in said.effects if f.tested)) if said else []
+    is_right = bool(judged.named) and not wrong
+    by_name = findings.get(judged.named[0]) if judged.named else None
+    error = covered = None
+    if is_right and true is not None and true.tested and planted.id in judged.named:
+        error = abs(abs(true.amplitude) - planted.amplitude) / planted.amplitude
+        if true.amplitude_interval:
+            low, high = true.amplitude_interval
+            low, high = (low, high) if true.amplitude >= 0 else (-high, -low)
+            covered = low <= planted.amplitude <= high
+    return msgspec.structs.replace(
+        judged, right_first=is_right, right_alone=judged.named == (planted.id,),
+        right_in_three=is_right or (bool(judged.named) and true is not None and true.group in groups[:3]),
+        closure=by_name.closure.value if by_name and by_name.closure else None,
+        closure_of_oracle=true.closure.value if true and true.closure else None,
+        amplitude_error=error, amplitude_covered=covered, place_found=_place(said, planted.place),
+    )  # fmt: skip
+
+
+def bin_of(ratio: float | None) -> str:
+    """Return the bin of an amplitude over the minimum detectable one."""
+    return BINS[-1] if ratio is None else BINS[sum(ratio >= edge for edge in EDGES)]
+
+
+def _ratio(amplitude: float, finding: EffectFinding | None) -> float | None:
+    least = finding.minimum_detectable if finding else None
+    return amplitude / least if least else None
+
+
+def _same_group(findings: dict[str, EffectFinding], named: tuple[str, ...], planted: tuple[str, ...]) -> bool:
+    first = findings.get(named[0])
+    return first is not None and any(
+        p in findings and findings[p].tested and findings[p].group == first.group for p in planted
+    )
+
+
+def _highest(findings: dict[str, EffectFinding], named: tuple[str, ...]) -> float | None:
+    """The probability of what is named first; None where the diagnosis gives none."""
+    found = findings.get(named[0]) if named else None
+    return found.probability if found else None
+
+
+def _brier(findings: dict[str, EffectFinding], planted: tuple[str, ...], kind: Kind) -> float | None:
+    given = {f.id: f.probability for f in findings.values() if f.probability is not None}
+    if not given or kind == "pair":
+        return None
+    return brier(given, planted[0] if kind == "single" else "")
+
+
+def _place(said: Diagnosis | None, place: tuple[str, ...]) -> bool | None:
+    """Whether the region with the largest residual is where the effect acts."""
+    if not place:
+        return None
+    return bool(said and said.where.space and said.where.space[0].name in place)

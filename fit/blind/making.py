@@ -1,0 +1,172 @@
+"""Make a sealed set of cases: labels sealed first, then case after case, each whole or absent, resumable at any time.
+
+DIR/cases/<id>/take-1.mcap ... held-out-2.mcap      public
+DIR/manifest.json                                   SHA-256 of every public file and of the sealed labels
+DIR/sealed/labels.bin, DIR/sealed/key               see `fit.blind.seal`
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from pathlib import Path
+
+import msgspec
+
+from fit.blind.cases import FILES, Kind, Truth, plan, write_case
+from fit.blind.engine import SIDE
+from fit.blind.plants import Plant
+from fit.blind.seal import load_key, seal, sha256_of, unseal, write_whole
+from fit.errors import FitError
+
+
+class Labels(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What is sealed: how the set was drawn and the truth of every case."""
+
+    format: str
+    seed: int
+    numbers: dict[str, int]
+    plants: tuple[str, ...]
+    side: float
+    truths: tuple[Truth, ...]
+
+
+class Manifest(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What is published: hashes. `files` maps paths in the set's folder to their SHA-256."""
+
+    format: str
+    sealed: str
+    cases: tuple[str, ...]
+    files: dict[str, str]
+    complete: bool
+
+
+MANIFEST, LABELS, SEALED_KEY = "manifest.json", "sealed/labels.bin", "sealed/key"
+LABELS_FORMAT, MANIFEST_FORMAT = "hangtime-blind-labels/1", "hangtime-blind-manifest/1"
+Progress = Callable[[int, int], None]
+
+
+def make_set(
+    folder: Path, numbers: dict[Kind, int], plants: tuple[Plant, ...], seed: int, *, workers: int = 1,
+    side: float = SIDE, progress: Progress = lambda done, total: None,
+) -> Manifest:  # fmt: skip
+    """Make a set, or go on with one; what is there with the right hash is not made again.
+
+    Raises:
+        FitError: nothing to make, the folder holds another set, or a case cannot be simulated.
+    """
+    if sum(numbers.values()) < 1 or min(numbers.values()) < 0:
+        raise FitError("there is no case to make", advice="give --cases, --nulls, --pairs or --unknowns")
+    if numbers["pair"] and len(plants) < 2:
+        raise FitError("a pair needs two effects to choose from", advice="give a second --effect")
+    truths = plan(numbers, plants, seed)
+    manifest = _begin(folder, Labels(
+        format=LABELS_FORMAT, seed=seed, numbers={str(k): v for k, v in numbers.items()},
+        plants=tuple(p.id for p in plants), side=side, truths=tuple(truths),
+    ))  # fmt: skip
+    files = dict(manifest.files)
+    left = [t for t in truths if not _is_made(folder, t.id, files)]
+    progress(len(truths) - len(left), len(truths))
+    for done, (case, hashes) in enumerate(_made(folder, left, side, workers), len(truths) - len(left) + 1):
+        files.update({f"cases/{case}/{name}": sha for name, sha in hashes.items()})
+        manifest = msgspec.structs.replace(manifest, files=dict(sorted(files.items())))
+        _write(folder, manifest)
+        progress(done, len(truths))
+    manifest = msgspec.structs.replace(manifest, complete=True)
+    _write(folder, manifest)
+    return manifest
+
+
+def open_labels(folder: Path) -> Labels:
+    """Open the seal.
+
+    Raises:
+        FitError: there is no seal or key, or either was changed since it was published.
+    """
+    manifest, path = read_manifest(folder), folder / LABELS
+    if not path.exists():
+        raise FitError("there are no sealed labels", where=path, advice="give a folder that `blind make` wrote")
+    if sha256_of(path) != manifest.sealed:
+        raise FitError("the sealed labels are not those of the manifest", where=path, advice="make a new set")
+    raw = unseal(path.read_bytes(), load_key(folder / SEALED_KEY), where=path)
+    return msgspec.json.decode(raw, type=Labels)
+
+
+def read_manifest(folder: Path) -> Manifest:
+    """Read the manifest.
+
+    Raises:
+        FitError: there is none, or it cannot be read.
+    """
+    path = folder / MANIFEST
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Manifest)
+    except OSError as error:
+        raise FitError(
+            "there is no set of cases", where=folder, advice="make one with `hangtime blind make`"
+        ) from error
+    except msgspec.MsgspecError as error:
+        raise FitError(f"is not a manifest: {error}", where=path, advice="make a new set") from error
+
+
+def changed_files(folder: Path, manifest: Manifest) -> list[str]:
+    """Return the public files that are missing or not those that were made."""
+    return [n for n, sha in manifest.files.items() if not (folder / n).exists() or sha256_of(folder / n) != sha]
+
+
+def _begin(folder: Path, labels: Labels) -> Manifest:
+    """Seal the labels, or check that those in the folder are the same."""
+    if (folder / MANIFEST).exists():
+        found = open_labels(folder)
+        if found != labels:
+            raise FitError(
+                "the folder holds another set of cases", where=folder,
+                advice="use another folder, or the same numbers, effects and --seed as before",
+            )  # fmt: skip
+        return read_manifest(folder)
+    key = load_key(folder / SEALED_KEY, make=True)
+    write_whole(folder / LABELS, seal(msgspec.json.encode(labels), key))
+    manifest = Manifest(
+        format=MANIFEST_FORMAT, sealed=sha256_of(folder / LABELS), cases=tuple(sorted(t.id for t in labels.truths)),
+        files={}, complete=False,
+    )  # fmt: skip
+    _write(folder, manifest)
+    return manifest
+
+
+def _is_made(folder: Path, case: str, files: dict[str, str]) -> bool:
+    names = [f"cases/{case}/{name}" for name in FILES]
+    return all(n in files and (folder / n).exists() and sha256_of(folder / n) == files[n] for n in names)
+
+
+def _made(folder: Path, truths: list[Truth], side: float, workers: int) -> Iterator[tuple[str, dict[str, str]]]:
+    """Make cases, in this process or in several, and yield each when done; leaving early cancels the rest."""
+    if workers <= 1:
+        for truth in truths:
+            yield _make_one(folder, truth, side)
+        return
+    pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_ignore_interrupts)
+    try:
+        waiting = {pool.submit(_make_one, folder, truth, side) for truth in truths}
+        while waiting:
+            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield future.result()
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _ignore_interrupts() -> None:
+    """Ctrl-C reaches every process of the terminal; the parent alone decides, and cases under way are finished."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _make_one(folder: Path, truth: Truth, side: float) -> tuple[str, dict[str, str]]:
+    paths = write_case(folder / "cases" / truth.id, truth, side=side)
+    return truth.id, {path.name: sha256_of(path) for path in paths}
+
+
+def _write(folder: Path, manifest: Manifest) -> None:
+    write_whole(folder / MANIFEST, msgspec.json.format(msgspec.json.encode(manifest), indent=1) + b"\n")

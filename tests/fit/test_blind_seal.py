@@ -1,0 +1,52 @@
+"""The seal: opens with its key, fails loudly when anything was changed."""
+
+from __future__ import annotations
+
+import pytest
+
+from fit.blind.seal import load_key, seal, unseal
+from fit.errors import FitError
+
+KEY = bytes(range(32))
+TEXT = b'{"case": "hem"}' * 20
+
+
+def test_a_seal_opens_with_its_key_and_hides_the_text():
+    sealed = seal(TEXT, KEY)
+    assert unseal(sealed, KEY) == TEXT
+    assert b"hem" not in sealed
+    assert seal(TEXT, KEY) != sealed  # a fresh nonce each time
+
+
+def test_a_wrong_key_does_not_open_it():
+    with pytest.raises(FitError, match="the seal is broken"):
+        unseal(seal(TEXT, KEY), bytes(32))
+
+
+@pytest.mark.parametrize("place", [16, 20, 40, 100, -33, -1])
+def test_any_changed_byte_breaks_it(place):
+    sealed = bytearray(seal(TEXT, KEY))
+    sealed[place] ^= 1
+    with pytest.raises(FitError, match="the seal is broken"):
+        unseal(bytes(sealed), KEY)
+
+
+def test_what_is_no_seal_is_refused():
+    with pytest.raises(FitError, match="is not a seal"):
+        unseal(b"hello", KEY)
+    with pytest.raises(FitError, match="is not a seal"):
+        unseal(seal(TEXT, KEY)[:40], KEY)
+
+
+def test_a_key_is_made_once_and_only_its_owner_reads_it(tmp_path):
+    path = tmp_path / "sealed" / "key"
+    key = load_key(path, make=True)
+    assert len(key) == 32
+    assert load_key(path, make=True) == key
+    assert path.stat().st_mode & 0o077 == 0
+    path.write_text("abc")
+    with pytest.raises(FitError, match="holds no key"):
+        load_key(path)
+    path.write_text("abcd")
+    with pytest.raises(FitError, match="2 bytes, not 32"):
+        load_key(path)

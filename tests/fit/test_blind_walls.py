@@ -1,0 +1,64 @@
+"""The wall between the generator and the tool: neither imports the other, however indirectly."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+FIT = Path(__file__).resolve().parents[2] / "fit"
+ALLOWED = ("fit.blind", "fit.errors", "fit.runtime", "formats", "numpy", "scipy", "taichi", "msgspec", "typer")
+STANDARD = (
+    "__future__", "collections", "concurrent", "contextlib", "dataclasses", "datetime", "hashlib", "hmac", "html",
+    "json", "multiprocessing", "os", "pathlib", "secrets", "shutil", "signal", "subprocess", "sys", "typing",
+)  # fmt: skip
+TOOL = ("cloth", "effects", "gap", "search", "report")
+TOOL_FILES = ("recording", "calibration", "parameterisations", "objective", "reporting", "runtime", "errors")
+
+
+def imported(path):
+    """Names of everything a file imports, at any depth; relative imports are made absolute."""
+    names = []
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                base = ".".join([*path.relative_to(FIT.parent).parts[: -node.level], *([base] if base else [])])
+            names += [f"{base}.{alias.name}" for alias in node.names]
+        elif isinstance(node, ast.Call):
+            called = ast.unparse(node.func)
+            assert "import_module" not in called, path
+            assert called not in {"__import__", "exec", "eval"}, path
+    return names
+
+
+def is_under(name, package):
+    return name == package or name.startswith(package + ".")
+
+
+def test_the_generator_imports_nothing_of_the_tool():
+    files = sorted((FIT / "blind").glob("*.py"))
+    assert len(files) > 10
+    for path in files:
+        for name in imported(path):
+            assert any(is_under(name, a) for a in (*ALLOWED, *STANDARD)) or name in {"fit.runtime", "fit.errors"}, (
+                path.name,
+                name,
+            )
+
+
+def test_the_tool_imports_nothing_of_the_generator():
+    files = [p for folder in TOOL for p in (FIT / folder).rglob("*.py")] + [FIT / f"{n}.py" for n in TOOL_FILES]
+    assert len(files) > 50
+    for path in files:
+        assert not any(is_under(name, "fit.blind") for name in imported(path)), path
+
+
+def test_the_wall_sees_through_from_fit_import_something():
+    """`from fit import gap` names fit.gap, which is not allowed; `from fit import runtime` is."""
+    tree = ast.parse("from fit import gap")
+    node = tree.body[0]
+    names = [f"{node.module}.{alias.name}" for alias in node.names]
+    assert names == ["fit.gap"]
+    assert not any(is_under("fit.gap", a) for a in ALLOWED)

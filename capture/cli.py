@@ -1,4 +1,4 @@
-"""`hangtime record`."""
+"""`hangtime record` and `hangtime markers print`."""
 
 from __future__ import annotations
 
@@ -11,6 +11,43 @@ import typer
 def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
     app.command("record", short_help="Track hanger and garment and keep them as a take.")(record_command)
+    markers = typer.Typer(no_args_is_help=True, help="The hanger's fiducial markers.")
+    markers.command("print", short_help="Write a page of markers to print.")(print_command)
+    app.add_typer(markers, name="markers", short_help="The hanger's fiducial markers.")
+
+
+def print_command(
+    out: Annotated[Path, typer.Option("--out", metavar="FILE.svg", help="The page to write.")] = Path("markers.svg"),
+    ids: Annotated[str, typer.Option("--ids", metavar="ID,ID", help="Numbers of the markers.")] = "0,1",
+    size: Annotated[
+        float, typer.Option("--size", metavar="METRES", help="Side, from black edge to black edge.")
+    ] = 0.06,
+    dictionary: Annotated[str, typer.Option("--dictionary", metavar="NAME", help="OpenCV's name.")] = "DICT_4X4_50",
+    rig: Annotated[
+        Path | None,
+        typer.Option("--rig", metavar="RIG.toml", help="Take dictionary, numbers and size from this rig."),
+    ] = None,
+) -> None:
+    """Write a page of markers, true to scale, with bars to check the print.
+
+    Any browser prints it; choose 100 %, not "fit to page", and measure both bars before cutting.
+    """
+    from capture.errors import UntrackableError
+    from capture.marker_sheet import write_sheet
+    from formats.descriptions import load_rig
+
+    try:
+        numbers = [int(part) for part in ids.split(",")]
+    except ValueError:
+        raise UntrackableError(
+            f"{ids!r} is no list of numbers", where="--ids", advice="for example --ids 0,1"
+        ) from None
+    if rig is not None:
+        hanger = load_rig(rig).hanger
+        if hanger is None:
+            raise UntrackableError("the rig has no [hanger]", where=rig, advice="add one, or leave out --rig")
+        dictionary, numbers, size = hanger.dictionary, list(hanger.ids), hanger.marker_size_m
+    typer.echo(f"{write_sheet(out, dictionary, numbers, size)}: {len(numbers)} markers of {1e3 * size:g} mm")
 
 
 def record_command(

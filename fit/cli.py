@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -168,6 +169,7 @@ def diagnose_command(
         raise typer.Exit(130) from None
     progress.end()
     save_diagnosis(out / "diagnosis.json", findings.diagnosis)
+    shutil.rmtree(out / "diagnosis.partial", ignore_errors=True)
     report = write_diagnosis_report(out / "report.html", findings, fitted, training, testing, findings.resolution)
     typer.echo(f"Verdict: {findings.diagnosis.verdict}\n{findings.diagnosis.sentence}")
     for finding in findings.diagnosis.effects:

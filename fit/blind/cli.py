@@ -75,6 +75,7 @@ def run_command(
         list[str],
         typer.Option("--option", metavar="WORD", help="A word passed on to `hangtime diagnose`; may be repeated."),
     ] = [],  # noqa: B006
+    limit: Annotated[float, typer.Option("--limit", metavar="SECONDS", min=1, help="Time for one case.")] = 3600.0,
     again: Annotated[bool, typer.Option("--again", help="Try cases again that ended without a diagnosis.")] = False,
 ) -> None:
     """Diagnose every case of a set with `hangtime diagnose`, one after the other.
@@ -92,6 +93,7 @@ def run_command(
             answers,
             options=option,
             again=again,
+            limit=limit,
             progress=lambda done, total, bad: line.show(done, total, f", {bad} without a diagnosis" if bad else ""),
         )
     except KeyboardInterrupt:

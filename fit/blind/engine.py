@@ -138,7 +138,7 @@ class Engine:
         Raises:
             BlowUpError: a simulation left the realm of finite numbers.
         """
-        runtime.start(1)
+        runtime.start()
         from fit.blind import kernel
 
         sheet, takes, nodes = self.sheet, len(ends), len(self.sheet.rest)

@@ -69,7 +69,8 @@ def judge(truth: Truth, answers: Path) -> Judged:
         verdict=said.verdict if said else "inconclusive", named=named,
         is_tested=true.tested if true else True, probability=_highest(findings, named),
     )  # fmt: skip
-    wrong = bool(named) and not (set(named) & set(judged.planted) or _same_group(findings, named, judged.planted))
+    first_group = set(named if judged.verdict == "ambiguous" else named[:1])
+    wrong = bool(named) and not (first_group & set(judged.planted) or _same_group(findings, named, judged.planted))
     certain = judged.verdict == "effect" if judged.probability is None else judged.probability >= CONFIDENT
     judged = msgspec.structs.replace(
         judged, confident_and_wrong=wrong and certain, brier=_brier(findings, judged.planted, truth.kind)

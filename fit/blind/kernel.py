@@ -119,7 +119,10 @@ def on_triangles(b, now, dt, x: ti.template(), v: ti.template(), f: ti.template(
             along = vc - vn * n
             air = -plate(speed, vn, p[b, DRAG]) * n - 0.5 * AIR_DENSITY * SKIN_FRICTION * p[b, DRAG] * speed * along
             air += -0.5 * AIR_DENSITY * p[b, LIFT] * vn * along.dot(along) / (speed + 1e-12) * n
-            air += plate(wind_speed, wind.dot(n), 1.2) * n
+            if wind_speed > 0:
+                # drag in moving air less drag in still air, which is planted apart
+                flow = wind - vc
+                air += (plate(flow.norm(), flow.dot(n), 1.2) + plate(speed, vn, 1.2)) * n
             if p[b, WAKE] > 0:
                 lagging = wake[b, e] + (vn - wake[b, e]) * dt / p[b, WAKE_TIME]
                 wake[b, e] = lagging

@@ -11,10 +11,12 @@ import multiprocessing
 import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 import msgspec
 
+from fit import runtime
 from fit.blind.cases import FILES, Kind, Truth, plan, write_case
 from fit.blind.engine import SIDE
 from fit.blind.plants import Plant
@@ -147,20 +149,26 @@ def _made(folder: Path, truths: list[Truth], side: float, workers: int) -> Itera
         for truth in truths:
             yield _make_one(folder, truth, side)
         return
-    pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_ignore_interrupts)
+    pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_start_worker)
     try:
         waiting = {pool.submit(_make_one, folder, truth, side) for truth in truths}
         while waiting:
             done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
             for future in done:
                 yield future.result()
+    except BrokenProcessPool as error:
+        raise FitError(
+            "a process ended while it simulated a case", where=folder,
+            advice="the same command goes on; with little memory, use fewer --workers",
+        ) from error  # fmt: skip
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _ignore_interrupts() -> None:
-    """Ctrl-C reaches every process of the terminal; the parent alone decides, and cases under way are finished."""
+def _start_worker() -> None:
+    """One thread each; Ctrl-C reaches every process, the parent decides, and cases under way are finished."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    runtime.start(1)
 
 
 def _make_one(folder: Path, truth: Truth, side: float) -> tuple[str, dict[str, str]]:

@@ -16,6 +16,7 @@ from fit.blind.making import changed_files, read_manifest
 from fit.blind.seal import write_whole
 from fit.errors import FitError
 
+LIMIT = 3600.0  # s for one case: thirty times what one takes
 DIAGNOSIS, FAILURE, LOG = "diagnosis.json", "failure.txt", "output.txt"
 Progress = Callable[[int, int, int], None]
 
@@ -27,11 +28,12 @@ def diagnose_command() -> list[str]:
 
 def run_set(
     folder: Path, answers: Path, *, command: Sequence[str] = (), options: Sequence[str] = (),
-    again: bool = False, progress: Progress = lambda done, total, failed: None,
+    again: bool = False, limit: float = LIMIT, progress: Progress = lambda done, total, failed: None,
 ) -> int:  # fmt: skip
     """Diagnose the cases that are not done; return how many ended without a diagnosis.
 
-    command: what to run instead of `hangtime diagnose`; options: more words for it; again: retry failures
+    command: what to run instead of `hangtime diagnose`; options: more words for it; again: retry failures;
+    limit [s]: time for one case
 
     Raises:
         FitError: there is no set, it is not complete, or its files are not those that were made.
@@ -52,13 +54,13 @@ def run_set(
         if (out / DIAGNOSIS).exists():
             continue
         if again or not (out / FAILURE).exists():
-            _diagnose(folder / "cases" / case, out, [*(command or diagnose_command())], options)
+            _diagnose(folder / "cases" / case, out, [*(command or diagnose_command())], options, limit)
         failed += not (out / DIAGNOSIS).exists()
     progress(len(manifest.cases), len(manifest.cases), failed)
     return failed
 
 
-def _diagnose(case: Path, out: Path, command: list[str], options: Sequence[str]) -> None:
+def _diagnose(case: Path, out: Path, command: list[str], options: Sequence[str], limit: float) -> None:
     """Diagnose into a folder beside the answer's, and give it its name when the process has ended."""
     work = out.with_name(f".{out.name}.partial")
     work.mkdir(parents=True, exist_ok=True)
@@ -67,11 +69,14 @@ def _diagnose(case: Path, out: Path, command: list[str], options: Sequence[str])
         words += ["--held-out", str(path.resolve())]
     try:
         ended = subprocess.run(
-            [*command, *words, "--out", str(work), *options], capture_output=True, text=True, stdin=subprocess.DEVNULL
-        )
+            [*command, *words, "--out", str(work), *options], capture_output=True, text=True,
+            stdin=subprocess.DEVNULL, timeout=limit,
+        )  # fmt: skip
         said, code = ended.stdout + ended.stderr, ended.returncode
     except OSError as error:
         said, code = f"{error}", 127
+    except subprocess.TimeoutExpired:
+        said, code = f"took longer than {limit:g} s", 124
     if code in {130, -2}:  # interrupted: the next run goes on with what the diagnosis kept in its folder
         raise KeyboardInterrupt
     write_whole(work / LOG, said.encode())

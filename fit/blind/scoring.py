@@ -17,6 +17,7 @@ import msgspec
 
 from fit.blind.judging import BINS, Judged, judge
 from fit.blind.making import changed_files, open_labels, read_manifest
+from fit.blind.plants import PLANTS
 from fit.blind.rates import Rate, mean, median, rate_of
 from fit.blind.running import DIAGNOSIS, FAILURE
 from fit.blind.seal import sha256_of, write_whole
@@ -103,7 +104,7 @@ def score_set(folder: Path, answers: Path) -> Score:
     looks = folder / LOOKS
     look = 1 + (len(looks.read_text().splitlines()) if looks.exists() else 0)
     judged = tuple(judge(truth, answers) for truth in labels.truths)
-    score = summarise(judged, len(labels.plants))
+    score = summarise(judged)
     score = msgspec.structs.replace(score, sealed=manifest.sealed, answers=hashed, look=look)
     write_whole(answers / SCORE, msgspec.json.format(msgspec.json.encode(score), indent=1) + b"\n")
     line = {
@@ -115,8 +116,8 @@ def score_set(folder: Path, answers: Path) -> Score:
     return score
 
 
-def summarise(judged: tuple[Judged, ...], effects: int) -> Score:
-    """Turn judged cases into rates. effects: how many kinds were planted, for chance."""
+def summarise(judged: tuple[Judged, ...]) -> Score:
+    """Turn judged cases into rates."""
     counted = [j for j in judged if j.is_tested]
     singles = [j for j in counted if j.kind == "single"]
     notes = []
@@ -132,7 +133,7 @@ def summarise(judged: tuple[Judged, ...], effects: int) -> Score:
         overall=rates_of(counted), by_size=by_size, in_base_model=in_base,
         verdicts=_table([(j.kind, j.verdict) for j in judged]),
         confusion=_table([(_label(j), _first_named(j)) for j in judged if j.kind != "pair"]),
-        baselines={"always air_drag": always}, chance=1 / max(effects, 1), cases=judged,
+        baselines={"always air_drag": always}, chance=1 / len(PLANTS), cases=judged,
         notes=tuple(notes),
     )  # fmt: skip
 

@@ -31,8 +31,6 @@ CORNER_REACH = 0.02  # m
 GAP_FRAMES = 3  # mean length of a point's absence
 SPARE = 0.15  # s that the cloth is simulated beyond a take, for clocks that run ahead
 
-Found = dict[str, Planted]
-
 
 def reported_points(points: Floats, instants: Floats, flat: Floats, planted: tuple[Planted, ...]) -> Floats:
     """Return the points [m], (frames, points, 3), that a tracker with the planted faults reports, without noise.

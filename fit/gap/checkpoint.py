@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -68,8 +67,3 @@ class Checkpoint:
         )  # fmt: skip
         partial.replace(path)
         return fitted
-
-    def clear(self) -> None:
-        """Delete what was kept."""
-        if self.folder is not None:
-            shutil.rmtree(self.folder, ignore_errors=True)

@@ -72,7 +72,7 @@ def diagnose(
     """Diagnose the gap between takes and the base model.
 
     added: names of effects whose refit is to be shown whatever the screening says of them.
-    checkpoint: folder in which finished fits are kept until the diagnosis is done.
+    checkpoint: folder in which finished fits are kept; the caller deletes it when the result is safe.
 
     Raises:
         FitError: no take, takes of different garments, or a checkpoint of other takes.
@@ -82,7 +82,7 @@ def diagnose(
     rng = np.random.default_rng(seed)
     progress("reading takes", 0.0)
     train, test = [prepare(t) for t in training], [prepare(t) for t in held_out]
-    found_gates = gate.data_gates(train + test)
+    found_gates = gate.data_gates(train, test)
     resolution = resolution or fine_enough(train[0])
     observer = Observer(train, model, effects, frequency=0.0, resolution=resolution)
     kept = Checkpoint(checkpoint, _key(training, held_out, model, added, observer, seed))
@@ -134,7 +134,6 @@ def diagnose(
         base_parameters=described.base_parameters(model, base),
         notes=described.notes(len(training), len(held_out), observer),
     )
-    kept.clear()
     progress("done", 1.0)
     return Findings(diagnosis, base, best.fitted if best else None, effects, model, resolution)
 

@@ -24,24 +24,34 @@ NUDGE = 1e-3  # relative change of a parameter that a predictable take forgets
 FORGOTTEN = 0.2  # of the sensor's noise
 
 
-def data_gates(recordings: list[Recording]) -> list[Gate]:
-    """Is there enough data, and does anything move?"""
-    shortest = min(r.duration for r in recordings)
-    swing = min(float(np.ptp(r.held(r.time), axis=0).max()) for r in recordings)
-    repeated = max(_repeated(r) for r in recordings)
-    own, noise = min((_own_motion(r), float(np.sqrt(3 * np.mean(r.point_sd**2)))) for r in recordings)
+def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gate]:
+    """Is there enough data, and does anything move, both in what is fitted to and in what is judged on?
+
+    Single takes may be still: a hanger at rest tells what leans the cloth.
+    """
+    groups = [group for group in (training, held_out) if group]
+    every = [r for group in groups for r in group]
+    shortest = min(r.duration for r in every)
+    swing = min(max(float(np.ptp(r.held(r.time), axis=0).max()) for r in group) for group in groups)
+    own, noise = min(max((_own_motion(r), _noise(r)) for r in group) for group in groups)
     least = LEAST_OWN_MOTION * noise
+    repeated = max(_repeated(r) for r in every)
     return [
         Gate(name="length", passed=shortest >= SHORTEST, figure=shortest, limit=SHORTEST, unit="s",
              sentence=f"The shortest take lasts {shortest:.1f} s; at least {SHORTEST:g} s are needed."),
         Gate(name="motion", passed=swing >= SMALLEST_SWING, figure=1e3 * swing, limit=1e3 * SMALLEST_SWING, unit="mm",
-             sentence=f"The hanger travels {1e3 * swing:.0f} mm in the calmest take."),
+             sentence=f"The hanger travels {1e3 * swing:.0f} mm in the liveliest take."),
         Gate(name="cloth motion", passed=own >= least, figure=1e3 * own, limit=1e3 * least, unit="mm",
-             sentence=f"The points move by {1e3 * own:.1f} mm against the hanger in the calmest take; "
+             sentence=f"The points move by {1e3 * own:.1f} mm against the hanger in the liveliest take; "
              f"their noise is {1e3 * noise:.1f} mm."),
         Gate(name="repeated frames", passed=repeated <= 0.1, figure=100 * repeated, limit=10.0, unit="%",
              sentence=f"{100 * repeated:.0f} % of the frames repeat the one before."),
     ]  # fmt: skip
+
+
+def _noise(recording: Recording) -> float:
+    """Stated noise of a point's distance, root mean square [m]."""
+    return float(np.sqrt(3 * np.mean(recording.point_sd**2)))
 
 
 def _own_motion(recording: Recording) -> float:

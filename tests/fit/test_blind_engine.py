@@ -176,3 +176,24 @@ def test_impossible_sheets_are_refused():
         Engine(Cloth(width=0.2, height=0.2), side=0.2)
     with pytest.raises(FitError, match="too much for a stretch"):
         Engine(Cloth(width=0.2, height=0.2, shear=80.0, stretch=100.0))
+
+
+def test_a_sheet_carried_along_with_the_draught_feels_only_less_drag():
+    """At 1 m/s with a draught of 1 m/s no air passes: what is left is minus the still air's drag, 0.6 Pa forwards.
+
+    Such a sheet leans forwards as far as one under drag alone leans back.
+    """
+    duration, time = 4.0, np.linspace(0, 4.0, 801)
+    s = np.clip(time / 1.5, 0, 1)
+    moved = np.zeros((801, 3))
+    moved[:, 1] = np.cumsum(s**2 * (3 - 2 * s)) * (time[1] - time[0])
+
+    def lean(**air):
+        cloth = Cloth(width=0.15, height=0.3, damping=3.0, bending=1e-4, **air)
+        motion = Engine(cloth, side=0.05).run(bar(0.15, moved), duration, np.array([[0.0, -0.3]]), settle=0.5)
+        return (motion.points[0, -SAMPLES:, 0, 1] - moved[-SAMPLES:, 1]).mean()
+
+    plain = lean()
+    assert lean(drag=1.2, wind=(0.0, 1.0, 0.0)) - plain == pytest.approx(0.0, abs=0.02)
+    assert lean(wind=(0.0, 1.0, 0.0)) - plain > 0.03
+    assert lean(drag=1.2) - plain < -0.03

@@ -201,8 +201,16 @@ def test_running_skips_what_is_done_and_records_failures(a_set, tmp_path):
 
 def test_a_program_that_does_not_exist_is_a_failure_not_an_end(a_set, tmp_path):
     assert run_set(a_set, tmp_path / "answers", command=["/nowhere/at/all"]) == 5
-    score = summarise(tuple(judge(t, tmp_path / "answers") for t in open_labels(a_set).truths), 2)
+    score = summarise(tuple(judge(t, tmp_path / "answers") for t in open_labels(a_set).truths))
     assert {v for row in score.verdicts.values() for v in row} == {"inconclusive"}
+
+
+def test_a_case_that_takes_too_long_is_a_failure(a_set, tmp_path):
+    program = tmp_path / "diagnose.py"
+    program.write_text("import time; time.sleep(60)")
+    assert run_set(a_set, tmp_path / "answers", command=[sys.executable, str(program)], limit=0.2) == 5
+    case = read_manifest(a_set).cases[0]
+    assert "took longer than 0.2 s" in (tmp_path / "answers" / case / "failure.txt").read_text()
 
 
 def test_right_answers_get_full_marks(a_set, tmp_path):
@@ -273,6 +281,14 @@ def test_another_effect_of_the_same_group_is_credited_but_not_alone(a_set, tmp_p
     assert one.amplitude_error is None
 
 
+def test_of_several_named_effects_the_first_must_be_right(a_set, tmp_path):
+    name = truth_of(a_set, "single").planted[0].id
+    both = [finding("draught"), finding(name)]
+    assert not judged(a_set, tmp_path, "single", diagnosis("several", ["draught", name], both)).right_first
+    assert judged(a_set, tmp_path, "single", diagnosis("several", [name, "draught"], both)).right_first
+    assert judged(a_set, tmp_path, "single", diagnosis("ambiguous", ["draught", name], both)).right_first
+
+
 def test_an_effect_in_third_place_is_among_the_first_three_groups(a_set, tmp_path):
     name = truth_of(a_set, "single").planted[0].id
     three = [finding("draught"), finding("air_lift"), finding(name)]
@@ -287,7 +303,7 @@ def test_an_effect_in_third_place_is_among_the_first_three_groups(a_set, tmp_pat
 def test_an_effect_of_the_base_model_counts_in_no_rate(a_set, tmp_path):
     name = truth_of(a_set, "single").planted[0].id
     one = judged(a_set, tmp_path, "single", diagnosis("none", effects=[finding(name, tested=False)]))
-    score = summarise((one,), 2)
+    score = summarise((one,))
     assert score.in_base_model == 1
     assert score.overall.right_first.n == 0
 

@@ -184,7 +184,16 @@ def test_the_verdict_follows_the_rules(given, verdict, named):
 def test_a_take_in_which_nothing_moves_is_inconclusive():
     time = np.arange(0, 5, FRAME)
     take, _ = truth(time=time, displacement=np.zeros((len(time), 3)), noise=0.001)
-    assert [g.name for g in gates.data_gates([prepare(take)]) if not g.passed] == ["motion", "cloth motion"]
+    assert [g.name for g in gates.data_gates([prepare(take)], []) if not g.passed] == ["motion", "cloth motion"]
+
+
+def test_a_still_take_beside_a_moving_one_is_welcome():
+    time, moved = moderate_swing()
+    still, _ = truth(time=time, displacement=0 * moved, noise=0.001, name="still")
+    lively, _ = truth(time=time, displacement=moved, noise=0.001)
+    assert all(g.passed for g in gates.data_gates([prepare(still), prepare(lively)], []))
+    failed = [g.name for g in gates.data_gates([prepare(lively)], [prepare(still)]) if not g.passed]
+    assert failed == ["motion", "cloth motion"]
 
 
 def test_points_that_never_move_against_the_hanger_are_inconclusive():
@@ -192,7 +201,7 @@ def test_points_that_never_move_against_the_hanger_are_inconclusive():
     time, moved = moderate_swing()
     garment = sheet()
     points = hung(garment, time) + moved[:, None] + np.random.default_rng(0).normal(0, 0.001, (len(time), 5, 3))
-    found = gates.data_gates([prepare(take_of(garment, time, moved, points))])
+    found = gates.data_gates([prepare(take_of(garment, time, moved, points))], [])
     assert [g.name for g in found if not g.passed] == ["cloth motion"]
 
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fit.effects.base import Effect, size_of
 from fit.gap.fitting import NORMAL_95, Fitted
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.observer import Observer
 from fit.gap.screening import groups
-from fit.gap.verdict import Evidence
+from fit.gap.verdict import MESH_SHARE, SIGNIFICANT_GAP, Evidence
 from fit.parameterisations import Parameterisation
 from formats.results import EffectFinding, Figure, FitParameter, Gap
+
+Floats = NDArray[np.float64]
 
 
 def describe_gap(evidence: Evidence, best: Hypothesis | None, floor_error: float) -> Gap:
@@ -34,7 +37,7 @@ def describe_effects(evidence: Evidence, effects: tuple[Effect, ...], model: Par
     screened, shares = evidence.screened, evidence.win_shares()
     group, probabilities = groups(screened.cosines), evidence.probabilities()
     least = min([evidence.base, *evidence.singles.values()], key=lambda h: h.fitted.cost).fitted.residual
-    detectable = screened.minimum_detectable(least, evidence.observer.layout.block)
+    detectable = np.maximum(screened.minimum_detectable(least, evidence.observer.layout.block), resolvable(evidence))
     found = []
     for k, effect in enumerate(effects):
         if k not in screened.effects:
@@ -75,6 +78,20 @@ def describe_effects(evidence: Evidence, effects: tuple[Effect, ...], model: Par
             )
         )
     return sorted(found, key=lambda f: (-(f.closure.value if f.closure else -9.0), -(f.explained or 0.0)))
+
+
+def resolvable(evidence: Evidence) -> Floats:
+    """Return the amplitudes from which each screened effect moves the points by what the rules ask for, (screened,).
+
+    An effect is named only if it removes more than a share of mesh and solver error, and only where the gap is clearly
+    above the noise (`fit.gap.verdict`); below that it cannot be named, however little noise there is.
+    """
+    needed = max(MESH_SHARE * evidence.numerics_mm**2, (SIGNIFICANT_GAP - 1) * evidence.floor_mm**2)
+    found = []
+    for rows, typical in zip(evidence.screened.projected, evidence.screened.typical, strict=True):
+        moved = float(np.mean([evidence.observer.in_mm(row) ** 2 for row in rows]))
+        found.append(typical * np.sqrt(needed / max(moved, 1e-12)))
+    return np.array(found)
 
 
 def base_parameters(model: Parameterisation, fitted: Fitted) -> list[FitParameter]:

@@ -92,7 +92,7 @@ class Model:
         count = len(self.request.method.parameters)
         found = []
         for recording, simulator in zip(self.recordings, self.simulators, strict=True):
-            density = recording.garment.mass_kg / float(simulator.mesh.area.sum())
+            density = recording.garment.mass_kg / float(simulator.mesh.area)
             materials = self.request.method.to_materials(vectors[:, :count], density)
             found.append(simulator.run(materials, vectors[:, count:]).points)
         return found

@@ -31,7 +31,7 @@ def write_fit_report(
     for take, is_held_out in _both(training, held_out):
         recording = prepare(take)
         simulator = Simulator(recording, request.effects, resolution=request.resolution)
-        density = recording.garment.mass_kg / float(simulator.mesh.area.sum())
+        density = recording.garment.mass_kg / float(simulator.mesh.area)
         vectors = np.stack([initial, fitted])
         materials = request.method.to_materials(vectors[:, :count], density)
         done = simulator.run(materials, vectors[:, count:], shapes=True)
@@ -59,7 +59,7 @@ def write_diagnosis_report(
     for take, is_held_out in _both(training, held_out):
         recording = prepare(take)
         simulator = Simulator(recording, findings.effects, resolution=resolution)
-        density = recording.garment.mass_kg / float(simulator.mesh.area.sum())
+        density = recording.garment.mass_kg / float(simulator.mesh.area)
         rows, amplitudes, names = [], [off, off], ["before", "after"]
         if fitted is not None and not fitted.effects:
             method = find_method(fitted.method)

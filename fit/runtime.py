@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+from collections.abc import Iterator
 
 _started: dict[str, int] = {}
 
@@ -36,3 +37,21 @@ def start(threads: int | None = None) -> None:
             cpu_max_num_threads=_started["threads"],
             log_level=ti.ERROR,
         )
+
+
+@contextlib.contextmanager
+def vectors_kept() -> Iterator[None]:
+    """Let kernels that are first called inside turn Taichi's vectors into the processor's.
+
+    Taichi's default takes them apart and leaves it to LLVM to find them again, which it does not where sums run over
+    stencils: 16 candidates side by side then cost as much as 16 alone. Such kernels may only use what
+    `fit.cloth.lanes` says, and their arrays must be aligned.
+    """
+    from taichi.lang import impl
+
+    configuration = impl.current_cfg()
+    configuration.real_matrix_scalarize = False
+    try:
+        yield
+    finally:
+        configuration.real_matrix_scalarize = True

@@ -1,14 +1,4 @@
-"""A triangle mesh of a flat garment with everything that the step needs precomputed.
-
-Membrane: constant-strain triangles. With material edge matrix Dm = [X1-X0, X2-X0] and B = Dm^-1 the columns of the
-deformation gradient are Fu = B00 e1 + B10 e2 and Fv = B01 e1 + B11 e2.
-
-Bending: the plate energy E = B/2 integral of |x_uu|^2 + 2 |x_uv|^2 + |x_vv|^2, which for a sheet that does not stretch
-is B/2 (kappa_1^2 + kappa_2^2), so that B is the moment per width and curvature that fabric testers give. Second
-differences along rows and columns and across cells; free edges are natural. (Hinge energies on a grid are up to three
-times too stiff along the grid lines: all of the curvature sits in a third of the edges.)
-Source: S. Timoshenko, S. Woinowsky-Krieger, "Theory of Plates and Shells", section 22, without Poisson coupling.
-"""
+"""A mesh of a flat garment with everything that the step needs precomputed: see `fit.cloth.elements`."""
 
 from __future__ import annotations
 
@@ -17,43 +7,57 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fit.cloth import spectral
+from fit.cloth.elements import (
+    Bends,
+    Grid,
+    Lines,
+    Samples,
+    Stencils,
+    bends_of,
+    grid_places,
+    interpolation,
+    joined_stencils,
+    shear_samples,
+)  # fmt: skip
 from fit.errors import FitError
 from formats.garment import Garment
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int32]
-ROW_BEND, COLUMN_BEND, TWIST = range(3)  # second differences across, down, and mixed
 
 
 @dataclass(frozen=True)
 class ClothMesh:
-    """A flat garment as triangles.
+    """A flat garment as a grid of nodes, three to an element and direction.
 
-    rest [m], (nodes, 2), material plane, x right, y up
-    triangles, (faces, 3); inverse [1/m], (faces, 4) as B00 B01 B10 B11; area [m^2], (faces,)
-    bends, (bends, 4); bend_weights [1/m], (bends, 4): second difference of four nodes times the root of its area;
-    the second node of a row or column bend is its middle one; bend_kind, (bends,); bend_area [m^2], (bends,)
+    rest [m], (nodes, 2), material plane, x right, y up, row by row from the top
+    cells, (cells, 16): nodes of each element, row by row; triangles, (n, 3): the same surface for drawing
+    fibres: samples of d/dX [1/m] along rows, the first `fibres_across` of them, then of d/dY along columns
+    shear_across, shear_down, (shear samples, 4): the fibre samples that Fu and Fv are interpolated from;
+    shear_weights, (shear samples, 8): with which weights; shear_area [m^2], (shear samples,)
     node_area [m^2], (nodes,)
     held_nodes, (held,); held_fraction, (held,): place along the held edge, 0 at its left end
-    point_nodes, (points, 3); point_weights, (points, 3): barycentric, material place of each tracked point
+    points: value, d/dX [1/m] and d/dY at the tracked points
     pull_points, (nodes, 3); pull_weights, (nodes, 3): how a correction at the points spreads over the nodes
     hem_length [m], (nodes,): share of the bottom edge that belongs to each node
-    spacing [m]: mean edge length of the grid
+    spacing [m]: mean distance of the nodes
     """
 
     rest: Floats
+    cells: Integers
     triangles: Integers
-    inverse: Floats
-    area: Floats
-    bends: Integers
-    bend_weights: Floats
-    bend_kind: Integers
-    bend_area: Floats
+    fibres: Samples
+    fibres_across: int
+    shear_across: Integers
+    shear_down: Integers
+    shear_weights: Floats
+    shear_area: Floats
+    bends: Bends
     node_area: Floats
     held_nodes: Integers
     held_fraction: Floats
-    point_nodes: Integers
-    point_weights: Floats
+    points: Stencils
     pull_points: Integers
     pull_weights: Floats
     hem_length: Floats
@@ -61,9 +65,14 @@ class ClothMesh:
     rows: int
     columns: int
 
+    @property
+    def area(self) -> float:
+        """Area of the cloth [m^2]."""
+        return float(self.node_area.sum())
+
 
 def build_mesh(garment: Garment, spacing: float) -> ClothMesh:
-    """Mesh a four-cornered garment with a grid of about `spacing` [m].
+    """Mesh a four-cornered garment with nodes about `spacing` [m] apart.
 
     Raises:
         FitError: the outline does not have four corners, or the spacing is larger than the garment.
@@ -84,96 +93,49 @@ def build_mesh(garment: Garment, spacing: float) -> ClothMesh:
             where=garment.name,
             advice="choose a spacing below half of its smaller side",
         )
-    columns, rows = round(width / spacing) + 1, round(height / spacing) + 1
-    down, across = np.meshgrid(np.linspace(0, 1, rows), np.linspace(0, 1, columns), indexing="ij")
-    s, t = across.ravel()[:, None], down.ravel()[:, None]
-    rest = (1 - t) * ((1 - s) * top_left + s * top_right) + t * ((1 - s) * bottom_left + s * bottom_right)
-    triangles = _grid_triangles(rows, columns)
-    edge1 = rest[triangles[:, 1]] - rest[triangles[:, 0]]
-    edge2 = rest[triangles[:, 2]] - rest[triangles[:, 0]]
-    doubled = edge1[:, 0] * edge2[:, 1] - edge1[:, 1] * edge2[:, 0]
-    flipped = doubled < 0
-    triangles[flipped] = triangles[flipped][:, [0, 2, 1]]
-    edge1[flipped], edge2[flipped] = edge2[flipped].copy(), edge1[flipped].copy()
-    doubled = np.abs(doubled)
-    inverse = np.stack([edge2[:, 1], -edge2[:, 0], -edge1[:, 1], edge1[:, 0]], 1) / doubled[:, None]
-    area = doubled / 2
-    node_area = np.zeros(len(rest))
-    np.add.at(node_area, triangles, area[:, None] / 3)
-    bends, weights, kinds, bend_area = _bends(rest, node_area, rows, columns)
+    wide, high = (max(1, round(float(side) / (spectral.ORDER * spacing))) for side in (width, height))
+    grid = Grid(outline, wide, high)
+    across, down = Lines(grid, 0), Lines(grid, 1)
+    shear_across, shear_down, shear_weights, shear_area = shear_samples(grid, across, down)
+    columns = spectral.ORDER * wide + 1
     held = np.arange(columns) if garment.held == "edge" else np.array([0, columns - 1])
     points = np.array([p.at_m for p in garment.points], float).reshape(-1, 2)
-    point_nodes, point_weights = _locate(points, rest, triangles)
-    pull_points, pull_weights = _spread(points, rest)
-    hem = np.zeros(len(rest))
-    bottom = np.arange(columns) + (rows - 1) * columns
-    lengths = np.linalg.norm(np.diff(rest[bottom], axis=0), axis=1)
-    hem[bottom[:-1]] += lengths / 2
-    hem[bottom[1:]] += lengths / 2
+    pull_points, pull_weights = _spread(points, grid.rest)
+    lengths = np.linalg.norm(np.diff(grid.rest.reshape(-1, columns, 2)[-1, :: spectral.ORDER], axis=0), axis=1)
+    hem = np.zeros((grid.rows, columns))
+    for element, length in zip(spectral.line_nodes(wide), lengths, strict=True):
+        hem[-1, element] += spectral.WEIGHTS * length / 2
     return ClothMesh(
-        rest=rest,
-        triangles=triangles.astype(np.int32),
-        inverse=inverse,
-        area=area,
-        bends=bends,
-        bend_weights=weights,
-        bend_kind=kinds,
-        bend_area=bend_area,
-        node_area=node_area,
+        rest=grid.rest,
+        cells=grid.cells.astype(np.int32),
+        triangles=_triangles(grid.rows, columns),
+        fibres=Samples(
+            joined_stencils(across.nodes + down.nodes, across.slopes + down.slopes), np.array(across.areas + down.areas)
+        ),
+        fibres_across=len(across.areas),
+        shear_across=shear_across,
+        shear_down=(shear_down + len(across.areas)).astype(np.int32),
+        shear_weights=shear_weights,
+        shear_area=shear_area,
+        bends=bends_of(grid),
+        node_area=grid.node_area,
         held_nodes=held.astype(np.int32),
-        held_fraction=held / (columns - 1),
-        point_nodes=point_nodes,
-        point_weights=point_weights,
+        held_fraction=spectral.places(wide)[held],
+        points=interpolation(grid_places(points, outline), grid),
         pull_points=pull_points,
         pull_weights=pull_weights,
-        hem_length=hem,
-        spacing=float(np.sqrt(2 * area.mean())),
-        rows=rows,
+        hem_length=hem.ravel(),
+        spacing=float(np.sqrt(grid.node_area.sum() / ((columns - 1) * (grid.rows - 1)))),
+        rows=grid.rows,
         columns=columns,
     )
 
 
-def _grid_triangles(rows: int, columns: int) -> NDArray[np.int64]:
-    """Two triangles per cell, diagonals alternating so that the mesh prefers neither bias direction."""
-    index = np.arange(rows * columns).reshape(rows, columns)
-    a, b = index[:-1, :-1].ravel(), index[:-1, 1:].ravel()
-    c, d = index[1:, :-1].ravel(), index[1:, 1:].ravel()
-    even = (np.add.outer(np.arange(rows - 1), np.arange(columns - 1)) % 2 == 0).ravel()[:, None]
-    first = np.where(even, np.stack([a, c, d], 1), np.stack([a, c, b], 1))
-    second = np.where(even, np.stack([a, d, b], 1), np.stack([b, c, d], 1))
-    # Neighbours in memory: both triangles of a cell follow each other.
-    return np.stack([first, second], 1).reshape(-1, 3)
-
-
-def _bends(rest: Floats, node_area: Floats, rows: int, columns: int) -> tuple[Integers, Floats, Integers, Floats]:
-    """Return nodes, weights, kinds and areas of the second differences; of three nodes the last comes twice, at 0."""
-    index = np.arange(rows * columns).reshape(rows, columns)
-    nodes, weights, kinds, areas = [], [], [], []
-    for kind, before, at, after in (
-        (ROW_BEND, index[:, :-2], index[:, 1:-1], index[:, 2:]),
-        (COLUMN_BEND, index[:-2], index[1:-1], index[2:]),
-    ):
-        i, j, k = before.ravel(), at.ravel(), after.ravel()
-        left, right = np.linalg.norm(rest[j] - rest[i], axis=1), np.linalg.norm(rest[k] - rest[j], axis=1)
-        whole = left + right
-        second = np.stack([2 / (left * whole), -2 / (left * right), 2 / (right * whole), 0 * whole], 1)
-        nodes.append(np.stack([i, j, k, k], 1))
-        weights.append(np.sqrt(node_area[j])[:, None] * second)
-        kinds.append(np.full(len(j), kind))
-        areas.append(node_area[j])
-    a, b = index[:-1, :-1].ravel(), index[:-1, 1:].ravel()
-    c, d = index[1:, :-1].ravel(), index[1:, 1:].ravel()
-    first, second = rest[d] - rest[a], rest[c] - rest[b]
-    cell = 0.5 * np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
-    nodes.append(np.stack([a, b, c, d], 1))
-    # x_uv = (a - b - c + d) / cell, counted twice in the energy
-    weights.append(np.sqrt(2 / cell)[:, None] * np.array([1.0, -1.0, -1.0, 1.0]))
-    kinds.append(np.full(len(cell), TWIST))
-    areas.append(cell)
-    return (
-        np.concatenate(nodes).astype(np.int32), np.concatenate(weights),
-        np.concatenate(kinds).astype(np.int32), np.concatenate(areas),
-    )  # fmt: skip
+def _triangles(rows: int, columns: int) -> Integers:
+    """Two triangles between every four nodes, turned to the front like the elements."""
+    index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
+    a, b, c, d = (i.ravel() for i in (index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]))
+    return np.stack([np.stack([a, c, d], 1), np.stack([a, d, b], 1)], 1).reshape(-1, 3)
 
 
 def _barycentric(place: Floats, corners: Floats) -> Floats:

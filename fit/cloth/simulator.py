@@ -1,11 +1,4 @@
-"""Run batches of candidates on one recording: chooses the stable step, packs lanes, unpacks trajectories.
-
-Stable step of explicit leapfrog with Kelvin-Voigt damping: with the highest frequency omega and damping ratio
-zeta = omega tau / 2,  dt < (2 / omega) (sqrt(1 + zeta^2) - zeta).
-omega^2 is bounded by k lambda_k + G lambda_G + B lambda_B, the largest eigenvalues of each energy alone on this mesh at
-unit stiffness and unit density (the maximum of a sum is at most the sum of the maxima).
-Source: T. Belytschko, W. K. Liu, B. Moran, "Nonlinear Finite Elements for Continua and Structures", section 6.2.
-"""
+"""Run batches of candidates on one recording: chooses the stable step, packs lanes, unpacks trajectories."""
 
 from __future__ import annotations
 
@@ -16,7 +9,9 @@ from numpy.typing import NDArray
 
 from fit import runtime
 from fit.cloth import material as mat
-from fit.cloth.mesh import ClothMesh, build_mesh
+from fit.cloth import spectral
+from fit.cloth.mesh import ClothMesh, Integers, build_mesh
+from fit.cloth.stability import unit_frequencies
 from fit.effects.base import Effect, columns_of
 from fit.effects.bending_hysteresis import REFERENCE_CURVATURE
 from fit.errors import FitError
@@ -28,7 +23,8 @@ SAFETY = 0.7  # of the linear limit: stretched and folded cloth is a little stif
 COARSEST_STEP = 1e-3  # s: swings, pulls and samples stay well resolved even for soft cloth
 TARGET_SPACING = 5e-3  # s between the observer's targets; linear between them
 SETTLE_TIME = 1.6  # s that the cloth hangs at the first hanger pose before the take begins
-WIDE_LANES, NARROW_LANES = 8, 4  # candidates side by side; few candidates go narrow so that every thread has some
+LANES = (4, 8, 16)  # candidates side by side; few candidates go narrow so that every thread has some
+ALIGNMENT = 64  # bytes: sixteen lanes of four bytes
 GRAVITY = 9.80665  # m/s^2
 LARGEST_STRAIN = 0.05  # strain up to which stiffening cloth stays stable
 SETTLE_DAMPING = 6.0  # 1/s during that time
@@ -90,7 +86,8 @@ class Simulator:
         self.simulations = 0
         self.columns = columns_of(effects)
         self._make_rollout = make_rollout
-        self._frequencies = _unit_frequencies(self.mesh)
+        self._frequencies = unit_frequencies(self.mesh)
+        self._membrane, self._bending = _membrane_arguments(self.mesh), _bending_arguments(self.mesh)
         self._targets: dict[int, tuple[Floats, Floats, int]] = {}
         self._threads = runtime.available_threads()
 
@@ -119,7 +116,7 @@ class Simulator:
         kinds = self._half_octaves(changed, amplitudes) + 100 * self._needs_effects(amplitudes)
         for kind in np.unique(kinds):
             members = np.flatnonzero(kinds == kind)
-            lanes = WIDE_LANES if len(members) > NARROW_LANES * self._threads else NARROW_LANES
+            lanes = next((n for n in LANES if n * self._threads >= len(members)), LANES[-1])
             together = lanes * self._threads
             for start in range(0, len(members), together):
                 chosen = members[start : start + together]
@@ -214,10 +211,9 @@ class Simulator:
         wanted, trust, every = self._observer_targets(work.half_octaves)
         omega = 2 * np.pi * work.observer_hz
         start = _starting_shape(mesh, path[:, 0])
-        state = [_in_lanes(start, lanes), *(np.zeros((groups, nodes, 3, lanes), np.float32) for _ in range(2))]
-        out = np.zeros((groups, frames, points, 3, lanes), np.float32)
-        whole = np.zeros((groups, frames if kept is not None else 1, nodes, 3, lanes), np.float32)
-        single = lambda a: np.ascontiguousarray(a, np.float32)  # noqa: E731
+        state = [_in_lanes(start, lanes), *(_zeros((groups, nodes, 3, lanes)) for _ in range(2))]
+        out = _zeros((groups, frames, points, 3, lanes))
+        whole = _zeros((groups, frames if kept is not None else 1, nodes, 3, lanes))
         active = self.effects if work.has_effects else ()
         with_bends, with_added = any(e.bends for e in active), any(e.adds_mass for e in active)
         faces = tuple(
@@ -226,22 +222,30 @@ class Simulator:
             if e.face_force is not None
         )
         rest, added = self._resting(amplitudes, bends, with_bends), self._carried(amplitudes, nodes, with_added)
-        kernel = self._make_rollout(lanes, faces, with_bends, with_added)
-        kernel(
-            *state, np.zeros((groups, points, 3, lanes), np.float32),
-            mesh.triangles, single(mesh.inverse), single(mesh.area),
-            mesh.bends, single(mesh.bend_weights), mesh.bend_kind, single(np.sqrt(mesh.bend_area)),
-            np.zeros((groups, nodes if with_bends or with_added else 1, 3, lanes), np.float32),
-            _in_lanes(rest, lanes), np.zeros((groups, bends if with_bends else 1, lanes), np.float32),
-            _in_lanes(added, lanes),
-            mesh.held_nodes, single(mesh.held_fraction), _in_lanes(path, lanes),
-            mesh.point_nodes, single(mesh.point_weights), mesh.pull_points, single(mesh.pull_weights),
-            wanted, trust, every,
-            _in_lanes(self._kernel_rows(materials, amplitudes), lanes), _in_lanes(inverse_mass, lanes),
-            _in_lanes(amplitudes if self.effects else np.zeros((len(padded), 1)), lanes),
-            frame_step, frame_lag, dt, round(SETTLE_TIME / dt), SETTLE_DAMPING, omega**2, 2 * omega,
-            out, whole, int(kept is not None),
+        needs_normals = bool(faces) or with_bends or with_added
+        fibres = len(mesh.fibres.area)
+        kernel = self._make_rollout(
+            lanes, faces, fibre_nodes=mesh.fibres.stencils.width,
+            with_bends=with_bends, with_added_mass=with_added,
         )  # fmt: skip
+        with runtime.vectors_kept():
+            kernel(
+                *state, _zeros((groups, points, 3, lanes)),
+                *self._membrane,
+                *(_zeros((groups, count, 3, lanes)) for count in (fibres, fibres, fibres)),
+                *self._bending,
+                *(_zeros((groups, nodes if needs_normals else 1, *shape, lanes)) for shape in ((3,), ())),
+                _in_lanes(rest, lanes), _zeros((groups, bends if with_bends else 1, lanes)),
+                _in_lanes(added, lanes),
+                mesh.held_nodes, _single(mesh.held_fraction), _in_lanes(path, lanes),
+                mesh.points.first, mesh.points.nodes, _single(mesh.points.weights),
+                mesh.pull_points, _single(mesh.pull_weights),
+                wanted, trust, every,
+                _in_lanes(self._kernel_rows(materials, amplitudes), lanes), _in_lanes(inverse_mass, lanes),
+                _in_lanes(amplitudes if self.effects else np.zeros((len(padded), 1)), lanes),
+                frame_step, frame_lag, dt, round(SETTLE_TIME / dt), SETTLE_DAMPING, omega**2, 2 * omega,
+                out, whole, int(kept is not None),
+            )  # fmt: skip
         seen[chosen] = _from_lanes(out)[: len(chosen)]
         if kept is not None:
             kept[chosen] = _from_lanes(whole)[: len(chosen)]
@@ -295,10 +299,20 @@ class Simulator:
         return np.stack(rows)
 
 
+def _zeros(shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Zeros whose vectors of lanes lie where the processor loads them whole: a misaligned one ends the process."""
+    size = 4 * int(np.prod(shape))
+    raw = np.zeros(size + ALIGNMENT, np.uint8)
+    start = -raw.ctypes.data % ALIGNMENT
+    return raw[start : start + size].view(np.float32).reshape(shape)
+
+
 def _in_lanes(values: Floats, lanes: int) -> NDArray[np.float32]:
     """(candidates, ...) -> (groups, ..., lanes), contiguous."""
-    grouped = np.asarray(values, np.float32).reshape(-1, lanes, *values.shape[1:])
-    return np.ascontiguousarray(np.moveaxis(grouped, 1, -1))
+    grouped = np.moveaxis(np.asarray(values, np.float32).reshape(-1, lanes, *values.shape[1:]), 1, -1)
+    placed = _zeros(grouped.shape)
+    placed[...] = grouped
+    return placed
 
 
 def _from_lanes(values: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -318,36 +332,26 @@ def _starting_shape(mesh: ClothMesh, ends: Floats) -> Floats:
     return shape
 
 
-def _unit_frequencies(mesh: ClothMesh) -> tuple[float, float, float]:
-    """Largest eigenvalues of stretch, shear and bending alone at unit stiffness and density [m^-2, m^-2, m^-4]."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.linalg import eigsh
+def _single(values: Floats) -> NDArray[np.float32]:
+    return np.ascontiguousarray(values, np.float32)
 
-    nodes, faces = len(mesh.rest), len(mesh.triangles)
-    b00, b01, b10, b11 = mesh.inverse.T
-    gradient_u = np.stack([-b00 - b10, b00, b10], 1)
-    gradient_v = np.stack([-b01 - b11, b01, b11], 1)
-    root = np.sqrt(mesh.area)[:, None]
-    rows, columns = np.repeat(np.arange(faces), 3), mesh.triangles.ravel()
 
-    def largest(parts: list[tuple[Floats, int]], size: int, index: NDArray[np.int64], cols: NDArray[np.int32],
-                axes: int) -> float:  # fmt: skip
-        values = np.concatenate([p.ravel() for p, _ in parts])
-        r = np.concatenate([index for _ in parts])
-        c = np.concatenate([cols * axes + axis for _, axis in parts])
-        scale = np.repeat(1 / np.sqrt(mesh.node_area), axes)
-        strain = coo_array((values * scale[c], (r, c)), shape=(size, nodes * axes)).tocsr()
-        start = np.random.default_rng(0).standard_normal(nodes * axes)
-        return float(
-            eigsh((strain.T @ strain).tocsc(), 1, which="LA", v0=start, return_eigenvectors=False, tol=1e-3)[0]
-        )
+def _membrane_arguments(mesh: ClothMesh) -> list[NDArray[np.float32] | Integers | int]:
+    """What the kernel wants to know of the membrane, in its order."""
+    stencils = mesh.fibres.stencils
+    return [
+        stencils.first, stencils.nodes, _single(stencils.weights), _single(mesh.fibres.area), mesh.fibres_across,
+        mesh.shear_across, mesh.shear_down, _single(mesh.shear_weights), _single(mesh.shear_area),
+    ]  # fmt: skip
 
-    face_index = rows.astype(np.int64)
-    stretch = max(
-        largest([(root * gradient_u, 0)], faces, face_index, columns, 1),
-        largest([(root * gradient_v, 0)], faces, face_index, columns, 1),
-    )
-    shear = largest([(root * gradient_v, 0), (root * gradient_u, 1)], faces, face_index, columns, 2)
-    bend_index = np.repeat(np.arange(len(mesh.bends)), 4).astype(np.int64)
-    bending = largest([(mesh.bend_weights, 0)], len(mesh.bends), bend_index, mesh.bends.ravel(), 1)
-    return stretch, shear, bending
+
+def _bending_arguments(mesh: ClothMesh) -> list[NDArray[np.float32] | Integers]:
+    """What the kernel wants to know of bending and of normals, in its order."""
+    bends, plain = mesh.bends, len(mesh.bends.stencils)
+    root = _single(np.sqrt(bends.area))
+    basis = np.vstack([spectral.slopes(spectral.NODES), spectral.WEIGHTS])
+    return [
+        bends.stencils.first, bends.stencils.nodes, _single(bends.stencils.weights),
+        bends.kind[:plain], bends.centre[:plain], root[:plain], bends.counts,
+        _single(bends.twist_weights), bends.centre[plain:], root[plain:], mesh.cells, _single(basis),
+    ]  # fmt: skip

@@ -12,6 +12,7 @@ from typing import ClassVar
 
 import taichi as ti
 
+from fit.cloth.lanes import magnitude
 from fit.effects.base import Effect
 
 AIR_DENSITY = 1.204  # kg/m^3, dry air at 20 degC and 101.325 kPa
@@ -20,7 +21,7 @@ AIR_DENSITY = 1.204  # kg/m^3, dry air at 20 degC and 101.325 kPa
 @ti.func
 def _normal_drag(c, unused, unused_too, vx, vy, vz, nx, ny, nz, area):
     normal_speed = vx * nx + vy * ny + vz * nz
-    size = -0.5 * AIR_DENSITY * c * area * ti.abs(normal_speed) * normal_speed
+    size = -0.5 * AIR_DENSITY * c * area * magnitude(normal_speed) * normal_speed
     return size * nx, size * ny, size * nz
 
 

@@ -11,6 +11,7 @@ from typing import ClassVar
 
 import taichi as ti
 
+from fit.cloth.lanes import magnitude
 from fit.effects.air_drag import AIR_DENSITY
 from fit.effects.base import Effect
 
@@ -21,7 +22,7 @@ PLATE = 1.2  # 1, drag coefficient of a plate across the flow
 def _push(wx, wy, wz, vx, vy, vz, nx, ny, nz, area):
     still = vx * nx + vy * ny + vz * nz
     moving = still - (wx * nx + wy * ny + wz * nz)
-    size = -0.5 * AIR_DENSITY * PLATE * area * (ti.abs(moving) * moving - ti.abs(still) * still)
+    size = -0.5 * AIR_DENSITY * PLATE * area * (magnitude(moving) * moving - magnitude(still) * still)
     return size * nx, size * ny, size * nz
 
 

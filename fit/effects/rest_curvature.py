@@ -12,7 +12,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from fit.cloth.mesh import COLUMN_BEND, ROW_BEND, ClothMesh
+from fit.cloth.elements import COLUMN_BEND, ROW_BEND
+from fit.cloth.mesh import ClothMesh
 from fit.effects.base import Effect, Floats
 
 
@@ -33,5 +34,5 @@ class RestCurvature(Effect):
     def rest_curvature(self, mesh: ClothMesh, amplitude: Floats) -> Floats:
         """Return the curvature at which each bend rests [1/m], (bends,)."""
         return np.where(
-            mesh.bend_kind == COLUMN_BEND, amplitude[0], np.where(mesh.bend_kind == ROW_BEND, amplitude[1], 0.0)
+            mesh.bends.kind == COLUMN_BEND, amplitude[0], np.where(mesh.bends.kind == ROW_BEND, amplitude[1], 0.0)
         )

@@ -83,8 +83,8 @@ def _pull(observer: Observer, recording: Recording, vector: Floats, density: flo
     omega = 2 * np.pi * FREQUENCY
     pull = omega**2 * (wanted[..., :3] - places) + 2 * omega * (wanted[..., 3:] - velocity)
     assert done.shapes is not None
-    corners = done.shapes[0][:, mesh.point_nodes].astype(float)
-    normal = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
+    shapes = done.shapes[0].astype(float).swapaxes(0, 1)
+    normal = np.cross(mesh.points.apply(shapes, 1), mesh.points.apply(shapes, 2)).swapaxes(0, 1)
     normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-12)
     height = np.array([p.at_m[1] for p in recording.garment.points])
     third = np.clip(3 * (height.max() - height) / max(np.ptp(height), 1e-9), 0, 2.999).astype(int)

@@ -79,7 +79,7 @@ class Observer:
         self.resolution = resolution or Resolution()
         self._simulators = [Simulator(r, effects, resolution=self.resolution) for r in recordings]
         self.densities = [
-            r.garment.mass_kg / float(s.mesh.area.sum()) for r, s in zip(recordings, self._simulators, strict=True)
+            r.garment.mass_kg / float(s.mesh.area) for r, s in zip(recordings, self._simulators, strict=True)
         ]
         self.columns = columns_of(effects)
         self.layout = _layout(recordings)

@@ -1,0 +1,177 @@
+"""The cloth against closed forms, each at three meshes and three steps.
+
+Run: python benchmarks/validation.py. A sheet of 0.4 m x 0.45 m and 0.2 kg/m^2 that hangs from a bar, unless said
+otherwise. References:
+
+    swing      zeros of J0: omega_k = j_k / 2 sqrt(g / L), a hanging chain (H. Lamb, "Higher Mechanics", 1920)
+    bending    smallest omega of (T w')' - B w'''' + rho omega^2 w = 0, T = rho g z, hinged above, free below; solved
+               here by Chebyshev collocation; very stiff sheets swing as a rigid plate, omega^2 = 3 g / (2 L)
+    stretch    k/2 l (l^2 - 1) = rho g (L - z) for the stretch l(z)   St. Venant-Kirchhoff under its own weight
+    energy     no damping: amplitude of the first swing after 10 s; damping c: it decays at c / 2 per second
+    trajectory the tracked points of a swung swatch against a mesh of twice as many elements at half the step
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq, curve_fit
+from scipy.special import jn_zeros
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from fit.cloth.simulator import GRAVITY, Resolution
+from tests.fit.scenes import material, sheet, simulate_take, swing
+
+LENGTH, WIDTH, DENSITY = 0.45, 0.4, 0.2
+SPACINGS = (0.1, 0.05, 0.033)  # m: two, three and four to five elements down
+STEPS = (1.0, 0.5, 0.25)  # of the stable one
+FRAME = 1 / 60
+LIMP = {"bending_stiffness": 1e-9, "bending_damping_time": 0.0, "membrane_damping_time": 0.0}
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Case:
+    """Name, allowed relative error, and the error [1] at a resolution."""
+
+    name: str
+    allowed: float
+    error: Callable[[Resolution], float]
+
+
+def bottom(resolution: Resolution, displacement: Floats, time: Floats, **changes: float) -> Floats:
+    """Motion of the bottom's middle across the sheet and down [m], (frames, 2)."""
+    garment = sheet(width=WIDTH, height=LENGTH, mass=DENSITY * WIDTH * LENGTH)
+    chosen = {**LIMP, "stretch_stiffness": 2000.0, "shear_stiffness": 100.0, "velocity_damping": 0.0, **changes}
+    take = simulate_take(garment, time, displacement, material(garment, **chosen), resolution=resolution)
+    return np.asarray(take.points[:, 2][:, [1, 2]])
+
+
+def ring(resolution: Resolution, guess: float, *, seconds: float = 8.0, amplitude: float = 0.004, **changes: float):
+    """Angular frequency [1/s] and decay [1/s] of the swing after a nudge at about the frequency `guess` [1/s]."""
+    hertz = guess / (2 * np.pi)
+    stop = 0.5 + 2.0 / hertz
+    time = np.arange(0, seconds + stop + 0.4, FRAME)
+    moved = bottom(resolution, swing(time, amplitude=amplitude, hz=hertz, start=0.3, stop=stop), time, **changes)
+    late = time > stop + 0.35
+    return fitted(time[late], moved[late, 0], guess)
+
+
+def fitted(time: Floats, moved: Floats, guess: float) -> tuple[float, float]:
+    """Frequency and decay of the strongest mode near `guess`, the others fitted beside it."""
+
+    def waves(t: Floats, *p: float) -> Floats:
+        total = np.full_like(t, p[0])
+        for k in range(3):
+            a, b, omega, decay = p[1 + 4 * k : 5 + 4 * k]
+            total = total + np.exp(-decay * (t - t[0])) * (a * np.cos(omega * t) + b * np.sin(omega * t))
+        return total
+
+    others = [w for w in jn_zeros(0, 4) / 2 * np.sqrt(GRAVITY / LENGTH) if abs(w - guess) > 0.3 * guess][:2]
+    start = [0.0]
+    size = float(np.ptp(moved)) / 4
+    for w in (guess, *others):
+        start += [size, size, w, 0.05]
+    found, _ = curve_fit(waves, time, moved, p0=start, maxfev=20000)
+    return float(found[3]), float(found[4])
+
+
+def swing_error(mode: int, resolution: Resolution) -> float:
+    """Of the first or second swing of a limp sheet, small enough to be linear: the second is 1 % slower at 4 mm."""
+    theory = jn_zeros(0, mode)[-1] / 2 * np.sqrt(GRAVITY / LENGTH)
+    return ring(resolution, theory, seconds=5.0, amplitude=0.0005)[0] / theory - 1
+
+
+def bending_reference(stiffness: float, nodes: int = 40) -> float:
+    """Lowest angular frequency [1/s] of a hanging sheet that resists bending, by Chebyshev collocation."""
+    from scipy.linalg import eig
+
+    k = np.arange(nodes + 1)
+    x = np.cos(np.pi * k / nodes)
+    c = np.where((k == 0) | (k == nodes), 2.0, 1.0) * (-1.0) ** k
+    gap = x[:, None] - x[None]
+    slope = np.outer(c, 1 / c) / (gap + np.eye(nodes + 1))
+    slope -= np.diag(slope.sum(1))
+    slope *= 2 / LENGTH  # z from 0, the free bottom (last), to L, the hinge (first)
+    z = (x + 1) * LENGTH / 2
+    second = slope @ slope
+    operator = -(slope @ np.diag(DENSITY * GRAVITY * z) @ slope) + stiffness * second @ second
+    mass = DENSITY * np.eye(nodes + 1)
+    for row, condition in ((0, np.eye(nodes + 1)[0]), (1, second[0]), (-1, second[-1]), (-2, (second @ slope)[-1])):
+        operator[row], mass[row] = condition, 0.0
+    values = eig(operator, mass, right=False)
+    real = values.real[np.isfinite(values) & (np.abs(values.imag) < 1e-3) & (values.real > 1.0)]
+    return float(np.sqrt(real.min()))
+
+
+def bending_error(resolution: Resolution) -> float:
+    """Of the first swing of a sheet as stiff as card."""
+    theory = bending_reference(0.01)
+    return ring(resolution, theory, seconds=5.0, bending_stiffness=0.01, shear_stiffness=300.0)[0] / theory - 1
+
+
+def stretch_error(resolution: Resolution) -> float:
+    """Of the elongation under its own weight at 40 N/m."""
+    stiffness = 40.0
+    heights = np.linspace(0, LENGTH, 2001)
+    stretched = [brentq(lambda s, h=h: stiffness / 2 * s * (s**2 - 1) - DENSITY * GRAVITY * h, 1, 2) for h in heights]
+    theory = float(np.trapezoid(np.array(stretched) - 1, heights))
+    time = np.arange(0, 3, FRAME)
+    moved = bottom(resolution, np.zeros((len(time), 3)), time, stretch_stiffness=stiffness, velocity_damping=6.0)
+    return (-moved[-1, 1] - LENGTH) / theory - 1
+
+
+def drift(resolution: Resolution) -> float:
+    """Relative change of the first swing's energy over 10 s without damping."""
+    omega = jn_zeros(0, 1)[0] / 2 * np.sqrt(GRAVITY / LENGTH)
+    return float(np.expm1(-20 * ring(resolution, omega, seconds=10.0)[1]))
+
+
+def damping_error(resolution: Resolution) -> float:
+    """Of the decay of the first swing at a damping of 0.6 1/s."""
+    omega = jn_zeros(0, 1)[0] / 2 * np.sqrt(GRAVITY / LENGTH)
+    return ring(resolution, omega, seconds=6.0, velocity_damping=0.6)[1] / 0.3 - 1
+
+
+def trajectory_error(resolution: Resolution) -> float:
+    """Difference to a mesh twice as fine at half the step, of the tracked points' motion, swung by hand for 4 s."""
+    garment = sheet(width=WIDTH, height=LENGTH, mass=DENSITY * WIDTH * LENGTH)
+    time = np.arange(0, 4, 1 / 30)
+    moved = swing(time, amplitude=0.06, hz=0.8, sideways=0.02, stop=2.5)
+    finer = Resolution(spacing=resolution.spacing / 2, step_share=resolution.step_share / 2)
+    row = material(garment, velocity_damping=1.0, bending_stiffness=5e-5)
+    one, other = (simulate_take(garment, time, moved, row, resolution=r).points for r in (resolution, finer))
+    own = other - moved[:, None]
+    motion = np.sqrt(((own - own.mean(0)) ** 2).sum(2)[:, 2:].mean())
+    return float(np.sqrt(((one - other) ** 2).sum(2)[:, 2:].mean()) / motion)
+
+
+CASES = (
+    Case("first swing", 0.01, lambda r: swing_error(1, r)),
+    Case("second swing", 0.01, lambda r: swing_error(2, r)),
+    Case("first swing with bending 0.01 N m", 0.03, bending_error),
+    Case("stretch under its own weight", 0.01, stretch_error),
+    Case("energy over 10 s, no damping", 0.01, drift),
+    Case("decay at 0.6 1/s", 0.05, damping_error),
+    Case("swung swatch, mesh doubled and step halved", 0.03, trajectory_error),
+)
+
+
+def main() -> None:
+    """Print the relative errors in percent: three meshes at the stable step, then three steps on the middle mesh."""
+    columns = [f"{1e3 * h:.0f} mm" for h in SPACINGS] + [f"step x{s:g}" for s in STEPS[1:]]
+    print(f"{'':44s} allowed " + "".join(f"{c:>10s}" for c in columns))
+    for case in CASES:
+        errors = [case.error(Resolution(spacing=h)) for h in SPACINGS]
+        errors += [case.error(Resolution(spacing=SPACINGS[1], step_share=s)) for s in STEPS[1:]]
+        print(f"{case.name:44s} {100 * case.allowed:5.0f} % " + "".join(f"{100 * e:9.2f}%" for e in errors), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.calibrated_depth import DepthScale, depth_rig
 from capture.errors import NoMarkersError, OutputError, UntrackableError
 from capture.garment import GarmentSight, GarmentTracker, garment_tracker, nothing_found
 from capture.markers import HangerSight, MarkerTracker, nothing_seen
@@ -18,7 +19,7 @@ from formats.archive import Frame, TakeWriter
 from formats.errors import TakeError
 from formats.garment import Garment
 from formats.hanger import held_ends
-from formats.rig import Rig
+from formats.rig import Calibration, Rig
 from formats.take import FrameState
 
 Floats = NDArray[np.float64]
@@ -60,7 +61,8 @@ def record(
         OutputError: the take cannot be written.
     """
     _check_rig(sensor, rig)
-    hanger_tracker, cloth_tracker = MarkerTracker(rig), garment_tracker(garment, rig)
+    hanger_tracker, cloth_tracker = MarkerTracker(rig), garment_tracker(garment, depth_rig(rig))
+    scaled = DepthScale((rig.calibration or Calibration()).depth_scale)
     cv2.setNumThreads(1)
     try:
         writer = TakeWriter(out, take_id=take_id, created=created, rig=rig, garment=garment, source=sensor.info.uri)
@@ -78,6 +80,7 @@ def record(
                 continue
             first = frame.time_s if frames == 0 else first
             last = frame.time_s
+            frame = scaled(frame)
             hanger, cloth, state = _track(frame, hanger_tracker, cloth_tracker, rig, garment)
             state |= FrameState.CLOCK_JUMPED if jumped else 0
             jumped = False

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.markers import marker_dictionary
+from capture.marker_detection import marker_dictionary
 from firmware_host.doctor.checks import Check, Examination, Finding, ok, problem, skipped
 
 USUAL_DICTIONARY = "DICT_4X4_50"  # of the rig that `hangtime sensor synthesise` writes and docs/recording.md prints

@@ -7,12 +7,10 @@ Both from `formats.rig.Calibration`.
 
 from __future__ import annotations
 
-import dataclasses
-
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
-from firmware_host.depth_sensor import SensorFrame
 from formats.rig import Calibration, Rig
 
 LARGEST_DEPTH = 65535  # mm, of a 16-bit image
@@ -25,9 +23,9 @@ class DepthScale:
         measured = np.arange(LARGEST_DEPTH + 1)
         self._true = np.minimum(np.rint(measured / scale), LARGEST_DEPTH).astype(np.uint16) if scale != 1.0 else None
 
-    def __call__(self, frame: SensorFrame) -> SensorFrame:
-        """Return the frame with true depth."""
-        return frame if self._true is None else dataclasses.replace(frame, depth=self._true[frame.depth])
+    def __call__(self, depth: NDArray[np.uint16]) -> NDArray[np.uint16]:
+        """Return true depth [mm], (H, W), of a depth image."""
+        return depth if self._true is None else self._true[depth]
 
 
 def depth_rig(rig: Rig) -> Rig:

@@ -135,6 +135,7 @@ def record_command(
     import sys
     from datetime import UTC, datetime
 
+    from capture.condition import Condition
     from capture.outputs import refuse_to_replace
     from capture.recording import record
     from firmware_host.opening import open_sensor
@@ -151,10 +152,17 @@ def record_command(
             text = f"\r{frames}{of} frames, hanger seen in {100 * hanger_share:.0f} %"
             print(text, end="", file=sys.stderr, flush=True)
 
+    def announce(time: float, condition: Condition) -> None:
+        start = "\n" if is_terminal else ""
+        said = condition.value
+        advice = f"; {said.advice}" if said.advice else ""
+        print(f"{start}{time:6.1f} s  {said.words}{advice}", file=sys.stderr, flush=True)
+
     with open_sensor(sensor) as source:
         report = record(
             source, described_rig, described_garment, out, take_id=out.stem,
             created=datetime.now(UTC).isoformat(timespec="seconds"), seconds=seconds, progress=show,
+            announce=announce,
         )  # fmt: skip
     if is_terminal:
         print(file=sys.stderr)
@@ -164,3 +172,8 @@ def record_command(
     )
     typer.echo(f"{report.path}: {report.frames} frames{', stopped by hand' if report.is_interrupted else ''}")
     typer.echo(f"hanger seen in {100 * report.with_hanger / max(report.frames, 1):.0f} %; {points}")
+    for condition, count in sorted(report.conditions.items(), key=lambda item: -item[1]):
+        if condition is not Condition.GOOD:
+            typer.echo(f"in {count} frames {condition.value.words}")
+    if report.failure is not None:
+        raise report.failure

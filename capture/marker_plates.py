@@ -47,6 +47,10 @@ class PlatePlacer:
         seen, _, translation = cv2.solvePnP(self._square, quad, self._matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
         return float(translation[2, 0]) if seen else float("nan")
 
+    def range_by_size(self, side: float) -> float:
+        """Return how far away [m] a marker with a side of so many pixels is if it faces the sensor."""
+        return self.sensor.fx * self.marker_size / side
+
     def place(self, quad: Floats, at: Floats, depth: NDArray[np.uint16]) -> tuple[Floats, Floats]:
         """Return position and sd [m], (3,) each, of a place `at` [px] on the plate of a marker.
 

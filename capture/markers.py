@@ -29,12 +29,15 @@ class HangerSight:
     """What one frame shows of the hanger; row 0 is the rig's first marker id, NaN where it was not found.
 
     corners [px], (2, 4, 2): sub-pixel corners, clockwise from the pattern's top left
-    centres [px], (2, 2); positions [m], (2, 3), sensor frame; sd [m], (2, 3) per axis; valid, (2,)
+    centres [px], (2, 2); sides [px], (2,); ranges [m], (2,): distance by the marker's size alone
+    positions [m], (2, 3), sensor frame; sd [m], (2, 3) per axis; valid, (2,)
     distance_m: between the two markers, NaN unless both were placed (also where the check failed)
     """
 
     corners: Floats
     centres: Floats
+    sides: Floats
+    ranges: Floats
     positions: Floats
     sd: Floats
     valid: NDArray[np.bool_]
@@ -51,6 +54,8 @@ def nothing_seen() -> HangerSight:
     return HangerSight(
         corners=np.full((2, 4, 2), np.nan),
         centres=np.full((2, 2), np.nan),
+        sides=np.full(2, np.nan),
+        ranges=np.full(2, np.nan),
         positions=np.full((2, 3), np.nan),
         sd=np.full((2, 3), np.nan),
         valid=np.zeros(2, dtype=bool),
@@ -104,9 +109,12 @@ class MarkerTracker:
             valid[:] = False
         positions[~valid] = np.nan
         sd[~valid] = np.nan
+        sides = np.array([quad_side(quad) for quad in corners])
+        ranges = np.array([self._placer.range_by_size(side) for side in sides])
         return HangerSight(
-            corners=corners, centres=centres, positions=positions, sd=sd, valid=valid, distance_m=distance
-        )
+            corners=corners, centres=centres, sides=sides, ranges=ranges, positions=positions, sd=sd, valid=valid,
+            distance_m=distance,
+        )  # fmt: skip
 
     def _find_corners(self, colour: NDArray[np.uint8], time: float) -> Floats:
         corners = np.full((2, 4, 2), np.nan)

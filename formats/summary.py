@@ -17,6 +17,11 @@ STATE_NAMES = {
     FrameState.COLOUR_MISSING: "colour missing",
     FrameState.FRAMES_DROPPED_BEFORE: "frames dropped before",
     FrameState.CLOCK_JUMPED: "clock jumped",
+    FrameState.ONE_MARKER: "one marker only",
+    FrameState.TOO_NEAR: "too near",
+    FrameState.TOO_FAR: "too far",
+    FrameState.VIEW_BLOCKED: "view blocked",
+    FrameState.WRONG_SIZE: "wrong picture size",
 }
 
 

@@ -48,7 +48,7 @@ class Take:
 
 
 class FrameState:
-    """Bits of `Take.state`: what went wrong in a frame."""
+    """Bits of `Take.state`: what went wrong in a frame. `MARKER_LOST` says that both markers are not there together."""
 
     MARKER_LOST = 1
     GARMENT_LOST = 2
@@ -56,3 +56,8 @@ class FrameState:
     COLOUR_MISSING = 8
     FRAMES_DROPPED_BEFORE = 16
     CLOCK_JUMPED = 32
+    ONE_MARKER = 64
+    TOO_NEAR = 128
+    TOO_FAR = 256
+    VIEW_BLOCKED = 512
+    WRONG_SIZE = 1024

@@ -18,7 +18,6 @@ from capture.calibration_session import calibrate
 from capture.errors import CalibrationError, UntrackableError
 from capture.markers import MarkerTracker
 from firmware_host import openni2_library
-from firmware_host.depth_sensor import SensorFrame
 from firmware_host.oni_writer import OniWriter
 from firmware_host.usb_control.kinect_motor import KinectMotor
 from formats.archive import read_take, write_take
@@ -111,8 +110,7 @@ def test_with_its_calibration_the_tracker_places_the_markers_where_they_are(fram
         tracker, scaled = MarkerTracker(rig), DepthScale(rig.calibration.depth_scale if rig.calibration else 1.0)
         off = []
         for number, (depth, colour) in enumerate(frames[:8]):
-            frame = SensorFrame(index=number, time_s=number / 30, host_time_s=0.0, depth=depth, colour=colour)
-            sight = tracker.track(colour, scaled(frame).depth, frame.time_s)
+            sight = tracker.track(colour, scaled(depth), number / 30)
             off.append(sight.positions - np.stack([TURN @ plate.at for plate in hanger_plates()]))
         return np.abs(np.mean(off, axis=0)).max()
 

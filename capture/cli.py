@@ -133,9 +133,11 @@ def record_command(
     Nothing has to be clicked: the two markers are found by themselves. Ctrl-C ends the take cleanly.
     """
     import sys
+    from contextlib import ExitStack
     from datetime import UTC, datetime
 
     from capture.condition import Condition
+    from capture.frame_queue import QueuedSensor
     from capture.outputs import refuse_to_replace
     from capture.recording import record
     from firmware_host.opening import open_sensor
@@ -158,7 +160,10 @@ def record_command(
         advice = f"; {said.advice}" if said.advice else ""
         print(f"{start}{time:6.1f} s  {said.words}{advice}", file=sys.stderr, flush=True)
 
-    with open_sensor(sensor) as source:
+    with ExitStack() as open_sensors:
+        source = open_sensors.enter_context(open_sensor(sensor))
+        if source.info.is_live:
+            source = open_sensors.enter_context(QueuedSensor(source))
         report = record(
             source, described_rig, described_garment, out, take_id=out.stem,
             created=datetime.now(UTC).isoformat(timespec="seconds"), seconds=seconds, progress=show,

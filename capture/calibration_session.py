@@ -129,6 +129,10 @@ def _described(rig: Rig, sensor: DepthSensor) -> tuple[Hanger, Sensor]:
         raise UntrackableError(
             "it has no [hanger]", where=rig.name, advice="describe its markers as in docs/file-formats.md"
         )
+    if rig.hanger.marker != "fiducial":
+        raise UntrackableError(
+            "its hanger has dots", where=rig.name, advice="calibrate with a hanger that has fiducial markers"
+        )
     info, camera = sensor.info, rig.sensor or sensor.info.intrinsics
     if (info.width, info.height) != (camera.width, camera.height):
         raise UntrackableError(

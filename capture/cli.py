@@ -126,15 +126,22 @@ def record_command(
     seconds: Annotated[
         float | None, typer.Option("--seconds", min=1.0, help="Stop after so long.", show_default="the end")
     ] = None,
+    pick: Annotated[
+        tuple[str, str] | None,
+        typer.Option("--pick", metavar="X,Y X,Y", help="Pixels of the left and the right dot in the first picture."),
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the take that --out names.")] = False,
 ) -> None:
     """Track the hanger and the garment in every frame and keep them as a take.
 
-    Nothing has to be clicked: the two markers are found by themselves. Ctrl-C ends the take cleanly.
+    Nothing has to be clicked: the two markers are found by themselves, fiducials or coloured dots as the rig says.
+    Where more things look like dots, --pick says which. Ctrl-C ends the take cleanly.
     """
     import sys
     from contextlib import ExitStack
     from datetime import UTC, datetime
+
+    import numpy as np
 
     from capture.condition import Condition
     from capture.frame_queue import QueuedSensor
@@ -160,6 +167,7 @@ def record_command(
         advice = f"; {said.advice}" if said.advice else ""
         print(f"{start}{time:6.1f} s  {said.words}{advice}", file=sys.stderr, flush=True)
 
+    picks = None if pick is None else np.array([two_numbers(one, "--pick") for one in pick], float)
     with ExitStack() as open_sensors:
         source = open_sensors.enter_context(open_sensor(sensor))
         if source.info.is_live:
@@ -167,7 +175,7 @@ def record_command(
         report = record(
             source, described_rig, described_garment, out, take_id=out.stem,
             created=datetime.now(UTC).isoformat(timespec="seconds"), seconds=seconds, progress=show,
-            announce=announce,
+            announce=announce, picks=picks,
         )  # fmt: skip
     if is_terminal:
         print(file=sys.stderr)

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from capture.markers import HangerSight
 from firmware_host.depth_sensor import SensorFrame
-from formats.rig import Sensor
+from formats.rig import Hanger, Sensor
 from formats.take import FrameState
 
 Floats = NDArray[np.float64]
 
 FEWEST_DEPTH = 0.01  # of the pixels that must have depth
 NEAREST, FARTHEST = 0.8, 3.5  # m, see above
-SMALLEST_MARKER = 12.0  # px, side; of 4 x 4 bits and a border, two pixels a bit
+SMALLEST_MARKER = {"fiducial": 12.0, "dot": 5.0}  # px: two a bit of 4 x 4 and a border; 20 px of area for a depth
 IN_FRONT_OF_HANGER = 0.3  # m nearer than the hanger was: more than a hand swings it between two sightings
 IN_FRONT_OF_GARMENT = 0.5  # m nearer than the held edge: beyond the hem of a garment that swings up
 COVERED_HANGER, COVERED_GARMENT = 0.5, 0.25  # share of the pixels there
@@ -44,8 +44,8 @@ def picture_faults(frame: SensorFrame, camera: Sensor) -> int:
 class HangerWatch:
     """Remembers where the hanger was, and says why it cannot be seen."""
 
-    def __init__(self, camera: Sensor) -> None:
-        self._camera = camera
+    def __init__(self, hanger: Hanger) -> None:
+        self._smallest = SMALLEST_MARKER[hanger.marker]
         self._last: list[_Sighting | None] = [None, None]
 
     def faults(self, sight: HangerSight, depth: NDArray[np.uint16], time: float) -> int:
@@ -58,7 +58,7 @@ class HangerWatch:
         if is_read.any():
             if distances.min() < NEAREST:
                 state |= FrameState.TOO_NEAR
-            if distances.max() > FARTHEST or sight.sides[is_read].min() < SMALLEST_MARKER:
+            if distances.max() > FARTHEST or sight.sides[is_read].min() < self._smallest:
                 state |= FrameState.TOO_FAR
         else:
             state |= view_faults(depth)

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from capture.calibrated_depth import DepthScale, depth_rig
 from capture.frame_faults import HangerWatch, is_garment_covered, picture_faults
 from capture.garment import GarmentSight, garment_tracker, nothing_found
-from capture.markers import HangerSight, MarkerTracker, hanger_and_sensor, nothing_seen
+from capture.hanger_trackers import hanger_tracker
+from capture.markers import HangerSight, hanger_and_sensor, nothing_seen
 from firmware_host.depth_sensor import SensorFrame
 from formats.archive import Frame
 from formats.garment import Garment
@@ -22,17 +23,17 @@ Floats = NDArray[np.float64]
 class FrameTracker:
     """Follows hanger and garment through a recording."""
 
-    def __init__(self, rig: Rig, garment: Garment) -> None:
-        """Prepare for a rig and a garment.
+    def __init__(self, rig: Rig, garment: Garment, picks: Floats | None = None) -> None:
+        """Prepare for a rig and a garment; picks [px], (2, 2): where the hanger's dots are in the first frame.
 
         Raises:
             UntrackableError: the rig lacks a section, or one of both cannot be followed.
         """
-        _, self.camera = hanger_and_sensor(rig)
+        hanger, self.camera = hanger_and_sensor(rig)
         self.rig, self.garment = rig, garment
-        self._hanger, self._cloth = MarkerTracker(rig), garment_tracker(garment, depth_rig(rig))
+        self._hanger, self._cloth = hanger_tracker(rig, picks), garment_tracker(garment, depth_rig(rig))
         self._scaled = DepthScale((rig.calibration or Calibration()).depth_scale)
-        self._watch = HangerWatch(self.camera)
+        self._watch = HangerWatch(hanger)
 
     def track(self, frame: SensorFrame, time: float) -> tuple[HangerSight, GarmentSight, int]:
         """Return what a frame shows at a time [s] of hanger and garment, and the frame's state."""

@@ -8,6 +8,7 @@ markers cannot be swapped.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,17 @@ class HangerSight:
         return bool(self.valid.all())
 
 
+class HangerTracker(Protocol):
+    """Follows a hanger's two markers through a recording."""
+
+    def track(self, colour: NDArray[np.uint8], depth: NDArray[np.uint16], time: float) -> HangerSight:
+        """Find both markers in one frame.
+
+        colour RGB, (H, W, 3); depth [mm], (H, W), registered to colour, 0 where missing; time [s], increasing.
+        """
+        ...
+
+
 def nothing_seen() -> HangerSight:
     """Return the sight of a frame without any marker."""
     return HangerSight(
@@ -86,7 +98,7 @@ class MarkerTracker:
         self._detector = MarkerDetector(self.hanger.dictionary, self.hanger.ids)
         offset = (rig.calibration or Calibration()).depth_offset_px
         self._placer = PlatePlacer(self.sensor, self.hanger.marker_size_m, offset)
-        self._tracks: list[_ImageTrack | None] = [None, None]
+        self._tracks: list[ImageTrack | None] = [None, None]
 
     def track(self, colour: NDArray[np.uint8], depth: NDArray[np.uint16], time: float) -> HangerSight:
         """Find both markers in one frame.
@@ -103,17 +115,12 @@ class MarkerTracker:
         for row in range(2):
             if np.isfinite(centres[row, 0]):
                 positions[row], sd[row] = self._placer.place(corners[row], centres[row], depth)
-        valid = np.isfinite(positions[:, 2])
-        distance = float(np.linalg.norm(positions[1] - positions[0]))
-        if valid.all() and not is_distance_right(distance, sd, self.hanger):
-            valid[:] = False
-        positions[~valid] = np.nan
-        sd[~valid] = np.nan
         sides = np.array([quad_side(quad) for quad in corners])
         ranges = np.array([self._placer.range_by_size(side) for side in sides])
+        distance = check_distance(positions, sd, self.hanger)
         return HangerSight(
-            corners=corners, centres=centres, sides=sides, ranges=ranges, positions=positions, sd=sd, valid=valid,
-            distance_m=distance,
+            corners=corners, centres=centres, sides=sides, ranges=ranges, positions=positions, sd=sd,
+            valid=np.isfinite(positions[:, 2]), distance_m=distance,
         )  # fmt: skip
 
     def _find_corners(self, colour: NDArray[np.uint8], time: float) -> Floats:
@@ -135,30 +142,41 @@ class MarkerTracker:
     def _remember(self, row: int, quad: Floats, centre: Floats, time: float) -> None:
         if not np.isfinite(centre[0]):
             return
-        before = self._tracks[row]
-        velocity = np.zeros(2)
-        if before is not None and 0.0 < time - before.time <= LONGEST_GUESS:
-            velocity = (centre - before.centre) / (time - before.time)
-        self._tracks[row] = _ImageTrack(time, centre, velocity, quad_side(quad))
+        self._tracks[row] = ImageTrack.after(self._tracks[row], time, centre, quad_side(quad))
 
-    def _pixels_per_metre(self, track: _ImageTrack) -> float:
+    def _pixels_per_metre(self, track: ImageTrack) -> float:
         return track.side / self.hanger.marker_size_m
 
 
-def is_distance_right(distance: float, sd: Floats, hanger: Hanger) -> bool:
-    """Say whether two markers are as far apart [m] as the rig says, given their sd [m], (2, 3)."""
+def check_distance(positions: Floats, sd: Floats, hanger: Hanger) -> float:
+    """Return how far apart [m] two markers are; where that is not what the rig says, both are made NaN.
+
+    positions, sd [m], (2, 3); NaN where not placed.
+    """
+    distance = float(np.linalg.norm(positions[1] - positions[0]))
     allowed = DISTANCE_TOLERANCE * hanger.marker_distance_m + 4.0 * float(np.sqrt((sd**2).sum()))
-    return abs(distance - hanger.marker_distance_m) <= allowed
+    if abs(distance - hanger.marker_distance_m) > allowed:
+        positions[:] = np.nan
+        sd[:] = np.nan
+    return distance
 
 
 @dataclass(frozen=True)
-class _ImageTrack:
+class ImageTrack:
     """Where a marker was last read: centre [px], velocity [px/s], side [px]."""
 
     time: float
     centre: Floats
     velocity: Floats
     side: float
+
+    @classmethod
+    def after(cls, before: Self | None, time: float, centre: Floats, side: float) -> Self:
+        """Return the track that goes on from an earlier one."""
+        velocity = np.zeros(2)
+        if before is not None and 0.0 < time - before.time <= LONGEST_GUESS:
+            velocity = (centre - before.centre) / (time - before.time)
+        return cls(time, centre, velocity, side)
 
     def window(self, time: float, pixels_per_metre: float) -> tuple[Floats, float, float]:
         """Return centre, half width and marker side [px] of the window to search at `time`."""

@@ -60,10 +60,12 @@ def record(
     progress: Progress = lambda frames, total, seen: None,
     watch: Watcher | None = None,
     announce: Announce = lambda time, condition: None,
+    picks: Floats | None = None,
 ) -> RecordingReport:
     """Track every frame of a sensor and write a take; Ctrl-C, or a sensor that fails, ends the take cleanly.
 
-    announce: told the time [s] since the beginning and the condition, whenever it changes for good
+    announce: told the time [s] since the beginning and the condition, whenever it changes for good; picks [px],
+    (2, 2): where the hanger's dots are in the first frame, left one first
 
     Raises:
         UntrackableError: the sensor's image is not the one that the rig describes, or the garment cannot be followed.
@@ -72,7 +74,7 @@ def record(
         OutputError: the take cannot be written.
     """
     _check_rig(sensor, rig)
-    tracker, clock, conditions = FrameTracker(rig, garment), FrameClock(sensor.info.fps), ConditionWatch()
+    tracker, clock, conditions = FrameTracker(rig, garment, picks), FrameClock(sensor.info.fps), ConditionWatch()
     cv2.setNumThreads(1)
     try:
         writer = TakeWriter(out, take_id=take_id, created=created, rig=rig, garment=garment, source=sensor.info.uri)

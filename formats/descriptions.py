@@ -182,6 +182,9 @@ def check_rig(rig: Rig, where: object) -> None:
         hanger = rig.hanger
         if hanger.ids[0] == hanger.ids[1]:
             refuse(f"hanger.ids must differ (both are {hanger.ids[0]})")
+        for colour in hanger.dot_colours or ():
+            if not all(0 <= part <= 255 for part in colour):
+                refuse(f"hanger.dot_colours must be three numbers from 0 to 255 each (got {list(colour)})")
         if not 0 < hanger.marker_size_m < hanger.marker_distance_m:
             refuse("hanger.marker_size_m must be above 0 and below hanger.marker_distance_m")
         if not np.linalg.norm(np.subtract(*hanger.held_m)) > 0.01:

@@ -7,6 +7,7 @@ from typing import Literal
 import msgspec
 
 Vector = tuple[float, float, float]
+Colour = tuple[int, int, int]
 
 
 class Sensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -21,15 +22,21 @@ class Sensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 class Hanger(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Two fiducial markers and the two ends of the held edge.
+    """Two markers and the two ends of the held edge.
+
+    `marker` says what they are: printed fiducials of an OpenCV dictionary (ArUco or AprilTag), or round dots of one
+    colour each. `marker_size_m` is a fiducial's side or a dot's diameter. `dot_colours` are sRGB, 0 to 255, left dot
+    first; without them two dots of any colour are looked for.
 
     Hanger frame at each instant: origin midway between the marker centres, x from marker 0 to marker 1, y the
     part of gravity square to x (downwards), z = x × y. `held_m` are the two ends of the garment's held top edge
     in that frame, left end first.
     """
 
-    dictionary: str
-    ids: tuple[int, int]
+    marker: Literal["fiducial", "dot"] = "fiducial"
+    dictionary: str = "DICT_4X4_50"
+    ids: tuple[int, int] = (0, 1)
+    dot_colours: tuple[Colour, Colour] | None = None
     marker_size_m: float
     marker_distance_m: float
     held_m: tuple[Vector, Vector]

@@ -46,6 +46,13 @@ def marker_plate(number, at, size=0.06, dictionary="DICT_4X4_50", rotation=LEVEL
     return Plate(np.array(at, float), (side, side), np.repeat(image[..., None], 3, axis=2), rotation)
 
 
+def dot_plate(at, diameter, colour, ground=(225, 222, 210), rotation=LEVEL):
+    """A round dot in the middle of a square plate, one and a half times as wide."""
+    picture = np.full((96, 96, 3), ground, np.uint8)
+    cv2.circle(picture, (384 - 8, 384 - 8), 256, colour, cv2.FILLED, cv2.LINE_AA, shift=3)
+    return Plate(np.array(at, float), (1.5 * diameter, 1.5 * diameter), picture, rotation)
+
+
 def plain_plate(at, size, colour, rotation=LEVEL):
     return Plate(np.array(at, float), size, np.full((4, 4, 3), colour, np.uint8), rotation)
 

@@ -130,8 +130,8 @@ def test_a_hanger_with_a_marker_of_eleven_pixels_is_too_far():
     sight = MarkerTracker(RIG).track(colour, depth, 0.0)
     assert sight.sides[0] == pytest.approx(575.8 * 0.06 / 2.5, abs=0.8)
     small = dataclasses.replace(sight, sides=np.array([11.0, 13.0]))
-    assert HangerWatch(CAMERA).faults(sight, depth, 0.0) == 0
-    assert HangerWatch(CAMERA).faults(small, depth, 0.0) == FrameState.TOO_FAR
+    assert HangerWatch(HANGER).faults(sight, depth, 0.0) == 0
+    assert HangerWatch(HANGER).faults(small, depth, 0.0) == FrameState.TOO_FAR
 
 
 def test_a_view_without_markers_is_judged_by_its_depth():

@@ -51,27 +51,31 @@ class PlatePlacer:
         """Return how far away [m] a marker with a side of so many pixels is if it faces the sensor."""
         return self.sensor.fx * self.marker_size / side
 
-    def place(self, quad: Floats, at: Floats, depth: NDArray[np.uint16]) -> tuple[Floats, Floats]:
+    def place(
+        self, quad: Floats, at: Floats, depth: NDArray[np.uint16], *, in_view: Floats | None = None,
+        centre_sd: float = CENTRE_SD,
+    ) -> tuple[Floats, Floats]:  # fmt: skip
         """Return position and sd [m], (3,) each, of a place `at` [px] on the plate of a marker.
 
-        quad [px], (4, 2): the marker's corners; depth [mm], (H, W). Both NaN where depth is missing or contradicts the
-        marker's size.
+        quad [px], (4, 2): the marker's corners; depth [mm], (H, W); in_view [px], (n, 2): outline of the part that is
+        not covered, where that is not all; centre_sd [px]. Both NaN where depth is missing or contradicts the marker's
+        size.
         """
         unknown = np.full(3, np.nan)
-        plate = self.plate_depth(quad, at, depth)
+        plate = self.plate_depth(quad if in_view is None else in_view, at, depth)
         if plate is None:
             return unknown, unknown
         pose_depth = self.pose_depth(quad)
         pose_sd = pose_depth * CORNER_BIAS / quad_side(quad)
         if not abs(pose_depth - plate.depth) <= 4.0 * float(np.hypot(pose_sd, plate.sd)):
             return unknown, unknown
-        return self.on_ray(at, plate)
+        return self.on_ray(at, plate, centre_sd)
 
-    def on_ray(self, at: Floats, plate: SurfaceDepth) -> tuple[Floats, Floats]:
+    def on_ray(self, at: Floats, plate: SurfaceDepth, centre_sd: float = CENTRE_SD) -> tuple[Floats, Floats]:
         """Return position and sd [m], (3,) each, of a place `at` [px] at a depth."""
         s, z = self.sensor, plate.depth
         ray = np.array([(at[0] - s.cx) / s.fx, (at[1] - s.cy) / s.fy, 1.0])
-        across = np.array([z * CENTRE_SD / s.fx, z * CENTRE_SD / s.fy, 0.0])
+        across = np.array([z * centre_sd / s.fx, z * centre_sd / s.fy, 0.0])
         return z * ray, np.hypot(across, ray * plate.sd)
 
     def plate_depth(self, outline: Floats, at: Floats, depth: NDArray[np.uint16]) -> SurfaceDepth | None:

@@ -2,7 +2,8 @@
 
 A marker's centre is where the diagonals of its four sub-pixel corners meet; its depth is that of its plate
 (`capture.marker_plates`). The known distance between the markers is a check. Ids are read anew in every frame, so
-markers cannot be swapped.
+markers cannot be swapped; where blur or a finger hides the id for a moment, the marker's looks are followed
+(`capture.marker_following`).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from capture.errors import UntrackableError
 from capture.marker_detection import MarkerDetector, diagonal_crossing, quad_side
+from capture.marker_following import LONGEST_FOLLOWED, Followed, Keepsake, follow, keep
 from capture.marker_plates import PlatePlacer
 from formats.rig import Calibration, Hanger, Rig, Sensor
 
@@ -99,6 +101,7 @@ class MarkerTracker:
         offset = (rig.calibration or Calibration()).depth_offset_px
         self._placer = PlatePlacer(self.sensor, self.hanger.marker_size_m, offset)
         self._tracks: list[ImageTrack | None] = [None, None]
+        self._kept: list[Keepsake | None] = [None, None]
 
     def track(self, colour: NDArray[np.uint8], depth: NDArray[np.uint16], time: float) -> HangerSight:
         """Find both markers in one frame.
@@ -107,17 +110,35 @@ class MarkerTracker:
         time [s], increasing.
         """
         corners = self._find_corners(colour, time)
-        centres = np.stack([diagonal_crossing(quad) for quad in corners])
+        followed: list[Followed | None] = [None, None]
         for row in range(2):
-            self._remember(row, corners[row], centres[row], time)
+            if np.isfinite(corners[row]).all():
+                self._kept[row] = keep(colour, corners[row], time)
+            else:
+                found = followed[row] = self._follow(colour, row, time)
+                corners[row] = np.nan if found is None else found.corners
+        centres = np.stack([diagonal_crossing(quad) for quad in corners])
         positions = np.full((2, 3), np.nan)
         sd = np.full((2, 3), np.nan)
         for row in range(2):
-            if np.isfinite(centres[row, 0]):
+            if not np.isfinite(centres[row, 0]):
+                continue
+            part = followed[row]
+            if part is None:
                 positions[row], sd[row] = self._placer.place(corners[row], centres[row], depth)
+            else:
+                positions[row], sd[row] = self._placer.place(
+                    corners[row], centres[row], depth, in_view=part.in_view, centre_sd=part.centre_sd
+                )
+                if np.isnan(positions[row, 0]):  # what was followed is not where a marker of this size can be
+                    corners[row] = centres[row] = np.nan
+                    continue
+            self._tracks[row] = ImageTrack.after(self._tracks[row], time, centres[row], quad_side(corners[row]))
         sides = np.array([quad_side(quad) for quad in corners])
         ranges = np.array([self._placer.range_by_size(side) for side in sides])
-        distance = check_distance(positions, sd, self.hanger)
+        distance = check_distance(
+            positions, sd, self.hanger, doubtful=np.array([part is not None for part in followed])
+        )
         return HangerSight(
             corners=corners, centres=centres, sides=sides, ranges=ranges, positions=positions, sd=sd,
             valid=np.isfinite(positions[:, 2]), distance_m=distance,
@@ -139,25 +160,31 @@ class MarkerTracker:
                 corners[row] = self._detector.refined(colour, row, coarse[row])
         return corners
 
-    def _remember(self, row: int, quad: Floats, centre: Floats, time: float) -> None:
-        if not np.isfinite(centre[0]):
-            return
-        self._tracks[row] = ImageTrack.after(self._tracks[row], time, centre, quad_side(quad))
+    def _follow(self, colour: NDArray[np.uint8], row: int, time: float) -> Followed | None:
+        """Look for a marker that was read a short time ago by how it looked."""
+        kept, track = self._kept[row], self._tracks[row]
+        if kept is None or track is None or time - kept.time > LONGEST_FOLLOWED or time - track.time > LONGEST_GUESS:
+            return None
+        expected, reach, side = track.window(time, self._pixels_per_metre(track))
+        return follow(colour, kept, expected, reach - 0.7 * side, track.velocity * (time - track.time))
 
     def _pixels_per_metre(self, track: ImageTrack) -> float:
         return track.side / self.hanger.marker_size_m
 
 
-def check_distance(positions: Floats, sd: Floats, hanger: Hanger) -> float:
-    """Return how far apart [m] two markers are; where that is not what the rig says, both are made NaN.
+def check_distance(
+    positions: Floats, sd: Floats, hanger: Hanger, doubtful: NDArray[np.bool_] | None = None
+) -> float:  # fmt: skip
+    """Return how far apart [m] two markers are; where that is not what the rig says, make both NaN.
 
-    positions, sd [m], (2, 3); NaN where not placed.
+    positions, sd [m], (2, 3); NaN where not placed; doubtful, (2,): if one is and the other is not, only that one goes.
     """
     distance = float(np.linalg.norm(positions[1] - positions[0]))
     allowed = DISTANCE_TOLERANCE * hanger.marker_distance_m + 4.0 * float(np.sqrt((sd**2).sum()))
     if abs(distance - hanger.marker_distance_m) > allowed:
-        positions[:] = np.nan
-        sd[:] = np.nan
+        wrong = doubtful if doubtful is not None and doubtful.any() else np.ones(2, dtype=bool)
+        positions[wrong] = np.nan
+        sd[wrong] = np.nan
     return distance
 
 

@@ -7,6 +7,7 @@ Colour is drawn at three times the size and averaged; depth is met by each pixel
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cache
 
 import cv2
 import numpy as np
@@ -63,14 +64,21 @@ def camera_rotation(pitch, roll):
     return np.array([[cr, sr, 0], [-sr, cr, 0], [0, 0, 1.0]]) @ np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
 
 
+@cache
+def backdrop():
+    """A wall with a faint pattern, (480, 640, 3), and each pixel's ray, (480, 640, 3)."""
+    v, u = np.mgrid[0 : CAMERA.height, 0 : CAMERA.width].astype(float)
+    wall = 128 + 14 * np.sin(u / 23.0) * np.sin(v / 31.0)
+    rays = np.stack([(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, np.ones_like(u)], -1)
+    return np.repeat(wall[..., None], 3, axis=2).astype(np.float32), rays
+
+
 def true_view(plates, turn=LEVEL):
     """True depth [m], (480, 640), and colour 0 to 255, (480, 640, 3), of plates before a wall."""
     height, width = CAMERA.height, CAMERA.width
     depth = np.full((height, width), WALL)
-    v, u = np.mgrid[0:height, 0:width].astype(float)
-    wall = 128 + 14 * np.sin(u / 23.0) * np.sin(v / 31.0)
-    colour = np.repeat(wall[..., None], 3, axis=2).astype(np.float32)
-    rays = np.stack([(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, np.ones_like(u)], -1)
+    wall, rays = backdrop()
+    colour = wall.copy()
     for plate in sorted(plates, key=lambda p: -(turn @ p.at)[2]):
         at, rotation = turn @ plate.at, turn @ plate.rotation
         half = 0.5 * np.array([*plate.size, 0.0])
@@ -107,9 +115,9 @@ def pictures(plates, rng, *, turn=LEVEL, scale=1.0, shift=(0, 0), exposures=None
     """
     depth, colour = true_view(plates, turn)
     if exposures is not None:
-        colour = np.mean([true_view(instant, turn)[1] for instant in exposures], axis=0)
+        colour = sum(true_view(instant, turn)[1] for instant in exposures) / np.float32(len(exposures))
     seen = np.roll(scale * depth, (shift[1], shift[0]), axis=(0, 1))
-    colour = colour + 2.0 * rng.standard_normal((CAMERA.height, CAMERA.width, 1))
+    colour = colour + 2.0 * rng.standard_normal((CAMERA.height, CAMERA.width, 1), np.float32)
     return spoil(seen, CAMERA, rng), np.clip(np.rint(colour), 0, 255).astype(np.uint8)
 
 

@@ -68,4 +68,6 @@ class FrameTracker:
             points_valid=cloth.valid,
             points_sd=np.nan_to_num(cloth.sd),
             state=int(state),
+            pitch=hanger.pitch,
+            pitch_sd=hanger.pitch_sd,
         )

@@ -14,11 +14,15 @@ depth pixels give it to a millimetre.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.depth_surface import CorrelationMeter, SurfaceDepth, fit_surface, pixel_sd
+from capture.depth_surface import CorrelationMeter, fit_surface, pixel_sd
+from capture.hanger_pose import PlateSlope, plate_slope
 from capture.marker_detection import quad_side
 from formats.rig import Sensor
 
@@ -26,6 +30,23 @@ Floats = NDArray[np.float64]
 
 CENTRE_SD = 0.08  # px, rms of the centre against drawn markers of 17 px with noise and 8 ms blur: 0.04-0.08
 CORNER_BIAS = 0.5  # px, a small blurred marker looks smaller by up to this at either side
+
+
+@dataclass(frozen=True)
+class Plate:
+    """A plate in depth: depth [m] at the wanted place and its sd [m]; its slope where its pixels tell."""
+
+    depth: float
+    sd: float
+    slope: PlateSlope | None
+
+
+class Placed(NamedTuple):
+    """A place on a plate: position and sd [m], (3,) each, sensor frame; the plate's slope."""
+
+    position: Floats
+    sd: Floats
+    slope: PlateSlope | None
 
 
 class PlatePlacer:
@@ -54,31 +75,31 @@ class PlatePlacer:
     def place(
         self, quad: Floats, at: Floats, depth: NDArray[np.uint16], *, in_view: Floats | None = None,
         centre_sd: float = CENTRE_SD,
-    ) -> tuple[Floats, Floats]:  # fmt: skip
-        """Return position and sd [m], (3,) each, of a place `at` [px] on the plate of a marker.
+    ) -> Placed:  # fmt: skip
+        """Return where a place `at` [px] on the plate of a marker is, and how the plate slopes.
 
         quad [px], (4, 2): the marker's corners; depth [mm], (H, W); in_view [px], (n, 2): outline of the part that is
-        not covered, where that is not all; centre_sd [px]. Both NaN where depth is missing or contradicts the marker's
-        size.
+        not covered, where that is not all; centre_sd [px]. NaN where depth is missing or contradicts the marker's size.
         """
-        unknown = np.full(3, np.nan)
+        unknown = Placed(np.full(3, np.nan), np.full(3, np.nan), None)
         plate = self.plate_depth(quad if in_view is None else in_view, at, depth)
         if plate is None:
-            return unknown, unknown
+            return unknown
         pose_depth = self.pose_depth(quad)
         pose_sd = pose_depth * CORNER_BIAS / quad_side(quad)
         if not abs(pose_depth - plate.depth) <= 4.0 * float(np.hypot(pose_sd, plate.sd)):
-            return unknown, unknown
-        return self.on_ray(at, plate, centre_sd)
+            return unknown
+        position, sd = self.on_ray(at, plate, centre_sd)
+        return Placed(position, sd, plate.slope)
 
-    def on_ray(self, at: Floats, plate: SurfaceDepth, centre_sd: float = CENTRE_SD) -> tuple[Floats, Floats]:
+    def on_ray(self, at: Floats, plate: Plate, centre_sd: float = CENTRE_SD) -> tuple[Floats, Floats]:
         """Return position and sd [m], (3,) each, of a place `at` [px] at a depth."""
         s, z = self.sensor, plate.depth
         ray = np.array([(at[0] - s.cx) / s.fx, (at[1] - s.cy) / s.fy, 1.0])
         across = np.array([z * centre_sd / s.fx, z * centre_sd / s.fy, 0.0])
         return z * ray, np.hypot(across, ray * plate.sd)
 
-    def plate_depth(self, outline: Floats, at: Floats, depth: NDArray[np.uint16]) -> SurfaceDepth | None:
+    def plate_depth(self, outline: Floats, at: Floats, depth: NDArray[np.uint16]) -> Plate | None:
         """Return the depth at a place `at` [px] of the plane seen within a convex outline [px], (n, 2), in colour."""
         outline, at = outline + self.depth_offset, at + self.depth_offset
         height, width = depth.shape
@@ -99,10 +120,16 @@ class PlatePlacer:
             spread=self.marker_size,
             correlated_pixels=self.correlation.pixels,
         )
-        if fitted is not None:
-            residuals = np.zeros(patch.shape)
-            used = np.zeros(patch.shape, dtype=bool)
-            residuals[rows, columns] = fitted.residuals / pixel_sd(fitted.depth, self.sensor.fx)
-            used[rows, columns] = fitted.used
-            self.correlation.add(residuals, used)
-        return fitted
+        if fitted is None:
+            return None
+        residuals = np.zeros(patch.shape)
+        used = np.zeros(patch.shape, dtype=bool)
+        residuals[rows, columns] = fitted.residuals / pixel_sd(fitted.depth, self.sensor.fx)
+        used[rows, columns] = fitted.used
+        self.correlation.add(residuals, used)
+        u, v = (
+            part[fitted.used] - shift
+            for part, shift in zip((columns + left, rows + top), self.depth_offset, strict=True)
+        )
+        z = patch[rows, columns][fitted.used].astype(np.float64) * 1e-3
+        return Plate(fitted.depth, fitted.sd, plate_slope(u, v, z, self.sensor, self.correlation.pixels))

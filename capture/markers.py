@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import UntrackableError
+from capture.hanger_pose import PlateSlope, hanger_pitch
 from capture.marker_detection import MarkerDetector, diagonal_crossing, quad_side
 from capture.marker_following import LONGEST_FOLLOWED, Followed, Keepsake, follow, keep
 from capture.marker_plates import PlatePlacer
@@ -35,6 +36,7 @@ class HangerSight:
     centres [px], (2, 2); sides [px], (2,); ranges [m], (2,): distance by the marker's size alone
     positions [m], (2, 3), sensor frame; sd [m], (2, 3) per axis; valid, (2,)
     distance_m: between the two markers, NaN unless both were placed (also where the check failed)
+    pitch, pitch_sd [rad]: turn about the line between the markers (`capture.hanger_pose`), NaN where it is not seen
     """
 
     corners: Floats
@@ -45,6 +47,8 @@ class HangerSight:
     sd: Floats
     valid: NDArray[np.bool_]
     distance_m: float
+    pitch: float = float("nan")
+    pitch_sd: float = float("nan")
 
     @property
     def is_found(self) -> bool:
@@ -96,6 +100,7 @@ class MarkerTracker:
     """Follows the two markers from frame to frame; the first frame needs no help."""
 
     def __init__(self, rig: Rig) -> None:
+        self.rig = rig
         self.hanger, self.sensor = hanger_and_sensor(rig)
         self._detector = MarkerDetector(self.hanger.dictionary, self.hanger.ids)
         offset = (rig.calibration or Calibration()).depth_offset_px
@@ -111,6 +116,7 @@ class MarkerTracker:
         """
         corners = self._find_corners(colour, time)
         followed: list[Followed | None] = [None, None]
+        slopes: list[PlateSlope | None] = [None, None]
         for row in range(2):
             if np.isfinite(corners[row]).all():
                 self._kept[row] = keep(colour, corners[row], time)
@@ -125,23 +131,27 @@ class MarkerTracker:
                 continue
             part = followed[row]
             if part is None:
-                positions[row], sd[row] = self._placer.place(corners[row], centres[row], depth)
+                placed = self._placer.place(corners[row], centres[row], depth)
             else:
-                positions[row], sd[row] = self._placer.place(
+                placed = self._placer.place(
                     corners[row], centres[row], depth, in_view=part.in_view, centre_sd=part.centre_sd
                 )
-                if np.isnan(positions[row, 0]):  # what was followed is not where a marker of this size can be
-                    corners[row] = centres[row] = np.nan
-                    continue
+            positions[row], sd[row], slopes[row] = placed
+            if part is not None and np.isnan(
+                positions[row, 0]
+            ):  # no marker of this size can be where it was followed to
+                corners[row] = centres[row] = np.nan
+                continue
             self._tracks[row] = ImageTrack.after(self._tracks[row], time, centres[row], quad_side(corners[row]))
         sides = np.array([quad_side(quad) for quad in corners])
         ranges = np.array([self._placer.range_by_size(side) for side in sides])
         distance = check_distance(
             positions, sd, self.hanger, doubtful=np.array([part is not None for part in followed])
         )
+        pitch, pitch_sd = hanger_pitch(positions, slopes, self.rig)
         return HangerSight(
             corners=corners, centres=centres, sides=sides, ranges=ranges, positions=positions, sd=sd,
-            valid=np.isfinite(positions[:, 2]), distance_m=distance,
+            valid=np.isfinite(positions[:, 2]), distance_m=distance, pitch=pitch, pitch_sd=pitch_sd,
         )  # fmt: skip
 
     def _find_corners(self, colour: NDArray[np.uint8], time: float) -> Floats:

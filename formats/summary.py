@@ -54,6 +54,7 @@ def summarise(take: Take) -> dict[str, Any]:
         "mass_kg": take.garment.mass_kg,
         "hanger_seen_percent": round(100 * float(take.held_valid.all(1).mean()), 1),
         "hanger_travel_mm": [round(1e3 * float(s), 1) for s in swing],
+        "pitch_seen_percent": 0.0 if take.pitch is None else round(100 * float(np.isfinite(take.pitch).mean()), 1),
         "points": points,
         "states": {name: int(((take.state & bit) > 0).sum()) for bit, name in STATE_NAMES.items()},
         "source": take.source,

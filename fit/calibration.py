@@ -23,10 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit import objective
+from fit.cloth.material import NAMES
 from fit.cloth.simulator import Resolution, Simulator
 from fit.combinations import describe_combinations
 from fit.effects import find_effects
-from fit.effects.base import Effect
+from fit.effects.base import Effect, columns_of
 from fit.errors import BlowUpError, FitError
 from fit.parameterisations import Parameter, Parameterisation
 from fit.recording import Recording, prepare
@@ -95,6 +96,15 @@ class Model:
         """Mean over the takes of the garment's weight per area [kg/m^2]."""
         pairs = zip(self.recordings, self.simulators, strict=True)
         return float(np.mean([_weighed(r, s) for r, s in pairs]))
+
+    def material(self, vector: Floats) -> dict[str, float]:
+        """SI material of one vector, at the mean weighed density, with the effects that change the cloth."""
+        count = len(self.request.method.parameters)
+        row = self.request.method.to_materials(vector[None, :count], self.weighed_density)[0]
+        for effect, columns in zip(self.request.effects, columns_of(self.request.effects), strict=True):
+            if vector[count:][columns].any():
+                row = effect.material(row, vector[count:][columns])
+        return dict(zip(NAMES, row.tolist(), strict=True))
 
     def points(self, vectors: Floats) -> list[Floats]:
         """Simulated points per take, each (candidates, frames, points, 3) [m]."""
@@ -271,6 +281,7 @@ def _result(
         simulations=search.evaluations * len(training),
         seconds=seconds,
         notes=notes,
+        material=model.material(best),
         objective=model.objective_figure(initial, best),
         combinations=describe_combinations(
             lambda vectors: request.method.to_materials(vectors, weighed),

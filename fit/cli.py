@@ -1,4 +1,4 @@
-"""`hangtime fit` and `hangtime diagnose`."""
+"""`hangtime fit`, `hangtime fabric` and `hangtime diagnose`."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ Seed = Annotated[int, typer.Option("--seed", help="Seed of every random number."
 def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
     app.command("fit", short_help="Find the cloth parameters that follow the takes.")(fit_command)
+    app.command("fabric", short_help="Show a fit as a fabric tester would.")(fabric_command)
     app.command("diagnose", short_help="Say what the simulation lacks, and how sure that is.")(diagnose_command)
     add_blind_commands(app)
 
@@ -103,6 +104,16 @@ def fit_command(
     report = write_fit_report(out / "report.html", result, training, testing, request)
     typer.echo(_table(result))
     typer.echo(f"Fit result: {out / 'fit.json'}\nReport:     {report}")
+
+
+def fabric_command(
+    fit_file: Annotated[Path, typer.Argument(metavar="FIT.json", help="A result of `hangtime fit`.")],
+) -> None:
+    """Test the fitted fabric virtually: tension, shear and bending in KES units, beside fabrics measured elsewhere."""
+    from fit.fabric_sheet import sheet_of
+    from formats.results import load_fit_result
+
+    typer.echo(sheet_of(load_fit_result(fit_file)))
 
 
 def diagnose_command(

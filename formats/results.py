@@ -89,6 +89,7 @@ class FitResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     notes: list[str]
     objective: ObjectiveFigure | None = None
     combinations: list[Combination] = []
+    material: dict[str, float] = {}  # SI, what the solver was told in the end, effects on the cloth included
 
 
 class Figure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -29,6 +29,7 @@ from fit.combinations import describe_combinations
 from fit.effects import find_effects
 from fit.effects.base import Effect, columns_of
 from fit.errors import BlowUpError, FitError
+from fit.geometry import check_geometry
 from fit.parameterisations import Parameter, Parameterisation
 from fit.recording import Recording, prepare
 from fit.search.annealing import Annealing, AnnealingSettings, SearchBox
@@ -88,6 +89,8 @@ class Model:
 
     def __init__(self, recordings: list[Recording], request: Request) -> None:
         self.recordings, self.request = recordings, request
+        for recording in recordings:
+            check_geometry(recording)
         self.objectives = [request.method.objective(r) for r in recordings]  # refuses bad takes before simulating
         self.simulators = [Simulator(r, request.effects, resolution=request.resolution) for r in recordings]
 

@@ -22,7 +22,7 @@ MEDIAN = dict(zip(mat.NAMES, mat.as_rows([mat.Material()])[0].tolist(), strict=T
 
 
 def test_units_by_hand():
-    """1 gf is 9.80665 mN: per cm 0.980665 N/m, times cm^2 per cm 9.80665e-5 N m, per cm and degree 56.19 N/m a radian."""
+    """1 gf is 9.80665 mN: 0.980665 N/m per cm, 9.80665e-5 N m as gf cm^2/cm, 56.19 N/m per radian as gf/(cm degree)."""
     units = [TENSION, BENDING, SHEAR, HYSTERESIS]
     assert units == pytest.approx([0.980665, 9.80665e-5, 56.188, 9.80665e-3], rel=1e-5)
 

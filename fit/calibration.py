@@ -24,10 +24,11 @@ from numpy.typing import NDArray
 
 from fit import objective
 from fit.cloth.material import NAMES
-from fit.cloth.simulator import Resolution, Simulator
+from fit.cloth.simulator import Resolution
 from fit.combinations import describe_combinations
 from fit.effects import find_effects
 from fit.effects.base import Effect, columns_of
+from fit.engines import find_engine
 from fit.errors import BlowUpError, FitError
 from fit.geometry import check_geometry
 from fit.parameterisations import Parameter, Parameterisation
@@ -42,6 +43,7 @@ Progress = Callable[[int, int, float], None]
 
 BLOCK = 0.5  # s: distances further apart count as independent
 CHECKPOINT_EVERY = 10.0  # s
+SIDE_BY_SIDE = 16  # candidates a batch
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,8 +54,9 @@ class Request:
     effects: tuple[Effect, ...] = ()
     settings: AnnealingSettings = field(default_factory=AnnealingSettings)
     seed: int = 0
-    width: int = 16
+    width: int = SIDE_BY_SIDE
     resolution: Resolution = field(default_factory=Resolution)
+    engine: str = "own"  # the simulator, `fit.engines`
     bounds: tuple[tuple[str, float, float], ...] = ()  # name, low, high: narrower than the parameter's own
 
     @property
@@ -92,13 +95,13 @@ class Model:
         for recording in recordings:
             check_geometry(recording)
         self.objectives = [request.method.objective(r) for r in recordings]  # refuses bad takes before simulating
-        self.simulators = [Simulator(r, request.effects, resolution=request.resolution) for r in recordings]
+        make = find_engine(request.engine)
+        self.engines = [make(r, request.method, request.effects, request.resolution) for r in recordings]
 
     @property
     def weighed_density(self) -> float:
         """Mean over the takes of the garment's weight per area [kg/m^2]."""
-        pairs = zip(self.recordings, self.simulators, strict=True)
-        return float(np.mean([_weighed(r, s) for r, s in pairs]))
+        return float(np.mean([r.garment.areal_density for r in self.recordings]))
 
     def material(self, vector: Floats) -> dict[str, float]:
         """SI material of one vector, at the mean weighed density, with the effects that change the cloth."""
@@ -111,13 +114,7 @@ class Model:
 
     def points(self, vectors: Floats) -> list[Floats]:
         """Simulated points per take, each (candidates, frames, points, 3) [m]."""
-        count = len(self.request.method.parameters)
-        found = []
-        for recording, simulator in zip(self.recordings, self.simulators, strict=True):
-            density = _weighed(recording, simulator)
-            materials = self.request.method.to_materials(vectors[:, :count], density)
-            found.append(simulator.run(materials, vectors[:, count:]).points)
-        return found
+        return [engine.points(vectors) for engine in self.engines]
 
     def distances(self, vectors: Floats) -> Floats:
         """Mean over the takes of the method's objective, (candidates,); infinite where a simulation blew up."""
@@ -207,15 +204,12 @@ def calibrate(
     return _result(training, held_out, request, model, judge, search, initial, clock.monotonic() - started)
 
 
-def _weighed(recording: Recording, simulator: Simulator) -> float:
-    return recording.garment.mass_kg / float(simulator.mesh.area)
-
-
 def _key(training: list[Take], request: Request) -> dict[str, object]:
     return {
         "takes": [t.take_id for t in training], "method": request.method.name, "seed": request.seed,
         "effects": [e.name for e in request.effects], "spacing": request.resolution.spacing,
         "bounds": [list(b) for b in request.bounds], "initial": [p.initial for p in request.parameters],
+        "engine": request.engine,
     }  # fmt: skip
 
 
@@ -257,7 +251,10 @@ def _result(
         )
         for k, p in enumerate(request.parameters)
     ]  # fmt: skip
+    is_own = request.engine == "own"
     notes = [request.method.not_identified] if request.method.not_identified else []
+    if not is_own:
+        notes.append(f"Simulated by {request.engine}; its numbers have no SI values, so no combinations are given.")
     unit = {"m": "metre"}.get(model.objectives[0].unit, f"unit of {model.objectives[0].name}")
     notes.append(f"gamma = {request.settings.gamma:g} per {unit} is our choice; the paper gives none.")
     if search.non_finite:
@@ -284,12 +281,12 @@ def _result(
         simulations=search.evaluations * len(training),
         seconds=seconds,
         notes=notes,
-        material=model.material(best),
+        material=model.material(best) if is_own else {},
         objective=model.objective_figure(initial, best),
         combinations=describe_combinations(
             lambda vectors: request.method.to_materials(vectors, weighed),
             initial[:count], best[:count], reach, covariance[:count, :count],
-        ),
+        ) if is_own else [],
     )  # fmt: skip
 
 
@@ -329,11 +326,12 @@ def request_of(
     spacing: float,
     gamma: float | None = None,
     bounds: list[str] | None = None,
+    engine: str = "own",
 ) -> Request:
     """Gather a request from plain values; bounds as NAME=LOW:HIGH.
 
     Raises:
-        FitError: an unknown effect, or bounds that are crossed, malformed, of no parameter or outside its range.
+        FitError: an unknown effect or engine; bounds that are crossed, malformed, of no parameter or beyond its range.
     """
     settings = AnnealingSettings(iterations=iterations, gamma=method.gamma if gamma is None else gamma)
     request = Request(
@@ -342,7 +340,10 @@ def request_of(
         settings=settings,
         seed=seed,
         resolution=Resolution(spacing=spacing),
+        engine=engine,
+        width=SIDE_BY_SIDE if engine == "own" else 1,  # speculation pays only where candidates share a batch
     )
+    find_engine(engine)
     known = {p.name: p for p in request.parameters}
     return replace(request, bounds=tuple(_read_bounds(text, known) for text in bounds or []))
 

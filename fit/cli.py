@@ -45,6 +45,9 @@ def fit_command(
         str | None,
         typer.Option("--fabric", help="Start from this fabric's table values: silk, denim, cotton, polyester-rayon."),
     ] = None,
+    engine: Annotated[
+        str, typer.Option("--engine", help="Who simulates: own, or blender (kinect-skirt only; extra `blender`).")
+    ] = "own",
     effect: Annotated[
         list[str], typer.Option("--effect", metavar="NAME", help="Keep this effect in the model; may be repeated.")
     ] = [],  # noqa: B006
@@ -82,7 +85,9 @@ def fit_command(
     if fabric is not None:
         chosen = chosen.starting_from(find_fabric(fabric).start, f"the fabric {fabric}")
     spacing = chosen.spacing if spacing is None else spacing
-    request = request_of(chosen, effect, iterations=iterations, seed=seed, spacing=spacing, gamma=gamma, bounds=bounds)
+    request = request_of(
+        chosen, effect, iterations=iterations, seed=seed, spacing=spacing, gamma=gamma, bounds=bounds, engine=engine
+    )
     training, testing = [read_take(p) for p in takes], [read_take(p) for p in held_out]
     out.mkdir(parents=True, exist_ok=True)
     progress = ProgressLine("annealing")

@@ -7,8 +7,8 @@ parameters theta and g = d(combination)/d(theta), central differences along the 
     variance = g' C g
 
 and a combination counts as identified when the data shrink its deviation to half of what the ranges alone leave, or
-less. Source: P. R. Bevington, D. K. Robinson, "Data Reduction and Error Analysis for the Physical Sciences", section
-3.2 (propagation of error).
+less, and its 90 % interval ends above 0, below which none of them can be. Source: P. R. Bevington, D. K. Robinson,
+"Data Reduction and Error Analysis for the Physical Sciences", section 3.2 (propagation of error).
 """
 
 from __future__ import annotations
@@ -60,11 +60,11 @@ def describe_combinations(
         if prior == 0.0:
             continue
         deviation = float(np.sqrt(slope @ covariance @ slope))
+        low, high = float(after[k]) - NORMAL_90 * deviation, float(after[k]) + NORMAL_90 * deviation
         found.append(
             Combination(
                 name=name, unit=unit, initial=float(before[k]), fitted=float(after[k]),
-                interval_low=float(after[k]) - NORMAL_90 * deviation,
-                interval_high=float(after[k]) + NORMAL_90 * deviation, is_identified=deviation < 0.5 * prior,
+                interval_low=max(low, 0.0), interval_high=high, is_identified=deviation < 0.5 * prior and low > 0.0,
             )
         )  # fmt: skip
     return found

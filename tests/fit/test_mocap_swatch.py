@@ -142,3 +142,13 @@ def test_bad_input_gives_one_sentence_before_anything_is_simulated(tmp_path, wor
     assert done.returncode == 2
     assert sentence in done.stderr
     assert "annealing" not in done.stderr
+
+
+@pytest.mark.slow
+def test_the_benchmark_runs_and_a_short_search_already_lowers_the_error():
+    """Forty iterations on a coarse mesh; the benchmark's own figures take 350 on a fine one."""
+    from benchmarks import mocap_swatch
+
+    (result,) = mocap_swatch.main(["--fabric", "polyester-rayon", "--iterations", "40", "--spacing", "0.0625"])
+    assert result.objective.after < 0.8 * result.objective.before
+    assert result.error.train_after.mean_m < result.error.train_before.mean_m

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.calibration import Request
-from fit.cloth.mesh import ClothMesh, build_mesh
 from fit.cloth.simulator import Resolution, Simulator
 from fit.effects.base import amplitudes_of
 from fit.engines import find_engine
+from fit.engines.plain_grid import plain_grid
 from fit.gap.diagnosis import Findings
 from fit.parameterisations import find_method
 from fit.recording import Recording, prepare
@@ -40,7 +40,9 @@ def write_fit_report(
         vectors = np.stack([initial, fitted])
         materials = request.method.to_materials(vectors[:, :count], density)
         done = simulator.run(materials, vectors[:, count:], shapes=True)
-        motions.append(_motion(recording, is_held_out, simulator.mesh, done.points, done.shapes, ("before", "after")))
+        motions.append(
+            _motion(recording, is_held_out, simulator.mesh.triangles, done.points, done.shapes, ("before", "after"))
+        )
     write_report(path, fit=result, diagnosis=None, motions=motions)
     return path
 
@@ -77,7 +79,9 @@ def write_diagnosis_report(
             amplitudes.append(findings.best.amplitudes)
             names.append("with_effect")
         done = simulator.run(np.array(rows), np.array(amplitudes), shapes=True)
-        motions.append(_motion(recording, is_held_out, simulator.mesh, done.points, done.shapes, tuple(names)))
+        motions.append(
+            _motion(recording, is_held_out, simulator.mesh.triangles, done.points, done.shapes, tuple(names))
+        )
     write_report(path, fit=fitted, diagnosis=findings.diagnosis, motions=motions)
     return path
 
@@ -90,12 +94,12 @@ def _both(training: list[Take], held_out: list[Take]) -> list[tuple[Take, bool]]
 def _motion_of_engine(recording: Recording, is_held_out: bool, request: Request, vectors: Floats) -> ReportMotion:
     """Motion of an engine that gives points only."""
     engine = find_engine(request.engine)(recording, request.method, request.effects, request.resolution)
-    mesh = build_mesh(recording.garment, request.resolution.spacing)
-    return _motion(recording, is_held_out, mesh, engine.points(vectors), None, ("before", "after"))
+    grid = plain_grid(recording.garment, request.resolution.spacing)
+    return _motion(recording, is_held_out, grid.triangles, engine.points(vectors), None, ("before", "after"))
 
 
 def _motion(
-    recording: Recording, is_held_out: bool, mesh: ClothMesh, points: Floats,
+    recording: Recording, is_held_out: bool, triangles: NDArray[np.signedinteger], points: Floats,
     shapes: NDArray[np.float32] | None, names: tuple[str, ...],
 ) -> ReportMotion:  # fmt: skip
     runs: dict[str, Floats] = {}
@@ -110,7 +114,7 @@ def _motion(
         time=recording.time,
         real=recording.points,
         point_names=tuple(p.name for p in recording.garment.points),
-        triangles=mesh.triangles.astype(np.int64),
+        triangles=triangles.astype(np.int64),
         held=recording.held(recording.time).reshape(-1, 2, 3),
         **runs,
     )

@@ -28,9 +28,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.cloth.mesh import ClothMesh, build_mesh
 from fit.cloth.simulator import Resolution
 from fit.effects.base import Effect
+from fit.engines.plain_grid import PlainGrid, plain_grid
 from fit.errors import FitError
 from fit.parameterisations.base import Parameterisation
 from fit.recording import Recording
@@ -65,8 +65,8 @@ class BlenderEngine:
         if effects:
             raise FitError("Blender's cloth cannot be given effects", advice="leave out --effect, or --engine blender")
         self._recording = recording
-        self.mesh = build_mesh(recording.garment, resolution.spacing)
-        self._path = _driven_path(recording, self.mesh)
+        self.grid = plain_grid(recording.garment, resolution.spacing)
+        self._path = _driven_path(recording, self.grid)
         self._worker = _Worker()
 
     @property
@@ -76,13 +76,11 @@ class BlenderEngine:
 
     def points(self, vectors: Floats) -> Floats:
         """Simulate one candidate after the other in Blender."""
-        index = np.arange(self.mesh.rows * self.mesh.columns).reshape(self.mesh.rows, self.mesh.columns)
-        quads = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], -1).reshape(-1, 4)
         nodes = self._worker.answer(
-            quads=quads, pinned=self.mesh.held_nodes, fps=np.array(FPS), path=self._path,
+            quads=self.grid.quads, pinned=self.grid.held_nodes, fps=np.array(FPS), path=self._path,
             settings=blender_settings(vectors),
         )  # fmt: skip
-        points = np.einsum("pw,cfpwx->cfpx", self.mesh.point_weights, nodes[:, :, self.mesh.point_nodes])
+        points = np.einsum("pw,cfpwx->cfpx", self.grid.point_weights, nodes[:, :, self.grid.point_nodes])
         instants = (self._recording.time + LEAD + SETTLE) * FPS
         before = np.minimum(instants.astype(int), points.shape[1] - 2)
         share = (instants - before)[:, None, None]
@@ -98,20 +96,20 @@ def blender_settings(vectors: Floats) -> Floats:
     return np.asarray(scaled * shrink[:, None])
 
 
-def _driven_path(recording: Recording, mesh: ClothMesh) -> Floats:
+def _driven_path(recording: Recording, grid: PlainGrid) -> Floats:
     """Places [m], (frames, nodes, 3): flat first; of later frames only the held nodes' count."""
     frames = int(np.ceil((recording.duration + LEAD + SETTLE) * FPS)) + 2
     instants = np.arange(frames) / FPS - LEAD - SETTLE
     ends = recording.held(np.maximum(instants, 0.0)).reshape(frames, 2, 3)
-    share = mesh.held_fraction[None, :, None]
+    share = grid.held_fraction[None, :, None]
     held = (1 - share) * ends[:, None, 0] + share * ends[:, None, 1]
     along = ends[0, 1] - ends[0, 0]
     along = along / np.linalg.norm(along)
-    local = mesh.rest - 0.5 * (mesh.rest[mesh.held_nodes[0]] + mesh.rest[mesh.held_nodes[-1]])
+    local = grid.rest - 0.5 * (grid.rest[grid.held_nodes[0]] + grid.rest[grid.held_nodes[-1]])
     flat = ends[0].mean(0) + local[:, :1] * along + local[:, 1:] * np.array([0.0, 0.0, 1.0])
     path = np.repeat(flat[None], frames, 0)
     lead = np.clip((instants + LEAD + SETTLE) / LEAD, 0.0, 1.0)[:, None, None]
-    path[:, mesh.held_nodes] = (1 - lead) * flat[None, mesh.held_nodes] + lead * held
+    path[:, grid.held_nodes] = (1 - lead) * flat[None, grid.held_nodes] + lead * held
     return path
 
 

@@ -42,7 +42,7 @@ class OwnEngine:
     ) -> None:
         self.simulator = Simulator(recording, effects, resolution=resolution)
         self._method = method
-        self._density = recording.garment.mass_kg / float(self.simulator.mesh.area.sum())
+        self._density = recording.garment.mass_kg / self.simulator.mesh.area
 
     def points(self, vectors: Floats) -> Floats:
         """Simulate the vectors' SI materials side by side."""

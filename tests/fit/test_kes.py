@@ -83,10 +83,10 @@ def test_the_solvers_sheet_stretches_as_the_virtual_test_says(stiffening):
     row[0, mat.STIFFENING] = stiffening
     loads = 2.0 * 9.80665 * (np.arange(300) + 0.5) / 300 * 0.45
     expected = 0.45 / 300 * sum(stretch_test(60.0, stiffening, load)[0] for load in loads)
-    sunk = -settled(garment, row, 0.025)[2:4, 2].mean() - 0.45
+    sunk = -settled(garment, row, 0.05)[2:4, 2].mean() - 0.45
     assert expected > 0.015
-    # Loads sit in the nodes: a row of 25 mm misses its share of the largest load, half a row in eighteen.
-    assert sunk == pytest.approx(expected, rel=0.05)
+    # What is left is single precision and the last of the settling.
+    assert sunk == pytest.approx(expected, rel=1e-3)
 
 
 def test_the_solvers_sheet_shears_as_the_virtual_test_says():
@@ -98,10 +98,10 @@ def test_the_solvers_sheet_shears_as_the_virtual_test_says():
     garment = sheet(width=0.8, height=0.1, mass=0.016)
     row = material(garment, shear_stiffness=8.0, stretch_stiffness=800.0, velocity_damping=8.0)
     row[0, mat.TILT_X] = 0.3
-    place = settled(garment, row, 0.02)
+    place = settled(garment, row, 0.033)
     expected = 0.2 * 9.80665 * np.sin(0.3) * 0.1**2 / 2 / shear_test(8.0)
-    # 5 %: the free sides take part of the load as tension in a sheet eight times wider than high.
-    assert place[2:4, 0].mean() == pytest.approx(expected, rel=0.05)
+    # 2 %: the free sides, and that stiffening.
+    assert place[2:4, 0].mean() == pytest.approx(expected, rel=0.02)
 
 
 def test_the_solvers_bends_store_what_the_virtual_test_says():
@@ -114,8 +114,8 @@ def test_the_solvers_bends_store_what_the_virtual_test_says():
         return 0.5 * (mesh.bends.stencils.apply(rolled) ** 2).sum()
 
     slope = 2 * (energy(150.0) - energy(50.0)) / (150.0**2 - 50.0**2) / 4e-4
-    # One cell in forty at the free edges stores nothing.
-    assert slope == pytest.approx(1.0, rel=0.03)
+    # The outermost nodes, 1/12 of an element on either side of thirteen, store nothing.
+    assert slope == pytest.approx(1 - 2 / 12 / 13, rel=0.005)
 
 
 def test_the_ten_fabrics_in_kes_units():

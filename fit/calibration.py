@@ -253,6 +253,7 @@ def _result(
     ]  # fmt: skip
     is_own = request.engine == "own"
     notes = [request.method.not_identified] if request.method.not_identified else []
+    notes += [o.remark for o in model.objectives if o.remark]
     if not is_own:
         notes.append(f"Simulated by {request.engine}; its numbers have no SI values, so no combinations are given.")
     unit = {"m": "metre"}.get(model.objectives[0].unit, f"unit of {model.objectives[0].name}")

@@ -263,6 +263,7 @@ def _further_lines(result) -> list[str]:  # type: ignore[no-untyped-def]
         lines += [f"{'  ' + name:<22}{before:>12.4g}{after:>12.4g}" for name, (before, after) in whole.parts.items()]
     if result.combinations:
         lines.append(f"{'what motion tells':<30}{'before':>11}{'after':>11}   90 % interval")
+    lines += [note for note in result.notes if note.startswith("Warning:")]
     for c in result.combinations:
         told = "" if c.is_identified else "  (the data cannot tell)"
         span = f"{c.interval_low:.3g} to {c.interval_high:.3g} {c.unit}"

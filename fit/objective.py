@@ -24,6 +24,7 @@ class Objective(Protocol):
     name: ClassVar[str]
     unit: ClassVar[str]
     parts: ClassVar[tuple[str, ...]]
+    remark: str  # what speaks against this objective on this recording, or nothing
 
     def terms(self, simulated: Floats) -> Floats:
         """Return the error's parts, (candidates, parts), of simulated points [m], (candidates, frames, points, 3)."""
@@ -46,6 +47,7 @@ class TrajectoryDistance:
 
     def __init__(self, recording: Recording) -> None:
         self._real = recording.points
+        self.remark = ""
 
     def terms(self, simulated: Floats) -> Floats:
         """Return D [m], (candidates, 1)."""

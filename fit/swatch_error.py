@@ -17,9 +17,12 @@ Through the markers of a row or column runs a uniform Catmull-Rom spline. At mar
     kappa = |p' x p''| / |p'|^3
 
 with the mean of the second derivatives of both segments at p_0, of one where the other runs beyond the edge; markers
-at the ends of a line have none. On a circle of radius R with markers an angle phi apart kappa R = (5 + cos 2 phi - 6
-cos phi) / sin^2 phi = 1 + 3/4 phi^2 + ...; the two sides share this factor. Source: E. Catmull, R. Rom, "A class of
-local interpolating splines" (1974); M. P. do Carmo, "Differential Geometry of Curves and Surfaces", section 1-5.
+at the ends of a line have none. White noise of deviation s per axis, after the smoothing, makes straight lines of
+markers h apart look curved by sqrt(2 (1/4 + 9 + 25 + 9 + 1/4)) s / h^2 (root mean square, two directions across the
+line): where that is more than half of what was measured, E sees the noise and not the cloth, and `remark` says so. On
+a circle of radius R with markers an angle phi apart kappa R = (5 + cos 2 phi - 6 cos phi) / sin^2 phi = 1 + 3/4 phi^2
++ ...; the two sides share this factor. Source: E. Catmull, R. Rom, "A class of local interpolating splines" (1974);
+M. P. do Carmo, "Differential Geometry of Curves and Surfaces", section 1-5.
 """
 
 from __future__ import annotations
@@ -39,6 +42,8 @@ ALPHA, BETA, GAMMA = 1.0, 0.5, 2.0  # section 3
 NEEDED_FRAMES = 100  # section 2 used 500; below, an average over frames says little
 FEWEST_MARKERS = 4  # along each side: a Catmull-Rom segment needs four
 SAME_PLACE = 1e-3  # m
+NOISE_GAIN = float(np.sqrt(2 * (0.25 + 9 + 25 + 9 + 0.25)))  # curvature times pitch squared per deviation of the places
+MOST_NOISE = 0.5  # of the measured curvature
 
 
 class SwatchError:
@@ -71,6 +76,23 @@ class SwatchError:
                 f"the marker {absent!r} was never seen", where=recording.take_id, advice="leave it out of the garment"
             )
         self._real = self._averages(wanted[..., :3])
+        self.remark = self._noise_remark(recording)
+
+    def _noise_remark(self, recording: Recording) -> str:
+        """Say that the stated noise makes most of the measured curvature, or nothing."""
+        places = np.array([p.at_m for p in recording.garment.points])[self._grid]
+        pitch = float(np.linalg.norm(places[0, 1] - places[0, 0]))
+        passed = float(np.sqrt((self._smooth**2).sum(1).mean()))
+        noise = NOISE_GAIN * passed * float(np.median(recording.point_sd)) / pitch**2
+        inner = self._grid[1:-1, 1:-1]
+        measured = float(np.mean([self._real[2][inner].mean(), self._real[3][inner].mean()]))
+        if noise <= MOST_NOISE * measured:
+            return ""
+        return (
+            f"Warning: {recording.take_id}: the stated noise of its points alone looks like a curvature of "
+            f"{noise:.1f} 1/m, {measured:.1f} 1/m were measured: E fits noise here. Use a method that minimises D "
+            "(si, kinect-skirt)."
+        )
 
     def terms(self, simulated: Floats) -> Floats:
         """Return the weighted parts of E/N, (candidates, 4), of points [m], (candidates, frames, points, 3)."""

@@ -88,6 +88,22 @@ def test_a_frame_without_a_marker_counts_for_neither_side():
     assert with_gap[0] < 0.05 * without[0]
 
 
+def test_noise_that_looks_like_more_than_half_of_the_curvature_is_remarked():
+    """3 mm at 62.5 mm: sqrt(87) x 3 mm x 0.29 / 62.5^2 mm^2 = 2.1 1/m; 0.29^2 = 0.833 x 6 Hz / 60 Hz passes the filter.
+
+    The mean of such noise is sqrt(pi) / 2 of its root mean square: 1.9 1/m are measured.
+    """
+    generator = np.random.default_rng(0)
+    noisy = hanging() + 3e-3 * generator.standard_normal((240, 81, 3))
+    path = np.zeros((240, 3))
+    remark = SwatchError(prepare(take_of(GARMENT, TIME, path, noisy, sd=3e-3))).remark
+    assert remark.startswith("Warning: scene: the stated noise of its points alone looks like a curvature of 2.1 1/m")
+    assert ", 1.9 1/m were measured" in remark
+    angle = hanging()[..., 0] / 0.3
+    rolled = np.stack([0.3 * np.sin(angle), 0.3 * (1 - np.cos(angle)), hanging()[..., 2]], -1)
+    assert SwatchError(prepare(take_of(GARMENT, TIME, path, rolled, sd=2e-4))).remark == ""
+
+
 def test_a_simulation_that_blew_up_is_infinitely_wrong():
     assert total(error_against(hanging()), np.full((1, 240, 81, 3), np.nan))[0] == np.inf
 

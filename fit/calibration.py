@@ -12,6 +12,8 @@ the range; a parameter counts as identified when the data shrink its prior devia
 from __future__ import annotations
 
 import json
+import os
+import socket
 import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -184,8 +186,12 @@ def _key(training: list[Take], request: Request) -> dict[str, object]:
 
 
 def _save(search: Annealing, checkpoint: Path, key: dict[str, object]) -> None:
-    partial = checkpoint.with_suffix(".writing")
-    partial.write_text(json.dumps({"key": key, "search": search.state()}))
+    # The process is in the name: two workers may be at the same search when one was thought lost.
+    partial = checkpoint.with_suffix(f".{socket.gethostname()}-{os.getpid()}.writing")
+    with partial.open("w") as file:
+        file.write(json.dumps({"key": key, "search": search.state()}))
+        file.flush()
+        os.fsync(file.fileno())
     partial.replace(checkpoint)
 
 

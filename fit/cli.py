@@ -1,4 +1,4 @@
-"""`hangtime fit` and `hangtime diagnose`."""
+"""`hangtime fit` and `hangtime diagnose`; `hangtime batch` and `hangtime blind` have their own modules."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from fit.batch.cli import add_commands as add_batch_commands
 from fit.blind.cli import add_commands as add_blind_commands
 
 Takes = Annotated[
@@ -32,6 +33,7 @@ def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
     app.command("fit", short_help="Find the cloth parameters that follow the takes.")(fit_command)
     app.command("diagnose", short_help="Say what the simulation lacks, and how sure that is.")(diagnose_command)
+    add_batch_commands(app)
     add_blind_commands(app)
 
 

@@ -55,7 +55,16 @@ def fit_command(
             "--bounds", metavar="NAME=LOW:HIGH", help="Search this parameter within narrower bounds; may be repeated."
         ),
     ] = [],  # noqa: B006
-    iterations: Annotated[int, typer.Option("--iterations", min=1, help="Iterations of the annealing.")] = 350,
+    search: Annotated[
+        str,
+        typer.Option(
+            "--search", help="annealing: as in the paper; restarts, tempering, cma-es; least-squares: the quickest."
+        ),
+    ] = "annealing",
+    iterations: Annotated[
+        int,
+        typer.Option("--iterations", min=1, help="Iterations of the annealing, candidates of tempering and cma-es."),
+    ] = 350,
     gamma: Annotated[
         float | None, typer.Option("--gamma", help="Factor gamma of the acceptance [1/m].", show_default="1e5")
     ] = None,
@@ -65,24 +74,26 @@ def fit_command(
 ) -> None:
     """Find the cloth parameters that make the simulation follow the takes.
 
-    Simulated annealing as in the Kinect-skirt paper: freely running simulations, mean distance of the tracked points.
+    By default simulated annealing as in the Kinect-skirt paper: free simulations, mean distance of the points.
     Writes DIR/fit.json and DIR/report.html. Interrupt with Ctrl-C at any time; the same command goes on where it was.
     """
-    from fit.calibration import calibrate, request_of
+    from fit.calibration import calibrate
     from fit.parameterisations import find_method
     from fit.reporting import write_fit_report
+    from fit.request import request_of
     from formats.archive import read_take
     from formats.results import save_fit_result
 
     request = request_of(
-        find_method(method), effect, iterations=iterations, seed=seed, spacing=spacing, gamma=gamma, bounds=bounds
-    )
+        find_method(method), effect, iterations=iterations, seed=seed, spacing=spacing, gamma=gamma, bounds=bounds,
+        search=search,
+    )  # fmt: skip
     training, testing = [read_take(p) for p in takes], [read_take(p) for p in held_out]
     out.mkdir(parents=True, exist_ok=True)
-    progress = ProgressLine("annealing")
+    progress = ProgressLine(search)
 
     def show(done: int, total: int, best: float) -> None:
-        progress.show(done / total, f"{done}/{total} iterations, mean error {1e3 * best:.1f} mm")
+        progress.show(done / total, f"{done}/{total}, mean error {1e3 * best:.1f} mm")
 
     try:
         result = calibrate(training, testing, request, checkpoint=out / "fit.partial.json", progress=show)

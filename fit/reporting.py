@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.calibration import Request
 from fit.cloth.simulator import Resolution, Simulator
 from fit.effects.base import amplitudes_of
 from fit.gap.diagnosis import Findings
 from fit.parameterisations import find_method
 from fit.recording import Recording, prepare
 from fit.report import ReportMotion, write_report
+from fit.request import Request
 from formats.results import FitResult
 from formats.take import Take
 

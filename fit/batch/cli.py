@@ -52,6 +52,7 @@ def batch_command(
     method: Annotated[str, typer.Option("--method", help="As for `hangtime fit`, like all below.")] = "kinect-skirt",
     effect: Annotated[list[str], typer.Option("--effect", metavar="NAME", help="Keep this effect in the model.")] = [],  # noqa: B006
     bounds: Annotated[list[str], typer.Option("--bounds", metavar="NAME=LOW:HIGH", help="Narrower bounds.")] = [],  # noqa: B006
+    search: Annotated[str, typer.Option("--search", help="How parameters are looked for.")] = "annealing",
     iterations: Annotated[int, typer.Option("--iterations", min=1, help="Iterations of the search.")] = 350,
     gamma: Annotated[
         float | None, typer.Option("--gamma", help="Factor gamma of the acceptance [1/m].", show_default="1e5")
@@ -74,7 +75,7 @@ def batch_command(
     from fit.cli import ProgressLine
 
     plan = Plan(
-        method=method, effects=tuple(effect), bounds=tuple(bounds), iterations=iterations, gamma=gamma,
+        method=method, effects=tuple(effect), bounds=tuple(bounds), iterations=iterations, gamma=gamma, search=search,
         spacing=spacing, seed=seed,
     )  # fmt: skip
     plan.request()

@@ -16,8 +16,8 @@ from functools import cache
 from pathlib import Path
 
 import fit as fit_package
-from fit.calibration import Request, request_of
 from fit.parameterisations import find_method
+from fit.request import Request, request_of
 
 # What only shows or hands out results; everything else in `fit` may change them.
 WITHOUT_PART = ("batch", "blind", "report", "reporting.py", "cli.py")
@@ -30,6 +30,7 @@ class Plan:
     method: str = "kinect-skirt"
     effects: tuple[str, ...] = ()
     bounds: tuple[str, ...] = ()
+    search: str = "annealing"
     iterations: int = 350
     gamma: float | None = None
     spacing: float = 0.05
@@ -43,7 +44,7 @@ class Plan:
         """
         return request_of(
             find_method(self.method), list(self.effects), iterations=self.iterations, seed=self.seed,
-            spacing=self.spacing, gamma=self.gamma, bounds=list(self.bounds),
+            spacing=self.spacing, gamma=self.gamma, bounds=list(self.bounds), search=self.search,
         )  # fmt: skip
 
 

@@ -112,7 +112,10 @@ def as_html(rows: Sequence[Row], plan: Plan) -> str:
     )
     body = "".join(_html_row(row, names) for row in ranked)
     made = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
-    how = f"Method {plan.method}, {plan.iterations} iterations, mesh {1e3 * plan.spacing:g} mm, seed {plan.seed}"
+    how = (
+        f"Method {plan.method}, search {plan.search}, {plan.iterations} iterations, "
+        f"mesh {1e3 * plan.spacing:g} mm, seed {plan.seed}"
+    )
     is_bad = any(row.state in ("failed", "refused") for row in rows)
     style = resources.files("fit.report").joinpath("page.css").read_text(encoding="utf-8")
     return (

@@ -25,7 +25,7 @@ from fit.parameterisations import SI
 from fit.recording import prepare
 from fit.request import Request
 from fit.search.annealing import AnnealingSettings
-from fit.search.choice import SEARCHES
+from fit.search.choice import CHAINS, SEARCHES
 from fit.search.observed import ObservedSearch, ObservedSettings
 from formats.take import Take
 from tests.fit.scenes import sheet, simulate_take, swing
@@ -68,7 +68,8 @@ def make_case(seed: int) -> Case:
     takes = [
         simulate_take(
             garment, time, swing(time, amplitude=amplitude, hz=hz, stop=4, sideways=0.02),
-            SI.to_materials(truth[None], density), noise=NOISE, resolution=MESH, seed=10 * seed + k, name=f"case {seed}, motion {k}",
+            SI.to_materials(truth[None], density), noise=NOISE, resolution=MESH, seed=10 * seed + k,
+            name=f"case {seed}, motion {k}",
         )
         for k, (amplitude, hz) in enumerate(MOTIONS)
     ]  # fmt: skip
@@ -82,7 +83,8 @@ def run(case: Case, search: str, budget: int, seed: int) -> Run:
     settings = AnnealingSettings().shortened(budget - 1)
     request = Request(method=SI, search=search, settings=settings, seed=seed, resolution=MESH)
     result = calibrate(case.takes, [], request)
-    history = np.array(result.history)
+    # A step of the history of `restarts` is one candidate of each chain.
+    history = np.repeat(np.array(result.history), CHAINS if search == "restarts" else 1)[:budget]
     padded = np.full(budget, history[-1])
     padded[: len(history)] = history
     return Run(

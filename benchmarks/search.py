@@ -64,7 +64,7 @@ def make_case(seed: int) -> Case:
     unit = np.random.default_rng(seed).uniform(size=TRUTHS.shape[1])
     truth = TRUTHS[0] * (TRUTHS[1] / TRUTHS[0]) ** unit
     time, garment = np.arange(0, 6, 1 / 30), sheet()
-    density = garment.mass_kg / float(build_mesh(garment, MESH.spacing).area.sum())
+    density = garment.mass_kg / float(build_mesh(garment, MESH.spacing).area)
     takes = [
         simulate_take(
             garment, time, swing(time, amplitude=amplitude, hz=hz, stop=4, sideways=0.02),

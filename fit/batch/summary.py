@@ -138,8 +138,7 @@ def _html_row(row: Row, names: list[str]) -> str:
     cells = f'<th scope="row">{escaped(row.take)}</th><td><span class="tag tone-{tone}">{WORDS[row.state]}</span></td>'
     result = row.result
     if result is None:
-        blank = f'<td class="number">{MISSING}</td>' * (len(names) + 4)
-        return f"<tr>{cells}{blank}<td>{escaped(row.sentence)}</td></tr>"
+        return f'<tr>{cells}<td colspan="{len(names) + 5}">{escaped(row.sentence)}</td></tr>'
     by_name = {p.name: p for p in result.parameters}
     figures = [
         millimetres(result.error.train_before.mean_m), f"<b>{millimetres(result.error.train_after.mean_m)}</b>",

@@ -146,7 +146,7 @@ def test_the_page_is_whole_escapes_what_it_shows_and_begins_with_what_needs_a_lo
             if tag == "tr":
                 self.widths.append(0)
             if tag in ("td", "th"):
-                self.widths[-1] += 1
+                self.widths[-1] += int(dict(attrs).get("colspan", 1))
             self.links += [value for name, value in attrs if name in ("href", "src")]
             if tag not in ("meta", "br"):
                 self.open.append(tag)

@@ -116,32 +116,37 @@ def spread(values: Floats, form: str = ".2f") -> str:
 def main(truths: int = 10, budget: int = 350, only: str = "") -> dict[str, list[Run]]:
     """Print the tables; return all runs by search."""
     cases = [make_case(SEEDS_FROM + k) for k in range(truths)]
-    names = [only] if only else list(SEARCHES)
-    runs: dict[str, list[Run]] = {name: [] for name in names}
+    runs: dict[str, list[Run]] = {name: [] for name in ([only] if only else SEARCHES)}
     for k, case in enumerate(cases):
-        for name in names:
-            runs[name].append(run(case, name, budget, k))
+        for name, found in runs.items():
+            found.append(run(case, name, budget, k))
         print(f"truth {k + 1} of {truths} done", file=sys.stderr, flush=True)
-    truth = [
-        float(
-            Model([prepare(t) for t in case.takes], Request(method=SI, resolution=MESH)).distances(case.truth[None])[0]
-        )
-        for case in cases
-    ]
-    print(f"{truths} truths, {budget} candidates; distances in mm, median (quartiles)")
-    print(f"{'the truth':14} {spread(1e3 * np.array(truth))}")
+    print_distances(cases, runs)
+    print_parameters(cases, runs)
+    return runs
+
+
+def print_distances(cases: list[Case], runs: dict[str, list[Run]]) -> None:
+    """Print what is reached with a tenth and with all of the budget, and when each search is as good as annealing."""
+    budget = len(next(iter(runs.values()))[0].history)
+    models = [Model([prepare(t) for t in case.takes], Request(method=SI, resolution=MESH)) for case in cases]
+    truth = 1e3 * np.array([m.distances(c.truth[None])[0] for m, c in zip(models, cases, strict=True)])
+    print(f"{len(cases)} truths, {budget} candidates; distances in mm, median (quartiles)")
+    print(f"{'the truth':14} {spread(truth)}")
     for name, found in runs.items():
-        at = {n: 1e3 * np.array([r.history[min(n, budget) - 1] for r in found]) for n in (budget // 10, budget)}
-        print(f"{name:14} after {budget // 10}: {spread(at[budget // 10])}   after {budget}: {spread(at[budget])}")
-    if "annealing" in runs and "least-squares" in runs:
-        for name in names:
-            needed = [
-                np.argmax(r.history <= a.history[-1]) + 1 if r.history[-1] <= a.history[-1] else np.inf
-                for r, a in zip(runs[name], runs["annealing"], strict=True)
-            ]
-            reached = np.isfinite(needed)
-            print(f"{name:14} reaches annealing's end in {reached.sum()} of {truths}; candidates needed: "
-                  f"{spread(np.array(needed)[reached], '.0f') if reached.any() else '-'}")  # fmt: skip
+        early, late = (1e3 * np.array([r.history[n - 1] for r in found]) for n in (budget // 10, budget))
+        print(f"{name:14} after {budget // 10}: {spread(early)}   after {budget}: {spread(late)}")
+    if "annealing" not in runs:
+        return
+    for name, found in runs.items():
+        pairs = zip(found, runs["annealing"], strict=True)
+        needed = [int(np.argmax(r.history <= a.history[-1])) + 1 for r, a in pairs if r.history[-1] <= a.history[-1]]
+        print(f"{name:14} as good as annealing's end in {len(needed)} of {len(cases)}; candidates needed there: "
+              f"{spread(np.array(needed), '.0f') if needed else '-'}")  # fmt: skip
+
+
+def print_parameters(cases: list[Case], runs: dict[str, list[Run]]) -> None:
+    """Print how often each parameter is found, told by the data, and held by its interval."""
     print("parameters: found within 5 %, told by the data, intervals that hold the truth: all (those told)")
     for name, found in runs.items():
         for k, parameter in enumerate(SI.parameters):
@@ -151,7 +156,6 @@ def main(truths: int = 10, budget: int = 350, only: str = "") -> dict[str, list[
             of_told = f"{100 * held[told].mean():.0f} %" if told.any() else "-"
             print(f"{name:14} {parameter.name:22} {100 * np.mean(right):4.0f} %  {100 * told.mean():4.0f} %  "
                   f"{100 * held.mean():4.0f} % ({of_told})")  # fmt: skip
-    return runs
 
 
 if __name__ == "__main__":

@@ -3,7 +3,8 @@
 Takes come from our own solver with known parameters (so this tells of searches, not of models): a swatch held along its
 edge, two motions of six seconds that end at rest, 2 mm of white noise on every coordinate of five points. Truths are
 drawn within the ranges of `TRUTHS`. The budget counts candidates; annealing is counted by its iterations, as if it
-evaluated one at a time. Run: python benchmarks/search.py [--truths 10] [--budget 350] [--only least-squares]
+evaluated one at a time. Run: python benchmarks/search.py
+[--truths 10] [--budget 350] [--only least-squares] [--spacing 0.08]
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ NOISE = 2e-3  # m a coordinate, between the 1.9 and 2.9 mm measured of a depth c
 MOTIONS = ((0.05, 0.7), (0.03, 1.0))  # m and Hz, both with 20 mm sideways
 # In the order of the `si` parameters: the middle of what fabrics have, and damping that ends a swing within seconds.
 TRUTHS = np.array([[100.0, 10.0, 5e-6, 5e-4, 0.8], [800.0, 100.0, 5e-5, 5e-3, 4.0]])
-MESH = Resolution(spacing=0.08)  # of truth and fit alike: searches are compared here, not meshes
+SPACING = 0.1  # m, of truth and fit alike: searches are compared here, not meshes
 GOOD = 0.05  # relative error of a parameter that counts as found
 
 
@@ -47,6 +48,7 @@ class Case:
 
     truth: Floats
     takes: list[Take]
+    mesh: Resolution
 
 
 @dataclass(frozen=True)
@@ -59,21 +61,21 @@ class Run:
     is_told: NDArray[np.bool_]
 
 
-def make_case(seed: int) -> Case:
+def make_case(seed: int, spacing: float = SPACING) -> Case:
     """Draw a truth and simulate its takes."""
     unit = np.random.default_rng(seed).uniform(size=TRUTHS.shape[1])
     truth = TRUTHS[0] * (TRUTHS[1] / TRUTHS[0]) ** unit
-    time, garment = np.arange(0, 6, 1 / 30), sheet()
-    density = garment.mass_kg / float(build_mesh(garment, MESH.spacing).area)
+    time, garment, mesh = np.arange(0, 6, 1 / 30), sheet(), Resolution(spacing=spacing)
+    density = garment.mass_kg / float(build_mesh(garment, spacing).area)
     takes = [
         simulate_take(
             garment, time, swing(time, amplitude=amplitude, hz=hz, stop=4, sideways=0.02),
-            SI.to_materials(truth[None], density), noise=NOISE, resolution=MESH, seed=10 * seed + k,
+            SI.to_materials(truth[None], density), noise=NOISE, resolution=mesh, seed=10 * seed + k,
             name=f"case {seed}, motion {k}",
         )
         for k, (amplitude, hz) in enumerate(MOTIONS)
     ]  # fmt: skip
-    return Case(truth, takes)
+    return Case(truth, takes, mesh)
 
 
 def run(case: Case, search: str, budget: int, seed: int) -> Run:
@@ -81,7 +83,7 @@ def run(case: Case, search: str, budget: int, seed: int) -> Run:
     if search == "least-squares":
         return run_least_squares(case, budget, seed)
     settings = AnnealingSettings().shortened(budget - 1)
-    request = Request(method=SI, search=search, settings=settings, seed=seed, resolution=MESH)
+    request = Request(method=SI, search=search, settings=settings, seed=seed, resolution=case.mesh)
     result = calibrate(case.takes, [], request)
     # A step of the history of `restarts` is one candidate of each chain.
     history = np.repeat(np.array(result.history), CHAINS if search == "restarts" else 1)[:budget]
@@ -97,9 +99,9 @@ def run(case: Case, search: str, budget: int, seed: int) -> Run:
 def run_least_squares(case: Case, budget: int, seed: int) -> Run:
     """Least squares know their distance only where a descent has ended, at the cost of one candidate more."""
     recordings = [prepare(take) for take in case.takes]
-    request = Request(method=SI, resolution=MESH)
+    request = Request(method=SI, resolution=case.mesh)
     model = Model(recordings, request)
-    found = ObservedSearch(recordings, SI, (), request.space, MESH).run(SI.initial, ObservedSettings(seed=seed))
+    found = ObservedSearch(recordings, SI, (), request.space, case.mesh).run(SI.initial, ObservedSettings(seed=seed))
     history = np.full(budget, float(model.distances(SI.initial[None])[0]))
     for number, (simulations, vector) in enumerate(found.path):
         after = simulations // len(recordings) + number + 1
@@ -113,9 +115,9 @@ def spread(values: Floats, form: str = ".2f") -> str:
     return f"{middle:{form}} ({low:{form}} to {high:{form}})"
 
 
-def main(truths: int = 10, budget: int = 350, only: str = "") -> dict[str, list[Run]]:
+def main(truths: int = 10, budget: int = 350, only: str = "", spacing: float = SPACING) -> dict[str, list[Run]]:
     """Print the tables; return all runs by search."""
-    cases = [make_case(SEEDS_FROM + k) for k in range(truths)]
+    cases = [make_case(SEEDS_FROM + k, spacing) for k in range(truths)]
     runs: dict[str, list[Run]] = {name: [] for name in ([only] if only else SEARCHES)}
     for k, case in enumerate(cases):
         for name, found in runs.items():
@@ -129,7 +131,7 @@ def main(truths: int = 10, budget: int = 350, only: str = "") -> dict[str, list[
 def print_distances(cases: list[Case], runs: dict[str, list[Run]]) -> None:
     """Print what is reached with a tenth and with all of the budget, and when each search is as good as annealing."""
     budget = len(next(iter(runs.values()))[0].history)
-    models = [Model([prepare(t) for t in case.takes], Request(method=SI, resolution=MESH)) for case in cases]
+    models = [Model([prepare(t) for t in case.takes], Request(method=SI, resolution=case.mesh)) for case in cases]
     truth = 1e3 * np.array([m.distances(c.truth[None])[0] for m, c in zip(models, cases, strict=True)])
     print(f"{len(cases)} truths, {budget} candidates; distances in mm, median (quartiles)")
     print(f"{'the truth':14} {spread(truth)}")
@@ -163,5 +165,6 @@ if __name__ == "__main__":
     parser.add_argument("--truths", type=int, default=10)
     parser.add_argument("--budget", type=int, default=350)
     parser.add_argument("--only", choices=list(SEARCHES), default="")
+    parser.add_argument("--spacing", type=float, default=SPACING, help="mesh of truths and fits [m]")
     given = parser.parse_args()
-    main(given.truths, given.budget, given.only)
+    main(given.truths, given.budget, given.only, given.spacing)

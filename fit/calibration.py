@@ -1,9 +1,9 @@
 """Fit a parameterisation to takes: the loop around every search, and what is told of its result.
 
 Searches that ask and are told (`fit.search.choice`) get free rollouts: each candidate is simulated from the settled
-first shape through the whole take without any pull, and its distance is the mean over the takes of D of eq. 1 of the
-Kinect-skirt paper. Least squares (`fit.search.observed`) sees the points' residuals instead. Whatever the search,
-errors are told as D of free rollouts.
+first shape through the whole take without any pull, and its distance is the mean of the method's objective
+(`fit.objective`: D; `fit.swatch_error`: E) over the takes. Least squares (`fit.search.observed`) sees the points'
+residuals instead. Whatever the search, errors are told of free rollouts.
 
 Intervals are of the linearised model about the result, by the jackknife over half seconds (`fit.search.intervals`),
 from differences of a twentieth of the box, wider than the ripples that folds make; those of tempering are of its draws.
@@ -24,15 +24,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit import objective
-from fit.cloth.simulator import Simulator
+from fit.cloth.material import NAMES
+from fit.combinations import describe_combinations
+from fit.effects.base import columns_of
+from fit.engines import find_engine
 from fit.errors import BlowUpError, FitError
+from fit.geometry import check_geometry
 from fit.recording import Recording, prepare
 from fit.request import Request
 from fit.search.choice import Search, begin
 from fit.search.intervals import Intervals, block_intervals, draw_intervals
 from fit.search.observed import DIFFERENCE, ObservedSearch, ObservedSettings
 from fit.search.tempering import FEWEST_DRAWS, Tempering
-from formats.results import ErrorFigure, FitParameter, FitResult
+from formats.results import ErrorFigure, FitParameter, FitResult, ObjectiveFigure
 from formats.results import FitError as FitErrors
 from formats.take import Take
 
@@ -48,22 +52,44 @@ class Model:
 
     def __init__(self, recordings: list[Recording], request: Request) -> None:
         self.recordings, self.request = recordings, request
-        self.simulators = [Simulator(r, request.effects, resolution=request.resolution) for r in recordings]
+        for recording in recordings:
+            check_geometry(recording)
+        self.objectives = [request.method.objective(r) for r in recordings]  # refuses bad takes before simulating
+        make = find_engine(request.engine)
+        self.engines = [make(r, request.method, request.effects, request.resolution) for r in recordings]
+
+    @property
+    def weighed_density(self) -> float:
+        """Mean over the takes of the garment's weight per area [kg/m^2]."""
+        return float(np.mean([r.garment.areal_density for r in self.recordings]))
+
+    def material(self, vector: Floats) -> dict[str, float]:
+        """SI material of one vector, at the mean weighed density, with the effects that change the cloth."""
+        count = len(self.request.method.parameters)
+        row = self.request.method.to_materials(vector[None, :count], self.weighed_density)[0]
+        for effect, columns in zip(self.request.effects, columns_of(self.request.effects), strict=True):
+            if vector[count:][columns].any():
+                row = effect.material(row, vector[count:][columns])
+        return dict(zip(NAMES, row.tolist(), strict=True))
 
     def points(self, vectors: Floats) -> list[Floats]:
         """Simulated points per take, each (candidates, frames, points, 3) [m]."""
-        count = len(self.request.method.parameters)
-        found = []
-        for recording, simulator in zip(self.recordings, self.simulators, strict=True):
-            density = recording.garment.mass_kg / float(simulator.mesh.area)
-            materials = self.request.method.to_materials(vectors[:, :count], density)
-            found.append(simulator.run(materials, vectors[:, count:]).points)
-        return found
+        return [engine.points(vectors) for engine in self.engines]
 
     def distances(self, vectors: Floats) -> Floats:
-        """Mean over the takes of D [m], (candidates,); infinite where a simulation blew up."""
-        by_take = [objective.distance(r.points, p) for r, p in zip(self.recordings, self.points(vectors), strict=True)]
+        """Mean over the takes of the method's objective, (candidates,); infinite where a simulation blew up."""
+        by_take = [objective.total(o, p) for o, p in zip(self.objectives, self.points(vectors), strict=True)]
         return np.asarray(np.mean(by_take, axis=0))
+
+    def objective_figure(self, initial: Floats, fitted: Floats) -> ObjectiveFigure:
+        """The objective and its parts before and after."""
+        both = self.points(np.stack([initial, fitted]))
+        parts = np.mean([o.terms(p) for o, p in zip(self.objectives, both, strict=True)], axis=0)
+        first = self.objectives[0]
+        return ObjectiveFigure(
+            name=first.name, unit=first.unit, before=float(parts[0].sum()), after=float(parts[1].sum()),
+            parts={name: (float(parts[0, k]), float(parts[1, k])) for k, name in enumerate(first.parts)},
+        )  # fmt: skip
 
     def error(self, vector: Floats) -> ErrorFigure:
         """Mean distance of the points per frame of all takes, one after the other, for one vector."""
@@ -184,7 +210,8 @@ def _key(training: list[Take], request: Request) -> dict[str, object]:
         "takes": [t.take_id for t in training], "method": request.method.name, "seed": request.seed,
         "search": request.search,
         "effects": [e.name for e in request.effects], "spacing": request.resolution.spacing,
-        "bounds": [list(b) for b in request.bounds],
+        "bounds": [list(b) for b in request.bounds], "initial": [p.initial for p in request.parameters],
+        "engine": request.engine,
     }  # fmt: skip
 
 
@@ -219,17 +246,24 @@ def _result(
 ) -> FitResult:  # fmt: skip
     best, intervals = found.vector, found.intervals
     initial = np.array([p.initial for p in request.parameters])
+    count, weighed = len(request.method.parameters), model.weighed_density
+    reach = np.array([p.maximum - p.minimum for p in request.method.parameters])
     described = [
         FitParameter(
             name=p.name, unit=p.unit, initial=p.initial, fitted=float(best[k]), minimum=p.minimum, maximum=p.maximum,
             interval_low=float(intervals.ends[k, 0]), interval_high=float(intervals.ends[k, 1]),
-            is_identified=bool(intervals.is_told[k]) and p.name != request.method.scale, note=p.meaning,
+            is_identified=bool(intervals.is_told[k]) and p.name not in request.method.degenerate, note=p.meaning,
         )
         for k, p in enumerate(request.parameters)
     ]  # fmt: skip
+    is_own = request.engine == "own"
     notes = [request.method.not_identified] if request.method.not_identified else []
+    notes += [o.remark for o in model.objectives if o.remark]
+    if not is_own:
+        notes.append(f"Simulated by {request.engine}; its numbers have no SI values, so no combinations are given.")
     if request.search in ("annealing", "restarts"):
-        notes.append(f"gamma = {request.settings.gamma:g} per metre is our choice; the paper gives none.")
+        unit = {"m": "metre"}.get(model.objectives[0].unit, f"unit of {model.objectives[0].name}")
+        notes.append(f"gamma = {request.settings.gamma:g} per {unit} is our choice; the paper gives none.")
     if found.non_finite:
         notes.append(f"{found.non_finite} candidates blew up and were rejected.")
     return FitResult(
@@ -254,7 +288,13 @@ def _result(
         simulations=found.simulations,
         seconds=seconds,
         notes=notes,
-    )
+        material=model.material(best) if is_own else {},
+        objective=model.objective_figure(initial, best),
+        combinations=describe_combinations(
+            lambda vectors: request.method.to_materials(vectors, weighed),
+            initial[:count], best[:count], reach, intervals.covariance[:count, :count],
+        ) if is_own else [],
+    )  # fmt: skip
 
 
 def _intervals(model: Model, best: Floats) -> Intervals:

@@ -9,11 +9,14 @@ import numpy as np
 from fit.cloth.simulator import Resolution
 from fit.effects import find_effects
 from fit.effects.base import Effect
+from fit.engines import find_engine
 from fit.errors import FitError
 from fit.parameterisations import Parameter, Parameterisation
 from fit.search.annealing import AnnealingSettings
 from fit.search.choice import check_search
 from fit.search.least_squares import BoundedSpace
+
+SIDE_BY_SIDE = 16  # candidates a batch
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,8 +28,9 @@ class Request:
     search: str = "annealing"
     settings: AnnealingSettings = field(default_factory=AnnealingSettings)
     seed: int = 0
-    width: int = 16
+    width: int = SIDE_BY_SIDE
     resolution: Resolution = field(default_factory=Resolution)
+    engine: str = "own"  # the simulator, `fit.engines`
     bounds: tuple[tuple[str, float, float], ...] = ()  # name, low, high: narrower than the parameter's own
 
     @property
@@ -75,26 +79,32 @@ def request_of(
     spacing: float,
     gamma: float | None = None,
     bounds: list[str] | None = None,
+    engine: str = "own",
     search: str = "annealing",
 ) -> Request:
     """Gather a request from plain values; bounds as NAME=LOW:HIGH.
 
     Raises:
-        FitError: an unknown effect or search; bounds that are crossed, malformed, of no parameter or outside its range.
+        FitError: an unknown effect, engine or search; bounds that are crossed, malformed, of no parameter or beyond
+            its range.
     """
-    settings = (
-        AnnealingSettings(iterations=iterations)
-        if gamma is None
-        else AnnealingSettings(iterations=iterations, gamma=gamma)
-    )
+    if check_search(search) == "least-squares" and engine != "own":
+        raise FitError(
+            f"least squares simulate with our own cloth only, not with {engine}", where="--search",
+            advice="choose another search or leave out --engine",
+        )  # fmt: skip
+    settings = AnnealingSettings(iterations=iterations, gamma=method.gamma if gamma is None else gamma)
     request = Request(
         method=method,
         effects=find_effects(effects),
-        search=check_search(search),
+        search=search,
         settings=settings,
         seed=seed,
         resolution=Resolution(spacing=spacing),
+        engine=engine,
+        width=SIDE_BY_SIDE if engine == "own" else 1,  # speculation pays only where candidates share a batch
     )
+    find_engine(engine)
     known = {p.name: p for p in request.parameters}
     return replace(request, bounds=tuple(_read_bounds(text, known) for text in bounds or []))
 

@@ -35,6 +35,7 @@ PROFILE = f"hangtime-take/{VERSION}"
 MAGIC = b"\x89MCAP0\r\n"
 POSITION_STEP = 1e-4  # m: a twentieth of the best depth sensor's noise
 TIME_STEP = 1e-6  # s
+ANGLE_STEP = 1e-4  # rad: a hundredth of what a depth sensor can tell
 BLOCK_SECONDS = 1.0  # lost at most in a power cut
 HEADER_EVERY = 30  # blocks: the header is repeated, and once more at the end, so that no flipped bit loses the take
 HEADER, BLOCK, END = "/header", "/block", "/end"
@@ -45,7 +46,7 @@ class Frame:
     """One frame's measurements in the sensor frame; NaN and False where something was not seen.
 
     time [s]; markers, held [m], (2, 3); points [m], (points, 3); deviations per axis [m], same shapes;
-    state: bits of `formats.take.FrameState`
+    state: bits of `formats.take.FrameState`; pitch, pitch_sd [rad]: NaN where not seen
     """
 
     time: float
@@ -57,6 +58,8 @@ class Frame:
     points_valid: NDArray[np.bool_]
     points_sd: Floats
     state: int = 0
+    pitch: float = float("nan")
+    pitch_sd: float = float("nan")
 
 
 class TakeWriter:
@@ -176,12 +179,15 @@ def _encode_block(frames: list[Frame], first: int) -> dict[str, Any]:
         name: np.stack([getattr(f, name) for f in frames])
         for name in ("markers", "held", "held_valid", "held_sd", "points", "points_valid", "points_sd")
     }
+    pitch = np.array([[f.pitch, f.pitch_sd] for f in frames])
     return {
         "first": first,
         "frames": len(frames),
         "start": round(frames[0].time / TIME_STEP),
         "time": pack(np.array([[f.time - round(frames[0].time / TIME_STEP) * TIME_STEP] for f in frames]), TIME_STEP),
         "state": np.array([f.state for f in frames], "<u2").tobytes(),
+        "pitch": pack(pitch, ANGLE_STEP),
+        "pitch_valid": pack_flags(np.isfinite(pitch).all(-1)),
         "markers_valid": pack_flags(np.isfinite(stack["markers"]).all(-1)),
         **{name: pack(stack[name], POSITION_STEP) for name in ("markers", "held", "held_sd", "points", "points_sd")},
         **{name: pack_flags(stack[name]) for name in ("held_valid", "points_valid")},
@@ -206,6 +212,11 @@ def _decode_block(block: dict[str, Any], points: int) -> dict[str, NDArray[Any]]
         ("markers", markers_valid), ("held", decoded["held_valid"]), ("points", decoded["points_valid"]),
     ):  # fmt: skip
         decoded[name][~valid] = np.nan
+    pitch = np.full((n, 2), np.nan)
+    if "pitch" in block:  # older takes have none
+        pitch = unpack(block["pitch"], (n, 2), ANGLE_STEP)
+        pitch[~unpack_flags(block["pitch_valid"], (n,))] = np.nan
+    decoded["pitch"], decoded["pitch_sd"] = pitch.T
     return decoded
 
 
@@ -367,6 +378,8 @@ def write_take(path: Path, take: Take) -> Path:
                     time=float(time), markers=take.markers[k], held=take.held[k], held_valid=take.held_valid[k],
                     held_sd=take.held_sd[k], points=take.points[k], points_valid=take.points_valid[k],
                     points_sd=take.points_sd[k], state=int(take.state[k]),
+                    pitch=float("nan") if take.pitch is None else float(take.pitch[k]),
+                    pitch_sd=float("nan") if take.pitch_sd is None else float(take.pitch_sd[k]),
                 )
             )  # fmt: skip
     except TakeError:

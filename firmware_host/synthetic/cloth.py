@@ -49,11 +49,13 @@ class ClothPhysics:
 def simulate(
     garment: Garment, held_ends: Callable[[Floats], Floats], times: Floats, *, physics: ClothPhysics,
     effects: dict[str, float], progress: Callable[[float], None] = lambda share: None, rows: int = ROWS,
-    columns: int = COLUMNS,
+    columns: int = COLUMNS, unevenness: Floats | None = None,
 ) -> Floats:  # fmt: skip
-    """Return the nodes [m], (times, rows, columns, 3), sensor frame, of a garment held along its whole top edge.
+    """Return the nodes [m], (times, rows, columns, 3), sensor frame, of a garment held as it says: along its
+    whole top edge, or at its two top corners.
 
-    held_ends: times [s], (n,) -> left and right end of the top edge [m], (n, 2, 3); the cloth hangs at rest at time 0.
+    held_ends: times [s], (n,) -> left and right end of the top edge [m], (n, 2, 3); the cloth hangs at rest at time 0;
+    unevenness: depth [m], (rows, columns), from which it settles into that rest, so that slack cloth finds its folds.
 
     Raises:
         SensorAddressError: an unknown effect, an amplitude that no cloth can have, or times that are not numbers.
@@ -67,6 +69,8 @@ def simulate(
     settle = round(SETTLE_TIME / step)
     ends = held_ends(np.asarray(np.arange(count + 1) * step, float))
     cloth.hang(ends[0])
+    if unevenness is not None:
+        cloth.x[..., 2] += unevenness
     for _ in range(settle):
         cloth.advance(ends[0], step, SETTLE_DAMPING)
     out = np.empty((len(times), rows, columns, 3))
@@ -122,6 +126,9 @@ class _Cloth:
         self.threads = self._threads(cell)
         self.bends = self._bends(cell)
         self.cell = cell
+        held = slice(None) if garment.held == "edge" else slice(0, columns, columns - 1)
+        self.held = (0, held)
+        self.held_share = np.linspace(0, 1, columns)[held, None]
         self.x = np.zeros((rows, columns, 3))
         self.v, self.f = np.zeros_like(self.x), np.zeros_like(self.x)
 
@@ -177,7 +184,7 @@ class _Cloth:
         self.v[:] = 0.0
 
     def advance(self, ends: Floats, step: float, extra_damping: float) -> None:
-        """One kick and drift; the top edge goes to the ends, (2, 3)."""
+        """One kick and drift; what is held goes to the ends, (2, 3)."""
         x, v, f = self.x, self.v, self.f
         f[:] = 0.0
         f[..., 1] = GRAVITY * self.mass[..., 0]
@@ -198,11 +205,10 @@ class _Cloth:
             self._add_drag()
         damping = 0.5 * step * (self.physics.linear_damping + extra_damping)
         v[:] = ((1 - damping) * v + step * f / self.mass) / (1 + damping)
-        share = np.linspace(0, 1, x.shape[1])[:, None]
-        top = (1 - share) * ends[0] + share * ends[1]
-        v[0] = (top - x[0]) / step
+        place = (1 - self.held_share) * ends[0] + self.held_share * ends[1]
+        v[self.held] = (place - x[self.held]) / step
         x += step * v
-        x[0] = top
+        x[self.held] = place
 
     def _add_drag(self) -> None:
         x, v, f = self.x, self.v, self.f

@@ -50,6 +50,7 @@ def batch_command(
         bool, typer.Option("--retry-failed", help="Also try the takes again that could not be fitted before.")
     ] = False,
     method: Annotated[str, typer.Option("--method", help="As for `hangtime fit`, like all below.")] = "kinect-skirt",
+    fabric: Annotated[str | None, typer.Option("--fabric", help="Start from this fabric's table values.")] = None,
     effect: Annotated[list[str], typer.Option("--effect", metavar="NAME", help="Keep this effect in the model.")] = [],  # noqa: B006
     bounds: Annotated[list[str], typer.Option("--bounds", metavar="NAME=LOW:HIGH", help="Narrower bounds.")] = [],  # noqa: B006
     search: Annotated[str, typer.Option("--search", help="How parameters are looked for.")] = "annealing",
@@ -57,7 +58,9 @@ def batch_command(
     gamma: Annotated[
         float | None, typer.Option("--gamma", help="Factor gamma of the acceptance [1/m].", show_default="1e5")
     ] = None,
-    spacing: Annotated[float, typer.Option("--spacing", metavar="METRES", help="Mesh spacing.")] = 0.05,
+    spacing: Annotated[
+        float | None, typer.Option("--spacing", metavar="METRES", help="Mesh spacing.", show_default="the method's own")
+    ] = None,
     seed: Annotated[int, typer.Option("--seed", help="Seed of every random number.")] = 0,
 ) -> None:
     """Fit every take of a folder or bucket, each on a core of its own.
@@ -76,7 +79,7 @@ def batch_command(
 
     plan = Plan(
         method=method, effects=tuple(effect), bounds=tuple(bounds), iterations=iterations, gamma=gamma, search=search,
-        spacing=spacing, seed=seed,
+        spacing=spacing, seed=seed, fabric=fabric,
     )  # fmt: skip
     plan.request()
     takes, results = open_store(url), open_store(out)

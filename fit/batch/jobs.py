@@ -16,6 +16,7 @@ from functools import cache
 from pathlib import Path
 
 import fit as fit_package
+from fit.fabrics import find_fabric
 from fit.parameterisations import find_method
 from fit.request import Request, request_of
 
@@ -33,18 +34,23 @@ class Plan:
     search: str = "annealing"
     iterations: int = 350
     gamma: float | None = None
-    spacing: float = 0.05
+    spacing: float | None = None  # m; the method's own where None
     seed: int = 0
+    fabric: str | None = None
 
     def request(self) -> Request:
         """Return the request for the fitter.
 
         Raises:
-            FitError: an unknown method or effect, or bounds that do not hold.
+            FitError: an unknown method, fabric, effect or search, or bounds that do not hold.
         """
+        method = find_method(self.method)
+        if self.fabric is not None:
+            method = method.starting_from(find_fabric(self.fabric).start, f"the fabric {self.fabric}")
         return request_of(
-            find_method(self.method), list(self.effects), iterations=self.iterations, seed=self.seed,
-            spacing=self.spacing, gamma=self.gamma, bounds=list(self.bounds), search=self.search,
+            method, list(self.effects), iterations=self.iterations, seed=self.seed, gamma=self.gamma,
+            spacing=method.spacing if self.spacing is None else self.spacing, bounds=list(self.bounds),
+            search=self.search,
         )  # fmt: skip
 
 

@@ -114,7 +114,7 @@ def as_html(rows: Sequence[Row], plan: Plan) -> str:
     made = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     how = (
         f"Method {plan.method}, search {plan.search}, {plan.iterations} iterations, "
-        f"mesh {1e3 * plan.spacing:g} mm, seed {plan.seed}"
+        f"mesh {1e3 * plan.request().resolution.spacing:g} mm, seed {plan.seed}"
     )
     is_bad = any(row.state in ("failed", "refused") for row in rows)
     style = resources.files("fit.report").joinpath("page.css").read_text(encoding="utf-8")

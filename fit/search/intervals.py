@@ -37,10 +37,14 @@ FEWEST_BLOCKS = 3
 
 @dataclass(frozen=True)
 class Intervals:
-    """90 % intervals in the parameters' own units, (parameters, 2), and which the data tell, (parameters,)."""
+    """90 % intervals, (parameters, 2), and which parameters the data tell, (parameters,).
+
+    covariance, (parameters, parameters), of the linearised model or of draws; all in the parameters' own units.
+    """
 
     ends: Floats
     is_told: NDArray[np.bool_]
+    covariance: Floats
 
 
 def block_intervals(
@@ -50,8 +54,8 @@ def block_intervals(
     """Return intervals about `parameters`, (p,).
 
     residuals, (m,), in units of their deviation; jacobian, (m, p): d residual / d u, u from 0 to 1 between the bounds;
-    block, (m,): to which half second each number belongs; between, (p,): variance that comes on top, in squared shares
-    of the box.
+    block, (m,): to which half second each number belongs; between, (p, p): covariance that comes on top, in squared
+    shares of the box.
 
     Raises:
         FitError: fewer than three blocks.
@@ -61,23 +65,30 @@ def block_intervals(
     names, place = np.unique(block, return_inverse=True)
     if len(names) < FEWEST_BLOCKS:
         raise FitError(f"intervals need {FEWEST_BLOCKS} blocks, there are {len(names)}", advice="record a longer take")
-    deviation, way = jackknife(residuals, jacobian, place)
-    deviation = np.sqrt(deviation**2 + between)
+    variance, way = jackknife(residuals, jacobian, place)
+    variance = variance + between
+    deviation = np.sqrt(np.diag(variance))
     reach = float(student.ppf(0.95, len(names) - 1))
     half = np.sqrt((reach * deviation) ** 2 + way**2)
     unit = space.to_unit(parameters)
     ends = np.stack([space.from_unit(np.clip(unit + sign * half, 0, 1)) for sign in (-1, 1)], axis=1)
-    return Intervals(ends, deviation < SHARE_TOLD * PRIOR_SD)
+    # d parameter / d u: a logarithm's slope is the parameter itself.
+    slope = space.scale * np.where(space.is_log, parameters, 1.0)
+    return Intervals(ends, deviation < SHARE_TOLD * PRIOR_SD, variance * np.outer(slope, slope))
 
 
 def draw_intervals(space: BoundedSpace, draws: Floats) -> Intervals:
     """Return intervals from draws of the posterior, (draws, parameters): their 5 % and 95 % quantiles."""
     ends = np.quantile(draws, [0.05, 0.95], axis=0).T
-    return Intervals(ends, space.to_unit(draws).std(axis=0) < SHARE_TOLD * PRIOR_SD)
+    is_told = space.to_unit(draws).std(axis=0) < SHARE_TOLD * PRIOR_SD
+    return Intervals(ends, is_told, np.atleast_2d(np.cov(draws.T)))
 
 
 def jackknife(residuals: Floats, jacobian: Floats, place: NDArray[np.int64]) -> tuple[Floats, Floats]:
-    """Return deviations, and the way to the least squares, (p,), each in shares of the box; place: blocks from 0."""
+    """Return the covariance, (p, p), and the way to the least squares, (p,), in shares of the box.
+
+    place: the blocks' numbers from 0.
+    """
     count = int(place.max()) + 1
     prior = np.eye(jacobian.shape[1]) / PRIOR_SD**2
     own = [jacobian[place == b] for b in range(count)]
@@ -88,4 +99,4 @@ def jackknife(residuals: Floats, jacobian: Floats, place: NDArray[np.int64]) -> 
     apart = without - without.mean(0)
     inverse = np.linalg.inv(whole)
     variance = (count - 1) / count * (apart.T @ apart) + inverse @ prior @ inverse
-    return np.sqrt(np.diag(variance)), -inverse @ slope
+    return variance, -inverse @ slope

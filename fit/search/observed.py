@@ -144,7 +144,7 @@ class ObservedSearch:
         pieces = sum(recording.duration for recording in self.free.recordings) / RIPPLE_TIME
         weights = (costs / best.cost) ** (-0.5 * pieces)
         apart = units - self.space.to_unit(best.parameters)
-        between = (weights[:, None] * apart**2).sum(0) / weights.sum()
+        between = (weights[:, None] * apart).T @ apart / weights.sum()
         return block_intervals(
             self.space, best.parameters, best.residuals, best.jacobian * self.space.scale, block, between=between
         )

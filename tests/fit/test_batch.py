@@ -159,7 +159,7 @@ def test_bad_input_gives_one_sentence_and_exit_code_2(tmp_path, words, sentence)
 def test_the_key_changes_with_the_take_every_option_and_the_physics_and_with_nothing_else():
     other = {
         "method": "si", "effects": ("air_drag",), "bounds": ("bend=1:2",), "iterations": 9, "gamma": 1.0,
-        "spacing": 0.05, "seed": 1,
+        "spacing": 0.05, "seed": 1, "search": "cma-es", "fabric": "silk",
     }  # fmt: skip
     plain = key_of("take", PLAN, "physics")
     keys = [key_of("take", Plan(**{"iterations": 8, "spacing": 0.1, k: v}), "physics") for k, v in other.items()]

@@ -130,6 +130,11 @@ def test_a_search_that_is_not_known_is_one_sentence():
         Evolution(SI.maximum + 1, SPACE, 10, 0)
 
 
+def test_least_squares_refuse_another_engine():
+    with pytest.raises(FitError, match="with our own cloth only, not with blender"):
+        request_of(KINECT_SKIRT, [], iterations=1, seed=0, spacing=0.1, engine="blender", search="least-squares")
+
+
 # --- each for itself ----------------------------------------------------------------------------
 
 
@@ -189,8 +194,8 @@ def test_the_jackknife_of_a_mean_is_the_spread_of_the_block_means_over_their_num
     """Four blocks of two numbers with means 1, 2, 3, 6: sum of squares 14, over 4 x 3."""
     values = np.array([0, 2, 1, 3, 2, 4, 5, 7.0])
     slope = 1e3  # so that the prior weighs nothing
-    deviation, way = jackknife(values, np.full((8, 1), slope), np.repeat(np.arange(4), 2))
-    assert deviation[0] * slope == pytest.approx(np.sqrt(14 / 12), rel=1e-4)
+    variance, way = jackknife(values, np.full((8, 1), slope), np.repeat(np.arange(4), 2))
+    assert np.sqrt(variance[0, 0]) * slope == pytest.approx(np.sqrt(14 / 12), rel=1e-4)
     assert way[0] * slope == pytest.approx(-3.0, rel=1e-4)
 
 
@@ -201,8 +206,7 @@ def test_a_parameter_that_no_number_shows_keeps_the_spread_of_the_box_and_is_not
     found = block_intervals(line, np.array([0.5, 0.5]), noise, jacobian, np.repeat(np.arange(12), 5))
     assert found.is_told.tolist() == [True, False]
     assert found.ends[1].tolist() == [0.0, 1.0]  # 1.80 x 0.289 is more than half of the box
-    deviation, _ = jackknife(noise, jacobian, np.repeat(np.arange(12), 5))
-    assert deviation[1] == pytest.approx(PRIOR_SD)
+    assert np.sqrt(found.covariance[1, 1]) == pytest.approx(PRIOR_SD)
 
 
 def test_ninety_percent_intervals_hold_the_truth_of_a_line_in_nine_of_ten_cases_also_when_errors_go_together():

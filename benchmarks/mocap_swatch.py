@@ -15,9 +15,10 @@ from pathlib import Path
 
 import fit.swatch_error
 from firmware_host.synthetic.swatch import make_swatch_take
-from fit.calibration import calibrate, request_of
+from fit.calibration import calibrate
 from fit.fabrics import find_fabric
 from fit.parameterisations import find_method
+from fit.request import request_of
 from formats.descriptions import load_garment
 from formats.importers.swatch_mocap import import_marker_take
 from formats.results import FitResult

@@ -1,21 +1,22 @@
-"""Fit a parameterisation to takes by the printed annealing: freely running simulations, the method's own objective.
+"""Fit a parameterisation to takes: the loop around every search, and what is told of its result.
 
-Each candidate is simulated from the settled first shape through the whole take without any pull; its distance is the
-mean of the method's objective (`fit.objective`: D; `fit.swatch_error`: E) over the takes. The interval of a parameter
-is that of the linearised model about the result,
+Searches that ask and are told (`fit.search.choice`) get free rollouts: each candidate is simulated from the settled
+first shape through the whole take without any pull, and its distance is the mean of the method's objective
+(`fit.objective`: D; `fit.swatch_error`: E) over the takes. Least squares (`fit.search.observed`) sees the points'
+residuals instead. Whatever the search, errors are told of free rollouts.
 
-    C = (J'J / s^2 / k + diag(12 / range^2))^-1,
-
-with residuals' deviation s, k numbers per independent block of half a second, and the variance of a flat prior over
-the range; a parameter counts as identified when the data shrink its prior deviation by half or more.
+Intervals are of the linearised model about the result, by the jackknife over half seconds (`fit.search.intervals`),
+from differences of a twentieth of the box, wider than the ripples that folds make; those of tempering are of its draws.
 """
 
 from __future__ import annotations
 
 import json
+import os
+import socket
 import time as clock
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -24,16 +25,17 @@ from numpy.typing import NDArray
 
 from fit import objective
 from fit.cloth.material import NAMES
-from fit.cloth.simulator import Resolution
 from fit.combinations import describe_combinations
-from fit.effects import find_effects
-from fit.effects.base import Effect, columns_of
+from fit.effects.base import columns_of
 from fit.engines import find_engine
 from fit.errors import BlowUpError, FitError
 from fit.geometry import check_geometry
-from fit.parameterisations import Parameter, Parameterisation
 from fit.recording import Recording, prepare
-from fit.search.annealing import Annealing, AnnealingSettings, SearchBox
+from fit.request import Request
+from fit.search.choice import Search, begin
+from fit.search.intervals import Intervals, block_intervals, draw_intervals
+from fit.search.observed import DIFFERENCE, ObservedSearch, ObservedSettings
+from fit.search.tempering import FEWEST_DRAWS, Tempering
 from formats.results import ErrorFigure, FitParameter, FitResult, ObjectiveFigure
 from formats.results import FitError as FitErrors
 from formats.take import Take
@@ -43,48 +45,6 @@ Progress = Callable[[int, int, float], None]
 
 BLOCK = 0.5  # s: distances further apart count as independent
 CHECKPOINT_EVERY = 10.0  # s
-SIDE_BY_SIDE = 16  # candidates a batch
-
-
-@dataclass(frozen=True, kw_only=True)
-class Request:
-    """What to fit and how."""
-
-    method: Parameterisation
-    effects: tuple[Effect, ...] = ()
-    settings: AnnealingSettings = field(default_factory=AnnealingSettings)
-    seed: int = 0
-    width: int = SIDE_BY_SIDE
-    resolution: Resolution = field(default_factory=Resolution)
-    engine: str = "own"  # the simulator, `fit.engines`
-    bounds: tuple[tuple[str, float, float], ...] = ()  # name, low, high: narrower than the parameter's own
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """The method's parameters and one for each component of each effect, within the request's bounds."""
-        narrowed = {name: (low, high) for name, low, high in self.bounds}
-        return tuple(
-            replace(p, minimum=low, maximum=high, initial=min(max(p.initial, low), high))
-            for p in self._all_parameters
-            for low, high in [narrowed.get(p.name, (p.minimum, p.maximum))]
-        )
-
-    @property
-    def _all_parameters(self) -> tuple[Parameter, ...]:
-        extra = tuple(
-            Parameter(
-                name=f"{e.name}.{component}" if component else e.name,
-                unit=e.unit,
-                initial=0.0,
-                minimum=e.low,
-                maximum=e.high,
-                interval=e.typical,
-                meaning=e.title,
-            )
-            for e in self.effects
-            for component in e.components
-        )
-        return self.method.parameters + extra
 
 
 class Model:
@@ -168,15 +128,31 @@ def calibrate(
     started = clock.monotonic()
     model = Model([prepare(t) for t in training], request)
     judge = Model([prepare(t) for t in held_out], request) if held_out else None
-    parameters = request.parameters
-    initial = np.array([p.initial for p in parameters])
-    box = SearchBox(
-        minimum=np.array([p.minimum for p in parameters]),
-        maximum=np.array([p.maximum for p in parameters]),
-        interval=np.array([p.interval for p in parameters]),
-    )
-    search = Annealing(initial, box, request.settings, np.random.default_rng(request.seed))
-    key = _key(training, request)
+    run = _least_squares if request.search == "least-squares" else _ask_and_tell
+    found = run(model, request, checkpoint, _key(training, request), progress)
+    if checkpoint is not None:
+        checkpoint.unlink(missing_ok=True)
+    return _result(training, held_out, request, model, judge, found, clock.monotonic() - started)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What a search ended with; simulations count each take."""
+
+    vector: Floats
+    intervals: Intervals
+    history: list[float]
+    simulations: int
+    non_finite: int = 0
+
+
+def _ask_and_tell(
+    model: Model, request: Request, checkpoint: Path | None, key: dict[str, object], progress: Progress
+) -> _Found:
+    blocks = sum(r.duration for r in model.recordings) / BLOCK
+    initial = np.array([p.initial for p in request.parameters])
+    steps = np.array([p.interval for p in request.parameters])
+    search = begin(request.search, initial, steps, request.space, request.settings, request.seed, numbers=blocks)
     if checkpoint is not None and checkpoint.exists():
         _resume(search, checkpoint, key)
     saved = clock.monotonic()
@@ -187,7 +163,7 @@ def calibrate(
             if not search.is_started and not np.isfinite(distances[0]):
                 raise BlowUpError(
                     "the simulation of the initial parameters blew up",
-                    where=training[0].take_id,
+                    where=model.recordings[0].take_id,
                     advice="use a coarser mesh (--spacing) or check the garment's weight",
                 )
             search.tell(candidates, distances)
@@ -199,27 +175,57 @@ def calibrate(
         if checkpoint is not None:
             _save(search, checkpoint, key)
         raise
-    if checkpoint is not None:
-        checkpoint.unlink(missing_ok=True)
-    return _result(training, held_out, request, model, judge, search, initial, clock.monotonic() - started)
+    if isinstance(search, Tempering) and len(search.draws) >= FEWEST_DRAWS:
+        intervals = draw_intervals(request.space, search.draws)
+    else:
+        intervals = _intervals(model, search.best)
+    takes = len(model.recordings)
+    return _Found(
+        search.best, intervals, [float(v) for v in search.best_history], search.evaluations * takes, search.non_finite
+    )
+
+
+def _least_squares(
+    model: Model, request: Request, checkpoint: Path | None, key: dict[str, object], progress: Progress
+) -> _Found:
+    """Least squares; quick enough that nothing is kept of an interrupted one."""
+    search = ObservedSearch(
+        model.recordings, request.method, request.effects, request.space, request.resolution
+    )  # fmt: skip
+    initial = np.array([p.initial for p in request.parameters])
+    history = [float(model.distances(initial[None])[0])]
+
+    def show(simulations: int, vector: Floats) -> None:
+        history.append(min(history[-1], float(model.distances(vector[None])[0])))
+        progress(len(history) - 1, settings.starts * len(settings.pulls), history[-1])
+
+    settings = ObservedSettings(seed=request.seed)
+    found = search.run(initial, settings, show)
+    simulations = found.simulations + len(history) * len(model.recordings)
+    return _Found(found.vector, found.intervals, history, simulations)
 
 
 def _key(training: list[Take], request: Request) -> dict[str, object]:
     return {
         "takes": [t.take_id for t in training], "method": request.method.name, "seed": request.seed,
+        "search": request.search,
         "effects": [e.name for e in request.effects], "spacing": request.resolution.spacing,
         "bounds": [list(b) for b in request.bounds], "initial": [p.initial for p in request.parameters],
         "engine": request.engine,
     }  # fmt: skip
 
 
-def _save(search: Annealing, checkpoint: Path, key: dict[str, object]) -> None:
-    partial = checkpoint.with_suffix(".writing")
-    partial.write_text(json.dumps({"key": key, "search": search.state()}))
+def _save(search: Search, checkpoint: Path, key: dict[str, object]) -> None:
+    # The process is in the name: two workers may be at the same search when one was thought lost.
+    partial = checkpoint.with_suffix(f".{socket.gethostname()}-{os.getpid()}.writing")
+    with partial.open("w") as file:
+        file.write(json.dumps({"key": key, "search": search.state()}))
+        file.flush()
+        os.fsync(file.fileno())
     partial.replace(checkpoint)
 
 
-def _resume(search: Annealing, checkpoint: Path, key: dict[str, object]) -> None:
+def _resume(search: Search, checkpoint: Path, key: dict[str, object]) -> None:
     try:
         saved = json.loads(checkpoint.read_text())
         state, saved_key = saved["search"], saved["key"]
@@ -236,18 +242,17 @@ def _resume(search: Annealing, checkpoint: Path, key: dict[str, object]) -> None
 
 def _result(
     training: list[Take], held_out: list[Take], request: Request, model: Model, judge: Model | None,
-    search: Annealing, initial: Floats, seconds: float,
+    found: _Found, seconds: float,
 ) -> FitResult:  # fmt: skip
-    best = search.best
-    covariance = _covariance(model, best, request.parameters)
-    intervals, is_identified = _intervals(covariance, best, request.parameters)
+    best, intervals = found.vector, found.intervals
+    initial = np.array([p.initial for p in request.parameters])
     count, weighed = len(request.method.parameters), model.weighed_density
     reach = np.array([p.maximum - p.minimum for p in request.method.parameters])
     described = [
         FitParameter(
             name=p.name, unit=p.unit, initial=p.initial, fitted=float(best[k]), minimum=p.minimum, maximum=p.maximum,
-            interval_low=float(intervals[k, 0]), interval_high=float(intervals[k, 1]),
-            is_identified=bool(is_identified[k]) and p.name not in request.method.degenerate, note=p.meaning,
+            interval_low=float(intervals.ends[k, 0]), interval_high=float(intervals.ends[k, 1]),
+            is_identified=bool(intervals.is_told[k]) and p.name not in request.method.degenerate, note=p.meaning,
         )
         for k, p in enumerate(request.parameters)
     ]  # fmt: skip
@@ -256,17 +261,18 @@ def _result(
     notes += [o.remark for o in model.objectives if o.remark]
     if not is_own:
         notes.append(f"Simulated by {request.engine}; its numbers have no SI values, so no combinations are given.")
-    unit = {"m": "metre"}.get(model.objectives[0].unit, f"unit of {model.objectives[0].name}")
-    notes.append(f"gamma = {request.settings.gamma:g} per {unit} is our choice; the paper gives none.")
-    if search.non_finite:
-        notes.append(f"{search.non_finite} candidates blew up and were rejected.")
+    if request.search in ("annealing", "restarts"):
+        unit = {"m": "metre"}.get(model.objectives[0].unit, f"unit of {model.objectives[0].name}")
+        notes.append(f"gamma = {request.settings.gamma:g} per {unit} is our choice; the paper gives none.")
+    if found.non_finite:
+        notes.append(f"{found.non_finite} candidates blew up and were rejected.")
     return FitResult(
         format="hangtime-fit/1",
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         take_ids=[t.take_id for t in training],
         held_out_ids=[t.take_id for t in held_out],
         method=request.method.name,
-        search="annealing",
+        search=request.search,
         seed=request.seed,
         parameters=described,
         error=FitErrors(
@@ -278,102 +284,32 @@ def _result(
         effects={
             p.name: float(best[k]) for k, p in enumerate(request.parameters) if k >= len(request.method.parameters)
         },
-        history=[float(v) for v in search.best_history],
-        simulations=search.evaluations * len(training),
+        history=found.history,
+        simulations=found.simulations,
         seconds=seconds,
         notes=notes,
         material=model.material(best) if is_own else {},
         objective=model.objective_figure(initial, best),
         combinations=describe_combinations(
             lambda vectors: request.method.to_materials(vectors, weighed),
-            initial[:count], best[:count], reach, covariance[:count, :count],
+            initial[:count], best[:count], reach, intervals.covariance[:count, :count],
         ) if is_own else [],
     )  # fmt: skip
 
 
-def _covariance(model: Model, best: Floats, parameters: tuple[Parameter, ...]) -> Floats:
-    """Covariance of the parameters in the linearised model about the best vector, (parameters, parameters)."""
-    low, high = np.array([p.minimum for p in parameters]), np.array([p.maximum for p in parameters])
-    reach = high - low
-    step = np.where(best + 0.02 * reach <= high, 0.02, -0.02) * reach
-    candidates = np.concatenate([best[None], best + np.diag(step)])
-    stacked = [
-        (r.points - p)[:, r.valid].reshape(len(candidates), -1)
-        for r, p in zip(model.recordings, model.points(candidates), strict=True)
-    ]
-    residuals = np.concatenate(stacked, axis=1)
-    jacobian = np.nan_to_num((residuals[1:] - residuals[0]) / step[:, None])
-    variance = float(np.mean(residuals[0] ** 2))
-    blocks = sum(r.duration / BLOCK for r in model.recordings)
-    per_block = residuals.shape[1] / blocks
-    return np.asarray(np.linalg.inv(jacobian @ jacobian.T / variance / per_block + np.diag(12 / reach**2)))
-
-
-def _intervals(covariance: Floats, best: Floats, parameters: tuple[Parameter, ...]) -> tuple[Floats, NDArray[np.bool_]]:
-    """90 % intervals, (parameters, 2), and whether each parameter is identified."""
-    low, high = np.array([p.minimum for p in parameters]), np.array([p.maximum for p in parameters])
-    prior = (high - low) / np.sqrt(12)
-    deviation = np.sqrt(np.diag(covariance))
-    intervals = np.stack([np.maximum(best - 1.645 * deviation, low), np.minimum(best + 1.645 * deviation, high)], 1)
-    return intervals, deviation < 0.5 * prior
-
-
-def request_of(
-    method: Parameterisation,
-    effects: list[str],
-    *,
-    iterations: int,
-    seed: int,
-    spacing: float,
-    gamma: float | None = None,
-    bounds: list[str] | None = None,
-    engine: str = "own",
-) -> Request:
-    """Gather a request from plain values; bounds as NAME=LOW:HIGH.
-
-    Raises:
-        FitError: an unknown effect or engine; bounds that are crossed, malformed, of no parameter or beyond its range.
-    """
-    settings = AnnealingSettings(iterations=iterations, gamma=method.gamma if gamma is None else gamma)
-    request = Request(
-        method=method,
-        effects=find_effects(effects),
-        settings=settings,
-        seed=seed,
-        resolution=Resolution(spacing=spacing),
-        engine=engine,
-        width=SIDE_BY_SIDE if engine == "own" else 1,  # speculation pays only where candidates share a batch
-    )
-    find_engine(engine)
-    known = {p.name: p for p in request.parameters}
-    return replace(request, bounds=tuple(_read_bounds(text, known) for text in bounds or []))
-
-
-def _read_bounds(text: str, known: dict[str, Parameter]) -> tuple[str, float, float]:
-    name, _, span = text.partition("=")
-    low_text, _, high_text = span.partition(":")
-    if name not in known:
-        raise FitError(
-            f"there is no parameter named {name!r}", where="--bounds", advice=f"known parameters: {', '.join(known)}"
-        )
-    try:
-        low, high = float(low_text), float(high_text)
-    except ValueError:
-        raise FitError(
-            f"{text!r} is not NAME=LOW:HIGH", where="--bounds", advice=f"for example {name}={known[name].minimum:g}:"
-            f"{known[name].maximum:g}",
-        ) from None  # fmt: skip
-    parameter = known[name]
-    if not low < high:
-        raise FitError(
-            f"the lower bound of {name}, {low:g}, is not below its upper bound, {high:g}",
-            where="--bounds",
-            advice="give the smaller number first",
-        )
-    if not (parameter.minimum <= low and high <= parameter.maximum):
-        raise FitError(
-            f"{low:g} to {high:g} leaves the range of {name}",
-            where="--bounds",
-            advice=f"stay within {parameter.minimum:g} to {parameter.maximum:g} {parameter.unit}",
-        )
-    return name, low, high
+def _intervals(model: Model, best: Floats) -> Intervals:
+    """Intervals about the end of a search that knows no residuals, from one more batch of free rollouts."""
+    space = model.request.space
+    unit = space.to_unit(best)
+    step = np.where(unit + DIFFERENCE <= 1, DIFFERENCE, -DIFFERENCE)
+    candidates = space.from_unit(np.concatenate([unit[None], unit + np.diag(step)]))
+    residuals, block, first = [], [], 0
+    for recording, points in zip(model.recordings, model.points(candidates), strict=True):
+        residuals.append((recording.points - points)[:, recording.valid].reshape(len(candidates), -1))
+        half_second = (recording.time / BLOCK).astype(np.int64) + first
+        block.append(np.repeat(half_second[np.nonzero(recording.valid)[0]], 3))
+        first = int(half_second[-1]) + 1
+    stacked = np.concatenate(residuals, axis=1)
+    jacobian = np.nan_to_num((stacked[1:] - stacked[0]) / step[:, None]).T
+    deviation = float(np.sqrt(np.mean(stacked[0] ** 2)))
+    return block_intervals(space, best, stacked[0] / deviation, jacobian / deviation, np.concatenate(block))

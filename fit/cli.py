@@ -1,4 +1,4 @@
-"""`hangtime fit`, `hangtime fabric` and `hangtime diagnose`."""
+"""`hangtime fit`, `hangtime fabric` and `hangtime diagnose`; `batch` and `blind` have their own modules."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from fit.batch.cli import add_commands as add_batch_commands
 from fit.blind.cli import add_commands as add_blind_commands
 
 Takes = Annotated[
@@ -27,6 +28,7 @@ def add_commands(app: typer.Typer) -> None:
     app.command("fit", short_help="Find the cloth parameters that follow the takes.")(fit_command)
     app.command("fabric", short_help="Show a fit as a fabric tester would.")(fabric_command)
     app.command("diagnose", short_help="Say what the simulation lacks, and how sure that is.")(diagnose_command)
+    add_batch_commands(app)
     add_blind_commands(app)
 
 
@@ -57,7 +59,16 @@ def fit_command(
             "--bounds", metavar="NAME=LOW:HIGH", help="Search this parameter within narrower bounds; may be repeated."
         ),
     ] = [],  # noqa: B006
-    iterations: Annotated[int, typer.Option("--iterations", min=1, help="Iterations of the annealing.")] = 350,
+    search: Annotated[
+        str,
+        typer.Option(
+            "--search", help="annealing: as in the paper; restarts, tempering, cma-es; least-squares: the quickest."
+        ),
+    ] = "annealing",
+    iterations: Annotated[
+        int,
+        typer.Option("--iterations", min=1, help="Iterations of the annealing, candidates of tempering and cma-es."),
+    ] = 350,
     gamma: Annotated[
         float | None, typer.Option("--gamma", help="Factor gamma of the acceptance [1/m].", show_default="1e5")
     ] = None,
@@ -71,13 +82,14 @@ def fit_command(
 ) -> None:  # fmt: skip
     """Find the cloth parameters that make the simulation follow the takes.
 
-    Simulated annealing as in the Kinect-skirt paper: freely running simulations, the method's own error.
+    By default simulated annealing as in the Kinect-skirt paper: freely running simulations, the method's own error.
     Writes DIR/fit.json and DIR/report.html. Interrupt with Ctrl-C at any time; the same command goes on where it was.
     """
-    from fit.calibration import calibrate, request_of
+    from fit.calibration import calibrate
     from fit.fabrics import find_fabric
     from fit.parameterisations import find_method
     from fit.reporting import write_fit_report
+    from fit.request import request_of
     from formats.archive import read_take
     from formats.results import save_fit_result
 
@@ -86,15 +98,16 @@ def fit_command(
         chosen = chosen.starting_from(find_fabric(fabric).start, f"the fabric {fabric}")
     spacing = chosen.spacing if spacing is None else spacing
     request = request_of(
-        chosen, effect, iterations=iterations, seed=seed, spacing=spacing, gamma=gamma, bounds=bounds, engine=engine
-    )
+        chosen, effect, iterations=iterations, seed=seed, spacing=spacing, gamma=gamma, bounds=bounds, engine=engine,
+        search=search,
+    )  # fmt: skip
     training, testing = [read_take(p) for p in takes], [read_take(p) for p in held_out]
     out.mkdir(parents=True, exist_ok=True)
-    progress = ProgressLine("annealing")
+    progress = ProgressLine(search)
 
     def show(done: int, total: int, best: float) -> None:
         error = f"mean error {1e3 * best:.1f} mm" if chosen.is_in_metres else f"error E/N {best:.3f}"
-        progress.show(done / total, f"{done}/{total} iterations, {error}")
+        progress.show(done / total, f"{done}/{total}, {error}")
 
     try:
         result = calibrate(training, testing, request, checkpoint=out / "fit.partial.json", progress=show)

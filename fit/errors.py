@@ -4,6 +4,7 @@ HangtimeError
   +-- FitError            the request cannot be fitted
         +-- DriveError    a hanger path that no cloth can follow (gaps, jumps)
         +-- BlowUpError   a simulation that left the realm of finite numbers
+        +-- BatchError    a folder, bucket or cluster that a batch cannot work with
 """
 
 from __future__ import annotations
@@ -21,3 +22,7 @@ class DriveError(FitError):
 
 class BlowUpError(FitError):
     """Every candidate of a batch became infinite or not a number."""
+
+
+class BatchError(FitError):
+    """A folder, bucket or cluster that a batch cannot work with."""

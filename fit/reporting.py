@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.calibration import Request
 from fit.cloth.simulator import Resolution, Simulator
 from fit.effects.base import amplitudes_of
 from fit.engines import find_engine
@@ -16,6 +15,7 @@ from fit.gap.diagnosis import Findings
 from fit.parameterisations import find_method
 from fit.recording import Recording, prepare
 from fit.report import ReportMotion, write_report
+from fit.request import Request
 from formats.results import FitResult
 from formats.take import Take
 

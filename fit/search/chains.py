@@ -42,6 +42,16 @@ class ParallelChains:
         self._asked: list[tuple[Annealing, int]] = []
 
     @property
+    def is_started(self) -> bool:
+        """Whether every chain has its start's distance."""
+        return all(chain.is_started for chain in self.chains)
+
+    @property
+    def iteration(self) -> int:
+        """Iterations of all chains."""
+        return sum(chain.iteration for chain in self.chains)
+
+    @property
     def is_finished(self) -> bool:
         """Whether every chain is done."""
         return all(chain.is_finished for chain in self.chains)

@@ -9,9 +9,10 @@ import sys
 import numpy as np
 import pytest
 
-from fit.calibration import Request, calibrate, request_of
+from fit.calibration import calibrate
 from fit.errors import FitError
 from fit.parameterisations import KINECT_SKIRT, SI, find_method
+from fit.request import Request, request_of
 from formats.archive import write_take
 from formats.results import load_fit_result
 from tests.fit.scenes import material, sheet, simulate_take, swing

@@ -9,13 +9,14 @@ import sys
 import numpy as np
 import pytest
 
-from fit.calibration import Model, calibrate, request_of
+from fit.calibration import Model, calibrate
 from fit.cloth.simulator import Resolution
 from fit.engines import BlenderEngine, OwnEngine, find_engine
 from fit.engines.blender import PYTHON, blender_settings
 from fit.errors import FitError
 from fit.parameterisations import KINECT_SKIRT, SI
 from fit.recording import prepare
+from fit.request import request_of
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 
 COARSE = Resolution(spacing=0.05)

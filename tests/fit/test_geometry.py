@@ -10,11 +10,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from fit.calibration import calibrate, request_of
+from fit.calibration import calibrate
 from fit.errors import FitError
 from fit.geometry import check_geometry
 from fit.parameterisations import SI
 from fit.recording import prepare
+from fit.request import request_of
 from formats.importers.swung_cloth import import_swung_cloth
 from tests.fit.scenes import hung, sheet, swing, take_of
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fit.calibration import calibrate, request_of
+from fit.calibration import calibrate
 from fit.cloth import material as mat
 from fit.cloth.mesh import build_mesh
 from fit.cloth.simulator import Resolution, Simulator
@@ -15,6 +15,7 @@ from fit.fabric_sheet import sheet_of
 from fit.kes import BENDING, HYSTERESIS, SHEAR, TENSION, make_sheet, shear_test, stretch_test, tension
 from fit.parameterisations import LEAN
 from fit.recording import prepare
+from fit.request import request_of
 from tests.fit.report_scene import fit_result
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 

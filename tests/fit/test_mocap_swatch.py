@@ -8,13 +8,14 @@ import sys
 import numpy as np
 import pytest
 
-from fit.calibration import calibrate, request_of
+from fit.calibration import calibrate
 from fit.cloth import material as mat
 from fit.cloth.simulator import Resolution
 from fit.combinations import COMBINATIONS, combine
 from fit.errors import FitError
 from fit.fabrics import FABRICS, find_fabric
 from fit.parameterisations import KINECT_SKIRT, KINECT_SKIRT_WEIGHED, MOCAP_SWATCH, MOCAP_SWATCH_WEIGHED
+from fit.request import request_of
 from formats.archive import write_take
 from formats.results import load_fit_result
 from formats.swatch import swatch

@@ -1,0 +1,119 @@
+"""`hangtime batch`."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def add_commands(app: typer.Typer) -> None:
+    """Add `hangtime batch` to the command."""
+    app.command("batch", short_help="Fit every take of a folder or bucket, over night or on a cluster.")(batch_command)
+
+
+def batch_command(
+    url: Annotated[
+        str, typer.Argument(metavar="URL", help="Takes: a folder, file:///..., s3://..., gs://... or az://...")
+    ],
+    out: Annotated[
+        str, typer.Option("--out", metavar="URL", help="Folder or bucket for the results; a folder is made if absent.")
+    ] = "batch",
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler",
+            metavar="ADDRESS|FILE",
+            help="A running dask cluster: tcp://..., tls://... or its scheduler file.",
+            show_default="this machine",
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", min=1, metavar="N", help="Workers on this machine.", show_default="one a core"),
+    ] = None,
+    dashboard_port: Annotated[
+        int, typer.Option("--dashboard-port", help="Port of the dashboard on 127.0.0.1; 0 for any that is free.")
+    ] = 8787,
+    patience: Annotated[
+        float, typer.Option("--patience", metavar="MINUTES", help="How long to wait for a scheduler that is gone.")
+    ] = 10.0,
+    hours: Annotated[
+        float | None,
+        typer.Option(
+            "--hours", metavar="HOURS", help="Stop after this time; the next run goes on.", show_default="no limit"
+        ),
+    ] = None,
+    retry_failed: Annotated[
+        bool, typer.Option("--retry-failed", help="Also try the takes again that could not be fitted before.")
+    ] = False,
+    method: Annotated[str, typer.Option("--method", help="As for `hangtime fit`, like all below.")] = "kinect-skirt",
+    fabric: Annotated[str | None, typer.Option("--fabric", help="Start from this fabric's table values.")] = None,
+    effect: Annotated[list[str], typer.Option("--effect", metavar="NAME", help="Keep this effect in the model.")] = [],  # noqa: B006
+    bounds: Annotated[list[str], typer.Option("--bounds", metavar="NAME=LOW:HIGH", help="Narrower bounds.")] = [],  # noqa: B006
+    search: Annotated[str, typer.Option("--search", help="How parameters are looked for.")] = "annealing",
+    iterations: Annotated[int, typer.Option("--iterations", min=1, help="Iterations of the search.")] = 350,
+    gamma: Annotated[
+        float | None, typer.Option("--gamma", help="Factor gamma of the acceptance [1/m].", show_default="1e5")
+    ] = None,
+    spacing: Annotated[
+        float | None, typer.Option("--spacing", metavar="METRES", help="Mesh spacing.", show_default="the method's own")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of every random number.")] = 0,
+) -> None:
+    """Fit every take of a folder or bucket, each on a core of its own.
+
+    Each result is kept at once, whole or not at all, under a key of the take's content, the options and the physics: a
+    second run fits only what is new. A worker that dies, a take that cannot be fitted and a scheduler that is lost cost
+    time and nothing else. Writes fits/KEY.json, summary.csv and summary.html. Ends with 0 when every take is fitted, 1
+    when some are not.
+    """
+    from fit.batch.cluster import Workers
+    from fit.batch.jobs import Plan
+    from fit.batch.runner import run, survey
+    from fit.batch.store import open_store
+    from fit.batch.summary import rows_of, sentence_of, write_summary
+    from fit.cli import ProgressLine
+
+    plan = Plan(
+        method=method, effects=tuple(effect), bounds=tuple(bounds), iterations=iterations, gamma=gamma, search=search,
+        spacing=spacing, seed=seed, fabric=fabric,
+    )  # fmt: skip
+    plan.request()
+    takes, results = open_store(url), open_store(out)
+    deadline = None if hours is None else time.monotonic() + 3600 * hours
+    found = survey(takes, results, plan, retry_failed=retry_failed)
+    typer.echo(f"{len(found.keys)} takes, {len(found.jobs)} to fit.", err=True)
+    progress = ProgressLine("batch")
+    is_interrupted = False
+
+    def show(done: int, total: int, text: str) -> None:
+        failed = sum(o.state in ("failed", "refused") for o in found.outcomes.values())
+        progress.show(done / total, f"{done}/{total} takes{f', {failed} failed' if failed else ''}, {text}")
+
+    try:
+        run(
+            found,
+            Workers(scheduler=scheduler, count=workers, dashboard_port=dashboard_port, patience=60 * patience),
+            progress=show,
+            say=lambda line: typer.echo(line, err=True),
+            deadline=deadline,
+        )
+    except KeyboardInterrupt:
+        is_interrupted = True
+    finally:
+        progress.end()
+        rows = rows_of(found, results)
+        write_summary(rows, results, plan)
+    for row in rows:
+        if row.state in ("failed", "refused"):
+            typer.echo(f"{row.take}: {row.sentence}", err=True)
+    place = results.path("summary.html") or f"{results.url}/summary.html"
+    typer.echo(f"{sentence_of(rows)}\nSummary: {place if isinstance(place, str) else Path(place)}")
+    if is_interrupted:
+        typer.echo("Interrupted; the same command goes on.", err=True)
+        raise typer.Exit(130)
+    if any(row.state in ("failed", "refused") for row in rows):
+        raise typer.Exit(1)

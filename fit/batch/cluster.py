@@ -1,0 +1,94 @@
+"""The workers of a batch: processes of this machine, or a dask cluster that runs already.
+
+On this machine everything stays on the loopback interface, and scheduler and workers talk over TLS with a certificate
+made for the night: dask runs whatever is sent to it, so nobody else on the machine may send.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fit.errors import BatchError
+
+CONNECT = 5.0  # s that one attempt to reach a scheduler may take
+RETRY = 2.0  # s between attempts
+
+
+@dataclass(frozen=True, kw_only=True)
+class Workers:
+    """Where to work. scheduler: address or scheduler file of a running cluster, None for this machine."""
+
+    scheduler: str | None = None
+    count: int | None = None  # on this machine; one a core where None
+    dashboard_port: int = 8787
+    patience: float = 600.0  # s for which a lost scheduler is waited for
+
+
+@contextlib.contextmanager
+def connect(workers: Workers) -> Iterator[Any]:
+    """Yield a dask client; of this machine's own workers, or of the cluster once its scheduler answers.
+
+    Raises:
+        BatchError: dask is not installed, or no scheduler answers for as long as patience lasts.
+    """
+    try:
+        import distributed
+    except ModuleNotFoundError as error:
+        raise BatchError(
+            f"{error.name} is not installed", where="batch", advice="install it: pip install 'hangtime[batch]'"
+        ) from error
+    # Lost workers are the daily bread of a batch; it says itself what matters.
+    for name in ("distributed", "distributed.client", "distributed.nanny", "distributed.scheduler"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    client = _local(distributed, workers) if workers.scheduler is None else _remote(distributed, workers)
+    try:
+        yield client
+    finally:
+        with contextlib.suppress(Exception):  # closing what is broken may fail in any way
+            cluster = client.cluster
+            client.close(timeout=CONNECT)
+            if cluster is not None:
+                cluster.close(timeout=CONNECT)
+
+
+def _local(distributed: Any, workers: Workers) -> Any:
+    count = workers.count or len(os.sched_getaffinity(0))
+    cluster = distributed.LocalCluster(
+        n_workers=count,
+        threads_per_worker=1,
+        processes=True,
+        host="127.0.0.1",
+        protocol="tls://",
+        security=distributed.Security.temporary(),
+        dashboard_address=f"127.0.0.1:{workers.dashboard_port}",
+        worker_dashboard_address=None,
+        silence_logs=logging.CRITICAL,
+    )
+    return distributed.Client(cluster)
+
+
+def _remote(distributed: Any, workers: Workers) -> Any:
+    address = str(workers.scheduler)
+    deadline = time.monotonic() + workers.patience
+    while True:
+        try:
+            if "://" not in address:
+                if not Path(address).exists():
+                    raise OSError(f"there is no file {address}")
+                return distributed.Client(scheduler_file=address, timeout=CONNECT)
+            return distributed.Client(address, timeout=CONNECT)
+        except (OSError, TimeoutError, ValueError) as error:
+            if time.monotonic() >= deadline or (isinstance(error, ValueError) and "://" in address):
+                raise BatchError(
+                    f"no scheduler answers there ({str(error).splitlines()[0] if str(error) else 'timed out'})",
+                    where=address,
+                    advice="start it and run the batch again: what is finished is kept",
+                ) from error
+        time.sleep(RETRY)

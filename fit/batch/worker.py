@@ -1,0 +1,89 @@
+"""What a worker does with one job: read the take, fit it, keep the result; a take that cannot be fitted is noted."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+
+from fit.batch.jobs import Job, Outcome, digest_of, failure_name, physics_version, result_name, search_name
+from fit.batch.store import Store, open_store
+from fit.errors import BatchError, FitError
+from formats.errors import HangtimeError
+
+
+def run_job(job: Job) -> Outcome:
+    """Fit one take and keep its result.
+
+    A job may come twice, when the worker that had finished it was lost: the second time its result is found.
+
+    Raises:
+        BatchError: takes or results cannot be reached; that is no fault of the take.
+    """
+    # One take, one core: fits scale over takes. Must be set before Taichi starts.
+    os.environ.setdefault("HANGTIME_THREADS", "1")
+    started = time.monotonic()
+    if physics_version() != job.physics:
+        return Outcome(
+            key=job.key, state="refused",
+            sentence="the worker has another Hangtime than the batch; install the same version on both",
+        )  # fmt: skip
+    takes, results = open_store(job.takes_url), open_store(job.results_url)
+    if results.has(result_name(job.key)):
+        return Outcome(key=job.key, state="fitted", seconds=time.monotonic() - started)
+    content = takes.read(job.take)
+    if digest_of(content) != job.digest:
+        return Outcome(
+            key=job.key, state="refused", sentence="the take was changed while the batch ran; run the batch again"
+        )
+    try:
+        result = _fit(job, content, results)
+    except BatchError:
+        raise
+    except MemoryError:
+        return Outcome(key=job.key, state="refused", sentence="not enough memory; use fewer workers")
+    except Exception as error:  # a take must not end a night, whatever is wrong with it
+        sentence = _sentence(error)
+        record = {"format": "hangtime-batch-failure/1", "take": job.take, "sentence": sentence,
+                  "created": datetime.now(UTC).isoformat(timespec="seconds")}  # fmt: skip
+        results.write(failure_name(job.key), json.dumps(record, indent=2).encode())
+        return Outcome(key=job.key, state="failed", sentence=sentence, seconds=time.monotonic() - started)
+    results.write(result_name(job.key), result)
+    for left_over in (search_name(job.key), failure_name(job.key)):
+        results.remove(left_over)
+    return Outcome(key=job.key, state="fitted", seconds=time.monotonic() - started)
+
+
+def _fit(job: Job, content: bytes, results: Store) -> bytes:
+    """Return the fit result as the bytes of its file."""
+    from fit.calibration import calibrate
+    from formats.archive import read_take
+    from formats.results import save_fit_result
+
+    with tempfile.TemporaryDirectory(prefix="hangtime-") as folder:
+        path = Path(folder) / Path(job.take).name
+        path.write_bytes(content)
+        take = read_take(path)
+        # In a shared folder an unfinished search outlives its worker; from a bucket the fit begins anew.
+        checkpoint = results.path(search_name(job.key))
+        if checkpoint is not None:
+            checkpoint.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            result = calibrate([take], [], job.plan.request(), checkpoint=checkpoint)
+        except FitError as error:
+            if checkpoint is None or error.where != checkpoint:
+                raise
+            checkpoint.unlink(missing_ok=True)  # an unfinished search that cannot be read costs time, not the take
+            result = calibrate([take], [], job.plan.request(), checkpoint=checkpoint)
+        save_fit_result(Path(folder) / "fit.json", result)
+        return (Path(folder) / "fit.json").read_bytes()
+
+
+def _sentence(error: Exception) -> str:
+    if isinstance(error, HangtimeError):
+        # The take lies in a folder of the worker that is gone by the time somebody reads this.
+        return error.what + (f"; {error.advice}" if error.advice else "")
+    return f"{type(error).__name__}: {error}; that is a fault of Hangtime, please report it with this take"

@@ -1,0 +1,124 @@
+"""The searches that ask for free rollouts and are told the distance D: which there are, and how each is begun."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.errors import FitError
+from fit.search.annealing import Annealing, AnnealingSettings, SearchBox
+from fit.search.chains import ParallelChains
+from fit.search.least_squares import BoundedSpace
+
+Floats = NDArray[np.float64]
+
+CHAINS = 4  # of `restarts`: each still has 87 of the printed 350 iterations
+
+SEARCHES = {
+    "annealing": "simulated annealing as in the Kinect-skirt paper, one chain",
+    "restarts": "the same iterations shared out over four chains from different seeds",
+    "tempering": "parallel tempering; its intervals are of the posterior",
+    "cma-es": "covariance matrix adaptation with restarts",
+    "least-squares": "Levenberg-Marquardt on the simulator pulled to the measured points, from several starts",
+}
+
+
+class Search(Protocol):
+    """Ask for candidates, tell their distances; the loop lives in the caller."""
+
+    @property
+    def best(self) -> Floats:
+        """Best candidate so far, (parameters,)."""
+        ...
+
+    @property
+    def best_distance(self) -> float:
+        """Its distance [m]."""
+        ...
+
+    @property
+    def best_history(self) -> Floats:
+        """Best distance so far [m] after each iteration."""
+        ...
+
+    @property
+    def is_started(self) -> bool:
+        """Whether the start's distance is known."""
+        ...
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether nothing is left to ask."""
+        ...
+
+    @property
+    def iteration(self) -> int:
+        """Iterations done."""
+        ...
+
+    @property
+    def evaluations(self) -> int:
+        """Candidates evaluated."""
+        ...
+
+    @property
+    def non_finite(self) -> int:
+        """Candidates that blew up."""
+        ...
+
+    def ask(self, width: int) -> Floats:
+        """Return 1 to `width` candidates, (candidates, parameters)."""
+        ...
+
+    def tell(self, candidates: Floats, distances: Floats) -> int:
+        """Take the distances [m] of the last `ask`."""
+        ...
+
+    def state(self) -> dict[str, Any]:
+        """Return everything needed to go on, as JSON can hold it."""
+        ...
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from a saved state."""
+        ...
+
+
+def check_search(name: str) -> str:
+    """Return the name.
+
+    Raises:
+        FitError: there is no such search.
+    """
+    if name not in SEARCHES:
+        raise FitError(f"there is no search named {name!r}", advice=f"known searches: {', '.join(SEARCHES)}")
+    return name
+
+
+def begin(
+    name: str, initial: Floats, steps: Floats, space: BoundedSpace, settings: AnnealingSettings, seed: int,
+    *, numbers: float,
+) -> Search:  # fmt: skip
+    """Return a search from the initial parameters, (parameters,), that may use `settings.iterations` evaluations.
+
+    steps, (parameters,): standard steps of the annealing; numbers: independent numbers behind a distance.
+
+    Raises:
+        FitError: there is no such search that is told distances.
+    """
+    if name == "cma-es":
+        from fit.search.cma_es import Evolution
+
+        return Evolution(initial, space, settings.iterations, seed)
+    if name == "tempering":
+        from fit.search.tempering import Tempering
+
+        return Tempering(initial, space, settings.iterations, seed, numbers=numbers)
+    box = SearchBox(minimum=space.minimum, maximum=space.maximum, interval=steps)
+    if name == "annealing":
+        return Annealing(initial, box, settings, np.random.default_rng(seed))
+    if name == "restarts":
+        return ParallelChains(np.tile(initial, (CHAINS, 1)), box, settings, np.random.default_rng(seed), is_split=True)
+    raise FitError(f"{name} is not told distances", where="search", advice=f"choose one of {', '.join(SEARCHES)}")

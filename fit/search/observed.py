@@ -1,0 +1,150 @@
+"""Least squares on the points' residuals from several starts, free or weakly pulled to the measured points.
+
+The first start is the initial parameters, the others are scattered over the box. From each, Levenberg-Marquardt goes
+down by chords (`fit.search.least_squares`), with differences wide enough to step over the ripples that folds make. A
+weak prior, the box's own spread about the initial parameters, holds what the data cannot tell. With a pull (of the
+observer, `fit.gap.observer`) each start goes down under it first and then free.
+
+Ripples leave many small valleys, so one valley's curvature says too little of how far a parameter can be trusted.
+The deviation of a parameter is that of `fit.search.intervals` in the best valley and what the starts' ends differ by:
+
+    V = V_jackknife + sum_k w_k (u_k - u) (u_k - u)' / sum_k w_k,      w_k = (cost_k / cost)^(-N/2)
+
+with u in shares of the box and N the independent pieces of the recording, taken to last two seconds here, because a
+ripple goes on for a swing or two: ends that fit much worse count little. That is the likelihood of Gaussian errors
+whose deviation is not known, at its maximum over the deviation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.cloth.simulator import Resolution
+from fit.effects.base import Effect
+from fit.errors import BlowUpError
+from fit.gap.observer import Observer
+from fit.parameterisations import Parameterisation
+from fit.recording import Recording
+from fit.search.intervals import PRIOR_SD, Intervals, block_intervals
+from fit.search.least_squares import BoundedSpace, LeastSquaresResult, LeastSquaresSettings, Prior, minimise
+
+Floats = NDArray[np.float64]
+Progress = Callable[[int, Floats], None]
+
+DIFFERENCE = 0.05  # share of the box: wider than the ripples that folds make
+RIPPLE_TIME = 2.0  # s that a ripple lasts
+MARGIN = 0.15  # of the box that scattered starts leave out at each end: rarely true, often costly
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObservedSettings:
+    """Starts, pulls [Hz] that each goes down under in turn, iterations under each, batch width, seed of the starts."""
+
+    starts: int = 4
+    pulls: tuple[float, ...] = (0.0,)
+    iterations: int = 6
+    width: int = 4
+    seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Observed:
+    """Where it ended.
+
+    vector, (parameters,); ends: per start its cost and vector, the given start first; path: simulations (of all
+    recordings) after each descent and the vector it reached.
+    """
+
+    vector: Floats
+    intervals: Intervals
+    ends: list[tuple[float, Floats]]
+    simulations: int
+    path: list[tuple[int, Floats]] = field(repr=False)
+
+
+class ObservedSearch:
+    """The search on some recordings for the parameters of a method and the amplitudes of some effects."""
+
+    def __init__(
+        self,
+        recordings: list[Recording],
+        method: Parameterisation,
+        effects: tuple[Effect, ...],
+        space: BoundedSpace,
+        resolution: Resolution,
+    ) -> None:
+        self.free = Observer(recordings, method, effects, frequency=0.0, resolution=resolution)
+        self.space = space
+        self._count = len(method.parameters)
+
+    def run(
+        self,
+        start: Floats,
+        settings: ObservedSettings | None = None,
+        progress: Progress = lambda simulations, vector: None,
+    ) -> Observed:
+        """Search from the start, (parameters,), and from scattered ones; `progress` is told of each descent.
+
+        Raises:
+            BlowUpError: the start cannot be simulated.
+        """
+        settings = settings or ObservedSettings()
+        prior = Prior(mean=start, precision=np.diag((PRIOR_SD * self.space.scale) ** -2))
+        found, path = [], []
+        for number, place in enumerate(self._starts(start, settings)):
+            try:
+                for pull in settings.pulls:
+                    end = self._descend(pull, place, prior, settings)
+                    place = end.parameters
+                    path.append((self.free.simulations, place))
+                    progress(self.free.simulations, place)
+            except BlowUpError as error:
+                if number:
+                    continue  # a scattered start that cannot be simulated is no loss
+                raise BlowUpError(
+                    "the simulation of the initial parameters blew up", where=self.free.recordings[0].take_id,
+                    advice="use a coarser mesh (--spacing) or check the garment's weight",
+                ) from error  # fmt: skip
+            found.append(end)
+        best = min(found, key=lambda end: end.cost)
+        return Observed(
+            vector=best.parameters, intervals=self._intervals(best, found),
+            ends=[(end.cost, end.parameters) for end in found], simulations=self.free.simulations, path=path,
+        )  # fmt: skip
+
+    def _starts(self, start: Floats, settings: ObservedSettings) -> list[Floats]:
+        from scipy.stats import qmc
+
+        if settings.starts < 2:
+            return [start]
+        sobol = qmc.Sobol(len(start), rng=np.random.default_rng(settings.seed))
+        units = MARGIN + (1 - 2 * MARGIN) * np.stack([sobol.random(1)[0] for _ in range(settings.starts - 1)])
+        return [start, *self.space.from_unit(units)]
+
+    def _descend(self, pull: float, start: Floats, prior: Prior, settings: ObservedSettings) -> LeastSquaresResult:
+        observer = self.free.with_frequency(pull)
+        least = LeastSquaresSettings(
+            width=settings.width, step=DIFFERENCE, max_iterations=settings.iterations, cost_tolerance=2e-3,
+            step_tolerance=1e-3, is_chord=True,
+        )  # fmt: skip
+        count = self._count
+        return minimise(
+            lambda vectors: observer.residuals(vectors[:, :count], vectors[:, count:]), start, self.space, prior=prior,
+            settings=least,
+        )  # fmt: skip
+
+    def _intervals(self, best: LeastSquaresResult, found: list[LeastSquaresResult]) -> Intervals:
+        block = self.free.layout.block
+        units = np.stack([self.space.to_unit(end.parameters) for end in found])
+        costs = np.array([end.cost for end in found])
+        pieces = sum(recording.duration for recording in self.free.recordings) / RIPPLE_TIME
+        weights = (costs / best.cost) ** (-0.5 * pieces)
+        apart = units - self.space.to_unit(best.parameters)
+        between = (weights[:, None] * apart).T @ apart / weights.sum()
+        return block_intervals(
+            self.space, best.parameters, best.residuals, best.jacobian * self.space.scale, block, between=between
+        )

@@ -1,0 +1,113 @@
+"""Parallel tempering: chains at several temperatures that swap places; the coldest draws from the posterior.
+
+If the points' errors are isotropic with an exponential length of scale b, n independent lengths r have
+
+    -ln L = n ln(8 pi b^3) + sum r / b,   least over b at b = D / 3,   there   -ln L = 3 n ln D + constant
+
+with D their mean: the distance of eq. 1 of the Kinect-skirt paper is what this likelihood knows of a candidate. With N
+independent numbers for 3 n and a flat prior in the unit box of the working coordinates the chains have
+
+    accept a step      min(1, exp(-N (ln D' - ln D) / T_k))
+    swap k and k + 1   min(1, exp(N (ln D_k - ln D_k+1) (1/T_k - 1/T_k+1)))
+
+T_k = T_K^(k/K). Steps are Gaussian and reflected at the bounds: symmetric, so nothing is added to the acceptance. Their
+widths are adapted towards one accepted step in four while the first half of the budget lasts and then kept.
+Draws are the coldest chain's places in the second half.
+
+Source: R. H. Swendsen & J.-S. Wang, "Replica Monte Carlo simulation of spin-glasses", Phys. Rev. Lett. 57 (1986); D. J.
+Earl & M. W. Deem, "Parallel tempering: theory, applications, and new perspectives", Phys. Chem. Chem. Phys. 7 (2005).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.search.bounds import reflect
+from fit.search.least_squares import BoundedSpace
+from fit.search.record import RecordedSearch
+
+Floats = NDArray[np.float64]
+
+CHAINS = 8
+HOTTEST = 30.0  # N ln(D'/D) between the best and a poor candidate is 10 to 50: the hottest chain walks freely
+FIRST_STEP = 0.1  # share of the box
+WANTED_ACCEPTANCE = 0.25
+FEWEST_DRAWS = 50  # of the coldest chain, below which its spread says nothing
+
+
+class Tempering(RecordedSearch):
+    """Parallel tempering behind `ask` and `tell`."""
+
+    name = "tempering"
+
+    def __init__(
+        self, start: Floats, space: BoundedSpace, budget: int, seed: int, *, numbers: float, chains: int = CHAINS
+    ) -> None:
+        """Numbers: N, how many independent numbers the distance is a mean of."""
+        super().__init__(start, space, budget, seed)
+        self._generator = np.random.default_rng(seed)
+        self.numbers = numbers
+        self.temperatures = HOTTEST ** (np.arange(chains) / max(chains - 1, 1))
+        self.places = np.tile(self.start, (chains, 1))
+        self.logs = np.full(chains, np.inf)  # ln D
+        self.steps = FIRST_STEP * np.sqrt(self.temperatures).clip(max=4)
+        self.swaps = 0
+        self._turn: list[tuple[Floats, float]] = []
+        self._proposed = np.empty((0, len(self.start)))
+        self._draws: list[Floats] = []
+        self._sweeps = 0
+
+    @property
+    def draws(self) -> Floats:
+        """The coldest chain's places in the second half, (draws, parameters), in own units."""
+        kept = np.array(self._draws) if self._draws else np.empty((0, len(self.start)))
+        return self.space.from_unit(kept)
+
+    def _propose(self, width: int) -> Floats:
+        if not len(self._proposed):
+            moves = self._generator.normal(size=self.places.shape) * self.steps[:, None]
+            low, high = np.zeros(len(self.start)), np.ones(len(self.start))
+            self._proposed = np.stack([reflect(p + m, low, high) for p, m in zip(self.places, moves, strict=True)])
+        first = len(self._turn)
+        return self._proposed[first : first + width]
+
+    def _learn(self, units: Floats, distances: Floats) -> None:
+        with np.errstate(divide="ignore"):
+            logs = np.log(distances)
+        if not self.is_started:
+            self.logs[:] = logs[0]
+            return
+        self._turn += [(unit, float(log)) for unit, log in zip(units, logs, strict=True)]
+        if len(self._turn) < len(self.places):
+            return
+        is_settling = self.evaluations < self.budget / 2
+        for k, ((place, log), chance) in enumerate(
+            zip(self._turn, self._generator.random(len(self.places)), strict=True)
+        ):
+            rise = self.numbers * (log - self.logs[k]) / self.temperatures[k] if math.isfinite(log) else math.inf
+            is_accepted = chance < math.exp(-max(rise, 0.0))
+            if is_accepted:
+                self.places[k], self.logs[k] = place, log
+            if is_settling:
+                # Robbins-Monro with a constant gain: a rejection shrinks by 3 %, an acceptance widens by 10 %.
+                gain = 0.13 * ((1.0 if is_accepted else 0.0) - WANTED_ACCEPTANCE)
+                self.steps[k] = float(np.clip(self.steps[k] * math.exp(gain), 1e-4, 1.0))
+        self._swap()
+        if not is_settling:
+            self._draws.append(self.places[0].copy())
+        self._turn, self._proposed = [], np.empty((0, len(self.start)))
+
+    def _swap(self) -> None:
+        """Offer every second pair of neighbours to swap, the others the next time."""
+        self._sweeps += 1
+        for k in range(self._sweeps % 2, len(self.places) - 1, 2):
+            colder = 1 / self.temperatures[k] - 1 / self.temperatures[k + 1]
+            difference = self.logs[k] - self.logs[k + 1]
+            gain = self.numbers * difference * colder if math.isfinite(difference) else -math.inf
+            if self._generator.random() < math.exp(min(gain, 0.0)):
+                self.places[[k, k + 1]] = self.places[[k + 1, k]]
+                self.logs[[k, k + 1]] = self.logs[[k + 1, k]]
+                self.swaps += 1

@@ -1,0 +1,175 @@
+"""The timer, the Slurm recipe and the summary that is read in the morning."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from configparser import RawConfigParser
+from html.parser import HTMLParser
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from fit.batch.jobs import Plan
+from fit.batch.summary import Row, as_csv, as_html, sentence_of
+from tests.fit.night import PROGRAMS, make_takes
+from tests.fit.report_scene import fit_result
+
+ROOT = Path(__file__).parent.parent.parent
+UNITS = ROOT / "systemd/user"
+
+
+# --- the timer ----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def home(tmp_path):
+    """A user's folder with the units and the command where the texts say they go."""
+    (tmp_path / ".local/bin").mkdir(parents=True)
+    (tmp_path / ".local/bin/hangtime").symlink_to(PROGRAMS / "hangtime")
+    (tmp_path / "run").mkdir()
+    shutil.copytree(UNITS, tmp_path / ".config/systemd/user")
+    return tmp_path
+
+
+def verify(home, name):
+    """What systemd says of a unit of this user."""
+    if not shutil.which("systemd-analyze"):
+        pytest.skip("systemd-analyze is not installed")
+    done = subprocess.run(
+        ["systemd-analyze", "verify", "--user", "--man=no", home / ".config/systemd/user" / name],
+        env={"PATH": os.environ["PATH"], "HOME": str(home), "XDG_RUNTIME_DIR": str(home / "run")},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    return done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("name", ["hangtime-batch.service", "hangtime-batch.timer"])
+def test_systemd_finds_nothing_wrong_with_the_units(home, name):
+    assert verify(home, name) == ""
+
+
+def test_systemd_would_have_found_a_misspelt_setting(home):
+    path = home / ".config/systemd/user/hangtime-batch.service"
+    path.write_text(path.read_text().replace("KillSignal=SIGINT", "KillSignal=SIGNIT"))
+    assert "Failed to parse signal name" in verify(home, "hangtime-batch.service")
+
+
+def test_the_service_runs_the_command_with_options_that_it_has(home):
+    """An empty folder is as far as it gets without takes: exit code 2, which is not tried again."""
+    unit = RawConfigParser(strict=False)
+    unit.read(UNITS / "hangtime-batch.service")
+    service = dict(unit["Service"])
+    line = service["execstart"].replace("%h", str(home)).replace("${HANGTIME_TAKES}", "empty")
+    line = line.replace("${HANGTIME_RESULTS}", "results").replace("$HANGTIME_OPTIONS", "--method si --workers 1")
+    (home / "empty").mkdir()
+    done = subprocess.run(shlex.split(line), cwd=home, capture_output=True, text=True, check=False)
+    assert done.returncode == int(service["restartpreventexitstatus"]) == 2
+    assert "holds no take" in done.stderr
+
+
+# --- Slurm --------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_the_slurm_recipe_as_printed_fits_two_takes(tmp_path):
+    """`srun` starts what it is given, `hostname` says the loopback interface; all else is real."""
+    (script,) = re.findall(r"```bash\n(.*?)```", (ROOT / "docs/batch.md").read_text(), re.DOTALL)
+    (tmp_path / "bin").mkdir()
+    for name, text in {"srun": 'exec "$@"', "hostname": "echo 127.0.0.1"}.items():
+        (tmp_path / "bin" / name).write_text(f"#!/bin/sh\n{text}\n")
+        (tmp_path / "bin" / name).chmod(0o755)
+    (tmp_path / "takes").mkdir()
+    make_takes(tmp_path / "takes", 2)
+    done = subprocess.run(
+        ["bash", "-c", script.replace("hangtime batch", "hangtime batch --iterations 8 --spacing 0.1")],
+        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=200,
+        env={
+            **os.environ, "PATH": f"{tmp_path}/bin:{PROGRAMS}:{os.environ['PATH']}", "SLURM_JOB_ID": "7",
+            "SLURM_CPUS_PER_TASK": "1", "TAKES": str(tmp_path / "takes"), "RESULTS": str(tmp_path / "results"),
+        },
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "2 takes: 2 fitted." in done.stdout
+    assert not list(tmp_path.glob("*.json"))
+
+
+# --- the summary --------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def rows():
+    result = fit_result()
+    worse = msgspec.structs.replace(
+        result.error, train_after=msgspec.structs.replace(result.error.train_after, mean_m=0.0987)
+    )
+    unsure = [msgspec.structs.replace(p, is_identified=False) for p in result.parameters]
+    return [
+        Row(take="a.mcap", key="k1", state="fitted", sentence="", result=result),
+        Row(take="b.mcap", key="k2", state="known", sentence="",
+            result=msgspec.structs.replace(result, error=worse, parameters=unsure)),
+        Row(take="c <&> ü.mcap", key="k3", state="failed", sentence='says "no", and <why>', result=None),
+        Row(take="d.mcap", key="k4", state="waiting", sentence="", result=None),
+    ]  # fmt: skip
+
+
+def test_one_sentence_counts_every_state(rows):
+    assert sentence_of(rows) == "4 takes: 1 fitted, 1 fitted before, 1 failed, 1 waiting."
+    assert sentence_of(rows[:1]) == "1 take: 1 fitted."
+
+
+def test_the_csv_has_a_row_for_each_take_and_its_numbers_to_the_last_digit(rows):
+    table = list(csv.DictReader(io.StringIO(as_csv(rows))))
+    assert [row["take"] for row in table] == ["a.mcap", "b.mcap", "c <&> ü.mcap", "d.mcap"]
+    assert table[1]["error_after_mm"] == "98.700"
+    first = rows[0].result.parameters[0]
+    assert float(table[0][first.name]) == first.fitted
+    assert table[1][f"{first.name}_is_identified"] == "False"
+    assert table[2]["remark"] == 'says "no", and <why>'
+    assert table[2][first.name] == ""
+
+
+def test_the_page_is_whole_escapes_what_it_shows_and_begins_with_what_needs_a_look(rows):
+    class Cells(HTMLParser):
+        def __init__(self):
+            super().__init__()
+            self.open, self.widths, self.names, self.links = [], [], [], []
+
+        def handle_starttag(self, tag, attrs):
+            if tag == "tr":
+                self.widths.append(0)
+            if tag in ("td", "th"):
+                self.widths[-1] += int(dict(attrs).get("colspan", 1))
+            self.links += [value for name, value in attrs if name in ("href", "src")]
+            if tag not in ("meta", "br"):
+                self.open.append(tag)
+
+        def handle_endtag(self, tag):
+            assert self.open.pop() == tag
+
+        def handle_data(self, data):
+            if self.open and self.open[-1] == "th" and data.endswith(".mcap"):
+                self.names.append(data)
+
+    page = as_html(rows, Plan())
+    cells = Cells()
+    cells.feed(page)
+    assert cells.open == []
+    assert len(set(cells.widths)) == 1
+    assert cells.names == ["c <&> ü.mcap", "d.mcap", "b.mcap", "a.mcap"]
+    assert cells.links == ["fits/k2.json", "fits/k1.json"]
+    assert "98.7 mm" in page
+    assert f"({rows[1].result.parameters[0].fitted:g}" in page
+
+
+def test_nothing_of_the_batch_is_loaded_before_it_is_needed():
+    code = "import sys, fit.batch.cli; print(sorted({'distributed', 'obstore', 'bokeh', 'taichi'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -51,6 +51,7 @@ class GarmentSight:
     points: Floats
     sd: Floats
     valid: NDArray[np.bool_]
+    hidden: NDArray[np.bool_]
     pixels: Floats
     outline: Floats
 
@@ -79,6 +80,7 @@ def nothing_found(points: int) -> GarmentSight:
         points=nowhere,
         sd=nowhere.copy(),
         valid=np.zeros(points, dtype=bool),
+        hidden=np.zeros(points, dtype=bool),
         pixels=np.full((points, 2), np.nan),
         outline=np.empty((0, 2)),
     )
@@ -143,7 +145,9 @@ class PanelTracker:
         points[~valid] = np.nan
         sd[~valid] = np.nan
         offset = [silhouette.window.left, silhouette.window.top]
-        return GarmentSight(points=points, sd=sd, valid=valid, pixels=pixels, outline=silhouette.outline + offset)
+        return GarmentSight(
+            points=points, sd=sd, valid=valid, hidden=~valid, pixels=pixels, outline=silhouette.outline + offset
+        )
 
     def _silhouette(self, depth: NDArray[np.uint16], held: Floats, time: float) -> Silhouette | None:
         middle = float(held[:, 2].mean())

@@ -60,24 +60,45 @@ def geodesic_distances(surface: Floats, sources: Floats) -> NDArray[np.float32]:
     return here
 
 
+def pairwise_distances(distances: NDArray[np.float32], surface: Floats, sources: Floats) -> Floats:
+    """Return how far apart the sources are along the surface [m], (k, k); infinite where no way leads.
+
+    distances [m], (k, rows, columns): of `geodesic_distances` for this surface and these sources.
+    """
+    start = np.linalg.norm(surface[None] - sources[:, None, None, :], axis=-1)
+    reach = SOURCE_REACH * _spacing(surface)
+    apart = np.full((len(sources), len(sources)), np.inf)
+    for j, away in enumerate(start):
+        near = away < reach
+        if near.any():
+            apart[:, j] = (distances[:, near] + away[near]).min(1)
+    np.fill_diagonal(apart, 0.0)
+    return np.minimum(apart, apart.T)
+
+
 def farthest_place(distances: NDArray[np.float32]) -> tuple[float, float] | None:
     """Return the place (row, column), in nodes, whose nearest source is farthest away.
 
-    distances [m], (k, rows, columns). None where no node is reached from every source or the place
-    lies at the surface's border, where it would be a matter of chance.
+    distances [m], (k, rows, columns). Only places inside the surface count: at its border the place would be a
+    matter of chance. None where no such place is reached from every source, or where it lies at the border of these.
     """
     nearest = distances.min(0)
     reached = np.isfinite(distances).all(0)
-    if not reached.any():
+    side = 2 * FIT_REACH + 1
+    if min(reached.shape) < side:
         return None
-    row, column = np.unravel_index(int(np.argmax(np.where(reached, nearest, -1.0))), nearest.shape)
+    windows = np.lib.stride_tricks.sliding_window_view(reached, (side, side))
+    inner = np.zeros_like(reached)
+    inner[FIT_REACH:-FIT_REACH, FIT_REACH:-FIT_REACH] = windows.all((2, 3))
+    if not inner.any():
+        return None
+    row, column = np.unravel_index(int(np.argmax(np.where(inner, nearest, -1.0))), nearest.shape)
     around = (
         slice(row - FIT_REACH, row + FIT_REACH + 1),
         slice(column - FIT_REACH, column + FIT_REACH + 1),
     )
     patch = distances[:, around[0], around[1]]
-    side = 2 * FIT_REACH + 1
-    if row < FIT_REACH or column < FIT_REACH or patch.shape[1:] != (side, side) or not np.isfinite(patch).all():
+    if nearest[row - 1 : row + 2, column - 1 : column + 2].max() > nearest[row, column]:
         return None
     coarse = np.arange(-FIT_REACH, FIT_REACH + 1, dtype=np.float64)
     fine = np.arange(-FIT_REACH * FINE_STEPS, FIT_REACH * FINE_STEPS + 1) / FINE_STEPS

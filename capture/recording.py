@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import NoMarkersError, OutputError, UntrackableError
-from capture.garment import GarmentSight, GarmentTracker, garment_tracker, nothing_found
+from capture.garment import GarmentSight, GarmentTracker, nothing_found
+from capture.garment_tracker import garment_tracker
 from capture.markers import HangerSight, MarkerTracker, nothing_seen
 from firmware_host.depth_sensor import DepthSensor, SensorFrame
 from formats.archive import Frame, TakeWriter

@@ -60,6 +60,12 @@ def record_command(
     seconds: Annotated[
         float | None, typer.Option("--seconds", min=1.0, help="Stop after so long.", show_default="the end")
     ] = None,
+    scan_rate: Annotated[
+        float, typer.Option("--scan-rate", metavar="HZ", min=0.0, max=60.0, help="Surface scans a second; 0 for none.")
+    ] = 0.0,
+    scan_points: Annotated[
+        int, typer.Option("--scan-points", metavar="N", min=3, max=64, help="Scan a grid of N x N, and 8 N around it.")
+    ] = 12,
 ) -> None:
     """Track the hanger and the garment in every frame and keep them as a take.
 
@@ -68,11 +74,12 @@ def record_command(
     import sys
     from datetime import UTC, datetime
 
-    from capture.recording import record
+    from capture.recording import ScanPlan, record
     from firmware_host.opening import open_sensor
     from formats.descriptions import load_garment, load_rig
 
     described_rig, described_garment = load_rig(rig), load_garment(garment)
+    scans = ScanPlan(rate=scan_rate, grid=scan_points, contour=8 * scan_points) if scan_rate > 0 else None
     is_terminal = sys.stderr.isatty()
 
     def show(frames: int, total: int | None, hanger_share: float) -> None:
@@ -84,7 +91,7 @@ def record_command(
     with open_sensor(sensor) as source:
         report = record(
             source, described_rig, described_garment, out, take_id=out.stem,
-            created=datetime.now(UTC).isoformat(timespec="seconds"), seconds=seconds, progress=show,
+            created=datetime.now(UTC).isoformat(timespec="seconds"), seconds=seconds, scans=scans, progress=show,
         )  # fmt: skip
     if is_terminal:
         print(file=sys.stderr)

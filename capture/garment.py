@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.corners import CornerFinder, PanelCorners, ShirtCorners
+from formats.surface import SurfaceScan
 
 Floats = NDArray[np.float64]
 
+WELL_KNOWN = 8e-3  # m, the error that is wanted of a corner
 FINDERS: dict[str, type[CornerFinder]] = {"skirt": PanelCorners, "swatch": PanelCorners, "t-shirt": ShirtCorners}
 
 
@@ -27,6 +29,9 @@ class GarmentSight:
     valid, (points,): seen and placed; hidden, (points,): something in front, a fold or the picture's border hides it
     (neither: it was not found, or what was found is not plausible)
     pixels [px], (points, 2); outline [px], (n, 2): the silhouette, empty where the garment was not found
+    quality, 0 to 1: the mean over the points of how well each is known, times the share of the silhouette that has
+    depth; a point counts min(1, `WELL_KNOWN` / |sd|), and 0 where it is not valid
+    is_covered: not found, and something stands before where it should be
     """
 
     points: Floats
@@ -35,6 +40,8 @@ class GarmentSight:
     hidden: NDArray[np.bool_]
     pixels: Floats
     outline: Floats
+    quality: float = 0.0
+    is_covered: bool = False
 
     @property
     def is_found(self) -> bool:
@@ -53,8 +60,19 @@ class GarmentTracker(Protocol):
         """
         ...
 
+    def scan(self, time: float, *, grid: int, contour: int) -> SurfaceScan | None:
+        """Scan the surface seen in the last tracked frame; None where the garment was not found in it."""
+        ...
 
-def nothing_found(points: int) -> GarmentSight:
+
+def frame_quality(valid: NDArray[np.bool_], sd: Floats, filled: float) -> float:
+    """Return a frame's quality, see `GarmentSight`; sd [m], (points, 3); filled: share of pixels with depth."""
+    known = np.zeros(len(valid))
+    known[valid] = np.minimum(1.0, WELL_KNOWN / np.maximum(np.linalg.norm(sd[valid], axis=1), 1e-9))
+    return float(known.mean() * filled) if len(valid) else 0.0
+
+
+def nothing_found(points: int, *, is_covered: bool = False) -> GarmentSight:
     """Return the sight of a frame in which the garment was not found."""
     nowhere = np.full((points, 3), np.nan)
     return GarmentSight(
@@ -64,4 +82,5 @@ def nothing_found(points: int) -> GarmentSight:
         hidden=np.zeros(points, dtype=bool),
         pixels=np.full((points, 2), np.nan),
         outline=np.empty((0, 2)),
+        is_covered=is_covered,
     )

@@ -14,14 +14,16 @@ from numpy.typing import NDArray
 from capture.depth_surface import CorrelationMeter, pixel_sd
 from capture.errors import UntrackableError
 from capture.flat_garment import CENTRE, flat_garment
-from capture.garment import FINDERS, GarmentSight, GarmentTracker, nothing_found
+from capture.garment import FINDERS, GarmentSight, GarmentTracker, frame_quality, nothing_found
 from capture.geodesic import farthest_place, geodesic_distances, pairwise_distances
 from capture.occlusion import COVERED, comes_to_the_front, folded_away, is_at_border, is_behind_something
 from capture.placing import Placer, project
 from capture.plausibility import MotionGate
 from capture.silhouette import Silhouette, Window, cut_out
+from capture.surface_scan import scan_surface
 from formats.garment import Garment
 from formats.rig import Rig, Sensor
+from formats.surface import SurfaceScan
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
@@ -31,6 +33,8 @@ GROWTH = 3.0  # m/s, how fast the hem may leave the window of the frame before
 LONGEST_TRUST = 0.2  # s, after which the window of the last sighting says nothing
 SMALLEST_SHARE = 0.25  # of the flat garment's area in view; a smaller piece is not the garment
 JUMP, JUMP_NOISE = 0.03, 6.0  # m and pixel noises in depth between neighbours that are two surfaces
+NEAREST_HANGER = 0.1  # m; nearer is no place of a hanger but an error
+COVERED_SHARE = 0.3  # of the pixels where the garment hangs at rest
 HELD_MATCH = 0.03  # m, a held corner this far from the held edge's end is not that corner
 CELL = 0.028  # m, of the grid for geodesics
 CENTRE_SHARE = 0.3  # of what the distances between the corners are off by (rms): the development set's z is then 1
@@ -69,14 +73,16 @@ class SilhouetteTracker:
         ]
         self._gate = MotionGate(len(self.flat.roles))
         self._last: tuple[float, Window] | None = None
+        self._seen: tuple[Silhouette, Floats] | None = None
 
     def track(self, depth: NDArray[np.uint16], held: Floats, time: float) -> GarmentSight:
         """Find the corners and the centre in one frame; see `GarmentTracker.track`."""
         roles = self.flat.roles
         silhouette = self._silhouette(depth, held, time)
+        self._seen = None
         if silhouette is None:
             self._last = None
-            return nothing_found(len(roles))
+            return nothing_found(len(roles), is_covered=self._is_covered(depth, held))
         self._last = (time, silhouette.window)
         sides = self.flat.sides * self.sensor.fx / float(held[:, 2].mean())
         view = self.finder.find(silhouette, project(held, self.sensor), sides)
@@ -104,11 +110,31 @@ class SilhouetteTracker:
         valid = self._gate.admit(points, sd, time)
         points[~valid] = np.nan
         sd[~valid] = np.nan
+        self._seen = silhouette, np.where(np.isfinite(places[:4, :1]), view.pixels, np.nan)
+        filled = np.count_nonzero(silhouette.depth) / np.count_nonzero(silhouette.mask)
         offset = [silhouette.window.left, silhouette.window.top]
         return GarmentSight(
             points=points, sd=sd, valid=valid, hidden=hidden[roles] & ~valid, pixels=pixels,
-            outline=silhouette.outline + offset,
+            outline=silhouette.outline + offset, quality=frame_quality(valid, sd, filled),
         )  # fmt: skip
+
+    def scan(self, time: float, *, grid: int, contour: int) -> SurfaceScan | None:
+        """Scan the surface seen in the last tracked frame; see `GarmentTracker.scan`."""
+        if self._seen is None:
+            return None
+        silhouette, corners = self._seen
+        return scan_surface(silhouette, corners, self.sensor, time, grid=grid, contour=contour)
+
+    def _is_covered(self, depth: NDArray[np.uint16], held: Floats) -> bool:
+        """Return whether much of where the garment hangs at rest shows something nearer than it can be."""
+        if not np.isfinite(held).all() or held[:, 2].min() <= NEAREST_HANGER:
+            return False
+        middle, ends = float(held[:, 2].mean()), project(held, self.sensor)
+        drop = int(0.7 * self.flat.reach * self.sensor.fy / middle)
+        (left, top), right = np.maximum(ends.min(0), 0).astype(int), max(int(ends[:, 0].max()), 0)
+        patch = depth[top : top + drop, left:right]
+        nearer = (patch > 0) & (patch < 1e3 * (middle - SLACK * self.flat.reach))
+        return bool(np.count_nonzero(nearer) > COVERED_SHARE * max(patch.size, 1))
 
     def _hidden(
         self, silhouette: Silhouette, shape: tuple[int, ...], pixels: Floats, places: Floats, is_held: Booleans,
@@ -144,7 +170,7 @@ class SilhouetteTracker:
         return JUMP + JUMP_NOISE * pixel_sd(z, self.sensor.fx)
 
     def _silhouette(self, depth: NDArray[np.uint16], held: Floats, time: float) -> Silhouette | None:
-        if not np.isfinite(held).all() or held[:, 2].min() <= 0.1:
+        if not np.isfinite(held).all() or held[:, 2].min() <= NEAREST_HANGER:
             return None
         middle = float(held[:, 2].mean())
         window = self._window(depth.shape, held, middle)

@@ -73,7 +73,7 @@ def pairwise_distances(distances: NDArray[np.float32], surface: Floats, sources:
         if near.any():
             apart[:, j] = (distances[:, near] + away[near]).min(1)
     np.fill_diagonal(apart, 0.0)
-    return np.minimum(apart, apart.T)
+    return np.asarray(np.minimum(apart, apart.T))
 
 
 def farthest_place(distances: NDArray[np.float32]) -> tuple[float, float] | None:

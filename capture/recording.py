@@ -27,7 +27,21 @@ Watcher = Callable[[SensorFrame, HangerSight, GarmentSight], None]
 Progress = Callable[[int, int | None, float], None]
 
 FEWEST_HANGERS = 10  # frames with both markers; fewer are no recording of a hanger
+SCAN_TOLERANCE = 1e-3  # s: frames come a little early or late
+NEAREST, FARTHEST = 0.8, 3.5  # m: a structured-light sensor's range, within which its noise model holds
 FEWEST_DEPTH = 0.01  # of the pixels that must have depth
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScanPlan:
+    """How often the visible surface is kept, in scans a second, and with how many places.
+
+    grid: along each side of the grid; contour: around the silhouette
+    """
+
+    rate: float = 5.0
+    grid: int = 12
+    contour: int = 96
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +64,7 @@ def record(
     take_id: str,
     created: str,
     seconds: float | None = None,
+    scans: ScanPlan | None = None,
     progress: Progress = lambda frames, total, seen: None,
     watch: Watcher | None = None,
 ) -> RecordingReport:
@@ -72,6 +87,7 @@ def record(
     first = last = -np.inf
     is_interrupted = False
     jumped = False
+    next_scan = -np.inf
     try:
         for frame in sensor.frames():
             if not frame.time_s > last:
@@ -83,6 +99,13 @@ def record(
             state |= FrameState.CLOCK_JUMPED if jumped else 0
             jumped = False
             writer.append(_as_frame(frame.time_s, hanger, cloth, rig, state))
+            if scans is not None and frame.time_s >= next_scan:
+                scan = (
+                    cloth_tracker.scan(frame.time_s, grid=scans.grid, contour=scans.contour) if cloth.is_found else None
+                )
+                if scan is not None:
+                    writer.append_scan(scan)
+                    next_scan = frame.time_s + 1.0 / scans.rate - SCAN_TOLERANCE
             frames += 1
             with_hanger += hanger.is_found
             seen += cloth.valid
@@ -153,7 +176,12 @@ def _track(
     if has_depth and frame.colour is not None:
         hanger = hanger_tracker.track(frame.colour, frame.depth, frame.time_s)
     if hanger.is_found:
-        cloth = cloth_tracker.track(frame.depth, held_ends(hanger.positions, rig), frame.time_s)
+        held = held_ends(hanger.positions, rig)
+        cloth = cloth_tracker.track(frame.depth, held, frame.time_s)
+        if not NEAREST <= held[:, 2].mean() <= FARTHEST:
+            state |= FrameState.OUT_OF_RANGE
+        if cloth.is_covered:
+            state |= FrameState.GARMENT_COVERED
     else:
         state |= FrameState.MARKER_LOST
     if not cloth.is_found:
@@ -175,4 +203,6 @@ def _as_frame(time: float, hanger: HangerSight, cloth: GarmentSight, rig: Rig, s
         points_valid=cloth.valid,
         points_sd=np.nan_to_num(cloth.sd),
         state=int(state),
+        points_hidden=cloth.hidden,
+        quality=cloth.quality,
     )

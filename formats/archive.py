@@ -26,6 +26,7 @@ from formats.descriptions import check_garment, check_rig
 from formats.errors import DescriptionError, TakeError
 from formats.garment import Garment
 from formats.rig import Rig
+from formats.surface import SurfaceScan, decode_scan, encode_scan
 from formats.take import Take
 
 Floats = NDArray[np.float64]
@@ -37,7 +38,8 @@ POSITION_STEP = 1e-4  # m: a twentieth of the best depth sensor's noise
 TIME_STEP = 1e-6  # s
 BLOCK_SECONDS = 1.0  # lost at most in a power cut
 HEADER_EVERY = 30  # blocks: the header is repeated, and once more at the end, so that no flipped bit loses the take
-HEADER, BLOCK, END = "/header", "/block", "/end"
+HEADER, BLOCK, SURFACE, END = "/header", "/block", "/surface", "/end"
+QUALITY_STEPS, NO_QUALITY = 254, 255  # a byte a frame
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +47,7 @@ class Frame:
     """One frame's measurements in the sensor frame; NaN and False where something was not seen.
 
     time [s]; markers, held [m], (2, 3); points [m], (points, 3); deviations per axis [m], same shapes;
-    state: bits of `formats.take.FrameState`
+    state: bits of `formats.take.FrameState`; points_hidden, (points,): None where nobody looked; quality: 0 to 1
     """
 
     time: float
@@ -57,6 +59,8 @@ class Frame:
     points_valid: NDArray[np.bool_]
     points_sd: Floats
     state: int = 0
+    points_hidden: NDArray[np.bool_] | None = None
+    quality: float = float("nan")
 
 
 class TakeWriter:
@@ -85,7 +89,7 @@ class TakeWriter:
         )  # fmt: skip
         self._mcap.start(profile=PROFILE, library="hangtime")
         schema = self._mcap.register_schema("hangtime", "", b"")
-        self._channels = {t: self._mcap.register_channel(t, "msgpack", schema) for t in (HEADER, BLOCK, END)}
+        self._channels = {t: self._mcap.register_channel(t, "msgpack", schema) for t in (HEADER, BLOCK, SURFACE, END)}
         self._frames: list[Frame] = []
         self._count = self._blocks = 0
         self._last_time = -np.inf
@@ -116,6 +120,10 @@ class TakeWriter:
         self._frames.append(frame)
         if frame.time - self._frames[0].time >= BLOCK_SECONDS:
             self._flush()
+
+    def append_scan(self, scan: SurfaceScan) -> None:
+        """Add a scan of the visible surface, taken at the time of a frame or between frames."""
+        self._write(SURFACE, encode_scan(scan))
 
     def finish(self) -> Path:
         """Write what is left, make it durable, and give the file its final name."""
@@ -176,7 +184,11 @@ def _encode_block(frames: list[Frame], first: int) -> dict[str, Any]:
         name: np.stack([getattr(f, name) for f in frames])
         for name in ("markers", "held", "held_valid", "held_sd", "points", "points_valid", "points_sd")
     }
+    hidden = [f.points_hidden for f in frames if f.points_hidden is not None]
+    quality = np.array([f.quality for f in frames])
     return {
+        **({"points_hidden": pack_flags(np.stack(hidden))} if len(hidden) == len(frames) else {}),
+        **({"quality": _quality_bytes(quality)} if np.isfinite(quality).any() else {}),
         "first": first,
         "frames": len(frames),
         "start": round(frames[0].time / TIME_STEP),
@@ -186,6 +198,11 @@ def _encode_block(frames: list[Frame], first: int) -> dict[str, Any]:
         **{name: pack(stack[name], POSITION_STEP) for name in ("markers", "held", "held_sd", "points", "points_sd")},
         **{name: pack_flags(stack[name]) for name in ("held_valid", "points_valid")},
     }
+
+
+def _quality_bytes(quality: Floats) -> bytes:
+    steps = np.rint(np.clip(np.nan_to_num(quality), 0.0, 1.0) * QUALITY_STEPS)
+    return np.where(np.isfinite(quality), steps, NO_QUALITY).astype(np.uint8).tobytes()
 
 
 def _decode_block(block: dict[str, Any], points: int) -> dict[str, NDArray[Any]]:
@@ -201,6 +218,10 @@ def _decode_block(block: dict[str, Any], points: int) -> dict[str, NDArray[Any]]
         "held_valid": unpack_flags(block["held_valid"], (n, 2)),
         "points_valid": unpack_flags(block["points_valid"], (n, points)),
     }
+    hidden, quality = block.get("points_hidden"), block.get("quality")
+    decoded["points_hidden"] = unpack_flags(hidden, (n, points)) if hidden else np.zeros((n, points), bool)
+    steps = np.frombuffer(quality if quality else bytes([NO_QUALITY] * n), np.uint8, count=n)
+    decoded["quality"] = np.where(steps == NO_QUALITY, np.nan, steps / QUALITY_STEPS)
     markers_valid = unpack_flags(block["markers_valid"], (n, 2))
     for name, valid in (
         ("markers", markers_valid), ("held", decoded["held_valid"]), ("points", decoded["points_valid"]),
@@ -246,10 +267,16 @@ def _read(path: Path) -> tuple[Take, TakeReport]:
     header: dict[str, Any] | None = None
     end: dict[str, Any] | None = None
     blocks: dict[int, dict[str, Any]] = {}
+    scans: list[SurfaceScan] = []
     damaged = 0
     for content in _messages(path):
         if content is None:
             damaged += 1
+        elif "surface" in content:
+            try:
+                scans.append(decode_scan(content))
+            except (ValueError, KeyError, TypeError):
+                damaged += 1
         elif "format" in content:
             header = content
         elif "first" in content:
@@ -279,7 +306,8 @@ def _read(path: Path) -> tuple[Take, TakeReport]:
         damaged = max(damaged, expected - len(decoded))
     take = Take(
         take_id=header["take_id"], created=header["created"], rig=rig, garment=garment,
-        source=header["source"], notes=header["notes"], is_complete=is_complete, **joined,
+        source=header["source"], notes=header["notes"], is_complete=is_complete,
+        scans=tuple(sorted(scans, key=lambda scan: scan.time)), **joined,
     )  # fmt: skip
     return take, TakeReport(
         frames=len(take.time), blocks=len(decoded), damaged_blocks=damaged, is_complete=end is not None
@@ -367,8 +395,12 @@ def write_take(path: Path, take: Take) -> Path:
                     time=float(time), markers=take.markers[k], held=take.held[k], held_valid=take.held_valid[k],
                     held_sd=take.held_sd[k], points=take.points[k], points_valid=take.points_valid[k],
                     points_sd=take.points_sd[k], state=int(take.state[k]),
+                    points_hidden=None if take.points_hidden is None else take.points_hidden[k],
+                    quality=float("nan") if take.quality is None else float(take.quality[k]),
                 )
             )  # fmt: skip
+        for scan in take.scans:
+            writer.append_scan(scan)
     except TakeError:
         writer.discard()
         raise

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from formats.garment import Garment
 from formats.rig import Rig
+from formats.surface import SurfaceScan
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
@@ -27,6 +28,9 @@ class Take:
     points_sd [m], (frames, points, 3)
     state, (frames,), uint16: bits of `formats.take.FrameState`
     markers [m], (frames, 2, 3): marker centres where the rig has a hanger, else the same as `held`
+    points_hidden, (frames, points): not valid because something hides the point; False or None where nobody looked
+    quality, (frames,): 0 to 1, how much of what could be seen was; NaN or None where nobody judged
+    scans: of the visible surface, in the order of time, fewer than frames; empty where none were taken
     """
 
     take_id: str
@@ -42,6 +46,9 @@ class Take:
     points_sd: Floats
     state: NDArray[np.uint16]
     markers: Floats
+    points_hidden: Booleans | None = None
+    quality: Floats | None = None
+    scans: tuple[SurfaceScan, ...] = ()
     source: str = ""
     notes: dict[str, str] = field(default_factory=dict)
     is_complete: bool = True
@@ -56,3 +63,5 @@ class FrameState:
     COLOUR_MISSING = 8
     FRAMES_DROPPED_BEFORE = 16
     CLOCK_JUMPED = 32
+    GARMENT_COVERED = 64
+    OUT_OF_RANGE = 128

@@ -15,7 +15,8 @@ from capture.garment import GarmentSight, GarmentTracker, nothing_found
 from capture.garment_tracker import garment_tracker
 from capture.markers import HangerSight, MarkerTracker, nothing_seen
 from firmware_host.depth_sensor import DepthSensor, SensorFrame
-from formats.archive import Frame, TakeWriter
+from formats.archive import TakeWriter
+from formats.blocks import Frame
 from formats.errors import TakeError
 from formats.garment import Garment
 from formats.hanger import held_ends

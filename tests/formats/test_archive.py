@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from formats.archive import Frame, TakeWriter, read_take, verify_take, write_take
+from formats.archive import TakeWriter, read_take, verify_take, write_take
+from formats.blocks import Frame
 from formats.columns import pack, pack_flags, unpack, unpack_flags
 from formats.errors import TakeError
 from formats.garment import Garment, TrackedPoint

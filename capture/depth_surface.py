@@ -79,7 +79,9 @@ def fit_surface(
         covariance = np.linalg.inv(normal)
         coefficients = covariance @ (chosen @ inverse[used])
         residuals = -(inverse - coefficients @ columns) * z * middle
-        used = np.abs(residuals) < OUTLIER_SD * noise
+        before, used = used, np.abs(residuals) < OUTLIER_SD * noise
+        if np.array_equal(before, used):
+            break
     a = float(coefficients[0])
     if a <= 0.0:
         return None

@@ -12,6 +12,9 @@ same distances as Dijkstra's queue on the same graph, in array operations.
 
 from __future__ import annotations
 
+from functools import cache
+
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,7 +26,8 @@ STEEPEST_STEP = 2.0  # way over the surface per way across it; a steeper step jo
 SOURCE_REACH = 2.5  # grid steps from a corner to the nodes that its distance map starts from
 MARGIN = 2  # nodes of padding so that every move stays inside the arrays
 FIT_REACH = 2  # nodes to either side over which a distance map is smoothed by a parabola
-FINE_STEPS = 16  # places per grid step at which the smoothed maps are compared
+WHOLE_PATCH = np.ones((2 * FIT_REACH + 1, 2 * FIT_REACH + 1), np.uint8)
+FINE_STEPS = 8  # places per grid step at which the smoothed maps are compared
 
 
 def geodesic_distances(surface: Floats, sources: Floats) -> NDArray[np.float32]:
@@ -84,12 +88,11 @@ def farthest_place(distances: NDArray[np.float32]) -> tuple[float, float] | None
     """
     nearest = distances.min(0)
     reached = np.isfinite(distances).all(0)
-    side = 2 * FIT_REACH + 1
-    if min(reached.shape) < side:
+    if min(reached.shape) < len(WHOLE_PATCH):
         return None
-    windows = np.lib.stride_tricks.sliding_window_view(reached, (side, side))
-    inner = np.zeros_like(reached)
-    inner[FIT_REACH:-FIT_REACH, FIT_REACH:-FIT_REACH] = windows.all((2, 3))
+    inner = cv2.erode(
+        reached.astype(np.uint8), WHOLE_PATCH, borderType=cv2.BORDER_CONSTANT, borderValue=0
+    ).astype(bool)
     if not inner.any():
         return None
     row, column = np.unravel_index(int(np.argmax(np.where(inner, nearest, -1.0))), nearest.shape)
@@ -100,12 +103,18 @@ def farthest_place(distances: NDArray[np.float32]) -> tuple[float, float] | None
     patch = distances[:, around[0], around[1]]
     if nearest[row - 1 : row + 2, column - 1 : column + 2].max() > nearest[row, column]:
         return None
-    coarse = np.arange(-FIT_REACH, FIT_REACH + 1, dtype=np.float64)
-    fine = np.arange(-FIT_REACH * FINE_STEPS, FIT_REACH * FINE_STEPS + 1) / FINE_STEPS
-    coefficients = np.linalg.lstsq(_parabola(coarse), patch.reshape(len(patch), -1).T.astype(np.float64), rcond=None)[0]
-    smooth = (_parabola(fine) @ coefficients).min(1)
+    fine, smoothing = _smoother()
+    smooth = (patch.reshape(len(patch), -1).astype(np.float64) @ smoothing).min(0)
     best_row, best_column = np.unravel_index(int(np.argmax(smooth)), (fine.size, fine.size))
     return float(row + fine[best_row]), float(column + fine[best_column])
+
+
+@cache
+def _smoother() -> tuple[Floats, Floats]:
+    """Return the fine places along a patch and the matrix from its nodes to its parabola at every pair of these."""
+    coarse = np.arange(-FIT_REACH, FIT_REACH + 1, dtype=np.float64)
+    fine = np.arange(-FIT_REACH * FINE_STEPS, FIT_REACH * FINE_STEPS + 1) / FINE_STEPS
+    return fine, np.asarray((_parabola(fine) @ np.linalg.pinv(_parabola(coarse))).T)
 
 
 def _parabola(along: Floats) -> Floats:

@@ -31,6 +31,7 @@ Floats = NDArray[np.float64]
 HARRIS_BLOCK = 5  # double px, structure tensor window: ragged edges average out, a panel's corner does not
 HARRIS_K = 0.04  # Harris and Stephens' usual constant
 STRONG_CORNER = 0.2  # of the strongest Harris response on the outline
+FAR_OUT = 8.0  # px along x + y or x - y
 SKIPPED_ARM = 3.0  # px next to a corner that are rounded off by missing pixels
 LONGEST_ARM = 45.0  # px of a side that may be taken for straight
 STRAIGHT = 0.6  # of a side: what is beyond belongs to the next corner
@@ -82,8 +83,7 @@ class PanelCorners:
         strong = _strong_corners(silhouette)
         if strong.size < 4:
             return _none()
-        total, difference = (x + y)[strong], (x - y)[strong]
-        starts = [int(strong[k]) for k in (total.argmin(), difference.argmax(), total.argmax(), difference.argmin())]
+        starts = [_extreme(value, strong) for value in (-x - y, x - y, x + y, y - x)]
         return _refine(silhouette, starts, held, sides)
 
 
@@ -101,9 +101,17 @@ class ShirtCorners:
         strong = _strong_corners(silhouette)
         if strong.size < 2:
             return _none()
-        total, difference = (x + y)[strong], (x - y)[strong]
-        starts = [int(x.argmin()), int(x.argmax()), int(strong[total.argmax()]), int(strong[difference.argmin()])]
+        starts = [int(x.argmin()), int(x.argmax()), _extreme(x + y, strong), _extreme(y - x, strong)]
         return _refine(silhouette, starts, None, sides)
+
+
+def _extreme(value: Floats, strong: NDArray[np.intp]) -> int:
+    """Return the place with the largest value [px], (outline,): a Harris corner, unless another is farther out by far.
+
+    A corner that is bent away looks round and is no Harris corner.
+    """
+    best, anywhere = int(strong[value[strong].argmax()]), int(value.argmax())
+    return anywhere if value[anywhere] > value[best] + FAR_OUT else best
 
 
 def _none() -> CornersInView:

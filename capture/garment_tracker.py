@@ -16,7 +16,16 @@ from capture.errors import UntrackableError
 from capture.flat_garment import CENTRE, flat_garment
 from capture.garment import FINDERS, GarmentSight, GarmentTracker, frame_quality, nothing_found
 from capture.geodesic import farthest_place, geodesic_distances, pairwise_distances
-from capture.occlusion import COVERED, comes_to_the_front, folded_away, is_at_border, is_behind_something
+from capture.occlusion import (
+    COVERED,
+    FOLD_ARM,
+    LEAST_FOLD,
+    comes_to_the_front,
+    folded_away,
+    is_at_border,
+    is_behind_something,
+    is_blunt,
+)
 from capture.placing import Placer, project
 from capture.plausibility import MotionGate
 from capture.silhouette import Silhouette, Window, cut_out
@@ -153,7 +162,11 @@ class SilhouetteTracker:
             elif is_behind_something(silhouette, pixels[i], z, self._jump(z)):
                 hidden[i] = folded[i] or wrong[i] or lost > COVERED * flat[i].max()
             elif folded[i]:
-                hidden[i] = not comes_to_the_front(silhouette, pixels[i], z, 0.5 * lost * self.sensor.fx / z)
+                hidden[i] = (
+                    lost > LEAST_FOLD * flat[i].max()
+                    and is_blunt(silhouette, pixels[i], FOLD_ARM * self.sensor.fx / z)
+                    and not comes_to_the_front(silhouette, pixels[i], z, 0.5 * lost * self.sensor.fx / z)
+                )
         return hidden, (folded | wrong) & ~hidden
 
     def _match_held(self, places: Floats, held: Floats) -> Booleans:

@@ -90,9 +90,7 @@ def farthest_place(distances: NDArray[np.float32]) -> tuple[float, float] | None
     reached = np.isfinite(distances).all(0)
     if min(reached.shape) < len(WHOLE_PATCH):
         return None
-    inner = cv2.erode(
-        reached.astype(np.uint8), WHOLE_PATCH, borderType=cv2.BORDER_CONSTANT, borderValue=0
-    ).astype(bool)
+    inner = cv2.erode(reached.astype(np.uint8), WHOLE_PATCH, borderType=cv2.BORDER_CONSTANT, borderValue=0).astype(bool)
     if not inner.any():
         return None
     row, column = np.unravel_index(int(np.argmax(np.where(inner, nearest, -1.0))), nearest.shape)

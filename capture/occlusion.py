@@ -7,8 +7,9 @@ Folded      cloth hardly stretches, so two corners are as far apart along the se
 
                 deficit_ij = (1 - tolerance) D_ij - d_ij        [m], of `capture.flat_garment` and `capture.geodesic`
 
-            A deficit says that cloth is folded away between the two. The corner with most of it is hidden; it is
-            left out, and the rest are looked at again.
+            A deficit says that cloth is missing between the two. The corner with most of it is dropped, and the rest
+            are looked at again. It is hidden if much is missing, the outline is blunt there, as across a fold, and
+            the cloth does not come to the front: a corner folded to the front is in view, but not on the outline.
 """
 
 from __future__ import annotations
@@ -23,6 +24,9 @@ Booleans = NDArray[np.bool_]
 
 LOOK_AROUND = 12  # px: wider than the missing pixels beside a near thing (43 px m (1 / 1.25 m - 1 / 1.6 m) = 8 px)
 NEARER_PIXELS = 20
+LEAST_FOLD = 0.09  # of the longest distance on the flat garment: less may be cloth that is seen too steeply
+FOLD_ARM = 0.08  # m of the outline at either side of a corner
+BLUNT = 85.0  # degrees
 FARTHEST_FOLD = 70  # px
 FOLD_STEP = 0.03  # m before or behind the corner's own depth
 FOLD_SHARE = 0.05  # of the pixels around it
@@ -52,6 +56,23 @@ def comes_to_the_front(silhouette: Silhouette, pixel: Floats, z: float, missing:
     raw = silhouette.raw[around][cloth]
     behind = np.count_nonzero(raw > 1e3 * (z + FOLD_STEP)) - np.count_nonzero(raw < 1e3 * (z - FOLD_STEP))
     return bool(behind > FOLD_SHARE * max(raw.size, 1))
+
+
+def is_blunt(silhouette: Silhouette, pixel: Floats, arm: float) -> bool:
+    """Return whether the outline's two arms of this length [px] at a pixel open wider than `BLUNT`.
+
+    A fold across a corner leaves two blunt ones; a sharp corner with cloth missing is the garment's own, seen steeply.
+    """
+    outline = silhouette.outline
+    local = pixel - np.array([silhouette.window.left, silhouette.window.top])
+    first = int(np.hypot(*(outline - local).T).argmin())
+    away = np.roll(outline, -first, axis=0) - outline[first]
+    far = np.hypot(*away.T) > arm
+    if not far.any():
+        return False
+    one, other = away[int(far.argmax())], away[len(away) - 1 - int(far[::-1].argmax())]
+    cosine = float(one @ other) / max(float(np.hypot(*one) * np.hypot(*other)), 1e-9)
+    return bool(cosine < np.cos(np.radians(BLUNT)))
 
 
 def _around(silhouette: Silhouette, pixel: Floats, reach: int) -> tuple[slice, slice]:

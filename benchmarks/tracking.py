@@ -87,8 +87,11 @@ def figures(found: list[Measured]) -> dict[str, tuple[float | None, float, np.nd
         return 1e6 * m.markers[m.moving == moving] ** 2
 
     def pooled(pick, reduce) -> tuple[float, np.ndarray]:
+        def known(values: np.ndarray) -> float:
+            return reduce(values) if np.isfinite(values).any() else np.nan
+
         parts = [pick(m) for m in found]
-        return reduce(np.concatenate(parts)), np.array([reduce(p) for p in parts])
+        return known(np.concatenate(parts)), np.array([known(p) for p in parts])
 
     def rms(squares: np.ndarray) -> float:
         return float(np.sqrt(np.nanmean(squares)))

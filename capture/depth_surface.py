@@ -63,7 +63,7 @@ def fit_surface(
     """
     if z.size < FEWEST_PIXELS:
         return None
-    middle = float(np.median(z))
+    middle = float(np.partition(z, z.size // 2)[z.size // 2])
     noise = pixel_sd(middle, focal_length)
     used = np.abs(z - middle) < spread + OUTLIER_SD * noise
     inverse = 1.0 / z

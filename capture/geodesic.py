@@ -51,13 +51,13 @@ def geodesic_distances(surface: Floats, sources: Floats) -> NDArray[np.float32]:
     start = np.linalg.norm(surface[None] - sources[:, None, None, :], axis=-1)
     distance[:, inner[0], inner[1]] = np.where(start < SOURCE_REACH * spacing, start, np.inf)
     here = distance[:, inner[0], inner[1]]
-    before = here.copy()
+    before, way = here.copy(), np.empty_like(here)
     for _ in range(rows + columns):
         for (down, right), length in zip(MOVES, lengths, strict=True):
             top, left = MARGIN + down, MARGIN + right
             there = distance[:, top : top + rows, left : left + columns]
-            np.minimum(here, there + length, out=here)
-            np.minimum(there, here + length, out=there)
+            np.minimum(here, np.add(there, length, out=way), out=here)
+            np.minimum(there, np.add(here, length, out=way), out=there)
         if np.array_equal(here, before):
             break
         before[...] = here
@@ -125,4 +125,4 @@ def _spacing(surface: Floats) -> float:
     """Return the typical way between neighbouring nodes of a row [m]."""
     across = np.abs(np.diff(surface[..., 0], axis=1))
     across = across[np.isfinite(across)]
-    return float(np.median(across)) if across.size else 0.0
+    return float(np.partition(across, across.size // 2)[across.size // 2]) if across.size else 0.0

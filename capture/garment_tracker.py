@@ -46,6 +46,8 @@ NEAREST_HANGER = 0.1  # m; nearer is no place of a hanger but an error
 COVERED_SHARE = 0.3  # of the pixels where the garment hangs at rest
 HELD_MATCH = 0.03  # m, a held corner this far from the held edge's end is not that corner
 CELL = 0.028  # m, of the grid for geodesics
+CORNER_SLACK = 0.02  # of a distance between corners: it is no worse measured than that
+CORNER_SHARE = 0.5  # of what is beyond, for each of the two: z is then 1 on the development set
 CENTRE_SHARE = 0.3  # of what the distances between the corners are off by (rms): the development set's z is then 1
 CENTRE_SD = 0.1  # grid steps across the view: rms 1.7 mm against a drawn skirt, with corners off by as much
 
@@ -109,6 +111,7 @@ class SilhouetteTracker:
         hidden = np.zeros(5, bool)
         hidden[:4], wrong = self._hidden(silhouette, depth.shape, pixels, places, is_held, along)
         places[:4][hidden[:4] | wrong] = np.nan
+        sd[:4] = np.hypot(sd[:4], self._mismatch(places, is_held, along)[:, None])
         if np.isfinite(places[:4, 0]).all():
             mismatch = np.abs(along - self.flat.distances)
             off = float(np.sqrt((mismatch**2).sum() / 12.0))
@@ -168,6 +171,12 @@ class SilhouetteTracker:
                     and not comes_to_the_front(silhouette, pixels[i], z, 0.5 * lost * self.sensor.fx / z)
                 )
         return hidden, (folded | wrong) & ~hidden
+
+    def _mismatch(self, places: Floats, is_held: Booleans, along: Floats) -> Floats:
+        """Return what each corner may be off by [m], (4,), since its distances to the others are not the flat ones."""
+        flat, placed = self.flat.distances, np.isfinite(places[:4, 0])
+        off = np.where(placed[:, None] & placed & np.isfinite(along), np.abs(along - flat), 0.0)
+        return np.where(is_held, 0.0, CORNER_SHARE * np.maximum(off - CORNER_SLACK * flat, 0.0).max(1))
 
     def _match_held(self, places: Floats, held: Floats) -> Booleans:
         """Return which corners are ends of the held edge; take away those that should be but are elsewhere."""

@@ -1,4 +1,4 @@
-"""`hangtime record` and `hangtime markers print`."""
+"""`hangtime record`, `hangtime calibrate` and `hangtime markers print`."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import typer
 def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
     app.command("record", short_help="Track hanger and garment and keep them as a take.")(record_command)
+    app.command("calibrate", short_help="Measure gravity, depth and clips of a rig.")(calibrate_command)
     markers = typer.Typer(no_args_is_help=True, help="The hanger's fiducial markers.")
     markers.command("print", short_help="Write a page of markers to print.")(print_command)
     app.add_typer(markers, name="markers", short_help="The hanger's fiducial markers.")
@@ -50,6 +51,71 @@ def print_command(
     typer.echo(f"{write_sheet(out, dictionary, numbers, size)}: {len(numbers)} markers of {1e3 * size:g} mm")
 
 
+def calibrate_command(
+    sensor: Annotated[
+        str, typer.Option("--sensor", metavar="FILE|URI", help="An .oni recording, openni2: or synthetic:MOTION.")
+    ],
+    rig: Annotated[Path, typer.Option("--rig", metavar="RIG.toml", help="The rig as far as it is known.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="RIG.toml", help="Write the rig with what was measured.")
+    ] = None,
+    plumb: Annotated[
+        str, typer.Option("--plumb-ids", metavar="ID,ID", help="Upper and lower marker of the plumb line.")
+    ] = "4,5",
+    clips: Annotated[
+        str, typer.Option("--clip-ids", metavar="ID,ID", help="Marker in the left and in the right clip.")
+    ] = "2,3",
+    seconds: Annotated[float, typer.Option("--seconds", min=1.0, max=10.0, help="Watch for so long.")] = 5.0,
+    accelerometer: Annotated[
+        bool,
+        typer.Option("--accelerometer", help="Ask the Kinect that is connected; a live sensor is asked anyway."),
+    ] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file that --out names.")] = False,
+) -> None:
+    """Measure a rig before which everything hangs still, each value with its standard deviation.
+
+    The hanger gives the depth scale and where depth lies against colour. A plumb line with two markers gives gravity,
+    and so does a sensor's accelerometer. A marker in each clip, its black upper edge where the clip holds, gives the
+    ends of the held edge. What is not in view stays as it was. Without --out nothing is written.
+    """
+    from capture.calibration_accelerometer import connected_accelerometer
+    from capture.calibration_report import lines
+    from capture.calibration_session import calibrate
+    from capture.outputs import refuse_to_replace, write_text
+    from firmware_host.opening import open_sensor
+    from formats.descriptions import dump_description, load_rig
+
+    if out is not None and not overwrite:
+        refuse_to_replace(out)
+    plumb_ids, clip_ids = two_numbers(plumb, "--plumb-ids"), two_numbers(clips, "--clip-ids")
+    before = load_rig(rig)
+    with open_sensor(sensor) as source:
+        gravity = connected_accelerometer() if accelerometer or source.info.is_live else None
+        measured = calibrate(
+            source, before, plumb_ids=plumb_ids, clip_ids=clip_ids, seconds=seconds, accelerometer=gravity
+        )
+    for line in lines(measured, before):
+        typer.echo(line)
+    if out is not None:
+        write_text(out, dump_description(measured.rig))
+        typer.echo(f"{out}: written")
+
+
+def two_numbers(text: str, option: str) -> tuple[int, int]:
+    """Return the two whole numbers of an option.
+
+    Raises:
+        UntrackableError: it does not hold two.
+    """
+    from capture.errors import UntrackableError
+
+    try:
+        first, second = (int(part) for part in text.split(","))
+    except ValueError:
+        raise UntrackableError(f"{text!r} is no pair of numbers", where=option, advice="for example 4,5") from None
+    return first, second
+
+
 def record_command(
     sensor: Annotated[
         str, typer.Option("--sensor", metavar="FILE|URI", help="An .oni recording, openni2: or synthetic:MOTION.")
@@ -60,6 +126,11 @@ def record_command(
     seconds: Annotated[
         float | None, typer.Option("--seconds", min=1.0, help="Stop after so long.", show_default="the end")
     ] = None,
+    pick: Annotated[
+        tuple[str, str] | None,
+        typer.Option("--pick", metavar="X,Y X,Y", help="Pixels of the left and the right dot in the first picture."),
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the take that --out names.")] = False,
     scan_rate: Annotated[
         float, typer.Option("--scan-rate", metavar="HZ", min=0.0, max=60.0, help="Surface scans a second; 0 for none.")
     ] = 0.0,
@@ -69,17 +140,25 @@ def record_command(
 ) -> None:
     """Track the hanger and the garment in every frame and keep them as a take.
 
-    Nothing has to be clicked: the two markers are found by themselves. Ctrl-C ends the take cleanly.
+    Nothing has to be clicked: the two markers are found by themselves, fiducials or coloured dots as the rig says.
+    Where more things look like dots, --pick says which. Ctrl-C ends the take cleanly.
     """
     import sys
+    from contextlib import ExitStack
     from datetime import UTC, datetime
 
+    import numpy as np
+
+    from capture.condition import Condition
+    from capture.frame_queue import QueuedSensor
+    from capture.outputs import refuse_to_replace
     from capture.recording import ScanPlan, record
     from firmware_host.opening import open_sensor
     from formats.descriptions import load_garment, load_rig
 
+    if not overwrite:
+        refuse_to_replace(out)
     described_rig, described_garment = load_rig(rig), load_garment(garment)
-    scans = ScanPlan(rate=scan_rate, grid=scan_points, contour=8 * scan_points) if scan_rate > 0 else None
     is_terminal = sys.stderr.isatty()
 
     def show(frames: int, total: int | None, hanger_share: float) -> None:
@@ -88,10 +167,22 @@ def record_command(
             text = f"\r{frames}{of} frames, hanger seen in {100 * hanger_share:.0f} %"
             print(text, end="", file=sys.stderr, flush=True)
 
-    with open_sensor(sensor) as source:
+    def announce(time: float, condition: Condition) -> None:
+        start = "\n" if is_terminal else ""
+        said = condition.value
+        advice = f"; {said.advice}" if said.advice else ""
+        print(f"{start}{time:6.1f} s  {said.words}{advice}", file=sys.stderr, flush=True)
+
+    picks = None if pick is None else np.array([two_numbers(one, "--pick") for one in pick], float)
+    scans = ScanPlan(rate=scan_rate, grid=scan_points, contour=8 * scan_points) if scan_rate > 0 else None
+    with ExitStack() as open_sensors:
+        source = open_sensors.enter_context(open_sensor(sensor))
+        if source.info.is_live:
+            source = open_sensors.enter_context(QueuedSensor(source))
         report = record(
             source, described_rig, described_garment, out, take_id=out.stem,
-            created=datetime.now(UTC).isoformat(timespec="seconds"), seconds=seconds, scans=scans, progress=show,
+            created=datetime.now(UTC).isoformat(timespec="seconds"), seconds=seconds, progress=show,
+            announce=announce, picks=picks, scans=scans,
         )  # fmt: skip
     if is_terminal:
         print(file=sys.stderr)
@@ -101,3 +192,8 @@ def record_command(
     )
     typer.echo(f"{report.path}: {report.frames} frames{', stopped by hand' if report.is_interrupted else ''}")
     typer.echo(f"hanger seen in {100 * report.with_hanger / max(report.frames, 1):.0f} %; {points}")
+    for condition, count in sorted(report.conditions.items(), key=lambda item: -item[1]):
+        if condition is not Condition.GOOD:
+            typer.echo(f"in {count} frames {condition.value.words}")
+    if report.failure is not None:
+        raise report.failure

@@ -4,6 +4,7 @@ HangtimeError
   +-- CaptureError
         +-- UntrackableError    the rig or garment describes something that this tracker cannot follow
         +-- NoMarkersError      a whole recording in which the hanger was never seen
+        +-- CalibrationError    the rig cannot be measured from what the sensor saw
         +-- OutputError         the take or its pictures cannot be written there
 """
 
@@ -22,6 +23,10 @@ class UntrackableError(CaptureError):
 
 class NoMarkersError(CaptureError):
     """A recording in which the two hanger markers were never seen together."""
+
+
+class CalibrationError(CaptureError):
+    """A rig that cannot be measured from what the sensor saw."""
 
 
 class OutputError(CaptureError):

@@ -31,7 +31,6 @@ class GarmentSight:
     pixels [px], (points, 2); outline [px], (n, 2): the silhouette, empty where the garment was not found
     quality, 0 to 1: the mean over the points of how well each is known, times the share of the silhouette that has
     depth; a point counts min(1, `WELL_KNOWN` / |sd|), and 0 where it is not valid
-    is_covered: not found, and something stands before where it should be
     """
 
     points: Floats
@@ -41,7 +40,6 @@ class GarmentSight:
     pixels: Floats
     outline: Floats
     quality: float = 0.0
-    is_covered: bool = False
 
     @property
     def is_found(self) -> bool:
@@ -72,7 +70,7 @@ def frame_quality(valid: NDArray[np.bool_], sd: Floats, filled: float) -> float:
     return float(known.mean() * filled) if len(valid) else 0.0
 
 
-def nothing_found(points: int, *, is_covered: bool = False) -> GarmentSight:
+def nothing_found(points: int) -> GarmentSight:
     """Return the sight of a frame in which the garment was not found."""
     nowhere = np.full((points, 3), np.nan)
     return GarmentSight(
@@ -82,5 +80,4 @@ def nothing_found(points: int, *, is_covered: bool = False) -> GarmentSight:
         hidden=np.zeros(points, dtype=bool),
         pixels=np.full((points, 2), np.nan),
         outline=np.empty((0, 2)),
-        is_covered=is_covered,
     )

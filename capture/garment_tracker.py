@@ -43,7 +43,6 @@ LONGEST_TRUST = 0.2  # s, after which the window of the last sighting says nothi
 SMALLEST_SHARE = 0.25  # of the flat garment's area in view; a smaller piece is not the garment
 JUMP, JUMP_NOISE = 0.03, 6.0  # m and pixel noises in depth between neighbours that are two surfaces
 NEAREST_HANGER = 0.1  # m; nearer is no place of a hanger but an error
-COVERED_SHARE = 0.3  # of the pixels where the garment hangs at rest
 HELD_MATCH = 0.03  # m, a held corner this far from the held edge's end is not that corner
 CELL = 0.028  # m, of the grid for geodesics
 CORNER_SLACK = 0.02  # of a distance between corners: it is no worse measured than that
@@ -93,7 +92,7 @@ class SilhouetteTracker:
         self._seen = None
         if silhouette is None:
             self._last = None
-            return nothing_found(len(roles), is_covered=self._is_covered(depth, held))
+            return nothing_found(len(roles))
         self._last = (time, silhouette.window)
         sides = self.flat.sides * self.sensor.fx / float(held[:, 2].mean())
         view = self.finder.find(silhouette, project(held, self.sensor), sides)
@@ -136,17 +135,6 @@ class SilhouetteTracker:
             return None
         silhouette, corners = self._seen
         return scan_surface(silhouette, corners, self.sensor, time, grid=grid, contour=contour)
-
-    def _is_covered(self, depth: NDArray[np.uint16], held: Floats) -> bool:
-        """Return whether much of where the garment hangs at rest shows something nearer than it can be."""
-        if not np.isfinite(held).all() or held[:, 2].min() <= NEAREST_HANGER:
-            return False
-        middle, ends = float(held[:, 2].mean()), project(held, self.sensor)
-        drop = int(0.7 * self.flat.reach * self.sensor.fy / middle)
-        (left, top), right = np.maximum(ends.min(0), 0).astype(int), max(int(ends[:, 0].max()), 0)
-        patch = depth[top : top + drop, left:right]
-        nearer = (patch > 0) & (patch < 1e3 * (middle - SLACK * self.flat.reach))
-        return bool(np.count_nonzero(nearer) > COVERED_SHARE * max(patch.size, 1))
 
     def _hidden(
         self, silhouette: Silhouette, shape: tuple[int, ...], pixels: Floats, places: Floats, is_held: Booleans,

@@ -14,7 +14,7 @@ from pathlib import Path
 import cv2
 
 from capture.errors import OutputError, UntrackableError
-from capture.markers import marker_dictionary
+from capture.marker_detection import marker_dictionary
 
 PAGE = (210.0, 297.0)  # mm, A4
 MARGIN = 15.0  # mm that no printer reaches

@@ -10,27 +10,27 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.condition import Condition, ConditionWatch, condition_of
 from capture.errors import NoMarkersError, OutputError, UntrackableError
-from capture.garment import GarmentSight, GarmentTracker, nothing_found
-from capture.garment_tracker import garment_tracker
-from capture.markers import HangerSight, MarkerTracker, nothing_seen
+from capture.frame_clock import FrameClock
+from capture.frame_tracking import FrameTracker
+from capture.garment import GarmentSight
+from capture.markers import HangerSight
 from firmware_host.depth_sensor import DepthSensor, SensorFrame
+from firmware_host.errors import SensorError
 from formats.archive import TakeWriter
-from formats.blocks import Frame
 from formats.errors import TakeError
 from formats.garment import Garment
-from formats.hanger import held_ends
 from formats.rig import Rig
 from formats.take import FrameState
 
 Floats = NDArray[np.float64]
 Watcher = Callable[[SensorFrame, HangerSight, GarmentSight], None]
 Progress = Callable[[int, int | None, float], None]
+Announce = Callable[[float, Condition], None]
 
-FEWEST_HANGERS = 10  # frames with both markers; fewer are no recording of a hanger
 SCAN_TOLERANCE = 1e-3  # s: frames come a little early or late
-NEAREST, FARTHEST = 0.8, 3.5  # m: a structured-light sensor's range, within which its noise model holds
-FEWEST_DEPTH = 0.01  # of the pixels that must have depth
+FEWEST_HANGERS = 10  # frames with both markers; fewer are no recording of a hanger
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,13 +47,18 @@ class ScanPlan:
 
 @dataclass(frozen=True, kw_only=True)
 class RecordingReport:
-    """What was recorded: frames, and in how many the hanger and each point were seen."""
+    """What was recorded: frames, in how many the hanger and each point were seen, in how many each condition held.
+
+    failure: what the sensor failed with after the last frame, None where the recording ended as it should
+    """
 
     path: Path
     frames: int
     with_hanger: int
     point_share: Floats
+    conditions: dict[Condition, int]
     is_interrupted: bool
+    failure: SensorError | None
 
 
 def record(
@@ -65,19 +70,25 @@ def record(
     take_id: str,
     created: str,
     seconds: float | None = None,
-    scans: ScanPlan | None = None,
     progress: Progress = lambda frames, total, seen: None,
     watch: Watcher | None = None,
+    announce: Announce = lambda time, condition: None,
+    picks: Floats | None = None,
+    scans: ScanPlan | None = None,
 ) -> RecordingReport:
-    """Track every frame of a sensor and write a take; Ctrl-C ends the take cleanly.
+    """Track every frame of a sensor and write a take; Ctrl-C, or a sensor that fails, ends the take cleanly.
+
+    announce: told the time [s] since the beginning and the condition, whenever it changes for good; picks [px],
+    (2, 2): where the hanger's dots are in the first frame, left one first; scans: None for none of the surface
 
     Raises:
         UntrackableError: the sensor's image is not the one that the rig describes, or the garment cannot be followed.
         NoMarkersError: the hanger was hardly ever seen; no take is left behind.
+        SensorError: the sensor failed before the hanger was seen; no take is left behind.
         OutputError: the take cannot be written.
     """
     _check_rig(sensor, rig)
-    hanger_tracker, cloth_tracker = MarkerTracker(rig), garment_tracker(garment, rig)
+    tracker, clock, conditions = FrameTracker(rig, garment, picks), FrameClock(sensor.info.fps), ConditionWatch()
     cv2.setNumThreads(1)
     try:
         writer = TakeWriter(out, take_id=take_id, created=created, rig=rig, garment=garment, source=sensor.info.uri)
@@ -85,38 +96,43 @@ def record(
         raise OutputError(f"cannot be written ({error.strerror})", where=out, advice="choose another folder") from error
     frames = with_hanger = 0
     seen = np.zeros(len(garment.points))
-    first = last = -np.inf
+    first = 0.0
     is_interrupted = False
-    jumped = False
+    failure: SensorError | None = None
     next_scan = -np.inf
+
+    def tell(time: float, condition: Condition) -> None:
+        if conditions.add(time, condition) is not None:
+            announce(time, condition)
+
     try:
         for frame in sensor.frames():
-            if not frame.time_s > last:
-                jumped = True  # a clock that runs backwards: the frame cannot be placed in time
+            time = clock.place(frame.time_s)
+            if time is None:
+                tell(clock.last - first, Condition.CLOCK)
                 continue
-            first = frame.time_s if frames == 0 else first
-            last = frame.time_s
-            hanger, cloth, state = _track(frame, hanger_tracker, cloth_tracker, rig, garment)
-            state |= FrameState.CLOCK_JUMPED if jumped else 0
-            jumped = False
-            writer.append(_as_frame(frame.time_s, hanger, cloth, rig, state))
-            if scans is not None and frame.time_s >= next_scan:
-                scan = (
-                    cloth_tracker.scan(frame.time_s, grid=scans.grid, contour=scans.contour) if cloth.is_found else None
-                )
+            first = time if frames == 0 else first
+            hanger, cloth, state = tracker.track(frame, time)
+            state |= FrameState.CLOCK_JUMPED if clock.has_jumped else 0
+            writer.append(tracker.as_frame(time, hanger, cloth, state))
+            if scans is not None and cloth.is_found and time >= next_scan:
+                scan = tracker.scan(time, grid=scans.grid, contour=scans.contour)
                 if scan is not None:
                     writer.append_scan(scan)
-                    next_scan = frame.time_s + 1.0 / scans.rate - SCAN_TOLERANCE
+                    next_scan = time + 1.0 / scans.rate - SCAN_TOLERANCE
             frames += 1
             with_hanger += hanger.is_found
             seen += cloth.valid
+            tell(time - first, condition_of(state))
             if watch is not None:
                 watch(frame, hanger, cloth)
             progress(frames, sensor.info.frame_count, with_hanger / frames)
-            if seconds is not None and last - first >= seconds:
+            if seconds is not None and time - first >= seconds:
                 break
     except KeyboardInterrupt:
         is_interrupted = True
+    except SensorError as error:
+        failure = error
     except OSError as error:
         writer.discard()
         raise OutputError(f"writing failed ({error.strerror})", where=out, advice="make room on the disk") from error
@@ -125,13 +141,7 @@ def record(
         raise
     if with_hanger < FEWEST_HANGERS:
         writer.discard()
-        markers = rig.hanger
-        raise NoMarkersError(
-            f"both hanger markers were seen together in {with_hanger} of {frames} frames; no take was kept",
-            where=sensor.info.uri,
-            advice=f"show markers {markers.ids if markers else ''} of {markers.dictionary if markers else ''} to the "
-            "camera, flat and in good light",
-        )
+        raise failure or _no_markers(sensor, rig, frames, with_hanger, conditions.worst)
     try:
         writer.finish()
     except (OSError, TakeError) as error:
@@ -144,8 +154,20 @@ def record(
         frames=frames,
         with_hanger=with_hanger,
         point_share=seen / max(frames, 1),
+        conditions=dict(conditions.frames),
         is_interrupted=is_interrupted,
+        failure=failure,
     )
+
+
+def _no_markers(sensor: DepthSensor, rig: Rig, frames: int, with_hanger: int, worst: Condition) -> NoMarkersError:
+    what = f"both hanger markers were seen together in {with_hanger} of {frames} frames; no take was kept"
+    advice = worst.value.advice or "record longer"
+    if worst in (Condition.NO_MARKERS, Condition.ONE_MARKER) and rig.hanger is not None:
+        advice += f" (the rig says markers {rig.hanger.ids[0]} and {rig.hanger.ids[1]} of {rig.hanger.dictionary})"
+    elif worst is not Condition.GOOD:
+        what += f", mostly because: {worst.value.words}"
+    return NoMarkersError(what, where=sensor.info.uri, advice=advice)
 
 
 def _check_rig(sensor: DepthSensor, rig: Rig) -> None:
@@ -161,49 +183,3 @@ def _check_rig(sensor: DepthSensor, rig: Rig) -> None:
             where=rig.name,
             advice="set the rig's [sensor] to this sensor",
         )
-
-
-def _track(
-    frame: SensorFrame, hanger_tracker: MarkerTracker, cloth_tracker: GarmentTracker, rig: Rig, garment: Garment
-) -> tuple[HangerSight, GarmentSight, int]:
-    """Find hanger and garment in one frame; return both sights and the frame's state."""
-    state = FrameState.FRAMES_DROPPED_BEFORE if frame.dropped_before else 0
-    has_depth = np.count_nonzero(frame.depth) >= FEWEST_DEPTH * frame.depth.size
-    hanger, cloth = nothing_seen(), nothing_found(len(garment.points))
-    if not has_depth:
-        state |= FrameState.DEPTH_MISSING
-    if frame.colour is None:
-        state |= FrameState.COLOUR_MISSING
-    if has_depth and frame.colour is not None:
-        hanger = hanger_tracker.track(frame.colour, frame.depth, frame.time_s)
-    if hanger.is_found:
-        held = held_ends(hanger.positions, rig)
-        cloth = cloth_tracker.track(frame.depth, held, frame.time_s)
-        if not NEAREST <= held[:, 2].mean() <= FARTHEST:
-            state |= FrameState.OUT_OF_RANGE
-        if cloth.is_covered:
-            state |= FrameState.GARMENT_COVERED
-    else:
-        state |= FrameState.MARKER_LOST
-    if not cloth.is_found:
-        state |= FrameState.GARMENT_LOST
-    return hanger, cloth, state
-
-
-def _as_frame(time: float, hanger: HangerSight, cloth: GarmentSight, rig: Rig, state: int) -> Frame:
-    held = held_ends(hanger.positions, rig)
-    # The ends are a rigid step from both markers: between them interpolation, beyond them extrapolation of the noise.
-    sd = np.sqrt(np.mean(np.nan_to_num(hanger.sd) ** 2, axis=0))
-    return Frame(
-        time=time,
-        markers=hanger.positions,
-        held=held,
-        held_valid=np.asarray(np.isfinite(held).all(1)),
-        held_sd=np.broadcast_to(sd, (2, 3)),
-        points=np.where(cloth.valid[:, None], cloth.points, np.nan),
-        points_valid=cloth.valid,
-        points_sd=np.nan_to_num(cloth.sd),
-        state=int(state),
-        points_hidden=cloth.hidden,
-        quality=cloth.quality,
-    )

@@ -6,8 +6,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.markers import marker_dictionary
+from capture.colour_dots import DotTracker
+from capture.marker_detection import marker_dictionary
 from firmware_host.doctor.checks import Check, Examination, Finding, ok, problem, skipped
+from formats.rig import Rig
 
 USUAL_DICTIONARY = "DICT_4X4_50"  # of the rig that `hangtime sensor synthesise` writes and docs/recording.md prints
 USUAL_IDS = (0, 1)
@@ -22,6 +24,8 @@ def markers_visible(examination: Examination) -> Finding:
         hanger = examination.rig.hanger
         if hanger is None:
             return problem("the rig has no hanger section", "describe it as in docs/file-formats.md")
+        if hanger.marker == "dot":
+            return _dots_visible(examination, examination.rig)
         dictionary, ids = hanger.dictionary, hanger.ids
     frames = [] if examination.sample is None else examination.sample.frames
     pictures = [frame.colour for frame in frames if frame.colour is not None]
@@ -39,6 +43,26 @@ def markers_visible(examination: Examination) -> Finding:
     advice = "hang the hanger 1.2 to 2.5 m before the sensor, markers towards it, in even light"
     if others:
         advice = f"markers {others} are there instead: give the rig that describes them with --rig"
+    return problem(text, advice)
+
+
+def _dots_visible(examination: Examination, rig: Rig) -> Finding:
+    frames = [] if examination.sample is None else examination.sample.frames
+    if rig.sensor is None:
+        return problem("the rig has no sensor section", "describe it as in docs/file-formats.md")
+    size = rig.sensor.height, rig.sensor.width
+    sights = [
+        DotTracker(rig).track(frame.colour, frame.depth, frame.time_s)
+        for frame in frames
+        if frame.colour is not None and frame.depth.shape == size
+    ]
+    if not sights:
+        return skipped("there is no colour picture of the rig's size to look at")
+    share = sum(sight.is_found for sight in sights) / len(sights)
+    text = f"both dots in {100 * share:.0f} % of {len(sights)} frames"
+    if share >= LEAST_SEEN:
+        return ok(text)
+    advice = "hang it 1.2 to 2.5 m before the sensor in even light; name dot_colours in the rig, or record with --pick"
     return problem(text, advice)
 
 

@@ -1,4 +1,4 @@
-"""`hangtime sensor`: list, play, synthesise, and what `usb_control` and `doctor` add."""
+"""`hangtime sensor`: list, play, synthesise, synthesise-swatch, and what `usb_control` and `doctor` add."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ def add_commands(app: typer.Typer) -> None:
     sensor.command("list")(list_sensors)
     sensor.command("play")(play)
     sensor.command("synthesise")(synthesise)
+    sensor.command("synthesise-swatch")(synthesise_swatch)
     add_usb_commands(sensor)
     add_doctor(sensor)
     app.add_typer(sensor, name="sensor")
@@ -117,4 +118,23 @@ def synthesise(
     if sys.stderr.isatty():
         print(file=sys.stderr)
     for path in paths:
+        typer.echo(str(path))
+
+
+def synthesise_swatch(
+    out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the recording; made if absent.")],
+    fabric: Annotated[
+        str, typer.Option("--fabric", help="What is swung: silk, denim, cotton or polyester-rayon.")
+    ] = "cotton",
+    motion: Annotated[str, typer.Option("--motion", help="How it is swung: swing or other.")] = "swing",
+    air_drag: Annotated[float, typer.Option("--air-drag", min=0.0, help="Drag coefficient of the still air.")] = 0.0,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the markers' noise and gaps.")] = 1,
+) -> None:
+    """Make motion capture without cameras: a 50 cm swatch with 81 markers, swung by its corners, 500 frames at 120 Hz.
+
+    Writes DIR/FABRIC-MOTION.csv, its truth (.truth.npz) and the garment DIR/FABRIC.toml; `hangtime import` reads them.
+    """
+    from firmware_host.synthetic.swatch import make_swatch_take
+
+    for path in make_swatch_take(out, fabric=fabric, motion=motion, air_drag=air_drag, seed=seed):
         typer.echo(str(path))

@@ -1,7 +1,8 @@
-"""Fit a parameterisation to takes by the printed annealing: freely running simulations, distance D of eq. 1.
+"""Fit a parameterisation to takes by the printed annealing: freely running simulations, the method's own objective.
 
 Each candidate is simulated from the settled first shape through the whole take without any pull; its distance is the
-mean of D over the takes. The interval of a parameter is that of the linearised model about the result,
+mean of the method's objective (`fit.objective`: D; `fit.swatch_error`: E) over the takes. The interval of a parameter
+is that of the linearised model about the result,
 
     C = (J'J / s^2 / k + diag(12 / range^2))^-1,
 
@@ -22,14 +23,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit import objective
-from fit.cloth.simulator import Resolution, Simulator
+from fit.cloth.material import NAMES
+from fit.cloth.simulator import Resolution
+from fit.combinations import describe_combinations
 from fit.effects import find_effects
-from fit.effects.base import Effect
+from fit.effects.base import Effect, columns_of
+from fit.engines import find_engine
 from fit.errors import BlowUpError, FitError
+from fit.geometry import check_geometry
 from fit.parameterisations import Parameter, Parameterisation
 from fit.recording import Recording, prepare
 from fit.search.annealing import Annealing, AnnealingSettings, SearchBox
-from formats.results import ErrorFigure, FitParameter, FitResult
+from formats.results import ErrorFigure, FitParameter, FitResult, ObjectiveFigure
 from formats.results import FitError as FitErrors
 from formats.take import Take
 
@@ -38,6 +43,7 @@ Progress = Callable[[int, int, float], None]
 
 BLOCK = 0.5  # s: distances further apart count as independent
 CHECKPOINT_EVERY = 10.0  # s
+SIDE_BY_SIDE = 16  # candidates a batch
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,8 +54,9 @@ class Request:
     effects: tuple[Effect, ...] = ()
     settings: AnnealingSettings = field(default_factory=AnnealingSettings)
     seed: int = 0
-    width: int = 16
+    width: int = SIDE_BY_SIDE
     resolution: Resolution = field(default_factory=Resolution)
+    engine: str = "own"  # the simulator, `fit.engines`
     bounds: tuple[tuple[str, float, float], ...] = ()  # name, low, high: narrower than the parameter's own
 
     @property
@@ -85,22 +92,44 @@ class Model:
 
     def __init__(self, recordings: list[Recording], request: Request) -> None:
         self.recordings, self.request = recordings, request
-        self.simulators = [Simulator(r, request.effects, resolution=request.resolution) for r in recordings]
+        for recording in recordings:
+            check_geometry(recording)
+        self.objectives = [request.method.objective(r) for r in recordings]  # refuses bad takes before simulating
+        make = find_engine(request.engine)
+        self.engines = [make(r, request.method, request.effects, request.resolution) for r in recordings]
+
+    @property
+    def weighed_density(self) -> float:
+        """Mean over the takes of the garment's weight per area [kg/m^2]."""
+        return float(np.mean([r.garment.areal_density for r in self.recordings]))
+
+    def material(self, vector: Floats) -> dict[str, float]:
+        """SI material of one vector, at the mean weighed density, with the effects that change the cloth."""
+        count = len(self.request.method.parameters)
+        row = self.request.method.to_materials(vector[None, :count], self.weighed_density)[0]
+        for effect, columns in zip(self.request.effects, columns_of(self.request.effects), strict=True):
+            if vector[count:][columns].any():
+                row = effect.material(row, vector[count:][columns])
+        return dict(zip(NAMES, row.tolist(), strict=True))
 
     def points(self, vectors: Floats) -> list[Floats]:
         """Simulated points per take, each (candidates, frames, points, 3) [m]."""
-        count = len(self.request.method.parameters)
-        found = []
-        for recording, simulator in zip(self.recordings, self.simulators, strict=True):
-            density = recording.garment.mass_kg / float(simulator.mesh.area)
-            materials = self.request.method.to_materials(vectors[:, :count], density)
-            found.append(simulator.run(materials, vectors[:, count:]).points)
-        return found
+        return [engine.points(vectors) for engine in self.engines]
 
     def distances(self, vectors: Floats) -> Floats:
-        """Mean over the takes of D [m], (candidates,); infinite where a simulation blew up."""
-        by_take = [objective.distance(r.points, p) for r, p in zip(self.recordings, self.points(vectors), strict=True)]
+        """Mean over the takes of the method's objective, (candidates,); infinite where a simulation blew up."""
+        by_take = [objective.total(o, p) for o, p in zip(self.objectives, self.points(vectors), strict=True)]
         return np.asarray(np.mean(by_take, axis=0))
+
+    def objective_figure(self, initial: Floats, fitted: Floats) -> ObjectiveFigure:
+        """The objective and its parts before and after."""
+        both = self.points(np.stack([initial, fitted]))
+        parts = np.mean([o.terms(p) for o, p in zip(self.objectives, both, strict=True)], axis=0)
+        first = self.objectives[0]
+        return ObjectiveFigure(
+            name=first.name, unit=first.unit, before=float(parts[0].sum()), after=float(parts[1].sum()),
+            parts={name: (float(parts[0, k]), float(parts[1, k])) for k, name in enumerate(first.parts)},
+        )  # fmt: skip
 
     def error(self, vector: Floats) -> ErrorFigure:
         """Mean distance of the points per frame of all takes, one after the other, for one vector."""
@@ -179,7 +208,8 @@ def _key(training: list[Take], request: Request) -> dict[str, object]:
     return {
         "takes": [t.take_id for t in training], "method": request.method.name, "seed": request.seed,
         "effects": [e.name for e in request.effects], "spacing": request.resolution.spacing,
-        "bounds": [list(b) for b in request.bounds],
+        "bounds": [list(b) for b in request.bounds], "initial": [p.initial for p in request.parameters],
+        "engine": request.engine,
     }  # fmt: skip
 
 
@@ -209,17 +239,25 @@ def _result(
     search: Annealing, initial: Floats, seconds: float,
 ) -> FitResult:  # fmt: skip
     best = search.best
-    intervals, is_identified = _intervals(model, best, request.parameters)
+    covariance = _covariance(model, best, request.parameters)
+    intervals, is_identified = _intervals(covariance, best, request.parameters)
+    count, weighed = len(request.method.parameters), model.weighed_density
+    reach = np.array([p.maximum - p.minimum for p in request.method.parameters])
     described = [
         FitParameter(
             name=p.name, unit=p.unit, initial=p.initial, fitted=float(best[k]), minimum=p.minimum, maximum=p.maximum,
             interval_low=float(intervals[k, 0]), interval_high=float(intervals[k, 1]),
-            is_identified=bool(is_identified[k]) and p.name != request.method.scale, note=p.meaning,
+            is_identified=bool(is_identified[k]) and p.name not in request.method.degenerate, note=p.meaning,
         )
         for k, p in enumerate(request.parameters)
     ]  # fmt: skip
+    is_own = request.engine == "own"
     notes = [request.method.not_identified] if request.method.not_identified else []
-    notes.append(f"gamma = {request.settings.gamma:g} per metre is our choice; the paper gives none.")
+    notes += [o.remark for o in model.objectives if o.remark]
+    if not is_own:
+        notes.append(f"Simulated by {request.engine}; its numbers have no SI values, so no combinations are given.")
+    unit = {"m": "metre"}.get(model.objectives[0].unit, f"unit of {model.objectives[0].name}")
+    notes.append(f"gamma = {request.settings.gamma:g} per {unit} is our choice; the paper gives none.")
     if search.non_finite:
         notes.append(f"{search.non_finite} candidates blew up and were rejected.")
     return FitResult(
@@ -244,11 +282,17 @@ def _result(
         simulations=search.evaluations * len(training),
         seconds=seconds,
         notes=notes,
-    )
+        material=model.material(best) if is_own else {},
+        objective=model.objective_figure(initial, best),
+        combinations=describe_combinations(
+            lambda vectors: request.method.to_materials(vectors, weighed),
+            initial[:count], best[:count], reach, covariance[:count, :count],
+        ) if is_own else [],
+    )  # fmt: skip
 
 
-def _intervals(model: Model, best: Floats, parameters: tuple[Parameter, ...]) -> tuple[Floats, NDArray[np.bool_]]:
-    """90 % intervals, (parameters, 2), and whether each parameter is identified."""
+def _covariance(model: Model, best: Floats, parameters: tuple[Parameter, ...]) -> Floats:
+    """Covariance of the parameters in the linearised model about the best vector, (parameters, parameters)."""
     low, high = np.array([p.minimum for p in parameters]), np.array([p.maximum for p in parameters])
     reach = high - low
     step = np.where(best + 0.02 * reach <= high, 0.02, -0.02) * reach
@@ -262,8 +306,13 @@ def _intervals(model: Model, best: Floats, parameters: tuple[Parameter, ...]) ->
     variance = float(np.mean(residuals[0] ** 2))
     blocks = sum(r.duration / BLOCK for r in model.recordings)
     per_block = residuals.shape[1] / blocks
-    prior = reach / np.sqrt(12)
-    covariance = np.linalg.inv(jacobian @ jacobian.T / variance / per_block + np.diag(prior**-2))
+    return np.asarray(np.linalg.inv(jacobian @ jacobian.T / variance / per_block + np.diag(12 / reach**2)))
+
+
+def _intervals(covariance: Floats, best: Floats, parameters: tuple[Parameter, ...]) -> tuple[Floats, NDArray[np.bool_]]:
+    """90 % intervals, (parameters, 2), and whether each parameter is identified."""
+    low, high = np.array([p.minimum for p in parameters]), np.array([p.maximum for p in parameters])
+    prior = (high - low) / np.sqrt(12)
     deviation = np.sqrt(np.diag(covariance))
     intervals = np.stack([np.maximum(best - 1.645 * deviation, low), np.minimum(best + 1.645 * deviation, high)], 1)
     return intervals, deviation < 0.5 * prior
@@ -278,24 +327,24 @@ def request_of(
     spacing: float,
     gamma: float | None = None,
     bounds: list[str] | None = None,
+    engine: str = "own",
 ) -> Request:
     """Gather a request from plain values; bounds as NAME=LOW:HIGH.
 
     Raises:
-        FitError: an unknown effect, or bounds that are crossed, malformed, of no parameter or outside its range.
+        FitError: an unknown effect or engine; bounds that are crossed, malformed, of no parameter or beyond its range.
     """
-    settings = (
-        AnnealingSettings(iterations=iterations)
-        if gamma is None
-        else AnnealingSettings(iterations=iterations, gamma=gamma)
-    )
+    settings = AnnealingSettings(iterations=iterations, gamma=method.gamma if gamma is None else gamma)
     request = Request(
         method=method,
         effects=find_effects(effects),
         settings=settings,
         seed=seed,
         resolution=Resolution(spacing=spacing),
+        engine=engine,
+        width=SIDE_BY_SIDE if engine == "own" else 1,  # speculation pays only where candidates share a batch
     )
+    find_engine(engine)
     known = {p.name: p for p in request.parameters}
     return replace(request, bounds=tuple(_read_bounds(text, known) for text in bounds or []))
 

@@ -1,4 +1,4 @@
-"""`hangtime fit` and `hangtime diagnose`."""
+"""`hangtime fit`, `hangtime fabric` and `hangtime diagnose`."""
 
 from __future__ import annotations
 
@@ -19,18 +19,13 @@ HeldOut = Annotated[
     typer.Option("--held-out", metavar="TAKE", help="A take of another motion to judge on; may be repeated."),
 ]
 Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; made if absent.")]
-Spacing = Annotated[
-    float,
-    typer.Option(
-        "--spacing", metavar="METRES", help="Mesh spacing; smaller is finer and slower (time grows with its cube)."
-    ),
-]
 Seed = Annotated[int, typer.Option("--seed", help="Seed of every random number.")]
 
 
 def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
     app.command("fit", short_help="Find the cloth parameters that follow the takes.")(fit_command)
+    app.command("fabric", short_help="Show a fit as a fabric tester would.")(fabric_command)
     app.command("diagnose", short_help="Say what the simulation lacks, and how sure that is.")(diagnose_command)
     add_blind_commands(app)
 
@@ -41,9 +36,18 @@ def fit_command(
     method: Annotated[
         str,
         typer.Option(
-            "--method", help="kinect-skirt: the paper's six Blender parameters; si: physical units, weight known."
+            "--method",
+            help="kinect-skirt: the paper's six Blender parameters; mocap-swatch: five parameters and the error E for "
+            "a swatch with a grid of markers; both also with -weighed: the weight known; si: physical units.",
         ),
     ] = "kinect-skirt",
+    fabric: Annotated[
+        str | None,
+        typer.Option("--fabric", help="Start from this fabric's table values: silk, denim, cotton, polyester-rayon."),
+    ] = None,
+    engine: Annotated[
+        str, typer.Option("--engine", help="Who simulates: own, or blender (kinect-skirt only; extra `blender`).")
+    ] = "own",
     effect: Annotated[
         list[str], typer.Option("--effect", metavar="NAME", help="Keep this effect in the model; may be repeated.")
     ] = [],  # noqa: B006
@@ -58,29 +62,39 @@ def fit_command(
         float | None, typer.Option("--gamma", help="Factor gamma of the acceptance [1/m].", show_default="1e5")
     ] = None,
     out: Out = Path("fit"),
-    spacing: Spacing = 0.05,
+    spacing: Annotated[
+        float | None,
+        typer.Option("--spacing", metavar="METRES", help="Mesh spacing; smaller is finer and slower (time grows with "
+                     "its cube).", show_default="0.05; mocap-swatch 0.03125"),
+    ] = None,
     seed: Seed = 0,
-) -> None:
+) -> None:  # fmt: skip
     """Find the cloth parameters that make the simulation follow the takes.
 
-    Simulated annealing as in the Kinect-skirt paper: freely running simulations, mean distance of the tracked points.
+    Simulated annealing as in the Kinect-skirt paper: freely running simulations, the method's own error.
     Writes DIR/fit.json and DIR/report.html. Interrupt with Ctrl-C at any time; the same command goes on where it was.
     """
     from fit.calibration import calibrate, request_of
+    from fit.fabrics import find_fabric
     from fit.parameterisations import find_method
     from fit.reporting import write_fit_report
     from formats.archive import read_take
     from formats.results import save_fit_result
 
+    chosen = find_method(method)
+    if fabric is not None:
+        chosen = chosen.starting_from(find_fabric(fabric).start, f"the fabric {fabric}")
+    spacing = chosen.spacing if spacing is None else spacing
     request = request_of(
-        find_method(method), effect, iterations=iterations, seed=seed, spacing=spacing, gamma=gamma, bounds=bounds
+        chosen, effect, iterations=iterations, seed=seed, spacing=spacing, gamma=gamma, bounds=bounds, engine=engine
     )
     training, testing = [read_take(p) for p in takes], [read_take(p) for p in held_out]
     out.mkdir(parents=True, exist_ok=True)
     progress = ProgressLine("annealing")
 
     def show(done: int, total: int, best: float) -> None:
-        progress.show(done / total, f"{done}/{total} iterations, mean error {1e3 * best:.1f} mm")
+        error = f"mean error {1e3 * best:.1f} mm" if chosen.is_in_metres else f"error E/N {best:.3f}"
+        progress.show(done / total, f"{done}/{total} iterations, {error}")
 
     try:
         result = calibrate(training, testing, request, checkpoint=out / "fit.partial.json", progress=show)
@@ -95,6 +109,16 @@ def fit_command(
     report = write_fit_report(out / "report.html", result, training, testing, request)
     typer.echo(_table(result))
     typer.echo(f"Fit result: {out / 'fit.json'}\nReport:     {report}")
+
+
+def fabric_command(
+    fit_file: Annotated[Path, typer.Argument(metavar="FIT.json", help="A result of `hangtime fit`.")],
+) -> None:
+    """Test the fitted fabric virtually: tension, shear and bending in KES units, beside fabrics measured elsewhere."""
+    from fit.fabric_sheet import sheet_of
+    from formats.results import load_fit_result
+
+    typer.echo(sheet_of(load_fit_result(fit_file)))
 
 
 def diagnose_command(
@@ -227,4 +251,21 @@ def _table(result) -> str:  # type: ignore[no-untyped-def]
     for name, before, after in pairs:
         lines.append(f"{'mean, ' + name:<22}{1e3 * before.mean_m:>9.1f} mm{1e3 * after.mean_m:>9.1f} mm")
         lines.append(f"{'largest, ' + name:<22}{1e3 * before.max_m:>9.1f} mm{1e3 * after.max_m:>9.1f} mm")
-    return "\n".join(lines)
+    return "\n".join([*lines, *_further_lines(result)])
+
+
+def _further_lines(result) -> list[str]:  # type: ignore[no-untyped-def]
+    """The objective with its parts and what motion can tell, for a terminal."""
+    lines = []
+    if result.objective is not None and len(result.objective.parts) > 1:
+        whole = result.objective
+        lines.append(f"{whole.name + ', training':<22}{whole.before:>12.4g}{whole.after:>12.4g}")
+        lines += [f"{'  ' + name:<22}{before:>12.4g}{after:>12.4g}" for name, (before, after) in whole.parts.items()]
+    if result.combinations:
+        lines.append(f"{'what motion tells':<30}{'before':>11}{'after':>11}   90 % interval")
+    lines += [note for note in result.notes if note.startswith("Warning:")]
+    for c in result.combinations:
+        told = "" if c.is_identified else "  (the data cannot tell)"
+        span = f"{c.interval_low:.3g} to {c.interval_high:.3g} {c.unit}"
+        lines.append(f"{c.name:<30}{c.initial:>11.3g}{c.fitted:>11.3g}   {span}{told}")
+    return lines

@@ -1,4 +1,4 @@
-"""How far a simulation is from a recording: the distance D of the trajectories of the tracked points.
+"""What a fit minimises, and the first of it: the distance D of the trajectories of the tracked points.
 
     D(R, S) = 1/N sum_n 1/M sum_i |r_in - s_in|        [m]
 
@@ -8,10 +8,50 @@ Source: "Estimating the clothes characteristics with the image and depth sensors
 
 from __future__ import annotations
 
+from typing import ClassVar, Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
+from fit.recording import Recording
+
 Floats = NDArray[np.float64]
+
+
+class Objective(Protocol):
+    """An error of simulated points against one recording, made for that recording before anything is simulated."""
+
+    name: ClassVar[str]
+    unit: ClassVar[str]
+    parts: ClassVar[tuple[str, ...]]
+    remark: str  # what speaks against this objective on this recording, or nothing
+
+    def terms(self, simulated: Floats) -> Floats:
+        """Return the error's parts, (candidates, parts), of simulated points [m], (candidates, frames, points, 3)."""
+        ...
+
+
+def total(objective: Objective, simulated: Floats) -> Floats:
+    """Return the sum of an objective's parts, (candidates,); infinite for a simulation that blew up."""
+    with np.errstate(invalid="ignore"):
+        whole = objective.terms(simulated).sum(1)
+    return np.where(np.isfinite(whole), whole, np.inf)
+
+
+class TrajectoryDistance:
+    """D of eq. 1 against one recording."""
+
+    name: ClassVar[str] = "D"
+    unit: ClassVar[str] = "m"
+    parts: ClassVar[tuple[str, ...]] = ("distance",)
+
+    def __init__(self, recording: Recording) -> None:
+        self._real = recording.points
+        self.remark = ""
+
+    def terms(self, simulated: Floats) -> Floats:
+        """Return D [m], (candidates, 1)."""
+        return distance(self._real, simulated)[:, None]
 
 
 def distances(real: Floats, simulated: Floats) -> Floats:

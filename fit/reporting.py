@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from fit.calibration import Request
 from fit.cloth.simulator import Resolution, Simulator
 from fit.effects.base import amplitudes_of
+from fit.engines import find_engine
+from fit.engines.plain_grid import plain_grid
 from fit.gap.diagnosis import Findings
 from fit.parameterisations import find_method
 from fit.recording import Recording, prepare
@@ -30,12 +32,17 @@ def write_fit_report(
     motions = []
     for take, is_held_out in _both(training, held_out):
         recording = prepare(take)
+        if request.engine != "own":
+            motions.append(_motion_of_engine(recording, is_held_out, request, np.stack([initial, fitted])))
+            continue
         simulator = Simulator(recording, request.effects, resolution=request.resolution)
         density = recording.garment.mass_kg / float(simulator.mesh.area)
         vectors = np.stack([initial, fitted])
         materials = request.method.to_materials(vectors[:, :count], density)
         done = simulator.run(materials, vectors[:, count:], shapes=True)
-        motions.append(_motion(recording, is_held_out, simulator, done.points, done.shapes, ("before", "after")))
+        motions.append(
+            _motion(recording, is_held_out, simulator.mesh.triangles, done.points, done.shapes, ("before", "after"))
+        )
     write_report(path, fit=result, diagnosis=None, motions=motions)
     return path
 
@@ -72,7 +79,9 @@ def write_diagnosis_report(
             amplitudes.append(findings.best.amplitudes)
             names.append("with_effect")
         done = simulator.run(np.array(rows), np.array(amplitudes), shapes=True)
-        motions.append(_motion(recording, is_held_out, simulator, done.points, done.shapes, tuple(names)))
+        motions.append(
+            _motion(recording, is_held_out, simulator.mesh.triangles, done.points, done.shapes, tuple(names))
+        )
     write_report(path, fit=fitted, diagnosis=findings.diagnosis, motions=motions)
     return path
 
@@ -82,8 +91,15 @@ def _both(training: list[Take], held_out: list[Take]) -> list[tuple[Take, bool]]
     return [(t, True) for t in held_out] + [(t, False) for t in training]
 
 
+def _motion_of_engine(recording: Recording, is_held_out: bool, request: Request, vectors: Floats) -> ReportMotion:
+    """Motion of an engine that gives points only."""
+    engine = find_engine(request.engine)(recording, request.method, request.effects, request.resolution)
+    grid = plain_grid(recording.garment, request.resolution.spacing)
+    return _motion(recording, is_held_out, grid.triangles, engine.points(vectors), None, ("before", "after"))
+
+
 def _motion(
-    recording: Recording, is_held_out: bool, simulator: Simulator, points: Floats,
+    recording: Recording, is_held_out: bool, triangles: NDArray[np.signedinteger], points: Floats,
     shapes: NDArray[np.float32] | None, names: tuple[str, ...],
 ) -> ReportMotion:  # fmt: skip
     runs: dict[str, Floats] = {}
@@ -98,7 +114,7 @@ def _motion(
         time=recording.time,
         real=recording.points,
         point_names=tuple(p.name for p in recording.garment.points),
-        triangles=simulator.mesh.triangles.astype(np.int64),
+        triangles=triangles.astype(np.int64),
         held=recording.held(recording.time).reshape(-1, 2, 3),
         **runs,
     )

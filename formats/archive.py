@@ -322,6 +322,8 @@ def write_take(path: Path, take: Take) -> Path:
                     points_sd=take.points_sd[k], state=int(take.state[k]),
                     points_hidden=None if take.points_hidden is None else take.points_hidden[k],
                     quality=float("nan") if take.quality is None else float(take.quality[k]),
+                    pitch=float("nan") if take.pitch is None else float(take.pitch[k]),
+                    pitch_sd=float("nan") if take.pitch_sd is None else float(take.pitch_sd[k]),
                 )
             )  # fmt: skip
         for scan in take.scans:

@@ -14,6 +14,7 @@ Floats = NDArray[np.float64]
 
 POSITION_STEP = 1e-4  # m: a twentieth of the best depth sensor's noise
 TIME_STEP = 1e-6  # s
+ANGLE_STEP = 1e-4  # rad: a hundredth of what a depth sensor can tell
 QUALITY_STEPS, NO_QUALITY = 254, 255  # a byte a frame
 
 
@@ -22,7 +23,8 @@ class Frame:
     """One frame's measurements in the sensor frame; NaN and False where something was not seen.
 
     time [s]; markers, held [m], (2, 3); points [m], (points, 3); deviations per axis [m], same shapes;
-    state: bits of `formats.take.FrameState`; points_hidden, (points,): None where nobody looked; quality: 0 to 1
+    state: bits of `formats.take.FrameState`; pitch, pitch_sd [rad]: NaN where not seen;
+    points_hidden, (points,): None where nobody looked; quality: 0 to 1
     """
 
     time: float
@@ -34,6 +36,8 @@ class Frame:
     points_valid: NDArray[np.bool_]
     points_sd: Floats
     state: int = 0
+    pitch: float = float("nan")
+    pitch_sd: float = float("nan")
     points_hidden: NDArray[np.bool_] | None = None
     quality: float = float("nan")
 
@@ -46,6 +50,7 @@ def encode_block(frames: list[Frame], first: int) -> dict[str, Any]:
     }
     hidden = [f.points_hidden for f in frames if f.points_hidden is not None]
     quality = np.array([f.quality for f in frames])
+    pitch = np.array([[f.pitch, f.pitch_sd] for f in frames])
     return {
         **({"points_hidden": pack_flags(np.stack(hidden))} if len(hidden) == len(frames) else {}),
         **({"quality": _quality_bytes(quality)} if np.isfinite(quality).any() else {}),
@@ -54,6 +59,8 @@ def encode_block(frames: list[Frame], first: int) -> dict[str, Any]:
         "start": round(frames[0].time / TIME_STEP),
         "time": pack(np.array([[f.time - round(frames[0].time / TIME_STEP) * TIME_STEP] for f in frames]), TIME_STEP),
         "state": np.array([f.state for f in frames], "<u2").tobytes(),
+        "pitch": pack(pitch, ANGLE_STEP),
+        "pitch_valid": pack_flags(np.asarray(np.isfinite(pitch).all(-1))),
         "markers_valid": pack_flags(np.isfinite(stack["markers"]).all(-1)),
         **{name: pack(stack[name], POSITION_STEP) for name in ("markers", "held", "held_sd", "points", "points_sd")},
         **{name: pack_flags(stack[name]) for name in ("held_valid", "points_valid")},
@@ -92,4 +99,9 @@ def decode_block(block: dict[str, Any], points: int) -> dict[str, NDArray[Any]]:
         ("markers", markers_valid), ("held", decoded["held_valid"]), ("points", decoded["points_valid"]),
     ):  # fmt: skip
         decoded[name][~valid] = np.nan
+    pitch = np.full((n, 2), np.nan)
+    if "pitch" in block:  # older takes have none
+        pitch = unpack(block["pitch"], (n, 2), ANGLE_STEP)
+        pitch[~unpack_flags(block["pitch_valid"], (n,))] = np.nan
+    decoded["pitch"], decoded["pitch_sd"] = pitch.T
     return decoded

@@ -1,4 +1,4 @@
-"""`hangtime takes show`, `hangtime takes verify` and `hangtime import`."""
+"""`hangtime takes show`, `hangtime takes verify`, `hangtime import` and `hangtime swatch`."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ def add_commands(app: typer.Typer) -> None:
     takes.command("verify")(verify_takes)
     app.add_typer(takes, name="takes")
     app.command("import", short_help="Turn other people's recordings into takes.")(import_recordings)
+    app.command("swatch", short_help="Describe a square swatch with markers.")(describe_swatch)
 
 
 def show_take(
@@ -55,20 +56,58 @@ def verify_takes(
 
 
 def import_recordings(
-    paths: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Swung-cloth recordings (.npz).")],
+    paths: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE...", help="Motion capture (.c3d, .csv) or swung-cloth recordings (.npz)."),
+    ],
+    garment: Annotated[
+        Path | None,
+        typer.Option("--garment", metavar="FILE", help="Garment whose points are the markers (motion capture)."),
+    ] = None,
+    up: Annotated[str, typer.Option("--up", help="Axis that points up (motion capture): x, y, z, -x, -y, -z.")] = "z",
+    frames: Annotated[
+        int | None,
+        typer.Option("--frames", min=1, help="Keep so many frames from the beginning (motion capture).",
+                     show_default="all"),
+    ] = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the takes; made if absent.")] = Path(
         "takes"
     ),
-) -> None:
+) -> None:  # fmt: skip
     """Turn other people's recordings into takes, with a rig and a garment description beside them."""
     from formats.archive import write_take
-    from formats.descriptions import dump_description
+    from formats.descriptions import dump_description, load_garment
+    from formats.errors import TakeError
+    from formats.importers.swatch_mocap import import_marker_take
     from formats.importers.swung_cloth import import_swung_cloth
 
-    out.mkdir(parents=True, exist_ok=True)
+    described = load_garment(garment) if garment is not None else None
     for path in paths:
-        take = import_swung_cloth(path)
+        if path.suffix.lower() in (".c3d", ".csv"):
+            if described is None:
+                raise TakeError(
+                    "motion capture needs to know the garment", where=path,
+                    advice="give --garment FILE; `hangtime swatch` writes one",
+                )  # fmt: skip
+            take = import_marker_take(path, described, up=up, frames=frames)
+        else:
+            take = import_swung_cloth(path)
+        out.mkdir(parents=True, exist_ok=True)
         target = write_take(out / f"{take.take_id}.mcap", take)
         (out / "rig.toml").write_text(dump_description(take.rig))
         (out / "garment.toml").write_text(dump_description(take.garment))
         typer.echo(f"{target}: {len(take.time)} frames, {take.time[-1]:.1f} s")
+
+
+def describe_swatch(
+    path: Annotated[Path, typer.Argument(metavar="FILE", help="The garment description to write (.toml).")],
+    mass: Annotated[float, typer.Option("--mass", metavar="KG", help="Its weight: weigh it.", show_default=False)],
+    side: Annotated[float, typer.Option("--side", metavar="METRES", help="Side of the square.")] = 0.5,
+    markers: Annotated[int, typer.Option("--markers", help="Markers along each side, from edge to edge.")] = 9,
+) -> None:
+    """Describe a square swatch with a full grid of markers, held at its two top corners."""
+    from formats.descriptions import dump_description
+    from formats.swatch import swatch
+
+    path.write_text(dump_description(swatch(mass, side=side, markers=markers, name=path.stem)))
+    typer.echo(f"{path}: {markers * markers} markers, {1e3 * side / (markers - 1):.1f} mm apart")

@@ -18,6 +18,7 @@ from formats.rig import Rig
 Description = TypeVar("Description", Garment, Rig)
 
 HEAVIEST = 50.0  # kg
+LARGEST_OFFSET = 30.0  # px between depth and colour; PrimeSense's unregistered images differ by up to this at 0.8 m
 ON_OUTLINE = 2e-3  # m by which a tracked point may lie outside the outline
 
 
@@ -49,7 +50,7 @@ def dump_description(description: Garment | Rig) -> str:
     lines, tables = [], []
     for key, value in plain.items():
         if isinstance(value, dict):
-            tables.append(f"\n[{key}]\n" + "".join(f"{k} = {_toml(v)}\n" for k, v in value.items()))
+            tables.append(f"\n[{key}]\n" + "".join(f"{k} = {_toml(v)}\n" for k, v in value.items() if v is not None))
         elif key == "points":
             for point in value:
                 tables.append("\n[[points]]\n" + "".join(f"{k} = {_toml(v)}\n" for k, v in point.items()))
@@ -181,7 +182,16 @@ def check_rig(rig: Rig, where: object) -> None:
         hanger = rig.hanger
         if hanger.ids[0] == hanger.ids[1]:
             refuse(f"hanger.ids must differ (both are {hanger.ids[0]})")
+        for colour in hanger.dot_colours or ():
+            if not all(0 <= part <= 255 for part in colour):
+                refuse(f"hanger.dot_colours must be three numbers from 0 to 255 each (got {list(colour)})")
         if not 0 < hanger.marker_size_m < hanger.marker_distance_m:
             refuse("hanger.marker_size_m must be above 0 and below hanger.marker_distance_m")
         if not np.linalg.norm(np.subtract(*hanger.held_m)) > 0.01:
             refuse("hanger.held_m: the two ends of the held edge are at the same place")
+    if rig.calibration is not None:
+        calibration = rig.calibration
+        if not 0.8 < calibration.depth_scale < 1.25:
+            refuse(f"calibration.depth_scale must be between 0.8 and 1.25 (got {calibration.depth_scale:g})")
+        if not max(abs(part) for part in calibration.depth_offset_px) <= LARGEST_OFFSET:
+            refuse(f"calibration.depth_offset_px must be at most {LARGEST_OFFSET:g} pixels either way")

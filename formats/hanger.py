@@ -25,13 +25,16 @@ def held_ends(markers: Floats, rig: Rig) -> Floats:
     """
     if rig.hanger is None:
         raise DescriptionError("the rig has no [hanger]", where=rig.name, advice="add one, see docs/file-formats.md")
-    left, right = markers[..., 0, :], markers[..., 1, :]
-    x = right - left
+    offsets = np.asarray(rig.hanger.held_m, float)
+    middle = markers.mean(-2)
+    return np.asarray(middle[..., None, :] + np.einsum("...ij,kj->...ki", hanger_frame(markers, rig), offsets))
+
+
+def hanger_frame(markers: Floats, rig: Rig) -> Floats:
+    """Return the hanger's axes x, y, z as columns, (..., 3, 3), from marker centres [m], (..., 2, 3)."""
+    x = markers[..., 1, :] - markers[..., 0, :]
     x = x / np.linalg.norm(x, axis=-1, keepdims=True)
     gravity = np.asarray(rig.gravity, float)
     y = gravity - (x @ gravity)[..., None] * x
     y = y / np.linalg.norm(y, axis=-1, keepdims=True)
-    frame = np.stack([x, y, np.cross(x, y)], -1)
-    offsets = np.asarray(rig.hanger.held_m, float)
-    middle = 0.5 * (left + right)
-    return np.asarray(middle[..., None, :] + np.einsum("...ij,kj->...ki", frame, offsets))
+    return np.stack([x, y, np.cross(x, y)], -1)

@@ -48,6 +48,28 @@ class FitError(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     held_out_after: ErrorFigure | None = None
 
 
+class Combination(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A combination of fitted parameters that motion can tell, whether or not it tells them one by one."""
+
+    name: str
+    unit: str
+    initial: float
+    fitted: float
+    interval_low: float
+    interval_high: float
+    is_identified: bool
+
+
+class ObjectiveFigure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the fit minimised, before and after, mean of the takes used to fit, and its parts by name."""
+
+    name: str
+    unit: str
+    before: float
+    after: float
+    parts: dict[str, Interval] = {}
+
+
 class FitResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What a fit found."""
 
@@ -65,6 +87,9 @@ class FitResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     simulations: int
     seconds: float
     notes: list[str]
+    objective: ObjectiveFigure | None = None
+    combinations: list[Combination] = []
+    material: dict[str, float] = {}  # SI, what the solver was told in the end, effects on the cloth included
 
 
 class Figure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+import msgspec
 import numpy as np
 
+from formats.rig import Calibration
 from formats.take import FrameState, Take
 
 STATE_NAMES = {
@@ -15,8 +17,11 @@ STATE_NAMES = {
     FrameState.COLOUR_MISSING: "colour missing",
     FrameState.FRAMES_DROPPED_BEFORE: "frames dropped before",
     FrameState.CLOCK_JUMPED: "clock jumped",
-    FrameState.GARMENT_COVERED: "garment covered",
-    FrameState.OUT_OF_RANGE: "out of range",
+    FrameState.ONE_MARKER: "one marker only",
+    FrameState.TOO_NEAR: "too near",
+    FrameState.TOO_FAR: "too far",
+    FrameState.VIEW_BLOCKED: "view blocked",
+    FrameState.WRONG_SIZE: "wrong picture size",
 }
 
 
@@ -47,10 +52,12 @@ def summarise(take: Take) -> dict[str, Any]:
         "duration_s": round(duration, 3),
         "rate_hz": round((frames - 1) / duration, 2) if duration else None,
         "rig": take.rig.name,
+        "calibration": None if take.rig.calibration is None else msgspec.to_builtins(take.rig.calibration),
         "garment": take.garment.name,
         "mass_kg": take.garment.mass_kg,
         "hanger_seen_percent": round(100 * float(take.held_valid.all(1).mean()), 1),
         "hanger_travel_mm": [round(1e3 * float(s), 1) for s in swing],
+        "pitch_seen_percent": 0.0 if take.pitch is None else round(100 * float(np.isfinite(take.pitch).mean()), 1),
         "points": points,
         "quality": round(float(np.median(quality)), 2) if quality.size else None,
         "surface_scans": len(take.scans),
@@ -68,6 +75,7 @@ def describe(summary: dict[str, Any]) -> str:
         f"created   {s['created']}",
         f"length    {s['duration_s']:g} s, {s['frames']} frames, {s['rate_hz']:g} a second",
         f"rig       {s['rig']}",
+        *_calibrated(s["calibration"]),
         f"garment   {s['garment']}, {1e3 * s['mass_kg']:.1f} g",
         f"hanger    seen in {s['hanger_seen_percent']:g} % of the frames, "
         f"travels {' x '.join(f'{t:.0f}' for t in s['hanger_travel_mm'])} mm",
@@ -96,3 +104,21 @@ def describe(summary: dict[str, Any]) -> str:
         lines.append(f"source    {s['source']}")
     lines += [f"note      {key}: {text}" for key, text in s["notes"].items()]
     return "\n".join(lines)
+
+
+def _calibrated(plain: dict[str, Any] | None) -> list[str]:
+    """Return a line on how well the rig is known, none where it was never calibrated."""
+    if plain is None:
+        return []
+    known = msgspec.convert(plain, Calibration)
+    parts = []
+    if known.gravity_sd_degrees is not None:
+        parts.append(f"gravity to {known.gravity_sd_degrees:g} degrees ({known.gravity_from})")
+    if known.depth_scale_sd is not None:
+        parts.append(f"depth scale {known.depth_scale:.4f} +- {known.depth_scale_sd:g}")
+    if known.depth_offset_sd_px is not None:
+        right, down = known.depth_offset_px
+        parts.append(f"depth offset {right:.2f}, {down:.2f} px +- {max(known.depth_offset_sd_px):g}")
+    if known.held_sd_m is not None:
+        parts.append(f"held ends to {1e3 * max(max(end) for end in known.held_sd_m):.1f} mm")
+    return ["calibrated " + "; ".join(parts)] if parts else []

@@ -28,6 +28,8 @@ class Take:
     points_sd [m], (frames, points, 3)
     state, (frames,), uint16: bits of `formats.take.FrameState`
     markers [m], (frames, 2, 3): marker centres where the rig has a hanger, else the same as `held`
+    pitch, pitch_sd [rad], (frames,): the hanger's turn about the line between its markers as their plates show it,
+    positive with the lower edge towards the sensor; NaN where not seen, None where a take was made without it
     points_hidden, (frames, points): not valid because something hides the point; False or None where nobody looked
     quality, (frames,): 0 to 1, how much of what could be seen was; NaN or None where nobody judged
     scans: of the visible surface, in the order of time, fewer than frames; empty where none were taken
@@ -46,6 +48,8 @@ class Take:
     points_sd: Floats
     state: NDArray[np.uint16]
     markers: Floats
+    pitch: Floats | None = None
+    pitch_sd: Floats | None = None
     points_hidden: Booleans | None = None
     quality: Floats | None = None
     scans: tuple[SurfaceScan, ...] = ()
@@ -55,7 +59,7 @@ class Take:
 
 
 class FrameState:
-    """Bits of `Take.state`: what went wrong in a frame."""
+    """Bits of `Take.state`: what went wrong in a frame. `MARKER_LOST` says that both markers are not there together."""
 
     MARKER_LOST = 1
     GARMENT_LOST = 2
@@ -63,5 +67,8 @@ class FrameState:
     COLOUR_MISSING = 8
     FRAMES_DROPPED_BEFORE = 16
     CLOCK_JUMPED = 32
-    GARMENT_COVERED = 64
-    OUT_OF_RANGE = 128
+    ONE_MARKER = 64
+    TOO_NEAR = 128
+    TOO_FAR = 256
+    VIEW_BLOCKED = 512
+    WRONG_SIZE = 1024

@@ -50,12 +50,14 @@ class ClothPhysics:
 def simulate(
     garment: Garment, held_ends: Callable[[Floats], Floats], times: Floats, *, physics: ClothPhysics,
     effects: dict[str, float], progress: Callable[[float], None] = lambda share: None, rows: int = ROWS,
-    columns: int = COLUMNS,
+    columns: int = COLUMNS, unevenness: Floats | None = None,
 ) -> Floats:  # fmt: skip
-    """Return the nodes [m], (times, rows, columns, 3), sensor frame, of a garment held along its whole top edge.
+    """Return the nodes [m], (times, rows, columns, 3), sensor frame, of a garment held as it says: along its
+    whole top edge, or at its two top corners.
 
     `rows` and `columns` count the nodes of a panel or of a T-shirt's body, whose sleeves have columns of their own.
-    held_ends: times [s], (n,) -> left and right end of the top edge [m], (n, 2, 3); the cloth hangs at rest at time 0.
+    held_ends: times [s], (n,) -> left and right end of the top edge [m], (n, 2, 3); the cloth hangs at rest at time 0;
+    unevenness: depth [m], (rows, columns), from which it settles into that rest, so that slack cloth finds its folds.
 
     Raises:
         SensorAddressError: an unknown effect, an amplitude that no cloth can have, or times that are not numbers.
@@ -69,6 +71,8 @@ def simulate(
     settle = round(SETTLE_TIME / step)
     ends = held_ends(np.asarray(np.arange(count + 1) * step, float))
     cloth.hang(ends[0])
+    if unevenness is not None:
+        cloth.x[..., 2] += unevenness
     for _ in range(settle):
         cloth.advance(ends[0], step, SETTLE_DAMPING)
     out = np.empty((len(times), *cloth.x.shape))
@@ -128,6 +132,11 @@ class _Cloth:
         self.bends = self._bends(cell)
         self.cell = cell
         self.weight = np.where(self.is_node, GRAVITY * self.mass[..., 0], 0.0)
+        places = np.arange(columns)[self.pattern.held]
+        self.held_share = np.linspace(0, 1, len(places))[:, None]
+        if garment.held == "corners":
+            places, self.held_share = places[[0, -1]], self.held_share[[0, -1]]
+        self.held = (0, places)
         self.x = np.zeros((rows, columns, 3))
         self.v, self.f = np.zeros_like(self.x), np.zeros_like(self.x)
 
@@ -187,7 +196,7 @@ class _Cloth:
         self.v[:] = 0.0
 
     def advance(self, ends: Floats, step: float, extra_damping: float) -> None:
-        """One kick and drift; the top edge goes to the ends, (2, 3)."""
+        """One kick and drift; what is held goes to the ends, (2, 3)."""
         x, v, f = self.x, self.v, self.f
         f[:] = 0.0
         f[..., 1] = self.weight
@@ -208,12 +217,10 @@ class _Cloth:
             self._add_drag()
         damping = 0.5 * step * (self.physics.linear_damping + extra_damping)
         v[:] = ((1 - damping) * v + step * f / self.mass) / (1 + damping)
-        held = self.pattern.held
-        share = np.linspace(0, 1, x[0, held].shape[0])[:, None]
-        top = (1 - share) * ends[0] + share * ends[1]
-        v[0, held] = (top - x[0, held]) / step
+        place = (1 - self.held_share) * ends[0] + self.held_share * ends[1]
+        v[self.held] = (place - x[self.held]) / step
         x += step * v
-        x[0, held] = top
+        x[self.held] = place
 
     def _add_drag(self) -> None:
         x, v, f = self.x, self.v, self.f

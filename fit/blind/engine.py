@@ -20,7 +20,7 @@ from fit.errors import BlowUpError, FitError
 
 Floats = NDArray[np.float64]
 
-SIDE = 0.025  # m of a triangle: half the fitter's default spacing
+SIDE = 0.016  # m, mean edge of its triangles: two thirds of the fitter's finest
 SAMPLES = 200  # per second of what is kept: swung cloth moves below 10 Hz
 SAFETY = 0.7  # of the linear limit: the bound is of the flat sheet
 SETTLE_TIME = 2.0  # s that the sheet hangs still before a take

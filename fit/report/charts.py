@@ -189,9 +189,10 @@ def _hull(places: Floats) -> list[tuple[float, float]]:
 
 
 def error_chart(
-    caption: str, time: Floats, curves: Sequence[Curve], *, motion: int | None = None, axis: str = "time, s"
-) -> str:
-    """Return errors [m] over time as a figure; `motion` ties it to a motion of the player."""
+    caption: str, time: Floats, curves: Sequence[Curve], *, motion: int | None = None, axis: str = "time, s",
+    unit: str = "mm",
+) -> str:  # fmt: skip
+    """Return errors [m], shown in thousandths, over time as a figure; `motion` ties it to a motion of the player."""
     curves = [curve for curve in curves if np.isfinite(curve.mean).any()]
     if len(time) < 2 or not curves:
         return ""
@@ -233,7 +234,8 @@ def error_chart(
         f'<figure class="chart"><figcaption>{escaped(caption)}</figcaption>{_legend(legend)}<div class="plot"{tied}>'
         f'<svg viewBox="0 0 100 100" preserveAspectRatio="none" role="img" aria-label="{spoken}">'
         f"{grid}{''.join(lines)}</svg>"
-        f'{ticks}<span class="axis y">mm</span><span class="axis x">{escaped(axis)}</span>{cursor}</div></figure>'
+        f'{ticks}<span class="axis y">{escaped(unit)}</span><span class="axis x">{escaped(axis)}</span>{cursor}'
+        "</div></figure>"
     )
 
 

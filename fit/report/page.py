@@ -19,6 +19,7 @@ MOTION_BUDGET = 1_700_000  # bytes of it for motion
 
 CONTENTS = (
     ("gap", "The gap"), ("motion", "Motion"), ("errors", "Error over time"), ("parameters", "Parameters"),
+    ("method", "Before and after"),
     ("effects", "Effects"), ("where", "Where"), ("force", "Missing force"), ("gates", "Checks"),
     ("next", "Record next"), ("cost", "Cost"), ("reading", "How to read this"),
 )  # fmt: skip
@@ -62,6 +63,7 @@ def render_report(*, fit: FitResult | None, diagnosis: Diagnosis | None, motions
         "motion": sections.player(motions, shown, note),
         "errors": sections.errors(fit, motions, shown),
         "parameters": sections.parameters(fit, diagnosis),
+        "method": sections.method(fit),
         "effects": sections.effects(diagnosis),
         "where": sections.where(diagnosis),
         "force": sections.missing_force(diagnosis.missing_force if diagnosis is not None else None),

@@ -17,10 +17,12 @@ from fit.report.charts import (
     gap_bars,
     where_bars,
 )  # fmt: skip
+from fit.report.methods import method_figures, search_history
 from fit.report.motion import RUNS, ReportMotion
 from fit.report.tables import effect_table, parameter_table
 from fit.report.text import (
     MISSING,
+    duration,
     escaped,
     interval,
     millimetres,
@@ -168,11 +170,17 @@ def parameters(fit: FitResult | None, diagnosis: Diagnosis | None) -> str:
         about = f"Method <code>{escaped(fit.method)}</code>, search <code>{escaped(fit.search)}</code>."
         switched_on = [(name.replace("_", " "), number(amplitude)) for name, amplitude in fit.effects.items()]
         added = f"<h3>Effects in this fit, and their amplitudes</h3>{_pairs(switched_on)}" if switched_on else ""
-        parts.append(f'<p class="lead">{about}</p>' + parameter_table(fit.parameters) + added + _history(fit))
+        parts.append(f'<p class="lead">{about}</p>' + parameter_table(fit.parameters) + added + search_history(fit))
     if diagnosis is not None and diagnosis.base_parameters:
         heading = "<h3>Base model of the diagnosis</h3>" if parts else ""
         parts.append(heading + parameter_table(diagnosis.base_parameters))
     return _section("parameters", "Fitted parameters", "".join(parts)) if parts else ""
+
+
+def method(fit: FitResult | None) -> str:
+    """Return errors, objective and identified combinations before and after the fit."""
+    body = method_figures(fit)
+    return _section("method", "Before and after", body) if body else ""
 
 
 def effects(diagnosis: Diagnosis | None) -> str:
@@ -250,10 +258,10 @@ def cost(fit: FitResult | None, diagnosis: Diagnosis | None) -> str:
     both: list[tuple[str, FitResult | Diagnosis]] = []
     if fit is not None:
         both.append(("fit", fit))
-        pairs.append(("fit", f"{fit.simulations} simulations in {_duration(fit.seconds)}, seed {fit.seed}"))
+        pairs.append(("fit", f"{fit.simulations} simulations in {duration(fit.seconds)}, seed {fit.seed}"))
     if diagnosis is not None:
         both.append(("diagnosis", diagnosis))
-        pairs.append(("diagnosis", f"{diagnosis.cost.simulations} simulations in {_duration(diagnosis.cost.seconds)}"))
+        pairs.append(("diagnosis", f"{diagnosis.cost.simulations} simulations in {duration(diagnosis.cost.seconds)}"))
     for name, record in both:
         pairs.append((f"takes of the {name}", ", ".join(map(escaped, record.take_ids)) or MISSING))
         pairs.append((f"held-out takes of the {name}", ", ".join(map(escaped, record.held_out_ids)) or "none"))
@@ -376,13 +384,6 @@ def _figure_chart(caption: str, before: ErrorFigure | None, after: ErrorFigure |
     return error_chart(caption, time, curves)
 
 
-def _history(fit: FitResult) -> str:
-    best = np.array(fit.history, dtype=float)
-    curve = Curve("after", best, name="best distance so far")
-    iterations = np.arange(len(best), dtype=float)
-    return error_chart("The search: best distance after each iteration", iterations, [curve], axis="iteration")
-
-
 def _gate(gate: Gate) -> str:
     mark = '<span class="is-passed">✓ passed</span>' if gate.passed else '<span class="is-failed">✗ failed</span>'
     unit = "" if gate.unit in ("", "1") else f" {escaped(gate.unit)}"
@@ -391,9 +392,3 @@ def _gate(gate: Gate) -> str:
         figures += f", limit {number(gate.limit)}{unit}"
     detail = small(f"({words(gate.name)}: {figures})")
     return f"<li>{mark}<span>{escaped(gate.sentence)} {detail}</span></li>"
-
-
-def _duration(seconds: float) -> str:
-    if not math.isfinite(seconds):
-        return MISSING
-    return f"{seconds:.1f} s" if seconds < 90 else f"{seconds / 60:.1f} min"

@@ -12,14 +12,14 @@ from formats.results import EffectFinding, FitParameter
 def parameter_table(rows: Sequence[FitParameter]) -> str:
     """Return a table of parameters with their bounds drawn."""
     heads = ("parameter", "initial", "fitted", "90 % interval", "from minimum to maximum", "remark")
-    return _table("Fitted parameters", heads, "".join(map(_parameter_row, rows)), numeric=(1, 2, 3))
+    return table("Fitted parameters", heads, "".join(map(_parameter_row, rows)), numeric=(1, 2, 3))
 
 
 def effect_table(effects: Sequence[EffectFinding], named: Sequence[str]) -> str:
     """Return a table of effects; those of `named` are marked."""
     rows = "".join(_effect_row(effect, effect.id in named) for effect in effects)
     heads = ("effect", "probability", "amplitude", "gap closed", "p", "smallest that would show", "remark")
-    return _table("Effects of the library", heads, rows, numeric=range(1, 6))
+    return table("Effects of the library", heads, rows, numeric=range(1, 6))
 
 
 def _parameter_row(row: FitParameter) -> str:
@@ -86,7 +86,8 @@ def _effect_row(effect: EffectFinding, is_named: bool) -> str:
     )
 
 
-def _table(label: str, heads: Sequence[str], rows: str, *, numeric: Sequence[int] | range) -> str:
+def table(label: str, heads: Sequence[str], rows: str, numeric: Sequence[int] | range) -> str:
+    """Return a table with these column heads and ready rows; `numeric` columns are set right."""
     cells = "".join(
         f'<th scope="col"{" class=number" if k in numeric else ""}>{escaped(head)}</th>' for k, head in enumerate(heads)
     )

@@ -77,3 +77,10 @@ def probability(value: float | None) -> str:
     if value is None or not math.isfinite(value):
         return MISSING
     return "&lt; 0.001" if value < 0.001 else f"{value:.3f}" if value < 0.1 else f"{value:.2f}"
+
+
+def duration(seconds: float) -> str:
+    """Return a duration in seconds or minutes."""
+    if not math.isfinite(seconds):
+        return MISSING
+    return f"{seconds:.1f} s" if seconds < 90 else f"{seconds / 60:.1f} min"

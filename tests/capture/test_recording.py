@@ -130,7 +130,7 @@ def test_lost_depth_lost_colour_and_a_clock_that_jumps_are_told_frame_by_frame(w
     assert not take.points_valid[list(state).index(30)].any()
 
 
-def test_a_person_in_front_and_a_hanger_too_near_are_told_frame_by_frame(world, tmp_path):
+def test_a_person_in_front_costs_quality_and_delays_a_scan(world, tmp_path):
     def spoil(frame):
         if frame.index == 30:  # from below the markers down
             depth = frame.depth.copy()
@@ -145,7 +145,7 @@ def test_a_person_in_front_and_a_hanger_too_near_are_told_frame_by_frame(world, 
     take = read_take(tmp_path / "t.mcap")
     number = np.rint(30 * (take.time - FIRST_STAMP)).astype(int)
     covered = int(np.flatnonzero(number == 30)[0])
-    assert take.state[covered] == FrameState.GARMENT_COVERED | FrameState.GARMENT_LOST
+    assert take.state[covered] == FrameState.VIEW_BLOCKED | FrameState.GARMENT_LOST
     assert take.quality[covered] == 0.0
     blind = int(np.flatnonzero(number == 42)[0])
     assert take.state[blind] & FrameState.DEPTH_MISSING

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -17,6 +18,9 @@ from firmware_host.doctor.checks import Examination, StreamSample, Verdict
 from firmware_host.oni_writer import OniWriter
 from formats.command import app, gather_commands
 from formats.rig import Hanger, Rig, Sensor
+from tests.capture.stage import CAMERA, pictures
+from tests.capture.test_colour_dots import RIG as DOT_RIG
+from tests.capture.test_colour_dots import dots as drawn_dots
 
 SENSOR = Sensor(width=320, height=240, fx=288.0, fy=288.0, cx=159.5, cy=119.5)
 
@@ -67,6 +71,19 @@ def test_a_marker_in_one_of_three_pictures_is_a_problem() -> None:
 def test_other_markers_are_named_and_the_rig_that_has_them_is_right() -> None:
     assert "markers [7, 9] are there instead: give the rig" in markers_visible(examined(drawn(7, 9))).text
     assert markers_visible(examined(drawn(7, 9), rig=rig(7, 9))).verdict is Verdict.OK
+
+
+def test_dots_are_looked_for_where_the_rig_says_dots() -> None:
+    dots = msgspec.structs.replace(DOT_RIG, name="dots")
+    depth, colour = pictures(drawn_dots(), np.random.default_rng(1))
+    frame = SensorFrame(index=0, time_s=0.0, host_time_s=0.0, depth=depth, colour=colour)
+    info = SensorInfo(name="s", uri="s", width=640, height=480, fps=30.0, intrinsics=CAMERA, is_live=False)
+    sample = StreamSample(info=info)
+    sample.add(frame)
+    assert markers_visible(Examination(sample=sample, rig=dots)).text == "both dots in 100 % of 1 frames"
+    blue = msgspec.structs.replace(dots.hanger, dot_colours=((0, 0, 255), (0, 0, 255)))
+    finding = markers_visible(Examination(sample=sample, rig=msgspec.structs.replace(dots, hanger=blue)))
+    assert finding.verdict is Verdict.PROBLEM
 
 
 def test_without_colour_there_is_nothing_to_look_at() -> None:

@@ -11,8 +11,11 @@ STANDARD = (
     "__future__", "collections", "concurrent", "contextlib", "dataclasses", "datetime", "hashlib", "hmac", "html",
     "json", "multiprocessing", "os", "pathlib", "secrets", "shutil", "signal", "subprocess", "sys", "typing",
 )  # fmt: skip
-TOOL = ("cloth", "effects", "gap", "search", "report")
-TOOL_FILES = ("recording", "calibration", "parameterisations", "objective", "reporting", "runtime", "errors")
+TOOL = ("cloth", "effects", "gap", "parameterisations", "search", "report")
+TOOL_FILES = (
+    "recording", "calibration", "combinations", "fabrics", "objective", "reporting", "runtime", "errors",
+    "swatch_error",
+)  # fmt: skip
 
 
 def imported(path):

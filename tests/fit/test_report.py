@@ -93,8 +93,18 @@ def test_the_figures_of_the_records_are_on_the_page(report):
     for figure in ("The model lacks air drag.", "12.3 mm", "5.2 mm", "4.1 mm", "87 %", "79 to 93 %", "127.6 → 46.7 mm",
                    "61.2", "5 to 80", "Not identified.", "1.02 to 1.6", "−0.006 to 0.002", "0.012", "16.2 mm",
                    "0.7 to 1.5 Hz", "83 %", "✗ failed", "912 simulations in 1.7 min", "Swing twice as fast",
-                   "8.4 standard deviations, against 2.1 now", "best distance so far"):  # fmt: skip
+                   "8.4 standard deviations, against 2.1 now", "best distance so far",
+                   "Errors before and after"):  # fmt: skip
         assert figure in text, figure
+
+
+def test_figure_6_of_the_paper_is_a_table_with_its_own_63_percent():
+    """0.1276 before, 0.0467 after: down by 1 - 0.366 = 63 %."""
+    tags = Tags()
+    tags.feed(render_report(fit=fit_result(), diagnosis=None))
+    text = " ".join(" ".join(tags.text).split())
+    assert "mean, takes used to fit 128 46.7 63 %" in text
+    assert "maximum, takes used to fit 229 80.7 65 %" in text
 
 
 def test_gap_bar_is_split_at_floor_and_at_what_the_effect_leaves():

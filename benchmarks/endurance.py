@@ -1,0 +1,245 @@
+"""Memory of the recording process and frames it loses in a long recording, beside a process that takes a whole core.
+
+Three processes: one publishes pictures 30 times a second, as a live sensor's driver does, and keeps only the newest;
+one records (queue, tracking, take on the disk); one computes for nothing. Lost is what the recorder never got, by the
+publisher's own count.
+
+Run: python benchmarks/endurance.py [--minutes 30] [--hogs 1] [--nice -10]. Without an option it takes one minute. The
+publisher stands for hardware, so it runs before all others where that is permitted (root); --nice sets the recorder's
+own niceness, as a service file would.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT))
+
+WIDTH, HEIGHT, FPS = 640, 480, 30.0
+DEPTH_BYTES, COLOUR_BYTES = 2 * WIDTH * HEIGHT, 3 * WIDTH * HEIGHT
+SLOT = DEPTH_BYTES + COLOUR_BYTES
+SLOTS = 2  # the newest frame, and the one that is being written
+MOST_MEMORY = 110.0  # MB
+FLAT = 2.0  # MB from the first third of the recording to the last
+WARM_UP = 5.0  # s after which memory is looked at
+LOOP = 30  # pictures, a hanger that swings to and fro once
+
+
+class Board:
+    """Where pictures are put up for another process: a counter and two slots, the newest overwrites the oldest."""
+
+    SIZE = 64 + SLOTS * SLOT
+
+    def __init__(self, path: Path) -> None:
+        self._memory = np.memmap(path, np.uint8, "r+")
+        self.count = self._memory[:8].view(np.int64)
+
+    def _slot(self, number: int) -> tuple[np.ndarray, np.ndarray]:
+        at = 64 + (number % SLOTS) * SLOT
+        depth = self._memory[at : at + DEPTH_BYTES].view(np.uint16).reshape(HEIGHT, WIDTH)
+        return depth, self._memory[at + DEPTH_BYTES : at + SLOT].reshape(HEIGHT, WIDTH, 3)
+
+    def put(self, number: int, pictures: tuple[np.ndarray, np.ndarray]) -> None:
+        """Put up picture `number`, from 1."""
+        for place, picture in zip(self._slot(number), pictures, strict=True):
+            place[:] = picture
+        self.count[0] = number
+
+    def get(self) -> tuple[int, np.ndarray, np.ndarray]:
+        """Return the newest picture and its number, copied."""
+        while True:
+            number = int(self.count[0])
+            depth, colour = (np.array(place) for place in self._slot(number))
+            if self.count[0] - number < SLOTS - 1:  # was not overwritten meanwhile
+                return number, depth, colour
+
+
+def swung_pictures() -> list[tuple[np.ndarray, np.ndarray]]:
+    """A hanger with a towel that swings to and fro by 8 cm, and the camera's faults."""
+    from tests.capture.stage import marker_plate, pictures, plain_plate
+
+    rng = np.random.default_rng(1)
+    shown = []
+    for k in range(LOOP):
+        middle = np.array([0.03, 0.0, 0.08]) * np.sin(2 * np.pi * k / LOOP) + np.array([0.0, -0.2, 1.6])
+        plates = [marker_plate(i, middle + np.array([side, 0, 0])) for i, side in ((0, -0.15), (1, 0.15))]
+        towel = plain_plate(middle + np.array([0, 0.29, 0]), (0.4, 0.4), (60, 70, 150))
+        shown.append(pictures([*plates, towel], rng))
+    return shown
+
+
+def publish(path: Path, seconds: float) -> None:
+    """Put up pictures 30 times a second for so long, then -1 as the counter."""
+    be_nice(-15)
+    board = Board(path)
+    shown = swung_pictures()
+    print("ready", flush=True)
+    sys.stdin.readline()
+    start = time.monotonic()
+    late = 0.0
+    for number in range(1, round(seconds * FPS) + 1):
+        due = start + number / FPS
+        time.sleep(max(0.0, due - time.monotonic()))
+        late = max(late, time.monotonic() - due)
+        board.put(number, shown[number % LOOP])
+    time.sleep(0.5)
+    board.count[0] = -1
+    print(json.dumps({"published": round(seconds * FPS), "latest_ms": 1e3 * late}), flush=True)
+
+
+def be_nice(niceness: int) -> None:
+    """Change this process's niceness as far as this user may."""
+    with contextlib.suppress(PermissionError):
+        os.nice(niceness)
+
+
+def record_it(path: Path, out: Path) -> None:
+    """Record from the board and say how much memory that took, and when."""
+    from capture.frame_queue import QueuedSensor
+    from capture.recording import record
+    from firmware_host.depth_sensor import DepthSensor, SensorFrame, SensorInfo
+    from formats.garment import Garment, TrackedPoint
+    from formats.rig import Hanger, Rig, Sensor
+
+    camera = Sensor(width=WIDTH, height=HEIGHT, fx=575.8, fy=575.8, cx=319.5, cy=239.5)
+
+    class BoardSensor(DepthSensor):
+        """The board as a live sensor."""
+
+        def __init__(self) -> None:
+            self._board, self._last = Board(path), 0
+
+        @property
+        def info(self) -> SensorInfo:
+            return SensorInfo(
+                name="board", uri="board", width=WIDTH, height=HEIGHT, fps=FPS, intrinsics=camera, is_live=True
+            )
+
+        def read(self, timeout_s: float = 5.0) -> SensorFrame | None:
+            while self._board.count[0] == self._last:
+                time.sleep(0.001)
+            if self._board.count[0] < 0:
+                return None
+            number, depth, colour = self._board.get()
+            dropped, self._last = number - self._last - 1, number
+            return SensorFrame(
+                index=number - 1, time_s=number / FPS, host_time_s=time.monotonic(), depth=depth, colour=colour,
+                dropped_before=dropped,
+            )  # fmt: skip
+
+        def close(self) -> None:
+            pass
+
+    hanger = Hanger(
+        dictionary="DICT_4X4_50", ids=(0, 1), marker_size_m=0.06, marker_distance_m=0.3,
+        held_m=((-0.2, 0.09, 0.0), (0.2, 0.09, 0.0)),
+    )  # fmt: skip
+    rig = Rig(format="hangtime-rig/1", name="endurance", gravity=(0.0, 1.0, 0.0), hanger=hanger, sensor=camera)
+    outline = ((-0.2, 0.0), (0.2, 0.0), (0.2, -0.4), (-0.2, -0.4))
+    garment = Garment(
+        format="hangtime-garment/1", name="towel", kind="swatch", mass_kg=0.05, outline_m=outline, held="edge",
+        points=tuple(TrackedPoint(name=f"p{k}", at_m=p) for k, p in enumerate(outline)),
+    )  # fmt: skip
+    memory: list[tuple[float, float]] = []
+    lost: list[int] = []
+    spent: list[float] = []
+    begun = time.monotonic()
+    print("ready", flush=True)
+
+    def look(frame: SensorFrame, *sights: object) -> None:
+        now = time.monotonic() - begun
+        lost.append(frame.dropped_before)
+        spent.append(time.monotonic() - frame.host_time_s)
+        if not memory or now - memory[-1][0] >= 1.0:
+            memory.append((now, resident()))
+
+    with QueuedSensor(BoardSensor()) as sensor:
+        report = record(sensor, rig, garment, out, take_id="endurance", created="now", watch=look)
+    print(
+        json.dumps(
+            {"frames": report.frames, "with_hanger": report.with_hanger, "told": int(np.sum(lost)), "memory": memory,
+             "behind_ms": 1e3 * float(np.max(spent))}
+        ),
+        flush=True,
+    )  # fmt: skip
+
+
+def resident() -> float:
+    """Memory of this process that is in use now [MB = 10^6 bytes]."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 1e6
+
+
+def measure(seconds: float, hogs: int = 1, niceness: int = 0) -> dict[str, float]:
+    """Run all processes; return frames published, recorded, lost and told of, memory [MB], its growth, delays [ms]."""
+    me = [sys.executable, "-W", "ignore", str(Path(__file__).resolve())]
+    running: list[subprocess.Popen[str]] = []
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True, "cwd": ROOT}
+    in_memory = "/dev/shm" if Path("/dev/shm").is_dir() else None
+    with tempfile.TemporaryDirectory() as folder, tempfile.NamedTemporaryFile(dir=in_memory) as board:
+        Path(board.name).write_bytes(bytes(Board.SIZE))
+        try:
+            publisher = subprocess.Popen([*me, "--publish", board.name, "--seconds", str(seconds)], **pipes)
+            running.append(publisher)
+            publisher.stdout.readline()
+            recorder = subprocess.Popen(
+                [*me, "--record", board.name, "--out", f"{folder}/t.mcap", "--nice", str(niceness)], **pipes
+            )
+            running.append(recorder)
+            recorder.stdout.readline()
+            running += [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(hogs)]
+            publisher.stdin.write("go\n")
+            publisher.stdin.flush()
+            said = json.loads(recorder.stdout.readline()) | json.loads(publisher.stdout.readline())
+        finally:
+            for process in running:
+                process.kill()
+                process.wait()
+                for pipe in (process.stdin, process.stdout):
+                    if pipe is not None:
+                        pipe.close()
+    times, used = np.array(said.pop("memory")).T
+    used = used[times >= WARM_UP] if (times >= WARM_UP).sum() >= 3 else used[-3:]
+    third = max(len(used) // 3, 1)
+    said["lost"] = said["published"] - said["frames"]
+    return said | {"memory": float(used.max()), "growth": float(used[-third:].mean() - used[:third].mean())}
+
+
+def main() -> None:
+    """Print the table, or play one of the parts."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=1.0)
+    parser.add_argument("--hogs", type=int, default=1, help="processes that take a core each")
+    parser.add_argument("--nice", type=int, default=0, help="niceness of the recorder")
+    for part in ("--publish", "--record", "--out", "--seconds"):
+        parser.add_argument(part, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.publish:
+        publish(Path(options.publish), float(options.seconds))
+    elif options.record:
+        be_nice(options.nice)
+        record_it(Path(options.record), Path(options.out))
+    else:
+        found = measure(60.0 * options.minutes, options.hogs, options.nice)
+        beside = f"{options.hogs} busy processes of its own, load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
+        print(f"{found['published']:.0f} frames in {options.minutes:g} minutes beside {beside}")
+        print(f"lost     {found['lost']:6.0f} frames   (target 0), {found['told']:.0f} of them told of in the take")
+        print(f"memory   {found['memory']:6.1f} MB at most   (target {MOST_MEMORY:g})")
+        print(f"growth   {found['growth']:6.2f} MB from the first third to the last   (target {FLAT:g})")
+        print(f"hanger   {100 * found['with_hanger'] / found['frames']:6.1f} % of the frames")
+        print(f"behind   {found['behind_ms']:6.0f} ms at most from the sensor to the take")
+        print(f"pictures {found['latest_ms']:6.0f} ms late at most, the publisher's own fault")
+
+
+if __name__ == "__main__":
+    main()

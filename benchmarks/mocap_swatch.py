@@ -1,0 +1,88 @@
+"""The motion capture method on four synthetic fabrics: manual against optimised, on the take fitted and on another
+motion.
+
+The cloth of the recordings is not the fitter's (`firmware_host.synthetic.cloth`), the start is `fit.fabrics`. Cotton
+is the fabric that choices were made on; read the other three. Run: python benchmarks/mocap_swatch.py [--fabric silk
+...] [--method mocap-swatch] [--spacing 0.03125] [--length-unit 1.0] [--air-drag 0] [--iterations 350] [--seed 0]
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import tempfile
+from pathlib import Path
+
+import fit.swatch_error
+from firmware_host.synthetic.swatch import make_swatch_take
+from fit.calibration import calibrate, request_of
+from fit.fabrics import find_fabric
+from fit.parameterisations import find_method
+from formats.descriptions import load_garment
+from formats.importers.swatch_mocap import import_marker_take
+from formats.results import FitResult
+
+FABRICS = ("cotton", "silk", "denim", "polyester-rayon")
+
+
+def fit_one(
+    fabric: str, folder: Path, *, method: str, spacing: float, iterations: int, seed: int, air_drag: float,
+    length_unit: float = 1.0,
+) -> FitResult:  # fmt: skip
+    """Make both takes of one fabric and fit the first."""
+    takes = []
+    for motion in ("swing", "other"):
+        csv, _, garment = make_swatch_take(folder, fabric=fabric, motion=motion, air_drag=air_drag)
+        takes.append(import_marker_take(csv, load_garment(garment)))
+    chosen = find_method(method)
+    if chosen.name.startswith("mocap"):
+        chosen = chosen.starting_from(find_fabric(fabric).start, fabric)
+    # In units of L metres E is x/L, v/L, kappa L; divided by 1/L only the curvature's factor changes.
+    fit.swatch_error.GAMMA = 2.0 * length_unit**2
+    chosen = dataclasses.replace(chosen, gamma=chosen.gamma if length_unit == 1.0 else 1e5)
+    request = request_of(chosen, [], iterations=iterations, seed=seed, spacing=spacing)
+    return calibrate(takes[:1], takes[1:], request)
+
+
+def main(arguments: list[str] | None = None) -> list[FitResult]:
+    """Print the table; return its results."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--fabric", nargs="+", default=list(FABRICS), choices=FABRICS)
+    parser.add_argument("--method", default="mocap-swatch")
+    parser.add_argument("--spacing", type=float, default=0.03125)
+    parser.add_argument("--length-unit", type=float, default=1.0)
+    parser.add_argument("--air-drag", type=float, default=0.0)
+    parser.add_argument("--iterations", type=int, default=350)
+    parser.add_argument("--seed", type=int, default=0)
+    chosen = parser.parse_args(arguments)
+    print(f"{chosen.method}, mesh {1e3 * chosen.spacing:.1f} mm, drag {chosen.air_drag:g}, seed {chosen.seed}; mm")
+    print(
+        f"{'fabric':16} {'objective':>16} {'training mean':>15} {'maximum':>15} {'held-out mean':>15} {'maximum':>15}"
+    )
+    results = []
+    with tempfile.TemporaryDirectory() as folder:
+        for fabric in chosen.fabric:
+            found = fit_one(
+                fabric, Path(folder), method=chosen.method, spacing=chosen.spacing, iterations=chosen.iterations,
+                seed=chosen.seed, air_drag=chosen.air_drag, length_unit=chosen.length_unit,
+            )  # fmt: skip
+            results.append(found)
+            error, whole = found.error, found.objective
+            pairs = [(error.train_before, error.train_after), (error.held_out_before, error.held_out_after)]
+            cells = [
+                f"{1e3 * getattr(before, part):6.1f} > {1e3 * getattr(after, part):6.1f}"
+                for before, after in pairs
+                if before is not None and after is not None
+                for part in ("mean_m", "max_m")
+            ]
+            both = f"{whole.before:7.3f} > {whole.after:6.3f}" if whole is not None else ""
+            print(f"{fabric:16} {both:>16} " + " ".join(cells), flush=True)
+            told = "; ".join(
+                f"{c.name} {c.fitted:.3g}{'' if c.is_identified else ' (untold)'}" for c in found.combinations
+            )
+            print(f"{'':16} {told}", flush=True)
+    return results
+
+
+if __name__ == "__main__":
+    main()

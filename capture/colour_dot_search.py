@@ -1,0 +1,128 @@
+"""Find two coloured dots in a whole picture, without being told where.
+
+A dot is a piece of one hue (CIE L*a*b*, chroma above `LEAST_CHROMA`) that is as large as a disc of its diameter at its
+depth, as wide as high, and fills its box as a disc does (pi / 4). Two of them are the hanger's if they are as far apart
+in space as the rig says. Several such pairs are no answer: the user picks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from formats.rig import Hanger, Sensor
+
+Floats = NDArray[np.float64]
+
+LEAST_CHROMA = 22.0  # of L*a*b*: paper and skin in shade have less, stickers of a colour with a name have 40 and more
+HUES = 12  # directions of hue; each takes in a sixth of the circle, so that no dot falls between two
+AREAS = (0.55, 1.6)  # of the disc that is expected: blur at the rim, and a hue's share of it
+LONGEST_BOX = 1.7  # long over short side: blurred by less than its own size
+FILLS = (0.6, 0.98)  # of its box
+DISTANCE = 0.08  # of the hanger's: depth at a small dot is good to a centimetre
+ALIKE = 28.0  # of a*b*, between a dot and the colour that it should have
+CLEARLY = 2.0  # times better than the next pair
+
+
+@dataclass(frozen=True)
+class Dot:
+    """A dot in a picture: centre [px], (2,), diameter [px], colour RGB, (3,), 0 to 255."""
+
+    centre: Floats
+    diameter: float
+    colour: Floats
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    dot: Dot
+    place: Floats  # m, (3,), sensor frame
+    tint: Floats  # a*, b*
+    fault: float  # how unlike a dot, 0 is perfect
+
+
+def find_pair(
+    colour: NDArray[np.uint8], depth: NDArray[np.uint16], hanger: Hanger, sensor: Sensor, colours: list[Floats | None]
+) -> tuple[Dot, Dot] | None:
+    """Return the left and the right dot of a hanger, or None where there is none or more than one pair.
+
+    colour RGB, (H, W, 3); depth [mm], (H, W); colours: those of the left and of the right dot where they are known
+    """
+    candidates = _candidates(colour, depth, hanger, sensor)
+    wanted = [None if mark is None else _tint(mark) for mark in colours]
+    pairs: list[tuple[float, Dot, Dot]] = []
+    for i, one in enumerate(candidates):
+        for other in candidates[i + 1 :]:
+            left, right = (one, other) if one.dot.centre[0] <= other.dot.centre[0] else (other, one)
+            tints = (left.tint, right.tint)
+            if any(w is not None and np.linalg.norm(t - w) > ALIKE for t, w in zip(tints, wanted, strict=True)):
+                continue
+            apart = float(np.linalg.norm(right.place - left.place)) / hanger.marker_distance_m - 1.0
+            if abs(apart) <= DISTANCE:
+                fault = left.fault + right.fault + abs(apart) / DISTANCE
+                pairs.append((fault, left.dot, right.dot))
+    pairs.sort(key=lambda pair: pair[0])
+    if not pairs or (len(pairs) > 1 and pairs[1][0] < CLEARLY * pairs[0][0]):
+        return None
+    return pairs[0][1], pairs[0][2]
+
+
+def _candidates(
+    colour: NDArray[np.uint8], depth: NDArray[np.uint16], hanger: Hanger, sensor: Sensor
+) -> list[_Candidate]:
+    lab = cv2.cvtColor(colour, cv2.COLOR_RGB2LAB)
+    a, b = lab[..., 1].astype(np.float32) - 128.0, lab[..., 2].astype(np.float32) - 128.0
+    chroma = np.hypot(a, b)
+    found: list[_Candidate] = []
+    for k in range(HUES):
+        angle = 2.0 * np.pi * k / HUES
+        along = a * np.float32(np.cos(angle)) + b * np.float32(np.sin(angle))
+        mask = ((chroma > LEAST_CHROMA) & (along > chroma * np.float32(np.cos(np.pi / 6)))).astype(np.uint8)
+        _, labels, stats, middles = cv2.connectedComponentsWithStats(mask, connectivity=8)
+        for label in range(1, len(stats)):
+            left, top, width, height, area = (int(value) for value in stats[label])
+            if area < 16 or max(width, height) > LONGEST_BOX * min(width, height):
+                continue
+            box = np.s_[top : top + height, left : left + width]
+            inside = labels[box] == label
+            candidate = _judge(inside, colour[box], depth[box], middles[label], hanger, sensor)
+            if candidate is not None:
+                found.append(candidate)
+    return _best_of_each_place(found)
+
+
+def _judge(
+    inside: NDArray[np.bool_], colour: NDArray[np.uint8], depth: NDArray[np.uint16], middle: Floats, hanger: Hanger,
+    sensor: Sensor,
+) -> _Candidate | None:  # fmt: skip
+    measured = depth[inside & (depth > 0)]
+    if measured.size < 0.3 * np.count_nonzero(inside):
+        return None
+    z = 1e-3 * float(np.median(measured))
+    diameter = sensor.fx * hanger.marker_size_m / z
+    area = np.count_nonzero(inside) / (0.25 * np.pi * diameter**2)
+    fill = np.count_nonzero(inside) / inside.size
+    if not (AREAS[0] <= area <= AREAS[1] and FILLS[0] <= fill <= FILLS[1]):
+        return None
+    mark = np.median(colour[inside], axis=0).astype(float)
+    ray = np.array([(middle[0] - sensor.cx) / sensor.fx, (middle[1] - sensor.cy) / sensor.fy, 1.0])
+    fault = abs(np.log(area)) + abs(fill - 0.25 * np.pi)
+    return _Candidate(Dot(np.asarray(middle, float), diameter, mark), z * ray, _tint(mark), float(fault))
+
+
+def _best_of_each_place(candidates: list[_Candidate]) -> list[_Candidate]:
+    """Return the candidates without those that lie on a better one: neighbouring hues see the same dot."""
+    kept: list[_Candidate] = []
+    for candidate in sorted(candidates, key=lambda c: c.fault):
+        if all(np.linalg.norm(candidate.dot.centre - k.dot.centre) > 0.5 * k.dot.diameter for k in kept):
+            kept.append(candidate)
+    return kept
+
+
+def _tint(mark: Floats) -> Floats:
+    """Return a* and b* of an RGB colour, (3,)."""
+    pixel = np.clip(np.rint(mark), 0, 255).astype(np.uint8).reshape(1, 1, 3)
+    return np.asarray(cv2.cvtColor(pixel, cv2.COLOR_RGB2LAB)[0, 0, 1:], float) - 128.0

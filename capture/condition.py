@@ -1,0 +1,100 @@
+"""The one thing to say about a recording right now: for the lamp, for the command line, for people.
+
+Frames have bits (`formats.take.FrameState`), several at once and changing thirty times a second. A condition is the
+most basic of what is wrong, held for `HOLD` seconds before it is announced, so that a lamp does not flicker.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from enum import Enum
+
+from formats.take import FrameState
+
+HOLD = 0.4  # s that a condition must last: longer than markers are lost at the end of a hard swing
+
+
+class Lamp(Enum):
+    """How a lamp shows a condition; a lamp of one colour shows the rhythm."""
+
+    STEADY = "green, steady"
+    SLOW = "yellow, one blink a second"
+    FAST = "red, four blinks a second"
+
+
+@dataclass(frozen=True)
+class Saying:
+    """How a condition is told: what is the case, what to do, and on the lamp."""
+
+    words: str
+    advice: str
+    lamp: Lamp
+
+
+class Condition(Enum):
+    """What is the case, the most basic first."""
+
+    WRONG_SIZE = Saying("pictures of another size than the rig's", "set the rig's [sensor] to this sensor", Lamp.FAST)
+    CLOCK = Saying("the sensor's clock runs backwards", "unplug and replug the sensor", Lamp.FAST)
+    NO_DEPTH = Saying("no depth", "uncover the sensor, keep the sun out, replug it", Lamp.FAST)
+    NO_COLOUR = Saying("no colour picture", "replug the sensor; without colour no marker is found", Lamp.FAST)
+    BLOCKED = Saying("something is in front of the hanger or the garment", "step out of the view", Lamp.SLOW)
+    TOO_NEAR = Saying("too near", "go back until the hanger is 1.2 to 2.5 m away", Lamp.SLOW)
+    TOO_FAR = Saying("too far", "come closer until the hanger is 1.2 to 2.5 m away", Lamp.SLOW)
+    ONE_MARKER = Saying("only one marker is seen", "turn the hanger so that both markers face the sensor", Lamp.SLOW)
+    NO_MARKERS = Saying(
+        "no markers are seen", "show both markers to the sensor, flat, in even light, 1.2 to 2.5 m away", Lamp.SLOW
+    )
+    NO_GARMENT = Saying(
+        "the garment is not seen", "let it hang free below the hanger, away from walls and things", Lamp.SLOW
+    )
+    GOOD = Saying("hanger and garment are seen", "", Lamp.STEADY)
+
+
+ORDER = (
+    (FrameState.WRONG_SIZE, Condition.WRONG_SIZE),
+    (FrameState.DEPTH_MISSING, Condition.NO_DEPTH),
+    (FrameState.COLOUR_MISSING, Condition.NO_COLOUR),
+    (FrameState.VIEW_BLOCKED, Condition.BLOCKED),
+    (FrameState.TOO_NEAR, Condition.TOO_NEAR),
+    (FrameState.TOO_FAR, Condition.TOO_FAR),
+    (FrameState.ONE_MARKER, Condition.ONE_MARKER),
+    (FrameState.MARKER_LOST, Condition.NO_MARKERS),
+    (FrameState.GARMENT_LOST, Condition.NO_GARMENT),
+)
+
+
+def condition_of(state: int) -> Condition:
+    """Return the most basic condition of a frame's bits; a clock that jumped once does not spoil what is seen."""
+    return next((condition for bit, condition in ORDER if state & bit), Condition.GOOD)
+
+
+class ConditionWatch:
+    """Follows the conditions of a recording frame by frame."""
+
+    def __init__(self) -> None:
+        self.current: Condition | None = None
+        self.frames: Counter[Condition] = Counter()
+        self._candidate: Condition | None = None
+        self._since = 0.0
+
+    def add(self, time: float, condition: Condition) -> Condition | None:
+        """Take in one frame at a time [s]; return the condition to announce, None where it is the same as before.
+
+        The first frame's is announced at once.
+        """
+        self.frames[condition] += 1
+        if condition is not self._candidate:
+            self._candidate, self._since = condition, time
+        is_new = condition is not self.current
+        if is_new and (self.current is None or time - self._since >= HOLD):
+            self.current = condition
+            return condition
+        return None
+
+    @property
+    def worst(self) -> Condition:
+        """What most frames suffered from."""
+        faults = [(condition, count) for condition, count in self.frames.most_common() if condition != Condition.GOOD]
+        return faults[0][0] if faults else Condition.GOOD

@@ -1,0 +1,102 @@
+"""Find fiducial markers of given ids in a colour picture, to a fraction of a pixel.
+
+ArUco and AprilTag alike: both are dictionaries of OpenCV's detector (`DICT_4X4_50`, `DICT_APRILTAG_36h11`).
+Source: Garrido-Jurado et al., "Automatic generation and detection of highly reliable fiducial markers under
+occlusion", Pattern Recognition 47 (2014). Small markers are enlarged first: corners twice as fine as at 17 px.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.errors import UntrackableError
+
+Floats = NDArray[np.float64]
+
+WANTED_SIDE = 52.0  # px, windows are enlarged until a marker side is about this: corners twice as fine as at 17 px
+LARGEST_ENLARGEMENT = 4
+SMALLEST_WINDOW = 12  # px, a window cut off by the picture's border below this cannot hold a marker
+
+
+def marker_dictionary(name: str) -> cv2.aruco.Dictionary:
+    """Return OpenCV's marker dictionary of this name, as `DICT_4X4_50`."""
+    number = getattr(cv2.aruco, name, None) if name.startswith("DICT_") else None
+    if number is None:
+        raise UntrackableError(
+            f"hanger.dictionary {name!r} is not known",
+            where="rig",
+            advice="use an OpenCV name as DICT_4X4_50",
+        )
+    return cv2.aruco.getPredefinedDictionary(number)
+
+
+class MarkerDetector:
+    """Looks for these ids of one dictionary; everything it returns is in their order."""
+
+    def __init__(self, dictionary: str, ids: tuple[int, ...]) -> None:
+        self.ids = ids
+        parameters = cv2.aruco.DetectorParameters()
+        parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_CONTOUR
+        self._detector = cv2.aruco.ArucoDetector(marker_dictionary(dictionary), parameters)
+
+    def in_picture(self, colour: NDArray[np.uint8]) -> Floats:
+        """Return the corners [px], (ids, 4, 2), in a whole RGB picture, (H, W, 3); NaN where an id is not found."""
+        grey = cv2.cvtColor(colour, cv2.COLOR_RGB2GRAY)
+        corners = self._detect(grey, 1)
+        if not np.isfinite(corners).all():
+            finer = self._detect(grey, 2)
+            corners = np.where(np.isfinite(corners), corners, finer)
+        return corners
+
+    def in_window(self, colour: NDArray[np.uint8], row: int, centre: Floats, reach: float, side: float) -> Floats:
+        """Return the corners [px], (4, 2), of the id in `row`, looked for up to `reach` [px] around `centre` [px].
+
+        side [px]: how long the marker's side is about; NaN where it is not found.
+        """
+        height, width = colour.shape[:2]
+        left, top = (max(0, int(c - reach)) for c in centre)
+        right, bottom = min(width, int(centre[0] + reach) + 2), min(height, int(centre[1] + reach) + 2)
+        if right - left < SMALLEST_WINDOW or bottom - top < SMALLEST_WINDOW:
+            return np.full((4, 2), np.nan)
+        grey = cv2.cvtColor(np.ascontiguousarray(colour[top:bottom, left:right]), cv2.COLOR_RGB2GRAY)
+        enlargement = int(np.clip(round(WANTED_SIDE / side), 1, LARGEST_ENLARGEMENT))
+        return np.asarray(self._detect(grey, enlargement)[row] + [left, top])
+
+    def refined(self, colour: NDArray[np.uint8], row: int, coarse: Floats) -> Floats:
+        """Return the corners [px], (4, 2), of the id in `row` again, finer where that works."""
+        side = quad_side(coarse)
+        fine = self.in_window(colour, row, coarse.mean(0), 1.2 * side, side)
+        return fine if np.isfinite(fine).all() else coarse
+
+    def _detect(self, grey: NDArray[np.uint8], enlargement: int) -> Floats:
+        """Return the corners [px], (ids, 4, 2); NaN where an id is absent or seen twice."""
+        corners = np.full((len(self.ids), 4, 2), np.nan)
+        if enlargement > 1:
+            grey = cv2.resize(grey, None, fx=enlargement, fy=enlargement, interpolation=cv2.INTER_CUBIC)
+        quads, ids, _ = self._detector.detectMarkers(grey)
+        if ids is None:
+            return corners
+        flat = list(np.ravel(ids))
+        for row, wanted in enumerate(self.ids):
+            if flat.count(wanted) == 1:
+                quad = np.asarray(quads[flat.index(wanted)], dtype=np.float64).reshape(4, 2)
+                corners[row] = (quad + 0.5) / enlargement - 0.5
+        return corners
+
+
+def quad_side(quad: Floats) -> float:
+    """Return the mean length [px] of a quadrilateral's sides, (4, 2)."""
+    return float(np.linalg.norm(quad - np.roll(quad, 1, axis=0), axis=1).mean())
+
+
+def diagonal_crossing(quad: Floats) -> Floats:
+    """Return where a quadrilateral's diagonals [px], (4, 2), cross: the projection of a square's centre."""
+    a, b, c, d = quad
+    first, second = c - a, d - b
+    cross = first[0] * second[1] - first[1] * second[0]
+    if not np.isfinite(cross) or abs(cross) < 1e-9:
+        return np.full(2, np.nan)
+    along = ((b - a)[0] * second[1] - (b - a)[1] * second[0]) / cross
+    return np.asarray(a + along * first)

@@ -1,0 +1,140 @@
+"""A swatch with a grid of markers, swung before a motion capture system: noisy marker paths, and the truth.
+
+As in "Optimization of Cloth Simulation Parameters by Considering Static and Dynamic Features", section 2: 50 cm
+square, 81 markers, 120 frames a second, 500 frames, driven at the two top corners, swung back and forth; four
+fabrics. The fabrics' true properties are this file's own, away from every table value that a fit may start from. The
+cloth is `firmware_host.synthetic.cloth`, so that a fit meets equations and numerics that are not its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_host.errors import SensorAddressError
+from firmware_host.synthetic.cloth import ClothPhysics, simulate
+from formats.descriptions import dump_description
+from formats.garment import Garment
+from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
+from formats.swatch import MARKERS, SIDE, swatch
+
+Floats = NDArray[np.float64]
+
+FPS, FRAMES = 120.0, 500  # section 2
+CELLS = 3  # of the cloth's grid between two markers
+HELD_APART = 0.92  # of the swatch's width: fingers do not stretch it
+UNEVENNESS = 5e-3  # m: no cloth hangs perfectly flat, and a flat one would never fold
+MARKER_NOISE = 2e-4  # m per axis; optical systems keep 0.1 to 0.5 mm
+LOST_SHARE, LOST_FRAMES = 0.01, 12  # of all frames of a marker, and for how long at a time
+TO_SENSOR = np.array(
+    [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
+)  # x right, y into the room, z up -> x, y down, z
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrueFabric:
+    """What a synthetic fabric really is: density [kg/m^2], its cloth, and the drag coefficient of the air."""
+
+    density: float
+    physics: ClothPhysics
+    drag: float = 0.0
+
+
+FABRICS = {
+    "silk": TrueFabric(
+        density=0.075,
+        physics=ClothPhysics(stretch_stiffness=130.0, shear_stiffness=16.0, bending_stiffness=5e-6, linear_damping=1.9),
+    ),
+    "denim": TrueFabric(
+        density=0.38,
+        physics=ClothPhysics(
+            stretch_stiffness=700.0, shear_stiffness=90.0, bending_stiffness=1.3e-4, linear_damping=0.5
+        ),
+    ),
+    "cotton": TrueFabric(
+        density=0.14,
+        physics=ClothPhysics(
+            stretch_stiffness=450.0, shear_stiffness=50.0, bending_stiffness=2.6e-5, linear_damping=1.5
+        ),
+    ),
+    "polyester-rayon": TrueFabric(
+        density=0.22,
+        physics=ClothPhysics(
+            stretch_stiffness=170.0, shear_stiffness=20.0, bending_stiffness=1.6e-5, linear_damping=0.7
+        ),
+    ),
+}
+MOTIONS = {"swing": ((0.7, 0.10, 0.0), (1.3, 0.02, 1.0)), "other": ((0.5, 0.09, 0.4), (1.0, 0.06, 0.0))}  # Hz, m, phase
+
+
+def make_swatch_take(
+    out: Path, *, fabric: str, motion: str = "swing", air_drag: float = 0.0, seed: int = 1,
+    progress: Callable[[float], None] = lambda share: None,
+) -> list[Path]:  # fmt: skip
+    """Write FABRIC-MOTION.csv, its .truth.npz and FABRIC.toml into `out`; return the paths.
+
+    Raises:
+        SensorAddressError: there is no such fabric or motion.
+    """
+    if fabric not in FABRICS:
+        raise SensorAddressError(f"there is no fabric {fabric!r}", advice=f"choose of {', '.join(FABRICS)}")
+    true = FABRICS[fabric]
+    garment = swatch(round(true.density * SIDE**2, 6), name=fabric)
+    time = np.arange(FRAMES) / FPS
+    nodes = swung_markers(garment, time, motion, true, air_drag=air_drag, progress=progress)
+    seen = measured(nodes, np.random.default_rng([seed, 81]))
+    out.mkdir(parents=True, exist_ok=True)
+    stem = f"{fabric}-{motion}"
+    tracks = MarkerTracks(garment.point_names, time, seen)
+    np.savez(
+        out / f"{stem}.truth.npz", time=time, markers=nodes, density=true.density, air_drag=air_drag,
+        **{name: getattr(true.physics, name) for name in ClothPhysics.__dataclass_fields__},
+    )  # fmt: skip
+    (out / f"{fabric}.toml").write_text(dump_description(garment))
+    return [write_marker_csv(out / f"{stem}.csv", tracks), out / f"{stem}.truth.npz", out / f"{fabric}.toml"]
+
+
+def swung_markers(
+    garment: Garment, time: Floats, motion: str, true: TrueFabric, *, air_drag: float = 0.0, cells: int = CELLS,
+    progress: Callable[[float], None] = lambda share: None,
+) -> Floats:  # fmt: skip
+    """Return the markers' true places [m], (frames, 81, 3), z up, of a swatch swung back and forth by its corners.
+
+    Raises:
+        SensorAddressError: there is no such motion.
+    """
+    if motion not in MOTIONS:
+        raise SensorAddressError(f"there is no motion {motion!r}", advice=f"choose of {', '.join(MOTIONS)}")
+    half = 0.5 * HELD_APART * SIDE
+
+    def ends(instants: Floats) -> Floats:
+        ramp = np.clip(instants / 0.5, 0.0, 1.0)
+        ramp = ramp**3 * (10 - 15 * ramp + 6 * ramp**2)
+        swung = sum(a * (np.sin(2 * np.pi * f * instants + p) - np.sin(p)) for f, a, p in MOTIONS[motion]) * ramp
+        place = np.zeros((len(instants), 2, 3))
+        place[:, 0, 0], place[:, 1, 0] = -half, half
+        place[:, :, 2] = np.asarray(swung)[:, None]
+        return place
+
+    count = (MARKERS - 1) * cells + 1
+    down, across = np.linspace(0, 1, count)[:, None], np.linspace(0, 1, count)[None]
+    uneven = UNEVENNESS * down * (np.sin(2 * np.pi * across) + np.sin(3 * np.pi * across + 1.0))
+    nodes = simulate(
+        garment, ends, time, physics=true.physics, effects={"air_drag": air_drag} if air_drag else {}, rows=count,
+        columns=count, unevenness=uneven, progress=progress,
+    )  # fmt: skip
+    return np.asarray(nodes[:, ::cells, ::cells].reshape(len(time), -1, 3) @ TO_SENSOR)
+
+
+def measured(markers: Floats, generator: np.random.Generator) -> Floats:
+    """Return markers, (frames, markers, 3), as a motion capture system gives them: with noise, and NaN where lost."""
+    seen = markers + MARKER_NOISE * generator.standard_normal(markers.shape)
+    frames, count = markers.shape[:2]
+    begins = generator.random((frames, count)) < LOST_SHARE / LOST_FRAMES
+    for frame, marker in np.argwhere(begins):
+        seen[frame : frame + LOST_FRAMES, marker] = np.nan
+    return np.asarray(seen)

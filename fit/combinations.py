@@ -1,0 +1,70 @@
+"""What motion can tell whatever the method: every stiffness over the density, and the dampings.
+
+A simulation's motion depends on its material row only through k/rho, G/rho, B/rho, the two damping times and c,
+because every force of the step is divided by the mass (`fit.cloth.rollout`). With the covariance C of a fit's
+parameters theta and g = d(combination)/d(theta), central differences along the method's own map,
+
+    variance = g' C g
+
+and a combination counts as identified when the data shrink its deviation to half of what the ranges alone leave, or
+less, and its 90 % interval ends above 0, below which none of them can be. Source: P. R. Bevington, D. K. Robinson,
+"Data Reduction and Error Analysis for the Physical Sciences", section 3.2 (propagation of error).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.cloth import material as mat
+from formats.results import Combination
+
+Floats = NDArray[np.float64]
+
+STEP = 1e-3  # of the range, for the differences
+NORMAL_90 = 1.645
+# Name, unit, column, whether it is divided by the density.
+COMBINATIONS = (
+    ("stretch stiffness / density", "m2/s2", mat.STRETCH, True),
+    ("shear stiffness / density", "m2/s2", mat.SHEAR, True),
+    ("bending stiffness / density", "m4/s2", mat.BENDING, True),
+    ("bending damping time", "s", mat.BENDING_TIME, False),
+    ("velocity damping", "1/s", mat.VELOCITY, False),
+)
+
+
+def combine(rows: Floats) -> Floats:
+    """Return the combinations of material rows, (candidates, combinations)."""
+    columns = [rows[:, column] / (rows[:, mat.DENSITY] if is_ratio else 1.0) for _, _, column, is_ratio in COMBINATIONS]
+    return np.stack(columns, axis=1)
+
+
+def describe_combinations(
+    materials: Callable[[Floats], Floats], initial: Floats, fitted: Floats, reach: Floats, covariance: Floats
+) -> list[Combination]:
+    """Return combinations before and after a fit with 90 % intervals, without those that the method holds fixed.
+
+    materials: vectors, (candidates, parameters), -> material rows; initial, fitted, (parameters,);
+    reach: ranges, (parameters,); covariance, (parameters, parameters)
+    """
+    step = np.diag(STEP * reach)
+    ahead, behind = combine(materials(fitted + step)), combine(materials(fitted - step))
+    slopes = (ahead - behind) / (2 * STEP * reach)[:, None]
+    before, after = combine(materials(np.stack([initial, fitted])))
+    found = []
+    for k, (name, unit, _, _) in enumerate(COMBINATIONS):
+        slope = slopes[:, k]
+        prior = float(np.sqrt(slope**2 @ (reach**2 / 12)))
+        if prior == 0.0:
+            continue
+        deviation = float(np.sqrt(slope @ covariance @ slope))
+        low, high = float(after[k]) - NORMAL_90 * deviation, float(after[k]) + NORMAL_90 * deviation
+        found.append(
+            Combination(
+                name=name, unit=unit, initial=float(before[k]), fitted=float(after[k]),
+                interval_low=max(low, 0.0), interval_high=high, is_identified=deviation < 0.5 * prior and low > 0.0,
+            )
+        )  # fmt: skip
+    return found

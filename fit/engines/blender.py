@@ -1,0 +1,166 @@
+"""Blender's own cloth as an engine of the Kinect-skirt method, in a process of its own.
+
+The six parameters are handed to Blender's cloth settings as they are (mass per vertex, stiffness and damping of
+tension and compression, bending stiffness, air), shear a tenth of tension as in `fit.parameterisations.kinect_skirt`.
+Velocity, the share of each velocity kept per frame of 1/25 s, is no setting of today's Blender; a drag of the same
+rate stands for it. Blender's drag is 0.01 Air on each vertex, so its rate is
+
+    0.01 Air / Mass - 25 ln(Velocity) = 0.01 Air' / Mass'        [1/s]
+
+and Air' may not pass 10. Mass, stiffnesses and drag times one number change no motion (of elastic forces; Blender's
+spring damping is a force too and is scaled along), so a candidate that needs more drag is simulated with all of them
+smaller. Blender's numbers act per vertex and spring: what they mean depends on the mesh, as in the paper.
+
+The garment starts flat below its first held ends, is led to them within half a second, settles for 1.5 s and then
+follows the recording. `bpy` is looked for in this Python, or in the one that HANGTIME_BLENDER_PYTHON names. Source:
+Blender manual, "Physics", "Cloth", "Settings".
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.cloth.simulator import Resolution
+from fit.effects.base import Effect
+from fit.engines.plain_grid import PlainGrid, plain_grid
+from fit.errors import FitError
+from fit.parameterisations.base import Parameterisation
+from fit.recording import Recording
+
+Floats = NDArray[np.float64]
+
+PYTHON = "HANGTIME_BLENDER_PYTHON"
+# Frames a second that Blender simulates; the recording's instants are interpolated. Measured with 5.0.1: its cloth
+# advances by 1/30 s a frame whatever the scene's frame rate is (24 to 60 tried), so no other rate keeps time.
+FPS = 30
+LEAD, SETTLE = 0.5, 1.5  # s to reach the first held ends, and to come to rest
+SHEAR_SHARE = 0.1
+MOST_AIR = 10.0  # Blender's largest air_damping
+AIR_RATE = 0.01  # N s/m per vertex and unit of air_damping
+FRAMES_PER_SECOND_OF_VELOCITY = 25.0
+NEEDED = ("mass", "struct", "bend", "spring", "air", "velocity")
+
+
+class BlenderEngine:
+    """Blender's cloth for one recording."""
+
+    def __init__(
+        self, recording: Recording, method: Parameterisation, effects: tuple[Effect, ...], resolution: Resolution
+    ) -> None:
+        """Prepare the drive.
+
+        Raises:
+            FitError: another method than kinect-skirt, effects, or no `bpy`.
+        """
+        if tuple(p.name for p in method.parameters) != NEEDED:
+            raise FitError(f"Blender has no {method.name} parameters", advice="use --method kinect-skirt with it")
+        if effects:
+            raise FitError("Blender's cloth cannot be given effects", advice="leave out --effect, or --engine blender")
+        self._recording = recording
+        self.grid = plain_grid(recording.garment, resolution.spacing)
+        self._path = _driven_path(recording, self.grid)
+        self._worker = _Worker()
+
+    @property
+    def version(self) -> str:
+        """Blender's version."""
+        return self._worker.version
+
+    def points(self, vectors: Floats) -> Floats:
+        """Simulate one candidate after the other in Blender."""
+        nodes = self._worker.answer(
+            quads=self.grid.quads, pinned=self.grid.held_nodes, fps=np.array(FPS), path=self._path,
+            settings=blender_settings(vectors),
+        )  # fmt: skip
+        points = np.einsum("pw,cfpwx->cfpx", self.grid.point_weights, nodes[:, :, self.grid.point_nodes])
+        instants = (self._recording.time + LEAD + SETTLE) * FPS
+        before = np.minimum(instants.astype(int), points.shape[1] - 2)
+        share = (instants - before)[:, None, None]
+        return np.asarray((1 - share) * points[:, before] + share * points[:, before + 1])
+
+
+def blender_settings(vectors: Floats) -> Floats:
+    """Return mass, tension, bending, damping, air and shear, (candidates, 6), of the method's six parameters."""
+    mass, struct, bend, spring, air, velocity = vectors.T
+    rate = AIR_RATE * air / mass - FRAMES_PER_SECOND_OF_VELOCITY * np.log(velocity)
+    shrink = np.minimum(1.0, MOST_AIR * AIR_RATE / (rate * mass))
+    scaled = np.stack([mass, struct, bend, spring, rate * mass / AIR_RATE, SHEAR_SHARE * struct], 1)
+    return np.asarray(scaled * shrink[:, None])
+
+
+def _driven_path(recording: Recording, grid: PlainGrid) -> Floats:
+    """Places [m], (frames, nodes, 3): flat first; of later frames only the held nodes' count."""
+    frames = int(np.ceil((recording.duration + LEAD + SETTLE) * FPS)) + 2
+    instants = np.arange(frames) / FPS - LEAD - SETTLE
+    ends = recording.held(np.maximum(instants, 0.0)).reshape(frames, 2, 3)
+    share = grid.held_fraction[None, :, None]
+    held = (1 - share) * ends[:, None, 0] + share * ends[:, None, 1]
+    along = ends[0, 1] - ends[0, 0]
+    along = along / np.linalg.norm(along)
+    local = grid.rest - 0.5 * (grid.rest[grid.held_nodes[0]] + grid.rest[grid.held_nodes[-1]])
+    flat = ends[0].mean(0) + local[:, :1] * along + local[:, 1:] * np.array([0.0, 0.0, 1.0])
+    path = np.repeat(flat[None], frames, 0)
+    lead = np.clip((instants + LEAD + SETTLE) / LEAD, 0.0, 1.0)[:, None, None]
+    path[:, grid.held_nodes] = (1 - lead) * flat[None, grid.held_nodes] + lead * held
+    return path
+
+
+class _Worker:
+    """The process that runs Blender; ends with its owner."""
+
+    def __init__(self) -> None:
+        python = os.environ.get(PYTHON) or sys.executable
+        self._folder = tempfile.TemporaryDirectory(prefix="hangtime-blender-")
+        script = Path(__file__).with_name("blender_worker.py")
+        self._log = (Path(self._folder.name) / "log").open("w+")
+        self._process = subprocess.Popen(
+            [python, str(script)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log, text=True
+        )
+        word, _, self.version = self._read().partition(" ")
+        if word != "ready":
+            raise FitError(
+                "Blender's Python module bpy cannot be started",
+                where=python,
+                advice=f"pip install 'hangtime[blender]', or set {PYTHON} to a Python that has bpy",
+            )
+
+    def answer(self, **job: NDArray[np.generic]) -> Floats:
+        """Return the nodes of one job."""
+        name = Path(self._folder.name) / "job.npz"
+        np.savez(name, **job)  # type: ignore[arg-type]
+        assert self._process.stdin is not None
+        self._process.stdin.write(f"{name}\n")
+        self._process.stdin.flush()
+        result = self._read()
+        if not result:
+            raise FitError(
+                "Blender ended in the middle of a simulation", where=self._last_words(), advice="use a coarser mesh"
+            )
+        with np.load(result) as loaded:
+            return np.asarray(loaded["nodes"], float)
+
+    def _read(self) -> str:
+        assert self._process.stdout is not None
+        return self._process.stdout.readline().strip()
+
+    def _last_words(self) -> str:
+        self._log.seek(0)
+        return (self._log.read().strip().splitlines() or ["Blender"])[-1]
+
+    def __del__(self) -> None:
+        with contextlib.suppress(AttributeError, OSError):
+            if self._process.stdin is not None:
+                self._process.stdin.close()
+            self._process.wait(timeout=10)
+            if self._process.stdout is not None:
+                self._process.stdout.close()
+            self._log.close()
+            self._folder.cleanup()

@@ -1,0 +1,51 @@
+"""What a fit asks of a simulator: the tracked points for vectors of the method's own parameters, and nothing else.
+
+Both published methods claim that any simulator will do. An engine is made for one recording and one method, and may
+do with the six or five numbers what its own cloth does with them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.cloth.simulator import Resolution, Simulator
+from fit.effects.base import Effect
+from fit.parameterisations import Parameterisation
+from fit.recording import Recording
+
+Floats = NDArray[np.float64]
+
+
+class Engine(Protocol):
+    """A simulator of one recording for one method."""
+
+    def points(self, vectors: Floats) -> Floats:
+        """Return the points [m], (candidates, frames, points, 3), in the recording's world frame.
+
+        vectors, (candidates, parameters), the method's own and then the effects'; NaN for a candidate that blew up.
+        """
+        ...
+
+
+EngineMaker = Callable[[Recording, Parameterisation, tuple[Effect, ...], Resolution], Engine]
+
+
+class OwnEngine:
+    """Hangtime's own cloth behind the contract."""
+
+    def __init__(
+        self, recording: Recording, method: Parameterisation, effects: tuple[Effect, ...], resolution: Resolution
+    ) -> None:
+        self.simulator = Simulator(recording, effects, resolution=resolution)
+        self._method = method
+        self._density = recording.garment.mass_kg / self.simulator.mesh.area
+
+    def points(self, vectors: Floats) -> Floats:
+        """Simulate the vectors' SI materials side by side."""
+        count = len(self._method.parameters)
+        materials = self._method.to_materials(vectors[:, :count], self._density)
+        return self.simulator.run(materials, vectors[:, count:]).points

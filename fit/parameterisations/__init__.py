@@ -1,0 +1,35 @@
+"""Named parameter vectors: which there are, and how to find one. One file per method."""
+
+from __future__ import annotations
+
+from fit.errors import FitError
+from fit.parameterisations.base import Parameter, Parameterisation
+from fit.parameterisations.kinect_skirt import KINECT_SKIRT, KINECT_SKIRT_WEIGHED
+from fit.parameterisations.mocap_swatch import MOCAP_SWATCH, MOCAP_SWATCH_WEIGHED
+from fit.parameterisations.physical_units import LEAN, SI
+
+__all__ = [
+    "KINECT_SKIRT",
+    "KINECT_SKIRT_WEIGHED",
+    "LEAN",
+    "METHODS",
+    "MOCAP_SWATCH",
+    "MOCAP_SWATCH_WEIGHED",
+    "SI",
+    "Parameter",
+    "Parameterisation",
+    "find_method",
+]
+
+METHODS = {p.name: p for p in (KINECT_SKIRT, KINECT_SKIRT_WEIGHED, MOCAP_SWATCH, MOCAP_SWATCH_WEIGHED, SI, LEAN)}
+
+
+def find_method(name: str) -> Parameterisation:
+    """Return the parameterisation of this name.
+
+    Raises:
+        FitError: there is none.
+    """
+    if name not in METHODS:
+        raise FitError(f"there is no method named {name!r}", advice=f"known methods: {', '.join(METHODS)}")
+    return METHODS[name]

@@ -1,0 +1,73 @@
+"""Methods in physical units, with the garment's weight taken as known.
+
+`si` is the diagnosis' base model; every parameter is identified in principle. `lean` is `si` without shear stiffness
+and bending viscosity, which are effects of the diagnosis' library then.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.cloth import material as mat
+from fit.parameterisations.base import Parameter, Parameterisation
+
+Floats = NDArray[np.float64]
+
+
+def _si_materials(vectors: Floats, weighed_density: float) -> Floats:
+    stretch, shear, bending, bending_time, velocity = vectors.T
+    rows = np.zeros((len(vectors), len(mat.NAMES)))
+    rows[:, mat.DENSITY] = weighed_density
+    rows[:, mat.STRETCH] = stretch
+    rows[:, mat.SHEAR] = shear
+    rows[:, mat.BENDING] = bending
+    rows[:, mat.MEMBRANE_TIME] = 2e-5
+    rows[:, mat.BENDING_TIME] = bending_time
+    rows[:, mat.VELOCITY] = velocity
+    return rows
+
+
+# Ranges: stretch is capped where strain under the cloth's own weight falls below what a depth sensor sees;
+# shear 11-84 (220) N/m (KES, 0.2-4 gf/(cm deg)); bending 1e-6 to 1.1e-4 N m (618 fabrics).
+SI = Parameterisation(
+    name="si",
+    parameters=(
+        Parameter(name="stretch_stiffness", unit="N/m", initial=300.0, minimum=30.0, maximum=1000.0, interval=100.0,
+                  is_log=True, meaning="tension per strain, warp and weft"),
+        Parameter(name="shear_stiffness", unit="N/m", initial=30.0, minimum=3.0, maximum=220.0, interval=10.0,
+                  is_log=True, meaning="shear force per width and angle"),
+        Parameter(name="bending_stiffness", unit="N m", initial=1.4e-5, minimum=1e-6, maximum=2e-4, interval=1e-5,
+                  is_log=True, meaning="moment per width and curvature"),
+        Parameter(name="bending_damping_time", unit="s", initial=2e-3, minimum=1e-4, maximum=2e-2, interval=1e-3,
+                  is_log=True, meaning="bending viscosity over bending stiffness"),
+        Parameter(name="velocity_damping", unit="1/s", initial=1.0, minimum=0.02, maximum=8.0, interval=0.5,
+                  is_log=True, meaning="linear damping of all motion"),
+    ),
+    to_materials=_si_materials,
+    not_identified="",
+)  # fmt: skip
+
+
+def _lean_materials(vectors: Floats, weighed_density: float) -> Floats:
+    stretch, bending, velocity = vectors.T
+    rows = np.zeros((len(vectors), len(mat.NAMES)))
+    rows[:, mat.DENSITY] = weighed_density
+    rows[:, mat.STRETCH] = stretch
+    rows[:, mat.SHEAR] = 1e-3 * stretch
+    rows[:, mat.BENDING] = bending
+    rows[:, mat.MEMBRANE_TIME] = 2e-5
+    rows[:, mat.BENDING_TIME] = 1e-4
+    rows[:, mat.VELOCITY] = velocity
+    return rows
+
+
+# Warp and weft springs, bending and linear damping, as simple engines have them; shear is a trace that keeps it stable.
+LEAN = Parameterisation(
+    name="lean",
+    parameters=tuple(
+        p for p in SI.parameters if p.name in {"stretch_stiffness", "bending_stiffness", "velocity_damping"}
+    ),
+    to_materials=_lean_materials,
+    not_identified="",
+)

@@ -1,0 +1,114 @@
+"""Import of motion capture of a garment with markers: marker paths and a garment description become a take.
+
+The garment's points are the markers, by name. Those at the two top corners of its outline are where it is held: their
+paths drive the simulation ("Optimization of Cloth Simulation Parameters by Considering Static and Dynamic Features",
+section 2). Cloth cannot stretch by a quarter, so neighbouring markers further apart than that, or held corners further
+apart than the cloth is wide, mean a wrong unit, garment or naming.
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formats.errors import TakeError
+from formats.garment import Garment
+from formats.importers.marker_tracks import MarkerTracks, read_marker_tracks
+from formats.rig import Rig, Vector
+from formats.take import FrameState, Take
+
+Floats = NDArray[np.float64]
+
+MARKER_SD = 3e-4  # m, stated by us: optical systems with a dozen cameras keep 0.1 to 0.5 mm
+ON_CORNER = 2e-3  # m by which a marker may miss the corner of the outline
+FEWEST_FRAMES = 20  # as for any fit
+LONGEST_STRETCH = 1.25  # of the flat distance
+DOWN: dict[str, Vector] = {
+    "x": (-1.0, 0.0, 0.0), "y": (0.0, -1.0, 0.0), "z": (0.0, 0.0, -1.0),
+    "-x": (1.0, 0.0, 0.0), "-y": (0.0, 1.0, 0.0), "-z": (0.0, 0.0, 1.0),
+}  # fmt: skip
+
+
+def import_marker_take(path: Path, garment: Garment, *, up: str = "z", frames: int | None = None) -> Take:
+    """Return the take in a `.c3d` or `.csv` file of marker paths; `frames` keeps only so many from its beginning.
+
+    Raises:
+        TakeError: the file cannot be read, has too few frames, or its markers do not fit the garment.
+    """
+    if up not in DOWN:
+        raise TakeError(f"there is no axis {up!r}", where="--up", advice=f"choose of {', '.join(DOWN)}")
+    tracks = read_marker_tracks(path)
+    time, positions = _of_garment(tracks, garment, path, frames)
+    left, right = _held_markers(garment, path)
+    _check_distances(positions, garment, (left, right), path)
+    seen = np.asarray(np.isfinite(positions).all(2))
+    held, held_seen = positions[:, [left, right]], seen[:, [left, right]]
+    state = np.where(held_seen.all(1), 0, FrameState.MARKER_LOST).astype(np.uint16)
+    return Take(
+        take_id=path.stem,
+        created=datetime.fromtimestamp(path.stat().st_mtime, UTC).isoformat(timespec="seconds"),
+        rig=Rig(format="hangtime-rig/1", name=f"motion capture, {up} up", gravity=DOWN[up]),
+        garment=garment, time=time - time[0], held=held, held_valid=held_seen,
+        held_sd=np.full(held.shape, MARKER_SD), points=positions, points_valid=seen,
+        points_sd=np.full(positions.shape, MARKER_SD), state=state, markers=held, source=path.name,
+        notes={"markers": f"{len(garment.points)} of the {len(tracks.labels)} markers in the file"},
+    )  # fmt: skip
+
+
+def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, frames: int | None) -> tuple[Floats, Floats]:
+    """Time and the garment's markers in its order."""
+    absent = [name for name in garment.point_names if name not in tracks.labels]
+    if absent:
+        raise TakeError(
+            f"{len(absent)} of the garment's {len(garment.points)} markers are not in the file, first {absent[0]!r} "
+            f"(the file's first is {tracks.labels[0]!r})",
+            where=path,
+            advice="name the garment's points as the markers are labelled",
+        )
+    time = tracks.time[:frames]
+    if len(time) < FEWEST_FRAMES or (frames is not None and len(time) < frames):
+        needed = FEWEST_FRAMES if frames is None else max(frames, FEWEST_FRAMES)
+        raise TakeError(f"has {len(time)} frames, {needed} are needed", where=path, advice="record for longer")
+    if not (np.isfinite(time).all() and (np.diff(time) > 0).all()):
+        raise TakeError("its time does not increase from frame to frame", where=path, advice="mend the first column")
+    columns = [tracks.labels.index(name) for name in garment.point_names]
+    return time, tracks.positions[:frames, columns]
+
+
+def _held_markers(garment: Garment, path: Path) -> tuple[int, int]:
+    """Index of the markers on the top left and the top right corner."""
+    places = np.array([point.at_m for point in garment.points], float)
+    found = []
+    for corner, name in zip(garment.outline_m[:2], ("left", "right"), strict=True):
+        apart = np.linalg.norm(places - corner, axis=1)
+        if apart.min() > ON_CORNER:
+            raise TakeError(
+                f"no marker sits on the garment's top {name} corner, the nearest is {1e3 * apart.min():.0f} mm off",
+                where=path,
+                advice="let outline_m end at the outer markers: the two top ones drive the simulation",
+            )
+        found.append(int(np.argmin(apart)))
+    return found[0], found[1]
+
+
+def _check_distances(positions: Floats, garment: Garment, held: tuple[int, int], path: Path) -> None:
+    """Refuse markers further apart than cloth can stretch: each against its nearest neighbour, and the corners."""
+    places = np.array([point.at_m for point in garment.points], float)
+    flat = np.linalg.norm(places[:, None] - places[None], axis=2)
+    np.fill_diagonal(flat, np.inf)
+    pairs = [(k, int(np.argmin(flat[k]))) for k in range(len(places))] + [held]
+    for first, second in pairs:
+        apart = np.linalg.norm(positions[:, first] - positions[:, second], axis=1)
+        both = np.isfinite(apart)
+        distance = float(np.linalg.norm(places[first] - places[second]))
+        if both.any() and np.median(apart[both]) > LONGEST_STRETCH * distance:
+            names = garment.points[first].name, garment.points[second].name
+            raise TakeError(
+                f"markers {names[0]!r} and {names[1]!r} are {1e3 * np.median(apart[both]):.0f} mm apart, "
+                f"on the flat garment {1e3 * distance:.0f} mm",
+                where=path,
+                advice="check the unit, the garment's size and the names of the markers",
+            )

@@ -1,0 +1,40 @@
+"""The square swatch of the motion capture method as a garment: a full grid of markers, held at its two top corners.
+
+Source: "Optimization of Cloth Simulation Parameters by Considering Static and Dynamic Features", section 2: 81 markers
+about 5 cm apart on a swatch of 50 cm by 50 cm; the two markers at the top corners drive it. Nine by nine markers from
+edge to edge are 62.5 mm apart, which is how the two statements are reconciled here.
+"""
+
+from __future__ import annotations
+
+from formats.errors import DescriptionError
+from formats.garment import Garment, TrackedPoint
+
+SIDE = 0.5  # m, section 2
+MARKERS = 9  # along each side, section 2: 81 in all
+FEWEST_MARKERS = 4  # along each side: a Catmull-Rom segment needs four
+
+
+def swatch(mass: float, *, side: float = SIDE, markers: int = MARKERS, name: str = "swatch") -> Garment:
+    """Return a square swatch of this mass [kg] and side [m] with `markers` x `markers` markers from edge to edge.
+
+    Markers are named `row1_column1` (top left as the sensor sees it) to `row9_column9` (bottom right).
+
+    Raises:
+        DescriptionError: too few markers, or a size or mass that no swatch has.
+    """
+    if markers < FEWEST_MARKERS:
+        raise DescriptionError(
+            f"a swatch needs {FEWEST_MARKERS} markers or more along each side (got {markers})", where=name
+        )
+    if not (0 < side < 10 and mass > 0):
+        raise DescriptionError(f"no swatch has a side of {side:g} m and a mass of {mass:g} kg", where=name)
+    half, pitch = side / 2, side / (markers - 1)
+    return Garment(
+        format="hangtime-garment/1", name=name, kind="swatch", mass_kg=mass,
+        outline_m=((-half, 0.0), (half, 0.0), (half, -side), (-half, -side)), held="corners",
+        points=tuple(
+            TrackedPoint(name=f"row{r + 1}_column{c + 1}", at_m=(round(-half + c * pitch, 6), round(-r * pitch, 6)))
+            for r in range(markers) for c in range(markers)
+        ),
+    )  # fmt: skip

@@ -1,0 +1,266 @@
+"""Bad input: each kind has its bit in the take, its sentence for people, and never a crash."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from capture.condition import Condition, ConditionWatch, Lamp, condition_of
+from capture.errors import NoMarkersError
+from capture.frame_clock import FrameClock
+from capture.frame_faults import HangerWatch, is_garment_covered, view_faults
+from capture.markers import MarkerTracker
+from capture.recording import record
+from firmware_host import openni2_library
+from firmware_host.errors import SensorStalledError
+from firmware_host.oni_writer import OniWriter
+from formats.archive import read_take
+from formats.command import app, gather_commands
+from formats.descriptions import dump_description
+from formats.garment import Garment, TrackedPoint
+from formats.rig import Hanger, Rig
+from formats.summary import STATE_NAMES
+from formats.take import FrameState
+from tests.capture.stage import CAMERA, StageSensor, marker_plate, pictures, plain_plate
+
+HANGER = Hanger(
+    dictionary="DICT_4X4_50", ids=(0, 1), marker_size_m=0.06, marker_distance_m=0.3,
+    held_m=((-0.2, 0.09, 0.0), (0.2, 0.09, 0.0)),
+)  # fmt: skip
+RIG = Rig(format="hangtime-rig/1", name="bench", gravity=(0.0, 1.0, 0.0), hanger=HANGER, sensor=CAMERA)
+OUTLINE = ((-0.2, 0.0), (0.2, 0.0), (0.2, -0.4), (-0.2, -0.4))
+GARMENT = Garment(
+    format="hangtime-garment/1", name="towel", kind="swatch", mass_kg=0.05, outline_m=OUTLINE, held="edge",
+    points=tuple(TrackedPoint(name=f"p{k}", at_m=p) for k, p in enumerate(OUTLINE)),
+)  # fmt: skip
+SIDES = np.array([[-0.15, 0, 0], [0.15, 0, 0]])
+BELOW = np.array([0, 0.09 + 0.2, 0])
+FILES = {"sensor": "a.oni", "rig": "rig.toml", "garment": "garment.toml", "out": "a.mcap"}
+SKIN = (205, 160, 140)
+
+
+def hung(at=(0.0, -0.2, 1.6), markers=(0, 1)):
+    """A hanger with a flat towel below it."""
+    middle = np.array(at)
+    plates = [marker_plate(i, middle + SIDES[i]) for i in markers]
+    return [*plates, plain_plate(middle + BELOW, (0.4, 0.4), (60, 70, 150))]
+
+
+@pytest.fixture(scope="module")
+def good():
+    rng = np.random.default_rng(8)
+    return [pictures(hung(), rng) for _ in range(3)]
+
+
+def scenes(*plates, seed=9):
+    """Two frames of a scene."""
+    rng = np.random.default_rng(seed)
+    return [pictures(list(plates), rng) for _ in range(2)]
+
+
+class Spoilt(StageSensor):
+    """Frames with other fields, or an error in the place of one."""
+
+    def __init__(self, frames, changes=None):
+        super().__init__(frames)
+        self._changes = changes or {}
+
+    def read(self, timeout_s=1.0):
+        number = self._next
+        frame = super().read(timeout_s)
+        change = self._changes.get(number, {})
+        if isinstance(change, Exception):
+            raise change
+        return frame if frame is None else dataclasses.replace(frame, **change)
+
+
+def recorded(tmp_path, frames, changes=None, **options):
+    report = record(
+        Spoilt(frames, changes), RIG, GARMENT, tmp_path / "t.mcap", take_id="t", created="now", **options
+    )  # fmt: skip
+    return report, read_take(tmp_path / "t.mcap")
+
+
+def test_twelve_good_frames_have_no_bits(good, tmp_path):
+    report, take = recorded(tmp_path, good * 4)
+    assert (take.state == 0).all()
+    assert report.conditions == {Condition.GOOD: 12}
+
+
+BODY = plain_plate([0.0, 0.1, 0.9], (0.5, 1.4), SKIN)
+LEGS = plain_plate([0.0, 0.24, 0.9], (0.5, 0.45), SKIN)
+
+
+@pytest.mark.parametrize(
+    ("bad", "bits"),
+    [
+        pytest.param(lambda: scenes(), FrameState.MARKER_LOST, id="no markers"),
+        pytest.param(
+            lambda: scenes(*hung(markers=(1,))), FrameState.MARKER_LOST | FrameState.ONE_MARKER, id="one marker"
+        ),
+        pytest.param(
+            lambda: scenes(*hung(), BODY), FrameState.MARKER_LOST | FrameState.VIEW_BLOCKED, id="person in front"
+        ),
+        pytest.param(lambda: scenes(*hung(), LEGS), FrameState.VIEW_BLOCKED, id="garment covered"),
+        pytest.param(lambda: scenes(*hung((0, -0.1, 0.7))), FrameState.TOO_NEAR, id="too near"),
+        pytest.param(
+            lambda: [(np.where(d < 700, 0, d).astype(np.uint16), c) for d, c in scenes(*hung((0, -0.1, 0.5)))],
+            FrameState.TOO_NEAR | FrameState.MARKER_LOST,
+            id="too near for depth",
+        ),
+    ],
+)
+def test_each_bad_view_has_its_bits_and_the_take_goes_on(good, tmp_path, bad, bits):
+    """Twelve good frames; a second later two bad ones; a second later a good one."""
+    times = {12: {"time_s": 1.4}, 13: {"time_s": 1.43}, 14: {"time_s": 2.4}}
+    _, take = recorded(tmp_path, [*good * 4, *bad(), good[0]], times)
+    assert (take.state[:12] == 0).all()
+    without_garment = take.state[12:14] & ~np.uint16(FrameState.GARMENT_LOST)
+    assert without_garment.tolist() == [bits, bits]
+    assert take.held_valid[14].all()
+
+
+def test_a_hanger_with_a_marker_of_eleven_pixels_is_too_far():
+    """60 mm at 2.5 m are 13.8 px, which is enough."""
+    depth, colour = scenes(*hung((0, -0.3, 2.5)))[0]
+    sight = MarkerTracker(RIG).track(colour, depth, 0.0)
+    assert sight.sides[0] == pytest.approx(575.8 * 0.06 / 2.5, abs=0.8)
+    small = dataclasses.replace(sight, sides=np.array([11.0, 13.0]))
+    assert HangerWatch(HANGER).faults(sight, depth, 0.0) == 0
+    assert HangerWatch(HANGER).faults(small, depth, 0.0) == FrameState.TOO_FAR
+
+
+def test_a_view_without_markers_is_judged_by_its_depth():
+    assert view_faults(np.full((480, 640), 700, np.uint16)) == FrameState.TOO_NEAR
+    assert view_faults(np.full((480, 640), 3600, np.uint16)) == FrameState.TOO_FAR
+    assert view_faults(np.full((480, 640), 2000, np.uint16)) == 0
+    assert view_faults(np.zeros((480, 640), np.uint16)) == 0
+
+
+def test_a_garment_is_covered_by_what_is_half_a_metre_nearer_over_a_quarter_of_it():
+    held = np.array([[-0.2, -0.1, 1.6], [0.2, -0.1, 1.6]])  # 144 px wide, from row 203 on
+    depth = np.full((480, 640), 1600, np.uint16)
+    depth[203:240, 240:400] = 1000
+    assert is_garment_covered(depth, held, CAMERA)  # 37 of 145 rows
+    depth[203:240, 240:400] = 1200
+    assert not is_garment_covered(depth, held, CAMERA)
+
+
+def test_lost_depth_lost_colour_and_another_size_are_told_frame_by_frame(good, tmp_path):
+    changes = {
+        12: {"depth": np.zeros_like(good[0][0])},
+        13: {"colour": None},
+        14: {"depth": good[0][0][::2, ::2], "colour": good[0][1][::2, ::2]},
+        15: {"colour": good[0][1][::2, ::2]},
+        16: {"dropped_before": 3},
+    }
+    report, take = recorded(tmp_path, good * 6, changes)
+    lost = FrameState.MARKER_LOST | FrameState.GARMENT_LOST
+    assert take.state[12:17].tolist() == [
+        lost | FrameState.DEPTH_MISSING, lost | FrameState.COLOUR_MISSING, lost | FrameState.WRONG_SIZE,
+        lost | FrameState.WRONG_SIZE, FrameState.FRAMES_DROPPED_BEFORE,
+    ]  # fmt: skip
+    assert report.conditions[Condition.WRONG_SIZE] == 2
+
+
+def test_a_clock_that_was_set_back_goes_on_after_ten_frames(good, tmp_path):
+    """Frames 12 to 29 run an hour behind: 12 to 20 are left out, 21 is frame 11 and ten intervals later."""
+    changes = {number: {"time_s": 5.0 + number / 30 - 3600} for number in range(12, 30)}
+    said = []
+    _, take = recorded(tmp_path, good * 10, changes, announce=lambda time, condition: said.append(condition))
+    assert len(take.time) == 12 + 9
+    assert take.time[12] - take.time[11] == pytest.approx(10 / 30, abs=1e-5)
+    assert np.flatnonzero(take.state & FrameState.CLOCK_JUMPED).tolist() == [12]
+    assert (np.diff(take.time) > 0).all()
+
+
+def test_one_late_frame_is_left_out_and_the_next_one_says_so():
+    clock = FrameClock(30.0)
+    assert [clock.place(time) for time in (1.0, 1.1, 0.5)] == [1.0, 1.1, None]
+    assert clock.place(1.2) == 1.2
+    assert clock.has_jumped
+    assert clock.place(1.3) == 1.3
+    assert not clock.has_jumped
+
+
+def test_a_clock_that_runs_backwards_all_the_time_never_places_a_frame():
+    clock = FrameClock(30.0)
+    assert [clock.place(9.0 - 0.1 * number) for number in range(40)] == [9.0, *[None] * 39]
+
+
+def test_a_recording_of_a_bad_view_says_why_there_is_no_take(good, tmp_path):
+    near = scenes(*hung((0, -0.1, 0.5))) * 3
+    sensor = Spoilt(near, {number: {"depth": np.where(near[0][0] < 700, 0, near[0][0])} for number in range(6)})
+    with pytest.raises(NoMarkersError, match=r"in 0 of 6 frames.*mostly because: too near; go back until"):
+        record(sensor, RIG, GARMENT, tmp_path / "t.mcap", take_id="t", created="now")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_sensor_that_fails_after_twelve_frames_leaves_a_finished_take(good, tmp_path):
+    report, take = recorded(tmp_path, good * 6, {12: SensorStalledError("no frame for 5 s")})
+    assert take.is_complete
+    assert len(take.time) == 12
+    assert str(report.failure) == "no frame for 5 s"
+
+
+def test_a_sensor_that_fails_at_once_is_what_is_reported(good, tmp_path):
+    with pytest.raises(SensorStalledError):
+        recorded(tmp_path, good, {2: SensorStalledError("no frame for 5 s")})
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.openni
+def test_the_command_says_what_it_sees_and_what_it_suffered_from(good, tmp_path):
+    if not openni2_library.is_available():
+        pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
+    (tmp_path / "rig.toml").write_text(dump_description(RIG))
+    (tmp_path / "garment.toml").write_text(dump_description(GARMENT))
+    frames = [*good * 4, *[(np.zeros_like(good[0][0]), good[0][1])] * 14]
+    with OniWriter(tmp_path / "a.oni", CAMERA) as writer:
+        for number, (depth, colour) in enumerate(frames):
+            writer.write_depth(1000 + 33_333 * number, depth)
+            writer.write_colour(2000 + 33_333 * number, colour)
+    gather_commands()
+    words = [f"--{name}={tmp_path / file}" for name, file in FILES.items()]
+    done = CliRunner().invoke(app, ["record", *words])
+    assert done.exit_code == 0, done.output
+    assert "   0.0 s  hanger and garment are seen\n" in done.stderr
+    assert "   0.8 s  no depth; uncover the sensor" in done.stderr
+    assert "in 14 frames no depth" in done.stdout
+    shown = CliRunner().invoke(app, ["takes", "show", str(tmp_path / "a.mcap")])
+    assert "state     depth missing in 14 frames" in shown.stdout
+
+
+def test_the_most_basic_fault_is_the_one_that_is_said():
+    state = FrameState.MARKER_LOST | FrameState.GARMENT_LOST
+    assert condition_of(state) is Condition.NO_MARKERS
+    assert condition_of(state | FrameState.ONE_MARKER) is Condition.ONE_MARKER
+    assert condition_of(state | FrameState.VIEW_BLOCKED | FrameState.TOO_NEAR) is Condition.BLOCKED
+    assert condition_of(state | FrameState.COLOUR_MISSING) is Condition.NO_COLOUR
+    assert condition_of(FrameState.FRAMES_DROPPED_BEFORE | FrameState.CLOCK_JUMPED) is Condition.GOOD
+
+
+def test_a_condition_is_announced_when_it_has_lasted_and_not_when_it_flickers():
+    watch = ConditionWatch()
+    states = [Condition.GOOD] * 10 + [Condition.ONE_MARKER] * 5 + [Condition.GOOD] * 5 + [Condition.BLOCKED] * 20
+    said = [(number, watch.add(number / 30, condition)) for number, condition in enumerate(states)]
+    # 0.4 s are 12 frames: the blocked view is announced at frame 20 + 12.
+    assert [entry for entry in said if entry[1]] == [(0, Condition.GOOD), (32, Condition.BLOCKED)]
+    assert watch.worst is Condition.BLOCKED
+
+
+def test_every_bad_condition_says_what_to_do_and_shows_on_the_lamp():
+    for condition in Condition:
+        assert (condition.value.lamp is Lamp.STEADY) == (condition is Condition.GOOD)
+        assert bool(condition.value.advice) == (condition is not Condition.GOOD)
+
+
+def test_every_bit_has_a_name_and_a_line_in_the_specification():
+    bits = {value for name, value in vars(FrameState).items() if not name.startswith("_")}
+    assert bits == set(STATE_NAMES) == {1 << k for k in range(11)}
+    text = (Path(__file__).parents[2] / "formats/SPEC.md").read_text()
+    assert all(f"| {bit} |" in text for bit in bits)

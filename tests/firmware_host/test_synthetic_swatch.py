@@ -1,0 +1,63 @@
+"""The synthetic swatch: what the published recording had, and a cloth that hangs from its corners as cloth does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from firmware_host.errors import SensorAddressError
+from firmware_host.synthetic.swatch import FABRICS, HELD_APART, MARKER_NOISE, make_swatch_take, measured, swung_markers
+from formats.descriptions import load_garment
+from formats.importers.swatch_mocap import import_marker_take
+from formats.swatch import SIDE, swatch
+
+TIME = np.arange(60) / 120
+
+
+@pytest.fixture(scope="module")
+def markers():
+    return swung_markers(swatch(0.055), TIME, "swing", FABRICS["polyester-rayon"], cells=1)
+
+
+def test_only_the_two_top_corners_are_held(markers):
+    """They are 0.92 x 0.5 m apart throughout; the middle of the top edge sags below them."""
+    corners = markers[:, [0, 8]]
+    assert np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1) == pytest.approx(HELD_APART * SIDE)
+    assert (markers[:, 4, 2] < corners[:, :, 2].min(1) - 0.01).all()
+
+
+def test_gravity_pulls_towards_minus_z_and_the_swing_goes_through_the_cloth(markers):
+    assert markers[0, 76, 2] < -0.45
+    assert np.ptp(markers[:, 0, 1]) > 0.02
+    assert np.ptp(markers[:, 0, 0]) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_markers_are_hardly_further_apart_than_on_the_flat_swatch(markers):
+    grid = markers.reshape(len(TIME), 9, 9, 3)
+    for axis in (1, 2):
+        assert np.linalg.norm(np.diff(grid, axis=axis), axis=3).max() < 1.1 * SIDE / 8
+
+
+def test_measured_markers_have_the_stated_noise_and_gaps():
+    """200 micrometres per axis; about one frame in a hundred lost."""
+    seen = measured(np.zeros((500, 81, 3)), np.random.default_rng(0))
+    assert np.nanstd(seen) == pytest.approx(MARKER_NOISE, rel=0.02)
+    assert 0.006 < np.isnan(seen[..., 0]).mean() < 0.014
+
+
+def test_an_unknown_fabric_or_motion_is_refused(tmp_path):
+    with pytest.raises(SensorAddressError, match="there is no fabric 'tweed'"):
+        make_swatch_take(tmp_path, fabric="tweed")
+    with pytest.raises(SensorAddressError, match="there is no motion 'jump'"):
+        make_swatch_take(tmp_path, fabric="silk", motion="jump")
+
+
+def test_a_made_take_is_imported_whole(tmp_path):
+    """81 markers, 500 frames, 120 a second."""
+    csv, truth, garment = make_swatch_take(tmp_path, fabric="polyester-rayon")
+    take = import_marker_take(csv, load_garment(garment), frames=500)
+    assert take.points.shape == (500, 81, 3)
+    assert take.time[-1] == pytest.approx(499 / 120, abs=1e-5)
+    true = np.load(truth)
+    assert np.nanmax(np.abs(take.points - true["markers"])) < 6 * MARKER_NOISE
+    assert load_garment(garment).areal_density == pytest.approx(float(true["density"]))

@@ -1,0 +1,180 @@
+"""Motion capture files become takes, or say in one sentence why not."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from formats.archive import read_take
+from formats.descriptions import dump_description, load_garment
+from formats.errors import TakeError
+from formats.importers.marker_tracks import MarkerTracks, read_marker_tracks, write_marker_csv
+from formats.importers.swatch_mocap import import_marker_take
+from formats.swatch import swatch
+
+GARMENT = swatch(0.05)
+
+
+def hanging_tracks(frames=30, rate=120.0):
+    """The 81 markers of a swatch that hangs still in the x-z plane, z up."""
+    flat = np.array([p.at_m for p in GARMENT.points])
+    place = np.stack([flat[:, 0], 0 * flat[:, 0], 1.5 + flat[:, 1]], 1)
+    positions = np.broadcast_to(place, (frames, *place.shape)).copy()
+    return MarkerTracks(GARMENT.point_names, np.arange(frames) / rate, positions)
+
+
+def write_c3d(path, tracks, *, unit="mm", subject=""):
+    ezc3d = pytest.importorskip("ezc3d")
+    file = ezc3d.c3d()
+    file["parameters"]["POINT"]["RATE"]["value"] = [120.0]
+    file["parameters"]["POINT"]["UNITS"]["value"] = [unit]
+    file["parameters"]["POINT"]["LABELS"]["value"] = [subject + label for label in tracks.labels]
+    scale = {"mm": 1e3, "m": 1.0, "inch": 39.37}[unit]
+    points = np.ones((4, len(tracks.labels), len(tracks.time)))
+    points[:3] = scale * np.moveaxis(tracks.positions, 2, 0).swapaxes(1, 2)
+    file["data"]["points"] = points
+    file.write(str(path))
+    return path
+
+
+def test_nine_by_nine_markers_on_half_a_metre_are_62_5_mm_apart():
+    assert len(GARMENT.points) == 81
+    assert GARMENT.points[1].at_m[0] - GARMENT.points[0].at_m[0] == pytest.approx(0.0625)
+    assert GARMENT.points[0].at_m == GARMENT.outline_m[0]
+    assert GARMENT.points[80].at_m == GARMENT.outline_m[2]
+
+
+def test_csv_comes_back_to_10_micrometres_with_its_gaps(tmp_path):
+    tracks = hanging_tracks()
+    tracks.positions[3, 7] = np.nan
+    again = read_marker_tracks(write_marker_csv(tmp_path / "a.csv", tracks))
+    assert again.labels == tracks.labels
+    assert np.isnan(again.positions[3, 7]).all()
+    assert np.nanmax(np.abs(again.positions - tracks.positions)) <= 5.1e-6
+
+
+def test_c3d_in_millimetres_with_a_subjects_name_gives_the_same_markers(tmp_path):
+    """A marker at 1.5 m height is at 1500 in the file; absent ones come back as absent."""
+    tracks = hanging_tracks()
+    tracks.positions[5, 2] = np.nan
+    again = read_marker_tracks(write_c3d(tmp_path / "a.c3d", tracks, subject="Swatch:"))
+    assert again.labels == tracks.labels
+    assert again.time[1] == pytest.approx(1 / 120)
+    assert np.isnan(again.positions[5, 2]).all()
+    assert np.nanmax(np.abs(again.positions - tracks.positions)) < 1e-6
+    assert again.positions[0, 0, 2] == pytest.approx(1.5)
+
+
+def test_c3d_in_an_unknown_unit_is_refused(tmp_path):
+    with pytest.raises(TakeError, match="unit of its points is 'inch'"):
+        read_marker_tracks(write_c3d(tmp_path / "a.c3d", hanging_tracks(), unit="inch"))
+
+
+def test_a_take_is_driven_by_the_markers_on_its_top_corners(tmp_path):
+    take = import_marker_take(write_marker_csv(tmp_path / "a.csv", hanging_tracks()), GARMENT)
+    assert take.held[0] == pytest.approx(np.array([[-0.25, 0.0, 1.5], [0.25, 0.0, 1.5]]))
+    assert take.rig.gravity == (0.0, 0.0, -1.0)
+    assert take.points.shape == (30, 81, 3)
+
+
+def test_y_up_means_gravity_along_minus_y(tmp_path):
+    path = write_marker_csv(tmp_path / "a.csv", hanging_tracks())
+    assert import_marker_take(path, GARMENT, up="y").rig.gravity == (0.0, -1.0, 0.0)
+
+
+def renamed(tracks):
+    return MarkerTracks(("M1", *tracks.labels[1:]), tracks.time, tracks.positions)
+
+
+def in_centimetres(tracks):
+    return MarkerTracks(tracks.labels, tracks.time, 100 * tracks.positions)
+
+
+def backwards(tracks):
+    return MarkerTracks(tracks.labels, tracks.time[::-1], tracks.positions)
+
+
+def swapped(tracks):
+    order = [8, *range(1, 8), 0, *range(9, 81)]
+    return MarkerTracks(tuple(tracks.labels[k] for k in order), tracks.time, tracks.positions)
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (renamed, "1 of the garment's 81 markers are not in the file, first 'row1_column1'"),
+        (in_centimetres, "are 6250 mm apart, on the flat garment 62 mm"),
+        (backwards, "time does not increase"),
+        (swapped, "are 438 mm apart, on the flat garment 62 mm"),
+    ],
+)
+def test_markers_that_do_not_fit_the_garment_are_refused(tmp_path, change, sentence):
+    path = write_marker_csv(tmp_path / "a.csv", change(hanging_tracks()))
+    with pytest.raises(TakeError, match=sentence):
+        import_marker_take(path, GARMENT)
+
+
+def test_fewer_frames_than_asked_for_are_refused(tmp_path):
+    path = write_marker_csv(tmp_path / "a.csv", hanging_tracks())
+    with pytest.raises(TakeError, match="has 30 frames, 500 are needed"):
+        import_marker_take(path, GARMENT, frames=500)
+
+
+def test_a_garment_without_markers_on_its_corners_is_refused(tmp_path):
+    import msgspec
+
+    wide = msgspec.structs.replace(GARMENT, outline_m=((-0.3, 0.05), (0.3, 0.05), (0.3, -0.55), (-0.3, -0.55)))
+    path = write_marker_csv(tmp_path / "a.csv", hanging_tracks())
+    with pytest.raises(TakeError, match="no marker sits on the garment's top left corner, the nearest is 71 mm off"):
+        import_marker_take(path, wide)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "does not name the columns"),
+        ("time_s,a_x_m,a_y_m\n0,1,2\n", "does not name the columns"),
+        ("time_s,a_x_m,a_y_m,a_z_m\n0,1,2\n", "line 2 has 3 columns, not 4"),
+        ("time_s,a_x_m,a_y_m,a_z_m\n0,1,2,three\n", "line 2: could not convert"),
+        ("time_s,a_x_m,a_y_m,a_z_m,a_x_m,a_y_m,a_z_m\n0,1,2,3,1,2,3\n", "the marker 'a' comes twice"),
+    ],
+)
+def test_malformed_csv_names_its_line(tmp_path, text, sentence):
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(TakeError, match=sentence):
+        read_marker_tracks(tmp_path / "a.csv")
+
+
+def test_bytes_that_are_no_c3d_are_refused(tmp_path):
+    pytest.importorskip("ezc3d")
+    (tmp_path / "a.c3d").write_bytes(b"nothing of the kind" * 100)
+    with pytest.raises(TakeError, match="no C3D file that can be read"):
+        read_marker_tracks(tmp_path / "a.c3d")
+
+
+def hangtime(*words, folder):
+    return subprocess.run(
+        [sys.executable, "-m", "formats.command", *map(str, words)], capture_output=True, text=True, cwd=folder
+    )
+
+
+def test_from_the_command_line_a_csv_becomes_an_archive(tmp_path):
+    write_marker_csv(tmp_path / "a.csv", hanging_tracks())
+    assert "81 markers, 62.5 mm apart" in hangtime("swatch", "s.toml", "--mass", 0.05, folder=tmp_path).stdout
+    assert load_garment(tmp_path / "s.toml").points == GARMENT.points
+    done = hangtime("import", "a.csv", "--garment", "s.toml", "--out", "takes", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    take = read_take(tmp_path / "takes" / "a.mcap")
+    assert take.points == pytest.approx(hanging_tracks().positions, abs=1e-4)
+    assert (tmp_path / "takes" / "garment.toml").read_text() == dump_description(load_garment(tmp_path / "s.toml"))
+
+
+def test_motion_capture_without_a_garment_gives_one_sentence_and_exit_code_2(tmp_path):
+    write_marker_csv(tmp_path / "a.csv", hanging_tracks())
+    done = hangtime("import", "a.csv", folder=tmp_path)
+    assert done.returncode == 2
+    assert "motion capture needs to know the garment; give --garment FILE" in done.stderr
+    assert not (tmp_path / "takes").exists()

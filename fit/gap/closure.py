@@ -19,15 +19,20 @@ from fit.gap.observer import Observer
 Floats = NDArray[np.float64]
 
 REPLICAS = 1000
+DIRECTIONS = 9  # in which mesh and solver err independently; amplitudes fitted to takes without any effect say so
 SMALLEST_GAP = 0.05  # of the squared floor; below, closure is not defined
 
 
 @dataclass(frozen=True)
 class BlockErrors:
-    """Squared error per block of half a second [mm^2 per point, summed] and how many points it has."""
+    """Squared error per block of half a second [mm^2 per point, summed] and how many points it has.
+
+    residual [mm], (numbers,): the errors themselves
+    """
 
     sums: Floats
     counts: Floats
+    residual: Floats
 
     @property
     def squared_mm(self) -> float:
@@ -42,17 +47,33 @@ class BlockErrors:
 def block_errors(observer: Observer, residual: Floats) -> BlockErrors:
     """Gather a whitened residual, (numbers,), into blocks."""
     block = observer.layout.moving(observer.layout.block)
-    squared = (1e3 * observer.layout.metres(residual)) ** 2
+    millimetres = 1e3 * observer.layout.metres(residual)
+    squared = millimetres**2
     count = np.bincount(block) / 3.0
     sums = np.asarray(np.bincount(block, squared), float)
     seen = count > 0
-    return BlockErrors(sums[seen], count[seen])
+    return BlockErrors(sums[seen], count[seen], millimetres)
 
 
 def bootstrap_picks(errors: BlockErrors, rng: np.random.Generator) -> NDArray[np.int64]:
     """Blocks of every bootstrap draw, (replicas, blocks)."""
     blocks = len(errors.sums)
     return np.asarray(rng.integers(0, blocks, size=(REPLICAS, blocks)))
+
+
+def solver_draws(errors: list[BlockErrors], numerics_mm: float, replicas: int) -> Floats:
+    """By how much mesh and solver may have moved each mean squared error, (replicas, errors) [mm^2].
+
+    An error d of the simulation, of mean squared size N^2 and of a random direction among DIRECTIONS that a smooth
+    motion has, adds 2 d.r to the squared residual r. Over hypotheses these are normal with covariance
+    4 N^2 / DIRECTIONS <r_h r_k>: two hypotheses that leave nearly the same residual are moved together.
+    """
+    residuals = np.stack([e.residual for e in errors])
+    gram = residuals @ residuals.T / (residuals.shape[1] / 3.0)
+    values, vectors = np.linalg.eigh(gram)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    normal = np.random.default_rng(0).standard_normal((replicas, len(errors)))
+    return np.asarray(2.0 * numerics_mm / np.sqrt(DIRECTIONS) * normal @ root.T)
 
 
 def closure(

@@ -87,11 +87,7 @@ def resolvable(evidence: Evidence) -> Floats:
     above the noise (`fit.gap.verdict`); below that it cannot be named, however little noise there is.
     """
     needed = max(MESH_SHARE * evidence.numerics_mm**2, (SIGNIFICANT_GAP - 1) * evidence.floor_mm**2)
-    found = []
-    for rows, typical in zip(evidence.screened.projected, evidence.screened.typical, strict=True):
-        moved = float(np.mean([evidence.observer.in_mm(row) ** 2 for row in rows]))
-        found.append(typical * np.sqrt(needed / max(moved, 1e-12)))
-    return np.array(found)
+    return evidence.amplitudes_moving(needed)
 
 
 def base_parameters(model: Parameterisation, fitted: Fitted) -> list[FitParameter]:
@@ -130,8 +126,8 @@ def notes(training: int, held_out: int, observer: Observer) -> list[str]:
     said = [
         f"{how}; mesh of {1e3 * observer.resolution.spacing:.0f} mm.",
         "Errors are root mean square distances of the tracked points that are not on the held edge.",
-        "Probabilities are shares of bootstrap draws of the held-out half-seconds in which an effect is best and worth "
-        "naming; docs/blind-check.md says how far they hold.",
+        "Probabilities are shares of draws, of held-out half-seconds and of what mesh and solver may be wrong by, in "
+        "which an effect is best and worth naming; docs/blind-check.md says how far they hold.",
     ]
     if not observer.layout.is_static.any():
         said.append(

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.effects.base import Effect
-from fit.gap.closure import closure, error_interval
-from fit.gap.fitting import amplitude_of
+from fit.gap.closure import DIRECTIONS, closure, error_interval, solver_draws
+from fit.gap.fitting import NORMAL_95, amplitude_of
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.observer import Observer
 from fit.gap.screening import GROUP_COSINE, Screened
@@ -60,8 +60,30 @@ class Evidence:
         return float(self.screened.family_p_value[self.screened.effects.index(effect)])
 
     def amplitude(self, effect: int) -> tuple[float, tuple[float, float]]:
-        """Size of a refitted effect and its 90 % interval."""
-        return amplitude_of(self.singles[effect].fitted, self.observer, effect)
+        """Size of a refitted effect and its 90 % interval, for noise and for what mesh and solver may be wrong by."""
+        size, (low, high) = amplitude_of(self.singles[effect].fitted, self.observer, effect)
+        place = self.screened.effects.index(effect)
+        wrong = NORMAL_95 * float(self.amplitudes_moving(self.numerics_mm**2)[place]) / np.sqrt(DIRECTIONS)
+        half = float(np.hypot((high - low) / 2, wrong))
+        return size, (size - half, size + half)
+
+    def amplitudes_moving(self, squared_mm: float) -> Floats:
+        """Sizes at which each screened effect, the base model refitted, moves the points by this mean square."""
+        found = []
+        for rows, typical in zip(self.screened.projected, self.screened.typical, strict=True):
+            moved = float(np.mean([self.observer.in_mm(row) ** 2 for row in rows]))
+            found.append(typical * np.sqrt(squared_mm / max(moved, 1e-12)))
+        return np.array(found)
+
+    def draws(self) -> tuple[Floats, dict[int, Floats]]:
+        """Mean squared error [mm^2] of the base model and of each refitted effect in every draw.
+
+        Drawn are blocks of the held-out takes and what mesh and solver may be wrong by.
+        """
+        every = [self.base.errors, *(h.errors for h in self.singles.values())]
+        moved = solver_draws(every, self.numerics_mm, len(self.picks))
+        drawn = [e.draw(self.picks) + moved[:, n] for n, e in enumerate(every)]
+        return drawn[0], dict(zip(self.singles, drawn[1:], strict=True))
 
     def alike(self, one: int, other: int) -> bool:
         """Whether two effects explain the same part of the residual, so that a mesh's small error can swap them."""
@@ -81,8 +103,7 @@ class Evidence:
 
         Worth naming: the base error of the draw is clearly above the noise, and the effect closes a quarter of it.
         """
-        base = self.base.errors.draw(self.picks)
-        drawn = {k: h.errors.draw(self.picks) for k, h in self.singles.items()}
+        base, drawn = self.draws()
         least = np.min(np.stack(list(drawn.values())), axis=0)
         has_gap = base > SIGNIFICANT_GAP * self.floor_mm**2
         return {
@@ -91,9 +112,8 @@ class Evidence:
         }
 
     def win_shares(self) -> dict[int, float]:
-        """Share of bootstrap draws of the held-out blocks in which each refitted effect leaves the smallest error."""
-        drawn = np.stack([h.errors.draw(self.picks) for h in self.singles.values()])
-        winners = np.argmin(drawn, axis=0)
+        """Share of draws in which each refitted effect leaves the smallest error."""
+        winners = np.argmin(np.stack(list(self.draws()[1].values())), axis=0)
         return {k: float(np.mean(winners == n)) for n, k in enumerate(self.singles)}
 
     def exceeds(self, known: float) -> bool:

@@ -13,7 +13,7 @@ from fit.effects import LIBRARY, find_effects
 from fit.effects.base import amplitudes_of, columns_of
 from fit.errors import FitError
 from fit.gap import gates
-from fit.gap.closure import BlockErrors, closure
+from fit.gap.closure import BlockErrors, closure, solver_draws
 from fit.gap.diagnosis import diagnose
 from fit.gap.fitting import Fitted, sandwich
 from fit.gap.floor import noise_floor
@@ -86,9 +86,23 @@ def test_low_pass_keeps_a_swing_and_stops_noise():
     assert np.abs(low_pass(time, np.sin(2 * np.pi * 14 * time)[:, None], 6.0)[60:-60]).max() < 0.06
 
 
+def errors_of(total):
+    """Eight blocks of ten points with this summed squared error [mm^2] each."""
+    return BlockErrors(np.full(8, total), np.full(8, 10.0), np.zeros(3))
+
+
+def test_a_wrong_solver_moves_squared_errors_by_twice_the_product_and_alike_ones_together():
+    """2 N r / sqrt(9) with N = 3 mm and r = 2 mm rms: 4 mm^2; a residual at right angles moves on its own."""
+    vectors = np.array([[2.0, 2.0, 2.0, 0, 0, 0], [2.0, 2.0, 2.0, 0, 0, 0], [0, 0, 0, 2.0, 2.0, 2.0]]) * np.sqrt(2 / 3)
+    moved = solver_draws([BlockErrors(np.ones(1), np.ones(1), v) for v in vectors], 3.0, 20000)
+    assert moved.std(0) == pytest.approx([4.0, 4.0, 4.0], rel=0.03)
+    assert moved[:, 0] == pytest.approx(moved[:, 1], abs=1e-6)
+    assert abs(np.corrcoef(moved[:, 0], moved[:, 2])[0, 1]) < 0.03
+
+
 def test_closure_is_the_share_of_the_gap_that_is_removed():
     """100 mm^2 without, 36 with, floor 4 mm: (100 - 36) / (100 - 16) = 0.762."""
-    base, better = BlockErrors(np.full(8, 1000.0), np.full(8, 10.0)), BlockErrors(np.full(8, 360.0), np.full(8, 10.0))
+    base, better = errors_of(1000.0), errors_of(360.0)
     picks = np.tile(np.arange(8), (10, 1))
     found = closure(base, better, 4.0, picks)
     assert found is not None
@@ -96,7 +110,7 @@ def test_closure_is_the_share_of_the_gap_that_is_removed():
 
 
 def test_closure_is_not_given_where_there_is_no_gap():
-    level = BlockErrors(np.full(8, 160.0), np.full(8, 10.0))
+    level = errors_of(160.0)
     assert closure(level, level, 4.0, np.tile(np.arange(8), (10, 1))) is None
 
 
@@ -119,7 +133,7 @@ BLOCKS = 12
 def errors(mm, wobble=0.1, seed=0):
     """Held-out errors of 12 blocks of ten points, about `mm` root mean square."""
     shares = 1 + wobble * np.random.default_rng(seed).uniform(-1, 1, BLOCKS)
-    return BlockErrors(10.0 * mm**2 * shares * BLOCKS / shares.sum(), np.full(BLOCKS, 10.0))
+    return BlockErrors(10.0 * mm**2 * shares * BLOCKS / shares.sum(), np.full(BLOCKS, 10.0), np.zeros(3))
 
 
 def hypothesis(names, mm, *, seed=0, sizes=1.0, deviation=0.05):
@@ -140,10 +154,11 @@ def evidence_of(singles, *, base=12.0, floor=5.0, p=0.001, gate_list=(), joint=(
     p_values = np.full(len(effects), p)
     screened = Screened(
         effects=effects, amplitude=[], explained=p_values, absorbed=p_values, p_value=p_values, family_p_value=p_values,
-        cosines=np.eye(len(effects)), predicted=p_values, raw=[], projected=[], typical=p_values,
+        cosines=np.eye(len(effects)), predicted=p_values, raw=[],
+        projected=[np.ones((1, 3)) for _ in effects], typical=p_values,
     )  # fmt: skip
     return Evidence(
-        observer=SimpleNamespace(effects=LIBRARY, columns=columns_of(LIBRARY)),
+        observer=SimpleNamespace(effects=LIBRARY, columns=columns_of(LIBRARY), in_mm=lambda row: 2.0),
         screened=screened, base=hypothesis((), base), singles=found,
         joint=[(hypothesis(names, mm, seed=9), joint_p) for names, mm in joint],
         floor_mm=floor, numerics_mm=1.0, picks=np.random.default_rng(1).integers(0, BLOCKS, (400, BLOCKS)),

@@ -131,6 +131,12 @@ def record_command(
         typer.Option("--pick", metavar="X,Y X,Y", help="Pixels of the left and the right dot in the first picture."),
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the take that --out names.")] = False,
+    scan_rate: Annotated[
+        float, typer.Option("--scan-rate", metavar="HZ", min=0.0, max=60.0, help="Surface scans a second; 0 for none.")
+    ] = 0.0,
+    scan_points: Annotated[
+        int, typer.Option("--scan-points", metavar="N", min=3, max=64, help="Scan a grid of N x N, and 8 N around it.")
+    ] = 12,
 ) -> None:
     """Track the hanger and the garment in every frame and keep them as a take.
 
@@ -146,7 +152,7 @@ def record_command(
     from capture.condition import Condition
     from capture.frame_queue import QueuedSensor
     from capture.outputs import refuse_to_replace
-    from capture.recording import record
+    from capture.recording import ScanPlan, record
     from firmware_host.opening import open_sensor
     from formats.descriptions import load_garment, load_rig
 
@@ -168,6 +174,7 @@ def record_command(
         print(f"{start}{time:6.1f} s  {said.words}{advice}", file=sys.stderr, flush=True)
 
     picks = None if pick is None else np.array([two_numbers(one, "--pick") for one in pick], float)
+    scans = ScanPlan(rate=scan_rate, grid=scan_points, contour=8 * scan_points) if scan_rate > 0 else None
     with ExitStack() as open_sensors:
         source = open_sensors.enter_context(open_sensor(sensor))
         if source.info.is_live:
@@ -175,7 +182,7 @@ def record_command(
         report = record(
             source, described_rig, described_garment, out, take_id=out.stem,
             created=datetime.now(UTC).isoformat(timespec="seconds"), seconds=seconds, progress=show,
-            announce=announce, picks=picks,
+            announce=announce, picks=picks, scans=scans,
         )  # fmt: skip
     if is_terminal:
         print(file=sys.stderr)

@@ -27,6 +27,7 @@ DISPARITY_STEPS = 8.0  # steps per pixel of disparity (same source)
 LATERAL_SD = 0.8  # px, where a depth edge lies (Nguyen et al. 2012, section 3.2, below 60 degrees)
 CORRELATED_PIXELS = 13.0  # temporal noise of a real Kinect v1 at 0.8-2.6 m: neighbours correlate by 0.57 along u and v
 OUTLIER_SD = 4.0  # pixel noises from the surface beyond which a pixel is another surface
+FLATTEST_SPREAD = 1e-6  # determinant of the pixels' scaled scatter: below, they lie on one line of the image
 FEWEST_PIXELS = 12  # a plane through fewer noisy pixels is not a measurement
 
 
@@ -34,11 +35,13 @@ FEWEST_PIXELS = 12  # a plane through fewer noisy pixels is not a measurement
 class SurfaceDepth:
     """Depth [m] of a surface at one pixel, its standard deviation [m], and the fit behind it.
 
-    residuals [m], (pixels,) in depth; used, (pixels,): which of the given pixels lie on the surface.
+    residuals [m], (pixels,) in depth; used, (pixels,): which of the given pixels lie on the surface;
+    slope [m/px], (2,): how depth changes along u and v.
     """
 
     depth: float
     sd: float
+    slope: Floats
     residuals: Floats
     used: NDArray[np.bool_]
 
@@ -60,7 +63,7 @@ def fit_surface(
     """
     if z.size < FEWEST_PIXELS:
         return None
-    middle = float(np.median(z))
+    middle = float(np.partition(z, z.size // 2)[z.size // 2])
     noise = pixel_sd(middle, focal_length)
     used = np.abs(z - middle) < spread + OUTLIER_SD * noise
     inverse = 1.0 / z
@@ -70,17 +73,21 @@ def fit_surface(
             return None
         chosen = columns[:, used]
         normal = chosen @ chosen.T
-        if np.linalg.cond(normal) > 1e9:  # all pixels on one line of the image
+        scale = 1.0 / np.sqrt(normal.diagonal())
+        if np.linalg.det(normal * scale * scale[:, None]) < FLATTEST_SPREAD:
             return None
-        coefficients = np.linalg.solve(normal, chosen @ inverse[used])
+        covariance = np.linalg.inv(normal)
+        coefficients = covariance @ (chosen @ inverse[used])
         residuals = -(inverse - coefficients @ columns) * z * middle
-        used = np.abs(residuals) < OUTLIER_SD * noise
+        before, used = used, np.abs(residuals) < OUTLIER_SD * noise
+        if np.array_equal(before, used):
+            break
     a = float(coefficients[0])
     if a <= 0.0:
         return None
     depth = 1.0 / a
-    variance = float(np.linalg.inv(normal)[0, 0]) * (noise / middle**2) ** 2 * correlated_pixels
-    return SurfaceDepth(depth, depth**2 * float(np.sqrt(variance)), residuals, used)
+    variance = float(covariance[0, 0]) * (noise / middle**2) ** 2 * correlated_pixels
+    return SurfaceDepth(depth, depth**2 * float(np.sqrt(variance)), -(depth**2) * coefficients[1:], residuals, used)
 
 
 class CorrelationMeter:

@@ -7,14 +7,16 @@ from numpy.typing import NDArray
 
 from capture.calibrated_depth import DepthScale, depth_rig
 from capture.frame_faults import HangerWatch, is_garment_covered, picture_faults
-from capture.garment import GarmentSight, garment_tracker, nothing_found
+from capture.garment import GarmentSight, nothing_found
+from capture.garment_tracker import garment_tracker
 from capture.hanger_trackers import hanger_tracker
 from capture.markers import HangerSight, hanger_and_sensor, nothing_seen
 from firmware_host.depth_sensor import SensorFrame
-from formats.archive import Frame
+from formats.blocks import Frame
 from formats.garment import Garment
 from formats.hanger import held_ends
 from formats.rig import Calibration, Rig
+from formats.surface import SurfaceScan
 from formats.take import FrameState
 
 Floats = NDArray[np.float64]
@@ -53,6 +55,10 @@ class FrameTracker:
         state |= 0 if cloth.is_found else FrameState.GARMENT_LOST
         return hanger, cloth, state
 
+    def scan(self, time: float, *, grid: int, contour: int) -> SurfaceScan | None:
+        """Scan the surface seen in the last frame; None where the garment was not found in it."""
+        return self._cloth.scan(time, grid=grid, contour=contour)
+
     def as_frame(self, time: float, hanger: HangerSight, cloth: GarmentSight, state: int) -> Frame:
         """Return what a take keeps of a frame."""
         held = held_ends(hanger.positions, self.rig)
@@ -68,6 +74,8 @@ class FrameTracker:
             points_valid=cloth.valid,
             points_sd=np.nan_to_num(cloth.sd),
             state=int(state),
+            points_hidden=cloth.hidden,
+            quality=cloth.quality,
             pitch=hanger.pitch,
             pitch_sd=hanger.pitch_sd,
         )

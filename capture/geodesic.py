@@ -12,6 +12,9 @@ same distances as Dijkstra's queue on the same graph, in array operations.
 
 from __future__ import annotations
 
+from functools import cache
+
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,7 +26,8 @@ STEEPEST_STEP = 2.0  # way over the surface per way across it; a steeper step jo
 SOURCE_REACH = 2.5  # grid steps from a corner to the nodes that its distance map starts from
 MARGIN = 2  # nodes of padding so that every move stays inside the arrays
 FIT_REACH = 2  # nodes to either side over which a distance map is smoothed by a parabola
-FINE_STEPS = 16  # places per grid step at which the smoothed maps are compared
+WHOLE_PATCH = np.ones((2 * FIT_REACH + 1, 2 * FIT_REACH + 1), np.uint8)
+FINE_STEPS = 8  # places per grid step at which the smoothed maps are compared
 
 
 def geodesic_distances(surface: Floats, sources: Floats) -> NDArray[np.float32]:
@@ -47,44 +51,68 @@ def geodesic_distances(surface: Floats, sources: Floats) -> NDArray[np.float32]:
     start = np.linalg.norm(surface[None] - sources[:, None, None, :], axis=-1)
     distance[:, inner[0], inner[1]] = np.where(start < SOURCE_REACH * spacing, start, np.inf)
     here = distance[:, inner[0], inner[1]]
-    before = here.copy()
+    before, way = here.copy(), np.empty_like(here)
     for _ in range(rows + columns):
         for (down, right), length in zip(MOVES, lengths, strict=True):
             top, left = MARGIN + down, MARGIN + right
             there = distance[:, top : top + rows, left : left + columns]
-            np.minimum(here, there + length, out=here)
-            np.minimum(there, here + length, out=there)
+            np.minimum(here, np.add(there, length, out=way), out=here)
+            np.minimum(there, np.add(here, length, out=way), out=there)
         if np.array_equal(here, before):
             break
         before[...] = here
     return here
 
 
+def pairwise_distances(distances: NDArray[np.float32], surface: Floats, sources: Floats) -> Floats:
+    """Return how far apart the sources are along the surface [m], (k, k); infinite where no way leads.
+
+    distances [m], (k, rows, columns): of `geodesic_distances` for this surface and these sources.
+    """
+    start = np.linalg.norm(surface[None] - sources[:, None, None, :], axis=-1)
+    reach = SOURCE_REACH * _spacing(surface)
+    apart = np.full((len(sources), len(sources)), np.inf)
+    for j, away in enumerate(start):
+        near = away < reach
+        if near.any():
+            apart[:, j] = (distances[:, near] + away[near]).min(1)
+    np.fill_diagonal(apart, 0.0)
+    return np.asarray(np.minimum(apart, apart.T))
+
+
 def farthest_place(distances: NDArray[np.float32]) -> tuple[float, float] | None:
     """Return the place (row, column), in nodes, whose nearest source is farthest away.
 
-    distances [m], (k, rows, columns). None where no node is reached from every source or the place
-    lies at the surface's border, where it would be a matter of chance.
+    distances [m], (k, rows, columns). Only places inside the surface count: at its border the place would be a
+    matter of chance. None where no such place is reached from every source, or where it lies at the border of these.
     """
     nearest = distances.min(0)
     reached = np.isfinite(distances).all(0)
-    if not reached.any():
+    if min(reached.shape) < len(WHOLE_PATCH):
         return None
-    row, column = np.unravel_index(int(np.argmax(np.where(reached, nearest, -1.0))), nearest.shape)
+    inner = cv2.erode(reached.astype(np.uint8), WHOLE_PATCH, borderType=cv2.BORDER_CONSTANT, borderValue=0).astype(bool)
+    if not inner.any():
+        return None
+    row, column = np.unravel_index(int(np.argmax(np.where(inner, nearest, -1.0))), nearest.shape)
     around = (
         slice(row - FIT_REACH, row + FIT_REACH + 1),
         slice(column - FIT_REACH, column + FIT_REACH + 1),
     )
     patch = distances[:, around[0], around[1]]
-    side = 2 * FIT_REACH + 1
-    if row < FIT_REACH or column < FIT_REACH or patch.shape[1:] != (side, side) or not np.isfinite(patch).all():
+    if nearest[row - 1 : row + 2, column - 1 : column + 2].max() > nearest[row, column]:
         return None
-    coarse = np.arange(-FIT_REACH, FIT_REACH + 1, dtype=np.float64)
-    fine = np.arange(-FIT_REACH * FINE_STEPS, FIT_REACH * FINE_STEPS + 1) / FINE_STEPS
-    coefficients = np.linalg.lstsq(_parabola(coarse), patch.reshape(len(patch), -1).T.astype(np.float64), rcond=None)[0]
-    smooth = (_parabola(fine) @ coefficients).min(1)
+    fine, smoothing = _smoother()
+    smooth = (patch.reshape(len(patch), -1).astype(np.float64) @ smoothing).min(0)
     best_row, best_column = np.unravel_index(int(np.argmax(smooth)), (fine.size, fine.size))
     return float(row + fine[best_row]), float(column + fine[best_column])
+
+
+@cache
+def _smoother() -> tuple[Floats, Floats]:
+    """Return the fine places along a patch and the matrix from its nodes to its parabola at every pair of these."""
+    coarse = np.arange(-FIT_REACH, FIT_REACH + 1, dtype=np.float64)
+    fine = np.arange(-FIT_REACH * FINE_STEPS, FIT_REACH * FINE_STEPS + 1) / FINE_STEPS
+    return fine, np.asarray((_parabola(fine) @ np.linalg.pinv(_parabola(coarse))).T)
 
 
 def _parabola(along: Floats) -> Floats:
@@ -97,4 +125,4 @@ def _spacing(surface: Floats) -> float:
     """Return the typical way between neighbouring nodes of a row [m]."""
     across = np.abs(np.diff(surface[..., 0], axis=1))
     across = across[np.isfinite(across)]
-    return float(np.median(across)) if across.size else 0.0
+    return float(np.partition(across, across.size // 2)[across.size // 2]) if across.size else 0.0

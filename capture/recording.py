@@ -29,7 +29,20 @@ Watcher = Callable[[SensorFrame, HangerSight, GarmentSight], None]
 Progress = Callable[[int, int | None, float], None]
 Announce = Callable[[float, Condition], None]
 
+SCAN_TOLERANCE = 1e-3  # s: frames come a little early or late
 FEWEST_HANGERS = 10  # frames with both markers; fewer are no recording of a hanger
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScanPlan:
+    """How often the visible surface is kept, in scans a second, and with how many places.
+
+    grid: along each side of the grid; contour: around the silhouette
+    """
+
+    rate: float = 5.0
+    grid: int = 12
+    contour: int = 96
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,11 +74,12 @@ def record(
     watch: Watcher | None = None,
     announce: Announce = lambda time, condition: None,
     picks: Floats | None = None,
+    scans: ScanPlan | None = None,
 ) -> RecordingReport:
     """Track every frame of a sensor and write a take; Ctrl-C, or a sensor that fails, ends the take cleanly.
 
     announce: told the time [s] since the beginning and the condition, whenever it changes for good; picks [px],
-    (2, 2): where the hanger's dots are in the first frame, left one first
+    (2, 2): where the hanger's dots are in the first frame, left one first; scans: None for none of the surface
 
     Raises:
         UntrackableError: the sensor's image is not the one that the rig describes, or the garment cannot be followed.
@@ -85,6 +99,7 @@ def record(
     first = 0.0
     is_interrupted = False
     failure: SensorError | None = None
+    next_scan = -np.inf
 
     def tell(time: float, condition: Condition) -> None:
         if conditions.add(time, condition) is not None:
@@ -100,6 +115,11 @@ def record(
             hanger, cloth, state = tracker.track(frame, time)
             state |= FrameState.CLOCK_JUMPED if clock.has_jumped else 0
             writer.append(tracker.as_frame(time, hanger, cloth, state))
+            if scans is not None and cloth.is_found and time >= next_scan:
+                scan = tracker.scan(time, grid=scans.grid, contour=scans.contour)
+                if scan is not None:
+                    writer.append_scan(scan)
+                    next_scan = time + 1.0 / scans.rate - SCAN_TOLERANCE
             frames += 1
             with_hanger += hanger.is_found
             seen += cloth.valid

@@ -21,11 +21,12 @@ from mcap.stream_reader import breakup_chunk
 from mcap.writer import CompressionType, IndexType, Writer
 from numpy.typing import NDArray
 
-from formats.columns import pack, pack_flags, unpack, unpack_flags
+from formats.blocks import Frame, decode_block, encode_block
 from formats.descriptions import check_garment, check_rig
 from formats.errors import DescriptionError, TakeError
 from formats.garment import Garment
 from formats.rig import Rig
+from formats.surface import SurfaceScan, decode_scan, encode_scan
 from formats.take import Take
 
 Floats = NDArray[np.float64]
@@ -33,33 +34,9 @@ Floats = NDArray[np.float64]
 VERSION = 1
 PROFILE = f"hangtime-take/{VERSION}"
 MAGIC = b"\x89MCAP0\r\n"
-POSITION_STEP = 1e-4  # m: a twentieth of the best depth sensor's noise
-TIME_STEP = 1e-6  # s
-ANGLE_STEP = 1e-4  # rad: a hundredth of what a depth sensor can tell
 BLOCK_SECONDS = 1.0  # lost at most in a power cut
 HEADER_EVERY = 30  # blocks: the header is repeated, and once more at the end, so that no flipped bit loses the take
-HEADER, BLOCK, END = "/header", "/block", "/end"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Frame:
-    """One frame's measurements in the sensor frame; NaN and False where something was not seen.
-
-    time [s]; markers, held [m], (2, 3); points [m], (points, 3); deviations per axis [m], same shapes;
-    state: bits of `formats.take.FrameState`; pitch, pitch_sd [rad]: NaN where not seen
-    """
-
-    time: float
-    markers: Floats
-    held: Floats
-    held_valid: NDArray[np.bool_]
-    held_sd: Floats
-    points: Floats
-    points_valid: NDArray[np.bool_]
-    points_sd: Floats
-    state: int = 0
-    pitch: float = float("nan")
-    pitch_sd: float = float("nan")
+HEADER, BLOCK, SURFACE, END = "/header", "/block", "/surface", "/end"
 
 
 class TakeWriter:
@@ -88,7 +65,7 @@ class TakeWriter:
         )  # fmt: skip
         self._mcap.start(profile=PROFILE, library="hangtime")
         schema = self._mcap.register_schema("hangtime", "", b"")
-        self._channels = {t: self._mcap.register_channel(t, "msgpack", schema) for t in (HEADER, BLOCK, END)}
+        self._channels = {t: self._mcap.register_channel(t, "msgpack", schema) for t in (HEADER, BLOCK, SURFACE, END)}
         self._frames: list[Frame] = []
         self._count = self._blocks = 0
         self._last_time = -np.inf
@@ -119,6 +96,10 @@ class TakeWriter:
         self._frames.append(frame)
         if frame.time - self._frames[0].time >= BLOCK_SECONDS:
             self._flush()
+
+    def append_scan(self, scan: SurfaceScan) -> None:
+        """Add a scan of the visible surface, taken at the time of a frame or between frames."""
+        self._write(SURFACE, encode_scan(scan))
 
     def finish(self) -> Path:
         """Write what is left, make it durable, and give the file its final name."""
@@ -159,7 +140,7 @@ class TakeWriter:
             return
         if self._blocks and self._blocks % HEADER_EVERY == 0:
             self._write(HEADER, self._header)
-        self._write(BLOCK, _encode_block(self._frames, self._count))
+        self._write(BLOCK, encode_block(self._frames, self._count))
         self._count += len(self._frames)
         self._blocks += 1
         self._frames = []
@@ -172,52 +153,6 @@ class TakeWriter:
     def _sync(self) -> None:
         self._file.flush()
         os.fsync(self._file.fileno())
-
-
-def _encode_block(frames: list[Frame], first: int) -> dict[str, Any]:
-    stack = {
-        name: np.stack([getattr(f, name) for f in frames])
-        for name in ("markers", "held", "held_valid", "held_sd", "points", "points_valid", "points_sd")
-    }
-    pitch = np.array([[f.pitch, f.pitch_sd] for f in frames])
-    return {
-        "first": first,
-        "frames": len(frames),
-        "start": round(frames[0].time / TIME_STEP),
-        "time": pack(np.array([[f.time - round(frames[0].time / TIME_STEP) * TIME_STEP] for f in frames]), TIME_STEP),
-        "state": np.array([f.state for f in frames], "<u2").tobytes(),
-        "pitch": pack(pitch, ANGLE_STEP),
-        "pitch_valid": pack_flags(np.isfinite(pitch).all(-1)),
-        "markers_valid": pack_flags(np.isfinite(stack["markers"]).all(-1)),
-        **{name: pack(stack[name], POSITION_STEP) for name in ("markers", "held", "held_sd", "points", "points_sd")},
-        **{name: pack_flags(stack[name]) for name in ("held_valid", "points_valid")},
-    }
-
-
-def _decode_block(block: dict[str, Any], points: int) -> dict[str, NDArray[Any]]:
-    n = block["frames"]
-    decoded: dict[str, NDArray[Any]] = {
-        "time": block["start"] * TIME_STEP + unpack(block["time"], (n,), TIME_STEP),
-        "state": np.frombuffer(block["state"], "<u2").astype(np.uint16),
-        "markers": unpack(block["markers"], (n, 2, 3), POSITION_STEP),
-        "held": unpack(block["held"], (n, 2, 3), POSITION_STEP),
-        "held_sd": unpack(block["held_sd"], (n, 2, 3), POSITION_STEP),
-        "points": unpack(block["points"], (n, points, 3), POSITION_STEP),
-        "points_sd": unpack(block["points_sd"], (n, points, 3), POSITION_STEP),
-        "held_valid": unpack_flags(block["held_valid"], (n, 2)),
-        "points_valid": unpack_flags(block["points_valid"], (n, points)),
-    }
-    markers_valid = unpack_flags(block["markers_valid"], (n, 2))
-    for name, valid in (
-        ("markers", markers_valid), ("held", decoded["held_valid"]), ("points", decoded["points_valid"]),
-    ):  # fmt: skip
-        decoded[name][~valid] = np.nan
-    pitch = np.full((n, 2), np.nan)
-    if "pitch" in block:  # older takes have none
-        pitch = unpack(block["pitch"], (n, 2), ANGLE_STEP)
-        pitch[~unpack_flags(block["pitch_valid"], (n,))] = np.nan
-    decoded["pitch"], decoded["pitch_sd"] = pitch.T
-    return decoded
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -257,10 +192,16 @@ def _read(path: Path) -> tuple[Take, TakeReport]:
     header: dict[str, Any] | None = None
     end: dict[str, Any] | None = None
     blocks: dict[int, dict[str, Any]] = {}
+    scans: list[SurfaceScan] = []
     damaged = 0
     for content in _messages(path):
         if content is None:
             damaged += 1
+        elif "surface" in content:
+            try:
+                scans.append(decode_scan(content))
+            except (ValueError, KeyError, TypeError):
+                damaged += 1
         elif "format" in content:
             header = content
         elif "first" in content:
@@ -276,7 +217,7 @@ def _read(path: Path) -> tuple[Take, TakeReport]:
     decoded = []
     for first in sorted(blocks):
         try:
-            decoded.append(_decode_block(blocks[first], points))
+            decoded.append(decode_block(blocks[first], points))
         except (ValueError, KeyError, TypeError):
             damaged += 1
     if not decoded:
@@ -290,7 +231,8 @@ def _read(path: Path) -> tuple[Take, TakeReport]:
         damaged = max(damaged, expected - len(decoded))
     take = Take(
         take_id=header["take_id"], created=header["created"], rig=rig, garment=garment,
-        source=header["source"], notes=header["notes"], is_complete=is_complete, **joined,
+        source=header["source"], notes=header["notes"], is_complete=is_complete,
+        scans=tuple(sorted(scans, key=lambda scan: scan.time)), **joined,
     )  # fmt: skip
     return take, TakeReport(
         frames=len(take.time), blocks=len(decoded), damaged_blocks=damaged, is_complete=end is not None
@@ -378,10 +320,14 @@ def write_take(path: Path, take: Take) -> Path:
                     time=float(time), markers=take.markers[k], held=take.held[k], held_valid=take.held_valid[k],
                     held_sd=take.held_sd[k], points=take.points[k], points_valid=take.points_valid[k],
                     points_sd=take.points_sd[k], state=int(take.state[k]),
+                    points_hidden=None if take.points_hidden is None else take.points_hidden[k],
+                    quality=float("nan") if take.quality is None else float(take.quality[k]),
                     pitch=float("nan") if take.pitch is None else float(take.pitch[k]),
                     pitch_sd=float("nan") if take.pitch_sd is None else float(take.pitch_sd[k]),
                 )
             )  # fmt: skip
+        for scan in take.scans:
+            writer.append_scan(scan)
     except TakeError:
         writer.discard()
         raise

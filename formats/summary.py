@@ -30,6 +30,8 @@ def summarise(take: Take) -> dict[str, Any]:
     frames = len(take.time)
     duration = float(take.time[-1] - take.time[0])
     seen = take.points_valid.mean(0)
+    hidden = take.points_hidden.mean(0) if take.points_hidden is not None else np.zeros(len(seen))
+    quality = take.quality[np.isfinite(take.quality)] if take.quality is not None else np.empty(0)
     points = []
     for k, name in enumerate(take.garment.point_names):
         sd = take.points_sd[take.points_valid[:, k], k]
@@ -37,6 +39,7 @@ def summarise(take: Take) -> dict[str, Any]:
             {
                 "name": name,
                 "seen_percent": round(100 * float(seen[k]), 1),
+                "hidden_percent": round(100 * float(hidden[k]), 1),
                 "sd_mm": round(1e3 * float(np.sqrt((sd**2).mean())), 2) if len(sd) else None,
             }
         )
@@ -56,6 +59,8 @@ def summarise(take: Take) -> dict[str, Any]:
         "hanger_travel_mm": [round(1e3 * float(s), 1) for s in swing],
         "pitch_seen_percent": 0.0 if take.pitch is None else round(100 * float(np.isfinite(take.pitch).mean()), 1),
         "points": points,
+        "quality": round(float(np.median(quality)), 2) if quality.size else None,
+        "surface_scans": len(take.scans),
         "states": {name: int(((take.state & bit) > 0).sum()) for bit, name in STATE_NAMES.items()},
         "source": take.source,
         "notes": take.notes,
@@ -79,7 +84,8 @@ def describe(summary: dict[str, Any]) -> str:
     if len(points) <= 12:
         for p in points:
             noise = f"sd {p['sd_mm']:g} mm" if p["sd_mm"] is not None else "never seen"
-            lines.append(f"point     {p['name']:<14} seen {p['seen_percent']:5.1f} %   {noise}")
+            told = f"   hidden {p['hidden_percent']:g} %" if p["hidden_percent"] else ""
+            lines.append(f"point     {p['name']:<14} seen {p['seen_percent']:5.1f} %   {noise}{told}")
     else:
         shares = [p["seen_percent"] for p in points]
         noises = [p["sd_mm"] for p in points if p["sd_mm"] is not None]
@@ -87,6 +93,10 @@ def describe(summary: dict[str, Any]) -> str:
             f"points    {len(points)}, seen {min(shares):g} to {max(shares):g} %, "
             f"median sd {float(np.median(noises)):g} mm"
         )
+    if s["quality"] is not None:
+        lines.append(f"quality   {s['quality']:g} in the median frame, 1 at best")
+    if s["surface_scans"]:
+        lines.append(f"surface   scanned {s['surface_scans']} times")
     for name, count in s["states"].items():
         if count:
             lines.append(f"state     {name} in {count} frames")

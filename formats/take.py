@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from formats.garment import Garment
 from formats.rig import Rig
+from formats.surface import SurfaceScan
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
@@ -29,6 +30,9 @@ class Take:
     markers [m], (frames, 2, 3): marker centres where the rig has a hanger, else the same as `held`
     pitch, pitch_sd [rad], (frames,): the hanger's turn about the line between its markers as their plates show it,
     positive with the lower edge towards the sensor; NaN where not seen, None where a take was made without it
+    points_hidden, (frames, points): not valid because something hides the point; False or None where nobody looked
+    quality, (frames,): 0 to 1, how much of what could be seen was; NaN or None where nobody judged
+    scans: of the visible surface, in the order of time, fewer than frames; empty where none were taken
     """
 
     take_id: str
@@ -46,6 +50,9 @@ class Take:
     markers: Floats
     pitch: Floats | None = None
     pitch_sd: Floats | None = None
+    points_hidden: Booleans | None = None
+    quality: Floats | None = None
+    scans: tuple[SurfaceScan, ...] = ()
     source: str = ""
     notes: dict[str, str] = field(default_factory=dict)
     is_complete: bool = True

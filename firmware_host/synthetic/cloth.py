@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_host.errors import SensorAddressError
+from firmware_host.synthetic.pattern import lay
 from formats.garment import Garment
 
 Floats = NDArray[np.float64]
@@ -54,6 +55,7 @@ def simulate(
     """Return the nodes [m], (times, rows, columns, 3), sensor frame, of a garment held as it says: along its
     whole top edge, or at its two top corners.
 
+    `rows` and `columns` count the nodes of a panel or of a T-shirt's body, whose sleeves have columns of their own.
     held_ends: times [s], (n,) -> left and right end of the top edge [m], (n, 2, 3); the cloth hangs at rest at time 0;
     unevenness: depth [m], (rows, columns), from which it settles into that rest, so that slack cloth finds its folds.
 
@@ -73,7 +75,7 @@ def simulate(
         cloth.x[..., 2] += unevenness
     for _ in range(settle):
         cloth.advance(ends[0], step, SETTLE_DAMPING)
-    out = np.empty((len(times), rows, columns, 3))
+    out = np.empty((len(times), *cloth.x.shape))
     frame = 0
     for number in range(count):
         while frame < len(times) and times[frame] < (number + 1) * step:
@@ -87,12 +89,16 @@ def simulate(
 
 
 def _check_effects(garment: Garment, effects: dict[str, float]) -> None:
-    *_, bottom_right, bottom_left = garment.outline_m
-    hem_length = float(np.hypot(bottom_right[0] - bottom_left[0], bottom_right[1] - bottom_left[1]))
-    highest = {"air_drag": np.inf, "hem": HEM_SHARE * garment.mass_kg / hem_length}
+    highest = {"air_drag": np.inf}
+    if len(garment.outline_m) == 4:
+        *_, bottom_right, bottom_left = garment.outline_m
+        hem_length = float(np.hypot(bottom_right[0] - bottom_left[0], bottom_right[1] - bottom_left[1]))
+        highest["hem"] = HEM_SHARE * garment.mass_kg / hem_length
     for name, amplitude in effects.items():
         if name not in highest:
-            raise SensorAddressError(f"the synthetic cloth has no effect {name!r}", advice="choose of air_drag, hem")
+            raise SensorAddressError(
+                f"the synthetic cloth has no effect {name!r}", advice=f"choose of {', '.join(highest)}"
+            )
         if not (np.isfinite(amplitude) and 0.0 <= amplitude <= highest[name]):
             limits = "a finite number of at least 0" if name == "air_drag" else f"0 to {highest[name]:.3g} kg/m"
             raise SensorAddressError(f"{name} cannot have the amplitude {amplitude:g}", advice=f"choose {limits}")
@@ -102,33 +108,35 @@ class _Cloth:
     def __init__(
         self, garment: Garment, physics: ClothPhysics, effects: dict[str, float], rows: int, columns: int
     ) -> None:
-        top_left, top_right, bottom_right, bottom_left = (np.array(c, float) for c in garment.outline_m)
-        down, across = np.linspace(0, 1, rows)[:, None, None], np.linspace(0, 1, columns)[None, :, None]
-        self.rest = (1 - down) * ((1 - across) * top_left + across * top_right) + down * (
-            (1 - across) * bottom_left + across * bottom_right
-        )
-        rest = self.rest
+        self.pattern = lay(garment, rows, columns)
+        self.rest = rest = self.pattern.rest[..., :2]
+        rows, columns, _ = rest.shape
         self.physics = physics
         self.drag = effects.get("air_drag", 0.0)
         first, second = rest[1:, 1:] - rest[:-1, :-1], rest[1:, :-1] - rest[:-1, 1:]
         cell = 0.5 * np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
+        cell = np.where(self.pattern.is_cloth, cell, 0.0)
         area = np.zeros((rows, columns))
         for i in (slice(None, -1), slice(1, None)):
             for j in (slice(None, -1), slice(1, None)):
                 area[i, j] += cell / 4
-        bottom = np.linalg.norm(np.diff(rest[-1], axis=0), axis=1)
+        bottom = np.where(self.pattern.is_cloth[-1], np.linalg.norm(np.diff(rest[-1], axis=0), axis=1), 0.0)
         hem = np.zeros((rows, columns))
         hem[-1, :-1] += bottom / 2
         hem[-1, 1:] += bottom / 2
         extra = effects.get("hem", 0.0)
         density = (garment.mass_kg - extra * bottom.sum()) / cell.sum()
-        self.mass = (density * area + extra * hem)[..., None]
+        self.is_node = self.pattern.is_node
+        self.mass = np.where(self.is_node, density * area + extra * hem, 1.0)[..., None]
         self.threads = self._threads(cell)
         self.bends = self._bends(cell)
         self.cell = cell
-        held = slice(None) if garment.held == "edge" else slice(0, columns, columns - 1)
-        self.held = (0, held)
-        self.held_share = np.linspace(0, 1, columns)[held, None]
+        self.weight = np.where(self.is_node, GRAVITY * self.mass[..., 0], 0.0)
+        places = np.arange(columns)[self.pattern.held]
+        self.held_share = np.linspace(0, 1, len(places))[:, None]
+        if garment.held == "corners":
+            places, self.held_share = places[[0, -1]], self.held_share[[0, -1]]
+        self.held = (0, places)
         self.x = np.zeros((rows, columns, 3))
         self.v, self.f = np.zeros_like(self.x), np.zeros_like(self.x)
 
@@ -150,18 +158,20 @@ class _Cloth:
             springs.append((a, b, length, physics.stretch_stiffness * share / length**2))
         for a, b in (((low, low), (high, high)), ((low, high), (high, low))):
             length = np.linalg.norm(rest[b] - rest[a], axis=-1)
-            springs.append((a, b, length, physics.shear_stiffness * length**2 / (2 * cell)))
+            stiffness = physics.shear_stiffness * length**2 / (2 * np.where(cell > 0, cell, np.inf))
+            springs.append((a, b, length, stiffness))
         return springs
 
     def _bends(self, cell: Floats) -> list[tuple[Any, Any, Any, Floats]]:
         rest, stiffness = self.rest, self.physics.bending_stiffness
         whole = slice(None)
         before, at, after = slice(None, -2), slice(1, -1), slice(2, None)
-        mean = float(cell.mean())
+        mean = float(cell[cell > 0].mean())
         found = []
         for a, b, c in (((whole, before), (whole, at), (whole, after)), ((before, whole), (at, whole), (after, whole))):
             length = 0.5 * np.linalg.norm(rest[c] - rest[a], axis=-1)
-            found.append((a, b, c, stiffness * mean / length**4))
+            is_whole = self.is_node[a] & self.is_node[b] & self.is_node[c]
+            found.append((a, b, c, np.where(is_whole, stiffness * mean / length**4, 0.0)))
         return found
 
     def stable_step(self) -> float:
@@ -178,16 +188,18 @@ class _Cloth:
 
     def hang(self, ends: Floats) -> None:
         """Hang flat and straight down from the ends, (2, 3)."""
-        along = (self.rest[..., 0] - self.rest[0, 0, 0]) / np.ptp(self.rest[0, :, 0])
+        held = self.rest[0, self.pattern.held, 0]
+        along = (self.rest[..., 0] - held[0]) / np.ptp(held)
         self.x[:] = ends[0] + along[..., None] * (ends[1] - ends[0])
         self.x[..., 1] += self.rest[..., 1].max() - self.rest[..., 1]
+        self.x[..., 2] += self.pattern.bulge
         self.v[:] = 0.0
 
     def advance(self, ends: Floats, step: float, extra_damping: float) -> None:
         """One kick and drift; what is held goes to the ends, (2, 3)."""
         x, v, f = self.x, self.v, self.f
         f[:] = 0.0
-        f[..., 1] = GRAVITY * self.mass[..., 0]
+        f[..., 1] = self.weight
         time = self.physics.thread_damping_time
         for a, b, length, stiffness in self.threads:
             apart, closing = x[b] - x[a], v[b] - v[a]
@@ -221,6 +233,7 @@ class _Cloth:
         speed = np.linalg.norm(wind, axis=-1, keepdims=True) + 1e-12
         coefficient = self.drag * (0.05 + 0.95 * np.minimum(np.abs(across) / speed, 1.0) ** 1.5)
         force = -0.125 * AIR_DENSITY * coefficient * (0.5 * doubled) * np.abs(across) * across * normal
+        force *= self.pattern.is_cloth[..., None]
         for i in (slice(None, -1), slice(1, None)):
             for j in (slice(None, -1), slice(1, None)):
                 f[i, j] += force

@@ -48,6 +48,8 @@ MOTIONS: dict[str, tuple[Sine, ...]] = {
     ),
     "gentle": (Sine("z", 0.7, 0.04),),
     "twist": (Sine("yaw", 0.6, np.radians(20.0)), Sine("z", 0.5, 0.03)),
+    # Up to 1.5 m/s at the hanger; hems whip, corners fold under.
+    "hard": (Sine("z", 1.1, 0.18), Sine("x", 0.9, 0.12), Sine("yaw", 0.8, np.radians(15.0))),
 }  # fmt: skip
 
 

@@ -11,7 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_host.synthetic.pattern import Pattern
 from firmware_host.synthetic.scene import BAR_SIZE, CAMERA, HANGER, MARKER_BITS, PLATE_SIZE, WALL_DISTANCE
+from firmware_host.synthetic.surroundings import Panel, Surroundings, draw_panel
 
 Floats = NDArray[np.float64]
 
@@ -32,19 +34,39 @@ class View:
 class Renderer:
     """Draws one pose after the other; keeps what does not change."""
 
-    def __init__(self, rows: int, columns: int, height: float, width: float) -> None:
-        fine_rows, fine_columns = int(height / SPACING), int(width / SPACING)
+    def __init__(self, pattern: Pattern, surroundings: Surroundings | None = None, spacing: float = SPACING) -> None:
+        rows, columns, _ = pattern.rest.shape
+        height = float(np.abs(np.diff(pattern.rest[..., 1], axis=0)).max(1).sum())
+        width = float(np.abs(np.diff(pattern.rest[..., 0], axis=1)).max(0).sum())
+        fine_rows, fine_columns = int(height / spacing), int(width / spacing)
         self._down, self._across = _interpolation(rows, fine_rows), _interpolation(columns, fine_columns)
+        row, column = (np.minimum(np.linspace(0, n - 1, fine).astype(int), n - 2)
+                       for n, fine in ((rows, fine_rows), (columns, fine_columns)))  # fmt: skip
+        self._drawn = pattern.is_cloth[row][:, column].ravel()
         v, u = np.mgrid[0 : CAMERA.height, 0 : CAMERA.width].astype(float)
         # A wall with a faint pattern, so that colour images are not flat.
         wall = WALL + 14 * np.sin(u / 23.0) * np.sin(v / 31.0)
-        self._wall = np.repeat(wall[..., None], 3, axis=2)
+        colour = np.repeat(wall[..., None], 3, axis=2)
+        depth = np.full((CAMERA.height, CAMERA.width), surroundings.wall if surroundings else WALL_DISTANCE)
+        if surroundings:
+            surroundings.draw(depth, colour)
+        self._behind = View(depth, colour)
 
     def view(self, origin: Floats, rotation: Floats, nodes: Floats) -> View:
         """Draw the hanger at an origin, (3,), and rotation, (3, 3), with the cloth's nodes, (rows, columns, 3)."""
-        depth = np.full((CAMERA.height, CAMERA.width), WALL_DISTANCE)
-        colour = self._wall.copy()
+        return self.with_hanger(self.cloth(nodes), origin, rotation)
+
+    def cloth(self, nodes: Floats, in_front: tuple[Panel, ...] = ()) -> View:
+        """Draw the cloth's nodes, (rows, columns, 3), before the surroundings and behind what is in front."""
+        depth, colour = self._behind.depth.copy(), self._behind.colour.copy()
         self._draw_cloth(nodes, depth, colour)
+        for panel in in_front:
+            draw_panel(panel, depth, colour)
+        return View(depth, colour)
+
+    def with_hanger(self, scene: View, origin: Floats, rotation: Floats) -> View:
+        """Draw the hanger over a copy of a scene."""
+        depth, colour = scene.depth.copy(), scene.colour.copy()
         bar_at = origin + rotation @ np.array([0.0, HANGER.held_m[0][1] - 0.004, -0.004])
         _draw_rectangle(bar_at, rotation, BAR_SIZE, depth, colour, None)
         half = HANGER.marker_distance_m / 2
@@ -64,7 +86,7 @@ class Renderer:
         z = fine[..., 2].ravel()
         u = np.rint(CAMERA.fx * fine[..., 0].ravel() / z + CAMERA.cx).astype(np.int64)
         v = np.rint(CAMERA.fy * fine[..., 1].ravel() / z + CAMERA.cy).astype(np.int64)
-        inside = (u >= 0) & (u < CAMERA.width) & (v >= 0) & (v < CAMERA.height) & (z > 0.1)
+        inside = (u >= 0) & (u < CAMERA.width) & (v >= 0) & (v < CAMERA.height) & (z > 0.1) & self._drawn
         pixel, z, shade = (v * CAMERA.width + u)[inside], z[inside], shade.ravel()[inside]
         order = np.argsort(-z, kind="stable")  # far first, so that the nearest is written last
         pixel, z, shade = pixel[order], z[order], shade[order]

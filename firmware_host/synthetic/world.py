@@ -1,19 +1,29 @@
-"""One swung skirt with all its truth, ready to be seen frame by frame."""
+"""One swung garment with all its truth, ready to be seen frame by frame.
+
+A tracked point is visible where it falls into the image and nothing is nearer on its ray:
+
+    z_point < max of true depth over the 3 x 3 pixels around it + 6 mm
+
+the neighbours because a corner lies on the rim of the cloth that hides it from nobody.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from firmware_host.errors import SensorAddressError
-from firmware_host.synthetic.cloth import ClothPhysics, simulate
+from firmware_host.synthetic.cloth import COLUMNS, ROWS, ClothPhysics, simulate
 from firmware_host.synthetic.depth_noise import spoil
 from firmware_host.synthetic.motion import hanger_pose
-from firmware_host.synthetic.render import Renderer
-from firmware_host.synthetic.scene import CAMERA, FPS, Placement, demo_garment, place
+from firmware_host.synthetic.pattern import lay
+from firmware_host.synthetic.render import Renderer, View
+from firmware_host.synthetic.scene import CAMERA, FPS, HANGER_REST, Placement, demo_garment, place
+from firmware_host.synthetic.surroundings import Panel, Surroundings
+from formats.garment import Garment
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -22,20 +32,57 @@ TYPICAL = {"none": 0.0, "air_drag": 1.2, "hem": 0.02, "time_offset": 0.03}
 EXPOSURE = 0.008  # s
 PIXEL_NOISE = 2.0  # of 255
 FIRST_STAMP = 0.001  # s: OpenNI ignores a frame at time 0
+BODY = {"t-shirt": (24, 17)}  # nodes down and across, of what is not a panel
+# A sleeve is a tube of two layers and a hem, which a flat sheet is not: it stands out by a stiffness of its own.
+PHYSICS = {"t-shirt": ClothPhysics(bending_stiffness=1e-3, shear_stiffness=120.0)}
+HIDING_STEP = 6e-3  # m by which a surface must be nearer to hide a point: a folded corner lies 10 mm behind
+NEAREST_SWING = 0.35  # m towards the sensor, for how densely the cloth must be drawn
 
 
 @dataclass(frozen=True)
 class World:
-    """Truth in the sensor frame: time [s], (n,); hanger; nodes [m], (n, rows, columns, 3); points [m], (n, 5, 3)."""
+    """Truth in the sensor frame: time [s], (n,); hanger; nodes [m], (n, rows, columns, 3); points [m], (n, 5, 3).
+
+    in_front: what passes between sensor and garment, per frame; empty where nothing does
+    surroundings: None for the bare wall of the demo
+    """
 
     time: Floats
     hanger: Placement
     nodes: Floats
     points: Floats
     seed: int
+    garment: Garment = field(default_factory=demo_garment)
+    surroundings: Surroundings | None = None
+    in_front: tuple[tuple[Panel, ...], ...] = ()
+
+    def at(self, distance: float, *, seed: int, surroundings: Surroundings) -> World:
+        """Return the same motion at another distance of the hanger's rest [m], among other things, in other noise."""
+        shift = np.array([0.0, 0.0, distance - HANGER_REST[2]])
+        hanger = Placement(self.hanger.origin + shift, self.hanger.rotation)
+        return replace(
+            self, hanger=hanger, nodes=self.nodes + shift, points=self.points + shift, seed=seed,
+            surroundings=surroundings,
+        )  # fmt: skip
+
+    def visible(self, number: int, renderer: Renderer) -> NDArray[np.bool_]:
+        """Return which tracked points the camera can see in this frame, (points,); the clamp bar hides none."""
+        scene = self._without_hanger(number, renderer)
+        seen = np.zeros(len(self.points[number]), bool)
+        for k, (x, y, z) in enumerate(self.points[number]):
+            column, row = round(CAMERA.fx * x / z + CAMERA.cx), round(CAMERA.fy * y / z + CAMERA.cy)
+            around = scene.depth[max(0, row - 1) : row + 2, max(0, column - 1) : column + 2]
+            is_inside = 0 <= column < CAMERA.width and 0 <= row < CAMERA.height
+            seen[k] = is_inside and z < around.max() + HIDING_STEP
+        return seen
+
+    def _without_hanger(self, number: int, renderer: Renderer) -> View:
+        return renderer.cloth(self.nodes[number], self.in_front[number] if self.in_front else ())
 
     def frame(self, number: int, renderer: Renderer) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
         """Render one frame with the camera's faults; the same number gives the same images."""
+        if self.surroundings is not None:
+            return self._frame_among_things(number, renderer)
         rng = np.random.default_rng([self.seed, number])
         origin, rotation, nodes = self.hanger.origin, self.hanger.rotation, self.nodes
         ahead, behind = min(number + 1, len(self.time) - 1), max(number - 1, 0)
@@ -53,18 +100,39 @@ class World:
         colour = colour / 3 + PIXEL_NOISE * rng.standard_normal((CAMERA.height, CAMERA.width, 1))
         return spoil(middle.depth, CAMERA, rng), np.clip(np.rint(colour), 0, 255).astype(np.uint8)
 
+    def _frame_among_things(self, number: int, renderer: Renderer) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
+        """As `frame`; blurs the hanger only, since nothing reads the cloth's colour."""
+        rng = np.random.default_rng([self.seed, number])
+        origin, rotation = self.hanger.origin, self.hanger.rotation
+        scene = self._without_hanger(number, renderer)
+        ahead, behind = min(number + 1, len(self.time) - 1), max(number - 1, 0)
+        span = self.time[ahead] - self.time[behind]
+        middle = renderer.with_hanger(scene, origin[number], rotation[number])
+        colour = middle.colour
+        for step in (-0.5 * EXPOSURE / span, 0.5 * EXPOSURE / span):
+            turned, _, back = np.linalg.svd(rotation[number] + step * (rotation[ahead] - rotation[behind]))
+            moved = origin[number] + step * (origin[ahead] - origin[behind])
+            colour = colour + renderer.with_hanger(scene, moved, turned @ back).colour
+        colour = colour / 3 + PIXEL_NOISE * rng.standard_normal((CAMERA.height, CAMERA.width, 1))
+        return spoil(middle.depth, CAMERA, rng), np.clip(np.rint(colour), 0, 255).astype(np.uint8)
+
     def renderer(self) -> Renderer:
         """Return a renderer for this world's cloth."""
-        _, rows, columns, _ = self.nodes.shape
-        outline = np.array(demo_garment().outline_m)
-        return Renderer(rows, columns, float(np.ptp(outline[:, 1])), float(np.ptp(outline[:, 0])))
+        rows, columns = self.nodes.shape[1:3] if len(self.garment.outline_m) == 4 else BODY[self.garment.kind]
+        pattern = lay(self.garment, rows, columns)
+        if self.surroundings is None:
+            return Renderer(pattern)
+        nearest = float(self.hanger.origin[:, 2].min()) - NEAREST_SWING
+        return Renderer(pattern, self.surroundings, spacing=0.5 * nearest / CAMERA.fx)
 
 
 def make_world(
     *, motion: str, effect: str, amplitude: float | None, seconds: float, seed: int,
-    progress: Progress = lambda stage, share: None,
+    progress: Progress = lambda stage, share: None, garment: Garment | None = None,
 ) -> World:  # fmt: skip
-    """Simulate the skirt under a named motion with a planted effect at an amplitude, or its typical one.
+    """Simulate the demo's skirt, or another garment, under a named motion with a planted effect.
+
+    The effect has an amplitude or, where none is given, its typical one.
 
     Raises:
         SensorAddressError: there is no such effect or motion.
@@ -75,7 +143,8 @@ def make_world(
         )
     size = TYPICAL[effect] if amplitude is None else amplitude
     time = np.arange(round(seconds * FPS)) / FPS
-    garment = demo_garment()
+    garment = garment or demo_garment()
+    rows, columns = BODY.get(garment.kind, (ROWS, COLUMNS))
 
     def placed(times: Floats) -> Placement:
         pose = hanger_pose(motion, times, seed, seconds)
@@ -83,14 +152,14 @@ def make_world(
 
     seen = np.maximum(time - size, 0.0) if effect == "time_offset" else time
     effects = {effect: size} if effect in {"air_drag", "hem"} else {}
+    physics = PHYSICS.get(garment.kind, ClothPhysics())
     nodes = simulate(
-        garment, lambda times: placed(times).held, seen, physics=ClothPhysics(), effects=effects,
-        progress=lambda share: progress("cloth", share),
+        garment, lambda times: placed(times).held, seen, physics=physics, effects=effects,
+        progress=lambda share: progress("cloth", share), rows=rows, columns=columns,
     )  # fmt: skip
-    corners = nodes[:, [0, 0, -1, -1], [0, -1, -1, 0]]
-    # The centre lies on the middle line; its depth as a share of the height, linear between nodes.
-    share = -garment.points[4].at_m[1] / -garment.outline_m[2][1] * (nodes.shape[1] - 1)
-    row, column = int(share), 0.5 * (nodes.shape[2] - 1)
-    middle = 0.5 * (nodes[:, :, int(np.floor(column))] + nodes[:, :, int(np.ceil(column))])
-    centre = (1 - (share - row)) * middle[:, row] + (share - row) * middle[:, row + 1]
-    return World(time, placed(time), nodes, np.concatenate([corners, centre[:, None]], 1), seed)
+    pattern = lay(garment, rows, columns)
+    points = np.empty((len(time), len(garment.points), 3))
+    for k, point in enumerate(garment.points):
+        at, weights = pattern.material(point.at_m)
+        points[:, k] = np.einsum("nkx,k->nx", nodes[:, at[:, 0], at[:, 1]], weights)
+    return World(time, placed(time), nodes, points, seed, garment)

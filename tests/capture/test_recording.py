@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from capture.errors import NoMarkersError, UntrackableError
-from capture.recording import record
+from capture.recording import ScanPlan, record
 from firmware_host.depth_sensor import DepthSensor, SensorFrame
 from firmware_host.synthetic.scene import CAMERA, MARKER_BITS, RIG, demo_garment
 from firmware_host.synthetic.sensor import SyntheticSensor
@@ -51,8 +51,8 @@ def changed(frame, **changes):
     return SensorFrame(**(fields | changes))
 
 
-def recorded(sensor, path):
-    return record(sensor, RIG, demo_garment(), path, take_id="t", created="2026-01-01T00:00:00Z")
+def recorded(sensor, path, **options):
+    return record(sensor, RIG, demo_garment(), path, take_id="t", created="2026-01-01T00:00:00Z", **options)
 
 
 @pytest.fixture(scope="module")
@@ -128,6 +128,34 @@ def test_lost_depth_lost_colour_and_a_clock_that_jumps_are_told_frame_by_frame(w
     assert 42 not in state
     assert state[48] & FrameState.CLOCK_JUMPED
     assert not take.points_valid[list(state).index(30)].any()
+
+
+def test_a_person_in_front_costs_quality_and_delays_a_scan(world, tmp_path):
+    def spoil(frame):
+        if frame.index == 30:  # from below the markers down
+            depth = frame.depth.copy()
+            depth[175:] = 800
+            return changed(frame, depth=depth)
+        if frame.index == 42:  # a sensor blind below 0.5 m, with everything nearer than that
+            return changed(frame, depth=np.zeros_like(frame.depth))
+        return frame
+
+    with Every(world, 6, spoil) as sensor:
+        recorded(sensor, tmp_path / "t.mcap", scans=ScanPlan(rate=2.5, grid=6, contour=24))
+    take = read_take(tmp_path / "t.mcap")
+    number = np.rint(30 * (take.time - FIRST_STAMP)).astype(int)
+    covered = int(np.flatnonzero(number == 30)[0])
+    assert take.state[covered] == FrameState.VIEW_BLOCKED | FrameState.GARMENT_LOST
+    assert take.quality[covered] == 0.0
+    blind = int(np.flatnonzero(number == 42)[0])
+    assert take.state[blind] & FrameState.DEPTH_MISSING
+    others = np.setdiff1d(np.arange(len(number)), [covered, blind])
+    assert (take.state[others] == 0).all()
+    assert np.median(take.quality[others]) > 0.7
+    # Frames come at 5 a second, so that 2.5 scans a second are every other one; a lost garment delays one.
+    assert [round(30 * (scan.time - FIRST_STAMP)) for scan in take.scans][:4] == [0, 12, 24, 36]
+    assert take.scans[0].grid.shape == (6, 6, 3)
+    assert np.isfinite(take.scans[0].contour).all(1).mean() > 0.9
 
 
 def test_a_sensor_of_another_size_than_the_rig_says_is_refused(world, tmp_path):

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from formats.archive import Frame, TakeWriter, read_take, verify_take, write_take
+from formats.archive import TakeWriter, read_take, verify_take, write_take
+from formats.blocks import Frame
 from formats.columns import pack, pack_flags, unpack, unpack_flags
 from formats.errors import TakeError
 from formats.garment import Garment, TrackedPoint
 from formats.rig import Rig
+from formats.surface import SurfaceScan
 from formats.take import FrameState, Take
 
 OUTLINE = ((-0.2, 0.0), (0.2, 0.0), (0.2, -0.4), (-0.2, -0.4))
@@ -178,3 +182,50 @@ def test_thirty_minutes_stay_small(tmp_path):
     """At most 45 bytes a frame for six tracked places with deviations at 3 mm noise."""
     path = write_take(tmp_path / "a.mcap", a_take(frames=1800))
     assert path.stat().st_size / 1800 < 45
+
+
+def a_scan(time, seed=1, size=7, around=40):
+    rng = np.random.default_rng(seed)
+    grid = rng.normal(0, 0.2, (size, size, 3)) + 1.5
+    grid[2, 3] = np.nan
+    contour = rng.normal(0, 0.2, (around, 3)) + 1.5
+    contour[[0, 9]] = np.nan
+    return SurfaceScan(time=time, grid=grid, contour=contour)
+
+
+def test_hidden_points_quality_and_scans_come_back(tmp_path):
+    """Quality to half of 1/254, scans to 0.05 mm, what is hidden exactly."""
+    rng = np.random.default_rng(2)
+    take = a_take()
+    hidden = ~take.points_valid & (rng.random(take.points_valid.shape) > 0.5)
+    quality = rng.random(len(take.time))
+    quality[11] = np.nan
+    scans = (a_scan(0.4, 1), a_scan(0.6, 2, size=5, around=12))
+    back = read_take(write_take(tmp_path / "a.mcap", replace(take, points_hidden=hidden, quality=quality, scans=scans)))
+    assert np.array_equal(back.points_hidden, hidden)
+    np.testing.assert_allclose(back.quality, quality, atol=0.5 / 254 + 1e-12)
+    assert [scan.time for scan in back.scans] == pytest.approx([0.4, 0.6])
+    for found, wanted in zip(back.scans, scans, strict=True):
+        np.testing.assert_allclose(found.grid, wanted.grid, atol=0.5e-4 + 1e-12)
+        np.testing.assert_allclose(found.contour, wanted.contour, atol=0.5e-4 + 1e-12)
+    assert back.is_complete
+
+
+def test_a_take_whose_points_nobody_judged_has_nothing_hidden_and_no_quality(tmp_path):
+    back = read_take(write_take(tmp_path / "a.mcap", a_take()))
+    assert not back.points_hidden.any()
+    assert np.isnan(back.quality).all()
+    assert back.scans == ()
+
+
+def test_a_damaged_scan_costs_itself_and_no_frame(tmp_path):
+    path = write_take(tmp_path / "a.mcap", replace(a_take(), scans=(a_scan(0.4, 1), a_scan(0.6, 2))))
+    raw, without = bytearray(path.read_bytes()), write_take(tmp_path / "b.mcap", a_take()).read_bytes()
+    # The first scan begins a little before the first byte that a take without scans does not have.
+    first = next(k for k, (a, b) in enumerate(zip(raw, without, strict=False)) if a != b)
+    raw[first + 200] ^= 0xFF
+    path.write_bytes(bytes(raw))
+    back = read_take(path)
+    assert len(back.scans) == 1
+    assert len(back.time) == 150
+    assert not verify_take(path).is_sound

@@ -1,0 +1,146 @@
+"""The scenes on which tracking is measured: three garments, four distances, two backgrounds, two swings, two sets.
+
+Each set simulates every garment under every swing once (its own seeds) and shows it at all distances, in turn before
+a bare wall and in a furnished room; in one scene a garment, an arm reaches in front of a lower corner. `development`
+is for looking at what goes wrong; figures are stated of `report`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from pathlib import Path
+
+import numpy as np
+
+from firmware_host.depth_sensor import DepthSensor, SensorFrame, SensorInfo
+from firmware_host.synthetic.garments import GARMENTS
+from firmware_host.synthetic.scene import CAMERA, FPS
+from firmware_host.synthetic.surroundings import arm, cluttered, plain
+from firmware_host.synthetic.world import FIRST_STAMP, World, make_world
+
+DISTANCES = (1.2, 1.6, 2.0, 2.5)  # m
+SWINGS = ("mixed", "hard")
+SEEDS = {"development": 100, "report": 900}
+SECONDS = 3.4
+FIRST, LAST = 0.6, 3.2  # s, the part that is shown: still, swung, stopped, ringing down
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is shown."""
+
+    garment: str
+    swing: str
+    distance: float
+    background: str
+    has_arm: bool
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """One word."""
+        arm_word = "-arm" if self.has_arm else ""
+        return f"{self.garment}-{self.swing}-{self.distance}-{self.background}{arm_word}-{self.seed}"
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Frames of a scene with their truth: time [s]; markers, points [m]; visible, (n, points)."""
+
+    scene: Scene
+    time: np.ndarray
+    depth: np.ndarray
+    colour: np.ndarray
+    markers: np.ndarray
+    points: np.ndarray
+    visible: np.ndarray
+
+
+def scenes(chosen: str) -> Iterator[tuple[Scene, Callable[[], World]]]:
+    """Yield the scenes of a set with what makes their worlds; a cloth is simulated once, when it is first needed."""
+    for g, garment in enumerate(GARMENTS):
+        for s, swing in enumerate(SWINGS):
+            seed = SEEDS[chosen] + 10 * g + s
+            swung = cache(partial(_swung, garment, swing, seed))
+            for k, distance in enumerate(DISTANCES):
+                background = ("plain", "cluttered")[(k + s) % 2]
+                scene = Scene(garment, swing, distance, background, False, seed + 1000 * k)
+                yield scene, partial(_world, swung, scene)
+            if swing == "mixed":
+                scene = Scene(garment, swing, 1.6, "plain", True, seed + 9000)
+                yield scene, partial(_world, swung, scene)
+
+
+def _swung(garment: str, swing: str, seed: int) -> World:
+    return make_world(
+        motion=swing, effect="air_drag", amplitude=None, seconds=SECONDS, seed=seed, garment=GARMENTS[garment]()
+    )
+
+
+def _world(swung: Callable[[], World], scene: Scene) -> World:
+    world = swung()
+    around = plain(scene.distance) if scene.background == "plain" else cluttered(scene.distance, scene.seed)
+    shown = world.at(scene.distance, seed=scene.seed, surroundings=around)
+    if scene.has_arm:
+        side = (-1.0, 1.0)[scene.seed % 2]
+        level = float(world.points[0, 2, 1]) - 0.03
+        shares = (world.time - 1.2) / 1.4
+        shown = replace(shown, in_front=tuple(arm(scene.distance, level, float(share), side) for share in shares))
+    return shown
+
+
+def show(scene: Scene, make: Callable[[], World], keep: Path | None = None) -> Shown:
+    """Draw a scene's frames, or read them where they were kept before."""
+    path = keep / f"{scene.name}.npz" if keep else None
+    if path and path.exists():
+        with np.load(path) as kept:
+            return Shown(scene, **{name: kept[name] for name in kept.files})
+    world = make()
+    renderer = world.renderer()
+    numbers = np.flatnonzero((world.time >= FIRST) & (world.time < LAST))
+    frames = [world.frame(int(n), renderer) for n in numbers]
+    shown = Shown(
+        scene,
+        time=world.time[numbers] + FIRST_STAMP,
+        depth=np.stack([depth for depth, _ in frames]),
+        colour=np.stack([colour for _, colour in frames]),
+        markers=world.hanger.markers[numbers],
+        points=world.points[numbers],
+        visible=np.stack([world.visible(int(n), renderer) for n in numbers]),
+    )
+    if path:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        fields = ("time", "depth", "colour", "markers", "points", "visible")
+        np.savez(path, **{name: getattr(shown, name) for name in fields})
+    return shown
+
+
+class ShownSensor(DepthSensor):
+    """Plays drawn frames, so that only tracking takes time."""
+
+    def __init__(self, shown: Shown) -> None:
+        self._shown, self._next = shown, 0
+
+    @property
+    def info(self) -> SensorInfo:
+        """As the synthetic sensor's."""
+        return SensorInfo(
+            name="drawn", uri=self._shown.scene.name, width=CAMERA.width, height=CAMERA.height, fps=FPS,
+            intrinsics=CAMERA, is_live=False, frame_count=len(self._shown.time),
+        )  # fmt: skip
+
+    def read(self, timeout_s: float = 5.0) -> SensorFrame | None:
+        """Return the next frame."""
+        if self._next == len(self._shown.time):
+            return None
+        k = self._next
+        self._next += 1
+        return SensorFrame(
+            index=k, time_s=float(self._shown.time[k]), host_time_s=0.0, depth=self._shown.depth[k],
+            colour=self._shown.colour[k],
+        )  # fmt: skip
+
+    def close(self) -> None:
+        """Nothing to close."""

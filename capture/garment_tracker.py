@@ -1,0 +1,249 @@
+"""Follow a garment's four corners and its centre through a recording.
+
+    held edge -> silhouette -> corners in the picture -> corners in metres -> which of them are hidden -> centre
+
+One `SilhouetteTracker` for all garments; the kinds differ in where their corners are (`capture.corners`).
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.depth_surface import CorrelationMeter, pixel_sd
+from capture.errors import UntrackableError
+from capture.flat_garment import CENTRE, flat_garment
+from capture.garment import FINDERS, GarmentSight, GarmentTracker, frame_quality, nothing_found
+from capture.geodesic import farthest_place, geodesic_distances, pairwise_distances
+from capture.occlusion import (
+    COVERED,
+    FOLD_ARM,
+    LEAST_FOLD,
+    comes_to_the_front,
+    folded_away,
+    is_at_border,
+    is_behind_something,
+    is_blunt,
+)
+from capture.placing import Placer, project
+from capture.plausibility import MotionGate
+from capture.silhouette import Silhouette, Window, cut_out
+from capture.surface_scan import scan_surface
+from formats.garment import Garment
+from formats.rig import Rig, Sensor
+from formats.surface import SurfaceScan
+
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+SLACK = 1.08  # of the garment's reach from the held edge: stretch and the markers' tolerance
+GROWTH = 3.0  # m/s, how fast the hem may leave the window of the frame before
+LONGEST_TRUST = 0.2  # s, after which the window of the last sighting says nothing
+SMALLEST_SHARE = 0.25  # of the flat garment's area in view; a smaller piece is not the garment
+JUMP, JUMP_NOISE = 0.03, 6.0  # m and pixel noises in depth between neighbours that are two surfaces
+NEAREST_HANGER = 0.1  # m; nearer is no place of a hanger but an error
+HELD_MATCH = 0.03  # m, a held corner this far from the held edge's end is not that corner
+CELL = 0.028  # m, of the grid for geodesics
+CORNER_SLACK = 0.02  # of a distance between corners: it is no worse measured than that
+CORNER_SHARE = 0.5  # of what is beyond, for each of the two: z is then 1 on the development set
+CENTRE_SHARE = 0.3  # of what the distances between the corners are off by (rms): the development set's z is then 1
+CENTRE_SD = 0.1  # grid steps across the view: rms 1.7 mm against a drawn skirt, with corners off by as much
+
+
+def garment_tracker(garment: Garment, rig: Rig, correlation: CorrelationMeter | None = None) -> GarmentTracker:
+    """Return the tracker for this kind of garment.
+
+    Raises:
+        UntrackableError: the kind has no strategy yet, a point cannot be found by it, or the rig has no sensor.
+    """
+    if garment.kind not in FINDERS:
+        raise UntrackableError(
+            f"garments of kind {garment.kind!r} cannot be tracked yet",
+            where=garment.name,
+            advice="use one of " + ", ".join(sorted(FINDERS)),
+        )
+    return SilhouetteTracker(garment, rig, correlation or CorrelationMeter())
+
+
+class SilhouetteTracker:
+    """Follows a garment that hangs from its held edge by the corners of its silhouette and its centre."""
+
+    def __init__(self, garment: Garment, rig: Rig, correlation: CorrelationMeter) -> None:
+        if rig.sensor is None:
+            raise UntrackableError("it has no sensor section", where=rig.name, advice="add the sensor's intrinsics")
+        self.sensor: Sensor = rig.sensor
+        self.correlation = correlation
+        self.finder = FINDERS[garment.kind]()
+        outline = np.array(garment.outline_m)
+        corners = self.finder.flat_corners(outline)
+        self.flat = flat_garment(garment, corners)
+        self.held_corners = [
+            next((e for e in (0, 1) if np.linalg.norm(corners[i] - outline[e]) < HELD_MATCH), None) for i in range(4)
+        ]
+        self._gate = MotionGate(len(self.flat.roles))
+        self._last: tuple[float, Window] | None = None
+        self._seen: tuple[Silhouette, Floats] | None = None
+
+    def track(self, depth: NDArray[np.uint16], held: Floats, time: float) -> GarmentSight:
+        """Find the corners and the centre in one frame; see `GarmentTracker.track`."""
+        roles = self.flat.roles
+        silhouette = self._silhouette(depth, held, time)
+        self._seen = None
+        if silhouette is None:
+            self._last = None
+            return nothing_found(len(roles))
+        self._last = (time, silhouette.window)
+        sides = self.flat.sides * self.sensor.fx / float(held[:, 2].mean())
+        view = self.finder.find(silhouette, project(held, self.sensor), sides)
+        placer = Placer(silhouette, self.sensor, self.correlation)
+        places, sd = np.full((5, 3), np.nan), np.full((5, 3), np.nan)
+        pixels = np.vstack([view.pixels, np.full((1, 2), np.nan)])
+        for i in range(4):
+            places[i], sd[i] = placer.place(view.pixels[i], float(view.sd[i]))
+        is_held = self._match_held(places, held)
+        surface, cell = self._surface(silhouette)
+        distances = geodesic_distances(surface, places[:4])
+        along = pairwise_distances(distances, surface, places[:4])
+        missing = ~np.isfinite(places[:4, 0])
+        along[missing] = along[:, missing] = np.nan
+        hidden = np.zeros(5, bool)
+        hidden[:4], wrong = self._hidden(silhouette, depth.shape, pixels, places, is_held, along)
+        places[:4][hidden[:4] | wrong] = np.nan
+        sd[:4] = np.hypot(sd[:4], self._mismatch(places, is_held, along)[:, None])
+        if np.isfinite(places[:4, 0]).all():
+            mismatch = np.abs(along - self.flat.distances)
+            off = float(np.sqrt((mismatch**2).sum() / 12.0))
+            pixels[CENTRE], centre_sd = self._centre(silhouette, distances, cell)
+            centre_sd = float(np.hypot(centre_sd, CENTRE_SHARE * off * self.sensor.fx / float(held[:, 2].mean())))
+            places[CENTRE], sd[CENTRE] = placer.place(pixels[CENTRE], centre_sd)
+        points, sd, pixels = places[roles], sd[roles], pixels[roles]
+        valid = self._gate.admit(points, sd, time)
+        points[~valid] = np.nan
+        sd[~valid] = np.nan
+        self._seen = silhouette, np.where(np.isfinite(places[:4, :1]), view.pixels, np.nan)
+        filled = np.count_nonzero(silhouette.depth) / np.count_nonzero(silhouette.mask)
+        offset = [silhouette.window.left, silhouette.window.top]
+        return GarmentSight(
+            points=points, sd=sd, valid=valid, hidden=hidden[roles] & ~valid, pixels=pixels,
+            outline=silhouette.outline + offset, quality=frame_quality(valid, sd, filled),
+        )  # fmt: skip
+
+    def scan(self, time: float, *, grid: int, contour: int) -> SurfaceScan | None:
+        """Scan the surface seen in the last tracked frame; see `GarmentTracker.scan`."""
+        if self._seen is None:
+            return None
+        silhouette, corners = self._seen
+        return scan_surface(silhouette, corners, self.sensor, time, grid=grid, contour=contour)
+
+    def _hidden(
+        self, silhouette: Silhouette, shape: tuple[int, ...], pixels: Floats, places: Floats, is_held: Booleans,
+        along: Floats,
+    ) -> tuple[Booleans, Booleans]:  # fmt: skip
+        """Return which corners are hidden and which are merely not where they should be, (4,) each."""
+        flat = self.flat.distances
+        missing = ~np.isfinite(places[:4, 0])
+        folded, wrong = folded_away(along, flat, is_held)
+        hidden = np.zeros(4, bool)
+        for i in np.flatnonzero(~missing):
+            z = float(places[i, 2])
+            lost = np.nanmax(np.where(np.isfinite(along[i]), flat[i] - along[i], 0.0))
+            if is_at_border(pixels[i], shape):
+                hidden[i] = True
+            elif is_behind_something(silhouette, pixels[i], z, self._jump(z)):
+                hidden[i] = folded[i] or wrong[i] or lost > COVERED * flat[i].max()
+            elif folded[i]:
+                hidden[i] = (
+                    lost > LEAST_FOLD * flat[i].max()
+                    and is_blunt(silhouette, pixels[i], FOLD_ARM * self.sensor.fx / z)
+                    and not comes_to_the_front(silhouette, pixels[i], z, 0.5 * lost * self.sensor.fx / z)
+                )
+        return hidden, (folded | wrong) & ~hidden
+
+    def _mismatch(self, places: Floats, is_held: Booleans, along: Floats) -> Floats:
+        """Return what each corner may be off by [m], (4,), since its distances to the others are not the flat ones."""
+        flat, placed = self.flat.distances, np.isfinite(places[:4, 0])
+        off = np.where(placed[:, None] & placed & np.isfinite(along), np.abs(along - flat), 0.0)
+        return np.where(is_held, 0.0, CORNER_SHARE * np.maximum(off - CORNER_SLACK * flat, 0.0).max(1))
+
+    def _match_held(self, places: Floats, held: Floats) -> Booleans:
+        """Return which corners are ends of the held edge; take away those that should be but are elsewhere."""
+        is_held = np.zeros(4, bool)
+        for i, end in enumerate(self.held_corners):
+            if end is not None and np.isfinite(places[i, 0]):
+                is_held[i] = np.linalg.norm(places[i] - held[end]) < HELD_MATCH
+                if not is_held[i]:
+                    places[i] = np.nan
+        return is_held
+
+    def _jump(self, z: float) -> float:
+        return JUMP + JUMP_NOISE * pixel_sd(z, self.sensor.fx)
+
+    def _silhouette(self, depth: NDArray[np.uint16], held: Floats, time: float) -> Silhouette | None:
+        if not np.isfinite(held).all() or held[:, 2].min() <= NEAREST_HANGER:
+            return None
+        middle = float(held[:, 2].mean())
+        window = self._window(depth.shape, held, middle)
+        near = self._recent_window(window, middle, time)
+        reach = SLACK * self.flat.reach
+        limits = {"nearest": middle - reach, "farthest": middle + reach, "jump": self._jump(middle)}
+        held_px = project(held, self.sensor)
+        found = cut_out(depth, near, held_px, **limits) if near is not None else None
+        if (found is None or found.touches_rim) and not window.is_empty:
+            found = cut_out(depth, window, held_px, **limits)
+        if found is None:
+            return None
+        area = float(np.count_nonzero(found.mask)) * middle**2 / (self.sensor.fx * self.sensor.fy)
+        return found if area > SMALLEST_SHARE * self.flat.area else None
+
+    def _window(self, shape: tuple[int, ...], held: Floats, middle: float) -> Window:
+        """Return the window that the garment cannot leave, however it swings."""
+        ends = project(held, self.sensor)
+        low, high = ends.min(0), ends.max(0)
+        reach = SLACK * self.flat.reach
+        pixels = reach * self.sensor.fx / max(middle - 0.7 * reach, 0.3)
+        return Window(
+            max(0, int(low[0] - pixels)),
+            max(0, int(low[1]) - 2),
+            min(shape[1], int(high[0] + pixels) + 1),
+            min(shape[0], int(high[1] + pixels) + 1),
+        )
+
+    def _recent_window(self, widest: Window, middle: float, time: float) -> Window | None:
+        """Return the last sighting's window, grown by what the hem can have moved since."""
+        if self._last is None or time - self._last[0] > LONGEST_TRUST:
+            return None
+        last = self._last[1]
+        grown = int(GROWTH * (time - self._last[0]) * self.sensor.fx / middle) + 4
+        window = Window(
+            max(widest.left, last.left - grown),
+            widest.top,
+            min(widest.right, last.right + grown),
+            min(widest.bottom, last.bottom + grown),
+        )
+        return None if window.is_empty else window
+
+    def _surface(self, silhouette: Silhouette) -> tuple[Floats, int]:
+        """Return the seen surface as a grid [m], (rows, columns, 3), NaN where there is none, and its step [px]."""
+        window, s = silhouette.window, self.sensor
+        middle = float(silhouette.depth[silhouette.depth > 0].mean())
+        cell = max(3, round(CELL * s.fx / middle))
+        rows, columns = silhouette.mask.shape[0] // cell, silhouette.mask.shape[1] // cell
+        part = silhouette.depth[: rows * cell, : columns * cell]
+        size = (columns, rows)
+        filled = cv2.resize((part > 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)
+        total = cv2.resize(part, size, interpolation=cv2.INTER_AREA)
+        z = np.where(filled > 0.4, total / np.maximum(filled, 1e-6), np.nan).astype(np.float64)
+        u = window.left + (np.arange(columns) + 0.5) * cell - 0.5
+        v = window.top + (np.arange(rows) + 0.5) * cell - 0.5
+        return np.stack([z * ((u - s.cx) / s.fx)[None], z * ((v - s.cy) / s.fy)[:, None], z], axis=-1), cell
+
+    def _centre(self, silhouette: Silhouette, distances: NDArray[np.float32], cell: int) -> tuple[Floats, float]:
+        """Return the centre's pixel in the image and its standard deviation [px]."""
+        place = farthest_place(distances)
+        if place is None:
+            return np.full(2, np.nan), float("nan")
+        row, column = place
+        window = silhouette.window
+        pixel = np.array([window.left + (column + 0.5) * cell - 0.5, window.top + (row + 0.5) * cell - 0.5])
+        return pixel, CENTRE_SD * cell

@@ -1,0 +1,111 @@
+"""Tell whether a tracked corner is hidden: by something in front, by the picture's border, or by a fold.
+
+In front    around a place on the outline, `NEARER_PIXELS` or more outside the garment are nearer than it by a jump:
+            the outline is then the rim of that thing, and the garment goes on behind it.
+Outside     the place lies at the picture's border.
+Folded      cloth hardly stretches, so two corners are as far apart along the seen surface as on the flat garment,
+
+                deficit_ij = (1 - tolerance) D_ij - d_ij        [m], of `capture.flat_garment` and `capture.geodesic`
+
+            A deficit says that cloth is missing between the two. The corner with most of it is dropped, and the rest
+            are looked at again. It is hidden if much is missing, the outline is blunt there, as across a fold, and
+            the cloth does not come to the front: a corner folded to the front is in view, but not on the outline.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.silhouette import Silhouette
+
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+LOOK_AROUND = 12  # px: wider than the missing pixels beside a near thing (43 px m (1 / 1.25 m - 1 / 1.6 m) = 8 px)
+NEARER_PIXELS = 20
+LEAST_FOLD = 0.09  # of the longest distance on the flat garment: less may be cloth that is seen too steeply
+FOLD_ARM = 0.08  # m of the outline at either side of a corner
+BLUNT = 85.0  # degrees
+FARTHEST_FOLD = 70  # px
+FOLD_STEP = 0.03  # m before or behind the corner's own depth
+FOLD_SHARE = 0.05  # of the pixels around it
+BORDER = 3  # px
+COVERED = 0.02  # of the longest distance on the flat garment, missing at a corner beside a nearer thing
+SHORT = 0.025  # of the distance on the flat garment: geodesics of the seen surface scatter by 1.5 %
+SHORT_MORE = 0.008  # m, the corners' own errors
+LONG = 0.10  # of the distance on the flat garment: a longer way goes around a fold or over another thing
+
+
+def is_behind_something(silhouette: Silhouette, pixel: Floats, z: float, jump: float) -> bool:
+    """Return whether something that is not the garment, nearer than `z` [m] by a jump [m], lies beside a pixel."""
+    around = _around(silhouette, pixel, LOOK_AROUND)
+    raw = silhouette.raw[around]
+    nearer = (raw > 0) & (raw < 1e3 * (z - jump)) & (silhouette.mask[around] == 0)
+    return int(np.count_nonzero(nearer)) >= NEARER_PIXELS
+
+
+def comes_to_the_front(silhouette: Silhouette, pixel: Floats, z: float, missing: float) -> bool:
+    """Return whether the cloth around a pixel of the outline lies behind rather than before that pixel's depth.
+
+    z [m]; missing [px]: how much cloth is folded away there. A corner that is folded to the front is still in view,
+    only not on the outline; one that is folded behind the cloth is hidden.
+    """
+    around = _around(silhouette, pixel, int(np.clip(missing, LOOK_AROUND, FARTHEST_FOLD)))
+    cloth = (silhouette.mask[around] > 0) & (silhouette.raw[around] > 0)
+    raw = silhouette.raw[around][cloth]
+    behind = np.count_nonzero(raw > 1e3 * (z + FOLD_STEP)) - np.count_nonzero(raw < 1e3 * (z - FOLD_STEP))
+    return bool(behind > FOLD_SHARE * max(raw.size, 1))
+
+
+def is_blunt(silhouette: Silhouette, pixel: Floats, arm: float) -> bool:
+    """Return whether the outline's two arms of this length [px] at a pixel open wider than `BLUNT`.
+
+    A fold across a corner leaves two blunt ones; a sharp corner with cloth missing is the garment's own, seen steeply.
+    """
+    outline = silhouette.outline
+    local = pixel - np.array([silhouette.window.left, silhouette.window.top])
+    first = int(np.hypot(*(outline - local).T).argmin())
+    away = np.roll(outline, -first, axis=0) - outline[first]
+    far = np.hypot(*away.T) > arm
+    if not far.any():
+        return False
+    one, other = away[int(far.argmax())], away[len(away) - 1 - int(far[::-1].argmax())]
+    cosine = float(one @ other) / max(float(np.hypot(*one) * np.hypot(*other)), 1e-9)
+    return bool(cosine < np.cos(np.radians(BLUNT)))
+
+
+def _around(silhouette: Silhouette, pixel: Floats, reach: int) -> tuple[slice, slice]:
+    u, v = int(pixel[0]) - silhouette.window.left, int(pixel[1]) - silhouette.window.top
+    return slice(max(0, v - reach), max(0, v + reach + 1)), slice(max(0, u - reach), max(0, u + reach + 1))
+
+
+def is_at_border(pixel: Floats, shape: tuple[int, ...]) -> bool:
+    """Return whether a pixel lies at the border of a picture (height, width)."""
+    return not (BORDER <= pixel[0] <= shape[1] - 1 - BORDER and BORDER <= pixel[1] <= shape[0] - 1 - BORDER)
+
+
+def folded_away(seen: Floats, flat: Floats, trusted: Booleans) -> tuple[Booleans, Booleans]:
+    """Return which of the corners are hidden by a fold and which are somewhere else than they should be, (k,) each.
+
+    seen, flat [m], (k, k): distances along the cloth, NaN where a corner was not found, infinite where no way leads;
+    trusted: corners that are where they should be for another reason, so that the others are to blame.
+    """
+    deficit = np.where(np.isfinite(seen), (1.0 - SHORT) * flat - SHORT_MORE - seen, 0.0)
+    excess = np.where(np.isnan(seen), 0.0, seen - (1.0 + LONG) * flat - SHORT_MORE)
+    folded = _blamed(np.maximum(deficit, 0.0), trusted)
+    wrong = _blamed(np.minimum(np.maximum(excess, 0.0), 1.0), trusted | folded)
+    return folded, wrong & ~folded
+
+
+def _blamed(amount: Floats, trusted: Booleans) -> Booleans:
+    """Return the fewest members that explain all amounts between pairs, worst first; never the trusted ones."""
+    left = amount.copy()
+    blamed = np.zeros(len(left), bool)
+    while True:
+        score = np.where(trusted | blamed, -1.0, left.sum(1))
+        worst = int(score.argmax())
+        if score[worst] <= 0.0:
+            return blamed
+        blamed[worst] = True
+        left[worst] = left[:, worst] = 0.0

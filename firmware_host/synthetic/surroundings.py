@@ -1,0 +1,102 @@
+"""What stands around the synthetic garment: a bare wall, furniture behind and beside it, and things in front of it.
+
+Everything is a flat, upright rectangle that faces the sensor, and a floor,
+
+    z_floor(v) = fy h / (v - cy),     h the floor below the sensor
+
+which is enough for a depth image: what counts is where depth jumps, by how much, and on which side is nearer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_host.synthetic.scene import CAMERA
+
+Floats = NDArray[np.float64]
+
+WALL_BEHIND = 1.0  # m behind the hanger, as in the plain scene
+FLOOR_BELOW = 1.1  # m below the sensor
+ARM_BEFORE, ARM_WIDTH = 0.35, 0.12  # m
+SIDE_CLEARANCE = 0.62  # m from the hanger's middle to the nearest thing beside it: no swing of the set reaches it
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A rectangle that faces the sensor [m], sensor frame, and its grey value."""
+
+    left: float
+    right: float
+    top: float
+    bottom: float
+    z: float
+    grey: float
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """Wall distance [m], whether there is a floor, and panels, anywhere."""
+
+    wall: float
+    has_floor: bool = False
+    panels: tuple[Panel, ...] = ()
+
+    def draw(self, depth: Floats, colour: Floats) -> None:
+        """Draw floor and panels into a depth [m], (height, width), and a colour image, (height, width, 3)."""
+        if self.has_floor:
+            below = np.arange(CAMERA.height) - CAMERA.cy
+            floor = CAMERA.fy * FLOOR_BELOW / np.maximum(below, 1e-9)
+            near = floor < self.wall
+            depth[near] = floor[near, None]
+            colour[near] = 95.0 + 20.0 * (np.floor(6.0 * floor[near, None, None]) % 2)
+        for panel in self.panels:
+            draw_panel(panel, depth, colour)
+
+
+def draw_panel(panel: Panel, depth: Floats, colour: Floats) -> None:
+    """Draw one rectangle where it is nearer than what is there."""
+    columns = CAMERA.fx * np.array([panel.left, panel.right]) / panel.z + CAMERA.cx
+    rows = CAMERA.fy * np.array([panel.top, panel.bottom]) / panel.z + CAMERA.cy
+    left, right = np.clip(np.rint(columns), 0, CAMERA.width).astype(int)
+    top, bottom = np.clip(np.rint(rows), 0, CAMERA.height).astype(int)
+    patch = depth[top:bottom, left:right]
+    is_near = patch > panel.z
+    colour[top:bottom, left:right][is_near] = panel.grey
+    patch[is_near] = panel.z
+
+
+def plain(distance: float) -> Surroundings:
+    """A wall a metre behind the hanger."""
+    return Surroundings(wall=distance + WALL_BEHIND)
+
+
+def cluttered(distance: float, seed: int) -> Surroundings:
+    """A furnished room: shelf and boxes 0.45 to 0.9 m behind, chair, lamp pole and cupboard beside, a floor."""
+    rng = np.random.default_rng([seed, 5])
+    panels = []
+    for _ in range(4):  # behind: never nearer than the farthest swing
+        left, top = rng.uniform(-0.9, 0.5), rng.uniform(-0.6, 0.3)
+        width, height = rng.uniform(0.15, 0.6, 2)
+        z = distance + rng.uniform(0.45, 0.9)
+        panels.append(Panel(left, left + width, top, top + height, z, rng.uniform(40, 220)))
+    for side in (-1.0, 1.0):  # beside: at the garment's own depth
+        inner = SIDE_CLEARANCE + rng.uniform(0.0, 0.1)
+        width, z = rng.uniform(0.05, 0.5), distance + rng.uniform(-0.25, 0.3)
+        low, high = sorted((side * inner, side * (inner + width)))
+        panels.append(Panel(low, high, rng.uniform(-0.7, 0.1), 1.2, z, rng.uniform(40, 220)))
+    return Surroundings(wall=distance + WALL_BEHIND, has_floor=True, panels=tuple(panels))
+
+
+def arm(distance: float, level: float, share: float, side: float) -> tuple[Panel, ...]:
+    """A forearm that reaches in front of the garment and away again; share 0 to 1 of its way.
+
+    level: what it hides, y [m] at the garment's distance; side: -1 from the left, 1 from the right.
+    """
+    z = distance - ARM_BEFORE
+    reach = 0.75 - 0.62 * float(np.sin(np.pi * np.clip(share, 0.0, 1.0)))  # m from the middle to the fingertips
+    low, high = sorted((side * reach, side * 1.2))
+    middle = level * z / distance
+    return (Panel(low, high, middle - 0.5 * ARM_WIDTH, middle + 0.5 * ARM_WIDTH, z, 150.0),)

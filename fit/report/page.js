@@ -8,7 +8,7 @@
   const part = (name) => box.querySelector(`[data-part="${name}"]`);
   const RUNS = ["before", "after", "with_effect"];
   const VIEWS = { front: [0, 0.04], side: [Math.PI / 2, 0.04], oblique: [0.65, 0.28] };
-  const state = { motion: 0, run: "after", time: 0, playing: false, speed: 1, yaw: 0.65, pitch: 0.28, zoom: 1, cloth: "shaded", errors: true };
+  const state = { motion: 0, run: "after", time: 0, playing: false, speed: 1, yaw: 0.65, pitch: 0.28, zoom: 1, cloth: "error", errors: true };
   const motions = [];
   let colours = {}, drawn = 0;
 
@@ -38,6 +38,7 @@
     }
     motion.triangles = given.triangles;
     measure(motion);
+    motion.worst = largestError(motion);
     motions[index] = motion;
     return motion;
   }
@@ -60,6 +61,39 @@
     motion.heading = Math.hypot(x, y) > 1e-9 ? Math.atan2(y, x) : 0;
   }
 
+  /* Error [m] that the darkest colour stands for: exceeded by one in twenty, over all runs, rounded up. */
+  function largestError(motion) {
+    const found = [];
+    for (const run of Object.values(motion.points)) {
+      if (run) for (let f = 0; f < run.frames; f += 3) for (let i = 0; i < run.count; i++) found.push(distance(motion, run, f, i));
+    }
+    const known = found.filter(Number.isFinite).sort((a, b) => a - b);
+    const size = known.length ? known[Math.floor(0.95 * (known.length - 1))] : 0.01;
+    return [0.002, 0.005, 0.01, 0.02, 0.03, 0.05, 0.1, 0.2, 0.5].find((step) => step >= size) || 1;
+  }
+
+  function distance(motion, run, frame, point) {
+    const real = at(motion.real, frame, point), model = at(run, frame, point);
+    return Math.hypot(...real.map((v, k) => v - model[k]));
+  }
+
+  /* Error between the points: mean of theirs, weighted by the inverse fourth power of the distance (Shepard 1968). */
+  function errorsBetween(motion, run, frame, places) {
+    const known = [];
+    for (let i = 0; i < run.count; i++) {
+      const size = distance(motion, run, frame, i);
+      if (Number.isFinite(size)) known.push([at(run, frame, i), size]);
+    }
+    return places.map((p) => {
+      let sum = 0, weights = 0;
+      for (const [q, size] of known) {
+        const square = (p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2 + 1e-6, weight = 1 / (square * square);
+        sum += weight * size; weights += weight;
+      }
+      return weights ? sum / weights : NaN;
+    });
+  }
+
   /* Position of one point at a frame that may lie between two stored ones. */
   function at(track, frame, point) {
     const place = Math.min(frame / track.every, track.frames - 1), first = Math.floor(place);
@@ -77,7 +111,7 @@
 
   function readColours() {
     const style = getComputedStyle(document.documentElement), get = (name) => style.getPropertyValue(name).trim();
-    for (const name of ["ink", "soft", "line", "real", "before", "after", "effect", "cloth", "cloth-back"]) colours[name] = get(`--${name}`);
+    for (const name of ["ink", "soft", "line", "real", "before", "after", "effect", "cloth", "cloth-back", "low", "high"]) colours[name] = get(`--${name}`);
     colours.with_effect = colours.effect;
   }
 
@@ -122,6 +156,9 @@
       ink.stroke();
       return;
     }
+    const run = motion.points[state.run], isError = state.cloth === "error" && run;
+    const errors = isError ? errorsBetween(motion, run, frame, world) : [];
+    const low = rgb(colours.low), high = rgb(colours.high);
     const order = triangles.map((t) => [seen[t[0]][2] + seen[t[1]][2] + seen[t[2]][2], t]).sort((p, q) => q[0] - p[0]);
     const front = colours.cloth.split(" ").map(Number), back = colours["cloth-back"].split(" ").map(Number);
     ink.lineWidth = 0.7; ink.lineJoin = "round";
@@ -132,11 +169,26 @@
       if (!(size > 0)) continue;
       const side = (seen[b][0] - seen[a][0]) * (seen[c][1] - seen[a][1]) - (seen[b][1] - seen[a][1]) * (seen[c][0] - seen[a][0]);
       const light = 0.62 + 0.45 * Math.abs(n[0] * 0.35 + n[1] * -0.55 + n[2] * 0.76) / size;
-      const tint = (side < 0 ? front : back).map((v) => Math.min(255, Math.round(v * light)));
+      const share = isError ? Math.min(1, (errors[a] + errors[b] + errors[c]) / 3 / motion.worst) : NaN;
+      const plain = Number.isFinite(share) ? low.map((v, i) => v + share * (high[i] - v)) : side < 0 ? front : back;
+      const tint = plain.map((v) => Math.min(255, Math.round(v * light)));
       ink.fillStyle = ink.strokeStyle = `rgb(${tint.join(" ")} / .93)`;
       ink.beginPath(); ink.moveTo(seen[a][0], seen[a][1]); ink.lineTo(seen[b][0], seen[b][1]); ink.lineTo(seen[c][0], seen[c][1]); ink.closePath();
       ink.fill(); ink.stroke();
     }
+  }
+
+  const rgb = (hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16));
+
+  function drawLegend(motion, width, height) {
+    if (state.cloth !== "error" || !motion.points[state.run] || !motion.meshes[state.run]) return;
+    const long = 110, left = width - long - 18, shade = ink.createLinearGradient(left, 0, left + long, 0);
+    shade.addColorStop(0, colours.low); shade.addColorStop(1, colours.high);
+    ink.fillStyle = shade; ink.fillRect(left, height - 22, long, 8);
+    ink.strokeStyle = colours.soft; ink.lineWidth = 0.8; ink.strokeRect(left, height - 22, long, 8);
+    ink.fillStyle = colours.soft; ink.font = "12px system-ui, sans-serif";
+    ink.fillText("error", left, height - 28); ink.textAlign = "right";
+    ink.fillText(`${Math.round(1e3 * motion.worst)} mm`, left + long, height - 28); ink.textAlign = "left";
   }
 
   function drawScale(motion, project, height) {
@@ -177,9 +229,11 @@
       if (isSeen) { ink.fillStyle = colours.real; ink.beginPath(); ink.arc(p[0], p[1], 5, 0, 7); ink.fill(); }
     }
     drawScale(motion, project, height);
+    drawLegend(motion, width, height);
     const end = motion.time[motion.time.length - 1], now = motion.time[frame];
     part("clock").textContent = `${now.toFixed(2)} of ${end.toFixed(2)} s`;
     part("scrub").value = String(frame);
+    box.dataset.worst = String(motion.worst);
     part("scrub").setAttribute("aria-valuetext", `${now.toFixed(2)} seconds`);
     part("readout").textContent = count
       ? `Mean error now ${(1e3 * sum / count).toFixed(1)} mm over ${count} points, largest ${(1e3 * worst).toFixed(1)} mm at ${name.replaceAll("_", " ")}.`
@@ -283,7 +337,7 @@
     const wanted = new URLSearchParams(location.hash.slice(1)), changes = {};
     if (wanted.get("view") in VIEWS) [changes.yaw, changes.pitch] = VIEWS[wanted.get("view")];
     if (RUNS.includes(wanted.get("run"))) changes.run = wanted.get("run");
-    if (["shaded", "wire", "none"].includes(wanted.get("cloth"))) changes.cloth = wanted.get("cloth");
+    if (["error", "shaded", "wire", "none"].includes(wanted.get("cloth"))) changes.cloth = wanted.get("cloth");
     if (wanted.has("t") && Number.isFinite(Number(wanted.get("t")))) changes.time = Number(wanted.get("t"));
     const motion = Math.max(0, Math.min(source.length - 1, Math.trunc(Number(wanted.get("motion"))) || 0));
     return choose(motion, changes);

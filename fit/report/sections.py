@@ -105,7 +105,8 @@ def player(motions: Sequence[ReportMotion], shown: int, note: str) -> str:
         _press("view", view, label) for view, label in (("front", "Front"), ("side", "Side"), ("oblique", "Oblique"))
     )
     cloths = "".join(
-        _press("cloth", kind, label) for kind, label in (("shaded", "Shaded"), ("wire", "Wire"), ("none", "Off"))
+        _press("cloth", kind, label)
+        for kind, label in (("error", "By error"), ("shaded", "Shaded"), ("wire", "Wire"), ("none", "Off"))
     )
     legend = (
         '<ul class="legend"><li style="--swatch:var(--real)">filled dots: real points</li>'

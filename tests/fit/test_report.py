@@ -253,3 +253,10 @@ def test_player_runs_in_a_browser_without_a_word_on_the_console(report, tmp_path
     frame, run = (42, "before") if "before" in address else (15, "after")
     by_hand = 1e3 * np.nanmean(motion().errors(run)[frame])
     assert float(shown.group(1)) == pytest.approx(by_hand, abs=0.15)  # positions are rounded to 0.1 mm
+    # The darkest colour: the first round step that 95 % of the errors of all runs stay below.
+    if "before" in address:
+        every = np.concatenate([motion().errors(name)[::3].ravel() for name in ("before", "after", "with_effect")])
+        quantile = np.quantile(every[np.isfinite(every)], 0.95, method="lower")
+        steps = (0.002, 0.005, 0.01, 0.02, 0.03, 0.05, 0.1, 0.2, 0.5)
+        worst = float(re.search(r'data-worst="([\d.]+)"', done.stdout).group(1))
+        assert worst == next(step for step in steps if step >= quantile)

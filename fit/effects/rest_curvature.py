@@ -3,7 +3,7 @@
     E = B/2 integral of (kappa - kappa_0)^2,    force = -B W (W x - kappa_0 sqrt(area) n)
 
 kappa_0 uniform over the garment, about the horizontal (the cloth curls up or down) and about the vertical (its sides
-curl); positive bends towards the outer normal n of the triangles. W as in `fit.cloth.mesh`.
+curl); positive bends towards the outer normal n. W as in `fit.cloth.elements`.
 Source: E. Grinspun et al., "Discrete Shells" (SCA 2003), section 3 (rest angles); creases reach 1 to 40 1/m.
 """
 

@@ -32,6 +32,7 @@ FEWEST_FRAMES = 20  # below, neither splines nor statistics make sense
 CUT_OFF = 6.0  # Hz of the smoothing splines; hands swing below 2 Hz
 CUT_OFF_SHARE = 0.4  # of the frame rate, just below what frames can show
 ON_EDGE = 0.02  # of the garment's height below its top within which a point sits on the held edge
+FEWEST_PLACES = 8  # of a point, below which it has no curve
 LONGEST_BRIDGE = 0.25  # s without a point over which its spline is still believed
 
 
@@ -224,7 +225,7 @@ def _held_curve(name: str, time: Floats, held: Floats, valid: Booleans) -> Curve
 
 def _target_curve(time: Floats, place: Floats, valid: Booleans) -> Curve:
     seen = time[valid]
-    if len(seen) < 8:
+    if len(seen) < FEWEST_PLACES:
         return lambda instants: np.zeros((len(instants), 6))
     splines = _smooth(seen, place[valid])
     slopes = splines.derivative()

@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.errors import FitError
-from fit.recording import CUT_OFF, Recording, low_pass
+from fit.recording import CUT_OFF, FEWEST_PLACES, Recording, low_pass
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -70,10 +70,13 @@ class SwatchError:
         self._smooth = low_pass(recording.time, np.eye(len(recording.time)), CUT_OFF)
         wanted, trust = recording.targets(recording.time)
         self._seen = recording.valid & (trust > 0)
-        if not self._seen.any(0).all():
-            absent = recording.garment.points[int(np.argmin(self._seen.any(0)))].name
+        counts = recording.valid.sum(0)
+        if counts.min() < FEWEST_PLACES or not self._seen.any(0).all():
+            absent = recording.garment.points[int(np.argmin(counts))].name
             raise FitError(
-                f"the marker {absent!r} was never seen", where=recording.take_id, advice="leave it out of the garment"
+                f"the marker {absent!r} was seen in {counts.min()} frames, at least {FEWEST_PLACES} are needed",
+                where=recording.take_id,
+                advice="leave it out of the garment",
             )
         self._real = self._averages(wanted[..., :3])
         self.remark = self._noise_remark(recording)

@@ -113,6 +113,14 @@ def _driven_path(recording: Recording, grid: PlainGrid) -> Floats:
     return path
 
 
+def _absent(python: str) -> FitError:
+    return FitError(
+        "Blender's Python module bpy cannot be started",
+        where=python,
+        advice=f"pip install 'hangtime[blender]', or set {PYTHON} to a Python that has bpy",
+    )
+
+
 class _Worker:
     """The process that runs Blender; ends with its owner."""
 
@@ -121,25 +129,28 @@ class _Worker:
         self._folder = tempfile.TemporaryDirectory(prefix="hangtime-blender-")
         script = Path(__file__).with_name("blender_worker.py")
         self._log = (Path(self._folder.name) / "log").open("w+")
-        self._process = subprocess.Popen(
-            [python, str(script)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log, text=True
-        )
+        try:
+            self._process = subprocess.Popen(
+                [python, str(script)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log, text=True
+            )
+        except OSError as error:
+            self._log.close()
+            self._folder.cleanup()
+            raise _absent(python) from error
         word, _, self.version = self._read().partition(" ")
         if word != "ready":
-            raise FitError(
-                "Blender's Python module bpy cannot be started",
-                where=python,
-                advice=f"pip install 'hangtime[blender]', or set {PYTHON} to a Python that has bpy",
-            )
+            raise _absent(python)
 
     def answer(self, **job: NDArray[np.generic]) -> Floats:
         """Return the nodes of one job."""
         name = Path(self._folder.name) / "job.npz"
         np.savez(name, **job)  # type: ignore[arg-type]
         assert self._process.stdin is not None
-        self._process.stdin.write(f"{name}\n")
-        self._process.stdin.flush()
-        result = self._read()
+        result = ""
+        with contextlib.suppress(OSError):  # a process that has ended takes nothing
+            self._process.stdin.write(f"{name}\n")
+            self._process.stdin.flush()
+            result = self._read()
         if not result:
             raise FitError(
                 "Blender ended in the middle of a simulation", where=self._last_words(), advice="use a coarser mesh"
@@ -157,9 +168,14 @@ class _Worker:
 
     def __del__(self) -> None:
         with contextlib.suppress(AttributeError, OSError):
-            if self._process.stdin is not None:
-                self._process.stdin.close()
-            self._process.wait(timeout=10)
+            with contextlib.suppress(OSError):
+                if self._process.stdin is not None:
+                    self._process.stdin.close()
+            try:
+                self._process.wait(timeout=10)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
             if self._process.stdout is not None:
                 self._process.stdout.close()
             self._log.close()

@@ -79,6 +79,12 @@ def test_a_python_without_bpy_is_named(monkeypatch, tmp_path):
         BlenderEngine(still(), KINECT_SKIRT, (), COARSE)
 
 
+def test_a_python_that_is_not_there_is_named(monkeypatch, tmp_path):
+    monkeypatch.setenv(PYTHON, str(tmp_path / "nowhere"))
+    with pytest.raises(FitError, match="bpy cannot be started"):
+        BlenderEngine(still(), KINECT_SKIRT, (), COARSE)
+
+
 def test_an_unknown_engine_is_refused_before_any_take_is_read():
     with pytest.raises(FitError, match="there is no engine named 'maya'; known engines: own, blender"):
         request_of(KINECT_SKIRT, [], iterations=1, seed=0, spacing=0.1, engine="maya")

@@ -46,12 +46,6 @@ class Stencils:
     def __len__(self) -> int:
         return len(self.first) - 1
 
-    @property
-    def width(self) -> int:
-        """Nodes of every stencil, 0 where they differ."""
-        counts = np.unique(np.diff(self.first))
-        return int(counts[0]) if len(counts) == 1 else 0
-
     def rows(self) -> NDArray[np.int64]:
         """Stencil of each entry, (n,)."""
         return np.repeat(np.arange(len(self)), np.diff(self.first))
@@ -147,6 +141,7 @@ class Lines:
     """Samples along rows (axis 0) or columns (1); lines of nodes that two elements share are sampled once.
 
     of, (cells, 3, 4): sample at each Gauss point of each line of nodes of an element
+    width: nodes of every sample
     """
 
     def __init__(self, grid: Grid, axis: int) -> None:
@@ -157,12 +152,15 @@ class Lines:
         known: dict[tuple[int, ...], int] = {}
         at, weights = spectral.gauss(spectral.ORDER)
         parts = [[grid.gradient(*((g, line) if axis == 0 else (line, g))) for line in spectral.NODES] for g in at]
+        # Where the grid is askew to the fibres every node of the element has a say.
+        most = max(int((gradient[:, axis] != 0).sum(1).max()) for line in parts for gradient, _ in line)
+        self.width = spectral.WIDTH if most <= spectral.WIDTH else spectral.WIDTH**2
         for cell, corners in enumerate(grid.cells):
             for line, share in enumerate(spectral.WEIGHTS):
                 for g, weight in enumerate(weights):
                     gradient, area = parts[g][line]
                     slope = gradient[cell, axis]
-                    used = np.flatnonzero(slope)
+                    used = np.flatnonzero(slope) if self.width == spectral.WIDTH else np.arange(self.width)
                     key = (*corners[used].tolist(), *np.round(1e6 * slope[used] / np.abs(slope).max()).astype(int))
                     if key not in known:
                         known[key] = len(self.areas)

@@ -6,8 +6,8 @@ Samples and stencils are those of `fit.cloth.mesh`. With Fu, Fv the columns of t
     bending    M = B (kappa + tau dkappa/dt - kappa_0 n) + Dahl friction along the normal n, kappa = x_uu, x_vv, x_uv
 The force on a node is minus the sum of stress times the weight with which the node enters its sample.
 
-Sums over stencils are unrolled, or gathered in memory where their length is not known: a sum carried round a loop
-in registers is not vectorised. `+=` on memory would be an atomic, three times slower: load, add, store.
+Sums over stencils are unrolled: a sum carried round a loop in registers is not vectorised. `+=` on memory would be an
+atomic, three times slower: load, add, store.
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations of functions.
@@ -47,25 +47,19 @@ def fibre_slopes(
     b,
     y: ti.template(),
     slopes: ti.template(),
-    first: ti.template(),
     nodes: ti.template(),
     weights: ti.template(),
-    zero,
+    fibres_across,
     fibre_nodes: ti.template(),
 ):
-    """Slope of a field of the nodes at every fibre sample."""
-    for e in range(slopes.shape[1]):
-        if ti.static(fibre_nodes > 0):
-            slopes[b, e, 0], slopes[b, e, 1], slopes[b, e, 2] = slope(
-                b, y, fibre_nodes * e, nodes, weights, fibre_nodes
-            )
-        else:
-            for c in ti.static(range(3)):
-                slopes[b, e, c] = zero
-            for n in range(first[e], first[e + 1]):
-                w, i = weights[n, 0], nodes[n]
-                for c in ti.static(range(3)):
-                    slopes[b, e, c] = slopes[b, e, c] + w * y[b, i, c]
+    """Slope of a field of the nodes at every fibre sample; fibre_nodes: nodes of a sample across, and of one down."""
+    for e in range(fibres_across):
+        slopes[b, e, 0], slopes[b, e, 1], slopes[b, e, 2] = slope(
+            b, y, fibre_nodes[0] * e, nodes, weights, fibre_nodes[0]
+        )
+    for e in range(fibres_across, slopes.shape[1]):
+        begin = fibre_nodes[1] * e - (fibre_nodes[1] - fibre_nodes[0]) * fibres_across
+        slopes[b, e, 0], slopes[b, e, 1], slopes[b, e, 2] = slope(b, y, begin, nodes, weights, fibre_nodes[1])
 
 
 @ti.func
@@ -143,19 +137,19 @@ def push_fibres(
     b,
     stress: ti.template(),
     f: ti.template(),
-    first: ti.template(),
     nodes: ti.template(),
     weights: ti.template(),
+    fibres_across,
     fibre_nodes: ti.template(),
 ):
     """Forces of the stress at the samples on the nodes."""
-    for e in range(stress.shape[1]):
-        p0, p1, p2 = stress[b, e, 0], stress[b, e, 1], stress[b, e, 2]
-        if ti.static(fibre_nodes > 0):
-            push(b, f, p0, p1, p2, fibre_nodes * e, nodes, weights, fibre_nodes)
-        else:
-            for n in range(first[e], first[e + 1]):
-                push(b, f, p0, p1, p2, n, nodes, weights, 1)
+    for e in range(fibres_across):
+        push(
+            b, f, stress[b, e, 0], stress[b, e, 1], stress[b, e, 2], fibre_nodes[0] * e, nodes, weights, fibre_nodes[0]
+        )  # fmt: skip
+    for e in range(fibres_across, stress.shape[1]):
+        begin = fibre_nodes[1] * e - (fibre_nodes[1] - fibre_nodes[0]) * fibres_across
+        push(b, f, stress[b, e, 0], stress[b, e, 1], stress[b, e, 2], begin, nodes, weights, fibre_nodes[1])
 
 
 @ti.func

@@ -33,7 +33,8 @@ class ClothMesh:
 
     rest [m], (nodes, 2), material plane, x right, y up, row by row from the top
     cells, (cells, 16): nodes of each element, row by row; triangles, (n, 3): the same surface for drawing
-    fibres: samples of d/dX [1/m] along rows, the first `fibres_across` of them, then of d/dY along columns
+    fibres: samples of d/dX [1/m] along rows, the first `fibres_across` of them, then of d/dY along columns;
+    fibre_nodes: nodes of each sample across, and down
     shear_across, shear_down, (shear samples, 4): the fibre samples that Fu and Fv are interpolated from;
     shear_weights, (shear samples, 8): with which weights; shear_area [m^2], (shear samples,)
     node_area [m^2], (nodes,)
@@ -49,6 +50,7 @@ class ClothMesh:
     triangles: Integers
     fibres: Samples
     fibres_across: int
+    fibre_nodes: tuple[int, int]
     shear_across: Integers
     shear_down: Integers
     shear_weights: Floats
@@ -113,6 +115,7 @@ def build_mesh(garment: Garment, spacing: float) -> ClothMesh:
             joined_stencils(across.nodes + down.nodes, across.slopes + down.slopes), np.array(across.areas + down.areas)
         ),
         fibres_across=len(across.areas),
+        fibre_nodes=(across.width, down.width),
         shear_across=shear_across,
         shear_down=(shear_down + len(across.areas)).astype(np.int32),
         shear_weights=shear_weights,

@@ -25,12 +25,14 @@ TASK = 512  # Taichi hands out loops in tasks of at least 512 iterations; one ta
 
 
 @functools.cache
-def make_rollout(lanes: int, face_forces: tuple, *, fibre_nodes: int, with_bends: bool, with_added_mass: bool):
+def make_rollout(
+    lanes: int, face_forces: tuple, *, fibre_nodes: tuple[int, int], with_bends: bool, with_added_mass: bool
+):
     """Build the rollout kernel for `lanes` candidates per group and these effects.
 
     face_forces: per effect (first column of its amplitude, number of components, force), where force is a
     `ti.func(a0, a1, a2, vx, vy, vz, nx, ny, nz, area) -> (fx, fy, fz)`;
-    fibre_nodes: nodes of every fibre sample, or 0 where they differ;
+    fibre_nodes: nodes of every fibre sample across, and down;
     with_bends: rest curvature and friction in bending; with_added_mass: inertia of the air along the normal.
     """
     vec = ti.types.vector(lanes, ti.f32)
@@ -120,7 +122,6 @@ def make_rollout(lanes: int, face_forces: tuple, *, fibre_nodes: int, with_bends
         v: lanes_3d,
         f: lanes_3d,
         pull: lanes_3d,
-        fibre_first: integers_1d,
         fibre_at: integers_1d,
         fibre_weights: floats_2d,
         fibre_area: floats_1d,
@@ -201,8 +202,8 @@ def make_rollout(lanes: int, face_forces: tuple, *, fibre_nodes: int, with_bends
                         stretch, stretch_across, shear = material[b, 0], material[b, 1], material[b, 2]
                         bend, bend_across, twist = material[b, 3], material[b, 4], material[b, 5]
                         fibre_time, bend_time, stiffening = material[b, 6], material[b, 7], material[b, 9]
-                        fibre_slopes(b, x, slopes, fibre_first, fibre_at, fibre_weights, zero, fibre_nodes)
-                        fibre_slopes(b, v, rates, fibre_first, fibre_at, fibre_weights, zero, fibre_nodes)
+                        fibre_slopes(b, x, slopes, fibre_at, fibre_weights, fibres_across, fibre_nodes)
+                        fibre_slopes(b, v, rates, fibre_at, fibre_weights, fibres_across, fibre_nodes)
                         fibres(
                             b, 0, fibres_across, slopes, rates, stress, fibre_area,
                             stretch_across, fibre_time, stiffening,
@@ -223,7 +224,7 @@ def make_rollout(lanes: int, face_forces: tuple, *, fibre_nodes: int, with_bends
                             b, slopes, rates, stress, shear_across, twist_weights, twist_centre, twist_root,
                             twist, bend_time, normal, rest_curvature, friction, material[b, 13], dt, with_bends,
                         )  # fmt: skip
-                        push_fibres(b, stress, f, fibre_first, fibre_at, fibre_weights, fibre_nodes)
+                        push_fibres(b, stress, f, fibre_at, fibre_weights, fibres_across, fibre_nodes)
                         bending(
                             b, x, v, f, bend_first, bend_nodes, bend_weights, bend_kind, bend_centre, bend_root,
                             bend_counts, bend, bend_across, bend_time,

@@ -225,7 +225,7 @@ class Simulator:
         needs_normals = bool(faces) or with_bends or with_added
         fibres = len(mesh.fibres.area)
         kernel = self._make_rollout(
-            lanes, faces, fibre_nodes=mesh.fibres.stencils.width,
+            lanes, faces, fibre_nodes=mesh.fibre_nodes,
             with_bends=with_bends, with_added_mass=with_added,
         )  # fmt: skip
         with runtime.vectors_kept():
@@ -340,7 +340,7 @@ def _membrane_arguments(mesh: ClothMesh) -> list[NDArray[np.float32] | Integers 
     """What the kernel wants to know of the membrane, in its order."""
     stencils = mesh.fibres.stencils
     return [
-        stencils.first, stencils.nodes, _single(stencils.weights), _single(mesh.fibres.area), mesh.fibres_across,
+        stencils.nodes, _single(stencils.weights), _single(mesh.fibres.area), mesh.fibres_across,
         mesh.shear_across, mesh.shear_down, _single(mesh.shear_weights), _single(mesh.shear_area),
     ]  # fmt: skip
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
-
+import msgspec
 import numpy as np
 import pytest
 from scipy.optimize import curve_fit
@@ -41,6 +40,28 @@ def test_a_flat_sheet_does_not_resist_bending_forces_or_translation():
     assert np.abs(mesh.bends.stencils.apply(flat)).max() < 1e-9
     across = mesh.fibres.stencils.apply(flat)[mesh.shear_across]
     assert np.abs(np.einsum("sk,skc->sc", mesh.bends.twist_weights, across)).max() < 1e-9
+
+
+FLARED = ((-0.2, 0.0), (0.2, 0.0), (0.3, -0.45), (-0.25, -0.4))
+
+
+@pytest.mark.parametrize("outline", [None, FLARED], ids=["rectangle", "flared"])
+def test_samples_of_a_linear_field_are_its_slopes_and_stand_for_the_whole_area(outline):
+    """x = (2 X + 3 Y, X, Y): d/dX = (2, 1, 0) across and d/dY = (3, 0, 1) down, also where the grid is askew."""
+    garment = msgspec.structs.replace(sheet(), outline_m=outline) if outline else sheet()
+    mesh = build_mesh(garment, 0.06)
+    field = np.column_stack([mesh.rest @ [2.0, 3.0], mesh.rest])
+    slopes = mesh.fibres.stencils.apply(field)
+    across, down = slopes[: mesh.fibres_across], slopes[mesh.fibres_across :]
+    assert across == pytest.approx(np.tile([2.0, 1.0, 0.0], (len(across), 1)), abs=1e-9)
+    assert down == pytest.approx(np.tile([3.0, 0.0, 1.0], (len(down), 1)), abs=1e-9)
+    tied = np.einsum("sk,skc->sc", mesh.shear_weights[:, :4], slopes[mesh.shear_across])
+    assert tied == pytest.approx(np.tile([2.0, 1.0, 0.0], (len(tied), 1)), abs=1e-9)
+    x, y = np.array(garment.outline_m).T
+    area = 0.5 * abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1)))
+    parts = mesh.fibres.area[: mesh.fibres_across], mesh.fibres.area[mesh.fibres_across :], mesh.shear_area
+    for whole in (mesh.area, *(part.sum() for part in parts)):
+        assert whole == pytest.approx(area)
 
 
 def test_areas_and_hem_add_up_to_the_garment():

@@ -33,7 +33,7 @@ from fit.geometry import check_geometry
 from fit.recording import Recording, prepare
 from fit.request import Request
 from fit.search.choice import Search, begin
-from fit.search.intervals import Intervals, block_intervals, draw_intervals
+from fit.search.intervals import Intervals, block_intervals, check_blocks, draw_intervals
 from fit.search.observed import DIFFERENCE, ObservedSearch, ObservedSettings
 from fit.search.tempering import FEWEST_DRAWS, Tempering
 from formats.results import ErrorFigure, FitParameter, FitResult, ObjectiveFigure
@@ -65,12 +65,17 @@ class Model:
 
     def material(self, vector: Floats) -> dict[str, float]:
         """SI material of one vector, at the mean weighed density, with the effects that change the cloth."""
+        return dict(zip(NAMES, self.material_rows(vector[None])[0].tolist(), strict=True))
+
+    def material_rows(self, vectors: Floats) -> Floats:
+        """The same for many vectors, (candidates, parameters), as rows in the order of `NAMES`."""
         count = len(self.request.method.parameters)
-        row = self.request.method.to_materials(vector[None, :count], self.weighed_density)[0]
+        rows = self.request.method.to_materials(vectors[:, :count], self.weighed_density).copy()
         for effect, columns in zip(self.request.effects, columns_of(self.request.effects), strict=True):
-            if vector[count:][columns].any():
-                row = effect.material(row, vector[count:][columns])
-        return dict(zip(NAMES, row.tolist(), strict=True))
+            for k, amplitude in enumerate(vectors[:, count:][:, columns]):
+                if amplitude.any():
+                    rows[k] = effect.material(rows[k], amplitude)
+        return rows
 
     def points(self, vectors: Floats) -> list[Floats]:
         """Simulated points per take, each (candidates, frames, points, 3) [m]."""
@@ -92,11 +97,21 @@ class Model:
         )  # fmt: skip
 
     def error(self, vector: Floats) -> ErrorFigure:
-        """Mean distance of the points per frame of all takes, one after the other, for one vector."""
+        """Mean distance of the points per frame of all takes, one after the other, for one vector.
+
+        Raises:
+            BlowUpError: a take whose simulation does not stay finite.
+        """
         by_frame, time, start = [], [], 0.0
         for recording, points in zip(self.recordings, self.points(vector[None]), strict=True):
             errors = objective.per_frame(recording.points, points[0])
-            seen = np.isfinite(errors)
+            seen = np.isfinite(recording.points).all(-1).any(-1)
+            if not np.isfinite(errors[seen]).all():
+                raise BlowUpError(
+                    "the simulation of this take blew up",
+                    where=recording.take_id,
+                    advice="use a coarser mesh (--spacing)",
+                )
             by_frame.append(errors[seen])
             time.append(recording.time[seen] + start)
             start = float(time[-1][-1]) + 1.0
@@ -117,11 +132,12 @@ def calibrate(
 ) -> FitResult:
     """Fit the request's parameters to the training takes and report errors before and after.
 
-    With a checkpoint file the search is saved every ten seconds and when interrupted, and goes on from there.
+    With a checkpoint file the search is saved every ten seconds, when interrupted and at its end, and goes on from
+    there; remove the file once the result is kept. Least squares keep nothing.
 
     Raises:
-        FitError: no take, or takes that cannot be simulated.
-        BlowUpError: the initial parameters cannot be simulated.
+        FitError: no take, takes that cannot be simulated, or a saved search that cannot be continued.
+        BlowUpError: a take cannot be simulated with the initial or the fitted parameters.
     """
     if not training:
         raise FitError("no take was given", advice="name at least one take archive")
@@ -130,8 +146,6 @@ def calibrate(
     judge = Model([prepare(t) for t in held_out], request) if held_out else None
     run = _least_squares if request.search == "least-squares" else _ask_and_tell
     found = run(model, request, checkpoint, _key(training, request), progress)
-    if checkpoint is not None:
-        checkpoint.unlink(missing_ok=True)
     return _result(training, held_out, request, model, judge, found, clock.monotonic() - started)
 
 
@@ -149,6 +163,7 @@ class _Found:
 def _ask_and_tell(
     model: Model, request: Request, checkpoint: Path | None, key: dict[str, object], progress: Progress
 ) -> _Found:
+    check_blocks(np.concatenate(_half_seconds(model.recordings)))
     blocks = sum(r.duration for r in model.recordings) / BLOCK
     initial = np.array([p.initial for p in request.parameters])
     steps = np.array([p.interval for p in request.parameters])
@@ -175,6 +190,8 @@ def _ask_and_tell(
         if checkpoint is not None:
             _save(search, checkpoint, key)
         raise
+    if checkpoint is not None:
+        _save(search, checkpoint, key)  # what follows simulates again and may fail
     if isinstance(search, Tempering) and len(search.draws) >= FEWEST_DRAWS:
         intervals = draw_intervals(request.space, search.draws)
     else:
@@ -237,7 +254,14 @@ def _resume(search: Search, checkpoint: Path, key: dict[str, object]) -> None:
             where=checkpoint,
             advice="delete it or choose another --out",
         )
-    search.restore(state)
+    try:
+        search.restore(state)
+    except (FitError, LookupError, TypeError, ValueError, AttributeError) as error:
+        raise FitError(
+            "the saved search cannot be continued here (other settings, libraries or processor)",
+            where=checkpoint,
+            advice="delete it to start anew",
+        ) from error
 
 
 def _result(
@@ -246,8 +270,7 @@ def _result(
 ) -> FitResult:  # fmt: skip
     best, intervals = found.vector, found.intervals
     initial = np.array([p.initial for p in request.parameters])
-    count, weighed = len(request.method.parameters), model.weighed_density
-    reach = np.array([p.maximum - p.minimum for p in request.method.parameters])
+    reach = np.array([p.maximum - p.minimum for p in request.parameters])
     described = [
         FitParameter(
             name=p.name, unit=p.unit, initial=p.initial, fitted=float(best[k]), minimum=p.minimum, maximum=p.maximum,
@@ -290,11 +313,10 @@ def _result(
         notes=notes,
         material=model.material(best) if is_own else {},
         objective=model.objective_figure(initial, best),
-        combinations=describe_combinations(
-            lambda vectors: request.method.to_materials(vectors, weighed),
-            initial[:count], best[:count], reach, intervals.covariance[:count, :count],
-        ) if is_own else [],
-    )  # fmt: skip
+        combinations=(
+            describe_combinations(model.material_rows, initial, best, reach, intervals.covariance) if is_own else []
+        ),
+    )
 
 
 def _intervals(model: Model, best: Floats) -> Intervals:
@@ -303,13 +325,20 @@ def _intervals(model: Model, best: Floats) -> Intervals:
     unit = space.to_unit(best)
     step = np.where(unit + DIFFERENCE <= 1, DIFFERENCE, -DIFFERENCE)
     candidates = space.from_unit(np.concatenate([unit[None], unit + np.diag(step)]))
-    residuals, block, first = [], [], 0
+    residuals, block = [], _half_seconds(model.recordings)
     for recording, points in zip(model.recordings, model.points(candidates), strict=True):
         residuals.append((recording.points - points)[:, recording.valid].reshape(len(candidates), -1))
-        half_second = (recording.time / BLOCK).astype(np.int64) + first
-        block.append(np.repeat(half_second[np.nonzero(recording.valid)[0]], 3))
-        first = int(half_second[-1]) + 1
     stacked = np.concatenate(residuals, axis=1)
     jacobian = np.nan_to_num((stacked[1:] - stacked[0]) / step[:, None]).T
     deviation = float(np.sqrt(np.mean(stacked[0] ** 2)))
     return block_intervals(space, best, stacked[0] / deviation, jacobian / deviation, np.concatenate(block))
+
+
+def _half_seconds(recordings: list[Recording]) -> list[NDArray[np.int64]]:
+    """Per recording the block to which each of its numbers belongs; no two recordings share one."""
+    found, first = [], 0
+    for recording in recordings:
+        half_second = (recording.time / BLOCK).astype(np.int64) + first
+        found.append(np.repeat(half_second[np.nonzero(recording.valid)[0]], 3))
+        first = int(half_second[-1]) + 1
+    return found

@@ -83,7 +83,8 @@ def fit_command(
     """Find the cloth parameters that make the simulation follow the takes.
 
     By default simulated annealing as in the Kinect-skirt paper: freely running simulations, the method's own error.
-    Writes DIR/fit.json and DIR/report.html. Interrupt with Ctrl-C at any time; the same command goes on where it was.
+    Writes DIR/fit.json and DIR/report.html. Interrupt with Ctrl-C at any time; the same command goes on where it was
+    (least squares begin anew).
     """
     from fit.calibration import calibrate
     from fit.fabrics import find_fabric
@@ -104,21 +105,24 @@ def fit_command(
     training, testing = [read_take(p) for p in takes], [read_take(p) for p in held_out]
     out.mkdir(parents=True, exist_ok=True)
     progress = ProgressLine(search)
+    checkpoint = None if search == "least-squares" else out / "fit.partial.json"
 
     def show(done: int, total: int, best: float) -> None:
         error = f"mean error {1e3 * best:.1f} mm" if chosen.is_in_metres else f"error E/N {best:.3f}"
         progress.show(done / total, f"{done}/{total}, {error}")
 
     try:
-        result = calibrate(training, testing, request, checkpoint=out / "fit.partial.json", progress=show)
+        result = calibrate(training, testing, request, checkpoint=checkpoint, progress=show)
     except KeyboardInterrupt:
         progress.end()
-        typer.echo(
-            f"Interrupted; the search is kept in {out / 'fit.partial.json'}. The same command goes on.", err=True
-        )
+        is_kept = checkpoint is not None and checkpoint.exists()
+        kept = f"the search is kept in {checkpoint}. The same command goes on." if is_kept else "nothing is kept."
+        typer.echo(f"Interrupted; {kept}", err=True)
         raise typer.Exit(130) from None
     progress.end()
     save_fit_result(out / "fit.json", result)
+    if checkpoint is not None:
+        checkpoint.unlink(missing_ok=True)
     report = write_fit_report(out / "report.html", result, training, testing, request)
     typer.echo(_table(result))
     typer.echo(f"Fit result: {out / 'fit.json'}\nReport:     {report}")

@@ -115,5 +115,5 @@ def batch_command(
     if is_interrupted:
         typer.echo("Interrupted; the same command goes on.", err=True)
         raise typer.Exit(130)
-    if any(row.state in ("failed", "refused") for row in rows):
+    if any(row.state not in ("fitted", "known") for row in rows):
         raise typer.Exit(1)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
+import re
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -36,7 +37,8 @@ def connect(workers: Workers) -> Iterator[Any]:
     """Yield a dask client; of this machine's own workers, or of the cluster once its scheduler answers.
 
     Raises:
-        BatchError: dask is not installed, or no scheduler answers for as long as patience lasts.
+        BatchError: dask is not installed, the scheduler's address is malformed or needs certificates that are not
+            set, or no scheduler answers for as long as patience lasts.
     """
     try:
         import distributed
@@ -76,6 +78,12 @@ def _local(distributed: Any, workers: Workers) -> Any:
 
 def _remote(distributed: Any, workers: Workers) -> Any:
     address = str(workers.scheduler)
+    if re.fullmatch(r"[^/]+:\d+", address) and not Path(address).exists():
+        raise BatchError(
+            "is neither an address nor a scheduler file",
+            where=address,
+            advice=f"write tcp://{address} or tls://{address}",
+        )
     deadline = time.monotonic() + workers.patience
     while True:
         try:
@@ -84,6 +92,14 @@ def _remote(distributed: Any, workers: Workers) -> Any:
                     raise OSError(f"there is no file {address}")
                 return distributed.Client(scheduler_file=address, timeout=CONNECT)
             return distributed.Client(address, timeout=CONNECT)
+        except TypeError as error:
+            if not address.startswith("tls://"):
+                raise
+            raise BatchError(
+                "TLS needs certificates, and none are set",
+                where=address,
+                advice="set DASK_DISTRIBUTED__COMM__TLS__CA_FILE, ...__CLIENT__CERT and ...__CLIENT__KEY",
+            ) from error
         except (OSError, TimeoutError, ValueError) as error:
             if time.monotonic() >= deadline or (isinstance(error, ValueError) and "://" in address):
                 raise BatchError(

@@ -29,7 +29,8 @@ def run_job(job: Job) -> Outcome:
     if physics_version() != job.physics:
         return Outcome(
             key=job.key, state="refused",
-            sentence="the worker has another Hangtime than the batch; install the same version on both",
+            sentence="the worker has another Hangtime or other libraries than the batch; install the same versions on "
+            "both",
         )  # fmt: skip
     takes, results = open_store(job.takes_url), open_store(job.results_url)
     if results.has(result_name(job.key)):
@@ -45,6 +46,8 @@ def run_job(job: Job) -> Outcome:
         raise
     except MemoryError:
         return Outcome(key=job.key, state="refused", sentence="not enough memory; use fewer workers")
+    except (OSError, ImportError) as error:
+        return Outcome(key=job.key, state="refused", sentence=f"this worker cannot do it ({error})")
     except Exception as error:  # a take must not end a night, whatever is wrong with it
         sentence = _sentence(error)
         record = {"format": "hangtime-batch-failure/1", "take": job.take, "sentence": sentence,
@@ -76,7 +79,7 @@ def _fit(job: Job, content: bytes, results: Store) -> bytes:
         except FitError as error:
             if checkpoint is None or error.where != checkpoint:
                 raise
-            checkpoint.unlink(missing_ok=True)  # an unfinished search that cannot be read costs time, not the take
+            checkpoint.unlink(missing_ok=True)  # an unfinished search that cannot go on costs time, not the take
             result = calibrate([take], [], job.plan.request(), checkpoint=checkpoint)
         save_fit_result(Path(folder) / "fit.json", result)
         return (Path(folder) / "fit.json").read_bytes()

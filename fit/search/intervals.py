@@ -47,6 +47,17 @@ class Intervals:
     covariance: Floats
 
 
+def check_blocks(block: NDArray[np.int64]) -> None:
+    """Refuse, before anything is searched for, numbers of too few blocks, (m,), for intervals.
+
+    Raises:
+        FitError: fewer than three blocks.
+    """
+    count = len(np.unique(block))
+    if count < FEWEST_BLOCKS:
+        raise FitError(f"intervals need {FEWEST_BLOCKS} blocks, there are {count}", advice="record a longer take")
+
+
 def block_intervals(
     space: BoundedSpace, parameters: Floats, residuals: Floats, jacobian: Floats, block: NDArray[np.int64],
     *, between: Floats | float = 0.0,
@@ -62,9 +73,8 @@ def block_intervals(
     """
     from scipy.stats import t as student
 
+    check_blocks(block)
     names, place = np.unique(block, return_inverse=True)
-    if len(names) < FEWEST_BLOCKS:
-        raise FitError(f"intervals need {FEWEST_BLOCKS} blocks, there are {len(names)}", advice="record a longer take")
     variance, way = jackknife(residuals, jacobian, place)
     variance = variance + between
     deviation = np.sqrt(np.diag(variance))

@@ -29,7 +29,7 @@ from fit.errors import BlowUpError
 from fit.gap.observer import Observer
 from fit.parameterisations import Parameterisation
 from fit.recording import Recording
-from fit.search.intervals import PRIOR_SD, Intervals, block_intervals
+from fit.search.intervals import PRIOR_SD, Intervals, block_intervals, check_blocks
 from fit.search.least_squares import BoundedSpace, LeastSquaresResult, LeastSquaresSettings, Prior, minimise
 
 Floats = NDArray[np.float64]
@@ -90,8 +90,10 @@ class ObservedSearch:
         """Search from the start, (parameters,), and from scattered ones; `progress` is told of each descent.
 
         Raises:
+            FitError: the recordings are too short for intervals.
             BlowUpError: the start cannot be simulated.
         """
+        check_blocks(self.free.layout.block)
         settings = settings or ObservedSettings()
         prior = Prior(mean=start, precision=np.diag((PRIOR_SD * self.space.scale) ** -2))
         found, path = [], []

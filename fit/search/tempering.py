@@ -83,7 +83,8 @@ class Tempering(RecordedSearch):
         self._turn += [(unit, float(log)) for unit, log in zip(units, logs, strict=True)]
         if len(self._turn) < len(self.places):
             return
-        is_settling = self.evaluations < self.budget / 2
+        # Counted in whole sweeps, because batches may end within one.
+        is_settling = 1 + self._sweeps * len(self.places) < self.budget / 2
         for k, ((place, log), chance) in enumerate(
             zip(self._turn, self._generator.random(len(self.places)), strict=True)
         ):

@@ -6,6 +6,7 @@ import csv
 import json
 import subprocess
 import sys
+from importlib import metadata
 
 import numpy as np
 import pytest
@@ -139,6 +140,27 @@ def test_a_cluster_that_is_not_there_is_one_sentence(takes, tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("address", "sentence"),
+    [
+        ("tls://127.0.0.1:9", "tls://127.0.0.1:9: TLS needs certificates, and none are set"),
+        ("127.0.0.1:9", "127.0.0.1:9: is neither an address nor a scheduler file; write tcp://127.0.0.1:9 or"),
+        ("http://127.0.0.1:9", "no scheduler answers there (unknown address scheme 'http'"),
+    ],
+)
+def test_an_address_that_cannot_be_is_told_at_once(takes, tmp_path, address, sentence):
+    process = start("batch", takes, "--out", "out", "--scheduler", address, folder=tmp_path, COLUMNS="300")
+    assert process.wait(60) == 2, said(tmp_path)
+    assert sentence in said(tmp_path)
+    assert "Traceback" not in said(tmp_path)
+
+
+def test_a_night_too_short_for_its_takes_ends_with_1(takes, tmp_path):
+    process = start("batch", takes, "--out", "out", "--hours", 0, *SHORT, folder=tmp_path)
+    assert process.wait(60) == 1
+    assert "3 takes: 3 waiting." in said(tmp_path)
+
+
+@pytest.mark.parametrize(
     ("words", "sentence"),
     [
         (("batch", "nowhere"), "nowhere: holds no take (*.mcap)"),
@@ -175,16 +197,28 @@ def test_the_physics_is_the_source_of_every_module_that_a_fit_loads():
         import fit
         from fit.calibration import calibrate
         from fit.cloth import rollout
-        from fit.batch.jobs import WITHOUT_PART
-        top = Path(fit.__file__).parent
-        used = [Path(m.__file__).relative_to(top) for n, m in sys.modules.items()
-                if n.startswith("fit.") and not n.startswith("fit.batch")]
-        assert len(used) > 20
-        print([str(path) for path in used if path.parts[0] in WITHOUT_PART])
+        from fit.gap import observer
+        from fit.search import cma_es, tempering
+        from formats import archive
+        from fit.batch.jobs import has_part
+        top = Path(fit.__file__).parent.parent
+        used = [Path(m.__file__).relative_to(top).as_posix() for n, m in sys.modules.items()
+                if n.startswith(("fit.", "formats.")) and not n.startswith("fit.batch")]
+        assert len(used) > 30
+        assert "formats/archive.py" in used
+        print([path for path in used if not has_part(path)])
     """
     code = "\n".join(line[8:] for line in code.splitlines())
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("library", ["cmaes", "numpy", "scipy", "taichi"])
+def test_the_physics_changes_with_the_version_of_each_library(monkeypatch, library):
+    installed = metadata.version
+    before = physics_version.__wrapped__()
+    monkeypatch.setattr(metadata, "version", lambda name: "0.0" if name == library else installed(name))
+    assert physics_version.__wrapped__() != before
 
 
 def test_the_same_take_under_two_names_is_fitted_once(takes, tmp_path):
@@ -213,6 +247,32 @@ def test_a_job_is_done_once_and_a_broken_unfinished_search_is_begun_anew(takes, 
     written = path.stat().st_mtime_ns
     assert run_job(job).state == "fitted"
     assert path.stat().st_mtime_ns == written
+
+
+@pytest.mark.parametrize("change", [{"settings": {}}, {"steps": 0}])
+def test_an_unfinished_search_that_does_not_go_on_here_is_begun_anew(takes, tmp_path, change):
+    """Of other settings, or not as this version writes them."""
+    job = job_of(takes / "swing0.mcap", tmp_path)
+    unfinished = tmp_path / search_name(job.key)
+    unfinished.parent.mkdir()
+    calibrate([read_take(takes / "swing0.mcap")], [], job.plan.request(), checkpoint=unfinished)
+    saved = json.loads(unfinished.read_text())
+    saved["search"].update(change)
+    unfinished.write_text(json.dumps(saved))
+    assert run_job(job).state == "fitted"
+    assert not unfinished.exists()
+
+
+def test_what_a_worker_lacks_is_no_fault_of_the_take(takes, tmp_path):
+    """A file lies where the folder of unfinished searches is to be made."""
+    job = job_of(takes / "swing0.mcap", tmp_path)
+    (tmp_path / search_name(job.key)).parent.write_text("")
+    outcome = run_job(job)
+    assert outcome.state == "refused"
+    assert outcome.sentence.startswith("this worker cannot do it (")
+    assert not (tmp_path / "failed").exists()
+    found = survey(open_store(str(takes)), open_store(str(tmp_path)), PLAN)
+    assert job.key in [waiting.key for waiting in found.waiting]
 
 
 def test_an_unfinished_search_goes_on_where_its_worker_died(takes, tmp_path):

@@ -82,6 +82,19 @@ def test_the_result_does_not_depend_on_the_batch_width(name):
         assert np.array_equal(search.best_history, searches[0].best_history)
 
 
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("budget", [119, 120, 121])
+def test_the_draws_of_tempering_do_not_depend_on_the_batch_width(seed, budget):
+    """The first half of the budget ends within a sweep: 60 lies in the eighth, of candidates 57 to 64."""
+    searches = [begun("tempering", budget, seed) for _ in range(4)]
+    for search, width in zip(searches, (1, 3, 5, 16), strict=True):
+        run(search, width)
+    for search in searches[1:]:
+        assert np.array_equal(search.draws, searches[0].draws)
+        assert np.array_equal(search.steps, searches[0].steps)
+        assert np.array_equal(search.best_history, searches[0].best_history)
+
+
 @pytest.mark.parametrize("name", TOLD)
 def test_a_search_goes_on_bit_identically_after_a_trip_through_json(name):
     whole, first, second = begun(name), begun(name), begun(name)

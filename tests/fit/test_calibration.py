@@ -1,0 +1,133 @@
+"""The loop around a search, with an engine that only adds a millimetre of noise to what was measured."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import typer
+
+from fit import calibration
+from fit.calibration import calibrate
+from fit.cli import fit_command
+from fit.errors import BlowUpError, FitError
+from fit.parameterisations import find_method
+from fit.request import request_of
+from formats.archive import write_take
+from tests.fit.scenes import hung, sheet, swing, take_of
+
+
+class Noise:
+    """An engine behind the contract of `fit.engines.contract`; every point of the takes in `broken` is NaN."""
+
+    broken: tuple[str, ...] = ()
+
+    def __init__(self, recording, method, effects, resolution):
+        shift = np.random.default_rng(0).normal(0, 1e-3, recording.points.shape)
+        self._points = recording.points + (np.nan if recording.take_id in self.broken else shift)
+
+    def points(self, vectors):
+        return np.repeat(self._points[None], len(vectors), axis=0)
+
+
+@pytest.fixture(autouse=True)
+def engine(monkeypatch):
+    monkeypatch.setattr(calibration, "find_engine", lambda name: Noise)
+    return Noise
+
+
+def a_take(name="a", seconds=3.0):
+    time = np.arange(0, seconds, 1 / 30)
+    path, garment = swing(time, amplitude=0.05), sheet()
+    return take_of(garment, time, path, hung(garment, time) + path[:, None], name=name)
+
+
+def asked(search="annealing", method="lean", effects=(), bounds=()):
+    return request_of(
+        find_method(method), list(effects), iterations=6, seed=1, spacing=0.1, search=search, bounds=list(bounds)
+    )
+
+
+def never(done, total, best):
+    raise AssertionError("the search was not to be begun")
+
+
+@pytest.mark.parametrize("search", ["annealing", "restarts", "tempering", "cma-es"])
+def test_a_finished_search_outlives_a_held_out_take_that_blows_up(engine, monkeypatch, tmp_path, search):
+    file = tmp_path / "c.json"
+    whole = calibrate([a_take()], [], asked(search))
+    with monkeypatch.context() as patch:
+        patch.setattr(engine, "broken", ("b",))
+        with pytest.raises(BlowUpError, match=r"^b: the simulation of this take blew up; use a coarser mesh"):
+            calibrate([a_take()], [a_take("b")], asked(search), checkpoint=file)
+    result = calibrate([a_take()], [a_take("b")], asked(search), checkpoint=file, progress=never)
+    assert result.history == whole.history
+    assert result.parameters == whole.parameters
+
+
+@pytest.mark.parametrize("search", ["annealing", "restarts", "tempering", "cma-es"])
+@pytest.mark.parametrize("state", [{}, [], {"seed": 2}])
+def test_a_saved_search_that_does_not_replay_is_named_with_its_file(tmp_path, search, state):
+    """Nothing saved, something else saved, another seed."""
+    file = tmp_path / "c.json"
+    calibrate([a_take()], [], asked(search), checkpoint=file)
+    saved = json.loads(file.read_text())
+    saved["search"] = {**saved["search"], "chains": 0, "settings": 0, **state} if state else state
+    file.write_text(json.dumps(saved))
+    with pytest.raises(FitError, match="cannot be continued here") as caught:
+        calibrate([a_take()], [], asked(search), checkpoint=file)
+    assert caught.value.where == file
+    assert caught.value.advice == "delete it to start anew"
+
+
+@pytest.mark.parametrize("search", ["annealing", "cma-es"])
+def test_a_take_of_under_three_half_seconds_is_refused_before_the_search(search):
+    with pytest.raises(FitError, match="intervals need 3 blocks, there are 2; record a longer take"):
+        calibrate([a_take(seconds=0.9)], [], asked(search), progress=never)
+
+
+def test_combinations_count_effects_that_change_the_cloth():
+    """At 0.2 kg/m^2 a trace of 0.3 N/m, a thousandth of the stretch stiffness, and the effect's 10 N/m: 51.5 m2/s2."""
+    result = calibrate(
+        [a_take()], [], asked(effects=["air_drag", "shear_stiffness"], bounds=["shear_stiffness=10:100"])
+    )
+    shear = next(c for c in result.combinations if c.name == "shear stiffness / density")
+    assert shear.initial == pytest.approx(51.5)
+    assert shear.fitted == pytest.approx(result.material["shear_stiffness"] / 0.2)
+    # 90 of the effect's range over sqrt(12), over the density, 1.645 times to each side.
+    assert shear.interval_high == pytest.approx(51.5 + 1.645 * 90 / 12**0.5 / 0.2, rel=0.01)
+
+
+def test_a_narrow_box_tells_nothing_that_the_points_do_not():
+    """The engine knows no parameter, so every deviation is the box's own, however narrow that is."""
+    result = calibrate([a_take()], [], asked(bounds=["stretch_stiffness=299:301"]))
+    stretch = next(c for c in result.combinations if c.name == "stretch stiffness / density")
+    assert not stretch.is_identified
+    assert not any(p.is_identified for p in result.parameters)
+
+
+@pytest.mark.parametrize(
+    ("search", "is_there", "sentence"),
+    [
+        ("least-squares", True, "Interrupted; nothing is kept."),
+        ("annealing", False, "Interrupted; nothing is kept."),
+        ("annealing", True, "the search is kept in out/fit.partial.json. The same command goes on."),
+    ],
+)
+def test_what_is_promised_after_an_interruption_is_there(
+    monkeypatch, tmp_path, capsys, search, is_there, sentence
+):  # fmt: skip
+    def interrupt(*words, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(calibration, "calibrate", interrupt)
+    monkeypatch.chdir(tmp_path)
+    take = write_take(tmp_path / "a.mcap", a_take())
+    (tmp_path / "out").mkdir()
+    if is_there:
+        (tmp_path / "out/fit.partial.json").write_text("{}")
+    with pytest.raises(typer.Exit):
+        fit_command([take], search=search, out=tmp_path.relative_to(tmp_path) / "out")
+    assert sentence in capsys.readouterr().err
+    assert (tmp_path / "out/fit.partial.json").exists() == is_there

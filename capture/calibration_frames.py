@@ -44,21 +44,25 @@ def watch(sensor: DepthSensor, detector: MarkerDetector, seconds: float) -> Stil
     corners: list[Floats] = []
     depth: list[NDArray[np.uint16]] = []
     first: float | None = None
+    seen = 0
     for frame in sensor.frames():
         first = frame.time_s if first is None else first
         if frame.time_s - first > seconds:
             break
         if frame.colour is None or frame.depth.shape != frame.colour.shape[:2]:
             continue
+        seen += 1
         found = detector.in_picture(frame.colour)
+        if np.isnan(found[:, 0, 0]).all():
+            continue  # without any marker a frame says nothing, and would pass for a still one
         for row in np.flatnonzero(np.isfinite(found[:, 0, 0])):
             found[row] = detector.refined(frame.colour, int(row), found[row])
         corners.append(found)
         depth.append(frame.depth)
     where = sensor.info.uri
-    if not corners or not np.isfinite(corners).any():
+    if not corners:
         raise CalibrationError(
-            f"none of the markers {', '.join(map(str, detector.ids))} was seen in {len(corners)} frames", where=where,
+            f"none of the markers {', '.join(map(str, detector.ids))} was seen in {seen} frames", where=where,
             advice="hang the hanger 1.2 to 2.5 m before the sensor, markers towards it, in even light",
         )  # fmt: skip
     everything = np.stack(corners)
@@ -69,7 +73,7 @@ def watch(sensor: DepthSensor, detector: MarkerDetector, seconds: float) -> Stil
             advice="put the hanger on a hook, let it and the plumb line come to rest, and do not touch them",
         )  # fmt: skip
     end = min(end, start + MOST_KEPT)
-    return StillFrames(everything[start:end], depth[start:end], seen=len(corners))
+    return StillFrames(everything[start:end], depth[start:end], seen=seen)
 
 
 def longest_still(corners: Floats) -> tuple[int, int]:

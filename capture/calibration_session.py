@@ -31,6 +31,7 @@ from capture.errors import CalibrationError, UntrackableError
 from capture.marker_detection import MarkerDetector, diagonal_crossing
 from capture.marker_plates import PlatePlacer
 from firmware_host.depth_sensor import DepthSensor
+from formats.descriptions import DEPTH_SCALES
 from formats.rig import Calibration, Hanger, Rig, Sensor, Vector
 
 Floats = NDArray[np.float64]
@@ -69,7 +70,8 @@ def calibrate(
     hanger's dictionary and size; accelerometer: gravity from the sensor itself, used where no plumb line is seen.
 
     Raises:
-        CalibrationError: no markers, nothing still, or a plumb line that is too short.
+        CalibrationError: no markers, nothing still, a plumb line that is too short, or markers that are not as far
+            apart as the rig says.
         UntrackableError: the rig has no hanger or another sensor, or an id is used twice.
     """
     hanger, camera = _described(rig, sensor)
@@ -92,6 +94,11 @@ def calibrate(
     if left is not None and right is not None:
         distance = float(np.linalg.norm(right.value - left.value))
         scale = depth_scale(left, right, hanger.marker_distance_m)
+        if not DEPTH_SCALES[0] < float(scale.value) < DEPTH_SCALES[1]:
+            raise CalibrationError(
+                f"the markers are {1e3 * distance:.0f} mm apart, the rig says {1e3 * hanger.marker_distance_m:.0f}",
+                where=rig.name, advice="measure that distance again, and the markers' size",
+            )  # fmt: skip
     plumb = _plumb_line(still, placer)
     gravity = plumb or accelerometer
     described = msgspec.structs.replace(rig, sensor=camera)

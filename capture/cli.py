@@ -19,14 +19,19 @@ def add_commands(app: typer.Typer) -> None:
 
 def print_command(
     out: Annotated[Path, typer.Option("--out", metavar="FILE.svg", help="The page to write.")] = Path("markers.svg"),
-    ids: Annotated[str, typer.Option("--ids", metavar="ID,ID", help="Numbers of the markers.")] = "0,1",
+    ids: Annotated[
+        str | None,
+        typer.Option("--ids", metavar="ID,ID", help="Numbers of the markers.", show_default="the rig's, or 0,1"),
+    ] = None,
     size: Annotated[
         float, typer.Option("--size", metavar="METRES", help="Side, from black edge to black edge.")
     ] = 0.06,
     dictionary: Annotated[str, typer.Option("--dictionary", metavar="NAME", help="OpenCV's name.")] = "DICT_4X4_50",
     rig: Annotated[
         Path | None,
-        typer.Option("--rig", metavar="RIG.toml", help="Take dictionary, numbers and size from this rig."),
+        typer.Option(
+            "--rig", metavar="RIG.toml", help="Take dictionary, size and, without --ids, numbers from this rig."
+        ),
     ] = None,
 ) -> None:
     """Write a page of markers, true to scale, with bars to check the print.
@@ -38,7 +43,7 @@ def print_command(
     from formats.descriptions import load_rig
 
     try:
-        numbers = [int(part) for part in ids.split(",")]
+        numbers = [int(part) for part in (ids or "0,1").split(",")]
     except ValueError:
         raise UntrackableError(
             f"{ids!r} is no list of numbers", where="--ids", advice="for example --ids 0,1"
@@ -47,7 +52,10 @@ def print_command(
         hanger = load_rig(rig).hanger
         if hanger is None:
             raise UntrackableError("the rig has no [hanger]", where=rig, advice="add one, or leave out --rig")
-        dictionary, numbers, size = hanger.dictionary, list(hanger.ids), hanger.marker_size_m
+        if hanger.marker == "dot":
+            raise UntrackableError("its hanger has dots, not markers", where=rig, advice="leave out --rig")
+        dictionary, size = hanger.dictionary, hanger.marker_size_m
+        numbers = numbers if ids else list(hanger.ids)
     typer.echo(f"{write_sheet(out, dictionary, numbers, size)}: {len(numbers)} markers of {1e3 * size:g} mm")
 
 
@@ -67,9 +75,13 @@ def calibrate_command(
     ] = "2,3",
     seconds: Annotated[float, typer.Option("--seconds", min=1.0, max=10.0, help="Watch for so long.")] = 5.0,
     accelerometer: Annotated[
-        bool,
-        typer.Option("--accelerometer", help="Ask the Kinect that is connected; a live sensor is asked anyway."),
-    ] = False,
+        bool | None,
+        typer.Option(
+            "--accelerometer/--no-accelerometer",
+            help="Ask the Kinect that is connected.",
+            show_default="tried with a live sensor",
+        ),
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file that --out names.")] = False,
 ) -> None:
     """Measure a rig before which everything hangs still, each value with its standard deviation.
@@ -81,16 +93,25 @@ def calibrate_command(
     from capture.calibration_accelerometer import connected_accelerometer
     from capture.calibration_report import lines
     from capture.calibration_session import calibrate
-    from capture.outputs import refuse_to_replace, write_text
+    from capture.errors import CalibrationError
+    from firmware_host.errors import FirmwareError
     from firmware_host.opening import open_sensor
     from formats.descriptions import dump_description, load_rig
+    from formats.outputs import refuse_to_replace, write_text
 
     if out is not None and not overwrite:
         refuse_to_replace(out)
     plumb_ids, clip_ids = two_numbers(plumb, "--plumb-ids"), two_numbers(clips, "--clip-ids")
     before = load_rig(rig)
     with open_sensor(sensor) as source:
-        gravity = connected_accelerometer() if accelerometer or source.info.is_live else None
+        gravity = None
+        if accelerometer or (accelerometer is None and source.info.is_live):
+            try:
+                gravity = connected_accelerometer()
+            except (FirmwareError, CalibrationError) as error:
+                if accelerometer:
+                    raise
+                typer.echo(f"without the accelerometer: {error}", err=True)
         measured = calibrate(
             source, before, plumb_ids=plumb_ids, clip_ids=clip_ids, seconds=seconds, accelerometer=gravity
         )
@@ -151,10 +172,10 @@ def record_command(
 
     from capture.condition import Condition
     from capture.frame_queue import QueuedSensor
-    from capture.outputs import refuse_to_replace
     from capture.recording import ScanPlan, record
     from firmware_host.opening import open_sensor
     from formats.descriptions import load_garment, load_rig
+    from formats.outputs import refuse_to_replace
 
     if not overwrite:
         refuse_to_replace(out)

@@ -52,6 +52,7 @@ class DotTracker:
         Raises:
             UntrackableError: in the first frame, no dot is where it was picked.
         """
+        is_picked, before = self._picks is not None, (list(self._tracks), list(self._colours))
         dots = self._dots(colour, depth, time)
         centres, sides = np.full((2, 2), np.nan), np.full(2, np.nan)
         positions, sd = np.full((2, 3), np.nan), np.full((2, 3), np.nan)
@@ -66,6 +67,8 @@ class DotTracker:
             self._tracks[row] = ImageTrack.after(self._tracks[row], time, dot.centre, dot.diameter)
             self._colours[row] = dot.colour if self._colours[row] is None else self._colours[row]
         distance = check_distance(positions, sd, self.hanger)
+        if np.isfinite(distance) and np.isnan(positions).any() and not is_picked:
+            self._tracks, self._colours = before  # a wrong pair is not followed: soon it is looked for anew
         return HangerSight(
             corners=np.full((2, 4, 2), np.nan), centres=centres, sides=sides,
             ranges=np.array([self._placer.range_by_size(side) for side in sides]), positions=positions, sd=sd,
@@ -83,6 +86,7 @@ class DotTracker:
             if track is not None and mark is not None and known[row]:
                 centre, reach, side = track.window(time, track.side / self.hanger.marker_size_m)
                 dots[row] = dot_near(colour, centre, reach, side, mark)
+        self._drop_doubled(dots, time)
         if all(known):
             return dots
         found = find_pair(colour, depth, self.hanger, self.sensor, self._colours)
@@ -91,6 +95,18 @@ class DotTracker:
                 finer = dot_near(colour, dot.centre, 1.5 * dot.diameter, dot.diameter, dot.colour)
                 dots[row] = finer or dot
         return dots
+
+    def _drop_doubled(self, dots: list[Dot | None], time: float) -> None:
+        """Where both windows show one dot, leave it to the track that was renewed last, or that expected it there."""
+        one, other = dots
+        if one is None or other is None or np.linalg.norm(one.centre - other.centre) > 0.5 * one.diameter:
+            return
+        faults = []
+        for track in self._tracks:
+            assert track is not None  # it gave the dot
+            expected = track.centre + track.velocity * (time - track.time)
+            faults.append((time - track.time, float(np.linalg.norm(one.centre - expected))))
+        dots[0 if faults[0] > faults[1] else 1] = None
 
     def _picked(self, colour: NDArray[np.uint8], depth: NDArray[np.uint16], place: Floats) -> Dot:
         height, width = depth.shape

@@ -5,7 +5,6 @@ HangtimeError
         +-- UntrackableError    the rig or garment describes something that this tracker cannot follow
         +-- NoMarkersError      a whole recording in which the hanger was never seen
         +-- CalibrationError    the rig cannot be measured from what the sensor saw
-        +-- OutputError         the take or its pictures cannot be written there
 """
 
 from __future__ import annotations
@@ -27,7 +26,3 @@ class NoMarkersError(CaptureError):
 
 class CalibrationError(CaptureError):
     """A rig that cannot be measured from what the sensor saw."""
-
-
-class OutputError(CaptureError):
-    """A take or a picture that cannot be written where it was asked for."""

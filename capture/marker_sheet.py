@@ -13,8 +13,9 @@ from pathlib import Path
 
 import cv2
 
-from capture.errors import OutputError, UntrackableError
+from capture.errors import UntrackableError
 from capture.marker_detection import marker_dictionary
+from formats.errors import OutputError
 
 PAGE = (210.0, 297.0)  # mm, A4
 MARGIN = 15.0  # mm that no printer reaches

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.condition import Condition, ConditionWatch, condition_of
-from capture.errors import NoMarkersError, OutputError, UntrackableError
+from capture.errors import NoMarkersError, UntrackableError
 from capture.frame_clock import FrameClock
 from capture.frame_tracking import FrameTracker
 from capture.garment import GarmentSight
@@ -19,9 +19,9 @@ from capture.markers import HangerSight
 from firmware_host.depth_sensor import DepthSensor, SensorFrame
 from firmware_host.errors import SensorError
 from formats.archive import TakeWriter
-from formats.errors import TakeError
+from formats.errors import HangtimeError, OutputError, TakeError
 from formats.garment import Garment
-from formats.rig import Rig
+from formats.rig import Hanger, Rig
 from formats.take import FrameState
 
 Floats = NDArray[np.float64]
@@ -85,8 +85,10 @@ def record(
         UntrackableError: the sensor's image is not the one that the rig describes, or the garment cannot be followed.
         NoMarkersError: the hanger was hardly ever seen; no take is left behind.
         SensorError: the sensor failed before the hanger was seen; no take is left behind.
-        OutputError: the take cannot be written.
+        OutputError: the take cannot be written, or no further; what is on the disk by then is kept and named.
     """
+    if out.is_dir():
+        raise OutputError("is a folder", where=out, advice="give the name of a file in it")
     _check_rig(sensor, rig)
     tracker, clock, conditions = FrameTracker(rig, garment, picks), FrameClock(sensor.info.fps), ConditionWatch()
     cv2.setNumThreads(1)
@@ -134,10 +136,14 @@ def record(
     except SensorError as error:
         failure = error
     except OSError as error:
-        writer.discard()
-        raise OutputError(f"writing failed ({error.strerror})", where=out, advice="make room on the disk") from error
-    except BaseException:
-        writer.discard()
+        raise _broken_off(writer, with_hanger, f"writing failed ({error.strerror})") from error
+    except BaseException as error:
+        broken = _broken_off(writer, with_hanger, f"recording broke off: {error}")
+        if not writer.partial.exists():
+            raise
+        if isinstance(error, HangtimeError):
+            raise broken from error
+        error.add_note(str(broken))
         raise
     if with_hanger < FEWEST_HANGERS:
         writer.discard()
@@ -145,10 +151,7 @@ def record(
     try:
         writer.finish()
     except (OSError, TakeError) as error:
-        writer.discard()
-        raise OutputError(
-            f"the take could not be finished: {error}", where=out, advice="make room on the disk"
-        ) from error
+        raise _broken_off(writer, with_hanger, f"the take could not be finished: {error}") from error
     return RecordingReport(
         path=out,
         frames=frames,
@@ -160,14 +163,31 @@ def record(
     )
 
 
+def _broken_off(writer: TakeWriter, with_hanger: int, what: str) -> OutputError:
+    """Close a take that cannot go on; keep it if it shows the hanger and can be read."""
+    if with_hanger < FEWEST_HANGERS or not writer.is_readable:
+        writer.discard()
+        return OutputError(what, where=writer.path, advice="make room on the disk")
+    writer.keep()
+    return OutputError(
+        what, where=writer.partial, advice="what was recorded until then can be read with `hangtime takes show`"
+    )
+
+
 def _no_markers(sensor: DepthSensor, rig: Rig, frames: int, with_hanger: int, worst: Condition) -> NoMarkersError:
     what = f"both hanger markers were seen together in {with_hanger} of {frames} frames; no take was kept"
     advice = worst.value.advice or "record longer"
     if worst in (Condition.NO_MARKERS, Condition.ONE_MARKER) and rig.hanger is not None:
-        advice += f" (the rig says markers {rig.hanger.ids[0]} and {rig.hanger.ids[1]} of {rig.hanger.dictionary})"
+        advice += f" (the rig says {_markers_of(rig.hanger)})"
     elif worst is not Condition.GOOD:
         what += f", mostly because: {worst.value.words}"
     return NoMarkersError(what, where=sensor.info.uri, advice=advice)
+
+
+def _markers_of(hanger: Hanger) -> str:
+    if hanger.marker == "dot":
+        return f"two dots of {1e3 * hanger.marker_size_m:g} mm, {1e3 * hanger.marker_distance_m:g} mm apart"
+    return f"markers {hanger.ids[0]} and {hanger.ids[1]} of {hanger.dictionary}"
 
 
 def _check_rig(sensor: DepthSensor, rig: Rig) -> None:

@@ -81,7 +81,7 @@ def synthesise(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the recording; made if absent.")],
     name: Annotated[str, typer.Option("--name", help="Name of the recording.")] = "swing",
     motion: Annotated[
-        str, typer.Option("--motion", help="How the hanger is swung: swing, mixed, gentle or twist.")
+        str, typer.Option("--motion", help="How the hanger is swung: swing, mixed, gentle, twist or hard.")
     ] = "swing",
     effect: Annotated[
         str,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import struct
@@ -68,6 +69,7 @@ class TakeWriter:
         self._channels = {t: self._mcap.register_channel(t, "msgpack", schema) for t in (HEADER, BLOCK, SURFACE, END)}
         self._frames: list[Frame] = []
         self._count = self._blocks = 0
+        self._is_readable = False
         self._last_time = -np.inf
         self._write(HEADER, self._header)
 
@@ -93,6 +95,8 @@ class TakeWriter:
             if bad.any():
                 raise TakeError(f"{name} {int(np.argmax(bad))} is marked valid but is not a number", where=where)
         self._last_time = frame.time
+        if self._frames and frame.time - self._frames[0].time >= 2 * BLOCK_SECONDS:
+            self._flush()  # a gap: packed times of one block reach 1073 s
         self._frames.append(frame)
         if frame.time - self._frames[0].time >= BLOCK_SECONDS:
             self._flush()
@@ -117,9 +121,19 @@ class TakeWriter:
             os.close(folder)
         return self.path
 
+    @property
+    def is_readable(self) -> bool:
+        """Whether a block is safe on the disk, so that the partial file can be read."""
+        return self._is_readable
+
+    def keep(self) -> None:
+        """Close the partial file as it is, after an error that writing more would only repeat."""
+        with contextlib.suppress(OSError):  # what was buffered is lost where the disk is full
+            self._file.close()
+
     def discard(self) -> None:
         """Remove what was written."""
-        self._file.close()
+        self.keep()
         self.partial.unlink(missing_ok=True)
 
     def __enter__(self) -> Self:
@@ -145,6 +159,7 @@ class TakeWriter:
         self._blocks += 1
         self._frames = []
         self._sync()
+        self._is_readable = True
 
     def _write(self, topic: str, content: dict[str, Any]) -> None:
         stamp = max(int(1e9 * self._last_time), 0) if np.isfinite(self._last_time) else 0
@@ -328,7 +343,7 @@ def write_take(path: Path, take: Take) -> Path:
             )  # fmt: skip
         for scan in take.scans:
             writer.append_scan(scan)
-    except TakeError:
+        return writer.finish()
+    except BaseException:
         writer.discard()
         raise
-    return writer.finish()

@@ -73,29 +73,41 @@ def import_recordings(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the takes; made if absent.")] = Path(
         "takes"
     ),
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what is already in that folder.")] = False,
 ) -> None:  # fmt: skip
     """Turn other people's recordings into takes, with a rig and a garment description beside them."""
     from formats.archive import write_take
-    from formats.descriptions import dump_description, load_garment
-    from formats.errors import TakeError
+    from formats.descriptions import load_garment
+    from formats.errors import OutputError, TakeError
     from formats.importers.swatch_mocap import import_marker_take
     from formats.importers.swung_cloth import import_swung_cloth
+    from formats.outputs import refuse_to_replace, write_description
 
     described = load_garment(garment) if garment is not None else None
+    takes = []
     for path in paths:
+        if [other.stem for other in paths].count(path.stem) > 1:
+            raise OutputError(
+                f"two recordings would become {path.stem}.mcap", where=path, advice="import one of them elsewhere"
+            )
+        if not overwrite:
+            refuse_to_replace(out / f"{path.stem}.mcap")
         if path.suffix.lower() in (".c3d", ".csv"):
             if described is None:
                 raise TakeError(
                     "motion capture needs to know the garment", where=path,
                     advice="give --garment FILE; `hangtime swatch` writes one",
                 )  # fmt: skip
-            take = import_marker_take(path, described, up=up, frames=frames)
+            takes.append(import_marker_take(path, described, up=up, frames=frames))
         else:
-            take = import_swung_cloth(path)
-        out.mkdir(parents=True, exist_ok=True)
-        target = write_take(out / f"{take.take_id}.mcap", take)
-        (out / "rig.toml").write_text(dump_description(take.rig))
-        (out / "garment.toml").write_text(dump_description(take.garment))
+            takes.append(import_swung_cloth(path))
+    for take in takes:
+        write_description(out / "rig.toml", take.rig, overwrite=overwrite)
+        write_description(out / "garment.toml", take.garment, overwrite=overwrite)
+        try:
+            target = write_take(out / f"{take.take_id}.mcap", take)
+        except OSError as error:
+            raise OutputError(f"cannot be written ({error.strerror})", where=out, advice="check the folder") from error
         typer.echo(f"{target}: {len(take.time)} frames, {take.time[-1]:.1f} s")
 
 
@@ -104,10 +116,14 @@ def describe_swatch(
     mass: Annotated[float, typer.Option("--mass", metavar="KG", help="Its weight: weigh it.", show_default=False)],
     side: Annotated[float, typer.Option("--side", metavar="METRES", help="Side of the square.")] = 0.5,
     markers: Annotated[int, typer.Option("--markers", help="Markers along each side, from edge to edge.")] = 9,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")] = False,
 ) -> None:
     """Describe a square swatch with a full grid of markers, held at its two top corners."""
     from formats.descriptions import dump_description
+    from formats.outputs import refuse_to_replace, write_text
     from formats.swatch import swatch
 
-    path.write_text(dump_description(swatch(mass, side=side, markers=markers, name=path.stem)))
+    if not overwrite:
+        refuse_to_replace(path)
+    write_text(path, dump_description(swatch(mass, side=side, markers=markers, name=path.stem)))
     typer.echo(f"{path}: {markers * markers} markers, {1e3 * side / (markers - 1):.1f} mm apart")

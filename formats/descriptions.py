@@ -18,6 +18,7 @@ from formats.rig import Rig
 Description = TypeVar("Description", Garment, Rig)
 
 HEAVIEST = 50.0  # kg
+DEPTH_SCALES = 0.8, 1.25  # measured over true depth; farther off, a distance was measured wrong
 LARGEST_OFFSET = 30.0  # px between depth and colour; PrimeSense's unregistered images differ by up to this at 0.8 m
 ON_OUTLINE = 2e-3  # m by which a tracked point may lie outside the outline
 
@@ -191,7 +192,8 @@ def check_rig(rig: Rig, where: object) -> None:
             refuse("hanger.held_m: the two ends of the held edge are at the same place")
     if rig.calibration is not None:
         calibration = rig.calibration
-        if not 0.8 < calibration.depth_scale < 1.25:
-            refuse(f"calibration.depth_scale must be between 0.8 and 1.25 (got {calibration.depth_scale:g})")
+        least, most = DEPTH_SCALES
+        if not least < calibration.depth_scale < most:
+            refuse(f"calibration.depth_scale must be between {least:g} and {most:g} (got {calibration.depth_scale:g})")
         if not max(abs(part) for part in calibration.depth_offset_px) <= LARGEST_OFFSET:
             refuse(f"calibration.depth_offset_px must be at most {LARGEST_OFFSET:g} pixels either way")

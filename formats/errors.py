@@ -3,6 +3,7 @@
 HangtimeError                 says what, where, and what to do next; the command line exits with 2
   +-- DescriptionError        a rig or garment file that does not hold
   +-- TakeError               a take that is missing, damaged or not a take
+  +-- OutputError             a file that cannot be written, or that would replace another
   +-- ResultError             a fit result or diagnosis that does not match its schema
   +-- firmware_host.errors.*  the sensor
   +-- capture.errors.*        tracking and recording
@@ -27,6 +28,10 @@ class DescriptionError(HangtimeError):
 
 class TakeError(HangtimeError):
     """A take archive that is missing, damaged or not a take archive."""
+
+
+class OutputError(HangtimeError):
+    """A file that cannot be written where it was asked for, or that would replace another."""
 
 
 class ResultError(HangtimeError):

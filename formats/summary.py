@@ -73,7 +73,8 @@ def describe(summary: dict[str, Any]) -> str:
     lines = [
         f"take      {s['take_id']}{'' if s['is_complete'] else '   (INCOMPLETE)'}",
         f"created   {s['created']}",
-        f"length    {s['duration_s']:g} s, {s['frames']} frames, {s['rate_hz']:g} a second",
+        f"length    {s['duration_s']:g} s, {s['frames']} frames"
+        + (f", {s['rate_hz']:g} a second" if s["rate_hz"] is not None else ""),
         f"rig       {s['rig']}",
         *_calibrated(s["calibration"]),
         f"garment   {s['garment']}, {1e3 * s['mass_kg']:.1f} g",
@@ -89,10 +90,8 @@ def describe(summary: dict[str, Any]) -> str:
     else:
         shares = [p["seen_percent"] for p in points]
         noises = [p["sd_mm"] for p in points if p["sd_mm"] is not None]
-        lines.append(
-            f"points    {len(points)}, seen {min(shares):g} to {max(shares):g} %, "
-            f"median sd {float(np.median(noises)):g} mm"
-        )
+        noise = f"median sd {float(np.median(noises)):g} mm" if noises else "never seen"
+        lines.append(f"points    {len(points)}, seen {min(shares):g} to {max(shares):g} %, {noise}")
     if s["quality"] is not None:
         lines.append(f"quality   {s['quality']:g} in the median frame, 1 at best")
     if s["surface_scans"]:

@@ -19,7 +19,7 @@ Booleans = NDArray[np.bool_]
 class Take:
     """One recording, in the sensor frame of its rig (imported takes: the frame in which `rig.gravity` is given).
 
-    time [s], (frames,), strictly increasing, from 0
+    time [s], (frames,), strictly increasing: of the sensor's clock; from 0 where imported
     held [m], (frames, 2, 3): the two ends of the held edge, left first; NaN where not valid
     held_valid, (frames, 2)
     held_sd [m], (frames, 2, 3): standard deviation per axis

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from firmware_host.errors import SensorAddressError
 from firmware_host.synthetic.cloth import ClothPhysics, simulate
 from formats.descriptions import dump_description
+from formats.errors import OutputError
 from formats.garment import Garment
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
 from formats.swatch import MARKERS, SIDE, swatch
@@ -37,11 +38,10 @@ TO_SENSOR = np.array(
 
 @dataclass(frozen=True, kw_only=True)
 class TrueFabric:
-    """What a synthetic fabric really is: density [kg/m^2], its cloth, and the drag coefficient of the air."""
+    """What a synthetic fabric really is: density [kg/m^2] and its cloth."""
 
     density: float
     physics: ClothPhysics
-    drag: float = 0.0
 
 
 FABRICS = {
@@ -79,23 +79,31 @@ def make_swatch_take(
 
     Raises:
         SensorAddressError: there is no such fabric or motion.
+        OutputError: the folder cannot be made or written to.
     """
     if fabric not in FABRICS:
         raise SensorAddressError(f"there is no fabric {fabric!r}", advice=f"choose of {', '.join(FABRICS)}")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"cannot be made ({error.strerror})", where=out, advice="choose another folder") from error
     true = FABRICS[fabric]
     garment = swatch(round(true.density * SIDE**2, 6), name=fabric)
     time = np.arange(FRAMES) / FPS
     nodes = swung_markers(garment, time, motion, true, air_drag=air_drag, progress=progress)
     seen = measured(nodes, np.random.default_rng([seed, 81]))
-    out.mkdir(parents=True, exist_ok=True)
     stem = f"{fabric}-{motion}"
     tracks = MarkerTracks(garment.point_names, time, seen)
-    np.savez(
-        out / f"{stem}.truth.npz", time=time, markers=nodes, density=true.density, air_drag=air_drag,
-        **{name: getattr(true.physics, name) for name in ClothPhysics.__dataclass_fields__},
-    )  # fmt: skip
-    (out / f"{fabric}.toml").write_text(dump_description(garment))
-    return [write_marker_csv(out / f"{stem}.csv", tracks), out / f"{stem}.truth.npz", out / f"{fabric}.toml"]
+    try:
+        np.savez(
+            out / f"{stem}.truth.npz", time=time, markers=nodes, density=true.density, air_drag=air_drag,
+            **{name: getattr(true.physics, name) for name in ClothPhysics.__dataclass_fields__},
+        )  # fmt: skip
+        (out / f"{fabric}.toml").write_text(dump_description(garment))
+        write_marker_csv(out / f"{stem}.csv", tracks)
+    except OSError as error:
+        raise OutputError(f"cannot be written ({error.strerror})", where=out, advice="make room on the disk") from error
+    return [out / f"{stem}.csv", out / f"{stem}.truth.npz", out / f"{fabric}.toml"]
 
 
 def swung_markers(

@@ -80,39 +80,29 @@ class World:
         return renderer.cloth(self.nodes[number], self.in_front[number] if self.in_front else ())
 
     def frame(self, number: int, renderer: Renderer) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
-        """Render one frame with the camera's faults; the same number gives the same images."""
-        if self.surroundings is not None:
-            return self._frame_among_things(number, renderer)
+        """Render one frame with the camera's faults; the same number gives the same images.
+
+        Among things only the hanger is blurred, since nothing reads the cloth's colour.
+        """
         rng = np.random.default_rng([self.seed, number])
         origin, rotation, nodes = self.hanger.origin, self.hanger.rotation, self.nodes
         ahead, behind = min(number + 1, len(self.time) - 1), max(number - 1, 0)
         span = self.time[ahead] - self.time[behind]
-        middle = renderer.view(origin[number], rotation[number], nodes[number])
-        colour = middle.colour
-        # Motion blur: the middle of the exposure and both its ends.
-        for step in (-0.5 * EXPOSURE / span, 0.5 * EXPOSURE / span):
-            turned, _, back = np.linalg.svd(rotation[number] + step * (rotation[ahead] - rotation[behind]))
-            moved = origin[number] + step * (origin[ahead] - origin[behind])
-            colour = (
-                colour
-                + renderer.view(moved, turned @ back, nodes[number] + step * (nodes[ahead] - nodes[behind])).colour
-            )
-        colour = colour / 3 + PIXEL_NOISE * rng.standard_normal((CAMERA.height, CAMERA.width, 1))
-        return spoil(middle.depth, CAMERA, rng), np.clip(np.rint(colour), 0, 255).astype(np.uint8)
+        scene = None if self.surroundings is None else self._without_hanger(number, renderer)
 
-    def _frame_among_things(self, number: int, renderer: Renderer) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
-        """As `frame`; blurs the hanger only, since nothing reads the cloth's colour."""
-        rng = np.random.default_rng([self.seed, number])
-        origin, rotation = self.hanger.origin, self.hanger.rotation
-        scene = self._without_hanger(number, renderer)
-        ahead, behind = min(number + 1, len(self.time) - 1), max(number - 1, 0)
-        span = self.time[ahead] - self.time[behind]
-        middle = renderer.with_hanger(scene, origin[number], rotation[number])
-        colour = middle.colour
-        for step in (-0.5 * EXPOSURE / span, 0.5 * EXPOSURE / span):
+        def view(step: float) -> View:
             turned, _, back = np.linalg.svd(rotation[number] + step * (rotation[ahead] - rotation[behind]))
             moved = origin[number] + step * (origin[ahead] - origin[behind])
-            colour = colour + renderer.with_hanger(scene, moved, turned @ back).colour
+            if scene is not None:
+                return renderer.with_hanger(scene, moved, turned @ back)
+            return renderer.view(moved, turned @ back, nodes[number] + step * (nodes[ahead] - nodes[behind]))
+
+        if scene is not None:
+            middle = renderer.with_hanger(scene, origin[number], rotation[number])
+        else:
+            middle = renderer.view(origin[number], rotation[number], nodes[number])
+        # Motion blur: the middle of the exposure and both its ends.
+        colour = middle.colour + view(-0.5 * EXPOSURE / span).colour + view(0.5 * EXPOSURE / span).colour
         colour = colour / 3 + PIXEL_NOISE * rng.standard_normal((CAMERA.height, CAMERA.width, 1))
         return spoil(middle.depth, CAMERA, rng), np.clip(np.rint(colour), 0, 255).astype(np.uint8)
 

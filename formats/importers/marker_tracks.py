@@ -69,7 +69,7 @@ def write_marker_csv(path: Path, tracks: MarkerTracks) -> Path:
 
 def _read_csv(path: Path) -> MarkerTracks:
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with path.open(newline="", encoding="utf-8-sig") as file:
             lines = [line for line in csv.reader(file) if line]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise TakeError(f"cannot be read ({error})", where=path, advice="export it as comma-separated text") from error

@@ -13,12 +13,14 @@ from typer.testing import CliRunner
 from capture.calibrated_depth import DepthScale, depth_rig
 from capture.calibration import Estimate, depth_scale, gravity_of_plumb_line, mean_offset, median_of_frames
 from capture.calibration_accelerometer import gravity_of_readings
-from capture.calibration_frames import longest_still
+from capture.calibration_frames import longest_still, watch
 from capture.calibration_report import lines
 from capture.calibration_session import calibrate
 from capture.errors import CalibrationError, UntrackableError
+from capture.marker_detection import MarkerDetector
 from capture.markers import MarkerTracker
 from firmware_host import openni2_library
+from firmware_host.errors import UsbTimeoutError
 from firmware_host.oni_writer import OniWriter
 from firmware_host.usb_control.kinect_motor import KinectMotor
 from formats.archive import read_take, write_take
@@ -157,6 +159,43 @@ def test_ids_that_are_used_twice_and_a_short_plumb_line_are_refused():
     short = [*hanger_plates(), marker_plate(4, [-0.4, 0.0, 1.5]), marker_plate(5, [-0.4, 0.09, 1.5])]
     with pytest.raises(CalibrationError, match=r"markers are only \d\d mm apart"):
         calibrated([pictures(short, rng) for _ in range(15)])
+
+
+def test_a_marker_distance_that_was_measured_wrong_is_told():
+    """300 mm in the picture, 220 in the rig: a depth scale of 1.36 that no sensor has."""
+    wrong = msgspec.structs.replace(RIG, hanger=msgspec.structs.replace(HANGER, marker_distance_m=0.22))
+    rng = np.random.default_rng(7)
+    sensor = StageSensor([pictures(hanger_plates(), rng) for _ in range(15)])
+    with pytest.raises(CalibrationError, match=r"markers are (29\d|30\d) mm apart, the rig says 220"):
+        calibrate(sensor, wrong, plumb_ids=(4, 5), clip_ids=(2, 3), seconds=5.0)
+
+
+def test_frames_before_the_hanger_is_hung_up_do_not_count_as_still():
+    rng = np.random.default_rng(8)
+    empty, hung = pictures([], rng), pictures(hanger_plates(), rng)
+    still = watch(StageSensor([empty] * 20 + [hung] * 16), MarkerDetector("DICT_4X4_50", (0, 1)), 5.0)
+    assert (len(still.depth), still.seen) == (16, 36)
+    assert np.isfinite(still.corners).all()
+
+
+def test_an_accelerometer_that_does_not_answer_stops_only_who_asked_for_it(tmp_path, monkeypatch):
+    def silent():
+        raise UsbTimeoutError("no answer", where="Kinect")
+
+    sensor = StageSensor([pictures(hanger_plates(), np.random.default_rng(9))] * 15)
+    live = dataclasses.replace(sensor.info, is_live=True)
+    monkeypatch.setattr(StageSensor, "info", property(lambda self: live))
+    monkeypatch.setattr("capture.calibration_accelerometer.connected_accelerometer", silent)
+    monkeypatch.setattr("firmware_host.opening.open_sensor", lambda text: sensor)
+    (tmp_path / "rig.toml").write_text(dump_description(RIG))
+    gather_commands()
+    words = ["calibrate", "--sensor", "stage", "--rig", str(tmp_path / "rig.toml")]
+    asked = CliRunner().invoke(app, [*words, "--accelerometer"])
+    assert isinstance(asked.exception, UsbTimeoutError)
+    sensor._next = 0
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.exception
+    assert "without the accelerometer: Kinect: no answer" in done.output
 
 
 def test_the_longest_still_part_is_found_between_two_motions():

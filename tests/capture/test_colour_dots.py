@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from capture.colour_dots import DotTracker, dot_near
-from capture.errors import UntrackableError
+from capture.errors import NoMarkersError, UntrackableError
 from capture.hanger_trackers import hanger_tracker
 from capture.markers import MarkerTracker
 from capture.recording import record
@@ -117,6 +117,25 @@ def test_a_dot_that_is_partly_covered_is_marked_and_not_guessed():
     assert tracker.track(colour, depth, 1 / 30).valid.tolist() == [False, True]
     depth, colour = view(*dots())
     assert tracker.track(colour, depth, 2 / 30).is_found
+
+
+def test_of_two_dots_of_one_colour_the_hidden_one_is_not_taken_for_the_other():
+    """The left dot is covered for a third of a second; half a second later both are placed again."""
+    tracker = DotTracker(RIG)
+    hand = plain_plate(MIDDLE + SIDES[0] + [0.0, 0.0, -0.05], (0.08, 0.08), (205, 160, 140))
+    open_view, covered = view(*dots(colours=(ORANGE, ORANGE))), view(*dots(colours=(ORANGE, ORANGE)), hand)
+    found = []
+    for k in range(30):
+        depth, colour = covered if 5 <= k < 15 else open_view
+        found.append(tracker.track(colour, depth, k / 30).valid.tolist())
+    assert found[:5] == [[True, True]] * 5
+    assert found[5:15] == [[False, True]] * 10
+    assert found[15:] == [[True, True]] * 15
+
+
+def test_a_recording_without_dots_is_told_about_dots(tmp_path):
+    with pytest.raises(NoMarkersError, match=r"the rig says two dots of 30 mm, 300 mm apart"):
+        record(StageSensor([view()[:]] * 3), RIG, GARMENT, tmp_path / "t.mcap", take_id="t", created="now")
 
 
 def test_after_a_second_out_of_view_dots_are_found_again_the_right_way_round():

@@ -10,8 +10,9 @@ import cv2
 import numpy as np
 import pytest
 
-from capture.errors import OutputError, UntrackableError
+from capture.errors import UntrackableError
 from capture.marker_sheet import PAGE, draw_sheet, write_sheet
+from formats.errors import OutputError
 
 PER_MM = 6  # pixels
 SVG = "{http://www.w3.org/2000/svg}"
@@ -85,3 +86,8 @@ def test_the_command_writes_the_rigs_markers(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "2 markers of 40 mm" in done.stdout
     assert "DICT_5X5_100, 40 mm" in (tmp_path / "m.svg").read_text()
+    done = subprocess.run([*words, "--ids", "2,3,5"], capture_output=True, text=True, cwd=tmp_path)
+    assert "3 markers of 40 mm" in done.stdout
+    rig.write_text(rig.read_text().replace("[hanger]", '[hanger]\nmarker = "dot"'))
+    done = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
+    assert "its hanger has dots, not markers" in done.stderr

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import resource
+
 import cv2
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from firmware_host.synthetic.scene import CAMERA, MARKER_BITS, RIG, demo_garment
 from firmware_host.synthetic.sensor import SyntheticSensor
 from firmware_host.synthetic.world import FIRST_STAMP, make_world
 from formats.archive import read_take
+from formats.errors import OutputError
 from formats.take import FrameState
 
 
@@ -107,6 +110,42 @@ def test_a_recording_without_markers_leaves_no_take(world, tmp_path):
     ):
         recorded(sensor, tmp_path / "t.mcap")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_keeps_what_was_recorded_until_then(world, tmp_path):
+    """Ten frames a second, no room left after the 25th: the two blocks of a second before can be read."""
+    partial = tmp_path / "t.mcap.partial"
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def fill(frames, total, seen):
+        if frames == 25:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (partial.stat().st_size, limits[1]))
+
+    try:
+        with Every(world, 3) as sensor, pytest.raises(OutputError, match=r"partial: .* `hangtime takes show`"):
+            recorded(sensor, tmp_path / "t.mcap", progress=fill)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    take = read_take(partial)
+    assert 20 <= len(take.time) <= 25
+    assert take.held_valid.all()
+
+
+def test_an_error_in_a_frame_keeps_the_frames_before_it(world, tmp_path):
+    def fail(frame):
+        if frame.index == 60:
+            raise RuntimeError("a bug")
+        return frame
+
+    with Every(world, 3, fail) as sensor, pytest.raises(RuntimeError, match="a bug") as raised:
+        recorded(sensor, tmp_path / "t.mcap")
+    assert "t.mcap.partial: recording broke off" in raised.value.__notes__[0]
+    assert len(read_take(tmp_path / "t.mcap.partial").time) >= 11
+
+
+def test_a_folder_is_not_replaced_by_a_take(world, tmp_path):
+    with Every(world, 10) as sensor, pytest.raises(OutputError, match="is a folder"):
+        recorded(sensor, tmp_path)
 
 
 def test_lost_depth_lost_colour_and_a_clock_that_jumps_are_told_frame_by_frame(world, tmp_path):

@@ -8,6 +8,7 @@ import pytest
 from firmware_host.errors import SensorAddressError
 from firmware_host.synthetic.swatch import FABRICS, HELD_APART, MARKER_NOISE, make_swatch_take, measured, swung_markers
 from formats.descriptions import load_garment
+from formats.errors import OutputError
 from formats.importers.swatch_mocap import import_marker_take
 from formats.swatch import SIDE, swatch
 
@@ -61,3 +62,9 @@ def test_a_made_take_is_imported_whole(tmp_path):
     true = np.load(truth)
     assert np.nanmax(np.abs(take.points - true["markers"])) < 6 * MARKER_NOISE
     assert load_garment(garment).areal_density == pytest.approx(float(true["density"]))
+
+
+def test_a_folder_that_cannot_be_made_is_told_before_the_cloth_is_simulated(tmp_path):
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(OutputError, match="cannot be made"):
+        make_swatch_take(tmp_path / "file", fabric="cotton")

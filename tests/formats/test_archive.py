@@ -32,7 +32,7 @@ def a_take(frames=150, seed=0):
     valid = rng.random((frames, 4)) > 0.05
     points[~valid] = np.nan
     state = np.zeros(frames, np.uint16)
-    state[7] = FrameState.MARKER_LOST | FrameState.FRAMES_DROPPED_BEFORE
+    state[7:8] = FrameState.MARKER_LOST | FrameState.FRAMES_DROPPED_BEFORE
     return Take(
         take_id="a", created="2026-01-01T00:00:00Z", rig=RIG, garment=GARMENT, time=time, held=held,
         held_valid=np.ones((frames, 2), bool), held_sd=np.full((frames, 2, 3), 0.002), points=points,
@@ -57,6 +57,14 @@ def test_a_take_comes_back_to_half_a_step(tmp_path):
 def test_a_clock_that_has_run_for_a_month_keeps_its_microseconds(tmp_path):
     take = a_take()
     take.time[:] += 2.6e6
+    back = read_take(write_take(tmp_path / "a.mcap", take))
+    assert np.abs(back.time - take.time).max() <= 0.6e-6
+
+
+def test_a_sensor_that_pauses_for_an_hour_keeps_its_times(tmp_path):
+    """Within a block, times reach 1073 s (31 bits of microseconds)."""
+    take = a_take(frames=60)
+    take.time[10:] += 3600.0
     back = read_take(write_take(tmp_path / "a.mcap", take))
     assert np.abs(back.time - take.time).max() <= 0.6e-6
 

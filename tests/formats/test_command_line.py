@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from formats.archive import read_take, write_take
+from formats.summary import describe, summarise
 from tests.formats.test_archive import a_take
 
 SHARED = Path(os.environ.get("HANGTIME_SHARED_DATA", Path(__file__).parents[3] / "shared" / "data"))
@@ -68,6 +69,52 @@ def test_import_makes_takes_that_hang(tmp_path):
     assert take.garment.points[0].at_m == pytest.approx((-0.15, -0.3))
     assert take.held[0] == pytest.approx(np.array([[0.0, 0.0, 0.25], [0.3, 0.0, 0.25]]))
     assert take.rig.gravity == (0.0, 0.0, -1.0)
+
+
+def test_import_replaces_nothing_unless_told_to(tmp_path):
+    swung_cloth(tmp_path / "r.npz")
+    swung_cloth(tmp_path / "s.npz")
+    out = tmp_path / "takes"
+    assert hangtime("import", tmp_path / "r.npz", "--out", out).returncode == 0
+    raw = (out / "r.mcap").read_bytes()
+    again = hangtime("import", tmp_path / "r.npz", "--out", out)
+    assert again.returncode == 2
+    assert "r.mcap: is already there" in again.stderr
+    assert (out / "r.mcap").read_bytes() == raw
+    (out / "garment.toml").write_text("# mine\n" + (out / "garment.toml").read_text())
+    assert hangtime("import", tmp_path / "s.npz", "--out", out).returncode == 0
+    assert (out / "garment.toml").read_text().startswith("# mine"), "it says the same and stays"
+    (out / "garment.toml").write_text("mine")
+    other = hangtime("import", tmp_path / "r.npz", "--out", out, "--overwrite")
+    assert other.returncode == 0, other.stderr
+    assert (out / "garment.toml").read_text().startswith("format")
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("import", "r.npz", "r.npz"), "two recordings would become r.mcap"),
+        (("import", "r.npz", "--out", "r.npz"), "r.npz: cannot be made"),
+        (("swatch", "gone/s.toml", "--mass", 0.1), "gone/s.toml: cannot be written"),
+        (("swatch", "r.npz", "--mass", 0.1), "r.npz: is already there"),
+    ],
+)
+def test_what_cannot_be_written_gives_one_sentence_and_exit_code_2(tmp_path, monkeypatch, words, sentence):
+    swung_cloth(tmp_path / "r.npz")
+    monkeypatch.chdir(tmp_path)
+    done = hangtime(*words)
+    assert done.returncode == 2
+    assert sentence in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["r.npz"]
+
+
+def test_a_take_of_one_frame_and_one_whose_points_were_never_seen_are_shown():
+    take = a_take(frames=1)
+    assert "length    0 s, 1 frames\n" in describe(summarise(take))
+    summary = summarise(take)
+    summary["points"] = [summary["points"][0] | {"sd_mm": None, "seen_percent": 0.0}] * 13
+    assert "points    13, seen 0 to 0 %, never seen" in describe(summary)
 
 
 def test_import_of_something_else_is_refused(tmp_path):

@@ -148,6 +148,11 @@ def test_malformed_csv_names_its_line(tmp_path, text, sentence):
         read_marker_tracks(tmp_path / "a.csv")
 
 
+def test_a_byte_order_mark_is_no_part_of_the_first_column(tmp_path):
+    (tmp_path / "a.csv").write_text("time_s,a_x_m,a_y_m,a_z_m\n0,1,2,3\n", encoding="utf-8-sig")
+    assert read_marker_tracks(tmp_path / "a.csv").labels == ("a",)
+
+
 def test_bytes_that_are_no_c3d_are_refused(tmp_path):
     pytest.importorskip("ezc3d")
     (tmp_path / "a.c3d").write_bytes(b"nothing of the kind" * 100)

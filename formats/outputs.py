@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from pathlib import Path
 
-from capture.errors import OutputError
+from formats.descriptions import dump_description, load_garment, load_rig
+from formats.errors import DescriptionError, OutputError
+from formats.garment import Garment
+from formats.rig import Rig
 
 
 def refuse_to_replace(path: Path) -> None:
@@ -38,4 +42,27 @@ def write_text(path: Path, text: str) -> None:
             os.fsync(file.fileno())
         partial.replace(path)
     except OSError as error:
+        with contextlib.suppress(OSError):
+            partial.unlink(missing_ok=True)
         raise OutputError(f"cannot be written ({error.strerror})", where=path, advice="check the folder") from error
+
+
+def write_description(path: Path, description: Garment | Rig, *, overwrite: bool) -> None:
+    """Write a rig or garment, making its folder; one that is there and says the same stays as it is.
+
+    Raises:
+        OutputError: another one is there, or it cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"cannot be made ({error.strerror})", where=path.parent, advice="choose another folder"
+        ) from error
+    if path.exists():
+        with contextlib.suppress(DescriptionError):
+            if (load_rig(path) if isinstance(description, Rig) else load_garment(path)) == description:
+                return
+    if not overwrite:
+        refuse_to_replace(path)
+    write_text(path, dump_description(description))

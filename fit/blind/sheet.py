@@ -107,19 +107,22 @@ def _staggered(rest: Floats, rows: int) -> NDArray[np.int64]:
 
 
 def _hinges(triangles: NDArray[np.int64]) -> tuple[Integers, Integers]:
-    """Return the nodes, (hinges, 4), and triangles, (hinges, 2), of every inner edge."""
-    seen: dict[tuple[int, int], tuple[int, int]] = {}
+    """Return the nodes, (hinges, 4), and triangles, (hinges, 2), of every inner edge.
+
+    The third node is left of the way from the first to the second, so that every hinge has the same front.
+    """
+    seen: dict[tuple[int, int], tuple[tuple[int, int], int, int]] = {}
     nodes, faces = [], []
     for face, corners in enumerate(triangles.tolist()):
         for k in range(3):
             i, j, opposite = corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]
             key = (min(i, j), max(i, j))
             if key in seen:
-                other, other_face = seen[key]
-                nodes.append((*key, other, opposite))
+                edge, other, other_face = seen[key]
+                nodes.append((*edge, other, opposite))
                 faces.append((other_face, face))
             else:
-                seen[key] = (opposite, face)
+                seen[key] = ((i, j), opposite, face)
     return np.array(nodes, np.int32), np.array(faces, np.int32)
 
 

@@ -25,7 +25,7 @@ class StretchViscosity(Effect):
     acts_on: ClassVar[str] = "cloth"
     unit: ClassVar[str] = "s"
     low: ClassVar[float] = 0.0
-    high: ClassVar[float] = 5e-3
+    high: ClassVar[float] = 3e-3
     typical: ClassVar[float] = 1e-3
 
     def material(self, row: Floats, amplitude: Floats) -> Floats:

@@ -100,16 +100,16 @@ class Grid:
         self.node_area = np.zeros(len(self.rest))
         weights = np.outer(spectral.WEIGHTS, spectral.WEIGHTS).ravel()
         xi, eta = np.tile(spectral.NODES, spectral.WIDTH), np.repeat(spectral.NODES, spectral.WIDTH)
-        for place, weight in zip(np.stack([xi, eta], 1), weights, strict=True):
-            at = int(np.argmin(np.abs(xi - place[0]) + np.abs(eta - place[1])))
-            np.add.at(self.node_area, self.cells[:, at], weight * np.abs(np.linalg.det(self.jacobian(*place))))
+        for at, weight in enumerate(weights):
+            np.add.at(self.node_area, self.cells[:, at], weight * np.abs(np.linalg.det(self.jacobian(xi[at], eta[at]))))
 
     def jacobian(self, xi: float, eta: float) -> Floats:
         """d(X, Y)/d(xi, eta), (cells, 2, 2) as [along xi, along eta], at a place of every element."""
         row, column = np.divmod(np.arange(self.wide * self.high), self.wide)
         s, t = (column + (xi + 1) / 2) / self.wide, (row + (eta + 1) / 2) / self.high
-        along = np.stack([np.stack([t - 1, 1 - t, -t, t], 1), np.stack([s - 1, -s, 1 - s, s], 1)], 1)
-        return along @ self.corners * np.array([0.5 / self.wide, 0.5 / self.high])[:, None]
+        return (
+            bilinear_slopes(np.stack([s, t], 1)) @ self.corners * np.array([0.5 / self.wide, 0.5 / self.high])[:, None]
+        )
 
     def gradient(self, xi: float, eta: float) -> tuple[Floats, Floats]:
         """Slopes of the shape functions, (cells, 2, 16) as [d/dX, d/dY], and the area scale, (cells,)."""
@@ -126,6 +126,12 @@ def bilinear(places: Floats) -> Floats:
     """Weights of the top left, top right and bottom corners, (n, 4), at places across and down, (n, 2)."""
     s, t = places.T
     return np.stack([(1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t], 1)
+
+
+def bilinear_slopes(places: Floats) -> Floats:
+    """Slopes of those weights across and down, (n, 2, 4)."""
+    s, t = places.T
+    return np.stack([np.stack([t - 1, 1 - t, -t, t], 1), np.stack([s - 1, -s, 1 - s, s], 1)], 1)
 
 
 def joined_stencils(nodes: list[NDArray[np.int64]], weights: list[Floats]) -> Stencils:
@@ -228,10 +234,9 @@ def grid_places(points: Floats, outline: Floats) -> Floats:
     corners = outline[[0, 1, 3, 2]]
     places = np.full((len(points), 2), 0.5)
     for _ in range(20):
-        s, t = places.T
-        along = np.stack([np.stack([t - 1, 1 - t, -t, t], 1), np.stack([s - 1, -s, 1 - s, s], 1)], 2)
+        along = bilinear_slopes(places) @ corners
         missed = points - bilinear(places) @ corners
-        places = places + np.linalg.solve(corners.T @ along, missed[..., None])[..., 0]
+        places = places + np.linalg.solve(along.transpose(0, 2, 1), missed[..., None])[..., 0]
     return np.clip(places, 0.0, 1.0)
 
 

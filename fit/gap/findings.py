@@ -54,6 +54,7 @@ def describe_effects(evidence: Evidence, effects: tuple[Effect, ...], model: Par
         amplitude = (
             hypothesis.fitted.amplitudes[evidence.observer.columns[k]] if hypothesis else screened.amplitude[place]
         )
+        size, interval = evidence.amplitude(k) if hypothesis else (size_of(amplitude), None)
         note = (
             f"best effect in {100 * shares[k]:.0f} % of bootstrap draws"
             if hypothesis
@@ -65,8 +66,8 @@ def describe_effects(evidence: Evidence, effects: tuple[Effect, ...], model: Par
                 group=effects[screened.effects[group[place]]].name,
                 tested=True,
                 probability=probabilities.get(k, 0.0),
-                amplitude=evidence.amplitude(k)[0] if hypothesis else size_of(amplitude),
-                amplitude_interval=evidence.amplitude(k)[1] if hypothesis else None,
+                amplitude=size,
+                amplitude_interval=interval,
                 components=dict(zip(effect.components, amplitude.tolist(), strict=True)) if len(amplitude) > 1 else {},
                 unit=effect.unit,
                 closure=evidence.closure_of(hypothesis) if hypothesis else None,
@@ -87,7 +88,7 @@ def resolvable(evidence: Evidence) -> Floats:
     above the noise (`fit.gap.verdict`); below that it cannot be named, however little noise there is.
     """
     needed = max(MESH_SHARE * evidence.numerics_mm**2, (SIGNIFICANT_GAP - 1) * evidence.floor_mm**2)
-    return evidence.amplitudes_moving(needed)
+    return np.asarray(np.sqrt(needed) * evidence.per_millimetre)
 
 
 def base_parameters(model: Parameterisation, fitted: Fitted) -> list[FitParameter]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,18 +64,17 @@ class Evidence:
         """Size of a refitted effect and its 90 % interval, for noise and for what mesh and solver may be wrong by."""
         size, (low, high) = amplitude_of(self.singles[effect].fitted, self.observer, effect)
         place = self.screened.effects.index(effect)
-        wrong = NORMAL_95 * float(self.amplitudes_moving(self.numerics_mm**2)[place]) / np.sqrt(DIRECTIONS)
+        wrong = NORMAL_95 * self.numerics_mm * float(self.per_millimetre[place]) / np.sqrt(DIRECTIONS)
         half = float(np.hypot((high - low) / 2, wrong))
         return size, (size - half, size + half)
 
-    def amplitudes_moving(self, squared_mm: float) -> Floats:
-        """Sizes at which each screened effect, the base model refitted, moves the points by this mean square."""
-        found = []
-        for rows, typical in zip(self.screened.projected, self.screened.typical, strict=True):
-            moved = float(np.mean([self.observer.in_mm(row) ** 2 for row in rows]))
-            found.append(typical * np.sqrt(squared_mm / max(moved, 1e-12)))
-        return np.array(found)
+    @functools.cached_property
+    def per_millimetre(self) -> Floats:
+        """Size at which each screened effect, the base model refitted, moves the points by 1 mm rms, (screened,)."""
+        moved = [np.mean([self.observer.in_mm(row) ** 2 for row in rows]) for rows in self.screened.projected]
+        return np.asarray(self.screened.typical / np.sqrt(np.maximum(moved, 1e-12)))
 
+    @functools.cached_property
     def draws(self) -> tuple[Floats, dict[int, Floats]]:
         """Mean squared error [mm^2] of the base model and of each refitted effect in every draw.
 
@@ -103,7 +103,7 @@ class Evidence:
 
         Worth naming: the base error of the draw is clearly above the noise, and the effect closes a quarter of it.
         """
-        base, drawn = self.draws()
+        base, drawn = self.draws
         least = np.min(np.stack(list(drawn.values())), axis=0)
         has_gap = base > SIGNIFICANT_GAP * self.floor_mm**2
         return {
@@ -113,7 +113,7 @@ class Evidence:
 
     def win_shares(self) -> dict[int, float]:
         """Share of draws in which each refitted effect leaves the smallest error."""
-        winners = np.argmin(np.stack(list(self.draws()[1].values())), axis=0)
+        winners = np.argmin(np.stack(list(self.draws[1].values())), axis=0)
         return {k: float(np.mean(winners == n)) for n, k in enumerate(self.singles)}
 
     def exceeds(self, known: float) -> bool:

@@ -12,8 +12,6 @@ from differences of a twentieth of the box, wider than the ripples that folds ma
 from __future__ import annotations
 
 import json
-import os
-import socket
 import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -39,6 +37,7 @@ from fit.search.tempering import FEWEST_DRAWS, Tempering
 from formats.results import ErrorFigure, FitParameter, FitResult, ObjectiveFigure
 from formats.results import FitError as FitErrors
 from formats.take import Take
+from formats.whole_files import write_whole
 
 Floats = NDArray[np.float64]
 Progress = Callable[[int, int, float], None]
@@ -233,13 +232,7 @@ def _key(training: list[Take], request: Request) -> dict[str, object]:
 
 
 def _save(search: Search, checkpoint: Path, key: dict[str, object]) -> None:
-    # The process is in the name: two workers may be at the same search when one was thought lost.
-    partial = checkpoint.with_suffix(f".{socket.gethostname()}-{os.getpid()}.writing")
-    with partial.open("w") as file:
-        file.write(json.dumps({"key": key, "search": search.state()}))
-        file.flush()
-        os.fsync(file.fileno())
-    partial.replace(checkpoint)
+    write_whole(checkpoint, json.dumps({"key": key, "search": search.state()}).encode())
 
 
 def _resume(search: Search, checkpoint: Path, key: dict[str, object]) -> None:

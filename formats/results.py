@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import os
-import tempfile
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import msgspec
 
 from formats.errors import ResultError
+from formats.whole_files import write_whole
 
 Interval = tuple[float, float]
 
@@ -270,17 +269,7 @@ def _save(path: Path, record: FitResult | Diagnosis) -> None:
     raw = msgspec.json.format(msgspec.json.encode(record), indent=2)
     msgspec.json.decode(raw, type=type(record))
     path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=path.parent, prefix=path.name, suffix=".partial", delete=False) as file:
-        partial = Path(file.name)
-        try:
-            file.write(raw + b"\n")
-            file.flush()
-            os.fsync(file.fileno())
-            partial.chmod(0o644)
-            partial.replace(path)
-        except BaseException:
-            partial.unlink(missing_ok=True)
-            raise
+    write_whole(path, raw + b"\n")
 
 
 def _load(path: Path, kind: type[Result]) -> Result:

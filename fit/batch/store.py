@@ -7,12 +7,12 @@ object, which stores show whole or not at all. Whoever reads never meets half a 
 from __future__ import annotations
 
 import os
-import tempfile
 from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import unquote, urlsplit
 
 from fit.errors import BatchError
+from formats.whole_files import write_whole
 
 BUCKETS = ("s3", "s3a", "gs", "az", "abfs", "abfss")
 
@@ -96,17 +96,7 @@ class Folder:
         path = self.root / name
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            handle, partial = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".partial")
-            try:
-                with os.fdopen(handle, "wb") as file:
-                    file.write(content)
-                    file.flush()
-                    os.fsync(file.fileno())
-                Path(partial).chmod(0o644)
-                Path(partial).replace(path)
-            except BaseException:
-                Path(partial).unlink(missing_ok=True)
-                raise
+            write_whole(path, content)
             folder = os.open(path.parent, os.O_RDONLY)
             try:
                 os.fsync(folder)

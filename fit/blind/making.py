@@ -20,8 +20,9 @@ from fit import runtime
 from fit.blind.cases import FILES, Kind, Truth, plan, write_case
 from fit.blind.engine import SIDE
 from fit.blind.plants import Plant
-from fit.blind.seal import load_key, seal, sha256_of, unseal, write_whole
+from fit.blind.seal import load_key, seal, sha256_of, unseal
 from fit.errors import FitError
+from formats.whole_files import write_whole
 
 
 class Labels(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

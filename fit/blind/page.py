@@ -10,8 +10,8 @@ import numpy as np
 
 from fit.blind.rates import Rate
 from fit.blind.scoring import HEADLINE_BIN, SCORE, Rates, Score, headline
-from fit.blind.seal import write_whole
 from fit.errors import FitError
+from formats.whole_files import write_whole
 
 # Asked of the own generator at 2 to 4 times the minimum detectable amplitude; null and unknown cases have no amplitude.
 ROWS = (
@@ -58,6 +58,7 @@ def write_page(answers: Path, out: Path) -> Path:
     except msgspec.MsgspecError as error:
         raise FitError(f"is not a score: {error}", where=answers / SCORE, advice="score the answers again") from error
     try:
+        out.parent.mkdir(parents=True, exist_ok=True)
         write_whole(out, render(score).encode())
     except OSError as error:
         raise FitError(f"cannot be written ({error.strerror})", where=out, advice="choose another --out") from error

@@ -13,8 +13,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from fit.blind.making import changed_files, read_manifest
-from fit.blind.seal import write_whole
 from fit.errors import FitError
+from formats.whole_files import write_whole
 
 LIMIT = 3600.0  # s for one case: thirty times what one takes
 DIAGNOSIS, FAILURE, LOG = "diagnosis.json", "failure.txt", "output.txt"

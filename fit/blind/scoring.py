@@ -20,8 +20,9 @@ from fit.blind.making import changed_files, open_labels, read_manifest
 from fit.blind.plants import PLANTS
 from fit.blind.rates import Rate, mean, median, rate_of
 from fit.blind.running import DIAGNOSIS, FAILURE
-from fit.blind.seal import sha256_of, write_whole
+from fit.blind.seal import sha256_of
 from fit.errors import FitError
+from formats.whole_files import write_whole
 
 ANSWERS_HASHES, SCORE, LOOKS = "answers.sha256", "score.json", "looks.jsonl"
 HEADLINE_BIN = "2 to 4"

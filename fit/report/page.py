@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
@@ -14,6 +13,7 @@ from fit.report import sections
 from fit.report.motion import ReportMotion, pack_motions
 from fit.report.text import escaped
 from formats.results import Diagnosis, FitResult
+from formats.whole_files import write_whole
 
 MOTION_BUDGET = 1_700_000  # bytes of it for motion
 
@@ -39,15 +39,9 @@ def write_report(
     """
     path = Path(path)
     page = render_report(fit=fit, diagnosis=diagnosis, motions=motions)
-    partial = path.with_name(path.name + ".partial")
     try:
-        with partial.open("w", encoding="utf-8") as file:
-            file.write(page)
-            file.flush()
-            os.fsync(file.fileno())
-        partial.replace(path)
+        write_whole(path, page.encode())
     except OSError as error:
-        partial.unlink(missing_ok=True)
         raise FitError(
             f"the report cannot be written ({error.strerror})", where=path, advice="choose another folder"
         ) from error

@@ -35,13 +35,17 @@ def make_command(
     ] = [],  # noqa: B006  (Typer copies it)
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of every random number.")] = 0,
     workers: Annotated[int, typer.Option("--workers", min=1, help="Processes that simulate side by side.")] = 1,
-    side: Annotated[float, typer.Option("--side", metavar="METRES", help="Side of the generator's triangles.")] = 0.025,
+    side: Annotated[
+        float | None,
+        typer.Option("--side", metavar="METRES", help="Side of the generator's triangles.", show_default="0.016"),
+    ] = None,
 ) -> None:
     """Simulate cases with withheld effects and seal their labels.
 
     Writes DIR/cases, DIR/manifest.json with the hash of every file, and DIR/sealed. Interrupt with Ctrl-C at any time;
     the same command goes on where it was.
     """
+    from fit.blind.engine import SIDE
     from fit.blind.making import make_set
     from fit.blind.plants import find_plants
 
@@ -53,7 +57,7 @@ def make_command(
             find_plants(effect),
             seed,
             workers=workers,
-            side=side,
+            side=side or SIDE,
             progress=line.show,
         )
     except KeyboardInterrupt:

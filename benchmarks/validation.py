@@ -9,6 +9,8 @@ otherwise. References:
     stretch    k/2 l (l^2 - 1) = rho g (L - z) for the stretch l(z)   St. Venant-Kirchhoff under its own weight
     energy     no damping: amplitude of the first swing after 10 s; damping c: it decays at c / 2 per second
     trajectory the tracked points of a swung swatch against a mesh of twice as many elements at half the step
+
+Shear frame, load, cantilever and falling sheet: `validation_clamped.py`.
 """
 
 from __future__ import annotations
@@ -25,7 +27,15 @@ from scipy.special import jn_zeros
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from fit.cloth.simulator import GRAVITY, Resolution
+from benchmarks.validation_clamped import (
+    elastica_error,
+    falling_error,
+    load_error,
+    peirce_error,
+    shear_frame_error,
+)
+from fit.cloth.simulator import Resolution
+from fit.cloth.support import GRAVITY
 from tests.fit.scenes import material, sheet, simulate_take, swing
 
 LENGTH, WIDTH, DENSITY = 0.45, 0.4, 0.2
@@ -171,6 +181,11 @@ CASES = (
     Case("second swing", 0.01, lambda r: swing_error(2, r)),
     Case("first swing with bending 0.01 N m", 0.03, bending_error),
     Case("stretch under its own weight", 0.01, stretch_error),
+    Case("force of a load beside its own weight", 0.01, load_error),
+    Case("torque on a shear frame", 0.02, shear_frame_error),
+    Case("cantilever: Peirce's bending length", 0.03, peirce_error),
+    Case("heavy elastica: place of the tip", 0.03, elastica_error),
+    Case("terminal speed of a falling sheet", 0.01, falling_error),
     Case("energy over 10 s, no damping", 0.01, drift),
     Case("decay at 0.6 1/s", 0.05, damping_error),
     Case("swung swatch, mesh doubled and step halved", 0.03, trajectory_error),

@@ -97,11 +97,12 @@ class Grid:
         index = np.arange(self.rows * self.columns).reshape(self.rows, self.columns)
         by_row, by_column = spectral.line_nodes(high), spectral.line_nodes(wide)
         self.cells = index[by_row[:, None, :, None], by_column[None, :, None, :]].reshape(wide * high, -1)
-        self.node_area = np.zeros(len(self.rest))
         weights = np.outer(spectral.WEIGHTS, spectral.WEIGHTS).ravel()
         xi, eta = np.tile(spectral.NODES, spectral.WIDTH), np.repeat(spectral.NODES, spectral.WIDTH)
-        for at, weight in enumerate(weights):
-            np.add.at(self.node_area, self.cells[:, at], weight * np.abs(np.linalg.det(self.jacobian(xi[at], eta[at]))))
+        self.cell_area = np.stack(
+            [w * np.abs(np.linalg.det(self.jacobian(*at))) for w, *at in zip(weights, xi, eta, strict=True)], 1
+        )
+        self.node_area = np.asarray(np.bincount(self.cells.ravel(), self.cell_area.ravel()), float)
 
     def jacobian(self, xi: float, eta: float) -> Floats:
         """d(X, Y)/d(xi, eta), (cells, 2, 2) as [along xi, along eta], at a place of every element."""

@@ -32,7 +32,8 @@ class ClothMesh:
     """A flat garment as a grid of nodes, three to an element and direction.
 
     rest [m], (nodes, 2), material plane, x right, y up, row by row from the top
-    cells, (cells, 16): nodes of each element, row by row; triangles, (n, 3): the same surface for drawing
+    cells, (cells, 16): nodes of each element, row by row; cell_area [m^2], likewise: the element's share of their areas
+    triangles, (n, 3): the same surface for drawing
     fibres: samples of d/dX [1/m] along rows, the first `fibres_across` of them, then of d/dY along columns;
     fibre_nodes: nodes of each sample across, and down
     shear_across, shear_down, (shear samples, 4): the fibre samples that Fu and Fv are interpolated from;
@@ -47,6 +48,7 @@ class ClothMesh:
 
     rest: Floats
     cells: Integers
+    cell_area: Floats
     triangles: Integers
     fibres: Samples
     fibres_across: int
@@ -110,6 +112,7 @@ def build_mesh(garment: Garment, spacing: float) -> ClothMesh:
     return ClothMesh(
         rest=grid.rest,
         cells=grid.cells.astype(np.int32),
+        cell_area=grid.cell_area,
         triangles=_triangles(grid.rows, columns),
         fibres=Samples(
             joined_stencils(across.nodes + down.nodes, across.slopes + down.slopes), np.array(across.areas + down.areas)

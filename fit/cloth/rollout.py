@@ -26,13 +26,20 @@ TASK = 512  # Taichi hands out loops in tasks of at least 512 iterations; one ta
 
 @functools.cache
 def make_rollout(
-    lanes: int, face_forces: tuple, *, fibre_nodes: tuple[int, int], with_bends: bool, with_added_mass: bool
+    lanes: int,
+    face_forces: tuple,
+    *,
+    fibre_nodes: tuple[int, int],
+    handles: int,
+    with_bends: bool,
+    with_added_mass: bool,
 ):
     """Build the rollout kernel for `lanes` candidates per group and these effects.
 
     face_forces: per effect (first column of its amplitude, number of components, force), where force is a
     `ti.func(a0, a1, a2, vx, vy, vz, nx, ny, nz, area) -> (fx, fy, fz)`;
     fibre_nodes: nodes of every fibre sample across, and down;
+    handles: vectors that the held nodes follow, 0 where nothing is held;
     with_bends: rest curvature and friction in bending; with_added_mass: inertia of the air along the normal.
     """
     vec = ti.types.vector(lanes, ti.f32)
@@ -104,15 +111,16 @@ def make_rollout(
         x: ti.template(),
         v: ti.template(),
         held: ti.template(),
-        fraction: ti.template(),
+        shares: ti.template(),
         path: ti.template(),
         per_second,
     ):
         for h in range(held.shape[0]):
             i = held[h]
-            s = fraction[h]
             for c in ti.static(range(3)):
-                place = (1.0 - s) * path[b, step, c] + s * path[b, step, c + 3]
+                place = shares[h, 0] * path[b, step, c]
+                for k in ti.static(range(1, handles)):
+                    place = place + shares[h, k] * path[b, step, c + 3 * k]
                 v[b, i, c] = (place - x[b, i, c]) * per_second
                 x[b, i, c] = place
 
@@ -151,7 +159,7 @@ def make_rollout(
         friction: lanes_2d,
         added_mass: lanes_2d,
         held: integers_1d,
-        fraction: floats_1d,
+        shares: floats_2d,
         path: lanes_3d,
         point_first: integers_1d,
         point_nodes: integers_1d,
@@ -273,12 +281,13 @@ def make_rollout(
                             x[b, i, 0] = x[b, i, 0] + dt * s0
                             x[b, i, 1] = x[b, i, 1] + dt * s1
                             x[b, i, 2] = x[b, i, 2] + dt * s2
-                        # Held nodes moved freely with the rest; put them where the hanger is after this step.
-                        for h in range(held.shape[0]):
-                            i = held[h]
-                            for c in ti.static(range(3)):
-                                x[b, i, c] = x[b, i, c] - dt * v[b, i, c]
-                        hold(b, ti.max(step + 1, 0), x, v, held, fraction, path, 1.0 / dt)
+                        if ti.static(handles > 0):
+                            # Held nodes moved freely with the rest; put them where their handles are after this step.
+                            for h in range(held.shape[0]):
+                                i = held[h]
+                                for c in ti.static(range(3)):
+                                    x[b, i, c] = x[b, i, c] - dt * v[b, i, c]
+                            hold(b, ti.max(step + 1, 0), x, v, held, shares, path, 1.0 / dt)
                         step += 1
                     lag = frame_lag[frame]
                     for p in range(pull.shape[1]):

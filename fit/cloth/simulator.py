@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,22 +13,22 @@ from fit.cloth import material as mat
 from fit.cloth import spectral
 from fit.cloth.mesh import ClothMesh, Integers, build_mesh
 from fit.cloth.stability import unit_frequencies
+from fit.cloth.support import Support, Supporting, clamped, hanger
 from fit.effects.base import Effect, columns_of
 from fit.effects.bending_hysteresis import REFERENCE_CURVATURE
 from fit.errors import FitError
 from fit.recording import Recording
 
 Floats = NDArray[np.float64]
+Numbers = TypeVar("Numbers", Floats, Integers)
 
 SAFETY = 0.7  # of the linear limit: stretched and folded cloth is a little stiffer than flat cloth
 COARSEST_STEP = 1e-3  # s: swings, pulls and samples stay well resolved even for soft cloth
 TARGET_SPACING = 5e-3  # s between the observer's targets; linear between them
-SETTLE_TIME = 1.6  # s that the cloth hangs at the first hanger pose before the take begins
 LANES = (4, 8, 16)  # candidates side by side; few candidates go narrow so that every thread has some
 ALIGNMENT = 64  # bytes: sixteen lanes of four bytes
-GRAVITY = 9.80665  # m/s^2
 LARGEST_STRAIN = 0.05  # strain up to which stiffening cloth stays stable
-SETTLE_DAMPING = 6.0  # 1/s during that time
+SETTLE_DAMPING = 6.0  # 1/s while the cloth settles
 
 
 @dataclass(frozen=True)
@@ -36,10 +37,13 @@ class Rollouts:
 
     points [m], (candidates, frames, points, 3), world frame; NaN for a candidate that blew up
     shapes [m], (candidates, frames, nodes, 3), or None
+    forces [N], (candidates, nodes, 3): of the cloth and the air on each node in the last step, or None; where a node is
+    held at rest the support carries them, with its weight
     """
 
     points: Floats
     shapes: NDArray[np.float32] | None
+    forces: NDArray[np.float32] | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,13 +80,27 @@ class Simulator:
         effects: tuple[Effect, ...] = (),
         *,
         resolution: Resolution | None = None,
+        support: Supporting | None = None,
     ) -> None:
+        """Prepare a mesh of the recording's garment; without a `support` it hangs from the recording's hanger.
+
+        Raises:
+            FitError: the garment cannot be meshed, or an effect moves a hanger that is not there.
+        """
         runtime.start()
         from fit.cloth.rollout import make_rollout
 
         self.recording, self.effects = recording, effects
         self.resolution = resolution or Resolution()
-        self.mesh: ClothMesh = build_mesh(recording.garment, self.resolution.spacing)
+        mesh = build_mesh(recording.garment, self.resolution.spacing)
+        self.support: Support = (support or hanger(recording))(mesh)
+        self.mesh = clamped(mesh, self.support)
+        moving = [e.name for e in effects if type(e).drive is not Effect.drive]
+        if support is not None and moving:
+            raise FitError(
+                f"the effect {moving[0]} moves a hanger's ends, and this cloth hangs from none",
+                advice="leave out the effects on the boundary and on time",
+            )
         self.simulations = 0
         self.columns = columns_of(effects)
         self._make_rollout = make_rollout
@@ -94,7 +112,7 @@ class Simulator:
     def run(
         self, materials: Floats, amplitudes: Floats | None = None, *, observer_hz: float = 0.0, shapes: bool = False
     ) -> Rollouts:
-        """Simulate candidates.
+        """Simulate candidates; `shapes` keeps the nodes of every frame and the last forces on them.
 
         materials, (candidates, parameters); amplitudes, (candidates, components of all effects), 0 where None;
         observer_hz: natural frequency of the pull towards the measured points, 0 for a free rollout.
@@ -111,7 +129,7 @@ class Simulator:
         recording, mesh = self.recording, self.mesh
         frames, points = recording.points.shape[:2]
         seen = np.full((count, frames, points, 3), np.nan)
-        kept = np.zeros((count, frames, len(mesh.rest), 3), np.float32) if shapes else None
+        kept = np.zeros((count, frames + 1, len(mesh.rest), 3), np.float32) if shapes else None
         changed = self._with_effects(materials, amplitudes)
         kinds = self._half_octaves(changed, amplitudes) + 100 * self._needs_effects(amplitudes)
         for kind in np.unique(kinds):
@@ -129,7 +147,7 @@ class Simulator:
             if type(effect).observe is not Effect.observe:
                 for i in np.flatnonzero(amplitudes[:, self.columns[k]].any(1)):
                     seen[i] = effect.observe(seen[i], recording, amplitudes[i, self.columns[k]])
-        return Rollouts(seen, kept)
+        return Rollouts(seen, kept if kept is None else kept[:, :-1], kept if kept is None else kept[:, -1])
 
     def _with_effects(self, materials: Floats, amplitudes: Floats) -> Floats:
         """Material rows with what the effects change in them."""
@@ -210,7 +228,7 @@ class Simulator:
         inverse_mass = np.stack([1.0 / self._masses(m, a) for m, a in zip(materials, amplitudes, strict=True)])
         wanted, trust, every = self._observer_targets(work.half_octaves)
         omega = 2 * np.pi * work.observer_hz
-        start = _starting_shape(mesh, path[:, 0])
+        start = self.support.start(path[:, 0])
         state = [_in_lanes(start, lanes), *(_zeros((groups, nodes, 3, lanes)) for _ in range(2))]
         out = _zeros((groups, frames, points, 3, lanes))
         whole = _zeros((groups, frames if kept is not None else 1, nodes, 3, lanes))
@@ -225,7 +243,7 @@ class Simulator:
         needs_normals = bool(faces) or with_bends or with_added
         fibres = len(mesh.fibres.area)
         kernel = self._make_rollout(
-            lanes, faces, fibre_nodes=mesh.fibre_nodes,
+            lanes, faces, fibre_nodes=mesh.fibre_nodes, handles=self.support.handles,
             with_bends=with_bends, with_added_mass=with_added,
         )  # fmt: skip
         with runtime.vectors_kept():
@@ -237,29 +255,31 @@ class Simulator:
                 *(_zeros((groups, nodes if needs_normals else 1, *shape, lanes)) for shape in ((3,), ())),
                 _in_lanes(rest, lanes), _zeros((groups, bends if with_bends else 1, lanes)),
                 _in_lanes(added, lanes),
-                mesh.held_nodes, _single(mesh.held_fraction), _in_lanes(path, lanes),
+                _some(self.support.nodes), _single(_some(self.support.shares)), _in_lanes(_some(path), lanes),
                 mesh.points.first, mesh.points.nodes, _single(mesh.points.weights),
                 mesh.pull_points, _single(mesh.pull_weights),
                 wanted, trust, every,
                 _in_lanes(self._kernel_rows(materials, amplitudes), lanes), _in_lanes(inverse_mass, lanes),
                 _in_lanes(amplitudes if self.effects else np.zeros((len(padded), 1)), lanes),
-                frame_step, frame_lag, dt, round(SETTLE_TIME / dt), SETTLE_DAMPING, omega**2, 2 * omega,
+                frame_step, frame_lag, dt, round(self.support.settle_time / dt), SETTLE_DAMPING, omega**2, 2 * omega,
                 out, whole, int(kept is not None),
             )  # fmt: skip
         seen[chosen] = _from_lanes(out)[: len(chosen)]
         if kept is not None:
-            kept[chosen] = _from_lanes(whole)[: len(chosen)]
+            kept[chosen, :-1] = _from_lanes(whole)[: len(chosen)]
+            kept[chosen, -1] = _from_lanes(state[2])[: len(chosen)]
 
     def _kernel_rows(self, materials: Floats, amplitudes: Floats) -> Floats:
         """What the kernel wants to know of each candidate, (candidates, 14)."""
         warp, weft = np.exp(0.5 * materials[:, mat.STRETCH_RATIO]), np.exp(0.5 * materials[:, mat.BENDING_RATIO])
         x, y = np.sin(materials[:, mat.TILT_X]), np.sin(materials[:, mat.TILT_Y])
         stretch, bending = materials[:, mat.STRETCH], materials[:, mat.BENDING]
+        gravity = self.support.gravity
         return np.stack(
             [
                 stretch * warp, stretch / warp, materials[:, mat.SHEAR], bending * weft, bending / weft, bending,
                 materials[:, mat.MEMBRANE_TIME], materials[:, mat.BENDING_TIME], materials[:, mat.VELOCITY],
-                materials[:, mat.STIFFENING], GRAVITY * x, GRAVITY * y, -GRAVITY * np.sqrt(1 - x**2 - y**2),
+                materials[:, mat.STIFFENING], gravity * x, gravity * y, -gravity * np.sqrt(1 - x**2 - y**2),
                 np.array([self._friction(a) for a in amplitudes]),
             ],
             axis=1,
@@ -282,7 +302,7 @@ class Simulator:
         return added
 
     def _paths(self, amplitudes: Floats, steps: int, dt: float) -> Floats:
-        """Held ends per candidate and step, (candidates, steps, 6); equal drives are evaluated once."""
+        """Handles per candidate and step, (candidates, steps, 3 handles); equal drives are evaluated once."""
         instants = np.asarray(np.arange(steps) * dt, float)
         drivers = [k for k, e in enumerate(self.effects) if type(e).drive is not Effect.drive]
         known: dict[bytes, Floats] = {}
@@ -290,7 +310,7 @@ class Simulator:
         for row in amplitudes:
             name = b"".join(row[self.columns[k]].tobytes() for k in drivers)
             if name not in known:
-                curve = self.recording.held
+                curve = self.support.path
                 for k in drivers:
                     if row[self.columns[k]].any():
                         curve = self.effects[k].drive(curve, self.recording, row[self.columns[k]])
@@ -321,15 +341,9 @@ def _from_lanes(values: NDArray[np.float32]) -> NDArray[np.float32]:
     return moved.reshape(-1, *moved.shape[2:])
 
 
-def _starting_shape(mesh: ClothMesh, ends: Floats) -> Floats:
-    """Flat cloth hanging straight down from the held ends, (candidates, nodes, 3); ends (candidates, 6)."""
-    left, right = ends[:, :3], ends[:, 3:]
-    held = mesh.rest[mesh.held_nodes]
-    along = (mesh.rest[:, 0] - held[0, 0]) / (held[-1, 0] - held[0, 0])
-    below = held[:, 1].max() - mesh.rest[:, 1]
-    shape = (1 - along)[None, :, None] * left[:, None] + along[None, :, None] * right[:, None]
-    shape[:, :, 2] -= below
-    return shape
+def _some(values: Numbers) -> Numbers:
+    """The same, or a single zero of as many dimensions in place of nothing, which Taichi cannot take."""
+    return values if values.size else np.zeros_like(values, shape=[max(n, 1) for n in values.shape])
 
 
 def _single(values: Floats) -> NDArray[np.float32]:

@@ -12,8 +12,9 @@ from scipy.optimize import curve_fit
 from fit.cloth import material as mat
 from fit.cloth.mesh import build_mesh
 from fit.cloth.simulator import Resolution, Simulator
+from fit.cloth.support import Clamp, clamps
 from fit.effects import LIBRARY
-from fit.effects.air_drag import AIR_DENSITY
+from fit.effects.air_drag import AIR_DENSITY, AirDrag
 from fit.effects.base import amplitudes_of, columns_of
 from fit.effects.hem import Hem
 from fit.errors import DriveError, FitError
@@ -132,6 +133,43 @@ def test_a_falling_sheet_with_drag_ends_at_its_terminal_speed():
     across = take.points[-1, 2] - take.points[-1, 1]
     lean = np.degrees(np.arctan2(-across[1], -across[2]))
     assert lean == pytest.approx(38.17, abs=2.0)
+
+
+def dropped(time, **changes):
+    """A level sheet that nothing holds: frames, nodes, places."""
+    garment = sheet()
+    recording = prepare(take_of(garment, time, np.zeros((len(time), 3))))
+    level = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0])
+    simulator = Simulator(recording, (AirDrag(),), support=clamps(start=level))
+    row = material(garment, velocity_damping=0.0, **changes)
+    return simulator.run(row, np.array([[1.2]]), shapes=True).shapes[0]
+
+
+def test_a_level_sheet_that_nothing_holds_falls_by_the_law_of_quadratic_drag():
+    """z = -(v^2 / g) ln cosh(g t / v) with the terminal speed v of 1.648 m/s; it stays flat and level."""
+    time = np.arange(0, 1, 1 / 30)
+    places = dropped(time)
+    speed = np.sqrt(2 * 0.2 * GRAVITY / (AIR_DENSITY * 1.2))
+    expected = -(speed**2) / GRAVITY * np.log(np.cosh(GRAVITY * time / speed))
+    # The first half step of leapfrog from rest: g dt / 2 too slow, up to 1e-3 s.
+    assert places[:, :, 2].mean(1) == pytest.approx(expected, abs=2e-3)
+    assert np.ptp(places[:, :, 2], axis=1).max() < 1e-5
+
+
+def test_effects_on_a_hanger_are_refused_where_there_is_none():
+    garment = sheet()
+    time = np.arange(0, 1, 1 / 30)
+    recording = prepare(take_of(garment, time, np.zeros((len(time), 3))))
+    with pytest.raises(FitError, match="moves a hanger's ends"):
+        Simulator(recording, LIBRARY, support=clamps(start=np.eye(3).ravel()))
+
+
+def test_a_clamp_beside_the_cloth_is_refused():
+    garment = sheet()
+    recording = prepare(take_of(garment, np.arange(30) / 30, np.zeros((30, 3))))
+    beside = Clamp(lambda places: places[:, 1] > 1.0, lambda instants: np.zeros((len(instants), 9)))
+    with pytest.raises(FitError, match="clamp 1 of 1 holds no node"):
+        Simulator(recording, support=clamps(beside, start=np.eye(3).ravel()))
 
 
 def test_results_do_not_depend_on_company_lanes_or_threads():

@@ -1,0 +1,179 @@
+"""Cases of `validation.py` in which clamps hold the cloth, or nothing does: each gives a relative error.
+
+shear frame      all four sides of a square turned by phi, threads keep their length: W = G/2 sin^2 phi per area, so
+                 the torque on the frame is A G sin phi cos phi
+load             k/2 l (l^2 - 1) = F + rho g z for the stretch l(z); F [N/m] at the lower clamp
+cantilever       B theta'' = -rho g s cos theta, s from the free end, theta below the horizontal: theta'(0) = 0,
+                 theta(L) = 0, solved here by collocation. Bending length c = (B / rho g)^(1/3), and by
+                 c = L (cos(a/2) / (8 tan a))^(1/3) from the angle a of the line to the tip, 1.9 % above it at L = 2 c
+                 Source: F. T. Peirce, J. Text. Inst. 21 (1930) T377; W. G. Bickley, Phil. Mag. 17 (1934) 603
+falling sheet    rho g = 1/2 rho_air c_d v^2
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_bvp
+from scipy.optimize import brentq
+
+from fit.cloth.simulator import Resolution, Rollouts, Simulator
+from fit.cloth.support import GRAVITY, Clamp, Supporting, clamps
+from fit.effects.air_drag import AIR_DENSITY, AirDrag
+from fit.recording import Curve, prepare
+from formats.garment import Garment
+from tests.fit.scenes import material, sheet, take_of
+
+Floats = NDArray[np.float64]
+Held = Callable[[Floats], NDArray[np.bool_]]
+DENSITY = 0.2  # kg/m^2
+UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0])  # frame of a sheet in the plane of x and z
+LEVEL = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0])  # and of one that lies
+STIFF = {
+    "bending_stiffness": 1e-9, "bending_damping_time": 0.0, "membrane_damping_time": 0.0,
+    "stretch_stiffness": 2000.0, "shear_stiffness": 100.0,
+}  # fmt: skip
+FRAME = 1 / 30
+ANGLE = 0.2  # rad of the shear frame
+LOAD, SOFT = 6.0, 60.0  # N/m at the lower clamp, and the sheet's stretch stiffness
+OVERHANG = 0.6  # m
+SHORT, LONG = 2.0, 3.0  # overhangs over the bending length: Peirce's c = L / 2, and a tip that hangs at 60 degrees
+DRAG = 1.2
+
+
+def still(frame: Floats) -> Curve:
+    """A clamp that stays."""
+    return lambda instants: np.tile(frame, (len(instants), 1))
+
+
+def gone(instants: Floats) -> Floats:
+    """How much of a movement of one second is done, from 0 to 1."""
+    share = np.clip(instants, 0, 1)
+    return np.asarray(share**3 * (10 - 15 * share + 6 * share**2))
+
+
+def bench(
+    garment: Garment, support: Supporting, resolution: Resolution, seconds: float, *, drag: float = 0.0,
+    **changes: float,
+) -> tuple[Rollouts, Simulator]:  # fmt: skip
+    """Simulate one sheet on a bench; shapes and last forces are kept."""
+    time = np.arange(0, seconds, FRAME)
+    recording = prepare(take_of(garment, time, np.zeros((len(time), 3))))
+    simulator = Simulator(recording, (AirDrag(),) if drag else (), resolution=resolution, support=support)
+    row = material(garment, **{**STIFF, "velocity_damping": 20.0, **changes})
+    return simulator.run(row, np.array([[drag]]) if drag else None, shapes=True), simulator
+
+
+def square(width: float, height: float) -> Garment:
+    """A sheet of the density of all these."""
+    return sheet(width=width, height=height, mass=DENSITY * width * height)
+
+
+def shear_frame_error(resolution: Resolution) -> float:
+    """Of the torque on a shear frame at 0.2 rad."""
+    side, shear = 0.4, 100.0
+
+    def on_rim(places: Floats) -> NDArray[np.bool_]:
+        x, y = places.T
+        return (np.abs(x) > side / 2 - 1e-9) | (y > -1e-9) | (y < 1e-9 - side)
+
+    def turned(instants: Floats) -> Floats:
+        frame = np.tile(UPRIGHT, (len(instants), 1))
+        angle = ANGLE * gone(instants)
+        frame[:, 6], frame[:, 8] = np.sin(angle), np.cos(angle)
+        return frame
+
+    support = clamps(Clamp(on_rim, turned), start=UPRIGHT, gravity=0.0)
+    done, simulator = bench(square(side, side), support, resolution, 2.0, shear_stiffness=shear)
+    held = simulator.support.nodes
+    ways = simulator.mesh.rest[held, 1:] * np.array([np.cos(ANGLE), -np.sin(ANGLE)])  # d place / d angle, along x, z
+    assert done.forces is not None
+    torque = -float((done.forces[0, held][:, [0, 2]] * ways).sum())
+    return torque / (side**2 * shear * np.sin(ANGLE) * np.cos(ANGLE)) - 1
+
+
+def stretched(tension: Floats, stiffness: float) -> Floats:
+    """Stretch under a tension per width [N/m]."""
+    return np.array([brentq(lambda s, t=t: stiffness / 2 * s * (s**2 - 1) - t, 1, 3) for t in tension])
+
+
+def load_error(resolution: Resolution) -> float:
+    """Of the force at the lower clamp of a sheet that carries its own weight too."""
+    width, height = 0.4, 0.45
+    depths = np.linspace(0, height, 501)
+    sunk = float(np.trapezoid(stretched(LOAD + DENSITY * GRAVITY * depths, SOFT) - 1, depths))
+
+    def lowered(instants: Floats) -> Floats:
+        frame = np.tile(UPRIGHT, (len(instants), 1))
+        frame[:, 2] = -sunk * gone(instants)
+        return frame
+
+    support = clamps(
+        Clamp(lambda p: p[:, 1] > -1e-9, still(UPRIGHT)),
+        Clamp(lambda p: p[:, 1] < 1e-9 - height, lowered),
+        start=UPRIGHT,
+    )
+    done, simulator = bench(square(width, height), support, resolution, 3.0, stretch_stiffness=SOFT)
+    lowest = simulator.mesh.rest[:, 1] < 1e-9 - height
+    assert done.forces is not None
+    weight = DENSITY * simulator.mesh.node_area[lowest].sum() * GRAVITY
+    return (float(done.forces[0, lowest, 2].sum()) - weight) / (LOAD * width) - 1
+
+
+def elastica(length: float, bending_length: float) -> tuple[float, float]:
+    """Reach and drop [m] of the tip of a heavy strip that is clamped level."""
+    s = np.linspace(0, length, 60)
+
+    def slope(at: Floats, y: Floats) -> Floats:  # angle, its slope, reach and drop on the way from the tip
+        return np.stack([y[1], -at * np.cos(y[0]) / bending_length**3, -np.cos(y[0]), -np.sin(y[0])])
+
+    near = 1 / np.sqrt(length / bending_length**3 + 1 / length**2)  # of the clamp, where a long strip bends down
+    angle = 1.5 * (1 - np.exp((s - length) / near))
+    guess = np.stack([angle, -1.5 / near * np.exp((s - length) / near), 0.5 * (length - s), 0.5 * (length - s)])
+    found = solve_bvp(
+        slope, lambda tip, clamp: np.array([tip[1], clamp[0], clamp[2], clamp[3]]), s, guess, tol=1e-8, max_nodes=20000
+    )
+    assert found.success, found.message
+    return float(found.y[2, 0]), float(found.y[3, 0])
+
+
+def overhanging(resolution: Resolution, bending_length: float) -> tuple[float, float]:
+    """Reach and drop [m] of the tip of the simulated strip; the clamp holds one element."""
+    elements = round(OVERHANG / (3 * resolution.spacing))
+    strip = OVERHANG / elements
+    garment = square(0.2, OVERHANG + strip)
+    lying = LEVEL * np.array([1.0] * 6 + [1.0, -1.0, 1.0])  # the free end ahead
+    support = clamps(Clamp(lambda p: p[:, 1] > -strip - 1e-9, still(lying)), start=lying)
+    stiffness = DENSITY * GRAVITY * bending_length**3
+    done, simulator = bench(
+        garment, support, Resolution(spacing=strip / 3, step_share=resolution.step_share), 5.0,
+        bending_stiffness=stiffness, velocity_damping=10.0,
+    )  # fmt: skip
+    assert done.shapes is not None
+    tip = done.shapes[0, -1][simulator.mesh.rest[:, 1] < 1e-9 - OVERHANG - strip].mean(0)
+    return float(tip[1]) - strip, -float(tip[2])
+
+
+def peirce_error(resolution: Resolution) -> float:
+    """Of the bending length that Peirce's formula reads from an overhang of twice the bending length."""
+    true = OVERHANG / SHORT
+    reach, drop = overhanging(resolution, true)
+    angle = np.arctan2(drop, reach)
+    return float(OVERHANG * np.cbrt(np.cos(angle / 2) / (8 * np.tan(angle)))) / true - 1
+
+
+def elastica_error(resolution: Resolution) -> float:
+    """Of the tip's place, over its drop, at an overhang of three times the bending length."""
+    expected = np.array(elastica(OVERHANG, OVERHANG / LONG))
+    return float(np.linalg.norm(np.array(overhanging(resolution, OVERHANG / LONG)) - expected) / expected[1])
+
+
+def falling_error(resolution: Resolution) -> float:
+    """Of the terminal speed of a level sheet that nothing holds."""
+    done, _ = bench(square(0.4, 0.45), clamps(start=LEVEL), resolution, 2.0, drag=DRAG, velocity_damping=0.0)
+    assert done.shapes is not None
+    height = done.shapes[0, :, :, 2].mean(1)
+    speed = (height[-7] - height[-1]) / (6 * FRAME)
+    return float(speed) / np.sqrt(2 * DENSITY * GRAVITY / (AIR_DENSITY * DRAG)) - 1

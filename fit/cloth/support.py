@@ -1,0 +1,156 @@
+"""How cloth is held, where it starts, and how heavy it is: a hanger, clamps that move, or nothing at all.
+
+Held nodes follow handles, vectors that move:
+    x_h(t) = sum_k s_hk handle_k(t)
+A hanger has two, the ends of the held edge, with s = (1 - s_h, s_h). A clamp has three, the image of the flat cloth's
+origin and of its axes, so that the node at (X, Y) is at origin + X across + Y down: a strip of cloth that a clamp
+holds stays flat and keeps its angle, which is what clamping means; a single row of nodes is a hinge. A frame whose
+axes turn against each other shears what it holds.
+
+Elements inside a clamp do not bend, so the curvature at its rim belongs to the free side's share of the node alone:
+with the shares m of both sides, M = m_1 kappa_1 + m_2 kappa_2 + kink and kappa_1 = 0, the energy is B/2 M^2 / m_2,
+where two free sides have B/2 M^2 / (m_1 + m_2). Left as those, a clamp would be soft over a twelfth of an element.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.cloth.mesh import ClothMesh, Integers
+from fit.errors import FitError
+from fit.recording import Curve, Recording
+
+Floats = NDArray[np.float64]
+
+GRAVITY = 9.80665  # m/s^2
+SETTLE_TIME = 1.6  # s that cloth hangs at the first hanger pose before the take begins
+
+
+@dataclass(frozen=True)
+class Support:
+    """What holds the cloth.
+
+    nodes, (held,); shares, (held, handles): of the handles in the place of each held node
+    path: (n,) instants [s] -> (n, 3 handles) [m], world frame
+    start: handles at the beginning, (candidates, 3 handles) -> places of the nodes [m], (candidates, nodes, 3)
+    settle_time [s]: the cloth hangs that long at the first pose, strongly damped, before time begins
+    gravity [m/s^2], along -z
+    """
+
+    nodes: Integers
+    shares: Floats
+    path: Curve
+    start: Curve
+    settle_time: float = SETTLE_TIME
+    gravity: float = GRAVITY
+
+    @property
+    def handles(self) -> int:
+        """How many vectors the held nodes follow."""
+        return self.shares.shape[1]
+
+
+Supporting = Callable[[ClothMesh], Support]
+
+
+@dataclass(frozen=True)
+class Clamp:
+    """A clamp over part of the cloth.
+
+    holds: places on the flat cloth [m], (n, 2) -> which of them it holds, (n,)
+    frame: (n,) instants [s] -> (n, 9): images of the flat cloth's origin [m], of its x axis and of its y axis
+    """
+
+    holds: Callable[[Floats], NDArray[np.bool_]]
+    frame: Curve
+
+
+def hanger(recording: Recording) -> Supporting:
+    """Return what holds the cloth of a recording: its held edge, or that edge's ends, on the tracked path."""
+
+    def support(mesh: ClothMesh) -> Support:
+        return Support(
+            nodes=mesh.held_nodes,
+            shares=np.stack([1 - mesh.held_fraction, mesh.held_fraction], 1),
+            path=recording.held,
+            start=lambda ends: _hanging_flat(mesh, ends),
+        )
+
+    return support
+
+
+def clamps(
+    *chosen: Clamp, start: Floats, gravity: float = GRAVITY, stir: Callable[[Floats], Floats] | None = None
+) -> Supporting:
+    """Return clamps, or nothing at all where none is given.
+
+    start [m], (9,): the frame, as a clamp's, in which the flat cloth begins at rest; stir: places on the flat cloth
+    [m], (n, 2) -> (n,) [m], how far out of its plane it begins.
+
+    Raises:
+        FitError: by what is returned, where a clamp holds no node of the mesh.
+    """
+
+    def support(mesh: ClothMesh) -> Support:
+        masks = [clamp.holds(mesh.rest) for clamp in chosen]
+        for k, mask in enumerate(masks):
+            if not mask.any():
+                raise FitError(
+                    f"clamp {k + 1} of {len(masks)} holds no node", advice="hold a wider strip, or mesh finer"
+                )
+        nodes = np.concatenate([np.zeros(0, int), *(np.flatnonzero(mask) for mask in masks)])
+        affine = np.column_stack([np.ones(len(mesh.rest)), mesh.rest])
+        shares = np.zeros((len(nodes), 3 * len(chosen)))
+        done = 0
+        for k, mask in enumerate(masks):
+            shares[done : done + mask.sum(), 3 * k : 3 * k + 3] = affine[mask]
+            done += int(mask.sum())
+        places = affine @ np.reshape(start, (3, 3))
+        if stir is not None:
+            normal = np.cross(start[3:6], start[6:])
+            places = places + stir(mesh.rest)[:, None] * normal / np.linalg.norm(normal)
+        return Support(
+            nodes=nodes.astype(np.int32),
+            shares=shares,
+            path=lambda instants: np.column_stack(
+                [np.zeros((len(instants), 0)), *(clamp.frame(instants) for clamp in chosen)]
+            ),
+            start=lambda handles: np.repeat(places[None], len(handles), 0),
+            settle_time=0.0,
+            gravity=gravity,
+        )
+
+    return support
+
+
+def clamped(mesh: ClothMesh, support: Support) -> ClothMesh:
+    """Return the mesh with the bends at the rims of clamps counted on their free sides only."""
+    is_held = np.zeros(len(mesh.rest), bool)
+    is_held[support.nodes] = True
+    inside = is_held[mesh.cells].all(1)
+    if not inside.any():
+        return mesh
+    shares = mesh.cell_area[inside].ravel()
+    held_area = np.bincount(mesh.cells[inside].ravel(), shares, len(mesh.rest))
+    free = 1 - held_area / mesh.node_area
+    bends, plain = mesh.bends, len(mesh.bends.stencils)
+    kept = np.where(free > 1e-6, free, 1.0)[bends.centre[:plain]]
+    area = bends.area.copy()
+    area[:plain] *= kept
+    stencils = replace(bends.stencils, weights=bends.stencils.weights / np.sqrt(kept[bends.stencils.rows()])[:, None])
+    return replace(mesh, bends=replace(bends, stencils=stencils, area=area))
+
+
+def _hanging_flat(mesh: ClothMesh, ends: Floats) -> Floats:
+    """Flat cloth hanging straight down from the held ends, (candidates, nodes, 3); ends (candidates, 6)."""
+    left, right = ends[:, :3], ends[:, 3:]
+    held = mesh.rest[mesh.held_nodes]
+    along = (mesh.rest[:, 0] - held[0, 0]) / (held[-1, 0] - held[0, 0])
+    below = held[:, 1].max() - mesh.rest[:, 1]
+    shape = (1 - along)[None, :, None] * left[:, None] + along[None, :, None] * right[:, None]
+    shape[:, :, 2] -= below
+    return shape

@@ -107,7 +107,7 @@ def make_rollout(
     @ti.func
     def hold(
         b,
-        step,
+        row,
         x: ti.template(),
         v: ti.template(),
         held: ti.template(),
@@ -118,9 +118,9 @@ def make_rollout(
         for h in range(held.shape[0]):
             i = held[h]
             for c in ti.static(range(3)):
-                place = shares[h, 0] * path[b, step, c]
+                place = shares[h, 0] * path[row, c]
                 for k in ti.static(range(1, handles)):
-                    place = place + shares[h, k] * path[b, step, c + 3 * k]
+                    place = place + shares[h, k] * path[row, c + 3 * k]
                 v[b, i, c] = (place - x[b, i, c]) * per_second
                 x[b, i, c] = place
 
@@ -160,7 +160,8 @@ def make_rollout(
         added_mass: lanes_2d,
         held: integers_1d,
         shares: floats_2d,
-        path: lanes_3d,
+        path: lanes_2d,
+        path_first: integers_1d,
         point_first: integers_1d,
         point_nodes: integers_1d,
         point_weights: floats_2d,
@@ -168,14 +169,16 @@ def make_rollout(
         pull_weights: floats_2d,
         targets: floats_3d,
         trust: floats_2d,
-        steps_per_target: ti.i32,
+        target_first: integers_1d,
+        target_every: integers_1d,
         material: lanes_2d,
         inverse_mass: lanes_2d,
         amplitude: lanes_2d,
-        frame_step: integers_1d,
-        frame_lag: floats_1d,
-        dt: ti.f32,
-        settle_steps: ti.i32,
+        frame_step: integers_2d,
+        frame_lag: floats_2d,
+        frame_count: integers_1d,
+        time_step: floats_1d,
+        settle: integers_1d,
         settle_damping: ti.f32,
         gain: ti.f32,
         damping: ti.f32,
@@ -187,12 +190,12 @@ def make_rollout(
         for task in range(groups * TASK):
             if task % TASK == 0:
                 b = task // TASK
-                frames = frame_step.shape[0]
+                dt, settle_steps, steps_per_target = time_step[b], settle[b], target_every[b]
                 settle_gain = 355.0  # (2 pi 3 Hz)^2: the first half of settling is drawn to the observed first shape
                 settle_pull_damping = 37.7
                 step = -settle_steps
-                for frame in range(frames):
-                    while step < frame_step[frame]:
+                for frame in range(frame_count[b]):
+                    while step < frame_step[b, frame]:
                         is_settling = step < 0
                         now = ti.max(step, 0)
                         rate = material[b, 8]
@@ -245,7 +248,7 @@ def make_rollout(
                             part = ti.cast(now - sample * steps_per_target, ti.f32) / ti.cast(steps_per_target, ti.f32)
                             pull_at_points(
                                 b,
-                                sample,
+                                target_first[b] + sample,
                                 part,
                                 pull_gain,
                                 pull_damping,
@@ -287,9 +290,9 @@ def make_rollout(
                                 i = held[h]
                                 for c in ti.static(range(3)):
                                     x[b, i, c] = x[b, i, c] - dt * v[b, i, c]
-                            hold(b, ti.max(step + 1, 0), x, v, held, shares, path, 1.0 / dt)
+                            hold(b, path_first[b] + ti.max(step + 1, 0), x, v, held, shares, path, 1.0 / dt)
                         step += 1
-                    lag = frame_lag[frame]
+                    lag = frame_lag[b, frame]
                     for p in range(pull.shape[1]):
                         for c in ti.static(range(3)):
                             seen[b, frame, p, c] = vec(0.0)

@@ -1,17 +1,19 @@
-"""Run batches of candidates on one recording: chooses the stable step, packs lanes, unpacks trajectories."""
+"""Run batches of candidates on one recording, or on several side by side: chooses the stable step of each candidate,
+says what the kernel needs of it, and makes trajectories of what comes back (`fit.cloth.launch` packs the lanes).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fit import runtime
 from fit.cloth import material as mat
-from fit.cloth import spectral
-from fit.cloth.mesh import ClothMesh, Integers, build_mesh
+from fit.cloth.launch import Candidates, Group, launch
+from fit.cloth.mesh import build_mesh
 from fit.cloth.stability import unit_frequencies
 from fit.cloth.support import Support, Supporting, clamped, hanger
 from fit.effects.base import Effect, columns_of
@@ -20,15 +22,11 @@ from fit.errors import FitError
 from fit.recording import Recording
 
 Floats = NDArray[np.float64]
-Numbers = TypeVar("Numbers", Floats, Integers)
 
 SAFETY = 0.7  # of the linear limit: stretched and folded cloth is a little stiffer than flat cloth
 COARSEST_STEP = 1e-3  # s: swings, pulls and samples stay well resolved even for soft cloth
 TARGET_SPACING = 5e-3  # s between the observer's targets; linear between them
-LANES = (4, 8, 16)  # candidates side by side; few candidates go narrow so that every thread has some
-ALIGNMENT = 64  # bytes: sixteen lanes of four bytes
 LARGEST_STRAIN = 0.05  # strain up to which stiffening cloth stays stable
-SETTLE_DAMPING = 6.0  # 1/s while the cloth settles
 
 
 @dataclass(frozen=True)
@@ -54,18 +52,6 @@ class Resolution:
     step_share: float = 1.0
 
 
-@dataclass(frozen=True)
-class _Work:
-    """What the candidates of one call of the kernel share; materials with effects and amplitudes of all candidates."""
-
-    lanes: int
-    half_octaves: int
-    has_effects: bool
-    materials: Floats
-    amplitudes: Floats
-    observer_hz: float
-
-
 class Simulator:
     """Simulate one recording for any number of candidates.
 
@@ -88,8 +74,6 @@ class Simulator:
             FitError: the garment cannot be meshed, or an effect moves a hanger that is not there.
         """
         runtime.start()
-        from fit.cloth.rollout import make_rollout
-
         self.recording, self.effects = recording, effects
         self.resolution = resolution or Resolution()
         mesh = build_mesh(recording.garment, self.resolution.spacing)
@@ -103,11 +87,8 @@ class Simulator:
             )
         self.simulations = 0
         self.columns = columns_of(effects)
-        self._make_rollout = make_rollout
         self._frequencies = unit_frequencies(self.mesh)
-        self._membrane, self._bending = _membrane_arguments(self.mesh), _bending_arguments(self.mesh)
         self._targets: dict[int, tuple[Floats, Floats, int]] = {}
-        self._threads = runtime.available_threads()
 
     def run(
         self, materials: Floats, amplitudes: Floats | None = None, *, observer_hz: float = 0.0, shapes: bool = False
@@ -120,34 +101,59 @@ class Simulator:
         Raises:
             FitError: the shapes of the arguments do not fit together.
         """
-        count = len(materials)
-        width = self.columns[-1].stop if self.columns else 0
+        return run_together([self], [materials], [amplitudes], observer_hz=observer_hz, shapes=shapes)[0]
+
+    def groups(
+        self, materials: Floats, amplitudes: Floats | None, *, shapes: bool
+    ) -> tuple[Candidates, list[Group]]:
+        """Sort candidates by their steps and by whether they need the kernel with effects; arguments as for `run`.
+
+        Raises:
+            FitError: the shapes of the arguments do not fit together.
+        """
+        count, width = len(materials), self.columns[-1].stop if self.columns else 0
         if amplitudes is None:
             amplitudes = np.zeros((count, width))
         if amplitudes.shape != (count, width) or materials.shape[1] != len(mat.NAMES):
             raise FitError(f"candidates of shape {materials.shape} and {amplitudes.shape} do not fit together")
-        recording, mesh = self.recording, self.mesh
-        frames, points = recording.points.shape[:2]
-        seen = np.full((count, frames, points, 3), np.nan)
-        kept = np.zeros((count, frames + 1, len(mesh.rest), 3), np.float32) if shapes else None
-        changed = self._with_effects(materials, amplitudes)
-        kinds = self._half_octaves(changed, amplitudes) + 100 * self._needs_effects(amplitudes)
-        for kind in np.unique(kinds):
-            members = np.flatnonzero(kinds == kind)
-            lanes = next((n for n in LANES if n * self._threads >= len(members)), LANES[-1])
-            together = lanes * self._threads
-            for start in range(0, len(members), together):
-                chosen = members[start : start + together]
-                work = _Work(lanes, int(kind) % 100, kind >= 100, changed, amplitudes, observer_hz)
-                self._run_group(chosen, work, seen, kept)
-        self.simulations += count
+        frames, points = self.recording.points.shape[:2]
+        candidates = Candidates(
+            materials=self._with_effects(materials, amplitudes),
+            amplitudes=amplitudes,
+            seen=np.full((count, frames, points, 3), np.nan),
+            kept=np.zeros((count, frames + 1, len(self.mesh.rest), 3), np.float32) if shapes else None,
+        )
+        steps = self._half_octaves(candidates.materials, amplitudes)
+        kinds = np.stack([self._needs_effects(amplitudes), steps], 1)
+        return candidates, [
+            Group(self, candidates, np.flatnonzero((kinds == kind).all(1)), int(kind[1]), bool(kind[0]))
+            for kind in np.unique(kinds, axis=0)
+        ]
+
+    def finish(self, candidates: Candidates) -> Rollouts:
+        """Turn what the kernel wrote into trajectories as the sensor sees them."""
+        seen, kept, amplitudes = candidates.seen, candidates.kept, candidates.amplitudes
+        self.simulations += len(seen)
         blown = ~(np.abs(seen).max((1, 2, 3)) < 100.0)  # metres: far outside any room
         seen[blown] = np.nan
         for k, effect in enumerate(self.effects):
             if type(effect).observe is not Effect.observe:
                 for i in np.flatnonzero(amplitudes[:, self.columns[k]].any(1)):
-                    seen[i] = effect.observe(seen[i], recording, amplitudes[i, self.columns[k]])
+                    seen[i] = effect.observe(seen[i], self.recording, amplitudes[i, self.columns[k]])
         return Rollouts(seen, kept if kept is None else kept[:, :-1], kept if kept is None else kept[:, -1])
+
+    def is_like(self, other: Simulator) -> bool:
+        """Whether both simulate the same cloth with the same effects, so that one call of the kernel can do both."""
+        if self is other:
+            return True
+        return (
+            self.effects == other.effects
+            and self.resolution == other.resolution
+            and self.recording.garment == other.recording.garment
+            and self.support.settle_time == other.support.settle_time
+            and np.array_equal(self.support.nodes, other.support.nodes)
+            and np.array_equal(self.support.shares, other.support.shares)
+        )
 
     def _with_effects(self, materials: Floats, amplitudes: Floats) -> Floats:
         """Material rows with what the effects change in them."""
@@ -180,7 +186,7 @@ class Simulator:
         light = np.ones(len(materials))
         for i in np.flatnonzero(amplitudes.any(1)):
             even = materials[i, mat.DENSITY] * self.mesh.node_area
-            light[i] = float(np.min(self._masses(materials[i], amplitudes[i]) / even))
+            light[i] = float(np.min(self.masses(materials[i], amplitudes[i]) / even))
             bending[i] += self._friction(amplitudes[i]) / REFERENCE_CURVATURE
         bend = bending * by_bending
         density = materials[:, mat.DENSITY] * np.maximum(light, 1e-3)
@@ -192,7 +198,7 @@ class Simulator:
         wanted = np.ceil(2 * np.log2(COARSEST_STEP / limit))
         return np.clip(wanted, 0, 14).astype(np.int64)
 
-    def _observer_targets(self, half_octaves: int) -> tuple[Floats, Floats, int]:
+    def observer_targets(self, half_octaves: int) -> tuple[Floats, Floats, int]:
         """Targets and trust on a grid of whole steps, and the number of steps between two of them."""
         if half_octaves not in self._targets:
             dt = self.step(half_octaves)
@@ -202,7 +208,7 @@ class Simulator:
             self._targets[half_octaves] = wanted.astype(np.float32), trust.astype(np.float32), every
         return self._targets[half_octaves]
 
-    def _masses(self, row: Floats, amplitude: Floats) -> Floats:
+    def masses(self, row: Floats, amplitude: Floats) -> Floats:
         """Masses of the nodes [kg] of one candidate."""
         mass = row[mat.DENSITY] * self.mesh.node_area
         for effect, columns in zip(self.effects, self.columns, strict=True):
@@ -213,63 +219,7 @@ class Simulator:
         """Largest frictional moment per width [N] of one candidate."""
         return sum(e.friction_moment(amplitude[c]) for e, c in zip(self.effects, self.columns, strict=True))
 
-    def _run_group(
-        self, chosen: NDArray[np.int64], work: _Work, seen: Floats, kept: NDArray[np.float32] | None
-    ) -> None:
-        recording, mesh, lanes = self.recording, self.mesh, work.lanes
-        dt = self.step(work.half_octaves)
-        groups = -(-len(chosen) // lanes)
-        padded = np.concatenate([chosen, np.repeat(chosen[-1:], groups * lanes - len(chosen))])
-        materials, amplitudes = work.materials[padded], work.amplitudes[padded]
-        nodes, bends, (frames, points) = len(mesh.rest), len(mesh.bends), recording.points.shape[:2]
-        frame_step = np.floor(recording.time / dt + 1e-9).astype(np.int32)
-        frame_lag = (recording.time - frame_step * dt).astype(np.float32)
-        path = self._paths(amplitudes, int(frame_step[-1]) + 3, dt)
-        inverse_mass = np.stack([1.0 / self._masses(m, a) for m, a in zip(materials, amplitudes, strict=True)])
-        wanted, trust, every = self._observer_targets(work.half_octaves)
-        omega = 2 * np.pi * work.observer_hz
-        start = self.support.start(path[:, 0])
-        state = [_in_lanes(start, lanes), *(_zeros((groups, nodes, 3, lanes)) for _ in range(2))]
-        out = _zeros((groups, frames, points, 3, lanes))
-        whole = _zeros((groups, frames if kept is not None else 1, nodes, 3, lanes))
-        active = self.effects if work.has_effects else ()
-        with_bends, with_added = any(e.bends for e in active), any(e.adds_mass for e in active)
-        faces = tuple(
-            (c.start, c.stop - c.start, e.face_force)
-            for e, c in zip(active, self.columns, strict=False)
-            if e.face_force is not None
-        )
-        rest, added = self._resting(amplitudes, bends, with_bends), self._carried(amplitudes, nodes, with_added)
-        needs_normals = bool(faces) or with_bends or with_added
-        fibres = len(mesh.fibres.area)
-        kernel = self._make_rollout(
-            lanes, faces, fibre_nodes=mesh.fibre_nodes, handles=self.support.handles,
-            with_bends=with_bends, with_added_mass=with_added,
-        )  # fmt: skip
-        with runtime.vectors_kept():
-            kernel(
-                *state, _zeros((groups, points, 3, lanes)),
-                *self._membrane,
-                *(_zeros((groups, count, 3, lanes)) for count in (fibres, fibres, fibres)),
-                *self._bending,
-                *(_zeros((groups, nodes if needs_normals else 1, *shape, lanes)) for shape in ((3,), ())),
-                _in_lanes(rest, lanes), _zeros((groups, bends if with_bends else 1, lanes)),
-                _in_lanes(added, lanes),
-                _some(self.support.nodes), _single(_some(self.support.shares)), _in_lanes(_some(path), lanes),
-                mesh.points.first, mesh.points.nodes, _single(mesh.points.weights),
-                mesh.pull_points, _single(mesh.pull_weights),
-                wanted, trust, every,
-                _in_lanes(self._kernel_rows(materials, amplitudes), lanes), _in_lanes(inverse_mass, lanes),
-                _in_lanes(amplitudes if self.effects else np.zeros((len(padded), 1)), lanes),
-                frame_step, frame_lag, dt, round(self.support.settle_time / dt), SETTLE_DAMPING, omega**2, 2 * omega,
-                out, whole, int(kept is not None),
-            )  # fmt: skip
-        seen[chosen] = _from_lanes(out)[: len(chosen)]
-        if kept is not None:
-            kept[chosen, :-1] = _from_lanes(whole)[: len(chosen)]
-            kept[chosen, -1] = _from_lanes(state[2])[: len(chosen)]
-
-    def _kernel_rows(self, materials: Floats, amplitudes: Floats) -> Floats:
+    def kernel_rows(self, materials: Floats, amplitudes: Floats) -> Floats:
         """What the kernel wants to know of each candidate, (candidates, 14)."""
         warp, weft = np.exp(0.5 * materials[:, mat.STRETCH_RATIO]), np.exp(0.5 * materials[:, mat.BENDING_RATIO])
         x, y = np.sin(materials[:, mat.TILT_X]), np.sin(materials[:, mat.TILT_Y])
@@ -285,7 +235,7 @@ class Simulator:
             axis=1,
         )  # fmt: skip
 
-    def _resting(self, amplitudes: Floats, bends: int, is_needed: bool) -> Floats:
+    def resting(self, amplitudes: Floats, bends: int, is_needed: bool) -> Floats:
         """Curvature at rest per candidate and bend [1/m]."""
         rest = np.zeros((len(amplitudes), bends if is_needed else 1))
         for effect, columns in zip(self.effects if is_needed else (), self.columns, strict=False):
@@ -293,7 +243,7 @@ class Simulator:
                 rest[i] += effect.rest_curvature(self.mesh, amplitudes[i, columns])
         return rest
 
-    def _carried(self, amplitudes: Floats, nodes: int, is_needed: bool) -> Floats:
+    def carried(self, amplitudes: Floats, nodes: int, is_needed: bool) -> Floats:
         """Added mass per candidate and node [kg]."""
         added = np.zeros((len(amplitudes), nodes if is_needed else 1))
         for effect, columns in zip(self.effects if is_needed else (), self.columns, strict=False):
@@ -301,7 +251,7 @@ class Simulator:
                 added[i] += effect.added_mass(self.mesh, amplitudes[i, columns])
         return added
 
-    def _paths(self, amplitudes: Floats, steps: int, dt: float) -> Floats:
+    def paths(self, amplitudes: Floats, steps: int, dt: float) -> Floats:
         """Handles per candidate and step, (candidates, steps, 3 handles); equal drives are evaluated once."""
         instants = np.asarray(np.arange(steps) * dt, float)
         drivers = [k for k, e in enumerate(self.effects) if type(e).drive is not Effect.drive]
@@ -319,53 +269,19 @@ class Simulator:
         return np.stack(rows)
 
 
-def _zeros(shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Zeros whose vectors of lanes lie where the processor loads them whole: a misaligned one ends the process."""
-    size = 4 * int(np.prod(shape))
-    raw = np.zeros(size + ALIGNMENT, np.uint8)
-    start = -raw.ctypes.data % ALIGNMENT
-    return raw[start : start + size].view(np.float32).reshape(shape)
+def run_together(
+    simulators: Sequence[Simulator], materials: Sequence[Floats], amplitudes: Sequence[Floats | None], *,
+    observer_hz: float = 0.0, shapes: bool = False,
+) -> list[Rollouts]:
+    """Simulate candidates on several recordings side by side; for each recording what `Simulator.run` would return.
 
-
-def _in_lanes(values: Floats, lanes: int) -> NDArray[np.float32]:
-    """(candidates, ...) -> (groups, ..., lanes), contiguous."""
-    grouped = np.moveaxis(np.asarray(values, np.float32).reshape(-1, lanes, *values.shape[1:]), 1, -1)
-    placed = _zeros(grouped.shape)
-    placed[...] = grouped
-    return placed
-
-
-def _from_lanes(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(groups, ..., lanes) -> (candidates, ...)."""
-    moved = np.moveaxis(values, -1, 1)
-    return moved.reshape(-1, *moved.shape[2:])
-
-
-def _some(values: Numbers) -> Numbers:
-    """The same, or a single zero of as many dimensions in place of nothing, which Taichi cannot take."""
-    return values if values.size else np.zeros_like(values, shape=[max(n, 1) for n in values.shape])
-
-
-def _single(values: Floats) -> NDArray[np.float32]:
-    return np.ascontiguousarray(values, np.float32)
-
-
-def _membrane_arguments(mesh: ClothMesh) -> list[NDArray[np.float32] | Integers | int]:
-    """What the kernel wants to know of the membrane, in its order."""
-    stencils = mesh.fibres.stencils
-    return [
-        stencils.nodes, _single(stencils.weights), _single(mesh.fibres.area), mesh.fibres_across,
-        mesh.shear_across, mesh.shear_down, _single(mesh.shear_weights), _single(mesh.shear_area),
-    ]  # fmt: skip
-
-
-def _bending_arguments(mesh: ClothMesh) -> list[NDArray[np.float32] | Integers]:
-    """What the kernel wants to know of bending and of normals, in its order."""
-    bends, plain = mesh.bends, len(mesh.bends.stencils)
-    root = _single(np.sqrt(bends.area))
-    basis = np.vstack([spectral.slopes(spectral.NODES), spectral.WEIGHTS])
-    return [
-        bends.stencils.first, bends.stencils.nodes, _single(bends.stencils.weights),
-        bends.kind[:plain], bends.centre[:plain], root[:plain], bends.counts,
-        _single(bends.twist_weights), bends.centre[plain:], root[plain:], mesh.cells, _single(basis),
-    ]  # fmt: skip
+    Recordings of one garment share the processors, so that few candidates keep all of them busy.
+    """
+    asked = [s.groups(m, a, shapes=shapes) for s, m, a in zip(simulators, materials, amplitudes, strict=True)]
+    waiting = [g for _, groups in asked for g in groups]
+    while waiting:
+        first = waiting[0]
+        alike = [g for g in waiting if g.has_effects == first.has_effects and g.simulator.is_like(first.simulator)]
+        launch(alike, observer_hz)
+        waiting = [g for g in waiting if g not in alike]
+    return [s.finish(candidates) for s, (candidates, _) in zip(simulators, asked, strict=True)]

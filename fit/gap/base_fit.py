@@ -2,7 +2,8 @@
 
 A Sobol sequence over the box of parameters is judged on a coarse mesh under a strong pull, which makes the response
 smooth; the best few are fitted there roughly, the best two of those under the weakest pull that keeps the takes
-predictable. Source: I. M. Sobol, USSR Comput. Math. Math. Phys. 7 (1967).
+predictable. While the best two of those do not agree, another start is spent: the next best, then the middle between
+the two. Source: I. M. Sobol, USSR Comput. Math. Math. Phys. 7 (1967).
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ Progress = Callable[[str, float], None]
 
 FIRST_FREQUENCY = 3.0  # Hz: strong enough that every start finds the basin
 SCATTERED = 31  # Sobol starts beside the initial parameters
-ROUGH_STARTS, STARTS = 3, 2
+ROUGH_STARTS, STARTS, MOST_STARTS = 3, 2, 4
 COARSER = 1.5  # spacing of the mesh on which starts are looked for
 ROUGH_ITERATIONS = 4
 
@@ -42,15 +43,19 @@ def fit_base(
     for k, start in enumerate(find_starts(strong, seed)[:ROUGH_STARTS]):
         progress(f"base fit, start {k + 1} of {ROUGH_STARTS}", 0.04 + 0.04 * k)
         rough.append(kept.recall(f"rough-{k}", partial(fit, strong, start, observer.off, iterations=ROUGH_ITERATIONS)))
-    rough = sorted(rough, key=lambda f: f.cost)[:STARTS]
-    frequency, gate = gates.choose_frequency(observer, rough[0].vector)
+    rough.sort(key=lambda f: f.cost)
+    starts, spare = [f.vector for f in rough[:STARTS]], [f.vector for f in rough[STARTS:]]
+    frequency, gate = gates.choose_frequency(observer, starts[0])
     too_weak: set[float] = set()
     while True:
         chosen = observer.with_frequency(frequency)
-        fits = []
-        for k, one in enumerate(rough):
-            progress(f"base fit, start {k + 1} of {STARTS}, pull {frequency:g} Hz", 0.16 + 0.08 * k)
-            fits.append(kept.recall(f"base-{frequency:g}-{k}", partial(fit, chosen, one.vector, observer.off)))
+        fits: list[Fitted] = []
+        while len(fits) < len(starts):
+            k = len(fits)
+            progress(f"base fit, start {k + 1}, pull {frequency:g} Hz", min(0.16 + 0.05 * k, 0.28))
+            fits.append(kept.recall(f"base-{frequency:g}-{k}", partial(fit, chosen, starts[k], observer.off)))
+            if STARTS <= len(fits) == len(starts) < MOST_STARTS and gates.disagreement(fits) > gates.CONVERGED:
+                starts.append(spare.pop() if spare else _middle(Problem(observer), fits))
         fits.sort(key=lambda f: f.cost)
         # A take can be predictable at one fit and not at the next; a pull that was too weak once is not tried again.
         needed, gate = gates.choose_frequency(observer, fits[0].vector)
@@ -58,7 +63,13 @@ def fit_base(
             too_weak.add(frequency)
         if needed == frequency or needed in too_weak:
             return fits, chosen, gate
-        frequency, rough = needed, fits
+        frequency, starts = needed, [f.vector for f in fits[:STARTS]]
+
+
+def _middle(problem: Problem, fits: list[Fitted]) -> Floats:
+    """Parameters half way between the best two fits, (parameters,), on the scales on which they are searched."""
+    best = sorted(fits, key=lambda f: f.cost)[:2]
+    return np.asarray(problem.space.from_unit(np.mean([problem.space.to_unit(f.vector) for f in best], axis=0)))
 
 
 def find_starts(observer: Observer, seed: int) -> list[Floats]:

@@ -20,6 +20,7 @@ Floats = NDArray[np.float64]
 
 REPLICAS = 1000
 DIRECTIONS = 9  # in which mesh and solver err independently; amplitudes fitted to takes without any effect say so
+SIGNIFICANT_GAP = 1.2  # base error over floor, squared: below, there is nothing to explain
 SMALLEST_GAP = 0.05  # of the squared floor; below, closure is not defined
 
 
@@ -88,6 +89,12 @@ def closure(
     drawn = (base.draw(picks) - with_effect.draw(picks)) / drawn_gap
     low, high = np.quantile(drawn, [0.05, 0.95])
     return float(value), (float(low), float(high))
+
+
+def exceeds(errors: BlockErrors, picks: NDArray[np.int64], known: float) -> bool:
+    """Whether a squared error is clearly above a known one [mm^2]."""
+    lowest = error_interval(errors, picks)[0]
+    return bool(errors.squared_mm > SIGNIFICANT_GAP * known and lowest**2 > known)
 
 
 def error_interval(errors: BlockErrors, picks: NDArray[np.int64]) -> tuple[float, float]:

@@ -20,7 +20,7 @@ from fit.gap import findings as described
 from fit.gap import gates as gate
 from fit.gap.base_fit import fit_base
 from fit.gap.checkpoint import Checkpoint, Key
-from fit.gap.closure import bootstrap_picks, closure
+from fit.gap.closure import bootstrap_picks, closure, exceeds
 from fit.gap.fitting import Fitted, fit
 from fit.gap.floor import noise_floor
 from fit.gap.hypotheses import Hypothesis, judged, polished, refit, shortlist
@@ -91,15 +91,14 @@ def diagnose(
         test, model, effects, frequency=observer.frequency, resolution=resolution
     )  # fmt: skip
     search = _Search(observer, judge, fits, rng, progress, kept)
-    search.first_round(added)
-    found_gates += [predictability, gate.convergence_gate(search.fits, search.least_cost)]
-
-    progress("noise floor", 0.8)
-    base = search.base.fitted
-    floor, floor_error = noise_floor(judge, base.vector, observer.off, rng)
-    progress("checking mesh and step", 0.83)
-    refined = refine(observer, judge, base)
+    progress("noise floor", 0.3)
+    floor, floor_error = noise_floor(judge, fits[0].vector, observer.off, rng)
     picks = bootstrap_picks(search.base.errors, rng)
+    search.first_round(added, has_gap=exceeds(search.base.errors, picks, floor**2))
+    found_gates += [predictability, gate.convergence_gate(search.fits, search.least_cost)]
+    progress("checking mesh and step", 0.83)
+    base = search.base.fitted
+    refined = refine(observer, judge, base)
     mesh_closure = closure(search.base.errors, refined.errors, floor, picks)
     found_gates.append(gate.numerics_gate(mesh_closure[0] if mesh_closure else None, refined.numerics_mm))
     evidence = search.evidence(floor, refined.numerics_mm, picks, found_gates, is_held_out=bool(test))
@@ -157,17 +156,22 @@ class _Search:
         self.singles: dict[int, Hypothesis] = {}
         self.joint: list[tuple[Hypothesis, float]] = []  # with further effects, and the last one's p-value
 
-    def first_round(self, added: tuple[str, ...]) -> None:
-        """Screen, refit the shortlist, give the base model the same second chance."""
+    def first_round(self, added: tuple[str, ...], *, has_gap: bool) -> None:
+        """Screen, refit the shortlist, give the base model the same second chance.
+
+        Without a gap there is nothing that an effect could explain: only those in `added` are refitted.
+        """
         self.progress("screening", 0.32)
         self.screened = screen(self.observer, self.base.fitted, self.tested, self.rng)
-        places = shortlist(self.screened)
+        places = shortlist(self.screened) if has_gap else []
         wanted = [n for n, k in enumerate(self.screened.effects) if self.observer.effects[k].name in added]
         places += [n for n in wanted if n not in places]
         for count, place in enumerate(places):
             k = self.screened.effects[place]
             self.progress(f"refitting with {self.observer.effects[k].title}", 0.38 + 0.3 * count / len(places))
             self.singles[k] = self._refit(self.base.fitted, self.screened, place)
+        if not self.singles:
+            return
         best = min(self.singles.values(), key=lambda h: h.fitted.cost)
         again = self.kept.recall("base-again", lambda: fit(self.observer, best.fitted.vector, self.observer.off))
         self.fits = sorted([*self.fits, again], key=lambda f: f.cost)
@@ -183,8 +187,8 @@ class _Search:
 
     @property
     def least_cost(self) -> float:
-        """Cost of the best refit with an effect."""
-        return min(h.fitted.cost for h in self.singles.values())
+        """Cost of the best refit, with an effect or without."""
+        return min(h.fitted.cost for h in (self.base, *self.singles.values()))
 
     def further_rounds(self, floor: float, numerics: float, picks: NDArray[np.int64]) -> None:
         """Add effects to the best one as long as there is something left to explain."""

@@ -89,14 +89,19 @@ def choose_frequency(observer: Observer, vector: Floats) -> tuple[float, Gate]:
     )
 
 
+def disagreement(fits: list[Fitted]) -> float:
+    """By how much the second best fit's cost exceeds the best one's, relative to that."""
+    costs = np.sort([f.cost for f in fits])
+    return float(costs[1] / costs[0] - 1) if len(costs) > 1 else 0.0
+
+
 def convergence_gate(fits: list[Fitted], best_effect: float) -> Gate:
     """Do independent starts of the base fit end at the same cost, or at least much nearer than an effect brings them?
 
     best_effect: cost of the best refit with an effect.
     """
-    costs = np.sort([f.cost for f in fits])
-    spread = float(costs[1] / costs[0] - 1) if len(costs) > 1 else 0.0
-    limit = max(CONVERGED, SHARE_OF_EFFECT * (1 - best_effect / float(costs[0])))
+    spread = disagreement(fits)
+    limit = max(CONVERGED, SHARE_OF_EFFECT * (1 - best_effect / min(f.cost for f in fits)))
     return Gate(
         name="base fit", passed=spread <= limit, figure=100 * spread, limit=100 * limit, unit="%",
         sentence=f"The best two of {len(fits)} starts of the base fit end {100 * spread:.1f} % apart in cost.",

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.cloth.simulator import Resolution, Simulator
+from fit.cloth.simulator import Resolution, Simulator, run_together
 from fit.effects.base import Effect, columns_of
 from fit.parameterisations import Parameterisation
 from fit.recording import Recording
@@ -106,10 +106,9 @@ class Observer:
     def trajectories(self, vectors: Floats, amplitudes: Floats, *, frequency: float | None = None) -> list[Floats]:
         """Simulated points per recording, each (candidates, frames, points, 3) [m]."""
         hertz = self.frequency if frequency is None else frequency
-        return [
-            s.run(self.parameterisation.to_materials(vectors, rho), amplitudes, observer_hz=hertz).points
-            for s, rho in zip(self._simulators, self.densities, strict=True)
-        ]
+        materials = [self.parameterisation.to_materials(vectors, rho) for rho in self.densities]
+        both = [amplitudes] * len(materials)
+        return [r.points for r in run_together(self._simulators, materials, both, observer_hz=hertz)]
 
     @property
     def off(self) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.effects.base import Effect
-from fit.gap.closure import DIRECTIONS, closure, error_interval, solver_draws
+from fit.gap.closure import DIRECTIONS, SIGNIFICANT_GAP, closure, error_interval, exceeds, solver_draws
 from fit.gap.fitting import NORMAL_95, amplitude_of
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.observer import Observer
@@ -25,7 +25,6 @@ CLEAR_WIN = 0.8  # share of bootstrap draws in which the winner beats every othe
 NEAR, NEAR_TWIN = 0.8, 0.9  # of the winner's closure from which an effect, or one of the same shape, is a rival
 AT_BOUND = 0.01  # of an effect's range: an amplitude nearer to its end was stopped by it
 RIVAL = 0.1  # share of bootstrap draws that makes an effect a rival
-SIGNIFICANT_GAP = 1.2  # base error over floor, squared: below, there is nothing to explain
 MESH_SHARE = 0.5  # of the mesh's squared error that an effect must remove at least
 SECOND_GAIN = 0.15  # of the gap that a further effect must close
 
@@ -104,6 +103,8 @@ class Evidence:
         Worth naming: the base error of the draw is clearly above the noise, and the effect closes a quarter of it.
         """
         base, drawn = self.draws
+        if not drawn:
+            return {}
         least = np.min(np.stack(list(drawn.values())), axis=0)
         has_gap = base > SIGNIFICANT_GAP * self.floor_mm**2
         return {
@@ -113,14 +114,14 @@ class Evidence:
 
     def win_shares(self) -> dict[int, float]:
         """Share of draws in which each refitted effect leaves the smallest error."""
+        if not self.singles:
+            return {}
         winners = np.argmin(np.stack(list(self.draws[1].values())), axis=0)
         return {k: float(np.mean(winners == n)) for n, k in enumerate(self.singles)}
 
     def exceeds(self, known: float) -> bool:
         """Whether the base model's squared error is clearly above a known one [mm^2]."""
-        error = self.error_of(self.base)
-        assert error.interval is not None
-        return bool(error.value**2 > SIGNIFICANT_GAP * known and error.interval[0] ** 2 > known)
+        return exceeds(self.base.errors, self.picks, known)
 
     def explains_enough(self, hypothesis: Hypothesis) -> bool:
         """Whether what a hypothesis leaves, beyond noise and mesh, is small against the gap."""

@@ -29,13 +29,14 @@ def _si_materials(vectors: Floats, weighed_density: float) -> Floats:
 
 
 # Ranges: stretch is capped where strain under the cloth's own weight falls below what a depth sensor sees;
-# shear 11-84 (220) N/m (KES, 0.2-4 gf/(cm deg)); bending 1e-6 to 1.1e-4 N m (618 fabrics).
+# shear 11-84 (220) N/m (KES, 0.2-4 gf/(cm deg)): a sheet slacker than any fabric can pass for air drag; bending 1e-6
+# to 1.1e-4 N m (618 fabrics).
 SI = Parameterisation(
     name="si",
     parameters=(
         Parameter(name="stretch_stiffness", unit="N/m", initial=300.0, minimum=30.0, maximum=1000.0, interval=100.0,
                   is_log=True, meaning="tension per strain, warp and weft"),
-        Parameter(name="shear_stiffness", unit="N/m", initial=30.0, minimum=3.0, maximum=220.0, interval=10.0,
+        Parameter(name="shear_stiffness", unit="N/m", initial=30.0, minimum=10.0, maximum=220.0, interval=10.0,
                   is_log=True, meaning="shear force per width and angle"),
         Parameter(name="bending_stiffness", unit="N m", initial=1.4e-5, minimum=1e-6, maximum=2e-4, interval=1e-5,
                   is_log=True, meaning="moment per width and curvature"),

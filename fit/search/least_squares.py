@@ -28,6 +28,8 @@ from numpy.typing import NDArray
 
 from fit.errors import BlowUpError, FitError
 
+RENEWALS = 2  # of the Jacobian of a search by chords that has come to a halt
+
 Floats = NDArray[np.float64]
 Residuals = Callable[[Floats], Floats]
 
@@ -82,9 +84,7 @@ class LeastSquaresSettings:
     width: int = 8
     max_iterations: int = 30
     step: float = 0.01  # finite difference, share of the box; wide enough to rise above single-precision motion
-    is_chord: bool = (
-        False  # Broyden's update of J instead of new differences after every step; J is made anew at the end
-    )
+    is_chord: bool = False  # Broyden's update of J instead of new differences until it no longer helps
     is_central: bool = False  # twice the simulations for columns without the first-order error
     huber: float | None = None  # k, in units of the residuals; None for plain squares
     damping: float = 1e-2  # first lambda
@@ -148,6 +148,14 @@ def minimise(
     )
 
 
+@dataclass(frozen=True)
+class _Step:
+    unit: Floats
+    residuals: Floats
+    cost: float
+    damping: float
+
+
 class _Search:
     def __init__(
         self, residuals: Residuals, space: BoundedSpace, prior: Prior | None, settings: LeastSquaresSettings
@@ -174,34 +182,33 @@ class _Search:
                 advice="start nearer to typical fabric",
             )
         cost, damping = self._cost(u, r), settings.damping
-        history, reason, is_converged = [cost], f"stopped after {settings.max_iterations} iterations", False
+        history = [cost]
         jacobian = self._jacobian(u, r) if known is None else known * self.space.scale
+        is_fresh = True  # the Jacobian belongs to u, or is all that the caller pays for
+        renewals = 0
         for _ in range(settings.max_iterations):
             normal, slope = self._normal_equations(u, r, jacobian)
             free = ~(((u <= 0) & (slope > 0)) | ((u >= 1) & (slope < 0)))
-            if not free.any() or np.abs(slope[free]).max() <= 1e-12 * max(1.0, cost):
-                reason, is_converged = "no slope is left within the bounds", True
+            moved, reason = None, "no slope is left within the bounds"
+            if free.any() and np.abs(slope[free]).max() > 1e-12 * max(1.0, cost):
+                moved, reason = self._try_dampings(u, cost, normal, slope, free, damping), "no step lowers the cost"
+            if moved is not None:
+                reason = self._reason_to_stop(u, cost, moved)
+                step, change = moved.unit - u, moved.residuals - r
+                u, r, cost, damping = moved.unit, moved.residuals, moved.cost, moved.damping
+                history.append(cost)
+                if settings.is_chord:
+                    jacobian = jacobian + np.outer(change - jacobian @ step, step) / max(float(step @ step), 1e-30)
+                    is_fresh = known is not None
+                else:
+                    jacobian = self._jacobian(u, r)
+            if reason and (is_fresh or renewals == RENEWALS):
                 break
-            found = self._try_dampings(u, cost, normal, slope, free, damping)
-            if found is None:
-                reason, is_converged = "no step of any damping lowers the cost", True
-                break
-            moved, new, lower, damping = found
-            fall, longest = (cost - lower) / max(cost, 1e-300), float(np.abs(moved - u).max())
-            if settings.is_chord:
-                step = moved - u
-                jacobian = jacobian + np.outer(new - r - jacobian @ step, step) / max(float(step @ step), 1e-30)
-            u, r, cost = moved, new, lower
-            history.append(cost)
-            if not settings.is_chord:
-                jacobian = self._jacobian(u, r)
-            if fall < settings.cost_tolerance:
-                reason, is_converged = "the cost has stopped falling", True
-                break
-            if longest < settings.step_tolerance:
-                reason, is_converged = "the steps have become short", True
-                break
-        if settings.is_chord and known is None:
+            if reason:  # a worn Jacobian may be all that is wrong
+                jacobian, is_fresh, renewals = self._jacobian(u, r), True, renewals + 1
+        else:
+            reason = ""
+        if not is_fresh:
             jacobian = self._jacobian(u, r)
         _, slope = self._normal_equations(u, r, jacobian)
         return LeastSquaresResult(
@@ -214,10 +221,17 @@ class _Search:
             cost_history=tuple(history),
             simulations=self.simulations,
             batches=self.batches,
-            is_converged=is_converged,
-            reason=reason,
+            is_converged=bool(reason),
+            reason=reason or f"stopped after {settings.max_iterations} iterations",
             at_bound=((u <= 0) & (slope > 0)) | ((u >= 1) & (slope < 0)),
         )
+
+    def _reason_to_stop(self, u: Floats, cost: float, moved: _Step) -> str:
+        if (cost - moved.cost) / max(cost, 1e-300) < self.settings.cost_tolerance:
+            return "the cost has stopped falling"
+        if float(np.abs(moved.unit - u).max()) < self.settings.step_tolerance:
+            return "the steps have become short"
+        return ""
 
     def _evaluate(self, units: Floats) -> Floats:
         found = []
@@ -267,8 +281,8 @@ class _Search:
 
     def _try_dampings(
         self, u: Floats, cost: float, normal: Floats, slope: Floats, free: NDArray[np.bool_], damping: float
-    ) -> tuple[Floats, Floats, float, float] | None:
-        """Return the best lower (u, residuals, cost, its damping) of ladders of dampings, or None."""
+    ) -> _Step | None:
+        """Return the best lower place of ladders of dampings, or None."""
         rungs = self.settings.width
         # One ladder spans lambda/30 to 30 lambda and more; three reach from Gauss-Newton to a crawl downhill.
         factors = 10.0 ** np.linspace(-1.5, 1.5, rungs) if rungs > 1 else np.array([0.1])
@@ -279,7 +293,7 @@ class _Search:
             costs = np.array([self._cost(a, b) for a, b in zip(tries, found, strict=True)])
             best = int(np.argmin(costs))
             if costs[best] < cost:
-                return tries[best], found[best], float(costs[best]), float(ladder[best])
+                return _Step(tries[best], found[best], float(costs[best]), float(ladder[best]))
             damping *= 10.0 ** (3.0 if rungs > 1 else 1.0)
         return None
 

@@ -11,7 +11,7 @@ from scipy.optimize import curve_fit
 
 from fit.cloth import material as mat
 from fit.cloth.mesh import build_mesh
-from fit.cloth.simulator import Resolution, Simulator
+from fit.cloth.simulator import Resolution, Simulator, run_together
 from fit.cloth.support import Clamp, clamps
 from fit.effects import LIBRARY
 from fit.effects.air_drag import AIR_DENSITY, AirDrag
@@ -180,6 +180,32 @@ def test_results_do_not_depend_on_company_lanes_or_threads():
     together = Simulator(recording).run(rows).points
     alone = Simulator(recording).run(rows[4:5]).points
     assert np.array_equal(together[4], alone[0])
+
+
+@pytest.mark.parametrize("second", [sheet(), sheet(width=0.3)], ids=["one garment", "two garments"])
+def test_recordings_side_by_side_are_what_each_is_alone(second):
+    """Of other lengths, paths, rates, steps and targets, with effects and without, under a pull."""
+    simulators, candidates, amplitudes = [], [], []
+    effects = (AirDrag(),)
+    for garment, length, rate, reach in ((sheet(), 1.5, 30, 0.08), (second, 1.1, 45, 0.05)):
+        time = np.arange(0, length, 1 / rate)
+        recording = prepare(take_of(garment, time, swing(time, amplitude=reach), hung(garment, time)))
+        simulators.append(Simulator(recording, effects, resolution=Resolution(spacing=0.07)))
+        candidates.append(np.concatenate([material(garment, stretch_stiffness=k) for k in (50.0, 300.0, 300.0)]))
+        amplitudes.append(np.array([[0.0], [0.0], [1.0]]))
+    together = run_together(simulators, candidates, amplitudes, observer_hz=1.0, shapes=True)
+    for simulator, rows, sizes, found in zip(simulators, candidates, amplitudes, together, strict=True):
+        alone = simulator.run(rows, sizes, observer_hz=1.0, shapes=True)
+        assert np.isfinite(found.points).all()
+        assert np.array_equal(found.points, alone.points)
+        assert np.array_equal(found.shapes, alone.shapes)
+        assert np.array_equal(found.forces, alone.forces)
+
+
+def test_no_candidates_are_no_trouble():
+    garment, time = sheet(), np.arange(0, 1, 1 / 30)
+    simulator = Simulator(prepare(take_of(garment, time, swing(time), hung(garment, time))))
+    assert simulator.run(np.zeros((0, len(mat.NAMES)))).points.shape == (0, 30, 5, 3)
 
 
 def test_more_mass_with_everything_in_proportion_changes_nothing():

@@ -1,0 +1,258 @@
+"""Calls of the rollout kernel: candidates of one or several recordings of one cloth, packed into groups of lanes.
+
+Every group is one task with its own recording, step and frames; tasks go to the processors longest first. How wide the
+groups are is a guess at the least time: processors that work side by side until the last task is done,
+
+    max(longest task, sum of all tasks / processors),  a task's time being its steps times COST of its lanes
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit import runtime
+from fit.cloth import spectral
+from fit.cloth.mesh import ClothMesh, Integers
+
+if TYPE_CHECKING:
+    from fit.cloth.simulator import Simulator
+
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+Numbers = TypeVar("Numbers", Floats, Integers)
+
+COST = {4: 1.0, 8: 1.05, 16: 1.3}  # of a group by its lanes: processors add up to eight numbers as fast as one
+ALIGNMENT = 64  # bytes: sixteen lanes of four bytes
+SETTLE_DAMPING = 6.0  # 1/s while the cloth settles
+TASKS = 8  # per processor and call: a call cannot be interrupted
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Candidates on one recording and what becomes of them.
+
+    materials, (candidates, parameters), with what effects change in them; amplitudes, (candidates, components)
+    seen [m], (candidates, frames, points, 3), and kept, (candidates, frames + 1, nodes, 3) or None: where results go,
+    the places of the nodes [m] and, in the last row, the last forces on them [N]
+    """
+
+    materials: Floats
+    amplitudes: Floats
+    seen: Floats
+    kept: Singles | None
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Candidates with the same step and the same kernel; members are indices, (n,)."""
+
+    simulator: Simulator
+    candidates: Candidates
+    members: NDArray[np.int64]
+    half_octaves: int
+    has_effects: bool
+
+    @property
+    def dt(self) -> float:
+        """Time step [s]."""
+        return self.simulator.step(self.half_octaves)
+
+    @property
+    def steps(self) -> float:
+        """Steps from the beginning of settling to the last frame."""
+        return (self.simulator.recording.duration + self.simulator.support.settle_time) / self.dt
+
+    def split(self, lanes: int) -> list[Group]:
+        """Return groups of at most this many members."""
+        starts = range(0, len(self.members), lanes)
+        return [
+            Group(self.simulator, self.candidates, self.members[k : k + lanes], self.half_octaves, self.has_effects)
+            for k in starts
+        ]
+
+
+def launch(groups: Sequence[Group], observer_hz: float) -> None:
+    """Simulate groups of one cloth, all with the kernel with effects or all without, and fill in their results."""
+    threads = runtime.available_threads()
+    lanes = min(COST, key=lambda n: _time(groups, n, threads))
+    tasks = sorted((task for g in groups for task in g.split(lanes)), key=lambda g: -g.steps)
+    for start in range(0, len(tasks), TASKS * threads):
+        _call(tasks[start : start + TASKS * threads], lanes, observer_hz)
+
+
+def _time(groups: Sequence[Group], lanes: int, threads: int) -> float:
+    times = [COST[lanes] * g.steps for g in groups for _ in range(-(-len(g.members) // lanes))]
+    return max(max(times), sum(times) / threads)
+
+
+def _call(tasks: list[Group], lanes: int, observer_hz: float) -> None:
+    """Run one kernel on tasks of at most `lanes` members; what is left of a task's lanes repeats its last member."""
+    from fit.cloth.rollout import make_rollout
+
+    first, has_effects = tasks[0].simulator, tasks[0].has_effects
+    mesh, support = first.mesh, first.support
+    chosen = [np.concatenate([t.members, np.repeat(t.members[-1:], lanes - len(t.members))]) for t in tasks]
+    both = list(zip(tasks, chosen, strict=True))
+    amplitudes = np.concatenate([t.candidates.amplitudes[k] for t, k in both])
+    paths, frame_step, frame_lag = _courses(both)
+    targets = _Targets(tasks)
+    count, nodes, bends, points = len(tasks), len(mesh.rest), len(mesh.bends), first.recording.points.shape[1]
+    fibres, frames = len(mesh.fibres.area), frame_step.shape[1]
+    keeps = tasks[0].candidates.kept is not None
+    active = first.effects if has_effects else ()
+    with_bends, with_added = any(e.bends for e in active), any(e.adds_mass for e in active)
+    faces = tuple(
+        (c.start, c.stop - c.start, e.face_force)
+        for e, c in zip(active, first.columns, strict=False)
+        if e.face_force is not None
+    )
+    rest, added = first.resting(amplitudes, bends, with_bends), first.carried(amplitudes, nodes, with_added)
+    needs_normals = bool(faces) or with_bends or with_added
+    start = np.concatenate([t.simulator.support.start(path[:, 0]) for t, path in zip(tasks, paths, strict=True)])
+    rows = [(t.candidates.materials[k], t.candidates.amplitudes[k]) for t, k in both]
+    masses = [first.masses(m, a) for pair in rows for m, a in zip(*pair, strict=True)]
+    state = [_in_lanes(start, lanes), *(_zeros((count, nodes, 3, lanes)) for _ in range(2))]
+    out = _zeros((count, frames, points, 3, lanes))
+    whole = _zeros((count, frames if keeps else 1, nodes, 3, lanes))
+    omega = 2 * np.pi * observer_hz
+    settle = np.array([round(t.simulator.support.settle_time / t.dt) for t in tasks], np.int32)
+    kernel = make_rollout(
+        lanes, faces, fibre_nodes=mesh.fibre_nodes, handles=support.handles,
+        with_bends=with_bends, with_added_mass=with_added,
+    )  # fmt: skip
+    with runtime.vectors_kept():
+        kernel(
+            *state, _zeros((count, points, 3, lanes)),
+            *_membrane_arguments(mesh),
+            *(_zeros((count, fibres, 3, lanes)) for _ in range(3)),
+            *_bending_arguments(mesh),
+            *(_zeros((count, nodes if needs_normals else 1, *shape, lanes)) for shape in ((3,), ())),
+            _in_lanes(rest, lanes), _zeros((count, bends if with_bends else 1, lanes)), _in_lanes(added, lanes),
+            _some(support.nodes), _single(_some(support.shares)), _joined(paths, lanes), _firsts(paths),
+            mesh.points.first, mesh.points.nodes, _single(mesh.points.weights),
+            mesh.pull_points, _single(mesh.pull_weights),
+            targets.places, targets.trust, targets.first, targets.every,
+            _in_lanes(np.concatenate([t.simulator.kernel_rows(*r) for t, r in zip(tasks, rows, strict=True)]), lanes),
+            _in_lanes(1.0 / np.stack(masses), lanes),
+            _in_lanes(amplitudes if first.effects else np.zeros((len(amplitudes), 1)), lanes),
+            frame_step, frame_lag, np.array([len(t.simulator.recording.time) for t in tasks], np.int32),
+            np.array([t.dt for t in tasks], np.float32), settle, SETTLE_DAMPING, omega**2, 2 * omega,
+            out, whole, int(keeps),
+        )  # fmt: skip
+    _hand_back(tasks, _from_lanes(out), _from_lanes(whole), _from_lanes(state[2]), lanes)
+
+
+def _hand_back(tasks: list[Group], seen: Singles, kept: Singles, forces: Singles, lanes: int) -> None:
+    for number, task in enumerate(tasks):
+        candidates, count = task.candidates, len(task.members)
+        frames, mine = candidates.seen.shape[1], slice(number * lanes, number * lanes + count)
+        candidates.seen[task.members] = seen[mine, :frames]
+        if candidates.kept is not None:
+            candidates.kept[task.members, :-1] = kept[mine, :frames]
+            candidates.kept[task.members, -1] = forces[mine]
+
+
+def _courses(tasks: list[tuple[Group, NDArray[np.int64]]]) -> tuple[list[Floats], Integers, Singles]:
+    """Handles of every task, each (lanes, steps, 3 handles); whole steps and the rest [s] to every frame, padded."""
+    frames = max(len(t.simulator.recording.time) for t, _ in tasks)
+    steps, lags = np.zeros((len(tasks), frames), np.int32), np.zeros((len(tasks), frames), np.float32)
+    paths = []
+    for number, (task, chosen) in enumerate(tasks):
+        time = task.simulator.recording.time
+        whole = np.floor(time / task.dt + 1e-9).astype(np.int32)
+        steps[number, : len(time)], lags[number, : len(time)] = whole, time - whole * task.dt
+        paths.append(task.simulator.paths(task.candidates.amplitudes[chosen], int(whole[-1]) + 3, task.dt))
+    return paths, steps, lags
+
+
+class _Targets:
+    """What the observer pulls to, one recording and step after the other: where each task's begin, and how fine."""
+
+    def __init__(self, tasks: list[Group]) -> None:
+        known: dict[tuple[int, int], int] = {}
+        places, trust, first, every = [], [], [], []
+        length = 0
+        for task in tasks:
+            name = id(task.simulator), task.half_octaves
+            wanted, believed, steps = task.simulator.observer_targets(task.half_octaves)
+            if name not in known:
+                known[name] = length
+                places.append(wanted)
+                trust.append(believed)
+                length += len(wanted)
+            first.append(known[name])
+            every.append(steps)
+        self.places, self.trust = np.concatenate(places), np.concatenate(trust)
+        self.first, self.every = np.array(first, np.int32), np.array(every, np.int32)
+
+
+def _firsts(paths: list[Floats]) -> Integers:
+    """Where each task's steps begin in the joined paths."""
+    return np.cumsum([0, *(p.shape[1] for p in paths[:-1])]).astype(np.int32)
+
+
+def _joined(paths: list[Floats], lanes: int) -> Singles:
+    """(lanes, steps, 3 handles) each -> (all steps, 3 handles, lanes)."""
+    joined = _zeros((sum(p.shape[1] for p in paths), max(paths[0].shape[2], 1), lanes))
+    done = 0
+    for path in paths:
+        joined[done : done + path.shape[1], : path.shape[2]] = np.moveaxis(path, 0, -1)
+        done += path.shape[1]
+    return joined
+
+
+def _zeros(shape: tuple[int, ...]) -> Singles:
+    """Zeros whose vectors of lanes lie where the processor loads them whole: a misaligned one ends the process."""
+    size = 4 * int(np.prod(shape))
+    raw = np.zeros(size + ALIGNMENT, np.uint8)
+    start = -raw.ctypes.data % ALIGNMENT
+    return raw[start : start + size].view(np.float32).reshape(shape)
+
+
+def _in_lanes(values: Floats, lanes: int) -> Singles:
+    """(candidates, ...) -> (groups, ..., lanes), contiguous."""
+    grouped = np.moveaxis(np.asarray(values, np.float32).reshape(-1, lanes, *values.shape[1:]), 1, -1)
+    placed = _zeros(grouped.shape)
+    placed[...] = grouped
+    return placed
+
+
+def _from_lanes(values: Singles) -> Singles:
+    """(groups, ..., lanes) -> (candidates, ...)."""
+    moved = np.moveaxis(values, -1, 1)
+    return moved.reshape(-1, *moved.shape[2:])
+
+
+def _some(values: Numbers) -> Numbers:
+    """The same, or a single zero of as many dimensions in place of nothing, which Taichi cannot take."""
+    return values if values.size else np.zeros_like(values, shape=[max(n, 1) for n in values.shape])
+
+
+def _single(values: Floats) -> Singles:
+    return np.ascontiguousarray(values, np.float32)
+
+
+def _membrane_arguments(mesh: ClothMesh) -> list[Singles | Integers | int]:
+    """What the kernel wants to know of the membrane, in its order."""
+    stencils = mesh.fibres.stencils
+    return [
+        stencils.nodes, _single(stencils.weights), _single(mesh.fibres.area), mesh.fibres_across,
+        mesh.shear_across, mesh.shear_down, _single(mesh.shear_weights), _single(mesh.shear_area),
+    ]  # fmt: skip
+
+
+def _bending_arguments(mesh: ClothMesh) -> list[Singles | Integers]:
+    """What the kernel wants to know of bending and of normals, in its order."""
+    bends, plain = mesh.bends, len(mesh.bends.stencils)
+    root = _single(np.sqrt(bends.area))
+    basis = np.vstack([spectral.slopes(spectral.NODES), spectral.WEIGHTS])
+    return [
+        bends.stencils.first, bends.stencils.nodes, _single(bends.stencils.weights),
+        bends.kind[:plain], bends.centre[:plain], root[:plain], bends.counts,
+        _single(bends.twist_weights), bends.centre[plain:], root[plain:], mesh.cells, _single(basis),
+    ]  # fmt: skip

@@ -29,7 +29,7 @@ from fit.gap.next_experiment import propose
 from fit.gap.numerics import refine
 from fit.gap.observer import Observer
 from fit.gap.screening import Screened, screen
-from fit.gap.verdict import Evidence, Verdict, decide
+from fit.gap.verdict import SECOND_GAIN, Evidence, Verdict, decide
 from fit.gap.where import find_where
 from fit.parameterisations import SI, Parameterisation
 from fit.recording import Recording, prepare
@@ -191,10 +191,15 @@ class _Search:
         return min(h.fitted.cost for h in (self.base, *self.singles.values()))
 
     def further_rounds(self, floor: float, numerics: float, picks: NDArray[np.int64]) -> None:
-        """Add effects to the best one as long as there is something left to explain."""
+        """Add effects to the best one as long as there is something left to explain.
+
+        A further effect must close a share of the gap (`fit.gap.verdict`): where less is left, none is looked for.
+        """
         current = min(self.singles.values(), key=lambda h: h.errors.squared_mm)
+        least = SECOND_GAIN * (self.base.errors.squared_mm - floor**2)
         while len(current.effects) < MOST_EFFECTS:
-            if current.errors.squared_mm < 1.1 * (floor**2 + numerics**2):
+            left_mm2 = current.errors.squared_mm - floor**2
+            if left_mm2 < max(least, numerics**2):
                 return
             left = tuple(k for k in self.tested if k not in current.effects)
             screened = screen(self.observer, current.fitted, left, self.rng)
@@ -202,7 +207,7 @@ class _Search:
             tried = [(self._refit(current.fitted, screened, n), n) for n in places]
             best, place = min(tried, key=lambda pair: pair[0].errors.squared_mm)
             self.joint.append((best, float(screened.family_p_value[place])))
-            if best.errors.squared_mm > 0.95 * current.errors.squared_mm:
+            if current.errors.squared_mm - best.errors.squared_mm < least:
                 return
             current = best
 

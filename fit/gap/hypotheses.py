@@ -25,7 +25,7 @@ SHORTLIST = 5  # effects that are refitted
 ITERATIONS = 5  # of each refit
 SHARES = (0.3, 0.6, 1.0, 1.5)  # of the linear guess of an amplitude that are tried as starts
 ALIKE = 0.9  # cosine above which an effect is refitted because its twin is
-LEAST_SHARE = 0.02  # of the shortlist's best predicted saving; what saves less is not refitted
+LEAST_SHARE = 0.05  # of the shortlist's best predicted saving; what saves less is not refitted
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,15 @@ HeldOut = Annotated[
     list[Path],
     typer.Option("--held-out", metavar="TAKE", help="A take of another motion to judge on; may be repeated."),
 ]
+HeldOutMotion = Annotated[
+    list[str],
+    typer.Option(
+        "--held-out-motion",
+        metavar="KIND",
+        help="Judge on those of the takes whose hanger moves this way (sideways, face-on, up-and-down, twist, mixed, "
+        "still; `hangtime takes show` names it) instead of fitting to them; may be repeated.",
+    ),
+]
 Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; made if absent.")]
 Seed = Annotated[int, typer.Option("--seed", help="Seed of every random number.")]
 
@@ -35,6 +44,7 @@ def add_commands(app: typer.Typer) -> None:
 def fit_command(
     takes: Takes,
     held_out: HeldOut = [],  # noqa: B006  (Typer copies it)
+    held_out_motion: HeldOutMotion = [],  # noqa: B006
     method: Annotated[
         str,
         typer.Option(
@@ -91,7 +101,6 @@ def fit_command(
     from fit.parameterisations import find_method
     from fit.reporting import write_fit_report
     from fit.request import request_of
-    from formats.archive import read_take
     from formats.results import save_fit_result
 
     chosen = find_method(method)
@@ -102,7 +111,7 @@ def fit_command(
         chosen, effect, iterations=iterations, seed=seed, spacing=spacing, gamma=gamma, bounds=bounds, engine=engine,
         search=search,
     )  # fmt: skip
-    training, testing = [read_take(p) for p in takes], [read_take(p) for p in held_out]
+    training, testing = _read(takes, held_out, held_out_motion)
     out.mkdir(parents=True, exist_ok=True)
     progress = ProgressLine(search)
     checkpoint = None if search == "least-squares" else out / "fit.partial.json"
@@ -141,6 +150,7 @@ def fabric_command(
 def diagnose_command(
     takes: Takes,
     held_out: HeldOut = [],  # noqa: B006
+    held_out_motion: HeldOutMotion = [],  # noqa: B006
     fit_file: Annotated[
         Path | None,
         typer.Option(
@@ -176,10 +186,9 @@ def diagnose_command(
     from fit.gap.diagnosis import diagnose
     from fit.parameterisations import find_method
     from fit.reporting import write_diagnosis_report
-    from formats.archive import read_take
     from formats.results import load_fit_result, save_diagnosis
 
-    training, testing = [read_take(p) for p in takes], [read_take(p) for p in held_out]
+    training, testing = _read(takes, held_out, held_out_motion)
     fitted = load_fit_result(fit_file) if fit_file else None
     ids = [t.take_id for t in training]
     if fitted is not None and fitted.take_ids != ids:
@@ -219,6 +228,15 @@ def diagnose_command(
     if findings.diagnosis.next_experiment is not None:
         typer.echo(findings.diagnosis.next_experiment.sentence)
     typer.echo(f"Diagnosis: {out / 'diagnosis.json'}\nReport:    {report}")
+
+
+def _read(takes: list[Path], held_out: list[Path], motions: list[str]):  # type: ignore[no-untyped-def]
+    """Takes to fit to and takes to judge on, by name or by motion."""
+    from fit.held_out import split_by_motion
+    from formats.archive import read_take
+
+    training, moving = split_by_motion([read_take(p) for p in takes], motions)
+    return training, moving + [read_take(p) for p in held_out]
 
 
 def _added_line(finding) -> str:  # type: ignore[no-untyped-def]

@@ -7,6 +7,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from formats.motion import kind_of
 from formats.rig import Calibration
 from formats.take import FrameState, Take
 
@@ -56,6 +57,7 @@ def summarise(take: Take) -> dict[str, Any]:
         "garment": take.garment.name,
         "mass_kg": take.garment.mass_kg,
         "hanger_seen_percent": round(100 * float(take.held_valid.all(1).mean()), 1),
+        "motion": kind_of(take),
         "hanger_travel_mm": [round(1e3 * float(s), 1) for s in swing],
         "pitch_seen_percent": 0.0 if take.pitch is None else round(100 * float(np.isfinite(take.pitch).mean()), 1),
         "points": points,
@@ -80,6 +82,7 @@ def describe(summary: dict[str, Any]) -> str:
         f"garment   {s['garment']}, {1e3 * s['mass_kg']:.1f} g",
         f"hanger    seen in {s['hanger_seen_percent']:g} % of the frames, "
         f"travels {' x '.join(f'{t:.0f}' for t in s['hanger_travel_mm'])} mm",
+        f"motion    {s['motion']}",
     ]
     points = s["points"]
     if len(points) <= 12:

@@ -98,6 +98,8 @@ def test_a_saved_search_of_other_takes_is_refused(tmp_path):
         (("fit", "a.mcap", "--bounds", "bend=3"), "'bend=3' is not NAME=LOW:HIGH"),
         (("fit", "a.mcap", "--bounds", "bend=3:900"), "3 to 900 leaves the range of bend"),
         (("diagnose", "a.mcap", "--fit", "gone.json"), "gone.json: cannot be read"),
+        (("diagnose", "a.mcap", "--held-out-motion", "twist"), "no take moves 'twist'"),
+        (("fit", "a.mcap", "--held-out-motion", "wobble"), "there is no kind of motion named 'wobble'"),
     ],
 )
 def test_bad_input_gives_one_sentence_and_exit_code_2(tmp_path, words, sentence):

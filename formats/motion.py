@@ -1,0 +1,52 @@
+"""Which way the hanger of a take moves, in a word: takes of one kind can be held out to judge on.
+
+With the middle m of the held edge, its mean direction b without its vertical part, up u and n = u x b, each way's share
+is that of its variance about the mean:
+
+    sideways  b.m      face-on  n.m      up-and-down  u.m      twist  (half the edge's length) x angle about u
+
+The way with more than LARGEST of the sum names the motion, else it is `mixed`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formats.take import Take
+
+Floats = NDArray[np.float64]
+
+STILL = 0.004  # m, root mean square: sensors' noise is 1 to 3 mm
+LARGEST = 0.7
+WAYS = ("sideways", "face-on", "up-and-down", "twist")
+KINDS = (*WAYS, "mixed", "still")
+
+
+def reach_of(take: Take) -> dict[str, float]:
+    """Root mean square of the hanger's motion [m] in each of the four ways; zeros where it was hardly seen."""
+    ends = take.held[take.held_valid.all(1)]
+    if len(ends) < 2:
+        return dict.fromkeys(WAYS, 0.0)
+    up = -np.asarray(take.rig.gravity, float)
+    up /= np.linalg.norm(up)
+    bar = ends[:, 1] - ends[:, 0]
+    level = bar - np.outer(bar @ up, up)
+    along = level.mean(0)
+    along /= max(float(np.linalg.norm(along)), 1e-12)
+    through = np.cross(up, along)
+    middle = ends.mean(1)
+    angle = np.unwrap(np.arctan2(level @ through, level @ along))
+    half = 0.5 * float(np.median(np.linalg.norm(bar, axis=1)))
+    moved = (middle @ along, middle @ through, middle @ up, half * angle)
+    return {way: float(np.std(values)) for way, values in zip(WAYS, moved, strict=True)}
+
+
+def kind_of(take: Take) -> str:
+    """Return one of `KINDS`."""
+    reach = reach_of(take)
+    total = sum(r**2 for r in reach.values())
+    if total < STILL**2:
+        return "still"
+    way = max(reach, key=reach.__getitem__)
+    return way if reach[way] ** 2 > LARGEST * total else "mixed"

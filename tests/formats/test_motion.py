@@ -1,0 +1,53 @@
+"""Kinds of motion, worked by hand: a bar that moves one way only, and errors in that."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from formats.motion import kind_of, reach_of
+from formats.rig import Rig
+from tests.fit.scenes import sheet, take_of
+
+TIME = np.arange(0, 4, 1 / 30)
+WAVE = 0.05 * np.sin(2 * np.pi * 0.75 * TIME)  # three whole swings: 0.05 / sqrt(2) rms
+
+
+def moved(direction):
+    return take_of(sheet(), TIME, np.outer(WAVE, direction))
+
+
+def turned(angle):
+    """The bar, 0.4 m long, turning about its middle by an angle [rad], (frames,)."""
+    take = take_of(sheet(), TIME, np.zeros((len(TIME), 3)))
+    half = 0.2 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1)
+    return replace(take, held=np.stack([-half, half], 1))
+
+
+@pytest.mark.parametrize(
+    ("kind", "take"),
+    [
+        ("sideways", moved([1, 0, 0])), ("face-on", moved([0, 1, 0])), ("up-and-down", moved([0, 0, 1])),
+        ("twist", turned(0.3 * WAVE / 0.05)), ("mixed", moved([1, 1, 0])), ("still", moved([0.05, 0, 0])),
+    ],
+)  # fmt: skip
+def test_the_way_the_bar_moves_names_the_motion(kind, take):
+    assert kind_of(take) == kind
+
+
+def test_the_reach_is_the_root_mean_square_of_the_middle_and_of_the_ends_turning():
+    assert reach_of(moved([0, 1, 0]))["face-on"] == pytest.approx(0.05 / np.sqrt(2), rel=0.01)
+    assert reach_of(turned(0.3 * WAVE / 0.05))["twist"] == pytest.approx(0.2 * 0.3 / np.sqrt(2), rel=0.01)
+
+
+def test_the_rigs_gravity_says_what_is_up_and_down():
+    """With the sensor's y down, motion along y is up and down."""
+    take = moved([0, 1, 0])
+    assert kind_of(replace(take, rig=Rig(format="hangtime-rig/1", name="r", gravity=(0.0, 1.0, 0.0)))) == "up-and-down"
+
+
+def test_a_hanger_that_is_never_seen_is_still():
+    take = moved([0, 1, 0])
+    assert kind_of(replace(take, held_valid=np.zeros_like(take.held_valid))) == "still"

@@ -20,7 +20,7 @@ from fit.errors import FitError
 from fit.recording import Recording
 
 Floats = NDArray[np.float64]
-Numbers = TypeVar("Numbers", Floats, Integers)
+Numbers = TypeVar("Numbers", Floats, NDArray[np.float32], Integers)
 
 SAFETY = 0.7  # of the linear limit: stretched and folded cloth is a little stiffer than flat cloth
 COARSEST_STEP = 1e-3  # s: swings, pulls and samples stay well resolved even for soft cloth
@@ -169,6 +169,11 @@ class Simulator:
         """Return the time step [s] after this many half octaves."""
         return COARSEST_STEP * self.resolution.step_share / 2.0 ** (half_octaves / 2)
 
+    def steps_of(self, materials: Floats) -> Floats:
+        """Return the time step [s] of each candidate without effects, (candidates,)."""
+        none = np.zeros((len(materials), self.columns[-1].stop if self.columns else 0))
+        return np.array([self.step(int(n)) for n in self._half_octaves(materials, none)])
+
     def _half_octaves(self, materials: Floats, amplitudes: Floats) -> NDArray[np.int64]:
         """Per candidate, by how many half octaves the coarsest step must be shorter to be stable."""
         by_stretch, by_shear, by_bending = self._frequencies
@@ -243,7 +248,8 @@ class Simulator:
         needs_normals = bool(faces) or with_bends or with_added
         fibres = len(mesh.fibres.area)
         kernel = self._make_rollout(
-            lanes, faces, fibre_nodes=mesh.fibre_nodes, handles=self.support.handles,
+            lanes, faces, fibre_nodes=mesh.fibre_nodes, bend_lengths=mesh.bends.lengths,
+            handles=self.support.handles, with_twist=len(mesh.bends.twist_weights) > 0,
             with_bends=with_bends, with_added_mass=with_added,
         )  # fmt: skip
         with runtime.vectors_kept():
@@ -366,6 +372,7 @@ def _bending_arguments(mesh: ClothMesh) -> list[NDArray[np.float32] | Integers]:
     basis = np.vstack([spectral.slopes(spectral.NODES), spectral.WEIGHTS])
     return [
         bends.stencils.first, bends.stencils.nodes, _single(bends.stencils.weights),
-        bends.kind[:plain], bends.centre[:plain], root[:plain], bends.counts,
-        _single(bends.twist_weights), bends.centre[plain:], root[plain:], mesh.cells, _single(basis),
+        bends.kind[:plain], bends.centre[:plain], root[:plain], bends.counts[bends.counts > 0],
+        _single(_some(bends.twist_weights)), _some(bends.centre[plain:]), _some(root[plain:]),
+        mesh.cells, _single(basis),
     ]  # fmt: skip

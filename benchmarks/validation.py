@@ -10,7 +10,7 @@ otherwise. References:
     energy     no damping: amplitude of the first swing after 10 s; damping c: it decays at c / 2 per second
     trajectory the tracked points of a swung swatch against a mesh of twice as many elements at half the step
 
-Shear frame, load, cantilever and falling sheet: `validation_clamped.py`.
+Shear frame, bias extension, load, cantilever and falling sheet: `validation_clamped.py`.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from scipy.special import jn_zeros
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.validation_clamped import (
+    bias_extension_error,
     elastica_error,
     falling_error,
     load_error,
@@ -183,6 +184,7 @@ CASES = (
     Case("stretch under its own weight", 0.01, stretch_error),
     Case("force of a load beside its own weight", 0.01, load_error),
     Case("torque on a shear frame", 0.02, shear_frame_error),
+    Case("force of a bias extension", 0.05, bias_extension_error),
     Case("cantilever: Peirce's bending length", 0.03, peirce_error),
     Case("heavy elastica: place of the tip", 0.03, elastica_error),
     Case("terminal speed of a falling sheet", 0.01, falling_error),

@@ -2,6 +2,10 @@
 
 shear frame      all four sides of a square turned by phi, threads keep their length: W = G/2 sin^2 phi per area, so
                  the torque on the frame is A G sin phi cos phi
+bias extension   a sample cut at 45 degrees, three times as long as wide, whose threads keep their length: with
+                 D = L - W and lengthened by d = D (cos(g/2) + sin(g/2) - 1), the middle, A_C = L W - 3/2 W^2, shears
+                 by g and a border of A_B = W^2 by g/2; the force is dE/dd, E = G/2 (A_C sin^2 g + A_B sin^2 (g/2))
+                 Source: J. Cao et al., Composites A 39 (2008) 1037, section 4
 load             k/2 l (l^2 - 1) = F + rho g z for the stretch l(z); F [N/m] at the lower clamp
 cantilever       B theta'' = -rho g s cos theta, s from the free end, theta below the horizontal: theta'(0) = 0,
                  theta(L) = 0, solved here by collocation. Bending length c = (B / rho g)^(1/3), and by
@@ -14,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_bvp
@@ -37,6 +42,8 @@ STIFF = {
 }  # fmt: skip
 FRAME = 1 / 30
 ANGLE = 0.2  # rad of the shear frame
+BIAS_ANGLE = 0.3  # rad of shear
+BIAS_STRETCH = 2000.0  # N/m along the threads, 2000 times the shear stiffness
 LOAD, SOFT = 6.0, 60.0  # N/m at the lower clamp, and the sheet's stretch stiffness
 OVERHANG = 0.6  # m
 SHORT, LONG = 2.0, 3.0  # overhangs over the bending length: Peirce's c = L / 2, and a tip that hangs at 60 degrees
@@ -94,6 +101,40 @@ def shear_frame_error(resolution: Resolution) -> float:
     return torque / (side**2 * shear * np.sin(ANGLE) * np.cos(ANGLE)) - 1
 
 
+def bias_extension_error(resolution: Resolution, stretch: float = BIAS_STRETCH) -> float:
+    """Of the force that pulls a sample cut on the bias until its middle has sheared by 0.3 rad; its threads' `stretch`.
+
+    That error has two parts: threads that give make the sample softer, as the root of shear over stretch stiffness;
+    elements that stiff threads cross slantwise make it harder, and that falls with the mesh.
+    """
+    width, length, shear = 0.6, 1.8, 1.0
+    half = BIAS_ANGLE / 2
+    drawn = (length - width) * (np.cos(half) + np.sin(half) - 1)
+    middle, border = length * width - 1.5 * width**2, width**2
+    energy_slope = middle * np.sin(2 * half) * np.cos(2 * half) + border * np.sin(half) * np.cos(half) / 2
+    expected = shear * energy_slope / ((length - width) / 2 * (np.cos(half) - np.sin(half)))
+    support, is_lowest = drawn_down(length, drawn, gravity=0.0)
+    on_bias = msgspec.structs.replace(square(width, length), format="hangtime-garment/2", grain_degrees=45.0)
+    done, simulator = bench(on_bias, support, resolution, 1.6, shear_stiffness=shear, stretch_stiffness=stretch)
+    assert done.forces is not None
+    return float(done.forces[0, is_lowest(simulator.mesh.rest), 2].sum()) / expected - 1
+
+
+def drawn_down(height: float, way: float, gravity: float = GRAVITY) -> tuple[Supporting, Held]:
+    """Clamps at the upper and the lower edge, the lower one drawn down [m] in a second, and what that one holds."""
+
+    def lowered(instants: Floats) -> Floats:
+        frame = np.tile(UPRIGHT, (len(instants), 1))
+        frame[:, 2] = -way * gone(instants)
+        return frame
+
+    def is_lowest(places: Floats) -> NDArray[np.bool_]:
+        return np.asarray(places[:, 1] < 1e-9 - height)
+
+    upper = Clamp(lambda places: places[:, 1] > -1e-9, still(UPRIGHT))
+    return clamps(upper, Clamp(is_lowest, lowered), start=UPRIGHT, gravity=gravity), is_lowest
+
+
 def stretched(tension: Floats, stiffness: float) -> Floats:
     """Stretch under a tension per width [N/m]."""
     return np.array([brentq(lambda s, t=t: stiffness / 2 * s * (s**2 - 1) - t, 1, 3) for t in tension])
@@ -104,19 +145,9 @@ def load_error(resolution: Resolution) -> float:
     width, height = 0.4, 0.45
     depths = np.linspace(0, height, 501)
     sunk = float(np.trapezoid(stretched(LOAD + DENSITY * GRAVITY * depths, SOFT) - 1, depths))
-
-    def lowered(instants: Floats) -> Floats:
-        frame = np.tile(UPRIGHT, (len(instants), 1))
-        frame[:, 2] = -sunk * gone(instants)
-        return frame
-
-    support = clamps(
-        Clamp(lambda p: p[:, 1] > -1e-9, still(UPRIGHT)),
-        Clamp(lambda p: p[:, 1] < 1e-9 - height, lowered),
-        start=UPRIGHT,
-    )
+    support, is_lowest = drawn_down(height, sunk)
     done, simulator = bench(square(width, height), support, resolution, 3.0, stretch_stiffness=SOFT)
-    lowest = simulator.mesh.rest[:, 1] < 1e-9 - height
+    lowest = is_lowest(simulator.mesh.rest)
     assert done.forces is not None
     weight = DENSITY * simulator.mesh.node_area[lowest].sum() * GRAVITY
     return (float(done.forces[0, lowest, 2].sum()) - weight) / (LOAD * width) - 1

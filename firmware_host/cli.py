@@ -92,8 +92,9 @@ def synthesise(
     ] = None,
     seconds: Annotated[float, typer.Option("--seconds", min=4.0, help="Length of the recording.")] = 8.0,
     seed: Annotated[int, typer.Option("--seed", help="Seed of hand jitter and sensor noise.")] = 1,
+    garment: Annotated[str, typer.Option("--garment", help="What hangs there: skirt, swatch or t-shirt.")] = "skirt",
 ) -> None:
-    """Make a sensor recording without a sensor: a skirt on a swung hanger, seen by a depth camera with real faults.
+    """Make a sensor recording without a sensor: a garment on a swung hanger, seen by a depth camera with real faults.
 
     Writes DIR/NAME.oni, DIR/NAME.truth.npz, DIR/rig.toml and DIR/garment.toml.
     """
@@ -113,8 +114,9 @@ def synthesise(
             last = percent
 
     paths = make_recording(
-        out, name, motion=motion, effect=effect, amplitude=amplitude, seconds=seconds, seed=seed, progress=show
-    )
+        out, name, motion=motion, effect=effect, amplitude=amplitude, seconds=seconds, seed=seed,
+        garment=garment, progress=show,
+    )  # fmt: skip
     if sys.stderr.isatty():
         print(file=sys.stderr)
     for path in paths:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -123,6 +124,7 @@ def check_garment(garment: Garment, where: object) -> None:
         refuse(f"outline_m encloses hardly any area ({garment.area_m2:.2g} m2)")
     if _crosses_itself(outline):
         refuse("outline_m crosses itself: list the corners in order, from the top left clockwise")
+    _check_version_2(garment, outline, refuse)
     names = garment.point_names
     for name in names:
         if names.count(name) > 1:
@@ -132,21 +134,49 @@ def check_garment(garment: Garment, where: object) -> None:
             refuse(f"points: {point.name!r} lies outside the outline")
 
 
+def _check_version_2(garment: Garment, outline: np.ndarray[Any, Any], refuse: Callable[[str], None]) -> None:
+    """Check holes, seams and grain."""
+    if garment.format == "hangtime-garment/1" and (garment.holes_m or garment.seams or garment.grain_degrees):
+        refuse('holes_m, seams and grain_degrees need format = "hangtime-garment/2"')
+    for number, corners in enumerate(garment.holes_m, 1):
+        hole = np.array(corners, float)
+        if len(hole) < 3 or not np.isfinite(hole).all() or _crosses_itself(hole):
+            refuse(f"holes_m: hole {number} needs 3 corners or more, in order round it")
+        if any(_distance_outside(corner, outline) > 0 for corner in hole) or _meet(hole, outline):
+            refuse(f"holes_m: hole {number} is not inside the outline")
+        for other in (np.array(before, float) for before in garment.holes_m[: number - 1]):
+            if _meet(hole, other) or _distance_outside(hole[0], other) == 0 or _distance_outside(other[0], hole) == 0:
+                refuse(f"holes_m: hole {number} overlaps another one")
+        for point in garment.points:
+            if _distance_outside(np.array(point.at_m), hole) == 0:
+                refuse(f"points: {point.name!r} lies in hole {number}")
+    for pair in garment.seams:
+        if not all(0 <= corner < len(outline) for corner in pair) or (pair[1] - pair[0]) % len(outline) != 1:
+            refuse(f"seams: {list(pair)} are not neighbouring corners of the outline, clockwise, counted from 0")
+    if not -90 <= garment.grain_degrees <= 90:
+        refuse(f"grain_degrees must be between -90 and 90 (got {garment.grain_degrees:g})")
+
+
 def _crosses_itself(outline: np.ndarray[Any, Any]) -> bool:
     count = len(outline)
+    sides = [(outline[i], outline[(i + 1) % count]) for i in range(count)]
+    return any(_cross(sides[i], sides[j]) for i in range(count) for j in range(i + 2, count) if (j + 1) % count != i)
+
+
+def _cross(one: tuple[Any, Any], other: tuple[Any, Any]) -> bool:
+    """Whether two sides cross, each given by its ends."""
 
     def side(a: Any, b: Any, c: Any) -> float:
         return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
-    for i in range(count):
-        a, b = outline[i], outline[(i + 1) % count]
-        for j in range(i + 2, count):
-            if (j + 1) % count == i:
-                continue
-            c, d = outline[j], outline[(j + 1) % count]
-            if side(a, b, c) * side(a, b, d) < 0 and side(c, d, a) * side(c, d, b) < 0:
-                return True
-    return False
+    (a, b), (c, d) = one, other
+    return side(a, b, c) * side(a, b, d) < 0 and side(c, d, a) * side(c, d, b) < 0
+
+
+def _meet(one: np.ndarray[Any, Any], other: np.ndarray[Any, Any]) -> bool:
+    """Whether the sides of two polygons cross."""
+    sides = [list(zip(loop, np.roll(loop, -1, axis=0), strict=True)) for loop in (one, other)]
+    return any(_cross(a, b) for a in sides[0] for b in sides[1])
 
 
 def _distance_outside(place: np.ndarray[Any, Any], outline: np.ndarray[Any, Any]) -> float:

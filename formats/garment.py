@@ -7,6 +7,14 @@ from typing import Literal
 
 import msgspec
 
+Polygon = tuple[tuple[float, float], ...]
+
+
+def polygon_area(corners: Polygon) -> float:
+    """Return the area of a polygon [m^2] (shoelace formula)."""
+    doubled = sum(a[0] * b[1] - b[0] * a[1] for a, b in pairwise((*corners, *corners[:1])))
+    return abs(doubled) / 2
+
 
 class TrackedPoint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One tracked point and its place on the flat garment."""
@@ -15,33 +23,42 @@ class TrackedPoint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     at_m: tuple[float, float]
 
 
-class Garment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Garment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
     """A garment, flat as the sensor sees it: x to the right, y up, metres, any origin.
 
     `outline_m` is a polygon; its corners start at the top left and go clockwise as seen by the sensor.
     `held` says what the hanger holds: the whole top `edge` (a clamp bar) or only its two end `corners` (clips).
+    In version 2: `holes_m` are polygons cut out of it; `seams`, pairs of neighbouring corners of the outline counted
+    from 0, are the sides along which a back of the same shape is sewn on; `grain_degrees` is by how much the threads
+    are turned against x and y, anticlockwise (45: cut on the bias).
     """
 
-    format: Literal["hangtime-garment/1"]
+    format: Literal["hangtime-garment/1", "hangtime-garment/2"]
     name: str
     kind: Literal["skirt", "t-shirt", "swatch"]
     mass_kg: float
-    outline_m: tuple[tuple[float, float], ...]
+    outline_m: Polygon
     held: Literal["edge", "corners"]
     points: tuple[TrackedPoint, ...]
     layers: int = 1
+    holes_m: tuple[Polygon, ...] = ()
+    seams: tuple[tuple[int, int], ...] = ()
+    grain_degrees: float = 0.0
 
     @property
     def area_m2(self) -> float:
-        """Area of the flat outline [m^2] (shoelace formula)."""
-        corners = (*self.outline_m, self.outline_m[0]) if self.outline_m else ()
-        doubled = sum(a[0] * b[1] - b[0] * a[1] for a, b in pairwise(corners))
-        return abs(doubled) / 2
+        """Area of the flat outline less its holes [m^2]."""
+        return polygon_area(self.outline_m) - sum(polygon_area(hole) for hole in self.holes_m)
 
     @property
     def areal_density(self) -> float:
-        """Mass per area [kg/m^2], all layers together."""
-        return self.mass_kg / self.area_m2
+        """Mass per area [kg/m^2], all layers together, but for a back that is sewn on: that has an area of its own."""
+        return self.mass_kg / (self.area_m2 * (2 if self.seams else 1))
+
+    @property
+    def is_panel(self) -> bool:
+        """Whether it is one plain piece with four corners, threads along x and y."""
+        return len(self.outline_m) == 4 and not (self.holes_m or self.seams or self.grain_degrees)
 
     @property
     def point_names(self) -> tuple[str, ...]:

@@ -7,24 +7,30 @@ from pathlib import Path
 
 import numpy as np
 
-from firmware_host.errors import RecordingError
+from firmware_host.errors import RecordingError, SensorAddressError
 from firmware_host.oni_writer import OniWriter
-from firmware_host.synthetic.scene import CAMERA, FPS, RIG, demo_garment
+from firmware_host.synthetic.garments import GARMENTS
+from firmware_host.synthetic.scene import CAMERA, FPS, RIG
 from firmware_host.synthetic.world import FIRST_STAMP, TYPICAL, Progress, World, make_world
 from formats.descriptions import dump_description
 
 
 def make_recording(
     out: Path, name: str, *, motion: str = "swing", effect: str = "air_drag", amplitude: float | None = None,
-    seconds: float = 8.0, seed: int = 1, progress: Progress = lambda stage, share: None,
+    seconds: float = 8.0, seed: int = 1, garment: str = "skirt", progress: Progress = lambda stage, share: None,
 ) -> list[Path]:  # fmt: skip
     """Write NAME.oni, NAME.truth.npz, rig.toml and garment.toml into a folder and return their paths.
 
     Raises:
-        RecordingError: the folder cannot be written; SensorAddressError: no such motion or effect.
+        RecordingError: the folder cannot be written; SensorAddressError: no such motion, effect or garment.
     """
+    if garment not in GARMENTS:
+        raise SensorAddressError(
+            f"the synthetic world has no garment {garment!r}", advice=f"choose of {', '.join(GARMENTS)}"
+        )
+    worn = GARMENTS[garment]()
     world = make_world(
-        motion=motion, effect=effect, amplitude=amplitude, seconds=seconds, seed=seed,
+        motion=motion, effect=effect, amplitude=amplitude, seconds=seconds, seed=seed, garment=worn,
         progress=lambda stage, share: progress(stage, 0.3 * share),
     )  # fmt: skip
     try:
@@ -45,15 +51,16 @@ def make_recording(
         "amplitude": TYPICAL[effect] if amplitude is None else amplitude,
         "seconds": seconds,
         "seed": seed,
+        "garment": garment,
     }
     np.savez_compressed(
         truth, time=world.time + FIRST_STAMP, markers=world.hanger.markers, held=world.hanger.held, points=world.points,
         grid=world.nodes.astype(np.float32), meta=json.dumps(meta),
     )  # fmt: skip
-    rig, garment = out / "rig.toml", out / "garment.toml"
+    rig, description = out / "rig.toml", out / "garment.toml"
     rig.write_text(dump_description(RIG))
-    garment.write_text(dump_description(demo_garment()))
-    return [recording, truth, rig, garment]
+    description.write_text(dump_description(worn))
+    return [recording, truth, rig, description]
 
 
 def _write_frames(path: Path, world: World, progress: Progress) -> None:

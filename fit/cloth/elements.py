@@ -1,8 +1,9 @@
-"""Samples and stencils of a grid of cubic spectral elements on a four-cornered outline.
+"""Samples and stencils of cubic spectral elements on quadrilaterals of flat cloth.
 
-Nodes are the tensor product of `fit.cloth.spectral`'s. The outline's corners are mapped bilinearly; with the Jacobian
-J = d(X, Y)/d(xi, eta) of that map the columns of the deformation gradient are
-    Fu = sum_n (dN_n/dX) x_n,   Fv = sum_n (dN_n/dY) x_n,   [dN/dX, dN/dY] = J^-1 [dN/dxi, dN/deta].
+An element's nodes are the tensor product of `fit.cloth.spectral`'s, its corners are mapped bilinearly; with the
+Jacobian J = d(X, Y)/d(xi, eta) of that map the columns of the deformation gradient are
+    Fu = sum_n (dN_n/dX) x_n,   Fv = sum_n (dN_n/dY) x_n,   [dN/dX, dN/dY] = R J^-1 [dN/dxi, dN/deta],
+R turning the axes onto the threads. Whatever way the elements lie, strains are those of the threads.
 
 Membrane: each family of fibres is sampled along its own lines of nodes, at three Gauss points an element; shear at 3
 by 3 Gauss points, where Fu and Fv are interpolated from those samples (tying points). As many samples as a curved
@@ -10,12 +11,6 @@ sheet that does not stretch has freedoms for: sampled more often, elements that 
 against bending lock.
 Source: T. J. R. Hughes, "The Finite Element Method" (1987), sections 3.2 and 4.4 (selective integration); K.-J. Bathe,
 "Finite Element Procedures" (1996), section 5.4.2 (tying).
-
-Bending: the plate energy E = B/2 integral of |x_uu|^2 + 2 |x_uv|^2 + |x_vv|^2, which for a sheet that does not stretch
-is B/2 (kappa_1^2 + kappa_2^2), so that B is the moment per width and curvature that fabric testers give. Second
-derivatives along rows and columns at the inner nodes, mixed ones at 3 by 3 Gauss points; free edges are natural.
-Source: S. Timoshenko, S. Woinowsky-Krieger, "Theory of Plates and Shells", section 22, without Poisson coupling; the
-mixed form with lumped masses from P. G. Ciarlet, "The Finite Element Method for Elliptic Problems", section 7.1.
 """
 
 from __future__ import annotations
@@ -29,7 +24,8 @@ from fit.cloth import spectral
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int32]
-ROW_BEND, COLUMN_BEND, TWIST = range(3)  # second derivatives across, down, and mixed
+LOCAL_NODES = np.stack([np.tile(spectral.NODES, spectral.WIDTH), np.repeat(spectral.NODES, spectral.WIDTH)], 1)
+CORNERS = [0, spectral.ORDER, spectral.WIDTH * spectral.ORDER, spectral.WIDTH**2 - 1]  # of an element's nodes
 
 
 @dataclass(frozen=True)
@@ -65,62 +61,108 @@ class Samples:
     area: Floats
 
 
-@dataclass(frozen=True)
-class Bends:
-    """Second derivatives, first along rows and columns (`stencils`), then mixed ones at the samples of shear.
+class Elements:
+    """Quadrilateral elements on the flat cloth, each the bilinear image of a square, and the slopes on them.
 
-    Weights [1/m] hold the root of the area [m^2]; twist_weights, (shear samples, 4), act on the fibre samples across.
-    counts, (2,): how many stencils have each length of `spectral.BEND_NODES`; area, kind, centre, (bends,): of all of
-    them; centre is the node along whose normal a bend is measured.
+    rest [m], (nodes, 2); cells, (cells, 16): nodes of each element, row by row; corners [m], (cells, 4, 2): top left,
+    top right, bottom left and bottom right of each, whose first row runs along its xi
+    grain [rad]: by how much the threads are turned against X and Y, anticlockwise; slopes are along the threads
     """
 
-    stencils: Stencils
-    counts: Integers
-    twist_weights: Floats
-    area: Floats
-    kind: Integers
-    centre: Integers
-
-    def __len__(self) -> int:
-        return len(self.kind)
-
-
-class Grid:
-    """Nodes of `wide` x `high` elements on a four-cornered outline, and the derivatives of its map."""
-
-    def __init__(self, outline: Floats, wide: int, high: int) -> None:
-        self.wide, self.high = wide, high
-        self.rows, self.columns = spectral.ORDER * high + 1, spectral.ORDER * wide + 1
-        self.corners = outline[[0, 1, 3, 2]]
-        down, across = np.meshgrid(spectral.places(high), spectral.places(wide), indexing="ij")
-        self.rest = bilinear(np.stack([across.ravel(), down.ravel()], 1)) @ self.corners
-        index = np.arange(self.rows * self.columns).reshape(self.rows, self.columns)
-        by_row, by_column = spectral.line_nodes(high), spectral.line_nodes(wide)
-        self.cells = index[by_row[:, None, :, None], by_column[None, :, None, :]].reshape(wide * high, -1)
+    def __init__(self, rest: Floats, cells: NDArray[np.int64], corners: Floats, grain: float = 0.0) -> None:
+        self.rest, self.cells, self.corners = rest, cells, corners
+        self.threads = np.array([[np.cos(grain), np.sin(grain)], [-np.sin(grain), np.cos(grain)]])
         weights = np.outer(spectral.WEIGHTS, spectral.WEIGHTS).ravel()
-        xi, eta = np.tile(spectral.NODES, spectral.WIDTH), np.repeat(spectral.NODES, spectral.WIDTH)
         self.cell_area = np.stack(
-            [w * np.abs(np.linalg.det(self.jacobian(*at))) for w, *at in zip(weights, xi, eta, strict=True)], 1
+            [w * self.size(xi, eta) for w, (xi, eta) in zip(weights, LOCAL_NODES, strict=True)], 1
         )
         self.node_area = np.asarray(np.bincount(self.cells.ravel(), self.cell_area.ravel()), float)
 
     def jacobian(self, xi: float, eta: float) -> Floats:
         """d(X, Y)/d(xi, eta), (cells, 2, 2) as [along xi, along eta], at a place of every element."""
-        row, column = np.divmod(np.arange(self.wide * self.high), self.wide)
-        s, t = (column + (xi + 1) / 2) / self.wide, (row + (eta + 1) / 2) / self.high
-        return (
-            bilinear_slopes(np.stack([s, t], 1)) @ self.corners * np.array([0.5 / self.wide, 0.5 / self.high])[:, None]
-        )
+        return 0.5 * bilinear_slopes(np.array([[xi + 1, eta + 1]]) / 2)[0] @ self.corners
+
+    def size(self, xi: float, eta: float) -> Floats:
+        """Area that a place of every element stands for [m^2], (cells,)."""
+        return np.abs(np.linalg.det(self.jacobian(xi, eta)))
 
     def gradient(self, xi: float, eta: float) -> tuple[Floats, Floats]:
         """Slopes of the shape functions, (cells, 2, 16) as [d/dX, d/dY], and the area scale, (cells,)."""
-        of_xi, of_eta = spectral.values(np.array(xi)), spectral.values(np.array(eta))
-        local = np.stack(
-            [np.outer(of_eta, spectral.slopes(np.array(xi))), np.outer(spectral.slopes(np.array(eta)), of_xi)]
-        ).reshape(2, -1)
         jacobian = self.jacobian(xi, eta)
-        solved = np.linalg.solve(jacobian, np.broadcast_to(local, (len(jacobian), *local.shape)))
-        return np.where(np.abs(solved) > 1e-9 * np.abs(solved).max(), solved, 0.0), np.abs(np.linalg.det(jacobian))
+        solved = self.threads @ np.linalg.solve(jacobian, np.broadcast_to(_local(xi, eta, 1), (len(jacobian), 2, 16)))
+        return _without_dust(solved), self.size(xi, eta)
+
+    def hessian(self, xi: float, eta: float) -> Floats:
+        """Second derivatives of the shape functions, (cells, 2, 2, 16).
+
+        With g = J^-1 dN and a bilinear map, whose only second derivative is that along both xi and eta:
+        dg/dxi_l = J^-1 (d(dN)/dxi_l - (dJ/dxi_l) g), and along the axes J^-1 of that.
+        """
+        jacobian = self.jacobian(xi, eta)
+        slopes = np.linalg.solve(jacobian, np.broadcast_to(_local(xi, eta, 1), (len(jacobian), 2, 16)))
+        second = np.broadcast_to(_local(xi, eta, 2), (len(jacobian), 2, 2, 16)).copy()
+        mixed = (self.corners[:, 0] - self.corners[:, 1] - self.corners[:, 2] + self.corners[:, 3]) / 4
+        turned = np.einsum("cb,cbn->cn", mixed, slopes)
+        second[:, 0, 1] -= turned
+        second[:, 1, 0] -= turned
+        inverse = self.threads @ np.linalg.inv(jacobian)
+        return _without_dust(np.einsum("cak,ckln,cbl->cabn", inverse, second, inverse))
+
+
+def _local(xi: float, eta: float, order: int) -> Floats:
+    """First, (2, 16), or second, (2, 2, 16), derivatives of the shape functions on the square."""
+    x, y = np.array(xi), np.array(eta)
+    of = [[f(at) for f in (spectral.values, spectral.slopes, spectral.curvatures)] for at in (x, y)]
+    if order == 1:
+        return np.stack([np.outer(of[1][0], of[0][1]).ravel(), np.outer(of[1][1], of[0][0]).ravel()])
+    mixed = np.outer(of[1][1], of[0][1]).ravel()
+    return np.stack([[np.outer(of[1][0], of[0][2]).ravel(), mixed], [mixed, np.outer(of[1][2], of[0][0]).ravel()]])
+
+
+def _without_dust(weights: Floats) -> Floats:
+    """The same with what is only rounding set to zero."""
+    return np.where(np.abs(weights) > 1e-9 * np.abs(weights).max(), weights, 0.0)
+
+
+class Grid(Elements):
+    """`wide` x `high` elements on a four-cornered outline, nodes row by row from the top."""
+
+    def __init__(self, outline: Floats, wide: int, high: int, grain: float = 0.0) -> None:
+        self.wide, self.high = wide, high
+        self.rows, self.columns = spectral.ORDER * high + 1, spectral.ORDER * wide + 1
+        down, across = np.meshgrid(spectral.places(high), spectral.places(wide), indexing="ij")
+        rest = bilinear(np.stack([across.ravel(), down.ravel()], 1)) @ outline[[0, 1, 3, 2]]
+        index = np.arange(self.rows * self.columns).reshape(self.rows, self.columns)
+        by_row, by_column = spectral.line_nodes(high), spectral.line_nodes(wide)
+        cells = index[by_row[:, None, :, None], by_column[None, :, None, :]].reshape(wide * high, -1)
+        super().__init__(rest, cells, rest[cells[:, CORNERS]], grain)
+
+
+def quad_elements(places: Floats, quads: NDArray[np.int64], grain: float = 0.0) -> Elements:
+    """Return cubic elements on quadrilaterals, (n, 4), clockwise from the top left, whose corners are `places`.
+
+    Nodes come corners first, then those of the sides, then those inside.
+    """
+    count = len(places)
+    sides: dict[tuple[int, int], list[int]] = {}
+    cells = np.zeros((len(quads), spectral.WIDTH, spectral.WIDTH), int)
+    rims = ((0, 1, np.s_[0, :]), (3, 2, np.s_[3, :]), (0, 3, np.s_[:, 0]), (1, 2, np.s_[:, 3]))
+    for cell, quad in zip(cells, quads.tolist(), strict=True):
+        for a, b, rim in rims:
+            ends = (min(quad[a], quad[b]), max(quad[a], quad[b]))
+            if ends not in sides:
+                sides[ends] = [count, count + 1]
+                count += 2
+            inner = sides[ends] if quad[a] < quad[b] else sides[ends][::-1]
+            cell[rim] = [quad[a], *inner, quad[b]]
+    for cell in cells:
+        cell[1:3, 1:3] = count + np.arange(4).reshape(2, 2)
+        count += 4
+    corners = places[quads[:, [0, 1, 3, 2]]]
+    flat = cells.reshape(len(quads), -1)
+    rest = np.zeros((count, 2))
+    rest[flat] = np.einsum("nk,ckd->cnd", bilinear((LOCAL_NODES + 1) / 2), corners)
+    return Elements(rest, flat, corners, grain)
 
 
 def bilinear(places: Floats) -> Floats:
@@ -151,7 +193,7 @@ class Lines:
     width: nodes of every sample
     """
 
-    def __init__(self, grid: Grid, axis: int) -> None:
+    def __init__(self, grid: Elements, axis: int) -> None:
         self.nodes: list[NDArray[np.int64]] = []
         self.slopes: list[Floats] = []
         self.areas: list[float] = []
@@ -178,7 +220,7 @@ class Lines:
                     self.areas[known[key]] += float(weight * share * area[cell])
 
 
-def shear_samples(grid: Grid, across: Lines, down: Lines) -> tuple[Integers, Integers, Floats, Floats]:
+def shear_samples(grid: Elements, across: Lines, down: Lines) -> tuple[Integers, Integers, Floats, Floats]:
     """Samples, weights and areas of shear at three by three Gauss points of every element."""
     at, weights = spectral.gauss(spectral.ORDER)
     between = spectral.values(at)
@@ -188,66 +230,45 @@ def shear_samples(grid: Grid, across: Lines, down: Lines) -> tuple[Integers, Int
             of_across.append(across.of[:, g])
             of_down.append(down.of[:, h])
             both.append(np.tile(np.concatenate([between[h], between[g]]), (len(grid.cells), 1)))
-            areas.append(weights[g] * weights[h] * np.abs(np.linalg.det(grid.jacobian(xi, eta))))
+            areas.append(weights[g] * weights[h] * grid.size(xi, eta))
     return (
         np.stack(of_across, 1).reshape(-1, 4), np.stack(of_down, 1).reshape(-1, 4),
         np.stack(both, 1).reshape(-1, 8), np.stack(areas, 1).ravel(),
     )  # fmt: skip
 
 
-def bends_of(grid: Grid) -> Bends:
-    """Second derivatives along rows and columns at the nodes between the ends, and mixed ones."""
-    index = np.arange(len(grid.rest)).reshape(grid.rows, grid.columns)
-    found: list[tuple[int, int, NDArray[np.int64], Floats]] = []
-    for kind, lines in ((ROW_BEND, index), (COLUMN_BEND, index.T)):
-        for line in lines:
-            lengths = np.linalg.norm(np.diff(grid.rest[line[:: spectral.ORDER]], axis=0), axis=1)
-            second = spectral.second_difference(lengths)
-            for i in range(1, len(line) - 1):
-                used = np.flatnonzero(np.abs(second[i]) > 1e-9 * np.abs(second[i]).max())
-                found.append((kind, line[i], line[used], np.sqrt(grid.node_area[line[i]]) * second[i, used, None]))
-    found.sort(key=lambda bend: (len(bend[2]), bend[1]))
-    at, share = spectral.gauss(spectral.ORDER)
-    weights, areas, centres = [], [], []
-    for g, xi in enumerate(at):
-        for h, eta in enumerate(at):
-            size = np.abs(np.linalg.det(grid.jacobian(xi, eta)))
-            height = np.linalg.norm(grid.jacobian(xi, eta)[:, 1], axis=1)
-            area = share[g] * share[h] * size
-            # x_uv = d(x_u)/d eta / height, counted twice in the energy
-            weights.append(np.sqrt(2 * area)[:, None] * spectral.slopes(np.array(eta)) / height[:, None])
-            areas.append(area)
-            nearest = np.outer(spectral.values(np.array(eta)), spectral.values(np.array(xi))).argmax()
-            centres.append(grid.cells[:, nearest])
-    twists = len(grid.cells) * len(at) ** 2
-    return Bends(
-        stencils=joined_stencils([b[2] for b in found], [b[3] for b in found]),
-        counts=np.array([sum(len(b[2]) == count for b in found) for count in spectral.BEND_NODES], np.int32),
-        twist_weights=np.stack(weights, 1).reshape(twists, 4),
-        area=np.concatenate([grid.node_area[[b[1] for b in found]], np.stack(areas, 1).ravel()]),
-        kind=np.array([*(b[0] for b in found), *(TWIST for _ in range(twists))], np.int32),
-        centre=np.array([*(b[1] for b in found), *np.stack(centres, 1).ravel()], np.int32),
-    )
+def within(points: Floats, corners: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """Element that each point lies in or nearest to, (points,), and its place there, (points, 2) within -1 to 1."""
+    cells, places = [], []
+    for point in points:
+        found = inverted(np.broadcast_to(point, (len(corners), 2)), corners)
+        best = int(np.abs(found - 0.5).max(1).argmin())
+        cells.append(best)
+        places.append(np.clip(2 * found[best] - 1, -1, 1))
+    return np.array(cells, int), np.array(places).reshape(-1, 2)
 
 
-def grid_places(points: Floats, outline: Floats) -> Floats:
-    """Places across and down the outline, (points, 2) within 0 to 1: the bilinear map inverted by Newton's method."""
-    corners = outline[[0, 1, 3, 2]]
+def inverted(points: Floats, corners: Floats) -> Floats:
+    """Places across and down quadrilaterals, (points, 2), by Newton's method; corners, (4, 2) or (points, 4, 2)."""
     places = np.full((len(points), 2), 0.5)
     for _ in range(20):
         along = bilinear_slopes(places) @ corners
-        missed = points - bilinear(places) @ corners
-        places = places + np.linalg.solve(along.transpose(0, 2, 1), missed[..., None])[..., 0]
-    return np.clip(places, 0.0, 1.0)
+        missed = points - np.squeeze(bilinear(places)[:, None] @ corners, 1)
+        # Far outside a slanting quadrilateral the map folds over: such a point is not in it anyway.
+        along = np.where(np.abs(np.linalg.det(along))[:, None, None] > 1e-12, along, np.eye(2))
+        places = np.clip(places + np.linalg.solve(along.transpose(0, 2, 1), missed[..., None])[..., 0], -9.0, 9.0)
+    return places
 
 
-def interpolation(places: Floats, grid: Grid) -> Stencils:
-    """Value, d/dX and d/dY at places across and down, (points, 2): cubic, as the elements are."""
-    column = np.clip((places[:, 0] * grid.wide).astype(int), 0, grid.wide - 1)
-    row = np.clip((places[:, 1] * grid.high).astype(int), 0, grid.high - 1)
-    local = np.stack([2 * (places[:, 0] * grid.wide - column) - 1, 2 * (places[:, 1] * grid.high - row) - 1], 1)
+def grid_places(points: Floats, outline: Floats) -> Floats:
+    """Places across and down a four-cornered outline, (points, 2) within 0 to 1."""
+    return np.clip(inverted(points, outline[[0, 1, 3, 2]]), 0.0, 1.0)
+
+
+def interpolation(points: Floats, grid: Elements) -> Stencils:
+    """Value, d/dX and d/dY at points on the flat cloth [m], (points, 2): cubic, as the elements are."""
     nodes, parts = [], []
-    for (xi, eta), element in zip(local, row * grid.wide + column, strict=True):
+    for element, (xi, eta) in zip(*within(points, grid.corners), strict=True):
         value = np.outer(spectral.values(np.array(eta)), spectral.values(np.array(xi))).ravel()
         weights = np.column_stack([value, *grid.gradient(xi, eta)[0][element]])
         used = np.abs(weights).max(1) > 1e-9

@@ -14,8 +14,8 @@ atomic, three times slower: load, add, store.
 
 import taichi as ti
 
+from fit.cloth.bends import PIECE, ROW_BEND, TWIST
 from fit.cloth.lanes import decay, magnitude
-from fit.cloth.spectral import BEND_NODES
 from fit.effects.bending_hysteresis import REFERENCE_CURVATURE
 
 
@@ -220,6 +220,25 @@ def moment(
 
 
 @ti.func
+def second(
+    b, y: ti.template(), begin, end, nodes: ti.template(), weights: ti.template(), length: ti.template(),
+    total: ti.template(),
+):  # fmt: skip
+    """`slope` over a stencil of this length or, from `PIECE` on, of whole pieces, summed up at `total[b, 0]`."""
+    if ti.static(length < PIECE):
+        return slope(b, y, begin, nodes, weights, length)
+    else:
+        for c in ti.static(range(3)):
+            total[b, 0, c] = 0.0 * y[b, 0, c]
+        for piece in range((end - begin) // PIECE):
+            s0, s1, s2 = slope(b, y, begin + piece * PIECE, nodes, weights, PIECE)
+            total[b, 0, 0] = total[b, 0, 0] + s0
+            total[b, 0, 1] = total[b, 0, 1] + s1
+            total[b, 0, 2] = total[b, 0, 2] + s2
+        return total[b, 0, 0], total[b, 0, 1], total[b, 0, 2]
+
+
+@ti.func
 def bending(
     b,
     x: ti.template(),
@@ -232,8 +251,10 @@ def bending(
     centres: ti.template(),
     roots: ti.template(),
     counts: ti.template(),
+    lengths: ti.template(),
     stiffness,
     stiffness_across,
+    stiffness_mixed,
     time,
     normal: ti.template(),
     rest: ti.template(),
@@ -241,25 +262,33 @@ def bending(
     friction_limit,
     dt,
     with_bends: ti.template(),
+    sums: ti.template(),
+    rates: ti.template(),
 ):
-    """Second derivatives along rows and columns; counts: how many of them have each length of BEND_NODES."""
+    """Second derivatives at nodes; counts: how many have each of the lengths; sums, rates: memory that is free."""
     end = 0
-    for k in ti.static(range(len(BEND_NODES))):
+    for k in ti.static(range(len(lengths))):
         begin = end
         end = begin + counts[k]
         for e in range(begin, end):
             modulus = stiffness
-            if kinds[e] == 0:
+            if kinds[e] == ROW_BEND:
                 modulus = stiffness_across
-            m0, m1, m2 = slope(b, x, first[e], nodes, weights, BEND_NODES[k])
-            r0, r1, r2 = slope(b, v, first[e], nodes, weights, BEND_NODES[k])
+            elif kinds[e] == TWIST:
+                modulus = stiffness_mixed
+            m0, m1, m2 = second(b, x, first[e], first[e + 1], nodes, weights, lengths[k], sums)
+            r0, r1, r2 = second(b, v, first[e], first[e + 1], nodes, weights, lengths[k], rates)
             m0, m1, m2 = modulus * (m0 + time * r0), modulus * (m1 + time * r1), modulus * (m2 + time * r2)
             if ti.static(with_bends):
                 n0, n1, n2 = moment(
                     b, e, centres[e], roots[e], modulus, r0, r1, r2, normal, rest, friction, friction_limit, dt
                 )
                 m0, m1, m2 = m0 + n0, m1 + n1, m2 + n2
-            push(b, f, m0, m1, m2, first[e], nodes, weights, BEND_NODES[k])
+            if ti.static(lengths[k] < PIECE):
+                push(b, f, m0, m1, m2, first[e], nodes, weights, lengths[k])
+            else:
+                for piece in range((first[e + 1] - first[e]) // PIECE):
+                    push(b, f, m0, m1, m2, first[e] + piece * PIECE, nodes, weights, PIECE)
 
 
 @ti.func

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
-Numbers = TypeVar("Numbers", Floats, Integers)
+Numbers = TypeVar("Numbers", Floats, Singles, Integers)
 
 COST = {4: 1.0, 8: 1.05, 16: 1.3}  # of a group by its lanes: processors add up to eight numbers as fast as one
 ALIGNMENT = 64  # bytes: sixteen lanes of four bytes
@@ -122,7 +122,8 @@ def _call(tasks: list[Group], lanes: int, observer_hz: float) -> None:
     omega = 2 * np.pi * observer_hz
     settle = np.array([round(t.simulator.support.settle_time / t.dt) for t in tasks], np.int32)
     kernel = make_rollout(
-        lanes, faces, fibre_nodes=mesh.fibre_nodes, handles=support.handles,
+        lanes, faces, fibre_nodes=mesh.fibre_nodes, bend_lengths=mesh.bends.lengths,
+        handles=support.handles, with_twist=len(mesh.bends.twist_weights) > 0,
         with_bends=with_bends, with_added_mass=with_added,
     )  # fmt: skip
     with runtime.vectors_kept():
@@ -253,6 +254,7 @@ def _bending_arguments(mesh: ClothMesh) -> list[Singles | Integers]:
     basis = np.vstack([spectral.slopes(spectral.NODES), spectral.WEIGHTS])
     return [
         bends.stencils.first, bends.stencils.nodes, _single(bends.stencils.weights),
-        bends.kind[:plain], bends.centre[:plain], root[:plain], bends.counts,
-        _single(bends.twist_weights), bends.centre[plain:], root[plain:], mesh.cells, _single(basis),
+        bends.kind[:plain], bends.centre[:plain], root[:plain], bends.counts[bends.counts > 0],
+        _single(_some(bends.twist_weights)), _some(bends.centre[plain:]), _some(root[plain:]),
+        mesh.cells, _single(basis),
     ]  # fmt: skip

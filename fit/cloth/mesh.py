@@ -8,30 +8,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.cloth import spectral
+from fit.cloth.bends import RIMS, Bends, bends_of, free_bends
 from fit.cloth.elements import (
-    Bends,
+    Elements,
     Grid,
     Lines,
     Samples,
     Stencils,
-    bends_of,
-    grid_places,
     interpolation,
     joined_stencils,
+    quad_elements,
     shear_samples,
-)  # fmt: skip
+)
+from fit.cloth.quads import distance_to, quadrilaterals
 from fit.errors import FitError
 from formats.garment import Garment
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int32]
 
+LARGEST_BULGE = 0.02  # m by which the layers of a garment start apart
+STEEPEST_BULGE = 0.1  # of the distance to the nearest seam
+LOWEST_SHARE = 0.25  # of the garment's height, where its bottom edge is
+
 
 @dataclass(frozen=True)
 class ClothMesh:
-    """A flat garment as a grid of nodes, three to an element and direction.
+    """A flat garment as nodes, three to an element and direction.
 
-    rest [m], (nodes, 2), material plane, x right, y up, row by row from the top
+    rest [m], (nodes, 2), material plane, x right, y up; bulge [m], (nodes,): how far behind it each begins
     cells, (cells, 16): nodes of each element, row by row; cell_area [m^2], likewise: the element's share of their areas
     triangles, (n, 3): the same surface for drawing
     fibres: samples of d/dX [1/m] along rows, the first `fibres_across` of them, then of d/dY along columns;
@@ -47,6 +52,7 @@ class ClothMesh:
     """
 
     rest: Floats
+    bulge: Floats
     cells: Integers
     cell_area: Floats
     triangles: Integers
@@ -66,8 +72,6 @@ class ClothMesh:
     pull_weights: Floats
     hem_length: Floats
     spacing: float
-    rows: int
-    columns: int
 
     @property
     def area(self) -> float:
@@ -75,45 +79,44 @@ class ClothMesh:
         return float(self.node_area.sum())
 
 
+@dataclass(frozen=True)
+class _Laid:
+    """Elements of the whole garment, its bends, and which node each of the front's is in every layer."""
+
+    elements: Elements
+    bends: Bends
+    layers: NDArray[np.int64]
+
+
 def build_mesh(garment: Garment, spacing: float) -> ClothMesh:
-    """Mesh a four-cornered garment with nodes about `spacing` [m] apart.
+    """Mesh a garment with nodes about `spacing` [m] apart; their places on the flat garment are the front's.
 
     Raises:
-        FitError: the outline does not have four corners, or the spacing is larger than the garment.
+        FitError: the outline cannot be meshed, or the spacing is larger than the garment.
     """
     outline = np.asarray(garment.outline_m, float)
-    if len(outline) != 4:
-        raise FitError(
-            f"the garment's outline has {len(outline)} corners",
-            where=garment.name,
-            advice="only four-cornered garments can be meshed so far: top left, top right, bottom right, bottom left",
-        )
-    top_left, top_right, bottom_right, bottom_left = outline
-    width = 0.5 * (np.linalg.norm(top_right - top_left) + np.linalg.norm(bottom_right - bottom_left))
-    height = 0.5 * (np.linalg.norm(top_left - bottom_left) + np.linalg.norm(top_right - bottom_right))
+    width, height = _sides(outline)
     if not 0 < spacing <= min(width, height) / 2:
         raise FitError(
             f"mesh spacing {spacing} m does not fit a garment of {width:.3f} m x {height:.3f} m",
             where=garment.name,
             advice="choose a spacing below half of its smaller side",
         )
-    wide, high = (max(1, round(float(side) / (spectral.ORDER * spacing))) for side in (width, height))
-    grid = Grid(outline, wide, high)
+    laid = (
+        _panel(garment, outline, spacing) if len(outline) == 4 and not garment.holes_m else _pattern(garment, spacing)
+    )
+    grid = laid.elements
     across, down = Lines(grid, 0), Lines(grid, 1)
     shear_across, shear_down, shear_weights, shear_area = shear_samples(grid, across, down)
-    columns = spectral.ORDER * wide + 1
-    held = np.arange(columns) if garment.held == "edge" else np.array([0, columns - 1])
+    held, fraction = _held(garment, grid.rest)
     points = np.array([p.at_m for p in garment.points], float).reshape(-1, 2)
     pull_points, pull_weights = _spread(points, grid.rest)
-    lengths = np.linalg.norm(np.diff(grid.rest.reshape(-1, columns, 2)[-1, :: spectral.ORDER], axis=0), axis=1)
-    hem = np.zeros((grid.rows, columns))
-    for element, length in zip(spectral.line_nodes(wide), lengths, strict=True):
-        hem[-1, element] += spectral.WEIGHTS * length / 2
     return ClothMesh(
         rest=grid.rest,
+        bulge=_bulge(garment, grid.rest, laid.layers),
         cells=grid.cells.astype(np.int32),
         cell_area=grid.cell_area,
-        triangles=_triangles(grid.rows, columns),
+        triangles=_triangles(grid.cells),
         fibres=Samples(
             joined_stencils(across.nodes + down.nodes, across.slopes + down.slopes), np.array(across.areas + down.areas)
         ),
@@ -123,24 +126,116 @@ def build_mesh(garment: Garment, spacing: float) -> ClothMesh:
         shear_down=(shear_down + len(across.areas)).astype(np.int32),
         shear_weights=shear_weights,
         shear_area=shear_area,
-        bends=bends_of(grid),
+        bends=laid.bends,
         node_area=grid.node_area,
         held_nodes=held.astype(np.int32),
-        held_fraction=spectral.places(wide)[held],
-        points=interpolation(grid_places(points, outline), grid),
+        held_fraction=fraction,
+        points=interpolation(points, grid),
         pull_points=pull_points,
         pull_weights=pull_weights,
-        hem_length=hem.ravel(),
-        spacing=float(np.sqrt(grid.node_area.sum() / ((columns - 1) * (grid.rows - 1)))),
-        rows=grid.rows,
-        columns=columns,
+        hem_length=_hem(outline, grid),
+        spacing=float(np.sqrt(grid.node_area.sum() / (spectral.ORDER**2 * len(grid.cells)))),
     )
 
 
-def _triangles(rows: int, columns: int) -> Integers:
-    """Two triangles between every four nodes, turned to the front like the elements."""
-    index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
-    a, b, c, d = (i.ravel() for i in (index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]))
+def _sides(outline: Floats) -> tuple[float, float]:
+    """Width and height [m]: means of opposite sides of a panel, the extent of anything else."""
+    if len(outline) != 4:
+        width, height = np.ptp(outline, axis=0)
+        return float(width), float(height)
+    top, right, bottom, left = np.linalg.norm(np.roll(outline, -1, 0) - outline, axis=1)
+    return float(top + bottom) / 2, float(left + right) / 2
+
+
+def _panel(garment: Garment, outline: Floats, spacing: float) -> _Laid:
+    """A four-cornered garment as one grid."""
+    wide, high = (max(1, round(side / (spectral.ORDER * spacing))) for side in _sides(outline))
+    grid = Grid(outline, wide, high, np.radians(garment.grain_degrees))
+    if garment.is_panel:
+        return _Laid(grid, bends_of(grid), np.arange(len(grid.rest))[None])
+    return _sewn(garment, grid)
+
+
+def _pattern(garment: Garment, spacing: float) -> _Laid:
+    """Any other garment as quadrilaterals that follow its outline."""
+    loops = [np.asarray(loop, float) for loop in (garment.outline_m, *garment.holes_m)]
+    places, quads = quadrilaterals(loops, spectral.ORDER * spacing, name=garment.name)
+    return _sewn(garment, quad_elements(places, quads, np.radians(garment.grain_degrees)))
+
+
+def _sewn(garment: Garment, front: Elements) -> _Laid:
+    """The front, and where there are seams a back that shares the nodes on them and faces the other way."""
+    own = np.arange(len(front.rest))
+    if not garment.seams:
+        return _Laid(front, free_bends(front, own[None]), own[None])
+    on_seam = np.zeros(len(own), bool)
+    for a, b in garment.seams:
+        on_seam |= _place_along(front.rest, np.asarray([garment.outline_m[a], garment.outline_m[b]]))[1]
+    back = np.where(on_seam, own, len(own) + np.cumsum(~on_seam) - 1)
+    layers = np.stack([own, back])
+    mirrored = np.arange(spectral.WIDTH**2).reshape(spectral.WIDTH, -1)[:, ::-1].ravel()
+    elements = Elements(
+        np.concatenate([front.rest, front.rest[~on_seam]]),
+        np.concatenate([front.cells, back[front.cells[:, mirrored]]]),
+        np.concatenate([front.corners, front.corners[:, [1, 0, 3, 2]]]),
+        np.radians(garment.grain_degrees),
+    )
+    return _Laid(elements, free_bends(front, layers), layers)
+
+
+def _place_along(places: Floats, ends: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """Share of the way from one end to the other, (n,), and whether each place is on it."""
+    way = ends[1] - ends[0]
+    share = (places - ends[0]) @ way / (way @ way)
+    aside = np.linalg.norm(places - ends[0] - share[:, None] * way, axis=1)
+    near = 1e-6 * float(np.linalg.norm(way))
+    return share, (aside < near) & (share > -1e-6) & (share < 1 + 1e-6)
+
+
+def _held(garment: Garment, rest: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """Held nodes of all layers from left to right, and their places along the held edge."""
+    share, is_on = _place_along(rest, np.asarray(garment.outline_m[:2], float))
+    if garment.held == "corners":
+        is_on &= np.abs(share - 0.5) > 0.5 - 1e-6
+    held = np.flatnonzero(is_on)
+    held = held[np.argsort(share[held], kind="stable")]
+    return held, np.clip(share[held], 0.0, 1.0)
+
+
+def _bulge(garment: Garment, rest: Floats, layers: NDArray[np.int64]) -> Floats:
+    """How far each node begins behind the plane through the held edge [m]: a back is not the front's mirror image."""
+    out = np.zeros(len(rest))
+    if len(layers) > 1:
+        joined = [np.asarray([garment.outline_m[a], garment.outline_m[b]]) for a, b in (*garment.seams, (0, 1))]
+        out = np.minimum(LARGEST_BULGE, STEEPEST_BULGE * distance_to(rest, joined))
+        out[layers[0]] *= -1
+    return out
+
+
+def _hem(outline: Floats, grid: Elements) -> Floats:
+    """Share of the bottom edge that belongs to each node [m], (nodes,)."""
+    length = np.zeros(len(grid.rest))
+    nodes = grid.cells[:, RIMS].reshape(-1, spectral.WIDTH)
+    for side in _bottom_sides(outline):
+        is_on = _place_along(grid.rest, side)[1][nodes].all(1)
+        for element in nodes[is_on]:
+            length[element] += spectral.WEIGHTS * np.linalg.norm(grid.rest[element[-1]] - grid.rest[element[0]]) / 2
+    return length
+
+
+def _bottom_sides(outline: Floats) -> list[Floats]:
+    """Sides of the bottom edge, (2, 2) each: a panel's third; of anything else those below that face down."""
+    sides = list(np.stack([outline, np.roll(outline, -1, 0)], 1))
+    if len(outline) == 4:
+        return [sides[2]]
+    lowest = outline[:, 1].min() + LOWEST_SHARE * float(np.ptp(outline[:, 1]))
+    return [s for s in sides if s.mean(0)[1] < lowest and (s[0] - s[1])[0] > abs((s[0] - s[1])[1])]
+
+
+def _triangles(cells: NDArray[np.int64]) -> Integers:
+    """Two triangles between every four nodes of an element, turned to the front like the elements."""
+    index = cells.reshape(-1, spectral.WIDTH, spectral.WIDTH).astype(np.int32)
+    a, b, c, d = (i.reshape(-1) for i in (index[:, :-1, :-1], index[:, :-1, 1:], index[:, 1:, :-1], index[:, 1:, 1:]))
     return np.stack([np.stack([a, c, d], 1), np.stack([a, d, b], 1)], 1).reshape(-1, 3)
 
 

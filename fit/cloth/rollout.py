@@ -30,7 +30,9 @@ def make_rollout(
     face_forces: tuple,
     *,
     fibre_nodes: tuple[int, int],
+    bend_lengths: tuple[int, ...],
     handles: int,
+    with_twist: bool,
     with_bends: bool,
     with_added_mass: bool,
 ):
@@ -38,7 +40,8 @@ def make_rollout(
 
     face_forces: per effect (first column of its amplitude, number of components, force), where force is a
     `ti.func(a0, a1, a2, vx, vy, vz, nx, ny, nz, area) -> (fx, fy, fz)`;
-    fibre_nodes: nodes of every fibre sample across, and down;
+    fibre_nodes: nodes of every fibre sample across, and down; bend_lengths: of every second derivative, by its kind;
+    with_twist: whether mixed ones come from the slopes across;
     handles: vectors that the held nodes follow, 0 where nothing is held;
     with_bends: rest curvature and friction in bending; with_added_mass: inertia of the air along the normal.
     """
@@ -231,15 +234,16 @@ def make_rollout(
                             find_normals(b, x, normal, faced_area, cells, basis, zero)
                         if ti.static(len(face_forces) > 0):
                             push_faces(b, v, f, normal, faced_area, amplitude)
-                        twisting(
-                            b, slopes, rates, stress, shear_across, twist_weights, twist_centre, twist_root,
-                            twist, bend_time, normal, rest_curvature, friction, material[b, 13], dt, with_bends,
-                        )  # fmt: skip
+                        if ti.static(with_twist):
+                            twisting(
+                                b, slopes, rates, stress, shear_across, twist_weights, twist_centre, twist_root,
+                                twist, bend_time, normal, rest_curvature, friction, material[b, 13], dt, with_bends,
+                            )  # fmt: skip
                         push_fibres(b, stress, f, fibre_at, fibre_weights, fibres_across, fibre_nodes)
                         bending(
                             b, x, v, f, bend_first, bend_nodes, bend_weights, bend_kind, bend_centre, bend_root,
-                            bend_counts, bend, bend_across, bend_time,
-                            normal, rest_curvature, friction, material[b, 13], dt, with_bends,
+                            bend_counts, bend_lengths, bend, bend_across, twist, bend_time,
+                            normal, rest_curvature, friction, material[b, 13], dt, with_bends, slopes, rates,
                         )  # fmt: skip
                         keep = 1.0 - 0.5 * dt * rate
                         give = 1.0 / (1.0 + 0.5 * dt * rate)

@@ -175,6 +175,11 @@ class Simulator:
         """Return the time step [s] after this many half octaves."""
         return COARSEST_STEP * self.resolution.step_share / 2.0 ** (half_octaves / 2)
 
+    def steps_of(self, materials: Floats) -> Floats:
+        """Return the time step [s] of each candidate without effects, (candidates,)."""
+        none = np.zeros((len(materials), self.columns[-1].stop if self.columns else 0))
+        return np.array([self.step(int(n)) for n in self._half_octaves(materials, none)])
+
     def _half_octaves(self, materials: Floats, amplitudes: Floats) -> NDArray[np.int64]:
         """Per candidate, by how many half octaves the coarsest step must be shorter to be stable."""
         by_stretch, by_shear, by_bending = self._frequencies

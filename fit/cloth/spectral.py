@@ -18,7 +18,6 @@ ORDER = 3  # polynomials in an element
 WIDTH = ORDER + 1  # nodes along an element
 NODES = np.array([-1.0, -1.0 / np.sqrt(5.0), 1.0 / np.sqrt(5.0), 1.0])
 WEIGHTS = np.array([1.0, 5.0, 5.0, 1.0]) / 6.0  # of [-1, 1]; they sum to 2
-BEND_NODES = (4, 7)  # that a second derivative at a node inside an element, or between two, needs
 
 
 def gauss(count: int) -> tuple[Floats, Floats]:
@@ -47,6 +46,17 @@ def slopes(at: Floats) -> Floats:
         for left_out in others:
             kept = [j for j in others if j != left_out]
             found[..., i] += np.prod(at[..., None] - NODES[kept], axis=-1) / scale
+    return found
+
+
+def curvatures(at: Floats) -> Floats:
+    """Second derivatives of the four shape functions, (..., 4), at places `at` of [-1, 1]: straight lines."""
+    at = np.asarray(at, float)
+    found = np.zeros((*at.shape, WIDTH))
+    for i in range(WIDTH):
+        others = [j for j in range(WIDTH) if j != i]
+        scale = np.prod(NODES[i] - NODES[others])
+        found[..., i] = 2 * (3 * at - NODES[others].sum()) / scale
     return found
 
 

@@ -39,10 +39,12 @@ def unit_frequencies(mesh: ClothMesh) -> tuple[float, float, float]:
     across = matrix(weights[:, :4], mesh.shear_across, fours, (shears, samples)) @ fibres
     down = matrix(weights[:, 4:], mesh.shear_down, fours, (shears, samples)) @ fibres
     bent = matrix(plain.weights[:, 0] * scale[plain.nodes], plain.nodes, plain.rows(), (len(plain), nodes))
-    twisted = matrix(mesh.bends.twist_weights, mesh.shear_across, fours, (shears, samples)) @ fibres
+    bends = [bent]
+    if len(mesh.bends.twist_weights):
+        bends.append(matrix(mesh.bends.twist_weights, mesh.shear_across, fours, (shears, samples)) @ fibres)
     count = mesh.fibres_across
     return (
         max(largest(stretched[:count]), largest(stretched[count:])),
         largest(hstack([down, across])),  # in the plane, x moves with the slopes down, y with those across
-        largest(vstack([bent, twisted])),
+        largest(vstack(bends)),
     )

@@ -153,4 +153,7 @@ def _hanging_flat(mesh: ClothMesh, ends: Floats) -> Floats:
     below = held[:, 1].max() - mesh.rest[:, 1]
     shape = (1 - along)[None, :, None] * left[:, None] + along[None, :, None] * right[:, None]
     shape[:, :, 2] -= below
+    bar = right - left
+    behind = np.stack([-bar[:, 1], bar[:, 0]], 1) / np.maximum(np.linalg.norm(bar[:, :2], axis=1, keepdims=True), 1e-9)
+    shape[:, :, :2] += mesh.bulge[None, :, None] * behind[:, None]
     return shape

@@ -3,7 +3,7 @@
     E = B/2 integral of (kappa - kappa_0)^2,    force = -B W (W x - kappa_0 sqrt(area) n)
 
 kappa_0 uniform over the garment, about the horizontal (the cloth curls up or down) and about the vertical (its sides
-curl); positive bends towards the outer normal n. W as in `fit.cloth.elements`.
+curl); positive bends towards the outer normal n. W as in `fit.cloth.bends`.
 Source: E. Grinspun et al., "Discrete Shells" (SCA 2003), section 3 (rest angles); creases reach 1 to 40 1/m.
 """
 
@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from fit.cloth.elements import COLUMN_BEND, ROW_BEND
+from fit.cloth.bends import COLUMN_BEND, ROW_BEND
 from fit.cloth.mesh import ClothMesh
 from fit.effects.base import Effect, Floats
 

@@ -48,11 +48,11 @@ def plain_grid(garment: Garment, spacing: float) -> PlainGrid:
     """
     outline = np.asarray(garment.outline_m, float)
     sides = np.linalg.norm(np.roll(outline, -1, 0) - outline, axis=1)
-    if len(outline) != 4 or not 0 < spacing <= sides.min() / 2:
+    if not garment.is_panel or not 0 < spacing <= sides.min() / 2:
         raise FitError(
             f"a grid of {spacing} m does not fit {len(outline)} corners, the shortest side {sides.min():.3f} m",
             where=garment.name,
-            advice="only four-cornered garments can be simulated so far; choose a smaller spacing",
+            advice="this engine takes plain four-cornered panels only; choose our own, or a smaller spacing",
         )
     columns = round(0.5 * (sides[0] + sides[2]) / spacing) + 1
     rows = round(0.5 * (sides[1] + sides[3]) / spacing) + 1

@@ -296,16 +296,3 @@ def test_a_take_of_ten_frames_is_refused():
     time = np.arange(10) / 30
     with pytest.raises(FitError, match="10 frames"):
         prepare(take_of(garment, time, np.zeros((10, 3))))
-
-
-def test_a_garment_with_five_corners_is_refused():
-    garment = sheet()
-    with pytest.raises(FitError, match="5 corners"):
-        build_mesh(dataclasses_replace(garment, outline_m=(*garment.outline_m, (-0.3, -0.2))), 0.05)
-
-
-def dataclasses_replace(struct, **changes):
-    """msgspec's structs have their own replace."""
-    import msgspec
-
-    return msgspec.structs.replace(struct, **changes)

@@ -50,6 +50,50 @@ def test_an_impossible_garment_is_refused_with_its_field(tmp_path, change, words
     assert "garment.toml" in str(caught.value)
 
 
+HOLE = ((0.1, -0.1), (0.2, -0.1), (0.2, -0.2))
+
+
+def cut(**changes):
+    return msgspec.structs.replace(GARMENT, format="hangtime-garment/2", points=GARMENT.points[:1], **changes)
+
+
+def test_holes_seams_and_grain_come_back_from_the_file_and_take_their_area(tmp_path):
+    """0.1 x 0.1 / 2 = 0.005 m^2 less; a back that is sewn on halves the mass per area."""
+    garment = cut(holes_m=(HOLE,), seams=((1, 2), (3, 0)), grain_degrees=45.0)
+    (tmp_path / "garment.toml").write_text(dump_description(garment))
+    assert load_garment(tmp_path / "garment.toml") == garment
+    assert garment.area_m2 == pytest.approx(GARMENT.area_m2 - 0.005)
+    assert garment.areal_density == pytest.approx(garment.mass_kg / (2 * garment.area_m2))
+    assert not garment.is_panel
+    assert "holes_m" not in dump_description(GARMENT)
+
+
+@pytest.mark.parametrize(
+    ("garment", "words"),
+    [
+        (msgspec.structs.replace(GARMENT, grain_degrees=45.0), "need format = "),
+        (cut(holes_m=(HOLE[:2],)), "hole 1 needs 3 corners"),
+        (cut(holes_m=(tuple((x + 0.3, y) for x, y in HOLE),)), "hole 1 is not inside"),
+        (cut(holes_m=(HOLE, tuple((x - 0.01, y) for x, y in HOLE))), "hole 2 overlaps"),
+        (cut(seams=((0, 2),)), r"seams: \[0, 2\] are not neighbouring"),
+        (cut(seams=((1, 0),)), r"seams: \[1, 0\] are not neighbouring"),
+        (cut(grain_degrees=120.0), "grain_degrees must be between -90 and 90"),
+    ],
+)
+def test_impossible_holes_seams_and_grain_are_refused(tmp_path, garment, words):
+    (tmp_path / "garment.toml").write_text(dump_description(garment))
+    with pytest.raises(DescriptionError, match=words):
+        load_garment(tmp_path / "garment.toml")
+
+
+def test_a_point_in_a_hole_is_refused(tmp_path):
+    point = msgspec.structs.replace(GARMENT.points[0], at_m=(0.18, -0.12))
+    garment = msgspec.structs.replace(cut(holes_m=(HOLE,)), points=(point,))
+    (tmp_path / "garment.toml").write_text(dump_description(garment))
+    with pytest.raises(DescriptionError, match="lies in hole 1"):
+        load_garment(tmp_path / "garment.toml")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

@@ -1,0 +1,134 @@
+"""Cost of the cloth against its vertices and its seconds, and what a second core brings.
+
+Run: python benchmarks/cost.py. A clamped sheet of 0.4 m x 0.4 m, 300 N/m, eight candidates in the lanes of one
+thread; processor time, which other work on the machine hardly changes, the least of five runs after one that compiles.
+The step of an explicit
+scheme shrinks with the mesh, so cost per vertex and second grows where cost per vertex and step does not. Cores: 32
+candidates in two processes, one with one thread and one with two, which run in turns; the median of the pairs' ratios
+of time on the clock, and of processor time, which is 1 where a second thread costs nothing.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from benchmarks.validation_clamped import UPRIGHT, square, still
+from fit.cloth.simulator import Resolution as Mesh
+from fit.cloth.simulator import Simulator
+from fit.cloth.support import Clamp, clamps
+from fit.recording import prepare
+from tests.fit.scenes import material, take_of
+
+Floats = NDArray[np.float64]
+SIDE = 0.4  # m
+ELEMENTS = (4, 8, 16, 33)  # along a side: 13 x 13, 25 x 25, 49 x 49 and 100 x 100 vertices
+STEPS = 400  # of every size, so that each runs for as long as its step allows
+SECONDS = (0.5, 1.0, 2.0)
+REPEATS = 5
+
+
+def runner(elements: int, seconds: float, candidates: int) -> tuple[Callable[[], object], int, float]:
+    """Return a run, its vertices, and its step [s]."""
+    garment = square(SIDE, SIDE)
+    instants = np.linspace(0, seconds, 25)
+    recording = prepare(take_of(garment, instants, np.zeros((len(instants), 3))))
+    support = clamps(Clamp(lambda p: p[:, 1] > -1e-9, still(UPRIGHT)), start=UPRIGHT)
+    simulator = Simulator(recording, resolution=Mesh(spacing=SIDE / (3 * elements)), support=support)
+    rows = np.repeat(material(garment), candidates, axis=0)
+    return lambda: simulator.run(rows), len(simulator.mesh.rest), simulator.steps_of(rows)[0]
+
+
+def spent(run: Callable[[], object]) -> tuple[float, float]:
+    """Seconds that a run takes on the clock, and of processor time."""
+    clock, processor = time.perf_counter(), time.process_time()
+    run()
+    return time.perf_counter() - clock, time.process_time() - processor
+
+
+def least(run: Callable[[], object]) -> float:
+    """Processor time [s] of a run, the least of some after one that may compile."""
+    run()
+    return min(spent(run)[1] for _ in range(REPEATS))
+
+
+def by_size() -> list[tuple[int, float, float, float]]:
+    """Vertices, step [s], and cost [s] per candidate and vertex: of a step, and of a second."""
+    found = []
+    for elements in ELEMENTS:
+        step = runner(elements, 0.1, 8)[2]
+        run, vertices, _ = runner(elements, STEPS * step, 8)
+        cost = least(run) / (8 * vertices * STEPS)
+        found.append((vertices, step, cost, cost / step))
+    return found
+
+
+def by_seconds() -> list[tuple[float, float]]:
+    """Seconds simulated, and cost [s] of a candidate for each of them, 25 x 25 vertices."""
+    return [(seconds, least(runner(8, seconds, 8)[0]) / (8 * seconds)) for seconds in SECONDS]
+
+
+_kept: list[Callable[[], object]] = []
+
+
+def _prepare(threads: str) -> None:
+    os.environ["HANGTIME_THREADS"] = threads
+
+
+def _spent_here(elements: int) -> tuple[float, float]:
+    """In a process of its own: seconds for 32 candidates, as `spent`."""
+    if not _kept:
+        _kept.append(runner(elements, 2.0, 32)[0])
+        _kept[0]()
+    return spent(_kept[0])
+
+
+def by_cores(pairs: int) -> Floats:
+    """One thread's time over two threads', (pairs, 2): on the clock, and of the processors."""
+    spawn = get_context("spawn")
+    with (
+        ProcessPoolExecutor(1, mp_context=spawn, initializer=_prepare, initargs=("1",)) as one,
+        ProcessPoolExecutor(1, mp_context=spawn, initializer=_prepare, initargs=("2",)) as two,
+    ):
+        turns = [[pool.submit(_spent_here, 8).result() for pool in (one, two)] for _ in range(pairs + 1)]
+    times = np.array(turns[1:])  # the first turn compiled
+    return np.asarray(times[:, 0] / times[:, 1])
+
+
+def spread(values: list[float]) -> float:
+    """Largest over smallest, less one, in percent."""
+    return 100 * (max(values) / min(values) - 1)
+
+
+def main() -> None:
+    """Print the three tables."""
+    os.environ["HANGTIME_THREADS"] = "1"
+    print("vertices     step    per vertex and step    per vertex and second")
+    sizes = by_size()
+    for vertices, step, per_step, per_second in sizes:
+        print(f"{vertices:8d} {1e6 * step:5.0f} us {1e9 * per_step:16.2f} ns {1e6 * per_second:22.1f} us")
+    print(f"per step within {spread([s[2] for s in sizes]):.0f} %")
+    lengths = by_seconds()
+    for seconds, cost in lengths:
+        print(f"{seconds:4.1f} s simulated: {1e3 * cost:6.1f} ms for each second")
+    print(f"per second within {spread([cost for _, cost in lengths]):.0f} %")
+    before = os.getloadavg()[0]
+    (low, clock, high), (_, processor, _) = np.percentile(by_cores(11), [25, 50, 75], axis=0).T
+    print(
+        f"two cores: {clock:.2f} x one on the clock (quartiles {low:.2f} to {high:.2f}), {processor:.2f} x in "
+        f"processor time; {before:.1f} other processes were running"
+    )
+
+
+if __name__ == "__main__":
+    main()

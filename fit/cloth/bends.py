@@ -1,0 +1,179 @@
+"""How cloth resists bending: second derivatives of its shape at the nodes of `fit.cloth.elements`.
+
+The plate energy E = B/2 integral of |x_uu|^2 + 2 |x_uv|^2 + |x_vv|^2, which for a sheet that does not stretch
+is B/2 (kappa_1^2 + kappa_2^2), so that B is the moment per width and curvature that fabric testers give. On a grid
+second derivatives are taken along rows and columns at the inner nodes, mixed ones at 3 by 3 Gauss points; on any other
+mesh all of them at the nodes (`free_bends`). Free edges are natural.
+Source: S. Timoshenko, S. Woinowsky-Krieger, "Theory of Plates and Shells", section 22, without Poisson coupling; the
+mixed form with lumped masses from P. G. Ciarlet, "The Finite Element Method for Elliptic Problems", section 7.1; kinks
+between elements as in F. Bassi, S. Rebay, J. Comput. Phys. 131 (1997) (lifted jumps).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.cloth import spectral
+from fit.cloth.elements import LOCAL_NODES, Elements, Grid, Stencils, joined_stencils
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int32]
+Nodes = NDArray[np.int64]
+
+ROW_BEND, COLUMN_BEND, TWIST = range(3)  # second derivatives across, down, and mixed
+PIECE = 16  # nodes: longer stencils are filled up to whole pieces, so that the kernel need not know every length
+BEND_NODES = (4, 7, PIECE)  # lengths of the stencils of second derivatives, the last one and its multiples
+RIMS = (range(4), range(12, 16), range(0, 16, 4), range(3, 16, 4))  # of an element's nodes: top, bottom, left, right
+
+
+@dataclass(frozen=True)
+class Bends:
+    """Second derivatives, first along rows and columns (`stencils`), then mixed ones at the samples of shear.
+
+    Weights [1/m] hold the root of the area [m^2]; twist_weights, (shear samples, 4), act on the fibre samples across;
+    none where mixed ones are among the stencils. counts, (3,): how many stencils have each length of `BEND_NODES`;
+    area, kind, centre, (bends,): of all of them; centre is the node along whose normal a bend is measured.
+    """
+
+    stencils: Stencils
+    counts: Integers
+    twist_weights: Floats
+    area: Floats
+    kind: Integers
+    centre: Integers
+
+    def __len__(self) -> int:
+        return len(self.kind)
+
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """Those of `BEND_NODES` that there are."""
+        return tuple(length for length, count in zip(BEND_NODES, self.counts, strict=True) if count)
+
+
+def bends_of(grid: Grid) -> Bends:
+    """Second derivatives along rows and columns at the nodes between the ends, and mixed ones."""
+    index = np.arange(len(grid.rest)).reshape(grid.rows, grid.columns)
+    found: list[tuple[int, int, Nodes, Floats]] = []
+    for kind, lines in ((ROW_BEND, index), (COLUMN_BEND, index.T)):
+        for line in lines:
+            lengths = np.linalg.norm(np.diff(grid.rest[line[:: spectral.ORDER]], axis=0), axis=1)
+            second = spectral.second_difference(lengths)
+            for i in range(1, len(line) - 1):
+                used = np.flatnonzero(np.abs(second[i]) > 1e-9 * np.abs(second[i]).max())
+                found.append((kind, line[i], line[used], np.sqrt(grid.node_area[line[i]]) * second[i, used, None]))
+    found.sort(key=lambda bend: (len(bend[2]), bend[1]))
+    at, share = spectral.gauss(spectral.ORDER)
+    weights, areas, centres = [], [], []
+    for g, xi in enumerate(at):
+        for h, eta in enumerate(at):
+            size = grid.size(xi, eta)
+            height = np.linalg.norm(grid.jacobian(xi, eta)[:, 1], axis=1)
+            area = share[g] * share[h] * size
+            # x_uv = d(x_u)/d eta / height, counted twice in the energy
+            weights.append(np.sqrt(2 * area)[:, None] * spectral.slopes(np.array(eta)) / height[:, None])
+            areas.append(area)
+            nearest = np.outer(spectral.values(np.array(eta)), spectral.values(np.array(xi))).argmax()
+            centres.append(grid.cells[:, nearest])
+    twists = len(grid.cells) * len(at) ** 2
+    return Bends(
+        stencils=joined_stencils([b[2] for b in found], [b[3] for b in found]),
+        counts=_counts([len(b[2]) for b in found]),
+        twist_weights=np.stack(weights, 1).reshape(twists, 4),
+        area=np.concatenate([grid.node_area[[b[1] for b in found]], np.stack(areas, 1).ravel()]),
+        kind=np.array([*(b[0] for b in found), *(TWIST for _ in range(twists))], np.int32),
+        centre=np.array([*(b[1] for b in found), *np.stack(centres, 1).ravel()], np.int32),
+    )
+
+
+def free_bends(grid: Elements, layers: Nodes) -> Bends:
+    """Second derivatives along the threads at every node of any elements, as `hessian` and the kinks between elements.
+
+    layers, (layers, nodes): which node each is, in every layer of this shape; layers that are sewn together at a node
+    bend there each for itself.
+
+    With the share m of the node's area that each element e has, and the length l of each side between two elements that
+    the node stands for, of which n is the normal:
+        m H = sum_e m_e H_e + sum_sides l n n' [dx/dn],    m = sum_e m_e
+    which is the weak form of the second derivative with lumped masses; on a line it is `spectral.second_difference`.
+    """
+    entries: list[dict[int, Floats]] = [{} for _ in grid.rest]  # node -> node of its stencil -> three weights
+    for at, (xi, eta) in enumerate(LOCAL_NODES):
+        second, share = grid.hessian(xi, eta), grid.cell_area[:, at]
+        for cell, nodes in enumerate(grid.cells):
+            _add(entries[nodes[at]], nodes, share[cell] * _three(second[cell]))
+    for ours, theirs in _between(grid.cells):
+        _add_kinks(entries, grid, ours, theirs)
+    found = []
+    for node, stencil in enumerate(entries):
+        nodes, weights = np.array(list(stencil)), np.array(list(stencil.values())) / np.sqrt(grid.node_area[node])
+        for kind in (ROW_BEND, COLUMN_BEND, TWIST):
+            used = np.abs(weights[:, kind]) > 1e-9 * np.abs(weights).max()
+            if used.any():
+                stencilled, weighted = _filled_up(nodes[used], weights[used, kind, None])
+                found += [(kind, layer[node], layer[stencilled], weighted, grid.node_area[node]) for layer in layers]
+    found.sort(key=lambda bend: (len(bend[2]), bend[1]))
+    return Bends(
+        stencils=joined_stencils([b[2] for b in found], [b[3] for b in found]),
+        counts=_counts([len(b[2]) for b in found]),
+        twist_weights=np.zeros((0, 4)),
+        area=np.array([b[4] for b in found]),
+        kind=np.array([b[0] for b in found], np.int32),
+        centre=np.array([b[1] for b in found], np.int32),
+    )
+
+
+def _counts(lengths: list[int]) -> Integers:
+    """How many stencils have each length of `BEND_NODES`."""
+    kinds = [BEND_NODES.index(min(length, PIECE)) for length in lengths]
+    return np.bincount(kinds, minlength=len(BEND_NODES)).astype(np.int32)
+
+
+def _three(second: Floats) -> Floats:
+    """Second derivatives across, down and mixed, the last counted twice in the energy, (16, 3), of (2, 2, 16)."""
+    return np.stack([second[0, 0], second[1, 1], np.sqrt(2) * second[0, 1]], 1)
+
+
+def _add(stencil: dict[int, Floats], nodes: Nodes, weights: Floats) -> None:
+    for node, weight in zip(nodes.tolist(), weights, strict=True):
+        stencil[node] = stencil.get(node, 0.0) + weight
+
+
+def _filled_up(nodes: Nodes, weights: Floats) -> tuple[Nodes, Floats]:
+    """A stencil filled up with zero weights to a length of `BEND_NODES`, or whole pieces."""
+    missing = next((n for n in BEND_NODES if n >= len(nodes)), -(-len(nodes) // PIECE) * PIECE) - len(nodes)
+    return np.append(nodes, np.repeat(nodes[:1], missing)), np.concatenate([weights, np.zeros((missing, 1))])
+
+
+def _between(cells: Nodes) -> list[tuple[tuple[int, range], tuple[int, range]]]:
+    """Sides that two elements share: element and rim of either."""
+    owners: dict[tuple[int, ...], list[tuple[int, range]]] = {}
+    for cell, nodes in enumerate(cells):
+        for rim in RIMS:
+            owners.setdefault(tuple(sorted(nodes[list(rim)].tolist())), []).append((cell, rim))
+    return [(found[0], found[1]) for found in owners.values() if len(found) == 2]
+
+
+def _add_kinks(
+    entries: list[dict[int, Floats]], grid: Elements, ours: tuple[int, range], theirs: tuple[int, range]
+) -> None:
+    """Add what the kink between two elements does to the second derivatives on the side that they share."""
+    (cell, rim), (other, other_rim) = ours, theirs
+    nodes, other_nodes = grid.cells[cell], grid.cells[other]
+    ends = grid.rest[nodes[rim[-1]]] - grid.rest[nodes[rim[0]]]
+    length = float(np.linalg.norm(ends))
+    normal = np.array([ends[1], -ends[0]]) / length
+    if normal @ (grid.corners[other].mean(0) - grid.corners[cell].mean(0)) < 0:
+        normal = -normal
+    n = grid.threads @ normal
+    outer = np.array([n[0] * n[0], n[1] * n[1], np.sqrt(2) * n[0] * n[1]])
+    for k, at in enumerate(rim):
+        node = nodes[at]
+        other_at = next(i for i in other_rim if other_nodes[i] == node)
+        share = spectral.WEIGHTS[k] * length / 2
+        for sign, element, place in ((-1.0, cell, at), (1.0, other, other_at)):
+            slope = n @ grid.gradient(*LOCAL_NODES[place])[0][element]
+            _add(entries[node], grid.cells[element], sign * share * slope[:, None] * outer)

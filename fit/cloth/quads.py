@@ -1,0 +1,195 @@
+"""Quadrilaterals over any flat garment: a polygon, with holes or without.
+
+Threads run straight through the garment whatever the mesh, since strains are slopes along them (`fit.cloth.elements`);
+so the mesh may follow the outline, and no element is cut. Corners on a square lattice along X and Y fill the inside;
+with those on the outline they are triangulated (Delaunay, the outline's sides halved until the triangulation has them
+all), and neighbouring triangles are joined into quadrilaterals, best first. Where triangles are left at every size of
+the lattice that is tried, a coarser one is divided: every triangle into three quadrilaterals, every quadrilateral into
+four.
+Source: J.-F. Remacle et al., Int. J. Numer. Meth. Engng 89 (2012), section 2 (quadrilaterals from triangles);
+J. Ruppert, J. Algorithms 18 (1995) (halving sides); E. Catmull, J. Clark, Computer-Aided Design 10 (1978) (division).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.errors import FitError
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+CLEAR = 0.45  # of the side of a square: inner corners keep that far from the outline
+WORST_SHAPE = 0.35  # least sine of a corner's angle for which two triangles are joined
+SIDES = (1.0, 0.9, 1.1, 0.8, 0.7)  # of the wanted side: those that are tried before anything is divided
+FLATTEST = 1e-3  # of the squared side: triangles with less area lie along a side and are none
+MOST_HALVINGS = 30  # rounds; each halves the sides that the triangulation lacks
+
+
+def quadrilaterals(loops: Sequence[Floats], side: float, *, name: str = "") -> tuple[Floats, Integers]:
+    """Return corners [m], (corners, 2), and quadrilaterals, (n, 4), of sides about `side` [m] long.
+
+    loops: corners of the outline, (n, 2) each, then those of the holes, in any sense of rotation.
+    Each quadrilateral runs round from where the others begin: along X first, its sense that of X to Y.
+
+    Raises:
+        FitError: the outline cannot be meshed.
+    """
+    for share in SIDES:
+        places, faces = _polygons(loops, share * side, name)
+        if all(len(face) == 4 for face in faces):
+            break
+    else:
+        places, faces = _divided(*_polygons(loops, 2 * side, name))
+    return places, np.array([_along_threads(places[face], face) for face in faces])
+
+
+def distance_to(places: Floats, loops: Sequence[Floats]) -> Floats:
+    """Distance of places, (n, 2), to the nearest side of any loop [m], (n,)."""
+    nearest = np.full(len(places), np.inf)
+    for loop in loops:
+        for a, b in zip(loop, np.roll(loop, -1, 0), strict=True):
+            share = np.clip((places - a) @ (b - a) / max((b - a) @ (b - a), 1e-30), 0, 1)
+            nearest = np.minimum(nearest, np.linalg.norm(places - a - share[:, None] * (b - a), axis=1))
+    return nearest
+
+
+def is_inside(places: Floats, loops: Sequence[Floats]) -> NDArray[np.bool_]:
+    """Whether places, (n, 2), lie inside the outline and in no hole: a ray crosses an odd number of sides."""
+    crossings = np.zeros(len(places), int)
+    for loop in loops:
+        for a, b in zip(loop, np.roll(loop, -1, 0), strict=True):
+            if a[1] != b[1]:
+                spans = (a[1] > places[:, 1]) != (b[1] > places[:, 1])
+                crossings += spans & (places[:, 0] < a[0] + (places[:, 1] - a[1]) / (b[1] - a[1]) * (b[0] - a[0]))
+    return crossings % 2 == 1
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    """Vector products of vectors of the plane, (..., 2)."""
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def _polygons(loops: Sequence[Floats], side: float, name: str) -> tuple[Floats, list[Integers]]:
+    """Triangles and quadrilaterals, as corners of `places`."""
+    places, sides = _rim(loops, side)
+    inner = _squares(loops, side)
+    places, triangles = _triangles(places, sides, inner, loops, side, name)
+    return places, _joined(places, triangles)
+
+
+def _rim(loops: Sequence[Floats], side: float) -> tuple[Floats, Integers]:
+    """Corners along all sides, (n, 2), and the pieces of sides between them, (n, 2)."""
+    places: list[Floats] = []
+    pieces: list[tuple[int, int]] = []
+    first = 0
+    for loop in loops:
+        start = first
+        for a, b in zip(loop, np.roll(loop, -1, 0), strict=True):
+            count = max(1, round(float(np.linalg.norm(b - a)) / side))
+            places.extend(a + (b - a) * k / count for k in range(count))
+            first += count
+        pieces += [(k, k + 1 if k + 1 < first else start) for k in range(start, first)]
+    return np.array(places), np.array(pieces)
+
+
+def _squares(loops: Sequence[Floats], side: float) -> Floats:
+    """Corners of squares along the threads, inside and clear of the outline."""
+    low, high = loops[0].min(0), loops[0].max(0)
+    across, down = (np.linspace(a, b, max(1, round(float(b - a) / side)) + 1) for a, b in zip(low, high, strict=True))
+    places = np.stack(np.meshgrid(across, down), -1).reshape(-1, 2)
+    return places[is_inside(places, loops) & (distance_to(places, loops) > CLEAR * side)]
+
+
+def _triangles(
+    rim: Floats, pieces: Integers, inner: Floats, loops: Sequence[Floats], side: float, name: str
+) -> tuple[Floats, Integers]:
+    """Delaunay triangles that have every piece of a side as an edge."""
+    from scipy.spatial import Delaunay
+
+    for _ in range(MOST_HALVINGS):
+        places = np.concatenate([rim, inner])
+        triangles = Delaunay(places).simplices
+        edges = {tuple(sorted((int(t[i]), int(t[i - 1])))) for t in triangles for i in range(3)}
+        lacking = np.array([tuple(sorted(map(int, piece))) not in edges for piece in pieces])
+        if not lacking.any():
+            a, b, c = places[triangles].transpose(1, 0, 2)
+            area = np.abs(_cross(b - a, c - a)) / 2
+            kept = triangles[is_inside((a + b + c) / 3, loops) & (area > FLATTEST * side**2)]
+            return places, kept.astype(np.int64)
+        middles = rim[pieces[lacking]].mean(1)
+        number = len(rim) + np.arange(len(middles))
+        halves = np.concatenate(
+            [np.column_stack([pieces[lacking][:, 0], number]), np.column_stack([number, pieces[lacking][:, 1]])]
+        )
+        rim, pieces = np.concatenate([rim, middles]), np.concatenate([pieces[~lacking], halves])
+    raise FitError(
+        "the garment's outline cannot be meshed",
+        where=name,
+        advice="look for sides that touch or nearly touch each other; holes must lie inside the outline and apart",
+    )
+
+
+def _joined(places: Floats, triangles: Integers) -> list[Integers]:
+    """Pairs of triangles as quadrilaterals, and the triangles that are left."""
+    owners: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    for t, corners in enumerate(triangles):
+        for i in range(3):
+            ends = sorted((int(corners[i]), int(corners[(i + 1) % 3])))
+            owners.setdefault((ends[0], ends[1]), []).append((t, int(corners[(i + 2) % 3])))
+    pairs = []
+    for (a, b), found in owners.items():
+        if len(found) == 2:
+            (t, c), (u, d) = found
+            ring = np.array([a, c, b, d])
+            pairs.append((_shape(places[ring]), -t, -u, ring))
+    pairs.sort(key=lambda pair: pair[:3], reverse=True)
+    is_free = np.ones(len(triangles), bool)
+    faces = []
+    for shape, t, u, ring in pairs:
+        if shape > WORST_SHAPE and is_free[-t] and is_free[-u]:
+            is_free[[-t, -u]] = False
+            faces.append(ring)
+    return faces + list(triangles[is_free])
+
+
+def _shape(ring: Floats) -> float:
+    """Least sine of a quadrilateral's angles, negative where it is not convex; ring, (4, 2)."""
+    ahead, behind = np.roll(ring, -1, 0) - ring, np.roll(ring, 1, 0) - ring
+    sines = _cross(ahead, behind) / (np.linalg.norm(ahead, axis=1) * np.linalg.norm(behind, axis=1))
+    return float(max(sines.min(), (-sines).min()))
+
+
+def _divided(places: Floats, faces: list[Integers]) -> tuple[Floats, list[Integers]]:
+    """One quadrilateral at every corner of every face, up to the middles of its sides and of the face."""
+    found = list(places)
+    middles: dict[tuple[int, int], int] = {}
+
+    def middle(a: int, b: int) -> int:
+        ends = (min(a, b), max(a, b))
+        if ends not in middles:
+            middles[ends] = len(found)
+            found.append((places[a] + places[b]) / 2)
+        return middles[ends]
+
+    quads = []
+    for face in faces:
+        ring = [int(corner) for corner in face]
+        centre = len(found)
+        found.append(places[face].mean(0))
+        for i, corner in enumerate(ring):
+            quads.append(
+                np.array([corner, middle(corner, ring[i - 1]), centre, middle(corner, ring[(i + 1) % len(ring)])])
+            )
+    return np.array(found), quads
+
+
+def _along_threads(ring: Floats, face: Integers) -> Integers:
+    """The same quadrilateral as top left, top right, bottom right, bottom left: its rows run along X, not Y."""
+    if _cross(ring[1] - ring[0], ring[2] - ring[1]) > 0:
+        ring, face = ring[::-1], face[::-1]  # clockwise, with y up
+    first = int(np.argmax([(ring[(i + 1) % 4] - ring[i] + ring[(i + 2) % 4] - ring[(i + 3) % 4])[0] for i in range(4)]))
+    return np.roll(face, -first)

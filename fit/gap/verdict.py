@@ -26,6 +26,7 @@ NEAR, NEAR_TWIN = 0.8, 0.9  # of the winner's closure from which an effect, or o
 AT_BOUND = 0.01  # of an effect's range: an amplitude nearer to its end was stopped by it
 RIVAL = 0.1  # share of bootstrap draws that makes an effect a rival
 MESH_SHARE = 0.5  # of the mesh's squared error that an effect must remove at least
+LAW_SHARE = 0.08  # sd by which sound laws of one effect differ: drag that varies with the angle, a hem that is stiff
 SECOND_GAIN = 0.15  # of the gap that a further effect must close
 
 
@@ -60,11 +61,12 @@ class Evidence:
         return float(self.screened.family_p_value[self.screened.effects.index(effect)])
 
     def amplitude(self, effect: int) -> tuple[float, tuple[float, float]]:
-        """Size of a refitted effect and its 90 % interval, for noise and for what mesh and solver may be wrong by."""
+        """Size of a refitted effect and its 90 % interval: noise, mesh and solver, and the law of the effect itself."""
         size, (low, high) = amplitude_of(self.singles[effect].fitted, self.observer, effect)
         place = self.screened.effects.index(effect)
         wrong = NORMAL_95 * self.numerics_mm * float(self.per_millimetre[place]) / np.sqrt(DIRECTIONS)
-        half = float(np.hypot((high - low) / 2, wrong))
+        law = 0.0 if self.observer.effects[effect].acts_on == "measurement" else NORMAL_95 * LAW_SHARE * size
+        half = float(np.linalg.norm([(high - low) / 2, wrong, law]))
         return size, (size - half, size + half)
 
     @functools.cached_property

@@ -196,6 +196,16 @@ def test_the_verdict_follows_the_rules(given, verdict, named):
     assert (found.verdict, found.named) == (verdict, named), found.sentence
 
 
+def test_an_interval_holds_what_laws_differ_by_unless_the_effect_is_one_of_measurement():
+    """90 % of a deviation of 5 % and, for drag, of a law that is good to 8 %: 1.645 hypot(0.05, 0.08) = 0.155."""
+    evidence = evidence_of({"air_drag": 6.0, "time_offset": 7.0})
+    for name, half in (("air_drag", 0.1552), ("time_offset", 0.0823)):
+        effect = find_effects([name])[0]
+        size, (low, high) = evidence.amplitude([e.name for e in LIBRARY].index(name))
+        assert size == pytest.approx(effect.typical)
+        assert (high - low) / 2 == pytest.approx(half * effect.typical, rel=0.02)
+
+
 def test_a_take_in_which_nothing_moves_is_inconclusive():
     time = np.arange(0, 5, FRAME)
     take, _ = truth(time=time, displacement=np.zeros((len(time), 3)), noise=0.001)

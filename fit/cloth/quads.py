@@ -3,9 +3,9 @@
 Threads run straight through the garment whatever the mesh, since strains are slopes along them (`fit.cloth.elements`);
 so the mesh may follow the outline, and no element is cut. Corners on a square lattice along X and Y fill the inside;
 with those on the outline they are triangulated (Delaunay, the outline's sides halved until the triangulation has them
-all), and neighbouring triangles are joined into quadrilaterals, best first. Where triangles are left at every size of
-the lattice that is tried, a coarser one is divided: every triangle into three quadrilaterals, every quadrilateral into
-four.
+all), and neighbouring triangles are joined into quadrilaterals, best first. Several sizes of the lattice are tried, as
+few leave no triangle; of those the longest shortest side is taken, since the step goes with it. Where none does, a
+coarser one is divided: every triangle into three quadrilaterals, every quadrilateral into four.
 Source: J.-F. Remacle et al., Int. J. Numer. Meth. Engng 89 (2012), section 2 (quadrilaterals from triangles);
 J. Ruppert, J. Algorithms 18 (1995) (halving sides); E. Catmull, J. Clark, Computer-Aided Design 10 (1978) (division).
 """
@@ -24,7 +24,9 @@ Integers = NDArray[np.int64]
 
 CLEAR = 0.45  # of the side of a square: inner corners keep that far from the outline
 WORST_SHAPE = 0.35  # least sine of a corner's angle for which two triangles are joined
-SIDES = (1.0, 0.9, 1.1, 0.8, 0.7)  # of the wanted side: those that are tried before anything is divided
+SIDES = 1.0 + 0.02 * np.array(sorted(range(-17, 6), key=abs))  # of the wanted side: lattices that are tried
+BETTER = 1.2  # by which another lattice's shortest side must be longer to be taken
+LONG_ENOUGH = 0.45  # of the wanted side: a shortest side with which no other lattice is tried
 FLATTEST = 1e-3  # of the squared side: triangles with less area lie along a side and are none
 MOST_HALVINGS = 30  # rounds; each halves the sides that the triangulation lacks
 
@@ -38,12 +40,15 @@ def quadrilaterals(loops: Sequence[Floats], side: float, *, name: str = "") -> t
     Raises:
         FitError: the outline cannot be meshed.
     """
+    best, longest = None, 0.0
     for share in SIDES:
-        places, faces = _polygons(loops, share * side, name)
-        if all(len(face) == 4 for face in faces):
-            break
-    else:
-        places, faces = _divided(*_polygons(loops, 2 * side, name))
+        found = _polygons(loops, share * side, name)
+        shortest = _shortest(*found)
+        if all(len(face) == 4 for face in found[1]) and shortest > BETTER * longest:
+            best, longest = found, shortest
+            if shortest > LONG_ENOUGH * side:
+                break
+    places, faces = best or _divided(*_polygons(loops, 2 * side, name))
     return places, np.array([_along_threads(places[face], face) for face in faces])
 
 
@@ -154,6 +159,11 @@ def _joined(places: Floats, triangles: Integers) -> list[Integers]:
             is_free[[-t, -u]] = False
             faces.append(ring)
     return faces + list(triangles[is_free])
+
+
+def _shortest(places: Floats, faces: list[Integers]) -> float:
+    """Length of the shortest side [m]."""
+    return float(min(np.linalg.norm(places[face] - places[np.roll(face, 1)], axis=1).min() for face in faces))
 
 
 def _shape(ring: Floats) -> float:

@@ -27,6 +27,7 @@ WORST_SHAPE = 0.35  # least sine of a corner's angle for which two triangles are
 SIDES = 1.0 + 0.02 * np.array(sorted(range(-17, 6), key=abs))  # of the wanted side: lattices that are tried
 BETTER = 1.2  # by which another lattice's shortest side must be longer to be taken
 LONG_ENOUGH = 0.45  # of the wanted side: a shortest side with which no other lattice is tried
+SHORTEST = 6e-3  # m: stretch of 1000 N/m on 0.2 kg/m^2 then takes a step of 12 us, near the shortest there is
 FLATTEST = 1e-3  # of the squared side: triangles with less area lie along a side and are none
 MOST_HALVINGS = 30  # rounds; each halves the sides that the triangulation lacks
 
@@ -38,7 +39,7 @@ def quadrilaterals(loops: Sequence[Floats], side: float, *, name: str = "") -> t
     Each quadrilateral runs round from where the others begin: along X first, its sense that of X to Y.
 
     Raises:
-        FitError: the outline cannot be meshed.
+        FitError: the outline cannot be meshed, or only with elements too small.
     """
     best, longest = None, 0.0
     for share in SIDES:
@@ -49,6 +50,13 @@ def quadrilaterals(loops: Sequence[Floats], side: float, *, name: str = "") -> t
             if shortest > LONG_ENOUGH * side:
                 break
     places, faces = best or _divided(*_polygons(loops, 2 * side, name))
+    shortest = _shortest(places, faces)
+    if shortest < SHORTEST:
+        raise FitError(
+            f"the outline makes elements with sides of {1e3 * shortest:.1f} mm, too small for any step",
+            where=name,
+            advice=f"leave out corners: sides of the outline, its holes and gaps need {2e3 * SHORTEST:.0f} mm or more",
+        )
     return places, np.array([_along_threads(places[face], face) for face in faces])
 
 

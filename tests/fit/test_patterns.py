@@ -142,3 +142,9 @@ def test_holes_that_touch_the_outline_cannot_be_meshed():
     """The file's check refuses them; a program that makes its own garment gets a sentence too."""
     with pytest.raises(FitError, match="cannot be meshed"):
         build_mesh(cut(holes_m=(((-0.1, -0.2), (0.3, -0.2), (0.3, -0.3)),)), 0.05)
+
+
+def test_a_notch_of_a_millimetre_is_refused_and_told_how_large_it_may_be():
+    notched = (*sheet().outline_m[:2], (0.2, -0.2), (0.199, -0.2005), (0.2, -0.201), *sheet().outline_m[2:])
+    with pytest.raises(FitError, match=r"too small for any step.*12 mm or more"):
+        build_mesh(cut(outline_m=notched), 0.05)

@@ -11,6 +11,7 @@ from firmware_host.synthetic.garments import shirt
 from fit.cloth.mesh import build_mesh
 from fit.cloth.quads import is_inside, quadrilaterals
 from fit.cloth.simulator import Simulator
+from fit.engines.plain_grid import plain_grid
 from fit.errors import FitError
 from fit.recording import prepare
 from tests.fit.scenes import hung, material, sheet, swing, take_of
@@ -148,3 +149,8 @@ def test_a_notch_of_a_millimetre_is_refused_and_told_how_large_it_may_be():
     notched = (*sheet().outline_m[:2], (0.2, -0.2), (0.199, -0.2005), (0.2, -0.201), *sheet().outline_m[2:])
     with pytest.raises(FitError, match=r"too small for any step.*12 mm or more"):
         build_mesh(cut(outline_m=notched), 0.05)
+
+
+def test_an_engine_of_plain_grids_refuses_what_is_no_plain_panel():
+    with pytest.raises(FitError, match="plain four-cornered panels only"):
+        plain_grid(GARMENTS["tube"], 0.05)

@@ -1,0 +1,20 @@
+"""The cost benchmark measures what it says: so many vertices, so many steps."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks.cost import least, runner, spread
+
+
+def test_a_run_of_two_elements_a_side_has_49_vertices_and_costs_what_its_steps_cost():
+    """Three times the seconds at one step take about three times the processor time; a fixed part makes it less."""
+    run, vertices, step = runner(2, 0.5, 8)
+    assert vertices == 49
+    longer, _, same = runner(2, 3.0, 8)
+    assert same == step
+    assert 1.2 < least(longer) / least(run) < 8.0
+
+
+def test_spread_is_the_largest_over_the_smallest():
+    assert spread([2.0, 2.5, 2.2]) == pytest.approx(25.0)

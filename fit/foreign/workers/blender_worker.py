@@ -10,14 +10,13 @@ Run by `fit.engines.blender` with any Python that has `bpy`; imports nothing of 
 and its answer an .npz with `nodes`, (candidates, frames, nodes, 3), NaN for a candidate that Blender lost.
 """
 
-import contextlib
 import os
 import struct
-import sys
 import tempfile
 
 import bpy
 import numpy as np
+from answering import answer_jobs
 
 QUALITY = 12  # steps a frame, as Blender's own stiffest preset (denim) has it
 
@@ -77,30 +76,17 @@ def simulate(scene, cloth, modifier, row, frames):
     return nodes
 
 
-def main():
-    """Answer jobs until the input ends."""
-    # Blender writes to the standard output at will: keep it for the answers alone.
-    answers = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)
-    answers.write(f"ready {bpy.app.version_string}\n")
-    answers.flush()
+def simulate_all(job):
+    """Return the nodes of every candidate."""
     with tempfile.TemporaryDirectory() as folder:
-        for line in sys.stdin:
-            name = line.strip()
-            with np.load(name) as loaded:
-                job = {key: loaded[key] for key in loaded.files}
-            cache_file = os.path.join(folder, "drive.pc2")
-            point_cache(job["path"], cache_file)
-            found = []
-            for row in job["settings"]:
-                with contextlib.redirect_stdout(sys.stderr):
-                    scene, cloth, modifier = build(job, cache_file)
-                    found.append(simulate(scene, cloth, modifier, row, len(job["path"])))
-            result = name.replace(".npz", ".answer.npz")
-            np.savez(result, nodes=np.array(found))
-            answers.write(result + "\n")
-            answers.flush()
+        cache_file = os.path.join(folder, "drive.pc2")
+        point_cache(job["path"], cache_file)
+        found = []
+        for row in job["settings"]:
+            scene, cloth, modifier = build(job, cache_file)
+            found.append(simulate(scene, cloth, modifier, row, len(job["path"])))
+    return {"nodes": np.array(found)}
 
 
 if __name__ == "__main__":
-    main()
+    answer_jobs(bpy.app.version_string, simulate_all)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from fit.errors import FitError
 
 WORKERS = Path(__file__).with_name("workers")
+READY = "ready "
 CLOSING_TIME = 10.0  # s that a program may take to end after its last job
 
 
@@ -80,9 +81,12 @@ class ForeignProcess:
             self._log.close()
             self._folder.cleanup()
             raise foreign.absent() from error
-        word, _, self.version = self._read().partition(" ")
-        if word != "ready":
+        assert self._process.stdout is not None
+        # What a library says while it is imported comes before.
+        first = next((line for line in self._process.stdout if line.startswith(READY)), "")
+        if not first:
             raise foreign.absent()
+        self.version = first.removeprefix(READY).strip()
 
     def answer(self, **job: NDArray[np.generic]) -> dict[str, NDArray[np.generic]]:
         """Return the arrays that the program answers a job with.

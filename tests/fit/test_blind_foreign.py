@@ -23,10 +23,10 @@ GRAVITY = 9.80665
 LENGTH = 0.3130
 CHAIN = 1.2024 * np.sqrt(GRAVITY / LENGTH) / (2 * np.pi)  # Hz, 1.0712
 FOREIGN = [generator for generator in GENERATORS if generator.foreign is not None]
-MUJOCO = find_generator("mujoco")
+MUJOCO, NEWTON = find_generator("mujoco"), find_generator("newton")
 
 
-def with_engine(*generators):
+def with_engine(*generators, slow=()):
     """The engines that a test is run with, each skipped with a reason where it is not installed."""
     return pytest.mark.parametrize(
         "generator",
@@ -34,10 +34,13 @@ def with_engine(*generators):
             pytest.param(
                 g,
                 id=g.name,
-                marks=pytest.mark.skipif(
-                    not g.foreign.is_installed(),
-                    reason=f"{g.foreign.module} is in neither this Python nor the one {g.foreign.variable} names",
-                ),
+                marks=[
+                    pytest.mark.skipif(
+                        not g.foreign.is_installed(),
+                        reason=f"{g.foreign.module} is in neither this Python nor the one {g.foreign.variable} names",
+                    ),
+                    *([pytest.mark.slow] if g in slow else []),
+                ],
             )
             for g in generators
         ],
@@ -59,9 +62,9 @@ def first_mode(sheet, points):
     return points[:, :, 1] @ weights / (shape @ weights)
 
 
-def ringing(generator, damping):
+def ringing(generator, damping, bending=1e-7):
     """Frequency [Hz] and decay [1/s] of the first swing after a nudge of 2 mm."""
-    cloth = Cloth(width=0.1, height=LENGTH, bending=1e-7, damping=damping)
+    cloth = Cloth(width=0.1, height=LENGTH, bending=bending, damping=damping)
     sheet = make_grid(0.1, LENGTH, 0.02)
     moved = nudged(6.0) - [0.0, 0.002, 0.0]
     points = points_of(generator, cloth, bar(0.1, moved), 6.0, sheet.rest, side=0.02)
@@ -75,7 +78,7 @@ def ringing(generator, damping):
     return found.x[2], found.x[1]
 
 
-@with_engine(MUJOCO)
+@with_engine(*FOREIGN)
 @pytest.mark.parametrize("damping", [0.0, 0.6])
 def test_a_hanging_sheet_rings_as_a_chain_does_and_decays_by_half_its_damping(generator, damping):
     """1.0712 Hz within 0.5 %; 0.3 1/s, or nothing at all, within 0.005 1/s: the engine adds no damping of its own."""
@@ -84,7 +87,14 @@ def test_a_hanging_sheet_rings_as_a_chain_does_and_decays_by_half_its_damping(ge
     assert decay == pytest.approx(damping / 2, abs=0.005)
 
 
-@with_engine(MUJOCO)
+@with_engine(*FOREIGN)
+def test_a_sheet_as_stiff_as_a_board_swings_as_one(generator):
+    """A plate hinged at its edge: sqrt(3 g / 2 L) / 2 pi = 1.0909 Hz, 1.9 % above the chain; B / rho g L^3 = 0.8."""
+    hertz, _ = ringing(generator, 0.0, bending=0.05)
+    assert hertz == pytest.approx(np.sqrt(1.5 * GRAVITY / LENGTH) / (2 * np.pi), rel=0.005)
+
+
+@with_engine(*FOREIGN)
 def test_a_hanging_sheet_stretches_under_its_own_weight(generator):
     """rho g L^2 / 2 k = 0.2 x 9.80665 x 0.09 / 400 = 0.4413 mm; the ground's contraction at the clamp takes some."""
     cloth = Cloth(width=0.15, height=0.3, stretch=200.0, shear=10.0)
@@ -92,14 +102,14 @@ def test_a_hanging_sheet_stretches_under_its_own_weight(generator):
     assert -bottom[-1, 0, 2] - 0.3 == pytest.approx(0.4413e-3, rel=0.05)
 
 
-@with_engine(MUJOCO)
+@with_engine(*FOREIGN)
 def test_the_held_edge_is_where_it_is_driven(generator):
     moved = nudged(1.0, size=0.05)
     held = points_of(generator, Cloth(width=0.2, height=0.3), bar(0.2, moved), 1.0, [(-0.1, 0.0), (0.1, 0.0)])
     assert np.abs(held - (bar(0.2, moved)[0].reshape(-1, 2, 3))).max() < 1e-6
 
 
-@with_engine(MUJOCO)
+@with_engine(*FOREIGN)
 def test_tilted_gravity_tilts_the_hanging_sheet(generator):
     """0.05 rad about the vertical: the bottom hangs sin(0.05) x 0.3 m = 15.0 mm aside."""
     cloth = Cloth(width=0.2, height=0.3, gravity_tilt=(0.0, 0.05))
@@ -107,7 +117,7 @@ def test_tilted_gravity_tilts_the_hanging_sheet(generator):
     assert bottom[-1, 0, 1] == pytest.approx(0.3 * np.sin(0.05), rel=0.02)
 
 
-@with_engine(MUJOCO)
+@with_engine(*FOREIGN)
 def test_a_draught_leans_the_sheet_as_the_plates_law_says(generator):
     """Rigid plate in 0.5 m/s face-on: 0.5 x 1.2041 x 1.2 x 0.25 Pa against 0.2 x 9.80665 Pa: tan a = 0.092.
 
@@ -120,7 +130,7 @@ def test_a_draught_leans_the_sheet_as_the_plates_law_says(generator):
     assert lean == pytest.approx(0.092, rel=0.06)
 
 
-@with_engine(MUJOCO)
+@with_engine(*FOREIGN, slow=[NEWTON])
 @pytest.mark.parametrize(
     ("one", "least"),
     [
@@ -149,7 +159,7 @@ def test_what_is_planted_moves_the_cloth(generator, one, least):
 
 
 @pytest.mark.slow
-@with_engine(MUJOCO)
+@with_engine(*FOREIGN)
 def test_a_null_moves_as_the_own_generators_does(generator):
     """Other triangles, other membrane, other bending: on meshes of 30 mm a null's takes agree to 8 % of their swing.
 
@@ -170,7 +180,7 @@ def test_every_generator_says_what_it_can_plant_and_refuses_the_rest():
         assert set(ANYWHERE) <= set(generator.effects) <= set(OWN.effects)
         assert generator.unknown_plants()
         assert {p.id for p in generator.plants([])} == set(generator.effects)
-    assert set(OUTSIDE) <= set(MUJOCO.effects)
+    assert set(OUTSIDE) <= set(MUJOCO.effects) & set(NEWTON.effects)
     with pytest.raises(FitError, match="'added_mass' can be planted with the generator mujoco; known: air_drag"):
         MUJOCO.plants(["added_mass"])
     with pytest.raises(FitError, match="no generator named 'maya'; known: own, mujoco"):

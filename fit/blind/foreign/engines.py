@@ -92,8 +92,13 @@ MUJOCO = Generator(
     tuple(p.id for p in UNKNOWNS),
     Foreign("MuJoCo", "mujoco", "mujoco", "HANGTIME_MUJOCO_PYTHON", WORKERS / "mujoco_worker.py"),
 )  # fmt: skip
+NEWTON = Generator(
+    "newton", 0.02, (*ANYWHERE, *OUTSIDE, "hem", "mass_distribution", "anisotropy", "stretch_viscosity"),
+    tuple(p.id for p in UNKNOWNS),
+    Foreign("Newton", "newton", "newton", "HANGTIME_NEWTON_PYTHON", WORKERS / "newton_worker.py"),
+)  # fmt: skip
 OWN = Generator("own", SIDE, tuple(p.id for p in PLANTS), tuple(p.id for p in UNKNOWNS))
-GENERATORS: tuple[Generator, ...] = (OWN, MUJOCO)
+GENERATORS: tuple[Generator, ...] = (OWN, MUJOCO, NEWTON)
 
 
 def find_generator(name: str) -> Generator:

@@ -7,7 +7,7 @@
     names, numbers, (takes, names) [SI]: those of `fit.blind.engine.Engine.numbers`, and bending_warp, bending_weft,
     hem_from [m] below which bending is hem_bending times as stiff
 
-The answer is `nodes` [m], (takes, samples, nodes, 3).
+The answer is `nodes` [m], (takes, samples, nodes, 3), and `seconds`, (takes,), of one process, settling left out.
 """
 
 from __future__ import annotations

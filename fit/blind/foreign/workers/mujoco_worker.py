@@ -15,6 +15,8 @@ nodes are put on their path before every step.
 Source: MuJoCo documentation, "Computation", "Numerical integration", and "Modeling", "Deformable objects".
 """
 
+import time
+
 import mujoco
 import numpy as np
 from answering import answer_jobs
@@ -73,7 +75,7 @@ def bending_scale(ends, numbers):
 
 
 def swing(model, job, take, numbers):
-    """Return the nodes of one take, (samples, nodes, 3)."""
+    """Return the nodes of one take, (samples, nodes, 3), and its cost [s of this process], settling left out."""
     rest, held, path = job["rest"], job["held"], job["path"][take]
     dt, every, settle = float(job["dt"]), int(job["every"]), int(job["settle_steps"])
     fraction = job["fraction"][:, None]
@@ -91,6 +93,7 @@ def swing(model, job, take, numbers):
     for step in range(-settle, len(path)):
         here = max(step, 0)
         if step == 0:
+            began = time.process_time()
             model.dof_damping[:] = free_damping
         q[held], v[held] = ends[here] - home[held], speeds[here] if step >= 0 else 0.0
         if step >= 0 and step % every == 0:
@@ -98,16 +101,18 @@ def swing(model, job, take, numbers):
         if outside.are_there:
             push[:] = outside.at(here * dt, q + home, v)
         mujoco.mj_step(model, data)
-    return seen
+    return seen, time.process_time() - began
 
 
 def simulate(job):
     """Swing the sheet in every take."""
-    found = []
+    found, seconds = [], []
     for take, row in enumerate(job["numbers"]):
         numbers = dict(zip(job["names"].tolist(), row.tolist(), strict=True))
-        found.append(swing(build(job, numbers), job, take, numbers))
-    return {"nodes": np.array(found)}
+        nodes, cost = swing(build(job, numbers), job, take, numbers)
+        found.append(nodes)
+        seconds.append(cost)
+    return {"nodes": np.array(found), "seconds": np.array(seconds)}
 
 
 if __name__ == "__main__":

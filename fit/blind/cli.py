@@ -48,7 +48,7 @@ def make_command(
         ),
     ] = None,
     generator: Annotated[
-        str, typer.Option("--generator", metavar="NAME", help="Whose cloth it is: own, mujoco, newton or blender.")
+        str, typer.Option("--generator", metavar="NAME", help="Whose cloth it is: own, mujoco or newton.")
     ] = "own",
     real: Annotated[
         Path | None,

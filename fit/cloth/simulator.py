@@ -103,9 +103,7 @@ class Simulator:
         """
         return run_together([self], [materials], [amplitudes], observer_hz=observer_hz, shapes=shapes)[0]
 
-    def groups(
-        self, materials: Floats, amplitudes: Floats | None, *, shapes: bool
-    ) -> tuple[Candidates, list[Group]]:
+    def groups(self, materials: Floats, amplitudes: Floats | None, *, shapes: bool) -> tuple[Candidates, list[Group]]:
         """Sort candidates by their steps and by whether they need the kernel with effects; arguments as for `run`.
 
         Raises:
@@ -275,8 +273,12 @@ class Simulator:
 
 
 def run_together(
-    simulators: Sequence[Simulator], materials: Sequence[Floats], amplitudes: Sequence[Floats | None], *,
-    observer_hz: float = 0.0, shapes: bool = False,
+    simulators: Sequence[Simulator],
+    materials: Sequence[Floats],
+    amplitudes: Sequence[Floats | None],
+    *,
+    observer_hz: float = 0.0,
+    shapes: bool = False,
 ) -> list[Rollouts]:
     """Simulate candidates on several recordings side by side; for each recording what `Simulator.run` would return.
 

@@ -19,7 +19,7 @@ import time
 
 import mujoco
 import numpy as np
-from answering import answer_jobs
+from every_take import answer_takes
 from outside_forces import OutsideForces
 
 THICKNESS = 1e-3  # m, of which only E t^3 matters here
@@ -104,16 +104,5 @@ def swing(model, job, take, numbers):
     return seen, time.process_time() - began
 
 
-def simulate(job):
-    """Swing the sheet in every take."""
-    found, seconds = [], []
-    for take, row in enumerate(job["numbers"]):
-        numbers = dict(zip(job["names"].tolist(), row.tolist(), strict=True))
-        nodes, cost = swing(build(job, numbers), job, take, numbers)
-        found.append(nodes)
-        seconds.append(cost)
-    return {"nodes": np.array(found), "seconds": np.array(seconds)}
-
-
 if __name__ == "__main__":
-    answer_jobs(mujoco.__version__, simulate)
+    answer_takes(mujoco.__version__, build, swing)

@@ -15,7 +15,7 @@ import time
 import newton
 import numpy as np
 import warp as wp
-from answering import answer_jobs
+from every_take import answer_takes
 from outside_forces import AIR_DENSITY, OutsideForces
 
 wp.config.quiet = True
@@ -129,16 +129,5 @@ def swing(model, job, take, numbers):
     return seen, time.process_time() - began
 
 
-def simulate(job):
-    """Swing the sheet in every take."""
-    found, seconds = [], []
-    for take, row in enumerate(job["numbers"]):
-        numbers = dict(zip(job["names"].tolist(), row.tolist(), strict=True))
-        nodes, cost = swing(build(job, numbers), job, take, numbers)
-        found.append(nodes)
-        seconds.append(cost)
-    return {"nodes": np.array(found), "seconds": np.array(seconds)}
-
-
 if __name__ == "__main__":
-    answer_jobs(newton.__version__, simulate)
+    answer_takes(newton.__version__, build, swing)

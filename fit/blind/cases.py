@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.blind.boundary import real_ends
-from fit.blind.engine import SAMPLES, SIDE, Cloth, Engine
+from fit.blind.engine import SAMPLES, Cloth
+from fit.blind.foreign.engines import OWN, Generator
 from fit.blind.hands import HELD_OUT, TRAINING, move
 from fit.blind.plants import UNKNOWNS, Plant, Planted, with_plants
 from fit.blind.sensing import (
@@ -121,30 +122,38 @@ def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-def plan(numbers: dict[Kind, int], plants: tuple[Plant, ...], seed: int) -> list[Truth]:
+def plan(
+    numbers: dict[Kind, int], plants: tuple[Plant, ...], seed: int, unknowns: tuple[Plant, ...] = UNKNOWNS
+) -> list[Truth]:
     """Draw all cases of a set in random order: every effect equally often, pairs of two different ones.
 
-    numbers: how many singles, nulls, pairs and unknowns
+    numbers: how many singles, nulls, pairs and unknowns; unknowns: the effects of no library to choose from
     """
     rng = np.random.default_rng([seed, 0])
     wanted: list[tuple[Kind, tuple[Plant, ...]]] = [("null", ())] * numbers["null"]
-    wanted += [("single", (plant,)) for plant in _rounds(rng, plants, numbers["single"])]
-    wanted += [("unknown", (plant,)) for plant in _rounds(rng, UNKNOWNS, numbers["unknown"])]
+    wanted += [("single", (plant,)) for plant in rounds(rng, plants, numbers["single"])]
+    wanted += [("unknown", (plant,)) for plant in rounds(rng, unknowns, numbers["unknown"])]
     for _ in range(numbers["pair"]):
         first, second = rng.choice(len(plants), 2, replace=False)
         wanted.append(("pair", (plants[first], plants[second])))
     order = rng.permutation(len(wanted))
-    names: list[str] = []
-    while len(names) < len(wanted):
-        name = rng.bytes(4).hex()
-        names += [name] * (name not in names)
+    names = drawn_names(rng, len(wanted))
     return [
         draw_truth(name, wanted[k][0], wanted[k][1], (seed, number))
         for number, (name, k) in enumerate(zip(names, order, strict=True))
     ]
 
 
-def _rounds(rng: np.random.Generator, plants: tuple[Plant, ...], count: int) -> list[Plant]:
+def drawn_names(rng: np.random.Generator, count: int) -> list[str]:
+    """Draw names of cases that tell nothing, all different."""
+    names: list[str] = []
+    while len(names) < count:
+        name = rng.bytes(4).hex()
+        names += [name] * (name not in names)
+    return names
+
+
+def rounds(rng: np.random.Generator, plants: tuple[Plant, ...], count: int) -> list[Plant]:
     """Every plant equally often, the rest drawn without replacement."""
     drawn: list[Plant] = []
     while len(drawn) < count:
@@ -152,24 +161,25 @@ def _rounds(rng: np.random.Generator, plants: tuple[Plant, ...], count: int) -> 
     return drawn[:count]
 
 
-def write_case(folder: Path, truth: Truth, *, side: float = SIDE) -> list[Path]:
+def write_case(folder: Path, truth: Truth, *, side: float | None = None, generator: Generator = OWN) -> list[Path]:
     """Simulate a case and write its takes; the folder appears whole or not at all.
 
     Raises:
         BlowUpError: the simulation does not stay finite even with a quarter of the step.
+        FitError: the generator's engine is not there.
     """
     partial = folder.with_name(f".{folder.name}.partial")
     shutil.rmtree(partial, ignore_errors=True)
     partial.mkdir(parents=True)
-    for name, take in zip(FILES, make_takes(truth, side=side), strict=True):
+    for name, take in zip(FILES, make_takes(truth, side=side, generator=generator), strict=True):
         write_take(partial / name, take)
     shutil.rmtree(folder, ignore_errors=True)
     partial.replace(folder)
     return [folder / name for name in FILES]
 
 
-def make_takes(truth: Truth, *, side: float = SIDE) -> list[Take]:
-    """Simulate a case and return its takes, three for training and two held out."""
+def make_takes(truth: Truth, *, side: float | None = None, generator: Generator = OWN) -> list[Take]:
+    """Simulate a case and return its takes, three for training and two held out; side [m]: the generator's own."""
     look, rng = truth.look, np.random.default_rng(truth.seed)
     cloth = _cloth(truth)
     garment = _garment(look)
@@ -181,13 +191,13 @@ def make_takes(truth: Truth, *, side: float = SIDE) -> list[Take]:
     length = (len(driven[0]) - 1) / SAMPLES
     for share in (1.0, 0.5, 0.25):
         try:
-            motion = Engine(cloth, side=side, step_share=share).run(np.stack(driven), length, flat)
+            points = generator.points(cloth, np.stack(driven), length, flat, side=side or generator.side, share=share)
             break
         except BlowUpError:
             if share == 0.25:
                 raise
     return [
-        _take(truth, garment, f"{truth.id}-{FILES[k].removesuffix('.mcap')}", ends, motion.points[k], rng)
+        _take(truth, garment, f"{truth.id}-{FILES[k].removesuffix('.mcap')}", ends, points[k], rng)
         for k, ends in enumerate(measured)
     ]
 

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from fit.errors import FitError
+
+if TYPE_CHECKING:
+    from fit.blind.cases import Kind
+    from fit.blind.real_scoring import RealScore
 
 blind = typer.Typer(
     name="blind",
@@ -37,29 +43,45 @@ def make_command(
     workers: Annotated[int, typer.Option("--workers", min=1, help="Processes that simulate side by side.")] = 1,
     side: Annotated[
         float | None,
-        typer.Option("--side", metavar="METRES", help="Side of the generator's triangles.", show_default="0.016"),
+        typer.Option(
+            "--side", metavar="METRES", help="Side of the generator's mesh.", show_default="0.016, other engines 0.02"
+        ),
     ] = None,
-) -> None:
+    generator: Annotated[
+        str, typer.Option("--generator", metavar="NAME", help="Whose cloth it is: own, mujoco or newton.")
+    ] = "own",
+    real: Annotated[
+        Path | None,
+        typer.Option(
+            "--real", metavar="FOLDER", help="Plant faults of measurement in the takes of this folder instead.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:  # fmt: skip
     """Simulate cases with withheld effects and seal their labels.
+
+    Other engines than the own generator run in a Python of their own and plant less: docs/blind-check.md says what.
+    With --real nothing is simulated: --nulls untouched and --cases planted copies of real takes are made.
 
     Writes DIR/cases, DIR/manifest.json with the hash of every file, and DIR/sealed. Interrupt with Ctrl-C at any time;
     the same command goes on where it was.
     """
-    from fit.blind.engine import SIDE
-    from fit.blind.making import make_set
-    from fit.blind.plants import find_plants
+    from fit.blind.foreign.engines import find_generator
+    from fit.blind.making import make_real_set, make_set
+    from fit.blind.real import real_plants
 
-    line = CountLine("making")
+    engine, line = find_generator(generator), CountLine("making")
+    numbers: dict[Kind, int] = {"single": cases, "null": nulls, "pair": pairs, "unknown": unknowns}
+    if real is not None and (generator != "own" or side is not None):
+        raise FitError("real takes are not simulated", advice="leave out --generator and --side, or --real")
     try:
-        manifest = make_set(
-            folder,
-            {"single": cases, "null": nulls, "pair": pairs, "unknown": unknowns},
-            find_plants(effect),
-            seed,
-            workers=workers,
-            side=side or SIDE,
-            progress=line.show,
-        )
+        if real is not None:
+            manifest = make_real_set(folder, real, numbers, real_plants(effect), seed, progress=line.show)
+        else:
+            manifest = make_set(
+                folder, numbers, engine.plants(effect), seed, workers=workers, side=side, generator=engine,
+                progress=line.show,
+            )  # fmt: skip
     except KeyboardInterrupt:
         line.end()
         typer.echo("Interrupted; finished cases are kept. The same command goes on.", err=True)
@@ -112,9 +134,14 @@ def run_command(
 def score_command(folder: Set, answers: Answers) -> None:
     """Hash the answers, open the seal, print every rate with its 95 % interval, and record that the seal was opened."""
     from fit.blind.page import ROWS, figure
+    from fit.blind.real_scoring import RealScore
     from fit.blind.scoring import SCORE, score_set
 
     score = score_set(folder, answers)
+    if isinstance(score, RealScore):
+        print_real(score)
+        typer.echo(f"Score: {answers / SCORE}")
+        return
     bins = [name for name, rates in score.by_size.items() if rates.cases]
     typer.echo(f"{len(score.cases)} cases, opening {score.look} of this seal; answers {score.answers}")
     for title, name, asked in ROWS:
@@ -130,6 +157,28 @@ def score_command(folder: Set, answers: Answers) -> None:
     for note in score.notes:
         typer.echo(note)
     typer.echo(f"Score: {answers / SCORE}")
+
+
+def print_real(score: RealScore) -> None:
+    """Print what planted faults changed in the diagnosis of real takes, case by case and in sum."""
+    typer.echo(f"{len(score.cases)} planted cases, opening {score.look} of this seal; answers {score.answers}")
+    for case, said in score.untouched.items():
+        typer.echo(f"untouched takes {case}: {said}")
+    typer.echo(f"{'planted':<20}{'amplitude':>11}{'x detectable':>14}{'error':>8}  {'moved most':<20}named")
+    for one in score.cases:
+        ratio = "–" if one.ratio is None else f"{one.ratio:.2g}"
+        error = "–" if one.error is None else f"{100 * one.error:.0f} %"
+        named = ", ".join(one.named) or f"({one.verdict})"
+        typer.echo(f"{one.planted:<20}{one.amplitude:>11.3g}{ratio:>14}{error:>8}  {one.moved_most or '–':<20}{named}")
+    for title, rate in (
+        ("the planted effect's group moved most", score.moved_most),
+        ("by the right size, within half", score.right_size),
+        ("covered by the intervals", score.covered),
+        ("newly named", score.newly_named),
+    ):
+        typer.echo(f"{title:<48} {rate}")
+    if score.without_answer:
+        typer.echo(f"{score.without_answer} cases have no estimate to compare; they count in no rate of sizes")
 
 
 @blind.command("report", short_help="Write the score as one HTML file.")

@@ -9,6 +9,7 @@ Source: T. Belytschko, W. K. Liu, B. Moran, "Nonlinear Finite Elements for Conti
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -99,13 +100,16 @@ class Motion:
 class Engine:
     """Simulate one cloth, held along its top edge, in several takes."""
 
-    def __init__(self, cloth: Cloth, *, side: float = SIDE, step_share: float = 1.0) -> None:
+    def __init__(
+        self, cloth: Cloth, *, side: float = SIDE, step_share: float = 1.0,
+        mesh: Callable[[float, float, float], Sheet] = make_sheet,
+    ) -> None:  # fmt: skip
         if not 0 < side <= min(cloth.width, cloth.height) / 2:
             raise FitError(
                 f"a side of {side} m does not fit the sheet", advice="choose less than half its smaller side"
             )
         self.cloth, self.step_share = cloth, step_share
-        self.sheet = make_sheet(cloth.width, cloth.height, side)
+        self.sheet = mesh(cloth.width, cloth.height, side)
         self.node_mass = _node_mass(cloth, self.sheet)
         self.hinge_bending, self.hinge_curl = _hinge_rows(cloth, self.sheet)
         ground = 2 * (1 + POISSON) * cloth.shear
@@ -146,22 +150,20 @@ class Engine:
         dt = 1 / (SAMPLES * every)
         samples = round(duration * SAMPLES) + 1
         steps = (samples - 1) * every
-        path = _resample(ends, duration, np.linspace(0.0, steps * dt, steps + 1))
-        x = _hung(path[:, 0], sheet)
+        path = resample(ends, duration, np.linspace(0.0, steps * dt, steps + 1))
+        x = hung(path[:, 0], sheet)
         v, f, acceleration, normal = (np.zeros((takes, nodes, 3)) for _ in range(4))
-        corner = sheet.node_at(self.cloth.corner * sheet.width / 2, -sheet.height)
+        numbers = self.numbers(x)
         bob = np.zeros((takes, 2, 3))
-        bob[:, 0] = x[:, corner] - [0.0, 0.0, self.cloth.bob_length]
+        bob[:, 0] = x[:, int(numbers[0]["bob_node"])] - [0.0, 0.0, self.cloth.bob_length]
         carried, weights = place_on(sheet, np.asarray(places, float))
-        spot = np.exp(-((sheet.rest - MAGNET_AT * np.array([0.0, -sheet.height])) ** 2).sum(1) / MAGNET_REACH**2)
-        spot[spot < 0.01] = 0.0
         seen = np.zeros((takes, samples, len(carried), 3))
         kept = np.zeros((takes, samples, nodes, 6) if shapes else (1, 1, 1, 6))
         kernel.rollout(
             x, v, f, acceleration, normal, np.zeros((takes, len(sheet.area))), np.zeros((takes, len(sheet.hinges), 3)),
             bob, sheet.triangles, sheet.inverse, sheet.area, sheet.hinges, sheet.hinge_cotangents, sheet.hinge_area,
-            self.hinge_bending, self.hinge_curl, self.node_mass, _air_mass(sheet), spot / spot.sum(), sheet.held,
-            sheet.rest[sheet.held, 0] / sheet.width + 0.5, path, self._numbers(kernel.NAMES, x, corner), dt,
+            self.hinge_bending, self.hinge_curl, self.node_mass, _air_mass(sheet), magnet_spot(sheet), sheet.held,
+            held_fraction(sheet), path, np.array([[row[name] for name in kernel.NAMES] for row in numbers]), dt,
             round(settle / dt), SETTLE_DAMPING, every, carried, weights, seen, kept, int(shapes),
         )  # fmt: skip
         if not (np.abs(seen) < 100.0).all():  # metres: far outside any room
@@ -170,9 +172,10 @@ class Engine:
             )
         return Motion(np.arange(samples) / SAMPLES, seen, kept if shapes else None, steps + round(settle / dt))
 
-    def _numbers(self, names: tuple[str, ...], x: Floats, corner: int) -> Floats:
-        """Rows of the kernel's numbers, (takes, names)."""
+    def numbers(self, x: Floats) -> list[dict[str, float]]:
+        """Return every number of the physics [SI], one dict per take, from where the nodes start, (takes, nodes, 3)."""
         cloth, sheet = self.cloth, self.sheet
+        corner = sheet.node_at(cloth.corner * sheet.width / 2, -sheet.height)
         across, away = np.sin(cloth.gravity_tilt)
         down = -np.sqrt(1 - across**2 - away**2)
         magnet = sheet.node_at(0.0, -MAGNET_AT * sheet.height)
@@ -193,8 +196,8 @@ class Engine:
                 "thread_length": float(np.linalg.norm(thread - x[k, corner])), "magnet": cloth.magnet,
                 "magnet_x": pole[0], "magnet_y": pole[1], "magnet_z": pole[2], "magnet_reach": MAGNET_REACH,
             }  # fmt: skip
-            rows.append([float(known[name]) for name in names])
-        return np.array(rows)
+            rows.append({name: float(value) for name, value in known.items()})
+        return rows
 
 
 def _node_mass(cloth: Cloth, sheet: Sheet) -> Floats:
@@ -231,7 +234,19 @@ def _air_mass(sheet: Sheet) -> Floats:
     return np.asarray(sheet.node_area * (np.clip(1 - xi**2, 0, 1) * np.clip(1 - eta**2, 0, 1)) ** 0.6)
 
 
-def _hung(ends: Floats, sheet: Sheet) -> Floats:
+def magnet_spot(sheet: Sheet) -> Floats:
+    """Shares of the magnet's pull, (nodes,)."""
+    spot = np.exp(-((sheet.rest - MAGNET_AT * np.array([0.0, -sheet.height])) ** 2).sum(1) / MAGNET_REACH**2)
+    spot[spot < 0.01] = 0.0
+    return np.asarray(spot / spot.sum())
+
+
+def held_fraction(sheet: Sheet) -> Floats:
+    """Where the held nodes are along the held edge, (held,), from 0 to 1."""
+    return np.asarray(sheet.rest[sheet.held, 0] / sheet.width + 0.5)
+
+
+def hung(ends: Floats, sheet: Sheet) -> Floats:
     """The flat sheet below the held edge's ends, (takes, 6) -> (takes, nodes, 3)."""
     left, right = ends[:, None, :3], ends[:, None, 3:]
     share = (sheet.rest[:, 0] / sheet.width + 0.5)[None, :, None]
@@ -240,7 +255,7 @@ def _hung(ends: Floats, sheet: Sheet) -> Floats:
     return np.ascontiguousarray(places)
 
 
-def _resample(ends: Floats, duration: float, instants: Floats) -> Floats:
+def resample(ends: Floats, duration: float, instants: Floats) -> Floats:
     """Smooth path of the ends at every step, (takes, steps, 6)."""
     from scipy.interpolate import CubicSpline
 

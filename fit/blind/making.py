@@ -18,8 +18,9 @@ import msgspec
 
 from fit import runtime
 from fit.blind.cases import FILES, Kind, Truth, plan, write_case
-from fit.blind.engine import SIDE
+from fit.blind.foreign.engines import OWN, Generator, find_generator
 from fit.blind.plants import Plant
+from fit.blind.real import RealTruth, find_takes, plan_real, write_real_case
 from fit.blind.seal import load_key, seal, sha256_of, unseal
 from fit.errors import FitError
 from formats.whole_files import write_whole
@@ -34,6 +35,13 @@ class Labels(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     plants: tuple[str, ...]
     side: float
     truths: tuple[Truth, ...]
+    generator: str = "own"
+    real: tuple[RealTruth, ...] = ()
+
+    @property
+    def cases(self) -> tuple[str, ...]:
+        """Names of all cases, in order."""
+        return tuple(sorted([t.id for t in self.truths] + [t.id for t in self.real]))
 
 
 class Manifest(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -49,34 +57,75 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 MANIFEST, LABELS, SEALED_KEY = "manifest.json", "sealed/labels.bin", "sealed/key"
 LABELS_FORMAT, MANIFEST_FORMAT = "hangtime-blind-labels/1", "hangtime-blind-manifest/1"
 Progress = Callable[[int, int], None]
+Made = tuple[str, dict[str, str]]  # a case and the SHA-256 of its files
 
 
 def make_set(
     folder: Path, numbers: dict[Kind, int], plants: tuple[Plant, ...], seed: int, *, workers: int = 1,
-    side: float = SIDE, progress: Progress = lambda done, total: None,
+    side: float | None = None, generator: Generator = OWN, progress: Progress = lambda done, total: None,
 ) -> Manifest:  # fmt: skip
     """Make a set, or go on with one; what is there with the right hash is not made again.
 
     Raises:
-        FitError: nothing to make, the folder holds another set, or a case cannot be simulated.
+        FitError: nothing to make, the folder holds another set, the generator's engine is not there, or a case cannot
+            be simulated.
     """
+    side = side or generator.side
+    if generator.foreign is not None and not generator.foreign.is_installed():
+        raise generator.foreign.absent()
     if sum(numbers.values()) < 1 or min(numbers.values()) < 0:
         raise FitError("there is no case to make", advice="give --cases, --nulls, --pairs or --unknowns")
     if numbers["pair"] and len(plants) < 2:
         raise FitError("a pair needs two effects to choose from", advice="give a second --effect")
-    truths = plan(numbers, plants, seed)
-    manifest = _begin(folder, Labels(
+    truths = plan(numbers, plants, seed, generator.unknown_plants())
+    labels = Labels(
         format=LABELS_FORMAT, seed=seed, numbers={str(k): v for k, v in numbers.items()},
-        plants=tuple(p.id for p in plants), side=side, truths=tuple(truths),
-    ))  # fmt: skip
-    files = dict(manifest.files)
-    left = [t for t in truths if not _is_made(folder, t.id, files)]
-    progress(len(truths) - len(left), len(truths))
-    for done, (case, hashes) in enumerate(_made(folder, left, side, workers), len(truths) - len(left) + 1):
+        plants=tuple(p.id for p in plants), side=side, truths=tuple(truths), generator=generator.name,
+    )  # fmt: skip
+
+    def made(left: frozenset[str]) -> Iterator[Made]:
+        return _made(folder, [t for t in truths if t.id in left], (generator.name, side), workers)
+
+    return _make_all(folder, labels, made, progress)
+
+
+def make_real_set(
+    folder: Path, takes_folder: Path, numbers: dict[Kind, int], plants: tuple[Plant, ...], seed: int, *,
+    progress: Progress = lambda done, total: None,
+) -> Manifest:  # fmt: skip
+    """Make a set of real takes with planted faults of measurement, or go on with one.
+
+    Raises:
+        FitError: too few takes, nothing to make, no untouched case, or the folder holds another set.
+    """
+    takes = find_takes(takes_folder)
+    truths = plan_real(list(takes), numbers, plants, seed)
+    labels = Labels(
+        format=LABELS_FORMAT, seed=seed, numbers={str(k): v for k, v in numbers.items()},
+        plants=tuple(p.id for p in plants), side=0.0, truths=(), generator="real", real=tuple(truths),
+    )  # fmt: skip
+
+    def made(left: frozenset[str]) -> Iterator[Made]:
+        for truth in truths:
+            if truth.id in left:
+                yield truth.id, _hashes(write_real_case(folder / "cases" / truth.id, truth, takes))
+
+    return _make_all(folder, labels, made, progress)
+
+
+def _make_all(
+    folder: Path, labels: Labels, made: Callable[[frozenset[str]], Iterator[Made]], progress: Progress
+) -> Manifest:
+    """Seal the labels, then make what is not there yet; `made` yields cases as they are done."""
+    manifest = _begin(folder, labels)
+    files, total = dict(manifest.files), len(labels.cases)
+    left = frozenset(case for case in labels.cases if not _is_made(folder, case, files))
+    progress(total - len(left), total)
+    for done, (case, hashes) in enumerate(made(left), total - len(left) + 1):
         files.update({f"cases/{case}/{name}": sha for name, sha in hashes.items()})
         manifest = msgspec.structs.replace(manifest, files=dict(sorted(files.items())))
         _write(folder, manifest)
-        progress(done, len(truths))
+        progress(done, total)
     manifest = msgspec.structs.replace(manifest, complete=True)
     _write(folder, manifest)
     return manifest
@@ -132,7 +181,7 @@ def _begin(folder: Path, labels: Labels) -> Manifest:
     key = load_key(folder / SEALED_KEY, make=True)
     write_whole(folder / LABELS, seal(msgspec.json.encode(labels), key))
     manifest = Manifest(
-        format=MANIFEST_FORMAT, sealed=sha256_of(folder / LABELS), cases=tuple(sorted(t.id for t in labels.truths)),
+        format=MANIFEST_FORMAT, sealed=sha256_of(folder / LABELS), cases=labels.cases,
         files={}, complete=False,
     )  # fmt: skip
     _write(folder, manifest)
@@ -144,15 +193,15 @@ def _is_made(folder: Path, case: str, files: dict[str, str]) -> bool:
     return all(n in files and (folder / n).exists() and sha256_of(folder / n) == files[n] for n in names)
 
 
-def _made(folder: Path, truths: list[Truth], side: float, workers: int) -> Iterator[tuple[str, dict[str, str]]]:
+def _made(folder: Path, truths: list[Truth], how: tuple[str, float], workers: int) -> Iterator[Made]:
     """Make cases, in this process or in several, and yield each when done; leaving early cancels the rest."""
     if workers <= 1:
         for truth in truths:
-            yield _make_one(folder, truth, side)
+            yield _make_one(folder, truth, how)
         return
     pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_start_worker)
     try:
-        waiting = {pool.submit(_make_one, folder, truth, side) for truth in truths}
+        waiting = {pool.submit(_make_one, folder, truth, how) for truth in truths}
         while waiting:
             done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
             for future in done:
@@ -172,9 +221,15 @@ def _start_worker() -> None:
     runtime.start(1)
 
 
-def _make_one(folder: Path, truth: Truth, side: float) -> tuple[str, dict[str, str]]:
-    paths = write_case(folder / "cases" / truth.id, truth, side=side)
-    return truth.id, {path.name: sha256_of(path) for path in paths}
+def _make_one(folder: Path, truth: Truth, how: tuple[str, float]) -> Made:
+    """Make one case with a generator of this name and a mesh of this side [m]."""
+    name, side = how
+    paths = write_case(folder / "cases" / truth.id, truth, side=side, generator=find_generator(name))
+    return truth.id, _hashes(paths)
+
+
+def _hashes(paths: list[Path]) -> dict[str, str]:
+    return {path.name: sha256_of(path) for path in paths}
 
 
 def _write(folder: Path, manifest: Manifest) -> None:

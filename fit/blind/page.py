@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from fit.blind.rates import Rate
+from fit.blind.real_scoring import REAL_SCORE_FORMAT
 from fit.blind.scoring import HEADLINE_BIN, SCORE, Rates, Score, headline
 from fit.errors import FitError
 from formats.whole_files import write_whole
@@ -43,6 +44,12 @@ small, .soft { color: GrayText; } svg { max-width: 26rem; width: 100%; }
 """
 
 
+class Headed(msgspec.Struct):
+    """The part of a score's file that says which kind it is."""
+
+    format: str
+
+
 def write_page(answers: Path, out: Path) -> Path:
     """Write the page of scored answers.
 
@@ -50,7 +57,13 @@ def write_page(answers: Path, out: Path) -> Path:
         FitError: the answers are not scored, or the file cannot be written there.
     """
     try:
-        score = msgspec.json.decode((answers / SCORE).read_bytes(), type=Score)
+        raw = (answers / SCORE).read_bytes()
+        if msgspec.json.decode(raw, type=Headed).format == REAL_SCORE_FORMAT:
+            raise FitError(
+                "is of real takes, whose score has no page", where=answers / SCORE,
+                advice="`hangtime blind score` prints all of it",
+            )  # fmt: skip
+        score = msgspec.json.decode(raw, type=Score)
     except OSError as error:
         raise FitError(
             "the answers are not scored", where=answers, advice="score them first: `hangtime blind score`"

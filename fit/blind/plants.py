@@ -25,7 +25,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.blind.engine import Cloth
-from fit.errors import FitError
 
 Floats = NDArray[np.float64]
 SMALLEST, LARGEST = 0.5, 3.0  # times the typical size
@@ -169,19 +168,6 @@ UNKNOWNS: tuple[Plant, ...] = (
     Plant("hidden_magnet", "air", "N", 0.05, 0.15, on_cloth=_field("magnet"), in_library=False,
           place=("middle centre", "bottom centre")),
 )  # fmt: skip
-
-
-def find_plants(names: list[str]) -> tuple[Plant, ...]:
-    """Return the library's effects of these names, all of them for no name.
-
-    Raises:
-        FitError: a name that cannot be planted.
-    """
-    known = {plant.id: plant for plant in PLANTS}
-    for name in names:
-        if name not in known:
-            raise FitError(f"no effect named {name!r} can be planted", advice=f"known: {', '.join(sorted(known))}")
-    return tuple(known[name] for name in names) or PLANTS
 
 
 def with_plants(cloth: Cloth, planted: tuple[Planted, ...]) -> Cloth:

@@ -19,6 +19,7 @@ from fit.blind.judging import BINS, Judged, judge
 from fit.blind.making import changed_files, open_labels, read_manifest
 from fit.blind.plants import PLANTS
 from fit.blind.rates import Rate, mean, median, rate_of
+from fit.blind.real_scoring import RealScore, real_headline, score_real
 from fit.blind.running import DIAGNOSIS, FAILURE
 from fit.blind.seal import sha256_of
 from fit.errors import FitError
@@ -90,8 +91,10 @@ def hash_answers(folder: Path, answers: Path) -> str:
     return hashlib.sha256(raw).hexdigest()
 
 
-def score_set(folder: Path, answers: Path) -> Score:
+def score_set(folder: Path, answers: Path) -> Score | RealScore:
     """Hash the answers, open the seal, judge every case, write the score and record the look.
+
+    Real takes with planted faults are scored by `fit.blind.real_scoring`.
 
     Raises:
         FitError: answers are missing, public files changed, or the seal is broken.
@@ -104,13 +107,19 @@ def score_set(folder: Path, answers: Path) -> Score:
     labels = open_labels(folder)
     looks = folder / LOOKS
     look = 1 + (len(looks.read_text().splitlines()) if looks.exists() else 0)
-    judged = tuple(judge(truth, answers) for truth in labels.truths)
-    score = summarise(judged)
-    score = msgspec.structs.replace(score, sealed=manifest.sealed, answers=hashed, look=look)
+    score: Score | RealScore
+    if labels.real:
+        score = score_real(labels.real, answers)
+    else:
+        score = summarise(tuple(judge(truth, answers) for truth in labels.truths))
+    score = msgspec.structs.replace(
+        score, created=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), sealed=manifest.sealed, answers=hashed,
+        look=look,
+    )  # fmt: skip
     write_whole(answers / SCORE, msgspec.json.format(msgspec.json.encode(score), indent=1) + b"\n")
     line = {
-        "at": score.created, "labels": manifest.sealed, "answers": hashed, "cases": len(judged),
-        "headline": headline(score),
+        "at": score.created, "labels": manifest.sealed, "answers": hashed, "cases": len(labels.cases),
+        "headline": real_headline(score) if isinstance(score, RealScore) else headline(score),
     }  # fmt: skip
     with looks.open("a") as file:
         file.write(json.dumps(line) + "\n")
@@ -130,7 +139,7 @@ def summarise(judged: tuple[Judged, ...]) -> Score:
     by_size = {name: rates_of([j for j in singles if j.bin == name]) for name in BINS}
     always = rate_of(j.planted == ("air_drag",) for j in singles)
     return Score(
-        format=SCORE_FORMAT, created=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), sealed="", answers="", look=0,
+        format=SCORE_FORMAT, created="", sealed="", answers="", look=0,
         overall=rates_of(counted), by_size=by_size, in_base_model=in_base,
         verdicts=_table([(j.kind, j.verdict) for j in judged]),
         confusion=_table([(_label(j), _first_named(j)) for j in judged if j.kind != "pair"]),

@@ -49,7 +49,7 @@ def reported_points(points: Floats, instants: Floats, flat: Floats, planted: tup
     if "tracker_smoothing" in faults:
         seen = seen + faults["tracker_smoothing"].amplitude * (np.einsum("pq,fqc->fpc", ironing(flat), seen) - seen)
     if "corner_erosion" in faults:
-        seen = _eroded(seen, flat, faults["corner_erosion"].amplitude)
+        seen = eroded(seen, flat, faults["corner_erosion"].amplitude)
     return np.asarray(seen)
 
 
@@ -79,7 +79,8 @@ def ironing(flat: Floats) -> Floats:
     return np.asarray(rows)
 
 
-def _eroded(points: Floats, flat: Floats, amount: float) -> Floats:
+def eroded(points: Floats, flat: Floats, amount: float) -> Floats:
+    """Return the points [m], (frames, points, 3), with those near the free corners moved inwards by `amount` [m]."""
     low, high = flat.min(0), flat.max(0)
     inside = 0.3 * (high - low)
     moved = points.copy()

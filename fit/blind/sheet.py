@@ -70,7 +70,24 @@ def make_sheet(width: float, height: float, side: float) -> Sheet:
             across = np.concatenate([[-0.5], (across[1:] + across[:-1]) / 2, [0.5]])
         places += [(width * x, -height * row / rows) for x in across]
     rest = np.array(places)
-    triangles = _staggered(rest, rows)
+    return _sheet_of(width, height, rest, _staggered(rest, rows))
+
+
+def make_grid(width: float, height: float, side: float) -> Sheet:
+    """Mesh a sheet with squares of about `side` [m], each of two triangles that lean to alternating sides."""
+    columns, rows = max(2, round(width / side)), max(2, round(height / side))
+    rest = np.array(
+        [(x, y) for y in np.linspace(0, -height, rows + 1) for x in np.linspace(-width / 2, width / 2, columns + 1)]
+    )
+    node = np.arange((rows + 1) * (columns + 1)).reshape(rows + 1, columns + 1)
+    a, b, c, d = (part.ravel() for part in (node[:-1, :-1], node[:-1, 1:], node[1:, :-1], node[1:, 1:]))
+    leans = ((np.arange(rows)[:, None] + np.arange(columns)) % 2 == 1).ravel()[:, None]
+    first = np.where(leans, np.stack([a, c, b], 1), np.stack([a, c, d], 1))
+    second = np.where(leans, np.stack([b, c, d], 1), np.stack([a, d, b], 1))
+    return _sheet_of(width, height, rest, np.stack([first, second], 1).reshape(-1, 3))
+
+
+def _sheet_of(width: float, height: float, rest: Floats, triangles: NDArray[np.int64]) -> Sheet:
     p, q = rest[triangles[:, 1]] - rest[triangles[:, 0]], rest[triangles[:, 2]] - rest[triangles[:, 0]]
     doubled = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
     inverse = np.stack([q[:, 1], -q[:, 0], -p[:, 1], p[:, 0]], 1) / doubled[:, None]

@@ -18,13 +18,6 @@ Blender manual, "Physics", "Cloth", "Settings".
 
 from __future__ import annotations
 
-import contextlib
-import os
-import subprocess
-import sys
-import tempfile
-from pathlib import Path
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,12 +25,12 @@ from fit.cloth.simulator import Resolution
 from fit.effects.base import Effect
 from fit.engines.plain_grid import PlainGrid, plain_grid
 from fit.errors import FitError
+from fit.foreign.process import BLENDER, ForeignProcess
 from fit.parameterisations.base import Parameterisation
 from fit.recording import Recording
 
 Floats = NDArray[np.float64]
 
-PYTHON = "HANGTIME_BLENDER_PYTHON"
 # Frames a second that Blender simulates; the recording's instants are interpolated. Measured with 5.0.1: its cloth
 # advances by 1/30 s a frame whatever the scene's frame rate is (24 to 60 tried), so no other rate keeps time.
 FPS = 30
@@ -67,7 +60,7 @@ class BlenderEngine:
         self._recording = recording
         self.grid = plain_grid(recording.garment, resolution.spacing)
         self._path = _driven_path(recording, self.grid)
-        self._worker = _Worker()
+        self._worker = ForeignProcess(BLENDER)
 
     @property
     def version(self) -> str:
@@ -79,7 +72,7 @@ class BlenderEngine:
         nodes = self._worker.answer(
             quads=self.grid.quads, pinned=self.grid.held_nodes, fps=np.array(FPS), path=self._path,
             settings=blender_settings(vectors),
-        )  # fmt: skip
+        )["nodes"].astype(float)  # fmt: skip
         points = np.einsum("pw,cfpwx->cfpx", self.grid.point_weights, nodes[:, :, self.grid.point_nodes])
         instants = (self._recording.time + LEAD + SETTLE) * FPS
         before = np.minimum(instants.astype(int), points.shape[1] - 2)
@@ -111,72 +104,3 @@ def _driven_path(recording: Recording, grid: PlainGrid) -> Floats:
     lead = np.clip((instants + LEAD + SETTLE) / LEAD, 0.0, 1.0)[:, None, None]
     path[:, grid.held_nodes] = (1 - lead) * flat[None, grid.held_nodes] + lead * held
     return path
-
-
-def _absent(python: str) -> FitError:
-    return FitError(
-        "Blender's Python module bpy cannot be started",
-        where=python,
-        advice=f"pip install 'hangtime[blender]', or set {PYTHON} to a Python that has bpy",
-    )
-
-
-class _Worker:
-    """The process that runs Blender; ends with its owner."""
-
-    def __init__(self) -> None:
-        python = os.environ.get(PYTHON) or sys.executable
-        self._folder = tempfile.TemporaryDirectory(prefix="hangtime-blender-")
-        script = Path(__file__).with_name("blender_worker.py")
-        self._log = (Path(self._folder.name) / "log").open("w+")
-        try:
-            self._process = subprocess.Popen(
-                [python, str(script)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log, text=True
-            )
-        except OSError as error:
-            self._log.close()
-            self._folder.cleanup()
-            raise _absent(python) from error
-        word, _, self.version = self._read().partition(" ")
-        if word != "ready":
-            raise _absent(python)
-
-    def answer(self, **job: NDArray[np.generic]) -> Floats:
-        """Return the nodes of one job."""
-        name = Path(self._folder.name) / "job.npz"
-        np.savez(name, **job)  # type: ignore[arg-type]
-        assert self._process.stdin is not None
-        result = ""
-        with contextlib.suppress(OSError):  # a process that has ended takes nothing
-            self._process.stdin.write(f"{name}\n")
-            self._process.stdin.flush()
-            result = self._read()
-        if not result:
-            raise FitError(
-                "Blender ended in the middle of a simulation", where=self._last_words(), advice="use a coarser mesh"
-            )
-        with np.load(result) as loaded:
-            return np.asarray(loaded["nodes"], float)
-
-    def _read(self) -> str:
-        assert self._process.stdout is not None
-        return self._process.stdout.readline().strip()
-
-    def _last_words(self) -> str:
-        self._log.seek(0)
-        return (self._log.read().strip().splitlines() or ["Blender"])[-1]
-
-    def __del__(self) -> None:
-        with contextlib.suppress(AttributeError, OSError):
-            with contextlib.suppress(OSError):
-                if self._process.stdin is not None:
-                    self._process.stdin.close()
-            try:
-                self._process.wait(timeout=10)
-            except subprocess.TimeoutExpired:
-                self._process.kill()
-                self._process.wait()
-            if self._process.stdout is not None:
-                self._process.stdout.close()
-            self._log.close()
-            self._folder.cleanup()

@@ -11,7 +11,8 @@ from msgspec.structs import replace
 from fit.blind import boundary, hands, sensing
 from fit.blind.cases import FILES, draw_truth, make_takes, plan, write_case
 from fit.blind.engine import SAMPLES, Cloth
-from fit.blind.plants import PLANTS, UNKNOWNS, Planted, find_plants, with_plants
+from fit.blind.foreign.engines import OWN
+from fit.blind.plants import PLANTS, UNKNOWNS, Planted, with_plants
 from fit.errors import FitError
 from fit.recording import prepare
 from formats.archive import read_take, verify_take
@@ -243,7 +244,7 @@ def test_motions_start_and_end_at_rest_and_stay_gentle(kind):
 
 
 def test_a_case_is_five_sound_takes_that_the_tool_can_read(tmp_path):
-    truth = a_truth(find_plants(["draught"])[0])
+    truth = a_truth(OWN.plants(["draught"])[0])
     paths = write_case(tmp_path / "case", truth, side=COARSE)
     assert [p.name for p in paths] == list(FILES)
     for path in paths:
@@ -259,7 +260,7 @@ def test_a_case_is_five_sound_takes_that_the_tool_can_read(tmp_path):
 
 def test_effects_that_cannot_be_planted_are_refused():
     with pytest.raises(FitError, match="no effect named 'self_contact' can be planted"):
-        find_plants(["self_contact"])
+        OWN.plants(["self_contact"])
 
 
 def test_looks_tell_nothing_of_the_label():

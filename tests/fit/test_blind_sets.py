@@ -11,10 +11,10 @@ import pytest
 
 from fit.blind import making
 from fit.blind.cases import CREATED, FILES
+from fit.blind.foreign.engines import OWN
 from fit.blind.judging import bin_of, judge
 from fit.blind.making import LABELS, changed_files, make_set, open_labels, read_manifest
 from fit.blind.page import write_page
-from fit.blind.plants import find_plants
 from fit.blind.rates import brier, rate_of, wilson
 from fit.blind.running import run_set
 from fit.blind.scoring import ANSWERS_HASHES, LOOKS, SCORE, hash_answers, score_set, summarise
@@ -34,7 +34,7 @@ from formats.results import (
 
 COARSE = 0.1  # m of a triangle: a case in half a second
 NUMBERS = {"single": 2, "null": 1, "pair": 1, "unknown": 1}
-PLANTED = find_plants(["hem", "time_offset"])
+PLANTED = OWN.plants(["hem", "time_offset"])
 
 
 def finding(name, amplitude=1.0, least=1.0, closure=0.5, **changes):

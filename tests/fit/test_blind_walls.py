@@ -6,11 +6,24 @@ import ast
 from pathlib import Path
 
 FIT = Path(__file__).resolve().parents[2] / "fit"
-ALLOWED = ("fit.blind", "fit.errors", "fit.runtime", "formats", "numpy", "scipy", "taichi", "msgspec", "typer")
+ALLOWED = (
+    "fit.blind",
+    "fit.errors",
+    "fit.foreign",
+    "fit.runtime",
+    "formats",
+    "numpy",
+    "scipy",
+    "taichi",
+    "msgspec",
+    "typer",
+)
 STANDARD = (
     "__future__", "collections", "concurrent", "contextlib", "dataclasses", "datetime", "hashlib", "hmac", "html",
     "json", "multiprocessing", "os", "pathlib", "secrets", "shutil", "signal", "subprocess", "sys", "typing",
 )  # fmt: skip
+# What other people's engines import in a Python of their own.
+IN_WORKERS = ("answering", "bpy", "every_take", "mujoco", "newton", "numpy", "outside_forces", "warp")
 TOOL = ("cloth", "effects", "gap", "parameterisations", "search", "report")
 TOOL_FILES = (
     "recording", "calibration", "combinations", "fabrics", "objective", "reporting", "runtime", "errors",
@@ -41,14 +54,32 @@ def is_under(name, package):
 
 
 def test_the_generator_imports_nothing_of_the_tool():
-    files = sorted((FIT / "blind").glob("*.py"))
-    assert len(files) > 10
+    files = [path for path in sorted((FIT / "blind").rglob("*.py")) if path.parent.name != "workers"]
+    assert len(files) > 15
     for path in files:
         for name in imported(path):
             assert any(is_under(name, a) for a in (*ALLOWED, *STANDARD)) or name in {"fit.runtime", "fit.errors"}, (
                 path.name,
                 name,
             )
+
+
+def test_programs_for_other_pythons_import_nothing_of_hangtime():
+    files = sorted((FIT / "blind" / "foreign" / "workers").glob("*.py"))
+    files += sorted((FIT / "foreign" / "workers").glob("*.py"))
+    assert len(files) >= 4
+    for path in files:
+        for name in imported(path):
+            assert any(is_under(name, a) for a in (*IN_WORKERS, *STANDARD, "struct", "tempfile", "time")), (
+                path.name,
+                name,
+            )
+
+
+def test_other_peoples_engines_are_neither_the_tools_nor_the_checks():
+    for path in (FIT / "foreign").glob("*.py"):
+        for name in imported(path):
+            assert is_under(name, "fit.foreign") or not is_under(name, "fit") or name == "fit.errors.FitError", name
 
 
 def test_the_tool_imports_nothing_of_the_generator():

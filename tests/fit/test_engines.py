@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
 from fit.calibration import Model, calibrate
 from fit.cloth.simulator import Resolution
 from fit.engines import BlenderEngine, OwnEngine, find_engine
-from fit.engines.blender import PYTHON, blender_settings
+from fit.engines.blender import blender_settings
 from fit.errors import FitError
+from fit.foreign.process import BLENDER
 from fit.parameterisations import KINECT_SKIRT, SI
 from fit.recording import prepare
 from fit.request import request_of
@@ -22,13 +19,8 @@ from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_o
 COARSE = Resolution(spacing=0.05)
 
 
-def blender_is_here():
-    python = os.environ.get(PYTHON) or sys.executable
-    return subprocess.run([python, "-c", "import bpy"], capture_output=True).returncode == 0
-
-
 needs_blender = pytest.mark.skipif(
-    "not blender_is_here()", reason=f"bpy is in neither this Python nor the one {PYTHON} names"
+    "not BLENDER.is_installed()", reason=f"bpy is in neither this Python nor the one {BLENDER.variable} names"
 )
 
 
@@ -74,13 +66,13 @@ def test_a_python_without_bpy_is_named(monkeypatch, tmp_path):
     python = tmp_path / "python"
     python.write_text("#!/bin/sh\nexit 1\n")
     python.chmod(0o755)
-    monkeypatch.setenv(PYTHON, str(python))
+    monkeypatch.setenv(BLENDER.variable, str(python))
     with pytest.raises(FitError, match=r"bpy cannot be started; pip install 'hangtime\[blender\]'"):
         BlenderEngine(still(), KINECT_SKIRT, (), COARSE)
 
 
 def test_a_python_that_is_not_there_is_named(monkeypatch, tmp_path):
-    monkeypatch.setenv(PYTHON, str(tmp_path / "nowhere"))
+    monkeypatch.setenv(BLENDER.variable, str(tmp_path / "nowhere"))
     with pytest.raises(FitError, match="bpy cannot be started"):
         BlenderEngine(still(), KINECT_SKIRT, (), COARSE)
 

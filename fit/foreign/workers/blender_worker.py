@@ -4,20 +4,21 @@ result.
 Run by `fit.engines.blender` with any Python that has `bpy`; imports nothing of Hangtime. A job is an .npz file with
 
     quads (faces, 4), pinned (n,), fps, and path (frames, nodes, 3) [m], z up: frame 0 is the flat cloth, whose
-    lengths are its rest lengths; afterwards only the pinned nodes' places count settings, (candidates, 6): mass,
-    tension, bending, damping, air, shear, as Blender's cloth settings want them
+    lengths are its rest lengths; afterwards only the pinned nodes' places count; settings, (candidates, 6): mass,
+    tension, bending, damping, air, shear, as Blender's cloth settings want them; quality, if not QUALITY
 
-and its answer an .npz with `nodes`, (candidates, frames, nodes, 3), NaN for a candidate that Blender lost.
+and its answer an .npz with `nodes`, (candidates, frames, nodes, 3), NaN for a candidate that Blender lost, and
+`seconds`, what they cost of this process.
 """
 
-import contextlib
 import os
 import struct
-import sys
 import tempfile
+import time
 
 import bpy
 import numpy as np
+from answering import answer_jobs
 
 QUALITY = 12  # steps a frame, as Blender's own stiffest preset (denim) has it
 
@@ -54,11 +55,11 @@ def build(job, cache_file):
     return scene, cloth, modifier
 
 
-def simulate(scene, cloth, modifier, row, frames):
+def simulate(scene, cloth, modifier, row, frames, quality):
     """Return the nodes, (frames, nodes, 3), of one candidate."""
     mass, tension, bending, damping, air, shear = (float(value) for value in row)
     settings = modifier.settings
-    settings.quality = QUALITY
+    settings.quality = quality
     settings.mass, settings.air_damping = mass, air
     settings.tension_stiffness = settings.compression_stiffness = tension
     settings.shear_stiffness, settings.bending_stiffness = shear, bending
@@ -77,30 +78,17 @@ def simulate(scene, cloth, modifier, row, frames):
     return nodes
 
 
-def main():
-    """Answer jobs until the input ends."""
-    # Blender writes to the standard output at will: keep it for the answers alone.
-    answers = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)
-    answers.write(f"ready {bpy.app.version_string}\n")
-    answers.flush()
+def simulate_all(job):
+    """Return the nodes of every candidate."""
     with tempfile.TemporaryDirectory() as folder:
-        for line in sys.stdin:
-            name = line.strip()
-            with np.load(name) as loaded:
-                job = {key: loaded[key] for key in loaded.files}
-            cache_file = os.path.join(folder, "drive.pc2")
-            point_cache(job["path"], cache_file)
-            found = []
-            for row in job["settings"]:
-                with contextlib.redirect_stdout(sys.stderr):
-                    scene, cloth, modifier = build(job, cache_file)
-                    found.append(simulate(scene, cloth, modifier, row, len(job["path"])))
-            result = name.replace(".npz", ".answer.npz")
-            np.savez(result, nodes=np.array(found))
-            answers.write(result + "\n")
-            answers.flush()
+        cache_file = os.path.join(folder, "drive.pc2")
+        point_cache(job["path"], cache_file)
+        found, quality, began = [], int(job.get("quality", QUALITY)), time.process_time()
+        for row in job["settings"]:
+            scene, cloth, modifier = build(job, cache_file)
+            found.append(simulate(scene, cloth, modifier, row, len(job["path"]), quality))
+    return {"nodes": np.array(found), "seconds": np.array(time.process_time() - began)}
 
 
 if __name__ == "__main__":
-    main()
+    answer_jobs(bpy.app.version_string, simulate_all)

@@ -1,0 +1,234 @@
+"""What a swung swatch costs in other people's engines, against ours: CPU seconds per candidate at equal error.
+
+Run: python benchmarks/peers.py [--peer NAME ...]. A swatch of 0.4 m x 0.4 m, 0.2 kg/m^2, stretch 300 N/m, shear 30 N/m,
+bending 1e-5 N m, held along its top edge, is swung for 4 s with a damping of 0.5 1/s. Every engine climbs a ladder of
+meshes and steps; its error is the root mean square distance of 30 points from its own finest run, over the points' own
+swing. Of the settings at or below ERROR the cheapest counts; where none is, the best is shown as missing it. Costs are
+CPU seconds of the stepping loop in one thread (settling, start and building left out), ours of a batch of sixteen
+candidates with everything in it. Shared machines slow all alike: look at ratios.
+
+Each peer runs in a Python that a variable names, HANGTIME_MUJOCO_PYTHON and the same for NEWTON, PYPBD, PYBULLET and
+BLENDER; one that is not there is skipped and said to be. What differs as an engine has nothing else: pypbd and PyBullet
+have no damping but their solvers' and springs'; Blender's cloth has 8 N/m and 0.3 kg a vertex, as its solver stops
+early and the sheet floats where it is stiffer or lighter (docs/blind-check.md).
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+import numpy as np
+
+from fit import runtime
+from fit.blind.engine import SAMPLES, Cloth, Engine, held_fraction, hung, resample
+from fit.blind.foreign.engines import MUJOCO, NEWTON, Generator
+from fit.blind.foreign.jobs import make_job, points_on
+from fit.blind.sheet import make_grid
+from fit.errors import FitError
+from fit.foreign.process import BLENDER, Foreign, ForeignProcess
+
+ERROR = 0.03  # of the swing, rms: what the fitter's usual mesh of 50 mm keeps
+SIZE, DURATION, SETTLE = 0.4, 4.0, 1.0  # m, s, s
+CLOTH = Cloth(width=SIZE, height=SIZE, density=0.2, stretch=300.0, shear=30.0, bending=1e-5, damping=0.5)
+GRID = 6  # points a side, of which the held row is not judged
+PLACES = np.array([(x, y) for y in np.linspace(0, -SIZE, GRID)[1:] for x in np.linspace(-0.5, 0.5, GRID) * SIZE])
+WORKERS = Path(__file__).with_name("peer_workers")
+PYPBD = Foreign("PositionBasedDynamics", "pypbd", "", "HANGTIME_PYPBD_PYTHON", WORKERS / "pypbd_worker.py")
+PYBULLET = Foreign("PyBullet", "pybullet", "", "HANGTIME_PYBULLET_PYTHON", WORKERS / "pybullet_worker.py")
+CANDIDATES = 16
+FRAMES = 30  # of Blender, per second
+BLENDER_STRETCH, BLENDER_MASS = 8.0, 0.3  # N/m; kg per vertex
+Run = Callable[[], tuple[np.ndarray, float]]  # points (frames, points, 3) and CPU seconds of one candidate
+
+
+def path() -> np.ndarray:
+    """Ends of the held edge [m], (samples, 6): face-on at 0.8 Hz and 60 mm, ramped in over 0.6 s."""
+    now = np.arange(round(DURATION * SAMPLES) + 1) / SAMPLES
+    ramp = np.clip(now / 0.6, 0, 1) ** 3 * (10 - 15 * np.clip(now / 0.6, 0, 1) + 6 * np.clip(now / 0.6, 0, 1) ** 2)
+    ends = np.zeros((len(now), 6))
+    ends[:, [1, 4]] = (0.06 * np.sin(2 * np.pi * 0.8 * now) * ramp)[:, None]
+    ends[:, 0], ends[:, 3] = -SIZE / 2, SIZE / 2
+    return ends
+
+
+def ours() -> Iterator[tuple[str, Run]]:
+    """Our own cloth: sixteen candidates of slightly different bending in lanes."""
+    from fit.cloth.simulator import Resolution, Simulator
+    from fit.recording import prepare
+    from tests.fit.scenes import hung as hung_points
+    from tests.fit.scenes import material, sheet, take_of
+
+    runtime.start(1)
+    garment = sheet(SIZE, SIZE, mass=CLOTH.mass, grid=GRID)
+    instants, ends = np.arange(0, DURATION + 1e-9, 1 / FRAMES), path()
+    moved = np.stack([np.interp(instants, np.arange(len(ends)) / SAMPLES, ends[:, c]) for c in range(3)], 1)
+    recording = prepare(take_of(garment, instants, moved - ends[0, :3], hung_points(garment, instants)))
+    row = material(
+        garment, stretch_stiffness=CLOTH.stretch, shear_stiffness=CLOTH.shear, bending_stiffness=CLOTH.bending,
+        velocity_damping=CLOTH.damping,
+    )  # fmt: skip
+    rows = np.repeat(row, CANDIDATES, axis=0)
+    for spacing, share in ((0.1, 1.0), (0.067, 1.0), (0.05, 1.0), (0.033, 1.0), (0.02, 0.5)):
+        simulator = Simulator(recording, resolution=Resolution(spacing=spacing, step_share=share))
+
+        def run(simulator: Simulator = simulator) -> tuple[np.ndarray, float]:
+            simulator.run(rows)  # compiled, warm
+            began = time.process_time()
+            points = simulator.run(rows).points[0, :, GRID:]
+            return points, (time.process_time() - began) / CANDIDATES
+
+        yield f"{1e3 * spacing:.0f} mm, {share:g} of the stable step", run
+
+
+def explicit(generator: Generator) -> Iterator[tuple[str, Run]]:
+    """An engine of the blind check, at its stable step."""
+    assert generator.foreign is not None
+    process = ForeignProcess(generator.foreign)
+    for cells in (6, 8, 12, 16, 32):
+        engine = Engine(CLOTH, side=SIZE / cells, mesh=make_grid)
+        yield (
+            f"{1e3 * SIZE / cells:.0f} mm, {1e3 * engine.stable_step:.2f} ms",
+            job_run(process, engine, engine.stable_step),
+        )
+
+
+def job_run(process: ForeignProcess, engine: Engine, step: float) -> Run:
+    """One run of an engine that takes the blind check's jobs."""
+
+    def run() -> tuple[np.ndarray, float]:
+        job = make_job(engine, path()[None], DURATION, step=step, settle=SETTLE)
+        answer = process.answer(**job.arrays)
+        seen = points_on(job.sheet, answer["nodes"].astype(float), PLACES)[0]
+        at = np.arange(0, DURATION + 1e-9, 1 / FRAMES)
+        return at_frames(seen, np.arange(len(seen)) / SAMPLES, at), float(answer["seconds"].sum())
+
+    return run
+
+
+def at_frames(seen: np.ndarray, time: np.ndarray, instants: np.ndarray) -> np.ndarray:
+    """Points at other instants, linear between."""
+    columns = seen.reshape(len(seen), -1).T
+    return np.stack([np.interp(instants, time, c) for c in columns], 1).reshape(len(instants), -1, 3)
+
+
+def pypbd() -> Iterator[tuple[str, Run]]:
+    """XPBD: meshes and substeps per frame of 1/30 s."""
+    process = ForeignProcess(PYPBD)
+    for cells, substeps in ((6, 20), (8, 20), (12, 33), (16, 33), (16, 67), (24, 67), (24, 133), (32, 533)):
+        engine = Engine(CLOTH, side=SIZE / cells, mesh=make_grid)
+        yield (
+            f"{1e3 * SIZE / cells:.0f} mm, {substeps} substeps a frame",
+            job_run(process, engine, 1 / (FRAMES * substeps)),
+        )
+
+
+def pybullet() -> Iterator[tuple[str, Run]]:
+    """Mass-spring soft bodies: meshes and steps a second."""
+    process = ForeignProcess(PYBULLET)
+    for cells, hertz in ((6, 1200), (8, 2400), (12, 2400), (16, 4800)):
+        engine = Engine(CLOTH, side=SIZE / cells, mesh=make_grid)
+        yield f"{1e3 * SIZE / cells:.0f} mm, {hertz} steps a second", job_run(process, engine, 1 / hertz)
+
+
+def blender() -> Iterator[tuple[str, Run]]:
+    """Blender's cloth: meshes and quality steps per frame."""
+    process = ForeignProcess(BLENDER)
+    for cells, quality in ((6, 5), (8, 5), (12, 5), (12, 10), (16, 10), (24, 40)):
+        yield f"{1e3 * SIZE / cells:.0f} mm, quality {quality}", blender_run(process, cells, quality)
+
+
+def blender_run(process: ForeignProcess, cells: int, quality: int) -> Run:
+    """One run of Blender, masses and forces scaled up together."""
+
+    def run() -> tuple[np.ndarray, float]:
+        sheet = make_grid(SIZE, SIZE, SIZE / cells)
+        frames = round((DURATION + SETTLE) * FRAMES) + 1
+        ends = resample(path()[None], DURATION, np.clip(np.arange(frames) / FRAMES - SETTLE, 0, None))[0]
+        places = np.repeat(hung(ends[:1], sheet), frames, 0)
+        share = held_fraction(sheet)[None, :, None]
+        places[:, sheet.held] = (1 - share) * ends[:, None, :3] + share * ends[:, None, 3:]
+        node = np.arange(len(sheet.rest)).reshape(cells + 1, cells + 1)
+        quads = np.stack([node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:]], -1).reshape(-1, 4)
+        scale = BLENDER_MASS / (CLOTH.density * (SIZE / cells) ** 2)
+        tension = BLENDER_STRETCH * scale * SIZE / cells
+        settings = np.array([[BLENDER_MASS, tension, 0.05, 0.0, 0.0, 0.1 * tension]])
+        answer = process.answer(
+            quads=quads,
+            pinned=sheet.held,
+            fps=np.array(FRAMES),
+            path=places,
+            settings=settings,
+            quality=np.array(quality),
+        )
+        nodes = answer["nodes"].astype(float)[:, round(SETTLE * FRAMES) :]
+        # a second of settling is a fifth of the frames
+        return points_on(sheet, nodes, PLACES)[0], float(answer["seconds"]) * DURATION / (DURATION + SETTLE)
+
+    return run
+
+
+def cheapest(name: str, ladder: Iterator[tuple[str, Run]]) -> float | None:
+    """Climb a ladder, whose last rung is the reference; print every rung and return the cost at ERROR [s]."""
+    rungs = []
+    for title, run in ladder:
+        points, cost = run()
+        rungs.append((title, points, cost))
+        print(f"  {name}: {title}: {cost:.3f} s", flush=True)
+    reference = rungs[-1][1]
+    swing = np.sqrt(((reference - reference.mean(0)) ** 2).sum(2).mean())
+    found = []
+    for title, points, cost in rungs[:-1]:
+        error = np.sqrt(((points - reference) ** 2).sum(2).mean()) / swing
+        found.append((cost, error, title))
+        print(f"  {name}: {title}: error {100 * error:.1f} % of {1e3 * swing:.0f} mm")
+    good = [rung for rung in found if rung[1] <= ERROR]
+    if good:
+        cost, error, title = min(good)
+        print(f"{name:<10} {cost:8.3f} s a candidate, error {100 * error:.1f} %: {title}")
+        return float(cost)
+    error, cost, title = min((error, cost, title) for cost, error, title in found if np.isfinite(error))
+    print(f"{name:<10} never within {100 * ERROR:.0f} %: best {100 * error:.1f} % for {cost:.3f} s: {title}")
+    return None
+
+
+PEERS: dict[str, tuple[Foreign, Callable[[], Iterator[tuple[str, Run]]]]] = {
+    "pypbd": (PYPBD, pypbd),
+    "mujoco": (MUJOCO.foreign or BLENDER, lambda: explicit(MUJOCO)),
+    "newton": (NEWTON.foreign or BLENDER, lambda: explicit(NEWTON)),
+    "pybullet": (PYBULLET, pybullet),
+    "blender": (BLENDER, blender),
+}
+
+
+def main() -> None:
+    """Print the cost of every engine at equal error, and how many times ours that is."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("--peer", action="append", choices=sorted(PEERS), help="only this one; may be repeated")
+    asked = parser.parse_args().peer or list(PEERS)
+    os.environ["OMP_NUM_THREADS"] = "1"  # of the peers' processes, and Taichi is told the same
+    base = cheapest("ours", ours())
+    for name in asked:
+        foreign, ladder = PEERS[name]
+        if not foreign.is_installed():
+            print(
+                f"{name:<10} skipped: {foreign.module} is in neither this Python nor the one {foreign.variable} names"
+            )
+            continue
+        try:
+            cost = cheapest(name, ladder())
+        except FitError as error:
+            print(f"{name:<10} failed: {error}")
+            continue
+        if base and cost:
+            print(f"{name:<10} {cost / base:.0f} times ours")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Other people's engines as generators of the blind check."""

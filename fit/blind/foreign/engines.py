@@ -1,0 +1,113 @@
+"""Who simulates the cloth of a set: the own generator or another people's engine, and what each can plant.
+
+Effects of boundary and measurement act on the held edge's path and on the points, so that any engine has them. What an
+engine has of the rest depends on what it lets us reach: masses, its own damping, forces at the nodes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.blind.engine import SIDE, Cloth, Engine
+from fit.blind.foreign.jobs import make_job, points_on
+from fit.blind.plants import PLANTS, UNKNOWNS, Plant
+from fit.blind.sheet import make_grid
+from fit.errors import BlowUpError, FitError
+from fit.foreign.process import Foreign, ForeignProcess
+
+Floats = NDArray[np.float64]
+
+WORKERS = Path(__file__).with_name("workers")
+FARTHEST = 100.0  # m: far outside any room
+# Every engine can be driven along another path, seen by a faulty tracker, and hung in a tilted field.
+ANYWHERE = (*(p.id for p in PLANTS if p.acts_on in {"boundary", "measurement"}),)
+OUTSIDE = ("air_drag", "draught", "air_lift")  # forces at the nodes
+
+
+@dataclass(frozen=True)
+class Generator:
+    """One simulator of blind cases; `foreign` is None for the own one. side [m]: its usual mesh."""
+
+    name: str
+    side: float
+    effects: tuple[str, ...]
+    unknowns: tuple[str, ...]
+    foreign: Foreign | None = None
+
+    def plants(self, names: list[str]) -> tuple[Plant, ...]:
+        """Return the library's effects of these names, all that this generator has for no name.
+
+        Raises:
+            FitError: a name that cannot be planted.
+        """
+        known = {plant.id: plant for plant in PLANTS if plant.id in self.effects}
+        for name in names:
+            if name not in known:
+                raise FitError(
+                    f"no effect named {name!r} can be planted with the generator {self.name}",
+                    advice=f"known: {', '.join(sorted(known))}",
+                )
+        return tuple(known[name] for name in names) or tuple(known.values())
+
+    def unknown_plants(self) -> tuple[Plant, ...]:
+        """Return the effects of no library that this generator has."""
+        return tuple(plant for plant in UNKNOWNS if plant.id in self.unknowns)
+
+    def points(
+        self, cloth: Cloth, ends: Floats, duration: float, places: Floats, *, side: float, share: float = 1.0
+    ) -> Floats:
+        """Return the points [m], (takes, samples, points, 3), of a swung cloth, `engine.SAMPLES` a second.
+
+        ends [m], (takes, n, 6), evenly spaced over duration [s]; places [m], (points, 2); side [m] of the mesh;
+        share: of the usual step
+
+        Raises:
+            BlowUpError: the simulation left the realm of finite numbers.
+            FitError: the engine is not there.
+        """
+        if self.foreign is None:
+            return Engine(cloth, side=side, step_share=share).run(ends, duration, places).points
+        engine = Engine(cloth, side=side, mesh=make_grid)
+        job = make_job(engine, ends, duration, step=share * engine.stable_step)
+        process = ForeignProcess(self.foreign)
+        try:
+            nodes = process.answer(**job.arrays)["nodes"].astype(float)
+        finally:
+            process.close()
+        if not (np.abs(nodes) < FARTHEST).all():
+            raise BlowUpError(
+                f"{self.foreign.name}'s cloth flew apart",
+                where=f"side {side} m",
+                advice="make the case with another seed",
+            )
+        return points_on(job.sheet, nodes, places)
+
+
+MUJOCO = Generator(
+    "mujoco", 0.02, (*ANYWHERE, *OUTSIDE, "hem", "mass_distribution", "anisotropy", "stretch_viscosity"),
+    tuple(p.id for p in UNKNOWNS),
+    Foreign("MuJoCo", "mujoco", "mujoco", "HANGTIME_MUJOCO_PYTHON", WORKERS / "mujoco_worker.py"),
+)  # fmt: skip
+NEWTON = Generator(
+    "newton", 0.02, (*ANYWHERE, *OUTSIDE, "hem", "mass_distribution", "anisotropy", "stretch_viscosity"),
+    tuple(p.id for p in UNKNOWNS),
+    Foreign("Newton", "newton", "newton", "HANGTIME_NEWTON_PYTHON", WORKERS / "newton_worker.py"),
+)  # fmt: skip
+OWN = Generator("own", SIDE, tuple(p.id for p in PLANTS), tuple(p.id for p in UNKNOWNS))
+GENERATORS: tuple[Generator, ...] = (OWN, MUJOCO, NEWTON)
+
+
+def find_generator(name: str) -> Generator:
+    """Return the generator of a name.
+
+    Raises:
+        FitError: there is none.
+    """
+    known = {generator.name: generator for generator in GENERATORS}
+    if name not in known:
+        raise FitError(f"there is no generator named {name!r}", advice=f"known: {', '.join(known)}")
+    return known[name]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import UntrackableError
-from capture.geodesic import geodesic_distances, pairwise_distances
+from capture.geodesic import geodesic_distances
 from formats.garment import Garment
 
 Floats = NDArray[np.float64]
@@ -53,7 +53,7 @@ def flat_garment(garment: Garment, corners: Floats) -> FlatGarment:
     reach = float(np.linalg.norm(outline[:, None] - outline[None, :2], axis=-1).min(1).max())
     surface = _laid_flat(outline)
     sources = np.concatenate([corners, np.zeros((4, 1))], axis=1)
-    distances = pairwise_distances(geodesic_distances(surface, sources), surface, sources)
+    _, distances = geodesic_distances(surface, sources)
     lengths = np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1)
     at = [int(np.linalg.norm(outline - corner, axis=1).argmin()) for corner in corners]
     sides = np.array([[lengths[k - 1], lengths[k]] for k in at])

@@ -15,7 +15,7 @@ from capture.depth_surface import CorrelationMeter, pixel_sd
 from capture.errors import UntrackableError
 from capture.flat_garment import CENTRE, flat_garment
 from capture.garment import FINDERS, GarmentSight, GarmentTracker, frame_quality, nothing_found
-from capture.geodesic import farthest_place, geodesic_distances, pairwise_distances
+from capture.geodesic import farthest_place, geodesic_distances
 from capture.occlusion import (
     COVERED,
     FOLD_ARM,
@@ -103,8 +103,7 @@ class SilhouetteTracker:
             places[i], sd[i] = placer.place(view.pixels[i], float(view.sd[i]))
         is_held = self._match_held(places, held)
         surface, cell = self._surface(silhouette)
-        distances = geodesic_distances(surface, places[:4])
-        along = pairwise_distances(distances, surface, places[:4])
+        distances, along = geodesic_distances(surface, places[:4])
         missing = ~np.isfinite(places[:4, 0])
         along[missing] = along[:, missing] = np.nan
         hidden = np.zeros(5, bool)

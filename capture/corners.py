@@ -16,6 +16,7 @@ through the centres of the outermost pixels and are moved outwards by half a pix
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -156,30 +157,30 @@ def _side_line(outline: Floats, start: int, end: int, middle: Floats, longest: f
     n = len(outline)
     forward, backward = (end - start) % n, (start - end) % n
     step, length = (1, forward) if forward <= backward else (-1, backward)
-    whole = outline[end] - outline[start]
-    longest = min(longest, STRAIGHT * float(np.hypot(*whole)))
+    (x0, y0), (x1, y1) = outline[start].tolist(), outline[end].tolist()
+    longest = min(longest, STRAIGHT * math.hypot(x1 - x0, y1 - y0))
     # A ragged outline takes up to two pixels for one of its length.
-    way = (
-        outline.take(start + step * np.arange(min(length, int(2 * longest)) + 1), axis=0, mode="wrap") - outline[start]
-    )
-    far = np.hypot(way[:, 0], way[:, 1])
-    arm = way[(far >= SKIPPED_ARM) & (far <= longest)]
+    way = outline.take(start + step * np.arange(min(length, int(2 * longest)) + 1), axis=0, mode="wrap")
+    x, y = way[:, 0] - x0, way[:, 1] - y0
+    far = np.hypot(x, y)
+    arm = (far >= SKIPPED_ARM) & (far <= longest)
     for _ in range(2):
-        if len(arm) < SHORTEST_ARM:
+        x, y = x[arm], y[arm]
+        if x.size < SHORTEST_ARM:
             return None
-        centre = arm.sum(0) / len(arm)
-        x, y = (arm - centre).T
+        middle_x, middle_y = float(x.sum()) / x.size, float(y.sum()) / x.size
+        away_x, away_y = x - middle_x, y - middle_y
         # The direction of least scatter of a 2 x 2 covariance.
-        angle = 0.5 * np.arctan2(2.0 * (x @ y), x @ x - y @ y) + 0.5 * np.pi
-        normal = np.array([np.cos(angle), np.sin(angle)])
-        away = np.abs(x * normal[0] + y * normal[1])
-        scatter = max(LATERAL_SD, 1.5 * float(np.partition(away, len(away) // 2)[len(away) // 2]))
-        arm = arm[away < 2.5 * scatter]
-    centre = centre + outline[start]
-    if normal @ (centre - middle) < 0:
-        normal = -normal
-    line = np.array([normal[0], normal[1], -(normal @ centre) - 0.5])
-    return line, 2.0 * scatter / float(np.sqrt(len(arm)))
+        turn = math.atan2(2.0 * float(away_x @ away_y), float(away_x @ away_x - away_y @ away_y))
+        a, b = math.cos(0.5 * (turn + math.pi)), math.sin(0.5 * (turn + math.pi))
+        off = np.abs(a * away_x + b * away_y)
+        scatter = max(LATERAL_SD, 1.5 * float(np.partition(off, off.size // 2)[off.size // 2]))
+        arm = off < 2.5 * scatter
+    middle_x, middle_y = middle_x + x0, middle_y + y0
+    if a * (middle_x - middle[0]) + b * (middle_y - middle[1]) < 0.0:
+        a, b = -a, -b
+    line = np.array([a, b, -(a * middle_x + b * middle_y) - 0.5])
+    return line, 2.0 * scatter / math.sqrt(np.count_nonzero(arm))
 
 
 def _line_through(ends: Floats) -> Floats:

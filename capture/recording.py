@@ -114,9 +114,10 @@ def record(
                 tell(clock.last - first, Condition.CLOCK)
                 continue
             first = time if frames == 0 else first
-            hanger, cloth, state = tracker.track(frame, time)
+            sight = tracker.track(frame, time)
+            hanger, cloth, state, _ = sight
             state |= FrameState.CLOCK_JUMPED if clock.has_jumped else 0
-            writer.append(tracker.as_frame(time, hanger, cloth, state))
+            writer.append(tracker.as_frame(time, sight._replace(state=state)))
             if scans is not None and cloth.is_found and time >= next_scan:
                 scan = tracker.scan(time, grid=scans.grid, contour=scans.contour)
                 if scan is not None:

@@ -11,21 +11,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.coverage import beyond_the_seen
 from capture.depth_surface import CorrelationMeter, pixel_sd
 from capture.errors import UntrackableError
 from capture.flat_garment import CENTRE, flat_garment
 from capture.garment import FINDERS, GarmentSight, GarmentTracker, frame_quality, nothing_found
 from capture.geodesic import farthest_place, geodesic_distances
-from capture.occlusion import (
-    COVERED,
-    FOLD_ARM,
-    LEAST_FOLD,
-    comes_to_the_front,
-    folded_away,
-    is_at_border,
-    is_behind_something,
-    is_blunt,
-)
+from capture.occlusion import COVERED, folded_away, is_at_border, is_behind_something, is_folded_away, other_layer
 from capture.placing import Placer, project
 from capture.plausibility import MotionGate
 from capture.silhouette import Silhouette, Window, cut_out
@@ -107,8 +99,13 @@ class SilhouetteTracker:
         missing = ~np.isfinite(places[:4, 0])
         along[missing] = along[:, missing] = np.nan
         hidden = np.zeros(5, bool)
-        hidden[:4], wrong = self._hidden(silhouette, depth.shape, pixels, places, is_held, along)
-        places[:4][hidden[:4] | wrong] = np.nan
+        folded, wrong = folded_away(along, self.flat.distances, is_held)
+        beyond = np.zeros(4)
+        if (folded | wrong | missing).any():
+            beyond = beyond_the_seen(silhouette, surface, cell, held, self.flat.from_ends, self.sensor)
+        dropped = folded | wrong
+        hidden[:4] = self._hidden(silhouette, depth.shape, pixels, places, along, dropped, beyond)
+        places[:4][hidden[:4] | dropped] = np.nan
         sd[:4] = np.hypot(sd[:4], self._mismatch(places, is_held, along)[:, None])
         if np.isfinite(places[:4, 0]).all():
             mismatch = np.abs(along - self.flat.distances)
@@ -136,28 +133,29 @@ class SilhouetteTracker:
         return scan_surface(silhouette, corners, self.sensor, time, grid=grid, contour=contour)
 
     def _hidden(
-        self, silhouette: Silhouette, shape: tuple[int, ...], pixels: Floats, places: Floats, is_held: Booleans,
-        along: Floats,
-    ) -> tuple[Booleans, Booleans]:  # fmt: skip
-        """Return which corners are hidden and which are merely not where they should be, (4,) each."""
-        flat = self.flat.distances
-        missing = ~np.isfinite(places[:4, 0])
-        folded, wrong = folded_away(along, flat, is_held)
+        self, silhouette: Silhouette, shape: tuple[int, ...], pixels: Floats, places: Floats, along: Floats,
+        dropped: Booleans, beyond: Floats,
+    ) -> Booleans:  # fmt: skip
+        """Return which corners are hidden, (4,).
+
+        dropped, (4,): not where they should be; beyond [m], (4,): how far from the seen cloth, where any is dropped.
+        """
+        flat, pixel_area = self.flat.distances, 1.0 / (self.sensor.fx * self.sensor.fy)
         hidden = np.zeros(4, bool)
-        for i in np.flatnonzero(~missing):
+        for i in range(4):
             z = float(places[i, 2])
-            lost = np.nanmax(np.where(np.isfinite(along[i]), flat[i] - along[i], 0.0))
+            if np.isnan(z):
+                hidden[i] = is_folded_away(float(beyond[i]), 0.0)
+                continue
+            lost = float(np.nanmax(np.where(np.isfinite(along[i]), flat[i] - along[i], 0.0)))
             if is_at_border(pixels[i], shape):
                 hidden[i] = True
             elif is_behind_something(silhouette, pixels[i], z, self._jump(z)):
-                hidden[i] = folded[i] or wrong[i] or lost > COVERED * flat[i].max()
-            elif folded[i]:
-                hidden[i] = (
-                    lost > LEAST_FOLD * flat[i].max()
-                    and is_blunt(silhouette, pixels[i], FOLD_ARM * self.sensor.fx / z)
-                    and not comes_to_the_front(silhouette, pixels[i], z, 0.5 * lost * self.sensor.fx / z)
-                )
-        return hidden, (folded | wrong) & ~hidden
+                hidden[i] = dropped[i] or lost > COVERED * flat[i].max()
+            elif dropped[i]:
+                layer = other_layer(silhouette, pixels[i], places[i], lost, pixel_area)
+                hidden[i] = is_folded_away(float(beyond[i]), layer)
+        return hidden
 
     def _mismatch(self, places: Floats, is_held: Booleans, along: Floats) -> Floats:
         """Return what each corner may be off by [m], (4,), since its distances to the others are not the flat ones."""

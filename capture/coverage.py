@@ -53,7 +53,7 @@ def beyond_the_seen(
     last[~np.isfinite(last)] = np.inf
     reached = (ways[:, node_rows, node_columns] + last).min(1)
     off = np.sqrt(((reached[:, None] - wanted[:, :, None]) ** 2).mean(0)).min(1)
-    return np.minimum(off, NOWHERE)
+    return np.asarray(np.minimum(off, NOWHERE))
 
 
 def _rim_places(silhouette: Silhouette, sensor: Sensor) -> tuple[Floats, NDArray[np.intp], NDArray[np.intp]]:

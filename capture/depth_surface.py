@@ -73,6 +73,7 @@ def fit_surface(
     rows = np.empty((4, z.size))
     rows[0], rows[1], rows[2] = 1.0, u, v
     np.divide(1.0, z, out=rows[3])
+    plane: _Plane | None = None
     for _ in range(2):
         count = int(np.count_nonzero(used))
         if count < FEWEST_PIXELS:
@@ -85,7 +86,7 @@ def fit_surface(
         before, used = used, np.abs(residuals) < OUTLIER_SD * noise
         if np.array_equal(before, used):
             break
-    if plane.a <= 0.0:
+    if plane is None or plane.a <= 0.0:
         return None
     depth = 1.0 / plane.a
     sd = depth**2 * noise / middle**2 * math.sqrt(plane.variance * correlated_pixels)
@@ -141,8 +142,7 @@ class CorrelationMeter:
     def pixels(self) -> float:
         """How many neighbouring pixels carry the information of one independent pixel."""
         rho = [
-            min(max(product / square, 0.0), 0.8)
-            for product, square in zip(self._products, self._squares, strict=True)
+            min(max(product / square, 0.0), 0.8) for product, square in zip(self._products, self._squares, strict=True)
         ]
         return math.prod((1.0 + one) / (1.0 - one) for one in rho)
 

@@ -44,7 +44,8 @@ class FrameTracker:
         """
         hanger, self.camera = hanger_and_sensor(rig)
         self.rig, self.garment = rig, garment
-        self._hanger, self._cloth = hanger_tracker(rig, picks), garment_tracker(garment, depth_rig(rig))
+        self._hanger = hanger_tracker(rig, picks)
+        self._cloth = garment_tracker(garment, depth_rig(rig), self._hanger.correlation)
         self._scaled = DepthScale((rig.calibration or Calibration()).depth_scale)
         self._watch = HangerWatch(hanger)
 

@@ -36,6 +36,7 @@ SMALLEST_SHARE = 0.25  # of the flat garment's area in view; a smaller piece is 
 JUMP, JUMP_NOISE = 0.03, 6.0  # m and pixel noises in depth between neighbours that are two surfaces
 NEAREST_HANGER = 0.1  # m; nearer is no place of a hanger but an error
 HELD_MATCH = 0.03  # m, a held corner this far from the held edge's end is not that corner
+HELD_SLACK = 0.006  # m along each axis that a held corner and the held edge's end differ by, from noise alone
 CELL = 0.028  # m, of the grid for geodesics
 CORNER_SLACK = 0.02  # of a distance between corners: it is no worse measured than that
 CORNER_SHARE = 0.5  # of what is beyond, for each of the two: z is then 1 on the development set
@@ -92,8 +93,8 @@ class SilhouetteTracker:
         places, sd = np.full((5, 3), np.nan), np.full((5, 3), np.nan)
         pixels = np.vstack([view.pixels, np.full((1, 2), np.nan)])
         for i in range(4):
-            places[i], sd[i] = placer.place(view.pixels[i], float(view.sd[i]))
-        is_held = self._match_held(places, held)
+            places[i], sd[i] = placer.place(view.pixels[i], view.sd[i])
+        is_held = self._match_held(places, sd, held)
         surface, cell = self._surface(silhouette)
         distances, along = geodesic_distances(surface, places[:4])
         missing = ~np.isfinite(places[:4, 0])
@@ -112,7 +113,7 @@ class SilhouetteTracker:
             off = float(np.sqrt((mismatch**2).sum() / 12.0))
             pixels[CENTRE], centre_sd = self._centre(silhouette, distances, cell)
             centre_sd = float(np.hypot(centre_sd, CENTRE_SHARE * off * self.sensor.fx / float(held[:, 2].mean())))
-            places[CENTRE], sd[CENTRE] = placer.place(pixels[CENTRE], centre_sd)
+            places[CENTRE], sd[CENTRE] = placer.place(pixels[CENTRE], np.full(2, centre_sd))
         points, sd, pixels = places[roles], sd[roles], pixels[roles]
         valid = self._gate.admit(points, sd, time)
         points[~valid] = np.nan
@@ -163,13 +164,19 @@ class SilhouetteTracker:
         off = np.where(placed[:, None] & placed & np.isfinite(along), np.abs(along - flat), 0.0)
         return np.where(is_held, 0.0, CORNER_SHARE * np.maximum(off - CORNER_SLACK * flat, 0.0).max(1))
 
-    def _match_held(self, places: Floats, held: Floats) -> Booleans:
-        """Return which corners are ends of the held edge; take away those that should be but are elsewhere."""
+    def _match_held(self, places: Floats, sd: Floats, held: Floats) -> Booleans:
+        """Return which corners are ends of the held edge; take away those that should be but are elsewhere.
+
+        One that is a little off may be the bar's end, not the cloth's: it may be off by as much as that.
+        """
         is_held = np.zeros(4, bool)
         for i, end in enumerate(self.held_corners):
             if end is not None and np.isfinite(places[i, 0]):
-                is_held[i] = np.linalg.norm(places[i] - held[end]) < HELD_MATCH
-                if not is_held[i]:
+                apart = places[i] - held[end]
+                is_held[i] = np.linalg.norm(apart) < HELD_MATCH
+                if is_held[i]:
+                    sd[i] = np.hypot(sd[i], np.maximum(np.abs(apart) - HELD_SLACK, 0.0))
+                else:
                     places[i] = np.nan
         return is_held
 

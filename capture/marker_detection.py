@@ -74,7 +74,7 @@ class MarkerDetector:
             corners = self._detect(self._near, grey, enlargement)[row]
             if np.isfinite(corners[0, 0]):
                 break
-        return np.asarray(corners + [left, top])
+        return np.asarray(corners + np.array([left, top]))
 
     def refined(self, colour: NDArray[np.uint8], row: int, coarse: Floats) -> Floats:
         """Return the corners [px], (4, 2), of the id in `row` again, finer where that works."""

@@ -115,7 +115,7 @@ class SilhouetteTracker:
             centre_sd = float(np.hypot(centre_sd, CENTRE_SHARE * off * self.sensor.fx / float(held[:, 2].mean())))
             places[CENTRE], sd[CENTRE] = placer.place(pixels[CENTRE], np.full(2, centre_sd))
         points, sd, pixels = places[roles], sd[roles], pixels[roles]
-        valid = self._gate.admit(points, sd, time)
+        valid, sd = self._gate.admit(points, sd, time)
         points[~valid] = np.nan
         sd[~valid] = np.nan
         self._seen = silhouette, np.where(np.isfinite(places[:4, :1]), view.pixels, np.nan)

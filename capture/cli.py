@@ -33,6 +33,7 @@ def print_command(
             "--rig", metavar="RIG.toml", help="Take dictionary, size and, without --ids, numbers from this rig."
         ),
     ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the page that --out names.")] = False,
 ) -> None:
     """Write a page of markers, true to scale, with bars to check the print.
 
@@ -41,6 +42,7 @@ def print_command(
     from capture.errors import UntrackableError
     from capture.marker_sheet import write_sheet
     from formats.descriptions import load_rig
+    from formats.outputs import refuse_to_replace
 
     try:
         numbers = [int(part) for part in (ids or "0,1").split(",")]
@@ -56,6 +58,8 @@ def print_command(
             raise UntrackableError("its hanger has dots, not markers", where=rig, advice="leave out --rig")
         dictionary, size = hanger.dictionary, hanger.marker_size_m
         numbers = numbers if ids else list(hanger.ids)
+    if not overwrite:
+        refuse_to_replace(out)
     typer.echo(f"{write_sheet(out, dictionary, numbers, size)}: {len(numbers)} markers of {1e3 * size:g} mm")
 
 

@@ -5,7 +5,8 @@
 
 A point that was lost for longer than `LONGEST_MEMORY` counts again from its second sighting on: a fold that looks like
 a corner for one frame does not. In the first sightings after any gap nothing yet speaks against a wrong corner but its
-looks, so its deviation is larger by `UNSETTLED_SD`. Points that fail are marked as not seen; nothing is put in their place.
+looks, so its deviation is larger by `UNSETTLED_SD`. Points that fail are marked as not seen; nothing is put in their
+place.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ class MotionGate:
         self._in_a_row = np.full(points, SETTLED)
 
     def admit(self, places: Floats, sd: Floats, time: float) -> tuple[NDArray[np.bool_], Floats]:
-        """Return which points came from where they were last seen, and their deviations [m], (points, 3); remember them.
+        """Return which points came from where they were last seen, and all deviations [m], (points, 3).
 
         places [m], (points, 3), NaN where not seen; sd [m], (points, 3); time [s], increasing.
         """

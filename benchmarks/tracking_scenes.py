@@ -1,8 +1,8 @@
-"""The scenes on which tracking is measured: three garments, four distances, two backgrounds, two swings, two sets.
+"""The scenes on which tracking is measured: three garments, four distances, two backgrounds, two swings, three sets.
 
 Each set simulates every garment under every swing once (its own seeds) and shows it at all distances, in turn before
 a bare wall and in a furnished room; in one scene a garment, an arm reaches in front of a lower corner. `development`
-is for looking at what goes wrong; figures are stated of `report`.
+is for looking at what goes wrong; figures are stated of `report-2`, since `report` was seen while rules were chosen.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from firmware_host.synthetic.world import FIRST_STAMP, World, make_world
 
 DISTANCES = (1.2, 1.6, 2.0, 2.5)  # m
 SWINGS = ("mixed", "hard")
-SEEDS = {"development": 100, "report": 900}
+SEEDS = {"development": 100, "report": 900, "report-2": 700}
 SECONDS = 3.4
 FIRST, LAST = 0.6, 3.2  # s, the part that is shown: still, swung, stopped, ringing down
 

@@ -50,11 +50,14 @@ def _scale(measured: Measured) -> str:
 
 def _offset(measured: Measured) -> str:
     offset = measured.offset
-    if offset is None or not np.isfinite(offset.value).all():
+    if offset is None or not np.isfinite(offset.value).any():
         return "not measured: no plate with free edges on all four sides in depth; kept as it was"
     text = (
         f"{_numbers(offset.value, '.2f')} px +- {_numbers(offset.sd, '.2f')} px, right and down, depth against colour"
     )
+    for name, value in zip(("right", "down"), offset.value, strict=True):
+        if not np.isfinite(value):
+            text += f"; {name} was not measured, since no plate ends on both sides along it, and is kept as it was"
     if (np.abs(offset.value) > DOUBTFUL * offset.sd).any():
         text += "; recording allows for it"
     return text

@@ -118,10 +118,12 @@ def calibrate(
         calibration = msgspec.structs.replace(
             calibration, depth_scale=round(float(scale.value), 5), depth_scale_sd=_rounded(scale.sd)
         )
-    if offset is not None and np.isfinite(offset.value).all():
+    if offset is not None and np.isfinite(offset.value).any():
+        known_sd = before.depth_offset_sd_px or (np.inf, np.inf)
+        right_sd, down_sd = np.where(np.isfinite(offset.value), offset.sd, known_sd).tolist()
         calibration = msgspec.structs.replace(
             calibration, depth_offset_px=(round(shift[0], 3), round(shift[1], 3)),
-            depth_offset_sd_px=(_rounded(offset.sd[0]), _rounded(offset.sd[1])),
+            depth_offset_sd_px=(_rounded(right_sd), _rounded(down_sd)),
         )  # fmt: skip
     if held is not None:
         calibration = msgspec.structs.replace(calibration, held_sd_m=(_vector(held.sd[0]), _vector(held.sd[1])))

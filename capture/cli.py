@@ -33,6 +33,7 @@ def print_command(
             "--rig", metavar="RIG.toml", help="Take dictionary, size and, without --ids, numbers from this rig."
         ),
     ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the page that --out names.")] = False,
 ) -> None:
     """Write a page of markers, true to scale, with bars to check the print.
 
@@ -41,6 +42,7 @@ def print_command(
     from capture.errors import UntrackableError
     from capture.marker_sheet import write_sheet
     from formats.descriptions import load_rig
+    from formats.outputs import refuse_to_replace
 
     try:
         numbers = [int(part) for part in (ids or "0,1").split(",")]
@@ -56,6 +58,8 @@ def print_command(
             raise UntrackableError("its hanger has dots, not markers", where=rig, advice="leave out --rig")
         dictionary, size = hanger.dictionary, hanger.marker_size_m
         numbers = numbers if ids else list(hanger.ids)
+    if not overwrite:
+        refuse_to_replace(out)
     typer.echo(f"{write_sheet(out, dictionary, numbers, size)}: {len(numbers)} markers of {1e3 * size:g} mm")
 
 
@@ -158,11 +162,18 @@ def record_command(
     scan_points: Annotated[
         int, typer.Option("--scan-points", metavar="N", min=3, max=64, help="Scan a grid of N x N, and 8 N around it.")
     ] = 12,
+    lamp: Annotated[
+        str | None,
+        typer.Option(
+            "--lamp", metavar="LED", help="Show how it goes on this LED of /sys/class/leds.", show_default="no lamp"
+        ),
+    ] = None,
 ) -> None:
     """Track the hanger and the garment in every frame and keep them as a take.
 
     Nothing has to be clicked: the two markers are found by themselves, fiducials or coloured dots as the rig says.
-    Where more things look like dots, --pick says which. Ctrl-C ends the take cleanly.
+    Where more things look like dots, --pick says which. Ctrl-C ends the take cleanly. A lamp is steady while all is
+    well, blinks once a second when something stands in the way and four times when the sensor fails.
     """
     import sys
     from contextlib import ExitStack
@@ -171,8 +182,11 @@ def record_command(
     import numpy as np
 
     from capture.condition import Condition
+    from capture.condition_lamp import show_condition
     from capture.frame_queue import QueuedSensor
     from capture.recording import ScanPlan, record
+    from firmware_host.errors import LampError
+    from firmware_host.lamp import StatusLamp
     from firmware_host.opening import open_sensor
     from formats.descriptions import load_garment, load_rig
     from formats.outputs import refuse_to_replace
@@ -193,13 +207,20 @@ def record_command(
         said = condition.value
         advice = f"; {said.advice}" if said.advice else ""
         print(f"{start}{time:6.1f} s  {said.words}{advice}", file=sys.stderr, flush=True)
+        if lamps:
+            try:
+                show_condition(lamps[0], condition)
+            except LampError as error:
+                lamps.clear()
+                print(f"{start}{time:6.1f} s  without the lamp: {error}", file=sys.stderr, flush=True)
 
     picks = None if pick is None else np.array([two_numbers(one, "--pick") for one in pick], float)
     scans = ScanPlan(rate=scan_rate, grid=scan_points, contour=8 * scan_points) if scan_rate > 0 else None
-    with ExitStack() as open_sensors:
-        source = open_sensors.enter_context(open_sensor(sensor))
+    with ExitStack() as opened:
+        lamps = [] if lamp is None else [opened.enter_context(StatusLamp(lamp))]
+        source = opened.enter_context(open_sensor(sensor))
         if source.info.is_live:
-            source = open_sensors.enter_context(QueuedSensor(source))
+            source = opened.enter_context(QueuedSensor(source))
         report = record(
             source, described_rig, described_garment, out, take_id=out.stem,
             created=datetime.now(UTC).isoformat(timespec="seconds"), seconds=seconds, progress=show,
@@ -216,5 +237,6 @@ def record_command(
     for condition, count in sorted(report.conditions.items(), key=lambda item: -item[1]):
         if condition is not Condition.GOOD:
             typer.echo(f"in {count} frames {condition.value.words}")
-    if report.failure is not None:
-        raise report.failure
+    complaint = report.failure or report.doubt
+    if complaint is not None:
+        raise complaint

@@ -41,6 +41,7 @@ class DotTracker:
         self._placer = PlatePlacer(
             self.sensor, self.hanger.marker_size_m, (rig.calibration or Calibration()).depth_offset_px
         )
+        self.correlation = self._placer.correlation
         self._picks = picks
         known = self.hanger.dot_colours
         self._colours: list[Floats | None] = [None, None] if known is None else [np.array(c, float) for c in known]

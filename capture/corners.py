@@ -16,6 +16,7 @@ through the centres of the outermost pixels and are moved outwards by half a pix
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -38,13 +39,14 @@ STRAIGHT = 0.6  # of a side: what is beyond belongs to the next corner
 SHORTEST_ARM = 8  # outline pixels; fewer do not make a line
 FARTHEST_REFINEMENT = 10.0  # px between a Harris corner and the crossing that replaces it
 FLATTEST_CROSSING = 0.34  # sine of 20 degrees
-CURL_SD = 0.6  # px, a side is not quite straight near its end
+CURL_SD = 0.5  # px, a side is not quite straight near its end
+HELD_SD = 0.3  # px, the held edge is a rigid step from the markers, and a bar's rim is as ragged as any
 HARRIS_SD = 2.5  # px, of an unrefined Harris corner on a ragged edge
 
 
 @dataclass(frozen=True)
 class CornersInView:
-    """Corners [px of the image], (4, 2), top left, top right, bottom right, bottom left, and their sd [px], (4,).
+    """Corners [px of the image], (4, 2), top left, top right, bottom right, bottom left, and their sd [px], (4, 2).
 
     NaN where there is none.
     """
@@ -115,7 +117,7 @@ def _extreme(value: Floats, strong: NDArray[np.intp]) -> int:
 
 
 def _none() -> CornersInView:
-    return CornersInView(np.full((4, 2), np.nan), np.full(4, np.nan))
+    return CornersInView(np.full((4, 2), np.nan), np.full((4, 2), np.nan))
 
 
 def _strong_corners(silhouette: Silhouette) -> NDArray[np.intp]:
@@ -133,7 +135,7 @@ def _refine(silhouette: Silhouette, starts: list[int], held: Floats | None, side
     """Refine four places on the outline; the held edge is the line of the top side, where it is one."""
     if len(set(starts)) < 4:
         return _none()
-    corners, sd = np.full((4, 2), np.nan), np.full(4, np.nan)
+    corners, sd = np.full((4, 2), np.nan), np.full((4, 2), np.nan)
     outline = silhouette.outline
     middle = outline.mean(0)
     offset = np.array([silhouette.window.left, silhouette.window.top], dtype=np.float64)
@@ -142,7 +144,7 @@ def _refine(silhouette: Silhouette, starts: list[int], held: Floats | None, side
         lines: list[tuple[Floats, float] | None] = []
         for neighbour, side in (((i - 1) % 4, sides[i, 0]), ((i + 1) % 4, sides[i, 1])):
             if top is not None and {i, neighbour} == {0, 1}:
-                lines.append((top, 0.0))
+                lines.append((top, HELD_SD))
             else:
                 lines.append(
                     _side_line(outline, starts[i], starts[neighbour], middle, min(LONGEST_ARM, STRAIGHT * side))
@@ -156,30 +158,30 @@ def _side_line(outline: Floats, start: int, end: int, middle: Floats, longest: f
     n = len(outline)
     forward, backward = (end - start) % n, (start - end) % n
     step, length = (1, forward) if forward <= backward else (-1, backward)
-    whole = outline[end] - outline[start]
-    longest = min(longest, STRAIGHT * float(np.hypot(*whole)))
+    (x0, y0), (x1, y1) = outline[start].tolist(), outline[end].tolist()
+    longest = min(longest, STRAIGHT * math.hypot(x1 - x0, y1 - y0))
     # A ragged outline takes up to two pixels for one of its length.
-    way = (
-        outline.take(start + step * np.arange(min(length, int(2 * longest)) + 1), axis=0, mode="wrap") - outline[start]
-    )
-    far = np.hypot(way[:, 0], way[:, 1])
-    arm = way[(far >= SKIPPED_ARM) & (far <= longest)]
+    way = outline.take(start + step * np.arange(min(length, int(2 * longest)) + 1), axis=0, mode="wrap")
+    x, y = way[:, 0] - x0, way[:, 1] - y0
+    far = np.hypot(x, y)
+    arm = (far >= SKIPPED_ARM) & (far <= longest)
     for _ in range(2):
-        if len(arm) < SHORTEST_ARM:
+        x, y = x[arm], y[arm]
+        if x.size < SHORTEST_ARM:
             return None
-        centre = arm.sum(0) / len(arm)
-        x, y = (arm - centre).T
+        middle_x, middle_y = float(x.sum()) / x.size, float(y.sum()) / x.size
+        away_x, away_y = x - middle_x, y - middle_y
         # The direction of least scatter of a 2 x 2 covariance.
-        angle = 0.5 * np.arctan2(2.0 * (x @ y), x @ x - y @ y) + 0.5 * np.pi
-        normal = np.array([np.cos(angle), np.sin(angle)])
-        away = np.abs(x * normal[0] + y * normal[1])
-        scatter = max(LATERAL_SD, 1.5 * float(np.partition(away, len(away) // 2)[len(away) // 2]))
-        arm = arm[away < 2.5 * scatter]
-    centre = centre + outline[start]
-    if normal @ (centre - middle) < 0:
-        normal = -normal
-    line = np.array([normal[0], normal[1], -(normal @ centre) - 0.5])
-    return line, 2.0 * scatter / float(np.sqrt(len(arm)))
+        turn = math.atan2(2.0 * float(away_x @ away_y), float(away_x @ away_x - away_y @ away_y))
+        a, b = math.cos(0.5 * (turn + math.pi)), math.sin(0.5 * (turn + math.pi))
+        off = np.abs(a * away_x + b * away_y)
+        scatter = max(LATERAL_SD, 1.5 * float(np.partition(off, off.size // 2)[off.size // 2]))
+        arm = off < 2.5 * scatter
+    middle_x, middle_y = middle_x + x0, middle_y + y0
+    if a * (middle_x - middle[0]) + b * (middle_y - middle[1]) < 0.0:
+        a, b = -a, -b
+    line = np.array([a, b, -(a * middle_x + b * middle_y) - 0.5])
+    return line, math.hypot(2.0 * scatter / math.sqrt(np.count_nonzero(arm)), CURL_SD)
 
 
 def _line_through(ends: Floats) -> Floats:
@@ -189,16 +191,20 @@ def _line_through(ends: Floats) -> Floats:
     return np.array([normal[0], normal[1], -(normal @ ends[0])])
 
 
-def _refined(start: Floats, lines: list[tuple[Floats, float] | None]) -> tuple[Floats, float]:
-    """Return the crossing of two lines, or the Harris corner where they make none near it, with the sd [px]."""
+def _refined(start: Floats, lines: list[tuple[Floats, float] | None]) -> tuple[Floats, Floats]:
+    """Return the crossing of two lines, or the Harris corner where they make none near it, with the sd [px], (2,).
+
+    With the lines' unit normals as rows of N and deviations s across them its covariance is N^-1 diag(s^2) N^-T.
+    """
     first, second = lines
+    unrefined = np.full(2, HARRIS_SD)
     if first is None or second is None:
-        return start, HARRIS_SD
+        return start, unrefined
     (a, sd_a), (b, sd_b) = first, second
     sine = float(a[0] * b[1] - a[1] * b[0])
     if abs(sine) < FLATTEST_CROSSING:
-        return start, HARRIS_SD
+        return start, unrefined
     crossing = np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2]]) / sine
     if np.linalg.norm(crossing - start) > FARTHEST_REFINEMENT:
-        return start, HARRIS_SD
-    return crossing, float(np.sqrt((sd_a**2 + sd_b**2) / 2 / sine**2 + CURL_SD**2))
+        return start, unrefined
+    return crossing, np.hypot([b[1], b[0]] * np.array(sd_a), [a[1], a[0]] * np.array(sd_b)) / abs(sine)

@@ -15,7 +15,9 @@ section 3. A mean of quantised pixels is finer than a step because the noise dit
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,12 +38,14 @@ class SurfaceDepth:
     """Depth [m] of a surface at one pixel, its standard deviation [m], and the fit behind it.
 
     residuals [m], (pixels,) in depth; used, (pixels,): which of the given pixels lie on the surface;
-    slope [m/px], (2,): how depth changes along u and v.
+    slope [m/px], (2,): how depth changes along u and v; height [px]: root of the sum of squares of the fitted pixels'
+    distances along v from their middle, which says how well the slope along v is known.
     """
 
     depth: float
     sd: float
     slope: Floats
+    height: float
     residuals: Floats
     used: NDArray[np.bool_]
 
@@ -50,7 +54,7 @@ def pixel_sd(depth: float, focal_length: float) -> float:
     """Return the standard deviation [m] of one depth pixel at `depth` [m]; `focal_length` in pixels."""
     axial = 0.0012 + 0.0019 * (depth - 0.4) ** 2
     step = depth**2 / (DISPARITY_STEPS * BASELINE * focal_length)
-    return float(np.sqrt(axial**2 + step**2 / 12.0))
+    return math.sqrt(axial**2 + step**2 / 12.0)
 
 
 def fit_surface(
@@ -66,28 +70,55 @@ def fit_surface(
     middle = float(np.partition(z, z.size // 2)[z.size // 2])
     noise = pixel_sd(middle, focal_length)
     used = np.abs(z - middle) < spread + OUTLIER_SD * noise
-    inverse = 1.0 / z
-    columns = np.stack([np.ones_like(u), u, v])
+    rows = np.empty((4, z.size))
+    rows[0], rows[1], rows[2] = 1.0, u, v
+    np.divide(1.0, z, out=rows[3])
+    plane: _Plane | None = None
     for _ in range(2):
-        if np.count_nonzero(used) < FEWEST_PIXELS:
+        count = int(np.count_nonzero(used))
+        if count < FEWEST_PIXELS:
             return None
-        chosen = columns[:, used]
-        normal = chosen @ chosen.T
-        scale = 1.0 / np.sqrt(normal.diagonal())
-        if np.linalg.det(normal * scale * scale[:, None]) < FLATTEST_SPREAD:
+        chosen = rows if count == z.size else rows[:, used]
+        plane = _plane(chosen @ chosen.T)
+        if plane is None:
             return None
-        covariance = np.linalg.inv(normal)
-        coefficients = covariance @ (chosen @ inverse[used])
-        residuals = -(inverse - coefficients @ columns) * z * middle
+        residuals = (np.array([plane.a, plane.b, plane.c, -1.0]) @ rows) * z * middle
         before, used = used, np.abs(residuals) < OUTLIER_SD * noise
         if np.array_equal(before, used):
             break
-    a = float(coefficients[0])
-    if a <= 0.0:
+    if plane is None or plane.a <= 0.0:
         return None
-    depth = 1.0 / a
-    variance = float(covariance[0, 0]) * (noise / middle**2) ** 2 * correlated_pixels
-    return SurfaceDepth(depth, depth**2 * float(np.sqrt(variance)), -(depth**2) * coefficients[1:], residuals, used)
+    depth = 1.0 / plane.a
+    sd = depth**2 * noise / middle**2 * math.sqrt(plane.variance * correlated_pixels)
+    return SurfaceDepth(depth, sd, np.array([plane.b, plane.c]) * -(depth**2), plane.height, residuals, used)
+
+
+class _Plane(NamedTuple):
+    """w = a + b u + c v; variance of a for a unit variance of w; height as in `SurfaceDepth`."""
+
+    a: float
+    b: float
+    c: float
+    variance: float
+    height: float
+
+
+def _plane(moments: Floats) -> _Plane | None:
+    """Solve for the plane from the sums of products of (1, u, v, w), (4, 4); None where the pixels lie on a line.
+
+    In plain numbers: a library's solver takes longer to begin than this takes.
+    """
+    (n, u, v, w), (_, uu, uv, uw), (_, _, vv, vw), _ = moments.tolist()
+    u, v, w = u / n, v / n, w / n
+    scatter_u, scatter_v, scatter_uv = uu - n * u * u, vv - n * v * v, uv - n * u * v
+    determinant = scatter_u * scatter_v - scatter_uv**2
+    if determinant <= FLATTEST_SPREAD * uu * vv:
+        return None
+    with_u, with_v = uw - n * u * w, vw - n * v * w
+    b = (scatter_v * with_u - scatter_uv * with_v) / determinant
+    c = (scatter_u * with_v - scatter_uv * with_u) / determinant
+    variance = 1.0 / n + (u * u * scatter_v - 2.0 * u * v * scatter_uv + v * v * scatter_u) / determinant
+    return _Plane(w - b * u - c * v, b, c, variance, math.sqrt(scatter_v))
 
 
 class CorrelationMeter:
@@ -102,16 +133,18 @@ class CorrelationMeter:
     PRIOR_WEIGHT = 200.0  # pixels' worth of belief in the starting value: less than one marker plate
 
     def __init__(self, pixels: float = CORRELATED_PIXELS) -> None:
-        ratio = np.sqrt(pixels)
+        ratio = math.sqrt(pixels)
         rho = (ratio - 1.0) / (ratio + 1.0)
-        self._products = np.full(2, rho * self.PRIOR_WEIGHT)
-        self._squares = np.full(2, self.PRIOR_WEIGHT)
+        self._products = [rho * self.PRIOR_WEIGHT] * 2
+        self._squares = [self.PRIOR_WEIGHT] * 2
 
     @property
     def pixels(self) -> float:
         """How many neighbouring pixels carry the information of one independent pixel."""
-        rho = np.clip(self._products / self._squares, 0.0, 0.8)
-        return float(np.prod((1.0 + rho) / (1.0 - rho)))
+        rho = [
+            min(max(product / square, 0.0), 0.8) for product, square in zip(self._products, self._squares, strict=True)
+        ]
+        return math.prod((1.0 + one) / (1.0 - one) for one in rho)
 
     def add(self, residuals: Floats, used: NDArray[np.bool_]) -> None:
         """Add one plate's residuals in units of the pixel noise, (rows, columns), where `used` is true."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import UntrackableError
-from capture.geodesic import geodesic_distances, pairwise_distances
+from capture.geodesic import geodesic_distances
 from formats.garment import Garment
 
 Floats = NDArray[np.float64]
@@ -30,13 +30,15 @@ class FlatGarment:
     """Corners [m], (4, 2), y up, from the top left clockwise; roles: for every tracked point its corner or `CENTRE`.
 
     sides [m], (4, 2): lengths of the outline's sides before and after each corner, clockwise; distances [m], (4, 4),
-    along the cloth; reach [m]: farthest that any of it can be from the held edge; area [m^2]
+    along the cloth; from_ends [m], (2, 4): from the ends of the held edge to the corners; reach [m]: farthest that any
+    of it can be from the held edge; area [m^2]
     """
 
     corners: Floats
     roles: list[int]
     sides: Floats
     distances: Floats
+    from_ends: Floats
     reach: float
     area: float
 
@@ -52,12 +54,14 @@ def flat_garment(garment: Garment, corners: Floats) -> FlatGarment:
     outline = np.array(garment.outline_m, float)
     reach = float(np.linalg.norm(outline[:, None] - outline[None, :2], axis=-1).min(1).max())
     surface = _laid_flat(outline)
-    sources = np.concatenate([corners, np.zeros((4, 1))], axis=1)
-    distances = pairwise_distances(geodesic_distances(surface, sources), surface, sources)
+    sources = np.concatenate([np.concatenate([corners, outline[:2]]), np.zeros((6, 1))], axis=1)
+    _, distances = geodesic_distances(surface, sources)
     lengths = np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1)
     at = [int(np.linalg.norm(outline - corner, axis=1).argmin()) for corner in corners]
     sides = np.array([[lengths[k - 1], lengths[k]] for k in at])
-    return FlatGarment(corners, _roles(garment, corners), sides, distances, reach, garment.area_m2)
+    return FlatGarment(
+        corners, _roles(garment, corners), sides, distances[:4, :4], distances[4:, :4], reach, garment.area_m2
+    )
 
 
 def _laid_flat(outline: Floats) -> Floats:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,6 +24,15 @@ from formats.take import FrameState
 Floats = NDArray[np.float64]
 
 
+class Tracked(NamedTuple):
+    """What a frame shows of hanger and garment, its state, and the ends of the held edge [m], (2, 3)."""
+
+    hanger: HangerSight
+    cloth: GarmentSight
+    state: int
+    held: Floats
+
+
 class FrameTracker:
     """Follows hanger and garment through a recording."""
 
@@ -33,17 +44,18 @@ class FrameTracker:
         """
         hanger, self.camera = hanger_and_sensor(rig)
         self.rig, self.garment = rig, garment
-        self._hanger, self._cloth = hanger_tracker(rig, picks), garment_tracker(garment, depth_rig(rig))
+        self._hanger = hanger_tracker(rig, picks)
+        self._cloth = garment_tracker(garment, depth_rig(rig), self._hanger.correlation)
         self._scaled = DepthScale((rig.calibration or Calibration()).depth_scale)
         self._watch = HangerWatch(hanger)
 
-    def track(self, frame: SensorFrame, time: float) -> tuple[HangerSight, GarmentSight, int]:
-        """Return what a frame shows at a time [s] of hanger and garment, and the frame's state."""
-        hanger, cloth = nothing_seen(), nothing_found(len(self.garment.points))
+    def track(self, frame: SensorFrame, time: float) -> Tracked:
+        """Return what a frame shows at a time [s]."""
+        hanger, cloth, held = nothing_seen(), nothing_found(len(self.garment.points)), np.full((2, 3), np.nan)
         lost = FrameState.MARKER_LOST | FrameState.GARMENT_LOST
         state = picture_faults(frame, self.camera)
         if state & (FrameState.WRONG_SIZE | FrameState.DEPTH_MISSING) or frame.colour is None:
-            return hanger, cloth, state | lost
+            return Tracked(hanger, cloth, state | lost, held)
         depth = self._scaled(frame.depth)
         hanger = self._hanger.track(frame.colour, depth, time)
         state |= self._watch.faults(hanger, depth, time)
@@ -53,15 +65,16 @@ class FrameTracker:
             if not cloth.valid.all() and is_garment_covered(depth, held, self.camera):
                 state |= FrameState.VIEW_BLOCKED
         state |= 0 if cloth.is_found else FrameState.GARMENT_LOST
-        return hanger, cloth, state
+        return Tracked(hanger, cloth, state, held)
 
     def scan(self, time: float, *, grid: int, contour: int) -> SurfaceScan | None:
         """Scan the surface seen in the last frame; None where the garment was not found in it."""
         return self._cloth.scan(time, grid=grid, contour=contour)
 
-    def as_frame(self, time: float, hanger: HangerSight, cloth: GarmentSight, state: int) -> Frame:
+    @staticmethod
+    def as_frame(time: float, seen: Tracked) -> Frame:
         """Return what a take keeps of a frame."""
-        held = held_ends(hanger.positions, self.rig)
+        hanger, cloth, state, held = seen
         # The ends are a rigid step from both markers: between them interpolation, beyond them extrapolation of noise.
         sd = np.sqrt(np.mean(np.nan_to_num(hanger.sd) ** 2, axis=0))
         return Frame(

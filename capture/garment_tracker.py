@@ -11,21 +11,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.coverage import beyond_the_seen
 from capture.depth_surface import CorrelationMeter, pixel_sd
 from capture.errors import UntrackableError
 from capture.flat_garment import CENTRE, flat_garment
 from capture.garment import FINDERS, GarmentSight, GarmentTracker, frame_quality, nothing_found
-from capture.geodesic import farthest_place, geodesic_distances, pairwise_distances
-from capture.occlusion import (
-    COVERED,
-    FOLD_ARM,
-    LEAST_FOLD,
-    comes_to_the_front,
-    folded_away,
-    is_at_border,
-    is_behind_something,
-    is_blunt,
-)
+from capture.geodesic import farthest_place, geodesic_distances
+from capture.occlusion import COVERED, folded_away, is_at_border, is_behind_something, is_folded_away, other_layer
 from capture.placing import Placer, project
 from capture.plausibility import MotionGate
 from capture.silhouette import Silhouette, Window, cut_out
@@ -44,6 +36,7 @@ SMALLEST_SHARE = 0.25  # of the flat garment's area in view; a smaller piece is 
 JUMP, JUMP_NOISE = 0.03, 6.0  # m and pixel noises in depth between neighbours that are two surfaces
 NEAREST_HANGER = 0.1  # m; nearer is no place of a hanger but an error
 HELD_MATCH = 0.03  # m, a held corner this far from the held edge's end is not that corner
+HELD_SLACK = 0.006  # m along each axis that a held corner and the held edge's end differ by, from noise alone
 CELL = 0.028  # m, of the grid for geodesics
 CORNER_SLACK = 0.02  # of a distance between corners: it is no worse measured than that
 CORNER_SHARE = 0.5  # of what is beyond, for each of the two: z is then 1 on the development set
@@ -100,25 +93,29 @@ class SilhouetteTracker:
         places, sd = np.full((5, 3), np.nan), np.full((5, 3), np.nan)
         pixels = np.vstack([view.pixels, np.full((1, 2), np.nan)])
         for i in range(4):
-            places[i], sd[i] = placer.place(view.pixels[i], float(view.sd[i]))
-        is_held = self._match_held(places, held)
+            places[i], sd[i] = placer.place(view.pixels[i], view.sd[i])
+        is_held = self._match_held(places, sd, held)
         surface, cell = self._surface(silhouette)
-        distances = geodesic_distances(surface, places[:4])
-        along = pairwise_distances(distances, surface, places[:4])
+        distances, along = geodesic_distances(surface, places[:4])
         missing = ~np.isfinite(places[:4, 0])
         along[missing] = along[:, missing] = np.nan
         hidden = np.zeros(5, bool)
-        hidden[:4], wrong = self._hidden(silhouette, depth.shape, pixels, places, is_held, along)
-        places[:4][hidden[:4] | wrong] = np.nan
+        folded, wrong = folded_away(along, self.flat.distances, is_held)
+        beyond = np.zeros(4)
+        if (folded | wrong | missing).any():
+            beyond = beyond_the_seen(silhouette, surface, cell, held, self.flat.from_ends, self.sensor)
+        dropped = folded | wrong
+        hidden[:4] = self._hidden(silhouette, depth.shape, pixels, places, along, dropped, beyond)
+        places[:4][hidden[:4] | dropped] = np.nan
         sd[:4] = np.hypot(sd[:4], self._mismatch(places, is_held, along)[:, None])
         if np.isfinite(places[:4, 0]).all():
             mismatch = np.abs(along - self.flat.distances)
             off = float(np.sqrt((mismatch**2).sum() / 12.0))
             pixels[CENTRE], centre_sd = self._centre(silhouette, distances, cell)
             centre_sd = float(np.hypot(centre_sd, CENTRE_SHARE * off * self.sensor.fx / float(held[:, 2].mean())))
-            places[CENTRE], sd[CENTRE] = placer.place(pixels[CENTRE], centre_sd)
+            places[CENTRE], sd[CENTRE] = placer.place(pixels[CENTRE], np.full(2, centre_sd))
         points, sd, pixels = places[roles], sd[roles], pixels[roles]
-        valid = self._gate.admit(points, sd, time)
+        valid, sd = self._gate.admit(points, sd, time)
         points[~valid] = np.nan
         sd[~valid] = np.nan
         self._seen = silhouette, np.where(np.isfinite(places[:4, :1]), view.pixels, np.nan)
@@ -137,28 +134,29 @@ class SilhouetteTracker:
         return scan_surface(silhouette, corners, self.sensor, time, grid=grid, contour=contour)
 
     def _hidden(
-        self, silhouette: Silhouette, shape: tuple[int, ...], pixels: Floats, places: Floats, is_held: Booleans,
-        along: Floats,
-    ) -> tuple[Booleans, Booleans]:  # fmt: skip
-        """Return which corners are hidden and which are merely not where they should be, (4,) each."""
-        flat = self.flat.distances
-        missing = ~np.isfinite(places[:4, 0])
-        folded, wrong = folded_away(along, flat, is_held)
+        self, silhouette: Silhouette, shape: tuple[int, ...], pixels: Floats, places: Floats, along: Floats,
+        dropped: Booleans, beyond: Floats,
+    ) -> Booleans:  # fmt: skip
+        """Return which corners are hidden, (4,).
+
+        dropped, (4,): not where they should be; beyond [m], (4,): how far from the seen cloth, where any is dropped.
+        """
+        flat, pixel_area = self.flat.distances, 1.0 / (self.sensor.fx * self.sensor.fy)
         hidden = np.zeros(4, bool)
-        for i in np.flatnonzero(~missing):
+        for i in range(4):
             z = float(places[i, 2])
-            lost = np.nanmax(np.where(np.isfinite(along[i]), flat[i] - along[i], 0.0))
+            if np.isnan(z):
+                hidden[i] = is_folded_away(float(beyond[i]), 0.0)
+                continue
+            lost = float(np.nanmax(np.where(np.isfinite(along[i]), flat[i] - along[i], 0.0)))
             if is_at_border(pixels[i], shape):
                 hidden[i] = True
             elif is_behind_something(silhouette, pixels[i], z, self._jump(z)):
-                hidden[i] = folded[i] or wrong[i] or lost > COVERED * flat[i].max()
-            elif folded[i]:
-                hidden[i] = (
-                    lost > LEAST_FOLD * flat[i].max()
-                    and is_blunt(silhouette, pixels[i], FOLD_ARM * self.sensor.fx / z)
-                    and not comes_to_the_front(silhouette, pixels[i], z, 0.5 * lost * self.sensor.fx / z)
-                )
-        return hidden, (folded | wrong) & ~hidden
+                hidden[i] = dropped[i] or lost > COVERED * flat[i].max()
+            elif dropped[i]:
+                layer = other_layer(silhouette, pixels[i], places[i], lost, pixel_area)
+                hidden[i] = is_folded_away(float(beyond[i]), layer)
+        return hidden
 
     def _mismatch(self, places: Floats, is_held: Booleans, along: Floats) -> Floats:
         """Return what each corner may be off by [m], (4,), since its distances to the others are not the flat ones."""
@@ -166,13 +164,19 @@ class SilhouetteTracker:
         off = np.where(placed[:, None] & placed & np.isfinite(along), np.abs(along - flat), 0.0)
         return np.where(is_held, 0.0, CORNER_SHARE * np.maximum(off - CORNER_SLACK * flat, 0.0).max(1))
 
-    def _match_held(self, places: Floats, held: Floats) -> Booleans:
-        """Return which corners are ends of the held edge; take away those that should be but are elsewhere."""
+    def _match_held(self, places: Floats, sd: Floats, held: Floats) -> Booleans:
+        """Return which corners are ends of the held edge; take away those that should be but are elsewhere.
+
+        One that is a little off may be the bar's end, not the cloth's: it may be off by as much as that.
+        """
         is_held = np.zeros(4, bool)
         for i, end in enumerate(self.held_corners):
             if end is not None and np.isfinite(places[i, 0]):
-                is_held[i] = np.linalg.norm(places[i] - held[end]) < HELD_MATCH
-                if not is_held[i]:
+                apart = places[i] - held[end]
+                is_held[i] = np.linalg.norm(apart) < HELD_MATCH
+                if is_held[i]:
+                    sd[i] = np.hypot(sd[i], np.maximum(np.abs(apart) - HELD_SLACK, 0.0))
+                else:
                     places[i] = np.nan
         return is_held
 

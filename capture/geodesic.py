@@ -12,6 +12,7 @@ same distances as Dijkstra's queue on the same graph, in array operations.
 
 from __future__ import annotations
 
+import math
 from functools import cache
 
 import cv2
@@ -24,60 +25,64 @@ Floats = NDArray[np.float64]
 MOVES = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1))
 STEEPEST_STEP = 2.0  # way over the surface per way across it; a steeper step joins two folds, not one surface
 SOURCE_REACH = 2.5  # grid steps from a corner to the nodes that its distance map starts from
-MARGIN = 2  # nodes of padding so that every move stays inside the arrays
+MARGIN = 2  # nodes of padding around the grid so that every move stays inside the arrays
 FIT_REACH = 2  # nodes to either side over which a distance map is smoothed by a parabola
 WHOLE_PATCH = np.ones((2 * FIT_REACH + 1, 2 * FIT_REACH + 1), np.uint8)
 FINE_STEPS = 8  # places per grid step at which the smoothed maps are compared
 
 
-def geodesic_distances(surface: Floats, sources: Floats) -> NDArray[np.float32]:
-    """Return the distance along the surface from each source to each node.
+def geodesic_distances(surface: Floats, sources: Floats) -> tuple[NDArray[np.float32], Floats]:
+    """Return the distance along the surface from each source to each node, and from each source to each other.
 
     surface [m], (rows, columns, 3), any frame, NaN where there is none; sources [m], (k, 3), on the surface.
-    Returns [m], (k, rows, columns); infinite where no way leads.
+    Returns [m], (k, rows, columns) and (k, k); infinite where no way leads, and for sources that are NaN.
+
+    All nodes lie in one line, grid after grid and row after row with a margin between, so that a move is one shift of
+    the whole line.
     """
     rows, columns, _ = surface.shape
-    padded = np.full((rows + 2 * MARGIN, columns + 2 * MARGIN, 3), np.nan, dtype=np.float32)
-    inner = (slice(MARGIN, MARGIN + rows), slice(MARGIN, MARGIN + columns))
-    padded[inner] = surface
+    count, width = len(sources), columns + MARGIN
+    margin, nodes = MARGIN * width, (rows + MARGIN) * width
+    line = np.full((3, nodes + margin), np.nan, dtype=np.float32)
+    line[:, :nodes].reshape(3, -1, width)[:, :rows, :columns] = surface.transpose(2, 0, 1)
     spacing = _spacing(surface)
-    lengths = []
+    steps = []
     for down, right in MOVES:
-        there = padded[MARGIN + down : MARGIN + down + rows, MARGIN + right : MARGIN + right + columns]
-        length = np.sqrt(((there - padded[inner]) ** 2).sum(-1))
-        limit = STEEPEST_STEP * spacing * np.hypot(down, right)
-        lengths.append(np.where(length < limit, length, np.inf).astype(np.float32))
-    distance = np.full((len(sources), *padded.shape[:2]), np.inf, dtype=np.float32)
-    start = np.linalg.norm(surface[None] - sources[:, None, None, :], axis=-1)
-    distance[:, inner[0], inner[1]] = np.where(start < SOURCE_REACH * spacing, start, np.inf)
-    here = distance[:, inner[0], inner[1]]
-    before, way = here.copy(), np.empty_like(here)
-    for _ in range(rows + columns):
-        for (down, right), length in zip(MOVES, lengths, strict=True):
-            top, left = MARGIN + down, MARGIN + right
-            there = distance[:, top : top + rows, left : left + columns]
+        shift = down * width + right
+        x, y, z = line[:, shift:] - line[:, : nodes + margin - shift]
+        length = np.full(nodes, np.inf, dtype=np.float32)
+        squared = (x * x + y * y + z * z)[:nodes]
+        limit = (STEEPEST_STEP * spacing * math.hypot(down, right)) ** 2
+        np.sqrt(squared, out=length[: squared.size], where=squared < limit)
+        steps.append((shift, np.tile(length, count)))
+    away = np.sqrt(((line[:, :nodes] - sources[:, :, None].astype(np.float32)) ** 2).sum(1))
+    start = np.where(away < SOURCE_REACH * spacing, away, np.float32(np.inf))
+    distance = _relaxed(start.ravel(), steps, margin + MARGIN).reshape(count, nodes)
+    apart = np.empty((count, count))
+    for j, reached in enumerate(start):
+        near = np.flatnonzero(reached < np.inf)
+        apart[:, j] = (distance[:, near] + reached[near]).min(1) if near.size else np.inf
+    np.fill_diagonal(apart, 0.0)
+    grid = distance.reshape(count, -1, width)[:, :rows, :columns]
+    return np.ascontiguousarray(grid), np.minimum(apart, apart.T)
+
+
+def _relaxed(
+    start: NDArray[np.float32], steps: list[tuple[int, NDArray[np.float32]]], margin: int
+) -> NDArray[np.float32]:
+    """Return the distances, (nodes of the line,), shortened by every move to and fro until nothing changes."""
+    nodes = start.size
+    whole = np.concatenate([start, np.full(margin, np.inf, dtype=np.float32)])
+    here, way = whole[:nodes], np.empty_like(start)
+    before = start
+    while True:
+        for shift, length in steps:
+            there = whole[shift : shift + nodes]
             np.minimum(here, np.add(there, length, out=way), out=here)
             np.minimum(there, np.add(here, length, out=way), out=there)
         if np.array_equal(here, before):
-            break
-        before[...] = here
-    return here
-
-
-def pairwise_distances(distances: NDArray[np.float32], surface: Floats, sources: Floats) -> Floats:
-    """Return how far apart the sources are along the surface [m], (k, k); infinite where no way leads.
-
-    distances [m], (k, rows, columns): of `geodesic_distances` for this surface and these sources.
-    """
-    start = np.linalg.norm(surface[None] - sources[:, None, None, :], axis=-1)
-    reach = SOURCE_REACH * _spacing(surface)
-    apart = np.full((len(sources), len(sources)), np.inf)
-    for j, away in enumerate(start):
-        near = away < reach
-        if near.any():
-            apart[:, j] = (distances[:, near] + away[near]).min(1)
-    np.fill_diagonal(apart, 0.0)
-    return np.asarray(np.minimum(apart, apart.T))
+            return before
+        before = here.copy()
 
 
 def farthest_place(distances: NDArray[np.float32]) -> tuple[float, float] | None:

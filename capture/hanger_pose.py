@@ -16,12 +16,13 @@ compare with the still beginning of a take. Source: a plane in inverse depth, as
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.depth_surface import pixel_sd
+from capture.depth_surface import SurfaceDepth, pixel_sd
 from formats.hanger import hanger_frame
 from formats.rig import Rig, Sensor
 
@@ -36,16 +37,12 @@ class PlateSlope:
     sd: float
 
 
-def plate_slope(u: Floats, v: Floats, z: Floats, sensor: Sensor, correlated_pixels: float) -> PlateSlope | None:
-    """Fit a plane to a plate's pixels: u, v [px], z [m], (pixels,); None where they lie on a line."""
-    columns = np.stack([np.ones_like(z), (u - sensor.cx) / sensor.fx, (v - sensor.cy) / sensor.fy])
-    spread = float(((v - v.mean()) ** 2).sum()) if v.size else 0.0
-    if v.size < 12 or spread < 1.0 or np.ptp(u) < 1.0:
-        return None
-    nz, nx, ny = np.linalg.lstsq(columns.T, 1.0 / z, rcond=None)[0]
-    middle = float(np.median(z))
-    sd = pixel_sd(middle, sensor.fx) / middle * sensor.fy * np.sqrt(correlated_pixels / spread)
-    return PlateSlope(np.array([nx, ny, nz]), float(sd))
+def plate_slope(plate: SurfaceDepth, at: Floats, sensor: Sensor, correlated_pixels: float) -> PlateSlope:
+    """Return the slope of a plate whose depth was fitted at a place `at` [px], (2,)."""
+    b, c = plate.slope / -(plate.depth**2)
+    nz = 1.0 / plate.depth + b * (sensor.cx - at[0]) + c * (sensor.cy - at[1])
+    sd = pixel_sd(plate.depth, sensor.fx) / plate.depth * sensor.fy * math.sqrt(correlated_pixels) / plate.height
+    return PlateSlope(np.array([b * sensor.fx, c * sensor.fy, nz]), sd)
 
 
 def hanger_pitch(positions: Floats, slopes: list[PlateSlope | None], rig: Rig) -> tuple[float, float]:
@@ -54,6 +51,7 @@ def hanger_pitch(positions: Floats, slopes: list[PlateSlope | None], rig: Rig) -
     if not known or not np.isfinite(positions).all():
         return float("nan"), float("nan")
     _, y, z = hanger_frame(positions, rig).T
-    pitches = np.array([np.arctan2(slope.normal @ y, slope.normal @ z) for slope in known])
-    weights = np.array([slope.sd**-2 for slope in known])
-    return float(weights @ pitches / weights.sum()), float(weights.sum() ** -0.5)
+    weights = [slope.sd**-2 for slope in known]
+    pitches = [math.atan2(slope.normal @ y, slope.normal @ z) for slope in known]
+    mean = sum(weight * pitch for weight, pitch in zip(weights, pitches, strict=True)) / sum(weights)
+    return mean, sum(weights) ** -0.5

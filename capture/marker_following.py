@@ -16,6 +16,7 @@ and back: Z. Kalal, K. Mikolajczyk, J. Matas, ICPR 2010; M. A. Fischler, R. C. B
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import cv2
@@ -58,13 +59,18 @@ class Followed:
 class Keepsake:
     """A marker as it was when its id was read.
 
-    time [s]; corners [px], (4, 2); picture, grey, its upper left corner `origin` [px], (2,) in the whole picture
+    time [s]; corners [px], (4, 2); colour, (h, w, 3), its upper left corner `origin` [px], (2,) in the whole picture
     """
 
     time: float
     corners: Floats
-    picture: Picture
+    colour: NDArray[np.uint8]
     origin: Floats
+
+    @cached_property
+    def picture(self) -> Picture:
+        """The picture in grey, (h, w); worked out when the marker has to be followed, which is seldom."""
+        return _grey(self.colour)
 
 
 def keep(colour: NDArray[np.uint8], corners: Floats, time: float) -> Keepsake | None:
@@ -75,7 +81,7 @@ def keep(colour: NDArray[np.uint8], corners: Floats, time: float) -> Keepsake | 
     height, width = colour.shape[:2]
     if left < 0 or top < 0 or right > width or bottom > height:
         return None
-    return Keepsake(time, corners, _grey(colour, left, top, right, bottom), np.array([left, top], float))
+    return Keepsake(time, corners, colour[top:bottom, left:right].copy(), np.array([left, top], float))
 
 
 def follow(
@@ -94,7 +100,7 @@ def follow(
     bottom = min(colour.shape[0], round(start[1]) + height + slack)
     if right - left < width + 3 or bottom - top < height + 3:
         return None
-    window = _grey(colour, left, top, right, bottom)
+    window = _grey(colour[top:bottom, left:right])
     best, place, picture = -1.0, np.zeros(2), kept.picture
     for share in BLURS:
         blurred = _blurred(kept.picture, share * step)
@@ -206,6 +212,5 @@ def _blurred(picture: Picture, way: Floats) -> Picture:
     return np.asarray(cv2.filter2D(picture, -1, kernel / kernel.sum(), borderType=cv2.BORDER_REPLICATE))
 
 
-def _grey(colour: NDArray[np.uint8], left: int, top: int, right: int, bottom: int) -> Picture:
-    part = np.ascontiguousarray(colour[top:bottom, left:right])
-    return np.asarray(cv2.cvtColor(part, cv2.COLOR_RGB2GRAY), np.float32)
+def _grey(colour: NDArray[np.uint8]) -> Picture:
+    return np.asarray(cv2.cvtColor(np.ascontiguousarray(colour), cv2.COLOR_RGB2GRAY), np.float32)

@@ -34,11 +34,11 @@ CORNER_BIAS = 0.5  # px, a small blurred marker looks smaller by up to this at e
 
 @dataclass(frozen=True)
 class Plate:
-    """A plate in depth: depth [m] at the wanted place and its sd [m]; its slope where its pixels tell."""
+    """A plate in depth: depth [m] at the wanted place and its sd [m]; its slope."""
 
     depth: float
     sd: float
-    slope: PlateSlope | None
+    slope: PlateSlope
 
 
 class Placed(NamedTuple):
@@ -110,8 +110,7 @@ class PlatePlacer:
         patch = depth[top:bottom, left:right]
         inside = np.zeros(patch.shape, dtype=np.uint8)
         cv2.fillConvexPoly(inside, np.rint(outline - [left, top]).astype(np.int32), 1)
-        chosen = (inside > 0) & (patch > 0)
-        rows, columns = np.nonzero(chosen)
+        rows, columns = np.nonzero((inside > 0) & (patch > 0))
         fitted = fit_surface(
             columns + (left - at[0]),
             rows + (top - at[1]),
@@ -127,9 +126,5 @@ class PlatePlacer:
         residuals[rows, columns] = fitted.residuals / pixel_sd(fitted.depth, self.sensor.fx)
         used[rows, columns] = fitted.used
         self.correlation.add(residuals, used)
-        u, v = (
-            part[fitted.used] - shift
-            for part, shift in zip((columns + left, rows + top), self.depth_offset, strict=True)
-        )
-        z = patch[rows, columns][fitted.used].astype(np.float64) * 1e-3
-        return Plate(fitted.depth, fitted.sd, plate_slope(u, v, z, self.sensor, self.correlation.pixels))
+        slope = plate_slope(fitted, at - self.depth_offset, self.sensor, self.correlation.pixels)
+        return Plate(fitted.depth, fitted.sd, slope)

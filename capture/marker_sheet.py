@@ -16,6 +16,7 @@ import cv2
 from capture.errors import UntrackableError
 from capture.marker_detection import marker_dictionary
 from formats.errors import OutputError
+from formats.outputs import write_text
 
 PAGE = (210.0, 297.0)  # mm, A4
 MARGIN = 15.0  # mm that no printer reaches
@@ -82,10 +83,7 @@ def write_sheet(path: Path, dictionary: str, ids: list[int], size_m: float) -> P
     if path.suffix.lower() != ".svg":
         raise OutputError("markers are written as SVG", where=path, advice="give a name that ends in .svg")
     page = draw_sheet(dictionary, ids, size_m)
-    try:
-        path.write_text(page)
-    except OSError as error:
-        raise OutputError(f"cannot be written ({error.strerror})", where=path, advice="check the folder") from error
+    write_text(path, page)
     return path
 
 

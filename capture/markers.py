@@ -14,6 +14,7 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.depth_surface import CorrelationMeter
 from capture.errors import UntrackableError
 from capture.hanger_pose import PlateSlope, hanger_pitch
 from capture.marker_detection import MarkerDetector, diagonal_crossing, quad_side
@@ -57,7 +58,9 @@ class HangerSight:
 
 
 class HangerTracker(Protocol):
-    """Follows a hanger's two markers through a recording."""
+    """Follows a hanger's two markers through a recording; its plates tell how the depth noise is correlated."""
+
+    correlation: CorrelationMeter
 
     def track(self, colour: NDArray[np.uint8], depth: NDArray[np.uint16], time: float) -> HangerSight:
         """Find both markers in one frame.
@@ -105,6 +108,7 @@ class MarkerTracker:
         self._detector = MarkerDetector(self.hanger.dictionary, self.hanger.ids)
         offset = (rig.calibration or Calibration()).depth_offset_px
         self._placer = PlatePlacer(self.sensor, self.hanger.marker_size_m, offset)
+        self.correlation = self._placer.correlation
         self._tracks: list[ImageTrack | None] = [None, None]
         self._kept: list[Keepsake | None] = [None, None]
 

@@ -8,11 +8,16 @@ Folded      cloth hardly stretches, so two corners are as far apart along the se
                 deficit_ij = (1 - tolerance) D_ij - d_ij        [m], of `capture.flat_garment` and `capture.geodesic`
 
             A deficit says that cloth is missing between the two. The corner with most of it is dropped, and the rest
-            are looked at again. It is hidden if much is missing, the outline is blunt there, as across a fold, and
-            the cloth does not come to the front: a corner folded to the front is in view, but not on the outline.
+            are looked at again. A dropped corner is hidden if it also lies well beyond all cloth that is seen
+            (`capture.coverage`): otherwise it is in view, but not where the outline has a corner. Another layer of
+            cloth behind or before the outline there, as a corner that wraps around shows it, makes that doubtful:
+
+                beyond > LEAST_BEYOND + LAYER_DOUBT ln(1 + layer's area / LAYER_AREA)
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +29,11 @@ Booleans = NDArray[np.bool_]
 
 LOOK_AROUND = 12  # px: wider than the missing pixels beside a near thing (43 px m (1 / 1.25 m - 1 / 1.6 m) = 8 px)
 NEARER_PIXELS = 20
-LEAST_FOLD = 0.09  # of the longest distance on the flat garment: less may be cloth that is seen too steeply
-FOLD_ARM = 0.08  # m of the outline at either side of a corner
-BLUNT = 85.0  # degrees
-FARTHEST_FOLD = 70  # px
-FOLD_STEP = 0.03  # m before or behind the corner's own depth
-FOLD_SHARE = 0.05  # of the pixels around it
+LEAST_BEYOND = 0.035  # m; of corners in view, in gentle swings, 98 % are less than 0.018 m beyond the seen cloth
+LAYER_DOUBT = 0.007  # m
+LAYER_AREA = 1.2e-5  # m^2, one pixel at 2 m
+LAYER_BEFORE, LAYER_BEHIND = 0.05, 0.03  # m nearer than the corner's place, and farther than the cloth missing there
+LEAST_AROUND, MOST_AROUND = 6, 70  # px
 BORDER = 3  # px
 COVERED = 0.02  # of the longest distance on the flat garment, missing at a corner beside a nearer thing
 SHORT = 0.025  # of the distance on the flat garment: geodesics of the seen surface scatter by 1.5 %
@@ -45,34 +49,23 @@ def is_behind_something(silhouette: Silhouette, pixel: Floats, z: float, jump: f
     return int(np.count_nonzero(nearer)) >= NEARER_PIXELS
 
 
-def comes_to_the_front(silhouette: Silhouette, pixel: Floats, z: float, missing: float) -> bool:
-    """Return whether the cloth around a pixel of the outline lies behind rather than before that pixel's depth.
+def is_folded_away(beyond: float, layer: float) -> bool:
+    """Return whether a dropped corner is hidden: so far beyond the seen cloth [m], so much of another layer [m^2]."""
+    return beyond > LEAST_BEYOND + LAYER_DOUBT * math.log1p(layer / LAYER_AREA)
 
-    z [m]; missing [px]: how much cloth is folded away there. A corner that is folded to the front is still in view,
-    only not on the outline; one that is folded behind the cloth is hidden.
+
+def other_layer(silhouette: Silhouette, pixel: Floats, place: Floats, missing: float, pixel_area: float) -> float:
+    """Return the area [m^2] seen of something near a corner's place that is no part of the silhouette's own surface.
+
+    place [m], (3,), at `pixel` [px], (2,); missing [m]: how much cloth is; nothing beyond that is the corner;
+    pixel_area [m^2]: of a pixel at 1 m.
     """
-    around = _around(silhouette, pixel, int(np.clip(missing, LOOK_AROUND, FARTHEST_FOLD)))
-    cloth = (silhouette.mask[around] > 0) & (silhouette.raw[around] > 0)
-    raw = silhouette.raw[around][cloth]
-    behind = np.count_nonzero(raw > 1e3 * (z + FOLD_STEP)) - np.count_nonzero(raw < 1e3 * (z - FOLD_STEP))
-    return bool(behind > FOLD_SHARE * max(raw.size, 1))
-
-
-def is_blunt(silhouette: Silhouette, pixel: Floats, arm: float) -> bool:
-    """Return whether the outline's two arms of this length [px] at a pixel open wider than `BLUNT`.
-
-    A fold across a corner leaves two blunt ones; a sharp corner with cloth missing is the garment's own, seen steeply.
-    """
-    outline = silhouette.outline
-    local = pixel - np.array([silhouette.window.left, silhouette.window.top])
-    first = int(np.hypot(*(outline - local).T).argmin())
-    away = np.roll(outline, -first, axis=0) - outline[first]
-    far = np.hypot(*away.T) > arm
-    if not far.any():
-        return False
-    one, other = away[int(far.argmax())], away[len(away) - 1 - int(far[::-1].argmax())]
-    cosine = float(one @ other) / max(float(np.hypot(*one) * np.hypot(*other)), 1e-9)
-    return bool(cosine < np.cos(np.radians(BLUNT)))
+    z = float(place[2])
+    reach = int(np.clip(missing / (z * math.sqrt(pixel_area)), LEAST_AROUND, MOST_AROUND))
+    around = _around(silhouette, pixel, reach)
+    raw = silhouette.raw[around]
+    near = (raw > 1e3 * (z - LAYER_BEFORE)) & (raw < 1e3 * (z + missing + LAYER_BEHIND))
+    return float(np.count_nonzero(near & (silhouette.depth[around] == 0))) * pixel_area * z**2
 
 
 def _around(silhouette: Silhouette, pixel: Floats, reach: int) -> tuple[slice, slice]:

@@ -1,13 +1,15 @@
 """Place a pixel of the garment in metres with the depth of the cloth around it.
 
     position = z(u, v) ((u - cx) / fx, (v - cy) / fy, 1),    z of the plane through the cloth around (u, v)
-    sd_z^2 = sd_plane^2 + (|grad z| sd_u)^2                  on steep cloth a pixel aside is also nearer or farther
+    sd_z^2 = sd_plane^2 + (dz/du sd_u)^2 + (dz/dv sd_v)^2    on steep cloth a pixel aside is also nearer or farther
     sd_x^2 = (z sd_u / fx)^2 + (x / z sd_z)^2                likewise y
 
 The pixels at the rim of the cloth are missing or mixed with the background, so the plane is fitted to the inner ones.
 """
 
 from __future__ import annotations
+
+import math
 
 import cv2
 import numpy as np
@@ -38,8 +40,11 @@ class Placer:
     def __init__(self, silhouette: Silhouette, sensor: Sensor, correlation: CorrelationMeter) -> None:
         self._silhouette, self._sensor, self._correlation = silhouette, sensor, correlation
 
-    def place(self, pixel: Floats, sd_px: float) -> tuple[Floats, Floats]:
-        """Return position and sd [m] of the cloth at a pixel of the image; NaN where no cloth tells its depth."""
+    def place(self, pixel: Floats, sd_px: Floats) -> tuple[Floats, Floats]:
+        """Return position and sd [m], (3,) each, of the cloth at a pixel of the image; NaN where none tells its depth.
+
+        sd_px [px], (2,): of the pixel, along u and v.
+        """
         if not np.isfinite(pixel[0]):
             return np.full(3, np.nan), np.full(3, np.nan)
         window, s = self._silhouette.window, self._sensor
@@ -67,6 +72,6 @@ class Placer:
         if surface is None:
             return np.full(3, np.nan), np.full(3, np.nan)
         ray = np.array([(pixel[0] - s.cx) / s.fx, (pixel[1] - s.cy) / s.fy, 1.0])
-        across = surface.depth * sd_px * np.array([1.0 / s.fx, 1.0 / s.fy, 0.0])
-        along = float(np.hypot(surface.sd, sd_px * np.linalg.norm(surface.slope)))
+        across = surface.depth * np.array([sd_px[0] / s.fx, sd_px[1] / s.fy, 0.0])
+        along = math.hypot(surface.sd, *(sd_px * surface.slope))
         return surface.depth * ray, np.hypot(across, ray * along)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,8 +30,11 @@ Watcher = Callable[[SensorFrame, HangerSight, GarmentSight], None]
 Progress = Callable[[int, int | None, float], None]
 Announce = Callable[[float, Condition], None]
 
+LEAST_ROOM = 8_000_000  # bytes on the disk: below, a take is ended while there is room to end it whole
+LOOK_FOR_ROOM = 1.0  # s from one look at the disk to the next; a take with scans grows by 20 kB in it
 SCAN_TOLERANCE = 1e-3  # s: frames come a little early or late
 FEWEST_HANGERS = 10  # frames with both markers; fewer are no recording of a hanger
+HARDLY_EVER = 0.1  # of the frames with both markers; fewer are most likely not what somebody wanted to record
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +53,9 @@ class ScanPlan:
 class RecordingReport:
     """What was recorded: frames, in how many the hanger and each point were seen, in how many each condition held.
 
-    failure: what the sensor failed with after the last frame, None where the recording ended as it should
+    failure: what ended the recording after the last frame, a sensor that failed or a disk that is nearly full; None
+    where it ended as it should
+    doubt: that the hanger was hardly ever seen, and what to do; the take was kept all the same
     """
 
     path: Path
@@ -58,7 +64,8 @@ class RecordingReport:
     point_share: Floats
     conditions: dict[Condition, int]
     is_interrupted: bool
-    failure: SensorError | None
+    failure: HangtimeError | None
+    doubt: NoMarkersError | None
 
 
 def record(
@@ -76,7 +83,9 @@ def record(
     picks: Floats | None = None,
     scans: ScanPlan | None = None,
 ) -> RecordingReport:
-    """Track every frame of a sensor and write a take; Ctrl-C, or a sensor that fails, ends the take cleanly.
+    """Track every frame of a sensor and write a take.
+
+    Ctrl-C, a sensor that fails or a disk that is nearly full ends the take cleanly.
 
     announce: told the time [s] since the beginning and the condition, whenever it changes for good; picks [px],
     (2, 2): where the hanger's dots are in the first frame, left one first; scans: None for none of the surface
@@ -100,8 +109,8 @@ def record(
     seen = np.zeros(len(garment.points))
     first = 0.0
     is_interrupted = False
-    failure: SensorError | None = None
-    next_scan = -np.inf
+    failure: HangtimeError | None = None
+    next_scan = next_look = -np.inf
 
     def tell(time: float, condition: Condition) -> None:
         if conditions.add(time, condition) is not None:
@@ -114,9 +123,10 @@ def record(
                 tell(clock.last - first, Condition.CLOCK)
                 continue
             first = time if frames == 0 else first
-            hanger, cloth, state = tracker.track(frame, time)
+            sight = tracker.track(frame, time)
+            hanger, cloth, state, _ = sight
             state |= FrameState.CLOCK_JUMPED if clock.has_jumped else 0
-            writer.append(tracker.as_frame(time, hanger, cloth, state))
+            writer.append(tracker.as_frame(time, sight._replace(state=state)))
             if scans is not None and cloth.is_found and time >= next_scan:
                 scan = tracker.scan(time, grid=scans.grid, contour=scans.contour)
                 if scan is not None:
@@ -131,6 +141,11 @@ def record(
             progress(frames, sensor.info.frame_count, with_hanger / frames)
             if seconds is not None and time - first >= seconds:
                 break
+            if time >= next_look:
+                next_look = time + LOOK_FOR_ROOM
+                failure = _lack_of_room(out)
+                if failure is not None:
+                    break
     except KeyboardInterrupt:
         is_interrupted = True
     except SensorError as error:
@@ -147,11 +162,14 @@ def record(
         raise
     if with_hanger < FEWEST_HANGERS:
         writer.discard()
-        raise failure or _no_markers(sensor, rig, frames, with_hanger, conditions.worst)
+        raise failure or _no_markers(sensor.info.uri, rig, frames, with_hanger, conditions.worst)
     try:
         writer.finish()
     except (OSError, TakeError) as error:
         raise _broken_off(writer, with_hanger, f"the take could not be finished: {error}") from error
+    doubt = None
+    if with_hanger < HARDLY_EVER * frames:
+        doubt = _no_markers(out, rig, frames, with_hanger, conditions.worst, kept=True)
     return RecordingReport(
         path=out,
         frames=frames,
@@ -160,7 +178,19 @@ def record(
         conditions=dict(conditions.frames),
         is_interrupted=is_interrupted,
         failure=failure,
+        doubt=doubt,
     )
+
+
+def _lack_of_room(out: Path) -> OutputError | None:
+    """Return the error of a disk that is nearly full, None where a take can go on."""
+    room = shutil.disk_usage(out.parent).free
+    if room >= LEAST_ROOM:
+        return None
+    return OutputError(
+        f"only {room / 1e6:.1f} MB are left on the disk, so the recording was ended",
+        where=out, advice=f"make room for {LEAST_ROOM / 1e6:.0f} MB or more, or record to another disk",
+    )  # fmt: skip
 
 
 def _broken_off(writer: TakeWriter, with_hanger: int, what: str) -> OutputError:
@@ -174,14 +204,19 @@ def _broken_off(writer: TakeWriter, with_hanger: int, what: str) -> OutputError:
     )
 
 
-def _no_markers(sensor: DepthSensor, rig: Rig, frames: int, with_hanger: int, worst: Condition) -> NoMarkersError:
-    what = f"both hanger markers were seen together in {with_hanger} of {frames} frames; no take was kept"
+def _no_markers(
+    where: object, rig: Rig, frames: int, with_hanger: int, worst: Condition, *, kept: bool = False
+) -> NoMarkersError:
+    what = f"both hanger markers were seen together in {with_hanger} of {frames} frames; "
+    what += "the take was kept, but hardly any motion can be fitted to it" if kept else "no take was kept"
     advice = worst.value.advice or "record longer"
+    if kept:
+        advice = f"record it again: {advice}"
     if worst in (Condition.NO_MARKERS, Condition.ONE_MARKER) and rig.hanger is not None:
         advice += f" (the rig says {_markers_of(rig.hanger)})"
     elif worst is not Condition.GOOD:
         what += f", mostly because: {worst.value.words}"
-    return NoMarkersError(what, where=sensor.info.uri, advice=advice)
+    return NoMarkersError(what, where=where, advice=advice)
 
 
 def _markers_of(hanger: Hanger) -> str:

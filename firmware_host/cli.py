@@ -93,6 +93,9 @@ def synthesise(
     seconds: Annotated[float, typer.Option("--seconds", min=4.0, help="Length of the recording.")] = 8.0,
     seed: Annotated[int, typer.Option("--seed", help="Seed of hand jitter and sensor noise.")] = 1,
     garment: Annotated[str, typer.Option("--garment", help="What hangs there: skirt, swatch or t-shirt.")] = "skirt",
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace files of these names that are already there.")
+    ] = False,
 ) -> None:
     """Make a sensor recording without a sensor: a garment on a swung hanger, seen by a depth camera with real faults.
 
@@ -115,7 +118,7 @@ def synthesise(
 
     paths = make_recording(
         out, name, motion=motion, effect=effect, amplitude=amplitude, seconds=seconds, seed=seed,
-        garment=garment, progress=show,
+        garment=garment, progress=show, overwrite=overwrite,
     )  # fmt: skip
     if sys.stderr.isatty():
         print(file=sys.stderr)
@@ -131,6 +134,9 @@ def synthesise_swatch(
     motion: Annotated[str, typer.Option("--motion", help="How it is swung: swing or other.")] = "swing",
     air_drag: Annotated[float, typer.Option("--air-drag", min=0.0, help="Drag coefficient of the still air.")] = 0.0,
     seed: Annotated[int, typer.Option("--seed", help="Seed of the markers' noise and gaps.")] = 1,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace files of these names that are already there.")
+    ] = False,
 ) -> None:
     """Make motion capture without cameras: a 50 cm swatch with 81 markers, swung by its corners, 500 frames at 120 Hz.
 
@@ -138,5 +144,8 @@ def synthesise_swatch(
     """
     from firmware_host.synthetic.swatch import make_swatch_take
 
-    for path in make_swatch_take(out, fabric=fabric, motion=motion, air_drag=air_drag, seed=seed):
+    paths = make_swatch_take(
+        out, fabric=fabric, motion=motion, air_drag=air_drag, seed=seed, overwrite=overwrite
+    )  # fmt: skip
+    for path in paths:
         typer.echo(str(path))

@@ -14,11 +14,16 @@ HangtimeError
               +-- FirmwareReplyError       an answer that is short or not an answer to this request
               +-- FirmwareRefusalError     an answer that says no
               +-- FirmwareUnsupportedError this device or firmware has no such thing
+  +-- LampError   this machine's status lamp is not there or may not be changed
 """
 
 from __future__ import annotations
 
 from formats.errors import HangtimeError
+
+
+class LampError(HangtimeError):
+    """A LED that is not there, cannot blink or may not be changed."""
 
 
 class SensorError(HangtimeError):

@@ -12,13 +12,15 @@ from formats.rig import Rig
 from formats.whole_files import write_whole
 
 
-def refuse_to_replace(path: Path) -> None:
+def refuse_to_replace(path: Path, text: str | None = None) -> None:
     """Do nothing unless a file of this name is there, or the beginning of one that was never finished.
+
+    text: what is to be written, where a file that holds just this may stay.
 
     Raises:
         OutputError: it is there.
     """
-    if path.exists():
+    if path.exists() and not (text is not None and path.is_file() and path.read_bytes() == text.encode()):
         raise OutputError("is already there", where=path, advice="give another name, or --overwrite to replace it")
     partial = path.with_name(path.name + ".partial")
     if partial.exists():

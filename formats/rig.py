@@ -46,9 +46,9 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """What `hangtime calibrate` measured; a standard deviation of None says that nothing was measured.
 
     `depth_scale`: measured over true depth; recording divides by it. `depth_offset_px`: where depth shows a thing
-    minus where colour shows it, right and down; recording allows for it. Gravity and held ends stand in the rig
-    itself, here is how well they are known: `gravity_sd_degrees` about each of two axes square to it, `held_sd_m`
-    per axis of the hanger's frame.
+    minus where colour shows it, right and down; recording allows for it; a deviation of inf: that axis was never
+    measured. Gravity and held ends stand in the rig itself, here is how well they are known: `gravity_sd_degrees`
+    about each of two axes square to it, `held_sd_m` per axis of the hanger's frame.
     """
 
     gravity_from: Literal["plumb line", "accelerometer"] | None = None

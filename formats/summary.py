@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import msgspec
@@ -120,7 +121,9 @@ def _calibrated(plain: dict[str, Any] | None) -> list[str]:
         parts.append(f"depth scale {known.depth_scale:.4f} +- {known.depth_scale_sd:g}")
     if known.depth_offset_sd_px is not None:
         right, down = known.depth_offset_px
-        parts.append(f"depth offset {right:.2f}, {down:.2f} px +- {max(known.depth_offset_sd_px):g}")
+        parts.append(f"depth offset {right:.2f}, {down:.2f} px +- {min(known.depth_offset_sd_px):g}")
+        if not math.isfinite(max(known.depth_offset_sd_px)):
+            parts[-1] += " along the one axis that was measured"
     if known.held_sd_m is not None:
         parts.append(f"held ends to {1e3 * max(max(end) for end in known.held_sd_m):.1f} mm")
     return ["calibrated " + "; ".join(parts)] if parts else []

@@ -13,22 +13,32 @@ from firmware_host.synthetic.garments import GARMENTS
 from firmware_host.synthetic.scene import CAMERA, FPS, RIG
 from firmware_host.synthetic.world import FIRST_STAMP, TYPICAL, Progress, World, make_world
 from formats.descriptions import dump_description
+from formats.outputs import refuse_to_replace
 
 
 def make_recording(
     out: Path, name: str, *, motion: str = "swing", effect: str = "air_drag", amplitude: float | None = None,
     seconds: float = 8.0, seed: int = 1, garment: str = "skirt", progress: Progress = lambda stage, share: None,
+    overwrite: bool = False,
 ) -> list[Path]:  # fmt: skip
     """Write NAME.oni, NAME.truth.npz, rig.toml and garment.toml into a folder and return their paths.
 
     Raises:
         RecordingError: the folder cannot be written; SensorAddressError: no such motion, effect or garment.
+        OutputError: one of the files is there with something else in it, and they are not to be overwritten.
     """
     if garment not in GARMENTS:
         raise SensorAddressError(
             f"the synthetic world has no garment {garment!r}", advice=f"choose of {', '.join(GARMENTS)}"
         )
     worn = GARMENTS[garment]()
+    recording, truth, rig, description = paths = [
+        out / f"{name}.oni", out / f"{name}.truth.npz", out / "rig.toml", out / "garment.toml"
+    ]  # fmt: skip
+    described = {rig: dump_description(RIG), description: dump_description(worn)}
+    if not overwrite:
+        for path in paths:
+            refuse_to_replace(path, described.get(path))
     world = make_world(
         motion=motion, effect=effect, amplitude=amplitude, seconds=seconds, seed=seed, garment=worn,
         progress=lambda stage, share: progress(stage, 0.3 * share),
@@ -37,14 +47,13 @@ def make_recording(
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RecordingError(f"cannot be made ({error.strerror})", where=out, advice="choose another folder") from error
-    recording, partial = out / f"{name}.oni", out / f"{name}.oni.partial"
+    partial = recording.with_name(recording.name + ".partial")
     try:
         _write_frames(partial, world, progress)
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
     partial.replace(recording)
-    truth = out / f"{name}.truth.npz"
     meta = {
         "motion": motion,
         "effect": effect,
@@ -57,10 +66,9 @@ def make_recording(
         truth, time=world.time + FIRST_STAMP, markers=world.hanger.markers, held=world.hanger.held, points=world.points,
         grid=world.nodes.astype(np.float32), meta=json.dumps(meta),
     )  # fmt: skip
-    rig, description = out / "rig.toml", out / "garment.toml"
-    rig.write_text(dump_description(RIG))
-    description.write_text(dump_description(worn))
-    return [recording, truth, rig, description]
+    for path, text in described.items():
+        path.write_text(text)
+    return paths
 
 
 def _write_frames(path: Path, world: World, progress: Progress) -> None:

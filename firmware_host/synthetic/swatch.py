@@ -21,6 +21,7 @@ from formats.descriptions import dump_description
 from formats.errors import OutputError
 from formats.garment import Garment
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
+from formats.outputs import refuse_to_replace
 from formats.swatch import MARKERS, SIDE, swatch
 
 Floats = NDArray[np.float64]
@@ -73,37 +74,42 @@ MOTIONS = {"swing": ((0.7, 0.10, 0.0), (1.3, 0.02, 1.0)), "other": ((0.5, 0.09, 
 
 def make_swatch_take(
     out: Path, *, fabric: str, motion: str = "swing", air_drag: float = 0.0, seed: int = 1,
-    progress: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda share: None, overwrite: bool = False,
 ) -> list[Path]:  # fmt: skip
     """Write FABRIC-MOTION.csv, its .truth.npz and FABRIC.toml into `out`; return the paths.
 
     Raises:
         SensorAddressError: there is no such fabric or motion.
-        OutputError: the folder cannot be made or written to.
+        OutputError: the folder cannot be made or written to, or one of the files is there with something else in it and
+            they are not to be overwritten.
     """
     if fabric not in FABRICS:
         raise SensorAddressError(f"there is no fabric {fabric!r}", advice=f"choose of {', '.join(FABRICS)}")
+    true = FABRICS[fabric]
+    garment = swatch(round(true.density * SIDE**2, 6), name=fabric)
+    stem, described = f"{fabric}-{motion}", dump_description(garment)
+    marks, truth, description = paths = [out / f"{stem}.csv", out / f"{stem}.truth.npz", out / f"{fabric}.toml"]
+    if not overwrite:
+        for path in paths:
+            refuse_to_replace(path, described if path == description else None)
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"cannot be made ({error.strerror})", where=out, advice="choose another folder") from error
-    true = FABRICS[fabric]
-    garment = swatch(round(true.density * SIDE**2, 6), name=fabric)
     time = np.arange(FRAMES) / FPS
     nodes = swung_markers(garment, time, motion, true, air_drag=air_drag, progress=progress)
     seen = measured(nodes, np.random.default_rng([seed, 81]))
-    stem = f"{fabric}-{motion}"
     tracks = MarkerTracks(garment.point_names, time, seen)
     try:
         np.savez(
-            out / f"{stem}.truth.npz", time=time, markers=nodes, density=true.density, air_drag=air_drag,
+            truth, time=time, markers=nodes, density=true.density, air_drag=air_drag,
             **{name: getattr(true.physics, name) for name in ClothPhysics.__dataclass_fields__},
         )  # fmt: skip
-        (out / f"{fabric}.toml").write_text(dump_description(garment))
-        write_marker_csv(out / f"{stem}.csv", tracks)
+        description.write_text(described)
+        write_marker_csv(marks, tracks)
     except OSError as error:
         raise OutputError(f"cannot be written ({error.strerror})", where=out, advice="make room on the disk") from error
-    return [out / f"{stem}.csv", out / f"{stem}.truth.npz", out / f"{fabric}.toml"]
+    return paths
 
 
 def swung_markers(

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+SOME_NOT_FITTED = 3  # exit status of its own: 1 is a crash of Python, 2 wrong options
+
 
 def add_commands(app: typer.Typer) -> None:
     """Add `hangtime batch` to the command."""
@@ -67,7 +69,7 @@ def batch_command(
 
     Each result is kept at once, whole or not at all, under a key of the take's content, the options and the physics: a
     second run fits only what is new. A worker that dies, a take that cannot be fitted and a scheduler that is lost cost
-    time and nothing else. Writes fits/KEY.json, summary.csv and summary.html. Ends with 0 when every take is fitted, 1
+    time and nothing else. Writes fits/KEY.json, summary.csv and summary.html. Ends with 0 when every take is fitted, 3
     when some are not.
     """
     from fit.batch.cluster import Workers
@@ -116,4 +118,4 @@ def batch_command(
         typer.echo("Interrupted; the same command goes on.", err=True)
         raise typer.Exit(130)
     if any(row.state not in ("fitted", "known") for row in rows):
-        raise typer.Exit(1)
+        raise typer.Exit(SOME_NOT_FITTED)

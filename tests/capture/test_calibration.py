@@ -26,9 +26,9 @@ from firmware_host.usb_control.kinect_motor import KinectMotor
 from formats.archive import read_take, write_take
 from formats.command import app, gather_commands
 from formats.descriptions import dump_description, load_rig
-from formats.rig import Hanger, Rig
+from formats.rig import Calibration, Hanger, Rig
 from formats.summary import describe, summarise
-from tests.capture.stage import CAMERA, LEVEL, StageSensor, camera_rotation, marker_plate, pictures
+from tests.capture.stage import CAMERA, LEVEL, StageSensor, camera_rotation, marker_plate, pictures, plain_plate
 from tests.firmware_host.usb_stage.in_process import ModelLink
 from tests.firmware_host.usb_stage.models import KinectMotorModel
 from tests.formats.test_archive import a_take
@@ -141,6 +141,28 @@ def test_what_is_not_in_view_stays_as_it_was():
     said = "\n".join(lines(measured, known))
     assert "gravity       not measured: no plumb line" in said
     assert "measure that distance again" not in said
+
+
+def test_an_offset_of_which_one_axis_was_seen_is_saved_and_the_other_kept_as_it_was(tmp_path):
+    """Behind each plate a strip of its width goes on above and below: rows end on both sides, columns go on."""
+    rng = np.random.default_rng(12)
+    behind = np.array([0.0, 0.0, 0.002])
+    strips = [plain_plate(plate.at + behind, (plate.size[0], 0.4), (90, 90, 90)) for plate in hanger_plates()]
+    scene = [pictures([*strips, *hanger_plates()], rng, shift=SHIFT) for _ in range(15)]
+    rig = calibrated(scene).rig
+    assert rig.calibration.depth_offset_px[0] == pytest.approx(SHIFT[0], abs=0.4)
+    assert rig.calibration.depth_offset_px[1] == 0.0
+    assert rig.calibration.depth_offset_sd_px[0] < 0.4
+    assert rig.calibration.depth_offset_sd_px[1] == np.inf
+    (tmp_path / "rig.toml").write_text(dump_description(rig))
+    assert load_rig(tmp_path / "rig.toml").calibration == rig.calibration
+    said = "\n".join(lines(calibrated(scene), RIG))
+    assert "down was not measured, since no plate ends on both sides along it" in said
+    path = write_take(tmp_path / "a.mcap", dataclasses.replace(a_take(), rig=rig))
+    assert "along the one axis that was measured" in describe(summarise(read_take(path)))
+    before = Calibration(depth_offset_px=(1.0, -2.0), depth_offset_sd_px=(0.5, 0.25))
+    again = calibrated(scene, msgspec.structs.replace(RIG, calibration=before)).rig.calibration
+    assert (again.depth_offset_px[1], again.depth_offset_sd_px[1]) == (-2.0, 0.25)
 
 
 def test_a_scene_that_moves_or_has_no_markers_is_refused():

@@ -91,6 +91,17 @@ def test_twelve_good_frames_have_no_bits(good, tmp_path):
     assert report.conditions == {Condition.GOOD: 12}
 
 
+def test_a_take_in_which_the_hanger_is_hardly_ever_seen_is_kept_and_told(good, tmp_path):
+    """12 frames of 132 are one in eleven; 12 of 60 are enough."""
+    empty = scenes()
+    report, take = recorded(tmp_path, [*good * 4, *empty * 60])
+    assert take.is_complete
+    assert len(take.time) == 132
+    assert "in 12 of 132 frames; the take was kept" in str(report.doubt)
+    assert "record it again: show both markers to the sensor" in str(report.doubt)
+    assert recorded(tmp_path, [*good * 4, *empty * 24])[0].doubt is None
+
+
 BODY = plain_plate([0.0, 0.1, 0.9], (0.5, 1.4), SKIN)
 LEGS = plain_plate([0.0, 0.24, 0.9], (0.5, 0.45), SKIN)
 

@@ -126,3 +126,19 @@ def test_the_best_place_is_found_between_pixels():
     score, place = _best_place(hill(20.3, 18.4), hill(20.0, 18.0)[8:29, 10:31])
     assert score > 0.99
     assert place == pytest.approx([10.3, 8.4], abs=0.05)
+
+
+def test_ids_of_moving_markers_are_read_where_they_are_looked_for():
+    """Swung at 1.5 m/s with 8 ms of exposure, up to 4.3 px of way: of 16, with OpenCV's own squares 8 are read."""
+    rng, detector, read = np.random.default_rng(4), MarkerDetector("DICT_4X4_50", (0, 1)), 0
+    for k in range(8):
+        instants = [k / 30 + 0.008 * part for part in (-0.5, -0.25, 0.0, 0.25, 0.5)]
+        middles = [MIDDLE + np.array([REACH * np.sin(1.5 / REACH * time), 0.0, 0.0]) for time in instants]
+        _, colour = pictures(plates(middles[2], None), rng, exposures=[plates(middle, None) for middle in middles])
+        for row in range(2):
+            at = middles[2] + SIDES[row]
+            centre = at[:2] / at[2] * CAMERA.fx + [CAMERA.cx, CAMERA.cy]
+            side = CAMERA.fx * 0.06 / at[2]
+            corners = detector.in_window(colour, row, centre, 1.6 * side, side)
+            read += bool(np.isfinite(corners).all() and np.linalg.norm(corners.mean(0) - centre) < 1.0)
+    assert read >= 11

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from capture.depth_surface import fit_surface
 from capture.hanger_pose import hanger_pitch, plate_slope
 from capture.markers import MarkerTracker
 from formats.archive import read_take, write_take
@@ -30,7 +31,9 @@ def test_pitch_of_exact_planes_by_hand():
     u, v = u.ravel(), v.ravel()
     # z = 1.6 - 0.5 y and y = z (v - cy) / fy.
     z = 1.6 / (1 + 0.5 * (v - CAMERA.cy) / CAMERA.fy)
-    slope = plate_slope(u, v, z, CAMERA, 1.0)
+    at = np.array([310.0, 205.0])
+    plate = fit_surface(u - at[0], v - at[1], z, focal_length=CAMERA.fx, spread=0.1, correlated_pixels=1.0)
+    slope = plate_slope(plate, at, CAMERA, 1.0)
     pitch, sd = hanger_pitch(MIDDLE + SIDES, [slope, None], RIG)
     assert pitch == pytest.approx(np.arctan(0.5), abs=1e-9)
     assert hanger_pitch(MIDDLE + SIDES, [slope, slope], RIG)[1] == pytest.approx(sd / np.sqrt(2))

@@ -86,7 +86,7 @@ def test_the_command_writes_the_rigs_markers(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "2 markers of 40 mm" in done.stdout
     assert "DICT_5X5_100, 40 mm" in (tmp_path / "m.svg").read_text()
-    done = subprocess.run([*words, "--ids", "2,3,5"], capture_output=True, text=True, cwd=tmp_path)
+    done = subprocess.run([*words, "--ids", "2,3,5", "--overwrite"], capture_output=True, text=True, cwd=tmp_path)
     assert "3 markers of 40 mm" in done.stdout
     rig.write_text(rig.read_text().replace("[hanger]", '[hanger]\nmarker = "dot"'))
     done = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)

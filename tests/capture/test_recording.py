@@ -131,6 +131,22 @@ def test_a_full_disk_keeps_what_was_recorded_until_then(world, tmp_path):
     assert take.held_valid.all()
 
 
+def test_a_disk_that_is_nearly_full_ends_the_take_whole(world, tmp_path, monkeypatch):
+    """Ten frames a second; from the 25th on, all the disk's room is too little; it is looked at every second."""
+
+    def fill(frames, total, seen):
+        if frames == 25:
+            monkeypatch.setattr("capture.recording.LEAST_ROOM", 1 << 62)
+
+    with Every(world, 3) as sensor:
+        report = recorded(sensor, tmp_path / "t.mcap", progress=fill)
+    assert isinstance(report.failure, OutputError)
+    assert "MB are left on the disk" in str(report.failure)
+    take = read_take(tmp_path / "t.mcap")
+    assert take.is_complete
+    assert 25 <= len(take.time) == report.frames <= 36
+
+
 def test_an_error_in_a_frame_keeps_the_frames_before_it(world, tmp_path):
     def fail(frame):
         if frame.index == 60:

@@ -75,6 +75,21 @@ def test_the_service_runs_the_command_with_options_that_it_has(home):
     assert "holds no take" in done.stderr
 
 
+def test_a_night_with_takes_that_do_not_fit_is_a_success_and_a_crash_is_not(home):
+    """The command's own status for it, from a folder with one damaged take; Python's status of a crash is 1."""
+    unit = RawConfigParser(strict=False)
+    unit.read(UNITS / "hangtime-batch.service")
+    successes = {int(status) for status in unit["Service"]["SuccessExitStatus"].split()}
+    (home / "takes").mkdir()
+    (home / "takes/damaged.mcap").write_bytes(b"not a take")
+    words = [home / ".local/bin/hangtime", "batch", "takes", "--out", "results", "--method", "si", "--workers", "1"]
+    done = subprocess.run(words, cwd=home, capture_output=True, text=True, check=False)
+    assert "damaged" in done.stderr
+    assert done.returncode in successes
+    crash = subprocess.run([sys.executable, "-c", "raise RuntimeError"], capture_output=True, check=False)
+    assert crash.returncode not in successes
+
+
 # --- Slurm --------------------------------------------------------------------------------------
 
 

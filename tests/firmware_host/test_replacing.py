@@ -1,0 +1,62 @@
+"""Recordings are not replaced by a second run of the same command, unless it says so."""
+
+from __future__ import annotations
+
+import pytest
+from typer.testing import CliRunner
+
+from firmware_host.synthetic import recording
+from firmware_host.synthetic.scene import RIG
+from firmware_host.synthetic.swatch import make_swatch_take
+from formats.command import app, gather_commands
+from formats.descriptions import dump_description
+from formats.errors import OutputError
+from formats.outputs import refuse_to_replace
+
+gather_commands()
+
+
+@pytest.mark.parametrize(
+    ("words", "there"),
+    [
+        (["sensor", "synthesise", "d", "--name", "swing"], "swing.oni"),
+        (["sensor", "synthesise", "d", "--name", "swing"], "swing.truth.npz"),
+        (["sensor", "synthesise", "d", "--name", "swing"], "rig.toml"),
+        (["sensor", "synthesise-swatch", "d", "--fabric", "silk"], "silk-swing.csv"),
+        (["markers", "print", "--out", "d/markers.svg"], "markers.svg"),
+    ],
+)
+def test_a_file_that_is_there_is_named_and_stays(tmp_path, monkeypatch, words, there):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "d").mkdir()
+    (tmp_path / "d" / there).write_text("mine")
+    done = CliRunner().invoke(app, words)
+    assert isinstance(done.exception, OutputError)
+    assert there in str(done.exception)
+    assert "--overwrite" in str(done.exception)
+    assert [path.read_text() for path in (tmp_path / "d").iterdir()] == ["mine"]
+
+
+def test_overwrite_replaces_a_page_of_markers(tmp_path):
+    page = tmp_path / "markers.svg"
+    page.write_text("mine")
+    assert CliRunner().invoke(app, ["markers", "print", "--out", str(page), "--overwrite"]).exit_code == 0
+    assert page.read_text().startswith("<svg")
+
+
+def test_two_recordings_share_a_folder_and_its_rig(tmp_path):
+    """Both are of the same rig, whose description is the same to the letter."""
+    rig = tmp_path / "rig.toml"
+    rig.write_text(dump_description(RIG))
+    refuse_to_replace(rig, dump_description(RIG))
+    with pytest.raises(OutputError, match="is already there"):
+        refuse_to_replace(rig, "another")
+
+
+def test_what_makes_recordings_refuses_before_it_works(tmp_path):
+    (tmp_path / "swing.oni").touch()
+    with pytest.raises(OutputError, match="is already there"):
+        recording.make_recording(tmp_path, "swing")
+    (tmp_path / "silk-swing.csv").touch()
+    with pytest.raises(OutputError, match="is already there"):
+        make_swatch_take(tmp_path, fabric="silk")

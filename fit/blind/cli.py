@@ -103,8 +103,11 @@ def run_command(
     ] = [],  # noqa: B006
     limit: Annotated[float, typer.Option("--limit", metavar="SECONDS", min=1, help="Time for one case.")] = 3600.0,
     again: Annotated[bool, typer.Option("--again", help="Try cases again that ended without a diagnosis.")] = False,
+    workers: Annotated[
+        int, typer.Option("--workers", min=1, help="Diagnoses side by side; they share the processors.")
+    ] = 1,
 ) -> None:
-    """Diagnose every case of a set with `hangtime diagnose`, one after the other.
+    """Diagnose every case of a set with `hangtime diagnose`.
 
     Cases that are done are skipped; one that fails counts as inconclusive. Interrupt with Ctrl-C at any time; the same
     command goes on where it was.
@@ -120,6 +123,7 @@ def run_command(
             options=option,
             again=again,
             limit=limit,
+            workers=workers,
             progress=lambda done, total, bad: line.show(done, total, f", {bad} without a diagnosis" if bad else ""),
         )
     except KeyboardInterrupt:

@@ -6,17 +6,22 @@ ANSWERS/<id>/failure.txt        where it ended without one: the case counts as `
 
 from __future__ import annotations
 
+import os
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
+from fit import runtime
 from fit.blind.making import changed_files, read_manifest
 from fit.errors import FitError
 from formats.whole_files import write_whole
 
 LIMIT = 3600.0  # s for one case: thirty times what one takes
+PATIENCE = 10.0  # s until a diagnosis that the terminal's Ctrl-C did not reach is interrupted too
 DIAGNOSIS, FAILURE, LOG = "diagnosis.json", "failure.txt", "output.txt"
 Progress = Callable[[int, int, int], None]
 
@@ -28,12 +33,13 @@ def diagnose_command() -> list[str]:
 
 def run_set(
     folder: Path, answers: Path, *, command: Sequence[str] = (), options: Sequence[str] = (),
-    again: bool = False, limit: float = LIMIT, progress: Progress = lambda done, total, failed: None,
+    again: bool = False, limit: float = LIMIT, workers: int = 1,
+    progress: Progress = lambda done, total, failed: None,
 ) -> int:  # fmt: skip
     """Diagnose the cases that are not done; return how many ended without a diagnosis.
 
     command: what to run instead of `hangtime diagnose`; options: more words for it; again: retry failures;
-    limit [s]: time for one case
+    limit [s]: time for one case; workers: diagnoses side by side, which share the processors
 
     Raises:
         FitError: there is no set, it is not complete, or its files are not those that were made.
@@ -47,43 +53,80 @@ def run_set(
             f"{len(changed)} files are not those that were made, first {changed[0]}", where=folder,
             advice="the same `hangtime blind make` makes them again",
         )  # fmt: skip
-    failed = 0
-    for done, case in enumerate(manifest.cases):
-        progress(done, len(manifest.cases), failed)
-        out = answers / case
-        if (out / DIAGNOSIS).exists():
-            continue
-        if again or not (out / FAILURE).exists():
-            _diagnose(folder / "cases" / case, out, [*(command or diagnose_command())], options, limit)
-        failed += not (out / DIAGNOSIS).exists()
-    progress(len(manifest.cases), len(manifest.cases), failed)
+    cases = manifest.cases
+    left = [c for c in cases if not _is_done(answers / c) and (again or not (answers / c / FAILURE).exists())]
+    diagnoses = _Diagnoses([*(command or diagnose_command())], options, limit, workers)
+    failed = sum(not _is_done(answers / c) for c in cases if c not in left)
+    progress(len(cases) - len(left), len(cases), failed)
+    with ThreadPoolExecutor(workers) as pool:
+        waiting = {pool.submit(diagnoses.run, folder / "cases" / c, answers / c): c for c in left}
+        try:
+            for done, ended in enumerate(as_completed(waiting), len(cases) - len(left) + 1):
+                ended.result()
+                failed += not _is_done(answers / waiting[ended])
+                progress(done, len(cases), failed)
+        except KeyboardInterrupt:
+            pool.shutdown(wait=False, cancel_futures=True)
+            diagnoses.interrupt()
+            raise
     return failed
 
 
-def _diagnose(case: Path, out: Path, command: list[str], options: Sequence[str], limit: float) -> None:
-    """Diagnose into a folder beside the answer's, and give it its name when the process has ended."""
-    work = out.with_name(f".{out.name}.partial")
-    work.mkdir(parents=True, exist_ok=True)
-    words = [str(p.resolve()) for p in sorted(case.glob("take-*.mcap"))]
-    for path in sorted(case.glob("held-out-*.mcap")):
-        words += ["--held-out", str(path.resolve())]
-    try:
-        ended = subprocess.run(
-            [*command, *words, "--out", str(work), *options], capture_output=True, text=True,
-            stdin=subprocess.DEVNULL, timeout=limit,
-        )  # fmt: skip
-        said, code = ended.stdout + ended.stderr, ended.returncode
-    except OSError as error:
-        said, code = f"{error}", 127
-    except subprocess.TimeoutExpired:
-        said, code = f"took longer than {limit:g} s", 124
-    if code in {130, -2}:  # interrupted: the next run goes on with what the diagnosis kept in its folder
-        raise KeyboardInterrupt
-    write_whole(work / LOG, said.encode())
-    if code == 0 and (work / DIAGNOSIS).exists():
-        (work / FAILURE).unlink(missing_ok=True)
-    else:
-        (work / DIAGNOSIS).unlink(missing_ok=True)
-        write_whole(work / FAILURE, f"exit code {code}\n{said[-2000:]}".encode())
-    shutil.rmtree(out, ignore_errors=True)
-    work.replace(out)
+def _is_done(answer: Path) -> bool:
+    return (answer / DIAGNOSIS).exists()
+
+
+class _Diagnoses:
+    """Diagnoses that run side by side, each in a process of its own."""
+
+    def __init__(self, command: list[str], options: Sequence[str], limit: float, workers: int) -> None:
+        self._command, self._options, self._limit = command, options, limit
+        threads = max(1, runtime.available_threads() // workers)
+        self._surroundings = {**os.environ, "HANGTIME_THREADS": str(threads)}
+        self._running: set[subprocess.Popen[str]] = set()
+
+    def run(self, case: Path, out: Path) -> None:
+        """Diagnose into a folder beside the answer's, and give it its name when the process has ended."""
+        work = out.with_name(f".{out.name}.partial")
+        work.mkdir(parents=True, exist_ok=True)
+        words = [str(p.resolve()) for p in sorted(case.glob("take-*.mcap"))]
+        for path in sorted(case.glob("held-out-*.mcap")):
+            words += ["--held-out", str(path.resolve())]
+        said, code = self._call([*self._command, *words, "--out", str(work), *self._options])
+        if code in {130, -signal.SIGINT}:  # the next run goes on with what the diagnosis kept in its folder
+            raise KeyboardInterrupt
+        write_whole(work / LOG, said.encode())
+        if code == 0 and _is_done(work):
+            (work / FAILURE).unlink(missing_ok=True)
+        else:
+            (work / DIAGNOSIS).unlink(missing_ok=True)
+            write_whole(work / FAILURE, f"exit code {code}\n{said[-2000:]}".encode())
+        shutil.rmtree(out, ignore_errors=True)
+        work.replace(out)
+
+    def _call(self, words: list[str]) -> tuple[str, int]:
+        """Run a command; return what it said and its exit code."""
+        try:
+            process = subprocess.Popen(
+                words, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                env=self._surroundings,
+            )  # fmt: skip
+        except OSError as error:
+            return f"{error}", 127
+        self._running.add(process)
+        try:
+            return process.communicate(timeout=self._limit)[0], process.returncode
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.communicate()
+            return f"took longer than {self._limit:g} s", 124
+        finally:
+            self._running.discard(process)
+
+    def interrupt(self) -> None:
+        """Interrupt what runs, once it had time to hear of it by itself."""
+        for process in list(self._running):
+            try:
+                process.wait(PATIENCE)
+            except subprocess.TimeoutExpired:
+                process.send_signal(signal.SIGINT)

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import subprocess
 import sys
+import threading
+import time
 
 import msgspec
 import pytest
 
+from fit import runtime
 from fit.blind import making
 from fit.blind.cases import CREATED, FILES
 from fit.blind.foreign.engines import OWN
@@ -197,6 +202,62 @@ def test_running_skips_what_is_done_and_records_failures(a_set, tmp_path):
     (tmp_path / "fails.txt").write_text("nobody")
     assert run_set(a_set, answers, command=command, again=True) == 0
     hash_answers(a_set, answers)
+
+
+# Waits until a second one has begun, or for the end of its patience.
+MEETING = """
+import os, pathlib, sys, time
+here = pathlib.Path(__file__).parent
+(here / f"begun-{os.getpid()}").touch()
+end = time.monotonic() + 30
+while len(list(here.glob("begun-*"))) < 2 and time.monotonic() < end:
+    time.sleep(0.02)
+(here / "threads.txt").write_text(os.environ["HANGTIME_THREADS"])
+sys.exit(2 if time.monotonic() < end else 0)
+"""
+
+
+def test_diagnoses_run_side_by_side_and_share_the_processors(a_set, tmp_path):
+    program = tmp_path / "diagnose.py"
+    program.write_text(MEETING)
+    started, counts = time.monotonic(), []
+    failed = run_set(
+        a_set, tmp_path / "answers", command=[sys.executable, str(program)], workers=2,
+        progress=lambda *numbers: counts.append(numbers),
+    )  # fmt: skip
+    assert failed == 5
+    assert time.monotonic() - started < 30
+    assert counts == [(n, 5, n) for n in range(6)]
+    assert int((tmp_path / "threads.txt").read_text()) == max(1, runtime.available_threads() // 2)
+
+
+SLEEPING = """
+import pathlib, signal, sys, time
+def end(*_):
+    (pathlib.Path(__file__).parent / "interrupted").touch()
+    sys.exit(130)
+signal.signal(signal.SIGINT, end)
+(pathlib.Path(__file__).parent / "begun").touch()
+time.sleep(60)
+"""
+
+
+def test_an_interrupted_run_interrupts_its_diagnoses(a_set, tmp_path, monkeypatch):
+    """Ctrl-C in a terminal reaches them by itself; a signal to this process alone does not."""
+    program = tmp_path / "diagnose.py"
+    program.write_text(SLEEPING)
+    monkeypatch.setattr("fit.blind.running.PATIENCE", 0.2)
+
+    def interrupt():
+        while not (tmp_path / "begun").exists():
+            time.sleep(0.02)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=interrupt, daemon=True).start()
+    with pytest.raises(KeyboardInterrupt):
+        run_set(a_set, tmp_path / "answers", command=[sys.executable, str(program)], workers=2)
+    assert (tmp_path / "interrupted").exists()
+    assert not list((tmp_path / "answers").glob("[!.]*"))
 
 
 def test_a_program_that_does_not_exist_is_a_failure_not_an_end(a_set, tmp_path):

@@ -3,7 +3,9 @@
 A verdict names the right group when the true effect is among the effects it names (an `ambiguous` verdict is one group)
 or shares a group with the first of them by the diagnosis' own grouping. Without probabilities, naming one effect as
 `effect` counts as confident. Closure is compared with that of the true effect, refitted by the diagnosis itself: an
-oracle that knows which effect it is, but not how large.
+oracle that knows which effect it is, but not how large. Two simpler tools are judged by the same answers: one that
+names what explains the largest share of the residual linearly, without any refit, and one that names what closes most
+of the gap, without any rules.
 """
 
 from __future__ import annotations
@@ -50,6 +52,8 @@ class Judged(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     place_found: bool | None = None
     brier: float | None = None
     probability: float | None = None
+    right_by_screening: bool | None = None
+    right_by_closure: bool | None = None
 
 
 def judge(truth: Truth, answers: Path) -> Judged:
@@ -108,7 +112,17 @@ def _judge_single(
         closure=by_name.closure.value if by_name and by_name.closure else None,
         closure_of_oracle=true.closure.value if true and true.closure else None,
         amplitude_error=error, amplitude_covered=covered, place_found=_place(said, planted.place),
+        right_by_screening=_is_largest(findings, planted.id, {f.id: f.explained for f in findings.values()}),
+        right_by_closure=_is_largest(
+            findings, planted.id, {f.id: f.closure.value if f.closure else None for f in findings.values()}
+        ),
     )  # fmt: skip
+
+
+def _is_largest(findings: dict[str, EffectFinding], planted: str, figures: dict[str, float | None]) -> bool:
+    """Whether the tested effect with the largest figure is the planted one or of its group."""
+    known = {name: value for name, value in figures.items() if value is not None and findings[name].tested}
+    return bool(known) and _same_group(findings, (max(known, key=known.__getitem__),), (planted,))
 
 
 def bin_of(ratio: float | None) -> str:

@@ -137,13 +137,17 @@ def summarise(judged: tuple[Judged, ...]) -> Score:
     if in_base:
         notes.append(f"{in_base} cases have an effect that is part of the base model; they count in no rate.")
     by_size = {name: rates_of([j for j in singles if j.bin == name]) for name in BINS}
-    always = rate_of(j.planted == ("air_drag",) for j in singles)
+    baselines = {
+        "always air_drag": rate_of(j.planted == ("air_drag",) for j in singles),
+        "largest share explained linearly, no refit": rate_of(bool(j.right_by_screening) for j in singles),
+        "largest share of the gap closed, no rules": rate_of(bool(j.right_by_closure) for j in singles),
+    }
     return Score(
         format=SCORE_FORMAT, created="", sealed="", answers="", look=0,
         overall=rates_of(counted), by_size=by_size, in_base_model=in_base,
         verdicts=_table([(j.kind, j.verdict) for j in judged]),
         confusion=_table([(_label(j), _first_named(j)) for j in judged if j.kind != "pair"]),
-        baselines={"always air_drag": always}, chance=1 / len(PLANTS), cases=judged,
+        baselines=baselines, chance=1 / len(PLANTS), cases=judged,
         notes=tuple(notes),
     )  # fmt: skip
 

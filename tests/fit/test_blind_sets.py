@@ -361,6 +361,17 @@ def test_an_effect_in_third_place_is_among_the_first_three_groups(a_set, tmp_pat
     assert not judged(a_set, tmp_path, "single", diagnosis("effect", ["draught"], four)).right_in_three
 
 
+def test_simpler_tools_are_judged_by_the_same_answers(a_set, tmp_path):
+    """Drag explains more linearly, the truth closes more: the rules may say nothing at all."""
+    name = truth_of(a_set, "single").planted[0].id
+    both = [finding("air_drag", closure=0.2, explained=0.5), finding(name, closure=0.4, explained=0.3)]
+    one = judged(a_set, tmp_path, "single", diagnosis("unknown", [], both))
+    assert (one.right_first, one.right_by_screening, one.right_by_closure) == (False, False, True)
+    found = summarise((one,)).baselines
+    assert found["largest share explained linearly, no refit"].k == 0
+    assert found["largest share of the gap closed, no rules"].k == 1
+
+
 def test_an_effect_of_the_base_model_counts_in_no_rate(a_set, tmp_path):
     name = truth_of(a_set, "single").planted[0].id
     one = judged(a_set, tmp_path, "single", diagnosis("none", effects=[finding(name, tested=False)]))

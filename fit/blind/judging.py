@@ -14,7 +14,7 @@ from pathlib import Path
 
 import msgspec
 
-from fit.blind.cases import Kind, Truth
+from fit.blind.cases import Kind, Look, Truth
 from fit.blind.rates import brier
 from fit.blind.running import DIAGNOSIS
 from formats.errors import ResultError
@@ -54,6 +54,7 @@ class Judged(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     probability: float | None = None
     right_by_screening: bool | None = None
     right_by_closure: bool | None = None
+    conditions: dict[str, str] = {}
 
 
 def judge(truth: Truth, answers: Path) -> Judged:
@@ -72,6 +73,7 @@ def judge(truth: Truth, answers: Path) -> Judged:
         amplitude=first.amplitude if first else None, ratio=ratio, bin=bin_of(ratio),
         verdict=said.verdict if said else "inconclusive", named=named,
         is_tested=true.tested if true else True, probability=_highest(findings, named),
+        conditions=conditions_of(truth.look),
     )  # fmt: skip
     first_group = set(named if judged.verdict == "ambiguous" else named[:1])
     wrong = bool(named) and not (first_group & set(judged.planted) or _same_group(findings, named, judged.planted))
@@ -123,6 +125,17 @@ def _is_largest(findings: dict[str, EffectFinding], planted: str, figures: dict[
     """Whether the tested effect with the largest figure is the planted one or of its group."""
     known = {name: value for name, value in figures.items() if value is not None and findings[name].tested}
     return bool(known) and _same_group(findings, (max(known, key=known.__getitem__),), (planted,))
+
+
+def conditions_of(look: Look) -> dict[str, str]:
+    """Return what the sensor gives of a case, in steps of a ladder."""
+    noise, away = 1e3 * look.noise, 100 * look.away
+    return {
+        "noise": "below 1 mm" if noise < 1 else "1 to 2 mm" if noise < 2 else "above 2 mm",
+        "points": f"{look.grid} x {look.grid}" if look.grid else "corners and centre",
+        "frames": f"{look.rate:.0f} a second",
+        "missing": "below 3 %" if away < 3 else "3 to 6 %" if away < 6 else "above 6 %",
+    }
 
 
 def bin_of(ratio: float | None) -> str:

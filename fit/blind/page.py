@@ -88,6 +88,7 @@ def render(score: Score) -> str:
         "<h2>Rates</h2><p>Single effects also by true amplitude over the smallest amplitude that the diagnosis says it "
         f"could detect; what is asked holds for {HEADLINE_BIN}. Brackets: 95 % Wilson intervals.</p>",
         rates_table(score),
+        "<h2>By what the sensor gives</h2>", _ladders(score),
         "<h2>Planted against named first</h2>", _counts(score.confusion, "planted"),
         "<h2>Verdicts</h2>", _counts(score.verdicts, "kind of case"),
         "<h2>Calibration</h2>", _calibration(score),
@@ -121,6 +122,23 @@ def rates_table(score: Score) -> str:
     return (
         f"<div class=scroll><table><thead><tr><th></th><th>asked</th><th>all<br><small>{score.overall.cases} cases"
         f"</small></th>{head}</tr></thead><tbody>{body}</tbody></table></div>"
+    )
+
+
+def _ladders(score: Score) -> str:
+    """The rates that depend most on data, by noise, points, frames and missing points."""
+    shown = [row for row in ROWS if row[1] in {"false_alarms", "right_first", "said_unknown", "amplitude_error"}]
+    head = "".join(f"<th>{escape(title)}</th>" for title, _, _ in shown)
+    body = "".join(
+        f"<tr><td>{escape(f'{name}: {step}')}</td><td>{rates.cases}</td>"
+        + "".join(f"<td>{figure(rates, key)}</td>" for _, key, _ in shown)
+        + "</tr>"
+        for name, steps in score.by_condition.items()
+        for step, rates in steps.items()
+    )
+    return (
+        f"<div class=scroll><table><thead><tr><th></th><th>cases</th>{head}</tr></thead><tbody>{body}</tbody>"
+        "</table></div>"
     )
 
 

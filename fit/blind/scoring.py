@@ -61,6 +61,7 @@ class Score(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     look: int
     overall: Rates
     by_size: dict[str, Rates]
+    by_condition: dict[str, dict[str, Rates]]
     in_base_model: int
     verdicts: dict[str, dict[str, int]]
     confusion: dict[str, dict[str, int]]
@@ -144,12 +145,21 @@ def summarise(judged: tuple[Judged, ...]) -> Score:
     }
     return Score(
         format=SCORE_FORMAT, created="", sealed="", answers="", look=0,
-        overall=rates_of(counted), by_size=by_size, in_base_model=in_base,
+        overall=rates_of(counted), by_size=by_size, by_condition=_ladders(counted), in_base_model=in_base,
         verdicts=_table([(j.kind, j.verdict) for j in judged]),
         confusion=_table([(_label(j), _first_named(j)) for j in judged if j.kind != "pair"]),
         baselines=baselines, chance=1 / len(PLANTS), cases=judged,
         notes=tuple(notes),
     )  # fmt: skip
+
+
+def _ladders(judged: list[Judged]) -> dict[str, dict[str, Rates]]:
+    """Rates for every step of what the sensor gives: noise, points, frames, missing points."""
+    steps = sorted({(name, step) for j in judged for name, step in j.conditions.items()})
+    found: dict[str, dict[str, Rates]] = {}
+    for name, step in steps:
+        found.setdefault(name, {})[step] = rates_of([j for j in judged if j.conditions.get(name) == step])
+    return found
 
 
 def rates_of(judged: list[Judged]) -> Rates:

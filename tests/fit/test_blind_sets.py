@@ -15,9 +15,9 @@ import pytest
 
 from fit import runtime
 from fit.blind import making
-from fit.blind.cases import CREATED, FILES
+from fit.blind.cases import CREATED, FILES, Look
 from fit.blind.foreign.engines import OWN
-from fit.blind.judging import bin_of, judge
+from fit.blind.judging import bin_of, conditions_of, judge
 from fit.blind.making import LABELS, changed_files, make_set, open_labels, read_manifest
 from fit.blind.page import write_page
 from fit.blind.rates import brier, rate_of, wilson
@@ -286,10 +286,21 @@ def test_right_answers_get_full_marks(a_set, tmp_path):
     assert score.overall.amplitude_covered.k == 0  # 1.2 a within 10 % does not reach a
     assert score.overall.closure_against_oracle == pytest.approx(1.0)
     assert score.by_size["2 to 4"].right_first.k == 2  # every amplitude is three times the minimum detectable
+    for steps in score.by_condition.values():
+        assert sum(rates.cases for rates in steps.values()) == 5
+        assert sum(rates.right_first.k for rates in steps.values()) == 2
     assert score.overall.brier is None
     assert any("no probabilities" in note for note in score.notes)
     assert (tmp_path / SCORE).exists()
     assert len((tmp_path / ANSWERS_HASHES).read_text().splitlines()) == 5
+
+
+def test_what_the_sensor_gives_has_steps():
+    look = Look(width=0.3, height=0.3, mass=0.02, grid=0, rate=45.0, duration=3.5, noise=1.4e-3, away=0.08,
+                tilt=(0.0, 0.0), distance=1.5)  # fmt: skip
+    assert conditions_of(look) == {
+        "noise": "1 to 2 mm", "points": "corners and centre", "frames": "45 a second", "missing": "above 6 %",
+    }  # fmt: skip
 
 
 def test_every_opening_of_the_seal_is_recorded(a_set, tmp_path):

@@ -220,15 +220,24 @@ def scene(seconds: float) -> tuple[Simulator, Floats]:
 class Cost:
     """Processor time [s] of one candidate in every round, (rounds,).
 
-    scalar, lanes: of C, (flags, rounds) in the order of `FURTHER`; kernel: of its calls; whole: of `Simulator.run`
+    scalar, lanes: of C, (flags, rounds) in the order of `FURTHER`; narrow: of C with as many lanes as the kernel gives
+    one alone; kernel: of its calls; whole: of `Simulator.run`
     """
 
     scalar: Floats
     lanes: Floats
+    narrow: Floats
     kernel: Floats
     kernel_alone: Floats
     whole: Floats
     whole_alone: Floats
+
+
+def distance(way: InC, expected: Singles) -> float:
+    """Largest difference of a coordinate [m] between what C and, in the first of its lanes, the kernel saw."""
+    way.run()
+    seen = way.call.seen
+    return float(np.abs(seen - expected[..., : seen.shape[-1]]).max())
 
 
 def in_turns(runs: Sequence[Callable[[], object]], rounds: int) -> Floats:
@@ -243,22 +252,21 @@ def in_turns(runs: Sequence[Callable[[], object]], rounds: int) -> Floats:
 
 
 def measure(compiler: str, seconds: float, rounds: int) -> tuple[Cost, float]:
-    """Return what each way costs, and the largest distance [m] of any C from the kernel."""
+    """Return what each way costs, and the largest difference of a coordinate [m] between any C and the kernel."""
     with patch.dict(os.environ, HANGTIME_THREADS="1"), tempfile.TemporaryDirectory() as folder:
         simulator, rows = scene(seconds)
         many, alone = only_call(lambda: simulator.run(rows)), only_call(lambda: simulator.run(rows[:1]))
-        expected = many.seen
+        expected, expected_alone = many.seen, alone.seen
         scalar = [InC(many.lane(0), build(compiler, Path(folder), 1, flags)) for flags in FURTHER]
         lanes = [InC(many, build(compiler, Path(folder), LANES, flags)) for flags in FURTHER]
-        furthest = 0.0
-        for way in scalar + lanes:
-            way.run()
-            seen = way.call.seen
-            furthest = max(furthest, float(np.abs(seen - expected[..., : seen.shape[-1]]).max()))
-        whole = (lambda: simulator.run(rows)), (lambda: simulator.run(rows[:1]))
-        spent = in_turns([*(way.run for way in scalar + lanes), many.run, alone.run, *whole], rounds)
-    of_scalar, of_lanes, (kernel, kernel_alone, run, run_alone) = np.split(spent, [len(FURTHER), 2 * len(FURTHER)])
-    return Cost(of_scalar, of_lanes / LANES, kernel / LANES, kernel_alone, run / LANES, run_alone), furthest
+        narrow = InC(alone, build(compiler, Path(folder), alone.made_with["lanes"]))
+        furthest = max(distance(way, expected) for way in scalar + lanes)
+        furthest = max(furthest, distance(narrow, expected_alone))
+        ways = [way.run for way in (*scalar, *lanes, narrow, many, alone)]
+        spent = in_turns([*ways, lambda: simulator.run(rows), lambda: simulator.run(rows[:1])], rounds)
+    of_scalar, of_lanes, rest = np.split(spent, [len(FURTHER), 2 * len(FURTHER)])
+    of_narrow, kernel, kernel_alone, run, run_alone = rest
+    return Cost(of_scalar, of_lanes / LANES, of_narrow, kernel / LANES, kernel_alone, run / LANES, run_alone), furthest
 
 
 def quickest(by_flags: Floats) -> Floats:
@@ -280,13 +288,14 @@ def show(cost: Cost, furthest: float) -> None:
     rows = {
         **{" ".join(("scalar C", *flags)): row for flags, row in zip(FURTHER, cost.scalar, strict=True)},
         **{" ".join((f"C, {LANES} lanes", *flags)): row for flags, row in zip(FURTHER, cost.lanes, strict=True)},
+        "C, one in the kernel's lanes for one": cost.narrow,
         f"kernel, {LANES} lanes": cost.kernel, "kernel, one alone": cost.kernel_alone,
         f"whole run of {LANES}": cost.whole, "whole run of one": cost.whole_alone,
     }  # fmt: skip
     for name, row in rows.items():
         low, middle, high = 1e3 * np.percentile(row, [25, 50, 75])
         print(f"{name:<56} {middle:8.2f} ms a candidate ({low:.2f} to {high:.2f})")
-    print(f"largest distance of any C from the kernel: {1e3 * furthest:.3f} mm")
+    print(f"largest difference of a coordinate between any C and the kernel: {1e3 * furthest:.3f} mm")
     against = {
         f"C with {' '.join(GIVEN)}": (cost.scalar[0], cost.lanes[0]),
         "C with what of the further flags is quickest": (quickest(cost.scalar), quickest(cost.lanes)),

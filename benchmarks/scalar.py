@@ -156,7 +156,7 @@ class InC:
 
 @contextlib.contextmanager
 def heard() -> Iterator[list[Call]]:
-    """Note every call of the kernel that happens inside."""
+    """Note every call of the kernel that happens inside, with the arrays as they were given."""
     calls: list[Call] = []
     make = rollout.make_rollout
 
@@ -185,7 +185,7 @@ def only_call(run: Callable[[], object]) -> Call:
 
 
 def find_compiler() -> str | None:
-    """The machine's gcc."""
+    """Where the machine's gcc is; None where there is none."""
     return shutil.which("gcc")
 
 

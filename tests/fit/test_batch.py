@@ -89,7 +89,7 @@ def test_a_night_with_a_killed_worker_and_two_poisoned_takes(takes, tmp_path):
     # The second night starts no worker: everything is known, also what fails.
     before = {path: path.stat().st_mtime_ns for path in (tmp_path / "out/fits").iterdir()}
     again = start(*words, folder=tmp_path)
-    assert again.wait(60) == 1
+    assert again.wait(60) == SOME_NOT_FITTED
     assert "5 takes, 0 to fit." in said(tmp_path)
     assert "3 fitted before, 2 failed" in said(tmp_path)
     assert "Dashboard" not in said(tmp_path)
@@ -125,7 +125,7 @@ def test_a_take_that_ends_its_workers_is_given_up_and_tried_again_the_next_night
     )  # fmt: skip
     wait_for(lambda: (tmp_path / "out/unfinished").exists())
     kill(worker_pids(process)[0])
-    assert process.wait(60) == 1
+    assert process.wait(60) == SOME_NOT_FITTED
     assert "swing0.mcap: every worker that took it on died" in said(tmp_path)
     assert not (tmp_path / "out/failed").exists()
     found = survey(open_store(str(night)), open_store(str(tmp_path / "out")), Plan(iterations=4000))
@@ -155,9 +155,9 @@ def test_an_address_that_cannot_be_is_told_at_once(takes, tmp_path, address, sen
     assert "Traceback" not in said(tmp_path)
 
 
-def test_a_night_too_short_for_its_takes_ends_with_1(takes, tmp_path):
+def test_a_night_too_short_for_its_takes_says_so_in_its_status(takes, tmp_path):
     process = start("batch", takes, "--out", "out", "--hours", 0, *SHORT, folder=tmp_path)
-    assert process.wait(60) == 1
+    assert process.wait(60) == SOME_NOT_FITTED
     assert "3 takes: 3 waiting." in said(tmp_path)
 
 

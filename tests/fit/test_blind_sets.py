@@ -247,6 +247,8 @@ def test_an_interrupted_run_interrupts_its_diagnoses(a_set, tmp_path, monkeypatc
     program = tmp_path / "diagnose.py"
     program.write_text(SLEEPING)
     monkeypatch.setattr("fit.blind.running.PATIENCE", 0.2)
+    # What a shell starts in the background ignores Ctrl-C; a terminal's programs do not.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def interrupt():
         while not (tmp_path / "begun").exists():
@@ -254,8 +256,11 @@ def test_an_interrupted_run_interrupts_its_diagnoses(a_set, tmp_path, monkeypatc
         os.kill(os.getpid(), signal.SIGINT)
 
     threading.Thread(target=interrupt, daemon=True).start()
-    with pytest.raises(KeyboardInterrupt):
-        run_set(a_set, tmp_path / "answers", command=[sys.executable, str(program)], workers=2)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            run_set(a_set, tmp_path / "answers", command=[sys.executable, str(program)], workers=2)
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert (tmp_path / "interrupted").exists()
     assert not list((tmp_path / "answers").glob("[!.]*"))
 

@@ -17,7 +17,7 @@ SHORTEST = 2.5  # s of motion: five blocks a take, below which no statistic hold
 SMALLEST_SWING = 0.03  # m of travel of the hanger
 LEAST_OWN_MOTION = 2.0  # times the noise: a board on the hanger would move by the noise alone
 LARGEST_NUMERICS = 0.4  # of the gap that a finer mesh and step may remove
-SHARE_OF_EFFECT = 0.3  # of the cost that the best effect saves
+SHARE_OF_EFFECT = 0.5  # of the logarithm of the cost that the best effect saves
 CONVERGED = 0.15  # relative difference in cost between the best fits
 FREQUENCIES = (0.0, 0.5, 1.0, 2.0, 3.0, 4.5, 6.0)  # Hz, of the observer's pull
 NUDGE = 1e-3  # relative change of a parameter that a predictable take forgets
@@ -101,7 +101,7 @@ def convergence_gate(fits: list[Fitted], best_effect: float) -> Gate:
     best_effect: cost of the best refit with an effect.
     """
     spread = disagreement(fits)
-    limit = max(CONVERGED, SHARE_OF_EFFECT * (1 - best_effect / min(f.cost for f in fits)))
+    limit = max(CONVERGED, float(min(f.cost for f in fits) / best_effect) ** SHARE_OF_EFFECT - 1)
     return Gate(
         name="base fit", passed=spread <= limit, figure=100 * spread, limit=100 * limit, unit="%",
         sentence=f"The best two of {len(fits)} starts of the base fit end {100 * spread:.1f} % apart in cost.",

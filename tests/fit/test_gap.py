@@ -206,6 +206,21 @@ def test_an_interval_holds_what_laws_differ_by_unless_the_effect_is_one_of_measu
         assert (high - low) / 2 == pytest.approx(half * effect.typical, rel=0.02)
 
 
+@pytest.mark.parametrize(
+    ("second", "with_effect", "passed"),
+    [(11.0, 10.0, True), (14.6, 9.0, False), (14.6, 1.0, True), (40.0, 1.0, False)],
+    ids=["they agree", "they disagree", "an effect saves much more", "they disagree as much as an effect saves"],
+)
+def test_starts_may_disagree_by_less_than_an_effect_saves(second, with_effect, passed):
+    """Costs of 10 and 14.6: 46 % apart. An effect that ends at 1 allows sqrt(10) - 1 = 216 %, one at 9 only 15 %."""
+
+    def ended_at(cost):
+        residual = np.array([np.sqrt(cost)])
+        return Fitted(SI.initial, np.zeros(0), (), residual, np.zeros((1, 5)), np.zeros(5), True)
+
+    assert gates.convergence_gate([ended_at(second), ended_at(10.0)], with_effect).passed == passed
+
+
 def test_a_take_in_which_nothing_moves_is_inconclusive():
     time = np.arange(0, 5, FRAME)
     take, _ = truth(time=time, displacement=np.zeros((len(time), 3)), noise=0.001)

@@ -27,6 +27,7 @@ Floats = NDArray[np.float64]
 FREQUENCY = 3.0  # Hz: strong enough that the observer's states are those of the data
 LOW_PASS = 2.0  # Hz
 VISIBLE = 0.2  # share of the pull that features must explain before its shape is described
+WITHIN = 0.2  # share along the normal below which a force acts within the cloth; of a random direction it is a third
 EXPONENTS = np.arange(0.0, 3.01, 0.25)
 
 
@@ -50,7 +51,7 @@ def find_missing_force(observer: Observer, vector: Floats) -> MissingForce:
         even_share=even_share,
         amplitude_exponent=exponent,
         spatial_share=shares,
-        sentence=_sentence(normal_share, odd_share, even_share, exponent, shares),
+        sentence=sentence_of(normal_share, odd_share, even_share, exponent, shares),
         places=_places(observer, pull, along, point),
     )
 
@@ -115,20 +116,27 @@ def _explained(target: Floats, features: Floats) -> float:
     return float(1 - (rest @ rest) / max(float(target.ravel() @ target.ravel()), 1e-12))
 
 
-def _sentence(normal: float, odd: float, even: float, exponent: float | None, shares: dict[str, float]) -> str:
+def sentence_of(normal: float, odd: float, even: float, exponent: float | None, shares: dict[str, float]) -> str:
+    """Say in words how much of the force is along the normal, odd or even in velocity, and where it is largest."""
     if odd + even < VISIBLE:
         return (
             "What the base fit left of the missing force is hidden in the sensor's noise: "
             f"features of the motion explain {100 * (odd + even):.0f} % of the pull."
         )
-    direction = "mostly along the cloth's normal" if normal > 0.6 else "in all directions"
+    direction = (
+        "mostly along"
+        if normal > 0.6
+        else "within the cloth and hardly along"
+        if normal < WITHIN
+        else "in all directions, also along"
+    )
     kind = (
         "opposes motion" if odd > 2 * even else "acts like inertia or a constant load" if even > 2 * odd else "is mixed"
     )
     growth = f", grows with speed to the power {exponent:g}" if exponent is not None and odd > even else ""
     where = max(shares, key=lambda name: shares[name])
     return (
-        f"The missing force acts {direction} ({100 * normal:.0f} %), {kind} "
+        f"The missing force acts {direction} the cloth's normal ({100 * normal:.0f} %), {kind} "
         f"(dissipative features explain {100 * odd:.0f} %, conservative ones {100 * even:.0f} %){growth}, "
         f"and is strongest in the {where} third of the cloth ({100 * shares[where]:.0f} %)."
     )

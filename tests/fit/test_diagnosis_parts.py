@@ -17,6 +17,7 @@ from fit.gap.diagnosis import diagnose, fine_enough
 from fit.gap.fitting import Fitted, amplitude_of
 from fit.gap.floor import neighbour_noise
 from fit.gap.hypotheses import Hypothesis
+from fit.gap.missing_force import sentence_of
 from fit.gap.next_experiment import MENU, imagine, propose
 from fit.gap.numerics import motion_mm
 from fit.gap.observer import Observer
@@ -210,3 +211,15 @@ def test_the_lean_model_leaves_shear_to_the_library():
     assert row[2] == pytest.approx(0.3)  # N/m: a thousandth of the stretch stiffness
     names = {p.name for p in LEAN.parameters}
     assert not {e.in_base for e in LIBRARY if e.in_base} & names
+
+
+@pytest.mark.parametrize(
+    ("normal", "words"),
+    [(0.8, "mostly along the cloth's normal (80 %)"), (0.3, "in all directions, also along the cloth's normal (30 %)"),
+     (0.08, "within the cloth and hardly along the cloth's normal (8 %)")],
+)  # fmt: skip
+def test_the_missing_forces_direction_is_told_in_words(normal, words):
+    said = sentence_of(normal, 0.03, 0.6, None, {"top": 0.1, "bottom": 0.9})
+    assert words in said
+    assert "acts like inertia or a constant load" in said
+    assert "the bottom third" in said

@@ -30,6 +30,15 @@ LAW_SHARE = 0.08  # sd by which sound laws of one effect differ: drag that varie
 SECOND_GAIN = 0.15  # of the gap that a further effect must close
 
 
+def is_at_bound(observer: Observer, hypothesis: Hypothesis) -> bool:
+    """Whether the effect that a hypothesis adds last was stopped by the end of its physical range."""
+    last = hypothesis.effects[-1]
+    effect, amplitude = observer.effects[last], hypothesis.fitted.amplitudes[observer.columns[last]]
+    reach = AT_BOUND * (effect.high - effect.low)
+    below = amplitude < effect.low + reach if effect.low < 0 else np.zeros(len(amplitude), bool)
+    return bool((below | (amplitude > effect.high - reach)).any())
+
+
 @dataclass(frozen=True)
 class Evidence:
     """What a verdict is decided on: hypotheses with their held-out errors, noise floor [mm], mesh error [mm], gates."""
@@ -90,14 +99,6 @@ class Evidence:
         """Whether two effects explain the same part of the residual, so that a mesh's small error can swap them."""
         places = [self.screened.effects.index(k) for k in (one, other)]
         return bool(abs(self.screened.cosines[places[0], places[1]]) > GROUP_COSINE)
-
-    def is_at_bound(self, hypothesis: Hypothesis) -> bool:
-        """Whether the effect that a hypothesis adds last was stopped by the end of its physical range."""
-        last = hypothesis.effects[-1]
-        effect, amplitude = self.observer.effects[last], hypothesis.fitted.amplitudes[self.observer.columns[last]]
-        reach = AT_BOUND * (effect.high - effect.low)
-        below = amplitude < effect.low + reach if effect.low < 0 else np.zeros(len(amplitude), bool)
-        return bool((below | (amplitude > effect.high - reach)).any())
 
     def probabilities(self) -> dict[int, float]:
         """Share of bootstrap draws in which each refitted effect leaves the least error and is worth naming.
@@ -203,7 +204,7 @@ def passing_effects(evidence: Evidence) -> list[int]:
     passing = []
     for k, hypothesis in evidence.singles.items():
         closed = evidence.closure_of(hypothesis)
-        if closed is None or closed.interval is None or evidence.is_at_bound(hypothesis):
+        if closed is None or closed.interval is None or is_at_bound(evidence.observer, hypothesis):
             continue
         _, (low, high) = evidence.amplitude(k)
         # The score test is blind to effects that act in few half-seconds; held-out motion is not.
@@ -234,7 +235,7 @@ def _several(evidence: Evidence) -> Hypothesis | None:
     gap = evidence.base.errors.squared_mm - evidence.floor_mm**2
     for hypothesis, p_value in evidence.joint:
         gain = (before.errors.draw(evidence.picks) - hypothesis.errors.draw(evidence.picks)) / gap
-        is_real = p_value < LEVEL and not evidence.is_at_bound(hypothesis)
+        is_real = p_value < LEVEL and not is_at_bound(evidence.observer, hypothesis)
         if not is_real or gain.mean() < SECOND_GAIN or np.quantile(gain, 0.05) <= 0:
             break
         accepted = before = hypothesis

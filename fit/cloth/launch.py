@@ -129,9 +129,9 @@ def _call(tasks: list[Group], lanes: int, observer_hz: float) -> None:
     with runtime.vectors_kept():
         kernel(
             *state, _zeros((count, points, 3, lanes)),
-            *_membrane_arguments(mesh),
+            *first.membrane_arguments,
             *(_zeros((count, fibres, 3, lanes)) for _ in range(3)),
-            *_bending_arguments(mesh),
+            *first.bending_arguments,
             *(_zeros((count, nodes if needs_normals else 1, *shape, lanes)) for shape in ((3,), ())),
             _in_lanes(rest, lanes), _zeros((count, bends if with_bends else 1, lanes)), _in_lanes(added, lanes),
             _some(support.nodes), _single(_some(support.shares)), _joined(paths, lanes), _firsts(paths),
@@ -238,7 +238,7 @@ def _single(values: Floats) -> Singles:
     return np.ascontiguousarray(values, np.float32)
 
 
-def _membrane_arguments(mesh: ClothMesh) -> list[Singles | Integers | int]:
+def membrane_arguments(mesh: ClothMesh) -> list[Singles | Integers | int]:
     """What the kernel wants to know of the membrane, in its order."""
     stencils = mesh.fibres.stencils
     return [
@@ -247,7 +247,7 @@ def _membrane_arguments(mesh: ClothMesh) -> list[Singles | Integers | int]:
     ]  # fmt: skip
 
 
-def _bending_arguments(mesh: ClothMesh) -> list[Singles | Integers]:
+def bending_arguments(mesh: ClothMesh) -> list[Singles | Integers]:
     """What the kernel wants to know of bending and of normals, in its order."""
     bends, plain = mesh.bends, len(mesh.bends.stencils)
     root = _single(np.sqrt(bends.area))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fit import runtime
 from fit.cloth import material as mat
-from fit.cloth.launch import Candidates, Group, launch
+from fit.cloth.launch import Candidates, Group, bending_arguments, launch, membrane_arguments
 from fit.cloth.mesh import build_mesh
 from fit.cloth.stability import unit_frequencies
 from fit.cloth.support import Support, Supporting, clamped, hanger
@@ -88,6 +88,7 @@ class Simulator:
         self.simulations = 0
         self.columns = columns_of(effects)
         self._frequencies = unit_frequencies(self.mesh)
+        self.membrane_arguments, self.bending_arguments = membrane_arguments(self.mesh), bending_arguments(self.mesh)
         self._targets: dict[int, tuple[Floats, Floats, int]] = {}
 
     def run(

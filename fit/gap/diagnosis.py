@@ -29,7 +29,7 @@ from fit.gap.next_experiment import propose
 from fit.gap.numerics import refine
 from fit.gap.observer import Observer
 from fit.gap.screening import Screened, screen
-from fit.gap.verdict import LEVEL, SECOND_GAIN, Evidence, Verdict, decide, is_at_bound
+from fit.gap.verdict import SECOND_GAIN, Evidence, Verdict, decide, may_be_added
 from fit.gap.where import find_where
 from fit.parameterisations import SI, Parameterisation
 from fit.recording import Recording, prepare
@@ -208,7 +208,7 @@ class _Search:
             best, place = min(tried, key=lambda pair: pair[0].errors.squared_mm)
             p_value = float(screened.family_p_value[place])
             self.joint.append((best, p_value))
-            is_real = p_value < LEVEL and not is_at_bound(self.observer, best)
+            is_real = may_be_added(self.observer, best, p_value)
             if not is_real or current.errors.squared_mm - best.errors.squared_mm < least:
                 return
             current = best

@@ -98,7 +98,7 @@ def disagreement(fits: list[Fitted]) -> float:
 def convergence_gate(fits: list[Fitted], best_effect: float) -> Gate:
     """Do independent starts of the base fit end at the same cost, or at least much nearer than an effect brings them?
 
-    best_effect: cost of the best refit with an effect.
+    best_effect: cost of the best refit, with an effect or, where none is better, of the base model.
     """
     spread = disagreement(fits)
     limit = max(CONVERGED, float(min(f.cost for f in fits) / best_effect) ** SHARE_OF_EFFECT - 1)

@@ -39,6 +39,11 @@ def is_at_bound(observer: Observer, hypothesis: Hypothesis) -> bool:
     return bool((below | (amplitude > effect.high - reach)).any())
 
 
+def may_be_added(observer: Observer, hypothesis: Hypothesis, p_value: float) -> bool:
+    """Whether the effect that a hypothesis adds last is significant and within its physical range."""
+    return p_value < LEVEL and not is_at_bound(observer, hypothesis)
+
+
 @dataclass(frozen=True)
 class Evidence:
     """What a verdict is decided on: hypotheses with their held-out errors, noise floor [mm], mesh error [mm], gates."""
@@ -235,7 +240,7 @@ def _several(evidence: Evidence) -> Hypothesis | None:
     gap = evidence.base.errors.squared_mm - evidence.floor_mm**2
     for hypothesis, p_value in evidence.joint:
         gain = (before.errors.draw(evidence.picks) - hypothesis.errors.draw(evidence.picks)) / gap
-        is_real = p_value < LEVEL and not is_at_bound(evidence.observer, hypothesis)
+        is_real = may_be_added(evidence.observer, hypothesis, p_value)
         if not is_real or gain.mean() < SECOND_GAIN or np.quantile(gain, 0.05) <= 0:
             break
         accepted = before = hypothesis

@@ -11,7 +11,7 @@ import sys
 from msgspec.structs import replace
 
 from fit.blind.cases import draw_truth, make_takes
-from fit.blind.plants import find_plants
+from fit.blind.foreign.engines import OWN
 from fit.gap.diagnosis import diagnose
 
 SIMULATIONS_PER_TAKE = 400
@@ -20,7 +20,7 @@ SECONDS = 180
 
 def main(seed: int = 5) -> None:
     """Diagnose one case and print its cost beside the targets."""
-    truth = draw_truth("cost", "single", tuple(find_plants(["air_drag"])), (seed, 0))
+    truth = draw_truth("cost", "single", OWN.plants(["air_drag"]), (seed, 0))
     truth = replace(truth, look=replace(truth.look, grid=9))
     takes = make_takes(truth)
     found = diagnose(

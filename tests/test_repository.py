@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import os
 import re
 import shutil
@@ -108,6 +109,24 @@ def test_help_loads_none_of_the_four_heavy_libraries() -> None:
     )
     assert "diagnose" in done.stdout
     assert "loaded: []" in done.stdout
+
+
+@pytest.mark.parametrize("benchmark", sorted((ROOT / "benchmarks").glob("*.py")), ids=name_of)
+def test_what_a_benchmark_imports_from_us_is_there(benchmark: Path) -> None:
+    wanted = [
+        (node.module, alias.name)
+        for node in ast.walk(ast.parse(benchmark.read_text()))
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] in {*PACKAGES, "tests"}
+        for alias in node.names
+    ]
+    missing = []
+    for module, name in wanted:
+        if not hasattr(importlib.import_module(module), name):
+            try:
+                importlib.import_module(f"{module}.{name}")
+            except ImportError:
+                missing.append(f"{module}.{name}")
+    assert missing == []
 
 
 # --- modules and texts --------------------------------------------------------------------------

@@ -8,6 +8,8 @@ damping and random stiffness only.
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
@@ -168,14 +170,21 @@ def write_case(folder: Path, truth: Truth, *, side: float | None = None, generat
         BlowUpError: the simulation does not stay finite even with a quarter of the step.
         FitError: the generator's engine is not there.
     """
+    with whole_case(folder) as partial:
+        for name, take in zip(FILES, make_takes(truth, side=side, generator=generator), strict=True):
+            write_take(partial / name, take)
+    return [folder / name for name in FILES]
+
+
+@contextmanager
+def whole_case(folder: Path) -> Iterator[Path]:
+    """Give a folder to write a case to; it takes the place of `folder` when all of it is there."""
     partial = folder.with_name(f".{folder.name}.partial")
     shutil.rmtree(partial, ignore_errors=True)
     partial.mkdir(parents=True)
-    for name, take in zip(FILES, make_takes(truth, side=side, generator=generator), strict=True):
-        write_take(partial / name, take)
+    yield partial
     shutil.rmtree(folder, ignore_errors=True)
     partial.replace(folder)
-    return [folder / name for name in FILES]
 
 
 def make_takes(truth: Truth, *, side: float | None = None, generator: Generator = OWN) -> list[Take]:

@@ -17,7 +17,7 @@ seen.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 import msgspec
@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.blind.engine import Cloth
+from fit.errors import FitError
 
 Floats = NDArray[np.float64]
 SMALLEST, LARGEST = 0.5, 3.0  # times the typical size
@@ -168,6 +169,21 @@ UNKNOWNS: tuple[Plant, ...] = (
     Plant("hidden_magnet", "air", "N", 0.05, 0.15, on_cloth=_field("magnet"), in_library=False,
           place=("middle centre", "bottom centre")),
 )  # fmt: skip
+
+
+def choose_plants(names: list[str], offered: Collection[str], how: str) -> tuple[Plant, ...]:
+    """Return the library's effects of these names, all that are `offered` for no name; how: of planting, for the error.
+
+    Raises:
+        FitError: a name that cannot be planted.
+    """
+    known = {plant.id: plant for plant in PLANTS if plant.id in offered}
+    for name in names:
+        if name not in known:
+            raise FitError(
+                f"no effect named {name!r} can be planted {how}", advice=f"known: {', '.join(sorted(known))}"
+            )
+    return tuple(known[name] for name in names) or tuple(known.values())
 
 
 def with_plants(cloth: Cloth, planted: tuple[Planted, ...]) -> Cloth:

@@ -18,7 +18,6 @@ between frames does tell of a clock's drift: that is the fault.
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -29,9 +28,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from fit.blind.boundary import real_ends
-from fit.blind.cases import CREATED, FILES, Kind, drawn_names, rounds
+from fit.blind.cases import CREATED, FILES, Kind, drawn_names, rounds, whole_case
 from fit.blind.engine import Cloth
-from fit.blind.plants import PLANTS, Plant, Planted
+from fit.blind.plants import Plant, Planted, choose_plants
 from fit.blind.sensing import eroded, ironing
 from fit.errors import FitError
 from formats.archive import read_take, write_take
@@ -40,10 +39,6 @@ from formats.take import Take
 
 Floats = NDArray[np.float64]
 
-IN_REAL_TAKES = (
-    "time_offset", "gravity_tilt", "depth_scale", "filter_lag", "corner_erosion", "clock_drift", "tracker_smoothing",
-    "attachment_offset",
-)  # fmt: skip
 MARGIN = 0.1  # s at both ends of every take: more than any offset in time
 TURNS = (0.08, 0.03)  # rad, the largest pitch and roll of a case's sensor
 FEWEST = len(FILES)
@@ -66,13 +61,7 @@ def real_plants(names: list[str]) -> tuple[Plant, ...]:
     Raises:
         FitError: a name that cannot be planted.
     """
-    known = {plant.id: plant for plant in PLANTS if plant.id in IN_REAL_TAKES}
-    for name in names:
-        if name not in known:
-            raise FitError(
-                f"no effect named {name!r} can be planted in real takes", advice=f"known: {', '.join(sorted(known))}"
-            )
-    return tuple(known[name] for name in names) or tuple(known.values())
+    return choose_plants(names, PLANTING, "in real takes")
 
 
 def find_takes(folder: Path) -> dict[str, Path]:
@@ -133,16 +122,14 @@ def write_real_case(folder: Path, truth: RealTruth, takes: dict[str, Path]) -> l
         FitError: a take is not there or too short.
         TakeError: a take cannot be read.
     """
-    partial = folder.with_name(f".{folder.name}.partial")
-    shutil.rmtree(partial, ignore_errors=True)
-    partial.mkdir(parents=True)
-    for file, name in zip(FILES, truth.takes, strict=True):
-        if name not in takes:
-            raise FitError(f"the take {name} is not there any more", where=folder, advice="give the same takes again")
-        take = case_take(read_take(takes[name]), truth)
-        write_take(partial / file, replace(take, take_id=f"{truth.id}-{file.removesuffix('.mcap')}"))
-    shutil.rmtree(folder, ignore_errors=True)
-    partial.replace(folder)
+    with whole_case(folder) as partial:
+        for file, name in zip(FILES, truth.takes, strict=True):
+            if name not in takes:
+                raise FitError(
+                    f"the take {name} is not there any more", where=folder, advice="give the same takes again"
+                )
+            take = case_take(read_take(takes[name]), truth)
+            write_take(partial / file, replace(take, take_id=f"{truth.id}-{file.removesuffix('.mcap')}"))
     return [folder / name for name in FILES]
 
 

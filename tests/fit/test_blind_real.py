@@ -16,8 +16,8 @@ from fit.blind.engine import Cloth
 from fit.blind.making import make_real_set, open_labels
 from fit.blind.plants import PLANTS, Planted
 from fit.blind.real import (
-    IN_REAL_TAKES,
     MARGIN,
+    PLANTING,
     RealTruth,
     case_take,
     plan_real,
@@ -152,7 +152,7 @@ def test_frames_and_gravity_tell_nothing_of_the_label(untouched):
 
     64 % would be three of them. Clocks that drift change the stamps, which is their fault, and are left out.
     """
-    plants = real_plants([name for name in IN_REAL_TAKES if name != "clock_drift"])
+    plants = real_plants([name for name in PLANTING if name != "clock_drift"])
     truths = plan_real([f"t{k}" for k in range(8)], {"single": 60, "null": 60, "pair": 0, "unknown": 0}, plants, 9)
     features = []
     for truth in truths:
@@ -172,7 +172,7 @@ def test_a_planned_case_shares_the_takes_of_its_untouched_one():
         assert truth.takes == by_name[truth.reference].takes
         assert len(set(truth.takes)) == len(FILES)
         assert bool(truth.planted) == (truth.kind == "single")
-    assert sorted(t.planted[0].id for t in truths if t.planted) == sorted(2 * IN_REAL_TAKES)
+    assert sorted(t.planted[0].id for t in truths if t.planted) == sorted(2 * [*PLANTING])
 
 
 @pytest.mark.parametrize(
@@ -201,7 +201,7 @@ def answered(folder, answers, share=1.0):
     """Answers that find a gap of their own in all takes, and `share` of what is planted on top of it."""
     for truth in open_labels(folder).real:
         findings = []
-        for name in IN_REAL_TAKES:
+        for name in PLANTING:
             own = 0.02 if name == "attachment_offset" else 0.001
             parts = {"attachment_offset": {"along": 0.0, "down": -own, "out": 0.0},
                      "corner_erosion": {"corners": 0.0, "border": own}}.get(name, {})  # fmt: skip

@@ -94,6 +94,12 @@ def test_a_draught_of_30_cm_a_second_pushes_a_resting_face():
     assert force == pytest.approx([0, 0.5 * AIR_DENSITY * 1.2 * 0.01 * 0.09, 0], rel=1e-5)
 
 
+def test_a_draught_pushes_more_on_a_sheet_that_slides_along_itself():
+    """u = (2, -0.3, 0): 1/2 x 1.204 x 1.2 x 0.01 x sqrt(4.09) x 0.3 x 2 x 4.09 / (4.09 + 0.09) = 8.58 mN, 13 x."""
+    force = face_force("draught", (0.0, 0.3), (2, 0, 0), (0, 1, 0), 0.01)
+    assert force == pytest.approx([0, 8.577e-3, 0], rel=1e-3)
+
+
 def test_added_mass_is_full_in_the_middle_and_nothing_at_the_edge():
     mesh = build_mesh(sheet(width=0.4, height=0.4), 0.067)  # two elements a side: a node in the middle
     added = effect("added_mass").added_mass(mesh, np.array([0.2]))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from fit.blind.engine import SIDE, Cloth, Engine
 from fit.blind.foreign.jobs import make_job, points_on
-from fit.blind.plants import PLANTS, UNKNOWNS, Plant
+from fit.blind.plants import PLANTS, UNKNOWNS, Plant, choose_plants
 from fit.blind.sheet import make_grid
 from fit.errors import BlowUpError, FitError
 from fit.foreign.process import Foreign, ForeignProcess
@@ -44,14 +44,7 @@ class Generator:
         Raises:
             FitError: a name that cannot be planted.
         """
-        known = {plant.id: plant for plant in PLANTS if plant.id in self.effects}
-        for name in names:
-            if name not in known:
-                raise FitError(
-                    f"no effect named {name!r} can be planted with the generator {self.name}",
-                    advice=f"known: {', '.join(sorted(known))}",
-                )
-        return tuple(known[name] for name in names) or tuple(known.values())
+        return choose_plants(names, self.effects, f"with the generator {self.name}")
 
     def unknown_plants(self) -> tuple[Plant, ...]:
         """Return the effects of no library that this generator has."""

@@ -103,9 +103,9 @@ def run_least_squares(case: Case, budget: int, seed: int) -> Run:
     model = Model(recordings, request)
     found = ObservedSearch(recordings, SI, (), request.space, case.mesh).run(SI.initial, ObservedSettings(seed=seed))
     history = np.full(budget, float(model.distances(SI.initial[None])[0]))
-    for number, (simulations, vector) in enumerate(found.path):
-        after = simulations // len(recordings) + number + 1
-        history[after:] = np.minimum(history[after:], float(model.distances(vector[None])[0]))
+    for number, descent in enumerate(found.path):
+        after = descent.simulations // len(recordings) + number + 1
+        history[after:] = np.minimum(history[after:], float(model.distances(descent.vector[None])[0]))
     return Run(history, found.vector, found.intervals.ends, found.intervals.is_told)
 
 

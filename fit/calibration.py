@@ -13,10 +13,12 @@ from __future__ import annotations
 
 import json
 import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +32,9 @@ from fit.errors import BlowUpError, FitError
 from fit.geometry import check_geometry
 from fit.recording import Recording, prepare
 from fit.request import Request
-from fit.search.choice import Search, begin
+from fit.search.choice import begin
 from fit.search.intervals import Intervals, block_intervals, check_blocks, draw_intervals
-from fit.search.observed import DIFFERENCE, ObservedSearch, ObservedSettings
+from fit.search.observed import DIFFERENCE, Descent, ObservedSearch, ObservedSettings
 from fit.search.tempering import FEWEST_DRAWS, Tempering
 from formats.results import ErrorFigure, FitParameter, FitResult, ObjectiveFigure
 from formats.results import FitError as FitErrors
@@ -132,7 +134,7 @@ def calibrate(
     """Fit the request's parameters to the training takes and report errors before and after.
 
     With a checkpoint file the search is saved every ten seconds, when interrupted and at its end, and goes on from
-    there; remove the file once the result is kept. Least squares keep nothing.
+    there; remove the file once the result is kept. Of least squares every finished descent is saved.
 
     Raises:
         FitError: no take, takes that cannot be simulated, or a saved search that cannot be continued.
@@ -168,7 +170,8 @@ def _ask_and_tell(
     steps = np.array([p.interval for p in request.parameters])
     search = begin(request.search, initial, steps, request.space, request.settings, request.seed, numbers=blocks)
     if checkpoint is not None and checkpoint.exists():
-        _resume(search, checkpoint, key)
+        with _continuing(checkpoint):
+            search.restore(_saved(checkpoint, key))
     saved = clock.monotonic()
     try:
         while not search.is_finished:
@@ -183,14 +186,14 @@ def _ask_and_tell(
             search.tell(candidates, distances)
             progress(search.iteration, request.settings.iterations, search.best_distance)
             if checkpoint is not None and clock.monotonic() - saved > CHECKPOINT_EVERY:
-                _save(search, checkpoint, key)
+                _save(checkpoint, key, search.state())
                 saved = clock.monotonic()
     except KeyboardInterrupt:
         if checkpoint is not None:
-            _save(search, checkpoint, key)
+            _save(checkpoint, key, search.state())
         raise
     if checkpoint is not None:
-        _save(search, checkpoint, key)  # what follows simulates again and may fail
+        _save(checkpoint, key, search.state())  # what follows simulates again and may fail
     if isinstance(search, Tempering) and len(search.draws) >= FEWEST_DRAWS:
         intervals = draw_intervals(request.space, search.draws)
     else:
@@ -204,19 +207,29 @@ def _ask_and_tell(
 def _least_squares(
     model: Model, request: Request, checkpoint: Path | None, key: dict[str, object], progress: Progress
 ) -> _Found:
-    """Least squares; quick enough that nothing is kept of an interrupted one."""
+    """Least squares from several starts; what is kept are the ends of descents and the distances there."""
     search = ObservedSearch(
         model.recordings, request.method, request.effects, request.space, request.resolution
     )  # fmt: skip
     initial = np.array([p.initial for p in request.parameters])
-    history = [float(model.distances(initial[None])[0])]
+    settings = ObservedSettings(seed=request.seed)
+    descents: list[Descent] = []
+    history: list[float] = []
+    if checkpoint is not None and checkpoint.exists():
+        with _continuing(checkpoint):
+            state = _saved(checkpoint, key)
+            descents = [Descent.from_state(one) for one in state["descents"]]
+            history = [float(value) for value in state["history"]]
+    history = history or [float(model.distances(initial[None])[0])]
 
-    def show(simulations: int, vector: Floats) -> None:
-        history.append(min(history[-1], float(model.distances(vector[None])[0])))
+    def show(descent: Descent) -> None:
+        descents.append(descent)
+        history.append(min(history[-1], float(model.distances(descent.vector[None])[0])))
+        if checkpoint is not None:
+            _save(checkpoint, key, {"descents": [one.state() for one in descents], "history": history})
         progress(len(history) - 1, settings.starts * len(settings.pulls), history[-1])
 
-    settings = ObservedSettings(seed=request.seed)
-    found = search.run(initial, settings, show)
+    found = search.run(initial, settings, show, tuple(descents))
     simulations = found.simulations + len(history) * len(model.recordings)
     return _Found(found.vector, found.intervals, history, simulations)
 
@@ -231,11 +244,11 @@ def _key(training: list[Take], request: Request) -> dict[str, object]:
     }  # fmt: skip
 
 
-def _save(search: Search, checkpoint: Path, key: dict[str, object]) -> None:
-    write_whole(checkpoint, json.dumps({"key": key, "search": search.state()}).encode())
+def _save(checkpoint: Path, key: dict[str, object], state: dict[str, Any]) -> None:
+    write_whole(checkpoint, json.dumps({"key": key, "search": state}).encode())
 
 
-def _resume(search: Search, checkpoint: Path, key: dict[str, object]) -> None:
+def _saved(checkpoint: Path, key: dict[str, object]) -> dict[str, Any]:
     try:
         saved = json.loads(checkpoint.read_text())
         state, saved_key = saved["search"], saved["key"]
@@ -247,9 +260,17 @@ def _resume(search: Search, checkpoint: Path, key: dict[str, object]) -> None:
             where=checkpoint,
             advice="delete it or choose another --out",
         )
+    return state  # type: ignore[no-any-return]
+
+
+@contextmanager
+def _continuing(checkpoint: Path) -> Iterator[None]:
+    """Say which file it is that a search cannot go on from."""
     try:
-        search.restore(state)
+        yield
     except (FitError, LookupError, TypeError, ValueError, AttributeError) as error:
+        if isinstance(error, FitError) and error.where == checkpoint:
+            raise
         raise FitError(
             "the saved search cannot be continued here (other settings, libraries or processor)",
             where=checkpoint,

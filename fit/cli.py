@@ -94,7 +94,7 @@ def fit_command(
 
     By default simulated annealing as in the Kinect-skirt paper: freely running simulations, the method's own error.
     Writes DIR/fit.json and DIR/report.html. Interrupt with Ctrl-C at any time; the same command goes on where it was
-    (least squares begin anew).
+    (least squares at the last of their starts that was done).
     """
     from fit.calibration import calibrate
     from fit.fabrics import find_fabric
@@ -114,7 +114,7 @@ def fit_command(
     training, testing = _read(takes, held_out, held_out_motion)
     out.mkdir(parents=True, exist_ok=True)
     progress = ProgressLine(search)
-    checkpoint = None if search == "least-squares" else out / "fit.partial.json"
+    checkpoint = out / "fit.partial.json"
 
     def show(done: int, total: int, best: float) -> None:
         error = f"mean error {1e3 * best:.1f} mm" if chosen.is_in_metres else f"error E/N {best:.3f}"
@@ -124,14 +124,13 @@ def fit_command(
         result = calibrate(training, testing, request, checkpoint=checkpoint, progress=show)
     except KeyboardInterrupt:
         progress.end()
-        is_kept = checkpoint is not None and checkpoint.exists()
+        is_kept = checkpoint.exists()
         kept = f"the search is kept in {checkpoint}. The same command goes on." if is_kept else "nothing is kept."
         typer.echo(f"Interrupted; {kept}", err=True)
         raise typer.Exit(130) from None
     progress.end()
     save_fit_result(out / "fit.json", result)
-    if checkpoint is not None:
-        checkpoint.unlink(missing_ok=True)
+    checkpoint.unlink(missing_ok=True)
     report = write_fit_report(out / "report.html", result, training, testing, request)
     typer.echo(_table(result))
     typer.echo(f"Fit result: {out / 'fit.json'}\nReport:     {report}")

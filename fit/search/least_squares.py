@@ -8,7 +8,8 @@ coordinate (the logarithm of a parameter searched on a log scale, else the param
 to [0, 1] between its bounds. One batch gives all columns of J by finite differences, the next tries a ladder
 of dampings lambda side by side and keeps the best. Parameters that a bound holds back are left out of the
 step (projected gradient), so that an optimum on a bound is reached exactly and is left again when the slope
-turns.
+turns. With g = J' W r + P_u (u - u0) and H = J' W J + P_u no step can be expected to gain more than g' H^-1 g, so none
+is tried where that is below the tolerance.
 
 Source: Marquardt 1963, "An algorithm for least-squares estimation of nonlinear parameters", section 3; the
 projection as in Kanzow, Yamashita and Fukushima 2004, "Levenberg-Marquardt methods with strong local
@@ -189,8 +190,8 @@ class _Search:
         for _ in range(settings.max_iterations):
             normal, slope = self._normal_equations(u, r, jacobian)
             free = ~(((u <= 0) & (slope > 0)) | ((u >= 1) & (slope < 0)))
-            moved, reason = None, "no slope is left within the bounds"
-            if free.any() and np.abs(slope[free]).max() > 1e-12 * max(1.0, cost):
+            moved, reason = None, self._reason_not_to_try(normal, slope, free, cost)
+            if not reason:
                 moved, reason = self._try_dampings(u, cost, normal, slope, free, damping), "no step lowers the cost"
             if moved is not None:
                 reason = self._reason_to_stop(u, cost, moved)
@@ -225,6 +226,14 @@ class _Search:
             reason=reason or f"stopped after {settings.max_iterations} iterations",
             at_bound=((u <= 0) & (slope > 0)) | ((u >= 1) & (slope < 0)),
         )
+
+    def _reason_not_to_try(self, normal: Floats, slope: Floats, free: NDArray[np.bool_], cost: float) -> str:
+        """The linear model's own least cost is g' H^-1 g below, whatever the damping."""
+        if not free.any() or np.abs(slope[free]).max() <= 1e-12 * max(1.0, cost):
+            return "no slope is left within the bounds"
+        if float(slope @ self._step(normal, slope, free, 0.0)) > -self.settings.cost_tolerance * cost:
+            return "no step can be expected to lower the cost"
+        return ""
 
     def _reason_to_stop(self, u: Floats, cost: float, moved: _Step) -> str:
         if (cost - moved.cost) / max(cost, 1e-300) < self.settings.cost_tolerance:
@@ -298,10 +307,14 @@ class _Search:
         return None
 
     def _trial(self, u: Floats, normal: Floats, slope: Floats, free: NDArray[np.bool_], damping: float) -> Floats:
+        return np.clip(u + self._step(normal, slope, free, damping), 0.0, 1.0)
+
+    @staticmethod
+    def _step(normal: Floats, slope: Floats, free: NDArray[np.bool_], damping: float) -> Floats:
         reduced = normal[np.ix_(free, free)]
         diagonal = np.diag(reduced)
         # A column without any effect would make the system singular; a little of the largest keeps it still.
         floor = 1e-9 * max(float(diagonal.max()), 1e-300)
-        step = np.zeros_like(u)
+        step = np.zeros_like(slope)
         step[free] = np.linalg.solve(reduced + np.diag(damping * diagonal + floor), -slope[free])
-        return np.clip(u + step, 0.0, 1.0)
+        return step

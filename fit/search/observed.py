@@ -17,8 +17,10 @@ whose deviation is not known, at its maximum over the deviation.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +35,6 @@ from fit.search.intervals import PRIOR_SD, Intervals, block_intervals, check_blo
 from fit.search.least_squares import BoundedSpace, LeastSquaresResult, LeastSquaresSettings, Prior, minimise
 
 Floats = NDArray[np.float64]
-Progress = Callable[[int, Floats], None]
 
 DIFFERENCE = 0.05  # share of the box: wider than the ripples that folds make
 RIPPLE_TIME = 2.0  # s that a ripple lasts
@@ -52,18 +53,43 @@ class ObservedSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Descent:
+    """Where one descent ended: vector, (parameters,), and its cost, infinite where its start blew up.
+
+    simulations: of all recordings since the search began
+    """
+
+    vector: Floats
+    cost: float
+    simulations: int
+
+    def state(self) -> dict[str, Any]:
+        """Return it as JSON can hold it."""
+        cost = self.cost if np.isfinite(self.cost) else None
+        return {"vector": self.vector.tolist(), "cost": cost, "simulations": self.simulations}
+
+    @classmethod
+    def from_state(cls, state: Mapping[str, Any]) -> Descent:
+        """Return the descent that was saved."""
+        cost = np.inf if state["cost"] is None else float(state["cost"])
+        return cls(vector=np.array(state["vector"], float), cost=cost, simulations=int(state["simulations"]))
+
+
+@dataclass(frozen=True, kw_only=True)
 class Observed:
     """Where it ended.
 
-    vector, (parameters,); ends: per start its cost and vector, the given start first; path: simulations (of all
-    recordings) after each descent and the vector it reached.
+    vector, (parameters,); ends: per start its cost and vector, the given start first; path: the descents, in turn.
     """
 
     vector: Floats
     intervals: Intervals
     ends: list[tuple[float, Floats]]
     simulations: int
-    path: list[tuple[int, Floats]] = field(repr=False)
+    path: list[Descent] = field(repr=False)
+
+
+Progress = Callable[[Descent], None]
 
 
 class ObservedSearch:
@@ -85,9 +111,12 @@ class ObservedSearch:
         self,
         start: Floats,
         settings: ObservedSettings | None = None,
-        progress: Progress = lambda simulations, vector: None,
+        progress: Progress = lambda descent: None,
+        known: Sequence[Descent] = (),
     ) -> Observed:
         """Search from the start, (parameters,), and from scattered ones; `progress` is told of each descent.
+
+        known: the first descents of an interrupted search of the same kind, which are not made again.
 
         Raises:
             FitError: the recordings are too short for intervals.
@@ -96,26 +125,40 @@ class ObservedSearch:
         check_blocks(self.free.layout.block)
         settings = settings or ObservedSettings()
         prior = Prior(mean=start, precision=np.diag((PRIOR_SD * self.space.scale) ** -2))
-        found, path = [], []
+        earlier = known[-1].simulations - self.free.simulations if known else 0
+        waiting, path, ends = list(known), [], []
+        results: dict[int, LeastSquaresResult | None] = {}  # by start; those of known descents are not here
         for number, place in enumerate(self._starts(start, settings)):
-            try:
-                for pull in settings.pulls:
-                    end = self._descend(pull, place, prior, settings)
-                    place = end.parameters
-                    path.append((self.free.simulations, place))
-                    progress(self.free.simulations, place)
-            except BlowUpError as error:
-                if number:
-                    continue  # a scattered start that cannot be simulated is no loss
-                raise BlowUpError(
-                    "the simulation of the initial parameters blew up", where=self.free.recordings[0].take_id,
-                    advice="use a coarser mesh (--spacing) or check the garment's weight",
-                ) from error  # fmt: skip
-            found.append(end)
-        best = min(found, key=lambda end: end.cost)
+            for pull in settings.pulls:
+                if waiting:
+                    descent = waiting.pop(0)
+                else:
+                    results[number] = found = self._descend(pull, place, prior, settings)
+                    descent = Descent(
+                        vector=found.parameters if found else place, cost=found.cost if found else np.inf,
+                        simulations=self.free.simulations + earlier,
+                    )  # fmt: skip
+                    if not number and found is None:
+                        raise BlowUpError(
+                            "the simulation of the initial parameters blew up",
+                            where=self.free.recordings[0].take_id,
+                            advice="use a coarser mesh (--spacing) or check the garment's weight",
+                        )
+                    progress(descent)
+                path.append(descent)
+                place = descent.vector
+                if not np.isfinite(descent.cost):
+                    break  # a scattered start that cannot be simulated is no loss
+            else:
+                ends.append((number, descent))
+        number, end = min(ends, key=lambda pair: pair[1].cost)
+        best = results.get(number) or self._descend(
+            settings.pulls[-1], end.vector, prior, dataclasses.replace(settings, iterations=0)
+        )
+        assert best is not None, "what was simulated once does not blow up again"
         return Observed(
-            vector=best.parameters, intervals=self._intervals(best, found),
-            ends=[(end.cost, end.parameters) for end in found], simulations=self.free.simulations, path=path,
+            vector=best.parameters, intervals=self._intervals(best, [end for _, end in ends]),
+            ends=[(end.cost, end.vector) for _, end in ends], simulations=self.free.simulations + earlier, path=path,
         )  # fmt: skip
 
     def _starts(self, start: Floats, settings: ObservedSettings) -> list[Floats]:
@@ -127,22 +170,28 @@ class ObservedSearch:
         units = MARGIN + (1 - 2 * MARGIN) * np.stack([sobol.random(1)[0] for _ in range(settings.starts - 1)])
         return [start, *self.space.from_unit(units)]
 
-    def _descend(self, pull: float, start: Floats, prior: Prior, settings: ObservedSettings) -> LeastSquaresResult:
+    def _descend(
+        self, pull: float, start: Floats, prior: Prior, settings: ObservedSettings
+    ) -> LeastSquaresResult | None:
+        """Where the descent from a start ends; None where the start blows up."""
         observer = self.free.with_frequency(pull)
         least = LeastSquaresSettings(
             width=settings.width, step=DIFFERENCE, max_iterations=settings.iterations, cost_tolerance=2e-3,
             step_tolerance=1e-3, is_chord=True,
         )  # fmt: skip
         count = self._count
-        return minimise(
-            lambda vectors: observer.residuals(vectors[:, :count], vectors[:, count:]), start, self.space, prior=prior,
-            settings=least,
-        )  # fmt: skip
+        try:
+            return minimise(
+                lambda vectors: observer.residuals(vectors[:, :count], vectors[:, count:]), start, self.space,
+                prior=prior, settings=least,
+            )  # fmt: skip
+        except BlowUpError:
+            return None
 
-    def _intervals(self, best: LeastSquaresResult, found: list[LeastSquaresResult]) -> Intervals:
+    def _intervals(self, best: LeastSquaresResult, ends: list[Descent]) -> Intervals:
         block = self.free.layout.block
-        units = np.stack([self.space.to_unit(end.parameters) for end in found])
-        costs = np.array([end.cost for end in found])
+        units = np.stack([self.space.to_unit(end.vector) for end in ends])
+        costs = np.array([end.cost for end in ends])
         pieces = sum(recording.duration for recording in self.free.recordings) / RIPPLE_TIME
         weights = (costs / best.cost) ** (-0.5 * pieces)
         apart = units - self.space.to_unit(best.parameters)

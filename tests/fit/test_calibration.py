@@ -110,7 +110,8 @@ def test_a_narrow_box_tells_nothing_that_the_points_do_not():
 @pytest.mark.parametrize(
     ("search", "is_there", "sentence"),
     [
-        ("least-squares", True, "Interrupted; nothing is kept."),
+        ("least-squares", False, "Interrupted; nothing is kept."),
+        ("least-squares", True, "the search is kept in out/fit.partial.json. The same command goes on."),
         ("annealing", False, "Interrupted; nothing is kept."),
         ("annealing", True, "the search is kept in out/fit.partial.json. The same command goes on."),
     ],

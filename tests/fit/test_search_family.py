@@ -282,6 +282,28 @@ def test_a_pulled_descent_before_the_free_one_ends_in_the_same_damping(swung):
     assert found.vector[4] == pytest.approx(3.0, rel=0.05)
 
 
+def test_interrupted_least_squares_go_on_at_the_last_start_that_was_done(swung, tmp_path):
+    request = request_of(KINECT_SKIRT, [], iterations=1, seed=3, spacing=0.1, search="least-squares")
+    whole = calibrate([swung], [], request)
+    file = tmp_path / "search.json"
+
+    def interrupt(done, total, best):
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        calibrate([swung], [], request, checkpoint=file, progress=interrupt)
+    ends = []
+    result = calibrate(
+        [swung], [], request, checkpoint=file, progress=lambda done, total, best: ends.append((done, total))
+    )
+    assert ends == [(3, 4), (4, 4)]
+    assert result.history == whole.history
+    for again, before in zip(result.parameters, whole.parameters, strict=True):
+        assert again.fitted == pytest.approx(before.fitted, rel=1e-12)
+        assert again.interval_high == pytest.approx(before.interval_high, rel=1e-3)
+
+
 @pytest.mark.parametrize("name", ["restarts", "tempering", "cma-es"])
 def test_an_interrupted_fit_by_any_search_goes_on_to_the_same_end(swung, tmp_path, name):
     request = request_of(KINECT_SKIRT, [], iterations=30, seed=3, spacing=0.1, search=name)

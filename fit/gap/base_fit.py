@@ -42,7 +42,8 @@ def fit_base(
     rough = []
     for k, start in enumerate(find_starts(strong, seed)[:ROUGH_STARTS]):
         progress(f"base fit, start {k + 1} of {ROUGH_STARTS}", 0.04 + 0.04 * k)
-        rough.append(kept.recall(f"rough-{k}", partial(fit, strong, start, observer.off, iterations=ROUGH_ITERATIONS)))
+        go = partial(fit, strong, start, observer.off, iterations=ROUGH_ITERATIONS, renewals=0)
+        rough.append(kept.recall(f"rough-{k}", go))
     rough.sort(key=lambda f: f.cost)
     starts, spare = [f.vector for f in rough[:STARTS]], [f.vector for f in rough[STARTS:]]
     frequency, gate = gates.choose_frequency(observer, starts[0])

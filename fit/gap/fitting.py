@@ -103,15 +103,17 @@ def fit(
     active: tuple[int, ...] = (),
     *,
     iterations: int = 12,
+    renewals: int = 2,
     jacobian: Floats | None = None,
 ) -> Fitted:
     """Fit base parameters and the amplitudes of the active effects, starting from the given ones.
 
+    renewals: of a worn Jacobian, after which a halt is believed.
     jacobian, (numbers, parameters + components): known near the start, it is updated by chords instead of made anew.
     """
     problem = Problem(observer, active)
     settings = LeastSquaresSettings(
-        max_iterations=iterations, cost_tolerance=COST_TOLERANCE, step_tolerance=1e-3, is_chord=True
+        max_iterations=iterations, cost_tolerance=COST_TOLERANCE, step_tolerance=1e-3, is_chord=True, renewals=renewals
     )
     found = minimise(
         problem.residuals,

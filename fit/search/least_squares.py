@@ -29,8 +29,6 @@ from numpy.typing import NDArray
 
 from fit.errors import BlowUpError, FitError
 
-RENEWALS = 2  # of the Jacobian of a search by chords that has come to a halt
-
 Floats = NDArray[np.float64]
 Residuals = Callable[[Floats], Floats]
 
@@ -86,6 +84,7 @@ class LeastSquaresSettings:
     max_iterations: int = 30
     step: float = 0.01  # finite difference, share of the box; wide enough to rise above single-precision motion
     is_chord: bool = False  # Broyden's update of J instead of new differences until it no longer helps
+    renewals: int = 2  # of the Jacobian of a search by chords that has come to a halt
     is_central: bool = False  # twice the simulations for columns without the first-order error
     huber: float | None = None  # k, in units of the residuals; None for plain squares
     damping: float = 1e-2  # first lambda
@@ -203,7 +202,7 @@ class _Search:
                     is_fresh = known is not None
                 else:
                     jacobian = self._jacobian(u, r)
-            if reason and (is_fresh or renewals == RENEWALS):
+            if reason and (is_fresh or renewals == settings.renewals):
                 break
             if reason:  # a worn Jacobian may be all that is wrong
                 jacobian, is_fresh, renewals = self._jacobian(u, r), True, renewals + 1

@@ -56,12 +56,16 @@ TARGETS = (
 )
 
 # Fields of `struct task`, in its order. Arrays are the kernel's, by its own names for them.
-IN_LANES = ("x", "v", "f", "slopes", "rates", "stress", "seen", "path", "material", "inverse_mass")
+IN_LANES = (
+    "x", "v", "ahead", "f", "slopes", "slopes_ahead", "strains", "shear_strains", "stress",
+    "seen", "path", "material", "inverse_mass",
+)  # fmt: skip
 OF_THE_CLOTH = (
     "fibre_at", "fibre_weights", "fibre_area", "shear_across", "shear_down", "shear_weights", "shear_area",
     "bend_nodes", "bend_weights", "bend_kind", "twist_weights", "held", "shares",
     "point_first", "point_nodes", "point_weights", "frame_step", "frame_lag",
 )  # fmt: skip
+TIMES_THREE = ("fibre_at", "shear_across", "shear_down", "bend_nodes", "held", "point_nodes")
 COUNTS = (
     "nodes", "fibres", "fibres_across", "shears", "few_bends", "many_bends", "twists", "held_nodes", "handles",
     "points", "point_kinds", "frames", "settle_steps",
@@ -124,25 +128,30 @@ class InC:
         """
         given, made = call.arguments, call.made_with
         unknown = (
-            len(given["x"]) != 1 or made["face_forces"] or made["with_bends"] or made["with_added_mass"]
+            len(given["time_step"]) != 1 or made["face_forces"] or made["with_bends"] or made["with_added_mass"]
             or given["gain"] or made["fibre_nodes"] != (FIBRE_NODES, FIBRE_NODES) or not made["handles"]
             or not set(made["bend_lengths"]) <= {FEW, MANY} or not made["with_twist"]
         )  # fmt: skip
         if unknown:
             raise ValueError("rollout.c knows one group of plain, held panels whose threads run along the mesh")
         self.call, self._function = call, library.rollout
-        arrays = {name: given[name] for name in IN_LANES + OF_THE_CLOTH}
+        # To the kernel node i is the number 3 i, which is where its first vector stands.
+        told = {**given, **{name: given[name] // 3 for name in TIMES_THREE}}
+        told["shear_weights"] = np.hstack([given[f"{way}_weights"].reshape(-1, 4) for way in ("across", "down")])
+        arrays = {name: told[name] for name in IN_LANES + OF_THE_CLOTH}
         for name, array in arrays.items():
             if not array.flags.c_contiguous or array.dtype not in (np.float32, np.int32):
                 raise ValueError(f"{name} is not a contiguous array of single numbers")
         bends = dict(zip(made["bend_lengths"], given["bend_counts"].tolist(), strict=True))
         counts = {
-            "nodes": given["x"].shape[1], "fibres": len(given["fibre_area"]), "fibres_across": given["fibres_across"],
+            "nodes": len(given["inverse_mass"]), "fibres_across": given["fibres_across"],
+            "fibres": len(given["fibre_area"]),
             "shears": len(given["shear_area"]), "few_bends": bends.get(FEW, 0), "many_bends": bends.get(MANY, 0),
-            "twists": len(given["twist_weights"]), "held_nodes": len(given["held"]), "handles": made["handles"],
+            "twists": len(given["twist_root"]), "held_nodes": len(given["held"]), "handles": made["handles"],
             "points": given["pull"].shape[1], "point_kinds": given["point_weights"].shape[1],
             "frames": int(given["frame_count"][0]), "settle_steps": int(given["settle"][0]),
         }  # fmt: skip
+        self._kept = arrays  # the task holds addresses only
         self._task = Task(
             **{name: array.ctypes.data for name, array in arrays.items()}, **counts,
             time_step=given["time_step"][0], settle_damping=given["settle_damping"],

@@ -2,11 +2,12 @@
 
    LANES candidates side by side: 1 makes a vec a float, any other power of two one of the processor's vectors. For a
    panel whose threads run along the mesh, held by handles: no effect, no pull, no rest curvature, no friction. As
-   there, x [m], v [m/s], f [N], slopes [1], rates [1/s], stress [N/m times m^2]:
+   there, x [m], v [m/s], f [N], slopes [1], stress [N/m times m^2], and ahead is x + tau v:
 
-       fibres   t = (E + a |E| E + tau u.du/dt) area k,  E = (u.u - 1)/2;  stress t u
-       shear    t = (u.w + tau d(u.w)/dt) area G;  t w to the samples across, t u to those down
-       bending  B (kappa + tau dkappa/dt), kappa from stencils at nodes and, mixed, from the slopes across
+       fibres   t = (E + a |E| E + tau dE/dt) area k,  E = (u.u - 1)/2;  stress t u
+       shear    t = (S + tau dS/dt) area G,  S = u.w;  t w to the samples across, t u to those down
+       rates    dE/dt, dS/dt: differences between two steps, over the step
+       bending  B (kappa + tau dkappa/dt), both from `ahead`: stencils at nodes and, mixed, the slopes across
        step     v <- ((1 - c dt/2) v + dt (f/m + g)) / (1 + c dt/2);  x <- x + dt v
 
    Sources of these: fit/cloth/rollout.py, fit/cloth/forces.py. */
@@ -32,7 +33,9 @@ typedef vec vec3[3];
 
 /* What benchmarks/scalar.py hands over: the same fields in the same order stand there. */
 struct task {
-    vec3 *x, *v, *f, *slopes, *rates, *stress, *seen;
+    vec3 *x, *v, *ahead, *f, *slopes, *slopes_ahead;
+    vec *strains, *shear_strains;
+    vec3 *stress, *seen;
     const vec *path, *material, *inverse_mass;
     const int *fibre_at;
     const float *fibre_weights, *fibre_area;
@@ -89,29 +92,30 @@ INLINE void slopes_of(const vec3 *restrict y, vec3 *restrict out, const int *res
         sum(out[e], y, at + FIBRE_NODES * e, weights + FIBRE_NODES * e, FIBRE_NODES);
 }
 
-INLINE void pull_fibres(int begin, int end, const vec3 *restrict slopes, const vec3 *restrict rates,
-                        vec3 *restrict stress, const float *restrict area, vec stiffness, vec time, vec stiffening)
+INLINE void pull_fibres(int begin, int end, const vec3 *restrict slopes, vec *restrict strains,
+                        vec3 *restrict stress, const float *restrict area, vec stiffness, vec delay, vec stiffening)
 {
     for (int e = begin; e < end; e++) {
         vec strain = 0.5f * (dot(slopes[e], slopes[e]) - 1.0f);
-        vec rate = dot(slopes[e], rates[e]);
-        vec tension = (strain + stiffening * magnitude(strain) * strain + time * rate) * (area[e] * stiffness);
+        vec tension = (strain + stiffening * magnitude(strain) * strain + delay * (strain - strains[e])) *
+                      (area[e] * stiffness);
+        strains[e] = strain;
         for (int c = 0; c < 3; c++)
             stress[e][c] = tension * slopes[e][c];
     }
 }
 
-INLINE void shear(int count, const vec3 *restrict slopes, const vec3 *restrict rates, vec3 *restrict stress,
+INLINE void shear(int count, const vec3 *restrict slopes, vec *restrict strains, vec3 *restrict stress,
                   const int *restrict across, const int *restrict down, const float *restrict weights,
-                  const float *restrict area, vec stiffness, vec time)
+                  const float *restrict area, vec stiffness, vec delay)
 {
     for (int e = 0; e < count; e++, across += TIED, down += TIED, weights += 2 * TIED) {
-        vec3 u, w, du, dw, to_across, to_down;
+        vec3 u, w, to_across, to_down;
         sum(u, slopes, across, weights, TIED);
         sum(w, slopes, down, weights + TIED, TIED);
-        sum(du, rates, across, weights, TIED);
-        sum(dw, rates, down, weights + TIED, TIED);
-        vec tension = (dot(u, w) + time * (dot(u, dw) + dot(w, du))) * (area[e] * stiffness);
+        vec strain = dot(u, w);
+        vec tension = (strain + delay * (strain - strains[e])) * (area[e] * stiffness);
+        strains[e] = strain;
         for (int c = 0; c < 3; c++) {
             to_across[c] = tension * w[c];
             to_down[c] = tension * u[c];
@@ -121,59 +125,57 @@ INLINE void shear(int count, const vec3 *restrict slopes, const vec3 *restrict r
     }
 }
 
-INLINE void twist(int count, const vec3 *restrict slopes, const vec3 *restrict rates, vec3 *restrict stress,
-                  const int *restrict across, const float *restrict weights, vec stiffness, vec time)
+INLINE void twist(int count, const vec3 *restrict slopes_ahead, vec3 *restrict stress, const int *restrict across,
+                  const float *restrict weights, vec stiffness)
 {
     for (int e = 0; e < count; e++, across += TIED, weights += TIED) {
-        vec3 bent, rate, moment;
-        sum(bent, slopes, across, weights, TIED);
-        sum(rate, rates, across, weights, TIED);
+        vec3 moment;
+        sum(moment, slopes_ahead, across, weights, TIED);
         for (int c = 0; c < 3; c++)
-            moment[c] = stiffness * (bent[c] + time * rate[c]);
+            moment[c] *= stiffness;
         add(stress, moment, across, weights, TIED);
     }
 }
 
 /* Second derivatives of one length; stiffness: along rows, along columns, mixed. */
-INLINE void bend(int count, int length, const vec3 *restrict x, const vec3 *restrict v, vec3 *restrict f,
-                 const int *restrict at, const float *restrict weights, const int *restrict kind,
-                 const vec *restrict stiffness, vec time)
+INLINE void bend(int count, int length, const vec3 *restrict ahead, vec3 *restrict f, const int *restrict at,
+                 const float *restrict weights, const int *restrict kind, const vec *restrict stiffness)
 {
     for (int e = 0; e < count; e++, at += length, weights += length) {
-        vec3 bent, rate, moment;
-        vec modulus = stiffness[kind[e]];
-        sum(bent, x, at, weights, length);
-        sum(rate, v, at, weights, length);
+        vec3 moment;
+        sum(moment, ahead, at, weights, length);
         for (int c = 0; c < 3; c++)
-            moment[c] = modulus * (bent[c] + time * rate[c]);
+            moment[c] *= stiffness[kind[e]];
         take(f, moment, at, weights, length);
     }
 }
 
-INLINE void resist(const struct task *t)
+INLINE void resist(const struct task *t, float per_step)
 {
     const vec *material = t->material;
-    const vec stretch = material[0], stretch_across = material[1], fibre_time = material[6], bend_time = material[7];
+    const vec stretch = material[0], stretch_across = material[1], delay = material[6] * per_step, stiffening = material[9];
     const vec stiffness[3] = {material[4], material[3], material[5]};
     const int few = t->few_bends;
 
-    slopes_of(t->x, t->slopes, t->fibre_at, t->fibre_weights, t->fibres);
-    slopes_of(t->v, t->rates, t->fibre_at, t->fibre_weights, t->fibres);
-    pull_fibres(0, t->fibres_across, t->slopes, t->rates, t->stress, t->fibre_area, stretch_across, fibre_time,
-                material[9]);
-    pull_fibres(t->fibres_across, t->fibres, t->slopes, t->rates, t->stress, t->fibre_area, stretch, fibre_time,
-                material[9]);
-    shear(t->shears, t->slopes, t->rates, t->stress, t->shear_across, t->shear_down, t->shear_weights, t->shear_area,
-          material[2], fibre_time);
-    twist(t->twists, t->slopes, t->rates, t->stress, t->shear_across, t->twist_weights, material[5], bend_time);
     for (int i = 0; i < t->nodes; i++)
-        for (int c = 0; c < 3; c++)
+        for (int c = 0; c < 3; c++) {
             t->f[i][c] = (vec){0};
+            t->ahead[i][c] = t->x[i][c] + material[7] * t->v[i][c];
+        }
+    slopes_of(t->x, t->slopes, t->fibre_at, t->fibre_weights, t->fibres);
+    slopes_of(t->ahead, t->slopes_ahead, t->fibre_at, t->fibre_weights, t->fibres_across);
+    pull_fibres(0, t->fibres_across, t->slopes, t->strains, t->stress, t->fibre_area, stretch_across, delay,
+                stiffening);
+    pull_fibres(t->fibres_across, t->fibres, t->slopes, t->strains, t->stress, t->fibre_area, stretch, delay,
+                stiffening);
+    shear(t->shears, t->slopes, t->shear_strains, t->stress, t->shear_across, t->shear_down, t->shear_weights,
+          t->shear_area, material[2], delay);
+    twist(t->twists, t->slopes_ahead, t->stress, t->shear_across, t->twist_weights, material[5]);
     for (int e = 0; e < t->fibres; e++)
         take(t->f, t->stress[e], t->fibre_at + FIBRE_NODES * e, t->fibre_weights + FIBRE_NODES * e, FIBRE_NODES);
-    bend(few, FEW, t->x, t->v, t->f, t->bend_nodes, t->bend_weights, t->bend_kind, stiffness, bend_time);
-    bend(t->many_bends, MANY, t->x, t->v, t->f, t->bend_nodes + FEW * few, t->bend_weights + FEW * few,
-         t->bend_kind + few, stiffness, bend_time);
+    bend(few, FEW, t->ahead, t->f, t->bend_nodes, t->bend_weights, t->bend_kind, stiffness);
+    bend(t->many_bends, MANY, t->ahead, t->f, t->bend_nodes + FEW * few, t->bend_weights + FEW * few,
+         t->bend_kind + few, stiffness);
 }
 
 INLINE void kick_and_drift(int nodes, vec3 *restrict x, vec3 *restrict v, const vec3 *restrict f,
@@ -228,7 +230,7 @@ void rollout(const struct task *t)
             vec rate = t->material[8];
             if (step < 0)
                 rate += t->settle_damping;
-            resist(t);
+            resist(t, step > -t->settle_steps ? 1.0f / t->time_step : 0.0f);
             kick_and_drift(t->nodes, t->x, t->v, t->f, t->inverse_mass, t->material + 10, rate, t->time_step);
             hold(t, step < 0 ? 0 : step + 1);
         }

@@ -6,6 +6,14 @@ Samples and stencils are those of `fit.cloth.mesh`. With Fu, Fv the columns of t
     bending    M = B (kappa + tau dkappa/dt - kappa_0 n) + Dahl friction along the normal n, kappa = x_uu, x_vv, x_uv
 The force on a node is minus the sum of stress times the weight with which the node enters its sample.
 
+Rates of strain are differences between steps, d/dt = (E_n - E_n-1) / dt, the mean over the step that led here. Bends
+are linear in the places, and damped for much longer than a step: theirs come from x + tau v (`ahead`), whose second
+derivative is kappa + tau dkappa/dt; or from v itself (in the place of `ahead`) where friction needs to know them.
+
+Arrays are flat, three vectors of lanes to a node or a sample: those of node i begin at home + 3 i, those of sample e at
+place + 3 e, and index arrays hold 3 i and 3 e (`fit.cloth.launch`). Taichi works out where an element of an array of
+several dimensions is at every access anew, which took longer than the sums.
+
 Sums over stencils are unrolled: a sum carried round a loop in registers is not vectorised. `+=` on memory would be an
 atomic, three times slower: load, add, store.
 """
@@ -15,146 +23,157 @@ atomic, three times slower: load, add, store.
 import taichi as ti
 
 from fit.cloth.bends import PIECE, ROW_BEND, TWIST
-from fit.cloth.lanes import decay, magnitude
+from fit.cloth.lanes import decay, magnitude, within
 from fit.effects.bending_hysteresis import REFERENCE_CURVATURE
 
 
 @ti.func
-def slope(
-    b, y: ti.template(), begin, nodes: ti.template(), weights: ti.template(), count: ti.template()
-):  # fmt: skip
+def stencil_sum(y: ti.template(), home, begin, nodes: ti.template(), weights: ti.template(), count: ti.template()):
     """Weighted sum of a field over a stencil of known length."""
-    first, h = nodes[begin], weights[begin, 0]
-    s0, s1, s2 = h * y[b, first, 0], h * y[b, first, 1], h * y[b, first, 2]
+    k, w = within(home + nodes[begin]), weights[begin]
+    s0, s1, s2 = w * y[k], w * y[k + 1], w * y[k + 2]
     for n in ti.static(range(1, count)):
-        w, i = weights[begin + n, 0], nodes[begin + n]
-        s0, s1, s2 = s0 + w * y[b, i, 0], s1 + w * y[b, i, 1], s2 + w * y[b, i, 2]
+        i, h = within(home + nodes[begin + n]), weights[begin + n]
+        s0, s1, s2 = s0 + h * y[i], s1 + h * y[i + 1], s2 + h * y[i + 2]
     return s0, s1, s2
 
 
 @ti.func
 def push(
-    b, f: ti.template(), p0, p1, p2, begin, nodes: ti.template(), weights: ti.template(), count: ti.template()
+    f: ti.template(), p0, p1, p2, home, begin, nodes: ti.template(), weights: ti.template(), count: ti.template()
 ):  # fmt: skip
     """Force of a stress p on the nodes of its stencil."""
     for n in ti.static(range(count)):
-        w, i = weights[begin + n, 0], nodes[begin + n]
-        f[b, i, 0], f[b, i, 1], f[b, i, 2] = f[b, i, 0] - w * p0, f[b, i, 1] - w * p1, f[b, i, 2] - w * p2
-
-
-@ti.func
-def fibre_slopes(
-    b,
-    y: ti.template(),
-    slopes: ti.template(),
-    nodes: ti.template(),
-    weights: ti.template(),
-    fibres_across,
-    fibre_nodes: ti.template(),
-):
-    """Slope of a field of the nodes at every fibre sample; fibre_nodes: nodes of a sample across, and of one down."""
-    for e in range(fibres_across):
-        slopes[b, e, 0], slopes[b, e, 1], slopes[b, e, 2] = slope(
-            b, y, fibre_nodes[0] * e, nodes, weights, fibre_nodes[0]
-        )
-    for e in range(fibres_across, slopes.shape[1]):
-        begin = fibre_nodes[1] * e - (fibre_nodes[1] - fibre_nodes[0]) * fibres_across
-        slopes[b, e, 0], slopes[b, e, 1], slopes[b, e, 2] = slope(b, y, begin, nodes, weights, fibre_nodes[1])
+        i, w = within(home + nodes[begin + n]), weights[begin + n]
+        f[i], f[i + 1], f[i + 2] = f[i] - w * p0, f[i + 1] - w * p1, f[i + 2] - w * p2
 
 
 @ti.func
 def fibres(
-    b,
-    begin,
+    home,
+    first,
+    start,
     end,
+    entry,
+    x: ti.template(),
+    ahead: ti.template(),
     slopes: ti.template(),
-    rates: ti.template(),
+    slopes_ahead: ti.template(),
+    strains: ti.template(),
     stress: ti.template(),
+    nodes: ti.template(),
+    weights: ti.template(),
     area: ti.template(),
     stiffness,
-    time,
+    delay,
     stiffening,
+    count: ti.template(),
+    with_ahead: ti.template(),
 ):
-    """Stress of one family of fibres at its samples."""
-    for e in range(begin, end):
-        u0, u1, u2 = slopes[b, e, 0], slopes[b, e, 1], slopes[b, e, 2]
+    """Slopes and stress of one family of fibres.
+
+    first: the group's first sample; entry: where the family's stencils begin; delay: damping time over step
+    """
+    for e in range(start, end):
+        begin, k = within(entry + count * (e - start)), within(3 * (first + e))
+        u0, u1, u2 = stencil_sum(x, home, begin, nodes, weights, count)
+        if ti.static(with_ahead):
+            a0, a1, a2 = stencil_sum(ahead, home, begin, nodes, weights, count)
+            slopes_ahead[k], slopes_ahead[k + 1], slopes_ahead[k + 2] = a0, a1, a2
         strain = 0.5 * (u0 * u0 + u1 * u1 + u2 * u2 - 1.0)
-        rate = u0 * rates[b, e, 0] + u1 * rates[b, e, 1] + u2 * rates[b, e, 2]
-        tension = (strain + stiffening * magnitude(strain) * strain + time * rate) * (area[e] * stiffness)
-        stress[b, e, 0], stress[b, e, 1], stress[b, e, 2] = tension * u0, tension * u1, tension * u2
-
-
-@ti.func
-def tied(b, values: ti.template(), e, samples: ti.template(), weights: ti.template(), offset: ti.template()):
-    """Interpolate from four fibre samples."""
-    first, h = samples[e, 0], weights[e, offset]
-    s0, s1, s2 = h * values[b, first, 0], h * values[b, first, 1], h * values[b, first, 2]
-    for n in ti.static(range(1, 4)):
-        w, i = weights[e, offset + n], samples[e, n]
-        s0, s1, s2 = s0 + w * values[b, i, 0], s1 + w * values[b, i, 1], s2 + w * values[b, i, 2]
-    return s0, s1, s2
-
-
-@ti.func
-def hand_back(
-    b, stress: ti.template(), p0, p1, p2, e, samples: ti.template(), weights: ti.template(), offset: ti.template()
-):  # fmt: skip
-    """Give a stress to the four fibre samples that its strain was interpolated from."""
-    for n in ti.static(range(4)):
-        w, i = weights[e, offset + n], samples[e, n]
-        stress[b, i, 0] = stress[b, i, 0] + w * p0
-        stress[b, i, 1] = stress[b, i, 1] + w * p1
-        stress[b, i, 2] = stress[b, i, 2] + w * p2
+        change = strain - strains[first + e]
+        tension = (strain + stiffening * magnitude(strain) * strain + delay * change) * (area[e] * stiffness)
+        strains[first + e] = strain
+        slopes[k], slopes[k + 1], slopes[k + 2] = u0, u1, u2
+        stress[k], stress[k + 1], stress[k + 2] = tension * u0, tension * u1, tension * u2
 
 
 @ti.func
 def shearing(
-    b,
+    place,
+    first,
     slopes: ti.template(),
-    rates: ti.template(),
+    slopes_ahead: ti.template(),
+    strains: ti.template(),
     stress: ti.template(),
     across: ti.template(),
     down: ti.template(),
-    weights: ti.template(),
+    across_weights: ti.template(),
+    down_weights: ti.template(),
     area: ti.template(),
     stiffness,
-    time,
+    delay,
+    with_twist: ti.template(),
+    twist_weights: ti.template(),
+    twist_centres: ti.template(),
+    twist_roots: ti.template(),
+    twist_stiffness,
+    bend_time,
+    with_bends: ti.template(),
+    home,
+    first_bend,
+    normal: ti.template(),
+    rest: ti.template(),
+    friction: ti.template(),
+    friction_limit,
+    dt,
 ):
-    """Shear, its stress handed back to the fibre samples that its strain was interpolated from."""
+    """Shear and mixed second derivatives, handed back to the fibre samples that they were interpolated from."""
     for e in range(area.shape[0]):
-        u0, u1, u2 = tied(b, slopes, e, across, weights, 0)
-        w0, w1, w2 = tied(b, slopes, e, down, weights, 4)
-        d0, d1, d2 = tied(b, rates, e, across, weights, 0)
-        h0, h1, h2 = tied(b, rates, e, down, weights, 4)
-        rate = u0 * h0 + u1 * h1 + u2 * h2 + w0 * d0 + w1 * d1 + w2 * d2
-        tension = (u0 * w0 + u1 * w1 + u2 * w2 + time * rate) * (area[e] * stiffness)
-        hand_back(b, stress, tension * w0, tension * w1, tension * w2, e, across, weights, 0)
-        hand_back(b, stress, tension * u0, tension * u1, tension * u2, e, down, weights, 4)
+        begin = within(4 * e)
+        u0, u1, u2 = stencil_sum(slopes, place, begin, across, across_weights, 4)
+        w0, w1, w2 = stencil_sum(slopes, place, begin, down, down_weights, 4)
+        strain = u0 * w0 + u1 * w1 + u2 * w2
+        change = strain - strains[first + e]
+        strains[first + e] = strain
+        tension = (strain + delay * change) * (0.0 - area[e] * stiffness)
+        p0, p1, p2 = tension * w0, tension * w1, tension * w2
+        if ti.static(with_twist):
+            m0, m1, m2 = stencil_sum(slopes_ahead, place, begin, across, twist_weights, 4)
+            if ti.static(with_bends):
+                n0, n1, n2 = stencil_sum(slopes, place, begin, across, twist_weights, 4)
+                m0, m1, m2 = damped_moment(
+                    home + twist_centres[e], first_bend + e, twist_roots[e], twist_stiffness, bend_time,
+                    n0, n1, n2, m0, m1, m2, normal, rest, friction, friction_limit, dt,
+                )  # fmt: skip
+            else:
+                m0, m1, m2 = twist_stiffness * m0, twist_stiffness * m1, twist_stiffness * m2
+            for n in ti.static(range(4)):
+                i, g, t = within(place + across[begin + n]), across_weights[begin + n], twist_weights[begin + n]
+                stress[i], stress[i + 1], stress[i + 2] = (
+                    stress[i] + (t * m0 - g * p0), stress[i + 1] + (t * m1 - g * p1), stress[i + 2] + (t * m2 - g * p2)
+                )  # fmt: skip
+        else:
+            push(stress, p0, p1, p2, place, begin, across, across_weights, 4)
+        push(stress, tension * u0, tension * u1, tension * u2, place, begin, down, down_weights, 4)
 
 
 @ti.func
 def push_fibres(
-    b,
+    home,
+    place,
+    start,
+    end,
+    entry,
     stress: ti.template(),
     f: ti.template(),
     nodes: ti.template(),
     weights: ti.template(),
-    fibres_across,
-    fibre_nodes: ti.template(),
+    count: ti.template(),
 ):
-    """Forces of the stress at the samples on the nodes."""
-    for e in range(fibres_across):
+    """Forces of the stress of one family of fibres on the nodes."""
+    for e in range(start, end):
+        k = within(place + 3 * e)
         push(
-            b, f, stress[b, e, 0], stress[b, e, 1], stress[b, e, 2], fibre_nodes[0] * e, nodes, weights, fibre_nodes[0]
+            f, stress[k], stress[k + 1], stress[k + 2], home, within(entry + count * (e - start)), nodes, weights, count
         )  # fmt: skip
-    for e in range(fibres_across, stress.shape[1]):
-        begin = fibre_nodes[1] * e - (fibre_nodes[1] - fibre_nodes[0]) * fibres_across
-        push(b, f, stress[b, e, 0], stress[b, e, 1], stress[b, e, 2], begin, nodes, weights, fibre_nodes[1])
 
 
 @ti.func
 def find_normals(
-    b,
+    home,
+    first_node,
+    count,
     x: ti.template(),
     normal: ti.template(),
     area: ti.template(),
@@ -166,38 +185,41 @@ def find_normals(
 
     basis, (5, 4): slopes of the shape functions at the nodes (one row a node), then the nodes' weights.
     """
-    for i in range(normal.shape[1]):
-        for c in ti.static(range(3)):
-            normal[b, i, c] = zero
+    for i in range(3 * count):
+        normal[home + i] = zero
     for e in range(cells.shape[0]):
         for row in range(4):
             for column in range(4):
                 p0, p1, p2 = zero, zero, zero
                 q0, q1, q2 = zero, zero, zero
                 for n in ti.static(range(4)):
-                    i, w = cells[e, 4 * row + n], basis[column, n]
-                    p0, p1, p2 = p0 + w * x[b, i, 0], p1 + w * x[b, i, 1], p2 + w * x[b, i, 2]
-                    j, h = cells[e, 4 * n + column], basis[row, n]
-                    q0, q1, q2 = q0 - h * x[b, j, 0], q1 - h * x[b, j, 1], q2 - h * x[b, j, 2]
+                    i, w = within(home + cells[e, 4 * row + n]), basis[column, n]
+                    p0, p1, p2 = p0 + w * x[i], p1 + w * x[i + 1], p2 + w * x[i + 2]
+                    j, h = within(home + cells[e, 4 * n + column]), basis[row, n]
+                    q0, q1, q2 = q0 - h * x[j], q1 - h * x[j + 1], q2 - h * x[j + 2]
                 share = basis[4, row] * basis[4, column]
-                m = cells[e, 4 * row + column]
-                normal[b, m, 0] = normal[b, m, 0] + share * (p1 * q2 - p2 * q1)
-                normal[b, m, 1] = normal[b, m, 1] + share * (p2 * q0 - p0 * q2)
-                normal[b, m, 2] = normal[b, m, 2] + share * (p0 * q1 - p1 * q0)
-    for i in range(normal.shape[1]):
-        n0, n1, n2 = normal[b, i, 0], normal[b, i, 1], normal[b, i, 2]
+                m = within(home + cells[e, 4 * row + column])
+                normal[m] = normal[m] + share * (p1 * q2 - p2 * q1)
+                normal[m + 1] = normal[m + 1] + share * (p2 * q0 - p0 * q2)
+                normal[m + 2] = normal[m + 2] + share * (p0 * q1 - p1 * q0)
+    for i in range(count):
+        k = within(home + 3 * i)
+        n0, n1, n2 = normal[k], normal[k + 1], normal[k + 2]
         length = ti.sqrt(n0 * n0 + n1 * n1 + n2 * n2) + 1e-20
-        normal[b, i, 0], normal[b, i, 1], normal[b, i, 2] = n0 / length, n1 / length, n2 / length
-        area[b, i] = length
+        normal[k], normal[k + 1], normal[k + 2] = n0 / length, n1 / length, n2 / length
+        area[first_node + i] = length
 
 
 @ti.func
-def moment(
-    b,
-    e,
+def damped_moment(
     centre,
+    e,
     root,
     modulus,
+    time,
+    k0,
+    k1,
+    k2,
     r0,
     r1,
     r2,
@@ -207,42 +229,48 @@ def moment(
     friction_limit,
     dt,
 ):
-    """Moment along the normal from rest curvature and friction, times the root of the area."""
-    n0, n1, n2 = normal[b, centre, 0], normal[b, centre, 1], normal[b, centre, 2]
+    """Moment of a second derivative k that changes at the rate r, all times the root of the area; with the effects'."""
+    i = within(centre)
+    n0, n1, n2 = normal[i], normal[i + 1], normal[i + 2]
     change = (r0 * n0 + r1 * n1 + r2 * n2) / root * dt
     # Dahl, exponent 1, integrated exactly over a change of one sign:
     # M -> s + (M - s) exp(-|dkappa| / kappa_ref), s = sign(dkappa) M_max
     goal = ti.select(change > 0.0, friction_limit, 0.0 - friction_limit)
     fade = decay(magnitude(change) / REFERENCE_CURVATURE)
-    friction[b, e] = goal + (friction[b, e] - goal) * fade
-    along = root * (friction[b, e] - modulus * rest[b, e])
-    return along * n0, along * n1, along * n2
+    friction[e] = goal + (friction[e] - goal) * fade
+    along = root * (friction[e] - modulus * rest[e])
+    return (
+        modulus * (k0 + time * r0) + along * n0,
+        modulus * (k1 + time * r1) + along * n1,
+        modulus * (k2 + time * r2) + along * n2,
+    )
 
 
 @ti.func
 def second(
-    b, y: ti.template(), begin, end, nodes: ti.template(), weights: ti.template(), length: ti.template(),
-    total: ti.template(),
+    y: ti.template(), home, begin, end, nodes: ti.template(), weights: ti.template(), length: ti.template(),
+    total: ti.template(), place,
 ):  # fmt: skip
-    """`slope` over a stencil of this length or, from `PIECE` on, of whole pieces, summed up at `total[b, 0]`."""
+    """`stencil_sum` over a stencil of this length or, from `PIECE` on, of whole pieces, summed up at `total[place]`."""
     if ti.static(length < PIECE):
-        return slope(b, y, begin, nodes, weights, length)
+        return stencil_sum(y, home, begin, nodes, weights, length)
     else:
         for c in ti.static(range(3)):
-            total[b, 0, c] = 0.0 * y[b, 0, c]
+            total[place + c] = 0.0 * y[home + c]
         for piece in range((end - begin) // PIECE):
-            s0, s1, s2 = slope(b, y, begin + piece * PIECE, nodes, weights, PIECE)
-            total[b, 0, 0] = total[b, 0, 0] + s0
-            total[b, 0, 1] = total[b, 0, 1] + s1
-            total[b, 0, 2] = total[b, 0, 2] + s2
-        return total[b, 0, 0], total[b, 0, 1], total[b, 0, 2]
+            s0, s1, s2 = stencil_sum(y, home, within(begin + piece * PIECE), nodes, weights, PIECE)
+            total[place] = total[place] + s0
+            total[place + 1] = total[place + 1] + s1
+            total[place + 2] = total[place + 2] + s2
+        return total[place], total[place + 1], total[place + 2]
 
 
 @ti.func
 def bending(
-    b,
+    home,
+    first_bend,
     x: ti.template(),
-    v: ti.template(),
+    ahead: ti.template(),
     f: ti.template(),
     first: ti.template(),
     nodes: ti.template(),
@@ -256,69 +284,38 @@ def bending(
     stiffness_across,
     stiffness_mixed,
     time,
+    with_bends: ti.template(),
     normal: ti.template(),
     rest: ti.template(),
     friction: ti.template(),
     friction_limit,
     dt,
-    with_bends: ti.template(),
+    place,
     sums: ti.template(),
-    rates: ti.template(),
 ):
-    """Second derivatives at nodes; counts: how many have each of the lengths; sums, rates: memory that is free."""
+    """Second derivatives at nodes; counts: how many have each of the lengths; sums: memory that is free from place."""
     end = 0
     for k in ti.static(range(len(lengths))):
-        begin = end
-        end = begin + counts[k]
-        for e in range(begin, end):
+        start = end
+        end = start + counts[k]
+        for e in range(start, end):
             modulus = stiffness
             if kinds[e] == ROW_BEND:
                 modulus = stiffness_across
             elif kinds[e] == TWIST:
                 modulus = stiffness_mixed
-            m0, m1, m2 = second(b, x, first[e], first[e + 1], nodes, weights, lengths[k], sums)
-            r0, r1, r2 = second(b, v, first[e], first[e + 1], nodes, weights, lengths[k], rates)
-            m0, m1, m2 = modulus * (m0 + time * r0), modulus * (m1 + time * r1), modulus * (m2 + time * r2)
+            begin = within(first[e])
+            m0, m1, m2 = second(ahead, home, begin, first[e + 1], nodes, weights, lengths[k], sums, place)
             if ti.static(with_bends):
-                n0, n1, n2 = moment(
-                    b, e, centres[e], roots[e], modulus, r0, r1, r2, normal, rest, friction, friction_limit, dt
-                )
-                m0, m1, m2 = m0 + n0, m1 + n1, m2 + n2
-            if ti.static(lengths[k] < PIECE):
-                push(b, f, m0, m1, m2, first[e], nodes, weights, lengths[k])
+                n0, n1, n2 = second(x, home, begin, first[e + 1], nodes, weights, lengths[k], sums, place)
+                m0, m1, m2 = damped_moment(
+                    home + centres[e], first_bend + e, roots[e], modulus, time,
+                    n0, n1, n2, m0, m1, m2, normal, rest, friction, friction_limit, dt,
+                )  # fmt: skip
             else:
-                for piece in range((first[e + 1] - first[e]) // PIECE):
-                    push(b, f, m0, m1, m2, first[e] + piece * PIECE, nodes, weights, PIECE)
-
-
-@ti.func
-def twisting(
-    b,
-    slopes: ti.template(),
-    rates: ti.template(),
-    stress: ti.template(),
-    across: ti.template(),
-    weights: ti.template(),
-    centres: ti.template(),
-    roots: ti.template(),
-    stiffness,
-    time,
-    normal: ti.template(),
-    rest: ti.template(),
-    friction: ti.template(),
-    friction_limit,
-    dt,
-    with_bends: ti.template(),
-):
-    """Mixed second derivatives, from the slopes across."""
-    for e in range(centres.shape[0]):
-        m0, m1, m2 = tied(b, slopes, e, across, weights, 0)
-        r0, r1, r2 = tied(b, rates, e, across, weights, 0)
-        m0, m1, m2 = stiffness * (m0 + time * r0), stiffness * (m1 + time * r1), stiffness * (m2 + time * r2)
-        if ti.static(with_bends):
-            place = friction.shape[1] - centres.shape[0] + e
-            n0, n1, n2 = moment(
-                b, place, centres[e], roots[e], stiffness, r0, r1, r2, normal, rest, friction, friction_limit, dt
-            )
-            m0, m1, m2 = m0 + n0, m1 + n1, m2 + n2
-        hand_back(b, stress, m0, m1, m2, e, across, weights, 0)
+                m0, m1, m2 = modulus * m0, modulus * m1, modulus * m2
+            if ti.static(lengths[k] < PIECE):
+                push(f, m0, m1, m2, home, begin, nodes, weights, lengths[k])
+            else:
+                for piece in range((first[e + 1] - begin) // PIECE):
+                    push(f, m0, m1, m2, home, within(begin + piece * PIECE), nodes, weights, PIECE)

@@ -9,6 +9,15 @@ import taichi as ti
 
 
 @ti.func
+def within(index):
+    """An index of an array, which is not negative.
+
+    What the mask tells the compiler: index + 1 is no larger than a number can be, so that it folds into an address.
+    """
+    return index & 0x0FFFFFFF
+
+
+@ti.func
 def magnitude(a):
     """Absolute value."""
     return ti.max(a, 0.0 - a)

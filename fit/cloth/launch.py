@@ -126,20 +126,23 @@ def _call(tasks: list[Group], lanes: int, observer_hz: float) -> None:
         handles=support.handles, with_twist=len(mesh.bends.twist_weights) > 0,
         with_bends=with_bends, with_added_mass=with_added,
     )  # fmt: skip
+    x, v = _flat(state[0]), _flat(state[1])
     with runtime.vectors_kept():
         kernel(
-            *state, _zeros((count, points, 3, lanes)),
+            x, v, v if with_bends else _zeros(v.shape), _flat(state[2]), _zeros((count, points, 3, lanes)),
             *first.membrane_arguments,
-            *(_zeros((count, fibres, 3, lanes)) for _ in range(3)),
+            *(_zeros((size * count * fibres, lanes)) for size in (3, 3, 1)),
+            _zeros((count * len(mesh.shear_area), lanes)), _zeros((3 * count * fibres, lanes)),
             *first.bending_arguments,
-            *(_zeros((count, nodes if needs_normals else 1, *shape, lanes)) for shape in ((3,), ())),
-            _in_lanes(rest, lanes), _zeros((count, bends if with_bends else 1, lanes)), _in_lanes(added, lanes),
-            _some(support.nodes), _single(_some(support.shares)), _joined(paths, lanes), _firsts(paths),
-            mesh.points.first, mesh.points.nodes, _single(mesh.points.weights),
+            *(_zeros((size * count * nodes if needs_normals else 1, lanes)) for size in (3, 1)),
+            _flat(_in_lanes(rest, lanes)), _zeros((count * bends if with_bends else 1, lanes)),
+            _flat(_in_lanes(added, lanes)),
+            3 * _some(support.nodes), _single(_some(support.shares)), _joined(paths, lanes), _firsts(paths),
+            mesh.points.first, 3 * mesh.points.nodes, _single(mesh.points.weights),
             mesh.pull_points, _single(mesh.pull_weights),
             targets.places, targets.trust, targets.first, targets.every,
             _in_lanes(np.concatenate([t.simulator.kernel_rows(*r) for t, r in zip(tasks, rows, strict=True)]), lanes),
-            _in_lanes(1.0 / np.stack(masses), lanes),
+            _flat(_in_lanes(1.0 / np.stack(masses), lanes)),
             _in_lanes(amplitudes if first.effects else np.zeros((len(amplitudes), 1)), lanes),
             frame_step, frame_lag, np.array([len(t.simulator.recording.time) for t in tasks], np.int32),
             np.array([t.dt for t in tasks], np.float32), settle, SETTLE_DAMPING, omega**2, 2 * omega,
@@ -223,6 +226,11 @@ def _in_lanes(values: Floats, lanes: int) -> Singles:
     return placed
 
 
+def _flat(values: Singles) -> Singles:
+    """(..., lanes) -> (all of them, lanes): the same memory."""
+    return values.reshape(-1, values.shape[-1])
+
+
 def _from_lanes(values: Singles) -> Singles:
     """(groups, ..., lanes) -> (candidates, ...)."""
     moved = np.moveaxis(values, -1, 1)
@@ -240,10 +248,11 @@ def _single(values: Floats) -> Singles:
 
 def membrane_arguments(mesh: ClothMesh) -> list[Singles | Integers | int]:
     """What the kernel wants to know of the membrane, in its order."""
-    stencils = mesh.fibres.stencils
+    stencils, weights = mesh.fibres.stencils, _single(mesh.shear_weights)
     return [
-        stencils.nodes, _single(stencils.weights), _single(mesh.fibres.area), mesh.fibres_across,
-        mesh.shear_across, mesh.shear_down, _single(mesh.shear_weights), _single(mesh.shear_area),
+        3 * stencils.nodes, _single(stencils.weights).ravel(), _single(mesh.fibres.area), mesh.fibres_across,
+        3 * mesh.shear_across.ravel(), 3 * mesh.shear_down.ravel(), weights[:, :4].ravel(), weights[:, 4:].ravel(),
+        _single(mesh.shear_area),
     ]  # fmt: skip
 
 
@@ -253,8 +262,8 @@ def bending_arguments(mesh: ClothMesh) -> list[Singles | Integers]:
     root = _single(np.sqrt(bends.area))
     basis = np.vstack([spectral.slopes(spectral.NODES), spectral.WEIGHTS])
     return [
-        bends.stencils.first, bends.stencils.nodes, _single(bends.stencils.weights),
-        bends.kind[:plain], bends.centre[:plain], root[:plain], bends.counts[bends.counts > 0],
-        _single(_some(bends.twist_weights)), _some(bends.centre[plain:]), _some(root[plain:]),
-        mesh.cells, _single(basis),
+        bends.stencils.first, 3 * bends.stencils.nodes, _single(bends.stencils.weights).ravel(),
+        bends.kind[:plain], 3 * bends.centre[:plain], root[:plain], bends.counts[bends.counts > 0],
+        _single(_some(bends.twist_weights)).ravel(), 3 * _some(bends.centre[plain:]), _some(root[plain:]),
+        3 * mesh.cells, _single(basis),
     ]  # fmt: skip

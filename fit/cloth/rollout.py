@@ -19,7 +19,8 @@ import functools
 
 import taichi as ti
 
-from fit.cloth.forces import bending, fibre_slopes, fibres, find_normals, push_fibres, shearing, twisting
+from fit.cloth.forces import bending, fibres, find_normals, push_fibres, shearing
+from fit.cloth.lanes import within
 
 TASK = 512  # Taichi hands out loops in tasks of at least 512 iterations; one task per group of lanes
 
@@ -46,6 +47,7 @@ def make_rollout(
     with_bends: rest curvature and friction in bending; with_added_mass: inertia of the air along the normal.
     """
     vec = ti.types.vector(lanes, ti.f32)
+    lanes_1d = ti.types.ndarray(dtype=vec, ndim=1)
     lanes_2d = ti.types.ndarray(dtype=vec, ndim=2)
     lanes_3d = ti.types.ndarray(dtype=vec, ndim=3)
     lanes_4d = ti.types.ndarray(dtype=vec, ndim=4)
@@ -59,6 +61,8 @@ def make_rollout(
     @ti.func
     def push_faces(
         b,
+        home,
+        nodes,
         v: ti.template(),
         f: ti.template(),
         normal: ti.template(),
@@ -66,7 +70,8 @@ def make_rollout(
         amplitude: ti.template(),
     ):
         """Forces of the effects on the surface around each node."""
-        for i in range(f.shape[1]):
+        for i in range(nodes):
+            k = within(home + 3 * i)
             for m in ti.static(range(len(face_forces))):
                 a0, a1, a2 = amplitude[b, face_forces[m][0]], vec(0.0), vec(0.0)
                 if ti.static(face_forces[m][1] > 1):
@@ -74,14 +79,14 @@ def make_rollout(
                 if ti.static(face_forces[m][1] > 2):
                     a2 = amplitude[b, face_forces[m][0] + 2]
                 t0, t1, t2 = face_forces[m][2](
-                    a0, a1, a2, v[b, i, 0], v[b, i, 1], v[b, i, 2],
-                    normal[b, i, 0], normal[b, i, 1], normal[b, i, 2], area[b, i],
-                )  # fmt: skip
-                f[b, i, 0], f[b, i, 1], f[b, i, 2] = f[b, i, 0] + t0, f[b, i, 1] + t1, f[b, i, 2] + t2
+                    a0, a1, a2, v[k], v[k + 1], v[k + 2], normal[k], normal[k + 1], normal[k + 2], area[b * nodes + i]
+                )
+                f[k], f[k + 1], f[k + 2] = f[k] + t0, f[k + 1] + t1, f[k + 2] + t2
 
     @ti.func
     def pull_at_points(
         b,
+        home,
         sample,
         part,
         gain,
@@ -103,64 +108,70 @@ def make_rollout(
                 dy = (1.0 - part) * targets[sample, p, c + 3] + part * targets[sample + 1, p, c + 3]
                 pull[b, p, c] = vec(believed * (gain * y + damping * moving * dy))
             for n in range(first[p], first[p + 1]):
-                w, i = believed * weights[n, 0], nodes[n]
+                w, i = believed * weights[n, 0], home + nodes[n]
                 for c in ti.static(range(3)):
-                    pull[b, p, c] = pull[b, p, c] - w * (gain * x[b, i, c] + damping * v[b, i, c])
+                    pull[b, p, c] = pull[b, p, c] - w * (gain * x[i + c] + damping * v[i + c])
 
     @ti.func
     def hold(
-        b,
+        home,
         row,
         x: ti.template(),
         v: ti.template(),
         held: ti.template(),
         shares: ti.template(),
         path: ti.template(),
+        dt,
         per_second,
     ):
+        """Put held nodes, which moved freely with the rest, where their handles are, with the speed that takes."""
         for h in range(held.shape[0]):
-            i = held[h]
+            i = within(home + held[h])
             for c in ti.static(range(3)):
                 place = shares[h, 0] * path[row, c]
                 for k in ti.static(range(1, handles)):
                     place = place + shares[h, k] * path[row, c + 3 * k]
-                v[b, i, c] = (place - x[b, i, c]) * per_second
-                x[b, i, c] = place
+                v[i + c] = (place - (x[i + c] - dt * v[i + c])) * per_second
+                x[i + c] = place
 
     @ti.kernel
     def rollout(
-        x: lanes_3d,
-        v: lanes_3d,
-        f: lanes_3d,
+        x: lanes_1d,
+        v: lanes_1d,
+        ahead: lanes_1d,
+        f: lanes_1d,
         pull: lanes_3d,
         fibre_at: integers_1d,
-        fibre_weights: floats_2d,
+        fibre_weights: floats_1d,
         fibre_area: floats_1d,
         fibres_across: ti.i32,
-        shear_across: integers_2d,
-        shear_down: integers_2d,
-        shear_weights: floats_2d,
+        shear_across: integers_1d,
+        shear_down: integers_1d,
+        across_weights: floats_1d,
+        down_weights: floats_1d,
         shear_area: floats_1d,
-        slopes: lanes_3d,
-        rates: lanes_3d,
-        stress: lanes_3d,
+        slopes: lanes_1d,
+        slopes_ahead: lanes_1d,
+        strains: lanes_1d,
+        shear_strains: lanes_1d,
+        stress: lanes_1d,
         bend_first: integers_1d,
         bend_nodes: integers_1d,
-        bend_weights: floats_2d,
+        bend_weights: floats_1d,
         bend_kind: integers_1d,
         bend_centre: integers_1d,
         bend_root: floats_1d,
         bend_counts: integers_1d,
-        twist_weights: floats_2d,
+        twist_weights: floats_1d,
         twist_centre: integers_1d,
         twist_root: floats_1d,
         cells: integers_2d,
         basis: floats_2d,
-        normal: lanes_3d,
-        faced_area: lanes_2d,
-        rest_curvature: lanes_2d,
-        friction: lanes_2d,
-        added_mass: lanes_2d,
+        normal: lanes_1d,
+        faced_area: lanes_1d,
+        rest_curvature: lanes_1d,
+        friction: lanes_1d,
+        added_mass: lanes_1d,
         held: integers_1d,
         shares: floats_2d,
         path: lanes_2d,
@@ -175,7 +186,7 @@ def make_rollout(
         target_first: integers_1d,
         target_every: integers_1d,
         material: lanes_2d,
-        inverse_mass: lanes_2d,
+        inverse_mass: lanes_1d,
         amplitude: lanes_2d,
         frame_step: integers_2d,
         frame_lag: floats_2d,
@@ -189,10 +200,16 @@ def make_rollout(
         shapes: lanes_4d,
         keep_shapes: ti.i32,
     ):
-        groups = x.shape[0]
+        groups, nodes = time_step.shape[0], pull_points.shape[0]
+        fibre_count, bend_count = fibre_area.shape[0], bend_centre.shape[0]
+        down_entry = fibre_nodes[0] * fibres_across
         for task in range(groups * TASK):
             if task % TASK == 0:
                 b = task // TASK
+                home, first_fibre, first_shear = 3 * nodes * b, fibre_count * b, shear_area.shape[0] * b
+                place, first_bend = 3 * first_fibre, bend_count * b
+                if ti.static(with_twist):
+                    first_bend = (bend_count + twist_centre.shape[0]) * b
                 dt, settle_steps, steps_per_target = time_step[b], settle[b], target_every[b]
                 settle_gain = 355.0  # (2 pi 3 Hz)^2: the first half of settling is drawn to the observed first shape
                 settle_pull_damping = 37.7
@@ -209,41 +226,51 @@ def make_rollout(
                             moving = 0.0  # at rest: the slope of a spline's end is mostly noise
                             if step >= -settle_steps // 2:
                                 pull_gain = 0.0  # from the observed folds into the model's own equilibrium
+                        per_step = 0.0  # there is no step before the first
+                        if step > -settle_steps:
+                            per_step = 1.0 / dt
                         zero = vec(0.0)
-                        for i in range(f.shape[1]):
-                            for c in ti.static(range(3)):
-                                f[b, i, c] = zero
-                        stretch, stretch_across, shear = material[b, 0], material[b, 1], material[b, 2]
-                        bend, bend_across, twist = material[b, 3], material[b, 4], material[b, 5]
-                        fibre_time, bend_time, stiffening = material[b, 6], material[b, 7], material[b, 9]
-                        fibre_slopes(b, x, slopes, fibre_at, fibre_weights, fibres_across, fibre_nodes)
-                        fibre_slopes(b, v, rates, fibre_at, fibre_weights, fibres_across, fibre_nodes)
+                        fibre_delay, bend_time, stiffening = material[b, 6] * per_step, material[b, 7], material[b, 9]
+                        for i in range(3 * nodes):
+                            j = home + i
+                            f[j] = zero
+                            if ti.static(not with_bends):
+                                ahead[j] = x[j] + bend_time * v[j]
                         fibres(
-                            b, 0, fibres_across, slopes, rates, stress, fibre_area,
-                            stretch_across, fibre_time, stiffening,
+                            home, first_fibre, 0, fibres_across, 0, x, ahead, slopes, slopes_ahead, strains, stress,
+                            fibre_at, fibre_weights, fibre_area, material[b, 1], fibre_delay, stiffening,
+                            fibre_nodes[0], with_twist,
                         )  # fmt: skip
                         fibres(
-                            b, fibres_across, fibre_area.shape[0], slopes, rates, stress, fibre_area,
-                            stretch, fibre_time, stiffening,
-                        )  # fmt: skip
-                        shearing(
-                            b, slopes, rates, stress, shear_across, shear_down, shear_weights, shear_area,
-                            shear, fibre_time,
+                            home, first_fibre, fibres_across, fibre_count, down_entry, x, ahead, slopes, slopes_ahead,
+                            strains, stress, fibre_at, fibre_weights, fibre_area, material[b, 0], fibre_delay,
+                            stiffening, fibre_nodes[1], False,
                         )  # fmt: skip
                         if ti.static(needs_normals):
-                            find_normals(b, x, normal, faced_area, cells, basis, zero)
+                            find_normals(home, nodes * b, nodes, x, normal, faced_area, cells, basis, zero)
                         if ti.static(len(face_forces) > 0):
-                            push_faces(b, v, f, normal, faced_area, amplitude)
-                        if ti.static(with_twist):
-                            twisting(
-                                b, slopes, rates, stress, shear_across, twist_weights, twist_centre, twist_root,
-                                twist, bend_time, normal, rest_curvature, friction, material[b, 13], dt, with_bends,
-                            )  # fmt: skip
-                        push_fibres(b, stress, f, fibre_at, fibre_weights, fibres_across, fibre_nodes)
+                            push_faces(b, home, nodes, v, f, normal, faced_area, amplitude)
+                        shearing(
+                            place, first_shear, slopes, slopes_ahead, shear_strains, stress,
+                            shear_across, shear_down, across_weights, down_weights,
+                            shear_area, material[b, 2], fibre_delay,
+                            with_twist, twist_weights, twist_centre, twist_root, material[b, 5], bend_time,
+                            with_bends, home, first_bend + bend_count,
+                            normal, rest_curvature, friction, material[b, 13], dt,
+                        )  # fmt: skip
+                        push_fibres(
+                            home, place, 0, fibres_across, 0, stress, f, fibre_at, fibre_weights, fibre_nodes[0]
+                        )
+                        push_fibres(
+                            home, place, fibres_across, fibre_count, down_entry, stress, f,
+                            fibre_at, fibre_weights, fibre_nodes[1],
+                        )  # fmt: skip
                         bending(
-                            b, x, v, f, bend_first, bend_nodes, bend_weights, bend_kind, bend_centre, bend_root,
-                            bend_counts, bend_lengths, bend, bend_across, twist, bend_time,
-                            normal, rest_curvature, friction, material[b, 13], dt, with_bends, slopes, rates,
+                            home, first_bend, x, ahead, f, bend_first, bend_nodes, bend_weights, bend_kind,
+                            bend_centre, bend_root, bend_counts, bend_lengths,
+                            material[b, 3], material[b, 4], material[b, 5], bend_time,
+                            with_bends, normal, rest_curvature, friction, material[b, 13], dt,
+                            place, slopes,
                         )  # fmt: skip
                         keep = 1.0 - 0.5 * dt * rate
                         give = 1.0 / (1.0 + 0.5 * dt * rate)
@@ -252,6 +279,7 @@ def make_rollout(
                             part = ti.cast(now - sample * steps_per_target, ti.f32) / ti.cast(steps_per_target, ti.f32)
                             pull_at_points(
                                 b,
+                                home,
                                 target_first[b] + sample,
                                 part,
                                 pull_gain,
@@ -266,47 +294,43 @@ def make_rollout(
                                 targets,
                                 trust,
                             )
-                        for i in range(f.shape[1]):
-                            a0 = f[b, i, 0] * inverse_mass[b, i] + material[b, 10]
-                            a1 = f[b, i, 1] * inverse_mass[b, i] + material[b, 11]
-                            a2 = f[b, i, 2] * inverse_mass[b, i] + material[b, 12]
+                        for i in range(nodes):
+                            m, j = nodes * b + i, within(home + 3 * i)
+                            a0 = f[j] * inverse_mass[m] + material[b, 10]
+                            a1 = f[j + 1] * inverse_mass[m] + material[b, 11]
+                            a2 = f[j + 2] * inverse_mass[m] + material[b, 12]
                             if ti.static(with_added_mass):
-                                n0, n1, n2 = normal[b, i, 0], normal[b, i, 1], normal[b, i, 2]
-                                ratio = added_mass[b, i] * inverse_mass[b, i]
+                                n0, n1, n2 = normal[j], normal[j + 1], normal[j + 2]
+                                ratio = added_mass[m] * inverse_mass[m]
                                 less = (a0 * n0 + a1 * n1 + a2 * n2) * ratio / (1.0 + ratio)
                                 a0, a1, a2 = a0 - less * n0, a1 - less * n1, a2 - less * n2
                             if pull_gain > 0.0:
-                                j, k, m = pull_points[i, 0], pull_points[i, 1], pull_points[i, 2]
-                                wj, wk, wm = pull_weights[i, 0], pull_weights[i, 1], pull_weights[i, 2]
-                                a0 = a0 + (wj * pull[b, j, 0] + wk * pull[b, k, 0] + wm * pull[b, m, 0])
-                                a1 = a1 + (wj * pull[b, j, 1] + wk * pull[b, k, 1] + wm * pull[b, m, 1])
-                                a2 = a2 + (wj * pull[b, j, 2] + wk * pull[b, k, 2] + wm * pull[b, m, 2])
-                            s0 = (keep * v[b, i, 0] + dt * a0) * give
-                            s1 = (keep * v[b, i, 1] + dt * a1) * give
-                            s2 = (keep * v[b, i, 2] + dt * a2) * give
-                            v[b, i, 0], v[b, i, 1], v[b, i, 2] = s0, s1, s2
-                            x[b, i, 0] = x[b, i, 0] + dt * s0
-                            x[b, i, 1] = x[b, i, 1] + dt * s1
-                            x[b, i, 2] = x[b, i, 2] + dt * s2
+                                p, q, r = pull_points[i, 0], pull_points[i, 1], pull_points[i, 2]
+                                wp, wq, wr = pull_weights[i, 0], pull_weights[i, 1], pull_weights[i, 2]
+                                a0 = a0 + (wp * pull[b, p, 0] + wq * pull[b, q, 0] + wr * pull[b, r, 0])
+                                a1 = a1 + (wp * pull[b, p, 1] + wq * pull[b, q, 1] + wr * pull[b, r, 1])
+                                a2 = a2 + (wp * pull[b, p, 2] + wq * pull[b, q, 2] + wr * pull[b, r, 2])
+                            s0 = (keep * v[j] + dt * a0) * give
+                            s1 = (keep * v[j + 1] + dt * a1) * give
+                            s2 = (keep * v[j + 2] + dt * a2) * give
+                            v[j], v[j + 1], v[j + 2] = s0, s1, s2
+                            x[j], x[j + 1], x[j + 2] = x[j] + dt * s0, x[j + 1] + dt * s1, x[j + 2] + dt * s2
                         if ti.static(handles > 0):
-                            # Held nodes moved freely with the rest; put them where their handles are after this step.
-                            for h in range(held.shape[0]):
-                                i = held[h]
-                                for c in ti.static(range(3)):
-                                    x[b, i, c] = x[b, i, c] - dt * v[b, i, c]
-                            hold(b, path_first[b] + ti.max(step + 1, 0), x, v, held, shares, path, 1.0 / dt)
+                            row = path_first[b] + ti.max(step + 1, 0)
+                            hold(home, row, x, v, held, shares, path, dt, 1.0 / dt)
                         step += 1
                     lag = frame_lag[b, frame]
                     for p in range(pull.shape[1]):
                         for c in ti.static(range(3)):
                             seen[b, frame, p, c] = vec(0.0)
                         for n in range(point_first[p], point_first[p + 1]):
-                            w, i = point_weights[n, 0], point_nodes[n]
+                            w, i = point_weights[n, 0], home + point_nodes[n]
                             for c in ti.static(range(3)):
-                                seen[b, frame, p, c] = seen[b, frame, p, c] + w * (x[b, i, c] + lag * v[b, i, c])
+                                seen[b, frame, p, c] = seen[b, frame, p, c] + w * (x[i + c] + lag * v[i + c])
                     if keep_shapes == 1:
-                        for i in range(x.shape[1]):
+                        for i in range(nodes):
                             for c in ti.static(range(3)):
-                                shapes[b, frame, i, c] = x[b, i, c] + lag * v[b, i, c]
+                                j = home + 3 * i + c
+                                shapes[b, frame, i, c] = x[j] + lag * v[j]
 
     return rollout

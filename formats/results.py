@@ -110,7 +110,11 @@ class Gap(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
 
 
 class EffectFinding(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What was found about one effect of the library."""
+    """What was found about one effect of the library.
+
+    explained: share of the residual, after what the base model can imitate was taken out of both; correlation: of the
+    residual with the effect as it is; fitted_share: of the squared error on the takes for fitting that a refit removes
+    """
 
     id: str
     group: str
@@ -124,6 +128,8 @@ class EffectFinding(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     minimum_detectable: float | None = None
     explained: float | None = None
     absorbed: float | None = None
+    correlation: float | None = None
+    fitted_share: float | None = None
     components: dict[str, float] = {}
     note: str = ""
 

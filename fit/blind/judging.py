@@ -3,9 +3,10 @@
 A verdict names the right group when the true effect is among the effects it names (an `ambiguous` verdict is one group)
 or shares a group with the first of them by the diagnosis' own grouping. Without probabilities, naming one effect as
 `effect` counts as confident. Closure is compared with that of the true effect, refitted by the diagnosis itself: an
-oracle that knows which effect it is, but not how large. Two simpler tools are judged by the same answers: one that
-names what explains the largest share of the residual linearly, without any refit, and one that names what closes most
-of the gap, without any rules.
+oracle that knows which effect it is, but not how large. Simpler tools are judged by the same answers: they name what
+the residual correlates with most, with or without projecting out what the base model can imitate, what a refit explains
+most of the motion it was fitted to, or what closes most of the gap, all without any rules; and a classifier
+(`fit.blind.classifier`).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from pathlib import Path
 import msgspec
 
 from fit.blind.cases import Kind, Look, Truth
+from fit.blind.classifier import features_of
 from fit.blind.rates import brier
 from fit.blind.running import DIAGNOSIS
 from formats.errors import ResultError
@@ -52,8 +54,12 @@ class Judged(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     place_found: bool | None = None
     brier: float | None = None
     probability: float | None = None
+    right_by_correlation: bool | None = None
     right_by_screening: bool | None = None
+    right_by_training: bool | None = None
     right_by_closure: bool | None = None
+    alike: tuple[str, ...] = ()
+    features: dict[str, float] = {}
     conditions: dict[str, str] = {}
 
 
@@ -73,7 +79,8 @@ def judge(truth: Truth, answers: Path) -> Judged:
         amplitude=first.amplitude if first else None, ratio=ratio, bin=bin_of(ratio),
         verdict=said.verdict if said else "inconclusive", named=named,
         is_tested=true.tested if true else True, probability=_highest(findings, named),
-        conditions=conditions_of(truth.look),
+        conditions=conditions_of(truth.look), features=features_of(said) if said else {},
+        alike=tuple(f.id for f in findings.values() if true and true.tested and f.tested and f.group == true.group),
     )  # fmt: skip
     first_group = set(named if judged.verdict == "ambiguous" else named[:1])
     wrong = bool(named) and not (first_group & set(judged.planted) or _same_group(findings, named, judged.planted))
@@ -114,7 +121,9 @@ def _judge_single(
         closure=by_name.closure.value if by_name and by_name.closure else None,
         closure_of_oracle=true.closure.value if true and true.closure else None,
         amplitude_error=error, amplitude_covered=covered, place_found=_place(said, planted.place),
+        right_by_correlation=_is_largest(findings, planted.id, {f.id: f.correlation for f in findings.values()}),
         right_by_screening=_is_largest(findings, planted.id, {f.id: f.explained for f in findings.values()}),
+        right_by_training=_is_largest(findings, planted.id, {f.id: f.fitted_share for f in findings.values()}),
         right_by_closure=_is_largest(
             findings, planted.id, {f.id: f.closure.value if f.closure else None for f in findings.values()}
         ),

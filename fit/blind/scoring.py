@@ -15,6 +15,7 @@ from pathlib import Path
 
 import msgspec
 
+from fit.blind.classifier import leave_one_out
 from fit.blind.judging import BINS, Judged, judge
 from fit.blind.making import changed_files, open_labels, read_manifest
 from fit.blind.plants import PLANTS
@@ -138,9 +139,15 @@ def summarise(judged: tuple[Judged, ...]) -> Score:
     if in_base:
         notes.append(f"{in_base} cases have an effect that is part of the base model; they count in no rate.")
     by_size = {name: rates_of([j for j in singles if j.bin == name]) for name in BINS}
+    guessed = leave_one_out([j.features for j in singles], [_label(j) for j in singles])
     baselines = {
         "always air_drag": rate_of(j.planted == ("air_drag",) for j in singles),
+        "classifier of what the gap looks like, taught by the other cases": rate_of(
+            name in {*j.planted, *j.alike} for j, name in zip(singles, guessed, strict=True)
+        ),
+        "largest correlation, nothing projected out": rate_of(bool(j.right_by_correlation) for j in singles),
         "largest share explained linearly, no refit": rate_of(bool(j.right_by_screening) for j in singles),
+        "largest share of the training error removed by a refit": rate_of(bool(j.right_by_training) for j in singles),
         "largest share of the gap closed, no rules": rate_of(bool(j.right_by_closure) for j in singles),
     }
     return Score(

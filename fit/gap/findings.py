@@ -76,6 +76,8 @@ def describe_effects(evidence: Evidence, effects: tuple[Effect, ...], model: Par
                 minimum_detectable=float(detectable[place]),
                 explained=float(screened.explained[place]),
                 absorbed=float(screened.absorbed[place]),
+                correlation=float(screened.correlation[place]),
+                fitted_share=1 - hypothesis.fitted.cost / evidence.base.fitted.cost if hypothesis else None,
                 note=note,
             )
         )

@@ -42,6 +42,7 @@ class Screened:
     explained, absorbed, p_value (own), family_p_value: (screened,)
     projected: per effect its projected signatures in typical sizes, (components, numbers); typical, (screened,)
     cosines, (screened, screened): of what each effect alone would explain of the residual
+    correlation: multiple, of the residual with the signatures as they are, nothing projected out, (screened,)
     raw: per effect its signatures in typical sizes, (components, numbers), columns of a joint Jacobian
     predicted: cost that a linear refit would save, (screened,)
     """
@@ -54,6 +55,7 @@ class Screened:
     family_p_value: Floats
     cosines: Floats
     predicted: Floats
+    correlation: Floats
     raw: list[Floats]
     projected: list[Floats]
     typical: Floats
@@ -110,7 +112,7 @@ def screen(observer: Observer, fitted: Fitted, chosen: tuple[int, ...], rng: np.
     blocks = observer.layout.block
     signs = rng.choice([-1.0, 1.0], size=(REPLICAS, int(blocks.max()) + 1))
     amplitude, statistic, drawn, contributions, raw = [], [], [], [], []
-    explained, absorbed, predicted = (np.zeros(len(chosen)) for _ in range(3))
+    explained, absorbed, predicted, correlation = (np.zeros(len(chosen)) for _ in range(4))
     kept = []
     for n, (k, rows) in enumerate(zip(chosen, signatures, strict=True)):
         typical = observer.effects[k].typical
@@ -128,6 +130,7 @@ def screen(observer: Observer, fitted: Fitted, chosen: tuple[int, ...], rng: np.
         predicted[n] = max(float(-2 * total @ alpha - alpha @ hessian @ alpha), 0.0)
         explained[n] = predicted[n] / max(float(rest @ rest), 1e-12)
         absorbed[n] = 1 - float((seen**2).sum()) / max(float((scaled**2).sum()), 1e-12)
+        correlation[n] = _correlation(scaled, fitted.residual, observer.effects[k].is_one_sided)
         meat = gain.T @ gain + 1e-12 * max(float(np.trace(gain.T @ gain)), 1e-30) * np.eye(len(rows))
         one_sided = observer.effects[k].is_one_sided
         statistic.append(_statistic(total[None], meat, one_sided)[0])
@@ -138,9 +141,19 @@ def screen(observer: Observer, fitted: Fitted, chosen: tuple[int, ...], rng: np.
     p_value, family = _p_values(np.array(statistic), np.array(drawn))
     return Screened(
         effects=chosen, amplitude=amplitude, explained=explained, absorbed=absorbed, p_value=p_value,
-        family_p_value=family, cosines=_cosines(np.array(contributions)), predicted=predicted, raw=raw, projected=kept,
+        family_p_value=family, cosines=_cosines(np.array(contributions)), predicted=predicted,
+        correlation=correlation, raw=raw, projected=kept,
         typical=np.array([observer.effects[k].typical for k in chosen]),
     )  # fmt: skip
+
+
+def _correlation(rows: Floats, residual: Floats, is_one_sided: bool) -> float:
+    """Multiple correlation of a residual, (numbers,), with rows; none where a one-sided effect would have to be off."""
+    sums = rows @ residual
+    if is_one_sided and sums[0] > 0:
+        return 0.0
+    inverse = np.linalg.pinv(rows @ rows.T, hermitian=True)
+    return float(np.sqrt(max(float(sums @ inverse @ sums), 0.0) / max(float(residual @ residual), 1e-12)))
 
 
 def _statistic(total: Floats, meat: Floats, is_one_sided: bool) -> Floats:

@@ -32,8 +32,8 @@ from fit.blind.scoring import score_set
 from fit.errors import FitError
 from formats.archive import read_take, write_take
 from formats.results import save_diagnosis
+from tests.fit.blind_answers import diagnosis, finding
 from tests.fit.test_blind_cases import guessed, planted
-from tests.fit.test_blind_sets import diagnosis, finding
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "swung-cloth"
 SWUNG = ("time_offset", "clock_drift", "attachment_offset", "filter_lag", "corner_erosion", "tracker_smoothing")

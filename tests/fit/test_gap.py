@@ -154,7 +154,7 @@ def evidence_of(singles, *, base=12.0, floor=5.0, p=0.001, gate_list=(), joint=(
     p_values = np.full(len(effects), p)
     screened = Screened(
         effects=effects, amplitude=[], explained=p_values, absorbed=p_values, p_value=p_values, family_p_value=p_values,
-        cosines=np.eye(len(effects)), predicted=p_values, raw=[],
+        cosines=np.eye(len(effects)), predicted=p_values, correlation=p_values, raw=[],
         projected=[np.ones((1, 3)) for _ in effects], typical=p_values,
     )  # fmt: skip
     return Evidence(

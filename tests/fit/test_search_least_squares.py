@@ -61,8 +61,11 @@ def test_nothing_is_tried_where_the_slope_promises_less_than_the_tolerance():
 
     best = minimise(noisy, np.array([1.0, 1.0]), box([0.1, 0.1], [10.0, 5.0]), settings=FINE).parameters
     settings = LeastSquaresSettings(step=1e-6, cost_tolerance=1e-3)
-    near = minimise(noisy, best * [1.001, 1.0], box([0.1, 0.1], [10.0, 5.0]), settings=settings)
+    near = minimise(noisy, best * [1.0001, 1.0], box([0.1, 0.1], [10.0, 5.0]), settings=settings)
     assert (near.simulations, near.is_converged) == (3, True)
+    beside = minimise(noisy, best * [1.002, 1.0], box([0.1, 0.1], [10.0, 5.0]), settings=settings)
+    assert beside.parameters == pytest.approx(best, rel=1e-4)  # one step of Gauss and Newton, and one Jacobian more
+    assert (beside.simulations, beside.is_converged) == (3 + 2 + 2, True)
     far = minimise(noisy, best * [1.1, 1.0], box([0.1, 0.1], [10.0, 5.0]), settings=settings)
     assert far.simulations > 3
     assert far.parameters == pytest.approx(best, rel=0.01)

@@ -1,0 +1,60 @@
+"""A rival that knows no physics: a classifier that names an effect from what a gap looks like.
+
+Features of a diagnosis are where the base model's error lies (place, phase, frequency, direction), what the missing
+force looks like, and how large the gap is against the noise; nothing that the diagnosis found out about effects. What
+is learned is a ridge regression from standardised features to one-hot labels, a linear discriminant; every case is
+answered by what the other cases teach (leave-one-out, exact):
+
+    b = (X'X + L I)^-1 X'Y,   prediction without case i: (X_i b - h_i Y_i) / (1 - h_i),   h = diag(X (X'X + L I)^-1 X')
+
+Source: R. Rifkin, G. Yeo, T. Poggio, "Regularized least-squares classification" (2003); T. Hastie, R. Tibshirani,
+J. Friedman, "The Elements of Statistical Learning", section 7.10 (leave-one-out of a linear smoother).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formats.results import Diagnosis
+
+Floats = NDArray[np.float64]
+
+RIDGE = 10.0  # of standardised features: a few cases of each label cannot teach fifty of them
+LARGEST_RATIO = 20.0  # of gap to noise
+
+
+def features_of(said: Diagnosis) -> dict[str, float]:
+    """Return the features of a diagnosis by name."""
+    where, force = said.where, said.missing_force
+    found = {
+        f"{kind} {one.name}": one.share
+        for kind in ("space", "time", "frequency", "term")
+        for one in getattr(where, kind)
+    }
+    found["gap"] = min(said.gap.base_mm.value / max(said.gap.floor_mm.value, 1e-3), LARGEST_RATIO)
+    if force is not None:
+        found |= {"normal": force.normal_share, "odd": force.odd_share, "even": force.even_share}
+        found |= {f"force {name}": share for name, share in force.spatial_share.items()}
+        if force.amplitude_exponent is not None:
+            found["exponent"] = force.amplitude_exponent
+    return found
+
+
+def leave_one_out(features: Sequence[dict[str, float]], labels: Sequence[str]) -> list[str]:
+    """Return for every case the label that the other cases teach; a feature that a case lacks is at its mean."""
+    kinds, names = sorted(set(labels)), sorted({name for one in features for name in one})
+    if len(labels) < 2 or not names:
+        return ["" for _ in labels]
+    table = np.array([[one.get(name, np.nan) for name in names] for one in features])
+    centred = table - np.nanmean(table, axis=0)
+    scaled = np.nan_to_num(centred / np.maximum(np.nanstd(table, axis=0), 1e-9))
+    design = np.column_stack([np.ones(len(scaled)), scaled])
+    wanted = np.array([[label == kind for kind in kinds] for label in labels], float)
+    penalty = RIDGE * np.diag([0.0] + [1.0] * len(names))
+    hat = design @ np.linalg.solve(design.T @ design + penalty, design.T)
+    leverage = np.diag(hat)[:, None]
+    without = (hat @ wanted - leverage * wanted) / np.maximum(1 - leverage, 1e-9)
+    return [kinds[k] for k in without.argmax(1)]

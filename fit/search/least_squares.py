@@ -8,8 +8,8 @@ coordinate (the logarithm of a parameter searched on a log scale, else the param
 to [0, 1] between its bounds. One batch gives all columns of J by finite differences, the next tries a ladder
 of dampings lambda side by side and keeps the best. Parameters that a bound holds back are left out of the
 step (projected gradient), so that an optimum on a bound is reached exactly and is left again when the slope
-turns. With g = J' W r + P_u (u - u0) and H = J' W J + P_u no step can be expected to gain more than g' H^-1 g: where
-that is below the tolerance Gauss and Newton's own step is tried beside one other, where it is far below, none.
+turns. A ladder is tried even where g' H^-1 g, all that the linear model can gain (g = J' W r + P_u (u - u0), H = J' W J +
+P_u), is small: cloth's residuals ripple, and the far rungs step over ripples that differences are caught in.
 
 Source: Marquardt 1963, "An algorithm for least-squares estimation of nonlinear parameters", section 3; the
 projection as in Kanzow, Yamashita and Fukushima 2004, "Levenberg-Marquardt methods with strong local
@@ -28,8 +28,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.errors import BlowUpError, FitError
-
-HOPELESS = 0.02  # of the tolerance: a smaller fall of the cost is not worth a simulation
 
 Floats = NDArray[np.float64]
 Residuals = Callable[[Floats], Floats]
@@ -193,12 +191,7 @@ class _Search:
             free = ~(((u <= 0) & (slope > 0)) | ((u >= 1) & (slope < 0)))
             moved, reason = None, "no slope is left within the bounds"
             if free.any() and np.abs(slope[free]).max() > 1e-12 * max(1.0, cost):
-                hope = -float(slope @ self._step(normal, slope, free, 0.0)) / max(cost, 1e-300)
-                moved, reason = None, "no step can be expected to lower the cost"
-                if hope > HOPELESS * settings.cost_tolerance:
-                    is_near = hope < settings.cost_tolerance
-                    moved = self._try_dampings(u, cost, normal, slope, free, damping, is_near=is_near)
-                    reason = "no step lowers the cost"
+                moved, reason = self._try_dampings(u, cost, normal, slope, free, damping), "no step lowers the cost"
             if moved is not None:
                 reason = self._reason_to_stop(u, cost, moved)
                 step, change = moved.unit - u, moved.residuals - r
@@ -287,16 +280,13 @@ class _Search:
         return columns.T
 
     def _try_dampings(
-        self, u: Floats, cost: float, normal: Floats, slope: Floats, free: NDArray[np.bool_], damping: float,
-        *, is_near: bool,
-    ) -> _Step | None:  # fmt: skip
-        """Return the best lower place of ladders of dampings, or None; near the least cost two rungs are enough."""
-        rungs = min(self.settings.width, 2) if is_near else self.settings.width
+        self, u: Floats, cost: float, normal: Floats, slope: Floats, free: NDArray[np.bool_], damping: float
+    ) -> _Step | None:
+        """Return the best lower place of ladders of dampings, or None."""
+        rungs = self.settings.width
         # One ladder spans lambda/30 to 30 lambda and more; three reach from Gauss-Newton to a crawl downhill.
         factors = 10.0 ** np.linspace(-1.5, 1.5, rungs) if rungs > 1 else np.array([0.1])
-        if is_near:
-            factors = np.array([0.0, 1.0])[:rungs]
-        for _ in range(1 if is_near else 3 if rungs > 1 else 12):
+        for _ in range(3 if rungs > 1 else 12):
             ladder = np.clip(damping * factors, 1e-12, 1e12)
             tries = np.stack([self._trial(u, normal, slope, free, rung) for rung in ladder])
             found = self._evaluate(tries)
@@ -308,14 +298,10 @@ class _Search:
         return None
 
     def _trial(self, u: Floats, normal: Floats, slope: Floats, free: NDArray[np.bool_], damping: float) -> Floats:
-        return np.clip(u + self._step(normal, slope, free, damping), 0.0, 1.0)
-
-    @staticmethod
-    def _step(normal: Floats, slope: Floats, free: NDArray[np.bool_], damping: float) -> Floats:
         reduced = normal[np.ix_(free, free)]
         diagonal = np.diag(reduced)
         # A column without any effect would make the system singular; a little of the largest keeps it still.
         floor = 1e-9 * max(float(diagonal.max()), 1e-300)
-        step = np.zeros_like(slope)
+        step = np.zeros_like(u)
         step[free] = np.linalg.solve(reduced + np.diag(damping * diagonal + floor), -slope[free])
-        return step
+        return np.clip(u + step, 0.0, 1.0)

@@ -52,25 +52,6 @@ def test_no_batch_is_wider_than_asked_and_all_simulations_are_counted():
     assert (found.simulations, found.batches) == (sum(sizes), len(sizes))
 
 
-def test_nothing_is_tried_where_the_slope_promises_less_than_the_tolerance():
-    """A start near the least cost of data with noise: one simulation of it, one a parameter, none of a step."""
-    noise = 0.1 * np.random.default_rng(3).standard_normal(len(TIME))
-
-    def noisy(candidates):
-        return decay(candidates) - noise
-
-    best = minimise(noisy, np.array([1.0, 1.0]), box([0.1, 0.1], [10.0, 5.0]), settings=FINE).parameters
-    settings = LeastSquaresSettings(step=1e-6, cost_tolerance=1e-3)
-    near = minimise(noisy, best * [1.0001, 1.0], box([0.1, 0.1], [10.0, 5.0]), settings=settings)
-    assert (near.simulations, near.is_converged) == (3, True)
-    beside = minimise(noisy, best * [1.002, 1.0], box([0.1, 0.1], [10.0, 5.0]), settings=settings)
-    assert beside.parameters == pytest.approx(best, rel=1e-4)  # one step of Gauss and Newton, and one Jacobian more
-    assert (beside.simulations, beside.is_converged) == (3 + 2 + 2, True)
-    far = minimise(noisy, best * [1.1, 1.0], box([0.1, 0.1], [10.0, 5.0]), settings=settings)
-    assert far.simulations > 3
-    assert far.parameters == pytest.approx(best, rel=0.01)
-
-
 def test_exponential_decay_on_a_log_scale_gives_2_and_0_7():
     found = minimise(decay, np.array([0.2, 8.0]), box([1e-2, 1e-2], [1e2, 1e1], is_log=True), settings=FINE)
     assert found.parameters == pytest.approx([2.0, 0.7], rel=1e-5)

@@ -8,8 +8,8 @@ coordinate (the logarithm of a parameter searched on a log scale, else the param
 to [0, 1] between its bounds. One batch gives all columns of J by finite differences, the next tries a ladder
 of dampings lambda side by side and keeps the best. Parameters that a bound holds back are left out of the
 step (projected gradient), so that an optimum on a bound is reached exactly and is left again when the slope
-turns. A ladder is tried even where g' H^-1 g, all that the linear model can gain (g = J' W r + P_u (u - u0), H = J' W J +
-P_u), is small: cloth's residuals ripple, and the far rungs step over ripples that differences are caught in.
+turns. A ladder is tried even where the linear model promises little: cloth's residuals ripple, and its far rungs step
+over ripples that differences are caught in.
 
 Source: Marquardt 1963, "An algorithm for least-squares estimation of nonlinear parameters", section 3; the
 projection as in Kanzow, Yamashita and Fukushima 2004, "Levenberg-Marquardt methods with strong local

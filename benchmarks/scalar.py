@@ -129,6 +129,7 @@ class InC:
         given, made = call.arguments, call.made_with
         unknown = (
             len(given["time_step"]) != 1 or made["face_forces"] or made["with_bends"] or made["with_added_mass"]
+            or made["with_viscosity"]
             or given["gain"] or made["fibre_nodes"] != (FIBRE_NODES, FIBRE_NODES) or not made["handles"]
             or not set(made["bend_lengths"]) <= {FEW, MANY} or not made["with_twist"]
         )  # fmt: skip
@@ -149,7 +150,7 @@ class InC:
             "shears": len(given["shear_area"]), "few_bends": bends.get(FEW, 0), "many_bends": bends.get(MANY, 0),
             "twists": len(given["twist_root"]), "held_nodes": len(given["held"]), "handles": made["handles"],
             "points": given["pull"].shape[1], "point_kinds": given["point_weights"].shape[1],
-            "frames": int(given["frame_count"][0]), "settle_steps": int(given["settle"][0]),
+            "frames": int(given["counts"][0, 0]), "settle_steps": int(given["counts"][0, 1]),
         }  # fmt: skip
         self._kept = arrays  # the task holds addresses only
         self._task = Task(

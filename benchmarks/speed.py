@@ -1,7 +1,9 @@
-"""Cost of a simulated candidate: alone, in a batch on one thread's lanes, and on all threads.
+"""Cost of a simulated candidate: alone, in a batch on one thread's lanes, and on all threads; and of stretch viscosity.
 
 Run: python benchmarks/speed.py. A clamped 0.4 m x 0.45 m sheet, 8 s of swing, mesh of 50 mm; medians of five, and the
-ratio of one candidate alone to one of the batch, measured in one run.
+ratio of one candidate alone to one of the batch, measured in one run. Viscous cloth: processor time of 16 candidates
+against the same without, in turns, medians of five ratios; and of Kelvin-Voigt cloth, whose steps are far shorter.
+Last, by how much effects shorten the step, at their typical and their largest size.
 """
 
 from __future__ import annotations
@@ -11,32 +13,88 @@ import time
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from fit.cloth.simulator import Simulator
-from fit.recording import prepare
+from fit.cloth import material as mat
+from fit.cloth.simulator import Resolution, Simulator
+from fit.effects import find_effects
+from fit.recording import Recording, prepare
 from tests.fit.scenes import hung, material, sheet, swing, take_of
 
+Floats = NDArray[np.float64]
+REPEATS = 5
+VISCOSITIES = (1e-3, 3e-3)  # s: the effect's typical size, and its largest
 
-def main() -> None:
-    """Print seconds per candidate for one, eight and sixteen candidates."""
+
+def scene() -> tuple[Simulator, Floats]:
+    """A swung sheet and one candidate."""
     garment = sheet()
     instants = np.arange(0, 8, 1 / 30)
     recording = prepare(take_of(garment, instants, swing(instants), hung(garment, instants)))
-    simulator = Simulator(recording)
-    row = material(garment, velocity_damping=2.0)
+    return Simulator(recording), material(garment, velocity_damping=2.0)
+
+
+def by_count(simulator: Simulator, row: Floats) -> None:
+    """Print seconds per candidate for some numbers of them."""
     costs = {}
     for count in (1, 8, 16, 64):
         rows = np.repeat(row, count, axis=0)
         simulator.run(rows)
         spent = []
-        for _ in range(5):
+        for _ in range(REPEATS):
             start = time.perf_counter()
             simulator.run(rows)
             spent.append(time.perf_counter() - start)
         costs[count] = float(np.median(spent)) / count
         print(f"{count:>3} candidates: {1e3 * costs[count]:7.1f} ms each   {costs[1] / costs[count]:5.1f} x one alone")
+
+
+def by_viscosity(simulator: Simulator, row: Floats) -> None:
+    """Print what viscous cloth costs against cloth that is not: as the effect has it, and as Kelvin-Voigt would."""
+    ways = [(mat.VISCOSITY, "stretch viscosity"), (mat.MEMBRANE_TIME, "the same as Kelvin-Voigt")]
+    for column, name in ways:
+        for viscosity in VISCOSITIES:
+            rows = [np.repeat(row, 16, axis=0) for _ in range(2)]
+            rows[1][:, column] += viscosity
+            spent = np.zeros((REPEATS + 1, 2))
+            for turn in spent:
+                for k in range(2):
+                    start = time.process_time()
+                    simulator.run(rows[k])
+                    turn[k] = time.process_time() - start
+            cost = float(np.median(spent[1:, 1] / spent[1:, 0]))
+            steps = np.divide(*(simulator.steps_of(chosen)[0] for chosen in rows))
+            print(f"{name} of {1e3 * viscosity:g} ms: {cost:5.2f} x the cost of none, {steps:.2f} x as many steps")
+
+
+def by_effect(recording: Recording) -> None:
+    """Print how many times as many steps the effects need that make the cloth stiffer or more damped."""
+    for spacing in (0.05, 0.033):
+        simulator = Simulator(recording, resolution=Resolution(spacing=spacing))
+        for stretch, bending in ((300.0, 1.4e-5), (1000.0, 1.4e-5), (100.0, 1e-6)):
+            row = material(
+                recording.garment, stretch_stiffness=stretch, shear_stiffness=stretch / 10, bending_stiffness=bending
+            )
+            plain = simulator.steps_of(row)[0]
+            found = []
+            for effect in find_effects(["stretch_viscosity", "bending_viscosity", "strain_stiffening"]):
+                for amplitude in (effect.typical, effect.high):
+                    changed = effect.material(row[0], np.array([amplitude]))[None]
+                    found.append(
+                        f"{effect.title} {amplitude:g} {effect.unit} {plain / simulator.steps_of(changed)[0]:.1f} x"
+                    )
+            print(f"{1e3 * spacing:g} mm, {stretch:g} N/m, {bending:g} N m: {'; '.join(found)}")
+
+
+def main() -> None:
+    """Print the tables."""
+    simulator, row = scene()
+    by_count(simulator, row)
+    by_viscosity(simulator, row)
+    print("Times as many steps as without:")
+    by_effect(simulator.recording)
 
 
 if __name__ == "__main__":

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import io
 import os
 from collections.abc import Iterator
+from typing import Any
 
 _started: dict[str, int] = {}
 
@@ -37,6 +39,24 @@ def start(threads: int | None = None) -> None:
             cpu_max_num_threads=_started["threads"],
             log_level=ti.ERROR,
         )
+    _read_kernels_quickly()
+
+
+def _read_kernels_quickly() -> None:
+    """Spare most of what Taichi 1.7 takes to read a kernel's source, which it does in every process.
+
+    It lays out the lines around every node of the syntax tree in case there is an error in it (here an error names file
+    and line alone), and looks up a function's source each time that the function is called.
+    """
+    from taichi.lang import kernel_impl
+
+    class Context(kernel_impl.ASTTransformerContext):  # type: ignore[misc]
+        def get_pos_info(self, node: Any) -> str:
+            return f'File "{self.file}", line {node.lineno + self.lineno_offset}, in {self.func.func.__name__}:\n'
+
+    kernel_impl.ASTTransformerContext = Context
+    kernel_impl.getsourcefile = functools.cache(kernel_impl.getsourcefile)
+    kernel_impl.getsourcelines = functools.cache(kernel_impl.getsourcelines)
 
 
 @contextlib.contextmanager

@@ -1,8 +1,9 @@
 """Forces inside the cloth, for candidates side by side: fibres, shear, bending, twist, and the nodes' normals.
 
 Samples and stencils are those of `fit.cloth.mesh`. With Fu, Fv the columns of the deformation gradient:
-    fibres     S11 = k_u (E11 + a |E11| E11 + tau Fu.dFu/dt), E11 = (Fu.Fu - 1)/2; P = S11 Fu; alike down
-    shear      S12 = G (Fu.Fv + tau d(Fu.Fv)/dt); P_u = S12 Fv, P_v = S12 Fu
+    fibres     S11 = k_u (E11 + a |E11| E11 + tau dE11/dt + z), E11 = (Fu.Fu - 1)/2; P = S11 Fu; alike down
+    shear      S12 = G (E12 + tau dE12/dt + z), E12 = Fu.Fv; P_u = S12 Fv, P_v = S12 Fu
+    z          viscosity that relaxes (fit.effects.stretch_viscosity)
     bending    M = B (kappa + tau dkappa/dt - kappa_0 n) + Dahl friction along the normal n, kappa = x_uu, x_vv, x_uv
 The force on a node is minus the sum of stress times the weight with which the node enters its sample.
 
@@ -49,6 +50,21 @@ def push(
 
 
 @ti.func
+def lagging(
+    strain, e, strains: ti.template(), delay, with_viscosity: ti.template(), lags: ti.template(), kept, gain
+):  # fmt: skip
+    """What rates of strain add to it; delay: damping time over step; viscosity is `fit.effects.stretch_viscosity`."""
+    change = strain - strains[e]
+    strains[e] = strain
+    late = delay * change
+    if ti.static(with_viscosity):
+        lag = kept * lags[e] + gain * change
+        lags[e] = lag
+        late = late + lag
+    return late
+
+
+@ti.func
 def fibres(
     home,
     first,
@@ -69,10 +85,14 @@ def fibres(
     stiffening,
     count: ti.template(),
     with_ahead: ti.template(),
+    with_viscosity: ti.template(),
+    lags: ti.template(),
+    kept,
+    gain,
 ):
     """Slopes and stress of one family of fibres.
 
-    first: the group's first sample; entry: where the family's stencils begin; delay: damping time over step
+    first: the group's first sample; entry: where the family's stencils begin
     """
     for e in range(start, end):
         begin, k = within(entry + count * (e - start)), within(3 * (first + e))
@@ -81,9 +101,8 @@ def fibres(
             a0, a1, a2 = stencil_sum(ahead, home, begin, nodes, weights, count)
             slopes_ahead[k], slopes_ahead[k + 1], slopes_ahead[k + 2] = a0, a1, a2
         strain = 0.5 * (u0 * u0 + u1 * u1 + u2 * u2 - 1.0)
-        change = strain - strains[first + e]
-        tension = (strain + stiffening * magnitude(strain) * strain + delay * change) * (area[e] * stiffness)
-        strains[first + e] = strain
+        late = lagging(strain, first + e, strains, delay, with_viscosity, lags, kept, gain)
+        tension = (strain + stiffening * magnitude(strain) * strain + late) * (area[e] * stiffness)
         slopes[k], slopes[k + 1], slopes[k + 2] = u0, u1, u2
         stress[k], stress[k + 1], stress[k + 2] = tension * u0, tension * u1, tension * u2
 
@@ -103,6 +122,10 @@ def shearing(
     area: ti.template(),
     stiffness,
     delay,
+    with_viscosity: ti.template(),
+    lags: ti.template(),
+    kept,
+    gain,
     with_twist: ti.template(),
     twist_weights: ti.template(),
     twist_centres: ti.template(),
@@ -124,9 +147,8 @@ def shearing(
         u0, u1, u2 = stencil_sum(slopes, place, begin, across, across_weights, 4)
         w0, w1, w2 = stencil_sum(slopes, place, begin, down, down_weights, 4)
         strain = u0 * w0 + u1 * w1 + u2 * w2
-        change = strain - strains[first + e]
-        strains[first + e] = strain
-        tension = (strain + delay * change) * (0.0 - area[e] * stiffness)
+        late = lagging(strain, first + e, strains, delay, with_viscosity, lags, kept, gain)
+        tension = (strain + late) * (0.0 - area[e] * stiffness)
         p0, p1, p2 = tension * w0, tension * w1, tension * w2
         if ti.static(with_twist):
             m0, m1, m2 = stencil_sum(slopes_ahead, place, begin, across, twist_weights, 4)

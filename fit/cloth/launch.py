@@ -9,7 +9,7 @@ groups are is a guess at the least time: processors that work side by side until
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from fit import runtime
 from fit.cloth import spectral
 from fit.cloth.mesh import ClothMesh, Integers
+from fit.effects.stretch_viscosity import RELAXATION_TIME
 
 if TYPE_CHECKING:
     from fit.cloth.simulator import Simulator
@@ -56,6 +57,12 @@ class Group:
     members: NDArray[np.int64]
     half_octaves: int
     has_effects: bool
+    is_viscous: bool
+
+    @property
+    def kernel(self) -> tuple[bool, bool]:
+        """What decides which kernel simulates them."""
+        return self.has_effects, self.is_viscous
 
     @property
     def dt(self) -> float:
@@ -70,14 +77,11 @@ class Group:
     def split(self, lanes: int) -> list[Group]:
         """Return groups of at most this many members."""
         starts = range(0, len(self.members), lanes)
-        return [
-            Group(self.simulator, self.candidates, self.members[k : k + lanes], self.half_octaves, self.has_effects)
-            for k in starts
-        ]
+        return [replace(self, members=self.members[k : k + lanes]) for k in starts]
 
 
 def launch(groups: Sequence[Group], observer_hz: float) -> None:
-    """Simulate groups of one cloth, all with the kernel with effects or all without, and fill in their results."""
+    """Simulate groups of one cloth and one kernel, and fill in their results."""
     threads = runtime.available_threads()
     lanes = min(COST, key=lambda n: _time(groups, n, threads))
     tasks = sorted((task for g in groups for task in g.split(lanes)), key=lambda g: -g.steps)
@@ -94,7 +98,7 @@ def _call(tasks: list[Group], lanes: int, observer_hz: float) -> None:
     """Run one kernel on tasks of at most `lanes` members; what is left of a task's lanes repeats its last member."""
     from fit.cloth.rollout import make_rollout
 
-    first, has_effects = tasks[0].simulator, tasks[0].has_effects
+    first, (has_effects, is_viscous) = tasks[0].simulator, tasks[0].kernel
     mesh, support = first.mesh, first.support
     chosen = [np.concatenate([t.members, np.repeat(t.members[-1:], lanes - len(t.members))]) for t in tasks]
     both = list(zip(tasks, chosen, strict=True))
@@ -102,7 +106,7 @@ def _call(tasks: list[Group], lanes: int, observer_hz: float) -> None:
     paths, frame_step, frame_lag = _courses(both)
     targets = _Targets(tasks)
     count, nodes, bends, points = len(tasks), len(mesh.rest), len(mesh.bends), first.recording.points.shape[1]
-    fibres, frames = len(mesh.fibres.area), frame_step.shape[1]
+    fibres, shears, frames = len(mesh.fibres.area), len(mesh.shear_area), frame_step.shape[1]
     keeps = tasks[0].candidates.kept is not None
     active = first.effects if has_effects else ()
     with_bends, with_added = any(e.bends for e in active), any(e.adds_mass for e in active)
@@ -121,10 +125,11 @@ def _call(tasks: list[Group], lanes: int, observer_hz: float) -> None:
     whole = _zeros((count, frames if keeps else 1, nodes, 3, lanes))
     omega = 2 * np.pi * observer_hz
     settle = np.array([round(t.simulator.support.settle_time / t.dt) for t in tasks], np.int32)
+    recorded = np.array([len(t.simulator.recording.time) for t in tasks], np.int32)
     kernel = make_rollout(
         lanes, faces, fibre_nodes=mesh.fibre_nodes, bend_lengths=mesh.bends.lengths,
         handles=support.handles, with_twist=len(mesh.bends.twist_weights) > 0,
-        with_bends=with_bends, with_added_mass=with_added,
+        with_bends=with_bends, with_added_mass=with_added, with_viscosity=is_viscous,
     )  # fmt: skip
     x, v = _flat(state[0]), _flat(state[1])
     with runtime.vectors_kept():
@@ -132,20 +137,22 @@ def _call(tasks: list[Group], lanes: int, observer_hz: float) -> None:
             x, v, v if with_bends else _zeros(v.shape), _flat(state[2]), _zeros((count, points, 3, lanes)),
             *first.membrane_arguments,
             *(_zeros((size * count * fibres, lanes)) for size in (3, 3, 1)),
-            _zeros((count * len(mesh.shear_area), lanes)), _zeros((3 * count * fibres, lanes)),
+            _zeros((count * shears, lanes)), _zeros((3 * count * fibres, lanes)),
+            *(_zeros((size * count if is_viscous else 1, lanes)) for size in (fibres, shears)),
+            np.exp(-np.array([t.dt for t in tasks]) / RELAXATION_TIME).astype(np.float32),
             *first.bending_arguments,
             *(_zeros((size * count * nodes if needs_normals else 1, lanes)) for size in (3, 1)),
             _flat(_in_lanes(rest, lanes)), _zeros((count * bends if with_bends else 1, lanes)),
             _flat(_in_lanes(added, lanes)),
-            3 * _some(support.nodes), _single(_some(support.shares)), _joined(paths, lanes), _firsts(paths),
+            3 * _some(support.nodes), _single(_some(support.shares)), _joined(paths, lanes),
             mesh.points.first, 3 * mesh.points.nodes, _single(mesh.points.weights),
             mesh.pull_points, _single(mesh.pull_weights),
-            targets.places, targets.trust, targets.first, targets.every,
+            targets.places, targets.trust,
             _in_lanes(np.concatenate([t.simulator.kernel_rows(*r) for t, r in zip(tasks, rows, strict=True)]), lanes),
             _flat(_in_lanes(1.0 / np.stack(masses), lanes)),
             _in_lanes(amplitudes if first.effects else np.zeros((len(amplitudes), 1)), lanes),
-            frame_step, frame_lag, np.array([len(t.simulator.recording.time) for t in tasks], np.int32),
-            np.array([t.dt for t in tasks], np.float32), settle, SETTLE_DAMPING, omega**2, 2 * omega,
+            frame_step, frame_lag, np.stack([recorded, settle, _firsts(paths), targets.first, targets.every], 1),
+            np.array([t.dt for t in tasks], np.float32), SETTLE_DAMPING, omega**2, 2 * omega,
             out, whole, int(keeps),
         )  # fmt: skip
     _hand_back(tasks, _from_lanes(out), _from_lanes(whole), _from_lanes(state[2]), lanes)

@@ -36,6 +36,7 @@ def make_rollout(
     with_twist: bool,
     with_bends: bool,
     with_added_mass: bool,
+    with_viscosity: bool,
 ):
     """Build the rollout kernel for `lanes` candidates per group and these effects.
 
@@ -44,7 +45,11 @@ def make_rollout(
     fibre_nodes: nodes of every fibre sample across, and down; bend_lengths: of every second derivative, by its kind;
     with_twist: whether mixed ones come from the slopes across;
     handles: vectors that the held nodes follow, 0 where nothing is held;
-    with_bends: rest curvature and friction in bending; with_added_mass: inertia of the air along the normal.
+    with_bends: rest curvature and friction in bending; with_added_mass: inertia of the air along the normal;
+    with_viscosity: of stretch and shear.
+
+    Taichi's kernels have 64 arguments at most. counts, (groups, 5): frames, steps of settling, where the group's path
+    and its targets begin, steps between two targets.
     """
     vec = ti.types.vector(lanes, ti.f32)
     lanes_1d = ti.types.ndarray(dtype=vec, ndim=1)
@@ -155,6 +160,9 @@ def make_rollout(
         strains: lanes_1d,
         shear_strains: lanes_1d,
         stress: lanes_1d,
+        fibre_lags: lanes_1d,
+        shear_lags: lanes_1d,
+        lag_kept: floats_1d,
         bend_first: integers_1d,
         bend_nodes: integers_1d,
         bend_weights: floats_1d,
@@ -175,7 +183,6 @@ def make_rollout(
         held: integers_1d,
         shares: floats_2d,
         path: lanes_2d,
-        path_first: integers_1d,
         point_first: integers_1d,
         point_nodes: integers_1d,
         point_weights: floats_2d,
@@ -183,16 +190,13 @@ def make_rollout(
         pull_weights: floats_2d,
         targets: floats_3d,
         trust: floats_2d,
-        target_first: integers_1d,
-        target_every: integers_1d,
         material: lanes_2d,
         inverse_mass: lanes_1d,
         amplitude: lanes_2d,
         frame_step: integers_2d,
         frame_lag: floats_2d,
-        frame_count: integers_1d,
+        counts: integers_2d,
         time_step: floats_1d,
-        settle: integers_1d,
         settle_damping: ti.f32,
         gain: ti.f32,
         damping: ti.f32,
@@ -210,11 +214,13 @@ def make_rollout(
                 place, first_bend = 3 * first_fibre, bend_count * b
                 if ti.static(with_twist):
                     first_bend = (bend_count + twist_centre.shape[0]) * b
-                dt, settle_steps, steps_per_target = time_step[b], settle[b], target_every[b]
+                frames, settle_steps = counts[b, 0], counts[b, 1]
+                first_path, first_target, steps_per_target = counts[b, 2], counts[b, 3], counts[b, 4]
+                dt = time_step[b]
                 settle_gain = 355.0  # (2 pi 3 Hz)^2: the first half of settling is drawn to the observed first shape
                 settle_pull_damping = 37.7
                 step = -settle_steps
-                for frame in range(frame_count[b]):
+                for frame in range(frames):
                     while step < frame_step[b, frame]:
                         is_settling = step < 0
                         now = ti.max(step, 0)
@@ -231,6 +237,7 @@ def make_rollout(
                             per_step = 1.0 / dt
                         zero = vec(0.0)
                         fibre_delay, bend_time, stiffening = material[b, 6] * per_step, material[b, 7], material[b, 9]
+                        kept, lag_gain = lag_kept[b], material[b, 14] * (1.0 - lag_kept[b]) * per_step
                         for i in range(3 * nodes):
                             j = home + i
                             f[j] = zero
@@ -239,12 +246,12 @@ def make_rollout(
                         fibres(
                             home, first_fibre, 0, fibres_across, 0, x, ahead, slopes, slopes_ahead, strains, stress,
                             fibre_at, fibre_weights, fibre_area, material[b, 1], fibre_delay, stiffening,
-                            fibre_nodes[0], with_twist,
+                            fibre_nodes[0], with_twist, with_viscosity, fibre_lags, kept, lag_gain,
                         )  # fmt: skip
                         fibres(
                             home, first_fibre, fibres_across, fibre_count, down_entry, x, ahead, slopes, slopes_ahead,
                             strains, stress, fibre_at, fibre_weights, fibre_area, material[b, 0], fibre_delay,
-                            stiffening, fibre_nodes[1], False,
+                            stiffening, fibre_nodes[1], False, with_viscosity, fibre_lags, kept, lag_gain,
                         )  # fmt: skip
                         if ti.static(needs_normals):
                             find_normals(home, nodes * b, nodes, x, normal, faced_area, cells, basis, zero)
@@ -253,7 +260,7 @@ def make_rollout(
                         shearing(
                             place, first_shear, slopes, slopes_ahead, shear_strains, stress,
                             shear_across, shear_down, across_weights, down_weights,
-                            shear_area, material[b, 2], fibre_delay,
+                            shear_area, material[b, 2], fibre_delay, with_viscosity, shear_lags, kept, lag_gain,
                             with_twist, twist_weights, twist_centre, twist_root, material[b, 5], bend_time,
                             with_bends, home, first_bend + bend_count,
                             normal, rest_curvature, friction, material[b, 13], dt,
@@ -280,7 +287,7 @@ def make_rollout(
                             pull_at_points(
                                 b,
                                 home,
-                                target_first[b] + sample,
+                                first_target + sample,
                                 part,
                                 pull_gain,
                                 pull_damping,
@@ -316,7 +323,7 @@ def make_rollout(
                             v[j], v[j + 1], v[j + 2] = s0, s1, s2
                             x[j], x[j + 1], x[j + 2] = x[j] + dt * s0, x[j + 1] + dt * s1, x[j + 2] + dt * s2
                         if ti.static(handles > 0):
-                            row = path_first[b] + ti.max(step + 1, 0)
+                            row = first_path + ti.max(step + 1, 0)
                             hold(home, row, x, v, held, shares, path, dt, 1.0 / dt)
                         step += 1
                     lag = frame_lag[b, frame]

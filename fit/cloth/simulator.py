@@ -18,6 +18,7 @@ from fit.cloth.stability import unit_frequencies
 from fit.cloth.support import Support, Supporting, clamped, hanger
 from fit.effects.base import Effect, columns_of
 from fit.effects.bending_hysteresis import REFERENCE_CURVATURE
+from fit.effects.stretch_viscosity import RELAXATION_TIME
 from fit.errors import FitError
 from fit.recording import Recording
 
@@ -123,9 +124,9 @@ class Simulator:
             kept=np.zeros((count, frames + 1, len(self.mesh.rest), 3), np.float32) if shapes else None,
         )
         steps = self._half_octaves(candidates.materials, amplitudes)
-        kinds = np.stack([self._needs_effects(amplitudes), steps], 1)
+        kinds = np.stack([self._needs_effects(amplitudes), candidates.materials[:, mat.VISCOSITY] > 0, steps], 1)
         return candidates, [
-            Group(self, candidates, np.flatnonzero((kinds == kind).all(1)), int(kind[1]), bool(kind[0]))
+            Group(self, candidates, np.flatnonzero((kinds == kind).all(1)), int(kind[2]), bool(kind[0]), bool(kind[1]))
             for kind in np.unique(kinds, axis=0)
         ]
 
@@ -192,11 +193,11 @@ class Simulator:
             even = materials[i, mat.DENSITY] * self.mesh.node_area
             light[i] = float(np.min(self.masses(materials[i], amplitudes[i]) / even))
             bending[i] += self._friction(amplitudes[i]) / REFERENCE_CURVATURE
-        bend = bending * by_bending
+        bend, membrane = bending * by_bending, stretch + shear
         density = materials[:, mat.DENSITY] * np.maximum(light, 1e-3)
-        omega2 = (stretch + shear + bend) / density
-        omega = np.sqrt(omega2)
-        damping = (stretch + shear) * materials[:, mat.MEMBRANE_TIME] + bend * materials[:, mat.BENDING_TIME]
+        viscous = 1 + materials[:, mat.VISCOSITY] / RELAXATION_TIME
+        omega = np.sqrt((membrane * viscous + bend) / density)
+        damping = membrane * materials[:, mat.MEMBRANE_TIME] + bend * materials[:, mat.BENDING_TIME]
         zeta = damping / density / (2 * omega)
         limit = SAFETY * 2 / omega * (np.sqrt(1 + zeta**2) - zeta)
         wanted = np.ceil(2 * np.log2(COARSEST_STEP / limit))
@@ -224,7 +225,7 @@ class Simulator:
         return sum(e.friction_moment(amplitude[c]) for e, c in zip(self.effects, self.columns, strict=True))
 
     def kernel_rows(self, materials: Floats, amplitudes: Floats) -> Floats:
-        """What the kernel wants to know of each candidate, (candidates, 14)."""
+        """What the kernel wants to know of each candidate, (candidates, 15)."""
         warp, weft = np.exp(0.5 * materials[:, mat.STRETCH_RATIO]), np.exp(0.5 * materials[:, mat.BENDING_RATIO])
         x, y = np.sin(materials[:, mat.TILT_X]), np.sin(materials[:, mat.TILT_Y])
         stretch, bending = materials[:, mat.STRETCH], materials[:, mat.BENDING]
@@ -234,7 +235,7 @@ class Simulator:
                 stretch * warp, stretch / warp, materials[:, mat.SHEAR], bending * weft, bending / weft, bending,
                 materials[:, mat.MEMBRANE_TIME], materials[:, mat.BENDING_TIME], materials[:, mat.VELOCITY],
                 materials[:, mat.STIFFENING], gravity * x, gravity * y, -gravity * np.sqrt(1 - x**2 - y**2),
-                np.array([self._friction(a) for a in amplitudes]),
+                np.array([self._friction(a) for a in amplitudes]), materials[:, mat.VISCOSITY],
             ],
             axis=1,
         )  # fmt: skip
@@ -289,7 +290,7 @@ def run_together(
     waiting = [g for _, groups in asked for g in groups]
     while waiting:
         first = waiting[0]
-        alike = [g for g in waiting if g.has_effects == first.has_effects and g.simulator.is_like(first.simulator)]
+        alike = [g for g in waiting if g.kernel == first.kernel and g.simulator.is_like(first.simulator)]
         launch(alike, observer_hz)
         waiting = [g for g in waiting if g not in alike]
     return [s.finish(candidates) for s, (candidates, _) in zip(simulators, asked, strict=True)]

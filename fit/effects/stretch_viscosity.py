@@ -1,10 +1,22 @@
 """Stretch viscosity: tension that opposes the rate of stretching and shearing.
 
-    S = k (E + tau dE/dt)        [N/m]
+    S = k (E + z),   theta dz/dt + z = tau dE/dt        [N/m]
 
-The amplitude is the damping time tau that is added to the base model's (which is as good as none).
-Source: Kelvin-Voigt solid; W. N. Findley, J. S. Lai, K. Onaran, "Creep and Relaxation of Nonlinear Viscoelastic
-Materials" (1976), section 5.3.
+A spring, and beside it a spring k tau / theta with a damper k tau behind it: the standard linear solid. The amplitude
+is tau. Where strain changes slowly against theta it is S = k (E + tau dE/dt), the Kelvin-Voigt solid; at a frequency w
+the viscosity is that one's over 1 + (w theta)^2, and k grows by tau theta w^2 / (1 + (w theta)^2). Theta is 2 ms, so
+that at 10 Hz, beyond which a depth camera's frames show no motion, viscosity is 1.6 % less, and stiffness, at a typical
+tau of 1 ms, 0.8 % more.
+
+Over a step in which strain changes by dE at an even rate, exactly:
+    z <- a z + tau (1 - a) dE / dt,   a = exp(-dt / theta)
+Explicit steps are bounded by the highest frequency w. With Kelvin-Voigt they have to be below 2 / (w^2 tau); here all
+that tau can add is stiffness. Of the leapfrog x_n+1 - 2 x_n + x_n-1 = -dt^2 w^2 (x_n + z_n), with w for tau = 0, the
+solution that grows first changes its sign every step; put in x_n = (-1)^n, it is stable for
+    dt^2 w^2 (1 + (2 tau / dt) tanh(dt / (2 theta))) < 4,   hence for   dt < 2 / (w sqrt(1 + tau / theta))
+
+Source: W. N. Findley, J. S. Lai, K. Onaran, "Creep and Relaxation of Nonlinear Viscoelastic Materials" (1976), sections
+5.3 to 5.6; the exact step: J. C. Simo, T. J. R. Hughes, "Computational Inelasticity" (1998), section 10.3.
 """
 
 from dataclasses import dataclass
@@ -15,10 +27,12 @@ import numpy as np
 from fit.cloth import material as mat
 from fit.effects.base import Effect, Floats
 
+RELAXATION_TIME = 2e-3  # s: theta
+
 
 @dataclass(frozen=True)
 class StretchViscosity(Effect):
-    """Damping time of stretch and shear."""
+    """Viscosity of stretch and shear over their stiffness."""
 
     name: ClassVar[str] = "stretch_viscosity"
     title: ClassVar[str] = "stretch viscosity"
@@ -29,7 +43,7 @@ class StretchViscosity(Effect):
     typical: ClassVar[float] = 1e-3
 
     def material(self, row: Floats, amplitude: Floats) -> Floats:
-        """Return the material row with a longer membrane damping time."""
+        """Return the material row with viscosity."""
         changed = row.copy()
-        changed[mat.MEMBRANE_TIME] += amplitude[0]
+        changed[mat.VISCOSITY] += amplitude[0]
         return np.asarray(changed)

@@ -1,0 +1,24 @@
+"""How Taichi is started."""
+
+# No `from __future__ import annotations` here: Taichi reads the annotations of kernels.
+
+import pytest
+import taichi as ti
+
+from fit import runtime
+
+
+def test_an_error_in_a_kernel_still_names_its_file_and_line():
+    runtime.start()
+
+    @ti.func
+    def broken(a):
+        return a + missing  # noqa: F821
+
+    @ti.kernel
+    def asks() -> ti.i32:
+        return broken(1)
+
+    line = test_an_error_in_a_kernel_still_names_its_file_and_line.__code__.co_firstlineno + 5
+    with pytest.raises(ti.TaichiNameError, match=rf'test_runtime.py", line {line}, in broken:(.|\n)*missing'):
+        asks()

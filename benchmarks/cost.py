@@ -33,7 +33,7 @@ from tests.fit.scenes import material, take_of
 Floats = NDArray[np.float64]
 SIDE = 0.4  # m
 ELEMENTS = (4, 8, 16, 33)  # along a side: 13 x 13, 25 x 25, 49 x 49 and 100 x 100 vertices
-STEPS = 400  # of every size, so that each runs for as long as its step allows
+STEPS = 2000  # of every size, so that each runs for as long as its step allows and packing the arrays counts little
 SECONDS = (0.5, 1.0, 2.0)
 REPEATS = 5
 

@@ -35,7 +35,8 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from fit import runtime
-from fit.cloth import rollout
+from fit.cloth import lines, rollout
+from fit.cloth.lines import IN_LINES
 from fit.cloth.simulator import Simulator
 from fit.recording import prepare
 from tests.fit.scenes import hung, material, sheet, swing, take_of
@@ -47,7 +48,8 @@ SOURCE = Path(__file__).parent / "scalar" / "rollout.c"
 LANES = 16
 GIVEN = ("-O3", "-march=native", "-ffast-math")  # the flags that the targets name
 WIDE, EAGER, UNROLLED = "-mprefer-vector-width=512", "-fvect-cost-model=unlimited", "-funroll-loops"
-FURTHER = ((), (UNROLLED,), (WIDE,), (EAGER,), (EAGER, UNROLLED))  # what else may help the C
+APART = "-ffp-contract=off"  # products are not fused with sums, as in the kernel
+FURTHER = ((), (UNROLLED,), (WIDE,), (EAGER,), (EAGER, UNROLLED), (APART,))  # what else may help the C, or tell why
 ALWAYS = ("-std=gnu11", "-fPIC")
 TARGETS = (
     ("one of 16 in the kernel's lanes, times as fast as scalar C", 6.0),
@@ -60,9 +62,10 @@ IN_LANES = (
     "x", "v", "ahead", "f", "slopes", "slopes_ahead", "strains", "shear_strains", "stress",
     "seen", "path", "material", "inverse_mass",
 )  # fmt: skip
+UNITS = ("unit_slopes", "values", "curvatures")  # of fit.cloth.lines
 OF_THE_CLOTH = (
-    "fibre_at", "fibre_weights", "fibre_area", "shear_across", "shear_down", "shear_weights", "shear_area",
-    "bend_nodes", "bend_weights", "bend_kind", "twist_weights", "held", "shares",
+    "fibre_at", "fibre_weights", "fibre_area", "shear_across", "shear_down", "shear_area", "between",
+    "bend_nodes", "bend_weights", "bend_kind", "twist_scales", *UNITS, "held", "shares",
     "point_first", "point_nodes", "point_weights", "frame_step", "frame_lag",
 )  # fmt: skip
 TIMES_THREE = ("fibre_at", "shear_across", "shear_down", "bend_nodes", "held", "point_nodes")
@@ -70,7 +73,7 @@ COUNTS = (
     "nodes", "fibres", "fibres_across", "shears", "few_bends", "many_bends", "twists", "held_nodes", "handles",
     "points", "point_kinds", "frames", "settle_steps",
 )  # fmt: skip
-FIBRE_NODES, FEW, MANY = 4, 4, 7  # lengths of stencils that rollout.c knows
+MANY = 7  # nodes of a bend between two elements
 
 
 class Task(ctypes.Structure):
@@ -101,8 +104,10 @@ class Call:
 
     def begin(self) -> None:
         """Put the nodes back where they were, at rest, and forget what was seen."""
-        self.arguments["x"][...] = self.start
-        self.arguments["v"][...] = 0
+        for name in ("x", "ahead"):
+            self.arguments[name][...] = self.start
+        for name in ("v", "f"):
+            self.arguments[name][...] = 0
         self.arguments["seen"][...] = np.nan
 
     def lane(self, number: int) -> Call:
@@ -130,15 +135,15 @@ class InC:
         unknown = (
             len(given["time_step"]) != 1 or made["face_forces"] or made["with_bends"] or made["with_added_mass"]
             or made["with_viscosity"]
-            or given["gain"] or made["fibre_nodes"] != (FIBRE_NODES, FIBRE_NODES) or not made["handles"]
-            or not set(made["bend_lengths"]) <= {FEW, MANY} or not made["with_twist"]
+            or given["gain"] or made["fibre_nodes"] != (IN_LINES, IN_LINES) or not made["handles"]
+            or not set(made["bend_lengths"]) <= {IN_LINES, MANY} or not made["with_twist"]
         )  # fmt: skip
         if unknown:
             raise ValueError("rollout.c knows one group of plain, held panels whose threads run along the mesh")
         self.call, self._function = call, library.rollout
         # To the kernel node i is the number 3 i, which is where its first vector stands.
         told = {**given, **{name: given[name] // 3 for name in TIMES_THREE}}
-        told["shear_weights"] = np.hstack([given[f"{way}_weights"].reshape(-1, 4) for way in ("across", "down")])
+        told |= {name: np.array(getattr(lines, name.upper()), np.float32) for name in UNITS}
         arrays = {name: told[name] for name in IN_LANES + OF_THE_CLOTH}
         for name, array in arrays.items():
             if not array.flags.c_contiguous or array.dtype not in (np.float32, np.int32):
@@ -147,7 +152,7 @@ class InC:
         counts = {
             "nodes": len(given["inverse_mass"]), "fibres_across": given["fibres_across"],
             "fibres": len(given["fibre_area"]),
-            "shears": len(given["shear_area"]), "few_bends": bends.get(FEW, 0), "many_bends": bends.get(MANY, 0),
+            "shears": len(given["shear_area"]), "few_bends": bends.get(IN_LINES, 0), "many_bends": bends.get(MANY, 0),
             "twists": len(given["twist_root"]), "held_nodes": len(given["held"]), "handles": made["handles"],
             "points": given["pull"].shape[1], "point_kinds": given["point_weights"].shape[1],
             "frames": int(given["counts"][0, 0]), "settle_steps": int(given["counts"][0, 1]),

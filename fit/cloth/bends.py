@@ -65,7 +65,7 @@ def bends_of(grid: Grid) -> Bends:
             for i in range(1, len(line) - 1):
                 used = np.flatnonzero(np.abs(second[i]) > 1e-9 * np.abs(second[i]).max())
                 found.append((kind, line[i], line[used], np.sqrt(grid.node_area[line[i]]) * second[i, used, None]))
-    found.sort(key=lambda bend: (len(bend[2]), bend[1]))
+    found.sort(key=lambda bend: (len(bend[2]), bend[2].min(), bend[0]))  # the two within a line of an element together
     at, share = spectral.gauss(spectral.ORDER)
     weights, areas, centres = [], [], []
     for g, xi in enumerate(at):

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from fit import runtime
 from fit.cloth import spectral
+from fit.cloth.lines import BETWEEN, bends_by_line, fibre_family, twist_scales
 from fit.cloth.mesh import ClothMesh, Integers
 from fit.effects.stretch_viscosity import RELAXATION_TIME
 
@@ -27,7 +28,7 @@ Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Numbers = TypeVar("Numbers", Floats, Singles, Integers)
 
-COST = {4: 1.0, 8: 1.05, 16: 1.3}  # of a group by its lanes: processors add up to eight numbers as fast as one
+COST = {4: 1.0, 8: 1.07, 16: 1.4}  # of a group by its lanes: processors add up to eight numbers as fast as one
 ALIGNMENT = 64  # bytes: sixteen lanes of four bytes
 SETTLE_DAMPING = 6.0  # 1/s while the cloth settles
 TASKS = 8  # per processor and call: a call cannot be interrupted
@@ -127,14 +128,15 @@ def _call(tasks: list[Group], lanes: int, observer_hz: float) -> None:
     settle = np.array([round(t.simulator.support.settle_time / t.dt) for t in tasks], np.int32)
     recorded = np.array([len(t.simulator.recording.time) for t in tasks], np.int32)
     kernel = make_rollout(
-        lanes, faces, fibre_nodes=mesh.fibre_nodes, bend_lengths=mesh.bends.lengths,
+        lanes, faces, fibre_nodes=first.fibre_nodes, bend_lengths=first.bend_lengths,
         handles=support.handles, with_twist=len(mesh.bends.twist_weights) > 0,
         with_bends=with_bends, with_added_mass=with_added, with_viscosity=is_viscous,
     )  # fmt: skip
     x, v = _flat(state[0]), _flat(state[1])
+    ahead = v if with_bends else _flat(_in_lanes(start, lanes))
     with runtime.vectors_kept():
         kernel(
-            x, v, v if with_bends else _zeros(v.shape), _flat(state[2]), _zeros((count, points, 3, lanes)),
+            x, v, ahead, _flat(state[2]), _zeros((count, points, 3, lanes)),
             *first.membrane_arguments,
             *(_zeros((size * count * fibres, lanes)) for size in (3, 3, 1)),
             _zeros((count * shears, lanes)), _zeros((3 * count * fibres, lanes)),
@@ -255,10 +257,11 @@ def _single(values: Floats) -> Singles:
 
 def membrane_arguments(mesh: ClothMesh) -> list[Singles | Integers | int]:
     """What the kernel wants to know of the membrane, in its order."""
-    stencils, weights = mesh.fibres.stencils, _single(mesh.shear_weights)
+    families = [fibre_family(mesh, k) for k in range(2)]
     return [
-        3 * stencils.nodes, _single(stencils.weights).ravel(), _single(mesh.fibres.area), mesh.fibres_across,
-        3 * mesh.shear_across.ravel(), 3 * mesh.shear_down.ravel(), weights[:, :4].ravel(), weights[:, 4:].ravel(),
+        3 * np.concatenate([nodes for _, nodes, _ in families]), np.concatenate([w for _, _, w in families]),
+        len(families[0][1]), _single(mesh.fibres.area), mesh.fibres_across,
+        3 * mesh.shear_across.ravel(), 3 * mesh.shear_down.ravel(), BETWEEN,
         _single(mesh.shear_area),
     ]  # fmt: skip
 
@@ -269,8 +272,8 @@ def bending_arguments(mesh: ClothMesh) -> list[Singles | Integers]:
     root = _single(np.sqrt(bends.area))
     basis = np.vstack([spectral.slopes(spectral.NODES), spectral.WEIGHTS])
     return [
-        bends.stencils.first, 3 * bends.stencils.nodes, _single(bends.stencils.weights).ravel(),
+        bends.stencils.first, 3 * bends.stencils.nodes, bends_by_line(mesh)[1],
         bends.kind[:plain], 3 * bends.centre[:plain], root[:plain], bends.counts[bends.counts > 0],
-        _single(_some(bends.twist_weights)).ravel(), 3 * _some(bends.centre[plain:]), _some(root[plain:]),
+        _some(twist_scales(mesh)), 3 * _some(bends.centre[plain:]), _some(root[plain:]),
         3 * mesh.cells, _single(basis),
     ]  # fmt: skip

@@ -6,8 +6,8 @@ section I.3), for node positions x [m] and velocities v [m/s]:
     v <- ((1 - c dt/2) v + dt (f/m + g + pull)) / (1 + c dt/2)        x <- x + dt v
 
 f is the sum of
-    what the cloth resists with (fit.cloth.forces): membrane, St. Venant-Kirchhoff, orthotropic, no Poisson coupling;
-               plate bending; Kelvin-Voigt damping of both
+    what the cloth resists with: membrane, St. Venant-Kirchhoff, orthotropic, no Poisson coupling (fit.cloth.forces);
+               plate bending (fit.cloth.moments); damping of both
     effects    forces on the surface around each node from the chosen effects (fit.effects); mass m_a that is added to
                the normal motion, (m + m_a n n') a = F, so a = (F - n (n.F) m_a/(m + m_a)) / m
 pull is the observer's (fit.gap.observer): w^2 (y - x) + 2 zeta w (ydot - v), spread from the tracked points.
@@ -19,8 +19,9 @@ import functools
 
 import taichi as ti
 
-from fit.cloth.forces import bending, fibres, find_normals, push_fibres, shearing
+from fit.cloth.forces import fibres, find_normals, push_fibres, shearing
 from fit.cloth.lanes import within
+from fit.cloth.moments import bending
 
 TASK = 512  # Taichi hands out loops in tasks of at least 512 iterations; one task per group of lanes
 
@@ -42,8 +43,8 @@ def make_rollout(
 
     face_forces: per effect (first column of its amplitude, number of components, force), where force is a
     `ti.func(a0, a1, a2, vx, vy, vz, nx, ny, nz, area) -> (fx, fy, fz)`;
-    fibre_nodes: nodes of every fibre sample across, and down; bend_lengths: of every second derivative, by its kind;
-    with_twist: whether mixed ones come from the slopes across;
+    fibre_nodes: nodes of every fibre sample across, and down; bend_lengths: of the stencils of second derivatives; both
+    may be `fit.cloth.lines.IN_LINES`; with_twist: whether mixed ones come from the slopes across;
     handles: vectors that the held nodes follow, 0 where nothing is held;
     with_bends: rest curvature and friction in bending; with_added_mass: inertia of the air along the normal;
     with_viscosity: of stretch and shear.
@@ -123,11 +124,13 @@ def make_rollout(
         row,
         x: ti.template(),
         v: ti.template(),
+        ahead: ti.template(),
         held: ti.template(),
         shares: ti.template(),
         path: ti.template(),
         dt,
         per_second,
+        bend_time,
     ):
         """Put held nodes, which moved freely with the rest, where their handles are, with the speed that takes."""
         for h in range(held.shape[0]):
@@ -136,8 +139,10 @@ def make_rollout(
                 place = shares[h, 0] * path[row, c]
                 for k in ti.static(range(1, handles)):
                     place = place + shares[h, k] * path[row, c + 3 * k]
-                v[i + c] = (place - (x[i + c] - dt * v[i + c])) * per_second
-                x[i + c] = place
+                speed = (place - (x[i + c] - dt * v[i + c])) * per_second
+                v[i + c], x[i + c] = speed, place
+                if ti.static(not with_bends):
+                    ahead[i + c] = place + bend_time * speed
 
     @ti.kernel
     def rollout(
@@ -148,12 +153,12 @@ def make_rollout(
         pull: lanes_3d,
         fibre_at: integers_1d,
         fibre_weights: floats_1d,
+        down_entry: ti.i32,
         fibre_area: floats_1d,
         fibres_across: ti.i32,
         shear_across: integers_1d,
         shear_down: integers_1d,
-        across_weights: floats_1d,
-        down_weights: floats_1d,
+        between: floats_1d,
         shear_area: floats_1d,
         slopes: lanes_1d,
         slopes_ahead: lanes_1d,
@@ -170,7 +175,7 @@ def make_rollout(
         bend_centre: integers_1d,
         bend_root: floats_1d,
         bend_counts: integers_1d,
-        twist_weights: floats_1d,
+        twist_scales: floats_1d,
         twist_centre: integers_1d,
         twist_root: floats_1d,
         cells: integers_2d,
@@ -206,7 +211,6 @@ def make_rollout(
     ):
         groups, nodes = time_step.shape[0], pull_points.shape[0]
         fibre_count, bend_count = fibre_area.shape[0], bend_centre.shape[0]
-        down_entry = fibre_nodes[0] * fibres_across
         for task in range(groups * TASK):
             if task % TASK == 0:
                 b = task // TASK
@@ -216,7 +220,7 @@ def make_rollout(
                     first_bend = (bend_count + twist_centre.shape[0]) * b
                 frames, settle_steps = counts[b, 0], counts[b, 1]
                 first_path, first_target, steps_per_target = counts[b, 2], counts[b, 3], counts[b, 4]
-                dt = time_step[b]
+                dt, last_step, zero = time_step[b], frame_step[b, frames - 1], vec(0.0)
                 settle_gain = 355.0  # (2 pi 3 Hz)^2: the first half of settling is drawn to the observed first shape
                 settle_pull_damping = 37.7
                 step = -settle_steps
@@ -235,14 +239,8 @@ def make_rollout(
                         per_step = 0.0  # there is no step before the first
                         if step > -settle_steps:
                             per_step = 1.0 / dt
-                        zero = vec(0.0)
                         fibre_delay, bend_time, stiffening = material[b, 6] * per_step, material[b, 7], material[b, 9]
                         kept, lag_gain = lag_kept[b], material[b, 14] * (1.0 - lag_kept[b]) * per_step
-                        for i in range(3 * nodes):
-                            j = home + i
-                            f[j] = zero
-                            if ti.static(not with_bends):
-                                ahead[j] = x[j] + bend_time * v[j]
                         fibres(
                             home, first_fibre, 0, fibres_across, 0, x, ahead, slopes, slopes_ahead, strains, stress,
                             fibre_at, fibre_weights, fibre_area, material[b, 1], fibre_delay, stiffening,
@@ -259,9 +257,9 @@ def make_rollout(
                             push_faces(b, home, nodes, v, f, normal, faced_area, amplitude)
                         shearing(
                             place, first_shear, slopes, slopes_ahead, shear_strains, stress,
-                            shear_across, shear_down, across_weights, down_weights,
+                            shear_across, shear_down, between,
                             shear_area, material[b, 2], fibre_delay, with_viscosity, shear_lags, kept, lag_gain,
-                            with_twist, twist_weights, twist_centre, twist_root, material[b, 5], bend_time,
+                            with_twist, twist_scales, twist_centre, twist_root, material[b, 5], bend_time,
                             with_bends, home, first_bend + bend_count,
                             normal, rest_curvature, friction, material[b, 13], dt,
                         )  # fmt: skip
@@ -279,8 +277,9 @@ def make_rollout(
                             with_bends, normal, rest_curvature, friction, material[b, 13], dt,
                             place, slopes,
                         )  # fmt: skip
-                        keep = 1.0 - 0.5 * dt * rate
                         give = 1.0 / (1.0 + 0.5 * dt * rate)
+                        keep, push = give * (1.0 - 0.5 * dt * rate), give * dt
+                        fall0, fall1, fall2 = push * material[b, 10], push * material[b, 11], push * material[b, 12]
                         if pull_gain > 0.0:
                             sample = now // steps_per_target
                             part = ti.cast(now - sample * steps_per_target, ti.f32) / ti.cast(steps_per_target, ti.f32)
@@ -303,9 +302,8 @@ def make_rollout(
                             )
                         for i in range(nodes):
                             m, j = nodes * b + i, within(home + 3 * i)
-                            a0 = f[j] * inverse_mass[m] + material[b, 10]
-                            a1 = f[j + 1] * inverse_mass[m] + material[b, 11]
-                            a2 = f[j + 2] * inverse_mass[m] + material[b, 12]
+                            light = push * inverse_mass[m]
+                            a0, a1, a2 = light * f[j] + fall0, light * f[j + 1] + fall1, light * f[j + 2] + fall2
                             if ti.static(with_added_mass):
                                 n0, n1, n2 = normal[j], normal[j + 1], normal[j + 2]
                                 ratio = added_mass[m] * inverse_mass[m]
@@ -314,17 +312,22 @@ def make_rollout(
                             if pull_gain > 0.0:
                                 p, q, r = pull_points[i, 0], pull_points[i, 1], pull_points[i, 2]
                                 wp, wq, wr = pull_weights[i, 0], pull_weights[i, 1], pull_weights[i, 2]
-                                a0 = a0 + (wp * pull[b, p, 0] + wq * pull[b, q, 0] + wr * pull[b, r, 0])
-                                a1 = a1 + (wp * pull[b, p, 1] + wq * pull[b, q, 1] + wr * pull[b, r, 1])
-                                a2 = a2 + (wp * pull[b, p, 2] + wq * pull[b, q, 2] + wr * pull[b, r, 2])
-                            s0 = (keep * v[j] + dt * a0) * give
-                            s1 = (keep * v[j + 1] + dt * a1) * give
-                            s2 = (keep * v[j + 2] + dt * a2) * give
+                                a0 = a0 + push * (wp * pull[b, p, 0] + wq * pull[b, q, 0] + wr * pull[b, r, 0])
+                                a1 = a1 + push * (wp * pull[b, p, 1] + wq * pull[b, q, 1] + wr * pull[b, r, 1])
+                                a2 = a2 + push * (wp * pull[b, p, 2] + wq * pull[b, q, 2] + wr * pull[b, r, 2])
+                            s0, s1, s2 = keep * v[j] + a0, keep * v[j + 1] + a1, keep * v[j + 2] + a2
+                            y0, y1, y2 = x[j] + dt * s0, x[j + 1] + dt * s1, x[j + 2] + dt * s2
                             v[j], v[j + 1], v[j + 2] = s0, s1, s2
-                            x[j], x[j + 1], x[j + 2] = x[j] + dt * s0, x[j + 1] + dt * s1, x[j + 2] + dt * s2
+                            x[j], x[j + 1], x[j + 2] = y0, y1, y2
+                            if ti.static(not with_bends):
+                                ahead[j], ahead[j + 1], ahead[j + 2] = (
+                                    y0 + bend_time * s0, y1 + bend_time * s1, y2 + bend_time * s2
+                                )  # fmt: skip
+                            if step + 1 < last_step:  # the last forces are handed back
+                                f[j], f[j + 1], f[j + 2] = zero, zero, zero
                         if ti.static(handles > 0):
                             row = first_path + ti.max(step + 1, 0)
-                            hold(home, row, x, v, held, shares, path, dt, 1.0 / dt)
+                            hold(home, row, x, v, ahead, held, shares, path, dt, 1.0 / dt, bend_time)
                         step += 1
                     lag = frame_lag[b, frame]
                     for p in range(pull.shape[1]):

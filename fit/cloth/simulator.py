@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from fit import runtime
 from fit.cloth import material as mat
 from fit.cloth.launch import Candidates, Group, bending_arguments, launch, membrane_arguments
+from fit.cloth.lines import bends_by_line, fibre_family
 from fit.cloth.mesh import build_mesh
 from fit.cloth.stability import unit_frequencies
 from fit.cloth.support import Support, Supporting, clamped, hanger
@@ -90,6 +91,8 @@ class Simulator:
         self.columns = columns_of(effects)
         self._frequencies = unit_frequencies(self.mesh)
         self.membrane_arguments, self.bending_arguments = membrane_arguments(self.mesh), bending_arguments(self.mesh)
+        self.fibre_nodes = tuple(fibre_family(self.mesh, k)[0] for k in range(2))
+        self.bend_lengths = bends_by_line(self.mesh)[0]
         self._targets: dict[int, tuple[Floats, Floats, int]] = {}
 
     def run(

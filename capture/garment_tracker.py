@@ -11,13 +11,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.coverage import beyond_the_seen
+from capture.coverage import Beyond, SeenWays, beyond_the_seen
 from capture.depth_surface import CorrelationMeter, pixel_sd
 from capture.errors import UntrackableError
 from capture.flat_garment import CENTRE, flat_garment
+from capture.folding import THRESHOLD, TRACES, probability, traces
 from capture.garment import FINDERS, GarmentSight, GarmentTracker, frame_quality, nothing_found
 from capture.geodesic import farthest_place, geodesic_distances
-from capture.occlusion import COVERED, folded_away, is_at_border, is_behind_something, is_folded_away, other_layer
+from capture.occlusion import COVERED, folded_away, is_at_border, is_behind_something
+from capture.other_layers import Layers, other_layers
 from capture.placing import Placer, project
 from capture.plausibility import MotionGate
 from capture.silhouette import Silhouette, Window, cut_out
@@ -77,12 +79,14 @@ class SilhouetteTracker:
         self._gate = MotionGate(len(self.flat.roles))
         self._last: tuple[float, Window] | None = None
         self._seen: tuple[Silhouette, Floats] | None = None
+        self.traces = np.full((4, len(TRACES)), np.nan)  # of the last frame's corners in doubt, others NaN
 
     def track(self, depth: NDArray[np.uint16], held: Floats, time: float) -> GarmentSight:
         """Find the corners and the centre in one frame; see `GarmentTracker.track`."""
         roles = self.flat.roles
         silhouette = self._silhouette(depth, held, time)
         self._seen = None
+        self.traces = np.full((4, len(TRACES)), np.nan)
         if silhouette is None:
             self._last = None
             return nothing_found(len(roles))
@@ -101,11 +105,13 @@ class SilhouetteTracker:
         along[missing] = along[:, missing] = np.nan
         hidden = np.zeros(5, bool)
         folded, wrong = folded_away(along, self.flat.distances, is_held)
-        beyond = np.zeros(4)
-        if (folded | wrong | missing).any():
-            beyond = beyond_the_seen(silhouette, surface, cell, held, self.flat.from_ends, self.sensor)
         dropped = folded | wrong
-        hidden[:4] = self._hidden(silhouette, depth.shape, pixels, places, along, dropped, beyond)
+        if (dropped | missing).any():
+            ways = SeenWays(surface, cell, held, distances, ~(dropped | missing))
+            beyond = beyond_the_seen(silhouette, ways, self.flat.from_ends, self.flat.distances, self.sensor)
+            for i in np.flatnonzero(dropped | missing).tolist():
+                self.traces[i] = self._traces(silhouette, i, view.pixels[i], bool(missing[i]), beyond, held)
+        hidden[:4] = self._hidden(silhouette, depth.shape, pixels, places, along, dropped)
         places[:4][hidden[:4] | dropped] = np.nan
         sd[:4] = np.hypot(sd[:4], self._mismatch(places, is_held, along)[:, None])
         if np.isfinite(places[:4, 0]).all():
@@ -133,30 +139,34 @@ class SilhouetteTracker:
         silhouette, corners = self._seen
         return scan_surface(silhouette, corners, self.sensor, time, grid=grid, contour=contour)
 
+    def _traces(
+        self, silhouette: Silhouette, i: int, pixel: Floats, is_missing: bool, beyond: Beyond, held: Floats
+    ) -> Floats:
+        """Return what speaks for and against a fold that hides corner i, see `capture.folding`."""
+
+        def layers(at: Floats) -> Layers:
+            missing = float(beyond.by_all[i])
+            return other_layers(silhouette, at, missing, held, self.flat.from_ends[:, i], self.sensor)
+
+        nearest = layers(beyond.pixels[i]) if np.isfinite(beyond.pixels[i, 0]) else Layers(0.0, 0.0)
+        outline = layers(pixel) if np.isfinite(pixel[0]) else nearest
+        return traces(float(beyond.by_all[i]), float(beyond.by_ends[i]), outline, nearest, is_missing)
+
     def _hidden(
         self, silhouette: Silhouette, shape: tuple[int, ...], pixels: Floats, places: Floats, along: Floats,
-        dropped: Booleans, beyond: Floats,
+        dropped: Booleans,
     ) -> Booleans:  # fmt: skip
-        """Return which corners are hidden, (4,).
-
-        dropped, (4,): not where they should be; beyond [m], (4,): how far from the seen cloth, where any is dropped.
-        """
-        flat, pixel_area = self.flat.distances, 1.0 / (self.sensor.fx * self.sensor.fy)
-        hidden = np.zeros(4, bool)
-        for i in range(4):
+        """Return which corners are hidden, (4,); dropped, (4,): not where they should be."""
+        flat = self.flat.distances
+        hidden = probability(self.traces) > THRESHOLD
+        for i in np.flatnonzero(np.isfinite(places[:4, 2])):
             z = float(places[i, 2])
-            if np.isnan(z):
-                hidden[i] = is_folded_away(float(beyond[i]), 0.0)
-                continue
-            lost = float(np.nanmax(np.where(np.isfinite(along[i]), flat[i] - along[i], 0.0)))
             if is_at_border(pixels[i], shape):
                 hidden[i] = True
             elif is_behind_something(silhouette, pixels[i], z, self._jump(z)):
+                lost = float(np.nanmax(np.where(np.isfinite(along[i]), flat[i] - along[i], 0.0)))
                 hidden[i] = dropped[i] or lost > COVERED * flat[i].max()
-            elif dropped[i]:
-                layer = other_layer(silhouette, pixels[i], places[i], lost, pixel_area)
-                hidden[i] = is_folded_away(float(beyond[i]), layer)
-        return hidden
+        return np.asarray(hidden)
 
     def _mismatch(self, places: Floats, is_held: Booleans, along: Floats) -> Floats:
         """Return what each corner may be off by [m], (4,), since its distances to the others are not the flat ones."""

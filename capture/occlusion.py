@@ -8,16 +8,11 @@ Folded      cloth hardly stretches, so two corners are as far apart along the se
                 deficit_ij = (1 - tolerance) D_ij - d_ij        [m], of `capture.flat_garment` and `capture.geodesic`
 
             A deficit says that cloth is missing between the two. The corner with most of it is dropped, and the rest
-            are looked at again. A dropped corner is hidden if it also lies well beyond all cloth that is seen
-            (`capture.coverage`): otherwise it is in view, but not where the outline has a corner. Another layer of
-            cloth behind or before the outline there, as a corner that wraps around shows it, makes that doubtful:
-
-                beyond > LEAST_BEYOND + LAYER_DOUBT ln(1 + layer's area / LAYER_AREA)
+            are looked at again. Whether a dropped corner is hidden as well says `capture.folding`: it may also be in
+            view, but not where the outline has a corner.
 """
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,11 +24,6 @@ Booleans = NDArray[np.bool_]
 
 LOOK_AROUND = 12  # px: wider than the missing pixels beside a near thing (43 px m (1 / 1.25 m - 1 / 1.6 m) = 8 px)
 NEARER_PIXELS = 20
-LEAST_BEYOND = 0.035  # m; of corners in view, in gentle swings, 98 % are less than 0.018 m beyond the seen cloth
-LAYER_DOUBT = 0.007  # m
-LAYER_AREA = 1.2e-5  # m^2, one pixel at 2 m
-LAYER_BEFORE, LAYER_BEHIND = 0.05, 0.03  # m nearer than the corner's place, and farther than the cloth missing there
-LEAST_AROUND, MOST_AROUND = 6, 70  # px
 BORDER = 3  # px
 COVERED = 0.02  # of the longest distance on the flat garment, missing at a corner beside a nearer thing
 SHORT = 0.025  # of the distance on the flat garment: geodesics of the seen surface scatter by 1.5 %
@@ -47,25 +37,6 @@ def is_behind_something(silhouette: Silhouette, pixel: Floats, z: float, jump: f
     raw = silhouette.raw[around]
     nearer = (raw > 0) & (raw < 1e3 * (z - jump)) & (silhouette.mask[around] == 0)
     return int(np.count_nonzero(nearer)) >= NEARER_PIXELS
-
-
-def is_folded_away(beyond: float, layer: float) -> bool:
-    """Return whether a dropped corner is hidden: so far beyond the seen cloth [m], so much of another layer [m^2]."""
-    return beyond > LEAST_BEYOND + LAYER_DOUBT * math.log1p(layer / LAYER_AREA)
-
-
-def other_layer(silhouette: Silhouette, pixel: Floats, place: Floats, missing: float, pixel_area: float) -> float:
-    """Return the area [m^2] seen of something near a corner's place that is no part of the silhouette's own surface.
-
-    place [m], (3,), at `pixel` [px], (2,); missing [m]: how much cloth is; nothing beyond that is the corner;
-    pixel_area [m^2]: of a pixel at 1 m.
-    """
-    z = float(place[2])
-    reach = int(np.clip(missing / (z * math.sqrt(pixel_area)), LEAST_AROUND, MOST_AROUND))
-    around = _around(silhouette, pixel, reach)
-    raw = silhouette.raw[around]
-    near = (raw > 1e3 * (z - LAYER_BEFORE)) & (raw < 1e3 * (z + missing + LAYER_BEHIND))
-    return float(np.count_nonzero(near & (silhouette.depth[around] == 0))) * pixel_area * z**2
 
 
 def _around(silhouette: Silhouette, pixel: Floats, reach: int) -> tuple[slice, slice]:

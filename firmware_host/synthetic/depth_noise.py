@@ -41,7 +41,7 @@ def spoil(truth: Floats, camera: Sensor, rng: np.random.Generator) -> NDArray[np
     scale = camera.fx * BASELINE
     disparity = np.rint(scale / np.maximum(depth, 1e-3) / DISPARITY_STEP) * DISPARITY_STEP
     depth = scale / np.maximum(disparity, DISPARITY_STEP)
-    missing = _shadow(truth, scale)
+    missing = in_shadow(truth, camera)
     jump = np.zeros(truth.shape, bool)
     across, down = np.abs(np.diff(truth, axis=1)) > JUMP, np.abs(np.diff(truth, axis=0)) > JUMP
     jump[:, 1:] |= across
@@ -61,9 +61,13 @@ def _alike_over_three_pixels(noise: Floats) -> Floats:
     return np.asarray(total) / 3.0
 
 
-def _shadow(truth: Floats, scale: float) -> NDArray[np.bool_]:
-    """Pixels that the projector, to the right of the camera, does not reach: hidden behind something to their right."""
+def in_shadow(truth: Floats, camera: Sensor) -> NDArray[np.bool_]:
+    """Return which pixels of true depth [m], (height, width), the projector, to the right of the camera, does not reach.
+
+    They are hidden from it behind something to their right, and have no depth.
+    """
     height, width = truth.shape
+    scale = camera.fx * BASELINE
     # The projector sees a point at column u - scale / z (its own image column, up to a constant).
     column = np.arange(width)[None] - scale / truth
     hidden = np.zeros((height, width), bool)

@@ -43,6 +43,9 @@ class Renderer:
         row, column = (np.minimum(np.linspace(0, n - 1, fine).astype(int), n - 2)
                        for n, fine in ((rows, fine_rows), (columns, fine_columns)))  # fmt: skip
         self._drawn = pattern.is_cloth[row][:, column].ravel()
+        flat = self._fine(pattern.rest)[..., :2]
+        self._flat = flat.reshape(-1, 2)
+        self._pieces = _pieces(flat, self._drawn.reshape(flat.shape[:2]))
         v, u = np.mgrid[0 : CAMERA.height, 0 : CAMERA.width].astype(float)
         # A wall with a faint pattern, so that colour images are not flat.
         wall = WALL + 14 * np.sin(u / 23.0) * np.sin(v / 31.0)
@@ -75,24 +78,59 @@ class Renderer:
             _draw_rectangle(at, rotation, (PLATE_SIZE, PLATE_SIZE), depth, colour, marker)
         return View(depth, colour)
 
-    def _draw_cloth(self, nodes: Floats, depth: Floats, colour: Floats) -> None:
+    def shown(self, nodes: Floats, in_front: tuple[Panel, ...] = ()) -> tuple[Floats, Floats]:
+        """Return true depth [m], (height, width), without the hanger, and the place of the flat garment in each pixel.
+
+        Places [m], (height, width, 2), NaN where a pixel shows no cloth; nodes, in_front: see `cloth`.
+        """
+        depth = self._behind.depth.copy()
+        places = np.full((*depth.shape, 2), np.nan)
+        pixel, z, which = self._projected(self._fine(nodes))
+        depth.reshape(-1)[pixel] = z
+        places.reshape(-1, 2)[pixel] = self._flat[which]
+        bare = depth.copy()
+        for panel in in_front:
+            draw_panel(panel, depth, np.zeros((*depth.shape, 3)))
+        places[depth < bare] = np.nan
+        return depth, places
+
+    def area_near(self, place: Floats, radius: float) -> float:
+        """Return how much [m^2] of the flat garment lies within a radius [m] of a place [m], (2,)."""
+        middles, areas = self._pieces
+        return float(areas[((middles - place) ** 2).sum(1) < radius**2].sum())
+
+    def _fine(self, nodes: Floats) -> Floats:
+        """Return the drawn points, (fine rows, fine columns, 3), of nodes, (rows, columns, 3)."""
         rows, columns, _ = nodes.shape
-        fine = self._across @ (self._down @ nodes.reshape(rows, -1)).reshape(-1, columns, 3)
+        return np.asarray(self._across @ (self._down @ nodes.reshape(rows, -1)).reshape(-1, columns, 3))
+
+    def _projected(self, fine: Floats) -> tuple[NDArray[np.int64], Floats, NDArray[np.intp]]:
+        """Return pixels, depths [m] and numbers of the drawn points in the image, far first: the nearest overwrites."""
+        z = fine[..., 2].ravel()
+        u = np.rint(CAMERA.fx * fine[..., 0].ravel() / z + CAMERA.cx).astype(np.int64)
+        v = np.rint(CAMERA.fy * fine[..., 1].ravel() / z + CAMERA.cy).astype(np.int64)
+        inside = (u >= 0) & (u < CAMERA.width) & (v >= 0) & (v < CAMERA.height) & (z > 0.1) & self._drawn
+        which = np.flatnonzero(inside)
+        which = which[np.argsort(-z[which], kind="stable")]
+        return (v * CAMERA.width + u)[which], z[which], which
+
+    def _draw_cloth(self, nodes: Floats, depth: Floats, colour: Floats) -> None:
         along, down = np.gradient(nodes, axis=1), np.gradient(nodes, axis=0)
         normal = np.cross(along, down)
         normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-12)
         shade = 0.35 + 0.65 * np.abs(normal @ LIGHT)
         shade = self._down @ shade @ self._across.T
-        z = fine[..., 2].ravel()
-        u = np.rint(CAMERA.fx * fine[..., 0].ravel() / z + CAMERA.cx).astype(np.int64)
-        v = np.rint(CAMERA.fy * fine[..., 1].ravel() / z + CAMERA.cy).astype(np.int64)
-        inside = (u >= 0) & (u < CAMERA.width) & (v >= 0) & (v < CAMERA.height) & (z > 0.1) & self._drawn
-        pixel, z, shade = (v * CAMERA.width + u)[inside], z[inside], shade.ravel()[inside]
-        order = np.argsort(-z, kind="stable")  # far first, so that the nearest is written last
-        pixel, z, shade = pixel[order], z[order], shade[order]
-        flat_depth, flat_colour = depth.reshape(-1), colour.reshape(-1, 3)
-        flat_depth[pixel] = z
-        flat_colour[pixel] = shade[:, None] * np.asarray(CLOTH)
+        pixel, z, which = self._projected(self._fine(nodes))
+        depth.reshape(-1)[pixel] = z
+        colour.reshape(-1, 3)[pixel] = shade.ravel()[which, None] * np.asarray(CLOTH)
+
+
+def _pieces(flat: Floats, drawn: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+    """Return middles [m], (pieces, 2), and areas [m^2], (pieces,), of the pieces between neighbouring drawn points."""
+    down, across = flat[1:, :-1] - flat[:-1, :-1], flat[:-1, 1:] - flat[:-1, :-1]
+    areas = np.abs(down[..., 0] * across[..., 1] - down[..., 1] * across[..., 0])
+    middles = 0.25 * (flat[1:, 1:] + flat[1:, :-1] + flat[:-1, 1:] + flat[:-1, :-1])
+    return middles[drawn[:-1, :-1]], areas[drawn[:-1, :-1]]
 
 
 def _interpolation(count: int, fine: int) -> Floats:

@@ -4,7 +4,8 @@ A tracked point is visible where it falls into the image and nothing is nearer o
 
     z_point < max of true depth over the 3 x 3 pixels around it + 6 mm
 
-the neighbours because a corner lies on the rim of the cloth that hides it from nobody.
+the neighbours because a corner lies on the rim of the cloth that hides it from nobody. How much of its surroundings a
+camera of this resolution and noise sees is another question: `firmware_host.synthetic.visibility`.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from firmware_host.synthetic.pattern import lay
 from firmware_host.synthetic.render import Renderer, View
 from firmware_host.synthetic.scene import CAMERA, FPS, HANGER_REST, Placement, demo_garment, place
 from firmware_host.synthetic.surroundings import Panel, Surroundings
+from firmware_host.synthetic.visibility import PointSight, point_sight
 from formats.garment import Garment
 
 Floats = NDArray[np.float64]
@@ -75,6 +77,13 @@ class World:
             is_inside = 0 <= column < CAMERA.width and 0 <= row < CAMERA.height
             seen[k] = is_inside and z < around.max() + HIDING_STEP
         return seen
+
+    def sight(self, number: int, renderer: Renderer) -> PointSight:
+        """Return how much the sensor sees of the tracked points and of the cloth around them in this frame."""
+        flat = np.array([point.at_m for point in self.garment.points])
+        in_front = self.in_front[number] if self.in_front else ()
+        in_view = self.visible(number, renderer)
+        return point_sight(self.nodes[number], self.points[number], flat, in_view, renderer, in_front)
 
     def _without_hanger(self, number: int, renderer: Renderer) -> View:
         return renderer.cloth(self.nodes[number], self.in_front[number] if self.in_front else ())

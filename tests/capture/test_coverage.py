@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from capture.coverage import beyond_the_seen
+from capture.coverage import SeenWays, beyond_the_seen
 from capture.garment_tracker import garment_tracker
 from firmware_host.synthetic.garments import GARMENTS
 from firmware_host.synthetic.scene import RIG
@@ -19,7 +19,9 @@ def beyond(world):
     held = world.hanger.held[0]
     silhouette = tracker._silhouette(depth, held, 0.0)
     surface, cell = tracker._surface(silhouette)
-    return beyond_the_seen(silhouette, surface, cell, held, tracker.flat.from_ends, RIG.sensor)
+    nowhere = np.full((4, *surface.shape[:2]), np.inf, np.float32)
+    ways = SeenWays(surface, cell, held, nowhere, np.zeros(4, bool))
+    return beyond_the_seen(silhouette, ways, tracker.flat.from_ends, tracker.flat.distances, RIG.sensor).by_ends
 
 
 @pytest.mark.parametrize("kind", GARMENTS)

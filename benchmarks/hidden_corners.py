@@ -1,0 +1,173 @@
+"""Fit the coefficients of `capture.folding` to the development sets, and say how good they are on cloths left out.
+
+Run: python benchmarks/hidden_corners.py [--keep FOLDER] [--sets development development-2 ...]. Half a minute a scene,
+12 scenes a set, to draw them; a few seconds a scene once they are kept (50 MB each).
+
+    maximise  sum_n [y_n ln P_n + (1 - y_n) ln(1 - P_n)] - L / 2 sum_k (s_k c_k)^2
+
+by Newton's iteration, s_k the trace's standard deviation. Examples are the corners in doubt of all hard swings that are
+clearly hidden (y = 1) or clearly visible (0, `firmware_host.synthetic.visibility`). Scenes of one cloth at four
+distances are one motion, so all four are left out together. A hidden corner that is not in doubt counts as missed.
+Only depth is drawn; the held edge's ends are the true ones with the noise that tracked ones have.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.tracking_scenes import FIRST, LAST, SEEDS, Scene, scenes
+from capture.folding import TRACES
+from capture.garment_tracker import SilhouetteTracker
+from capture.depth_surface import CorrelationMeter
+from firmware_host.synthetic.depth_noise import spoil
+from firmware_host.synthetic.garments import GARMENTS
+from firmware_host.synthetic.render import View
+from firmware_host.synthetic.scene import CAMERA, RIG
+from firmware_host.synthetic.visibility import PointSight
+from firmware_host.synthetic.world import FIRST_STAMP, World
+
+DEVELOPMENT = tuple(name for name in SEEDS if name.startswith("development"))
+HELD_SD = np.array([0.3e-3, 0.3e-3, 1.2e-3])  # m, of a tracked end of the held edge
+PENALTY = 1.0  # L
+TARGETS = (0.95, 0.90)  # precision, recall
+CORNERS = 4
+
+
+@dataclass(frozen=True)
+class Examples:
+    """Corners in doubt of one scene: traces, (n, traces); hidden, visible, (n,); how many hidden ones were not in doubt."""
+
+    cloth: str
+    traces: np.ndarray
+    hidden: np.ndarray
+    visible: np.ndarray
+    unasked: int
+
+
+def depth_frames(scene: Scene, world: World) -> dict[str, np.ndarray]:
+    """Draw a scene's depth, the ends of the held edge [m], (n, 2, 3), and what is seen of each corner, (n, 5)."""
+    renderer = world.renderer()
+    noise = np.random.default_rng(scene.seed)
+    numbers = np.flatnonzero((world.time >= FIRST) & (world.time < LAST))
+    depth, sights = [], []
+    for n in numbers.tolist():
+        bare, _ = renderer.shown(world.nodes[n], world.in_front[n] if world.in_front else ())
+        view = View(bare, np.zeros((*bare.shape, 3)))
+        whole = renderer.with_hanger(view, world.hanger.origin[n], world.hanger.rotation[n]).depth
+        depth.append(spoil(whole, CAMERA, np.random.default_rng([world.seed, n])))
+        sights.append(world.sight(n, renderer))
+    return {
+        "time": world.time[numbers] + FIRST_STAMP,
+        "depth": np.stack(depth),
+        "held": world.hanger.held[numbers] + HELD_SD * noise.standard_normal((len(numbers), 2, 3)),
+        "in_view": np.stack([sight.in_view for sight in sights]),
+        "pixels": np.stack([sight.pixels for sight in sights]),
+        "share": np.stack([sight.share for sight in sights]),
+    }
+
+
+def examples(scene: Scene, drawn: dict[str, np.ndarray]) -> Examples:
+    """Track a drawn scene and keep what is known of the corners in doubt."""
+    tracker = SilhouetteTracker(GARMENTS[scene.garment](), RIG, CorrelationMeter())
+    found = []
+    for depth, held, time in zip(drawn["depth"], drawn["held"], drawn["time"], strict=True):
+        tracker.track(depth, held, float(time))
+        found.append(tracker.traces)
+    traces = np.array(found)
+    sight = PointSight(drawn["in_view"], drawn["pixels"], drawn["share"])
+    asked = np.isfinite(traces[..., 0])
+    hidden, visible = sight.hidden[:, :CORNERS], sight.visible[:, :CORNERS]
+    cloth = f"{scene.garment}-{scene.seed % 1000}"
+    return Examples(cloth, traces[asked], hidden[asked], visible[asked], int((hidden & ~asked).sum()))
+
+
+def all_examples(sets: list[str], keep: Path | None) -> Iterator[Examples]:
+    """Yield the hard swings' examples, drawn or kept."""
+    for chosen in sets:
+        for scene, make in scenes(chosen):
+            if scene.swing != "hard":
+                continue
+            path = keep / f"{scene.name}.npz" if keep else None
+            if path and path.exists():
+                with np.load(path) as kept:
+                    drawn = {name: kept[name] for name in kept.files}
+            else:
+                drawn = depth_frames(scene, make())
+                if path:
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                    np.savez(path, **drawn)
+            yield examples(scene, drawn)
+
+
+def fit(traces: np.ndarray, hidden: np.ndarray) -> tuple[float, np.ndarray]:
+    """Return the constant and the coefficients, (traces,), of the most probable logistic regression."""
+    spread = np.maximum(traces.std(0), 1e-9)
+    rows = np.column_stack([np.ones(len(traces)), traces / spread])
+    penalty = np.diag([1e-6] + [PENALTY] * len(spread))
+    weights = np.zeros(rows.shape[1])
+    for _ in range(30):
+        p = 1.0 / (1.0 + np.exp(-rows @ weights))
+        slope = rows.T @ (hidden - p) - penalty @ weights
+        weights = weights + np.linalg.solve((rows * (p * (1.0 - p))[:, None]).T @ rows + penalty, slope)
+    return float(weights[0]), weights[1:] / spread
+
+
+def left_out(found: list[Examples]) -> np.ndarray:
+    """Return the probability of every example by a fit to the other cloths."""
+    out = []
+    for one in found:
+        others = [e for e in found if e.cloth != one.cloth]
+        clear = [e.hidden | e.visible for e in others]
+        constant, coefficients = fit(
+            np.concatenate([e.traces[c] for e, c in zip(others, clear, strict=True)]),
+            np.concatenate([e.hidden[c] for e, c in zip(others, clear, strict=True)]).astype(float),
+        )
+        out.append(1.0 / (1.0 + np.exp(-(constant + one.traces @ coefficients))))
+    return np.concatenate(out)
+
+
+def rates(found: list[Examples], p: np.ndarray, threshold: float) -> tuple[float, float]:
+    """Return precision and recall at a threshold."""
+    hidden = np.concatenate([e.hidden for e in found])
+    clear = hidden | np.concatenate([e.visible for e in found])
+    told = (p > threshold) & clear
+    right = np.count_nonzero(told & hidden)
+    return right / max(np.count_nonzero(told), 1), right / (hidden.sum() + sum(e.unasked for e in found))
+
+
+def main() -> None:
+    """Print coefficients, threshold, and what they reach on cloths left out."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--keep", type=Path, metavar="FOLDER", help="keep drawn depth there, 50 MB a scene")
+    parser.add_argument("--sets", nargs="+", choices=sorted(SEEDS), default=DEVELOPMENT, help="which seeds")
+    chosen = parser.parse_args()
+    found = list(all_examples(list(chosen.sets), chosen.keep))
+    p = left_out(found)
+    grid = np.arange(0.05, 1.0, 0.01)
+    shortfall = [max(want - got for want, got in zip(TARGETS, rates(found, p, t), strict=True)) for t in grid]
+    hidden, visible = (sum(np.count_nonzero(part) for part in parts) for parts in
+                       ([e.hidden for e in found], [e.visible for e in found]))  # fmt: skip
+    print(
+        f"{len(found)} scenes of {len({e.cloth for e in found})} cloths; in doubt: {hidden} hidden, {visible} visible"
+    )
+    print(f"hidden and not in doubt: {sum(e.unasked for e in found)}")
+    for threshold in (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, float(grid[int(np.argmin(shortfall))])):
+        precision, recall = rates(found, p, threshold)
+        print(f"threshold {threshold:.2f}: precision {100 * precision:.1f} %, recall {100 * recall:.1f} %")
+    clear = [e.hidden | e.visible for e in found]
+    constant, coefficients = fit(
+        np.concatenate([e.traces[c] for e, c in zip(found, clear, strict=True)]),
+        np.concatenate([e.hidden[c] for e, c in zip(found, clear, strict=True)]).astype(float),
+    )
+    print(f"CONSTANT = {constant:.2f}")
+    for name, value in zip(TRACES, coefficients, strict=True):
+        print(f"{value:8.2f}  {name}")
+
+
+if __name__ == "__main__":
+    main()

@@ -21,9 +21,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.tracking_scenes import FIRST, LAST, SEEDS, Scene, scenes
+from capture.depth_surface import CorrelationMeter
 from capture.folding import TRACES
 from capture.garment_tracker import SilhouetteTracker
-from capture.depth_surface import CorrelationMeter
 from firmware_host.synthetic.depth_noise import spoil
 from firmware_host.synthetic.garments import GARMENTS
 from firmware_host.synthetic.render import View
@@ -40,7 +40,7 @@ CORNERS = 4
 
 @dataclass(frozen=True)
 class Examples:
-    """Corners in doubt of one scene: traces, (n, traces); hidden, visible, (n,); how many hidden ones were not in doubt."""
+    """Corners in doubt of one scene: traces, (n, traces); hidden, visible, (n,); unasked: hidden ones not in doubt."""
 
     cloth: str
     traces: np.ndarray

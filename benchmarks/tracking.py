@@ -4,8 +4,8 @@ Run: python benchmarks/tracking.py [--set report-3] [--keep FOLDER] [--by garmen
 `benchmarks/tracking_scenes.py`. Every figure is stated with its spread over the scenes (quartiles).
 
 Points    error [m] of a point that is visible and was given a place. Centre also as a share of the garment's width.
-Hidden    precision: of the points told as hidden, those that are; recall: of the hidden ones, those told. Counted twice:
-          clear   hidden, visible or ambiguous as in `firmware_host.synthetic.visibility`; ambiguous points are left out
+Hidden    precision: of the points told as hidden, those that are; recall: of the hidden ones, those told. Both twice:
+          clear   as in `firmware_host.synthetic.visibility`; what is neither visible nor hidden is left out
           strict  a point is visible if the camera's ray meets it, however little of the cloth around it shows, and in
                   the projector's shadow too; all others are hidden; none is left out
 z         (place - truth) / stated sd, per axis; its standard deviation over all points and axes.

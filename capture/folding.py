@@ -2,8 +2,8 @@
 
     P = 1 / (1 + exp(-(c_0 + sum_k c_k x_k)))
 
-    x = ln(beyond / B) by all anchors, and by the held ends alone          `capture.coverage`
-        ln(1 + peeking / A), ln(1 + before / L)                            `capture.other_layers`, where the outline has it
+    x = ln(beyond / B) by all anchors, and by the held ends alone      `capture.coverage`
+        ln(1 + peeking / A), ln(1 + before / L)        `capture.other_layers`, where the outline has the corner
         the same two where the seen cloth comes nearest to it
         1 for a corner that the outline has not, else 0
 

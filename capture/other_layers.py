@@ -62,7 +62,8 @@ def other_layers(
     rows, columns = np.arange(raw.shape[0])[:, None], np.arange(raw.shape[1])
     allowed = cv2.inRange(raw, max(1, int(1e3 * (z - DEEPER * reach))), int(1e3 * (z + DEEPER * reach))) > 0
     allowed &= (rows + (around[0].start - v)) ** 2 + (columns + (around[1].start - u)) ** 2 <= far**2
-    first = np.array([around[1].start, around[0].start]) + [silhouette.window.left, silhouette.window.top]
+    window = silhouette.window
+    first = np.array([around[1].start + window.left, around[0].start + window.top], float)
     allowed &= _below(first, rows, columns, held, sensor, z)
     off = allowed & (silhouette.depth[around] == 0)
     off &= cv2.blur(off.astype(np.float32), (3, 3), borderType=cv2.BORDER_CONSTANT) > FEWEST_NEIGHBOURS - 0.01

@@ -62,9 +62,9 @@ def _alike_over_three_pixels(noise: Floats) -> Floats:
 
 
 def in_shadow(truth: Floats, camera: Sensor) -> NDArray[np.bool_]:
-    """Return which pixels of true depth [m], (height, width), the projector, to the right of the camera, does not reach.
+    """Return which pixels of true depth [m], (height, width), the projector does not reach: they have no depth.
 
-    They are hidden from it behind something to their right, and have no depth.
+    It stands to the right of the camera, so they are behind something to their right.
     """
     height, width = truth.shape
     scale = camera.fx * BASELINE

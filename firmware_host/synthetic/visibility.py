@@ -8,7 +8,7 @@ since a structured-light camera has no depth in the projector's shadow:
     share   = z^2 / (f^2 A_p) #{q : (G near)(q) >= 1/2}        G: normal of the camera's lateral noise, 0.8 px
 
 A_p is the cloth's area within r of the point, so that share is about 1 for cloth that faces the camera unhidden and
-cos(theta) for cloth that is turned by theta. A pixel counts if, in at least half of its noisy looks, it shows that cloth:
+cos(theta) for cloth that is turned by theta. A pixel counts if it shows that cloth in at least half of its noisy looks:
 a strip one pixel wide does not (0.499), one of two pixels does (0.73).
 
     hidden      no pixel at all is near

@@ -31,6 +31,7 @@ from firmware_host.synthetic.scene import RIG
 from firmware_host.synthetic.visibility import PointSight
 from formats.archive import read_take
 
+OTHER_SHARES = (0.0, 0.1, 0.5)  # what precision would be if cloth counted as clearly visible from these on
 SWAPPED = 0.1  # m: a marker this far off is the other one or none
 
 
@@ -137,6 +138,12 @@ def figures(found: list[Measured]) -> dict[str, tuple[float | None, float, np.nd
         "hidden, clear: precision [%]": (
             95.0, *share(lambda m: m.hidden & m.sight.hidden, lambda m: m.hidden & ~m.ambiguous)),
         "hidden, clear: recall [%]": (90.0, *share(lambda m: m.hidden & m.sight.hidden, lambda m: m.sight.hidden)),
+        **{
+            f"the same, visible from a share of {least:.2f}": (None, *share(
+                lambda m: m.hidden & m.sight.hidden,
+                lambda m, least=least: m.hidden & (m.sight.hidden | m.sight.visible_from(least))))
+            for least in OTHER_SHARES
+        },
         "hidden, strict: precision [%]": (None, *share(lambda m: m.hidden & ~m.visible, lambda m: m.hidden)),
         "hidden, strict: recall [%]": (None, *share(lambda m: m.hidden & ~m.visible, lambda m: ~m.visible)),
         "clearly hidden, of all points [%]": (None, *share(lambda m: m.sight.hidden, lambda m: every(m))),

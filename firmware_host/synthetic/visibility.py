@@ -63,7 +63,11 @@ class PointSight:
     @property
     def visible(self) -> NDArray[np.bool_]:
         """The point is in view and so is its neighbourhood, or enough of it."""
-        return self.in_view & (self.share >= CLEAR_SHARE)
+        return self.visible_from(CLEAR_SHARE)
+
+    def visible_from(self, share: float) -> NDArray[np.bool_]:
+        """Return which points would be visible if another share were enough."""
+        return self.in_view & (self.share >= share) & ~self.hidden
 
 
 def point_sight(

@@ -101,6 +101,8 @@ def test_examples_are_the_corners_in_doubt_with_what_is_true_of_them():
     assert one.hidden.tolist() == [True, True]
     assert not one.visible.any()
     assert one.unasked == 0
+    assert one.pixels.tolist() == [0, 0]
+    assert one.corner.tolist() == [2, 2]
     assert (probability(one.traces) > THRESHOLD).all()
 
 
@@ -119,7 +121,8 @@ def test_a_cloth_is_judged_by_the_others_and_what_was_never_in_doubt_is_missed()
 
     def cloth(name, sign):
         drawn = rng.standard_normal((400, 1))
-        return Examples(name, drawn, sign * drawn[:, 0] > 0, sign * drawn[:, 0] <= 0, 100)
+        none = np.zeros(400, int)
+        return Examples(name, drawn, sign * drawn[:, 0] > 0, sign * drawn[:, 0] <= 0, 100, none, none)
 
     alike = [cloth(name, 1) for name in "abc"]
     precision, recall = rates(alike, left_out(alike), 0.5)

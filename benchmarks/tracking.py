@@ -139,7 +139,7 @@ def figures(found: list[Measured]) -> dict[str, tuple[float | None, float, np.nd
             95.0, *share(lambda m: m.hidden & m.sight.hidden, lambda m: m.hidden & ~m.ambiguous)),
         "hidden, clear: recall [%]": (90.0, *share(lambda m: m.hidden & m.sight.hidden, lambda m: m.sight.hidden)),
         **{
-            f"the same, visible from a share of {least:.2f}": (None, *share(
+            f"hidden, from {least:.1f} on: precision [%]": (None, *share(
                 lambda m: m.hidden & m.sight.hidden,
                 lambda m, least=least: m.hidden & (m.sight.hidden | m.sight.visible_from(least))))
             for least in OTHER_SHARES

@@ -16,8 +16,8 @@ a strip one pixel wide does not (0.499), one of two pixels does (0.73).
     ambiguous   all between: seen through a gap, at a rim or edge-on. A tracker can be blamed for neither answer.
 
 r = 20 mm: the quarter disc of a right-angled corner that faces the camera then has 17 pixels at 2.5 m, more than the 12
-that a plane takes; with half of that radius it has 4. Share 1/4 is a turn of 75 degrees, beyond the 60 degrees up to
-which the noise of such cameras is known and near where they lose depth.
+that a plane takes; with half of that radius it has 4. Share 1/4 is a turn of 75 degrees, well beyond the
+60 degrees up to which the noise of such cameras is known; `benchmarks/tracking.py` prints what others would change.
 
 Sources: C. V. Nguyen, S. Izadi, D. Lovell, "Modeling Kinect sensor noise for improved 3D reconstruction and tracking"
 (3DIMPVT 2012), section 3 (lateral noise, angles).

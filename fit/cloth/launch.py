@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from fit import runtime
 from fit.cloth import spectral
+from fit.cloth.contact import Contact, Surface
 from fit.cloth.lines import BETWEEN, bends_by_line, fibre_family, twist_scales
 from fit.cloth.mesh import ClothMesh, Integers
 from fit.effects.stretch_viscosity import RELAXATION_TIME
@@ -59,11 +60,12 @@ class Group:
     half_octaves: int
     has_effects: bool
     is_viscous: bool
+    touches: bool
 
     @property
-    def kernel(self) -> tuple[bool, bool]:
+    def kernel(self) -> tuple[bool, bool, bool]:
         """What decides which kernel simulates them."""
-        return self.has_effects, self.is_viscous
+        return self.has_effects, self.is_viscous, self.touches
 
     @property
     def dt(self) -> float:
@@ -99,7 +101,7 @@ def _call(tasks: list[Group], lanes: int, observer_hz: float) -> None:
     """Run one kernel on tasks of at most `lanes` members; what is left of a task's lanes repeats its last member."""
     from fit.cloth.rollout import make_rollout
 
-    first, (has_effects, is_viscous) = tasks[0].simulator, tasks[0].kernel
+    first, (has_effects, is_viscous, touches) = tasks[0].simulator, tasks[0].kernel
     mesh, support = first.mesh, first.support
     chosen = [np.concatenate([t.members, np.repeat(t.members[-1:], lanes - len(t.members))]) for t in tasks]
     both = list(zip(tasks, chosen, strict=True))
@@ -130,7 +132,7 @@ def _call(tasks: list[Group], lanes: int, observer_hz: float) -> None:
     kernel = make_rollout(
         lanes, faces, fibre_nodes=first.fibre_nodes, bend_lengths=first.bend_lengths,
         handles=support.handles, with_twist=len(mesh.bends.twist_weights) > 0,
-        with_bends=with_bends, with_added_mass=with_added, with_viscosity=is_viscous,
+        with_bends=with_bends, with_added_mass=with_added, with_viscosity=is_viscous, with_contact=touches,
     )  # fmt: skip
     x, v = _flat(state[0]), _flat(state[1])
     ahead = v if with_bends else _flat(_in_lanes(start, lanes))
@@ -146,6 +148,7 @@ def _call(tasks: list[Group], lanes: int, observer_hz: float) -> None:
             *(_zeros((size * count * nodes if needs_normals else 1, lanes)) for size in (3, 1)),
             _flat(_in_lanes(rest, lanes)), _zeros((count * bends if with_bends else 1, lanes)),
             _flat(_in_lanes(added, lanes)),
+            *_contact(tasks, amplitudes, nodes, lanes),
             3 * _some(support.nodes), _single(_some(support.shares)), _joined(paths, lanes),
             mesh.points.first, 3 * mesh.points.nodes, _single(mesh.points.weights),
             mesh.pull_points, _single(mesh.pull_weights),
@@ -155,9 +158,47 @@ def _call(tasks: list[Group], lanes: int, observer_hz: float) -> None:
             _in_lanes(amplitudes if first.effects else np.zeros((len(amplitudes), 1)), lanes),
             frame_step, frame_lag, np.stack([recorded, settle, _firsts(paths), targets.first, targets.every], 1),
             np.array([t.dt for t in tasks], np.float32), SETTLE_DAMPING, omega**2, 2 * omega,
-            out, whole, int(keeps),
+            out, whole,
         )  # fmt: skip
     _hand_back(tasks, _from_lanes(out), _from_lanes(whole), _from_lanes(state[2]), lanes)
+
+
+def _contact(tasks: list[Group], amplitudes: Floats, nodes: int, lanes: int) -> list[Singles | Integers]:
+    """What the kernel wants to know of contact; next to nothing where nothing touches."""
+    first = tasks[0].simulator
+    if not tasks[0].touches:
+        memory = _zeros((1, lanes))
+        return [np.zeros(1, np.int32), memory, memory.reshape(-1)]
+    return contact_arguments(first.surface, first.contact, first.thickness(amplitudes).reshape(-1, lanes), nodes)
+
+
+def contact_arguments(surface: Surface, contact: Contact, thickness: Floats, nodes: int) -> list[Singles | Integers]:
+    """What the kernel wants to know of contact and the memory it works in, in the order of `fit.cloth.nearby`.
+
+    thickness [m], (groups, lanes): distances at which layers are kept apart
+    """
+    from fit.cloth.nearby import COUNTS, PANEL, SPOT
+
+    samples, quads, bodies = len(surface.area), len(surface.quads), contact.bodies
+    groups, lanes = thickness.shape
+    most = (int(surface.may_meet.sum()) if thickness.any() else 0) + samples * len(bodies)
+    numbers = np.concatenate(
+        [
+            surface.samples.weights[:, 0], surface.area, surface.reach, surface.windows.ravel(),
+            *(body.row() for body in bodies),
+            [surface.carried, contact.friction, contact.clearance], thickness.max(1),
+        ]
+    )  # fmt: skip
+    front = -(-len(numbers) // lanes)
+    memory = _zeros((front + groups * (SPOT * samples + PANEL * quads + 6 * nodes + 1), lanes))
+    alone = memory.reshape(-1)
+    alone[: len(numbers)] = numbers
+    sizes = np.array([samples, quads, len(bodies), most, front])
+    known = np.concatenate([sizes, 3 * surface.samples.nodes, SPOT * surface.quads.ravel(), surface.words()])
+    # Room for every pair there is, hardly any of which is ever touched.
+    whole = np.zeros(len(known) + groups * (COUNTS + 2 * (samples + quads + most)), np.int32)
+    whole[: len(known)] = known
+    return [whole, memory, alone]
 
 
 def _hand_back(tasks: list[Group], seen: Singles, kept: Singles, forces: Singles, lanes: int) -> None:

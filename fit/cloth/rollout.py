@@ -10,6 +10,7 @@ f is the sum of
                plate bending (fit.cloth.moments); damping of both
     effects    forces on the surface around each node from the chosen effects (fit.effects); mass m_a that is added to
                the normal motion, (m + m_a n n') a = F, so a = (F - n (n.F) m_a/(m + m_a)) / m
+    contact    with itself and with bodies (fit.cloth.contact)
 pull is the observer's (fit.gap.observer): w^2 (y - x) + 2 zeta w (ydot - v), spread from the tracked points.
 """
 
@@ -22,6 +23,7 @@ import taichi as ti
 from fit.cloth.forces import fibres, find_normals, push_fibres, shearing
 from fit.cloth.lanes import within
 from fit.cloth.moments import bending
+from fit.cloth.touching import touching
 
 TASK = 512  # Taichi hands out loops in tasks of at least 512 iterations; one task per group of lanes
 
@@ -38,6 +40,7 @@ def make_rollout(
     with_bends: bool,
     with_added_mass: bool,
     with_viscosity: bool,
+    with_contact: bool,
 ):
     """Build the rollout kernel for `lanes` candidates per group and these effects.
 
@@ -47,7 +50,7 @@ def make_rollout(
     may be `fit.cloth.lines.IN_LINES`; with_twist: whether mixed ones come from the slopes across;
     handles: vectors that the held nodes follow, 0 where nothing is held;
     with_bends: rest curvature and friction in bending; with_added_mass: inertia of the air along the normal;
-    with_viscosity: of stretch and shear.
+    with_viscosity: of stretch and shear; with_contact: the cloth touches itself or bodies.
 
     Taichi's kernels have 64 arguments at most. counts, (groups, 5): frames, steps of settling, where the group's path
     and its targets begin, steps between two targets.
@@ -185,6 +188,9 @@ def make_rollout(
         rest_curvature: lanes_1d,
         friction: lanes_1d,
         added_mass: lanes_1d,
+        contact_whole: integers_1d,
+        contact_memory: lanes_1d,
+        contact_alone: floats_1d,
         held: integers_1d,
         shares: floats_2d,
         path: lanes_2d,
@@ -207,7 +213,6 @@ def make_rollout(
         damping: ti.f32,
         seen: lanes_4d,
         shapes: lanes_4d,
-        keep_shapes: ti.i32,
     ):
         groups, nodes = time_step.shape[0], pull_points.shape[0]
         fibre_count, bend_count = fibre_area.shape[0], bend_centre.shape[0]
@@ -277,6 +282,11 @@ def make_rollout(
                             with_bends, normal, rest_curvature, friction, material[b, 13], dt,
                             place, slopes,
                         )  # fmt: skip
+                        if ti.static(with_contact):
+                            touching(
+                                b, home, nodes, groups, x, v, f, contact_whole, contact_memory,
+                                contact_alone, material[b, 15], material[b, 16], lanes,
+                            )  # fmt: skip
                         give = 1.0 / (1.0 + 0.5 * dt * rate)
                         keep, push = give * (1.0 - 0.5 * dt * rate), give * dt
                         fall0, fall1, fall2 = push * material[b, 10], push * material[b, 11], push * material[b, 12]
@@ -337,7 +347,7 @@ def make_rollout(
                             w, i = point_weights[n, 0], home + point_nodes[n]
                             for c in ti.static(range(3)):
                                 seen[b, frame, p, c] = seen[b, frame, p, c] + w * (x[i + c] + lag * v[i + c])
-                    if keep_shapes == 1:
+                    if shapes.shape[1] > 1:  # room for one frame alone: they are not wanted
                         for i in range(nodes):
                             for c in ti.static(range(3)):
                                 j = home + 3 * i + c

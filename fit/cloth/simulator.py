@@ -4,6 +4,7 @@ says what the kernel needs of it, and makes trajectories of what comes back (`fi
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from fit import runtime
 from fit.cloth import material as mat
+from fit.cloth.contact import DAMPING, OMEGA, Contact, Surface, contact_rate, surface_of
 from fit.cloth.launch import Candidates, Group, bending_arguments, launch, membrane_arguments
 from fit.cloth.lines import bends_by_line, fibre_family
 from fit.cloth.mesh import build_mesh
@@ -69,14 +71,17 @@ class Simulator:
         *,
         resolution: Resolution | None = None,
         support: Supporting | None = None,
+        contact: Contact | None = None,
     ) -> None:
         """Prepare a mesh of the recording's garment; without a `support` it hangs from the recording's hanger.
+
+        contact: what the cloth touches; by default nothing, unless an effect says so.
 
         Raises:
             FitError: the garment cannot be meshed, or an effect moves a hanger that is not there.
         """
         runtime.start()
-        self.recording, self.effects = recording, effects
+        self.recording, self.effects, self.contact = recording, effects, contact or Contact()
         self.resolution = resolution or Resolution()
         mesh = build_mesh(recording.garment, self.resolution.spacing)
         self.support: Support = (support or hanger(recording))(mesh)
@@ -127,9 +132,10 @@ class Simulator:
             kept=np.zeros((count, frames + 1, len(self.mesh.rest), 3), np.float32) if shapes else None,
         )
         steps = self._half_octaves(candidates.materials, amplitudes)
-        kinds = np.stack([self._needs_effects(amplitudes), candidates.materials[:, mat.VISCOSITY] > 0, steps], 1)
+        is_viscous = candidates.materials[:, mat.VISCOSITY] > 0
+        kinds = np.stack([self._needs_effects(amplitudes), is_viscous, self._touches(amplitudes), steps], 1)
         return candidates, [
-            Group(self, candidates, np.flatnonzero((kinds == kind).all(1)), int(kind[2]), bool(kind[0]), bool(kind[1]))
+            Group(self, candidates, np.flatnonzero((kinds == kind).all(1)), int(kind[3]), *(kind[:3] > 0).tolist())
             for kind in np.unique(kinds, axis=0)
         ]
 
@@ -152,6 +158,7 @@ class Simulator:
         return (
             self.effects == other.effects
             and self.resolution == other.resolution
+            and self.contact == other.contact
             and self.recording.garment == other.recording.garment
             and self.support.settle_time == other.support.settle_time
             and np.array_equal(self.support.nodes, other.support.nodes)
@@ -174,6 +181,23 @@ class Simulator:
                 needed |= amplitudes[:, columns].any(1)
         return needed
 
+    @functools.cached_property
+    def surface(self) -> Surface:
+        """The surface on which contact acts."""
+        return surface_of(self.mesh, self.contact.spacing)
+
+    def thickness(self, amplitudes: Floats) -> Floats:
+        """Distance [m] that layers of each candidate are kept apart, (candidates,), 0 where they do not touch."""
+        found = np.full(len(amplitudes), self.contact.thickness)
+        for effect, columns in zip(self.effects, self.columns, strict=True):
+            if effect.touches:
+                found += [effect.contact_thickness(row) for row in amplitudes[:, columns]]
+        return found
+
+    def _touches(self, amplitudes: Floats) -> NDArray[np.bool_]:
+        """Which candidates touch themselves or bodies."""
+        return (self.thickness(amplitudes) > 0) | bool(self.contact.bodies)
+
     def step(self, half_octaves: int = 0) -> float:
         """Return the time step [s] after this many half octaves."""
         return COARSEST_STEP * self.resolution.step_share / 2.0 ** (half_octaves / 2)
@@ -192,6 +216,11 @@ class Simulator:
         stretch, shear = materials[:, mat.STRETCH] * stiffest * by_stretch, materials[:, mat.SHEAR] * by_shear
         bending = materials[:, mat.BENDING] * np.exp(0.5 * np.abs(materials[:, mat.BENDING_RATIO]))
         light = np.ones(len(materials))
+        thickness = self.thickness(amplitudes)
+        contact = np.zeros(len(materials))
+        for i in np.flatnonzero(self._touches(amplitudes)):
+            rate = contact_rate(self.surface, is_layered=bool(thickness[i] > 0), has_bodies=bool(self.contact.bodies))
+            contact[i] = materials[i, mat.DENSITY] * rate
         for i in np.flatnonzero(amplitudes.any(1)):
             even = materials[i, mat.DENSITY] * self.mesh.node_area
             light[i] = float(np.min(self.masses(materials[i], amplitudes[i]) / even))
@@ -199,8 +228,9 @@ class Simulator:
         bend, membrane = bending * by_bending, stretch + shear
         density = materials[:, mat.DENSITY] * np.maximum(light, 1e-3)
         viscous = 1 + materials[:, mat.VISCOSITY] / RELAXATION_TIME
-        omega = np.sqrt((membrane * viscous + bend) / density)
+        omega = np.sqrt((membrane * viscous + bend + contact) / density)
         damping = membrane * materials[:, mat.MEMBRANE_TIME] + bend * materials[:, mat.BENDING_TIME]
+        damping += contact * 2 * DAMPING / OMEGA
         zeta = damping / density / (2 * omega)
         limit = SAFETY * 2 / omega * (np.sqrt(1 + zeta**2) - zeta)
         wanted = np.ceil(2 * np.log2(COARSEST_STEP / limit))
@@ -228,7 +258,7 @@ class Simulator:
         return sum(e.friction_moment(amplitude[c]) for e, c in zip(self.effects, self.columns, strict=True))
 
     def kernel_rows(self, materials: Floats, amplitudes: Floats) -> Floats:
-        """What the kernel wants to know of each candidate, (candidates, 15)."""
+        """What the kernel wants to know of each candidate, (candidates, 17)."""
         warp, weft = np.exp(0.5 * materials[:, mat.STRETCH_RATIO]), np.exp(0.5 * materials[:, mat.BENDING_RATIO])
         x, y = np.sin(materials[:, mat.TILT_X]), np.sin(materials[:, mat.TILT_Y])
         stretch, bending = materials[:, mat.STRETCH], materials[:, mat.BENDING]
@@ -239,6 +269,7 @@ class Simulator:
                 materials[:, mat.MEMBRANE_TIME], materials[:, mat.BENDING_TIME], materials[:, mat.VELOCITY],
                 materials[:, mat.STIFFENING], gravity * x, gravity * y, -gravity * np.sqrt(1 - x**2 - y**2),
                 np.array([self._friction(a) for a in amplitudes]), materials[:, mat.VISCOSITY],
+                self.thickness(amplitudes), materials[:, mat.DENSITY],
             ],
             axis=1,
         )  # fmt: skip

@@ -21,6 +21,7 @@ from fit.effects.hanger_rotation import HangerRotation
 from fit.effects.hem import Hem
 from fit.effects.mass_distribution import MassDistribution
 from fit.effects.rest_curvature import RestCurvature
+from fit.effects.self_contact import SelfContact
 from fit.effects.shear_stiffness import ShearStiffness
 from fit.effects.strain_stiffening import StrainStiffening
 from fit.effects.stretch_viscosity import StretchViscosity
@@ -38,6 +39,7 @@ LIBRARY: tuple[Effect, ...] = (
     BendingViscosity(),
     StretchViscosity(),
     MassDistribution(),
+    SelfContact(),
     HangerCompliance(),
     HangerRotation(),
     AttachmentOffset(),

@@ -3,7 +3,7 @@
 An effect has one amplitude, or one per direction (its `components`); all at 0 is exactly off. It acts through hooks,
 each with a do-nothing default, so that the step and the observer know no effect by name:
 
-    cloth        `material`, `node_mass`, `rest_curvature`, `friction_moment`
+    cloth        `material`, `node_mass`, `rest_curvature`, `friction_moment`, `contact_thickness`
     air          `face_force` (inside the kernel), `added_mass`
     boundary     `drive`: the path of the held ends
     measurement  `drive`, and `observe`: what a tracker makes of the simulated points
@@ -51,6 +51,8 @@ class Effect:
     face_force: ClassVar[Callable[..., Any] | None] = None
     bends: ClassVar[bool] = False  # whether `rest_curvature` or `friction_moment` does anything
     adds_mass: ClassVar[bool] = False  # whether `added_mass` does anything
+    touches: ClassVar[bool] = False  # whether `contact_thickness` does anything
+    no_size: ClassVar[float] = 0.0  # an amplitude too small to do anything but shorten the step, if it does that
 
     def material(self, row: Floats, amplitude: Floats) -> Floats:
         """Return the material row (`fit.cloth.material.NAMES`) with this effect."""
@@ -66,6 +68,10 @@ class Effect:
 
     def friction_moment(self, amplitude: Floats) -> float:
         """Return the largest frictional moment per width [N]."""
+        return 0.0
+
+    def contact_thickness(self, amplitude: Floats) -> float:
+        """Return the distance at which layers of the cloth are kept apart [m]."""
         return 0.0
 
     def added_mass(self, mesh: ClothMesh, amplitude: Floats) -> Floats | float:

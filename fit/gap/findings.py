@@ -56,11 +56,14 @@ def describe_effects(evidence: Evidence, effects: tuple[Effect, ...], model: Par
             hypothesis.fitted.amplitudes[evidence.observer.columns[k]] if hypothesis else screened.amplitude[place]
         )
         size, interval = evidence.amplitude(k) if hypothesis else (size_of(amplitude), None)
+        can_show = bool(np.isfinite(detectable[place]))
         note = (
             f"best effect in {100 * shares[k]:.0f} % of bootstrap draws"
             if hypothesis
             else "screened only: too little of the residual to be worth a refit; amplitude linearised"
         )
+        if not can_show:
+            note = "these takes could not have shown it: at its typical size it moves none of their points"
         found.append(
             EffectFinding(
                 id=effect.name,
@@ -73,9 +76,9 @@ def describe_effects(evidence: Evidence, effects: tuple[Effect, ...], model: Par
                 unit=effect.unit,
                 closure=evidence.closure_of(hypothesis) if hypothesis else None,
                 p_value=float(screened.family_p_value[place]),
-                minimum_detectable=float(detectable[place]),
+                minimum_detectable=float(detectable[place]) if can_show else None,
                 explained=float(screened.explained[place]),
-                absorbed=float(screened.absorbed[place]),
+                absorbed=float(screened.absorbed[place]) if can_show else None,
                 correlation=float(screened.correlation[place]),
                 fitted_share=1 - hypothesis.fitted.cost / evidence.base.fitted.cost if hypothesis else None,
                 note=note,

@@ -9,6 +9,9 @@ one column per component, taken at the typical size), what the fitted parameters
 
 T is judged against its own wild bootstrap (the signs of the blocks' scores drawn at random), and the smallest p of all
 effects against the smallest of each draw, which controls the family-wise error under any correlation.
+An effect that moves no point at all (cloth that never touches itself) has none of this, and no amplitude of it would
+be found. Signatures are taken against the fit; those of contact, whose step is shorter, against contact too small to
+touch anything (`Effect.no_size`), so that they are nothing where nothing touches.
 The smallest amplitude that would be found with power 0.8 at level 0.05 is (1.645 + 0.842) sd(alpha), with block scores
 of what the best hypothesis leaves: a gap that is explained is no noise.
 Sources: C. R. Rao, Proc. Camb. Phil. Soc. 44 (1948) (score test); P. H. Westfall & S. S. Young, "Resampling-based
@@ -61,9 +64,14 @@ class Screened:
     typical: Floats
 
     def minimum_detectable(self, left: Floats, block: NDArray[np.int64]) -> Floats:
-        """Smallest amplitude of each effect that would have shown, (screened,), where `left` is what a model leaves."""
-        found = np.zeros(len(self.effects))
+        """Smallest amplitude of each effect that would have shown, (screened,), where `left` is what a model leaves.
+
+        Infinite where an effect moves nothing.
+        """
+        found = np.full(len(self.effects), np.inf)
         for n, rows in enumerate(self.projected):
+            if not rows.any():
+                continue
             gain = np.zeros((int(block.max()) + 1, len(rows)))
             np.add.at(gain, block, (rows * left).T)
             inverse = np.linalg.pinv(rows @ rows.T, hermitian=True)
@@ -75,6 +83,7 @@ class Screened:
 def signatures_of(observer: Observer, fitted: Fitted, chosen: tuple[int, ...]) -> list[Floats]:
     """Change of the residual per unit of each component of the chosen effects, each (components, numbers)."""
     rows = []
+    references: dict[int, int] = {}
     for k in chosen:
         effect, columns = observer.effects[k], observer.columns[k]
         for column in range(columns.start, columns.stop):
@@ -82,6 +91,9 @@ def signatures_of(observer: Observer, fitted: Fitted, chosen: tuple[int, ...]) -
                 row = fitted.amplitudes.copy()
                 row[column] = np.clip(row[column] + sign * SECANT * effect.typical, effect.low, effect.high)
                 rows.append(row)
+        if effect.no_size > 0.0:
+            references[k] = len(rows)
+            rows.append(_with(fitted.amplitudes, columns, np.maximum(fitted.amplitudes[columns], effect.no_size)))
     moved = observer.residuals(np.tile(fitted.vector, (len(rows), 1)), np.array(rows))
     found, at = [], 0
     for k in chosen:
@@ -89,13 +101,21 @@ def signatures_of(observer: Observer, fitted: Fitted, chosen: tuple[int, ...]) -
         parts = []
         for column in range(columns.start, columns.stop):
             if effect.is_one_sided:
-                parts.append((moved[at] - fitted.residual) / (rows[at][column] - fitted.amplitudes[column]))
+                before = moved[references[k]] if k in references else fitted.residual
+                parts.append((moved[at] - before) / (rows[at][column] - fitted.amplitudes[column]))
                 at += 1
             else:
                 parts.append((moved[at] - moved[at + 1]) / (rows[at][column] - rows[at + 1][column]))
                 at += 2
+        at += k in references
         found.append(np.array(parts))
     return found
+
+
+def _with(amplitudes: Floats, columns: slice, changed: Floats) -> Floats:
+    row = amplitudes.copy()
+    row[columns] = changed
+    return row
 
 
 def screen(observer: Observer, fitted: Fitted, chosen: tuple[int, ...], rng: np.random.Generator) -> Screened:
@@ -163,12 +183,15 @@ def _statistic(total: Floats, meat: Floats, is_one_sided: bool) -> Floats:
 
 
 def _p_values(statistic: Floats, drawn: Floats) -> tuple[Floats, Floats]:
-    """Own and family-wise p-values from statistics, (effects,), and draws, (effects, replicas)."""
+    """Own and family-wise p-values from statistics, (effects,), and draws, (effects, replicas).
+
+    An effect whose draws are all alike moves nothing and is not one of the family.
+    """
     replicas = drawn.shape[1]
     own = (1 + (drawn >= statistic[:, None]).sum(1)) / (1 + replicas)
     # p-value of every draw among all draws of its own effect
-    order = np.argsort(np.argsort(-drawn, axis=1), axis=1)
-    smallest = ((1 + order) / replicas).min(0)
+    order = np.argsort(np.argsort(-drawn[np.ptp(drawn, axis=1) > 0], axis=1), axis=1)
+    smallest = ((1 + order) / replicas).min(0, initial=1.0)
     family = (1 + (smallest[None] <= own[:, None]).sum(1)) / (1 + replicas)
     return own, family
 

@@ -238,7 +238,8 @@ def test_every_effect_is_exactly_off_at_zero_and_changes_something_at_its_typica
     moved = Simulator(recording, LIBRARY).run(np.repeat(row, len(LIBRARY), 0), amplitudes).points
     for effect, points in zip(LIBRARY, moved, strict=True):
         assert np.isfinite(points).all(), effect.name
-        assert np.abs(points - plain).max() > 1e-3, effect.name
+        # This sheet never touches itself: `tests/fit/test_contact.py` has one that does.
+        assert effect.touches or np.abs(points - plain).max() > 1e-3, effect.name
         assert effect.low <= 0.0 < effect.typical <= effect.high, effect.name
     without = Simulator(recording).run(row).points[0]
     # Two kernels, so rounding may differ; physics may not.

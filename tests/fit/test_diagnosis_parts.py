@@ -77,6 +77,43 @@ def test_nothing_is_sure_of_an_effect_where_there_is_none():
     assert found.family_p_value.min() > 0.05
 
 
+def a_tube(amplitude):
+    """A take of a swung tube, front and back sewn together at the sides, whose layers keep a distance [m]."""
+    import msgspec
+
+    garment = msgspec.structs.replace(sheet(grid=5, mass=0.072), format="hangtime-garment/2", seams=((1, 2), (3, 0)))
+    time = np.arange(0, 3, FRAME)
+    row = material(garment, velocity_damping=1.5, bending_stiffness=3e-5, shear_stiffness=40.0)
+    moved = swing(time, amplitude=0.06, hz=0.8, stop=2.2)
+    return simulate_take(
+        garment, time, moved, row, effects=LIBRARY, noise=0.001, resolution=COARSE,
+        amplitudes=amplitudes_of(LIBRARY, self_contact=amplitude)[None],
+    )  # fmt: skip
+
+
+def test_cloth_that_touches_itself_shows_contact_and_cloth_that_does_not_says_so():
+    """A sheet that hangs from its edge never folds: no amplitude of contact would show. A tube's layers slap."""
+    chosen = tuple(k for k, e in enumerate(LIBRARY) if e.name in {"hem", "anisotropy", "self_contact", "added_mass"})
+    place = chosen.index(next(k for k in chosen if LIBRARY[k].name == "self_contact"))
+    found = {}
+    for name, take in (("sheet", a_take()), ("tube", a_tube(0.005))):
+        observer = Observer([prepare(take)], SI, LIBRARY, frequency=1.0, resolution=COARSE)
+        fitted = fitted_at(observer, truth_vector())
+        found[name] = screen(observer, fitted, chosen, np.random.default_rng(0))
+        least = found[name].minimum_detectable(fitted.residual, observer.layout.block)
+        if name == "sheet":
+            assert np.isinf(least[place])
+            assert np.isfinite(np.delete(least, place)).all()
+            assert not found[name].raw[place].any()
+            assert found[name].predicted[place] == 0.0
+            assert found[name].p_value[place] == found[name].family_p_value[place] == 1.0
+        else:
+            assert least[place] < 0.005
+    tube = found["tube"]
+    assert int(np.argmax(tube.predicted)) == place
+    assert tube.amplitude[place][0] == pytest.approx(0.005, rel=0.3)
+
+
 def test_static_residuals_count_for_material_points_only():
     """A 3 mm shift of every point: 3 mm of error on a swatch, none where points are a silhouette's."""
     take = a_take(noise=0.0)

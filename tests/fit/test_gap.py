@@ -274,3 +274,8 @@ def test_a_planted_effect_is_named_with_its_amplitude(effect, amplitude, toleran
     assert effect in found.named
     named = next(f for f in found.effects if f.id == effect)
     assert named.amplitude == pytest.approx(amplitude, rel=tolerance)
+    if effect == "hem":
+        # This sheet never folds onto itself.
+        contact = next(f for f in found.effects if f.id == "self_contact")
+        assert contact.minimum_detectable is None
+        assert "could not have shown it" in contact.note

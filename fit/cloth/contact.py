@@ -1,0 +1,338 @@
+"""Contact of the cloth with itself and with simple bodies: the law, and the surface on which it acts.
+
+Nodes stand 30 to 50 mm apart, cloth is a millimetre thick: spheres round nodes would either let layers through or keep
+them a node's distance apart. So contact acts between places and pieces of the surface. Every element is divided into
+`division` by `division` quads; their corners are the samples y_s = sum_n N_sn x_n, N being the element's own shape
+functions. Sample i, of area A_i and velocity w_i, meets the mean plane of quad q with corners y_a y_b / y_c y_d:
+
+    c = mean of y_k,  t_1 = (y_b - y_a + y_d - y_c)/2,  t_2 = (y_c - y_a + y_d - y_b)/2,  n = t_1 x t_2 / |t_1 x t_2|
+    gap g = n.(y_i - c),  y_i - c - g n = xi_1 t_1 + xi_2 t_2,  psi = s(xi_1) s(xi_2),  s(xi) = clip(3/2 - 2 |xi|, 0, 1)
+
+s falls from 1 to 0 about the quad's edge, so that the windows psi of neighbouring quads add up to 1; where the cloth
+ends it falls a quarter of a side farther out. With the weights h_k = 1/4 +- xi_1 / 2 +- xi_2 / 2 of the corners the
+place below the sample is sum_k h_k y_k, and dg = n.(dy_i - sum_k h_k dy_k) exactly. Hence a pressure p on the sample
+along n sign(g) with -h_k p on the corners is the gradient of an energy (but for that of psi, which sums to nothing
+where neighbouring planes agree) and has neither resultant nor torque. Nodes get N' times the samples' forces, the
+transpose of what carries the motion.
+
+The law, on overlap delta = max(0, d - |g|) with the distance d that layers are kept apart (`thickness`):
+
+    p = max(0, k delta - c r d|g|/dt),  t = -min(c, mu p / |u_t|) u_t,  k = rho omega^2 / 2,  c = zeta rho omega
+
+with r = clip(4 delta / d, 0, 1), the velocity u_t of one along the other and the coefficient of friction mu. The force
+is A_i psi (p n + t) / 2, as the other layer's samples do the other half. k and c are scaled by the mass per area rho:
+two layers, rho / 2 of reduced mass, bounce at omega with damping zeta whatever the cloth is made of, so that
+    a layer of weight rho g rests by 2 g / omega^2 = 20 um within d, and
+    it takes a speed of omega d, 5 m/s for d = 5 mm, to drive one layer through another.
+So no memory is needed of who was on which side, and d may be as small as the speeds allow. Friction creeps: below the
+sliding limit it is a dashpot, which a layer's weight drives at g / (zeta omega) = 3 cm/s.
+Against a body (`Body`) a sample meets its surface with twice k and c, the body being immovable, and all of its area.
+
+Sources: R. Bridson, R. Fedkiw, J. Anderson, "Robust treatment of collisions, contact and friction for cloth animation"
+(SIGGRAPH 2002), sections 5 to 7 (points against the planes of faces, thickness, repulsion scaled by mass, friction
+bounded by what stops sliding); M. Li et al., "Incremental potential contact" (SIGGRAPH 2020), section 4 (contact from a
+potential of distances; Coulomb friction smoothed about rest) and "Convergent IPC" (2023; contact as an integral over
+the surface, weighted by area); P. Wriggers, "Computational Contact Mechanics" (2006), section 5.3 (penalty stiffness).
+
+Not seen: edge against edge, where no sample is within d of the other layer: layers may overlap by what a quad's
+plane misses of the curved surface, kappa l^2 / 8, 1 mm for quads of l = 25 mm bent by 15 1/m. Pieces nearer along the
+cloth than `NEAREST` quads do not meet: bending keeps them apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.cloth import spectral
+from fit.cloth.elements import CORNERS, Integers, Stencils, bilinear_slopes, joined_stencils
+from fit.cloth.mesh import ClothMesh
+from fit.errors import FitError
+
+Floats = NDArray[np.float64]
+
+OMEGA = 1000.0  # 1/s, of two layers against each other: well below the cloth's own highest frequency
+DAMPING = 0.3  # of the critical: layers come apart at about half of the speed at which they met
+FEWEST = 4  # quads along an element, one more than its order: fewer would need a shorter step
+NEAREST = 2.0  # mean quad diagonals along the cloth within which pieces do not meet
+WINDOW = 0.75  # of a quad's sides from its centre where it still meets samples
+BORDER = 0.25  # of its sides that a quad's window is wider where the cloth ends: whole up to the border
+STRETCHED = 1.15  # by which a quad may grow and still meet all that it should
+LAYERS = 2  # that a layer touches at most
+
+
+@dataclass(frozen=True, kw_only=True)
+class Body:
+    """A box with rounded edges that stands still: sphere, capsule, half-space and box are all of its kind.
+
+    centre [m], world frame; axes, (3, 3): unit vectors along its sides; half_size [m], (3,), before rounding by radius
+    """
+
+    centre: tuple[float, float, float]
+    axes: tuple[tuple[float, float, float], ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    half_size: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    radius: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Raise FitError for what is no body."""
+        sizes = (*self.half_size, self.radius)
+        axes = np.array(self.axes, float)
+        if not (np.isfinite((*self.centre, *sizes)).all() and min(sizes) >= 0 and max(sizes) > 0):
+            raise FitError(f"a body of half sizes {self.half_size} m and radius {self.radius} m has no inside")
+        if axes.shape != (3, 3) or not np.allclose(axes @ axes.T, np.eye(3), atol=1e-6):
+            raise FitError("a body's axes are not three unit vectors square to each other")
+
+    def row(self) -> Floats:
+        """Return centre, axes, half sizes and radius, (16,)."""
+        return np.concatenate([self.centre, np.ravel(self.axes), self.half_size, [self.radius]])
+
+    @property
+    def thickness(self) -> float:
+        """Its smallest width [m]."""
+        return 2 * (min(self.half_size) + self.radius)
+
+    def distance(self, places: Floats) -> Floats:
+        """Distances [m] of places (..., 3) from its surface, negative inside: what the kernel computes."""
+        beyond = np.abs((places - np.array(self.centre)) @ np.array(self.axes).T) - np.array(self.half_size)
+        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1)
+        return np.asarray(outside + np.minimum(beyond.max(-1), 0.0) - self.radius)
+
+
+def sphere(centre: tuple[float, float, float], radius: float) -> Body:
+    """Return a sphere [m]."""
+    return Body(centre=centre, radius=radius)
+
+
+def capsule(start: tuple[float, float, float], end: tuple[float, float, float], radius: float) -> Body:
+    """Return all that is within a radius of the straight way from start to end [m].
+
+    Raises:
+        FitError: start and end are the same place.
+    """
+    way = np.subtract(end, start)
+    length = float(np.linalg.norm(way))
+    if not length > 0:
+        raise FitError("a capsule that ends where it starts is a sphere", advice="use sphere(centre, radius)")
+    centre = np.add(start, end) / 2
+    return Body(centre=_triple(centre), axes=_square_to(way / length), half_size=(0.0, 0.0, length / 2), radius=radius)
+
+
+def half_space(place: tuple[float, float, float], normal: tuple[float, float, float]) -> Body:
+    """Return everything behind a plane through a place [m]; the normal points to where the cloth is.
+
+    Raises:
+        FitError: the normal has no length.
+    """
+    length = float(np.linalg.norm(normal))
+    if not length > 0:
+        raise FitError(f"a plane's normal {normal} has no direction")
+    unit = np.array(normal) / length
+    half = HALF_SPACE
+    return Body(centre=_triple(np.array(place) - half * unit), axes=_square_to(unit), half_size=(half, half, half))
+
+
+def box(centre: tuple[float, float, float], half_size: tuple[float, float, float], *, radius: float = 0.0) -> Body:
+    """Return a box along the world's axes [m], its edges rounded by a radius beyond the half sizes."""
+    return Body(centre=centre, half_size=half_size, radius=radius)
+
+
+HALF_SPACE = 50.0  # m that a half-space reaches: single precision still tells micrometres there
+
+
+def _triple(values: Floats) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in values)
+    return x, y, z
+
+
+def _square_to(axis: Floats) -> tuple[tuple[float, float, float], ...]:
+    """Three axes, the last one given."""
+    other = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    first = np.cross(other, axis)
+    first /= np.linalg.norm(first)
+    return _triple(first), _triple(np.cross(axis, first)), _triple(axis)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contact:
+    """What the cloth may touch.
+
+    thickness [m]: distance at which layers of the cloth are kept apart, 0: they pass through each other
+    friction [1]: coefficient of friction between layers and against bodies
+    bodies; clearance [m]: distance from their surface at which the cloth is kept
+    spacing [m]: of the samples, at most; a body that is thinner slips through between them
+    """
+
+    thickness: float = 0.0
+    friction: float = 0.0
+    bodies: tuple[Body, ...] = ()
+    clearance: float = 0.002
+    spacing: float = 0.04
+
+    def __post_init__(self) -> None:
+        """Raise FitError for numbers that no contact can have."""
+        for name, value, high in (
+            ("thickness", self.thickness, 0.05), ("friction", self.friction, 2.0), ("clearance", self.clearance, 0.05),
+        ):  # fmt: skip
+            if not 0.0 <= value <= high:
+                raise FitError(f"a contact {name} of {value} is not between 0 and {high}")
+        if self.bodies and not self.clearance > 0:
+            raise FitError("bodies need a clearance above 0", advice="two millimetres cannot be seen")
+        if not 0.005 <= self.spacing <= 0.1:
+            raise FitError(f"samples {self.spacing} m apart are not between 0.005 and 0.1")
+        for body in self.bodies:
+            if body.thickness < self.spacing:
+                raise FitError(
+                    f"a body {body.thickness:.3f} m thick slips through between samples {self.spacing:.3f} m apart",
+                    advice=f"set the contact's spacing to {body.thickness:.3f} or less, or round it by a larger radius",
+                )
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The cloth's surface as contact sees it.
+
+    samples: stencils of values, all of 16 nodes; area [m^2], (samples,); quads, (quads, 4): samples a b / c d
+    windows, (quads, 4): where in units of its sides a quad's window ends, towards c d, a b, b d and a c
+    reach [m], (quads,): distance from its centre within which a quad meets samples
+    may_meet, (samples, quads): whether a sample and a quad are far enough apart along the cloth
+    carried: most by which a sample can move while no node moves by more than 1
+    rate: largest eigenvalue of contact at unit stiffness and density, all samples bound to their places
+    """
+
+    samples: Stencils
+    area: Floats
+    quads: Integers
+    windows: Floats
+    reach: Floats
+    may_meet: NDArray[np.bool_]
+    carried: float
+    rate: float
+
+    def words(self) -> Integers:
+        """Return `may_meet` as bits, rows of whole words, the first quad lowest."""
+        rows = np.zeros((len(self.may_meet), -(-len(self.quads) // 32) * 32), bool)
+        rows[:, : len(self.quads)] = self.may_meet
+        return np.packbits(rows, axis=1, bitorder="little").view("<i4").ravel()
+
+
+def surface_of(mesh: ClothMesh, spacing: float) -> Surface:
+    """Return the surface of a mesh with samples about `spacing` [m] apart or less."""
+    corners = mesh.rest[mesh.cells[:, CORNERS]]
+    sides = np.linalg.norm(corners[:, [1, 3, 2, 0]] - corners[:, [0, 1, 3, 2]], axis=2)
+    division = max(FEWEST, int(np.ceil(float(sides.mean()) / spacing - 1e-9)))
+    local = np.linspace(-1.0, 1.0, division + 1)
+    samples, index = _samples(mesh, local)
+    area = np.bincount(index.ravel(), _areas(corners, local).ravel(), len(samples)).astype(float)
+    a, b, c, d = (i.ravel() for i in (index[:, :-1, :-1], index[:, :-1, 1:], index[:, 1:, :-1], index[:, 1:, 1:]))
+    quads = np.stack([a, b, c, d], 1)
+    places = samples.apply(mesh.rest)
+    diagonal = np.maximum(
+        *(np.linalg.norm(places[quads[:, p]] - places[quads[:, q]], axis=1) for p, q in ((0, 3), (1, 2)))
+    )
+    windows = np.asarray(WINDOW + BORDER * _at_border(quads), float)
+    return Surface(
+        samples=samples,
+        area=area,
+        quads=quads.astype(np.int32),
+        windows=windows,
+        reach=STRETCHED * windows.max(1) * diagonal,
+        may_meet=_far_apart(places, quads, _held_together(mesh, samples, places), NEAREST * float(diagonal.mean())),
+        carried=float(np.bincount(samples.rows(), np.abs(samples.weights[:, 0])).max()),
+        rate=_largest_rate(samples, area, mesh.node_area),
+    )
+
+
+def _samples(mesh: ClothMesh, local: Floats) -> tuple[Stencils, NDArray[np.int64]]:
+    """Samples at places of [-1, 1] along and across each element, and which they are, (cells, n, n)."""
+    along = spectral.values(local)
+    weights = np.einsum("ra,cb->rcab", along, along).reshape(len(local) ** 2, -1)
+    weights[np.abs(weights) < 1e-12] = 0.0
+    known: dict[tuple[float, ...], int] = {}
+    nodes: list[Integers] = []
+    kept: list[Floats] = []
+    index = np.zeros((len(mesh.cells), len(local), len(local)), int)
+    for cell, of in enumerate(mesh.cells):
+        for place, row in enumerate(weights):
+            used = np.flatnonzero(row)
+            order = used[np.argsort(of[used])]
+            # One sample on a side that two elements, or front and back, share: the same nodes with the same weights.
+            key = (*of[order].tolist(), *np.round(row[order], 9).tolist())
+            if key not in known:
+                known[key] = len(nodes)
+                nodes.append(of)
+                kept.append(row)
+            index[cell].flat[place] = known[key]
+    return joined_stencils([n.astype(np.int64) for n in nodes], [row[:, None] for row in kept]), index
+
+
+def _areas(corners: Floats, local: Floats) -> Floats:
+    """Area that each sample of each element stands for [m^2], (cells, n, n), with weights that integrate cubics.
+
+    Of all such weights those nearest to the trapezium rule's: a pressure that is the same everywhere then pushes every
+    node in proportion to its mass, and level cloth that meets a level floor stays level.
+    """
+    rule = np.full(len(local), 2.0 / (len(local) - 1))
+    rule[[0, -1]] /= 2
+    along = spectral.values(local).T
+    rule += np.linalg.pinv(along) @ (spectral.WEIGHTS - along @ rule)
+    places = np.stack([np.tile(local, len(local)), np.repeat(local, len(local))], 1)
+    jacobian = 0.5 * np.einsum("sac,pcb->psab", bilinear_slopes((places + 1) / 2), corners)
+    size = np.abs(np.linalg.det(jacobian)).reshape(len(corners), len(local), len(local))
+    return np.asarray(size * rule[:, None] * rule)
+
+
+def _at_border(quads: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which sides of each quad no other shares, (quads, 4): c d, a b, b d and a c."""
+    sides = np.sort(quads[:, [[2, 3], [0, 1], [1, 3], [0, 2]]].reshape(-1, 2), axis=1)
+    _, of, shared = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
+    return np.asarray(shared[of.ravel()] == 1).reshape(-1, 4)
+
+
+def _held_together(mesh: ClothMesh, samples: Stencils, places: Floats) -> NDArray[np.int64]:
+    """Pairs of samples that a hanger holds in the same place, front and back, (n, 2)."""
+    is_held = np.zeros(len(mesh.rest), bool)
+    is_held[mesh.held_nodes] = True
+    free = np.bincount(samples.rows(), (samples.weights[:, 0] != 0) & ~is_held[samples.nodes], len(places))
+    held = np.flatnonzero(free == 0)
+    same = np.linalg.norm(places[held][:, None] - places[held][None], axis=2) < 1e-6
+    return np.asarray(held[np.argwhere(np.triu(same, 1))]).reshape(-1, 2)
+
+
+def _far_apart(
+    places: Floats, quads: NDArray[np.int64], joined: NDArray[np.int64], nearest: float
+) -> NDArray[np.bool_]:
+    """Which samples and quads are farther apart along the cloth, over seams and `joined` too, (samples, quads)."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import dijkstra
+
+    ways = np.concatenate([quads[:, [p, q]] for p, q in ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))] + [joined])
+    ways = np.unique(np.sort(ways, axis=1), axis=0)
+    # A way of no length would be none to the graph.
+    length = np.maximum(np.linalg.norm(places[ways[:, 0]] - places[ways[:, 1]], axis=1), 1e-9)
+    count = len(places)
+    graph = coo_array((length, (ways[:, 0], ways[:, 1])), shape=(count, count)).tocsr()
+    apart = dijkstra(graph, directed=False, limit=nearest)
+    return np.asarray(np.isinf(apart[:, quads]).all(2))
+
+
+def _largest_rate(samples: Stencils, area: Floats, node_area: Floats) -> float:
+    """Largest eigenvalue of N' A N against the lumped masses at unit density."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.linalg import eigsh
+
+    scaled = samples.weights[:, 0] * np.sqrt(area)[samples.rows()] / np.sqrt(node_area)[samples.nodes]
+    matrix = coo_array((scaled, (samples.rows(), samples.nodes)), shape=(len(samples), len(node_area))).tocsr()
+    start = np.random.default_rng(0).standard_normal(len(node_area))
+    return float(eigsh((matrix.T @ matrix).tocsc(), 1, which="LA", v0=start, return_eigenvectors=False, tol=1e-3)[0])
+
+
+def contact_rate(surface: Surface, *, is_layered: bool, has_bodies: bool) -> float:
+    """Bound of omega^2 that contact adds [1/s^2], whatever the cloth weighs.
+
+    Of a pair's energy A k delta^2 / 4, delta^2 = (a - b)^2 <= 2 a^2 + 2 b^2: all pairs together have at most LAYERS k
+    times the sum of A_s y_s^2, and with k = rho omega^2 / 2 an eigenvalue of LAYERS omega^2 `Surface.rate`; bodies add
+    omega^2 of it.
+    """
+    return OMEGA**2 * surface.rate * (LAYERS * is_layered + has_bodies)

@@ -1,0 +1,311 @@
+"""Who is near whom in contact, for candidates side by side: places, lists of pairs, and the memory they are kept in.
+
+Of all pairs of a sample and a quad that may meet, and of a sample and a body, those within `WATCHED` of contact in any
+lane are watched; of these, those within `NEAR` are computed. A list holds until a node has moved so far that a pair
+which is not in it could touch: a sample moves by `Surface.carried` times that at most, so that with the margin m
+
+    2 carried max |x - x_then| <= m,   m = NEAR, or WATCHED where nothing is watched
+
+(L. Verlet, Phys. Rev. 159 (1967), section II). Every pair that touches is computed and one that does not adds exactly
+nothing, so a candidate's result does not depend on its company.
+
+A kernel takes 64 arrays at most, so contact has three, each holding several things one after the other:
+    whole      samples, quads, bodies, length of a list, where the vectors begin in `memory`; nodes of the samples,
+               times 3; corners of the quads, times `SPOT`; who may meet, a bit per quad, a row of words per sample;
+               then, per group, what it has listed: counts; marks of samples and quads; those that take part, samples
+               from the front, quads from the end; pairs, those with bodies from the end; pairs that are watched
+    memory     vectors of lanes, after the numbers of `alone`: `SPOT` per sample (place, velocity, force), `PANEL` per
+               quad (`face_quad`), places of the nodes when pairs were last chosen, and watched; a gauge per group
+    alone      the same memory number by number. At its front: weights of the samples' nodes; areas; reaches and
+               windows of the quads; bodies; carried, friction, clearance, and per group the largest distance between
+               layers. What must be decided for all lanes at once is written as a vector and read here.
+"""
+
+# No `from __future__ import annotations` here: Taichi reads the annotations of functions.
+
+import taichi as ti
+
+from fit.cloth.lanes import magnitude, within
+
+WATCHED = 0.05  # m
+NEAR = 0.005  # m
+MOVED = 2.5  # times `NEAR` that a sample may have moved against the plane of a quad, or along it, see `beside`
+SPOT, PANEL, BODY = 9, 30, 16  # numbers of a sample, a quad and a body
+CENTRE, NORMAL, FIRST, SECOND, SPEED, SPEED_1, SPEED_2, FORCE = 0, 3, 6, 9, 12, 15, 18, 21  # of a quad's numbers
+MARKED, WATCHING, PAIRS, SPOTS, PANELS, BODIES = range(6)  # of the counts; MARKED: whether there are lists
+COUNTS = 6
+HEADER = 5  # sizes at the front of `whole`
+WORD = 32  # bits
+TINY = 1e-20
+
+
+@ti.func
+def least(alone: ti.template(), begin, lanes: ti.template()):
+    """Least number of a vector that begins there, by halves: a loop over lanes would be slower."""
+    if ti.static(lanes == 1):
+        return alone[begin]
+    else:
+        return ti.min(least(alone, begin, lanes // 2), least(alone, begin + lanes // 2, lanes // 2))
+
+
+@ti.func
+def has_moved(
+    home, nodes, x: ti.template(), then, gauge, memory: ti.template(), alone: ti.template(), allowed,
+    lanes: ti.template(),
+):  # fmt: skip
+    """Whether a node of any lane has moved farther than allowed [m] from where it was, kept from `then` on."""
+    memory[gauge] = 0.0 * x[home]
+    for i in range(nodes):
+        j, k = within(home + 3 * i), within(then + 3 * i)
+        d0, d1, d2 = x[j] - memory[k], x[j + 1] - memory[k + 1], x[j + 2] - memory[k + 2]
+        memory[gauge] = ti.min(memory[gauge], 0.0 - (d0 * d0 + d1 * d1 + d2 * d2))
+    return least(alone, gauge * lanes, lanes) < 0.0 - allowed * allowed
+
+
+@ti.func
+def remember(home, nodes, x: ti.template(), then, memory: ti.template()):
+    """Keep the places of the nodes."""
+    for i in range(3 * nodes):
+        memory[then + i] = x[home + i]
+
+
+@ti.func
+def carry(home, at, s, y: ti.template(), whole: ti.template(), alone: ti.template(), memory: ti.template()):
+    """A field of the nodes at a sample, from the 16 nodes of its element."""
+    i, h = within(home + whole[HEADER + 16 * s]), alone[16 * s]
+    s0, s1, s2 = h * y[i], h * y[i + 1], h * y[i + 2]
+    for n in ti.static(range(1, 16)):
+        w, j = alone[16 * s + n], within(home + whole[HEADER + 16 * s + n])
+        s0, s1, s2 = s0 + w * y[j], s1 + w * y[j + 1], s2 + w * y[j + 2]
+    memory[at], memory[at + 1], memory[at + 2] = s0, s1, s2
+
+
+@ti.func
+def corners(q, first, samples, whole: ti.template()):
+    """Where the four corners of a quad are."""
+    at = HEADER + 16 * samples + 4 * q
+    return (
+        within(first + whole[at]), within(first + whole[at + 1]), within(first + whole[at + 2]),
+        within(first + whole[at + 3]),
+    )  # fmt: skip
+
+
+@ti.func
+def apart(at, facing, memory: ti.template(), distance):
+    """Square of a sample's distance from a quad's centre, less that of a distance."""
+    d0, d1, d2 = memory[at] - memory[facing], memory[at + 1] - memory[facing + 1], memory[at + 2] - memory[facing + 2]
+    return d0 * d0 + d1 * d1 + d2 * d2 - distance * distance
+
+
+@ti.func
+def located(at, facing, memory: ti.template()):
+    """Gap of a sample above the plane of a quad, its xi_1 and xi_2 there, and its squared distance from the centre."""
+    r0, r1, r2 = memory[at] - memory[facing], memory[at + 1] - memory[facing + 1], memory[at + 2] - memory[facing + 2]
+    j, k, m = within(facing + NORMAL), within(facing + FIRST), within(facing + SECOND)
+    return (
+        r0 * memory[j] + r1 * memory[j + 1] + r2 * memory[j + 2],
+        r0 * memory[k] + r1 * memory[k + 1] + r2 * memory[k + 2],
+        r0 * memory[m] + r1 * memory[m + 1] + r2 * memory[m + 2], r0 * r0 + r1 * r1 + r2 * r2,
+    )  # fmt: skip
+
+
+@ti.func
+def length(at, memory: ti.template()):
+    """Length of a vector."""
+    return ti.sqrt(memory[at] * memory[at] + memory[at + 1] * memory[at + 1] + memory[at + 2] * memory[at + 2])
+
+
+@ti.func
+def beside(at, facing, windows, memory: ti.template(), alone: ti.template(), thickness):
+    """Below 0 where a sample is, or could soon be, within the window of a quad and near its plane.
+
+    Sample and corners each move by NEAR / 2 at most before the lists are made anew. With sum |h_k| <= 5/2 the place
+    below the sample moves by 5/4 of NEAR against the sample's 1/2, and the plane turns by NEAR over a side.
+    """
+    gap, one, two, _ = located(at, facing, memory)
+    more = MOVED * NEAR
+    first, second = more * length(facing + FIRST, memory), more * length(facing + SECOND, memory)
+    out = ti.max(one - alone[windows + 2], 0.0 - one - alone[windows + 3]) - first
+    out = ti.max(out, ti.max(two - alone[windows], 0.0 - two - alone[windows + 1]) - second)
+    return ti.max(out, magnitude(gap) - (thickness + more))
+
+
+@ti.func
+def body_distance(at, body, memory: ti.template(), alone: ti.template()):
+    """Distance of a sample from a body [m], negative inside, and the way out."""
+    d0, d1, d2 = memory[at] - alone[body], memory[at + 1] - alone[body + 1], memory[at + 2] - alone[body + 2]
+    p0 = alone[body + 3] * d0 + alone[body + 4] * d1 + alone[body + 5] * d2
+    p1 = alone[body + 6] * d0 + alone[body + 7] * d1 + alone[body + 8] * d2
+    p2 = alone[body + 9] * d0 + alone[body + 10] * d1 + alone[body + 11] * d2
+    q0, q1 = magnitude(p0) - alone[body + 12], magnitude(p1) - alone[body + 13]
+    q2 = magnitude(p2) - alone[body + 14]
+    o0, o1, o2 = ti.max(q0, 0.0), ti.max(q1, 0.0), ti.max(q2, 0.0)
+    outside = ti.sqrt(o0 * o0 + o1 * o1 + o2 * o2)
+    deepest = ti.max(q0, ti.max(q1, q2))
+    # Outside the way out is that from the nearest place, inside that to the nearest side.
+    zero = 0.0 * d0
+    one = zero + 1.0
+    g0 = ti.select(deepest < zero, ti.select(q0 >= deepest, one, zero), o0 / (outside + TINY))
+    g1 = ti.select(deepest < zero, ti.select(q1 >= deepest, one, zero), o1 / (outside + TINY))
+    g2 = ti.select(deepest < zero, ti.select(q2 >= deepest, one, zero), o2 / (outside + TINY))
+    g0, g1 = ti.select(p0 < zero, zero - g0, g0), ti.select(p1 < zero, zero - g1, g1)
+    g2 = ti.select(p2 < zero, zero - g2, g2)
+    n0 = alone[body + 3] * g0 + alone[body + 6] * g1 + alone[body + 9] * g2
+    n1 = alone[body + 4] * g0 + alone[body + 7] * g1 + alone[body + 10] * g2
+    n2 = alone[body + 5] * g0 + alone[body + 8] * g1 + alone[body + 11] * g2
+    return outside + ti.min(deepest, 0.0) - alone[body + 15], n0, n1, n2
+
+
+@ti.func
+def find_places(
+    home, first, front, samples, count, x: ti.template(), whole: ti.template(), alone: ti.template(),
+    memory: ti.template(),
+):  # fmt: skip
+    """Places of all samples, and where all quads are and face."""
+    for s in range(samples):
+        carry(home, within(first + SPOT * s), s, x, whole, alone, memory)
+    for q in range(count):
+        face_quad(q, first, within(front + PANEL * q), samples, whole, memory)
+
+
+@ti.func
+def watch(
+    mine, first, front, gauge, watched, whole: ti.template(), memory: ti.template(),
+    alone: ti.template(), thickness, clearance, lanes: ti.template(),
+):  # fmt: skip
+    """List pairs within `WATCHED` of contact: sample times quads plus quad, and after all of these with bodies."""
+    samples, count, bodies = whole[0], whole[1], whole[2]
+    found = 0
+    if thickness > 0.0:
+        for s in range(samples):
+            at = within(first + SPOT * s)
+            for part in range((count + WORD - 1) // WORD):
+                word = whole[HEADER + 16 * samples + 4 * count + s * ((count + WORD - 1) // WORD) + part]
+                end = ti.min(WORD, count - WORD * part)
+                memory[gauge] = 0.0 * memory[at] + 1.0
+                for n in range(end):
+                    if (word >> n) & 1 == 1:
+                        q = WORD * part + n
+                        reach = alone[17 * samples + q] + thickness + WATCHED
+                        memory[gauge] = ti.min(memory[gauge], apart(at, within(front + PANEL * q), memory, reach))
+                # Only where one of them is near in any lane is it worth while to ask which.
+                if least(alone, gauge * lanes, lanes) < 0.0:
+                    for n in range(end):
+                        if (word >> n) & 1 == 1:
+                            q = WORD * part + n
+                            reach = alone[17 * samples + q] + thickness + WATCHED
+                            memory[gauge] = apart(at, within(front + PANEL * q), memory, reach)
+                            if least(alone, gauge * lanes, lanes) < 0.0:
+                                whole[mine + watched + found] = s * count + q
+                                found += 1
+    for s in range(samples):
+        for body in range(bodies):
+            far, _n0, _n1, _n2 = body_distance(
+                within(first + SPOT * s), 17 * samples + 5 * count + BODY * body, memory, alone
+            )
+            memory[gauge] = far - (clearance + WATCHED)
+            if least(alone, gauge * lanes, lanes) < 0.0:
+                whole[mine + watched + found] = samples * count + s * bodies + body
+                found += 1
+    whole[mine + WATCHING] = found
+
+
+@ti.func
+def choose(
+    mine, first, front, gauge, watched, whole: ti.template(), memory: ti.template(),
+    alone: ti.template(), thickness, clearance, lanes: ti.template(),
+):  # fmt: skip
+    """List those watched that are within `NEAR` of contact, and who takes part in them."""
+    samples, count, bodies, most = whole[0], whole[1], whole[2], whole[3]
+    listed, pairs = COUNTS + samples + count, COUNTS + 2 * (samples + count)
+    found, with_bodies, in_pairs, facing = 0, 0, 0, 0
+    for n in range(samples + count):
+        whole[mine + COUNTS + n] = 0
+    for n in range(whole[mine + WATCHING]):
+        code = whole[mine + watched + n]
+        s, q, body = code // count, code % count, -1
+        if code >= samples * count:
+            s, body = (code - samples * count) // bodies, (code - samples * count) % bodies
+            far, _n0, _n1, _n2 = body_distance(
+                within(first + SPOT * s), 17 * samples + 5 * count + BODY * body, memory, alone
+            )
+            memory[gauge] = far - (clearance + NEAR)
+        else:
+            at, windows = within(first + SPOT * s), 17 * samples + count + 4 * q
+            memory[gauge] = beside(at, within(front + PANEL * q), windows, memory, alone, thickness)
+        if least(alone, gauge * lanes, lanes) < 0.0:
+            whole[mine + COUNTS + s] = 1
+            if body < 0:
+                whole[mine + pairs + found] = code
+                found += 1
+                whole[mine + COUNTS + samples + q] = 1
+                for k in range(4):
+                    whole[mine + COUNTS + whole[HEADER + 16 * samples + 4 * q + k] // SPOT] = 1
+            else:
+                with_bodies += 1
+                whole[mine + pairs + most - with_bodies] = s * bodies + body
+    for s in range(samples):
+        if whole[mine + COUNTS + s] == 1:
+            whole[mine + listed + in_pairs] = s
+            in_pairs += 1
+    for q in range(count):
+        if whole[mine + COUNTS + samples + q] == 1:
+            facing += 1
+            whole[mine + listed + samples + count - facing] = q
+    whole[mine + PAIRS], whole[mine + BODIES] = found, with_bodies
+    whole[mine + SPOTS], whole[mine + PANELS] = in_pairs, facing
+
+
+@ti.func
+def face_quad(q, first, at, samples, whole: ti.template(), memory: ti.template()):
+    """Centre, unit normal, dual tangents t^1 and t^2, velocities of the centre and along both tangents; no force."""
+    i, j, k, m = corners(q, first, samples, whole)
+    for c in ti.static(range(3)):
+        y0, y1, y2, y3 = memory[i + c], memory[j + c], memory[k + c], memory[m + c]
+        memory[at + CENTRE + c] = 0.25 * (y0 + y1 + y2 + y3)
+        memory[at + FIRST + c] = 0.5 * (y1 - y0 + y3 - y2)
+        memory[at + SECOND + c] = 0.5 * (y2 - y0 + y3 - y1)
+        v0, v1, v2, v3 = memory[i + 3 + c], memory[j + 3 + c], memory[k + 3 + c], memory[m + 3 + c]
+        memory[at + SPEED + c] = 0.25 * (v0 + v1 + v2 + v3)
+        memory[at + SPEED_1 + c] = 0.5 * (v1 - v0 + v3 - v2)
+        memory[at + SPEED_2 + c] = 0.5 * (v2 - v0 + v3 - v1)
+    p0, p1, p2 = memory[at + FIRST], memory[at + FIRST + 1], memory[at + FIRST + 2]
+    r0, r1, r2 = memory[at + SECOND], memory[at + SECOND + 1], memory[at + SECOND + 2]
+    n0, n1, n2 = p1 * r2 - p2 * r1, p2 * r0 - p0 * r2, p0 * r1 - p1 * r0
+    square = n0 * n0 + n1 * n1 + n2 * n2 + TINY
+    # t^1 = t_2 x N / N.N and t^2 = N x t_1 / N.N with N = t_1 x t_2.
+    memory[at + FIRST] = (r1 * n2 - r2 * n1) / square
+    memory[at + FIRST + 1] = (r2 * n0 - r0 * n2) / square
+    memory[at + FIRST + 2] = (r0 * n1 - r1 * n0) / square
+    memory[at + SECOND] = (n1 * p2 - n2 * p1) / square
+    memory[at + SECOND + 1] = (n2 * p0 - n0 * p2) / square
+    memory[at + SECOND + 2] = (n0 * p1 - n1 * p0) / square
+    size = ti.sqrt(square)
+    memory[at + NORMAL], memory[at + NORMAL + 1], memory[at + NORMAL + 2] = n0 / size, n1 / size, n2 / size
+    for c in ti.static(range(9)):
+        memory[at + FORCE + c] = 0.0 * square
+
+
+@ti.func
+def find_pairs(
+    b, mine, home, nodes, first, front, then, gauge, x: ti.template(), whole: ti.template(),
+    memory: ti.template(), alone: ti.template(), groups, lanes: ti.template(),
+):  # fmt: skip
+    """Bring the lists up to date where something may have come near since they were made."""
+    samples, count, bodies, most = whole[0], whole[1], whole[2], whole[3]
+    numbers = 17 * samples + 5 * count + BODY * bodies
+    carried, clearance, thickness = alone[numbers], alone[numbers + 2], alone[numbers + 3 + b]
+    before, watched = then + 3 * nodes * groups, COUNTS + 2 * (samples + count) + most
+    margin = NEAR
+    if whole[mine + WATCHING] == 0:
+        margin = WATCHED
+    is_new = whole[mine + MARKED] == 0
+    if is_new or has_moved(home, nodes, x, then, gauge, memory, alone, margin / (2.0 * carried), lanes):
+        find_places(home, first, front, samples, count, x, whole, alone, memory)
+        far = (WATCHED - NEAR) / (2.0 * carried)
+        if is_new or has_moved(home, nodes, x, before, gauge, memory, alone, far, lanes):
+            watch(mine, first, front, gauge, watched, whole, memory, alone, thickness, clearance, lanes)
+            remember(home, nodes, x, before, memory)
+        choose(mine, first, front, gauge, watched, whole, memory, alone, thickness, clearance, lanes)
+        remember(home, nodes, x, then, memory)
+        whole[mine + MARKED] = 1

@@ -1,0 +1,176 @@
+"""Contact in the kernel, for candidates side by side: how what is near pushes (law: `fit.cloth.contact`).
+
+Places, lists and memory are those of `fit.cloth.nearby`.
+"""
+
+# No `from __future__ import annotations` here: Taichi reads the annotations of functions.
+
+import taichi as ti
+
+from fit.cloth.contact import DAMPING, OMEGA, WINDOW
+from fit.cloth.lanes import magnitude, within
+from fit.cloth.nearby import (
+    BODIES,
+    BODY,
+    COUNTS,
+    FORCE,
+    HEADER,
+    NORMAL,
+    PAIRS,
+    PANEL,
+    PANELS,
+    SPEED,
+    SPEED_1,
+    SPEED_2,
+    SPOT,
+    SPOTS,
+    WORD,
+    body_distance,
+    carry,
+    corners,
+    face_quad,
+    find_pairs,
+    located,
+)  # fmt: skip
+
+SHARPNESS = 1 / (2 * WINDOW - 1)  # of a window's fall about a quad's edge
+
+
+@ti.func
+def traction(gap, side, n0, n1, n2, u0, u1, u2, distance, stiffness, viscosity, friction):
+    """Force per area on what moves with velocity u past something at a gap along n; side: which way it is pushed."""
+    overlap = ti.max(distance - gap, 0.0)
+    grip = ti.min(4.0 * overlap / (distance + 1e-9), 1.0) * viscosity
+    along = u0 * n0 + u1 * n1 + u2 * n2
+    pressure = ti.max(stiffness * overlap - grip * side * along, 0.0)
+    s0, s1, s2 = u0 - along * n0, u1 - along * n1, u2 - along * n2
+    rub = ti.min(viscosity, friction * pressure / (ti.sqrt(s0 * s0 + s1 * s1 + s2 * s2) + 1e-9))
+    push = pressure * side
+    return push * n0 - rub * s0, push * n1 - rub * s1, push * n2 - rub * s2
+
+
+@ti.func
+def window(place, after, before):
+    """1 over a quad, falling to 0 about its edges."""
+    return ti.min(ti.max(ti.min(after - place, before + place) * SHARPNESS, 0.0), 1.0)
+
+
+@ti.func
+def press(
+    at, facing, share, reach, windows, alone: ti.template(), memory: ti.template(), distance, stiffness, viscosity,
+    friction,
+):  # fmt: skip
+    """Force of a quad on a sample, and back; share: of the sample's area [m^2]."""
+    gap, one, two, square = located(at, facing, memory)
+    n0, n1, n2 = memory[facing + NORMAL], memory[facing + NORMAL + 1], memory[facing + NORMAL + 2]
+    zero = 0.0 * gap
+    felt = window(one, alone[windows + 2], alone[windows + 3]) * share
+    felt = window(two, alone[windows], alone[windows + 1]) * felt
+    felt = ti.select(square < zero + reach * reach, felt, zero)
+    j, k, m = within(facing + SPEED), within(facing + SPEED_1), within(facing + SPEED_2)
+    u0 = memory[at + 3] - (memory[j] + one * memory[k] + two * memory[m])
+    u1 = memory[at + 4] - (memory[j + 1] + one * memory[k + 1] + two * memory[m + 1])
+    u2 = memory[at + 5] - (memory[j + 2] + one * memory[k + 2] + two * memory[m + 2])
+    side = ti.select(gap < zero, zero - 1.0, zero + 1.0)
+    f0, f1, f2 = traction(magnitude(gap), side, n0, n1, n2, u0, u1, u2, distance, stiffness, viscosity, friction)
+    f0, f1, f2 = felt * f0, felt * f1, felt * f2
+    memory[at + 6], memory[at + 7], memory[at + 8] = memory[at + 6] + f0, memory[at + 7] + f1, memory[at + 8] + f2
+    back = within(facing + FORCE)
+    memory[back], memory[back + 1], memory[back + 2] = memory[back] - f0, memory[back + 1] - f1, memory[back + 2] - f2
+    memory[back + 3] = memory[back + 3] - one * f0
+    memory[back + 4] = memory[back + 4] - one * f1
+    memory[back + 5] = memory[back + 5] - one * f2
+    memory[back + 6] = memory[back + 6] - two * f0
+    memory[back + 7] = memory[back + 7] - two * f1
+    memory[back + 8] = memory[back + 8] - two * f2
+
+
+@ti.func
+def lean(
+    at, body, area, memory: ti.template(), alone: ti.template(), clearance, stiffness, viscosity, friction
+):  # fmt: skip
+    """Force of a body, which does not give way, on a sample."""
+    gap, n0, n1, n2 = body_distance(at, body, memory, alone)
+    f0, f1, f2 = traction(
+        gap, 1.0, n0, n1, n2, memory[at + 3], memory[at + 4], memory[at + 5], clearance,
+        2.0 * stiffness, 2.0 * viscosity, friction,
+    )  # fmt: skip
+    memory[at + 6] = memory[at + 6] + area * f0
+    memory[at + 7] = memory[at + 7] + area * f1
+    memory[at + 8] = memory[at + 8] + area * f2
+
+
+@ti.func
+def give_corners(q, first, at, samples, whole: ti.template(), memory: ti.template()):
+    """Share a quad's force among its corners: h_k = 1/4 +- xi_1 / 2 +- xi_2 / 2, summed over what it met."""
+    i, j, k, m = corners(q, first + 6, samples, whole)
+    for c in ti.static(range(3)):
+        total = 0.25 * memory[at + FORCE + c]
+        one, two = 0.5 * memory[at + FORCE + 3 + c], 0.5 * memory[at + FORCE + 6 + c]
+        memory[i + c] = memory[i + c] + (total - one - two)
+        memory[j + c] = memory[j + c] + (total + one - two)
+        memory[k + c] = memory[k + c] + (total - one + two)
+        memory[m + c] = memory[m + c] + (total + one + two)
+
+
+@ti.func
+def give_nodes(
+    home, at, s, f: ti.template(), whole: ti.template(), alone: ti.template(), memory: ti.template()
+):  # fmt: skip
+    """Share a sample's force among the nodes that carry it."""
+    f0, f1, f2 = memory[at + 6], memory[at + 7], memory[at + 8]
+    for n in ti.static(range(16)):
+        w, i = alone[16 * s + n], within(home + whole[HEADER + 16 * s + n])
+        f[i], f[i + 1], f[i + 2] = f[i] + w * f0, f[i + 1] + w * f1, f[i + 2] + w * f2
+
+
+@ti.func
+def touching(
+    b, home, nodes, groups, x: ti.template(), v: ti.template(), f: ti.template(), whole: ti.template(),
+    memory: ti.template(), alone: ti.template(), distance, density,
+    lanes: ti.template(),
+):  # fmt: skip
+    """Add the forces of contact to those on the nodes."""
+    samples, count, bodies, most = whole[0], whole[1], whole[2], whole[3]
+    first = whole[4] + SPOT * samples * b
+    front = whole[4] + SPOT * samples * groups + PANEL * count * b
+    then = whole[4] + (SPOT * samples + PANEL * count) * groups + 3 * nodes * b
+    gauge = whole[4] + (SPOT * samples + PANEL * count + 6 * nodes) * groups + b
+    mine = HEADER + 16 * samples + 4 * count + samples * ((count + WORD - 1) // WORD)
+    mine += b * (COUNTS + 2 * (samples + count + most))
+    find_pairs(b, mine, home, nodes, first, front, then, gauge, x, whole, memory, alone, groups, lanes)
+    bodies_at = 17 * samples + 5 * count
+    friction, clearance = alone[bodies_at + BODY * bodies + 1], alone[bodies_at + BODY * bodies + 2]
+    listed, pairs = COUNTS + samples + count, COUNTS + 2 * (samples + count)
+    stiffness, viscosity = 0.5 * OMEGA * OMEGA * density, DAMPING * OMEGA * density
+    for n in range(whole[mine + SPOTS]):
+        s = whole[mine + listed + n]
+        at = within(first + SPOT * s)
+        carry(home, at, s, x, whole, alone, memory)
+        carry(home, at + 3, s, v, whole, alone, memory)
+        for c in ti.static(range(3)):
+            memory[at + 6 + c] = 0.0 * memory[at]
+    for n in range(whole[mine + PANELS]):
+        q = whole[mine + pairs - 1 - n]
+        face_quad(q, first, within(front + PANEL * q), samples, whole, memory)
+    for n in range(whole[mine + PAIRS]):
+        code = whole[mine + pairs + n]
+        s, q = code // count, code % count
+        press(
+            within(first + SPOT * s), within(front + PANEL * q), 0.5 * alone[16 * samples + s],
+            alone[17 * samples + q], 17 * samples + count + 4 * q, alone, memory, distance, stiffness, viscosity,
+            friction,
+        )  # fmt: skip
+    for n in range(whole[mine + BODIES]):
+        code = whole[mine + pairs + most - 1 - n]
+        s, body = code // bodies, code % bodies
+        lean(
+            within(first + SPOT * s), bodies_at + BODY * body, alone[16 * samples + s], memory, alone, clearance,
+            stiffness, viscosity, friction,
+        )  # fmt: skip
+    for n in range(whole[mine + PANELS]):
+        q = whole[mine + pairs - 1 - n]
+        give_corners(q, first, within(front + PANEL * q), samples, whole, memory)
+    for n in range(whole[mine + SPOTS]):
+        s = whole[mine + listed + n]
+        give_nodes(home, within(first + SPOT * s), s, f, whole, alone, memory)

@@ -34,7 +34,8 @@ from fit.recording import Recording, prepare
 from fit.request import Request
 from fit.search.choice import begin
 from fit.search.intervals import Intervals, block_intervals, check_blocks, draw_intervals
-from fit.search.observed import DIFFERENCE, Descent, ObservedSearch, ObservedSettings
+from fit.search.least_squares import DIFFERENCE
+from fit.search.observed import Descent, ObservedSearch, ObservedSettings
 from fit.search.tempering import FEWEST_DRAWS, Tempering
 from formats.results import ErrorFigure, FitParameter, FitResult, ObjectiveFigure
 from formats.results import FitError as FitErrors

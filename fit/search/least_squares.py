@@ -29,6 +29,8 @@ from numpy.typing import NDArray
 
 from fit.errors import BlowUpError, FitError
 
+DIFFERENCE = 0.05  # share of the box: wider than the ripples that folds make
+
 Floats = NDArray[np.float64]
 Residuals = Callable[[Floats], Floats]
 
@@ -82,7 +84,7 @@ class LeastSquaresSettings:
 
     width: int = 8
     max_iterations: int = 30
-    step: float = 0.01  # finite difference, share of the box; wide enough to rise above single-precision motion
+    step: float = DIFFERENCE  # finite difference, share of the box
     is_chord: bool = False  # Broyden's update of J instead of new differences until it no longer helps
     renewals: int = 2  # of the Jacobian of a search by chords that has come to a halt
     is_central: bool = False  # twice the simulations for columns without the first-order error

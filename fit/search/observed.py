@@ -36,7 +36,6 @@ from fit.search.least_squares import BoundedSpace, LeastSquaresResult, LeastSqua
 
 Floats = NDArray[np.float64]
 
-DIFFERENCE = 0.05  # share of the box: wider than the ripples that folds make
 RIPPLE_TIME = 2.0  # s that a ripple lasts
 MARGIN = 0.15  # of the box that scattered starts leave out at each end: rarely true, often costly
 
@@ -176,8 +175,8 @@ class ObservedSearch:
         """Where the descent from a start ends; None where the start blows up."""
         observer = self.free.with_frequency(pull)
         least = LeastSquaresSettings(
-            width=settings.width, step=DIFFERENCE, max_iterations=settings.iterations, cost_tolerance=2e-3,
-            step_tolerance=1e-3, is_chord=True,
+            width=settings.width, max_iterations=settings.iterations, cost_tolerance=2e-3, step_tolerance=1e-3,
+            is_chord=True,
         )  # fmt: skip
         count = self._count
         try:

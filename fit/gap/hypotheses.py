@@ -22,7 +22,8 @@ from fit.gap.screening import Screened
 Floats = NDArray[np.float64]
 
 SHORTLIST = 5  # effects that are refitted
-ITERATIONS = 5  # of each refit
+ITERATIONS = 5  # of each refit, along chords
+POLISHING = 8  # iterations of the best refits with Jacobians of their own
 SHARES = (0.3, 0.6, 1.0, 1.5)  # of the linear guess of an amplitude that are tried as starts
 ALIKE = 0.9  # cosine above which an effect is refitted because its twin is
 LEAST_SHARE = 0.05  # of the shortlist's best predicted saving; what saves less is not refitted
@@ -84,4 +85,4 @@ def judged(judge: Observer, fitted: Fitted) -> BlockErrors:
 
 def polished(observer: Observer, old: Fitted) -> Fitted:
     """Fit on with a Jacobian of its own, which the intervals need."""
-    return fit(observer, old.vector, old.amplitudes, old.active, iterations=3)
+    return fit(observer, old.vector, old.amplitudes, old.active, iterations=POLISHING)

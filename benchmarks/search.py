@@ -26,8 +26,8 @@ from fit.parameterisations import SI
 from fit.recording import prepare
 from fit.request import Request
 from fit.search.annealing import AnnealingSettings
-from fit.search.choice import CHAINS, SEARCHES
-from fit.search.observed import ObservedSearch, ObservedSettings
+from fit.search.choice import CHAINS, OBSERVED, SEARCHES
+from fit.search.observed import CATCHING, SHORT_WINDOWS, ObservedSearch, ObservedSettings
 from formats.take import Take
 from tests.fit.scenes import sheet, simulate_take, swing
 
@@ -80,8 +80,8 @@ def make_case(seed: int, spacing: float = SPACING) -> Case:
 
 def run(case: Case, search: str, budget: int, seed: int) -> Run:
     """Run one search within a budget."""
-    if search == "least-squares":
-        return run_least_squares(case, budget, seed)
+    if search in OBSERVED:
+        return run_observed(case, search, budget, seed)
     settings = AnnealingSettings().shortened(budget - 1)
     request = Request(method=SI, search=search, settings=settings, seed=seed, resolution=case.mesh)
     result = calibrate(case.takes, [], request)
@@ -96,12 +96,14 @@ def run(case: Case, search: str, budget: int, seed: int) -> Run:
     )  # fmt: skip
 
 
-def run_least_squares(case: Case, budget: int, seed: int) -> Run:
+def run_observed(case: Case, search: str, budget: int, seed: int) -> Run:
     """Least squares know their distance only where a descent has ended, at the cost of one candidate more."""
     recordings = [prepare(take) for take in case.takes]
     request = Request(method=SI, resolution=case.mesh)
     model = Model(recordings, request)
-    found = ObservedSearch(recordings, SI, (), request.space, case.mesh).run(SI.initial, ObservedSettings(seed=seed))
+    is_cut = search == "short-windows"
+    observed = ObservedSearch(recordings, SI, (), request.space, case.mesh, windows=SHORT_WINDOWS if is_cut else None)
+    found = observed.run(SI.initial, ObservedSettings(seed=seed, pulls=(CATCHING,) if is_cut else (0.0,)))
     history = np.full(budget, float(model.distances(SI.initial[None])[0]))
     for number, descent in enumerate(found.path):
         after = descent.simulations // len(recordings) + number + 1

@@ -32,10 +32,10 @@ from fit.errors import BlowUpError, FitError
 from fit.geometry import check_geometry
 from fit.recording import Recording, prepare
 from fit.request import Request
-from fit.search.choice import begin
+from fit.search.choice import OBSERVED, begin
 from fit.search.intervals import Intervals, block_intervals, check_blocks, draw_intervals
 from fit.search.least_squares import DIFFERENCE
-from fit.search.observed import Descent, ObservedSearch, ObservedSettings
+from fit.search.observed import CATCHING, SHORT_WINDOWS, Descent, ObservedSearch, ObservedSettings
 from fit.search.tempering import FEWEST_DRAWS, Tempering
 from formats.results import ErrorFigure, FitParameter, FitResult, ObjectiveFigure
 from formats.results import FitError as FitErrors
@@ -146,7 +146,7 @@ def calibrate(
     started = clock.monotonic()
     model = Model([prepare(t) for t in training], request)
     judge = Model([prepare(t) for t in held_out], request) if held_out else None
-    run = _least_squares if request.search == "least-squares" else _ask_and_tell
+    run = _least_squares if request.search in OBSERVED else _ask_and_tell
     found = run(model, request, checkpoint, _key(training, request), progress)
     return _result(training, held_out, request, model, judge, found, clock.monotonic() - started)
 
@@ -209,11 +209,13 @@ def _least_squares(
     model: Model, request: Request, checkpoint: Path | None, key: dict[str, object], progress: Progress
 ) -> _Found:
     """Least squares from several starts; what is kept are the ends of descents and the distances there."""
+    is_cut = request.search == "short-windows"
     search = ObservedSearch(
-        model.recordings, request.method, request.effects, request.space, request.resolution
+        model.recordings, request.method, request.effects, request.space, request.resolution,
+        windows=SHORT_WINDOWS if is_cut else None,
     )  # fmt: skip
     initial = np.array([p.initial for p in request.parameters])
-    settings = ObservedSettings(seed=request.seed)
+    settings = ObservedSettings(seed=request.seed, pulls=(CATCHING,) if is_cut else (0.0,))
     descents: list[Descent] = []
     history: list[float] = []
     if checkpoint is not None and checkpoint.exists():

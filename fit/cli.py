@@ -72,7 +72,9 @@ def fit_command(
     search: Annotated[
         str,
         typer.Option(
-            "--search", help="annealing: as in the paper; restarts, tempering, cma-es; least-squares: the quickest."
+            "--search",
+            help="annealing: as in the paper; restarts, tempering, cma-es; least-squares: the quickest; short-windows: "
+            "the same by stretches of two seconds.",
         ),
     ] = "annealing",
     iterations: Annotated[

@@ -37,6 +37,18 @@ LONGEST_BRIDGE = 0.25  # s without a point over which its spline is still believ
 
 
 @dataclass(frozen=True)
+class Windows:
+    """Stretches of a recording [s] that are simulated freely, and those between in which a pull catches the cloth."""
+
+    free: float
+    caught: float
+
+    def is_free(self, instants: Floats) -> Booleans:
+        """Whether the cloth moves freely at `instants` [s], (n,)."""
+        return np.asarray(np.mod(instants, self.free + self.caught) < self.free)
+
+
+@dataclass(frozen=True)
 class Recording:
     """One take in the world frame.
 
@@ -46,6 +58,7 @@ class Recording:
     target_curves: per point, (n,) instants -> (n, 6) place [m] and velocity [m/s]
     edge_turn: (n,) instants -> (n, 2) yaw and roll of the tracked held edge against the path, each of rms 1
     judged, (points,): false for points on the held edge, which measure the boundary and not the cloth
+    windows: where the observer's pull acts and residuals count; None: both everywhere
     """
 
     take_id: str
@@ -59,6 +72,13 @@ class Recording:
     target_curves: tuple[Curve, ...]
     edge_turn: Curve
     judged: Booleans
+    windows: Windows | None = None
+
+    @property
+    def counted(self) -> Booleans:
+        """Which points are held against the simulation, (frames, points)."""
+        seen = self.valid & self.judged
+        return seen if self.windows is None else seen & self.windows.is_free(self.time)[:, None]
 
     @property
     def duration(self) -> float:
@@ -77,6 +97,8 @@ class Recording:
                 behind = seen[np.minimum(after, len(seen) - 1)]
                 distance = np.minimum(np.abs(instants - before), np.abs(instants - behind))
                 trust[:, k] = distance <= LONGEST_BRIDGE
+        if self.windows is not None:
+            trust[self.windows.is_free(instants)] = 0.0
         return wanted, trust
 
     def with_points(self, points: Floats) -> Recording:

@@ -13,7 +13,7 @@ from fit.engines import find_engine
 from fit.errors import FitError
 from fit.parameterisations import Parameter, Parameterisation
 from fit.search.annealing import AnnealingSettings
-from fit.search.choice import check_search
+from fit.search.choice import OBSERVED, check_search
 from fit.search.least_squares import BoundedSpace
 
 SIDE_BY_SIDE = 16  # candidates a batch
@@ -88,9 +88,9 @@ def request_of(
         FitError: an unknown effect, engine or search; bounds that are crossed, malformed, of no parameter or beyond
             its range.
     """
-    if check_search(search) == "least-squares" and engine != "own":
+    if check_search(search) in OBSERVED and engine != "own":
         raise FitError(
-            f"least squares simulate with our own cloth only, not with {engine}", where="--search",
+            f"{search} simulates with our own cloth only, not with {engine}", where="--search",
             advice="choose another search or leave out --engine",
         )  # fmt: skip
     settings = AnnealingSettings(iterations=iterations, gamma=method.gamma if gamma is None else gamma)

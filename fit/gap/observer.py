@@ -119,7 +119,7 @@ class Observer:
         """Whitened residuals, (candidates, numbers), in the order of `layout`."""
         moving, static = [], []
         for recording, simulated in zip(self.recordings, self.trajectories(vectors, amplitudes), strict=True):
-            seen = recording.valid & recording.judged
+            seen = recording.counted
             apart = np.where(seen[..., None], recording.points - simulated, 0.0)
             count = np.maximum(seen.sum(0), 1)[:, None]
             mean = apart.sum(1) / count
@@ -153,7 +153,7 @@ def _layout(recordings: list[Recording]) -> Layout:
     deviations, still_deviations, static_of = [], [], []
     first_block, first_static = 0, 0
     for number, recording in enumerate(recordings):
-        seen = recording.valid & recording.judged
+        seen = recording.counted
         frame, point = np.nonzero(seen)
         frame, point = np.repeat(frame, 3), np.repeat(point, 3)
         block = (recording.time[frame] / BLOCK).astype(np.int64) + first_block

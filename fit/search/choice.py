@@ -22,8 +22,10 @@ SEARCHES = {
     "restarts": "the same iterations shared out over four chains from different seeds",
     "tempering": "parallel tempering; its intervals are of the posterior",
     "cma-es": "covariance matrix adaptation with restarts",
-    "least-squares": "Levenberg-Marquardt on the simulator pulled to the measured points, from several starts",
+    "least-squares": "Levenberg-Marquardt on the points' residuals, from several starts",
+    "short-windows": "the same on stretches of two seconds, between which a pull catches the cloth",
 }
+OBSERVED = ("least-squares", "short-windows")  # they see the points' residuals and are told no distances
 
 
 class Search(Protocol):

@@ -30,13 +30,15 @@ from fit.effects.base import Effect
 from fit.errors import BlowUpError
 from fit.gap.observer import Observer
 from fit.parameterisations import Parameterisation
-from fit.recording import Recording
+from fit.recording import Recording, Windows
 from fit.search.intervals import PRIOR_SD, Intervals, block_intervals, check_blocks
 from fit.search.least_squares import BoundedSpace, LeastSquaresResult, LeastSquaresSettings, Prior, minimise
 
 Floats = NDArray[np.float64]
 
 RIPPLE_TIME = 2.0  # s that a ripple lasts
+SHORT_WINDOWS = Windows(free=2.0, caught=0.5)  # a swing or two
+CATCHING = 3.0  # Hz of the pull between short windows
 MARGIN = 0.15  # of the box that scattered starts leave out at each end: rarely true, often costly
 
 
@@ -101,8 +103,12 @@ class ObservedSearch:
         effects: tuple[Effect, ...],
         space: BoundedSpace,
         resolution: Resolution,
+        *,
+        windows: Windows | None = None,
     ) -> None:
-        self.free = Observer(recordings, method, effects, frequency=0.0, resolution=resolution)
+        """Prepare it; with `windows` the pulls of the settings act between these only."""
+        cut = [dataclasses.replace(recording, windows=windows) for recording in recordings]
+        self.free = Observer(cut, method, effects, frequency=0.0, resolution=resolution)
         self.space = space
         self._count = len(method.parameters)
 
@@ -175,7 +181,7 @@ class ObservedSearch:
         """Where the descent from a start ends; None where the start blows up."""
         observer = self.free.with_frequency(pull)
         least = LeastSquaresSettings(
-            width=settings.width, max_iterations=settings.iterations, cost_tolerance=2e-3, step_tolerance=1e-3,
+            width=settings.width, max_iterations=settings.iterations, cost_tolerance=2e-3, step_tolerance=1e-3, renewals=0,
             is_chord=True,
         )  # fmt: skip
         count = self._count

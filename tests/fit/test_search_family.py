@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
@@ -12,22 +13,23 @@ from benchmarks import search as benchmark
 from fit.calibration import calibrate
 from fit.cloth.simulator import Resolution
 from fit.errors import FitError
+from fit.gap.observer import Observer
 from fit.parameterisations import KINECT_SKIRT, SI
 from fit.recording import prepare
 from fit.request import request_of
 from fit.search.annealing import AnnealingSettings
-from fit.search.choice import SEARCHES, begin, check_search
+from fit.search.choice import OBSERVED, SEARCHES, begin, check_search
 from fit.search.cma_es import Evolution
 from fit.search.intervals import PRIOR_SD, block_intervals, draw_intervals, jackknife
 from fit.search.least_squares import BoundedSpace
-from fit.search.observed import ObservedSearch, ObservedSettings
+from fit.search.observed import CATCHING, SHORT_WINDOWS, ObservedSearch, ObservedSettings
 from fit.search.tempering import Tempering
 from formats.archive import write_take
 from tests.fit.scenes import material, sheet, simulate_take, swing
 from tests.fit.test_command_line import hangtime
 
 MESH = 0.09  # m
-TOLD = [name for name in SEARCHES if name != "least-squares"]
+TOLD = [name for name in SEARCHES if name not in OBSERVED]
 SPACE = BoundedSpace(minimum=SI.minimum, maximum=SI.maximum, is_log=SI.is_log)
 OPTIMUM = np.array([0.7, 0.35, 0.6, 0.45, 0.3])  # shares of the box
 
@@ -272,6 +274,33 @@ def test_least_squares_find_a_damping_of_3_within_5_percent_and_say_so(swung):
     assert result.history == sorted(result.history, reverse=True)
     assert result.error.train_after.mean_m < 0.0036  # 3.2 mm is the mean length of such noise
     assert result.simulations < 200
+
+
+def test_short_windows_find_the_same_damping(swung):
+    request = request_of(SI, [], iterations=1, seed=1, spacing=MESH, search="short-windows")
+    result = calibrate([swung], [], request)
+    assert result.search == "short-windows"
+    assert next(p for p in result.parameters if p.name == "velocity_damping").fitted == pytest.approx(3.0, rel=0.1)
+
+
+def test_between_short_windows_a_pull_catches_the_cloth_and_nothing_counts(swung):
+    """Two seconds free, half a second caught. With a wrong damping the windows begin anew near the points."""
+    recording = prepare(swung)
+    cut = dataclasses.replace(recording, windows=SHORT_WINDOWS)
+    time = np.array([0.0, 1.99, 2.01, 2.49, 2.51, 4.49, 4.51])
+    assert SHORT_WINDOWS.is_free(time).tolist() == [True, True, False, False, True, True, False]
+    assert (cut.targets(time)[1] > 0).any(1).tolist() == [False, False, True, True, False, False, True]
+    assert not cut.counted[(cut.time > 2.01) & (cut.time < 2.49)].any()
+    wrong = np.array([*SI.initial[:4], 0.5])
+
+    def late_error(windows, frequency):
+        chosen = dataclasses.replace(recording, windows=windows)
+        observer = Observer([chosen], SI, (), frequency=frequency, resolution=Resolution(spacing=MESH))
+        apart = chosen.points - observer.trajectories(wrong[None], observer.off[None])[0][0]
+        late = (chosen.time > 2.5) & (chosen.time < 3.0)
+        return np.sqrt(np.nanmean(apart[late][:, chosen.judged] ** 2))
+
+    assert late_error(SHORT_WINDOWS, CATCHING) < 0.5 * late_error(None, 0.0)
 
 
 def test_a_pulled_descent_before_the_free_one_ends_in_the_same_damping(swung):

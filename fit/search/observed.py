@@ -181,8 +181,8 @@ class ObservedSearch:
         """Where the descent from a start ends; None where the start blows up."""
         observer = self.free.with_frequency(pull)
         least = LeastSquaresSettings(
-            width=settings.width, max_iterations=settings.iterations, cost_tolerance=2e-3, step_tolerance=1e-3, renewals=0,
-            is_chord=True,
+            width=settings.width, max_iterations=settings.iterations, cost_tolerance=2e-3, step_tolerance=1e-3,
+            is_chord=True, renewals=0,
         )  # fmt: skip
         count = self._count
         try:

@@ -27,7 +27,7 @@ from fit.recording import prepare
 from fit.request import Request
 from fit.search.annealing import AnnealingSettings
 from fit.search.choice import CHAINS, OBSERVED, SEARCHES
-from fit.search.observed import CATCHING, SHORT_WINDOWS, ObservedSearch, ObservedSettings
+from fit.search.observed import begin_observed
 from formats.take import Take
 from tests.fit.scenes import sheet, simulate_take, swing
 
@@ -101,9 +101,8 @@ def run_observed(case: Case, search: str, budget: int, seed: int) -> Run:
     recordings = [prepare(take) for take in case.takes]
     request = Request(method=SI, resolution=case.mesh)
     model = Model(recordings, request)
-    is_cut = search == "short-windows"
-    observed = ObservedSearch(recordings, SI, (), request.space, case.mesh, windows=SHORT_WINDOWS if is_cut else None)
-    found = observed.run(SI.initial, ObservedSettings(seed=seed, pulls=(CATCHING,) if is_cut else (0.0,)))
+    observed, settings = begin_observed(search, recordings, SI, (), request.space, case.mesh, seed)
+    found = observed.run(SI.initial, settings)
     history = np.full(budget, float(model.distances(SI.initial[None])[0]))
     for number, descent in enumerate(found.path):
         after = descent.simulations // len(recordings) + number + 1

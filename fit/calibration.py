@@ -35,7 +35,7 @@ from fit.request import Request
 from fit.search.choice import OBSERVED, begin
 from fit.search.intervals import Intervals, block_intervals, check_blocks, draw_intervals
 from fit.search.least_squares import DIFFERENCE
-from fit.search.observed import CATCHING, SHORT_WINDOWS, Descent, ObservedSearch, ObservedSettings
+from fit.search.observed import Descent, begin_observed
 from fit.search.tempering import FEWEST_DRAWS, Tempering
 from formats.results import ErrorFigure, FitParameter, FitResult, ObjectiveFigure
 from formats.results import FitError as FitErrors
@@ -171,8 +171,9 @@ def _ask_and_tell(
     steps = np.array([p.interval for p in request.parameters])
     search = begin(request.search, initial, steps, request.space, request.settings, request.seed, numbers=blocks)
     if checkpoint is not None and checkpoint.exists():
+        state = _saved(checkpoint, key)
         with _continuing(checkpoint):
-            search.restore(_saved(checkpoint, key))
+            search.restore(state)
     saved = clock.monotonic()
     try:
         while not search.is_finished:
@@ -209,18 +210,16 @@ def _least_squares(
     model: Model, request: Request, checkpoint: Path | None, key: dict[str, object], progress: Progress
 ) -> _Found:
     """Least squares from several starts; what is kept are the ends of descents and the distances there."""
-    is_cut = request.search == "short-windows"
-    search = ObservedSearch(
-        model.recordings, request.method, request.effects, request.space, request.resolution,
-        windows=SHORT_WINDOWS if is_cut else None,
+    search, settings = begin_observed(
+        request.search, model.recordings, request.method, request.effects, request.space, request.resolution,
+        request.seed,
     )  # fmt: skip
     initial = np.array([p.initial for p in request.parameters])
-    settings = ObservedSettings(seed=request.seed, pulls=(CATCHING,) if is_cut else (0.0,))
     descents: list[Descent] = []
     history: list[float] = []
     if checkpoint is not None and checkpoint.exists():
+        state = _saved(checkpoint, key)
         with _continuing(checkpoint):
-            state = _saved(checkpoint, key)
             descents = [Descent.from_state(one) for one in state["descents"]]
             history = [float(value) for value in state["history"]]
     history = history or [float(model.distances(initial[None])[0])]
@@ -272,8 +271,6 @@ def _continuing(checkpoint: Path) -> Iterator[None]:
     try:
         yield
     except (FitError, LookupError, TypeError, ValueError, AttributeError) as error:
-        if isinstance(error, FitError) and error.where == checkpoint:
-            raise
         raise FitError(
             "the saved search cannot be continued here (other settings, libraries or processor)",
             where=checkpoint,

@@ -73,7 +73,7 @@ def motion_mm(judge: Observer) -> float:
     """Root mean square distance of the judged points from their mean places [mm]."""
     squares, count = 0.0, 0
     for recording in judge.recordings:
-        seen = recording.valid & recording.judged
+        seen = recording.counted
         apart = np.where(seen[..., None], recording.points, np.nan)
         apart = apart[:, seen.any(0)]
         apart = apart - np.nanmean(apart, axis=0)

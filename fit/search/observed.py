@@ -204,3 +204,13 @@ class ObservedSearch:
         return block_intervals(
             self.space, best.parameters, best.residuals, best.jacobian * self.space.scale, block, between=between
         )
+
+
+def begin_observed(
+    name: str, recordings: list[Recording], method: Parameterisation, effects: tuple[Effect, ...],
+    space: BoundedSpace, resolution: Resolution, seed: int,
+) -> tuple[ObservedSearch, ObservedSettings]:  # fmt: skip
+    """Return the search of this name, one of `fit.search.choice.OBSERVED`, and how it is run."""
+    windows, pull = (SHORT_WINDOWS, CATCHING) if name == "short-windows" else (None, 0.0)
+    search = ObservedSearch(recordings, method, effects, space, resolution, windows=windows)
+    return search, ObservedSettings(pulls=(pull,), seed=seed)

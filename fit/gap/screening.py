@@ -88,9 +88,8 @@ def signatures_of(observer: Observer, fitted: Fitted, chosen: tuple[int, ...]) -
         effect, columns = observer.effects[k], observer.columns[k]
         for column in range(columns.start, columns.stop):
             for sign in (1.0,) if effect.is_one_sided else (1.0, -1.0):
-                row = fitted.amplitudes.copy()
-                row[column] = np.clip(row[column] + sign * SECANT * effect.typical, effect.low, effect.high)
-                rows.append(row)
+                moved_to = fitted.amplitudes[column] + sign * SECANT * effect.typical
+                rows.append(_with(fitted.amplitudes, column, np.clip(moved_to, effect.low, effect.high)))
         if effect.no_size > 0.0:
             references[k] = len(rows)
             rows.append(_with(fitted.amplitudes, columns, np.maximum(fitted.amplitudes[columns], effect.no_size)))
@@ -112,7 +111,8 @@ def signatures_of(observer: Observer, fitted: Fitted, chosen: tuple[int, ...]) -
     return found
 
 
-def _with(amplitudes: Floats, columns: slice, changed: Floats) -> Floats:
+def _with(amplitudes: Floats, columns: slice | int, changed: Floats | float) -> Floats:
+    """A copy of a row of amplitudes with some of them changed."""
     row = amplitudes.copy()
     row[columns] = changed
     return row

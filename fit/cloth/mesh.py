@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,8 +89,11 @@ class _Laid:
     layers: NDArray[np.int64]
 
 
+@functools.lru_cache(maxsize=8)
 def build_mesh(garment: Garment, spacing: float) -> ClothMesh:
     """Mesh a garment with nodes about `spacing` [m] apart; their places on the flat garment are the front's.
+
+    The meshes asked for last are kept: every recording of a garment has the same.
 
     Raises:
         FitError: the outline cannot be meshed, or the spacing is larger than the garment.

@@ -51,9 +51,9 @@ class HangerCompliance(Effect):
 def respond(acceleration: Floats, dt: float, omega: float) -> Floats:
     """Return the deflection e [m], (n, 3), of a rod of natural frequency omega [rad/s] to accelerations, (n, 3)."""
     from scipy.linalg import expm
-    from scipy.signal import dlsim
+    from scipy.signal import lfilter, ss2tf
 
     system = np.array([[0.0, 1.0, 0.0], [-(omega**2), -2 * DAMPING * omega, -1.0], [0.0, 0.0, 0.0]])
     whole = expm(system * dt)
-    discrete = (whole[:2, :2], whole[:2, 2:], np.array([[1.0, 0.0]]), np.zeros((1, 1)), dt)
-    return np.stack([dlsim(discrete, acceleration[:, c])[1][:, 0] for c in range(acceleration.shape[1])], 1)
+    gains, poles = ss2tf(whole[:2, :2], whole[:2, 2:], np.array([[1.0, 0.0]]), np.zeros((1, 1)))
+    return np.asarray(lfilter(gains[0], poles, acceleration, axis=0))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from fit.cloth.simulator import Resolution
 from fit.gap import gates
 from fit.gap.checkpoint import Checkpoint
-from fit.gap.fitting import Fitted, Problem, fit
+from fit.gap.fitting import Fitted, Problem, Task, fit
 from fit.gap.observer import Observer
 from formats.results import Gate
 
@@ -39,11 +39,10 @@ def fit_base(
     coarse = Resolution(spacing=min(COARSER * old.spacing, 0.06), step_share=old.step_share)
     strong = observer.with_frequency(FIRST_FREQUENCY).at_resolution(coarse)
     progress("looking for starts", 0.02)
-    rough = []
-    for k, start in enumerate(find_starts(strong, seed)[:ROUGH_STARTS]):
-        progress(f"base fit, start {k + 1} of {ROUGH_STARTS}", 0.04 + 0.04 * k)
-        go = partial(fit, strong, start, observer.off, iterations=ROUGH_ITERATIONS, renewals=0)
-        rough.append(kept.recall(f"rough-{k}", go))
+    found = find_starts(strong, seed)[:ROUGH_STARTS]
+    progress(f"rough base fits from {ROUGH_STARTS} starts", 0.04)
+    tasks = [Task(start, observer.off, iterations=ROUGH_ITERATIONS, renewals=0) for start in found]
+    rough = kept.recall([f"rough-{k}" for k in range(len(tasks))], partial(fit, strong, tasks))
     rough.sort(key=lambda f: f.cost)
     starts, spare = [f.vector for f in rough[:STARTS]], [f.vector for f in rough[STARTS:]]
     frequency, gate = gates.choose_frequency(observer, starts[0])
@@ -52,11 +51,12 @@ def fit_base(
         chosen = observer.with_frequency(frequency)
         fits: list[Fitted] = []
         while len(fits) < len(starts):
-            k = len(fits)
-            progress(f"base fit, start {k + 1}, pull {frequency:g} Hz", min(0.16 + 0.05 * k, 0.28))
-            fits.append(kept.recall(f"base-{frequency:g}-{k}", partial(fit, chosen, starts[k], observer.off)))
-            if STARTS <= len(fits) == len(starts) < MOST_STARTS and gates.disagreement(fits) > gates.CONVERGED:
-                starts.append(spare.pop() if spare else _middle(Problem(observer), fits))
+            new = range(len(fits), len(starts))
+            progress(f"base fit, {len(starts)} starts, pull {frequency:g} Hz", min(0.12 + 0.05 * len(fits), 0.28))
+            tasks = [Task(starts[k], observer.off) for k in new]
+            fits += kept.recall([f"base-{frequency:g}-{k}" for k in new], partial(fit, chosen, tasks))
+            if len(fits) < MOST_STARTS and gates.disagreement(fits) > gates.CONVERGED:
+                starts.append(spare.pop() if spare else middle(observer, fits))
         fits.sort(key=lambda f: f.cost)
         # A take can be predictable at one fit and not at the next; a pull that was too weak once is not tried again.
         needed, gate = gates.choose_frequency(observer, fits[0].vector)
@@ -67,8 +67,9 @@ def fit_base(
         frequency, starts = needed, [f.vector for f in fits[:STARTS]]
 
 
-def _middle(problem: Problem, fits: list[Fitted]) -> Floats:
+def middle(observer: Observer, fits: list[Fitted]) -> Floats:
     """Parameters half way between the best two fits, (parameters,), on the scales on which they are searched."""
+    problem = Problem(observer)
     best = sorted(fits, key=lambda f: f.cost)[:2]
     return np.asarray(problem.space.from_unit(np.mean([problem.space.to_unit(f.vector) for f in best], axis=0)))
 

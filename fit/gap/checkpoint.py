@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -46,24 +46,33 @@ class Checkpoint:
             folder.mkdir(parents=True, exist_ok=True)
             note.write_text(json.dumps(key))
 
-    def recall(self, name: str, make: Callable[[], Fitted]) -> Fitted:
-        """Return the kept fit of this name, or make it and keep it."""
+    def recall(self, names: Sequence[str], make: Callable[[], list[Fitted]]) -> list[Fitted]:
+        """Return the kept fits of these names, or make all of them and keep them."""
         if self.folder is None:
             return make()
-        path = self.folder / f"{name}.npz"
-        # A fit that cannot be read is made again: it costs time and nothing else.
-        with contextlib.suppress(OSError, ValueError, KeyError), np.load(path) as kept:
-            return Fitted(
-                vector=kept["vector"], amplitudes=kept["amplitudes"], active=tuple(int(k) for k in kept["active"]),
-                residual=kept["residual"], jacobian=kept["jacobian"], deviation=kept["deviation"],
-                is_converged=bool(kept["is_converged"]),
-            )  # fmt: skip
-        fitted = make()
-        partial = path.with_suffix(".writing.npz")
-        np.savez(
-            partial, vector=fitted.vector, amplitudes=fitted.amplitudes, active=np.array(fitted.active, int),
-            residual=fitted.residual, jacobian=fitted.jacobian, deviation=fitted.deviation,
-            is_converged=fitted.is_converged,
+        # Fits that cannot be read are made again: it costs time and nothing else.
+        with contextlib.suppress(OSError, ValueError, KeyError):
+            return [_read(self.folder / f"{name}.npz") for name in names]
+        found = make()
+        for name, fitted in zip(names, found, strict=True):
+            _write(self.folder / f"{name}.npz", fitted)
+        return found
+
+
+def _read(path: Path) -> Fitted:
+    with np.load(path) as kept:
+        return Fitted(
+            vector=kept["vector"], amplitudes=kept["amplitudes"], active=tuple(int(k) for k in kept["active"]),
+            residual=kept["residual"], jacobian=kept["jacobian"], deviation=kept["deviation"],
+            is_converged=bool(kept["is_converged"]),
         )  # fmt: skip
-        partial.replace(path)
-        return fitted
+
+
+def _write(path: Path, fitted: Fitted) -> None:
+    partial = path.with_suffix(".writing.npz")
+    np.savez(
+        partial, vector=fitted.vector, amplitudes=fitted.amplitudes, active=np.array(fitted.active, int),
+        residual=fitted.residual, jacobian=fitted.jacobian, deviation=fitted.deviation,
+        is_converged=fitted.is_converged,
+    )  # fmt: skip
+    partial.replace(path)

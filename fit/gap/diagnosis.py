@@ -18,12 +18,12 @@ from fit.effects.base import Effect
 from fit.errors import FitError
 from fit.gap import findings as described
 from fit.gap import gates as gate
-from fit.gap.base_fit import fit_base
+from fit.gap.base_fit import fit_base, middle
 from fit.gap.checkpoint import Checkpoint, Key
 from fit.gap.closure import bootstrap_picks, closure, exceeds
-from fit.gap.fitting import Fitted, fit
+from fit.gap.fitting import Fitted, Task, fit
 from fit.gap.floor import noise_floor
-from fit.gap.hypotheses import Hypothesis, judged, polished, refit, shortlist
+from fit.gap.hypotheses import Hypothesis, judged, polishing, refits, shortlist
 from fit.gap.missing_force import find_missing_force
 from fit.gap.next_experiment import propose
 from fit.gap.numerics import refine
@@ -166,24 +166,26 @@ class _Search:
         places = shortlist(self.screened) if has_gap else []
         wanted = [n for n, k in enumerate(self.screened.effects) if self.observer.effects[k].name in added]
         places += [n for n in wanted if n not in places]
-        for count, place in enumerate(places):
-            k = self.screened.effects[place]
-            self.progress(f"refitting with {self.observer.effects[k].title}", 0.38 + 0.3 * count / len(places))
-            self.singles[k] = self._refit(self.base.fitted, self.screened, place)
-        if not self.singles:
+        if not places:
             return
-        best = min(self.singles.values(), key=lambda h: h.fitted.cost)
-        again = self.kept.recall("base-again", lambda: fit(self.observer, best.fitted.vector, self.observer.off))
-        self.fits = sorted([*self.fits, again], key=lambda f: f.cost)
-        if self.fits[0] is again:
-            self.base = Hypothesis((), again, judged(self.judge, again))
-        self.progress("polishing", 0.72)
-        order = sorted(self.singles, key=lambda k: self.singles[k].fitted.cost)
-        for k in order[:POLISHED]:
-            old = self.singles[k].fitted
-            name = f"{self.observer.effects[k].name}-polished"
-            fitted = self.kept.recall(name, partial(polished, self.observer, old))
+        self.progress(f"refitting with {len(places)} effects, one each", 0.4)
+        for hypothesis in self._refit(self.base.fitted, self.screened, places):
+            self.singles[hypothesis.effects[-1]] = hypothesis
+        self.progress("polishing", 0.62)
+        best = sorted(self.singles, key=lambda k: self.singles[k].fitted.cost)[:POLISHED]
+        tasks = [Task(self.singles[best[0]].fitted.vector, self.observer.off)]
+        tasks += [polishing(self.singles[k].fitted) for k in best]
+        names = ["base-again", *(f"{self.observer.effects[k].name}-polished" for k in best)]
+        again, *polished = self.kept.recall(names, partial(fit, self.observer, tasks))
+        for k, fitted in zip(best, polished, strict=True):
             self.singles[k] = Hypothesis((k,), fitted, judged(self.judge, fitted))
+        self.fits.append(again)
+        if gate.disagreement(self.fits) > gate.CONVERGED:
+            between = Task(middle(self.observer, self.fits), self.observer.off)
+            self.fits += self.kept.recall(["base-between"], partial(fit, self.observer, [between]))
+        self.fits.sort(key=lambda f: f.cost)
+        if self.fits[0] is not self.base.fitted:
+            self.base = Hypothesis((), self.fits[0], judged(self.judge, self.fits[0]))
 
     @property
     def least_cost(self) -> float:
@@ -204,7 +206,7 @@ class _Search:
             left = tuple(k for k in self.tested if k not in current.effects)
             screened = screen(self.observer, current.fitted, left, self.rng)
             places = shortlist(screened)[:3]
-            tried = [(self._refit(current.fitted, screened, n), n) for n in places]
+            tried = zip(self._refit(current.fitted, screened, places), places, strict=True)
             best, place = min(tried, key=lambda pair: pair[0].errors.squared_mm)
             p_value = float(screened.family_p_value[place])
             self.joint.append((best, p_value))
@@ -213,11 +215,16 @@ class _Search:
                 return
             current = best
 
-    def _refit(self, start: Fitted, screened: Screened, place: int) -> Hypothesis:
-        active = (*start.active, screened.effects[place])
-        name = "+".join(self.observer.effects[k].name for k in active)
-        fitted = self.kept.recall(name, lambda: refit(self.observer, start, screened, place))
-        return Hypothesis(active, fitted, judged(self.judge, fitted))
+    def _refit(self, start: Fitted, screened: Screened, places: list[int]) -> list[Hypothesis]:
+        def go() -> list[Fitted]:
+            return fit(self.observer, refits(self.observer, start, screened, places))
+
+        added = [(*start.active, screened.effects[place]) for place in places]
+        names = ["+".join(self.observer.effects[k].name for k in active) for active in added]
+        found = self.kept.recall(names, go)
+        return [
+            Hypothesis(active, fitted, judged(self.judge, fitted)) for active, fitted in zip(added, found, strict=True)
+        ]
 
     def alive(self, evidence: Evidence, verdict: Verdict) -> tuple[list[Hypothesis], list[float]]:
         """Return the hypotheses that a further recording should tell apart, and how much each weighs."""

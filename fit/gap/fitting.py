@@ -11,6 +11,7 @@ Source: K.-Y. Liang & S. L. Zeger, Biometrika 73 (1986), eq. 7 (cluster-robust c
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,14 @@ from numpy.typing import NDArray
 
 from fit.effects.base import size_of
 from fit.gap.observer import Observer
-from fit.search.least_squares import BoundedSpace, LeastSquaresSettings, Prior, minimise
+from fit.search.least_squares import (
+    BoundedSpace,
+    LeastSquaresResult,
+    LeastSquaresSettings,
+    Prior,
+    search,
+    side_by_side,
+)
 
 Floats = NDArray[np.float64]
 
@@ -26,6 +34,8 @@ PRIOR_LOG = 1.5  # standard deviation of log parameters about their initial valu
 PRIOR_AMPLITUDE = 5.0  # of amplitudes, in typical sizes, about zero
 NORMAL_95 = 1.645  # two-sided 90 %
 COST_TOLERANCE = 2e-3  # relative fall of the cost at which a fit ends
+LANES = 16  # candidates that cost hardly more than one
+FEWEST_RUNGS, MOST_RUNGS = 3, 8  # steps that one fit tries at once
 
 
 @dataclass(frozen=True)
@@ -96,37 +106,55 @@ class Problem:
         return self.observer.residuals(*self.unpack(numbers))
 
 
-def fit(
-    observer: Observer,
-    vector: Floats,
-    amplitudes: Floats,
-    active: tuple[int, ...] = (),
-    *,
-    iterations: int = 12,
-    renewals: int = 2,
-    jacobian: Floats | None = None,
-) -> Fitted:
-    """Fit base parameters and the amplitudes of the active effects, starting from the given ones.
+@dataclass(frozen=True)
+class Task:
+    """A fit that is wanted: of base parameters and the active effects' amplitudes, from the given ones.
 
+    vector, (parameters,); amplitudes, (components,) of all effects
     renewals: of a worn Jacobian, after which a halt is believed.
     jacobian, (numbers, parameters + components): known near the start, it is updated by chords instead of made anew.
     """
-    problem = Problem(observer, active)
-    settings = LeastSquaresSettings(
-        max_iterations=iterations, cost_tolerance=COST_TOLERANCE, step_tolerance=1e-3, is_chord=True, renewals=renewals
-    )
-    found = minimise(
-        problem.residuals,
-        problem.pack(vector, amplitudes),
-        problem.space,
-        prior=problem.prior,
-        settings=settings,
-        jacobian=jacobian,
-    )
-    vectors, fitted_amplitudes = problem.unpack(found.parameters[None])
+
+    vector: Floats
+    amplitudes: Floats
+    active: tuple[int, ...] = ()
+    iterations: int = 12
+    renewals: int = 2
+    jacobian: Floats | None = None
+
+
+def fit(observer: Observer, tasks: Sequence[Task]) -> list[Fitted]:
+    """Fit side by side: what all fits ask next is simulated in one batch, and each tries as many steps as fit in it."""
+    problems = [Problem(observer, task.active) for task in tasks]
+    width = int(np.clip(LANES // max(len(tasks), 1), FEWEST_RUNGS, MOST_RUNGS))
+    searches = [
+        search(
+            problem.pack(task.vector, task.amplitudes),
+            problem.space,
+            prior=problem.prior,
+            settings=LeastSquaresSettings(
+                width=width, max_iterations=task.iterations, cost_tolerance=COST_TOLERANCE, step_tolerance=1e-3,
+                is_chord=True, renewals=task.renewals,
+            ),
+            jacobian=task.jacobian,
+        )
+        for problem, task in zip(problems, tasks, strict=True)
+    ]  # fmt: skip
+
+    def evaluate(asked: list[Floats]) -> list[Floats]:
+        rows = [problem.unpack(numbers) for problem, numbers in zip(problems, asked, strict=True)]
+        vectors, amplitudes = (np.concatenate(column) for column in zip(*rows, strict=True))
+        return np.split(observer.residuals(vectors, amplitudes), np.cumsum([len(numbers) for numbers in asked])[:-1])
+
+    found = side_by_side(searches, evaluate) if searches else []
+    return [_fitted(observer, *each) for each in zip(problems, tasks, found, strict=True)]
+
+
+def _fitted(observer: Observer, problem: Problem, task: Task, found: LeastSquaresResult) -> Fitted:
+    vectors, amplitudes = problem.unpack(found.parameters[None])
     deviation = sandwich(found.jacobian, found.residuals, observer.layout.block, problem.prior_sd)
     return Fitted(
-        vectors[0], fitted_amplitudes[0], active, found.residuals, found.jacobian, deviation, found.is_converged
+        vectors[0], amplitudes[0], task.active, found.residuals, found.jacobian, deviation, found.is_converged
     )
 
 

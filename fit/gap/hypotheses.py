@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.gap.closure import BlockErrors, block_errors
-from fit.gap.fitting import Fitted, Problem, fit
+from fit.gap.fitting import Fitted, Problem, Task
 from fit.gap.observer import Observer
 from fit.gap.screening import Screened
 
@@ -48,8 +48,23 @@ def shortlist(screened: Screened) -> list[int]:
     return chosen + twins[:2]
 
 
-def refit(observer: Observer, start: Fitted, screened: Screened, place: int) -> Fitted:
-    """Refit a model with one more effect, starting from the joint linear solution."""
+def refits(observer: Observer, start: Fitted, screened: Screened, places: list[int]) -> list[Task]:
+    """Return the refits of a model with one more effect each, from the best of some shares of its linear solution."""
+    tries = [_tries(observer, start, screened, place) for place in places]
+    if not tries:
+        return []
+    every = [problem.unpack(np.array(numbers)) for problem, numbers, _ in tries]
+    vectors, rows = (np.concatenate(column) for column in zip(*every, strict=True))
+    costs = (observer.residuals(vectors, rows) ** 2).sum(1).reshape(len(tries), -1)
+    tasks = []
+    for (problem, _, joint), (own, amplitudes), cost in zip(tries, every, costs, strict=True):
+        best = int(np.argmin(cost))
+        tasks.append(Task(own[best], amplitudes[best], problem.active, iterations=ITERATIONS, jacobian=joint))
+    return tasks
+
+
+def _tries(observer: Observer, start: Fitted, screened: Screened, place: int) -> tuple[Problem, list[Floats], Floats]:
+    """The problem with one more effect, places near its joint linear solution, and its Jacobian."""
     effect = screened.effects[place]
     active = (*start.active, effect)
     problem = Problem(observer, active)
@@ -73,9 +88,7 @@ def refit(observer: Observer, start: Fitted, screened: Screened, place: int) -> 
             amplitudes = start.amplitudes.copy()
             amplitudes[columns] = share * guess
             tries.append(problem.pack(vector, amplitudes))
-    vectors, rows = problem.unpack(np.array(tries))
-    best = int(np.argmin((observer.residuals(vectors, rows) ** 2).sum(1)))
-    return fit(observer, vectors[best], rows[best], active, iterations=ITERATIONS, jacobian=joint)
+    return problem, tries, joint
 
 
 def judged(judge: Observer, fitted: Fitted) -> BlockErrors:
@@ -83,6 +96,6 @@ def judged(judge: Observer, fitted: Fitted) -> BlockErrors:
     return block_errors(judge, judge.residuals(fitted.vector[None], fitted.amplitudes[None])[0])
 
 
-def polished(observer: Observer, old: Fitted) -> Fitted:
+def polishing(old: Fitted) -> Task:
     """Fit on with a Jacobian of its own, which the intervals need."""
-    return fit(observer, old.vector, old.amplitudes, old.active, iterations=POLISHING)
+    return Task(old.vector, old.amplitudes, old.active, iterations=POLISHING)

@@ -20,7 +20,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.effects.base import Effect
 from fit.gap.fitting import Fitted, Problem
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.observer import Observer
@@ -106,7 +105,7 @@ def propose(observer: Observer, base: Fitted, alive: list[Hypothesis], weights: 
     alive, weights = alive[:MOST_ALIVE], weights[:MOST_ALIVE]
     if not alive:
         return None
-    now_j, now_c = base.jacobian[:, : len(base.vector)], [_contribution(observer, base, h, {}) for h in alive]
+    now_j, now_c = base.jacobian[:, : len(base.vector)], _changes(observer, base, _rows(observer, alive, {}))
     inflation = _inflation(observer, base, now_c)
     best: tuple[float, Motion, float, float, tuple[int, int]] | None = None
     for motion in MENU:
@@ -114,8 +113,7 @@ def propose(observer: Observer, base: Fitted, alive: list[Hypothesis], weights: 
             [imagine(observer.recordings[0], motion)], observer.parameterisation, observer.effects,
             frequency=observer.frequency, resolution=observer.resolution,
         )  # fmt: skip
-        next_j = _jacobian(imagined, base)
-        next_c = [_contribution(imagined, base, h, motion.turned) for h in alive]
+        next_j, next_c = _imagined(imagined, base, alive, motion.turned)
         together = [np.concatenate(pair) for pair in zip(now_c, next_c, strict=True)]
         gain, top = 0.0, (-1.0, 0.0, 0.0, (0, 0))
         for i, j in _pairs(len(alive)):
@@ -172,27 +170,42 @@ def imagine(like: Recording, motion: Motion) -> Recording:
     )  # fmt: skip
 
 
-def _contribution(
-    observer: Observer, base: Fitted, hypothesis: Hypothesis, turned: dict[str, tuple[float, ...]]
-) -> Floats:
-    """Change of the residual that a hypothesis' last effect makes at its fitted amplitude, (numbers,)."""
-    effect = hypothesis.effects[-1]
-    row = np.zeros(len(observer.off))
-    columns = observer.columns[effect]
-    kind: Effect = observer.effects[effect]
-    row[columns] = hypothesis.fitted.amplitudes[columns] * np.asarray(turned.get(kind.name, 1.0))
-    both = observer.residuals(np.tile(base.vector, (2, 1)), np.stack([observer.off, row]))
-    return np.asarray(both[1] - both[0])
+def _rows(observer: Observer, alive: list[Hypothesis], turned: dict[str, tuple[float, ...]]) -> list[Floats]:
+    """Amplitudes of each hypothesis' last effect alone, as they are where cloth or rig is turned, (components,)."""
+    rows = []
+    for hypothesis in alive:
+        effect = hypothesis.effects[-1]
+        columns = observer.columns[effect]
+        row = np.zeros(len(observer.off))
+        row[columns] = hypothesis.fitted.amplitudes[columns] * np.asarray(
+            turned.get(observer.effects[effect].name, 1.0)
+        )
+        rows.append(row)
+    return rows
 
 
-def _jacobian(observer: Observer, base: Fitted) -> Floats:
-    """Jacobian of the base parameters in working coordinates, (numbers, parameters)."""
+def _changes(observer: Observer, base: Fitted, rows: list[Floats]) -> list[Floats]:
+    """Change of the residual that amplitudes make beside the base parameters, each (numbers,)."""
+    found = observer.residuals(np.tile(base.vector, (len(rows) + 1, 1)), np.stack([observer.off, *rows]))
+    return list(found[1:] - found[0])
+
+
+def _imagined(
+    observer: Observer, base: Fitted, alive: list[Hypothesis], turned: dict[str, tuple[float, ...]]
+) -> tuple[Floats, list[Floats]]:
+    """Jacobian of the base parameters in working coordinates, (numbers, parameters), and every hypothesis' change."""
     problem = Problem(observer)
     unit = problem.space.to_unit(base.vector)
     steps = np.where(unit + STEP <= 1, STEP, -STEP)
-    rows = problem.space.from_unit(np.concatenate([unit[None], unit + np.diag(steps)]))
-    found = observer.residuals(rows, np.tile(observer.off, (len(rows), 1)))
-    return np.asarray(((found[1:] - found[0]) / (steps * problem.space.scale)[:, None]).T)
+    aside = problem.space.from_unit(unit + np.diag(steps))
+    rows = _rows(observer, alive, turned)
+    found = observer.residuals(
+        np.concatenate([base.vector[None], aside, np.tile(base.vector, (len(rows), 1))]),
+        np.stack([*[observer.off] * (1 + len(aside)), *rows]),
+    )
+    moved = found[1:] - found[0]
+    jacobian = (moved[: len(aside)] / (steps * problem.space.scale)[:, None]).T
+    return np.asarray(jacobian), list(moved[len(aside) :])
 
 
 def _inflation(observer: Observer, base: Fitted, contributions: list[Floats]) -> float:

@@ -21,7 +21,7 @@ simultaneous equations", method 1.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -126,6 +126,9 @@ class LeastSquaresResult:
         return np.asarray(variance * np.linalg.pinv(self.precision, hermitian=True))
 
 
+Search = Generator[Floats, Floats, LeastSquaresResult]  # yields candidates, is sent their residuals
+
+
 def minimise(
     residuals: Residuals,
     start: Floats,
@@ -145,9 +148,49 @@ def minimise(
         FitError: the start lies outside the bounds.
         BlowUpError: the start itself has no finite residuals.
     """
-    return _Search(residuals, space, prior, settings or LeastSquaresSettings()).run(
-        np.asarray(start, dtype=float), jacobian
-    )
+    settings = settings or LeastSquaresSettings()
+
+    def evaluate(asked: list[Floats]) -> list[Floats]:
+        batches = [asked[0][k : k + settings.width] for k in range(0, len(asked[0]), settings.width)]
+        return [np.concatenate([np.asarray(residuals(batch), dtype=float) for batch in batches])]
+
+    return side_by_side([search(start, space, prior=prior, settings=settings, jacobian=jacobian)], evaluate)[0]
+
+
+def search(
+    start: Floats,
+    space: BoundedSpace,
+    *,
+    prior: Prior | None = None,
+    settings: LeastSquaresSettings | None = None,
+    jacobian: Floats | None = None,
+) -> Search:
+    """Return the search of `minimise`, (p,), that asks for residuals instead of calling for them.
+
+    It yields candidates, (lanes, p), is sent their residuals, (lanes, m), and returns where it ended.
+    """
+    return _Search(space, prior, settings or LeastSquaresSettings()).run(np.asarray(start, dtype=float), jacobian)
+
+
+def side_by_side(
+    searches: Sequence[Search], evaluate: Callable[[list[Floats]], list[Floats]]
+) -> list[LeastSquaresResult]:
+    """Advance several searches in step, so that one batch answers all of them; return where each ended.
+
+    evaluate: is given what each search asks, (lanes, p), nothing (0 lanes) of those that have ended, and returns
+    their residuals in the same order.
+    """
+    ended: list[LeastSquaresResult | None] = [None] * len(searches)
+    asked = [next(one) for one in searches]
+    while any(result is None for result in ended):
+        answers = evaluate(asked)
+        for k, one in enumerate(searches):
+            if ended[k] is None:
+                try:
+                    asked[k] = one.send(answers[k])
+                except StopIteration as stop:
+                    ended[k], asked[k] = stop.value, asked[k][:0]
+    return [result for result in ended if result is not None]
 
 
 @dataclass(frozen=True)
@@ -159,10 +202,8 @@ class _Step:
 
 
 class _Search:
-    def __init__(
-        self, residuals: Residuals, space: BoundedSpace, prior: Prior | None, settings: LeastSquaresSettings
-    ) -> None:
-        self.residuals, self.space, self.settings = residuals, space, settings
+    def __init__(self, space: BoundedSpace, prior: Prior | None, settings: LeastSquaresSettings) -> None:
+        self.space, self.settings = space, settings
         count = len(space.minimum)
         working_precision = np.zeros((count, count)) if prior is None else np.asarray(prior.precision, dtype=float)
         self.working_precision = working_precision
@@ -171,12 +212,12 @@ class _Search:
         self.mean = (space.to_working(np.asarray(mean, dtype=float)) - space.to_working(space.minimum)) / space.scale
         self.simulations = self.batches = 0
 
-    def run(self, start: Floats, known: Floats | None) -> LeastSquaresResult:
+    def run(self, start: Floats, known: Floats | None) -> Search:
         settings = self.settings
         if not ((self.space.minimum <= start) & (start <= self.space.maximum)).all():
             raise FitError("the start lies outside the bounds", where="least squares", advice="move it inside")
         u = self.space.to_unit(start)
-        r = self._evaluate(u[None])[0]
+        r = (yield from self._evaluate(u[None]))[0]
         if not np.isfinite(r).all():
             raise BlowUpError(
                 "the simulation at the start is not finite",
@@ -185,7 +226,7 @@ class _Search:
             )
         cost, damping = self._cost(u, r), settings.damping
         history = [cost]
-        jacobian = self._jacobian(u, r) if known is None else known * self.space.scale
+        jacobian = (yield from self._jacobian(u, r)) if known is None else known * self.space.scale
         is_fresh = True  # the Jacobian belongs to u, or is all that the caller pays for
         renewals = 0
         for _ in range(settings.max_iterations):
@@ -193,7 +234,8 @@ class _Search:
             free = ~(((u <= 0) & (slope > 0)) | ((u >= 1) & (slope < 0)))
             moved, reason = None, "no slope is left within the bounds"
             if free.any() and np.abs(slope[free]).max() > 1e-12 * max(1.0, cost):
-                moved, reason = self._try_dampings(u, cost, normal, slope, free, damping), "no step lowers the cost"
+                moved = yield from self._try_dampings(u, cost, normal, slope, free, damping)
+                reason = "no step lowers the cost"
             if moved is not None:
                 reason = self._reason_to_stop(u, cost, moved)
                 step, change = moved.unit - u, moved.residuals - r
@@ -203,15 +245,15 @@ class _Search:
                     jacobian = jacobian + np.outer(change - jacobian @ step, step) / max(float(step @ step), 1e-30)
                     is_fresh = known is not None
                 else:
-                    jacobian = self._jacobian(u, r)
+                    jacobian = yield from self._jacobian(u, r)
             if reason and (is_fresh or renewals == settings.renewals):
                 break
             if reason:  # a worn Jacobian may be all that is wrong
-                jacobian, is_fresh, renewals = self._jacobian(u, r), True, renewals + 1
+                jacobian, is_fresh, renewals = (yield from self._jacobian(u, r)), True, renewals + 1
         else:
             reason = ""
         if not is_fresh:
-            jacobian = self._jacobian(u, r)
+            jacobian = yield from self._jacobian(u, r)
         _, slope = self._normal_equations(u, r, jacobian)
         return LeastSquaresResult(
             parameters=self.space.from_unit(u),
@@ -235,14 +277,10 @@ class _Search:
             return "the steps have become short"
         return ""
 
-    def _evaluate(self, units: Floats) -> Floats:
-        found = []
-        for first in range(0, len(units), self.settings.width):
-            batch = self.space.from_unit(units[first : first + self.settings.width])
-            found.append(np.asarray(self.residuals(batch), dtype=float))
-            self.simulations += len(batch)
-            self.batches += 1
-        return np.concatenate(found)
+    def _evaluate(self, units: Floats) -> Generator[Floats, Floats, Floats]:
+        self.simulations += len(units)
+        self.batches += math.ceil(len(units) / self.settings.width)
+        return np.asarray((yield self.space.from_unit(units)), dtype=float)
 
     def _weights(self, r: Floats) -> Floats:
         if self.settings.huber is None:
@@ -260,30 +298,31 @@ class _Search:
         weighted = jacobian.T * self._weights(r)
         return weighted @ jacobian + self.precision, weighted @ r + self.precision @ (u - self.mean)
 
-    def _jacobian(self, u: Floats, r: Floats) -> Floats:
+    def _jacobian(self, u: Floats, r: Floats) -> Generator[Floats, Floats, Floats]:
         """d residual / d u, (m, p); a column that blew up is taken from the other side, or is zero."""
         h, count = self.settings.step, len(u)
         inward = np.where(u + h <= 1, h, -h)
         aside = u + np.diag(inward)
         if not self.settings.is_central:
-            columns = (self._evaluate(aside) - r) / inward[:, None]
+            columns = ((yield from self._evaluate(aside)) - r) / inward[:, None]
         else:
             other = np.clip(u - np.diag(inward), 0, 1)
-            both = self._evaluate(np.concatenate([aside, other]))
+            both = yield from self._evaluate(np.concatenate([aside, other]))
             apart = np.diag(aside - other)
             columns = (both[:count] - both[count:]) / apart[:, None]
         broken = ~np.isfinite(columns).all(1)
         if broken.any():
             back = np.clip(u - np.diag(inward), 0, 1)[broken]
             step = (back - u).sum(1)
+            found = yield from self._evaluate(back)
             with np.errstate(invalid="ignore", divide="ignore"):
-                columns[broken] = (self._evaluate(back) - r) / step[:, None]
+                columns[broken] = (found - r) / step[:, None]
             columns[~np.isfinite(columns).all(1)] = 0.0
         return columns.T
 
     def _try_dampings(
         self, u: Floats, cost: float, normal: Floats, slope: Floats, free: NDArray[np.bool_], damping: float
-    ) -> _Step | None:
+    ) -> Generator[Floats, Floats, _Step | None]:
         """Return the best lower place of ladders of dampings, or None."""
         rungs = self.settings.width
         # One ladder spans lambda/30 to 30 lambda and more; three reach from Gauss-Newton to a crawl downhill.
@@ -291,7 +330,7 @@ class _Search:
         for _ in range(3 if rungs > 1 else 12):
             ladder = np.clip(damping * factors, 1e-12, 1e12)
             tries = np.stack([self._trial(u, normal, slope, free, rung) for rung in ladder])
-            found = self._evaluate(tries)
+            found = yield from self._evaluate(tries)
             costs = np.array([self._cost(a, b) for a, b in zip(tries, found, strict=True)])
             best = int(np.argmin(costs))
             if costs[best] < cost:

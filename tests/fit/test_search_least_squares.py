@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fit.errors import BlowUpError, FitError
-from fit.search.least_squares import BoundedSpace, LeastSquaresSettings, Prior, minimise
+from fit.search.least_squares import BoundedSpace, LeastSquaresSettings, Prior, minimise, search, side_by_side
 
 FINE = LeastSquaresSettings(step=1e-6, max_iterations=100, cost_tolerance=1e-12, step_tolerance=1e-10)
 
@@ -50,6 +50,22 @@ def test_no_batch_is_wider_than_asked_and_all_simulations_are_counted():
     found = minimise(counted, np.array([-1.2, 1.0]), box([-3, -3], [3, 3]), settings=LeastSquaresSettings(width=4))
     assert max(sizes) <= 4
     assert (found.simulations, found.batches) == (sum(sizes), len(sizes))
+
+
+def test_searches_side_by_side_end_where_each_ends_alone():
+    models, starts = (rosenbrock, decay), (np.array([-1.2, 1.0]), np.array([0.2, 8.0]))
+    space, settings = box([-3, 0.1], [3, 10]), LeastSquaresSettings(width=4, max_iterations=20)
+    lanes = []
+
+    def evaluate(asked):
+        lanes.append([len(candidates) for candidates in asked])
+        return [model(candidates) for model, candidates in zip(models, asked, strict=True)]
+
+    together = side_by_side([search(start, space, settings=settings) for start in starts], evaluate)
+    alone = [minimise(m, start, space, settings=settings) for m, start in zip(models, starts, strict=True)]
+    assert [f.parameters.tolist() for f in together] == [f.parameters.tolist() for f in alone]
+    assert [f.simulations for f in together] == np.sum(lanes, axis=0).tolist()
+    assert len(lanes) < sum(f.batches for f in alone)
 
 
 def test_exponential_decay_on_a_log_scale_gives_2_and_0_7():

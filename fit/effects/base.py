@@ -36,7 +36,9 @@ class Effect:
     """One unmodelled effect: name, unit, physical range, typical size and hooks.
 
     `low`, `high` and `typical` hold for each component; an effect of several components has the length of its
-    amplitude vector as its size. `in_base` names the parameter of the base model that is the same physics, if any.
+    amplitude vector as its size. `law_spread` is the relative deviation by which sound laws of one effect differ: drag
+    that varies with the angle, masses in another place; 0 where there is only one. `in_base` names the parameter of
+    the base model that is the same physics, if any.
     """
 
     name: ClassVar[str]
@@ -46,6 +48,7 @@ class Effect:
     low: ClassVar[float]
     high: ClassVar[float]
     typical: ClassVar[float]
+    law_spread: ClassVar[float] = 0.08
     components: ClassVar[tuple[str, ...]] = ("",)
     in_base: ClassVar[str] = ""
     face_force: ClassVar[Callable[..., Any] | None] = None

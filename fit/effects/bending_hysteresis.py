@@ -27,6 +27,7 @@ class BendingHysteresis(Effect):
     low: ClassVar[float] = 0.0
     high: ClassVar[float] = 2e-3
     typical: ClassVar[float] = 2e-4
+    law_spread: ClassVar[float] = 0.15  # threads that begin to slip one after the other instead of together
     bends: ClassVar[bool] = True
 
     def friction_moment(self, amplitude: Floats) -> float:

@@ -24,6 +24,7 @@ class ClockDrift(Effect):
     low: ClassVar[float] = -0.03
     high: ClassVar[float] = 0.03
     typical: ClassVar[float] = 0.005
+    law_spread: ClassVar[float] = 0.0
 
     def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:
         """Return the path of the held ends on the drifting clock."""

@@ -30,6 +30,7 @@ class CornerErosion(Effect):
     low: ClassVar[float] = -0.005
     high: ClassVar[float] = 0.04
     typical: ClassVar[float] = 0.008
+    law_spread: ClassVar[float] = 0.2  # how far into the border the loss reaches
     components: ClassVar[tuple[str, ...]] = ("corners", "border")
 
     def observe(self, points: Floats, recording: Recording, amplitude: Floats) -> Floats:

@@ -26,6 +26,7 @@ class FilterLag(Effect):
     low: ClassVar[float] = 0.0
     high: ClassVar[float] = 0.2
     typical: ClassVar[float] = 0.02
+    law_spread: ClassVar[float] = 0.0
 
     def observe(self, points: Floats, recording: Recording, amplitude: Floats) -> Floats:
         """Return the points behind a first-order low-pass."""

@@ -27,6 +27,7 @@ class GravityTilt(Effect):
     low: ClassVar[float] = -0.06
     high: ClassVar[float] = 0.06
     typical: ClassVar[float] = 0.03
+    law_spread: ClassVar[float] = 0.0
     components: ClassVar[tuple[str, ...]] = ("x", "y")
 
     def material(self, row: Floats, amplitude: Floats) -> Floats:

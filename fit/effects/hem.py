@@ -27,6 +27,7 @@ class Hem(Effect):
     low: ClassVar[float] = 0.0
     high: ClassVar[float] = 0.05
     typical: ClassVar[float] = 0.01
+    law_spread: ClassVar[float] = 0.12  # a hem is stiffer as well
 
     def node_mass(self, mass: Floats, mesh: ClothMesh, amplitude: Floats) -> Floats:
         """Return the nodes' masses [kg], (nodes,), with the hem's share moved to the bottom edge."""

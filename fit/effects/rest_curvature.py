@@ -28,6 +28,9 @@ class RestCurvature(Effect):
     low: ClassVar[float] = -40.0
     high: ClassVar[float] = 40.0
     typical: ClassVar[float] = 5.0
+    law_spread: ClassVar[float] = (
+        0.25  # a curl is rarely uniform: half as strong again at one end, half as strong at the other
+    )
     components: ClassVar[tuple[str, ...]] = ("horizontal", "vertical")
     bends: ClassVar[bool] = True
 

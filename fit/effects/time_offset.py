@@ -24,6 +24,7 @@ class TimeOffset(Effect):
     low: ClassVar[float] = -0.1
     high: ClassVar[float] = 0.1
     typical: ClassVar[float] = 0.02
+    law_spread: ClassVar[float] = 0.0
 
     def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:
         """Return the path of the held ends as it was tau earlier."""

@@ -28,6 +28,7 @@ class TrackerSmoothing(Effect):
     low: ClassVar[float] = 0.0
     high: ClassVar[float] = 1.0
     typical: ClassVar[float] = 0.4
+    law_spread: ClassVar[float] = 0.3  # which neighbours a tracker takes, and with which weights, is its own affair
 
     def observe(self, points: Floats, recording: Recording, amplitude: Floats) -> Floats:
         """Return the smoothed points."""

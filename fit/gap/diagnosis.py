@@ -23,7 +23,7 @@ from fit.gap.checkpoint import Checkpoint, Key
 from fit.gap.closure import bootstrap_picks, closure, exceeds
 from fit.gap.fitting import Fitted, Task, fit
 from fit.gap.floor import noise_floor
-from fit.gap.hypotheses import Hypothesis, judged, polishing, refits, shortlist
+from fit.gap.hypotheses import Hypothesis, judged, polishing, refits, restarts, shortlist
 from fit.gap.missing_force import find_missing_force
 from fit.gap.next_experiment import propose
 from fit.gap.numerics import refine
@@ -87,9 +87,7 @@ def diagnose(
     observer = Observer(train, model, effects, frequency=0.0, resolution=resolution)
     kept = Checkpoint(checkpoint, _key(training, held_out, model, added, observer, seed))
     fits, observer, predictability = fit_base(observer, progress, kept, seed)
-    judge = observer if not test else Observer(
-        test, model, effects, frequency=observer.frequency, resolution=resolution
-    )  # fmt: skip
+    judge = observer.of(test) if test else observer
     search = _Search(observer, judge, fits, rng, progress, kept)
     progress("noise floor", 0.3)
     floor, floor_error = noise_floor(judge, fits[0].vector, observer.off, rng)
@@ -103,7 +101,7 @@ def diagnose(
     found_gates.append(gate.numerics_gate(mesh_closure[0] if mesh_closure else None, refined.numerics_mm))
     evidence = search.evidence(floor, refined.numerics_mm, picks, found_gates, is_held_out=bool(test))
     verdict = decide(evidence, effects)
-    if verdict.verdict in {"effect", "unknown"}:
+    if verdict.verdict in {"effect", "ambiguous", "unknown"}:
         progress("looking for a second effect", 0.88)
         search.further_rounds(floor, refined.numerics_mm, picks)
         evidence = search.evidence(floor, refined.numerics_mm, picks, found_gates, is_held_out=bool(test))
@@ -126,10 +124,7 @@ def diagnose(
         missing_force=find_missing_force(judge, base.vector),
         next_experiment=proposal,
         gates=found_gates,
-        cost=Cost(
-            simulations=observer.simulations + (judge.simulations if test else 0) + refined.simulations,
-            seconds=clock.monotonic() - started,
-        ),
+        cost=Cost(simulations=observer.simulations, seconds=clock.monotonic() - started),
         base_parameters=described.base_parameters(model, base),
         notes=described.notes(len(training), len(held_out), observer),
     )
@@ -171,13 +166,10 @@ class _Search:
         self.progress(f"refitting with {len(places)} effects, one each", 0.4)
         for hypothesis in self._refit(self.base.fitted, self.screened, places):
             self.singles[hypothesis.effects[-1]] = hypothesis
-        self.progress("polishing", 0.62)
+        self.progress("refitting the best from elsewhere", 0.62)
         best = sorted(self.singles, key=lambda k: self.singles[k].fitted.cost)[:POLISHED]
-        tasks = [Task(self.singles[best[0]].fitted.vector, self.observer.off)]
-        tasks += [polishing(self.singles[k].fitted) for k in best]
-        names = ["base-again", *(f"{self.observer.effects[k].name}-polished" for k in best)]
-        again, *polished = self.kept.recall(names, partial(fit, self.observer, tasks))
-        for k, fitted in zip(best, polished, strict=True):
+        again, *refitted = self._from_elsewhere([self.singles[k].fitted for k in best])
+        for k, fitted in zip(best, refitted, strict=True):
             self.singles[k] = Hypothesis((k,), fitted, judged(self.judge, fitted))
         self.fits.append(again)
         if gate.disagreement(self.fits) > gate.CONVERGED:
@@ -186,6 +178,24 @@ class _Search:
         self.fits.sort(key=lambda f: f.cost)
         if self.fits[0] is not self.base.fitted:
             self.base = Hypothesis((), self.fits[0], judged(self.judge, self.fits[0]))
+
+    def _from_elsewhere(self, found: list[Fitted]) -> list[Fitted]:
+        """Return the base model fitted from the first of some fits, and those fits as they end from the best starts.
+
+        A base fit that makes up for an effect is a bad place to begin with it: each is polished where it is, and
+        fitted from wherever its amplitude would do best.
+        """
+
+        def go() -> list[Fitted]:
+            tasks = [Task(found[0].vector, self.observer.off), *map(polishing, found)]
+            return fit(self.observer, tasks + restarts(self.observer, found))
+
+        names = ["+".join(self.observer.effects[k].name for k in one.active) for one in found]
+        ends = self.kept.recall(
+            ["base-again", *(f"{name}-polished" for name in names), *(f"{name}-elsewhere" for name in names)], go
+        )
+        pairs = zip(ends[1 : 1 + len(found)], ends[1 + len(found) :], strict=True)
+        return [ends[0], *(min(pair, key=lambda f: f.cost) for pair in pairs)]
 
     @property
     def least_cost(self) -> float:

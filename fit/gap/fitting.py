@@ -34,8 +34,8 @@ PRIOR_LOG = 1.5  # standard deviation of log parameters about their initial valu
 PRIOR_AMPLITUDE = 5.0  # of amplitudes, in typical sizes, about zero
 NORMAL_95 = 1.645  # two-sided 90 %
 COST_TOLERANCE = 2e-3  # relative fall of the cost at which a fit ends
-LANES = 16  # candidates that cost hardly more than one
-FEWEST_RUNGS, MOST_RUNGS = 3, 8  # steps that one fit tries at once
+LANES = 12  # candidates that cost hardly more than one
+FEWEST_RUNGS, MOST_RUNGS = 3, 6  # steps that one fit tries at once
 
 
 @dataclass(frozen=True)

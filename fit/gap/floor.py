@@ -63,13 +63,7 @@ def noise_floor(
             r.with_points(r.points + rng.normal(size=r.points.shape) * point_noise(r)[:, None])
             for r in observer.recordings
         ]
-        again = Observer(
-            noisy,
-            observer.parameterisation,
-            observer.effects,
-            frequency=observer.frequency,
-            resolution=observer.resolution,
-        )
+        again = observer.of(noisy)
         grown.append(float(again.in_mm(again.residuals(vector[None], amplitudes[None])[0])) ** 2 - before)
     floors = np.sqrt(np.maximum(grown, 0.0))
     fast = float(floors.mean())

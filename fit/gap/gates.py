@@ -70,22 +70,23 @@ def choose_frequency(observer: Observer, vector: Floats) -> tuple[float, Gate]:
     """Return the weakest pull [Hz] under which the takes are predictable, and the gate that says so.
 
     Two simulations that differ by a thousandth in every stiffness must stay within a fifth of the noise of each other.
+    Where no pull does that, it is the one that leaves them nearest: hard pulls on noisy points crumple limp cloth.
     """
     none = np.stack([observer.off, observer.off])
     nudged = np.stack([vector, vector * (1 + NUDGE)])
     noise = float(np.sqrt(3 * np.mean(observer.layout.sd**2))) * 1e3
-    apart = np.inf
+    tried: list[tuple[float, float]] = []
     for frequency in FREQUENCIES:
         both = observer.with_frequency(frequency).residuals(nudged, none)
-        apart = float(observer.in_mm(both[1] - both[0]))
-        if apart <= FORGOTTEN * noise:
+        tried.append((float(observer.in_mm(both[1] - both[0])), frequency))
+        if tried[-1][0] <= FORGOTTEN * noise:
             break
-    passed = apart <= noise
+    apart, frequency = tried[-1] if tried[-1][0] <= FORGOTTEN * noise else min(tried)
     sentence = f"A change of {NUDGE:g} in the parameters moves the points by {apart:.2f} mm" + (
         f" under a pull of {frequency:g} Hz." if frequency else " in a free rollout."
     )
     return frequency, Gate(
-        name="predictability", passed=passed, figure=apart, limit=noise, unit="mm", sentence=sentence
+        name="predictability", passed=apart <= noise, figure=apart, limit=noise, unit="mm", sentence=sentence
     )
 
 

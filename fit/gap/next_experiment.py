@@ -109,10 +109,7 @@ def propose(observer: Observer, base: Fitted, alive: list[Hypothesis], weights: 
     inflation = _inflation(observer, base, now_c)
     best: tuple[float, Motion, float, float, tuple[int, int]] | None = None
     for motion in MENU:
-        imagined = Observer(
-            [imagine(observer.recordings[0], motion)], observer.parameterisation, observer.effects,
-            frequency=observer.frequency, resolution=observer.resolution,
-        )  # fmt: skip
+        imagined = observer.of([imagine(observer.recordings[0], motion)])
         next_j, next_c = _imagined(imagined, base, alive, motion.turned)
         together = [np.concatenate(pair) for pair in zip(now_c, next_c, strict=True)]
         gain, top = 0.0, (-1.0, 0.0, 0.0, (0, 0))

@@ -34,7 +34,6 @@ class Refined:
 
     errors: BlockErrors
     numerics_mm: float
-    simulations: int
 
 
 def refine(observer: Observer, judge: Observer, base: Fitted) -> Refined:
@@ -65,8 +64,7 @@ def refine(observer: Observer, judge: Observer, base: Fitted) -> Refined:
     apart = both - judge.residuals(base.vector[None], base.amplitudes[None])[0]
     mesh = float(judge.in_mm(apart).max()) / (1.0 - REFINEMENT**-2)
     numerics = float(np.hypot(mesh, SOLVER_SHARE * motion_mm(judge)))
-    simulations = fine.simulations + (fine_judge.simulations if fine_judge is not fine else 0)
-    return Refined(block_errors(judge, both[0]), numerics, simulations)
+    return Refined(block_errors(judge, both[0]), numerics)
 
 
 def motion_mm(judge: Observer) -> float:

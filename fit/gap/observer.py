@@ -84,11 +84,12 @@ class Observer:
         self.columns = columns_of(effects)
         self.layout = _layout(recordings)
         self.mesh = self._simulators[0].mesh
+        self._others: list[Observer] = []
 
     @property
     def simulations(self) -> int:
-        """Simulations run so far."""
-        return sum(s.simulations for s in self._simulators)
+        """Simulations run so far, by observers that were made from this one as well."""
+        return sum(s.simulations for s in self._simulators) + sum(o.simulations for o in self._others)
 
     def with_frequency(self, frequency: float) -> Observer:
         """Return the same observer at another frequency [Hz]; simulators are shared."""
@@ -99,9 +100,18 @@ class Observer:
 
     def at_resolution(self, resolution: Resolution) -> Observer:
         """Return an observer of the same recordings and pull on another mesh."""
-        return Observer(
-            self.recordings, self.parameterisation, self.effects, frequency=self.frequency, resolution=resolution
+        return self._another(self.recordings, resolution)
+
+    def of(self, recordings: list[Recording]) -> Observer:
+        """Return an observer of other recordings under the same pull and on the same mesh."""
+        return self._another(recordings, self.resolution)
+
+    def _another(self, recordings: list[Recording], resolution: Resolution) -> Observer:
+        other = Observer(
+            recordings, self.parameterisation, self.effects, frequency=self.frequency, resolution=resolution
         )
+        self._others.append(other)
+        return other
 
     def trajectories(self, vectors: Floats, amplitudes: Floats, *, frequency: float | None = None) -> list[Floats]:
         """Simulated points per recording, each (candidates, frames, points, 3) [m]."""

@@ -26,8 +26,8 @@ NEAR, NEAR_TWIN = 0.8, 0.9  # of the winner's closure from which an effect, or o
 AT_BOUND = 0.01  # of an effect's range: an amplitude nearer to its end was stopped by it
 RIVAL = 0.1  # share of bootstrap draws that makes an effect a rival
 MESH_SHARE = 0.5  # of the mesh's squared error that an effect must remove at least
-LAW_SHARE = 0.08  # sd by which sound laws of one effect differ: drag that varies with the angle, a hem that is stiff
-SECOND_GAIN = 0.15  # of the gap that a further effect must close
+SECOND_GAIN = 0.1  # of the gap that a further effect must close
+LIKELY = 0.5  # probability that something that is named must have
 
 
 def is_at_bound(observer: Observer, hypothesis: Hypothesis) -> bool:
@@ -74,12 +74,15 @@ class Evidence:
         """Family-wise p-value of an effect of the library."""
         return float(self.screened.family_p_value[self.screened.effects.index(effect)])
 
-    def amplitude(self, effect: int) -> tuple[float, tuple[float, float]]:
-        """Size of a refitted effect and its 90 % interval: noise, mesh and solver, and the law of the effect itself."""
+    def amplitude(self, effect: int, *, any_law: bool = True) -> tuple[float, tuple[float, float]]:
+        """Size of a refitted effect and its 90 % interval: noise, mesh and solver, and the law of the effect itself.
+
+        any_law: whether the interval is to hold for every sound law of the effect, or for the library's alone.
+        """
         size, (low, high) = amplitude_of(self.singles[effect].fitted, self.observer, effect)
         place = self.screened.effects.index(effect)
         wrong = NORMAL_95 * self.numerics_mm * float(self.per_millimetre[place]) / np.sqrt(DIRECTIONS)
-        law = 0.0 if self.observer.effects[effect].acts_on == "measurement" else NORMAL_95 * LAW_SHARE * size
+        law = NORMAL_95 * self.observer.effects[effect].law_spread * size if any_law else 0.0
         half = float(np.linalg.norm([(high - low) / 2, wrong, law]))
         return size, (size - half, size + half)
 
@@ -105,19 +108,28 @@ class Evidence:
         places = [self.screened.effects.index(k) for k in (one, other)]
         return bool(abs(self.screened.cosines[places[0], places[1]]) > GROUP_COSINE)
 
-    def probabilities(self) -> dict[int, float]:
-        """Share of bootstrap draws in which each refitted effect leaves the least error and is worth naming.
+    @functools.cached_property
+    def worth_naming(self) -> dict[int, NDArray[np.bool_]]:
+        """In which draws each refitted effect leaves the least error and is worth naming, each (replicas,).
 
         Worth naming: the base error of the draw is clearly above the noise, and the effect closes a quarter of it.
         """
         base, drawn = self.draws
-        if not drawn:
-            return {}
-        least = np.min(np.stack(list(drawn.values())), axis=0)
+        least, gap = np.min(np.stack([base, *drawn.values()]), axis=0), base - self.floor_mm**2
         has_gap = base > SIGNIFICANT_GAP * self.floor_mm**2
+        return {k: (d <= least) & has_gap & (base - d >= SMALLEST_CLOSURE * gap) for k, d in drawn.items()}
+
+    def probabilities(self) -> dict[int, float]:
+        """Share of draws in which each refitted effect is worth naming and leaves no more than a cause leaves.
+
+        How much that is nobody knows: it is drawn evenly between nothing and MOST_LEFT of the gap.
+        """
+        base, drawn = self.draws
+        noise = self.floor_mm**2
+        left = MOST_LEFT * np.random.default_rng(1).random(len(base)) * (base - noise)
         return {
-            k: float(np.mean((d <= least) & has_gap & (base - d >= SMALLEST_CLOSURE * (base - self.floor_mm**2))))
-            for k, d in drawn.items()
+            k: float(np.mean(worth & (drawn[k] - noise - self.numerics_mm**2 <= left)))
+            for k, worth in self.worth_naming.items()
         }
 
     def win_shares(self) -> dict[int, float]:
@@ -156,6 +168,9 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
         return Verdict("inconclusive", [], f"No diagnosis: {blocking[0].sentence} {numbers}")
     noise, mesh = evidence.floor_mm**2, evidence.numerics_mm**2
     passing = passing_effects(evidence) if evidence.exceeds(noise) else []
+    several = _several(evidence) if passing else None
+    if several is None:
+        passing = _likely(evidence, passing)
     if not evidence.exceeds(noise) or (not passing and not evidence.exceeds(noise + mesh)):
         return Verdict("none", [], f"No gap: the base model explains the motion down to noise and mesh. {numbers}")
     if any(g.name == "base fit" for g in failed):
@@ -167,7 +182,6 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
         return Verdict("numerics", [], f"Refine first: {coarse.sentence} {numbers}")
     if not passing:
         return Verdict("unknown", [], f"There is a gap that no effect in the library explains. {numbers}")
-    several = _several(evidence)
     if several is not None and several.effects[0] in passing:
         return _name_several(evidence, several, effects)
     best = passing[0]
@@ -211,7 +225,7 @@ def passing_effects(evidence: Evidence) -> list[int]:
         closed = evidence.closure_of(hypothesis)
         if closed is None or closed.interval is None or is_at_bound(evidence.observer, hypothesis):
             continue
-        _, (low, high) = evidence.amplitude(k)
+        _, (low, high) = evidence.amplitude(k, any_law=False)
         # The score test is blind to effects that act in few half-seconds; held-out motion is not.
         gain = evidence.base.errors.squared_mm - hypothesis.errors.squared_mm
         is_certain = evidence.p_value(k) < LEVEL or closed.interval[0] >= SMALLEST_CLOSURE
@@ -227,6 +241,11 @@ def passing_effects(evidence: Evidence) -> list[int]:
     return [k for _, k in sorted(passing, reverse=True)]
 
 
+def _likely(evidence: Evidence, passing: list[int]) -> list[int]:
+    """Return the passing effects, or none where it is likelier that none of them is worth naming."""
+    return passing if sum(float(evidence.worth_naming[k].mean()) for k in passing) >= LIKELY else []
+
+
 def _near(evidence: Evidence, best: int, other: int, share: float) -> bool:
     """Whether another effect closes at least a share of what the best one closes."""
     first, second = evidence.closure_of(evidence.singles[best]), evidence.closure_of(evidence.singles[other])
@@ -240,8 +259,9 @@ def _several(evidence: Evidence) -> Hypothesis | None:
     gap = evidence.base.errors.squared_mm - evidence.floor_mm**2
     for hypothesis, p_value in evidence.joint:
         gain = (before.errors.draw(evidence.picks) - hypothesis.errors.draw(evidence.picks)) / gap
-        is_real = may_be_added(evidence.observer, hypothesis, p_value)
-        if not is_real or gain.mean() < SECOND_GAIN or np.quantile(gain, 0.05) <= 0:
+        # What acts for a moment (a slip) closes little in most draws of half-seconds: the motion fitted to decides.
+        is_certain = np.quantile(gain, 0.05) > 0 or (hypothesis.fitted.cost < (1 - SECOND_GAIN) * before.fitted.cost)
+        if not may_be_added(evidence.observer, hypothesis, p_value) or gain.mean() < SECOND_GAIN or not is_certain:
             break
         accepted = before = hypothesis
     return accepted

@@ -234,7 +234,11 @@ class _Search:
             free = ~(((u <= 0) & (slope > 0)) | ((u >= 1) & (slope < 0)))
             moved, reason = None, "no slope is left within the bounds"
             if free.any() and np.abs(slope[free]).max() > 1e-12 * max(1.0, cost):
-                moved = yield from self._try_dampings(u, cost, normal, slope, free, damping)
+                # Where differences may be all that is wrong, they are made anew before a crawl is tried.
+                is_worn = not is_fresh and renewals < settings.renewals
+                moved = yield from self._try_dampings(
+                    u, cost, normal, slope, free, damping, ladders=1 if is_worn else 3
+                )
                 reason = "no step lowers the cost"
             if moved is not None:
                 reason = self._reason_to_stop(u, cost, moved)
@@ -321,13 +325,20 @@ class _Search:
         return columns.T
 
     def _try_dampings(
-        self, u: Floats, cost: float, normal: Floats, slope: Floats, free: NDArray[np.bool_], damping: float
+        self,
+        u: Floats,
+        cost: float,
+        normal: Floats,
+        slope: Floats,
+        free: NDArray[np.bool_],
+        damping: float,
+        ladders: int,
     ) -> Generator[Floats, Floats, _Step | None]:
-        """Return the best lower place of ladders of dampings, or None."""
+        """Return the best lower place of up to three ladders of dampings, or None."""
         rungs = self.settings.width
         # One ladder spans lambda/30 to 30 lambda and more; three reach from Gauss-Newton to a crawl downhill.
         factors = 10.0 ** np.linspace(-1.5, 1.5, rungs) if rungs > 1 else np.array([0.1])
-        for _ in range(3 if rungs > 1 else 12):
+        for _ in range(ladders if rungs > 1 else 4 * ladders):
             ladder = np.clip(damping * factors, 1e-12, 1e12)
             tries = np.stack([self._trial(u, normal, slope, free, rung) for rung in ladder])
             found = yield from self._evaluate(tries)

@@ -11,12 +11,12 @@ from fit.cloth.simulator import Resolution
 from fit.effects import LIBRARY, find_effects
 from fit.effects.base import amplitudes_of, columns_of
 from fit.errors import FitError
-from fit.gap.base_fit import find_starts
+from fit.gap.base_fit import fit_base, scattered
 from fit.gap.checkpoint import Checkpoint
 from fit.gap.diagnosis import diagnose, fine_enough
 from fit.gap.fitting import Fitted, amplitude_of
 from fit.gap.floor import neighbour_noise
-from fit.gap.hypotheses import Hypothesis
+from fit.gap.hypotheses import Hypothesis, restarts
 from fit.gap.missing_force import sentence_of
 from fit.gap.next_experiment import MENU, imagine, propose
 from fit.gap.numerics import motion_mm
@@ -149,12 +149,29 @@ def test_slow_noise_of_single_points_is_seen_between_neighbours():
     assert neighbour_noise(observer, residual) == pytest.approx(3.46, rel=0.2)
 
 
-def test_starts_are_within_bounds_and_the_best_comes_first():
-    observer = Observer([prepare(a_take())], SI, (), frequency=3.0, resolution=COARSE)
-    starts = np.array(find_starts(observer, 0))
-    assert ((starts >= SI.minimum) & (starts <= SI.maximum)).all()
-    costs = (observer.residuals(starts, np.tile(observer.off, (len(starts), 1))) ** 2).sum(1)
-    assert costs[0] == costs.min()
+def test_places_are_within_bounds_and_the_initial_parameters_come_first():
+    places = np.array(scattered(Observer([prepare(a_take())], SI, (), frequency=0.0, resolution=COARSE), 0))
+    assert ((places >= SI.minimum) & (places <= SI.maximum)).all()
+    assert places[0].tolist() == SI.initial.tolist()
+    assert len(np.unique(places, axis=0)) == len(places)
+
+
+def test_the_base_fit_ends_no_worse_than_where_the_truth_is():
+    observer = Observer([prepare(a_take())], SI, (), frequency=0.0, resolution=COARSE)
+    fits, chosen, gate = fit_base(observer, lambda stage, share: None, Checkpoint(None, {}), 0)
+    at_truth = (chosen.residuals(truth_vector()[None], observer.off[None]) ** 2).sum()
+    assert gate.passed
+    assert fits[0].cost < 1.05 * at_truth
+
+
+def test_an_effect_is_begun_with_where_it_would_do_best_and_not_where_its_lack_was_made_up_for():
+    observer = Observer([prepare(a_take(effect="hem", amplitude=0.02))], SI, LIBRARY, frequency=0.0, resolution=COARSE)
+    truth = amplitudes_of(LIBRARY, hem=0.02)
+    corner = np.where(SI.is_log, SI.minimum, SI.maximum)
+    (task,) = restarts(observer, [fitted_at(observer, corner, truth)])
+    costs = (observer.residuals(np.stack([task.vector, corner]), np.tile(truth, (2, 1))) ** 2).sum(1)
+    assert task.amplitudes.tolist() == truth.tolist()
+    assert costs[0] < 0.5 * costs[1]
 
 
 def test_the_length_of_a_noisy_vector_is_not_overstated():
@@ -219,7 +236,7 @@ def test_an_interrupted_diagnosis_goes_on_to_the_same_end(tmp_path):
     folder = tmp_path / "partial"
 
     def interrupt(stage, share):
-        if stage == "polishing":
+        if stage == "refitting the best from elsewhere":
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

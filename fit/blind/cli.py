@@ -135,13 +135,19 @@ def run_command(
 
 
 @blind.command("score", short_help="Hash the answers, open the seal, print every rate.")
-def score_command(folder: Set, answers: Answers) -> None:
+def score_command(
+    folder: Set,
+    answers: Answers,
+    answered: Annotated[
+        bool, typer.Option("--answered", help="Count only cases that have an answer, though others have none.")
+    ] = False,
+) -> None:
     """Hash the answers, open the seal, print every rate with its 95 % interval, and record that the seal was opened."""
     from fit.blind.page import ROWS, figure
     from fit.blind.real_scoring import RealScore
     from fit.blind.scoring import SCORE, score_set
 
-    score = score_set(folder, answers)
+    score = score_set(folder, answers, some=answered)
     if isinstance(score, RealScore):
         print_real(score)
         typer.echo(f"Score: {answers / SCORE}")

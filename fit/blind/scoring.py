@@ -72,31 +72,38 @@ class Score(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     notes: tuple[str, ...]
 
 
-def hash_answers(folder: Path, answers: Path) -> str:
-    """Write the hash of every answer and return the hash of them all.
+def hash_answers(folder: Path, answers: Path, *, some: bool = False) -> tuple[str, list[str]]:
+    """Write the hash of every answer; return the hash of them all and the cases that have one.
+
+    some: whether cases may be without an answer.
 
     Raises:
-        FitError: cases have neither a diagnosis nor a recorded failure.
+        FitError: cases have neither a diagnosis nor a recorded failure, or none has.
     """
-    lines, missing = [], []
+    lines: list[str] = []
+    answered: list[str] = []
+    missing: list[str] = []
     for case in read_manifest(folder).cases:
         found = [answers / case / name for name in (DIAGNOSIS, FAILURE) if (answers / case / name).exists()]
-        missing += [case] * (not found)
+        (answered if found else missing).append(case)
         lines += [f"{sha256_of(path)}  {case}/{path.name}" for path in found[:1]]
-    if missing:
+    if missing and not (some and answered):
         raise FitError(
             f"{len(missing)} cases have no answer, first {missing[0]}", where=answers,
-            advice="the same `hangtime blind run` goes on with them; the seal stays closed until then",
+            advice="the same `hangtime blind run` goes on with them; the seal stays closed until then, or until "
+            "the others shall count alone (--answered)",
         )  # fmt: skip
     raw = ("\n".join(lines) + "\n").encode()
     write_whole(answers / ANSWERS_HASHES, raw)
-    return hashlib.sha256(raw).hexdigest()
+    return hashlib.sha256(raw).hexdigest(), answered
 
 
-def score_set(folder: Path, answers: Path) -> Score | RealScore:
+def score_set(folder: Path, answers: Path, *, some: bool = False) -> Score | RealScore:
     """Hash the answers, open the seal, judge every case, write the score and record the look.
 
     Real takes with planted faults are scored by `fit.blind.real_scoring`.
+
+    some: count the cases that have an answer alone; the set has been looked at all the same.
 
     Raises:
         FitError: answers are missing, public files changed, or the seal is broken.
@@ -105,7 +112,7 @@ def score_set(folder: Path, answers: Path) -> Score | RealScore:
     changed = changed_files(folder, manifest)
     if changed or not manifest.complete:
         raise FitError("the public files are not those that were made", where=folder, advice="make the set again")
-    hashed = hash_answers(folder, answers)
+    hashed, answered = hash_answers(folder, answers, some=some)
     labels = open_labels(folder)
     looks = folder / LOOKS
     look = 1 + (len(looks.read_text().splitlines()) if looks.exists() else 0)
@@ -113,14 +120,19 @@ def score_set(folder: Path, answers: Path) -> Score | RealScore:
     if labels.real:
         score = score_real(labels.real, answers)
     else:
-        score = summarise(tuple(judge(truth, answers) for truth in labels.truths))
+        score = summarise(tuple(judge(truth, answers) for truth in labels.truths if truth.id in answered))
+        if len(answered) < len(labels.truths):
+            left = (
+                f"{len(labels.truths) - len(answered)} of {len(labels.truths)} cases have no answer and count nowhere."
+            )
+            score = msgspec.structs.replace(score, notes=(*score.notes, left))
     score = msgspec.structs.replace(
         score, created=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), sealed=manifest.sealed, answers=hashed,
         look=look,
     )  # fmt: skip
     write_whole(answers / SCORE, msgspec.json.format(msgspec.json.encode(score), indent=1) + b"\n")
     line = {
-        "at": score.created, "labels": manifest.sealed, "answers": hashed, "cases": len(labels.cases),
+        "at": score.created, "labels": manifest.sealed, "answers": hashed, "cases": len(answered),
         "headline": real_headline(score) if isinstance(score, RealScore) else headline(score),
     }  # fmt: skip
     with looks.open("a") as file:

@@ -79,6 +79,18 @@ def test_the_seal_stays_closed_while_answers_are_missing(a_set, tmp_path, monkey
         score_set(a_set, tmp_path)
 
 
+def test_the_answered_cases_can_be_counted_alone_and_the_score_says_so(a_set, tmp_path):
+    with pytest.raises(FitError, match="5 cases have no answer"):
+        score_set(a_set, tmp_path, some=True)
+    answer_rightly(a_set, tmp_path)
+    (tmp_path / read_manifest(a_set).cases[0] / "diagnosis.json").unlink()
+    score = score_set(a_set, tmp_path, some=True)
+    assert len(score.cases) == 4
+    assert len((tmp_path / ANSWERS_HASHES).read_text().splitlines()) == 4
+    assert "1 of 5 cases have no answer and count nowhere." in score.notes
+    assert json.loads((a_set / LOOKS).read_text().splitlines()[-1])["cases"] == 4
+
+
 def truth_of(a_set, kind):
     return next(t for t in open_labels(a_set).truths if t.kind == kind)
 

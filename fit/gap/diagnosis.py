@@ -55,6 +55,7 @@ class Findings:
     effects: tuple[Effect, ...]
     model: Parameterisation
     resolution: Resolution
+    frequency: float  # Hz, of the observer's pull
 
 
 def diagnose(
@@ -129,7 +130,7 @@ def diagnose(
         notes=described.notes(len(training), len(held_out), observer),
     )
     progress("done", 1.0)
-    return Findings(diagnosis, base, best.fitted if best else None, effects, model, resolution)
+    return Findings(diagnosis, base, best.fitted if best else None, effects, model, resolution, observer.frequency)
 
 
 class _Search:

@@ -196,6 +196,44 @@ def test_the_verdict_follows_the_rules(given, verdict, named):
     assert (found.verdict, found.named) == (verdict, named), found.sentence
 
 
+@pytest.mark.parametrize(("share", "verdict"), [(0.45, "unknown"), (0.55, "effect")])
+def test_what_is_named_is_worth_naming_in_half_of_the_draws(share, verdict):
+    evidence = evidence_of({"air_drag": 6.0})
+    drag = next(iter(evidence.singles))
+    evidence.__dict__["worth_naming"] = {drag: np.arange(400) < 400 * share}
+    assert decide(evidence, LIBRARY).verdict == verdict
+
+
+def test_an_effect_that_leaves_much_is_less_probable():
+    """It closes 91 % and leaves (36 - 25 - 1) / 119 = 8 % of the gap, of limits drawn up to 60 %: 1 - 8/60 = 0.86."""
+    evidence = evidence_of({"air_drag": 6.0})
+    assert evidence.probabilities()[next(iter(evidence.singles))] == pytest.approx(0.86, abs=0.05)
+    evidence = evidence_of({"air_drag": 5.0})
+    assert evidence.probabilities()[next(iter(evidence.singles))] == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_moment_that_most_draws_miss_is_judged_by_the_motion_fitted_to():
+    """A slip moves one block of twelve: one draw in three has none of it."""
+    index = [e.name for e in LIBRARY]
+    before, after = errors(9.0), errors(9.0)
+    before.sums[5], after.sums[5] = 2 * before.sums[5], 0.0
+    slip = hypothesis(("air_drag", "clip_slip"), 9.0)
+
+    def verdict_of(cost):
+        evidence = evidence_of({"air_drag": 9.0}, joint=[(("air_drag", "clip_slip"), 9.0)])
+        drag = dataclasses.replace(evidence.singles[index.index("air_drag")], errors=before)
+        fitted = dataclasses.replace(slip.fitted, residual=np.array([np.sqrt(cost), 0.0, 0.0]))
+        drag = dataclasses.replace(drag, fitted=dataclasses.replace(drag.fitted, residual=np.array([1.0, 0.0, 0.0])))
+        joint = (dataclasses.replace(slip, errors=after, fitted=fitted), 0.001)
+        return decide(
+            dataclasses.replace(evidence, singles={index.index("air_drag"): drag}, joint=[joint], floor_mm=8.0),
+            LIBRARY,
+        ).verdict  # fmt: skip
+
+    assert verdict_of(0.8) == "several"
+    assert verdict_of(0.95) == "effect"
+
+
 def test_an_interval_holds_what_laws_differ_by_unless_the_effect_is_one_of_measurement():
     """90 % of a deviation of 5 % and, for drag, of a law that is good to 8 %: 1.645 hypot(0.05, 0.08) = 0.155."""
     evidence = evidence_of({"air_drag": 6.0, "time_offset": 7.0})

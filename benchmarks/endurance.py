@@ -1,12 +1,13 @@
 """Memory of the recording process and frames it loses in a long recording, beside a process that takes a whole core.
 
 Three processes: one publishes pictures 30 times a second, as a live sensor's driver does, and keeps only the newest;
-one records (queue, tracking, take on the disk); one computes for nothing. Lost is what the recorder never got, by the
-publisher's own count.
+one records as `hangtime record` does (precedence, queue, tracking, take on the disk); one computes for nothing. Once
+in `HITCH_EVERY` seconds tracking stands still for `HITCH` seconds, as on a disk that does not answer. Lost is what the
+recorder never got, by the publisher's own count.
 
-Run: python benchmarks/endurance.py [--minutes 30] [--hogs 1] [--nice -10]. Without an option it takes one minute. The
-publisher stands for hardware, so it runs before all others where that is permitted (root); --nice sets the recorder's
-own niceness, as a service file would.
+Run: python benchmarks/endurance.py [--minutes 30] [--hogs 1] [--ordinary]. Without an option it takes one minute. The
+publisher stands for hardware, so it runs before all others where that is permitted (root). --ordinary: the recorder
+asks for no precedence, as for a user who may not have it.
 """
 
 from __future__ import annotations
@@ -29,10 +30,14 @@ sys.path.insert(0, str(ROOT))
 WIDTH, HEIGHT, FPS = 640, 480, 30.0
 DEPTH_BYTES, COLOUR_BYTES = 2 * WIDTH * HEIGHT, 3 * WIDTH * HEIGHT
 SLOT = DEPTH_BYTES + COLOUR_BYTES
-SLOTS = 2  # the newest frame, and the one that is being written
+SLOTS = 4  # the newest frame, the one that is being written, and time to read what was the newest
 MOST_MEMORY = 110.0  # MB
 FLAT = 2.0  # MB from the first third of the recording to the last
 WARM_UP = 5.0  # s after which memory is looked at
+HITCH, HITCH_EVERY = 1.0, 20.0  # s
+CLOSEST = 0.9  # of a frame's time between two pictures; a sensor that is late does not hurry after it
+HARDWARE = 50  # real-time priority of what stands for it, the kernel's own for interrupts
+COLOUR_NOISE = 3.0  # of 255, in light so dim that packing a picture saves hardly a third
 LOOP = 30  # pictures, a hanger that swings to and fro once
 
 
@@ -66,7 +71,7 @@ class Board:
 
 
 def swung_pictures() -> list[tuple[np.ndarray, np.ndarray]]:
-    """A hanger with a towel that swings to and fro by 8 cm, and the camera's faults."""
+    """A hanger with a towel that swings to and fro by 8 cm, and the camera's faults; every colour has its own noise."""
     from tests.capture.stage import marker_plate, pictures, plain_plate
 
     rng = np.random.default_rng(1)
@@ -75,38 +80,37 @@ def swung_pictures() -> list[tuple[np.ndarray, np.ndarray]]:
         middle = np.array([0.03, 0.0, 0.08]) * np.sin(2 * np.pi * k / LOOP) + np.array([0.0, -0.2, 1.6])
         plates = [marker_plate(i, middle + np.array([side, 0, 0])) for i, side in ((0, -0.15), (1, 0.15))]
         towel = plain_plate(middle + np.array([0, 0.29, 0]), (0.4, 0.4), (60, 70, 150))
-        shown.append(pictures([*plates, towel], rng))
+        depth, colour = pictures([*plates, towel], rng)
+        noisy = colour + COLOUR_NOISE * rng.standard_normal(colour.shape, np.float32)
+        shown.append((depth, np.clip(np.rint(noisy), 0, 255).astype(np.uint8)))
     return shown
 
 
 def publish(path: Path, seconds: float) -> None:
     """Put up pictures 30 times a second for so long, then -1 as the counter."""
-    be_nice(-15)
+    with contextlib.suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(HARDWARE))
     board = Board(path)
     shown = swung_pictures()
     print("ready", flush=True)
     sys.stdin.readline()
     start = time.monotonic()
-    late = 0.0
+    late, last = 0.0, -np.inf
     for number in range(1, round(seconds * FPS) + 1):
         due = start + number / FPS
-        time.sleep(max(0.0, due - time.monotonic()))
+        time.sleep(max(0.0, max(due, last + CLOSEST / FPS) - time.monotonic()))
         late = max(late, time.monotonic() - due)
         board.put(number, shown[number % LOOP])
+        last = time.monotonic()
     time.sleep(0.5)
     board.count[0] = -1
     print(json.dumps({"published": round(seconds * FPS), "latest_ms": 1e3 * late}), flush=True)
 
 
-def be_nice(niceness: int) -> None:
-    """Change this process's niceness as far as this user may."""
-    with contextlib.suppress(PermissionError):
-        os.nice(niceness)
-
-
-def record_it(path: Path, out: Path) -> None:
+def record_it(path: Path, out: Path, is_ordinary: bool) -> None:
     """Record from the board and say how much memory that took, and when."""
     from capture.frame_queue import QueuedSensor
+    from capture.precedence import Precedence
     from capture.recording import record
     from firmware_host.depth_sensor import DepthSensor, SensorFrame, SensorInfo
     from formats.garment import Garment, TrackedPoint
@@ -118,7 +122,7 @@ def record_it(path: Path, out: Path) -> None:
         """The board as a live sensor."""
 
         def __init__(self) -> None:
-            self._board, self._last = Board(path), 0
+            self._board, self._last, self.missed = Board(path), 0, 0
 
         @property
         def info(self) -> SensorInfo:
@@ -133,6 +137,7 @@ def record_it(path: Path, out: Path) -> None:
                 return None
             number, depth, colour = self._board.get()
             dropped, self._last = number - self._last - 1, number
+            self.missed += dropped
             return SensorFrame(
                 index=number - 1, time_s=number / FPS, host_time_s=time.monotonic(), depth=depth, colour=colour,
                 dropped_before=dropped,
@@ -152,35 +157,41 @@ def record_it(path: Path, out: Path) -> None:
         points=tuple(TrackedPoint(name=f"p{k}", at_m=p) for k, p in enumerate(outline)),
     )  # fmt: skip
     memory: list[tuple[float, float]] = []
-    told, behind = 0, 0.0  # no lists of frames: their memory would be counted as the recorder's
+    told, hitches, behind = 0, 0, 0.0  # no lists of frames: their memory would be counted as the recorder's
     begun = time.monotonic()
     print("ready", flush=True)
 
     def look(frame: SensorFrame, *sights: object) -> None:
-        nonlocal told, behind
+        nonlocal told, behind, hitches
         now = time.monotonic() - begun
+        if now >= HITCH_EVERY * (hitches + 1):
+            hitches += 1
+            time.sleep(HITCH)
         told += frame.dropped_before
         behind = max(behind, time.monotonic() - frame.host_time_s)
         if not memory or now - memory[-1][0] >= 1.0:
             memory.append((now, resident()))
 
-    with QueuedSensor(BoardSensor()) as sensor:
+    board, precedence = BoardSensor(), Precedence()
+    with contextlib.nullcontext() if is_ordinary else precedence, QueuedSensor(board) as sensor:
+        precedence.begin_tracking()
         report = record(sensor, rig, garment, out, take_id="endurance", created="now", watch=look)
     print(
         json.dumps(
-            {"frames": report.frames, "with_hanger": report.with_hanger, "told": told, "memory": memory,
-             "behind_ms": 1e3 * behind}
+            {"frames": report.frames, "with_hanger": report.with_hanger, "told": told, "missed": board.missed,
+             "memory": memory, "behind_ms": 1e3 * behind, "first": precedence.is_granted, "hitches": hitches}
         ),
         flush=True,
     )  # fmt: skip
 
 
 def resident() -> float:
-    """Memory of this process that is in use now [MB = 10^6 bytes]."""
-    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 1e6
+    """Memory of this process that is in use now [MB = 10^6 bytes], without the board, which stands for the driver's."""
+    lines = (line.split() for line in Path("/proc/self/status").read_text().splitlines())
+    return sum(int(line[1]) for line in lines if line[0] in {"RssAnon:", "RssFile:"}) * 1024 / 1e6
 
 
-def measure(seconds: float, hogs: int = 1, niceness: int = 0) -> dict[str, float]:
+def measure(seconds: float, hogs: int = 1, *, is_ordinary: bool = False) -> dict[str, float]:
     """Run all processes; return frames published, recorded, lost and told of, memory [MB], its growth, delays [ms]."""
     me = [sys.executable, "-W", "ignore", str(Path(__file__).resolve())]
     running: list[subprocess.Popen[str]] = []
@@ -193,7 +204,7 @@ def measure(seconds: float, hogs: int = 1, niceness: int = 0) -> dict[str, float
             running.append(publisher)
             publisher.stdout.readline()
             recorder = subprocess.Popen(
-                [*me, "--record", board.name, "--out", f"{folder}/t.mcap", "--nice", str(niceness)], **pipes
+                [*me, "--record", board.name, "--out", f"{folder}/t.mcap", *["--ordinary"] * is_ordinary], **pipes
             )
             running.append(recorder)
             recorder.stdout.readline()
@@ -220,20 +231,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=1.0)
     parser.add_argument("--hogs", type=int, default=1, help="processes that take a core each")
-    parser.add_argument("--nice", type=int, default=0, help="niceness of the recorder")
+    parser.add_argument("--ordinary", action="store_true", help="the recorder asks for no precedence")
     for part in ("--publish", "--record", "--out", "--seconds"):
         parser.add_argument(part, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.publish:
         publish(Path(options.publish), float(options.seconds))
     elif options.record:
-        be_nice(options.nice)
-        record_it(Path(options.record), Path(options.out))
+        record_it(Path(options.record), Path(options.out), options.ordinary)
     else:
-        found = measure(60.0 * options.minutes, options.hogs, options.nice)
+        found = measure(60.0 * options.minutes, options.hogs, is_ordinary=options.ordinary)
         beside = f"{options.hogs} busy processes of its own, load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
         print(f"{found['published']:.0f} frames in {options.minutes:g} minutes beside {beside}")
+        rank = "before ordinary programs" if found["first"] else "an ordinary program"
+        print(f"recorder {rank}, tracking stood still for {HITCH:g} s {found['hitches']:.0f} times")
         print(f"lost     {found['lost']:6.0f} frames   (target 0), {found['told']:.0f} of them told of in the take")
+        print(
+            f"         {found['missed']:6.0f} of them while the fetching thread was late, others found the queue full"
+        )
         print(f"memory   {found['memory']:6.1f} MB at most   (target {MOST_MEMORY:g})")
         print(f"growth   {found['growth']:6.2f} MB from the first third to the last   (target {FLAT:g})")
         print(f"hanger   {100 * found['with_hanger'] / found['frames']:6.1f} % of the frames")

@@ -7,6 +7,11 @@ from typing import Annotated
 
 import typer
 
+NOT_FIRST = (
+    "this user may not run before other programs: while they are busy, frames may be lost; "
+    "systemd/README.md says how to permit it"
+)
+
 
 def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
@@ -173,7 +178,8 @@ def record_command(
 
     Nothing has to be clicked: the two markers are found by themselves, fiducials or coloured dots as the rig says.
     Where more things look like dots, --pick says which. Ctrl-C ends the take cleanly. A lamp is steady while all is
-    well, blinks once a second when something stands in the way and four times when the sensor fails.
+    well, blinks once a second when something stands in the way and four times when the sensor fails. With a live
+    sensor it runs before other programs, if this user may: systemd/README.md.
     """
     import sys
     from contextlib import ExitStack
@@ -184,10 +190,11 @@ def record_command(
     from capture.condition import Condition
     from capture.condition_lamp import show_condition
     from capture.frame_queue import QueuedSensor
+    from capture.precedence import Precedence
     from capture.recording import ScanPlan, record
     from firmware_host.errors import LampError
     from firmware_host.lamp import StatusLamp
-    from firmware_host.opening import open_sensor
+    from firmware_host.opening import names_live_sensor, open_sensor
     from formats.descriptions import load_garment, load_rig
     from formats.outputs import refuse_to_replace
 
@@ -218,9 +225,15 @@ def record_command(
     scans = ScanPlan(rate=scan_rate, grid=scan_points, contour=8 * scan_points) if scan_rate > 0 else None
     with ExitStack() as opened:
         lamps = [] if lamp is None else [opened.enter_context(StatusLamp(lamp))]
+        precedence = Precedence()
+        if names_live_sensor(sensor):
+            opened.enter_context(precedence)
         source = opened.enter_context(open_sensor(sensor))
         if source.info.is_live:
             source = opened.enter_context(QueuedSensor(source))
+            precedence.begin_tracking()
+            if not precedence.is_granted:
+                print(NOT_FIRST, file=sys.stderr, flush=True)
         report = record(
             source, described_rig, described_garment, out, take_id=out.stem,
             created=datetime.now(UTC).isoformat(timespec="seconds"), seconds=seconds, progress=show,

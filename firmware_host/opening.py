@@ -9,6 +9,13 @@ from firmware_host.errors import SensorUnavailableError
 
 FORMS = "a path to an .oni file, openni2: (the connected device) or synthetic:MOTION?effect=NAME&seconds=8&seed=1"
 
+LIVE = ("openni2:", "openni2")
+
+
+def names_live_sensor(uri: str) -> bool:
+    """Say whether a name is that of a connected device."""
+    return uri in LIVE
+
 
 def open_sensor(uri: str) -> DepthSensor:
     """Open a sensor by its name: see `FORMS`.
@@ -22,7 +29,7 @@ def open_sensor(uri: str) -> DepthSensor:
         return SyntheticSensor.from_uri(uri)
     from firmware_host.openni2_sensor import OpenNI2Sensor
 
-    if uri in {"openni2:", "openni2"}:
+    if names_live_sensor(uri):
         return OpenNI2Sensor()
     if "://" in uri:
         raise SensorUnavailableError(f"there is no sensor {uri!r}", advice=f"give {FORMS}")

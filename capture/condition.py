@@ -36,7 +36,7 @@ class Condition(Enum):
     """What is the case, the most basic first."""
 
     WRONG_SIZE = Saying("pictures of another size than the rig's", "set the rig's [sensor] to this sensor", Lamp.FAST)
-    CLOCK = Saying("the sensor's clock runs backwards", "unplug and replug the sensor", Lamp.FAST)
+    CLOCK = Saying("the sensor's clock runs backwards or leaps", "unplug and replug the sensor", Lamp.FAST)
     NO_DEPTH = Saying("no depth", "uncover the sensor, keep the sun out, replug it", Lamp.FAST)
     NO_COLOUR = Saying("no colour picture", "replug the sensor; without colour no marker is found", Lamp.FAST)
     BLOCKED = Saying("something is in front of the hanger or the garment", "step out of the view", Lamp.SLOW)

@@ -120,7 +120,9 @@ def record(
         for frame in sensor.frames():
             time = clock.place(frame.time_s)
             if time is None:
-                tell(clock.last - first, Condition.CLOCK)
+                tell(clock.now - first, Condition.CLOCK)
+                if seconds is not None and clock.now - first >= seconds:
+                    break
                 continue
             first = time if frames == 0 else first
             sight = tracker.track(frame, time)

@@ -24,6 +24,9 @@ from formats.rig import Sensor
 LIVE_MODE = (640, 480, 30)  # px, px, frames a second: what PS1080 devices do best in depth and colour alike
 REPLUG = "unplug and replug it"
 END_WAIT = 1.0  # s without a frame after which a recording of unknown length has ended
+MOST_COLOURS = 4  # colour frames that are read for one depth frame, while they are too old for it
+FAR_AHEAD = 1_000_000  # us between a depth and a colour frame that are not of one clock, or of its beginning
+PATIENCE = 30  # depth frames that a colour frame so far ahead is kept for
 FOCAL_SHARE = 575.8 / 640  # focal length over width of PS1080 and Kinect v1 depth cameras (OpenNI's factory default)
 
 
@@ -157,9 +160,15 @@ class OpenNI2Sensor(DepthSensor):
             raise
 
     def _paired(self) -> Iterator[SensorFrame]:
-        """Pair each depth frame with the colour frame nearest in time, within half a frame."""
+        """Pair each depth frame with the colour frame nearest in time, within half a frame.
+
+        A colour frame that is far ahead when depth steps back is from before the clock was set back, and one that stays
+        far ahead has a wrong stamp; depth does not wait for them. Where colour steps back first it waits for depth to
+        follow: reading on would miss depth frames meanwhile, so it is a few frames at a time in any case.
+        """
         half = 0.5e6 / self._info.fps
         last_index, given = 0, 0
+        last_stamp = last_colour = waited = 0
         colours_left = np.inf if self._summary is None else self._summary.colour_frames
         held: tuple[int, np.ndarray[Any, Any]] | None = None
         while self._info.frame_count is None or given < self._info.frame_count:
@@ -170,7 +179,7 @@ class OpenNI2Sensor(DepthSensor):
             if self._summary is not None and index <= last_index:
                 return  # the player skipped a frame and has begun its next round
             colour = None
-            while self._colour is not None:
+            for _ in range(MOST_COLOURS if self._colour is not None else 0):
                 if held is None:
                     if colours_left == 0:
                         break  # the next one would be the first of the next round
@@ -179,14 +188,18 @@ class OpenNI2Sensor(DepthSensor):
                         break
                     colours_left -= 1
                     held = read[1], read[2]
-                if held[0] < stamp - half:
-                    held = None  # too old for this frame and all that follow
+                    has_stepped_back, last_colour = held[0] < last_colour, held[0]
+                    if has_stepped_back and held[0] < stamp - half:
+                        break
+                waited = waited + 1 if held[0] > stamp + FAR_AHEAD else 0
+                if held[0] < stamp - half or (waited and (stamp < last_stamp or waited > PATIENCE)):
+                    held = None  # of no use for this frame and all that follow
                     continue
                 if held[0] <= stamp + half:
                     colour, held = held[1], None
                 break
             dropped = max(index - last_index - 1, 0) if last_index else 0
-            last_index, given = index, given + 1
+            last_index, last_stamp, given = index, stamp, given + 1
             yield SensorFrame(
                 index=index - 1, time_s=stamp * 1e-6, host_time_s=time.monotonic(), depth=depth, colour=colour,
                 dropped_before=dropped,

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from capture.condition import Condition, ConditionWatch, Lamp, condition_of
+from capture.condition import HOLD, Condition, ConditionWatch, Lamp, condition_of
+from capture.condition_lamp import show_condition
 from capture.errors import NoMarkersError
 from capture.frame_clock import FrameClock
 from capture.frame_faults import HangerWatch, is_garment_covered, view_faults
@@ -17,15 +19,17 @@ from capture.markers import MarkerTracker
 from capture.recording import record
 from firmware_host import openni2_library
 from firmware_host.errors import SensorStalledError
+from firmware_host.lamp import StatusLamp
 from firmware_host.oni_writer import OniWriter
 from formats.archive import read_take
 from formats.command import app, gather_commands
 from formats.descriptions import dump_description
 from formats.garment import Garment, TrackedPoint
-from formats.rig import Hanger, Rig
+from formats.rig import Hanger, Rig, Sensor
 from formats.summary import STATE_NAMES
 from formats.take import FrameState
 from tests.capture.stage import CAMERA, StageSensor, marker_plate, pictures, plain_plate
+from tests.firmware_host.scenes import AnyStamps
 
 HANGER = Hanger(
     dictionary="DICT_4X4_50", ids=(0, 1), marker_size_m=0.06, marker_distance_m=0.3,
@@ -178,15 +182,21 @@ def test_lost_depth_lost_colour_and_another_size_are_told_frame_by_frame(good, t
     assert report.conditions[Condition.WRONG_SIZE] == 2
 
 
-def test_a_clock_that_was_set_back_goes_on_after_ten_frames(good, tmp_path):
-    """Frames 12 to 29 run an hour behind: 12 to 20 are left out, 21 is frame 11 and ten intervals later."""
-    changes = {number: {"time_s": 5.0 + number / 30 - 3600} for number in range(12, 30)}
-    said = []
-    _, take = recorded(tmp_path, good * 10, changes, announce=lambda time, condition: said.append(condition))
-    assert len(take.time) == 12 + 9
-    assert take.time[12] - take.time[11] == pytest.approx(10 / 30, abs=1e-5)
+@pytest.mark.parametrize(
+    "leap", [pytest.param(-3600.0, id="an hour back"), pytest.param(3600.0, id="an hour forward"),
+             pytest.param(-(2.0**32) / 1e6, id="a counter of 32 bits wraps around")],
+)  # fmt: skip
+def test_a_clock_that_was_set_goes_on_after_three_frames(good, tmp_path, leap):
+    """Frames 12 to 29 are off by an hour: 12 and 13 are left out, 14 is frame 11 and three intervals later."""
+    changes = {number: {"time_s": 5000.0 + (number + 1) / 30 + (leap if number >= 12 else 0.0)} for number in range(30)}
+    report, take = recorded(tmp_path, good * 10, changes)
+    assert take.is_complete
+    assert len(take.time) == 30 - 2
+    assert take.time[12] - take.time[11] == pytest.approx(3 / 30, abs=1e-5)
+    assert take.time[-1] - take.time[12] == pytest.approx(15 / 30, abs=1e-5)
     assert np.flatnonzero(take.state & FrameState.CLOCK_JUMPED).tolist() == [12]
     assert (np.diff(take.time) > 0).all()
+    assert report.conditions == {Condition.GOOD: 28, Condition.CLOCK: 2}
 
 
 def test_one_late_frame_is_left_out_and_the_next_one_says_so():
@@ -198,9 +208,42 @@ def test_one_late_frame_is_left_out_and_the_next_one_says_so():
     assert not clock.has_jumped
 
 
+def test_one_frame_an_hour_ahead_is_left_out_and_those_after_it_are_where_they_were():
+    clock = FrameClock(10.0)
+    assert [clock.place(time) for time in (1.0, 3601.0, 1.2)] == [1.0, None, 1.2]
+    assert clock.has_jumped
+
+
+def test_two_leaps_in_different_ways_are_no_clock_that_was_set():
+    """Only the last three agree with each other."""
+    clock = FrameClock(10.0)
+    times = [1.0, 500.0, 0.3, 200.0, 200.1]
+    assert [clock.place(time) for time in times] == [1.0, None, None, None, None]
+    assert clock.place(200.2) == pytest.approx(1.5)
+
+
+def test_a_gap_of_five_seconds_is_a_gap_and_not_a_clock_that_was_set():
+    clock = FrameClock(30.0)
+    assert [clock.place(time) for time in (1.0, 6.0, 11.1)] == [1.0, 6.0, None]
+
+
 def test_a_clock_that_runs_backwards_all_the_time_never_places_a_frame():
     clock = FrameClock(30.0)
     assert [clock.place(9.0 - 0.1 * number) for number in range(40)] == [9.0, *[None] * 39]
+    assert clock.now == pytest.approx(9.0 + 39 / 30)
+
+
+def test_a_clock_that_runs_backwards_is_announced_and_ends_with_the_time_that_was_asked_for(good, tmp_path):
+    """Frame 11 is the last good one; 0.4 s later it is said; --seconds ends it though no frame is placed any more."""
+    changes = {number: {"time_s": (12 - number) / 30} for number in range(12, 200)}
+    said = []
+    report, take = recorded(
+        tmp_path, good * 60, changes, seconds=2.0, announce=lambda time, condition: said.append((time, condition))
+    )
+    assert len(take.time) == report.frames == 12
+    assert [condition for _, condition in said] == [Condition.GOOD, Condition.CLOCK]
+    assert said[1][0] == pytest.approx(11 / 30 + 1 / 30 + 0.4, abs=1.5 / 30)
+    assert report.conditions[Condition.CLOCK] == pytest.approx(2.0 * 30 - 12, abs=2)
 
 
 def test_a_recording_of_a_bad_view_says_why_there_is_no_take(good, tmp_path):
@@ -224,26 +267,110 @@ def test_a_sensor_that_fails_at_once_is_what_is_reported(good, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@dataclasses.dataclass
+class Case:
+    """Frames of a bad view after twelve good ones: what is said of them, their bits, the lamp's half period [ms]."""
+
+    said: str
+    bits: int
+    half: int
+    view: Callable[[], list] | None = None
+    spoil: Callable = lambda depth, colour: (depth, colour)
+    step: int = 33_333  # us from frame to frame
+    frames: int = 20
+    late: int = 0  # of these until it is seen what is wrong
+
+
+LOST = FrameState.MARKER_LOST | FrameState.GARMENT_LOST
+CASES = {
+    "no markers": Case("no markers are seen; show both", LOST, 500, scenes),
+    "one marker": Case(
+        "only one marker is seen; turn", LOST | FrameState.ONE_MARKER, 500, lambda: scenes(*hung(markers=(1,)))
+    ),
+    "a person in front": Case(
+        "something is in front of the hanger or the garment; step out", LOST | FrameState.VIEW_BLOCKED, 500,
+        lambda: scenes(*hung(), BODY),
+    ),
+    "too near": Case("too near; go back", FrameState.TOO_NEAR, 500, lambda: scenes(*hung((0, -0.1, 0.7))), late=2),
+    "too far": Case("too far; come closer", LOST | FrameState.TOO_FAR, 500,
+                    spoil=lambda depth, colour: (np.full_like(depth, 3700), np.full_like(colour, 128))),
+    "depth all zero": Case("no depth; uncover the sensor", LOST | FrameState.DEPTH_MISSING, 125,
+                           spoil=lambda depth, colour: (np.zeros_like(depth), colour)),
+    "colour missing": Case("no colour picture; replug", LOST | FrameState.COLOUR_MISSING, 125,
+                           spoil=lambda depth, colour: (depth, None)),
+    "a clock that runs backwards": Case("the sensor's clock runs backwards or leaps; unplug", 0, 125, step=-33_333),
+}  # fmt: skip
+LED = {"brightness": "0", "max_brightness": "1", "trigger": "[none] timer", "delay_on": "0", "delay_off": "0"}
+
+
 @pytest.mark.openni
-def test_the_command_says_what_it_sees_and_what_it_suffered_from(good, tmp_path):
+@pytest.mark.parametrize("name", CASES)
+def test_what_goes_wrong_is_said_shown_on_the_lamp_and_kept_in_the_take(good, tmp_path, monkeypatch, name):
+    """The command on a recording, a second and more: twelve good frames, twenty bad ones; the lamp is real files."""
     if not openni2_library.is_available():
         pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
-    (tmp_path / "rig.toml").write_text(dump_description(RIG))
-    (tmp_path / "garment.toml").write_text(dump_description(GARMENT))
-    frames = [*good * 4, *[(np.zeros_like(good[0][0]), good[0][1])] * 14]
-    with OniWriter(tmp_path / "a.oni", CAMERA) as writer:
-        for number, (depth, colour) in enumerate(frames):
-            writer.write_depth(1000 + 33_333 * number, depth)
-            writer.write_colour(2000 + 33_333 * number, colour)
-    gather_commands()
-    words = [f"--{name}={tmp_path / file}" for name, file in FILES.items()]
-    done = CliRunner().invoke(app, ["record", *words])
+    case, lamp = CASES[name], tmp_path / "leds/status"
+    write_descriptions(tmp_path)
+    lamp.mkdir(parents=True)
+    for file, value in LED.items():
+        (lamp / file).write_text(value)
+    monkeypatch.setattr(StatusLamp.__init__, "__defaults__", (tmp_path / "leds",))
+    shown = []
+
+    def show(on, condition):
+        show_condition(on, condition)
+        shown.append(((lamp / "trigger").read_text(), int((lamp / "delay_on").read_text())))
+
+    monkeypatch.setattr("capture.condition_lamp.show_condition", show)
+    bad = case.view() if case.view else good
+    with AnyStamps(tmp_path / "a.oni", CAMERA) as writer:
+        for number in range(12 + case.frames):
+            is_bad = number >= 12
+            pair = case.spoil(*bad[number % len(bad)]) if is_bad else good[number % len(good)]
+            stamp = 10_000_000 + 33_333 * min(number, 11) + is_bad * case.step * (number - 11)
+            writer.write_depth(stamp, pair[0])
+            if pair[1] is not None:
+                writer.write_colour(stamp + 1000, pair[1])
+    done = CliRunner().invoke(app, ["record", *words(tmp_path), "--lamp=status"])
     assert done.exit_code == 0, done.output
     assert "   0.0 s  hanger and garment are seen\n" in done.stderr
-    assert "   0.8 s  no depth; uncover the sensor" in done.stderr
-    assert "in 14 frames no depth" in done.stdout
-    shown = CliRunner().invoke(app, ["takes", "show", str(tmp_path / "a.mcap")])
-    assert "state     depth missing in 14 frames" in shown.stdout
+    assert f"   {(12 + case.late) / 30 + HOLD:.1f} s  {case.said}" in done.stderr
+    assert done.stderr.count(" s  ") == 2
+    assert shown == [("none", 0), ("timer", case.half)]
+    assert [(lamp / file).read_text() for file in ("trigger", "brightness")] == ["none", "0"]
+    assert f"in {case.frames - case.late} frames {case.said.split(';')[0]}\n" in done.stdout
+    take = read_take(tmp_path / "a.mcap")
+    assert take.is_complete
+    assert (take.state[:12] == 0).all()
+    seen = take.state[12 + case.late :].tolist()
+    assert seen == ([case.bits] * (case.frames - case.late) if case.bits else [])
+
+
+@pytest.mark.openni
+def test_a_recording_of_another_size_than_the_rigs_is_refused_and_leaves_nothing(tmp_path):
+    if not openni2_library.is_available():
+        pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
+    write_descriptions(tmp_path)
+    half = Sensor(width=320, height=240, fx=287.9, fy=287.9, cx=159.5, cy=119.5)
+    with OniWriter(tmp_path / "a.oni", half) as writer:
+        writer.write_depth(1000, np.full((240, 320), 1600, np.uint16))
+        writer.write_colour(2000, np.zeros((240, 320, 3), np.uint8))
+    done = CliRunner().invoke(app, ["record", *words(tmp_path)])
+    assert done.exit_code != 0
+    assert str(done.exception) == (
+        "bench: the sensor gives 320 x 240 pixels, the rig says 640 x 480; set the rig's [sensor] to this sensor"
+    )
+    assert not list(tmp_path.glob("a.mcap*"))
+
+
+def write_descriptions(folder):
+    gather_commands()
+    (folder / "rig.toml").write_text(dump_description(RIG))
+    (folder / "garment.toml").write_text(dump_description(GARMENT))
+
+
+def words(folder):
+    return [f"--{name}={folder / file}" for name, file in FILES.items()]
 
 
 def test_the_most_basic_fault_is_the_one_that_is_said():

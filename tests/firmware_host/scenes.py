@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,3 +53,12 @@ def write_recording(path: Path, frames: int = 6, *, depth_codec: str = "16zT", c
             writer.write_depth(1000 + number * PERIOD_US, depth)
             writer.write_colour(1000 + number * PERIOD_US + colour_delay_us, colour)
     return path
+
+
+class AnyStamps(OniWriter):
+    """Writes stamps as they come, as a recorder does whose device's clock wraps around or is set."""
+
+    def _append(self, stream: Any, time_us: int, payload: bytes) -> None:
+        latest, stream.last_time_us = stream.last_time_us, 0
+        super()._append(stream, time_us, payload)
+        stream.last_time_us = max(latest, time_us)

@@ -17,7 +17,7 @@ from firmware_host.oni_writer import OniWriter
 from firmware_host.opening import open_sensor
 from firmware_host.openni2_sensor import OpenNI2Sensor
 from formats.command import app, gather_commands
-from tests.firmware_host.scenes import PERIOD_US, SMALL, picture, write_recording
+from tests.firmware_host.scenes import PERIOD_US, SMALL, AnyStamps, picture, write_recording
 
 KINECT_ROOM = Path(__file__).parents[3] / "shared" / "data" / "oni" / "kinect-room.oni"
 
@@ -114,6 +114,58 @@ def test_a_depth_frame_without_colour_nearby_has_none(tmp_path: Path) -> None:
         frames = list(sensor.frames())
     assert [frame.colour is None for frame in frames] == [False, False, False, True, False, False]
     np.testing.assert_array_equal(frames[4].colour, picture(4)[1])
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("openni")
+@pytest.mark.parametrize(
+    ("leap", "colour_leaps_at", "without_colour"),
+    [
+        pytest.param(-4_000_000, 20, set(), id="set back"),
+        pytest.param(-4_000_000, 19, {19}, id="colour set back first"),
+        pytest.param(-4_000_000, 21, {20}, id="depth set back first"),
+        pytest.param(3_600_000_000, 20, set(), id="set forward by an hour"),
+        pytest.param(3_600_000_000, 19, {19}, id="colour set forward first"),
+    ],
+)
+@pytest.mark.parametrize("delay", [2_000, 20_000])
+def test_colour_comes_back_after_the_clock_was_set(
+    tmp_path: Path, leap: int, colour_leaps_at: int, without_colour: set[int], delay: int
+) -> None:
+    """From frame 20 on depth's stamps leap, and colour's at about that time, 2 or 20 ms after depth's.
+
+    20 ms are more than half a frame: then the colour frame before is the nearest, and one always waits.
+    """
+    path = tmp_path / "a.oni"
+    with AnyStamps(path, SMALL) as writer:
+        for number in range(60):
+            stamp = 5_000_000 + number * PERIOD_US
+            writer.write_depth(stamp + leap * (number >= 20), picture(number)[0])
+            writer.write_colour(stamp + delay + leap * (number >= colour_leaps_at), picture(number)[1])
+    with OpenNI2Sensor(path) as sensor:
+        frames = list(sensor.frames())
+    assert len(frames) == 60
+    late = int(delay > PERIOD_US / 2)
+    missing = {frame.index for frame in frames if frame.colour is None}
+    if not late:
+        assert missing == without_colour
+    assert missing <= {0, 19, 20, 21}
+    for frame in frames[25:]:
+        np.testing.assert_array_equal(frame.colour, picture(frame.index - late)[1])
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("openni")
+def test_one_colour_frame_with_a_stamp_an_hour_ahead_costs_a_second_of_colour(tmp_path: Path) -> None:
+    path = tmp_path / "a.oni"
+    with AnyStamps(path, SMALL) as writer:
+        for number in range(60):
+            stamp = 1000 + number * PERIOD_US
+            writer.write_depth(stamp, picture(number)[0])
+            writer.write_colour(stamp + 3_600_000_000 * (number == 10), picture(number)[1])
+    with OpenNI2Sensor(path) as sensor:
+        missing = {frame.index for frame in sensor.frames() if frame.colour is None}
+    assert missing == set(range(10, 41))
 
 
 @pytest.mark.openni

@@ -56,7 +56,9 @@ class CornersInView:
 
 
 class CornerFinder(Protocol):
-    """Knows where on the outline the four corners of a kind of garment are."""
+    """Knows where on the outline the four corners of a kind of garment are; tips: which of them are of sleeves."""
+
+    tips: tuple[int, ...]
 
     def flat_corners(self, outline: Floats) -> Floats:
         """Return the four corners [m], (4, 2), of a flat garment's outline [m], (n, 2), y up, by the same rule."""
@@ -73,6 +75,8 @@ class CornerFinder(Protocol):
 
 class PanelCorners:
     """The extremes of the Harris corners after a turn by 45 degrees; the held edge is the top side."""
+
+    tips: tuple[int, ...] = ()
 
     def flat_corners(self, outline: Floats) -> Floats:
         """See `CornerFinder.flat_corners`."""
@@ -91,6 +95,8 @@ class PanelCorners:
 
 class ShirtCorners:
     """The leftmost and the rightmost place are the tips of the sleeves; below as on a panel."""
+
+    tips: tuple[int, ...] = (0, 1)
 
     def flat_corners(self, outline: Floats) -> Floats:
         """See `CornerFinder.flat_corners`."""

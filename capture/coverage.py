@@ -54,12 +54,14 @@ class SeenWays:
 class Beyond:
     """How far each corner lies beyond the seen cloth [m], (4,), by the held ends alone and by all that can be trusted.
 
-    pixels [px of the image], (4, 2): where the seen cloth comes nearest to it by the held ends; NaN where none is seen
+    pixels [px of the image], (4, 2): where the seen cloth comes nearest to it by the held ends; places [m], (4, 3): the
+    same by all that can be trusted; NaN where none is seen
     """
 
     by_ends: Floats
     by_all: Floats
     pixels: Floats
+    places: Floats
 
 
 def beyond_the_seen(
@@ -72,7 +74,7 @@ def beyond_the_seen(
     """
     places, rows, columns = _rim_places(silhouette, sensor)
     if places.size == 0 or min(ways.surface.shape[:2]) == 0:
-        return Beyond(np.full(4, NOWHERE), np.full(4, NOWHERE), np.full((4, 2), np.nan))
+        return Beyond(np.full(4, NOWHERE), np.full(4, NOWHERE), np.full((4, 2), np.nan), np.full((4, 3), np.nan))
     maps = np.concatenate([geodesic_distances(ways.surface, ways.held)[0], ways.from_corners[ways.found]])
     wanted = np.concatenate([from_ends, distances[ways.found]])
     reached = _ways_to(places, rows, columns, maps, ways)
@@ -84,7 +86,7 @@ def beyond_the_seen(
     by_all = np.sqrt((squares * (1.0 - own)[:, :, None]).sum(0) / (1.0 - own).sum(0)[:, None])
     nearest = by_ends.argmin(1)
     pixels = np.stack([columns[nearest] + silhouette.window.left, rows[nearest] + silhouette.window.top], axis=1)
-    return Beyond(by_ends.min(1), by_all.min(1), pixels.astype(np.float64))
+    return Beyond(by_ends.min(1), by_all.min(1), pixels.astype(np.float64), places[by_all.argmin(1)])
 
 
 def _ways_to(

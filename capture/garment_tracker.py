@@ -15,7 +15,7 @@ from capture.coverage import Beyond, SeenWays, beyond_the_seen
 from capture.depth_surface import CorrelationMeter, pixel_sd
 from capture.errors import UntrackableError
 from capture.flat_garment import CENTRE, flat_garment
-from capture.folding import THRESHOLD, TRACES, probability, traces
+from capture.folding import THRESHOLD, TRACES, Belief, traces
 from capture.garment import FINDERS, GarmentSight, GarmentTracker, frame_quality, nothing_found
 from capture.geodesic import farthest_place, geodesic_distances
 from capture.occlusion import COVERED, folded_away, is_at_border, is_behind_something
@@ -39,6 +39,8 @@ JUMP, JUMP_NOISE = 0.03, 6.0  # m and pixel noises in depth between neighbours t
 NEAREST_HANGER = 0.1  # m; nearer is no place of a hanger but an error
 HELD_MATCH = 0.03  # m, a held corner this far from the held edge's end is not that corner
 HELD_SLACK = 0.006  # m along each axis that a held corner and the held edge's end differ by, from noise alone
+BY_WAYS = 0.020  # m: a corner in doubt no farther beyond the seen cloth is where that comes nearest to it
+BY_WAYS_SD = 0.0055  # of the distance, along each axis: rms on the development sets' hard swings
 CELL = 0.028  # m, of the grid for geodesics
 CORNER_SLACK = 0.02  # of a distance between corners: it is no worse measured than that
 CORNER_SHARE = 0.5  # of what is beyond, for each of the two: z is then 1 on the development set
@@ -79,6 +81,7 @@ class SilhouetteTracker:
         self._gate = MotionGate(len(self.flat.roles))
         self._last: tuple[float, Window] | None = None
         self._seen: tuple[Silhouette, Floats] | None = None
+        self._belief = Belief()
         self.traces = np.full((4, len(TRACES)), np.nan)  # of the last frame's corners in doubt, others NaN
 
     def track(self, depth: NDArray[np.uint16], held: Floats, time: float) -> GarmentSight:
@@ -100,19 +103,24 @@ class SilhouetteTracker:
             places[i], sd[i] = placer.place(view.pixels[i], view.sd[i])
         is_held = self._match_held(places, sd, held)
         surface, cell = self._surface(silhouette)
-        distances, along = geodesic_distances(surface, places[:4])
         missing = ~np.isfinite(places[:4, 0])
-        along[missing] = along[:, missing] = np.nan
+        distances, along = self._ways_between(surface, places)
         hidden = np.zeros(5, bool)
         folded, wrong = folded_away(along, self.flat.distances, is_held)
         dropped = folded | wrong
+        beyond: Beyond | None = None
         if (dropped | missing).any():
             ways = SeenWays(surface, cell, held, distances, ~(dropped | missing))
             beyond = beyond_the_seen(silhouette, ways, self.flat.from_ends, self.flat.distances, self.sensor)
             for i in np.flatnonzero(dropped | missing).tolist():
                 self.traces[i] = self._traces(silhouette, i, view.pixels[i], bool(missing[i]), beyond, held)
-        hidden[:4] = self._hidden(silhouette, depth.shape, pixels, places, along, dropped)
+        hidden[:4] = self._hidden(silhouette, depth.shape, pixels, places, along, dropped, time)
         places[:4][hidden[:4] | dropped] = np.nan
+        by_ways = np.zeros(4, bool) if beyond is None else ~hidden[:4] & (beyond.by_all < BY_WAYS) & (dropped | missing)
+        if beyond is not None and by_ways.any():
+            places[:4][by_ways], sd[:4][by_ways] = beyond.places[by_ways], BY_WAYS_SD * beyond.places[by_ways, 2:]
+            pixels[:4][by_ways] = project(beyond.places[by_ways], self.sensor)
+            distances, along = self._ways_between(surface, places)
         sd[:4] = np.hypot(sd[:4], self._mismatch(places, is_held, along)[:, None])
         if np.isfinite(places[:4, 0]).all():
             mismatch = np.abs(along - self.flat.distances)
@@ -124,7 +132,7 @@ class SilhouetteTracker:
         valid, sd = self._gate.admit(points, sd, time)
         points[~valid] = np.nan
         sd[~valid] = np.nan
-        self._seen = silhouette, np.where(np.isfinite(places[:4, :1]), view.pixels, np.nan)
+        self._seen = silhouette, np.where(np.isfinite(places[:4, :1]), pixels[:4], np.nan)
         filled = np.count_nonzero(silhouette.depth) / np.count_nonzero(silhouette.mask)
         offset = [silhouette.window.left, silhouette.window.top]
         return GarmentSight(
@@ -139,6 +147,14 @@ class SilhouetteTracker:
         silhouette, corners = self._seen
         return scan_surface(silhouette, corners, self.sensor, time, grid=grid, contour=contour)
 
+    @staticmethod
+    def _ways_between(surface: Floats, places: Floats) -> tuple[NDArray[np.float32], Floats]:
+        """Return the ways from the four corners to the nodes and to each other, NaN where one has no place."""
+        distances, along = geodesic_distances(surface, places[:4])
+        missing = ~np.isfinite(places[:4, 0])
+        along[missing] = along[:, missing] = np.nan
+        return distances, along
+
     def _traces(
         self, silhouette: Silhouette, i: int, pixel: Floats, is_missing: bool, beyond: Beyond, held: Floats
     ) -> Floats:
@@ -150,15 +166,18 @@ class SilhouetteTracker:
 
         nearest = layers(beyond.pixels[i]) if np.isfinite(beyond.pixels[i, 0]) else Layers(0.0, 0.0)
         outline = layers(pixel) if np.isfinite(pixel[0]) else nearest
-        return traces(float(beyond.by_all[i]), float(beyond.by_ends[i]), outline, nearest, is_missing)
+        return traces(
+            float(beyond.by_all[i]), float(beyond.by_ends[i]), outline, nearest,
+            is_missing=is_missing, is_tip=i in self.finder.tips,
+        )  # fmt: skip
 
     def _hidden(
         self, silhouette: Silhouette, shape: tuple[int, ...], pixels: Floats, places: Floats, along: Floats,
-        dropped: Booleans,
+        dropped: Booleans, time: float,
     ) -> Booleans:  # fmt: skip
         """Return which corners are hidden, (4,); dropped, (4,): not where they should be."""
         flat = self.flat.distances
-        hidden = probability(self.traces) > THRESHOLD
+        hidden = self._belief.update(self.traces, time) > THRESHOLD
         for i in np.flatnonzero(np.isfinite(places[:4, 2])):
             z = float(places[i, 2])
             if is_at_border(pixels[i], shape):

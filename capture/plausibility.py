@@ -1,7 +1,10 @@
 """Tell a plausible garment point from a wrong one: cloth does not leap, and what is true is seen twice.
 
-    |p(t) - p'(t)| <= 4 sd + a dt^2 / 2                    p' from the last two sightings at constant velocity
+    |p(t) - p'(t)| <= 4 sd + a dt (dt + dt') / 2           p' from the last two sightings, dt' apart, going on
     |p(t) - p(t - dt)| <= 4 sd + a dt^2 / 2 + v dt         where only one sighting is known
+
+Between two sightings the mean velocity is that of the time in their middle, so the first bound is a dt^2 at a steady
+frame rate: of an evenly accelerated point the second difference.
 
 A point that was lost for longer than `LONGEST_MEMORY` counts again from its second sighting on: a fold that looks like
 a corner for one frame does not. In the first sightings after any gap nothing yet speaks against a wrong corner but its
@@ -31,6 +34,7 @@ class MotionGate:
         self._place = np.full((points, 3), np.nan)
         self._velocity = np.full((points, 3), np.nan)  # NaN where only one sighting is known
         self._time = np.full(points, -np.inf)
+        self._interval = np.zeros(points)  # s over which the velocity was found
         self._frame = -np.inf  # time of the frame before
         self._in_a_row = np.full(points, SETTLED)
 
@@ -48,10 +52,12 @@ class MotionGate:
         dt = np.where(fresh, 0.0, gone)
         leap = np.linalg.norm(places - self._place - np.nan_to_num(self._velocity) * dt[:, None], axis=1)
         unknown = np.where(np.isnan(self._velocity[:, 0]), FASTEST * dt, 0.0)
-        follows = seen & ~fresh & (leap <= 4.0 * np.linalg.norm(sd, axis=1) + 0.5 * HARDEST_WHIP * dt**2 + unknown)
+        whipped = 0.5 * HARDEST_WHIP * dt * (dt + self._interval)
+        follows = seen & ~fresh & (leap <= 4.0 * np.linalg.norm(sd, axis=1) + whipped + unknown)
         moved, begins = follows & (dt > 0), seen & fresh
         self._velocity[moved] = (places - self._place)[moved] / dt[moved, None]
-        self._velocity[begins] = np.nan
+        self._interval[moved] = dt[moved]
+        self._velocity[begins], self._interval[begins] = np.nan, 0.0
         self._in_a_row[seen & missed & ~is_first] = 0
         unsettled = np.where(self._in_a_row < SETTLED, UNSETTLED_SD, 0.0)
         self._in_a_row[follows] += 1

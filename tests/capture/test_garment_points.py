@@ -82,6 +82,22 @@ def test_a_thing_beside_a_corner_that_covers_nothing_hides_nothing():
     assert sight.valid.all()
 
 
+@pytest.mark.parametrize(("kind", "corner"), [("swatch", 2), ("skirt", 3), ("t-shirt", 2)])
+def test_a_corner_that_the_outline_has_elsewhere_is_found_by_ways_along_the_cloth(kind, corner):
+    """A strip of 60 x 16 pixels in touch with the corner: the outline's corner is 0.17 m away, the cloth's is not."""
+    world = hung(kind, 1.6)
+    depth, _ = world.frame(0, world.renderer())
+    x, y, z = world.points[0, corner]
+    column, row = round(319.5 + 575.8 * x / z), round(239.5 + 575.8 * y / z)
+    outwards = slice(column - 4, column + 60) if x > 0 else slice(column - 60, column + 5)
+    depth[row - 16 : row, outwards] = round(1e3 * z)
+    sight = garment_tracker(world.garment, RIG).track(depth, world.hanger.held[0], 0.0)
+    assert sight.valid[corner]
+    apart = sight.points[corner] - world.points[0, corner]
+    assert np.linalg.norm(apart) < 0.03
+    assert (np.abs(apart) < 3.5 * sight.sd[corner]).all()
+
+
 def test_furniture_behind_and_beside_is_not_taken_for_the_garment():
     for seed in range(8):
         world = hung("skirt", 2.5, surroundings=cluttered(2.5, seed), seed=seed)

@@ -24,12 +24,20 @@ def test_a_point_that_was_never_lost_counts_at_once_and_with_its_own_deviation()
 
 
 def test_a_leap_is_refused_and_not_remembered():
-    """60 m/s^2 dt^2 / 2 are 33 mm a frame; four deviations of 3.5 mm are 14 mm; 100 mm are a leap."""
+    """60 m/s^2 dt^2 are 67 mm a frame; four deviations of 3.5 mm are 14 mm; 100 mm are a leap."""
     gate = MotionGate(1)
     for k in range(3):
         gate.admit(at(0.0), SD, k * PERIOD)
     assert not gate.admit(at(0.1), SD, 3 * PERIOD)[0].any()
     assert gate.admit(at(0.0), SD, 4 * PERIOD)[0].all()
+
+
+@pytest.mark.parametrize(("acceleration", "is_believed"), [(55.0, True), (85.0, False)])
+def test_an_evenly_accelerated_point_is_followed_up_to_the_hardest_whip(acceleration, is_believed):
+    """Its second difference is a dt^2: 61 mm at 55 m/s^2, and 94 at 85; the limit is 67 + 14 mm."""
+    gate = MotionGate(1)
+    believed = [gate.admit(at(0.5 * acceleration * (k * PERIOD) ** 2), SD, k * PERIOD)[0].all() for k in range(4)]
+    assert all(believed) == is_believed
 
 
 def test_a_point_that_comes_back_counts_from_its_second_sighting_even_when_it_is_fast():

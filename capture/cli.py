@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+CLEAR_LINE = "\r\x1b[K"  # ECMA-48: carriage return, erase to the end of the line
 NOT_FIRST = (
     "this user may not run before other programs: while they are busy, frames may be lost; "
     "systemd/README.md says how to permit it"
@@ -202,28 +203,29 @@ def record_command(
         refuse_to_replace(out)
     described_rig, described_garment = load_rig(rig), load_garment(garment)
     is_terminal = sys.stderr.isatty()
+    clear = CLEAR_LINE if is_terminal else ""
 
     def show(frames: int, total: int | None, hanger_share: float) -> None:
         if is_terminal and frames % 5 == 0:
             of = f" of {total}" if total else ""
-            text = f"\r{frames}{of} frames, hanger seen in {100 * hanger_share:.0f} %"
+            text = f"{clear}{frames}{of} frames, hanger seen in {100 * hanger_share:.0f} %"
             print(text, end="", file=sys.stderr, flush=True)
 
     def announce(time: float, condition: Condition) -> None:
-        start = "\n" if is_terminal else ""
         said = condition.value
         advice = f"; {said.advice}" if said.advice else ""
-        print(f"{start}{time:6.1f} s  {said.words}{advice}", file=sys.stderr, flush=True)
+        print(f"{clear}{time:6.1f} s  {said.words}{advice}", file=sys.stderr, flush=True)
         if lamps:
             try:
                 show_condition(lamps[0], condition)
             except LampError as error:
                 lamps.clear()
-                print(f"{start}{time:6.1f} s  without the lamp: {error}", file=sys.stderr, flush=True)
+                print(f"{clear}{time:6.1f} s  without the lamp: {error}", file=sys.stderr, flush=True)
 
     picks = None if pick is None else np.array([two_numbers(one, "--pick") for one in pick], float)
     scans = ScanPlan(rate=scan_rate, grid=scan_points, contour=8 * scan_points) if scan_rate > 0 else None
     with ExitStack() as opened:
+        opened.callback(print, clear, end="", file=sys.stderr, flush=True)
         lamps = [] if lamp is None else [opened.enter_context(StatusLamp(lamp))]
         precedence = Precedence()
         if names_live_sensor(sensor):
@@ -239,8 +241,6 @@ def record_command(
             created=datetime.now(UTC).isoformat(timespec="seconds"), seconds=seconds, progress=show,
             announce=announce, picks=picks, scans=scans,
         )  # fmt: skip
-    if is_terminal:
-        print(file=sys.stderr)
     points = ", ".join(
         f"{name} {100 * share:.0f} %"
         for name, share in zip(described_garment.point_names, report.point_share, strict=True)

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -361,6 +365,32 @@ def test_a_recording_of_another_size_than_the_rigs_is_refused_and_leaves_nothing
         "bench: the sensor gives 320 x 240 pixels, the rig says 640 x 480; set the rig's [sensor] to this sensor"
     )
     assert not list(tmp_path.glob("a.mcap*"))
+
+
+@pytest.mark.openni
+def test_on_a_terminal_the_count_gives_way_to_what_is_said(good, tmp_path):
+    """On a real terminal (a pty): what stays on each line is what was written after it was last cleared."""
+    if not openni2_library.is_available():
+        pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
+    write_descriptions(tmp_path)
+    with OniWriter(tmp_path / "a.oni", CAMERA) as writer:
+        for number, (depth, colour) in enumerate([*good * 4, *scenes() * 9]):
+            writer.write_depth(1000 + 33_333 * number, depth)
+            writer.write_colour(2000 + 33_333 * number, colour)
+    ours, theirs = os.openpty()
+    program = [sys.executable, "-c", "from formats.command import main; main()", "record", *words(tmp_path)]
+    subprocess.run(program, stderr=theirs, stdout=subprocess.DEVNULL, check=True)
+    os.close(theirs)
+    written = b""
+    with contextlib.suppress(OSError):  # how a terminal without a writer ends on Linux
+        while part := os.read(ours, 4096):
+            written += part
+    os.close(ours)
+    lines = written.decode().replace("\r\n", "\n").split("\n")
+    assert any("25 of 30 frames, hanger seen in 48 %" in line for line in lines)
+    assert [line.split("\x1b[K")[-1][:40] for line in lines] == [
+        "   0.0 s  hanger and garment are seen", "   0.8 s  no markers are seen; show both mark"[:40], "",
+    ]  # fmt: skip
 
 
 def write_descriptions(folder):

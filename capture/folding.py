@@ -35,8 +35,8 @@ Floats = NDArray[np.float64]
 BEYOND, LEAST_BEYOND, MOST_BEYOND = 0.035, 0.003, 0.3  # m: B, and the limits beyond which it says nothing more
 PEEKING = 2e-5  # m^2: A, a pixel and a half at 2 m
 BEFORE = 0.02  # m: L
-FORGETTING, REST = 4.9, 1 / 3  # 1/s: f, and R: of development cloths left out, best of five pairs
-PLACED = -3.0  # of the development sets' corners in place, one in thirty is hidden
+FORGETTING, REST = 4.9, 1 / 3  # 1/s: f, and R: on development cloths left out the best of five pairs, by little
+PLACED = -3.0  # log-odds: one in twenty, more than in fact, since the frame after may show what this one did not
 MOST = 8.0  # log-odds that nothing goes beyond, so that one frame can speak against many
 WEIGHTS = {
     "beyond, by all": 1.09,

@@ -46,6 +46,10 @@ class Condition(Enum):
     NO_MARKERS = Saying(
         "no markers are seen", "show both markers to the sensor, flat, in even light, 1.2 to 2.5 m away", Lamp.SLOW
     )
+    MISFIT = Saying(
+        "both markers are read, but depth and the rig's sizes contradict each other",
+        "measure marker_size_m and marker_distance_m of the rig again; keep sun and gloss off the markers", Lamp.SLOW,
+    )  # fmt: skip
     NO_GARMENT = Saying(
         "the garment is not seen", "let it hang free below the hanger, away from walls and things", Lamp.SLOW
     )
@@ -65,9 +69,13 @@ ORDER = (
 )
 
 
-def condition_of(state: int) -> Condition:
-    """Return the most basic condition of a frame's bits; a clock that jumped once does not spoil what is seen."""
-    return next((condition for bit, condition in ORDER if state & bit), Condition.GOOD)
+def condition_of(state: int, *, are_read: bool = False) -> Condition:
+    """Return the most basic condition of a frame's bits; a clock that jumped once does not spoil what is seen.
+
+    are_read: both markers are in the picture, whether they can be placed or not
+    """
+    found = next((condition for bit, condition in ORDER if state & bit), Condition.GOOD)
+    return Condition.MISFIT if found is Condition.NO_MARKERS and are_read else found
 
 
 class ConditionWatch:

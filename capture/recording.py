@@ -137,7 +137,7 @@ def record(
             frames += 1
             with_hanger += hanger.is_found
             seen += cloth.valid
-            tell(time - first, condition_of(state))
+            tell(time - first, condition_of(state, are_read=bool(np.isfinite(hanger.centres).all())))
             if watch is not None:
                 watch(frame, hanger, cloth)
             progress(frames, sensor.info.frame_count, with_hanger / frames)
@@ -214,7 +214,7 @@ def _no_markers(
     advice = worst.value.advice or "record longer"
     if kept:
         advice = f"record it again: {advice}"
-    if worst in (Condition.NO_MARKERS, Condition.ONE_MARKER) and rig.hanger is not None:
+    if worst in (Condition.NO_MARKERS, Condition.ONE_MARKER, Condition.MISFIT) and rig.hanger is not None:
         advice += f" (the rig says {_markers_of(rig.hanger)})"
     elif worst is not Condition.GOOD:
         what += f", mostly because: {worst.value.words}"
@@ -224,7 +224,8 @@ def _no_markers(
 def _markers_of(hanger: Hanger) -> str:
     if hanger.marker == "dot":
         return f"two dots of {1e3 * hanger.marker_size_m:g} mm, {1e3 * hanger.marker_distance_m:g} mm apart"
-    return f"markers {hanger.ids[0]} and {hanger.ids[1]} of {hanger.dictionary}"
+    size, distance = 1e3 * hanger.marker_size_m, 1e3 * hanger.marker_distance_m
+    return f"markers {hanger.ids[0]} and {hanger.ids[1]} of {hanger.dictionary}, {size:g} mm, {distance:g} mm apart"
 
 
 def _check_rig(sensor: DepthSensor, rig: Rig) -> None:

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -248,6 +249,19 @@ def test_a_clock_that_runs_backwards_is_announced_and_ends_with_the_time_that_wa
     assert [condition for _, condition in said] == [Condition.GOOD, Condition.CLOCK]
     assert said[1][0] == pytest.approx(11 / 30 + 1 / 30 + 0.4, abs=1.5 / 30)
     assert report.conditions[Condition.CLOCK] == pytest.approx(2.0 * 30 - 12, abs=2)
+
+
+@pytest.mark.parametrize("wrong", [{"marker_distance_m": 0.4}, {"marker_size_m": 0.1}])
+def test_a_rig_with_another_size_than_the_markers_is_told_from_markers_that_are_not_seen(good, tmp_path, wrong):
+    """60 mm and 0.3 m apart in the picture."""
+    hanger = msgspec.structs.replace(HANGER, **wrong)
+    said = []
+    with pytest.raises(NoMarkersError, match=r"measure marker_size_m and marker_distance_m .* mm apart\)$"):
+        record(
+            StageSensor(good * 4), msgspec.structs.replace(RIG, hanger=hanger), GARMENT, tmp_path / "t.mcap",
+            take_id="t", created="now", announce=lambda time, condition: said.append(condition),
+        )  # fmt: skip
+    assert said == [Condition.MISFIT]
 
 
 def test_a_recording_of_a_bad_view_says_why_there_is_no_take(good, tmp_path):

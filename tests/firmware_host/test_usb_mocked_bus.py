@@ -17,6 +17,11 @@ import numpy as np
 import pytest
 
 from firmware_host import openni2_library
+from firmware_host.synthetic.scene import CAMERA, demo_garment
+from formats.archive import read_take
+from formats.descriptions import dump_description
+from formats.rig import Hanger, Rig
+from formats.take import FrameState
 
 STAGE = Path(__file__).parent / "usb_stage" / "mocked_bus.py"
 ROOT = Path(__file__).parents[2]
@@ -242,3 +247,28 @@ def test_the_doctor_finds_nothing_wrong_with_a_sensor_that_streams_two_markers()
     done = run("streaming", *HANGTIME, "doctor")
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.count("  ok: ") == 9
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("driver")
+def test_a_live_recording_of_two_seconds_is_a_take_of_every_frame(tmp_path: Path) -> None:
+    """Markers of 30 px, 120 px apart, at 1193 mm, as a camera of 575.8 px sees them, on a wall."""
+    pytest.importorskip("cv2")
+    hanger = Hanger(
+        dictionary="DICT_4X4_50", ids=(0, 1), marker_size_m=1.193 * 30 / 575.8, marker_distance_m=1.193 * 120 / 575.8,
+        held_m=((-0.1, 0.09, 0.0), (0.1, 0.09, 0.0)),
+    )  # fmt: skip
+    rig = Rig(format="hangtime-rig/1", name="live", gravity=(0.0, 1.0, 0.0), hanger=hanger, sensor=CAMERA)
+    (tmp_path / "rig.toml").write_text(dump_description(rig))
+    (tmp_path / "garment.toml").write_text(dump_description(demo_garment()))
+    out = tmp_path / "live.mcap"
+    files = [f"--{name}={tmp_path / name}.toml" for name in ("rig", "garment")]
+    done = run("streaming", *HANGTIME[:-1], "record", "--sensor=openni2:", *files, f"--out={out}", "--seconds=2")
+    assert done.returncode == 0, done.stdout + done.stderr
+    take = read_take(out)
+    assert take.is_complete
+    assert take.held_valid.mean() > 0.9
+    assert take.time[-1] - take.time[0] == pytest.approx(2.0, abs=0.1)
+    # What the mocked bus or this machine was late with is told of.
+    gaps = np.flatnonzero(np.diff(take.time) > 1.5 / 30) + 1
+    assert (take.state[gaps] & FrameState.FRAMES_DROPPED_BEFORE > 0).all()

@@ -3,14 +3,16 @@
 Run: python benchmarks/peers.py [--peer NAME ...]. A swatch of 0.4 m x 0.4 m, 0.2 kg/m^2, stretch 300 N/m, shear 30 N/m,
 bending 1e-5 N m, held along its top edge, is swung for 4 s with a damping of 0.5 1/s. Every engine climbs a ladder of
 meshes and steps; its error is the root mean square distance of 30 points from its own finest run, over the points' own
-swing. Of the settings at or below ERROR the cheapest counts; where none is, the best is shown as missing it. Costs are
-CPU seconds of the stepping loop in one thread (settling, start and building left out), ours of a batch of sixteen
-candidates with everything in it. Shared machines slow all alike: look at ratios.
+swing. Of the settings at or below ERROR the cheapest counts; where none is, the best is shown as missing it. The ratio
+is the median of REPEATS turns of ours and theirs. Costs are CPU seconds of the stepping loop in one thread (settling,
+start and building left out), ours of a batch of sixteen candidates with everything in it. Shared machines slow all
+alike: look at ratios.
 
 Each peer runs in a Python that a variable names, HANGTIME_MUJOCO_PYTHON and the same for NEWTON, PYPBD, PYBULLET and
-BLENDER; one that is not there is skipped and said to be. What differs as an engine has nothing else: pypbd and PyBullet
-have no damping but their solvers' and springs'; Blender's cloth has 8 N/m and 0.3 kg a vertex, as its solver stops
-early and the sheet floats where it is stiffer or lighter (docs/blind-check.md).
+BLENDER; one that is not there is skipped and said to be. Newton's steps are recorded as a graph and replayed, without
+Python in between (`peer_workers/newton_solvers_worker.py`). What differs as an engine has nothing else: pypbd and
+PyBullet have no damping but their solvers' and springs'; Blender's cloth has 8 N/m and 0.3 kg a vertex, as its solver
+stops early and the sheet floats where it is stiffer or lighter (docs/blind-check.md).
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -28,7 +30,7 @@ import numpy as np
 
 from fit import runtime
 from fit.blind.engine import SAMPLES, Cloth, Engine, held_fraction, hung, resample
-from fit.blind.foreign.engines import MUJOCO, NEWTON, Generator
+from fit.blind.foreign.engines import MUJOCO
 from fit.blind.foreign.jobs import make_job, points_on
 from fit.blind.sheet import make_grid
 from fit.errors import FitError
@@ -39,7 +41,9 @@ SIZE, DURATION, SETTLE = 0.4, 4.0, 1.0  # m, s, s
 CLOTH = Cloth(width=SIZE, height=SIZE, density=0.2, stretch=300.0, shear=30.0, bending=1e-5, damping=0.5)
 GRID = 6  # points a side, of which the held row is not judged
 PLACES = np.array([(x, y) for y in np.linspace(0, -SIZE, GRID)[1:] for x in np.linspace(-0.5, 0.5, GRID) * SIZE])
+REPEATS = 5
 WORKERS = Path(__file__).with_name("peer_workers")
+NEWTON = Foreign("Newton", "newton", "newton", "HANGTIME_NEWTON_PYTHON", WORKERS / "newton_solvers_worker.py")
 PYPBD = Foreign("PositionBasedDynamics", "pypbd", "", "HANGTIME_PYPBD_PYTHON", WORKERS / "pypbd_worker.py")
 PYBULLET = Foreign("PyBullet", "pybullet", "", "HANGTIME_PYBULLET_PYTHON", WORKERS / "pybullet_worker.py")
 CANDIDATES = 16
@@ -87,24 +91,33 @@ def ours() -> Iterator[tuple[str, Run]]:
         yield f"{1e3 * spacing:.0f} mm, {share:g} of the stable step", run
 
 
-def explicit(generator: Generator) -> Iterator[tuple[str, Run]]:
-    """An engine of the blind check, at its stable step."""
-    assert generator.foreign is not None
-    process = ForeignProcess(generator.foreign)
-    for cells in (6, 8, 12, 16, 32):
-        engine = Engine(CLOTH, side=SIZE / cells, mesh=make_grid)
-        yield (
-            f"{1e3 * SIZE / cells:.0f} mm, {1e3 * engine.stable_step:.2f} ms",
-            job_run(process, engine, engine.stable_step),
-        )
+def explicit(foreign: Foreign, **settings: str | int) -> Iterator[tuple[str, Run]]:
+    """An engine with an explicit integrator: meshes, at 0.7 and at 0.9 of the linear bound on its step."""
+    process = ForeignProcess(foreign)
+    for cells, share in ((6, 1.3), (8, 1.3), (10, 1.3), (11, 1.3), (12, 1.0), (12, 1.3), (16, 1.3), (32, 1.0)):
+        step = share * sheet_of(cells).stable_step
+        yield f"{1e3 * SIZE / cells:.0f} mm, {1e3 * step:.2f} ms", job_run(process, cells, step, **settings)
 
 
-def job_run(process: ForeignProcess, engine: Engine, step: float) -> Run:
+def implicit(solver: str, rungs: Sequence[tuple[int, int, int]]) -> Iterator[tuple[str, Run]]:
+    """One of Newton's solvers without a bound on its step: cells a side, steps a second, iterations a step."""
+    process = ForeignProcess(NEWTON)
+    for cells, hertz, iterations in rungs:
+        title = f"{1e3 * SIZE / cells:.0f} mm, {hertz} steps a second of {iterations} iterations"
+        yield title, job_run(process, cells, 1 / hertz, solver=solver, iterations=iterations)
+
+
+def sheet_of(cells: int) -> Engine:
+    """The cloth on a grid of so many cells a side."""
+    return Engine(CLOTH, side=SIZE / cells, mesh=make_grid)
+
+
+def job_run(process: ForeignProcess, cells: int, step: float, **settings: str | int) -> Run:
     """One run of an engine that takes the blind check's jobs."""
 
     def run() -> tuple[np.ndarray, float]:
-        job = make_job(engine, path()[None], DURATION, step=step, settle=SETTLE)
-        answer = process.answer(**job.arrays)
+        job = make_job(sheet_of(cells), path()[None], DURATION, step=step, settle=SETTLE)
+        answer = process.answer(**job.arrays, **{name: np.array(value) for name, value in settings.items()})
         seen = points_on(job.sheet, answer["nodes"].astype(float), PLACES)[0]
         at = np.arange(0, DURATION + 1e-9, 1 / FRAMES)
         return at_frames(seen, np.arange(len(seen)) / SAMPLES, at), float(answer["seconds"].sum())
@@ -122,19 +135,15 @@ def pypbd() -> Iterator[tuple[str, Run]]:
     """XPBD: meshes and substeps per frame of 1/30 s."""
     process = ForeignProcess(PYPBD)
     for cells, substeps in ((6, 20), (8, 20), (12, 33), (16, 33), (16, 67), (24, 67), (24, 133), (32, 533)):
-        engine = Engine(CLOTH, side=SIZE / cells, mesh=make_grid)
-        yield (
-            f"{1e3 * SIZE / cells:.0f} mm, {substeps} substeps a frame",
-            job_run(process, engine, 1 / (FRAMES * substeps)),
-        )
+        title = f"{1e3 * SIZE / cells:.0f} mm, {substeps} substeps a frame"
+        yield title, job_run(process, cells, 1 / (FRAMES * substeps))
 
 
 def pybullet() -> Iterator[tuple[str, Run]]:
     """Mass-spring soft bodies: meshes and steps a second."""
     process = ForeignProcess(PYBULLET)
     for cells, hertz in ((6, 1200), (8, 2400), (12, 2400), (16, 4800)):
-        engine = Engine(CLOTH, side=SIZE / cells, mesh=make_grid)
-        yield f"{1e3 * SIZE / cells:.0f} mm, {hertz} steps a second", job_run(process, engine, 1 / hertz)
+        yield f"{1e3 * SIZE / cells:.0f} mm, {hertz} steps a second", job_run(process, cells, 1 / hertz)
 
 
 def blender() -> Iterator[tuple[str, Run]]:
@@ -174,34 +183,55 @@ def blender_run(process: ForeignProcess, cells: int, quality: int) -> Run:
     return run
 
 
-def cheapest(name: str, ladder: Iterator[tuple[str, Run]]) -> float | None:
-    """Climb a ladder, whose last rung is the reference; print every rung and return the cost at ERROR [s]."""
+def cheapest(name: str, ladder: Iterator[tuple[str, Run]]) -> tuple[Run, bool]:
+    """Climb a ladder, whose last rung is the reference; print every rung.
+
+    Return the cheapest run within ERROR and true, or the one of the least error and false.
+    """
     rungs = []
     for title, run in ladder:
         points, cost = run()
-        rungs.append((title, points, cost))
-        print(f"  {name}: {title}: {cost:.3f} s", flush=True)
+        rungs.append((title, points, cost, run))
+        print(f"  {name}: {title}: {cost:.4f} s", flush=True)
     reference = rungs[-1][1]
     swing = np.sqrt(((reference - reference.mean(0)) ** 2).sum(2).mean())
     found = []
-    for title, points, cost in rungs[:-1]:
+    for title, points, cost, run in rungs[:-1]:
         error = np.sqrt(((points - reference) ** 2).sum(2).mean()) / swing
-        found.append((cost, error, title))
+        found.append((cost, error, title, run))
         print(f"  {name}: {title}: error {100 * error:.1f} % of {1e3 * swing:.0f} mm")
     good = [rung for rung in found if rung[1] <= ERROR]
     if good:
-        cost, error, title = min(good)
-        print(f"{name:<10} {cost:8.3f} s a candidate, error {100 * error:.1f} %: {title}")
-        return float(cost)
-    error, cost, title = min((error, cost, title) for cost, error, title in found if np.isfinite(error))
-    print(f"{name:<10} never within {100 * ERROR:.0f} %: best {100 * error:.1f} % for {cost:.3f} s: {title}")
-    return None
+        cost, error, title, run = min(good, key=lambda rung: rung[0])
+        print(f"{name:<12} {cost:8.4f} s a candidate, error {100 * error:.1f} %: {title}")
+    else:
+        cost, error, title, run = min((r for r in found if np.isfinite(r[1])), key=lambda rung: rung[1])
+        print(f"{name:<12} never within {100 * ERROR:.0f} %: best {100 * error:.1f} % for {cost:.3f} s: {title}")
+    return run, bool(good)
 
 
+def in_turns(one: Run, other: Run) -> tuple[float, float, float]:
+    """Quartiles and median, in this order low, middle, high, of how many times the cost of one the other's is."""
+    ratios = [other()[1] / one()[1] for _ in range(REPEATS)]
+    low, middle, high = np.percentile(ratios, [25, 50, 75])
+    return float(low), float(middle), float(high)
+
+
+# Single precision spoils XPBD above 5000 steps a second, so that its finest run is not of the finest mesh.
+XPBD_RUNGS = (
+    (6, 1000, 1), (8, 1200, 1), (10, 1600, 1), (11, 1600, 1), (12, 1600, 1), (12, 1600, 2), (13, 1600, 1),
+    (13, 2000, 1), (13, 2000, 2), (14, 2000, 1), (16, 2400, 1), (24, 3200, 2),
+)  # fmt: skip
+VBD_RUNGS = (
+    (8, 1200, 3), (12, 800, 10), (12, 1200, 5), (12, 1200, 6), (12, 1200, 8), (12, 1600, 4), (12, 1600, 5),
+    (12, 2400, 2), (12, 2400, 3), (13, 1600, 4), (24, 2400, 8),
+)  # fmt: skip
 PEERS: dict[str, tuple[Foreign, Callable[[], Iterator[tuple[str, Run]]]]] = {
     "pypbd": (PYPBD, pypbd),
-    "mujoco": (MUJOCO.foreign or BLENDER, lambda: explicit(MUJOCO)),
-    "newton": (NEWTON.foreign or BLENDER, lambda: explicit(NEWTON)),
+    "mujoco": (MUJOCO.foreign or BLENDER, lambda: explicit(MUJOCO.foreign or BLENDER)),
+    "newton": (NEWTON, lambda: explicit(NEWTON, solver="semi-implicit")),
+    "newton-xpbd": (NEWTON, lambda: implicit("xpbd", XPBD_RUNGS)),
+    "newton-vbd": (NEWTON, lambda: implicit("vbd", VBD_RUNGS)),
     "pybullet": (PYBULLET, pybullet),
     "blender": (BLENDER, blender),
 }
@@ -213,21 +243,22 @@ def main() -> None:
     parser.add_argument("--peer", action="append", choices=sorted(PEERS), help="only this one; may be repeated")
     asked = parser.parse_args().peer or list(PEERS)
     os.environ["OMP_NUM_THREADS"] = "1"  # of the peers' processes, and Taichi is told the same
-    base = cheapest("ours", ours())
+    base, _ = cheapest("ours", ours())
     for name in asked:
         foreign, ladder = PEERS[name]
         if not foreign.is_installed():
             print(
-                f"{name:<10} skipped: {foreign.module} is in neither this Python nor the one {foreign.variable} names"
+                f"{name:<12} skipped: {foreign.module} is in neither this Python nor the one {foreign.variable} names"
             )
             continue
         try:
-            cost = cheapest(name, ladder())
+            best, is_good = cheapest(name, ladder())
+            low, middle, high = in_turns(base, best)
         except FitError as error:
-            print(f"{name:<10} failed: {error}")
+            print(f"{name:<12} failed: {error}")
             continue
-        if base and cost:
-            print(f"{name:<10} {cost / base:.0f} times ours")
+        least = "" if is_good else ", at an error that is larger than ours"
+        print(f"{name:<12} {middle:.0f} times ours (quartiles {low:.0f} to {high:.0f}){least}", flush=True)
 
 
 if __name__ == "__main__":

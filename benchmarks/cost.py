@@ -5,7 +5,9 @@ thread; processor time, which other work on the machine hardly changes, the leas
 The step of an explicit
 scheme shrinks with the mesh, so cost per vertex and second grows where cost per vertex and step does not. Cores: 32
 candidates in two processes, one with one thread and one with two, which run in turns; the median of the pairs' ratios
-of time on the clock, and of processor time, which is 1 where a second thread costs nothing.
+of time on the clock, and of processor time, which is 1 where a second thread costs nothing. Other work on the machine
+keeps the clock's ratio down, so the processor time of every thread of the second process says what the code allows,
+    (serial + sum of the workers) / (serial + the longest of them)
 """
 
 from __future__ import annotations
@@ -49,6 +51,20 @@ def runner(elements: int, seconds: float, candidates: int) -> tuple[Callable[[],
     return lambda: simulator.run(rows), len(simulator.mesh.rest), simulator.steps_of(rows)[0]
 
 
+def by_thread() -> dict[str, float]:
+    """Processor time [s] of every thread of this process (proc(5), /proc/pid/schedstat)."""
+    return {t.name: 1e-9 * int((t / "schedstat").read_text().split()[0]) for t in Path("/proc/self/task").iterdir()}
+
+
+def allowed(run: Callable[[], object]) -> float:
+    """How many times as fast as one idle processor two would be, as the run's work is split over its threads."""
+    before = by_thread()
+    run()
+    spent_by = {name: after - before.get(name, 0.0) for name, after in by_thread().items()}
+    serial = spent_by.pop(str(os.getpid()))
+    return (serial + sum(spent_by.values())) / (serial + max(spent_by.values()))
+
+
 def spent(run: Callable[[], object]) -> tuple[float, float]:
     """Seconds that a run takes on the clock, and of processor time."""
     clock, processor = time.perf_counter(), time.process_time()
@@ -85,24 +101,33 @@ def _prepare(threads: str) -> None:
     os.environ["HANGTIME_THREADS"] = threads
 
 
-def _spent_here(elements: int) -> tuple[float, float]:
-    """In a process of its own: seconds for 32 candidates, as `spent`."""
+def _kept_run(elements: int) -> Callable[[], object]:
+    """In a process of its own: 32 candidates, run once already."""
     if not _kept:
         _kept.append(runner(elements, 2.0, 32)[0])
         _kept[0]()
-    return spent(_kept[0])
+    return _kept[0]
 
 
-def by_cores(pairs: int) -> Floats:
-    """One thread's time over two threads', (pairs, 2): on the clock, and of the processors."""
+def _spent_here(elements: int) -> tuple[float, float]:
+    return spent(_kept_run(elements))
+
+
+def _allowed_here(elements: int) -> float:
+    return allowed(_kept_run(elements))
+
+
+def by_cores(pairs: int) -> tuple[Floats, float]:
+    """One thread's time over two threads', (pairs, 2): on the clock, of the processors; and what the split allows."""
     spawn = get_context("spawn")
     with (
         ProcessPoolExecutor(1, mp_context=spawn, initializer=_prepare, initargs=("1",)) as one,
         ProcessPoolExecutor(1, mp_context=spawn, initializer=_prepare, initargs=("2",)) as two,
     ):
         turns = [[pool.submit(_spent_here, 8).result() for pool in (one, two)] for _ in range(pairs + 1)]
+        most = float(np.median([two.submit(_allowed_here, 8).result() for _ in range(pairs)]))
     times = np.array(turns[1:])  # the first turn compiled
-    return np.asarray(times[:, 0] / times[:, 1])
+    return np.asarray(times[:, 0] / times[:, 1]), most
 
 
 def spread(values: list[float]) -> float:
@@ -123,10 +148,11 @@ def main() -> None:
         print(f"{seconds:4.1f} s simulated: {1e3 * cost:6.1f} ms for each second")
     print(f"per second within {spread([cost for _, cost in lengths]):.0f} %")
     before = os.getloadavg()[0]
-    (low, clock, high), (_, processor, _) = np.percentile(by_cores(11), [25, 50, 75], axis=0).T
+    ratios, most = by_cores(11)
+    (low, clock, high), (_, processor, _) = np.percentile(ratios, [25, 50, 75], axis=0).T
     print(
         f"two cores: {clock:.2f} x one on the clock (quartiles {low:.2f} to {high:.2f}), {processor:.2f} x in "
-        f"processor time; {before:.1f} other processes were running"
+        f"processor time; {before:.1f} other processes were running; as the work is split, {most:.2f} x on idle cores"
     )
 
 

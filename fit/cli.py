@@ -88,7 +88,7 @@ def fit_command(
     spacing: Annotated[
         float | None,
         typer.Option("--spacing", metavar="METRES", help="Mesh spacing; smaller is finer and slower (time grows with "
-                     "its cube).", show_default="0.05; mocap-swatch 0.03125"),
+                     "its cube).", show_default="0.05; mocap-swatch 0.0208"),
     ] = None,
     seed: Seed = 0,
 ) -> None:  # fmt: skip

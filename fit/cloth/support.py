@@ -7,6 +7,13 @@ origin and of its axes, so that the node at (X, Y) is at origin + X across + Y d
 holds stays flat and keeps its angle, which is what clamping means; a single row of nodes is a hinge. A frame whose
 axes turn against each other shears what it holds.
 
+Cloth that hangs from a whole edge has one rest, which settling finds. Cloth held at two corners is slack between them:
+it hangs in folds, to one side or the other, and one of several rests is chosen by chance. So it starts where the
+tracked points are at the beginning of the take: the flat cloth, moved by the polyharmonic spline through the points'
+displacements u_k from it,
+    u(X) = a + B X + sum_k w_k |X - X_k|^3,   sum_k w_k = 0, sum_k w_k X_k = 0
+and settles from there. Source: J. Duchon, "Splines minimizing rotation-invariant semi-norms in Sobolev spaces" (1977).
+
 Elements inside a clamp do not bend, so the curvature at its rim belongs to the free side's share of the node alone:
 with the shares m of both sides, M = m_1 kappa_1 + m_2 kappa_2 + kink and kappa_1 = 0, the energy is B/2 M^2 / m_2,
 where two free sides have B/2 M^2 / (m_1 + m_2). Left as those, a clamp would be soft over a twelfth of an element.
@@ -22,11 +29,12 @@ from numpy.typing import NDArray
 
 from fit.cloth.mesh import ClothMesh, Integers
 from fit.errors import FitError
-from fit.recording import Curve, Recording
+from fit.recording import LONGEST_BRIDGE, Curve, Recording
 
 Floats = NDArray[np.float64]
 
 GRAVITY = 9.80665  # m/s^2
+ON_LINE = 1e-3  # m from a line within which points say nothing of the cloth beside it
 SETTLE_TIME = 1.6  # s that cloth hangs at the first hanger pose before the take begins
 
 
@@ -73,11 +81,12 @@ def hanger(recording: Recording) -> Supporting:
     """Return what holds the cloth of a recording: its held edge, or that edge's ends, on the tracked path."""
 
     def support(mesh: ClothMesh) -> Support:
+        moved = _seen_folds(recording, mesh)
         return Support(
             nodes=mesh.held_nodes,
             shares=np.stack([1 - mesh.held_fraction, mesh.held_fraction], 1),
             path=recording.held,
-            start=lambda ends: _hanging_flat(mesh, ends),
+            start=lambda ends: _hanging_flat(mesh, ends) + moved,
         )
 
     return support
@@ -143,6 +152,20 @@ def clamped(mesh: ClothMesh, support: Support) -> ClothMesh:
     area[:plain] *= kept
     stencils = replace(bends.stencils, weights=bends.stencils.weights / np.sqrt(kept[bends.stencils.rows()])[:, None])
     return replace(mesh, bends=replace(bends, stencils=stencils, area=area))
+
+
+def _seen_folds(recording: Recording, mesh: ClothMesh) -> Floats:
+    """Displacement [m], (nodes, 3), of cloth held at its corners from hanging flat to where its points begin; or 0."""
+    is_seen = recording.valid[recording.time <= LONGEST_BRIDGE].any(0)
+    places = np.array([point.at_m for point in recording.garment.points])[is_seen]
+    if recording.garment.held != "corners" or np.linalg.matrix_rank(places - places[:1], tol=ON_LINE) < 2:
+        return np.zeros((len(mesh.rest), 3))
+    from scipy.interpolate import RBFInterpolator
+
+    first = np.zeros(1)
+    seen = np.concatenate([curve(first)[:, :3] for curve in recording.target_curves])[is_seen]
+    flat = mesh.points.apply(_hanging_flat(mesh, recording.held(first))[0])[is_seen]
+    return np.asarray(RBFInterpolator(places, seen - flat, kernel="cubic", degree=1)(mesh.rest))
 
 
 def _hanging_flat(mesh: ClothMesh, ends: Floats) -> Floats:

@@ -37,7 +37,6 @@ class AirLift(Effect):
     low: ClassVar[float] = 0.0
     high: ClassVar[float] = 8.0
     typical: ClassVar[float] = 2.0
-    law_spread: ClassVar[float] = (
-        0.4  # lift with one or two cosines of the angle more, as Polhamus has it, is 30 to 50 % less at 45 degrees
-    )
+    # Lift with one or two cosines of the angle more, as Polhamus has it, is 30 to 50 % less at 45 degrees.
+    law_spread: ClassVar[float] = 0.4
     face_force: ClassVar = staticmethod(_lift)

@@ -28,9 +28,8 @@ class RestCurvature(Effect):
     low: ClassVar[float] = -40.0
     high: ClassVar[float] = 40.0
     typical: ClassVar[float] = 5.0
-    law_spread: ClassVar[float] = (
-        0.25  # a curl is rarely uniform: half as strong again at one end, half as strong at the other
-    )
+    # A curl is rarely uniform: half as strong again at one end, half as strong at the other.
+    law_spread: ClassVar[float] = 0.25
     components: ClassVar[tuple[str, ...]] = ("horizontal", "vertical")
     bends: ClassVar[bool] = True
 

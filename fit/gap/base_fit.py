@@ -40,7 +40,7 @@ def fit_base(
     progress("looking for starts", 0.02)
     places = scattered(observer, seed)
     rough = _roughly(coarse.with_frequency(FIRST_FREQUENCY), places, kept)
-    frequency, gate = gates.choose_frequency(observer, rough[0].vector)
+    frequency, _ = gates.choose_frequency(observer, rough[0].vector)
     if frequency < FIRST_FREQUENCY:
         progress(f"rough base fits, pull {frequency:g} Hz", 0.08)
         places = [*places, *(f.vector for f in rough)]

@@ -191,7 +191,7 @@ class _Search:
             tasks = [Task(found[0].vector, self.observer.off), *map(polishing, found)]
             return fit(self.observer, tasks + restarts(self.observer, found))
 
-        names = ["+".join(self.observer.effects[k].name for k in one.active) for one in found]
+        names = [self._name(one.active) for one in found]
         ends = self.kept.recall(
             ["base-again", *(f"{name}-polished" for name in names), *(f"{name}-elsewhere" for name in names)], go
         )
@@ -231,11 +231,14 @@ class _Search:
             return fit(self.observer, refits(self.observer, start, screened, places))
 
         added = [(*start.active, screened.effects[place]) for place in places]
-        names = ["+".join(self.observer.effects[k].name for k in active) for active in added]
-        found = self.kept.recall(names, go)
+        found = self.kept.recall([self._name(active) for active in added], go)
         return [
             Hypothesis(active, fitted, judged(self.judge, fitted)) for active, fitted in zip(added, found, strict=True)
         ]
+
+    def _name(self, active: tuple[int, ...]) -> str:
+        """What a fit with these effects is kept as."""
+        return "+".join(self.observer.effects[k].name for k in active)
 
     def alive(self, evidence: Evidence, verdict: Verdict) -> tuple[list[Hypothesis], list[float]]:
         """Return the hypotheses that a further recording should tell apart, and how much each weighs."""

@@ -126,7 +126,7 @@ class Task:
 def fit(observer: Observer, tasks: Sequence[Task]) -> list[Fitted]:
     """Fit side by side: what all fits ask next is simulated in one batch, and each tries as many steps as fit in it."""
     problems = [Problem(observer, task.active) for task in tasks]
-    width = int(np.clip(LANES // max(len(tasks), 1), FEWEST_RUNGS, MOST_RUNGS))
+    width = int(np.clip(LANES // len(tasks), FEWEST_RUNGS, MOST_RUNGS))
     searches = [
         search(
             problem.pack(task.vector, task.amplitudes),
@@ -146,7 +146,7 @@ def fit(observer: Observer, tasks: Sequence[Task]) -> list[Fitted]:
         vectors, amplitudes = (np.concatenate(column) for column in zip(*rows, strict=True))
         return np.split(observer.residuals(vectors, amplitudes), np.cumsum([len(numbers) for numbers in asked])[:-1])
 
-    found = side_by_side(searches, evaluate) if searches else []
+    found = side_by_side(searches, evaluate)
     return [_fitted(observer, *each) for each in zip(problems, tasks, found, strict=True)]
 
 

@@ -18,7 +18,7 @@ from fit.gap.base_fit import coarsened, scattered
 from fit.gap.closure import BlockErrors, block_errors
 from fit.gap.fitting import Fitted, Problem, Task
 from fit.gap.observer import Observer
-from fit.gap.screening import Screened
+from fit.gap.screening import Screened, with_amplitude
 
 Floats = NDArray[np.float64]
 
@@ -53,8 +53,6 @@ def shortlist(screened: Screened) -> list[int]:
 def refits(observer: Observer, start: Fitted, screened: Screened, places: list[int]) -> list[Task]:
     """Return the refits of a model with one more effect each, from the best of some shares of its linear solution."""
     tries = [_tries(observer, start, screened, place) for place in places]
-    if not tries:
-        return []
     every = [problem.unpack(np.array(numbers)) for problem, numbers, _ in tries]
     vectors, rows = (np.concatenate(column) for column in zip(*every, strict=True))
     costs = (observer.residuals(vectors, rows) ** 2).sum(1).reshape(len(tries), -1)
@@ -87,9 +85,7 @@ def _tries(observer: Observer, start: Fitted, screened: Screened, place: int) ->
     tries = []
     for vector in (moved, start.vector):
         for share in SHARES:
-            amplitudes = start.amplitudes.copy()
-            amplitudes[columns] = share * guess
-            tries.append(problem.pack(vector, amplitudes))
+            tries.append(problem.pack(vector, with_amplitude(start.amplitudes, columns, share * guess)))
     return problem, tries, joint
 
 

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from fit.gap.fitting import Fitted, Problem
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.observer import Observer
+from fit.gap.screening import with_amplitude
 from fit.recording import Recording
 from formats.results import NextExperiment
 
@@ -173,11 +174,8 @@ def _rows(observer: Observer, alive: list[Hypothesis], turned: dict[str, tuple[f
     for hypothesis in alive:
         effect = hypothesis.effects[-1]
         columns = observer.columns[effect]
-        row = np.zeros(len(observer.off))
-        row[columns] = hypothesis.fitted.amplitudes[columns] * np.asarray(
-            turned.get(observer.effects[effect].name, 1.0)
-        )
-        rows.append(row)
+        factors = np.asarray(turned.get(observer.effects[effect].name, 1.0))
+        rows.append(with_amplitude(observer.off, columns, hypothesis.fitted.amplitudes[columns] * factors))
     return rows
 
 

@@ -44,7 +44,7 @@ def refine(observer: Observer, judge: Observer, base: Fitted) -> Refined:
     fine_judge = fine if judge is observer else judge.at_resolution(resolution)
     problem = Problem(fine)
     start = problem.pack(base.vector, base.amplitudes)
-    residual = fine.residuals(*problem.unpack(start[None]))[0]
+    residual = problem.residuals(start[None])[0]
     jacobian = base.jacobian[:, : len(base.vector)]
     normal = jacobian.T @ jacobian + np.diag(problem.prior_sd**-2)
     step = -np.linalg.solve(normal, jacobian.T @ residual)
@@ -59,7 +59,7 @@ def refine(observer: Observer, judge: Observer, base: Fitted) -> Refined:
             for share in STEPS
         ]
     )
-    costs = (fine.residuals(*problem.unpack(tries)) ** 2).sum(1)
+    costs = (problem.residuals(tries) ** 2).sum(1)
     both = fine_judge.residuals(*problem.unpack(tries[[int(np.argmin(costs)), 0]]))
     apart = both - judge.residuals(base.vector[None], base.amplitudes[None])[0]
     mesh = float(judge.in_mm(apart).max()) / (1.0 - REFINEMENT**-2)

@@ -89,10 +89,12 @@ def signatures_of(observer: Observer, fitted: Fitted, chosen: tuple[int, ...]) -
         for column in range(columns.start, columns.stop):
             for sign in (1.0,) if effect.is_one_sided else (1.0, -1.0):
                 moved_to = fitted.amplitudes[column] + sign * SECANT * effect.typical
-                rows.append(_with(fitted.amplitudes, column, np.clip(moved_to, effect.low, effect.high)))
+                rows.append(with_amplitude(fitted.amplitudes, column, np.clip(moved_to, effect.low, effect.high)))
         if effect.no_size > 0.0:
             references[k] = len(rows)
-            rows.append(_with(fitted.amplitudes, columns, np.maximum(fitted.amplitudes[columns], effect.no_size)))
+            rows.append(
+                with_amplitude(fitted.amplitudes, columns, np.maximum(fitted.amplitudes[columns], effect.no_size))
+            )
     moved = observer.residuals(np.tile(fitted.vector, (len(rows), 1)), np.array(rows))
     found, at = [], 0
     for k in chosen:
@@ -111,8 +113,8 @@ def signatures_of(observer: Observer, fitted: Fitted, chosen: tuple[int, ...]) -
     return found
 
 
-def _with(amplitudes: Floats, columns: slice | int, changed: Floats | float) -> Floats:
-    """A copy of a row of amplitudes with some of them changed."""
+def with_amplitude(amplitudes: Floats, columns: slice | int, changed: Floats | float) -> Floats:
+    """Return a row of amplitudes, (components,), with those of some columns changed."""
     row = amplitudes.copy()
     row[columns] = changed
     return row

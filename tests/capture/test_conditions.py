@@ -2,73 +2,24 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import os
-import subprocess
-import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from capture.condition import HOLD, Condition, ConditionWatch, Lamp, condition_of
-from capture.condition_lamp import show_condition
+from capture.condition import Condition, ConditionWatch, Lamp, condition_of
 from capture.errors import NoMarkersError
-from capture.frame_clock import FrameClock
 from capture.frame_faults import HangerWatch, is_garment_covered, view_faults
 from capture.markers import MarkerTracker
 from capture.recording import record
-from firmware_host import openni2_library
 from firmware_host.errors import SensorStalledError
-from firmware_host.lamp import StatusLamp
-from firmware_host.oni_writer import OniWriter
 from formats.archive import read_take
-from formats.command import app, gather_commands
-from formats.descriptions import dump_description
-from formats.garment import Garment, TrackedPoint
-from formats.rig import Hanger, Rig, Sensor
 from formats.summary import STATE_NAMES
 from formats.take import FrameState
-from tests.capture.stage import CAMERA, StageSensor, marker_plate, pictures, plain_plate
-from tests.firmware_host.scenes import AnyStamps
-
-HANGER = Hanger(
-    dictionary="DICT_4X4_50", ids=(0, 1), marker_size_m=0.06, marker_distance_m=0.3,
-    held_m=((-0.2, 0.09, 0.0), (0.2, 0.09, 0.0)),
-)  # fmt: skip
-RIG = Rig(format="hangtime-rig/1", name="bench", gravity=(0.0, 1.0, 0.0), hanger=HANGER, sensor=CAMERA)
-OUTLINE = ((-0.2, 0.0), (0.2, 0.0), (0.2, -0.4), (-0.2, -0.4))
-GARMENT = Garment(
-    format="hangtime-garment/1", name="towel", kind="swatch", mass_kg=0.05, outline_m=OUTLINE, held="edge",
-    points=tuple(TrackedPoint(name=f"p{k}", at_m=p) for k, p in enumerate(OUTLINE)),
-)  # fmt: skip
-SIDES = np.array([[-0.15, 0, 0], [0.15, 0, 0]])
-BELOW = np.array([0, 0.09 + 0.2, 0])
-FILES = {"sensor": "a.oni", "rig": "rig.toml", "garment": "garment.toml", "out": "a.mcap"}
-SKIN = (205, 160, 140)
-
-
-def hung(at=(0.0, -0.2, 1.6), markers=(0, 1)):
-    """A hanger with a flat towel below it."""
-    middle = np.array(at)
-    plates = [marker_plate(i, middle + SIDES[i]) for i in markers]
-    return [*plates, plain_plate(middle + BELOW, (0.4, 0.4), (60, 70, 150))]
-
-
-@pytest.fixture(scope="module")
-def good():
-    rng = np.random.default_rng(8)
-    return [pictures(hung(), rng) for _ in range(3)]
-
-
-def scenes(*plates, seed=9):
-    """Two frames of a scene."""
-    rng = np.random.default_rng(seed)
-    return [pictures(list(plates), rng) for _ in range(2)]
+from tests.capture.stage import CAMERA, StageSensor
+from tests.capture.towel_scenes import BODY, GARMENT, HANGER, LEGS, RIG, hung, scenes
 
 
 class Spoilt(StageSensor):
@@ -109,10 +60,6 @@ def test_a_take_in_which_the_hanger_is_hardly_ever_seen_is_kept_and_told(good, t
     assert "in 12 of 132 frames; the take was kept" in str(report.doubt)
     assert "record it again: show both markers to the sensor" in str(report.doubt)
     assert recorded(tmp_path, [*good * 4, *empty * 24])[0].doubt is None
-
-
-BODY = plain_plate([0.0, 0.1, 0.9], (0.5, 1.4), SKIN)
-LEGS = plain_plate([0.0, 0.24, 0.9], (0.5, 0.45), SKIN)
 
 
 @pytest.mark.parametrize(
@@ -204,40 +151,6 @@ def test_a_clock_that_was_set_goes_on_after_three_frames(good, tmp_path, leap):
     assert report.conditions == {Condition.GOOD: 28, Condition.CLOCK: 2}
 
 
-def test_one_late_frame_is_left_out_and_the_next_one_says_so():
-    clock = FrameClock(30.0)
-    assert [clock.place(time) for time in (1.0, 1.1, 0.5)] == [1.0, 1.1, None]
-    assert clock.place(1.2) == 1.2
-    assert clock.has_jumped
-    assert clock.place(1.3) == 1.3
-    assert not clock.has_jumped
-
-
-def test_one_frame_an_hour_ahead_is_left_out_and_those_after_it_are_where_they_were():
-    clock = FrameClock(10.0)
-    assert [clock.place(time) for time in (1.0, 3601.0, 1.2)] == [1.0, None, 1.2]
-    assert clock.has_jumped
-
-
-def test_two_leaps_in_different_ways_are_no_clock_that_was_set():
-    """Only the last three agree with each other."""
-    clock = FrameClock(10.0)
-    times = [1.0, 500.0, 0.3, 200.0, 200.1]
-    assert [clock.place(time) for time in times] == [1.0, None, None, None, None]
-    assert clock.place(200.2) == pytest.approx(1.5)
-
-
-def test_a_gap_of_five_seconds_is_a_gap_and_not_a_clock_that_was_set():
-    clock = FrameClock(30.0)
-    assert [clock.place(time) for time in (1.0, 6.0, 11.1)] == [1.0, 6.0, None]
-
-
-def test_a_clock_that_runs_backwards_all_the_time_never_places_a_frame():
-    clock = FrameClock(30.0)
-    assert [clock.place(9.0 - 0.1 * number) for number in range(40)] == [9.0, *[None] * 39]
-    assert clock.now == pytest.approx(9.0 + 39 / 30)
-
-
 def test_a_clock_that_runs_backwards_is_announced_and_ends_with_the_time_that_was_asked_for(good, tmp_path):
     """Frame 11 is the last good one; 0.4 s later it is said; --seconds ends it though no frame is placed any more."""
     changes = {number: {"time_s": (12 - number) / 30} for number in range(12, 200)}
@@ -283,138 +196,6 @@ def test_a_sensor_that_fails_at_once_is_what_is_reported(good, tmp_path):
     with pytest.raises(SensorStalledError):
         recorded(tmp_path, good, {2: SensorStalledError("no frame for 5 s")})
     assert list(tmp_path.iterdir()) == []
-
-
-@dataclasses.dataclass
-class Case:
-    """Frames of a bad view after twelve good ones: what is said of them, their bits, the lamp's half period [ms]."""
-
-    said: str
-    bits: int
-    half: int
-    view: Callable[[], list] | None = None
-    spoil: Callable = lambda depth, colour: (depth, colour)
-    step: int = 33_333  # us from frame to frame
-    frames: int = 20
-    late: int = 0  # of these until it is seen what is wrong
-
-
-LOST = FrameState.MARKER_LOST | FrameState.GARMENT_LOST
-CASES = {
-    "no markers": Case("no markers are seen; show both", LOST, 500, scenes),
-    "one marker": Case(
-        "only one marker is seen; turn", LOST | FrameState.ONE_MARKER, 500, lambda: scenes(*hung(markers=(1,)))
-    ),
-    "a person in front": Case(
-        "something is in front of the hanger or the garment; step out", LOST | FrameState.VIEW_BLOCKED, 500,
-        lambda: scenes(*hung(), BODY),
-    ),
-    "too near": Case("too near; go back", FrameState.TOO_NEAR, 500, lambda: scenes(*hung((0, -0.1, 0.7))), late=2),
-    "too far": Case("too far; come closer", LOST | FrameState.TOO_FAR, 500,
-                    spoil=lambda depth, colour: (np.full_like(depth, 3700), np.full_like(colour, 128))),
-    "depth all zero": Case("no depth; uncover the sensor", LOST | FrameState.DEPTH_MISSING, 125,
-                           spoil=lambda depth, colour: (np.zeros_like(depth), colour)),
-    "colour missing": Case("no colour picture; replug", LOST | FrameState.COLOUR_MISSING, 125,
-                           spoil=lambda depth, colour: (depth, None)),
-    "a clock that runs backwards": Case("the sensor's clock runs backwards or leaps; unplug", 0, 125, step=-33_333),
-}  # fmt: skip
-LED = {"brightness": "0", "max_brightness": "1", "trigger": "[none] timer", "delay_on": "0", "delay_off": "0"}
-
-
-@pytest.mark.openni
-@pytest.mark.parametrize("name", CASES)
-def test_what_goes_wrong_is_said_shown_on_the_lamp_and_kept_in_the_take(good, tmp_path, monkeypatch, name):
-    """The command on a recording, a second and more: twelve good frames, twenty bad ones; the lamp is real files."""
-    if not openni2_library.is_available():
-        pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
-    case, lamp = CASES[name], tmp_path / "leds/status"
-    write_descriptions(tmp_path)
-    lamp.mkdir(parents=True)
-    for file, value in LED.items():
-        (lamp / file).write_text(value)
-    monkeypatch.setattr(StatusLamp.__init__, "__defaults__", (tmp_path / "leds",))
-    shown = []
-
-    def show(on, condition):
-        show_condition(on, condition)
-        shown.append(((lamp / "trigger").read_text(), int((lamp / "delay_on").read_text())))
-
-    monkeypatch.setattr("capture.condition_lamp.show_condition", show)
-    bad = case.view() if case.view else good
-    with AnyStamps(tmp_path / "a.oni", CAMERA) as writer:
-        for number in range(12 + case.frames):
-            is_bad = number >= 12
-            pair = case.spoil(*bad[number % len(bad)]) if is_bad else good[number % len(good)]
-            stamp = 10_000_000 + 33_333 * min(number, 11) + is_bad * case.step * (number - 11)
-            writer.write_depth(stamp, pair[0])
-            if pair[1] is not None:
-                writer.write_colour(stamp + 1000, pair[1])
-    done = CliRunner().invoke(app, ["record", *words(tmp_path), "--lamp=status"])
-    assert done.exit_code == 0, done.output
-    assert "   0.0 s  hanger and garment are seen\n" in done.stderr
-    assert f"   {(12 + case.late) / 30 + HOLD:.1f} s  {case.said}" in done.stderr
-    assert done.stderr.count(" s  ") == 2
-    assert shown == [("none", 0), ("timer", case.half)]
-    assert [(lamp / file).read_text() for file in ("trigger", "brightness")] == ["none", "0"]
-    assert f"in {case.frames - case.late} frames {case.said.split(';')[0]}\n" in done.stdout
-    take = read_take(tmp_path / "a.mcap")
-    assert take.is_complete
-    assert (take.state[:12] == 0).all()
-    seen = take.state[12 + case.late :].tolist()
-    assert seen == ([case.bits] * (case.frames - case.late) if case.bits else [])
-
-
-@pytest.mark.openni
-def test_a_recording_of_another_size_than_the_rigs_is_refused_and_leaves_nothing(tmp_path):
-    if not openni2_library.is_available():
-        pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
-    write_descriptions(tmp_path)
-    half = Sensor(width=320, height=240, fx=287.9, fy=287.9, cx=159.5, cy=119.5)
-    with OniWriter(tmp_path / "a.oni", half) as writer:
-        writer.write_depth(1000, np.full((240, 320), 1600, np.uint16))
-        writer.write_colour(2000, np.zeros((240, 320, 3), np.uint8))
-    done = CliRunner().invoke(app, ["record", *words(tmp_path)])
-    assert done.exit_code != 0
-    assert str(done.exception) == (
-        "bench: the sensor gives 320 x 240 pixels, the rig says 640 x 480; set the rig's [sensor] to this sensor"
-    )
-    assert not list(tmp_path.glob("a.mcap*"))
-
-
-@pytest.mark.openni
-def test_on_a_terminal_the_count_gives_way_to_what_is_said(good, tmp_path):
-    """On a real terminal (a pty): what stays on each line is what was written after it was last cleared."""
-    if not openni2_library.is_available():
-        pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
-    write_descriptions(tmp_path)
-    with OniWriter(tmp_path / "a.oni", CAMERA) as writer:
-        for number, (depth, colour) in enumerate([*good * 4, *scenes() * 9]):
-            writer.write_depth(1000 + 33_333 * number, depth)
-            writer.write_colour(2000 + 33_333 * number, colour)
-    ours, theirs = os.openpty()
-    program = [sys.executable, "-c", "from formats.command import main; main()", "record", *words(tmp_path)]
-    subprocess.run(program, stderr=theirs, stdout=subprocess.DEVNULL, check=True)
-    os.close(theirs)
-    written = b""
-    with contextlib.suppress(OSError):  # how a terminal without a writer ends on Linux
-        while part := os.read(ours, 4096):
-            written += part
-    os.close(ours)
-    lines = written.decode().replace("\r\n", "\n").split("\n")
-    assert any("25 of 30 frames, hanger seen in 48 %" in line for line in lines)
-    assert [line.split("\x1b[K")[-1][:40] for line in lines] == [
-        "   0.0 s  hanger and garment are seen", "   0.8 s  no markers are seen; show both mark"[:40], "",
-    ]  # fmt: skip
-
-
-def write_descriptions(folder):
-    gather_commands()
-    (folder / "rig.toml").write_text(dump_description(RIG))
-    (folder / "garment.toml").write_text(dump_description(GARMENT))
-
-
-def words(folder):
-    return [f"--{name}={folder / file}" for name, file in FILES.items()]
 
 
 def test_the_most_basic_fault_is_the_one_that_is_said():

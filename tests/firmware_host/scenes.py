@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -48,11 +49,18 @@ def picture(number: int) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
 def write_recording(path: Path, frames: int = 6, *, depth_codec: str = "16zT", colour_delay_us: int = 2000) -> Path:
     """Write a recording of `picture(0)`, `picture(1)` and so on."""
     with OniWriter(path, SMALL, depth_codec=depth_codec) as writer:
-        for number in range(frames):
-            depth, colour = picture(number)
-            writer.write_depth(1000 + number * PERIOD_US, depth)
-            writer.write_colour(1000 + number * PERIOD_US + colour_delay_us, colour)
+        write_pictures(writer, frames, lambda k: 1000 + k * PERIOD_US, lambda k: 1000 + k * PERIOD_US + colour_delay_us)
     return path
+
+
+def write_pictures(
+    writer: OniWriter, frames: int, depth_at: Callable[[int], int], colour_at: Callable[[int], int]
+) -> None:
+    """Write `picture(0)`, `picture(1)` and so on with the stamps [us] that depth and colour have by their number."""
+    for number in range(frames):
+        depth, colour = picture(number)
+        writer.write_depth(depth_at(number), depth)
+        writer.write_colour(colour_at(number), colour)
 
 
 class AnyStamps(OniWriter):

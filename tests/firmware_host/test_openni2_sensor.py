@@ -17,7 +17,7 @@ from firmware_host.oni_writer import OniWriter
 from firmware_host.opening import open_sensor
 from firmware_host.openni2_sensor import OpenNI2Sensor
 from formats.command import app, gather_commands
-from tests.firmware_host.scenes import PERIOD_US, SMALL, AnyStamps, picture, write_recording
+from tests.firmware_host.scenes import PERIOD_US, SMALL, AnyStamps, picture, write_pictures, write_recording
 
 KINECT_ROOM = Path(__file__).parents[3] / "shared" / "data" / "oni" / "kinect-room.oni"
 
@@ -138,10 +138,10 @@ def test_colour_comes_back_after_the_clock_was_set(
     """
     path = tmp_path / "a.oni"
     with AnyStamps(path, SMALL) as writer:
-        for number in range(60):
-            stamp = 5_000_000 + number * PERIOD_US
-            writer.write_depth(stamp + leap * (number >= 20), picture(number)[0])
-            writer.write_colour(stamp + delay + leap * (number >= colour_leaps_at), picture(number)[1])
+        write_pictures(
+            writer, 60, lambda k: 5_000_000 + k * PERIOD_US + leap * (k >= 20),
+            lambda k: 5_000_000 + k * PERIOD_US + delay + leap * (k >= colour_leaps_at),
+        )  # fmt: skip
     with OpenNI2Sensor(path) as sensor:
         frames = list(sensor.frames())
     assert len(frames) == 60
@@ -159,10 +159,10 @@ def test_colour_comes_back_after_the_clock_was_set(
 def test_one_colour_frame_with_a_stamp_an_hour_ahead_costs_a_second_of_colour(tmp_path: Path) -> None:
     path = tmp_path / "a.oni"
     with AnyStamps(path, SMALL) as writer:
-        for number in range(60):
-            stamp = 1000 + number * PERIOD_US
-            writer.write_depth(stamp, picture(number)[0])
-            writer.write_colour(stamp + 3_600_000_000 * (number == 10), picture(number)[1])
+        write_pictures(
+            writer, 60, lambda k: 1000 + k * PERIOD_US,
+            lambda k: 1000 + k * PERIOD_US + 3_600_000_000 * (k == 10),
+        )  # fmt: skip
     with OpenNI2Sensor(path) as sensor:
         missing = {frame.index for frame in sensor.frames() if frame.colour is None}
     assert missing == set(range(10, 41))

@@ -1,0 +1,15 @@
+"""What several tests of recording share."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.capture.stage import pictures
+from tests.capture.towel_scenes import hung
+
+
+@pytest.fixture(scope="module")
+def good():
+    rng = np.random.default_rng(8)
+    return [pictures(hung(), rng) for _ in range(3)]

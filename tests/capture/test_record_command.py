@@ -1,0 +1,162 @@
+"""What `hangtime record` says and shows where something is wrong, on recordings played through OpenNI2."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from capture.condition import HOLD
+from capture.condition_lamp import show_condition
+from firmware_host import openni2_library
+from firmware_host.lamp import StatusLamp
+from firmware_host.oni_writer import OniWriter
+from formats.archive import read_take
+from formats.command import app, gather_commands
+from formats.descriptions import dump_description
+from formats.rig import Sensor
+from formats.take import FrameState
+from tests.capture.stage import CAMERA
+from tests.capture.towel_scenes import BODY, GARMENT, RIG, hung, scenes
+from tests.firmware_host.scenes import AnyStamps
+
+FILES = {"sensor": "a.oni", "rig": "rig.toml", "garment": "garment.toml", "out": "a.mcap"}
+
+
+@dataclasses.dataclass
+class Case:
+    """Frames of a bad view after twelve good ones: what is said of them, their bits, the lamp's half period [ms]."""
+
+    said: str
+    bits: int
+    half: int
+    view: Callable[[], list] | None = None
+    spoil: Callable = lambda depth, colour: (depth, colour)
+    step: int = 33_333  # us from frame to frame
+    frames: int = 20
+    late: int = 0  # of these until it is seen what is wrong
+
+
+LOST = FrameState.MARKER_LOST | FrameState.GARMENT_LOST
+CASES = {
+    "no markers": Case("no markers are seen; show both", LOST, 500, scenes),
+    "one marker": Case(
+        "only one marker is seen; turn", LOST | FrameState.ONE_MARKER, 500, lambda: scenes(*hung(markers=(1,)))
+    ),
+    "a person in front": Case(
+        "something is in front of the hanger or the garment; step out", LOST | FrameState.VIEW_BLOCKED, 500,
+        lambda: scenes(*hung(), BODY),
+    ),
+    "too near": Case("too near; go back", FrameState.TOO_NEAR, 500, lambda: scenes(*hung((0, -0.1, 0.7))), late=2),
+    "too far": Case("too far; come closer", LOST | FrameState.TOO_FAR, 500,
+                    spoil=lambda depth, colour: (np.full_like(depth, 3700), np.full_like(colour, 128))),
+    "depth all zero": Case("no depth; uncover the sensor", LOST | FrameState.DEPTH_MISSING, 125,
+                           spoil=lambda depth, colour: (np.zeros_like(depth), colour)),
+    "colour missing": Case("no colour picture; replug", LOST | FrameState.COLOUR_MISSING, 125,
+                           spoil=lambda depth, colour: (depth, None)),
+    "a clock that runs backwards": Case("the sensor's clock runs backwards or leaps; unplug", 0, 125, step=-33_333),
+}  # fmt: skip
+LED = {"brightness": "0", "max_brightness": "1", "trigger": "[none] timer", "delay_on": "0", "delay_off": "0"}
+
+
+@pytest.mark.openni
+@pytest.mark.parametrize("name", CASES)
+def test_what_goes_wrong_is_said_shown_on_the_lamp_and_kept_in_the_take(good, tmp_path, monkeypatch, name):
+    """The command on a recording, a second and more: twelve good frames, twenty bad ones; the lamp is real files."""
+    if not openni2_library.is_available():
+        pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
+    case, lamp = CASES[name], tmp_path / "leds/status"
+    write_descriptions(tmp_path)
+    lamp.mkdir(parents=True)
+    for file, value in LED.items():
+        (lamp / file).write_text(value)
+    monkeypatch.setattr(StatusLamp.__init__, "__defaults__", (tmp_path / "leds",))
+    shown = []
+
+    def show(on, condition):
+        show_condition(on, condition)
+        shown.append(((lamp / "trigger").read_text(), int((lamp / "delay_on").read_text())))
+
+    monkeypatch.setattr("capture.condition_lamp.show_condition", show)
+    bad = case.view() if case.view else good
+    with AnyStamps(tmp_path / "a.oni", CAMERA) as writer:
+        for number in range(12 + case.frames):
+            is_bad = number >= 12
+            pair = case.spoil(*bad[number % len(bad)]) if is_bad else good[number % len(good)]
+            stamp = 10_000_000 + 33_333 * min(number, 11) + is_bad * case.step * (number - 11)
+            writer.write_depth(stamp, pair[0])
+            if pair[1] is not None:
+                writer.write_colour(stamp + 1000, pair[1])
+    done = CliRunner().invoke(app, ["record", *words(tmp_path), "--lamp=status"])
+    assert done.exit_code == 0, done.output
+    assert "   0.0 s  hanger and garment are seen\n" in done.stderr
+    assert f"   {(12 + case.late) / 30 + HOLD:.1f} s  {case.said}" in done.stderr
+    assert done.stderr.count(" s  ") == 2
+    assert shown == [("none", 0), ("timer", case.half)]
+    assert [(lamp / file).read_text() for file in ("trigger", "brightness")] == ["none", "0"]
+    assert f"in {case.frames - case.late} frames {case.said.split(';')[0]}\n" in done.stdout
+    take = read_take(tmp_path / "a.mcap")
+    assert take.is_complete
+    assert (take.state[:12] == 0).all()
+    seen = take.state[12 + case.late :].tolist()
+    assert seen == ([case.bits] * (case.frames - case.late) if case.bits else [])
+
+
+@pytest.mark.openni
+def test_a_recording_of_another_size_than_the_rigs_is_refused_and_leaves_nothing(tmp_path):
+    if not openni2_library.is_available():
+        pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
+    write_descriptions(tmp_path)
+    half = Sensor(width=320, height=240, fx=287.9, fy=287.9, cx=159.5, cy=119.5)
+    with OniWriter(tmp_path / "a.oni", half) as writer:
+        writer.write_depth(1000, np.full((240, 320), 1600, np.uint16))
+        writer.write_colour(2000, np.zeros((240, 320, 3), np.uint8))
+    done = CliRunner().invoke(app, ["record", *words(tmp_path)])
+    assert done.exit_code != 0
+    assert str(done.exception) == (
+        "bench: the sensor gives 320 x 240 pixels, the rig says 640 x 480; set the rig's [sensor] to this sensor"
+    )
+    assert not list(tmp_path.glob("a.mcap*"))
+
+
+@pytest.mark.openni
+def test_on_a_terminal_the_count_gives_way_to_what_is_said(good, tmp_path):
+    """On a real terminal (a pty): what stays on each line is what was written after it was last cleared."""
+    if not openni2_library.is_available():
+        pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
+    write_descriptions(tmp_path)
+    with OniWriter(tmp_path / "a.oni", CAMERA) as writer:
+        for number, (depth, colour) in enumerate([*good * 4, *scenes() * 9]):
+            writer.write_depth(1000 + 33_333 * number, depth)
+            writer.write_colour(2000 + 33_333 * number, colour)
+    ours, theirs = os.openpty()
+    program = [sys.executable, "-c", "from formats.command import main; main()", "record", *words(tmp_path)]
+    subprocess.run(program, stderr=theirs, stdout=subprocess.DEVNULL, check=True)
+    os.close(theirs)
+    written = b""
+    with contextlib.suppress(OSError):  # how a terminal without a writer ends on Linux
+        while part := os.read(ours, 4096):
+            written += part
+    os.close(ours)
+    lines = written.decode().replace("\r\n", "\n").split("\n")
+    assert any("25 of 30 frames, hanger seen in 48 %" in line for line in lines)
+    assert [line.split("\x1b[K")[-1][:40] for line in lines] == [
+        "   0.0 s  hanger and garment are seen", "   0.8 s  no markers are seen; show both mark"[:40], "",
+    ]  # fmt: skip
+
+
+def write_descriptions(folder):
+    gather_commands()
+    (folder / "rig.toml").write_text(dump_description(RIG))
+    (folder / "garment.toml").write_text(dump_description(GARMENT))
+
+
+def words(folder):
+    return [f"--{name}={folder / file}" for name, file in FILES.items()]

@@ -2,11 +2,13 @@
 
 Run: python benchmarks/cost.py. A clamped sheet of 0.4 m x 0.4 m, 300 N/m, eight candidates in the lanes of one
 thread; processor time, which other work on the machine hardly changes, the least of five runs after one that compiles.
-The step of an explicit
-scheme shrinks with the mesh, so cost per vertex and second grows where cost per vertex and step does not. Cores: 32
-candidates in two processes, one with one thread and one with two, which run in turns; the median of the pairs' ratios
-of time on the clock, and of processor time, which is 1 where a second thread costs nothing. Other work on the machine
-keeps the clock's ratio down, so the processor time of every thread of the second process says what the code allows,
+The step of an explicit scheme shrinks with the mesh, so cost per vertex and second grows where cost per vertex and step
+does not. Cores: 32 candidates, on a mesh like that of most fits and on a finer one whose arrays outgrow a core's own
+cache, in two processes, one with one thread and one with two, which run in turns; the median of the pairs' ratios of
+time on the clock, and of processor time, which is 1 where a second thread costs nothing. Other work on the machine
+keeps the clock's ratio down, and so do virtual processors that share one core: what two processes get that share
+nothing is measured in the same turns. The processor time of every thread of the second process says what the code
+allows,
     (serial + sum of the workers) / (serial + the longest of them)
 """
 
@@ -17,6 +19,7 @@ import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -94,7 +97,7 @@ def by_seconds() -> list[tuple[float, float]]:
     return [(seconds, least(runner(8, seconds, 8)[0]) / (8 * seconds)) for seconds in SECONDS]
 
 
-_kept: list[Callable[[], object]] = []
+_kept: dict[int, Callable[[], object]] = {}
 
 
 def _prepare(threads: str) -> None:
@@ -103,10 +106,10 @@ def _prepare(threads: str) -> None:
 
 def _kept_run(elements: int) -> Callable[[], object]:
     """In a process of its own: 32 candidates, run once already."""
-    if not _kept:
-        _kept.append(runner(elements, 2.0, 32)[0])
-        _kept[0]()
-    return _kept[0]
+    if elements not in _kept:
+        _kept[elements] = runner(elements, 2.0, 32)[0]
+        _kept[elements]()
+    return _kept[elements]
 
 
 def _spent_here(elements: int) -> tuple[float, float]:
@@ -117,17 +120,26 @@ def _allowed_here(elements: int) -> float:
     return allowed(_kept_run(elements))
 
 
-def by_cores(pairs: int) -> tuple[Floats, float]:
-    """One thread's time over two threads', (pairs, 2): on the clock, of the processors; and what the split allows."""
+def by_cores(elements: int, turns: int) -> tuple[Floats, float]:
+    """What a second core brings, (turns, 3), and what the split allows.
+
+    One thread's time over two threads': on the clock, of the processors; and what two processes with one thread each,
+    which share nothing, do at once against one of them alone.
+    """
     spawn = get_context("spawn")
-    with (
-        ProcessPoolExecutor(1, mp_context=spawn, initializer=_prepare, initargs=("1",)) as one,
-        ProcessPoolExecutor(1, mp_context=spawn, initializer=_prepare, initargs=("2",)) as two,
-    ):
-        turns = [[pool.submit(_spent_here, 8).result() for pool in (one, two)] for _ in range(pairs + 1)]
-        most = float(np.median([two.submit(_allowed_here, 8).result() for _ in range(pairs)]))
-    times = np.array(turns[1:])  # the first turn compiled
-    return np.asarray(times[:, 0] / times[:, 1]), most
+    with ExitStack() as stack:
+        one, other, two = (
+            stack.enter_context(ProcessPoolExecutor(1, mp_context=spawn, initializer=_prepare, initargs=(threads,)))
+            for threads in ("1", "1", "2")
+        )
+        times = []
+        for _ in range(turns + 1):
+            alone, together = (np.array(pool.submit(_spent_here, elements).result()) for pool in (one, two))
+            beside = [pool.submit(_spent_here, elements) for pool in (one, other)]
+            apart = 2 * alone[0] / max(each.result()[0] for each in beside)
+            times.append([*(alone / together), apart])
+        most = float(np.median([two.submit(_allowed_here, elements).result() for _ in range(turns)]))
+    return np.array(times[1:]), most  # the first turn compiled
 
 
 def spread(values: list[float]) -> float:
@@ -147,13 +159,15 @@ def main() -> None:
     for seconds, cost in lengths:
         print(f"{seconds:4.1f} s simulated: {1e3 * cost:6.1f} ms for each second")
     print(f"per second within {spread([cost for _, cost in lengths]):.0f} %")
-    before = os.getloadavg()[0]
-    ratios, most = by_cores(11)
-    (low, clock, high), (_, processor, _) = np.percentile(ratios, [25, 50, 75], axis=0).T
-    print(
-        f"two cores: {clock:.2f} x one on the clock (quartiles {low:.2f} to {high:.2f}), {processor:.2f} x in "
-        f"processor time; {before:.1f} other processes were running; as the work is split, {most:.2f} x on idle cores"
-    )
+    for elements, (vertices, *_) in list(zip(ELEMENTS, sizes, strict=True))[:2]:
+        before = os.getloadavg()[0]
+        ratios, most = by_cores(elements, 11)
+        (low, clock, high), (_, processor, _), (_, apart, _) = np.percentile(ratios, [25, 50, 75], axis=0).T
+        print(
+            f"{vertices} vertices on two cores: {clock:.2f} x one on the clock (quartiles {low:.2f} to {high:.2f}), "
+            f"{processor:.2f} x in processor time; two separate processes {apart:.2f} x; "
+            f"{before:.1f} other processes were running; as the work is split, {most:.2f} x on idle cores"
+        )
 
 
 if __name__ == "__main__":

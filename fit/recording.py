@@ -1,24 +1,21 @@
 """A take made ready for simulation: world frame, smooth hanger path, targets for the observer.
 
 World frame: z against gravity, x along the sensor's x as far as level, y = z × x, metres.
-The hanger's path and the observer's targets are cubic smoothing splines: f minimises
-    sum_k (y_k - f(t_k))^2 + lambda integral f''^2 dt,   a low-pass 1 / (1 + (lambda / rate) omega^4)
-with lambda set for a cut-off at 6 Hz, or 0.4 of the frame rate if that is lower: flat for hand-made motion (0.1 % at
-1 Hz), so that sensor noise is not turned into accelerations and swings are not made smaller.
-Source: P. J. Green & B. W. Silverman, "Nonparametric Regression and Generalized Linear Models" (1994), section 2.2;
-the transfer function from B. W. Silverman, Ann. Statist. 12 (1984).
+The hanger's path is a spline that is smooth in its acceleration, with a cut-off that the take itself chooses; the
+observer's targets are cubic smoothing splines with a cut-off at 6 Hz (`fit.smoothing`): flat for hand-made motion
+(0.1 % at 1 Hz), so that sensor noise is not turned into accelerations and swings are not made smaller.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fit.errors import DriveError, FitError
+from fit.smoothing import best_cut_off, smoothing_spline, steady_spline
 from formats.garment import Garment
 from formats.take import Take
 
@@ -29,8 +26,6 @@ Curve = Callable[[Floats], Floats]
 LONGEST_GAP = 0.5  # s without a hanger position that a spline may bridge: half a swing
 FASTEST_HANGER = 8.0  # m/s, twice what a hand can do with a hanger
 FEWEST_FRAMES = 20  # below, neither splines nor statistics make sense
-CUT_OFF = 6.0  # Hz of the smoothing splines; hands swing below 2 Hz
-CUT_OFF_SHARE = 0.4  # of the frame rate, just below what frames can show
 ON_EDGE = 0.02  # of the garment's height below its top within which a point sits on the held edge
 FEWEST_PLACES = 8  # of a point, below which it has no curve
 LONGEST_BRIDGE = 0.25  # s without a point over which its spline is still believed
@@ -55,6 +50,8 @@ class Recording:
     time [s], (frames,)
     points [m], (frames, points, 3), NaN where not valid; point_sd [m], (points,): per axis, root mean square
     held: (n,) instants [s] -> (n, 6) left and right end of the held edge [m]
+    held_seen [m], (frames, 6): the ends as they were measured, NaN where not seen; held_sd [m]: stated, per axis
+    held_cut_off [Hz]: of the path's spline
     target_curves: per point, (n,) instants -> (n, 6) place [m] and velocity [m/s]
     edge_turn: (n,) instants -> (n, 2) yaw and roll of the tracked held edge against the path, each of rms 1
     judged, (points,): false for points on the held edge, which measure the boundary and not the cloth
@@ -69,6 +66,8 @@ class Recording:
     point_sd: Floats
     held_sd: float
     held: Curve
+    held_seen: Floats
+    held_cut_off: float
     target_curves: tuple[Curve, ...]
     edge_turn: Curve
     judged: Booleans
@@ -104,11 +103,12 @@ class Recording:
     def with_points(self, points: Floats) -> Recording:
         """Return the same recording with other points, (frames, points, 3), their curves fitted anew."""
         curves = tuple(_target_curve(self.time, points[:, k], self.valid[:, k]) for k in range(points.shape[1]))
-        return Recording(
-            take_id=self.take_id, garment=self.garment, time=self.time, points=points, valid=self.valid,
-            point_sd=self.point_sd, held_sd=self.held_sd, held=self.held, target_curves=curves,
-            edge_turn=self.edge_turn, judged=self.judged,
-        )  # fmt: skip
+        return replace(self, points=points, target_curves=curves, windows=None)
+
+    def with_held(self, held_seen: Floats) -> Recording:
+        """Return the same recording with other measured ends of the held edge, (frames, 6), their path fitted anew."""
+        path = _held_curve(self.time, held_seen, self.held_cut_off)
+        return replace(self, held_seen=held_seen, held=path)
 
 
 def world_from_sensor(gravity: tuple[float, float, float]) -> Floats:
@@ -152,7 +152,9 @@ def prepare(take: Take) -> Recording:
         point_sd = np.sqrt(np.array([np.nanmean(seen_sd[:, k] ** 2) if valid[:, k].any() else 0.0
                                      for k in range(points.shape[1])]))  # fmt: skip
     held_sd = float(np.sqrt(np.mean(take.held_sd[held_valid] ** 2))) if held_valid.any() else 0.0
-    held = _held_curve(take.take_id, time, take.held @ rotation.T, held_valid)
+    held_seen = np.where(held_valid[:, None], (take.held @ rotation.T).reshape(len(time), 6), np.nan)
+    cut_off = _held_cut_off(take.take_id, time, held_seen)
+    held = _held_curve(time, held_seen, cut_off)
     curves = tuple(_target_curve(time, points[:, k], valid[:, k]) for k in range(points.shape[1]))
     places = np.array([p.at_m for p in take.garment.points])
     on_edge = places[:, 1] > places[:, 1].max() - ON_EDGE * float(np.ptp(places[:, 1]))
@@ -160,8 +162,8 @@ def prepare(take: Take) -> Recording:
     turn = _edge_turn(time, seen[:, on_edge], places[on_edge, 0], held(time).reshape(-1, 2, 3))
     return Recording(
         take_id=take.take_id, garment=take.garment, time=time, points=seen,
-        valid=valid, point_sd=point_sd, held_sd=held_sd, held=held, target_curves=curves,
-        edge_turn=turn, judged=~on_edge if (~on_edge).sum() >= 3 else np.ones(len(places), bool),
+        valid=valid, point_sd=point_sd, held_sd=held_sd, held=held, held_seen=held_seen, held_cut_off=cut_off,
+        target_curves=curves, edge_turn=turn, judged=~on_edge if (~on_edge).sum() >= 3 else np.ones(len(places), bool),
     )  # fmt: skip
 
 
@@ -180,37 +182,14 @@ def _edge_turn(time: Floats, points: Floats, across: Floats, held: Floats) -> Cu
     weight = seen * arm
     slopes = np.nan_to_num(sides * weight[..., None]).sum(1)[usable] / (weight * arm).sum(1)[usable, None]
     scale = np.maximum(np.sqrt((slopes**2).mean(0)), 1e-6)
-    splines = _smooth(time[usable], slopes / scale)
+    splines = smoothing_spline(time[usable], slopes / scale)
     first, last = time[usable][0], time[usable][-1]
     return lambda instants: np.asarray(splines(np.clip(instants, first, last)))
 
 
-def noise_of(values: Floats) -> float:
-    """Return the deviation of white noise in a smooth, evenly sampled column, from its sixth differences.
-
-    White noise of deviation s has sixth differences of deviation sqrt(924) s; a flutter of 20 mm at 3 Hz and 30 frames
-    a second adds less than 0.1 mm. The median keeps jumps out.
-    """
-    sixth = np.diff(values, 6)
-    return float(np.median(np.abs(sixth)) / 0.6745 / np.sqrt(924.0))
-
-
-def _smooth(time: Floats, values: Floats, cut_off: float = CUT_OFF) -> Any:
-    """Smoothing spline of `values`, (n, k), with a cut-off [Hz]; called with instants, (m,), it returns (m, k)."""
-    from scipy.interpolate import make_smoothing_spline
-
-    rate = (len(time) - 1) / (time[-1] - time[0])
-    omega = 2 * np.pi * min(cut_off, CUT_OFF_SHARE * rate)
-    return make_smoothing_spline(time, values, lam=rate / omega**4)
-
-
-def low_pass(time: Floats, values: Floats, cut_off: float) -> Floats:
-    """Return `values`, (frames, ...), without what is faster than the cut-off [Hz]; same filter for every column."""
-    columns = values.reshape(len(time), -1)
-    return np.asarray(_smooth(time, columns, cut_off)(time)).reshape(values.shape)
-
-
-def _held_curve(name: str, time: Floats, held: Floats, valid: Booleans) -> Curve:
+def _held_cut_off(name: str, time: Floats, held_seen: Floats) -> float:
+    """Check that the hanger's path can be followed, and return the cut-off [Hz] of its spline."""
+    valid = np.isfinite(held_seen[:, 0])
     seen = time[valid]
     if len(seen) < FEWEST_FRAMES:
         raise DriveError(
@@ -226,7 +205,7 @@ def _held_curve(name: str, time: Floats, held: Floats, valid: Booleans) -> Curve
             where=name,
             advice=f"gaps above {LONGEST_GAP} s cannot be bridged; record again with both markers in view",
         )
-    places = held[valid].reshape(len(seen), 6)
+    places = held_seen[valid]
     speed = np.linalg.norm(np.diff(places.reshape(-1, 2, 3), axis=0), axis=2) / np.diff(seen)[:, None]
     if speed.max() > FASTEST_HANGER:
         at = seen[int(np.argmax(speed.max(1)))]
@@ -235,8 +214,13 @@ def _held_curve(name: str, time: Floats, held: Floats, valid: Booleans) -> Curve
             where=name,
             advice="no hand moves like that: check the markers' ids and the depth there",
         )
-    splines = _smooth(seen, places)
-    first, last = seen[0], seen[-1]
+    return best_cut_off(seen, places)
+
+
+def _held_curve(time: Floats, held_seen: Floats, cut_off: float) -> Curve:
+    valid = np.isfinite(held_seen[:, 0])
+    splines = steady_spline(time[valid], held_seen[valid], cut_off)
+    first, last = time[valid][0], time[valid][-1]
 
     def held_at(instants: Floats) -> Floats:
         inside = np.clip(instants, first, last)
@@ -249,7 +233,7 @@ def _target_curve(time: Floats, place: Floats, valid: Booleans) -> Curve:
     seen = time[valid]
     if len(seen) < FEWEST_PLACES:
         return lambda instants: np.zeros((len(instants), 6))
-    splines = _smooth(seen, place[valid])
+    splines = smoothing_spline(seen, place[valid])
     slopes = splines.derivative()
     first, last = seen[0], seen[-1]
 

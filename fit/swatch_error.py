@@ -33,7 +33,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.errors import FitError
-from fit.recording import CUT_OFF, FEWEST_PLACES, Recording, low_pass
+from fit.recording import FEWEST_PLACES, Recording
+from fit.smoothing import CUT_OFF, low_pass
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

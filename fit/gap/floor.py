@@ -5,7 +5,10 @@ growth of the squared error is the noise's own share, as seen by the whole pipel
 
     floor^2 = E^2(one more) - E^2(0)
 
-The noise of each point is the larger of what the take states and what sixth differences show.
+The noise of each point is the larger of what the take states and what sixth differences show. The hanger's measured
+path, which drives the cloth, gets its own noise once more as well, through the same smoothing: what is left of it
+shakes the cloth, by millimetres in the free motion of a noisy take, and no model of the cloth can know of it. It is
+what sixth differences show, since what a take states of its hanger may be the error of a constant.
 
 Where points lie on a grid, noise that is slow in time shows too: it is independent from point to point, while a model's
 error is smooth over the cloth. With the residual r and the mean of opposite neighbours M r,
@@ -24,7 +27,8 @@ from numpy.typing import NDArray
 
 from fit.effects.tracker_smoothing import opposite_neighbours
 from fit.gap.observer import Observer
-from fit.recording import Recording, noise_of
+from fit.recording import Recording
+from fit.smoothing import noise_of
 
 Floats = NDArray[np.float64]
 
@@ -36,19 +40,29 @@ SLOWEST_RATE = 20.0  # frames/s: below, swings themselves show in sixth differen
 
 def point_noise(recording: Recording) -> Floats:
     """Standard deviation per axis of each point [m], (points,)."""
-    stated = recording.point_sd
-    rate = (len(recording.time) - 1) / recording.duration
-    if rate < SLOWEST_RATE:
-        return stated
-    seen = np.array(
-        [
-            np.sqrt(np.mean([noise_of(recording.points[recording.valid[:, k], k, c]) ** 2 for c in range(3)]))
-            if recording.valid[:, k].sum() > 10
-            else 0.0
-            for k in range(recording.points.shape[1])
-        ]
-    )
-    return np.asarray(np.maximum(stated, seen))
+    if _is_slow(recording):
+        return recording.point_sd
+    seen = [_white(recording.points[recording.valid[:, k], k]) for k in range(recording.points.shape[1])]
+    return np.asarray(np.maximum(recording.point_sd, seen))
+
+
+def held_noise(recording: Recording) -> float:
+    """Standard deviation per axis [m] of what is measured of the held edge's ends."""
+    if _is_slow(recording):
+        return recording.held_sd
+    return _white(recording.held_seen[np.isfinite(recording.held_seen[:, 0])])
+
+
+def _is_slow(recording: Recording) -> bool:
+    """Whether frames are so far apart that motion shows in their sixth differences."""
+    return (len(recording.time) - 1) / recording.duration < SLOWEST_RATE
+
+
+def _white(columns: Floats) -> float:
+    """Deviation of white noise in columns, (frames, n), root mean square; 0 where there are too few frames."""
+    if len(columns) <= 10:
+        return 0.0
+    return float(np.sqrt(np.mean([noise_of(column) ** 2 for column in columns.T])))
 
 
 def noise_floor(
@@ -59,16 +73,19 @@ def noise_floor(
     before = float(observer.in_mm(residual)) ** 2
     grown = []
     for _ in range(REPLICAS):
-        noisy = [
-            r.with_points(r.points + rng.normal(size=r.points.shape) * point_noise(r)[:, None])
-            for r in observer.recordings
-        ]
-        again = observer.of(noisy)
+        again = observer.of([noisier(r, rng) for r in observer.recordings])
         grown.append(float(again.in_mm(again.residuals(vector[None], amplitudes[None])[0])) ** 2 - before)
     floors = np.sqrt(np.maximum(grown, 0.0))
     fast = float(floors.mean())
     slow = neighbour_noise(observer, residual)
     return max(fast, min(slow, LARGEST_RATIO * fast)), float(floors.std(ddof=1) / np.sqrt(REPLICAS))
+
+
+def noisier(recording: Recording, rng: np.random.Generator) -> Recording:
+    """Return a recording whose points and hanger have their noise twice."""
+    points = recording.points + rng.normal(size=recording.points.shape) * point_noise(recording)[:, None]
+    held = recording.held_seen + rng.normal(size=recording.held_seen.shape) * held_noise(recording)
+    return recording.with_points(points).with_held(held)
 
 
 def neighbour_noise(observer: Observer, residual: Floats) -> float:

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from fit.cloth.simulator import Simulator
 from fit.gap.observer import Observer
-from fit.recording import Recording, low_pass
+from fit.recording import Recording
+from fit.smoothing import low_pass
 from formats.results import ForceAt, MissingForce
 
 Floats = NDArray[np.float64]

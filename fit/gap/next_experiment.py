@@ -163,7 +163,8 @@ def imagine(like: Recording, motion: Motion) -> Recording:
     still = tuple(lambda instants, at=at: np.tile(np.concatenate([at, np.zeros(3)]), (len(instants), 1)) for at in hung)
     return Recording(
         take_id=motion.id, garment=like.garment, time=time, points=points, valid=np.ones(points.shape[:2], bool),
-        point_sd=like.point_sd, held_sd=like.held_sd, held=held, target_curves=still,
+        point_sd=like.point_sd, held_sd=like.held_sd, held=held, held_seen=held(time),
+        held_cut_off=like.held_cut_off, target_curves=still,
         edge_turn=lambda instants: np.zeros((len(instants), 2)), judged=like.judged,
     )  # fmt: skip
 

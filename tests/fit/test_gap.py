@@ -22,7 +22,7 @@ from fit.gap.observer import Observer
 from fit.gap.screening import Screened, groups
 from fit.gap.verdict import Evidence, decide
 from fit.parameterisations import SI
-from fit.recording import low_pass, prepare
+from fit.recording import prepare
 from formats.results import Gate
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 
@@ -76,14 +76,6 @@ def test_the_noise_floor_of_a_perfect_model_is_the_noise():
     error = float(observer.in_mm(observer.residuals(vector[None], off[None])[0]))
     assert floor == pytest.approx(NOISE * 1e3 * np.sqrt(3), rel=0.08)
     assert error == pytest.approx(floor, rel=0.08)
-
-
-def test_low_pass_keeps_a_swing_and_stops_noise():
-    """At 1 Hz the 6 Hz filter keeps 99.9 % of the amplitude; of what is at 14 Hz it leaves 5 %."""
-    time = np.arange(0, 10, FRAME)
-    kept = low_pass(time, np.sin(2 * np.pi * time)[:, None], 6.0)[60:-60, 0]
-    assert np.abs(kept - np.sin(2 * np.pi * time)[60:-60]).max() < 2e-3
-    assert np.abs(low_pass(time, np.sin(2 * np.pi * 14 * time)[:, None], 6.0)[60:-60]).max() < 0.06
 
 
 def errors_of(total):

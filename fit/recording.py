@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.errors import DriveError, FitError
+from fit.held_edge import FEWEST_FRAMES, HeldEdge
 from fit.smoothing import best_cut_off, smoothing_spline, steady_spline
 from formats.garment import Garment
 from formats.take import Take
@@ -25,7 +26,6 @@ Curve = Callable[[Floats], Floats]
 
 LONGEST_GAP = 0.5  # s without a hanger position that a spline may bridge: half a swing
 FASTEST_HANGER = 8.0  # m/s, twice what a hand can do with a hanger
-FEWEST_FRAMES = 20  # below, neither splines nor statistics make sense
 ON_EDGE = 0.02  # of the garment's height below its top within which a point sits on the held edge
 FEWEST_PLACES = 8  # of a point, below which it has no curve
 LONGEST_BRIDGE = 0.25  # s without a point over which its spline is still believed
@@ -54,6 +54,7 @@ class Recording:
     held_cut_off [Hz]: of the path's spline
     target_curves: per point, (n,) instants -> (n, 6) place [m] and velocity [m/s]
     edge_turn: (n,) instants -> (n, 2) yaw and roll of the tracked held edge against the path, each of rms 1
+    slip_at [s]: when the cloth would have slipped half its way in its clips (`fit.held_edge`)
     judged, (points,): false for points on the held edge, which measure the boundary and not the cloth
     windows: where the observer's pull acts and residuals count; None: both everywhere
     """
@@ -70,6 +71,7 @@ class Recording:
     held_cut_off: float
     target_curves: tuple[Curve, ...]
     edge_turn: Curve
+    slip_at: float
     judged: Booleans
     windows: Windows | None = None
 
@@ -159,32 +161,13 @@ def prepare(take: Take) -> Recording:
     places = np.array([p.at_m for p in take.garment.points])
     on_edge = places[:, 1] > places[:, 1].max() - ON_EDGE * float(np.ptp(places[:, 1]))
     seen = np.where(valid[..., None], points, np.nan)
-    turn = _edge_turn(time, seen[:, on_edge], places[on_edge, 0], held(time).reshape(-1, 2, 3))
+    edge = HeldEdge(time, seen[:, on_edge], places[on_edge, 0], held)
     return Recording(
         take_id=take.take_id, garment=take.garment, time=time, points=seen,
         valid=valid, point_sd=point_sd, held_sd=held_sd, held=held, held_seen=held_seen, held_cut_off=cut_off,
-        target_curves=curves, edge_turn=turn, judged=~on_edge if (~on_edge).sum() >= 3 else np.ones(len(places), bool),
+        target_curves=curves, edge_turn=edge.turn(), slip_at=edge.slip_at(),
+        judged=~on_edge if (~on_edge).sum() >= 3 else np.ones(len(places), bool),
     )  # fmt: skip
-
-
-def _edge_turn(time: Floats, points: Floats, across: Floats, held: Floats) -> Curve:
-    """Slopes of the displacement of the held edge's points over their place along it: yaw and roll, scaled to rms 1."""
-    bar = held[:, 1] - held[:, 0]
-    length = np.linalg.norm(bar, axis=1, keepdims=True)
-    level = np.cross([0.0, 0.0, 1.0], bar / np.maximum(length, 1e-9))
-    arm = across - across.mean()
-    apart = points - held.mean(1)[:, None]
-    sides = np.stack([np.einsum("fpc,fc->fp", apart, level), apart[..., 2] - arm * (bar[:, 2:] / length)], 2)
-    seen = np.isfinite(sides).all(2)
-    usable = (seen * np.abs(arm)).sum(1) > 0.5 * np.abs(arm).sum() if len(arm) > 1 else np.zeros(len(time), bool)
-    if usable.sum() < FEWEST_FRAMES:
-        return lambda instants: np.zeros((len(instants), 2))
-    weight = seen * arm
-    slopes = np.nan_to_num(sides * weight[..., None]).sum(1)[usable] / (weight * arm).sum(1)[usable, None]
-    scale = np.maximum(np.sqrt((slopes**2).mean(0)), 1e-6)
-    splines = smoothing_spline(time[usable], slopes / scale)
-    first, last = time[usable][0], time[usable][-1]
-    return lambda instants: np.asarray(splines(np.clip(instants, first, last)))
 
 
 def _held_cut_off(name: str, time: Floats, held_seen: Floats) -> float:

@@ -49,6 +49,7 @@ class Effect:
     high: ClassVar[float]
     typical: ClassVar[float]
     law_spread: ClassVar[float] = 0.08
+    probes: ClassVar[tuple[float, ...]] = ()  # further sizes at which an effect of one component is looked for
     components: ClassVar[tuple[str, ...]] = ("",)
     in_base: ClassVar[str] = ""
     face_force: ClassVar[Callable[..., Any] | None] = None

@@ -27,6 +27,7 @@ class ClipSlack(Effect):
     low: ClassVar[float] = -0.03
     high: ClassVar[float] = 0.03
     typical: ClassVar[float] = 0.008
+    probes: ClassVar[tuple[float, ...]] = (0.003, 0.018)
 
     def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:
         """Return the path of the held ends, moved towards each other."""

@@ -29,7 +29,7 @@ from fit.gap.next_experiment import propose
 from fit.gap.numerics import refine
 from fit.gap.observer import Observer
 from fit.gap.screening import Screened, screen
-from fit.gap.verdict import SECOND_GAIN, Evidence, Verdict, decide, may_be_added
+from fit.gap.verdict import SECOND_GAIN, SHARE_OF_LEFT, Evidence, Verdict, decide, may_be_added
 from fit.gap.where import find_where
 from fit.parameterisations import SI, Parameterisation
 from fit.recording import Recording, prepare
@@ -43,6 +43,8 @@ CELLS = 9  # across the smaller side of the garment
 FINEST, COARSEST = 0.02, 0.06  # m, of the mesh that is chosen by itself
 MOST_EFFECTS = 3  # that one verdict may name
 POLISHED = 2  # hypotheses that are fitted on with a Jacobian of their own
+SECONDS_TRIED = 3  # further effects that are refitted beside what was found
+RIVAL_SHARE = 0.7  # of what the best effect closes, from which the next best is tried beside a further one as well
 
 
 @dataclass(frozen=True)
@@ -104,7 +106,7 @@ def diagnose(
     verdict = decide(evidence, effects)
     if verdict.verdict in {"effect", "ambiguous", "unknown"}:
         progress("looking for a second effect", 0.88)
-        search.further_rounds(floor, refined.numerics_mm, picks)
+        search.further_rounds(floor, refined.numerics_mm)
         evidence = search.evidence(floor, refined.numerics_mm, picks, found_gates, is_held_out=bool(test))
         verdict = decide(evidence, effects)
     progress("imagining the next recording", 0.93)
@@ -168,7 +170,8 @@ class _Search:
         for hypothesis in self._refit(self.base.fitted, self.screened, places):
             self.singles[hypothesis.effects[-1]] = hypothesis
         self.progress("refitting the best from elsewhere", 0.62)
-        best = sorted(self.singles, key=lambda k: self.singles[k].fitted.cost)[:POLISHED]
+        order = sorted(self.singles, key=lambda k: self.singles[k].fitted.cost)
+        best = [k for n, k in enumerate(order) if n < POLISHED or self.observer.effects[k].probes]
         again, *refitted = self._from_elsewhere([self.singles[k].fitted for k in best])
         for k, fitted in zip(best, refitted, strict=True):
             self.singles[k] = Hypothesis((k,), fitted, judged(self.judge, fitted))
@@ -203,28 +206,43 @@ class _Search:
         """Cost of the best refit, with an effect or without."""
         return min(h.fitted.cost for h in (self.base, *self.singles.values()))
 
-    def further_rounds(self, floor: float, numerics: float, picks: NDArray[np.int64]) -> None:
+    def further_rounds(self, floor: float, numerics: float) -> None:
         """Add effects to the best one as long as there is something left to explain.
 
-        A further effect must close a share of the gap (`fit.gap.verdict`): where less is left, none is looked for.
+        A further effect must close a share of the gap, and of what is left of it (`fit.gap.verdict`): where less is
+        left, none is looked for.
         """
-        current = min(self.singles.values(), key=lambda h: h.errors.squared_mm)
+        best = min(self.singles.values(), key=lambda h: h.errors.squared_mm)
+        starts = [best, *self._rivals(best)]
         least = SECOND_GAIN * (self.base.errors.squared_mm - floor**2)
-        while len(current.effects) < MOST_EFFECTS:
-            left_mm2 = current.errors.squared_mm - floor**2
+        while len(starts[0].effects) < MOST_EFFECTS:
+            left_mm2 = best.errors.squared_mm - floor**2
             if left_mm2 < max(least, numerics**2):
                 return
-            left = tuple(k for k in self.tested if k not in current.effects)
-            screened = screen(self.observer, current.fitted, left, self.rng)
-            places = shortlist(screened)[:3]
-            tried = zip(self._refit(current.fitted, screened, places), places, strict=True)
-            best, place = min(tried, key=lambda pair: pair[0].errors.squared_mm)
-            p_value = float(screened.family_p_value[place])
-            self.joint.append((best, p_value))
-            is_real = may_be_added(self.observer, best, p_value)
-            if not is_real or current.errors.squared_mm - best.errors.squared_mm < least:
+            found, p_value = min(
+                (pair for start in starts for pair in self._with_another(start)),
+                key=lambda pair: pair[0].errors.squared_mm,
+            )
+            self.joint.append((found, p_value))
+            is_real = may_be_added(self.observer, found, p_value)
+            if not is_real or best.errors.squared_mm - found.errors.squared_mm < max(least, SHARE_OF_LEFT * left_mm2):
                 return
-            current = best
+            best, starts = found, [found]
+
+    def _rivals(self, best: Hypothesis) -> list[Hypothesis]:
+        """The next best effect, where it closes nearly as much: beside another it may be the right one."""
+        base = self.base.errors.squared_mm
+        order = sorted(self.singles.values(), key=lambda h: h.errors.squared_mm)
+        closes = [h for h in order if base - h.errors.squared_mm > RIVAL_SHARE * (base - best.errors.squared_mm)]
+        return closes[1:2]
+
+    def _with_another(self, start: Hypothesis) -> list[tuple[Hypothesis, float]]:
+        """Refits with one more effect each, of the few that promise most, and their p-values."""
+        left = tuple(k for k in self.tested if k not in start.effects)
+        screened = screen(self.observer, start.fitted, left, self.rng)
+        places = shortlist(screened)[:SECONDS_TRIED]
+        refitted = self._refit(start.fitted, screened, places)
+        return [(h, float(screened.family_p_value[place])) for h, place in zip(refitted, places, strict=True)]
 
     def _refit(self, start: Fitted, screened: Screened, places: list[int]) -> list[Hypothesis]:
         def go() -> list[Fitted]:

@@ -24,6 +24,7 @@ from fit.gap.fitting import Fitted, Problem
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.observer import Observer
 from fit.gap.screening import with_amplitude
+from fit.held_edge import HeldEdge
 from fit.recording import Recording
 from formats.results import NextExperiment
 
@@ -165,7 +166,8 @@ def imagine(like: Recording, motion: Motion) -> Recording:
         take_id=motion.id, garment=like.garment, time=time, points=points, valid=np.ones(points.shape[:2], bool),
         point_sd=like.point_sd, held_sd=like.held_sd, held=held, held_seen=held(time),
         held_cut_off=like.held_cut_off, target_curves=still,
-        edge_turn=lambda instants: np.zeros((len(instants), 2)), judged=like.judged,
+        edge_turn=lambda instants: np.zeros((len(instants), 2)),
+        slip_at=HeldEdge(time, np.zeros((len(time), 0, 3)), np.zeros(0), held).slip_at(), judged=like.judged,
     )  # fmt: skip
 
 

@@ -11,7 +11,9 @@ T is judged against its own wild bootstrap (the signs of the blocks' scores draw
 effects against the smallest of each draw, which controls the family-wise error under any correlation.
 An effect that moves no point at all (cloth that never touches itself) has none of this, and no amplitude of it would
 be found. Signatures are taken against the fit; those of contact, whose step is shorter, against contact too small to
-touch anything (`Effect.no_size`), so that they are nothing where nothing touches.
+touch anything (`Effect.no_size`), so that they are nothing where nothing touches. An effect that is far from linear (a
+rod that rings, cloth that is taut or slack) has further secants, at its `probes`; of those whose own amplitude agrees
+with the one that they find, the one that promises most is taken.
 The smallest amplitude that would be found with power 0.8 at level 0.05 is (1.645 + 0.842) sd(alpha), with block scores
 of what the best hypothesis leaves: a gap that is explained is no noise.
 Sources: C. R. Rao, Proc. Camb. Phil. Soc. 44 (1948) (score test); P. H. Westfall & S. S. Young, "Resampling-based
@@ -21,11 +23,13 @@ detectable change).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fit.effects.base import Effect
 from fit.gap.fitting import Fitted, Problem
 from fit.gap.observer import Observer
 
@@ -34,7 +38,7 @@ Floats = NDArray[np.float64]
 REPLICAS = 2000
 DETECTION = 1.645 + 0.842  # one-sided 5 % and power 80 %
 GROUP_COSINE = 0.9  # signatures closer than this cannot be told apart
-SECANT = 1.0  # typical sizes at which signatures are taken
+NEAR = (0.5, 1.6)  # of the amplitude of a probe: what its secant may be believed for
 
 
 @dataclass(frozen=True)
@@ -80,37 +84,67 @@ class Screened:
         return found
 
 
-def signatures_of(observer: Observer, fitted: Fitted, chosen: tuple[int, ...]) -> list[Floats]:
-    """Change of the residual per unit of each component of the chosen effects, each (components, numbers)."""
-    rows = []
-    references: dict[int, int] = {}
-    for k in chosen:
-        effect, columns = observer.effects[k], observer.columns[k]
-        for column in range(columns.start, columns.stop):
-            for sign in (1.0,) if effect.is_one_sided else (1.0, -1.0):
-                moved_to = fitted.amplitudes[column] + sign * SECANT * effect.typical
-                rows.append(with_amplitude(fitted.amplitudes, column, np.clip(moved_to, effect.low, effect.high)))
-        if effect.no_size > 0.0:
-            references[k] = len(rows)
-            rows.append(
-                with_amplitude(fitted.amplitudes, columns, np.maximum(fitted.amplitudes[columns], effect.no_size))
-            )
-    moved = observer.residuals(np.tile(fitted.vector, (len(rows), 1)), np.array(rows))
-    found, at = [], 0
-    for k in chosen:
-        effect, columns = observer.effects[k], observer.columns[k]
-        parts = []
-        for column in range(columns.start, columns.stop):
-            if effect.is_one_sided:
-                before = moved[references[k]] if k in references else fitted.residual
-                parts.append((moved[at] - before) / (rows[at][column] - fitted.amplitudes[column]))
-                at += 1
-            else:
-                parts.append((moved[at] - moved[at + 1]) / (rows[at][column] - rows[at + 1][column]))
-                at += 2
-        at += k in references
-        found.append(np.array(parts))
-    return found
+@dataclass(frozen=True)
+class Secant:
+    """Change of the residual per unit of each of an effect's components, (components, numbers).
+
+    at: the amplitude between which and the fit's it was taken, where it holds for that one alone; 0: for all.
+    """
+
+    rows: Floats
+    at: float = 0.0
+
+    def holds(self, amplitude: Floats) -> bool:
+        """Whether an amplitude, (components,), is one that this secant may be believed for."""
+        low, high = NEAR
+        return self.at == 0.0 or low <= float(amplitude[0]) / self.at <= high
+
+
+def secants_of(observer: Observer, fitted: Fitted, chosen: tuple[int, ...]) -> list[list[Secant]]:
+    """Secants of the chosen effects about a fit, of each at its typical size and then at its probes."""
+    wanted = [_places(observer, fitted, k) for k in chosen]
+    rows = np.array([row for places in wanted for row in places])
+    moved = observer.residuals(np.tile(fitted.vector, (len(rows), 1)), rows)
+    ends = np.cumsum([len(places) for places in wanted])[:-1]
+    return [
+        _secants(observer, fitted, k, np.array(places), residuals)
+        for k, places, residuals in zip(chosen, wanted, np.split(moved, ends), strict=True)
+    ]
+
+
+def _places(observer: Observer, fitted: Fitted, k: int) -> list[Floats]:
+    """Rows of amplitudes at which an effect's secants are taken: of its components, its probes, its no-size."""
+    effect, columns, now = observer.effects[k], observer.columns[k], fitted.amplitudes
+    signs = (1.0,) if effect.is_one_sided else (1.0, -1.0)
+    steps = [(c, sign * effect.typical) for c in range(columns.start, columns.stop) for sign in signs]
+    steps += [(columns.start, sign * probe) for probe in effect.probes for sign in signs]
+    rows = [with_amplitude(now, c, np.clip(now[c] + step, effect.low, effect.high)) for c, step in steps]
+    if effect.no_size > 0.0:
+        rows.append(with_amplitude(now, columns, np.maximum(now[columns], effect.no_size)))
+    return rows
+
+
+def _secants(observer: Observer, fitted: Fitted, k: int, places: Floats, moved: Floats) -> list[Secant]:
+    effect, columns = observer.effects[k], observer.columns[k]
+    before = moved[-1] if effect.no_size > 0.0 else fitted.residual
+    first = columns.start
+    sizes = places[:, first] - fitted.amplitudes[first]
+
+    def alone(n: int) -> Secant:
+        return Secant(((moved[n] - before) / sizes[n])[None], at=float(sizes[n]))
+
+    count = len(effect.components)
+    if effect.is_one_sided:
+        main = [(moved[c] - before) / (places[c, first + c] - fitted.amplitudes[first + c]) for c in range(count)]
+        others = range(count, count + len(effect.probes))
+    else:
+        main = [
+            (moved[2 * c] - moved[2 * c + 1]) / (places[2 * c, first + c] - places[2 * c + 1, first + c])
+            for c in range(count)
+        ]
+        # What resists one way only shows on one side: both sides by themselves, and all probes.
+        others = range(2 * count + 2 * len(effect.probes)) if effect.probes else range(0)
+    return [Secant(np.array(main)), *(alone(n) for n in others if sizes[n] != 0.0)]
 
 
 def with_amplitude(amplitudes: Floats, columns: slice | int, changed: Floats | float) -> Floats:
@@ -122,7 +156,6 @@ def with_amplitude(amplitudes: Floats, columns: slice | int, changed: Floats | f
 
 def screen(observer: Observer, fitted: Fitted, chosen: tuple[int, ...], rng: np.random.Generator) -> Screened:
     """Screen the chosen effects of the library against a fit, whose own effects are projected out like parameters."""
-    signatures = signatures_of(observer, fitted, chosen)
     jacobian = fitted.jacobian
     precision = np.diag(Problem(observer, fitted.active).prior_sd ** -2)
     hat = np.linalg.solve(jacobian.T @ jacobian + precision, jacobian.T)
@@ -133,39 +166,62 @@ def screen(observer: Observer, fitted: Fitted, chosen: tuple[int, ...], rng: np.
     rest = project(fitted.residual[None])[0]
     blocks = observer.layout.block
     signs = rng.choice([-1.0, 1.0], size=(REPLICAS, int(blocks.max()) + 1))
-    amplitude, statistic, drawn, contributions, raw = [], [], [], [], []
-    explained, absorbed, predicted, correlation = (np.zeros(len(chosen)) for _ in range(4))
-    kept = []
-    for n, (k, rows) in enumerate(zip(chosen, signatures, strict=True)):
-        typical = observer.effects[k].typical
-        scaled = rows * typical
-        seen = project(scaled)
-        ridge = 1e-9 * max(float((scaled**2).sum()), 1e-12) * np.eye(len(rows))
-        hessian = seen @ seen.T + ridge
-        gain = np.zeros((signs.shape[1], len(rows)))
-        np.add.at(gain, blocks, (seen * rest).T)
-        total = gain.sum(0)
-        alpha = -np.linalg.solve(hessian, total)
-        if observer.effects[k].is_one_sided:
-            alpha = np.maximum(alpha, 0.0)
-        amplitude.append(alpha * typical)
-        predicted[n] = max(float(-2 * total @ alpha - alpha @ hessian @ alpha), 0.0)
-        explained[n] = predicted[n] / max(float(rest @ rest), 1e-12)
-        absorbed[n] = 1 - float((seen**2).sum()) / max(float((scaled**2).sum()), 1e-12)
-        correlation[n] = _correlation(scaled, fitted.residual, observer.effects[k].is_one_sided)
-        meat = gain.T @ gain + 1e-12 * max(float(np.trace(gain.T @ gain)), 1e-30) * np.eye(len(rows))
-        one_sided = observer.effects[k].is_one_sided
-        statistic.append(_statistic(total[None], meat, one_sided)[0])
-        drawn.append(_statistic(signs @ gain, meat, one_sided))
-        kept.append(seen)
-        contributions.append(alpha @ seen)
-        raw.append(scaled)
+    scored, statistic, drawn = [], [], []
+    for k, secants in zip(chosen, secants_of(observer, fitted, chosen), strict=True):
+        effect = observer.effects[k]
+        tried = [(_score(secant, effect, project, fitted.residual, rest), secant) for secant in secants]
+        found = [one for one, secant in tried if secant.holds(one.amplitude)]
+        best = max(found, key=lambda one: one.predicted)
+        gain = np.zeros((signs.shape[1], len(best.seen)))
+        np.add.at(gain, blocks, (best.seen * rest).T)
+        meat = gain.T @ gain + 1e-12 * max(float(np.trace(gain.T @ gain)), 1e-30) * np.eye(len(best.seen))
+        statistic.append(_statistic(gain.sum(0)[None], meat, effect.is_one_sided)[0])
+        drawn.append(_statistic(signs @ gain, meat, effect.is_one_sided))
+        scored.append(best)
     p_value, family = _p_values(np.array(statistic), np.array(drawn))
+    left = max(float(rest @ rest), 1e-12)
     return Screened(
-        effects=chosen, amplitude=amplitude, explained=explained, absorbed=absorbed, p_value=p_value,
-        family_p_value=family, cosines=_cosines(np.array(contributions)), predicted=predicted,
-        correlation=correlation, raw=raw, projected=kept,
+        effects=chosen, amplitude=[one.amplitude for one in scored],
+        explained=np.array([one.predicted / left for one in scored]),
+        absorbed=np.array([1 - float((o.seen**2).sum()) / max(float((o.raw**2).sum()), 1e-12) for o in scored]),
+        p_value=p_value, family_p_value=family, cosines=_cosines(np.array([one.contribution for one in scored])),
+        predicted=np.array([one.predicted for one in scored]),
+        correlation=np.array([one.correlation for one in scored]),
+        raw=[one.raw for one in scored], projected=[one.seen for one in scored],
         typical=np.array([observer.effects[k].typical for k in chosen]),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Scored:
+    """What one secant says: its amplitude, (components,), its rows in typical sizes, raw and projected, and their use.
+
+    contribution, (numbers,): what it would explain; predicted: cost that a linear refit would save; correlation:
+    multiple, of the residual with the raw rows
+    """
+
+    amplitude: Floats
+    raw: Floats
+    seen: Floats
+    contribution: Floats
+    predicted: float
+    correlation: float
+
+
+def _score(
+    secant: Secant, effect: Effect, project: Callable[[Floats], Floats], residual: Floats, rest: Floats
+) -> _Scored:
+    raw = secant.rows * effect.typical
+    seen = project(raw)
+    hessian = seen @ seen.T + 1e-9 * max(float((raw**2).sum()), 1e-12) * np.eye(len(raw))
+    total = seen @ rest
+    alpha = np.asarray(-np.linalg.solve(hessian, total), float)
+    if effect.is_one_sided:
+        alpha = np.maximum(alpha, 0.0)
+    return _Scored(
+        amplitude=alpha * effect.typical, raw=raw, seen=seen, contribution=np.asarray(alpha @ seen, float),
+        predicted=max(float(-2 * total @ alpha - alpha @ hessian @ alpha), 0.0),
+        correlation=_correlation(raw, residual, effect.is_one_sided),
     )  # fmt: skip
 
 

@@ -27,6 +27,7 @@ AT_BOUND = 0.01  # of an effect's range: an amplitude nearer to its end was stop
 RIVAL = 0.1  # share of bootstrap draws that makes an effect a rival
 MESH_SHARE = 0.5  # of the mesh's squared error that an effect must remove at least
 SECOND_GAIN = 0.1  # of the gap that a further effect must close
+SHARE_OF_LEFT = 1 / 3  # of what the effects before leave beyond the noise, that a further one must close
 LIKELY = 0.5  # probability that something that is named must have
 
 
@@ -169,7 +170,7 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
     noise, mesh = evidence.floor_mm**2, evidence.numerics_mm**2
     passing = passing_effects(evidence) if evidence.exceeds(noise) else []
     several = _several(evidence) if passing else None
-    if several is None:
+    if several is None or several.effects[0] not in passing:
         passing = _likely(evidence, passing)
     if not evidence.exceeds(noise) or (not passing and not evidence.exceeds(noise + mesh)):
         return Verdict("none", [], f"No gap: the base model explains the motion down to noise and mesh. {numbers}")
@@ -261,7 +262,9 @@ def _several(evidence: Evidence) -> Hypothesis | None:
         gain = (before.errors.draw(evidence.picks) - hypothesis.errors.draw(evidence.picks)) / gap
         # What acts for a moment (a slip) closes little in most draws of half-seconds: the motion fitted to decides.
         is_certain = np.quantile(gain, 0.05) > 0 or (hypothesis.fitted.cost < (1 - SECOND_GAIN) * before.fitted.cost)
-        if not may_be_added(evidence.observer, hypothesis, p_value) or gain.mean() < SECOND_GAIN or not is_certain:
+        least = max(SECOND_GAIN * gap, SHARE_OF_LEFT * (before.errors.squared_mm - evidence.floor_mm**2))
+        is_enough = before.errors.squared_mm - hypothesis.errors.squared_mm >= least
+        if not may_be_added(evidence.observer, hypothesis, p_value) or not is_enough or not is_certain:
             break
         accepted = before = hypothesis
     return accepted

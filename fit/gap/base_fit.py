@@ -89,7 +89,8 @@ def _roughly(observer: Observer, places: list[Floats], kept: Checkpoint) -> list
     def go() -> list[Fitted]:
         residuals = observer.residuals(np.array(places), np.tile(observer.off, (len(places), 1)))
         order = np.argsort((residuals**2).sum(1))[:ROUGH_STARTS]
-        return fit(observer, [Task(places[k], observer.off, iterations=ROUGH_ITERATIONS, renewals=0) for k in order])
+        rough = [Task(places[k], observer.off, iterations=ROUGH_ITERATIONS, renewals=0, is_rough=True) for k in order]
+        return fit(observer, rough)
 
     names = [f"rough-{observer.frequency:g}-{k}" for k in range(ROUGH_STARTS)]
     return sorted(kept.recall(names, go), key=lambda f: f.cost)

@@ -170,8 +170,7 @@ class _Search:
         for hypothesis in self._refit(self.base.fitted, self.screened, places):
             self.singles[hypothesis.effects[-1]] = hypothesis
         self.progress("refitting the best from elsewhere", 0.62)
-        order = sorted(self.singles, key=lambda k: self.singles[k].fitted.cost)
-        best = [k for n, k in enumerate(order) if n < POLISHED or self.observer.effects[k].probes]
+        best = sorted(self.singles, key=lambda k: self.singles[k].fitted.cost)[:POLISHED]
         again, *refitted = self._from_elsewhere([self.singles[k].fitted for k in best])
         for k, fitted in zip(best, refitted, strict=True):
             self.singles[k] = Hypothesis((k,), fitted, judged(self.judge, fitted))

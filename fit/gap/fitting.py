@@ -111,7 +111,7 @@ class Task:
     """A fit that is wanted: of base parameters and the active effects' amplitudes, from the given ones.
 
     vector, (parameters,); amplitudes, (components,) of all effects
-    renewals: of a worn Jacobian, after which a halt is believed.
+    renewals: of a worn Jacobian, after which a halt is believed; is_rough: nobody will ask for the Jacobian of the end.
     jacobian, (numbers, parameters + components): known near the start, it is updated by chords instead of made anew.
     """
 
@@ -121,6 +121,7 @@ class Task:
     iterations: int = 12
     renewals: int = 2
     jacobian: Floats | None = None
+    is_rough: bool = False
 
 
 def fit(observer: Observer, tasks: Sequence[Task]) -> list[Fitted]:
@@ -134,7 +135,7 @@ def fit(observer: Observer, tasks: Sequence[Task]) -> list[Fitted]:
             prior=problem.prior,
             settings=LeastSquaresSettings(
                 width=width, max_iterations=task.iterations, cost_tolerance=COST_TOLERANCE, step_tolerance=1e-3,
-                is_chord=True, renewals=task.renewals,
+                is_chord=True, renewals=task.renewals, is_exact=not task.is_rough,
             ),
             jacobian=task.jacobian,
         )

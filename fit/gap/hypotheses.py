@@ -100,28 +100,10 @@ def polishing(old: Fitted) -> Task:
 
 
 def restarts(observer: Observer, found: list[Fitted]) -> list[Task]:
-    """Fit with each fit's amplitudes from the place, of those scattered over the box, where they do best.
-
-    An effect that is far from linear is tried at its other sizes too: beside the wrong parameters it may have taken the
-    wrong sign.
-    """
+    """Fit with each fit's amplitudes from the place, of those scattered over the box, where they do best."""
     coarse = coarsened(observer)
     places = np.array(scattered(observer, 0)[:PLACES])
-    tried = [np.array(_other_sizes(observer, one)) for one in found]
-    vectors = np.concatenate([np.tile(places, (len(rows), 1)) for rows in tried])
-    amplitudes = np.concatenate([np.repeat(rows, len(places), axis=0) for rows in tried])
-    costs = (coarse.residuals(vectors, amplitudes) ** 2).sum(1)
-    tasks, first = [], 0
-    for one, rows in zip(found, tried, strict=True):
-        best = first + int(np.argmin(costs[first : first + len(rows) * len(places)]))
-        tasks.append(Task(vectors[best], amplitudes[best], one.active))
-        first += len(rows) * len(places)
-    return tasks
-
-
-def _other_sizes(observer: Observer, one: Fitted) -> list[Floats]:
-    """The amplitudes of a fit, (components,), and those with its last effect at its typical size and at its probes."""
-    effect, columns = observer.effects[one.active[-1]], observer.columns[one.active[-1]]
-    sizes = (effect.typical, *effect.probes) if effect.probes else ()
-    signs = (1.0,) if effect.is_one_sided else (1.0, -1.0)
-    return [one.amplitudes, *(with_amplitude(one.amplitudes, columns, sign * size) for size in sizes for sign in signs)]
+    amplitudes = np.stack([one.amplitudes for one in found])
+    residuals = coarse.residuals(np.tile(places, (len(found), 1)), np.repeat(amplitudes, len(places), axis=0))
+    best = (residuals**2).sum(1).reshape(len(found), -1).argmin(1)
+    return [Task(places[k], one.amplitudes, one.active) for k, one in zip(best, found, strict=True)]

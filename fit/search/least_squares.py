@@ -87,6 +87,7 @@ class LeastSquaresSettings:
     step: float = DIFFERENCE  # finite difference, share of the box
     is_chord: bool = False  # Broyden's update of J instead of new differences until it no longer helps
     renewals: int = 2  # of the Jacobian of a search by chords that has come to a halt
+    is_exact: bool = True  # whether the Jacobian that is handed back is one of differences, whatever it costs
     is_central: bool = False  # twice the simulations for columns without the first-order error
     huber: float | None = None  # k, in units of the residuals; None for plain squares
     damping: float = 1e-2  # first lambda
@@ -256,7 +257,7 @@ class _Search:
                 jacobian, is_fresh, renewals = (yield from self._jacobian(u, r)), True, renewals + 1
         else:
             reason = ""
-        if not is_fresh:
+        if not is_fresh and settings.is_exact:
             jacobian = yield from self._jacobian(u, r)
         _, slope = self._normal_equations(u, r, jacobian)
         return LeastSquaresResult(

@@ -71,6 +71,21 @@ def test_screening_ranks_the_planted_effect_first_and_is_sure_of_it():
     assert found.amplitude[place][0] == pytest.approx(0.01, rel=0.3)
 
 
+@pytest.mark.parametrize(
+    ("name", "amplitude", "far"),
+    [("clip_slack", -0.004, 0.4), ("clip_slack", 0.004, 0.3), ("hanger_compliance", 1.7e-3, 0.25)],
+)
+def test_effects_far_from_linear_are_found_at_sizes_far_from_the_typical(name, amplitude, far):
+    """Taut cloth resists and slack cloth does not; a rod of 3.9 Hz rings otherwise than one of 6 Hz."""
+    take = a_take(effect=name, amplitude=amplitude, noise=0.0005)
+    observer = Observer([prepare(take)], SI, LIBRARY, frequency=0.0, resolution=COARSE)
+    chosen = tuple(k for k, e in enumerate(LIBRARY) if e.name in {name, "hem", "draught"})
+    found = screen(observer, fitted_at(observer, truth_vector()), chosen, np.random.default_rng(0))
+    place = found.effects.index(next(k for k in chosen if LIBRARY[k].name == name))
+    assert int(np.argmax(found.predicted)) == place
+    assert found.amplitude[place][0] == pytest.approx(amplitude, rel=far)
+
+
 def test_nothing_is_sure_of_an_effect_where_there_is_none():
     observer = Observer([prepare(a_take())], SI, LIBRARY, frequency=0.0, resolution=COARSE)
     found = screen(observer, fitted_at(observer, truth_vector()), (3, 13, 14, 16), np.random.default_rng(0))

@@ -1,0 +1,79 @@
+"""What noise on the hanger's path does to simulated cloth, and how much of it smoothing leaves.
+
+Run: python benchmarks/hanger_noise.py [CASES]. Cases of the blind generator without any effect, each made twice from
+the same seed, with and without noise: the tool's cloth, with the generator's stiffnesses, is driven by the true path
+and by the noisy one, smoothed by a cubic spline with its cut-off at 6 Hz and by the path's own spline
+(`fit.smoothing`). Printed is by how much the points are off, root mean square over the training takes [mm], beside the
+deviation of the markers. A third of their noise is slow, which no smoothing takes away.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from fit.blind.cases import Truth, draw_truth, make_takes
+from fit.blind.sensing import HELD_SHARE
+from fit.gap.diagnosis import fine_enough
+from fit.gap.observer import Observer
+from fit.parameterisations import SI
+from fit.recording import Recording, prepare
+from fit.smoothing import smoothing_spline
+
+Floats = NDArray[np.float64]
+SEED = 77
+TRAINING = 3  # takes of a case
+
+
+def cubic(recording: Recording) -> Recording:
+    """The same recording with a path that a cubic spline at 6 Hz has smoothed."""
+    spline = smoothing_spline(recording.time, recording.held_seen)
+    return dataclasses.replace(recording, held=lambda t: np.asarray(spline(np.clip(t, 0.0, recording.time[-1]))))
+
+
+def moved(recordings: list[Recording], truth: Truth) -> list[Floats]:
+    """Simulated points on every recording's path, each (frames, points, 3) [m]."""
+    known = {"stretch_stiffness": truth.stretch, "shear_stiffness": truth.shear, "bending_stiffness": truth.bending,
+             "velocity_damping": truth.damping}  # fmt: skip
+    vector = np.array([known.get(p.name, p.initial) for p in SI.parameters])
+    observer = Observer(recordings, SI, (), frequency=0.0, resolution=fine_enough(recordings[0]))
+    return [points[0] for points in observer.trajectories(vector[None], observer.off[None])]
+
+
+def off_by(number: int) -> tuple[float, float, float]:
+    """Deviation of the markers, and how far the cloth is off with the cubic and with the path's own spline [mm]."""
+    truth = draw_truth(f"n{number}", "null", (), (SEED, number))
+    still = msgspec.structs.replace(truth, look=msgspec.structs.replace(truth.look, noise=1e-6))
+    noisy, clean = ([prepare(take) for take in make_takes(t)[:TRAINING]] for t in (truth, still))
+    true = moved(clean, truth)
+
+    def off(recordings: list[Recording]) -> float:
+        apart = zip(moved(recordings, truth), true, recordings, strict=True)
+        squared = [((a - b)[:, r.judged] ** 2).sum(-1).mean() for a, b, r in apart]
+        return 1e3 * float(np.sqrt(np.mean(squared)))
+
+    return 1e3 * HELD_SHARE * truth.look.noise, off([cubic(r) for r in noisy]), off(noisy)
+
+
+def main() -> None:
+    """Print the table."""
+    cases = int(sys.argv[1]) if len(sys.argv) > 1 else 6
+    print("markers' noise   cubic at 6 Hz   the path's own spline")
+    rows = []
+    for number in range(cases):
+        rows.append(off_by(number))
+        print("{:11.2f} mm {:12.2f} mm {:20.2f} mm".format(*rows[-1]), flush=True)
+    ratios = np.array([after / before for _, before, after in rows])
+    low, middle, high = np.percentile(ratios, [25, 50, 75])
+    print(f"off by {middle:.2f} of what it was (quartiles {low:.2f} to {high:.2f})")
+
+
+if __name__ == "__main__":
+    main()

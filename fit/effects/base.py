@@ -52,6 +52,7 @@ class Effect:
     probes: ClassVar[tuple[float, ...]] = ()  # further sizes at which an effect of one component is looked for
     components: ClassVar[tuple[str, ...]] = ("",)
     in_base: ClassVar[str] = ""
+    may_join: ClassVar[bool] = True  # may be named beside another effect: not what sound solvers differ by as much
     face_force: ClassVar[Callable[..., Any] | None] = None
     bends: ClassVar[bool] = False  # whether `rest_curvature` or `friction_moment` does anything
     adds_mass: ClassVar[bool] = False  # whether `added_mass` does anything

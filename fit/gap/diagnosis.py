@@ -29,7 +29,7 @@ from fit.gap.next_experiment import propose
 from fit.gap.numerics import refine
 from fit.gap.observer import Observer
 from fit.gap.screening import Screened, screen
-from fit.gap.verdict import SECOND_GAIN, SHARE_OF_LEFT, Evidence, Verdict, decide, may_be_added
+from fit.gap.verdict import SMALLEST_SECOND_GAIN, Evidence, Verdict, decide, is_worth_adding, may_be_added
 from fit.gap.where import find_where
 from fit.parameterisations import SI, Parameterisation
 from fit.recording import Recording, prepare
@@ -213,20 +213,34 @@ class _Search:
         """
         best = min(self.singles.values(), key=lambda h: h.errors.squared_mm)
         starts = [best, *self._rivals(best)]
-        least = SECOND_GAIN * (self.base.errors.squared_mm - floor**2)
+        gap = self.base.errors.squared_mm - floor**2
         while len(starts[0].effects) < MOST_EFFECTS:
             left_mm2 = best.errors.squared_mm - floor**2
-            if left_mm2 < max(least, numerics**2):
+            if left_mm2 < max(SMALLEST_SECOND_GAIN * gap, numerics**2):
                 return
             found, p_value = min(
                 (pair for start in starts for pair in self._with_another(start)),
                 key=lambda pair: pair[0].errors.squared_mm,
             )
-            self.joint.append((found, p_value))
             is_real = may_be_added(self.observer, found, p_value)
-            if not is_real or best.errors.squared_mm - found.errors.squared_mm < max(least, SHARE_OF_LEFT * left_mm2):
+            if is_real:
+                found = self._polished(found)
+                is_real = may_be_added(self.observer, found, p_value)
+            self.joint.append((found, p_value))
+            if not is_real or not is_worth_adding(gap, left_mm2, best.errors.squared_mm - found.errors.squared_mm):
                 return
             best, starts = found, [found]
+
+    def _polished(self, joint: Hypothesis) -> Hypothesis:
+        """Return several effects as they fit from where they are, or from the best place over the box."""
+
+        def go() -> list[Fitted]:
+            return fit(self.observer, [polishing(joint.fitted), *restarts(self.observer, [joint.fitted])])
+
+        name = self._name(joint.effects)
+        ends = [joint.fitted, *self.kept.recall([f"{name}-polished", f"{name}-elsewhere"], go)]
+        fitted = min(ends, key=lambda f: f.cost)
+        return Hypothesis(joint.effects, fitted, judged(self.judge, fitted))
 
     def _rivals(self, best: Hypothesis) -> list[Hypothesis]:
         """The next best effect, where it closes nearly as much: beside another it may be the right one."""
@@ -237,7 +251,8 @@ class _Search:
 
     def _with_another(self, start: Hypothesis) -> list[tuple[Hypothesis, float]]:
         """Refits with one more effect each, of the few that promise most, and their p-values."""
-        left = tuple(k for k in self.tested if k not in start.effects)
+        effects = self.observer.effects
+        left = tuple(k for k in self.tested if k not in start.effects and effects[k].may_join)
         screened = screen(self.observer, start.fitted, left, self.rng)
         places = shortlist(screened)[:SECONDS_TRIED]
         refitted = self._refit(start.fitted, screened, places)

@@ -26,8 +26,10 @@ NEAR, NEAR_TWIN = 0.8, 0.9  # of the winner's closure from which an effect, or o
 AT_BOUND = 0.01  # of an effect's range: an amplitude nearer to its end was stopped by it
 RIVAL = 0.1  # share of bootstrap draws that makes an effect a rival
 MESH_SHARE = 0.5  # of the mesh's squared error that an effect must remove at least
-SECOND_GAIN = 0.1  # of the gap that a further effect must close
-SHARE_OF_LEFT = 1 / 3  # of what the effects before leave beyond the noise, that a further one must close
+# A further effect closes a tenth of the gap and a third of what those before leave beyond the noise; or it closes most
+# of that, which the wrong law of an effect that is there rarely does.
+SECOND_GAIN, SHARE_OF_LEFT = 0.1, 1 / 3
+SMALLEST_SECOND_GAIN, MOST_OF_LEFT = 0.03, 0.6
 LIKELY = 0.5  # probability that something that is named must have
 
 
@@ -41,8 +43,15 @@ def is_at_bound(observer: Observer, hypothesis: Hypothesis) -> bool:
 
 
 def may_be_added(observer: Observer, hypothesis: Hypothesis, p_value: float) -> bool:
-    """Whether the effect that a hypothesis adds last is significant and within its physical range."""
-    return p_value < LEVEL and not is_at_bound(observer, hypothesis)
+    """Whether the effect that a hypothesis adds last is significant, surely not nothing, and in its physical range."""
+    _, (low, high) = amplitude_of(hypothesis.fitted, observer, hypothesis.effects[-1])
+    return p_value < LEVEL and low * high > 0 and not is_at_bound(observer, hypothesis)
+
+
+def is_worth_adding(gap: float, left: float, gain: float) -> bool:
+    """Whether a further effect that closes `gain` of what is left of a gap is needed; mean squared errors [mm^2]."""
+    closes_much = gain >= SECOND_GAIN * gap and gain >= SHARE_OF_LEFT * left
+    return closes_much or (gain >= SMALLEST_SECOND_GAIN * gap and gain >= MOST_OF_LEFT * left)
 
 
 @dataclass(frozen=True)
@@ -262,8 +271,8 @@ def _several(evidence: Evidence) -> Hypothesis | None:
         gain = (before.errors.draw(evidence.picks) - hypothesis.errors.draw(evidence.picks)) / gap
         # What acts for a moment (a slip) closes little in most draws of half-seconds: the motion fitted to decides.
         is_certain = np.quantile(gain, 0.05) > 0 or (hypothesis.fitted.cost < (1 - SECOND_GAIN) * before.fitted.cost)
-        least = max(SECOND_GAIN * gap, SHARE_OF_LEFT * (before.errors.squared_mm - evidence.floor_mm**2))
-        is_enough = before.errors.squared_mm - hypothesis.errors.squared_mm >= least
+        left = before.errors.squared_mm - evidence.floor_mm**2
+        is_enough = is_worth_adding(gap, left, before.errors.squared_mm - hypothesis.errors.squared_mm)
         if not may_be_added(evidence.observer, hypothesis, p_value) or not is_enough or not is_certain:
             break
         accepted = before = hypothesis

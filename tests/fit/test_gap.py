@@ -20,7 +20,7 @@ from fit.gap.floor import noise_floor
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.observer import Observer
 from fit.gap.screening import Screened, groups
-from fit.gap.verdict import Evidence, decide
+from fit.gap.verdict import Evidence, decide, is_worth_adding
 from fit.parameterisations import SI
 from fit.recording import prepare
 from formats.results import Gate
@@ -196,6 +196,31 @@ def test_what_is_named_is_worth_naming_in_half_of_the_draws(share, verdict):
     drag = next(iter(evidence.singles))
     evidence.__dict__["worth_naming"] = {drag: np.arange(400) < 400 * share}
     assert decide(evidence, LIBRARY).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("left", "gain", "is_needed"),
+    [
+        (40.0, 14.0, True),  # 14 % of the gap, a third of what is left
+        (60.0, 15.0, False),  # a quarter of what is left
+        (6.0, 4.0, True),  # 4 % of the gap, two thirds of what is left
+        (8.0, 4.0, False),
+        (3.0, 2.5, False),  # 2.5 % of the gap
+    ],
+)
+def test_a_further_effect_closes_much_of_the_gap_or_most_of_what_is_left(left, gain, is_needed):
+    assert is_worth_adding(100.0, left, gain) == is_needed
+
+
+def test_a_further_effect_that_may_be_nothing_is_not_named():
+    """5.5 mm with drag and hem, but the hem's amplitude is good to 100 % only."""
+    joint = {"joint": [(("air_drag", "hem"), 5.5)]}
+    evidence = evidence_of({"air_drag": 9.0}, **joint)
+    assert decide(evidence, LIBRARY).verdict == "several"
+    found, p_value = evidence.joint[0]
+    vague = dataclasses.replace(found.fitted, deviation=20 * found.fitted.deviation)
+    evidence = dataclasses.replace(evidence, joint=[(dataclasses.replace(found, fitted=vague), p_value)])
+    assert decide(evidence, LIBRARY).verdict == "effect"
 
 
 def test_an_effect_that_leaves_much_is_less_probable():

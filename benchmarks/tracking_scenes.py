@@ -26,7 +26,9 @@ DISTANCES = (1.2, 1.6, 2.0, 2.5)  # m
 SWINGS = ("mixed", "hard")
 SEEDS = {
     "development": 100, "development-2": 200, "development-3": 300, "development-4": 400, "development-5": 600,
-    "report": 900, "report-2": 700, "report-3": 800, "report-4": 500,
+    "development-6": 150, "development-7": 250, "development-8": 350, "development-9": 450, "development-10": 550,
+    "development-11": 651,
+    "report": 900, "report-2": 700, "report-3": 800, "report-4": 500, "report-5": 607719,
 }  # fmt: skip
 SECONDS = 3.4
 FIRST, LAST = 0.6, 3.2  # s, the part that is shown: still, swung, stopped, ringing down

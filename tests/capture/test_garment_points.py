@@ -74,6 +74,15 @@ def test_a_corner_behind_an_arm_is_told_as_hidden(kind):
     assert sight.valid[:3].all()
 
 
+@pytest.mark.parametrize(("kind", "inwards"), [("skirt", 0.06), ("swatch", 0.045)])
+def test_a_corner_behind_an_arm_is_told_where_the_outline_has_its_corner_away_from_the_arm(kind, inwards):
+    """The arm ends 30 mm above the corner: the outline turns there, 14 pixels and more from the arm."""
+    world = hung(kind, 1.6)
+    x, y, _ = world.points[0, 3] * (1.25 / 1.6)
+    reaching = Panel(x - 0.6, x + inwards, y - 0.03, y + 0.06, 1.25, 150.0)
+    assert seen(replace(world, in_front=((reaching,),) * 2)).hidden.tolist() == [False, False, False, True, False]
+
+
 def test_a_thing_beside_a_corner_that_covers_nothing_hides_nothing():
     world = hung("skirt", 1.6)
     x, y, _ = world.points[0, 3] * (1.25 / 1.6)

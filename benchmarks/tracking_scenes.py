@@ -3,7 +3,7 @@
 Each set simulates every garment under every swing once (its own seeds) and shows it at all distances, in turn before
 a bare wall and in a furnished room; in one scene a garment, an arm reaches in front of a lower corner. The sets
 `development` are for looking at what goes wrong and for what is learned from examples; figures are stated of
-`report-4`, since the sets before it were seen while rules were chosen.
+`report-5`, since the sets before it were seen while rules were chosen.
 """
 
 from __future__ import annotations

@@ -152,6 +152,7 @@ def test_examples_are_the_corners_in_doubt_with_what_is_true_of_them():
     assert one.asked.tolist() == one.hidden.tolist() == one.learnt.tolist() == [[False, False, True, False]] * 2
     assert one.visible[:, [0, 1, 3]].all()
     assert one.pixels[:, 2].tolist() == [0, 0]
+    assert one.told.tolist() == one.hidden.tolist()
     assert (one.followed(FITTED)[1][:, 2] > THRESHOLD).all()
 
 
@@ -159,7 +160,7 @@ def random_cloth(name, rng, is_hidden):
     """Four corners in 400 frames, all in doubt, hidden by a function of their traces, (400, 4, traces)."""
     drawn = rng.standard_normal((400, 4, len(TRACES)))
     hidden = is_hidden(drawn)
-    return Examples(name, np.arange(400) / 30, drawn, hidden, ~hidden, np.zeros((400, 4), int))
+    return Examples(name, np.arange(400) / 30, drawn, hidden, ~hidden, np.zeros((400, 4), int), hidden)
 
 
 def test_the_fit_finds_the_weights_that_made_the_examples():

@@ -36,6 +36,9 @@ SLACK = 1.08  # of the garment's reach from the held edge: stretch and the marke
 GROWTH = 3.0  # m/s, how fast the hem may leave the window of the frame before
 LONGEST_TRUST = 0.2  # s, after which the window of the last sighting says nothing
 SMALLEST_SHARE = 0.25  # of the flat garment's area in view; a smaller piece is not the garment
+LARGEST_SHARE = (
+    1.5  # of its area: at most 1.02 on the development sets, 3 to 5 where a wall right behind is in one piece
+)
 JUMP, JUMP_NOISE = 0.03, 6.0  # m and pixel noises in depth between neighbours that are two surfaces
 NEAREST_HANGER = 0.1  # m; nearer is no place of a hanger but an error
 HELD_MATCH = 0.03  # m, a held corner this far from the held edge's end is not that corner
@@ -239,8 +242,11 @@ class SilhouetteTracker:
             found = cut_out(depth, window, held_px, **limits)
         if found is None:
             return None
-        area = float(np.count_nonzero(found.mask)) * middle**2 / (self.sensor.fx * self.sensor.fy)
-        return found if area > SMALLEST_SHARE * self.flat.area else None
+        pixel = 1.0 / (self.sensor.fx * self.sensor.fy)
+        area = float(np.count_nonzero(found.mask)) * middle**2 * pixel
+        across = cv2.norm(found.depth, cv2.NORM_L2SQR) * pixel  # what the seen surface would be if it faced the sensor
+        is_garment = area > SMALLEST_SHARE * self.flat.area and across < LARGEST_SHARE * self.flat.area
+        return found if is_garment else None
 
     def _window(self, shape: tuple[int, ...], held: Floats, middle: float) -> Window:
         """Return the window that the garment cannot leave, however it swings."""

@@ -117,6 +117,19 @@ def test_furniture_behind_and_beside_is_not_taken_for_the_garment():
         assert high[1] - low[1] < 104 + 8
 
 
+@pytest.mark.parametrize("kind", GARMENTS)
+@pytest.mark.parametrize(("distance", "gap", "is_found"), [(1.6, 0.0, False), (1.6, 0.05, False), (2.5, 0.05, False),
+                                                           (1.6, 0.1, True), (2.5, 0.15, True)])  # fmt: skip
+def test_a_wall_right_behind_is_not_taken_for_the_garment(kind, distance, gap, is_found):
+    """A wall up to 3 cm and six pixel noises behind is in one piece with it: 6 cm at 1.6 m, 10 to 12 cm at 2.5 m."""
+    world = hung(kind, distance)
+    depth, _ = world.frame(0, world.renderer())
+    depth[(depth == 0) | (depth > 1e3 * (distance + 0.3))] = round(1e3 * (distance + gap))
+    sight = garment_tracker(world.garment, RIG).track(depth, world.hanger.held[0], 0.0)
+    assert sight.is_found == is_found
+    assert sight.valid.tolist() == [is_found] * 5
+
+
 def test_a_person_in_front_a_moment_long_loses_the_garment_and_nothing_else():
     world = hung("t-shirt", 2.0)
     person = replace(world, in_front=((Panel(-0.5, 0.5, -0.5, 1.0, 1.0, 120.0),),) * 2)

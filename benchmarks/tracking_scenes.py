@@ -1,7 +1,8 @@
 """The scenes on which tracking is measured: three garments, four distances, two backgrounds, two swings, several sets.
 
 Each set simulates every garment under every swing once (its own seeds) and shows it at all distances, in turn before
-a bare wall and in a furnished room; in one scene a garment, an arm reaches in front of a lower corner. The sets
+a bare wall and in a furnished room; in one scene a garment, an arm reaches in front of a lower corner, from the left
+where the seed is even, from the right where it is odd. The sets
 `development` are for looking at what goes wrong and for what is learned from examples; figures are stated of
 `report-5`, since the sets before it were seen while rules were chosen.
 """

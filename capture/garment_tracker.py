@@ -36,9 +36,7 @@ SLACK = 1.08  # of the garment's reach from the held edge: stretch and the marke
 GROWTH = 3.0  # m/s, how fast the hem may leave the window of the frame before
 LONGEST_TRUST = 0.2  # s, after which the window of the last sighting says nothing
 SMALLEST_SHARE = 0.25  # of the flat garment's area in view; a smaller piece is not the garment
-LARGEST_SHARE = (
-    1.5  # of its area: at most 1.02 on the development sets, 3 to 5 where a wall right behind is in one piece
-)
+LARGEST_SHARE = 1.5  # of its area: 1.02 at most on the development sets, 3 to 5 in one piece with a wall behind
 JUMP, JUMP_NOISE = 0.03, 6.0  # m and pixel noises in depth between neighbours that are two surfaces
 NEAREST_HANGER = 0.1  # m; nearer is no place of a hanger but an error
 HELD_MATCH = 0.03  # m, a held corner this far from the held edge's end is not that corner

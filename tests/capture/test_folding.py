@@ -73,9 +73,9 @@ def test_the_bar_and_the_plates_above_the_held_edge_are_no_layer():
 
 
 def slanted(away, along):
-    """Slant of a swatch's right rim, 50 mm and more from its corners, whose cloth turns 60 mm before it.
+    """Slant of a swatch's right rim, away from its corners, where its last 25 pixels, 69 mm, are bent.
 
-    away, along [m/m]: how fast it then goes away from the sensor, outwards and downwards.
+    away, along [m/m]: how fast they go away from the sensor, outwards and downwards.
     """
     world = hung("swatch", 1.6)
     depth, _ = world.frame(0, world.renderer())

@@ -47,7 +47,8 @@ FEW = 20  # pixels
 class Examples:
     """Corners of one scene: time [s], (n,); traces, (n, 4, traces), NaN where not in doubt; what is true, (n, 4).
 
-    pixels, (n, 4): how many show the corner's neighbourhood; corners from the top left clockwise
+    pixels, (n, 4): how many show the corner's neighbourhood; told, (n, 4): by the tracker as it is, with the weights
+    that it has, also by things in front and the picture's border; corners from the top left clockwise
     """
 
     cloth: str
@@ -56,6 +57,7 @@ class Examples:
     hidden: np.ndarray
     visible: np.ndarray
     pixels: np.ndarray
+    told: np.ndarray
 
     @property
     def asked(self) -> np.ndarray:
@@ -101,15 +103,15 @@ def depth_frames(scene: Scene, world: World) -> dict[str, np.ndarray]:
 def examples(scene: Scene, drawn: dict[str, np.ndarray]) -> Examples:
     """Track a drawn scene and keep what is known of the corners in doubt."""
     tracker = SilhouetteTracker(GARMENTS[scene.garment](), RIG, CorrelationMeter())
-    found = []
+    found, told = [], []
     for depth, held, time in zip(drawn["depth"], drawn["held"], drawn["time"], strict=True):
-        tracker.track(depth, held, float(time))
+        told.append(tracker.track(depth, held, float(time)).hidden)
         found.append(tracker.traces)
     sight = PointSight(drawn["in_view"], drawn["pixels"], drawn["share"])
     corners = np.s_[:, :CORNERS]
     return Examples(
         f"{scene.garment}-{scene.seed % 1000}", drawn["time"], np.array(found), sight.hidden[corners],
-        sight.visible[corners], sight.pixels[corners],
+        sight.visible[corners], sight.pixels[corners], np.array(told)[corners],
     )  # fmt: skip
 
 
@@ -205,6 +207,8 @@ def main() -> None:
         precision, recall = rates(found, p, threshold)
         print(f"threshold {threshold:.2f}: precision {100 * precision:.1f} %, recall {100 * recall:.1f} %")
     print_wrong(found, p, best)
+    precision, recall = rates(found, [e.told.astype(float) for e in found], 0.5)
+    print(f"the tracker as it is: precision {100 * precision:.1f} %, recall {100 * recall:.1f} %")
     weights = fit_to(found)
     print(f"{weights.constant:8.2f}  constant")
     for name, value in zip(TRACES, weights.coefficients, strict=True):

@@ -2,17 +2,18 @@
 
     logit P(t) = c_0 + sum_k c_k x_k(t) + c_m m(t)
 
-    x = ln(beyond / B) by all anchors, and by the held ends alone      `capture.coverage`
-        ln(1 + peeking / A), ln(1 + before / L)        `capture.other_layers`, where the outline has the corner
-        the same two where the seen cloth comes nearest to it
-        1 for a corner that the outline has not, else 0
-        1 for the tip of a sleeve, else 0; the same times each of the first two
+    x = ln(beyond / B) by the held ends                                `capture.coverage`
+        ln(1 + peeking / A) where the outline has the corner, and where the seen cloth comes nearest to it by the
+        held ends                                                      `capture.peeking`
+        outwards, across: how the cloth slants where it comes nearest by all that is known     `capture.slant`
+        1 for the tip of a sleeve, else 0; the same times beyond, and times outwards
     m = logit of what was probable before, after forgetting since: P' = R + (P - R) exp(-f dt)
 
-Cloth that is missing speaks for a fold; another layer there, behind the rim or before it, says that the corner may be
-seen on that layer. In doubt is a corner whose ways to the others are too short or too long, or that was not found; one
-that is not has the log-odds `PLACED` for the frame after. A sleeve is a narrow strip beside the held end: ways to its
-tip are short and exact, and where it folds, less cloth is missing than where a hem does.
+Cloth that is missing speaks for a fold, and so does a rim that recedes from the sensor; one that comes nearer is bent
+forwards, and the corner is in view. Another layer behind the rim says that it may be seen there. In doubt is a corner
+whose ways to the others are too short or too long, or that was not found; one that is not has the log-odds `PLACED` for
+the frame after. A sleeve is a narrow strip beside the held end: ways to its tip are short and exact, and where it
+folds, less cloth is missing than where a hem does.
 
 P' is the prediction of a Markov chain with two states in continuous time (L. R. Rabiner, "A tutorial on hidden Markov
 models", Proc. IEEE 77, 1989, section III.A, forward procedure), m its log-odds. c_m < 1 since what misleads in one
@@ -28,30 +29,27 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.other_layers import Layers
+from capture.slant import Slant
 
 Floats = NDArray[np.float64]
 
 BEYOND, LEAST_BEYOND, MOST_BEYOND = 0.035, 0.003, 0.3  # m: B, and the limits beyond which it says nothing more
 PEEKING = 2e-5  # m^2: A, a pixel and a half at 2 m
-BEFORE = 0.02  # m: L
 FORGETTING, REST = 4.9, 1 / 3  # 1/s: f, and R: on development cloths left out the best of five pairs, by little
 PLACED = -3.0  # log-odds: one in twenty, more than in fact, since the frame after may show what this one did not
 MOST = 8.0  # log-odds that nothing goes beyond, so that one frame can speak against many
 WEIGHTS = {
-    "beyond, by all": 1.09,
-    "beyond, by the held ends": 1.92,
-    "peeking, at the outline": -0.96,
-    "before, at the outline": -0.60,
-    "peeking, at the nearest cloth": -0.82,
-    "before, at the nearest cloth": -0.33,
-    "not on the outline": 1.00,
-    "tip of a sleeve": 1.21,
-    "tip of a sleeve, beyond, by all": 1.80,
-    "tip of a sleeve, beyond, by the held ends": 3.12,
+    "beyond": 2.61,
+    "peeking, at the outline": -0.95,
+    "peeking, at the nearest cloth": -1.04,
+    "slant outwards": 2.68,
+    "slant across": -2.04,
+    "tip of a sleeve": 2.77,
+    "tip of a sleeve, beyond": 3.51,
+    "tip of a sleeve, slant outwards": 1.74,
 }
 TRACES = tuple(WEIGHTS)
-THRESHOLD = 0.46  # probability from which a corner is told as hidden
+THRESHOLD = 0.59  # probability from which a corner is told as hidden
 
 
 @dataclass(frozen=True)
@@ -63,17 +61,17 @@ class Weights:
     before: float
 
 
-FITTED = Weights(1.33, np.array([WEIGHTS[name] for name in TRACES]), 0.77)
+FITTED = Weights(0.16, np.array([WEIGHTS[name] for name in TRACES]), 0.60)
 
 
-def traces(
-    by_all: float, by_ends: float, outline: Layers, nearest: Layers, *, is_missing: bool, is_tip: bool
-) -> Floats:
-    """Return what speaks for and against a fold, (10,): distances [m] beyond the seen cloth, and other layers."""
-    distances = np.log(np.clip([by_all, by_ends], LEAST_BEYOND, MOST_BEYOND) / BEYOND)
-    layers = [(np.log1p(seen.peeking / PEEKING), np.log1p(seen.before / BEFORE)) for seen in (outline, nearest)]
-    tip = np.array([1.0, *distances]) * float(is_tip)
-    return np.array([*distances, *layers[0], *layers[1], float(is_missing), *tip])
+def traces(beyond: float, outline: float, nearest: float, slant: Slant, *, is_tip: bool) -> Floats:
+    """Return what speaks for and against a fold, (8,).
+
+    beyond [m]: how far the corner lies beyond the seen cloth; outline, nearest [m^2]: what peeks out at both places
+    """
+    distance = np.log(np.clip(beyond, LEAST_BEYOND, MOST_BEYOND) / BEYOND)
+    tip = np.array([1.0, distance, slant.outwards]) * float(is_tip)
+    return np.array([distance, np.log1p(outline / PEEKING), np.log1p(nearest / PEEKING), *slant, *tip])
 
 
 class Belief:

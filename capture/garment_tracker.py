@@ -19,10 +19,11 @@ from capture.folding import THRESHOLD, TRACES, Belief, traces
 from capture.garment import FINDERS, GarmentSight, GarmentTracker, frame_quality, nothing_found
 from capture.geodesic import farthest_place, geodesic_distances
 from capture.occlusion import COVERED, folded_away, is_at_border, is_behind_something
-from capture.other_layers import Layers, other_layers
+from capture.peeking import peeking_area
 from capture.placing import Placer, project
 from capture.plausibility import MotionGate
 from capture.silhouette import Silhouette, Window, cut_out
+from capture.slant import LEVEL, rim_slant
 from capture.surface_scan import scan_surface
 from formats.garment import Garment
 from formats.rig import Rig, Sensor
@@ -35,6 +36,7 @@ SLACK = 1.08  # of the garment's reach from the held edge: stretch and the marke
 GROWTH = 3.0  # m/s, how fast the hem may leave the window of the frame before
 LONGEST_TRUST = 0.2  # s, after which the window of the last sighting says nothing
 SMALLEST_SHARE = 0.25  # of the flat garment's area in view; a smaller piece is not the garment
+LARGEST_SHARE = 1.5  # of its area: 1.02 at most on the development sets, 3 to 5 in one piece with a wall behind
 JUMP, JUMP_NOISE = 0.03, 6.0  # m and pixel noises in depth between neighbours that are two surfaces
 NEAREST_HANGER = 0.1  # m; nearer is no place of a hanger but an error
 HELD_MATCH = 0.03  # m, a held corner this far from the held edge's end is not that corner
@@ -113,8 +115,10 @@ class SilhouetteTracker:
             ways = SeenWays(surface, cell, held, distances, ~(dropped | missing))
             beyond = beyond_the_seen(silhouette, ways, self.flat.from_ends, self.flat.distances, self.sensor)
             for i in np.flatnonzero(dropped | missing).tolist():
-                self.traces[i] = self._traces(silhouette, i, view.pixels[i], bool(missing[i]), beyond, held)
+                self.traces[i] = self._traces(silhouette, i, view.pixels[i], beyond, held)
         hidden[:4] = self._hidden(silhouette, depth.shape, pixels, places, along, dropped, time)
+        if beyond is not None:
+            hidden[:4] |= (dropped | missing) & self._covered(silhouette, beyond)
         places[:4][hidden[:4] | dropped] = np.nan
         by_ways = np.zeros(4, bool) if beyond is None else ~hidden[:4] & (beyond.by_all < BY_WAYS) & (dropped | missing)
         if beyond is not None and by_ways.any():
@@ -155,21 +159,19 @@ class SilhouetteTracker:
         along[missing] = along[:, missing] = np.nan
         return distances, along
 
-    def _traces(
-        self, silhouette: Silhouette, i: int, pixel: Floats, is_missing: bool, beyond: Beyond, held: Floats
-    ) -> Floats:
+    def _traces(self, silhouette: Silhouette, i: int, pixel: Floats, beyond: Beyond, held: Floats) -> Floats:
         """Return what speaks for and against a fold that hides corner i, see `capture.folding`."""
 
-        def layers(at: Floats) -> Layers:
-            missing = float(beyond.by_all[i])
-            return other_layers(silhouette, at, missing, held, self.flat.from_ends[:, i], self.sensor)
+        def peeking(at: Floats) -> float:
+            return peeking_area(silhouette, at, missing, held, self.flat.from_ends[:, i], self.sensor)
 
-        nearest = layers(beyond.pixels[i]) if np.isfinite(beyond.pixels[i, 0]) else Layers(0.0, 0.0)
-        outline = layers(pixel) if np.isfinite(pixel[0]) else nearest
-        return traces(
-            float(beyond.by_all[i]), float(beyond.by_ends[i]), outline, nearest,
-            is_missing=is_missing, is_tip=i in self.finder.tips,
-        )  # fmt: skip
+        missing, place = float(beyond.by_all[i]), beyond.places[i]
+        nearest = peeking(beyond.pixels[i]) if np.isfinite(beyond.pixels[i, 0]) else 0.0
+        outline = peeking(pixel) if np.isfinite(pixel[0]) else nearest
+        slant = LEVEL
+        if np.isfinite(place[0]):
+            slant = rim_slant(silhouette, project(place, self.sensor), float(place[2]), self.sensor)
+        return traces(float(beyond.by_ends[i]), outline, nearest, slant, is_tip=i in self.finder.tips)
 
     def _hidden(
         self, silhouette: Silhouette, shape: tuple[int, ...], pixels: Floats, places: Floats, along: Floats,
@@ -179,13 +181,25 @@ class SilhouetteTracker:
         flat = self.flat.distances
         hidden = self._belief.update(self.traces, time) > THRESHOLD
         for i in np.flatnonzero(np.isfinite(places[:4, 2])):
-            z = float(places[i, 2])
             if is_at_border(pixels[i], shape):
                 hidden[i] = True
-            elif is_behind_something(silhouette, pixels[i], z, self._jump(z)):
-                lost = float(np.nanmax(np.where(np.isfinite(along[i]), flat[i] - along[i], 0.0)))
+                continue
+            lost = float(np.nanmax(np.where(np.isfinite(along[i]), flat[i] - along[i], 0.0)))
+            if self._ends_at_a_nearer_thing(silhouette, places[i], max(lost, 0.0)):
                 hidden[i] = dropped[i] or lost > COVERED * flat[i].max()
         return np.asarray(hidden)
+
+    def _covered(self, silhouette: Silhouette, beyond: Beyond) -> Booleans:
+        """Return which corners are missed where the cloth that comes nearest to them ends at a nearer thing, (4,)."""
+        covered = beyond.by_all > COVERED * self.flat.distances.max(1)
+        for i in np.flatnonzero(covered):
+            covered[i] = self._ends_at_a_nearer_thing(silhouette, beyond.places[i], float(beyond.by_all[i]))
+        return np.asarray(covered)
+
+    def _ends_at_a_nearer_thing(self, silhouette: Silhouette, place: Floats, lost: float) -> bool:
+        """Return whether beside a place [m] is a thing that is nearer than so much lost cloth [m] can be."""
+        z = float(place[2])
+        return np.isfinite(z) and is_behind_something(silhouette, project(place, self.sensor), z, self._jump(z) + lost)
 
     def _mismatch(self, places: Floats, is_held: Booleans, along: Floats) -> Floats:
         """Return what each corner may be off by [m], (4,), since its distances to the others are not the flat ones."""
@@ -226,8 +240,11 @@ class SilhouetteTracker:
             found = cut_out(depth, window, held_px, **limits)
         if found is None:
             return None
-        area = float(np.count_nonzero(found.mask)) * middle**2 / (self.sensor.fx * self.sensor.fy)
-        return found if area > SMALLEST_SHARE * self.flat.area else None
+        pixel = 1.0 / (self.sensor.fx * self.sensor.fy)
+        area = float(np.count_nonzero(found.mask)) * middle**2 * pixel
+        across = cv2.norm(found.depth, cv2.NORM_L2SQR) * pixel  # what the seen surface would be if it faced the sensor
+        is_garment = area > SMALLEST_SHARE * self.flat.area and across < LARGEST_SHARE * self.flat.area
+        return found if is_garment else None
 
     def _window(self, shape: tuple[int, ...], held: Floats, middle: float) -> Window:
         """Return the window that the garment cannot leave, however it swings."""

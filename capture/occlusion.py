@@ -1,7 +1,8 @@
 """Tell whether a tracked corner is hidden: by something in front, by the picture's border, or by a fold.
 
-In front    around a place on the outline, `NEARER_PIXELS` or more outside the garment are nearer than it by a jump:
-            the outline is then the rim of that thing, and the garment goes on behind it.
+In front    around a place at the rim, `NEARER_PIXELS` or more outside the garment are nearer than it by a jump, and by
+            more than the cloth that is missing there, since that may be folded forwards: the rim is then that of
+            another thing, and the garment goes on behind it.
 Outside     the place lies at the picture's border.
 Folded      cloth hardly stretches, so two corners are as far apart along the seen surface as on the flat garment,
 
@@ -25,7 +26,7 @@ Booleans = NDArray[np.bool_]
 LOOK_AROUND = 12  # px: wider than the missing pixels beside a near thing (43 px m (1 / 1.25 m - 1 / 1.6 m) = 8 px)
 NEARER_PIXELS = 20
 BORDER = 3  # px
-COVERED = 0.02  # of the longest distance on the flat garment, missing at a corner beside a nearer thing
+COVERED = 0.025  # of the longest distance on the flat garment, missing at a corner beside a nearer thing
 SHORT = 0.025  # of the distance on the flat garment: geodesics of the seen surface scatter by 1.5 %
 SHORT_MORE = 0.008  # m, the corners' own errors
 LONG = 0.10  # of the distance on the flat garment: a longer way goes around a fold or over another thing

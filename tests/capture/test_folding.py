@@ -1,4 +1,4 @@
-"""Which corners in doubt are told as hidden: other layers beside a fold, and what they and missing cloth say."""
+"""Which corners in doubt are told as hidden: what peeks out, how the rim slants, what they and missing cloth say."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from benchmarks.hidden_corners import Examples, depth_frames, examples, fit, fit
 from benchmarks.tracking_scenes import Scene
 from capture.folding import FITTED, FORGETTING, PLACED, REST, THRESHOLD, TRACES, Belief, Weights, traces
 from capture.garment_tracker import garment_tracker
-from capture.other_layers import Layers, other_layers
+from capture.peeking import peeking_area
+from capture.slant import AROUND, LEVEL, Slant, rim_slant
 from firmware_host.synthetic.garments import GARMENTS
 from firmware_host.synthetic.scene import RIG
 from tests.capture.garment_scenes import hung
 
-NOTHING = Layers(0.0, 0.0)
 CORNER = np.array(GARMENTS["swatch"]().points[2].at_m)
 
 
 def seen(change=lambda depth: None, cut=0.14):
-    """Layers beside a swatch's folded corner at 1.6 m, its pixel, and what its tracker says of it."""
+    """What peeks out beside a swatch's folded corner at 1.6 m, its pixel, and what its tracker says of it."""
     world = hung("swatch", 1.6, fold=(CORNER - [cut, 0.0], CORNER + np.array([0.0, cut])))
     depth, _ = world.frame(0, world.renderer())
     change(depth)
@@ -30,13 +30,12 @@ def seen(change=lambda depth: None, cut=0.14):
     sight = tracker.track(depth, held, 0.0)
     silhouette = tracker._silhouette(depth, held, 0.01)
     middle = np.array([319.5, 239.5]) + 575.8 / 1.6 * (CORNER * [1, -1] + [-0.5 * cut, -0.18 - 0.5 * cut])
-    return other_layers(silhouette, middle, cut / np.sqrt(2), held, tracker.flat.from_ends[:, 2], RIG.sensor), sight
+    return peeking_area(silhouette, middle, cut / np.sqrt(2), held, tracker.flat.from_ends[:, 2], RIG.sensor), sight
 
 
 def test_a_fold_with_nothing_beside_it_shows_no_other_layer_and_is_told_as_hidden():
-    layers, sight = seen()
-    assert layers.peeking < 3e-5
-    assert layers.before < 0.01
+    peeking, sight = seen()
+    assert peeking < 3e-5
     assert sight.hidden.tolist() == [False, False, True, False, False]
 
 
@@ -46,9 +45,21 @@ def test_cloth_that_peeks_out_behind_a_fold_is_measured_by_its_area_and_makes_hi
     def peek(depth):
         depth[305:325, 370:390] = 1720
 
-    layers, sight = seen(peek)
-    assert layers.peeking == pytest.approx(400 * (1.6 / 575.8) ** 2, rel=0.2)
+    peeking, sight = seen(peek)
+    assert peeking == pytest.approx(400 * (1.6 / 575.8) ** 2, rel=0.2)
     assert not sight.hidden[2]
+
+
+@pytest.mark.parametrize(("before", "hides"), [(0.1, False), (0.4, True)])
+def test_what_is_nearer_than_a_fold_hides_a_corner_only_where_missing_cloth_cannot_reach(before, hides):
+    """Beside the outline's corner, where 0.1 m of cloth is missing: that, folded forwards, may be 0.1 m nearer."""
+
+    def put(depth):
+        patch = depth[325:345, 345:365]
+        patch[(patch == 0) | (patch > 1700)] = round(1e3 * (1.6 - before))
+
+    _, sight = seen(put)
+    assert sight.hidden[2] == hides
 
 
 def test_the_bar_and_the_plates_above_the_held_edge_are_no_layer():
@@ -58,28 +69,40 @@ def test_the_bar_and_the_plates_above_the_held_edge_are_no_layer():
     held = world.hanger.held[0]
     silhouette = tracker._silhouette(depth, held, 0.0)
     top = 575.8 * held[1, :2] / held[1, 2] + [319.5, 239.5]
-    assert other_layers(silhouette, top, 0.2, held, tracker.flat.from_ends[:, 1], RIG.sensor).peeking < 1e-4
+    assert peeking_area(silhouette, top, 0.2, held, tracker.flat.from_ends[:, 1], RIG.sensor) < 1e-4
 
 
-def test_a_layer_before_the_garment_counts_where_its_nearer_side_is_outside():
-    """A flap 40 pixels high from the right side inwards, 60 mm nearer: its inner edge is 40 px, 0.11 m long."""
+def slanted(away, along):
+    """Slant of a swatch's right rim, away from its corners, where its last 25 pixels, 69 mm, are bent.
+
+    away, along [m/m]: how fast they go away from the sensor, outwards and downwards.
+    """
     world = hung("swatch", 1.6)
     depth, _ = world.frame(0, world.renderer())
-    right = int(319.5 + 575.8 * 0.2 / 1.6)
+    right, row, pixel = int(319.5 + 575.8 * 0.2 / 1.6), 270, 1.6 / 575.8
+    rows, columns = np.mgrid[row - 25 : row + 26, right - 25 : right + 1]
+    bent = 1600 + 1e3 * pixel * (away * (columns - right) + along * (rows - row))
+    depth[rows, columns] = np.where(depth[rows, columns] > 0, bent, 0)
     tracker = garment_tracker(world.garment, RIG)
-    held = world.hanger.held[0]
+    silhouette = tracker._silhouette(depth, world.hanger.held[0], 0.0)
+    return rim_slant(silhouette, np.array([right, row], float), 1.6, RIG.sensor)
 
-    def before(first, last):
-        folded = depth.copy()
-        folded[250:290, first:last] = 1540
-        silhouette = tracker._silhouette(folded, held, 0.0)
-        at = np.array([right, 270.0])
-        return other_layers(silhouette, at, 0.2, held, tracker.flat.from_ends[:, 2], RIG.sensor).before
 
-    flap, inside = before(right - 20, right), before(right - 45, right - 25)
-    # Two pixels deep behind the step, and the flap's upper and lower rims beside the outline add some.
-    assert flap > 1.5 * 40 * 1.6 / 575.8
-    assert inside < 0.9 * flap
+@pytest.mark.parametrize(("away", "along"), [(0.0, 0.0), (0.5, 0.0), (-0.5, 0.0), (0.4, 0.4), (0.4, -0.4)])
+def test_the_slant_at_the_rim_is_the_angle_outwards_with_its_sign_and_along_the_rim_without(away, along):
+    """The half disc's middle lies inwards, so outwards is to the right, within the 4 degrees of a ragged rim."""
+    assert slanted(away, along) == pytest.approx((np.arctan(away), np.arctan(abs(along))), abs=np.radians(4.0))
+
+
+def test_a_rim_whose_depth_is_missing_is_taken_for_level():
+    world = hung("swatch", 1.6)
+    depth, _ = world.frame(0, world.renderer())
+    tracker = garment_tracker(world.garment, RIG)
+    silhouette = tracker._silhouette(depth, world.hanger.held[0], 0.0)
+    nowhere = np.array([silhouette.window.left - 2 * AROUND * 575.8 / 1.6, 270.0])
+    assert rim_slant(silhouette, nowhere, 1.6, RIG.sensor) == LEVEL
+    silhouette.depth[:] = 0.0
+    assert rim_slant(silhouette, np.array([319.0, 270.0]), 1.6, RIG.sensor) == LEVEL
 
 
 def probability(*corners):
@@ -87,21 +110,23 @@ def probability(*corners):
     return Belief(len(corners)).update(np.array(corners), 0.0)
 
 
-def test_missing_cloth_speaks_for_a_fold_and_other_layers_speak_against_it():
-    deep = traces(0.1, 0.1, NOTHING, NOTHING, is_missing=False, is_tip=False)
+def test_missing_cloth_and_a_receding_rim_speak_for_a_fold_and_other_layers_speak_against_it():
+    away = Slant(0.8, 0.3)
+    deep = traces(0.1, 0.0, 0.0, away, is_tip=False)
     assert deep[0] == pytest.approx(np.log(0.1 / 0.035))
     assert probability(deep) > 0.9
-    assert probability(traces(0.01, 0.01, NOTHING, NOTHING, is_missing=False, is_tip=False)) < 0.1
-    peeking = Layers(5e-4, 0.0)
-    assert probability(traces(0.1, 0.1, peeking, peeking, is_missing=False, is_tip=False)) < probability(deep) - 0.3
+    assert probability(traces(0.01, 0.0, 0.0, away, is_tip=False)) < 0.2
+    assert probability(traces(0.1, 5e-4, 5e-4, away, is_tip=False)) < probability(deep) - 0.3
+    assert probability(traces(0.1, 0.0, 0.0, Slant(-0.8, 0.3), is_tip=False)) < probability(deep) - 0.3
+    assert probability(traces(0.1, 0.0, 0.0, Slant(0.8, 1.2), is_tip=False)) < probability(deep) - 0.02
     first = FITTED.constant + FITTED.before * np.log(REST / (1 - REST))
     assert probability(np.zeros(len(TRACES))) == pytest.approx(1 / (1 + np.exp(-first)))
     assert not probability(np.full(len(TRACES), np.nan)) > THRESHOLD
 
 
 def test_less_missing_cloth_hides_the_tip_of_a_sleeve_than_the_corner_of_a_hem():
-    hem, tip = (traces(0.05, 0.05, NOTHING, NOTHING, is_missing=False, is_tip=t) for t in (False, True))
-    assert tip[7:] == pytest.approx([1.0, np.log(0.05 / 0.035), np.log(0.05 / 0.035)])
+    hem, tip = (traces(0.05, 0.0, 0.0, Slant(0.5, 0.0), is_tip=t) for t in (False, True))
+    assert tip[5:] == pytest.approx([1.0, np.log(0.05 / 0.035), 0.5])
     assert probability(tip) > probability(hem)
 
 
@@ -127,6 +152,7 @@ def test_examples_are_the_corners_in_doubt_with_what_is_true_of_them():
     assert one.asked.tolist() == one.hidden.tolist() == one.learnt.tolist() == [[False, False, True, False]] * 2
     assert one.visible[:, [0, 1, 3]].all()
     assert one.pixels[:, 2].tolist() == [0, 0]
+    assert one.told.tolist() == one.hidden.tolist()
     assert (one.followed(FITTED)[1][:, 2] > THRESHOLD).all()
 
 
@@ -134,7 +160,7 @@ def random_cloth(name, rng, is_hidden):
     """Four corners in 400 frames, all in doubt, hidden by a function of their traces, (400, 4, traces)."""
     drawn = rng.standard_normal((400, 4, len(TRACES)))
     hidden = is_hidden(drawn)
-    return Examples(name, np.arange(400) / 30, drawn, hidden, ~hidden, np.zeros((400, 4), int))
+    return Examples(name, np.arange(400) / 30, drawn, hidden, ~hidden, np.zeros((400, 4), int), hidden)
 
 
 def test_the_fit_finds_the_weights_that_made_the_examples():

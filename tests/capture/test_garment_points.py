@@ -74,6 +74,15 @@ def test_a_corner_behind_an_arm_is_told_as_hidden(kind):
     assert sight.valid[:3].all()
 
 
+@pytest.mark.parametrize(("kind", "inwards"), [("skirt", 0.06), ("swatch", 0.045)])
+def test_a_corner_behind_an_arm_is_told_where_the_outline_has_its_corner_away_from_the_arm(kind, inwards):
+    """The arm ends 30 mm above the corner: the outline turns there, 14 pixels and more from the arm."""
+    world = hung(kind, 1.6)
+    x, y, _ = world.points[0, 3] * (1.25 / 1.6)
+    reaching = Panel(x - 0.6, x + inwards, y - 0.03, y + 0.06, 1.25, 150.0)
+    assert seen(replace(world, in_front=((reaching,),) * 2)).hidden.tolist() == [False, False, False, True, False]
+
+
 def test_a_thing_beside_a_corner_that_covers_nothing_hides_nothing():
     world = hung("skirt", 1.6)
     x, y, _ = world.points[0, 3] * (1.25 / 1.6)
@@ -106,6 +115,19 @@ def test_furniture_behind_and_beside_is_not_taken_for_the_garment():
         # 0.50 m by 0.45 m at 2.5 m are 115 by 104 pixels; ragged edges and the bar's ends add a few.
         assert high[0] - low[0] < 115 + 8
         assert high[1] - low[1] < 104 + 8
+
+
+@pytest.mark.parametrize("kind", GARMENTS)
+@pytest.mark.parametrize(("distance", "gap", "is_found"), [(1.6, 0.0, False), (1.6, 0.05, False), (2.5, 0.05, False),
+                                                           (1.6, 0.1, True), (2.5, 0.15, True)])  # fmt: skip
+def test_a_wall_right_behind_is_not_taken_for_the_garment(kind, distance, gap, is_found):
+    """A wall up to 3 cm and six pixel noises behind is in one piece with it: 6 cm at 1.6 m, 10 to 12 cm at 2.5 m."""
+    world = hung(kind, distance)
+    depth, _ = world.frame(0, world.renderer())
+    depth[(depth == 0) | (depth > 1e3 * (distance + 0.3))] = round(1e3 * (distance + gap))
+    sight = garment_tracker(world.garment, RIG).track(depth, world.hanger.held[0], 0.0)
+    assert sight.is_found == is_found
+    assert sight.valid.tolist() == [is_found] * 5
 
 
 def test_a_person_in_front_a_moment_long_loses_the_garment_and_nothing_else():

@@ -24,7 +24,6 @@ from formats.descriptions import load_garment
 from formats.importers.swatch_mocap import import_marker_take
 from formats.results import FitResult
 
-PRINTED = 350  # iterations of the published schedule
 FABRICS = ("cotton", "silk", "denim", "polyester-rayon")
 
 
@@ -44,9 +43,7 @@ def fit_one(
     fit.swatch_error.GAMMA = 2.0 * length_unit**2
     chosen = dataclasses.replace(chosen, gamma=chosen.gamma if length_unit == 1.0 else 1e5)
     request = request_of(chosen, [], iterations=iterations, seed=seed, spacing=spacing)
-    # Cut short, the printed schedule is all heat: of its first 40 proposals one in a hundred is better than the start.
-    cooled = dataclasses.replace(request.settings, iterations=PRINTED).shortened(iterations)
-    return calibrate(takes[:1], takes[1:], dataclasses.replace(request, settings=cooled))
+    return calibrate(takes[:1], takes[1:], request)
 
 
 def main(arguments: list[str] | None = None) -> list[FitResult]:

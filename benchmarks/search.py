@@ -82,7 +82,7 @@ def run(case: Case, search: str, budget: int, seed: int) -> Run:
     """Run one search within a budget."""
     if search in OBSERVED:
         return run_observed(case, search, budget, seed)
-    settings = AnnealingSettings().shortened(budget - 1)
+    settings = AnnealingSettings().lasting(budget - 1)
     request = Request(method=SI, search=search, settings=settings, seed=seed, resolution=case.mesh)
     result = calibrate(case.takes, [], request)
     # A step of the history of `restarts` is one candidate of each chain.

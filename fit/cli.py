@@ -79,7 +79,9 @@ def fit_command(
     ] = "annealing",
     iterations: Annotated[
         int,
-        typer.Option("--iterations", min=1, help="Iterations of the annealing, candidates of tempering and cma-es."),
+        typer.Option(
+            "--iterations", min=1, help="Iterations that the annealing cools in, candidates of tempering and cma-es."
+        ),
     ] = 350,
     gamma: Annotated[
         float | None, typer.Option("--gamma", help="Factor gamma of the acceptance [1/m].", show_default="1e5")

@@ -93,7 +93,7 @@ def request_of(
             f"{search} simulates with our own cloth only, not with {engine}", where="--search",
             advice="choose another search or leave out --engine",
         )  # fmt: skip
-    settings = AnnealingSettings(iterations=iterations, gamma=method.gamma if gamma is None else gamma)
+    settings = AnnealingSettings(gamma=method.gamma if gamma is None else gamma).lasting(iterations)
     request = Request(
         method=method,
         effects=find_effects(effects),

@@ -71,8 +71,13 @@ class AnnealingSettings:
             temperature /= (1 + self.beta * t) ** self.alpha
         return temperature
 
-    def shortened(self, iterations: int) -> AnnealingSettings:
-        """Return settings that cool to the same last temperature in another number of iterations."""
+    def lasting(self, iterations: int) -> AnnealingSettings:
+        """Return settings that cool to the same last temperature in so many iterations.
+
+        Cut off early, the printed schedule is all heat: of its first 40 proposals hardly one is better than the start.
+        """
+        if iterations == self.iterations:
+            return self
         return dataclasses.replace(
             self,
             iterations=iterations,

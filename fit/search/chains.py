@@ -36,7 +36,7 @@ class ParallelChains:
         share.
         """
         starts = np.atleast_2d(starts)
-        own = settings.shortened(max(1, settings.iterations // len(starts))) if is_split else settings
+        own = settings.lasting(max(1, settings.iterations // len(starts))) if is_split else settings
         streams = generator.spawn(len(starts))
         self.chains = [Annealing(start, box, own, stream) for start, stream in zip(starts, streams, strict=True)]
         self._asked: list[tuple[Annealing, int]] = []

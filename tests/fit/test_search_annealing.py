@@ -12,6 +12,7 @@ import pytest
 from benchmarks import annealing_gamma
 from fit.errors import FitError
 from fit.parameterisations import KINECT_SKIRT
+from fit.request import request_of
 from fit.search import bounds
 from fit.search.annealing import Annealing, AnnealingSettings, SearchBox
 from fit.search.chains import ParallelChains
@@ -173,8 +174,18 @@ def test_distances_for_other_candidates_are_refused():
         chain.tell(candidates + 1, np.zeros(4))
 
 
-def test_shortened_settings_reach_the_same_last_temperature():
-    assert AnnealingSettings().shortened(50).temperature(50) == pytest.approx(AnnealingSettings().temperature(350))
+@pytest.mark.parametrize("iterations", [50, 1000])
+def test_a_fit_of_any_length_cools_to_the_printed_last_temperature(iterations):
+    settings = request_of(KINECT_SKIRT, [], iterations=iterations, seed=0, spacing=0.05).settings
+    assert settings.iterations == iterations
+    assert settings.temperature(iterations) == pytest.approx(AnnealingSettings().temperature(350))
+    assert settings.temperature(1) > 0.9 * AnnealingSettings().temperature(1)
+
+
+def test_a_fit_of_the_printed_length_is_the_printed_one():
+    assert request_of(KINECT_SKIRT, [], iterations=350, seed=0, spacing=0.05).settings == AnnealingSettings(
+        gamma=KINECT_SKIRT.gamma
+    )
 
 
 @pytest.mark.parametrize(("is_split", "iterations"), [(False, 60), (True, 15)])

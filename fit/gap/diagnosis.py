@@ -96,6 +96,7 @@ def diagnose(
     floor, floor_error = noise_floor(judge, fits[0].vector, observer.off, rng)
     picks = bootstrap_picks(search.base.errors, rng)
     search.first_round(added, has_gap=exceeds(search.base.errors, picks, floor**2))
+    floor = search.reached(floor)
     found_gates += [predictability, gate.convergence_gate(search.fits, search.least_cost)]
     progress("checking mesh and step", 0.83)
     base = search.base.fitted
@@ -107,6 +108,7 @@ def diagnose(
     if verdict.verdict in {"effect", "ambiguous", "unknown"}:
         progress("looking for a second effect", 0.88)
         search.further_rounds(floor, refined.numerics_mm)
+        floor = search.reached(floor)
         evidence = search.evidence(floor, refined.numerics_mm, picks, found_gates, is_held_out=bool(test))
         verdict = decide(evidence, effects)
     progress("imagining the next recording", 0.93)
@@ -204,6 +206,11 @@ class _Search:
     def least_cost(self) -> float:
         """Cost of the best refit, with an effect or without."""
         return min(h.fitted.cost for h in (self.base, *self.singles.values()))
+
+    def reached(self, floor: float) -> float:
+        """Return the floor [mm], or the held-out error of a model that fell below it: no noise is larger than that."""
+        every = (self.base, *self.singles.values(), *(h for h, _ in self.joint))
+        return min(floor, *(float(np.sqrt(h.errors.squared_mm)) for h in every))
 
     def further_rounds(self, floor: float, numerics: float) -> None:
         """Add effects to the best one as long as there is something left to explain.

@@ -8,7 +8,8 @@ growth of the squared error is the noise's own share, as seen by the whole pipel
 The noise of each point is the larger of what the take states and what sixth differences show. The hanger's measured
 path, which drives the cloth, gets its own noise once more as well, through the same smoothing: what is left of it
 shakes the cloth, by millimetres in the free motion of a noisy take, and no model of the cloth can know of it. It is
-what sixth differences show, since what a take states of its hanger may be the error of a constant.
+what sixth differences show, since what a take states of its hanger may be the error of a constant. Noise that a take
+states too large makes a floor that a model can fall below: the diagnosis takes the best model's error then.
 
 Where points lie on a grid, noise that is slow in time shows too: it is independent from point to point, while a model's
 error is smooth over the cloth. With the residual r and the mean of opposite neighbours M r,
@@ -46,11 +47,12 @@ def point_noise(recording: Recording) -> Floats:
     return np.asarray(np.maximum(recording.point_sd, seen))
 
 
-def held_noise(recording: Recording) -> float:
-    """Standard deviation per axis [m] of what is measured of the held edge's ends."""
+def held_noise(recording: Recording) -> Floats:
+    """Standard deviation of each coordinate of the held edge's ends [m], (6,): depth is noisier than the rest."""
     if _is_slow(recording):
-        return recording.held_sd
-    return _white(recording.held_seen[np.isfinite(recording.held_seen[:, 0])])
+        return np.full(6, recording.held_sd)
+    seen = recording.held_seen[np.isfinite(recording.held_seen[:, 0])]
+    return np.array([_white(column[:, None]) for column in seen.T])
 
 
 def _is_slow(recording: Recording) -> bool:

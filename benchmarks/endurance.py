@@ -113,8 +113,8 @@ def record_it(path: Path, out: Path, is_ordinary: bool) -> None:
     from capture.precedence import Precedence
     from capture.recording import record
     from firmware_host.depth_sensor import DepthSensor, SensorFrame, SensorInfo
-    from formats.garment import Garment, TrackedPoint
-    from formats.rig import Hanger, Rig, Sensor
+    from formats.rig import Rig, Sensor
+    from tests.capture.towel import GARMENT, HANGER
 
     camera = Sensor(width=WIDTH, height=HEIGHT, fx=575.8, fy=575.8, cx=319.5, cy=239.5)
 
@@ -146,16 +146,7 @@ def record_it(path: Path, out: Path, is_ordinary: bool) -> None:
         def close(self) -> None:
             pass
 
-    hanger = Hanger(
-        dictionary="DICT_4X4_50", ids=(0, 1), marker_size_m=0.06, marker_distance_m=0.3,
-        held_m=((-0.2, 0.09, 0.0), (0.2, 0.09, 0.0)),
-    )  # fmt: skip
-    rig = Rig(format="hangtime-rig/1", name="endurance", gravity=(0.0, 1.0, 0.0), hanger=hanger, sensor=camera)
-    outline = ((-0.2, 0.0), (0.2, 0.0), (0.2, -0.4), (-0.2, -0.4))
-    garment = Garment(
-        format="hangtime-garment/1", name="towel", kind="swatch", mass_kg=0.05, outline_m=outline, held="edge",
-        points=tuple(TrackedPoint(name=f"p{k}", at_m=p) for k, p in enumerate(outline)),
-    )  # fmt: skip
+    rig = Rig(format="hangtime-rig/1", name="endurance", gravity=(0.0, 1.0, 0.0), hanger=HANGER, sensor=camera)
     memory: list[tuple[float, float]] = []
     told, hitches, behind = 0, 0, 0.0  # no lists of frames: their memory would be counted as the recorder's
     begun = time.monotonic()
@@ -175,7 +166,7 @@ def record_it(path: Path, out: Path, is_ordinary: bool) -> None:
     board, precedence = BoardSensor(), Precedence()
     with contextlib.nullcontext() if is_ordinary else precedence, QueuedSensor(board) as sensor:
         precedence.begin_tracking()
-        report = record(sensor, rig, garment, out, take_id="endurance", created="now", watch=look)
+        report = record(sensor, rig, GARMENT, out, take_id="endurance", created="now", watch=look)
     print(
         json.dumps(
             {"frames": report.frames, "with_hanger": report.with_hanger, "told": told, "missed": board.missed,

@@ -4,7 +4,7 @@ Run: python benchmarks/hanger_noise.py [CASES]. Cases of the blind generator wit
 the same seed, with and without noise: the tool's cloth, with the generator's stiffnesses, is driven by the true path
 and by the noisy one, smoothed by a cubic spline with its cut-off at 6 Hz and by the path's own spline
 (`fit.smoothing`). Printed is by how much the points are off, root mean square over the training takes [mm], beside the
-deviation of the markers. A third of their noise is slow, which no smoothing takes away.
+deviation of the markers' noise, which is white: what is left of it lies below the cut-off, where hands move too.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from benchmarks.refits import true_vector
 from fit.blind.cases import Truth, draw_truth, make_takes
 from fit.blind.sensing import HELD_SHARE
 from fit.gap.diagnosis import fine_enough
@@ -40,9 +41,7 @@ def cubic(recording: Recording) -> Recording:
 
 def moved(recordings: list[Recording], truth: Truth) -> list[Floats]:
     """Simulated points on every recording's path, each (frames, points, 3) [m]."""
-    known = {"stretch_stiffness": truth.stretch, "shear_stiffness": truth.shear, "bending_stiffness": truth.bending,
-             "velocity_damping": truth.damping}  # fmt: skip
-    vector = np.array([known.get(p.name, p.initial) for p in SI.parameters])
+    vector = true_vector(truth)
     observer = Observer(recordings, SI, (), frequency=0.0, resolution=fine_enough(recordings[0]))
     return [points[0] for points in observer.trajectories(vector[None], observer.off[None])]
 

@@ -28,6 +28,15 @@ NEARLY = 1.05  # times the cost from the truth: the same valley
 IN_BASE = {e.name for e in LIBRARY if e.in_base in {p.name for p in SI.parameters}}
 
 
+def true_vector(truth: Truth) -> Floats:
+    """SI parameters of the cloth that a case was made with, (parameters,), within their bounds."""
+    known = {
+        "stretch_stiffness": truth.stretch, "shear_stiffness": truth.shear, "bending_stiffness": truth.bending,
+        "velocity_damping": truth.damping,
+    }  # fmt: skip
+    return np.asarray(np.clip([known.get(p.name, p.initial) for p in SI.parameters], SI.minimum, SI.maximum))
+
+
 def ratios(truth: Truth) -> tuple[float, float | None]:
     """Cost over that from the truth, of the base fit and of the planted effect's refit, None where there is none."""
     takes = make_takes(truth)
@@ -37,11 +46,7 @@ def ratios(truth: Truth) -> tuple[float, float | None]:
     observer = Observer(
         [prepare(take) for take in takes[:3]], SI, LIBRARY, frequency=found.frequency, resolution=found.resolution
     )
-    true = {
-        "stretch_stiffness": truth.stretch, "shear_stiffness": truth.shear, "bending_stiffness": truth.bending,
-        "velocity_damping": truth.damping,
-    }  # fmt: skip
-    vector = np.clip([true.get(p.name, p.initial) for p in SI.parameters], SI.minimum, SI.maximum)
+    vector = true_vector(truth)
     parts = tuple(planted.components.values())
     amplitudes = amplitudes_of(LIBRARY, **{planted.id: parts if len(parts) > 1 else parts[0]})
     place = next(k for k, e in enumerate(LIBRARY) if e.name == planted.id)

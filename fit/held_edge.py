@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +49,7 @@ class HeldEdge:
     def turn(self) -> Curve:
         """Return yaw and roll against the path at instants [s], (n,) -> (n, 2), each scaled to rms 1."""
         arm = self._arm()
-        sides = self._displacements()
+        sides = self._displacements
         seen = np.isfinite(sides).all(2)
         usable = (seen * np.abs(arm)).sum(1) > 0.5 * np.abs(arm).sum()
         if len(arm) < 2 or usable.sum() < FEWEST_FRAMES:
@@ -62,7 +63,7 @@ class HeldEdge:
 
     def slip_at(self) -> float:
         """Return when the cloth would have slipped half its way in its clips [s]."""
-        steps = [self._step(share) for share in self._sides()]
+        steps = [self._step(side) for side in self._sides()]
         certainty, instant = max(steps, default=(0.0, 0.0))
         return instant if certainty > CERTAIN_STEP else self._hardest_jerk() + SLIP_DELAY
 
@@ -70,6 +71,7 @@ class HeldEdge:
         """Places along the edge from their middle [m], (points,)."""
         return np.asarray(self.across - self.across.sum() / max(len(self.across), 1))
 
+    @cached_property
     def _displacements(self) -> Floats:
         """Level and upward displacements from the line between the ends [m], (frames, points, 2)."""
         held = self.held(self.time).reshape(-1, 2, 3)
@@ -89,7 +91,7 @@ class HeldEdge:
 
     def _step(self, chosen: NDArray[np.bool_]) -> tuple[float, float]:
         """How many standard errors the largest step of some points' height is, and when it was [s]."""
-        heights = self._displacements()[:, chosen, 1]
+        heights = self._displacements[:, chosen, 1]
         seen = np.isfinite(heights).any(1)
         if seen.sum() < FEWEST_FRAMES:
             return 0.0, 0.0

@@ -155,7 +155,8 @@ def prepare(take: Take) -> Recording:
                                      for k in range(points.shape[1])]))  # fmt: skip
     held_sd = float(np.sqrt(np.mean(take.held_sd[held_valid] ** 2))) if held_valid.any() else 0.0
     held_seen = np.where(held_valid[:, None], (take.held @ rotation.T).reshape(len(time), 6), np.nan)
-    cut_off = _held_cut_off(take.take_id, time, held_seen)
+    _check_path(take.take_id, time[held_valid], time, held_seen[held_valid])
+    cut_off = best_cut_off(time[held_valid], held_seen[held_valid])
     held = _held_curve(time, held_seen, cut_off)
     curves = tuple(_target_curve(time, points[:, k], valid[:, k]) for k in range(points.shape[1]))
     places = np.array([p.at_m for p in take.garment.points])
@@ -170,10 +171,8 @@ def prepare(take: Take) -> Recording:
     )  # fmt: skip
 
 
-def _held_cut_off(name: str, time: Floats, held_seen: Floats) -> float:
-    """Check that the hanger's path can be followed, and return the cut-off [Hz] of its spline."""
-    valid = np.isfinite(held_seen[:, 0])
-    seen = time[valid]
+def _check_path(name: str, seen: Floats, time: Floats, places: Floats) -> None:
+    """Check that the hanger's path can be followed, from when and where its ends were seen, (n,) and (n, 6)."""
     if len(seen) < FEWEST_FRAMES:
         raise DriveError(
             f"the hanger was seen in {len(seen)} frames only",
@@ -188,7 +187,6 @@ def _held_cut_off(name: str, time: Floats, held_seen: Floats) -> float:
             where=name,
             advice=f"gaps above {LONGEST_GAP} s cannot be bridged; record again with both markers in view",
         )
-    places = held_seen[valid]
     speed = np.linalg.norm(np.diff(places.reshape(-1, 2, 3), axis=0), axis=2) / np.diff(seen)[:, None]
     if speed.max() > FASTEST_HANGER:
         at = seen[int(np.argmax(speed.max(1)))]
@@ -197,7 +195,6 @@ def _held_cut_off(name: str, time: Floats, held_seen: Floats) -> float:
             where=name,
             advice="no hand moves like that: check the markers' ids and the depth there",
         )
-    return best_cut_off(seen, places)
 
 
 def _held_curve(time: Floats, held_seen: Floats, cut_off: float) -> Curve:

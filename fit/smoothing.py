@@ -15,8 +15,8 @@ with the cut-off f_c that generalised cross-validation finds best for all column
     min  |y - f|^2 / (1 - tr H / n)^2,   tr H = sum_k H(pi k / (n h)), k = 0 to n - 1
 
 tr H being that of evenly spaced frames, whose eigenvectors are cosines of k half turns. On takes of a hand at 30
-to 60 frames a second it is 3 to 6 Hz, the lower the noisier; against the cubic at 6 Hz, cloth driven by a noisy path
-moves half as far from cloth driven by the true one (`tests/fit/test_smoothing.py`).
+to 60 frames a second it is 3 to 6 Hz, the lower the noisier. What noise of a path does to cloth, through either spline,
+`benchmarks/hanger_noise.py` measures.
 Sources: P. J. Green & B. W. Silverman, "Nonparametric Regression and Generalized Linear Models" (1994), section 2.2;
 B. W. Silverman, Ann. Statist. 12 (1984) (transfer function); P. H. C. Eilers & B. D. Marx, Statistical Science 11
 (1996) (penalised B-splines); P. Craven & G. Wahba, Numerische Mathematik 31 (1979) (cross-validation).

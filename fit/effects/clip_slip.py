@@ -3,7 +3,7 @@
     held_k(t) = measured_k(t) - d_k h((t - t0) / 100 ms + 1/2) z,     h a smooth step from 0 to 1
 
 t0 is when tracked points on the held edge drop, or else just after the hanger's hardest jerk (`fit.held_edge`). A step
-in 50 ms shakes the cloth so sharply that fits shrink it by a fifth where the true one takes another course.
+in 50 ms shakes the cloth so sharply that fits make it too small where the true one takes another course.
 Source: kinematics; slips of 0.5 to 10 mm are what clips allow.
 """
 

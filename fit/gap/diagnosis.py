@@ -173,7 +173,9 @@ class _Search:
             self.singles[hypothesis.effects[-1]] = hypothesis
         self.progress("refitting the best from elsewhere", 0.62)
         best = sorted(self.singles, key=lambda k: self.singles[k].fitted.cost)[:POLISHED]
-        again, *refitted = self._from_elsewhere([self.singles[k].fitted for k in best])
+        found = [self.singles[k].fitted for k in best]
+        # A base fit that makes up for an effect is a bad place to begin with it, and the other way round.
+        (again,), refitted = self._from_elsewhere(found, {"base-again": Task(found[0].vector, self.observer.off)})
         for k, fitted in zip(best, refitted, strict=True):
             self.singles[k] = Hypothesis((k,), fitted, judged(self.judge, fitted))
         self.fits.append(again)
@@ -184,23 +186,23 @@ class _Search:
         if self.fits[0] is not self.base.fitted:
             self.base = Hypothesis((), self.fits[0], judged(self.judge, self.fits[0]))
 
-    def _from_elsewhere(self, found: list[Fitted]) -> list[Fitted]:
-        """Return the base model fitted from the first of some fits, and those fits as they end from the best starts.
+    def _from_elsewhere(
+        self, found: list[Fitted], beside: dict[str, Task] | None = None
+    ) -> tuple[list[Fitted], list[Fitted]]:
+        """Return how tasks beside end, and some fits as they end from the better of two starts, all side by side.
 
-        A base fit that makes up for an effect is a bad place to begin with it: each is polished where it is, and
-        fitted from wherever its amplitude would do best.
+        Each is polished where it is, and fitted from wherever its amplitudes would do best. beside: by name.
         """
+        beside = beside or {}
 
         def go() -> list[Fitted]:
-            tasks = [Task(found[0].vector, self.observer.off), *map(polishing, found)]
-            return fit(self.observer, tasks + restarts(self.observer, found))
+            return fit(self.observer, [*beside.values(), *map(polishing, found), *restarts(self.observer, found)])
 
         names = [self._name(one.active) for one in found]
-        ends = self.kept.recall(
-            ["base-again", *(f"{name}-polished" for name in names), *(f"{name}-elsewhere" for name in names)], go
-        )
-        pairs = zip(ends[1 : 1 + len(found)], ends[1 + len(found) :], strict=True)
-        return [ends[0], *(min(pair, key=lambda f: f.cost) for pair in pairs)]
+        ends = self.kept.recall([*beside, *(f"{n}-polished" for n in names), *(f"{n}-elsewhere" for n in names)], go)
+        first, second = len(beside), len(beside) + len(found)
+        pairs = zip(ends[first:second], ends[second:], strict=True)
+        return ends[:first], [min(pair, key=lambda f: f.cost) for pair in pairs]
 
     @property
     def least_cost(self) -> float:
@@ -240,13 +242,8 @@ class _Search:
 
     def _polished(self, joint: Hypothesis) -> Hypothesis:
         """Return several effects as they fit from where they are, or from the best place over the box."""
-
-        def go() -> list[Fitted]:
-            return fit(self.observer, [polishing(joint.fitted), *restarts(self.observer, [joint.fitted])])
-
-        name = self._name(joint.effects)
-        ends = [joint.fitted, *self.kept.recall([f"{name}-polished", f"{name}-elsewhere"], go)]
-        fitted = min(ends, key=lambda f: f.cost)
+        _, (ended,) = self._from_elsewhere([joint.fitted])
+        fitted = min(joint.fitted, ended, key=lambda f: f.cost)
         return Hypothesis(joint.effects, fitted, judged(self.judge, fitted))
 
     def _rivals(self, best: Hypothesis) -> list[Hypothesis]:

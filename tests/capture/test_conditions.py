@@ -19,7 +19,8 @@ from formats.archive import read_take
 from formats.summary import STATE_NAMES
 from formats.take import FrameState
 from tests.capture.stage import CAMERA, StageSensor
-from tests.capture.towel_scenes import BODY, GARMENT, HANGER, LEGS, RIG, hung, scenes
+from tests.capture.towel import GARMENT, HANGER
+from tests.capture.towel_scenes import BODY, LEGS, RIG, hung, scenes
 
 
 class Spoilt(StageSensor):

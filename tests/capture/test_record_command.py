@@ -24,7 +24,8 @@ from formats.descriptions import dump_description
 from formats.rig import Sensor
 from formats.take import FrameState
 from tests.capture.stage import CAMERA
-from tests.capture.towel_scenes import BODY, GARMENT, RIG, hung, scenes
+from tests.capture.towel import GARMENT
+from tests.capture.towel_scenes import BODY, RIG, hung, scenes
 from tests.firmware_host.scenes import AnyStamps
 
 FILES = {"sensor": "a.oni", "rig": "rig.toml", "garment": "garment.toml", "out": "a.mcap"}

@@ -1,23 +1,14 @@
-"""A towel on a hanger before the camera, its rig and garment file, and what may stand in front of it."""
+"""A towel on a hanger before the camera, its rig, and what may stand in front of it."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from formats.garment import Garment, TrackedPoint
-from formats.rig import Hanger, Rig
+from formats.rig import Rig
 from tests.capture.stage import CAMERA, marker_plate, pictures, plain_plate
+from tests.capture.towel import HANGER
 
-HANGER = Hanger(
-    dictionary="DICT_4X4_50", ids=(0, 1), marker_size_m=0.06, marker_distance_m=0.3,
-    held_m=((-0.2, 0.09, 0.0), (0.2, 0.09, 0.0)),
-)  # fmt: skip
 RIG = Rig(format="hangtime-rig/1", name="bench", gravity=(0.0, 1.0, 0.0), hanger=HANGER, sensor=CAMERA)
-OUTLINE = ((-0.2, 0.0), (0.2, 0.0), (0.2, -0.4), (-0.2, -0.4))
-GARMENT = Garment(
-    format="hangtime-garment/1", name="towel", kind="swatch", mass_kg=0.05, outline_m=OUTLINE, held="edge",
-    points=tuple(TrackedPoint(name=f"p{k}", at_m=p) for k, p in enumerate(OUTLINE)),
-)  # fmt: skip
 SIDES = np.array([[-0.15, 0, 0], [0.15, 0, 0]])
 BELOW = np.array([0, 0.09 + 0.2, 0])
 SKIN = (205, 160, 140)

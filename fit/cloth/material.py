@@ -17,7 +17,8 @@ class Material:
     follow stiffness x (strain + time x strain rate); velocity_damping [1/s]: linear, of every node against still air.
     What effects switch on, zero in every base model: stretch_ratio and bending_ratio, logarithms of warp over weft;
     stiffening [1], relative growth of stretch stiffness per strain; tilt_x and tilt_y, sines of gravity's angles;
-    viscosity_time [s], viscosity of stretch and shear over their stiffness (`fit.effects.stretch_viscosity`).
+    viscosity_time [s], viscosity of stretch and shear over their stiffness (`fit.effects.stretch_viscosity`);
+    gravity_log, logarithm of gravity's acceleration over the standard one, where a clock runs at another rate.
     """
 
     areal_density: float = 0.2
@@ -33,12 +34,13 @@ class Material:
     tilt_x: float = 0.0
     tilt_y: float = 0.0
     viscosity_time: float = 0.0
+    gravity_log: float = 0.0
 
 
 NAMES = tuple(f.name for f in fields(Material))
 (
     DENSITY, STRETCH, SHEAR, BENDING, MEMBRANE_TIME, BENDING_TIME, VELOCITY,
-    STRETCH_RATIO, BENDING_RATIO, STIFFENING, TILT_X, TILT_Y, VISCOSITY,
+    STRETCH_RATIO, BENDING_RATIO, STIFFENING, TILT_X, TILT_Y, VISCOSITY, GRAVITY_LOG,
 ) = range(len(NAMES))  # fmt: skip
 BASE_COLUMNS = 7  # the first ones; the rest are zero without effects
 

@@ -262,7 +262,7 @@ class Simulator:
         warp, weft = np.exp(0.5 * materials[:, mat.STRETCH_RATIO]), np.exp(0.5 * materials[:, mat.BENDING_RATIO])
         x, y = np.sin(materials[:, mat.TILT_X]), np.sin(materials[:, mat.TILT_Y])
         stretch, bending = materials[:, mat.STRETCH], materials[:, mat.BENDING]
-        gravity = self.support.gravity
+        gravity = self.support.gravity * np.exp(materials[:, mat.GRAVITY_LOG])
         return np.stack(
             [
                 stretch * warp, stretch / warp, materials[:, mat.SHEAR], bending * weft, bending / weft, bending,

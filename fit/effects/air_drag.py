@@ -2,9 +2,12 @@
 
     f = -1/2 rho c A |v_n| v_n n        [N], v_n = v . n
 
-with the velocity v of the face, its unit normal n and area A. Only motion along the normal counts.
+with the velocity v of the face, its unit normal n and area A. Only motion along the normal counts: a plate that leans
+into the flow is pushed by more, 2 c sin a / (1 + sin^2 a) of Duchemin's law for the angle of attack a, which at small
+angles is `air_lift` of 2 c.
 Source: S. F. Hoerner, "Fluid-Dynamic Drag" (1965), chapter 3: a square plate across the flow has c = 1.1 to 1.3,
-a long strip up to 2.0; porous cloth less.
+a long strip up to 2.0; porous cloth less. Duchemin's law: S. P. Langley,
+"Experiments in Aerodynamics" (1891), chapter 3.
 """
 
 from dataclasses import dataclass
@@ -36,4 +39,5 @@ class AirDrag(Effect):
     low: ClassVar[float] = 0.0
     high: ClassVar[float] = 3.0
     typical: ClassVar[float] = 1.2
+    brings: ClassVar[tuple[tuple[str, float], ...]] = (("air_lift", 2.0),)
     face_force: ClassVar = staticmethod(_normal_drag)

@@ -23,8 +23,8 @@ class Anisotropy(Effect):
     title: ClassVar[str] = "warp and weft of different stiffness"
     acts_on: ClassVar[str] = "cloth"
     unit: ClassVar[str] = "1"
-    low: ClassVar[float] = -2.0
-    high: ClassVar[float] = 2.0
+    low: ClassVar[float] = -3.0
+    high: ClassVar[float] = 3.0
     typical: ClassVar[float] = 0.7
     components: ClassVar[tuple[str, ...]] = ("stretch", "bending")
 

@@ -38,7 +38,8 @@ class Effect:
     `low`, `high` and `typical` hold for each component; an effect of several components has the length of its
     amplitude vector as its size. `law_spread` is the relative deviation by which sound laws of one effect differ: drag
     that varies with the angle, masses in another place; 0 where there is only one. `in_base` names the parameter of
-    the base model that is the same physics, if any.
+    the base model that is the same physics, if any. `brings` names other effects that a sound law of this one holds as
+    well, with how much of them each unit of it brings at most: only what is beyond that is an effect beside this one.
     """
 
     name: ClassVar[str]
@@ -52,6 +53,7 @@ class Effect:
     probes: ClassVar[tuple[float, ...]] = ()  # further sizes at which an effect of one component is looked for
     components: ClassVar[tuple[str, ...]] = ("",)
     in_base: ClassVar[str] = ""
+    brings: ClassVar[tuple[tuple[str, float], ...]] = ()
     may_join: ClassVar[bool] = True  # may be named beside another effect: not what sound solvers differ by as much
     face_force: ClassVar[Callable[..., Any] | None] = None
     bends: ClassVar[bool] = False  # whether `rest_curvature` or `friction_moment` does anything

@@ -2,13 +2,22 @@
 
     y(t) = x(t - d t)
 
-Applied like `time_offset`. 50 parts per million are half a millisecond after ten seconds, so that short takes cannot
-show an ordinary crystal's drift. Source: quartz oscillators are within 10 to 500 ppm.
+On that clock, s = t / r with r = 1 - d, the hanger moves along path(r s), and the cloth as if every force but the
+air's, which is quadratic in the velocity, were r^2 times as strong and every time of its own 1/r times as long:
+
+    d2x/ds2 = r^2 F(x, (1/r) dx/ds) / m        gravity, stiffnesses r^2; damping rates r; damping times 1/r
+
+Without that, a drift of 1 % would leave a free swing where it was while the points show it 1 % slower. 50 parts per
+million are half a millisecond after ten seconds, so that short takes cannot show an ordinary crystal's drift. Source:
+change of variables; quartz oscillators are within 10 to 500 ppm.
 """
 
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
+from fit.cloth import material as mat
 from fit.effects.base import Curve, Effect, Floats
 from fit.recording import Recording
 
@@ -29,3 +38,13 @@ class ClockDrift(Effect):
     def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:
         """Return the path of the held ends on the drifting clock."""
         return lambda instants: path(instants * (1.0 - amplitude[0]))
+
+    def material(self, row: Floats, amplitude: Floats) -> Floats:
+        """Return the material row with forces and times as the drifting clock shows them."""
+        rate = 1.0 - amplitude[0]
+        changed = row.copy()
+        changed[mat.GRAVITY_LOG] += 2.0 * np.log(rate)
+        changed[[mat.STRETCH, mat.SHEAR, mat.BENDING]] *= rate**2
+        changed[mat.VELOCITY] *= rate
+        changed[[mat.MEMBRANE_TIME, mat.BENDING_TIME, mat.VISCOSITY]] /= rate
+        return np.asarray(changed)

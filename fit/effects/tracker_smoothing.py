@@ -3,7 +3,8 @@
     y_p = (1 - a) x_p + a mean_{q near p} x_q
 
 near: the four nearest points on the flat garment, or fewer where there are fewer; points on the border keep to their
-neighbours along the border, so that flat cloth stays where it is.
+neighbours along the border, so that flat cloth stays where it is. Smoothing over more than the nearest points removes
+more than their mean does, which looks like a share above 1.
 Source: Laplacian smoothing, G. Taubin, "A signal processing approach to fair surface design" (SIGGRAPH 1995), section
 2.
 """
@@ -26,7 +27,7 @@ class TrackerSmoothing(Effect):
     acts_on: ClassVar[str] = "measurement"
     unit: ClassVar[str] = "1"
     low: ClassVar[float] = 0.0
-    high: ClassVar[float] = 1.0
+    high: ClassVar[float] = 1.5
     typical: ClassVar[float] = 0.4
     law_spread: ClassVar[float] = 0.3  # which neighbours a tracker takes, and with which weights, is its own affair
 

@@ -1,10 +1,10 @@
 """The base fit: what the model can do without any effect, from several starts, under the weakest pull that does.
 
-A Sobol sequence over the box of parameters is judged on a coarse mesh, first under a pull that makes the response
-smooth (a hard one would make every fabric follow), then under the weakest one that keeps the takes predictable, which
-tells more of the cloth; each time the best few are fitted roughly, side by side, the second time with the ends of the
-first among them. The best two ends are fitted on the fine mesh. While the best two fits do not agree, another start is
-spent: the next best, then the middle between the two. Source: I. M. Sobol, USSR Comput. Math. Math. Phys. 7 (1967).
+A Sobol sequence over the box of parameters is judged on a coarse mesh, under a pull that makes the response smooth (a
+hard one would make every fabric follow); the best few are fitted roughly, side by side, and from where they end once
+more under the weakest pull that keeps the takes predictable, which tells more of the cloth. The best two ends are
+fitted on the fine mesh. While the best two fits do not agree, another start is spent: the next best, then the middle
+between the two. Source: I. M. Sobol, USSR Comput. Math. Math. Phys. 7 (1967).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 FIRST_FREQUENCY = 1.0  # Hz: fits from anywhere end alike, and stiffnesses still show
-SCATTERED = 31  # Sobol starts beside the initial parameters
+SCATTERED = 15  # Sobol starts beside the initial parameters
 ROUGH_STARTS, STARTS, MOST_STARTS = 4, 2, 4
 COARSER = 1.5  # spacing of the mesh on which starts are looked for
 ROUGH_ITERATIONS = 4
@@ -43,7 +43,7 @@ def fit_base(
     frequency, _ = gates.choose_frequency(observer, rough[0].vector)
     if frequency < FIRST_FREQUENCY:
         progress(f"rough base fits, pull {frequency:g} Hz", 0.08)
-        places = [*places, *(f.vector for f in rough)]
+        places = [f.vector for f in rough]
         rough = _roughly(coarse.with_frequency(frequency), places, kept)
     starts, spare = [f.vector for f in rough[:STARTS]], [f.vector for f in rough[STARTS:]]
     tried: set[float] = set()

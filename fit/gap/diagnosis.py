@@ -175,10 +175,11 @@ class _Search:
         best = sorted(self.singles, key=lambda k: self.singles[k].fitted.cost)[:POLISHED]
         found = [self.singles[k].fitted for k in best]
         # A base fit that makes up for an effect is a bad place to begin with it, and the other way round.
-        (again,), refitted = self._from_elsewhere(found, {"base-again": Task(found[0].vector, self.observer.off)})
+        again = Task(found[0].vector, self.observer.off, known_cost=self.base.fitted.cost)
+        (again_fitted,), refitted = self._from_elsewhere(found, {"base-again": again})
         for k, fitted in zip(best, refitted, strict=True):
             self.singles[k] = Hypothesis((k,), fitted, judged(self.judge, fitted))
-        self.fits.append(again)
+        self.fits.append(again_fitted)
         if gate.disagreement(self.fits) > gate.CONVERGED:
             between = Task(middle(self.observer, self.fits), self.observer.off)
             self.fits += self.kept.recall(["base-between"], partial(fit, self.observer, [between]))

@@ -35,7 +35,7 @@ PRIOR_AMPLITUDE = 5.0  # of amplitudes, in typical sizes, about zero
 NORMAL_95 = 1.645  # two-sided 90 %
 COST_TOLERANCE = 2e-3  # relative fall of the cost at which a fit ends
 LANES = 12  # candidates that cost hardly more than one
-FEWEST_RUNGS, MOST_RUNGS = 3, 6  # steps that one fit tries at once
+FEWEST_RUNGS, MOST_RUNGS = 3, 4  # steps that one fit tries at once
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,8 @@ class Task:
     """A fit that is wanted: of base parameters and the active effects' amplitudes, from the given ones.
 
     vector, (parameters,); amplitudes, (components,) of all effects
-    renewals: of a worn Jacobian, after which a halt is believed; is_rough: nobody will ask for the Jacobian of the end.
+    renewals: of a worn Jacobian, after which a halt is believed; is_rough: nobody will ask for the Jacobian of the end;
+    known_cost: of a fit of the same model from elsewhere, far above which this one is given up
     jacobian, (numbers, parameters + components): known near the start, it is updated by chords instead of made anew.
     """
 
@@ -122,6 +123,7 @@ class Task:
     renewals: int = 2
     jacobian: Floats | None = None
     is_rough: bool = False
+    known_cost: float = np.inf
 
 
 def fit(observer: Observer, tasks: Sequence[Task]) -> list[Fitted]:
@@ -135,7 +137,7 @@ def fit(observer: Observer, tasks: Sequence[Task]) -> list[Fitted]:
             prior=problem.prior,
             settings=LeastSquaresSettings(
                 width=width, max_iterations=task.iterations, cost_tolerance=COST_TOLERANCE, step_tolerance=1e-3,
-                is_chord=True, renewals=task.renewals, is_exact=not task.is_rough,
+                is_chord=True, renewals=task.renewals, is_exact=not task.is_rough, known_cost=task.known_cost,
             ),
             jacobian=task.jacobian,
         )

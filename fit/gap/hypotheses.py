@@ -106,4 +106,6 @@ def restarts(observer: Observer, found: list[Fitted]) -> list[Task]:
     amplitudes = np.stack([one.amplitudes for one in found])
     residuals = coarse.residuals(np.tile(places, (len(found), 1)), np.repeat(amplitudes, len(places), axis=0))
     best = (residuals**2).sum(1).reshape(len(found), -1).argmin(1)
-    return [Task(places[k], one.amplitudes, one.active) for k, one in zip(best, found, strict=True)]
+    return [
+        Task(places[k], one.amplitudes, one.active, known_cost=one.cost) for k, one in zip(best, found, strict=True)
+    ]

@@ -45,7 +45,18 @@ def is_at_bound(observer: Observer, hypothesis: Hypothesis) -> bool:
 def may_be_added(observer: Observer, hypothesis: Hypothesis, p_value: float) -> bool:
     """Whether the effect that a hypothesis adds last is significant, surely not nothing, and in its physical range."""
     _, (low, high) = amplitude_of(hypothesis.fitted, observer, hypothesis.effects[-1])
-    return p_value < LEVEL and low * high > 0 and not is_at_bound(observer, hypothesis)
+    is_sure = p_value < LEVEL and low * high > 0 and not is_at_bound(observer, hypothesis)
+    return is_sure and not any(is_brought(observer, hypothesis, k) for k in hypothesis.effects)
+
+
+def is_brought(observer: Observer, hypothesis: Hypothesis, effect: int) -> bool:
+    """Whether one effect of a hypothesis may be no more than what a sound law of another one brings along."""
+    brought = 0.0
+    for other in hypothesis.effects:
+        share = dict(observer.effects[other].brings).get(observer.effects[effect].name, 0.0)
+        brought += share * amplitude_of(hypothesis.fitted, observer, other)[0] if share else 0.0
+    _, (low, _) = amplitude_of(hypothesis.fitted, observer, effect)
+    return brought > 0.0 and low <= brought
 
 
 def is_worth_adding(gap: float, left: float, gain: float) -> bool:

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from fit.errors import BlowUpError, FitError
 
 DIFFERENCE = 0.05  # share of the box: wider than the ripples that folds make
+PATIENCE, HOPELESS = 4, 1.1  # iterations after which a search is given up that costs this many times what is known
 
 Floats = NDArray[np.float64]
 Residuals = Callable[[Floats], Floats]
@@ -93,6 +94,7 @@ class LeastSquaresSettings:
     damping: float = 1e-2  # first lambda
     cost_tolerance: float = 1e-6  # relative fall of the cost
     step_tolerance: float = 1e-6  # longest step, share of the box
+    known_cost: float = math.inf  # of a rival: a search that is far above it after a few iterations is given up
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -229,7 +231,7 @@ class _Search:
         history = [cost]
         jacobian = (yield from self._jacobian(u, r)) if known is None else known * self.space.scale
         is_fresh = True  # the Jacobian belongs to u, or is all that the caller pays for
-        renewals = 0
+        renewals, is_hopeless = 0, False
         for _ in range(settings.max_iterations):
             normal, slope = self._normal_equations(u, r, jacobian)
             free = ~(((u <= 0) & (slope > 0)) | ((u >= 1) & (slope < 0)))
@@ -246,18 +248,21 @@ class _Search:
                 step, change = moved.unit - u, moved.residuals - r
                 u, r, cost, damping = moved.unit, moved.residuals, moved.cost, moved.damping
                 history.append(cost)
-                if settings.is_chord:
+                if not settings.is_chord:
+                    jacobian = yield from self._jacobian(u, r)
+                elif not (reason and is_fresh):  # else a halt is believed, and differences here would be the same
                     jacobian = jacobian + np.outer(change - jacobian @ step, step) / max(float(step @ step), 1e-30)
                     is_fresh = known is not None
-                else:
-                    jacobian = yield from self._jacobian(u, r)
             if reason and (is_fresh or renewals == settings.renewals):
+                break
+            if len(history) > PATIENCE and cost > HOPELESS * settings.known_cost:
+                is_hopeless, reason = True, "it is far above what is known"
                 break
             if reason:  # a worn Jacobian may be all that is wrong
                 jacobian, is_fresh, renewals = (yield from self._jacobian(u, r)), True, renewals + 1
         else:
             reason = ""
-        if not is_fresh and settings.is_exact:
+        if not is_fresh and settings.is_exact and not is_hopeless:
             jacobian = yield from self._jacobian(u, r)
         _, slope = self._normal_equations(u, r, jacobian)
         return LeastSquaresResult(
@@ -270,7 +275,7 @@ class _Search:
             cost_history=tuple(history),
             simulations=self.simulations,
             batches=self.batches,
-            is_converged=bool(reason),
+            is_converged=bool(reason) and not is_hopeless,
             reason=reason or f"stopped after {settings.max_iterations} iterations",
             at_bound=((u <= 0) & (slope > 0)) | ((u >= 1) & (slope < 0)),
         )

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fit.errors import BlowUpError, FitError
-from fit.search.least_squares import BoundedSpace, LeastSquaresSettings, Prior, minimise, search, side_by_side
+from fit.search.least_squares import (
+    PATIENCE,
+    BoundedSpace,
+    LeastSquaresSettings,
+    Prior,
+    minimise,
+    search,
+    side_by_side,
+)
 
 FINE = LeastSquaresSettings(step=1e-6, max_iterations=100, cost_tolerance=1e-12, step_tolerance=1e-10)
 
@@ -66,6 +76,25 @@ def test_searches_side_by_side_end_where_each_ends_alone():
     assert [f.parameters.tolist() for f in together] == [f.parameters.tolist() for f in alone]
     assert [f.simulations for f in together] == np.sum(lanes, axis=0).tolist()
     assert len(lanes) < sum(f.batches for f in alone)
+
+
+def test_a_search_far_above_what_is_known_is_given_up_after_a_few_steps():
+    start, space = np.array([-1.2, 1.0]), box([-3, -3], [3, 3])
+    patient = LeastSquaresSettings(width=4, is_chord=True, max_iterations=60, step=1e-6)
+    whole = minimise(rosenbrock, start, space, settings=patient)
+    hopeless = minimise(rosenbrock, start, space, settings=replace(patient, known_cost=1e-9))
+    assert whole.cost < 1e-6
+    assert whole.is_converged
+    assert len(hopeless.cost_history) == PATIENCE + 1
+    assert not hopeless.is_converged
+    assert hopeless.reason == "it is far above what is known"
+    assert minimise(rosenbrock, start, space, settings=replace(patient, known_cost=1e9)).cost == whole.cost
+
+
+def test_a_search_by_chords_that_halts_on_fresh_differences_asks_for_no_more():
+    """One place, one column of differences a parameter, one ladder that finds nothing to gain: 1 + 2 + 4."""
+    settings = LeastSquaresSettings(width=4, is_chord=True, step=1e-6, step_tolerance=1e-3)
+    assert minimise(decay, np.array([2.001, 0.7]), box([-3, 0.1], [3, 10]), settings=settings).simulations == 7
 
 
 def test_exponential_decay_on_a_log_scale_gives_2_and_0_7():

@@ -2,8 +2,9 @@
 
     e'' + 2 zeta w e' + w^2 e = -a(t),     held = measured + e,     c = 1 / w^2
 
-with the acceleration a of the middle of the held edge. The amplitude is the compliance c [s^2]: in slow motion
-e = -c a, and c = 0 is rigid. Integrated exactly for an acceleration that is constant over each millisecond.
+with the level part a of the acceleration of the held edge's middle: a rod that hangs bends sideways and is stiff along
+itself, by EA/L over 3EI/L^3 = 16/3 (L/d)^2 of a round one. The amplitude is the compliance c [s^2]: in slow motion e = -c a, and c = 0 is rigid.
+Integrated exactly for an acceleration that is constant over each millisecond.
 Source: base-excited oscillator, J. P. Den Hartog, "Mechanical Vibrations" (1956), section 2.6; rods ring at 4 to 12 Hz.
 """
 
@@ -40,6 +41,7 @@ class HangerCompliance(Effect):
         middle = path(time).reshape(-1, 2, 3).mean(1)
         acceleration = np.gradient(np.gradient(middle, GRID, axis=0), GRID, axis=0)
         acceleration[:2] = acceleration[-2:] = 0.0
+        acceleration[:, 2] = 0.0
         bent = respond(acceleration, GRID, 1.0 / np.sqrt(float(amplitude[0])))
 
         def drive(instants: Floats) -> Floats:

@@ -28,8 +28,16 @@ from fit.gap.missing_force import find_missing_force
 from fit.gap.next_experiment import propose
 from fit.gap.numerics import refine
 from fit.gap.observer import Observer
-from fit.gap.screening import Screened, screen
-from fit.gap.verdict import SMALLEST_SECOND_GAIN, Evidence, Verdict, decide, is_worth_adding, may_be_added
+from fit.gap.screening import GROUP_COSINE, Screened, screen
+from fit.gap.verdict import (
+    SMALLEST_SECOND_GAIN,
+    Evidence,
+    Verdict,
+    decide,
+    is_brought,
+    is_worth_adding,
+    may_be_added,
+)
 from fit.gap.where import find_where
 from fit.parameterisations import SI, Parameterisation
 from fit.recording import Recording, prepare
@@ -124,7 +132,7 @@ def diagnose(
         sentence=verdict.sentence,
         named=verdict.named,
         gap=described.describe_gap(evidence, best, floor_error),
-        effects=described.describe_effects(evidence, effects, model),
+        effects=described.describe_effects(evidence, best, effects, model),
         where=find_where(judge, judge.residuals(base.vector[None], observer.off[None])[0]),
         missing_force=find_missing_force(judge, base.vector),
         next_experiment=proposal,
@@ -228,13 +236,13 @@ class _Search:
             left_mm2 = best.errors.squared_mm - floor**2
             if left_mm2 < max(SMALLEST_SECOND_GAIN * gap, numerics**2):
                 return
-            found, p_value = min(
-                (pair for start in starts for pair in self._with_another(start)),
-                key=lambda pair: pair[0].errors.squared_mm,
-            )
+            tried = [pair for start in starts for pair in self._with_another(start)]
+            if not tried:
+                return
+            found, p_value = min(tried, key=_held_out_error)
             is_real = may_be_added(self.observer, found, p_value)
             if is_real:
-                found = self._polished(found)
+                found, p_value = self._swapped(self._polished(found), p_value)
                 is_real = may_be_added(self.observer, found, p_value)
             self.joint.append((found, p_value))
             if not is_real or not is_worth_adding(gap, left_mm2, best.errors.squared_mm - found.errors.squared_mm):
@@ -247,6 +255,19 @@ class _Search:
         fitted = min(joint.fitted, ended, key=lambda f: f.cost)
         return Hypothesis(joint.effects, fitted, judged(self.judge, fitted))
 
+    def _swapped(self, pair: Hypothesis, p_value: float) -> tuple[Hypothesis, float]:
+        """Return two effects, or the second with one that looks like the first alone and leaves less beside it."""
+        first, second = pair.effects[0], pair.effects[-1]
+        if len(pair.effects) != 2 or second not in self.singles:
+            return pair, p_value
+        place = self.screened.effects.index(first)
+        alike = np.abs(self.screened.cosines[place]) > GROUP_COSINE
+        twins = tuple(k for k, like in zip(self.screened.effects, alike, strict=True) if like and k not in pair.effects)
+        other = min(self._with_another(self.singles[second], twins), key=_held_out_error, default=(pair, p_value))
+        if other[0] is pair:
+            return pair, p_value
+        return min((pair, p_value), (self._polished(other[0]), other[1]), key=_held_out_error)
+
     def _rivals(self, best: Hypothesis) -> list[Hypothesis]:
         """The next best effect, where it closes nearly as much: beside another it may be the right one."""
         base = self.base.errors.squared_mm
@@ -254,14 +275,29 @@ class _Search:
         closes = [h for h in order if base - h.errors.squared_mm > RIVAL_SHARE * (base - best.errors.squared_mm)]
         return closes[1:2]
 
-    def _with_another(self, start: Hypothesis) -> list[tuple[Hypothesis, float]]:
-        """Refits with one more effect each, of the few that promise most, and their p-values."""
+    def _with_another(
+        self, start: Hypothesis, chosen: tuple[int, ...] | None = None
+    ) -> list[tuple[Hypothesis, float]]:
+        """Refits with one more effect each, of the few that promise most, and their p-values; chosen: of these alone.
+
+        What the start's own effects may bring along is none.
+        """
         effects = self.observer.effects
-        left = tuple(k for k in self.tested if k not in start.effects and effects[k].may_join)
+        left = tuple(
+            k
+            for k in (self.tested if chosen is None else chosen)
+            if k not in start.effects and effects[k].may_join
+        )
+        if not left:
+            return []
         screened = screen(self.observer, start.fitted, left, self.rng)
         places = shortlist(screened)[:SECONDS_TRIED]
         refitted = self._refit(start.fitted, screened, places)
-        return [(h, float(screened.family_p_value[place])) for h, place in zip(refitted, places, strict=True)]
+        return [
+            (h, float(screened.family_p_value[place]))
+            for h, place in zip(refitted, places, strict=True)
+            if not any(is_brought(self.observer, h, k) for k in h.effects)
+        ]
 
     def _refit(self, start: Fitted, screened: Screened, places: list[int]) -> list[Hypothesis]:
         def go() -> list[Fitted]:
@@ -305,6 +341,10 @@ class _Search:
             first = next(k for k, e in enumerate(self.observer.effects) if e.name == verdict.named[0])
             return self.singles[first]
         return None
+
+
+def _held_out_error(pair: tuple[Hypothesis, float]) -> float:
+    return pair[0].errors.squared_mm
 
 
 def fine_enough(recording: Recording) -> Resolution:

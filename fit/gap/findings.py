@@ -10,6 +10,7 @@ from fit.gap.closure import SIGNIFICANT_GAP
 from fit.gap.fitting import NORMAL_95, Fitted
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.observer import Observer
+from fit.gap.probabilities import probabilities
 from fit.gap.screening import groups
 from fit.gap.verdict import MESH_SHARE, Evidence
 from fit.parameterisations import Parameterisation
@@ -33,10 +34,13 @@ def describe_gap(evidence: Evidence, best: Hypothesis | None, floor_error: float
     )
 
 
-def describe_effects(evidence: Evidence, effects: tuple[Effect, ...], model: Parameterisation) -> list[EffectFinding]:
-    """Describe every effect of the library, the one that closes most first."""
+def describe_effects(
+    evidence: Evidence, best: Hypothesis | None, effects: tuple[Effect, ...], model: Parameterisation
+) -> list[EffectFinding]:
+    """Describe every effect of the library, the one that closes most first; best: what the verdict names, if any."""
     screened, shares = evidence.screened, evidence.win_shares()
-    group, probabilities = groups(screened.cosines), evidence.probabilities()
+    several = best if best is not None and len(best.effects) > 1 else None
+    group, likely = groups(screened.cosines), probabilities(evidence, several)
     least = min([evidence.base, *evidence.singles.values()], key=lambda h: h.fitted.cost).fitted.residual
     detectable = np.maximum(screened.minimum_detectable(least, evidence.observer.layout.block), resolvable(evidence))
     found = []
@@ -69,7 +73,7 @@ def describe_effects(evidence: Evidence, effects: tuple[Effect, ...], model: Par
                 id=effect.name,
                 group=effects[screened.effects[group[place]]].name,
                 tested=True,
-                probability=probabilities.get(k, 0.0),
+                probability=likely.get(k, 0.0),
                 amplitude=size,
                 amplitude_interval=interval,
                 components=dict(zip(effect.components, amplitude.tolist(), strict=True)) if len(amplitude) > 1 else {},

@@ -61,8 +61,13 @@ def is_brought(observer: Observer, hypothesis: Hypothesis, effect: int) -> bool:
 
 def is_worth_adding(gap: float, left: float, gain: float) -> bool:
     """Whether a further effect that closes `gain` of what is left of a gap is needed; mean squared errors [mm^2]."""
-    closes_much = gain >= SECOND_GAIN * gap and gain >= SHARE_OF_LEFT * left
-    return closes_much or (gain >= SMALLEST_SECOND_GAIN * gap and gain >= MOST_OF_LEFT * left)
+    return bool(are_worth_adding(np.array(gap), np.array(left), np.array(gain)))
+
+
+def are_worth_adding(gap: Floats, left: Floats, gain: Floats) -> NDArray[np.bool_]:
+    """Return `is_worth_adding` of many draws, each (replicas,)."""
+    closes_much = (gain >= SECOND_GAIN * gap) & (gain >= SHARE_OF_LEFT * left)
+    return np.asarray(closes_much | ((gain >= SMALLEST_SECOND_GAIN * gap) & (gain >= MOST_OF_LEFT * left)))
 
 
 @dataclass(frozen=True)
@@ -113,16 +118,20 @@ class Evidence:
         moved = [np.mean([self.observer.in_mm(row) ** 2 for row in rows]) for rows in self.screened.projected]
         return np.asarray(self.screened.typical / np.sqrt(np.maximum(moved, 1e-12)))
 
-    @functools.cached_property
-    def draws(self) -> tuple[Floats, dict[int, Floats]]:
-        """Mean squared error [mm^2] of the base model and of each refitted effect in every draw.
+    def drawn(self, *several: Hypothesis) -> tuple[Floats, dict[int, Floats], list[Floats]]:
+        """Mean squared error [mm^2] in every draw of the base model, of each refitted effect, and of several together.
 
         Drawn are blocks of the held-out takes and what mesh and solver may be wrong by.
         """
-        every = [self.base.errors, *(h.errors for h in self.singles.values())]
+        every = [h.errors for h in (self.base, *self.singles.values(), *several)]
         moved = solver_draws(every, self.numerics_mm, len(self.picks))
-        drawn = [e.draw(self.picks) + moved[:, n] for n, e in enumerate(every)]
-        return drawn[0], dict(zip(self.singles, drawn[1:], strict=True))
+        base, *rest = (e.draw(self.picks) + moved[:, n] for n, e in enumerate(every))
+        return base, dict(zip(self.singles, rest, strict=False)), rest[len(self.singles) :]
+
+    @functools.cached_property
+    def draws(self) -> tuple[Floats, dict[int, Floats]]:
+        """Mean squared error [mm^2] of the base model and of each refitted effect in every draw."""
+        return self.drawn()[:2]
 
     def alike(self, one: int, other: int) -> bool:
         """Whether two effects explain the same part of the residual, so that a mesh's small error can swap them."""
@@ -131,27 +140,18 @@ class Evidence:
 
     @functools.cached_property
     def worth_naming(self) -> dict[int, NDArray[np.bool_]]:
+        """In which draws each refitted effect leaves the least error and is worth naming, each (replicas,)."""
+        return self.are_worth_naming(*self.draws)
+
+    def are_worth_naming(self, base: Floats, drawn: dict[int, Floats]) -> dict[int, NDArray[np.bool_]]:
         """In which draws each refitted effect leaves the least error and is worth naming, each (replicas,).
 
         Worth naming: the base error of the draw is clearly above the noise, and the effect closes a quarter of it.
+        base, (replicas,), drawn, each (replicas,): mean squared errors [mm^2]
         """
-        base, drawn = self.draws
         least, gap = np.min(np.stack([base, *drawn.values()]), axis=0), base - self.floor_mm**2
         has_gap = base > SIGNIFICANT_GAP * self.floor_mm**2
         return {k: (d <= least) & has_gap & (base - d >= SMALLEST_CLOSURE * gap) for k, d in drawn.items()}
-
-    def probabilities(self) -> dict[int, float]:
-        """Share of draws in which each refitted effect is worth naming and leaves no more than a cause leaves.
-
-        How much that is nobody knows: it is drawn evenly between nothing and MOST_LEFT of the gap.
-        """
-        base, drawn = self.draws
-        noise = self.floor_mm**2
-        left = MOST_LEFT * np.random.default_rng(1).random(len(base)) * (base - noise)
-        return {
-            k: float(np.mean(worth & (drawn[k] - noise - self.numerics_mm**2 <= left)))
-            for k, worth in self.worth_naming.items()
-        }
 
     def win_shares(self) -> dict[int, float]:
         """Share of draws in which each refitted effect leaves the smallest error."""
@@ -190,7 +190,9 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
     noise, mesh = evidence.floor_mm**2, evidence.numerics_mm**2
     passing = passing_effects(evidence) if evidence.exceeds(noise) else []
     several = _several(evidence) if passing else None
-    if several is None or several.effects[0] not in passing:
+    if several is not None and not set(several.effects) & set(passing):
+        several = None
+    if several is None:
         passing = _likely(evidence, passing)
     if not evidence.exceeds(noise) or (not passing and not evidence.exceeds(noise + mesh)):
         return Verdict("none", [], f"No gap: the base model explains the motion down to noise and mesh. {numbers}")
@@ -203,7 +205,7 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
         return Verdict("numerics", [], f"Refine first: {coarse.sentence} {numbers}")
     if not passing:
         return Verdict("unknown", [], f"There is a gap that no effect in the library explains. {numbers}")
-    if several is not None and several.effects[0] in passing:
+    if several is not None:
         return _name_several(evidence, several, effects)
     best = passing[0]
     closed = evidence.closure_of(evidence.singles[best])

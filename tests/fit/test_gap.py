@@ -20,6 +20,7 @@ from fit.gap.floor import noise_floor
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.observer import Observer
 from fit.gap.screening import Screened, groups
+from fit.gap.probabilities import LEFT, LEFT_WIDTH, probabilities
 from fit.gap.verdict import Evidence, decide, is_worth_adding
 from fit.parameterisations import SI
 from fit.recording import prepare
@@ -223,12 +224,37 @@ def test_a_further_effect_that_may_be_nothing_is_not_named():
     assert decide(evidence, LIBRARY).verdict == "effect"
 
 
+def probability_of(name, evidence, several=None):
+    return probabilities(evidence, several)[[e.name for e in LIBRARY].index(name)]
+
+
 def test_an_effect_that_leaves_much_is_less_probable():
-    """It closes 91 % and leaves (36 - 25 - 1) / 119 = 8 % of the gap, of limits drawn up to 60 %: 1 - 8/60 = 0.86."""
-    evidence = evidence_of({"air_drag": 6.0})
-    assert evidence.probabilities()[next(iter(evidence.singles))] == pytest.approx(0.86, abs=0.05)
-    evidence = evidence_of({"air_drag": 5.0})
-    assert evidence.probabilities()[next(iter(evidence.singles))] == pytest.approx(1.0, abs=0.02)
+    """With d mm it leaves (d^2 - 25 - 1) / 119 of the gap: 1 / (1 + exp((left - LEFT) / LEFT_WIDTH))."""
+    for mm in (5.0, 8.0, 8.6, 9.2):
+        left = (mm**2 - 26) / 119
+        expected = 1 / (1 + np.exp((left - LEFT) / LEFT_WIDTH))
+        assert probability_of("air_drag", evidence_of({"air_drag": mm})) == pytest.approx(expected, abs=0.08)
+
+
+def test_effects_that_are_needed_together_are_as_probable_as_their_sum_is():
+    """9.5 mm with drag alone, 5.5 with a hem as well: nearly nothing is left. With 9.4 the hem adds nothing."""
+    for joint, likely in ((5.5, 1.0), (9.4, 0.0)):
+        evidence = evidence_of({"air_drag": 9.5, "hem": 11.9}, joint=[(("air_drag", "hem"), joint)])
+        together = evidence.joint[0][0]
+        assert probability_of("hem", evidence, together) == pytest.approx(likely, abs=0.05)
+        assert probability_of("hem", evidence) == pytest.approx(0.0, abs=0.02)
+
+
+@pytest.mark.parametrize(("lift", "verdict"), [(2.2, "effect"), (2.6, "several")])
+def test_the_lift_of_a_plate_that_is_dragged_is_no_effect_beside_its_drag(lift, verdict):
+    """Drag of 1.2 brings a lift of up to 2.4 (Duchemin); the lift is good to 0.05 typical sizes, 0.1."""
+    pair = ("air_drag", "air_lift")
+    evidence = evidence_of({"air_drag": 9.0}, joint=[(pair, 5.5)])
+    found, p_value = evidence.joint[0]
+    row = amplitudes_of(LIBRARY, air_drag=1.2, air_lift=lift)
+    sure = dataclasses.replace(found.fitted, amplitudes=row, deviation=0.2 * found.fitted.deviation)
+    evidence = dataclasses.replace(evidence, joint=[(dataclasses.replace(found, fitted=sure), p_value)])
+    assert decide(evidence, LIBRARY).verdict == verdict
 
 
 def test_a_moment_that_most_draws_miss_is_judged_by_the_motion_fitted_to():

@@ -7,7 +7,7 @@ kernel; its lanes are gcc's vectors. Ways run one after the other in every round
 the same to all; printed are medians and quartiles over the rounds, of ratios within a round. Calls are one call of the
 C against one of the kernel; whole runs are `Simulator.run`, which also packs the arrays and takes the results apart.
 
-Both settle; the kernel also works out a pull in the first half of settling, of zero here since no point is seen, which
+Both settle; the kernel also works out a pull in the first fifth of settling, of zero here since no point is seen, which
 the C leaves out: it costs the kernel less than 1 %. Without gcc nothing is measured.
 """
 

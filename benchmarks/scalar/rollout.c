@@ -23,10 +23,16 @@
 #if LANES == 1
 typedef float vec;
 INLINE vec magnitude(vec a) { return fabsf(a); }
+INLINE vec at_least(vec a, float b) { return a > b ? a : b; }
 #else
 typedef float vec __attribute__((vector_size(4 * LANES)));
 typedef int bits __attribute__((vector_size(4 * LANES)));
 INLINE vec magnitude(vec a) { return (vec)((bits)a & 0x7fffffff); }
+INLINE vec at_least(vec a, float b)
+{
+    const bits above = a > b;
+    return (vec)(((bits)a & above) | ((bits)((vec){0} + b) & ~above));
+}
 #endif
 
 typedef vec vec3[3];
@@ -285,7 +291,7 @@ void rollout(const struct task *t)
         for (; step < t->frame_step[frame]; step++) {
             vec rate = t->material[8];
             if (step < 0)
-                rate += t->settle_damping;
+                rate = at_least(rate, t->settle_damping);
             resist(t, step > -t->settle_steps ? 1.0f / t->time_step : 0.0f);
             kick_and_drift(t, rate);
             hold(t, step < 0 ? 0 : step + 1);

@@ -31,7 +31,6 @@ Numbers = TypeVar("Numbers", Floats, Singles, Integers)
 
 COST = {4: 1.0, 8: 1.07, 16: 1.4}  # of a group by its lanes: processors add up to eight numbers as fast as one
 ALIGNMENT = 64  # bytes: sixteen lanes of four bytes
-SETTLE_DAMPING = 6.0  # 1/s while the cloth settles
 TASKS = 8  # per processor and call: a call cannot be interrupted
 
 
@@ -157,7 +156,7 @@ def _call(tasks: list[Group], lanes: int, observer_hz: float) -> None:
             _flat(_in_lanes(1.0 / np.stack(masses), lanes)),
             _in_lanes(amplitudes if first.effects else np.zeros((len(amplitudes), 1)), lanes),
             frame_step, frame_lag, np.stack([recorded, settle, _firsts(paths), targets.first, targets.every], 1),
-            np.array([t.dt for t in tasks], np.float32), SETTLE_DAMPING, omega**2, 2 * omega,
+            np.array([t.dt for t in tasks], np.float32), support.settle_damping, omega**2, 2 * omega,
             out, whole,
         )  # fmt: skip
     _hand_back(tasks, _from_lanes(out), _from_lanes(whole), _from_lanes(state[2]), lanes)

@@ -11,12 +11,14 @@ f is the sum of
     effects    forces on the surface around each node from the chosen effects (fit.effects); mass m_a that is added to
                the normal motion, (m + m_a n n') a = F, so a = (F - n (n.F) m_a/(m + m_a)) / m
     contact    with itself and with bodies (fit.cloth.contact)
-pull is the observer's (fit.gap.observer): w^2 (y - x) + 2 zeta w (ydot - v), spread from the tracked points.
+pull is the observer's (fit.gap.observer): w^2 (y - x) + 2 zeta w (ydot - v), spread from the tracked points. While the
+cloth settles (fit.cloth.support), c is at least the settling's, and the pull that of its beginning.
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations of kernels.
 
 import functools
+import math
 
 import taichi as ti
 
@@ -25,6 +27,9 @@ from fit.cloth.lanes import within
 from fit.cloth.moments import bending
 from fit.cloth.touching import touching
 
+SETTLE_PULLED = 0.2  # of settling, its beginning: the observed first shape pulls
+SETTLE_GAIN = (2 * math.pi * 8.0) ** 2  # 1/s^2: 8 Hz, so that 0.32 s leave 2e-6 of the way from where the cloth began
+SETTLE_PULL_DAMPING = 2 * math.sqrt(SETTLE_GAIN)  # 1/s, critical
 TASK = 512  # Taichi hands out loops in tasks of at least 512 iterations; one task per group of lanes
 
 
@@ -226,9 +231,7 @@ def make_rollout(
                 frames, settle_steps = counts[b, 0], counts[b, 1]
                 first_path, first_target, steps_per_target = counts[b, 2], counts[b, 3], counts[b, 4]
                 dt, last_step, zero = time_step[b], frame_step[b, frames - 1], vec(0.0)
-                settle_gain = 355.0  # (2 pi 3 Hz)^2: the first half of settling is drawn to the observed first shape
-                settle_pull_damping = 37.7
-                step = -settle_steps
+                step, pulled_until = -settle_steps, ti.cast(settle_steps * (SETTLE_PULLED - 1.0), ti.i32)
                 for frame in range(frames):
                     while step < frame_step[b, frame]:
                         is_settling = step < 0
@@ -236,10 +239,10 @@ def make_rollout(
                         rate = material[b, 8]
                         pull_gain, pull_damping, moving = gain, damping, 1.0
                         if is_settling:
-                            rate = rate + settle_damping
-                            pull_gain, pull_damping = settle_gain, settle_pull_damping
+                            rate = ti.max(rate, settle_damping)
+                            pull_gain, pull_damping = SETTLE_GAIN, SETTLE_PULL_DAMPING
                             moving = 0.0  # at rest: the slope of a spline's end is mostly noise
-                            if step >= -settle_steps // 2:
+                            if step >= pulled_until:
                                 pull_gain = 0.0  # from the observed folds into the model's own equilibrium
                         per_step = 0.0  # there is no step before the first
                         if step > -settle_steps:

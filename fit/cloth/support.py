@@ -7,6 +7,14 @@ origin and of its axes, so that the node at (X, Y) is at origin + X across + Y d
 holds stays flat and keeps its angle, which is what clamping means; a single row of nodes is a hinge. A frame whose
 axes turn against each other shears what it holds.
 
+Before the take the cloth settles: it hangs at the hanger's first pose, for a fifth of that time under a pull to where
+the tracked points begin, then freely. Damping at the rate c stills what swings at omega as e^(-c t / 2) where
+c < 2 omega, and as e^(-omega^2 t / c) where c is far larger. Least is left of the slowest swing where it is critical,
+    c = 2 omega_1,  omega_1 = 1.2024 sqrt(g / L),  remainder (1 + omega_1 t) e^(-omega_1 t),
+that of a sheet of length L (2 x 1.2024 is the first zero of J0: D. Bernoulli, 1733): 0.6 % at 0.45 m in 1.28 s. Cloth
+that is damped more by itself keeps its own damping. Source of critical damping on the way to a static solution: A. S.
+Day, "An introduction to dynamic relaxation", The Engineer 219 (1965). `benchmarks/settling.py` measures what it leaves.
+
 Cloth that hangs from a whole edge has one rest, which settling finds. Cloth held at two corners is slack between them:
 it hangs in folds, to one side or the other, and one of several rests is chosen by chance. So it starts where the
 tracked points are at the beginning of the take: the flat cloth, moved by the polyharmonic spline through the points'
@@ -36,6 +44,7 @@ Floats = NDArray[np.float64]
 GRAVITY = 9.80665  # m/s^2
 ON_LINE = 1e-3  # m from a line within which points say nothing of the cloth beside it
 SETTLE_TIME = 1.6  # s that cloth hangs at the first hanger pose before the take begins
+FIRST_SWING = 1.2024  # of a hanging sheet, over sqrt(g / L): half the first zero of J0
 
 
 @dataclass(frozen=True)
@@ -45,7 +54,7 @@ class Support:
     nodes, (held,); shares, (held, handles): of the handles in the place of each held node
     path: (n,) instants [s] -> (n, 3 handles) [m], world frame
     start: handles at the beginning, (candidates, 3 handles) -> places of the nodes [m], (candidates, nodes, 3)
-    settle_time [s]: the cloth hangs that long at the first pose, strongly damped, before time begins
+    settle_time [s]: the cloth hangs that long at the first pose before time begins, damped by settle_damping [1/s]
     gravity [m/s^2], along -z
     """
 
@@ -54,6 +63,7 @@ class Support:
     path: Curve
     start: Curve
     settle_time: float = SETTLE_TIME
+    settle_damping: float = 0.0
     gravity: float = GRAVITY
 
     @property
@@ -82,11 +92,13 @@ def hanger(recording: Recording) -> Supporting:
 
     def support(mesh: ClothMesh) -> Support:
         moved = _seen_folds(recording, mesh)
+        length = float(np.ptp(mesh.rest[:, 1]))
         return Support(
             nodes=mesh.held_nodes,
             shares=np.stack([1 - mesh.held_fraction, mesh.held_fraction], 1),
             path=recording.held,
             start=lambda ends: _hanging_flat(mesh, ends) + moved,
+            settle_damping=float(2 * FIRST_SWING * np.sqrt(GRAVITY / length)),
         )
 
     return support

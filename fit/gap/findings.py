@@ -7,12 +7,13 @@ from numpy.typing import NDArray
 
 from fit.effects.base import Effect, size_of
 from fit.gap.closure import SIGNIFICANT_GAP
+from fit.gap.evidence import Evidence
 from fit.gap.fitting import NORMAL_95, Fitted
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.observer import Observer
 from fit.gap.probabilities import probabilities
 from fit.gap.screening import groups
-from fit.gap.verdict import MESH_SHARE, Evidence
+from fit.gap.verdict import MESH_SHARE
 from fit.parameterisations import Parameterisation
 from formats.results import EffectFinding, Figure, FitParameter, Gap
 

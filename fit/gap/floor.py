@@ -1,9 +1,9 @@
 """The noise floor: the error that would be left if the model were perfect.
 
 Simulation-extrapolation: add the estimated noise to the data once more and score again with the same parameters; the
-growth of the squared error is the noise's own share, as seen by the whole pipeline:
+growth of the squared error is the noise's own share, as seen by the whole pipeline, never below the points' own noise:
 
-    floor^2 = E^2(one more) - E^2(0)
+    floor^2 = max(E^2(one more) - E^2(0), mean of 3 sigma_p^2)
 
 The noise of each point is the larger of what the take states and what sixth differences show. The hanger's measured
 path, which drives the cloth, gets its own noise once more as well, through the same smoothing: what is left of it
@@ -77,10 +77,18 @@ def noise_floor(
     for _ in range(REPLICAS):
         again = observer.of([noisier(r, rng) for r in observer.recordings])
         grown.append(float(again.in_mm(again.residuals(vector[None], amplitudes[None])[0])) ** 2 - before)
-    floors = np.sqrt(np.maximum(grown, 0.0))
+    # Where little of the motion is explained, chance may make an error smaller by noise; the points' own noise stays.
+    floors = np.sqrt(np.maximum(grown, own_noise_mm(observer) ** 2))
     fast = float(floors.mean())
     slow = neighbour_noise(observer, residual)
     return max(fast, min(slow, LARGEST_RATIO * fast)), float(floors.std(ddof=1) / np.sqrt(REPLICAS))
+
+
+def own_noise_mm(observer: Observer) -> float:
+    """Root mean square distance [mm] by which the judged points are off by their own noise alone."""
+    seen = [recording.counted.sum(0) for recording in observer.recordings]
+    squares = sum(float((3 * point_noise(r) ** 2 * n).sum()) for r, n in zip(observer.recordings, seen, strict=True))
+    return 1e3 * float(np.sqrt(squares / sum(int(n.sum()) for n in seen)))
 
 
 def noisier(recording: Recording, rng: np.random.Generator) -> Recording:

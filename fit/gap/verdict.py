@@ -2,35 +2,24 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.effects.base import Effect
-from fit.gap.closure import DIRECTIONS, SIGNIFICANT_GAP, closure, error_interval, exceeds, solver_draws
-from fit.gap.fitting import NORMAL_95, amplitude_of
+from fit.gap.evidence import SECOND_GAIN, SMALLEST_CLOSURE, Evidence, is_worth_adding
+from fit.gap.fitting import amplitude_of
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.observer import Observer
-from fit.gap.screening import GROUP_COSINE, Screened
-from formats.results import Figure, Gate
-
-Floats = NDArray[np.float64]
+from fit.gap.probabilities import probabilities
 
 LEVEL = 0.05  # family-wise
-SMALLEST_CLOSURE = 0.25  # an effect that removes less of the gap is not its cause
-MOST_LEFT = 0.6  # of the gap that a cause may leave unexplained, beyond noise and mesh
 CLEAR_WIN = 0.8  # share of bootstrap draws in which the winner beats every other effect
 NEAR, NEAR_TWIN = 0.8, 0.9  # of the winner's closure from which an effect, or one of the same shape, is a rival
 AT_BOUND = 0.01  # of an effect's range: an amplitude nearer to its end was stopped by it
 RIVAL = 0.1  # share of bootstrap draws that makes an effect a rival
 MESH_SHARE = 0.5  # of the mesh's squared error that an effect must remove at least
-# A further effect closes a tenth of the gap and a third of what those before leave beyond the noise; or it closes most
-# of that, which the wrong law of an effect that is there rarely does.
-SECOND_GAIN, SHARE_OF_LEFT = 0.1, 1 / 3
-SMALLEST_SECOND_GAIN, MOST_OF_LEFT = 0.03, 0.6
-LIKELY = 0.5  # probability that something that is named must have
+LIKELY, SURE = 0.5, 0.8  # probabilities; it is likely that one of what is named is worth naming
 
 
 def is_at_bound(observer: Observer, hypothesis: Hypothesis) -> bool:
@@ -57,118 +46,6 @@ def is_brought(observer: Observer, hypothesis: Hypothesis, effect: int) -> bool:
         brought += share * amplitude_of(hypothesis.fitted, observer, other)[0] if share else 0.0
     _, (low, _) = amplitude_of(hypothesis.fitted, observer, effect)
     return brought > 0.0 and low <= brought
-
-
-def is_worth_adding(gap: float, left: float, gain: float) -> bool:
-    """Whether a further effect that closes `gain` of what is left of a gap is needed; mean squared errors [mm^2]."""
-    return bool(are_worth_adding(np.array(gap), np.array(left), np.array(gain)))
-
-
-def are_worth_adding(gap: Floats, left: Floats, gain: Floats) -> NDArray[np.bool_]:
-    """Return `is_worth_adding` of many draws, each (replicas,)."""
-    closes_much = (gain >= SECOND_GAIN * gap) & (gain >= SHARE_OF_LEFT * left)
-    return np.asarray(closes_much | ((gain >= SMALLEST_SECOND_GAIN * gap) & (gain >= MOST_OF_LEFT * left)))
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """What a verdict is decided on: hypotheses with their held-out errors, noise floor [mm], mesh error [mm], gates."""
-
-    observer: Observer
-    screened: Screened
-    base: Hypothesis
-    singles: dict[int, Hypothesis]
-    joint: list[tuple[Hypothesis, float]]
-    floor_mm: float
-    numerics_mm: float
-    picks: NDArray[np.int64]
-    gates: list[Gate]
-    is_held_out: bool
-
-    def closure_of(self, hypothesis: Hypothesis) -> Figure | None:
-        """Share of the gap that a hypothesis closes; None where there is hardly a gap."""
-        found = closure(self.base.errors, hypothesis.errors, self.floor_mm, self.picks)
-        return Figure(value=found[0], interval=found[1]) if found else None
-
-    def error_of(self, hypothesis: Hypothesis) -> Figure:
-        """Root mean square held-out error of a hypothesis [mm]."""
-        return Figure(
-            value=float(np.sqrt(hypothesis.errors.squared_mm)), interval=error_interval(hypothesis.errors, self.picks)
-        )
-
-    def p_value(self, effect: int) -> float:
-        """Family-wise p-value of an effect of the library."""
-        return float(self.screened.family_p_value[self.screened.effects.index(effect)])
-
-    def amplitude(self, effect: int, *, any_law: bool = True) -> tuple[float, tuple[float, float]]:
-        """Size of a refitted effect and its 90 % interval: noise, mesh and solver, and the law of the effect itself.
-
-        any_law: whether the interval is to hold for every sound law of the effect, or for the library's alone.
-        """
-        size, (low, high) = amplitude_of(self.singles[effect].fitted, self.observer, effect)
-        place = self.screened.effects.index(effect)
-        wrong = NORMAL_95 * self.numerics_mm * float(self.per_millimetre[place]) / np.sqrt(DIRECTIONS)
-        law = NORMAL_95 * self.observer.effects[effect].law_spread * size if any_law else 0.0
-        half = float(np.linalg.norm([(high - low) / 2, wrong, law]))
-        return size, (size - half, size + half)
-
-    @functools.cached_property
-    def per_millimetre(self) -> Floats:
-        """Size at which each screened effect, the base model refitted, moves the points by 1 mm rms, (screened,)."""
-        moved = [np.mean([self.observer.in_mm(row) ** 2 for row in rows]) for rows in self.screened.projected]
-        return np.asarray(self.screened.typical / np.sqrt(np.maximum(moved, 1e-12)))
-
-    def drawn(self, *several: Hypothesis) -> tuple[Floats, dict[int, Floats], list[Floats]]:
-        """Mean squared error [mm^2] in every draw of the base model, of each refitted effect, and of several together.
-
-        Drawn are blocks of the held-out takes and what mesh and solver may be wrong by.
-        """
-        every = [h.errors for h in (self.base, *self.singles.values(), *several)]
-        moved = solver_draws(every, self.numerics_mm, len(self.picks))
-        base, *rest = (e.draw(self.picks) + moved[:, n] for n, e in enumerate(every))
-        return base, dict(zip(self.singles, rest, strict=False)), rest[len(self.singles) :]
-
-    @functools.cached_property
-    def draws(self) -> tuple[Floats, dict[int, Floats]]:
-        """Mean squared error [mm^2] of the base model and of each refitted effect in every draw."""
-        return self.drawn()[:2]
-
-    def alike(self, one: int, other: int) -> bool:
-        """Whether two effects explain the same part of the residual, so that a mesh's small error can swap them."""
-        places = [self.screened.effects.index(k) for k in (one, other)]
-        return bool(abs(self.screened.cosines[places[0], places[1]]) > GROUP_COSINE)
-
-    @functools.cached_property
-    def worth_naming(self) -> dict[int, NDArray[np.bool_]]:
-        """In which draws each refitted effect leaves the least error and is worth naming, each (replicas,)."""
-        return self.are_worth_naming(*self.draws)
-
-    def are_worth_naming(self, base: Floats, drawn: dict[int, Floats]) -> dict[int, NDArray[np.bool_]]:
-        """In which draws each refitted effect leaves the least error and is worth naming, each (replicas,).
-
-        Worth naming: the base error of the draw is clearly above the noise, and the effect closes a quarter of it.
-        base, (replicas,), drawn, each (replicas,): mean squared errors [mm^2]
-        """
-        least, gap = np.min(np.stack([base, *drawn.values()]), axis=0), base - self.floor_mm**2
-        has_gap = base > SIGNIFICANT_GAP * self.floor_mm**2
-        return {k: (d <= least) & has_gap & (base - d >= SMALLEST_CLOSURE * gap) for k, d in drawn.items()}
-
-    def win_shares(self) -> dict[int, float]:
-        """Share of draws in which each refitted effect leaves the smallest error."""
-        if not self.singles:
-            return {}
-        winners = np.argmin(np.stack(list(self.draws[1].values())), axis=0)
-        return {k: float(np.mean(winners == n)) for n, k in enumerate(self.singles)}
-
-    def exceeds(self, known: float) -> bool:
-        """Whether the base model's squared error is clearly above a known one [mm^2]."""
-        return exceeds(self.base.errors, self.picks, known)
-
-    def explains_enough(self, hypothesis: Hypothesis) -> bool:
-        """Whether what a hypothesis leaves, beyond noise and mesh, is small against the gap."""
-        gap = self.base.errors.squared_mm - self.floor_mm**2
-        left = hypothesis.errors.squared_mm - self.floor_mm**2 - self.numerics_mm**2
-        return left <= MOST_LEFT * gap
 
 
 @dataclass(frozen=True)
@@ -235,9 +112,9 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
     return Verdict(
         "effect",
         [effects[best].name],
-        f"The model lacks {title}. {numbers} With {title} ({_with_unit(evidence, best, effects)}) it misses by "
-        f"{evidence.error_of(evidence.singles[best]).value:.1f} mm: {100 * closed.value:.0f} % of the gap is closed "
-        f"[{100 * low:.0f} to {100 * high:.0f} %].",
+        f"{_lacks(evidence, None, best)} {title}. {numbers} With {title} ({_with_unit(evidence, best, effects)}) it "
+        f"misses by {evidence.error_of(evidence.singles[best]).value:.1f} mm: {100 * closed.value:.0f} % of the gap "
+        f"is closed [{100 * low:.0f} to {100 * high:.0f} %].",
     )
 
 
@@ -306,8 +183,17 @@ def _name_several(evidence: Evidence, several: Hypothesis, effects: tuple[Effect
     return Verdict(
         "several",
         [effects[k].name for k in several.effects],
-        f"The model lacks {titles}. {_numbers(evidence)} With them it misses by "
+        f"{_lacks(evidence, several, *several.effects)} {titles}. {_numbers(evidence)} With them it misses by "
         f"{evidence.error_of(several).value:.1f} mm: {100 * closed.value:.0f} % of the gap is closed.",
+    )
+
+
+def _lacks(evidence: Evidence, several: Hypothesis | None, *named: int) -> str:
+    """Begin the sentence that names effects, as sure as the least probable of them is."""
+    likely = probabilities(evidence, several)
+    least = min(likely[k] for k in named)
+    return (
+        "The model lacks" if least >= SURE else "The model probably lacks" if least >= LIKELY else "The model may lack"
     )
 
 

@@ -15,13 +15,14 @@ from fit.errors import FitError
 from fit.gap import gates
 from fit.gap.closure import BlockErrors, closure, solver_draws
 from fit.gap.diagnosis import diagnose
+from fit.gap.evidence import Evidence, is_worth_adding
 from fit.gap.fitting import Fitted, sandwich
 from fit.gap.floor import noise_floor
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.observer import Observer
-from fit.gap.screening import Screened, groups
 from fit.gap.probabilities import LEFT, LEFT_WIDTH, probabilities
-from fit.gap.verdict import Evidence, decide, is_worth_adding
+from fit.gap.screening import Screened, groups
+from fit.gap.verdict import decide
 from fit.parameterisations import SI
 from fit.recording import prepare
 from formats.results import Gate
@@ -77,6 +78,16 @@ def test_the_noise_floor_of_a_perfect_model_is_the_noise():
     error = float(observer.in_mm(observer.residuals(vector[None], off[None])[0]))
     assert floor == pytest.approx(NOISE * 1e3 * np.sqrt(3), rel=0.08)
     assert error == pytest.approx(floor, rel=0.08)
+
+
+def test_the_floor_of_a_model_that_is_far_off_is_no_less_than_the_points_own_noise():
+    """Errors of 50 mm and more beside noise of 3: what more noise adds to them is chance, and may be negative."""
+    take, _ = truth(noise=NOISE)
+    moved = take.points + 0.05 * np.sin(7.0 * take.time)[:, None, None]
+    observer = Observer([prepare(dataclasses.replace(take, points=moved))], SI, LIBRARY, frequency=0.0)
+    for seed in range(6):
+        floor, _ = noise_floor(observer, SI.initial, observer.off, np.random.default_rng(seed))
+        assert floor >= NOISE * 1e3 * np.sqrt(3) * 0.999
 
 
 def errors_of(total):
@@ -241,7 +252,7 @@ def test_effects_that_are_needed_together_are_as_probable_as_their_sum_is():
     for joint, likely in ((5.5, 1.0), (9.4, 0.0)):
         evidence = evidence_of({"air_drag": 9.5, "hem": 11.9}, joint=[(("air_drag", "hem"), joint)])
         together = evidence.joint[0][0]
-        assert probability_of("hem", evidence, together) == pytest.approx(likely, abs=0.05)
+        assert probability_of("hem", evidence, together) == pytest.approx(likely, abs=0.1)
         assert probability_of("hem", evidence) == pytest.approx(0.0, abs=0.02)
 
 

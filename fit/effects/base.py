@@ -54,7 +54,7 @@ class Effect:
     components: ClassVar[tuple[str, ...]] = ("",)
     in_base: ClassVar[str] = ""
     brings: ClassVar[tuple[tuple[str, float], ...]] = ()
-    may_join: ClassVar[bool] = True  # may be named beside another effect: not what sound solvers differ by as much
+    differs_by_solver: ClassVar[bool] = False  # sound solvers differ by as much: never named beside another effect
     face_force: ClassVar[Callable[..., Any] | None] = None
     bends: ClassVar[bool] = False  # whether `rest_curvature` or `friction_moment` does anything
     adds_mass: ClassVar[bool] = False  # whether `added_mass` does anything

@@ -41,7 +41,7 @@ class StretchViscosity(Effect):
     low: ClassVar[float] = 0.0
     high: ClassVar[float] = 3e-3
     typical: ClassVar[float] = 1e-3
-    may_join: ClassVar[bool] = False
+    differs_by_solver: ClassVar[bool] = True
 
     def material(self, row: Floats, amplitude: Floats) -> Floats:
         """Return the material row with viscosity."""

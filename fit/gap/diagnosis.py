@@ -275,7 +275,9 @@ class _Search:
         """
         effects = self.observer.effects
         left = tuple(
-            k for k in (self.tested if chosen is None else chosen) if k not in start.effects and effects[k].may_join
+            k
+            for k in (self.tested if chosen is None else chosen)
+            if k not in start.effects and not effects[k].differs_by_solver
         )
         if not left:
             return []

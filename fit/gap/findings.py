@@ -13,7 +13,7 @@ from fit.gap.hypotheses import Hypothesis
 from fit.gap.observer import Observer
 from fit.gap.probabilities import probabilities
 from fit.gap.screening import groups
-from fit.gap.verdict import MESH_SHARE
+from fit.gap.verdict import mesh_share
 from fit.parameterisations import Parameterisation
 from formats.results import EffectFinding, Figure, FitParameter, Gap
 
@@ -98,7 +98,8 @@ def resolvable(evidence: Evidence) -> Floats:
     An effect is named only if it removes more than a share of mesh and solver error, and only where the gap is clearly
     above the noise (`fit.gap.verdict`); below that it cannot be named, however little noise there is.
     """
-    needed = max(MESH_SHARE * evidence.numerics_mm**2, (SIGNIFICANT_GAP - 1) * evidence.floor_mm**2)
+    share = np.array([mesh_share(evidence.observer.effects[k]) for k in evidence.screened.effects])
+    needed = np.maximum(share * evidence.numerics_mm**2, (SIGNIFICANT_GAP - 1) * evidence.floor_mm**2)
     return np.asarray(np.sqrt(needed) * evidence.per_millimetre)
 
 

@@ -18,7 +18,8 @@ CLEAR_WIN = 0.8  # share of bootstrap draws in which the winner beats every othe
 NEAR, NEAR_TWIN = 0.8, 0.9  # of the winner's closure from which an effect, or one of the same shape, is a rival
 AT_BOUND = 0.01  # of an effect's range: an amplitude nearer to its end was stopped by it
 RIVAL = 0.1  # share of bootstrap draws that makes an effect a rival
-MESH_SHARE = 0.5  # of the mesh's squared error that an effect must remove at least
+# Of the squared error of mesh and solver that an effect must remove at least; of what solvers differ by, more than all.
+MESH_SHARE, SOLVER_SHARE = 0.5, 1.5
 LIKELY, SURE = 0.5, 0.8  # probabilities; it is likely that one of what is named is worth naming
 
 
@@ -129,7 +130,7 @@ def passing_effects(evidence: Evidence) -> list[int]:
         # The score test is blind to effects that act in few half-seconds; held-out motion is not.
         gain = evidence.base.errors.squared_mm - hypothesis.errors.squared_mm
         is_certain = evidence.p_value(k) < LEVEL or closed.interval[0] >= SMALLEST_CLOSURE
-        is_resolved = gain > MESH_SHARE * evidence.numerics_mm**2
+        is_resolved = gain > mesh_share(evidence.observer.effects[k]) * evidence.numerics_mm**2
         if (
             is_certain
             and is_resolved
@@ -139,6 +140,11 @@ def passing_effects(evidence: Evidence) -> list[int]:
         ):
             passing.append((closed.value, k))
     return [k for _, k in sorted(passing, reverse=True)]
+
+
+def mesh_share(effect: Effect) -> float:
+    """Share of the squared error of mesh and solver that an effect must remove to be named."""
+    return SOLVER_SHARE if effect.differs_by_solver else MESH_SHARE
 
 
 def _likely(evidence: Evidence, passing: list[int]) -> list[int]:

@@ -202,6 +202,13 @@ def test_the_verdict_follows_the_rules(given, verdict, named):
     assert (found.verdict, found.named) == (verdict, named), found.sentence
 
 
+@pytest.mark.parametrize(("name", "verdict"), [("air_drag", "effect"), ("stretch_viscosity", "unknown")])
+def test_what_solvers_differ_by_must_remove_more_than_they_may_be_wrong_by(name, verdict):
+    """(12^2 - 6^2) mm^2 = 108 is more than half of 9^2 = 81, and less than one and a half times it."""
+    evidence = dataclasses.replace(evidence_of({name: 6.0}), numerics_mm=9.0)
+    assert decide(evidence, LIBRARY).verdict == verdict
+
+
 @pytest.mark.parametrize(("share", "verdict"), [(0.45, "unknown"), (0.55, "effect")])
 def test_what_is_named_is_worth_naming_in_half_of_the_draws(share, verdict):
     evidence = evidence_of({"air_drag": 6.0})

@@ -202,6 +202,11 @@ def test_the_verdict_follows_the_rules(given, verdict, named):
     assert (found.verdict, found.named) == (verdict, named), found.sentence
 
 
+def test_noise_that_a_model_falls_below_is_said_to_be_at_most_that():
+    for mm, told in ((6.0, "noise alone is 5.0 mm"), (5.0, "noise alone is at most 5.0 mm")):
+        assert told in decide(evidence_of({"air_drag": mm}), LIBRARY).sentence
+
+
 @pytest.mark.parametrize(("name", "verdict"), [("air_drag", "effect"), ("stretch_viscosity", "unknown")])
 def test_what_solvers_differ_by_must_remove_more_than_they_may_be_wrong_by(name, verdict):
     """(12^2 - 6^2) mm^2 = 108 is more than half of 9^2 = 81, and less than one and a half times it."""

@@ -21,7 +21,7 @@ from fit.gap import gates as gate
 from fit.gap.base_fit import fit_base, middle
 from fit.gap.checkpoint import Checkpoint, Key
 from fit.gap.closure import bootstrap_picks, closure, exceeds
-from fit.gap.evidence import SMALLEST_SECOND_GAIN, Evidence, is_worth_adding
+from fit.gap.evidence import SMALLEST_SECOND_GAIN, Evidence, best_of, is_worth_adding
 from fit.gap.fitting import Fitted, Task, fit
 from fit.gap.floor import noise_floor
 from fit.gap.hypotheses import Hypothesis, judged, polishing, refits, restarts, shortlist
@@ -222,8 +222,8 @@ class _Search:
         A further effect must close a share of the gap, and of what is left of it (`fit.gap.verdict`): where less is
         left, none is looked for.
         """
-        best = min(self.singles.values(), key=lambda h: h.errors.squared_mm)
-        starts = [best, *self._rivals(best)]
+        order = best_of(self.observer, self.singles)
+        best, starts = order[0], [order[0], *self._rivals(order)]
         gap = self.base.errors.squared_mm - floor**2
         while len(starts[0].effects) < MOST_EFFECTS:
             left_mm2 = best.errors.squared_mm - floor**2
@@ -261,12 +261,11 @@ class _Search:
             return pair, p_value
         return min((pair, p_value), (self._polished(other[0]), other[1]), key=_held_out_error)
 
-    def _rivals(self, best: Hypothesis) -> list[Hypothesis]:
+    def _rivals(self, order: list[Hypothesis]) -> list[Hypothesis]:
         """The next best effect, where it closes nearly as much: beside another it may be the right one."""
         base = self.base.errors.squared_mm
-        order = sorted(self.singles.values(), key=lambda h: h.errors.squared_mm)
-        closes = [h for h in order if base - h.errors.squared_mm > RIVAL_SHARE * (base - best.errors.squared_mm)]
-        return closes[1:2]
+        least = RIVAL_SHARE * (base - order[0].errors.squared_mm)
+        return [h for h in order[1:2] if base - h.errors.squared_mm > least]
 
     def _with_another(self, start: Hypothesis, chosen: tuple[int, ...] | None = None) -> list[tuple[Hypothesis, float]]:
         """Refits with one more effect each, of the few that promise most, and their p-values; chosen: of these alone.

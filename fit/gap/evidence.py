@@ -19,10 +19,25 @@ Floats = NDArray[np.float64]
 
 SMALLEST_CLOSURE = 0.25  # an effect that removes less of the gap is not its cause
 MOST_LEFT = 0.6  # of the gap that a cause may leave unexplained, beyond noise and mesh
+AT_BOUND = 0.01  # of an effect's range: an amplitude nearer to its end was stopped by it
 # A further effect closes a tenth of the gap and a third of what those before leave beyond the noise; or it closes most
 # of that, which the wrong law of an effect that is there rarely does.
 SECOND_GAIN, SHARE_OF_LEFT = 0.1, 1 / 3
 SMALLEST_SECOND_GAIN, MOST_OF_LEFT = 0.03, 0.6
+
+
+def is_at_bound(observer: Observer, hypothesis: Hypothesis) -> bool:
+    """Whether the effect that a hypothesis adds last was stopped by the end of its physical range."""
+    last = hypothesis.effects[-1]
+    effect, amplitude = observer.effects[last], hypothesis.fitted.amplitudes[observer.columns[last]]
+    reach = AT_BOUND * (effect.high - effect.low)
+    below = amplitude < effect.low + reach if effect.low < 0 else np.zeros(len(amplitude), bool)
+    return bool((below | (amplitude > effect.high - reach)).any())
+
+
+def best_of(observer: Observer, singles: dict[int, Hypothesis]) -> list[Hypothesis]:
+    """Return the refitted effects that leave least first; those stopped by the end of their range come last."""
+    return sorted(singles.values(), key=lambda h: (is_at_bound(observer, h), h.errors.squared_mm))
 
 
 def is_worth_adding(gap: float, left: float, gain: float) -> bool:
@@ -113,11 +128,15 @@ class Evidence:
         """In which draws each refitted effect leaves the least error and is worth naming, each (replicas,).
 
         Worth naming: the base error of the draw is clearly above the noise, and the effect closes a quarter of it.
+        What was stopped by the end of its physical range is no rival, and never worth naming.
         base, (replicas,), drawn, each (replicas,): mean squared errors [mm^2]
         """
-        least, gap = np.min(np.stack([base, *drawn.values()]), axis=0), base - self.floor_mm**2
+        possible = {k: d for k, d in drawn.items() if not is_at_bound(self.observer, self.singles[k])}
+        least, gap = np.min(np.stack([base, *possible.values()]), axis=0), base - self.floor_mm**2
         has_gap = base > SIGNIFICANT_GAP * self.floor_mm**2
-        return {k: (d <= least) & has_gap & (base - d >= SMALLEST_CLOSURE * gap) for k, d in drawn.items()}
+        return {
+            k: (d <= least) & has_gap & (base - d >= SMALLEST_CLOSURE * gap) & (k in possible) for k, d in drawn.items()
+        }
 
     def win_shares(self) -> dict[int, float]:
         """Share of draws in which each refitted effect leaves the smallest error."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fit.effects.base import Effect
-from fit.gap.evidence import SECOND_GAIN, SMALLEST_CLOSURE, Evidence, is_worth_adding
+from fit.gap.evidence import SECOND_GAIN, SMALLEST_CLOSURE, Evidence, best_of, is_at_bound, is_worth_adding
 from fit.gap.fitting import amplitude_of
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.observer import Observer
@@ -16,20 +16,10 @@ from fit.gap.probabilities import probabilities
 LEVEL = 0.05  # family-wise
 CLEAR_WIN = 0.8  # share of bootstrap draws in which the winner beats every other effect
 NEAR, NEAR_TWIN = 0.8, 0.9  # of the winner's closure from which an effect, or one of the same shape, is a rival
-AT_BOUND = 0.01  # of an effect's range: an amplitude nearer to its end was stopped by it
 RIVAL = 0.1  # share of bootstrap draws that makes an effect a rival
 # Of the squared error of mesh and solver that an effect must remove at least; of what solvers differ by, more than all.
 MESH_SHARE, SOLVER_SHARE = 0.5, 1.5
 LIKELY, SURE = 0.5, 0.8  # probabilities; it is likely that one of what is named is worth naming
-
-
-def is_at_bound(observer: Observer, hypothesis: Hypothesis) -> bool:
-    """Whether the effect that a hypothesis adds last was stopped by the end of its physical range."""
-    last = hypothesis.effects[-1]
-    effect, amplitude = observer.effects[last], hypothesis.fitted.amplitudes[observer.columns[last]]
-    reach = AT_BOUND * (effect.high - effect.low)
-    below = amplitude < effect.low + reach if effect.low < 0 else np.zeros(len(amplitude), bool)
-    return bool((below | (amplitude > effect.high - reach)).any())
 
 
 def may_be_added(observer: Observer, hypothesis: Hypothesis, p_value: float) -> bool:
@@ -161,7 +151,7 @@ def _near(evidence: Evidence, best: int, other: int, share: float) -> bool:
 def _several(evidence: Evidence) -> Hypothesis | None:
     """Return the largest joint hypothesis in which every added effect was needed."""
     accepted: Hypothesis | None = None
-    before = min(evidence.singles.values(), key=lambda h: h.errors.squared_mm)
+    before = best_of(evidence.observer, evidence.singles)[0]
     gap = evidence.base.errors.squared_mm - evidence.floor_mm**2
     for hypothesis, p_value in evidence.joint:
         gain = (before.errors.draw(evidence.picks) - hypothesis.errors.draw(evidence.picks)) / gap

@@ -14,7 +14,7 @@ from fit.effects.base import amplitudes_of, columns_of
 from fit.errors import FitError
 from fit.gap import gates
 from fit.gap.closure import BlockErrors, closure, solver_draws
-from fit.gap.diagnosis import diagnose
+from fit.gap.diagnosis import _Search, diagnose
 from fit.gap.evidence import Evidence, is_worth_adding
 from fit.gap.fitting import Fitted, sandwich
 from fit.gap.floor import noise_floor
@@ -200,6 +200,28 @@ STILL = Gate(name="motion", passed=False, figure=3.0, limit=30.0, unit="mm", sen
 def test_the_verdict_follows_the_rules(given, verdict, named):
     found = decide(evidence_of(**given), LIBRARY)
     assert (found.verdict, found.named) == (verdict, named), found.sentence
+
+
+@pytest.mark.parametrize(("mm", "named"), [(5.2, ("air_lift", "clock_drift")), (5.9, ("time_offset", "air_lift"))])
+def test_the_first_of_two_effects_gives_way_to_its_twin_where_that_leaves_less(monkeypatch, mm, named):
+    """Beside a lift 5.5 mm are left with a late clock; the drifting one looks like it alone, drag does not."""
+    names = [e.name for e in LIBRARY]
+    offset, drift, lift, drag = (names.index(n) for n in ("time_offset", "clock_drift", "air_lift", "air_drag"))
+    cosines = np.array([[1.0, 0.95, 0.1, 0.2], [0.95, 1.0, 0.1, 0.2], [0.1, 0.1, 1.0, 0.2], [0.2, 0.2, 0.2, 1.0]])
+    search = object.__new__(_Search)
+    search.screened = SimpleNamespace(effects=(offset, drift, lift, drag), cosines=cosines)
+    search.singles = {lift: hypothesis(("air_lift",), 9.0)}
+    asked = []
+
+    def with_another(self, start, chosen):
+        asked.append((start.effects, chosen))
+        return [(hypothesis(("air_lift", "clock_drift"), mm), 0.01)]
+
+    monkeypatch.setattr(_Search, "_with_another", with_another)
+    monkeypatch.setattr(_Search, "_polished", lambda self, joint: joint)
+    pair, _ = search._swapped(hypothesis(("time_offset", "air_lift"), 5.5), 0.001)
+    assert asked == [((lift,), (drift,))]
+    assert tuple(names[k] for k in pair.effects) == named
 
 
 def test_what_is_stopped_by_the_end_of_its_range_is_no_rival():

@@ -30,7 +30,7 @@ from fit.gap.next_experiment import propose
 from fit.gap.numerics import refine
 from fit.gap.observer import Observer
 from fit.gap.screening import GROUP_COSINE, Screened, screen
-from fit.gap.verdict import Verdict, decide, is_brought, may_be_added
+from fit.gap.verdict import Verdict, decide, is_brought, may_be_added, passing_effects
 from fit.gap.where import find_where
 from fit.parameterisations import SI, Parameterisation
 from fit.recording import Recording, prepare
@@ -106,7 +106,8 @@ def diagnose(
     found_gates.append(gate.numerics_gate(mesh_closure[0] if mesh_closure else None, refined.numerics_mm))
     evidence = search.evidence(floor, refined.numerics_mm, picks, found_gates, is_held_out=bool(test))
     verdict = decide(evidence, effects)
-    if verdict.verdict in {"effect", "ambiguous", "unknown"}:
+    # Several are named only where one of them passes alone: else a second cannot change the verdict.
+    if verdict.verdict in {"effect", "ambiguous", "unknown"} and passing_effects(evidence):
         progress("looking for a second effect", 0.88)
         search.further_rounds(floor, refined.numerics_mm)
         floor = search.reached(floor)

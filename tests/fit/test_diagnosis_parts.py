@@ -171,10 +171,11 @@ def test_places_are_within_bounds_and_the_initial_parameters_come_first():
     assert len(np.unique(places, axis=0)) == len(places)
 
 
-def test_the_base_fit_ends_no_worse_than_where_the_truth_is():
-    """With a seed that finds the truth's valley: with 0 and 1 all ends lie in a neighbour, 11 % above it."""
+@pytest.mark.parametrize("seed", [0, 2, 3])
+def test_the_base_fit_ends_no_worse_than_where_the_truth_is(seed):
+    """From the starts of seeds 0 and 3 all fits end in a neighbouring valley, 11 % above the truth's."""
     observer = Observer([prepare(a_take())], SI, (), frequency=0.0, resolution=COARSE)
-    fits, chosen, gate = fit_base(observer, lambda stage, share: None, Checkpoint(None, {}), 2)
+    fits, chosen, gate = fit_base(observer, lambda stage, share: None, Checkpoint(None, {}), seed)
     at_truth = (chosen.residuals(truth_vector()[None], observer.off[None]) ** 2).sum()
     assert gate.passed
     assert fits[0].cost < 1.05 * at_truth

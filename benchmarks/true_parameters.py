@@ -30,6 +30,7 @@ from firmware_host.synthetic.swatch import (
     measured,
     swung_markers,
 )
+from firmware_host.synthetic.world import PHYSICS
 from fit import objective
 from fit.cloth import material as mat
 from fit.cloth.simulator import Resolution, Simulator
@@ -132,7 +133,7 @@ def main(takes: Sequence[str], causes_of: Sequence[str] = ()) -> None:
             there = np.stack([np.interp(take.time, truth["time"], column) for column in path.T], 1)
         seen = np.where(take.points_valid[..., None], take.points, np.nan)
         tracked = mean_and_maximum(objective.per_frame(seen, there.reshape(seen.shape)))
-        found = distance_at_truth(take, ClothPhysics(), 0.05)
+        found = distance_at_truth(take, PHYSICS.get(take.garment.kind, ClothPhysics()), 0.05)
         print(
             f"{name.name:28} {1e3 * found[0]:6.1f} mm, maximum {1e3 * found[1]:6.1f}; tracking {1e3 * tracked[0]:.1f}"
         )

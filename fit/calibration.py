@@ -47,6 +47,10 @@ Progress = Callable[[int, int, float], None]
 
 BLOCK = 0.5  # s: distances further apart count as independent
 CHECKPOINT_EVERY = 10.0  # s
+LAYERED = (
+    "Sleeves and hems are layers sewn together, stiffer than any fabric; where the simulated ones hang down, "
+    "try --method si-sewn."
+)
 
 
 class Model:
@@ -296,6 +300,8 @@ def _result(
     is_own = request.engine == "own"
     notes = [request.method.not_identified] if request.method.not_identified else []
     notes += [o.remark for o in model.objectives if o.remark]
+    if training[0].garment.kind == "t-shirt" and not request.method.knows_layers:
+        notes.append(LAYERED)
     if not is_own:
         notes.append(f"Simulated by {request.engine}; its numbers have no SI values, so no combinations are given.")
     if request.search in ("annealing", "restarts"):

@@ -50,7 +50,8 @@ def fit_command(
         typer.Option(
             "--method",
             help="kinect-skirt: the paper's six Blender parameters; mocap-swatch: five parameters and the error E for "
-            "a swatch with a grid of markers; both also with -weighed: the weight known; si: physical units.",
+            "a swatch with a grid of markers; both also with -weighed: the weight known; si: physical units; si-sewn: "
+            "the same for garments with sleeves and hems.",
         ),
     ] = "kinect-skirt",
     fabric: Annotated[

@@ -6,7 +6,7 @@ from fit.errors import FitError
 from fit.parameterisations.base import Parameter, Parameterisation
 from fit.parameterisations.kinect_skirt import KINECT_SKIRT, KINECT_SKIRT_WEIGHED
 from fit.parameterisations.mocap_swatch import MOCAP_SWATCH, MOCAP_SWATCH_WEIGHED
-from fit.parameterisations.physical_units import LEAN, SI
+from fit.parameterisations.physical_units import LEAN, SI, SI_SEWN
 
 __all__ = [
     "KINECT_SKIRT",
@@ -16,12 +16,15 @@ __all__ = [
     "MOCAP_SWATCH",
     "MOCAP_SWATCH_WEIGHED",
     "SI",
+    "SI_SEWN",
     "Parameter",
     "Parameterisation",
     "find_method",
 ]
 
-METHODS = {p.name: p for p in (KINECT_SKIRT, KINECT_SKIRT_WEIGHED, MOCAP_SWATCH, MOCAP_SWATCH_WEIGHED, SI, LEAN)}
+METHODS = {
+    p.name: p for p in (KINECT_SKIRT, KINECT_SKIRT_WEIGHED, MOCAP_SWATCH, MOCAP_SWATCH_WEIGHED, SI, SI_SEWN, LEAN)
+}
 
 
 def find_method(name: str) -> Parameterisation:

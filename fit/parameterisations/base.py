@@ -36,7 +36,7 @@ class Parameterisation:
 
     to_materials: vectors, (candidates, parameters), and the weighed density [kg/m^2] -> rows of
     `fit.cloth.material.NAMES`; degenerate: parameters that no motion can tell, only their ratios; gamma: the
-    annealing's factor per unit of the objective.
+    annealing's factor per unit of the objective; knows_layers: it allows for the stiffness of layers sewn together.
     """
 
     name: str
@@ -48,6 +48,7 @@ class Parameterisation:
     gamma: float = 1e5  # 1/m, see fit.search.annealing
     is_in_metres: bool = True  # whether the objective is a mean distance
     spacing: float = 0.05  # m, of the mesh unless something else is asked for
+    knows_layers: bool = False
 
     @property
     def initial(self) -> Floats:

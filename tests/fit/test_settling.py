@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.settling import ASIDE, NOISE, SHOWN, Hung, Scene, fabrics, measure, shown_by
+from benchmarks.settling import ASIDE, SHOWN, Hung, Scene, fabrics, measure, shown_by
 
 
 def test_taut_cloth_held_at_an_edge_finds_its_rest_whatever_its_points_show():
@@ -13,7 +13,7 @@ def test_taut_cloth_held_at_an_edge_finds_its_rest_whatever_its_points_show():
     scene, rows = Scene(0.45, "edge", None, 0.0), fabrics(2, 5)
     found = measure(scene, rows)
     assert max(found[what].max() for what in SHOWN) < 0.3
-    assert measure(scene, rows, 0.5)[SHOWN[2]].min() > 3.0
+    assert measure(scene, rows, 0.5)[SHOWN[2]].min() > 5.0
 
 
 def test_what_the_points_show():
@@ -22,4 +22,3 @@ def test_what_the_points_show():
     assert shown_by(SHOWN[0], rests, 1)[1, 1] == -0.02
     assert shown_by(SHOWN[1], rests, 1)[1, 1] == 0.01
     assert shown_by(SHOWN[2], rests, 1)[:, 1] == pytest.approx([0.0, ASIDE - 0.02])
-    assert NOISE < 0.1 * ASIDE

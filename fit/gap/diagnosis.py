@@ -220,7 +220,7 @@ class _Search:
     def further_rounds(self, floor: float, numerics: float) -> None:
         """Add effects to the best one as long as there is something left to explain.
 
-        A further effect must close a share of the gap, and of what is left of it (`fit.gap.verdict`): where less is
+        A further effect must close a share of the gap, and of what is left of it (`fit.gap.evidence`): where less is
         left, none is looked for.
         """
         order = best_of(self.observer, self.singles)
@@ -257,10 +257,11 @@ class _Search:
         place = self.screened.effects.index(first)
         alike = np.abs(self.screened.cosines[place]) > GROUP_COSINE
         twins = tuple(k for k, like in zip(self.screened.effects, alike, strict=True) if like and k not in pair.effects)
-        other = min(self._with_another(self.singles[second], twins), key=_held_out_error, default=(pair, p_value))
-        if other[0] is pair:
+        tried = self._with_another(self.singles[second], twins)
+        if not tried:
             return pair, p_value
-        return min((pair, p_value), (self._polished(other[0]), other[1]), key=_held_out_error)
+        other, other_p_value = min(tried, key=_held_out_error)
+        return min((pair, p_value), (self._polished(other), other_p_value), key=_held_out_error)
 
     def _rivals(self, order: list[Hypothesis]) -> list[Hypothesis]:
         """The next best effect, where it closes nearly as much: beside another it may be the right one."""
@@ -271,7 +272,7 @@ class _Search:
     def _with_another(self, start: Hypothesis, chosen: tuple[int, ...] | None = None) -> list[tuple[Hypothesis, float]]:
         """Refits with one more effect each, of the few that promise most, and their p-values; chosen: of these alone.
 
-        What the start's own effects may bring along is none.
+        What one of the start's effects may bring along is left out (`fit.gap.verdict.is_brought`).
         """
         effects = self.observer.effects
         left = tuple(

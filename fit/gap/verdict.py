@@ -57,9 +57,7 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
         return Verdict("inconclusive", [], f"No diagnosis: {blocking[0].sentence} {numbers}")
     noise, mesh = evidence.floor_mm**2, evidence.numerics_mm**2
     passing = passing_effects(evidence) if evidence.exceeds(noise) else []
-    several = _several(evidence) if passing else None
-    if several is not None and not set(several.effects) & set(passing):
-        several = None
+    several = _several(evidence, passing)
     if several is None:
         passing = _likely(evidence, passing)
     if not evidence.exceeds(noise) or (not passing and not evidence.exceeds(noise + mesh)):
@@ -148,8 +146,10 @@ def _near(evidence: Evidence, best: int, other: int, share: float) -> bool:
     return first is not None and second is not None and second.value > share * first.value
 
 
-def _several(evidence: Evidence) -> Hypothesis | None:
-    """Return the largest joint hypothesis in which every added effect was needed."""
+def _several(evidence: Evidence, passing: list[int]) -> Hypothesis | None:
+    """Return the largest joint hypothesis in which every added effect was needed and one passes alone."""
+    if not passing:
+        return None
     accepted: Hypothesis | None = None
     before = best_of(evidence.observer, evidence.singles)[0]
     gap = evidence.base.errors.squared_mm - evidence.floor_mm**2
@@ -162,7 +162,7 @@ def _several(evidence: Evidence) -> Hypothesis | None:
         if not may_be_added(evidence.observer, hypothesis, p_value) or not is_enough or not is_certain:
             break
         accepted = before = hypothesis
-    return accepted
+    return accepted if accepted is not None and set(accepted.effects) & set(passing) else None
 
 
 def _name_several(evidence: Evidence, several: Hypothesis, effects: tuple[Effect, ...]) -> Verdict:

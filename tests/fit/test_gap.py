@@ -3,29 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from fit.cloth.simulator import Resolution, Simulator
-from fit.effects import LIBRARY, find_effects
-from fit.effects.base import amplitudes_of, columns_of
+from fit.effects import LIBRARY
+from fit.effects.base import amplitudes_of
 from fit.errors import FitError
 from fit.gap import gates
 from fit.gap.closure import BlockErrors, closure, solver_draws
-from fit.gap.diagnosis import _Search, diagnose
-from fit.gap.evidence import Evidence, is_worth_adding
+from fit.gap.diagnosis import diagnose
 from fit.gap.fitting import Fitted, sandwich
 from fit.gap.floor import noise_floor
-from fit.gap.hypotheses import Hypothesis
 from fit.gap.observer import Observer
-from fit.gap.probabilities import LEFT, LEFT_WIDTH, probabilities
-from fit.gap.screening import Screened, groups
-from fit.gap.verdict import decide
+from fit.gap.screening import groups
 from fit.parameterisations import SI
 from fit.recording import prepare
-from formats.results import Gate
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 
 FRAME = 1 / 30
@@ -129,224 +123,6 @@ def test_sandwich_of_independent_blocks_is_the_textbook_variance():
 def test_parallel_signatures_form_one_group():
     cosines = np.array([[1.0, 0.2, 0.95], [0.2, 1.0, 0.1], [0.95, 0.1, 1.0]])
     assert groups(cosines) == [0, 1, 0]
-
-
-BLOCKS = 12
-
-
-def errors(mm, wobble=0.1, seed=0):
-    """Held-out errors of 12 blocks of ten points, about `mm` root mean square."""
-    shares = 1 + wobble * np.random.default_rng(seed).uniform(-1, 1, BLOCKS)
-    return BlockErrors(10.0 * mm**2 * shares * BLOCKS / shares.sum(), np.full(BLOCKS, 10.0), np.zeros(3))
-
-
-def hypothesis(names, mm, *, seed=0, sizes=1.0, deviation=0.05):
-    index = [e.name for e in LIBRARY]
-    active = tuple(index.index(n) for n in names)
-    columns = columns_of(LIBRARY)
-    row = amplitudes_of(LIBRARY, **{n: sizes * find_effects([n])[0].typical for n in names})
-    wide = sum(columns[k].stop - columns[k].start for k in active)
-    fitted = Fitted(SI.initial, row, active, np.zeros(3), np.zeros((3, 5 + wide)), np.full(5 + wide, deviation), True)
-    return Hypothesis(active, fitted, errors(mm, seed=seed))
-
-
-def evidence_of(singles, *, base=12.0, floor=5.0, p=0.001, gate_list=(), joint=(), joint_p=0.001, sizes=1.0):
-    """Evidence from errors in mm: `singles` and `joint` as {names: mm}."""
-    given = (hypothesis((n,), mm, seed=k, sizes=sizes) for k, (n, mm) in enumerate(singles.items()))
-    found = {h.effects[0]: h for h in given}
-    effects = tuple(found)
-    p_values = np.full(len(effects), p)
-    screened = Screened(
-        effects=effects, amplitude=[], explained=p_values, absorbed=p_values, p_value=p_values, family_p_value=p_values,
-        cosines=np.eye(len(effects)), predicted=p_values, correlation=p_values, raw=[],
-        projected=[np.ones((1, 3)) for _ in effects], typical=p_values,
-    )  # fmt: skip
-    return Evidence(
-        observer=SimpleNamespace(effects=LIBRARY, columns=columns_of(LIBRARY), in_mm=lambda row: 2.0),
-        screened=screened, base=hypothesis((), base), singles=found,
-        joint=[(hypothesis(names, mm, seed=9), joint_p) for names, mm in joint],
-        floor_mm=floor, numerics_mm=1.0, picks=np.random.default_rng(1).integers(0, BLOCKS, (400, BLOCKS)),
-        gates=[*PASSED, *gate_list], is_held_out=True,
-    )  # fmt: skip
-
-
-PASSED = [Gate(name="base fit", passed=True, figure=0.0, limit=5.0, unit="%", sentence="")]
-COARSE = Gate(name="mesh and step", passed=False, figure=60.0, limit=40.0, unit="%", sentence="coarse")
-STILL = Gate(name="motion", passed=False, figure=3.0, limit=30.0, unit="mm", sentence="still")
-
-
-@pytest.mark.parametrize(
-    ("given", "verdict", "named"),
-    [
-        # 12 mm without, 6 with, floor 5: (144 - 36) / (144 - 25) = 91 % of the gap.
-        ({"singles": {"air_drag": 6.0, "hem": 11.5}}, "effect", ["air_drag"]),
-        ({"singles": {"air_drag": 11.9}}, "unknown", []),
-        # 10.2 mm: a third of the gap, significant and yet not the cause.
-        ({"singles": {"air_drag": 10.2}}, "unknown", []),
-        ({"singles": {"air_drag": 6.0, "hem": 6.02}}, "ambiguous", ["air_drag", "hem"]),
-        # A finer mesh closes 60 %: more than 44 % with drag, less than 91 %.
-        ({"singles": {"air_drag": 9.6}, "gate_list": [COARSE]}, "numerics", []),
-        ({"singles": {"air_drag": 6.0}, "gate_list": [COARSE]}, "effect", ["air_drag"]),
-        ({"singles": {"air_drag": 6.0}, "gate_list": [STILL]}, "inconclusive", []),
-        ({"singles": {"air_drag": 5.0}, "base": 5.3}, "none", []),
-        # Drag of 3.0, the end of its range: no such air.
-        ({"singles": {"air_drag": 6.0}, "sizes": 2.5}, "unknown", []),
-        ({"singles": {"air_drag": 9.0}, "joint": [(("air_drag", "hem"), 5.5)]}, "several", ["air_drag", "hem"]),
-        ({"singles": {"air_drag": 9.0}, "joint": [(("air_drag", "hem"), 5.5)], "joint_p": 0.3}, "effect", ["air_drag"]),
-        # The hem closes 12 % of the gap, but 14 of the 56 mm^2 that drag leaves beyond the noise: a quarter.
-        ({"singles": {"air_drag": 9.0}, "joint": [(("air_drag", "hem"), 8.2)]}, "effect", ["air_drag"]),
-    ],
-)
-def test_the_verdict_follows_the_rules(given, verdict, named):
-    found = decide(evidence_of(**given), LIBRARY)
-    assert (found.verdict, found.named) == (verdict, named), found.sentence
-
-
-@pytest.mark.parametrize(("mm", "named"), [(5.2, ("air_lift", "clock_drift")), (5.9, ("time_offset", "air_lift"))])
-def test_the_first_of_two_effects_gives_way_to_its_twin_where_that_leaves_less(monkeypatch, mm, named):
-    """Beside a lift 5.5 mm are left with a late clock; the drifting one looks like it alone, drag does not."""
-    names = [e.name for e in LIBRARY]
-    offset, drift, lift, drag = (names.index(n) for n in ("time_offset", "clock_drift", "air_lift", "air_drag"))
-    cosines = np.array([[1.0, 0.95, 0.1, 0.2], [0.95, 1.0, 0.1, 0.2], [0.1, 0.1, 1.0, 0.2], [0.2, 0.2, 0.2, 1.0]])
-    search = object.__new__(_Search)
-    search.screened = SimpleNamespace(effects=(offset, drift, lift, drag), cosines=cosines)
-    search.singles = {lift: hypothesis(("air_lift",), 9.0)}
-    asked = []
-
-    def with_another(self, start, chosen):
-        asked.append((start.effects, chosen))
-        return [(hypothesis(("air_lift", "clock_drift"), mm), 0.01)]
-
-    monkeypatch.setattr(_Search, "_with_another", with_another)
-    monkeypatch.setattr(_Search, "_polished", lambda self, joint: joint)
-    pair, _ = search._swapped(hypothesis(("time_offset", "air_lift"), 5.5), 0.001)
-    assert asked == [((lift,), (drift,))]
-    assert tuple(names[k] for k in pair.effects) == named
-
-
-def test_what_is_stopped_by_the_end_of_its_range_is_no_rival():
-    """A tilt of 0.06 rad, which no rig has, closes 91 %; a draught that closes 76 % is named all the same."""
-    evidence = evidence_of({"gravity_tilt": 6.0, "draught": 7.3})
-    tilt = [e.name for e in LIBRARY].index("gravity_tilt")
-    stopped = dataclasses.replace(
-        evidence.singles[tilt].fitted, amplitudes=amplitudes_of(LIBRARY, gravity_tilt=(0.06, 0.0))
-    )
-    singles = {**evidence.singles, tilt: dataclasses.replace(evidence.singles[tilt], fitted=stopped)}
-    evidence = dataclasses.replace(evidence, singles=singles)
-    found = decide(evidence, LIBRARY)
-    assert (found.verdict, found.named) == ("effect", ["draught"])
-    assert probability_of("gravity_tilt", evidence) == 0.0
-    assert probability_of("draught", evidence) > 0.6
-
-
-def test_noise_that_a_model_falls_below_is_said_to_be_at_most_that():
-    for mm, told in ((6.0, "noise alone is 5.0 mm"), (5.0, "noise alone is at most 5.0 mm")):
-        assert told in decide(evidence_of({"air_drag": mm}), LIBRARY).sentence
-
-
-@pytest.mark.parametrize(("name", "verdict"), [("air_drag", "effect"), ("stretch_viscosity", "unknown")])
-def test_what_solvers_differ_by_must_remove_more_than_they_may_be_wrong_by(name, verdict):
-    """(12^2 - 6^2) mm^2 = 108 is more than half of 9^2 = 81, and less than one and a half times it."""
-    evidence = dataclasses.replace(evidence_of({name: 6.0}), numerics_mm=9.0)
-    assert decide(evidence, LIBRARY).verdict == verdict
-
-
-@pytest.mark.parametrize(("share", "verdict"), [(0.45, "unknown"), (0.55, "effect")])
-def test_what_is_named_is_worth_naming_in_half_of_the_draws(share, verdict):
-    evidence = evidence_of({"air_drag": 6.0})
-    drag = next(iter(evidence.singles))
-    evidence.__dict__["worth_naming"] = {drag: np.arange(400) < 400 * share}
-    assert decide(evidence, LIBRARY).verdict == verdict
-
-
-@pytest.mark.parametrize(
-    ("left", "gain", "is_needed"),
-    [
-        (40.0, 14.0, True),  # 14 % of the gap, a third of what is left
-        (60.0, 15.0, False),  # a quarter of what is left
-        (6.0, 4.0, True),  # 4 % of the gap, two thirds of what is left
-        (8.0, 4.0, False),
-        (3.0, 2.5, False),  # 2.5 % of the gap
-    ],
-)
-def test_a_further_effect_closes_much_of_the_gap_or_most_of_what_is_left(left, gain, is_needed):
-    assert is_worth_adding(100.0, left, gain) == is_needed
-
-
-def test_a_further_effect_that_may_be_nothing_is_not_named():
-    """5.5 mm with drag and hem, but the hem's amplitude is good to 100 % only."""
-    joint = {"joint": [(("air_drag", "hem"), 5.5)]}
-    evidence = evidence_of({"air_drag": 9.0}, **joint)
-    assert decide(evidence, LIBRARY).verdict == "several"
-    found, p_value = evidence.joint[0]
-    vague = dataclasses.replace(found.fitted, deviation=20 * found.fitted.deviation)
-    evidence = dataclasses.replace(evidence, joint=[(dataclasses.replace(found, fitted=vague), p_value)])
-    assert decide(evidence, LIBRARY).verdict == "effect"
-
-
-def probability_of(name, evidence, several=None):
-    return probabilities(evidence, several)[[e.name for e in LIBRARY].index(name)]
-
-
-def test_an_effect_that_leaves_much_is_less_probable():
-    """With d mm it leaves (d^2 - 25 - 1) / 119 of the gap: 1 / (1 + exp((left - LEFT) / LEFT_WIDTH))."""
-    for mm in (5.0, 8.0, 8.6, 9.2):
-        left = (mm**2 - 26) / 119
-        expected = 1 / (1 + np.exp((left - LEFT) / LEFT_WIDTH))
-        assert probability_of("air_drag", evidence_of({"air_drag": mm})) == pytest.approx(expected, abs=0.08)
-
-
-def test_effects_that_are_needed_together_are_as_probable_as_their_sum_is():
-    """9.5 mm with drag alone, 5.5 with a hem as well: nearly nothing is left. With 9.4 the hem adds nothing."""
-    for joint, likely in ((5.5, 1.0), (9.4, 0.0)):
-        evidence = evidence_of({"air_drag": 9.5, "hem": 11.9}, joint=[(("air_drag", "hem"), joint)])
-        together = evidence.joint[0][0]
-        assert probability_of("hem", evidence, together) == pytest.approx(likely, abs=0.1)
-        assert probability_of("hem", evidence) == pytest.approx(0.0, abs=0.02)
-
-
-@pytest.mark.parametrize(("lift", "verdict"), [(2.2, "effect"), (2.6, "several")])
-def test_the_lift_of_a_plate_that_is_dragged_is_no_effect_beside_its_drag(lift, verdict):
-    """Drag of 1.2 brings a lift of up to 2.4 (Duchemin); the lift is good to 0.05 typical sizes, 0.1."""
-    pair = ("air_drag", "air_lift")
-    evidence = evidence_of({"air_drag": 9.0}, joint=[(pair, 5.5)])
-    found, p_value = evidence.joint[0]
-    row = amplitudes_of(LIBRARY, air_drag=1.2, air_lift=lift)
-    sure = dataclasses.replace(found.fitted, amplitudes=row, deviation=0.2 * found.fitted.deviation)
-    evidence = dataclasses.replace(evidence, joint=[(dataclasses.replace(found, fitted=sure), p_value)])
-    assert decide(evidence, LIBRARY).verdict == verdict
-
-
-def test_a_moment_that_most_draws_miss_is_judged_by_the_motion_fitted_to():
-    """A slip moves one block of twelve: one draw in three has none of it."""
-    index = [e.name for e in LIBRARY]
-    before, after = errors(9.0), errors(9.0)
-    before.sums[5], after.sums[5] = 2 * before.sums[5], 0.0
-    slip = hypothesis(("air_drag", "clip_slip"), 9.0)
-
-    def verdict_of(cost):
-        evidence = evidence_of({"air_drag": 9.0}, joint=[(("air_drag", "clip_slip"), 9.0)])
-        drag = dataclasses.replace(evidence.singles[index.index("air_drag")], errors=before)
-        fitted = dataclasses.replace(slip.fitted, residual=np.array([np.sqrt(cost), 0.0, 0.0]))
-        drag = dataclasses.replace(drag, fitted=dataclasses.replace(drag.fitted, residual=np.array([1.0, 0.0, 0.0])))
-        joint = (dataclasses.replace(slip, errors=after, fitted=fitted), 0.001)
-        return decide(
-            dataclasses.replace(evidence, singles={index.index("air_drag"): drag}, joint=[joint], floor_mm=8.0),
-            LIBRARY,
-        ).verdict  # fmt: skip
-
-    assert verdict_of(0.8) == "several"
-    assert verdict_of(0.95) == "effect"
-
-
-def test_an_interval_holds_what_laws_differ_by_unless_the_effect_is_one_of_measurement():
-    """90 % of a deviation of 5 % and, for drag, of a law that is good to 8 %: 1.645 hypot(0.05, 0.08) = 0.155."""
-    evidence = evidence_of({"air_drag": 6.0, "time_offset": 7.0})
-    for name, half in (("air_drag", 0.1552), ("time_offset", 0.0823)):
-        effect = find_effects([name])[0]
-        size, (low, high) = evidence.amplitude([e.name for e in LIBRARY].index(name))
-        assert size == pytest.approx(effect.typical)
-        assert (high - low) / 2 == pytest.approx(half * effect.typical, rel=0.02)
 
 
 @pytest.mark.parametrize(

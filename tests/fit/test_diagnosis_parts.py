@@ -173,7 +173,7 @@ def test_places_are_within_bounds_and_the_initial_parameters_come_first():
 
 @pytest.mark.parametrize("seed", range(6))
 def test_the_base_fit_ends_no_worse_than_where_the_truth_is(seed):
-    """From the starts of all seeds but 2 and 4 the fits would agree in a neighbouring valley, 11 % above the truth's."""
+    """From the starts of all seeds but 2 and 4 fits would agree in a neighbouring valley, 11 % above the truth's."""
     observer = Observer([prepare(a_take())], SI, (), frequency=0.0, resolution=COARSE)
     fits, chosen, gate = fit_base(observer, lambda stage, share: None, Checkpoint(None, {}), seed)
     at_truth = (chosen.residuals(truth_vector()[None], observer.off[None]) ** 2).sum()

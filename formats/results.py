@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -212,7 +213,10 @@ Verdict = Literal["none", "effect", "ambiguous", "several", "unknown", "numerics
 
 
 class Diagnosis(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The sim-to-real gap of some takes: how large, where, why, and what would help."""
+    """The sim-to-real gap of some takes: how large, where, why, and what would help.
+
+    alternatives: of an effect that is one of several, others that do nearly as well in its place
+    """
 
     format: Literal["hangtime-diagnosis/1"]
     created: str
@@ -230,6 +234,7 @@ class Diagnosis(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     cost: Cost
     base_parameters: list[FitParameter]
     notes: list[str]
+    alternatives: dict[str, list[str]] = {}
 
 
 Result = TypeVar("Result", FitResult, Diagnosis)
@@ -296,7 +301,7 @@ def _check(record: FitResult | Diagnosis, path: Path) -> None:
     _check_finite(msgspec.to_builtins(record), path, "")
     if isinstance(record, Diagnosis):
         known = {finding.id for finding in record.effects}
-        for name in record.named:
+        for name in [*record.named, *record.alternatives, *itertools.chain(*record.alternatives.values())]:
             if name not in known:
                 raise ResultError(f"names the effect {name!r}, which is not among its findings", where=path)
         if record.verdict == "effect" and len(record.named) != 1:

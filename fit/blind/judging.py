@@ -1,7 +1,8 @@
 """Hold one answer against its truth: every yes and no that the rates are made of.
 
-A verdict names the right group when the true effect is among the effects it names (an `ambiguous` verdict is one group)
-or shares a group with the first of them by the diagnosis' own grouping. Without probabilities, naming one effect as
+A verdict names the right group when the true effect is among the effects it names (an `ambiguous` verdict is one group,
+and so is one of several effects with its alternatives) or shares a group with the first of them by the diagnosis' own
+grouping. Both effects of a pair are named when they are two of several, or alternatives of two. Without probabilities, naming one effect as
 `effect` counts as confident. Closure is compared with that of the true effect, refitted by the diagnosis itself: an
 oracle that knows which effect it is, but not how large. Simpler tools are judged by the same answers: they name what
 the residual correlates with most, with or without projecting out what the base model can imitate, what a refit explains
@@ -11,6 +12,7 @@ most of the motion it was fitted to, or what closes most of the gap, all without
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import msgspec
@@ -29,7 +31,10 @@ NAMING = frozenset({"effect", "ambiguous", "several"})
 
 
 class Judged(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One case, judged. None: does not apply, or the answer does not say."""
+    """One case, judged. None: does not apply, or the answer does not say.
+
+    ratio: true amplitude over the minimum detectable one, of a pair the smaller of both
+    """
 
     id: str
     kind: Kind
@@ -53,6 +58,7 @@ class Judged(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     amplitude_covered: bool | None = None
     place_found: bool | None = None
     brier: float | None = None
+    brier_of_groups: float | None = None
     probability: float | None = None
     right_by_correlation: bool | None = None
     right_by_screening: bool | None = None
@@ -73,21 +79,25 @@ def judge(truth: Truth, answers: Path) -> Judged:
     first = truth.planted[0] if truth.planted else None
     true = findings.get(first.id) if first and first.in_library else None
     named = tuple(said.named) if said and said.verdict in NAMING else ()
-    ratio = _ratio(first.amplitude, true) if first else None
+    ratios = [_ratio(p.amplitude, findings.get(p.id)) for p in truth.planted]
+    known = [ratio for ratio in ratios if ratio is not None]
+    ratio = min(known) if known and len(known) == len(ratios) else None
     judged = Judged(
         id=truth.id, kind=truth.kind, planted=tuple(p.id for p in truth.planted),
         amplitude=first.amplitude if first else None, ratio=ratio, bin=bin_of(ratio),
         verdict=said.verdict if said else "inconclusive", named=named,
-        is_tested=true.tested if true else True, probability=_highest(findings, named),
+        is_tested=all(findings[p.id].tested for p in truth.planted if p.id in findings),
+        probability=_highest(findings, named),
         conditions=conditions_of(truth.look), features=features_of(said) if said else {},
         alike=tuple(f.id for f in findings.values() if true and true.tested and f.tested and f.group == true.group),
     )  # fmt: skip
-    first_group = set(named if judged.verdict == "ambiguous" else named[:1])
-    wrong = bool(named) and not (first_group & set(judged.planted) or _same_group(findings, named, judged.planted))
+    meant = _meant(said) if said and named else [set()]
+    wrong = bool(named) and not (meant[0] & set(judged.planted) or _same_group(findings, named, judged.planted))
     certain = judged.verdict == "effect" if judged.probability is None else judged.probability >= CONFIDENT
     judged = msgspec.structs.replace(
-        judged, confident_and_wrong=wrong and certain, brier=_brier(findings, judged.planted, truth.kind)
-    )
+        judged, confident_and_wrong=wrong and certain, brier=_brier(findings, judged.planted, truth.kind),
+        brier_of_groups=_brier(findings, judged.planted, truth.kind, of_groups=True),
+    )  # fmt: skip
     if truth.kind == "null":
         return msgspec.structs.replace(judged, false_alarm=bool(named))
     if truth.kind == "unknown":
@@ -96,7 +106,7 @@ def judge(truth: Truth, answers: Path) -> Judged:
         )
     if truth.kind == "pair":
         return msgspec.structs.replace(
-            judged, right_first=bool(named) and not wrong, both_named=set(judged.planted) <= set(named)
+            judged, right_first=bool(named) and not wrong, both_named=_names_both(meant, judged.planted)
         )
     return _judge_single(judged, truth, said, true, wrong)
 
@@ -170,11 +180,33 @@ def _highest(findings: dict[str, EffectFinding], named: tuple[str, ...]) -> floa
     return found.probability if found else None
 
 
-def _brier(findings: dict[str, EffectFinding], planted: tuple[str, ...], kind: Kind) -> float | None:
-    given = {f.id: f.probability for f in findings.values() if f.probability is not None}
+def _meant(said: Diagnosis) -> list[set[str]]:
+    """The causes that an answer names: of each the effects that may be it."""
+    if said.verdict == "ambiguous":
+        return [set(said.named)]
+    return [{name, *said.alternatives.get(name, [])} for name in said.named]
+
+
+def _names_both(meant: list[set[str]], planted: tuple[str, ...]) -> bool:
+    """Whether two planted effects are two of the causes that an answer names."""
+    return any(planted[0] in one and planted[1] in other for one, other in itertools.permutations(meant, 2))
+
+
+def _brier(
+    findings: dict[str, EffectFinding], planted: tuple[str, ...], kind: Kind, *, of_groups: bool = False
+) -> float | None:
+    """Brier score over the library, or over the groups of effects that the answer says its takes cannot tell apart."""
+    given: dict[str, float] = {}
+    for f in findings.values():
+        if f.probability is not None:
+            name = f.group if of_groups else f.id
+            given[name] = given.get(name, 0.0) + f.probability
     if not given or kind == "pair":
         return None
-    return brier(given, planted[0] if kind == "single" else "")
+    truth = planted[0] if kind == "single" else ""
+    if of_groups and truth in findings:
+        truth = findings[truth].group
+    return brier(given, truth)
 
 
 def _place(said: Diagnosis | None, place: tuple[str, ...]) -> bool | None:

@@ -50,6 +50,7 @@ class Rates(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     closure: float | None
     closure_against_oracle: float | None
     brier: float | None
+    brier_of_groups: float | None
 
 
 class Score(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -150,7 +151,8 @@ def summarise(judged: tuple[Judged, ...]) -> Score:
     in_base = len(judged) - len(counted)
     if in_base:
         notes.append(f"{in_base} cases have an effect that is part of the base model; they count in no rate.")
-    by_size = {name: rates_of([j for j in singles if j.bin == name]) for name in BINS}
+    planted = [j for j in counted if j.kind in {"single", "pair"}]
+    by_size = {name: rates_of([j for j in planted if j.bin == name]) for name in BINS}
     guessed = leave_one_out([j.features for j in singles], [_label(j) for j in singles])
     baselines = {
         "always air_drag": rate_of(j.planted == ("air_drag",) for j in singles),
@@ -199,6 +201,7 @@ def rates_of(judged: list[Judged]) -> Rates:
         amplitude_error=median([j.amplitude_error for j in singles if j.amplitude_error is not None]),
         closure=median([j.closure for j in singles if j.closure is not None]),
         closure_against_oracle=mean(against), brier=mean([j.brier for j in judged if j.brier is not None]),
+        brier_of_groups=mean([j.brier_of_groups for j in judged if j.brier_of_groups is not None]),
     )  # fmt: skip
 
 

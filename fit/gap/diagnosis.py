@@ -44,6 +44,7 @@ CELLS = 9  # across the smaller side of the garment
 FINEST, COARSEST = 0.02, 0.06  # m, of the mesh that is chosen by itself
 MOST_EFFECTS = 3  # that one verdict may name
 POLISHED = 2  # hypotheses that are fitted on with a Jacobian of their own
+POLISHED_WITHIN = 1.5  # of the squared error of two effects: a twin in the place of one is fitted on too
 SECONDS_TRIED = 3  # further effects that are refitted beside what was found
 RIVAL_SHARE = 0.7  # of what the best effect closes, from which the next best is tried beside a further one as well
 
@@ -134,6 +135,7 @@ def diagnose(
         cost=Cost(simulations=observer.simulations, seconds=clock.monotonic() - started),
         base_parameters=described.base_parameters(model, base),
         notes=described.notes(len(training), len(held_out), observer),
+        alternatives=verdict.alternatives,
     )
     progress("done", 1.0)
     return Findings(diagnosis, base, best.fitted if best else None, effects, model, resolution, observer.frequency)
@@ -157,6 +159,7 @@ class _Search:
         self.screened: Screened
         self.singles: dict[int, Hypothesis] = {}
         self.joint: list[tuple[Hypothesis, float]] = []  # with further effects, and the last one's p-value
+        self.instead: list[Hypothesis] = []  # two effects, one of them in the place of a twin
 
     def first_round(self, added: tuple[str, ...], *, has_gap: bool) -> None:
         """Screen, refit the shortlist, give the base model the same second chance.
@@ -236,7 +239,7 @@ class _Search:
             found, p_value = min(tried, key=_held_out_error)
             is_real = may_be_added(self.observer, found, p_value)
             if is_real:
-                found, p_value = self._swapped(self._polished(found), p_value)
+                found, p_value = self._better_of_twins(self._polished(found), p_value)
                 is_real = may_be_added(self.observer, found, p_value)
             self.joint.append((found, p_value))
             if not is_real or not is_worth_adding(gap, left_mm2, best.errors.squared_mm - found.errors.squared_mm):
@@ -249,19 +252,26 @@ class _Search:
         fitted = min(joint.fitted, ended, key=lambda f: f.cost)
         return Hypothesis(joint.effects, fitted, judged(self.judge, fitted))
 
-    def _swapped(self, pair: Hypothesis, p_value: float) -> tuple[Hypothesis, float]:
-        """Return two effects, or the second with one that looks like the first alone and leaves less beside it."""
-        first, second = pair.effects[0], pair.effects[-1]
-        if len(pair.effects) != 2 or second not in self.singles:
-            return pair, p_value
-        place = self.screened.effects.index(first)
-        alike = np.abs(self.screened.cosines[place]) > GROUP_COSINE
-        twins = tuple(k for k, like in zip(self.screened.effects, alike, strict=True) if like and k not in pair.effects)
-        tried = self._with_another(self.singles[second], twins)
-        if not tried:
-            return pair, p_value
-        other, other_p_value = min(tried, key=_held_out_error)
-        return min((pair, p_value), (self._polished(other), other_p_value), key=_held_out_error)
+    def _better_of_twins(self, pair: Hypothesis, p_value: float) -> tuple[Hypothesis, float]:
+        """Return two effects, or what leaves less with a twin, which looks like it alone, in the place of one of them.
+
+        What was tried is kept as `instead`, for the verdict to say which of them the takes cannot tell apart.
+        """
+        found = [(pair, p_value)]
+        if len(pair.effects) == 2:
+            for kept, replaced in (pair.effects[::-1], pair.effects):
+                twins = self._twins(replaced, pair.effects)
+                tried = self._with_another(self.singles[kept], twins) if twins and kept in self.singles else []
+                near = [one for one in tried if _held_out_error(one) < POLISHED_WITHIN * pair.errors.squared_mm]
+                found += [(self._polished(h), p) for h, p in near]
+        best, p_value = min(found, key=_held_out_error)
+        self.instead = [h for h, p in found if h is not best and may_be_added(self.observer, h, p)]
+        return best, p_value
+
+    def _twins(self, effect: int, taken: tuple[int, ...]) -> tuple[int, ...]:
+        """Effects that look like one of them alone, but for those that are taken."""
+        alike = np.abs(self.screened.cosines[self.screened.effects.index(effect)]) > GROUP_COSINE
+        return tuple(k for k, like in zip(self.screened.effects, alike, strict=True) if like and k not in taken)
 
     def _rivals(self, order: list[Hypothesis]) -> list[Hypothesis]:
         """The next best effect, where it closes nearly as much: beside another it may be the right one."""
@@ -321,7 +331,8 @@ class _Search:
         """Gather what the verdict is decided on."""
         return Evidence(
             observer=self.observer, screened=self.screened, base=self.base, singles=self.singles, joint=self.joint,
-            floor_mm=floor, numerics_mm=numerics, picks=picks, gates=gates, is_held_out=is_held_out,
+            instead=self.instead, floor_mm=floor, numerics_mm=numerics, picks=picks, gates=gates,
+            is_held_out=is_held_out,
         )  # fmt: skip
 
     def named(self, verdict: Verdict) -> Hypothesis | None:

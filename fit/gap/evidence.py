@@ -24,6 +24,8 @@ AT_BOUND = 0.01  # of an effect's range: an amplitude nearer to its end was stop
 # of that, which the wrong law of an effect that is there rarely does.
 SECOND_GAIN, SHARE_OF_LEFT = 0.1, 1 / 3
 SMALLEST_SECOND_GAIN, MOST_OF_LEFT = 0.03, 0.6
+NEAR, NEAR_TWIN = 0.8, 0.9  # of the winner's closure from which an effect, or one of the same shape, is a rival
+RIVAL = 0.1  # share of bootstrap draws that makes an effect a rival
 
 
 def is_at_bound(observer: Observer, hypothesis: Hypothesis) -> bool:
@@ -53,7 +55,10 @@ def are_worth_adding(gap: Floats, left: Floats, gain: Floats) -> NDArray[np.bool
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a verdict is decided on: hypotheses with their held-out errors, noise floor [mm], mesh error [mm], gates."""
+    """What a verdict is decided on: hypotheses with their held-out errors, noise floor [mm], mesh error [mm], gates.
+
+    joint: with further effects, and the last one's p-value; instead: two effects, one of them in the place of a twin
+    """
 
     observer: Observer
     screened: Screened
@@ -65,6 +70,7 @@ class Evidence:
     picks: NDArray[np.int64]
     gates: list[Gate]
     is_held_out: bool
+    instead: list[Hypothesis]
 
     def closure_of(self, hypothesis: Hypothesis) -> Figure | None:
         """Share of the gap that a hypothesis closes; None where there is hardly a gap."""
@@ -81,12 +87,15 @@ class Evidence:
         """Family-wise p-value of an effect of the library."""
         return float(self.screened.family_p_value[self.screened.effects.index(effect)])
 
-    def amplitude(self, effect: int, *, any_law: bool = True) -> tuple[float, tuple[float, float]]:
+    def amplitude(
+        self, effect: int, *, beside: Hypothesis | None = None, any_law: bool = True
+    ) -> tuple[float, tuple[float, float]]:
         """Size of a refitted effect and its 90 % interval: noise, mesh and solver, and the law of the effect itself.
 
+        beside: several effects that it is one of, else it is taken alone
         any_law: whether the interval is to hold for every sound law of the effect, or for the library's alone.
         """
-        size, (low, high) = amplitude_of(self.singles[effect].fitted, self.observer, effect)
+        size, (low, high) = amplitude_of((beside or self.singles[effect]).fitted, self.observer, effect)
         place = self.screened.effects.index(effect)
         wrong = NORMAL_95 * self.numerics_mm * float(self.per_millimetre[place]) / np.sqrt(DIRECTIONS)
         law = NORMAL_95 * self.observer.effects[effect].law_spread * size if any_law else 0.0
@@ -113,6 +122,24 @@ class Evidence:
     def draws(self) -> tuple[Floats, dict[int, Floats]]:
         """Mean squared error [mm^2] of the base model and of each refitted effect in every draw."""
         return self.drawn()[:2]
+
+    def alternatives(self, several: Hypothesis) -> dict[int, list[Hypothesis]]:
+        """Of each of two effects, the hypotheses with a twin in its place that do nearly as well.
+
+        Nearly: of what the effect closes beside the other one, the twin closes NEAR_TWIN; or NEAR, and in RIVAL of the
+        draws of half-seconds it leaves less.
+        """
+        found: dict[int, list[Hypothesis]] = {k: [] for k in several.effects}
+        for other in self.instead:
+            (replaced,) = set(several.effects) - set(other.effects) or {-1}
+            kept = self.singles.get(next(iter(set(several.effects) & set(other.effects)), -1))
+            if kept is None or replaced not in found:
+                continue
+            gain, full = (kept.errors.squared_mm - h.errors.squared_mm for h in (other, several))
+            is_often_better = np.mean(other.errors.draw(self.picks) < several.errors.draw(self.picks)) >= RIVAL
+            if gain >= NEAR_TWIN * full or (gain >= NEAR * full and is_often_better):
+                found[replaced].append(other)
+        return found
 
     def alike(self, one: int, other: int) -> bool:
         """Whether two effects explain the same part of the residual, so that a mesh's small error can swap them."""

@@ -38,7 +38,10 @@ def describe_gap(evidence: Evidence, best: Hypothesis | None, floor_error: float
 def describe_effects(
     evidence: Evidence, best: Hypothesis | None, effects: tuple[Effect, ...], model: Parameterisation
 ) -> list[EffectFinding]:
-    """Describe every effect of the library, the one that closes most first; best: what the verdict names, if any."""
+    """Describe every effect of the library, the one that closes most first; best: what the verdict names, if any.
+
+    Of several effects that are named together amplitudes are of the fit with all of them.
+    """
     screened, shares = evidence.screened, evidence.win_shares()
     several = best if best is not None and len(best.effects) > 1 else None
     group, likely = groups(screened.cosines), probabilities(evidence, several)
@@ -57,16 +60,17 @@ def describe_effects(
             continue
         place = screened.effects.index(k)
         hypothesis = evidence.singles.get(k)
-        amplitude = (
-            hypothesis.fitted.amplitudes[evidence.observer.columns[k]] if hypothesis else screened.amplitude[place]
-        )
-        size, interval = evidence.amplitude(k) if hypothesis else (size_of(amplitude), None)
+        beside = several if several is not None and k in several.effects else None
+        sized = beside or hypothesis
+        amplitude = sized.fitted.amplitudes[evidence.observer.columns[k]] if sized else screened.amplitude[place]
+        size, interval = evidence.amplitude(k, beside=beside) if sized else (size_of(amplitude), None)
         can_show = bool(np.isfinite(detectable[place]))
-        note = (
-            f"best effect in {100 * shares[k]:.0f} % of bootstrap draws"
-            if hypothesis
-            else "screened only: too little of the residual to be worth a refit; amplitude linearised"
-        )
+        note = "screened only: too little of the residual to be worth a refit; amplitude linearised"
+        if hypothesis:
+            note = f"best effect in {100 * shares[k]:.0f} % of bootstrap draws"
+        if beside:
+            rest = " and ".join(effects[n].title for n in beside.effects if n != k)
+            note = f"amplitude beside {rest}; closure alone" if hypothesis else f"found beside {rest} only"
         if not can_show:
             note = "these takes could not have shown it: at its typical size it moves none of their points"
         found.append(

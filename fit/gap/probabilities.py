@@ -6,7 +6,8 @@ That limit is logistic about LEFT with a width of LEFT_WIDTH: on cases whose tru
 nearly all that left less than a tenth was the cause, and about half of what left a fifth to three fifths. In a draw an
 effect is at work if it leaves the least error, is worth naming and leaves no more than the limit. Several effects are
 at work together where they leave no more than the limit and the last of them was worth adding; they share that
-probability, and each of them may be at work alone in the other draws.
+probability, and each of them may be at work alone in the other draws. Where a twin does nearly as well in the place of
+one of them, it is the twin in the draws in which it leaves less.
 """
 
 from __future__ import annotations
@@ -24,16 +25,19 @@ LEFT, LEFT_WIDTH = 0.35, 0.12  # of the gap that a cause may leave
 
 def probabilities(evidence: Evidence, several: Hypothesis | None) -> dict[int, float]:
     """Return the probability of each effect that was refitted or is one of several that are named together."""
-    base, drawn, joint = evidence.drawn(*([several] if several else []))
+    teams = [several, *(h for others in evidence.alternatives(several).values() for h in others)] if several else []
+    base, drawn, joint = evidence.drawn(*teams)
     noise = evidence.floor_mm**2
     limit = np.maximum(np.random.default_rng(1).logistic(LEFT, LEFT_WIDTH, len(base)), 0.0)
     most = noise + evidence.numerics_mm**2 + limit * (base - noise)
-    together = np.zeros(len(base), bool)
-    if several is not None:
+    together, winner = np.zeros(len(base), bool), np.zeros(len(base), int)
+    if teams:
+        least, winner = np.min(np.stack(joint), axis=0), np.argmin(np.stack(joint), axis=0)
         before = np.min(np.stack(list(drawn.values())), axis=0)
-        together = are_worth_adding(base - noise, before - noise, before - joint[0]) & (joint[0] <= most)
+        together = are_worth_adding(base - noise, before - noise, before - least) & (least <= most)
     worth = evidence.are_worth_naming(base, drawn)
     found = {k: float(np.mean(worth[k] & (drawn[k] <= most) & ~together)) for k in drawn}
-    for k in several.effects if several is not None else ():
-        found[k] = found.get(k, 0.0) + float(together.mean())
+    for n, team in enumerate(teams):
+        for k in team.effects:
+            found[k] = found.get(k, 0.0) + float(np.mean(together & (winner == n)))
     return found

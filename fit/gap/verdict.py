@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from fit.effects.base import Effect
-from fit.gap.evidence import SECOND_GAIN, SMALLEST_CLOSURE, Evidence, best_of, is_at_bound, is_worth_adding
+from fit.gap.evidence import (
+    NEAR,
+    NEAR_TWIN,
+    RIVAL,
+    SECOND_GAIN,
+    SMALLEST_CLOSURE,
+    Evidence,
+    best_of,
+    is_at_bound,
+    is_worth_adding,
+)
 from fit.gap.fitting import amplitude_of
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.observer import Observer
@@ -15,8 +25,6 @@ from fit.gap.probabilities import probabilities
 
 LEVEL = 0.05  # family-wise
 CLEAR_WIN = 0.8  # share of bootstrap draws in which the winner beats every other effect
-NEAR, NEAR_TWIN = 0.8, 0.9  # of the winner's closure from which an effect, or one of the same shape, is a rival
-RIVAL = 0.1  # share of bootstrap draws that makes an effect a rival
 # Of the squared error of mesh and solver that an effect must remove at least; of what solvers differ by, more than all.
 MESH_SHARE, SOLVER_SHARE = 0.5, 1.5
 LIKELY, SURE = 0.5, 0.8  # probabilities; it is likely that one of what is named is worth naming
@@ -41,11 +49,12 @@ def is_brought(observer: Observer, hypothesis: Hypothesis, effect: int) -> bool:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict, the effects it names, and the sentence."""
+    """The verdict, the effects it names, the sentence, and of one of several what may stand in its place."""
 
     verdict: str
     named: list[str]
     sentence: str
+    alternatives: dict[str, list[str]] = field(default_factory=dict)
 
 
 def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
@@ -101,7 +110,7 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
     return Verdict(
         "effect",
         [effects[best].name],
-        f"{_lacks(evidence, None, best)} {title}. {numbers} With {title} ({_with_unit(evidence, best, effects)}) it "
+        f"{_lacks(evidence, None, (best,))} {title}. {numbers} With {title} ({_with_unit(evidence, best, effects)}) it "
         f"misses by {evidence.error_of(evidence.singles[best]).value:.1f} mm: {100 * closed.value:.0f} % of the gap "
         f"is closed [{100 * low:.0f} to {100 * high:.0f} %].",
     )
@@ -168,7 +177,16 @@ def _several(evidence: Evidence, passing: list[int]) -> Hypothesis | None:
 def _name_several(evidence: Evidence, several: Hypothesis, effects: tuple[Effect, ...]) -> Verdict:
     closed = evidence.closure_of(several)
     assert closed is not None
-    titles = " and ".join(effects[k].title for k in several.effects)
+    others = {
+        k: [next(iter(set(h.effects) - set(several.effects))) for h in instead]
+        for k, instead in evidence.alternatives(several).items()
+        if instead
+    }
+    causes = [
+        effects[k].title + "".join(f" (or {effects[n].title}: this data cannot tell)" for n in others.get(k, []))
+        for k in several.effects
+    ]
+    titles = " and ".join(causes)
     if not evidence.explains_enough(several):
         return Verdict(
             "unknown",
@@ -179,15 +197,17 @@ def _name_several(evidence: Evidence, several: Hypothesis, effects: tuple[Effect
     return Verdict(
         "several",
         [effects[k].name for k in several.effects],
-        f"{_lacks(evidence, several, *several.effects)} {titles}. {_numbers(evidence)} With them it misses by "
-        f"{evidence.error_of(several).value:.1f} mm: {100 * closed.value:.0f} % of the gap is closed.",
+        f"{_lacks(evidence, several, *((k, *others.get(k, [])) for k in several.effects))} {titles}. "
+        f"{_numbers(evidence)} With them it misses by {evidence.error_of(several).value:.1f} mm: "
+        f"{100 * closed.value:.0f} % of the gap is closed.",
+        {effects[k].name: [effects[n].name for n in alike] for k, alike in others.items()},
     )
 
 
-def _lacks(evidence: Evidence, several: Hypothesis | None, *named: int) -> str:
-    """Begin the sentence that names effects, as sure as the least probable of them is."""
+def _lacks(evidence: Evidence, several: Hypothesis | None, *causes: tuple[int, ...]) -> str:
+    """Begin the sentence that names causes, of each the effects that may be it, as sure as the least probable is."""
     likely = probabilities(evidence, several)
-    least = min(likely[k] for k in named)
+    least = min(sum(likely[k] for k in cause) for cause in causes)
     return (
         "The model lacks" if least >= SURE else "The model probably lacks" if least >= LIKELY else "The model may lack"
     )

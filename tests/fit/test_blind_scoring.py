@@ -128,6 +128,40 @@ def test_of_several_named_effects_the_first_must_be_right(a_set, tmp_path):
     assert judged(a_set, tmp_path, "single", diagnosis("ambiguous", ["draught", name], both)).right_first
 
 
+def test_alternatives_of_several_count_as_one_cause(a_set, tmp_path):
+    """Hem and a late clock are planted: an alternative of either will do, two alternatives of one cause will not."""
+    one, other = (p.id for p in truth_of(a_set, "pair").planted)
+    three = [finding(one), finding(other), finding("draught")]
+
+    def said(named, alternatives):
+        return msgspec.structs.replace(diagnosis("several", named, three), alternatives=alternatives)
+
+    found = judged(a_set, tmp_path, "pair", said([one, "draught"], {"draught": [other]}))
+    assert (found.both_named, found.right_first) == (True, True)
+    found = judged(a_set, tmp_path, "pair", said(["draught", other], {"draught": [one]}))
+    assert (found.both_named, found.right_first) == (True, True)
+    assert not judged(a_set, tmp_path, "pair", said([one, "draught"], {one: [other]})).both_named
+    assert not judged(a_set, tmp_path, "pair", said(["draught", one], {})).right_first
+
+
+def test_a_pairs_size_is_that_of_its_smaller_effect(a_set, tmp_path):
+    planted = truth_of(a_set, "pair").planted
+    both = [finding(p.id, least=p.amplitude / size) for p, size in zip(planted, (5.0, 1.5), strict=True)]
+    found = judged(a_set, tmp_path, "pair", diagnosis("several", [p.id for p in planted], both))
+    assert (found.ratio, found.bin) == (pytest.approx(1.5), "1 to 2")
+    assert summarise((found,)).by_size["1 to 2"].pair_both_named.k == 1
+    left_out = [finding(planted[0].id), finding(planted[1].id, tested=False)]
+    assert not judged(a_set, tmp_path, "pair", diagnosis("effect", [planted[0].id], left_out)).is_tested
+
+
+def test_the_brier_score_of_groups_adds_up_what_cannot_be_told_apart(a_set, tmp_path):
+    name = truth_of(a_set, "single").planted[0].id
+    both = [finding("draught", probability=0.6), finding(name, group="draught", probability=0.4)]
+    found = judged(a_set, tmp_path, "single", diagnosis("ambiguous", ["draught", name], both))
+    assert found.brier == pytest.approx(0.6**2 + 0.6**2)
+    assert found.brier_of_groups == pytest.approx(0.0)
+
+
 def test_an_effect_in_third_place_is_among_the_first_three_groups(a_set, tmp_path):
     name = truth_of(a_set, "single").planted[0].id
     three = [finding("draught"), finding("air_lift"), finding(name)]

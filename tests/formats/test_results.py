@@ -43,6 +43,9 @@ def test_a_named_effect_must_be_among_the_findings(tmp_path):
     bad = msgspec.structs.replace(diagnosis(), verdict="effect", named=["gremlins"])
     with pytest.raises(ResultError, match="gremlins"):
         save_diagnosis(tmp_path / "d.json", bad)
+    bad = msgspec.structs.replace(diagnosis(), alternatives={"air_drag": ["imps"]})
+    with pytest.raises(ResultError, match="imps"):
+        save_diagnosis(tmp_path / "d.json", bad)
 
 
 def test_a_wrong_field_is_named(tmp_path):

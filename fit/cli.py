@@ -162,12 +162,14 @@ def diagnose_command(
         ),
     ] = None,
     model: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--model",
-            help="Base model: si (physical units), lean (si without shear and bending viscosity), kinect-skirt.",
+            help="Base model: si (physical units), si-sewn (with stiff sleeves and hems), lean (si without shear and "
+            "bending viscosity), kinect-skirt.",
+            show_default="si-sewn for T-shirts, else si",
         ),
-    ] = "si",
+    ] = None,
     add: Annotated[
         list[str],
         typer.Option("--add", metavar="EFFECT", help="Also refit with this effect and show it; may be repeated."),
@@ -188,7 +190,7 @@ def diagnose_command(
     from fit.effects import find_effects
     from fit.errors import FitError
     from fit.gap.diagnosis import diagnose
-    from fit.parameterisations import find_method
+    from fit.parameterisations import base_model_of, find_method
     from fit.reporting import write_diagnosis_report
     from formats.results import load_fit_result, save_diagnosis
 
@@ -200,7 +202,8 @@ def diagnose_command(
     if fitted is None and (out / "fit.json").exists():
         beside = load_fit_result(out / "fit.json")
         fitted = beside if beside.take_ids == ids else None
-    base, added = find_method(model), find_effects(add)
+    base = find_method(model) if model else base_model_of(training[0].garment)
+    added = find_effects(add)
     out.mkdir(parents=True, exist_ok=True)
     progress = ProgressLine("diagnosis")
     resolution = Resolution(spacing=spacing) if spacing is not None else None

@@ -1,13 +1,13 @@
 """Hold one answer against its truth: every yes and no that the rates are made of.
 
-A verdict names the right group when the true effect is among the effects it names (an `ambiguous` verdict is one group,
-and so is one of several effects with its alternatives) or shares a group with the first of them by the diagnosis' own
-grouping. Both effects of a pair are named when they are two of several, or alternatives of two. Without probabilities, naming one effect as
-`effect` counts as confident. Closure is compared with that of the true effect, refitted by the diagnosis itself: an
-oracle that knows which effect it is, but not how large. Simpler tools are judged by the same answers: they name what
-the residual correlates with most, with or without projecting out what the base model can imitate, what a refit explains
-most of the motion it was fitted to, or what closes most of the gap, all without any rules; and a classifier
-(`fit.blind.classifier`).
+A verdict names the right group when the true effect is among the effects it names (an `ambiguous` verdict is one
+group, and so is one of several effects with its alternatives) or shares a group with the first of them by the
+diagnosis' own grouping. Both effects of a pair are named when they are two of several, or alternatives of two. Without
+probabilities, naming one effect as `effect` counts as confident. Closure is compared with that of the true effect,
+refitted by the diagnosis itself: an oracle that knows which effect it is, but not how large. Simpler tools are judged
+by the same answers: they name what the residual correlates with most, with or without projecting out what the base
+model can imitate, what a refit explains most of the motion it was fitted to, or what closes most of the gap, all
+without any rules; and a classifier (`fit.blind.classifier`).
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ from fit.parameterisations.base import Parameter, Parameterisation
 from fit.parameterisations.kinect_skirt import KINECT_SKIRT, KINECT_SKIRT_WEIGHED
 from fit.parameterisations.mocap_swatch import MOCAP_SWATCH, MOCAP_SWATCH_WEIGHED
 from fit.parameterisations.physical_units import LEAN, SI, SI_SEWN
+from formats.garment import Garment
 
 __all__ = [
     "KINECT_SKIRT",
@@ -19,6 +20,7 @@ __all__ = [
     "SI_SEWN",
     "Parameter",
     "Parameterisation",
+    "base_model_of",
     "find_method",
 ]
 
@@ -36,3 +38,8 @@ def find_method(name: str) -> Parameterisation:
     if name not in METHODS:
         raise FitError(f"there is no method named {name!r}", advice=f"known methods: {', '.join(METHODS)}")
     return METHODS[name]
+
+
+def base_model_of(garment: Garment) -> Parameterisation:
+    """Return what a garment is diagnosed with by default: sleeves and hems are layers sewn together."""
+    return SI_SEWN if garment.kind == "t-shirt" else SI

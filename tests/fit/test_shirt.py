@@ -13,12 +13,12 @@ from firmware_host.synthetic.garments import shirt
 from fit.calibration import LAYERED, calibrate
 from fit.cloth.simulator import Resolution, Simulator
 from fit.objective import per_frame
-from fit.parameterisations import SI, SI_SEWN
+from fit.parameterisations import SI, SI_SEWN, base_model_of
 from fit.recording import prepare
 from fit.request import request_of
 from formats.archive import read_take
 from formats.results import load_fit_result
-from tests.fit.scenes import material, simulate_take, swing
+from tests.fit.scenes import material, sheet, simulate_take, swing
 
 MESH = 0.1  # m
 
@@ -51,6 +51,11 @@ def test_sleeves_that_stand_out_lie_in_the_box_of_si_sewn_and_beyond_that_of_si(
         apart.append(np.nanmean(per_frame(recording.points, simulator.run(row).points[0])))
     assert apart[0] < 0.002
     assert apart[1] > 0.01
+
+
+def test_a_shirt_is_diagnosed_with_a_model_that_knows_layers_and_a_swatch_is_not():
+    assert base_model_of(shirt()).knows_layers
+    assert not base_model_of(sheet()).knows_layers
 
 
 @pytest.mark.slow

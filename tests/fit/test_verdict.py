@@ -130,7 +130,7 @@ def test_of_several_effects_it_is_said_which_have_a_twin(mm, instead):
 
 
 def test_twins_of_one_of_two_effects_share_its_probability():
-    """Both leave 5.5 mm of 9 beside the drag, in other half-seconds: each is the better one in about half of the draws."""
+    """Both leave 5.5 mm beside the drag, in other half-seconds: each is the better one in about half of the draws."""
     pair = hypothesis(("air_drag", "filter_lag"), 5.5, seed=4)
     evidence = evidence_of({"air_drag": 9.5}, joint=[(("air_drag", "time_offset"), 5.5)], instead=[pair])
     together = evidence.joint[0][0]

@@ -87,8 +87,8 @@ def render(score: Score) -> str:
         f"answers {score.answers[:16]}… (SHA-256).</p>",
         "".join(f"<p>{escape(note)}</p>" for note in score.notes),
         "<h2>Rates</h2><p>Single effects and pairs also by true amplitude over the smallest one that the diagnosis "
-        f"says it could detect, pairs by the smaller of both; what is asked holds for {HEADLINE_BIN}. Brackets: 95 % Wilson "
-        "intervals.</p>",
+        f"says it could detect, pairs by the smaller of both; what is asked holds for {HEADLINE_BIN}. Brackets: 95 % "
+        "Wilson intervals.</p>",
         rates_table(score),
         "<h2>By what the sensor gives</h2>", _ladders(score),
         "<h2>Planted against named first</h2>", _counts(score.confusion, "planted"),

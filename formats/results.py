@@ -100,10 +100,14 @@ class Figure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 class Gap(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Root mean square error [mm] of the base model, with the named effect, and of the sensor's noise alone."""
+    """Root mean square error [mm] of the base model, with the named effect, and of the sensor's noise alone.
+
+    is_floor_most: whether a model fell below the noise that the takes seem to have, so that there is at most floor_mm
+    """
 
     base_mm: Figure
     floor_mm: Figure
+    is_floor_most: bool = False
     numerics_mm: float | None = None
     with_effect_mm: Figure | None = None
     closure: Figure | None = None

@@ -95,24 +95,23 @@ def diagnose(
     judge = observer.of(test) if test else observer
     search = _Search(observer, judge, fits, rng, progress, kept)
     progress("noise floor", 0.3)
-    floor, floor_error = noise_floor(judge, fits[0].vector, observer.off, rng)
+    seeming, floor_error = noise_floor(judge, fits[0].vector, observer.off, rng)
     picks = bootstrap_picks(search.base.errors, rng)
-    search.first_round(added, has_gap=exceeds(search.base.errors, picks, floor**2))
-    floor = search.reached(floor)
+    search.first_round(added, has_gap=exceeds(search.base.errors, picks, seeming**2))
+    floor = search.reached(seeming)
     found_gates += [predictability, gate.convergence_gate(search.fits, search.least_cost)]
     progress("checking mesh and step", 0.83)
     base = search.base.fitted
     refined = refine(observer, judge, base)
     mesh_closure = closure(search.base.errors, refined.errors, floor, picks)
     found_gates.append(gate.numerics_gate(mesh_closure[0] if mesh_closure else None, refined.numerics_mm))
-    evidence = search.evidence(floor, refined.numerics_mm, picks, found_gates, is_held_out=bool(test))
+    evidence = search.evidence(seeming, refined.numerics_mm, picks, found_gates, is_held_out=bool(test))
     verdict = decide(evidence, effects)
     # Several are named only where one of them passes alone: else a second cannot change the verdict.
     if verdict.verdict in {"effect", "ambiguous", "unknown"} and passing_effects(evidence):
         progress("looking for a second effect", 0.88)
         search.further_rounds(floor, refined.numerics_mm)
-        floor = search.reached(floor)
-        evidence = search.evidence(floor, refined.numerics_mm, picks, found_gates, is_held_out=bool(test))
+        evidence = search.evidence(seeming, refined.numerics_mm, picks, found_gates, is_held_out=bool(test))
         verdict = decide(evidence, effects)
     progress("imagining the next recording", 0.93)
     proposal = propose(observer, base, *search.alive(evidence, verdict))
@@ -326,13 +325,14 @@ class _Search:
         return [self.singles[k] for k in chosen], [max(shares[k], 0.1) for k in chosen]
 
     def evidence(
-        self, floor: float, numerics: float, picks: NDArray[np.int64], gates: list[Gate], *, is_held_out: bool
+        self, seeming: float, numerics: float, picks: NDArray[np.int64], gates: list[Gate], *, is_held_out: bool
     ) -> Evidence:
-        """Gather what the verdict is decided on."""
+        """Gather what the verdict is decided on; seeming [mm]: the noise that the takes seem to have."""
+        floor = self.reached(seeming)
         return Evidence(
             observer=self.observer, screened=self.screened, base=self.base, singles=self.singles, joint=self.joint,
             instead=self.instead, floor_mm=floor, numerics_mm=numerics, picks=picks, gates=gates,
-            is_held_out=is_held_out,
+            is_held_out=is_held_out, is_floor_most=floor < seeming,
         )  # fmt: skip
 
     def named(self, verdict: Verdict) -> Hypothesis | None:

@@ -71,6 +71,7 @@ class Evidence:
     gates: list[Gate]
     is_held_out: bool
     instead: list[Hypothesis]
+    is_floor_most: bool = False  # whether a model fell below what noise the takes seem to have, and set the floor
 
     def closure_of(self, hypothesis: Hypothesis) -> Figure | None:
         """Share of the gap that a hypothesis closes; None where there is hardly a gap."""

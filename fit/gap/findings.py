@@ -26,6 +26,7 @@ def describe_gap(evidence: Evidence, best: Hypothesis | None, floor_error: float
     return Gap(
         base_mm=evidence.error_of(evidence.base),
         with_effect_mm=evidence.error_of(best) if best else None,
+        is_floor_most=evidence.is_floor_most,
         floor_mm=Figure(
             value=floor, interval=(max(floor - NORMAL_95 * floor_error, 0.0), floor + NORMAL_95 * floor_error)
         ),

@@ -217,12 +217,9 @@ def _numbers(evidence: Evidence) -> str:
     on = "on motion not used for fitting"
     if not evidence.is_held_out:
         on = "on the motion it was fitted to (no held-out take)"
-    every = [evidence.base, *evidence.singles.values(), *(h for h, _ in evidence.joint)]
-    # A model may fall below the noise that the takes seem to have: then it is told how little noise there is at most.
-    is_reached = min(h.errors.squared_mm for h in every) <= evidence.floor_mm**2 * (1 + 1e-9)
     return (
         f"The base model misses by {evidence.error_of(evidence.base).value:.1f} mm {on}; the sensor's noise alone is "
-        f"{'at most ' if is_reached else ''}{evidence.floor_mm:.1f} mm."
+        f"{'at most ' if evidence.is_floor_most else ''}{evidence.floor_mm:.1f} mm."
     )
 
 

@@ -62,7 +62,8 @@ def verdict(fit: FitResult | None, diagnosis: Diagnosis | None) -> str:
         figures.append(("base model misses by", tenths(gap.base_mm.value), on))
         if gap.with_effect_mm is not None:
             figures.append((f"with {_named(diagnosis)}", tenths(gap.with_effect_mm.value), on))
-        figures.append(("the sensor's noise alone", tenths(gap.floor_mm.value), tenths_interval(gap.floor_mm.interval)))
+        noise = "the sensor's noise alone, at most" if gap.is_floor_most else "the sensor's noise alone"
+        figures.append((noise, tenths(gap.floor_mm.value), tenths_interval(gap.floor_mm.interval)))
         if gap.closure is not None:
             ends = interval(gap.closure.interval, 100, 2)
             figures.append(("share of the gap closed", percent(gap.closure.value), f"{ends} %" if ends else ""))

@@ -118,6 +118,13 @@ def test_gap_bar_is_split_at_floor_and_at_what_the_effect_leaves():
     assert widths["gone"] / widths["floor"] == pytest.approx(7.1 / 4.1, abs=0.01)
 
 
+def test_a_floor_that_a_model_set_is_said_to_be_at_most_that():
+    known = diagnosis()
+    fallen = msgspec.structs.replace(known, gap=msgspec.structs.replace(known.gap, is_floor_most=True))
+    for said, is_told in ((known, False), (fallen, True)):
+        assert ("noise alone, at most" in render_report(fit=None, diagnosis=said).replace("&#x27;", "'")) == is_told
+
+
 def test_names_from_outside_cannot_become_markup():
     evil = '</script><script>alert("x")</script><img src=x onerror=1>'
     result = fit_result()

@@ -176,7 +176,9 @@ class _Search:
         for hypothesis in self._refit(self.base.fitted, self.screened, places):
             self.singles[hypothesis.effects[-1]] = hypothesis
         self.progress("refitting the best from elsewhere", 0.62)
-        best = sorted(self.singles, key=lambda k: self.singles[k].fitted.cost)[:POLISHED]
+        by_cost = sorted(self.singles, key=lambda k: self.singles[k].fitted.cost)
+        nearest = min(self.singles, key=lambda k: self.singles[k].errors.squared_mm)
+        best = list(dict.fromkeys([by_cost[0], nearest, *by_cost]))[:POLISHED]
         found = [self.singles[k].fitted for k in best]
         # A base fit that makes up for an effect is a bad place to begin with it, and the other way round.
         again = Task(found[0].vector, self.observer.off, known_cost=self.base.fitted.cost)

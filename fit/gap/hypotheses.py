@@ -1,8 +1,8 @@
 """What could explain the gap: the base model with one effect of the library, or with several, refitted and judged.
 
-Effects are shortlisted by the cost that a linear refit would save (`fit.gap.screening`); those are refitted jointly
-with
-the base parameters, from the linear solution, along chords. Every hypothesis is judged by its error on the held-out
+Effects are shortlisted by the cost that a linear refit would save (`fit.gap.screening`), and by the distance that it
+would save, which is what hypotheses are judged by; those are refitted jointly with the base parameters, from the linear
+solution, along chords. Every hypothesis is judged by its error on the held-out
 takes. A further effect is added as long as it explains held-out error that is still there (forward selection).
 Source: Y. C. Pati, R. Rezaiifar, P. Krishnaprasad, "Orthogonal matching pursuit" (1993), with refits.
 """
@@ -29,6 +29,8 @@ POLISHING = 8  # iterations of the best refits with Jacobians of their own
 SHARES = (0.3, 0.6, 1.0, 1.5)  # of the linear guess of an amplitude that are tried as starts
 ALIKE = 0.9  # cosine above which an effect is refitted because its twin is
 LEAST_SHARE = 0.05  # of the shortlist's best predicted saving; what saves less is not refitted
+# A place that is constantly off weighs little beside the noise of hundreds of frames, and may be most of what is missed.
+MOST_SEEN, SEEN_SHARE = 2, 0.5  # effects refitted for what they save in mm^2; of the most that any saves
 
 
 @dataclass(frozen=True)
@@ -46,8 +48,13 @@ def shortlist(screened: Screened) -> list[int]:
     best = order[0]
     least = LEAST_SHARE * float(screened.predicted[best])
     chosen = [n for n in order[:SHORTLIST] if screened.predicted[n] > least or n == best]
-    twins = [n for n in order if n not in chosen and abs(screened.cosines[best, n]) > ALIKE]
-    return chosen + twins[:2]
+    by_distance = [int(n) for n in np.argsort(-screened.predicted_mm2)]
+    seen = SEEN_SHARE * max(float(screened.predicted_mm2[by_distance[0]]), 0.0)
+    chosen += [n for n in by_distance[:MOST_SEEN] if screened.predicted_mm2[n] > seen and n not in chosen]
+    for leader in (best, by_distance[0]):
+        twins = [n for n in order if n not in chosen and abs(screened.cosines[leader, n]) > ALIKE]
+        chosen += twins[:2] if leader in chosen else []
+    return chosen
 
 
 def refits(observer: Observer, start: Fitted, screened: Screened, places: list[int]) -> list[Task]:

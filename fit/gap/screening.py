@@ -51,7 +51,7 @@ class Screened:
     cosines, (screened, screened): of what each effect alone would explain of the residual
     correlation: multiple, of the residual with the signatures as they are, nothing projected out, (screened,)
     raw: per effect its signatures in typical sizes, (components, numbers), columns of a joint Jacobian
-    predicted: cost that a linear refit would save, (screened,)
+    predicted: cost that a linear refit would save, (screened,); predicted_mm2, (screened,): mean squared error [mm^2]
     """
 
     effects: tuple[int, ...]
@@ -62,6 +62,7 @@ class Screened:
     family_p_value: Floats
     cosines: Floats
     predicted: Floats
+    predicted_mm2: Floats
     correlation: Floats
     raw: list[Floats]
     projected: list[Floats]
@@ -180,12 +181,14 @@ def screen(observer: Observer, fitted: Fitted, chosen: tuple[int, ...], rng: np.
         scored.append(best)
     p_value, family = _p_values(np.array(statistic), np.array(drawn))
     left = max(float(rest @ rest), 1e-12)
+    missed = np.array([rest + one.contribution for one in scored])
     return Screened(
         effects=chosen, amplitude=[one.amplitude for one in scored],
         explained=np.array([one.predicted / left for one in scored]),
         absorbed=np.array([1 - float((o.seen**2).sum()) / max(float((o.raw**2).sum()), 1e-12) for o in scored]),
         p_value=p_value, family_p_value=family, cosines=_cosines(np.array([one.contribution for one in scored])),
         predicted=np.array([one.predicted for one in scored]),
+        predicted_mm2=observer.in_mm(rest) ** 2 - observer.in_mm(missed) ** 2,
         correlation=np.array([one.correlation for one in scored]),
         raw=[one.raw for one in scored], projected=[one.seen for one in scored],
         typical=np.array([observer.effects[k].typical for k in chosen]),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from fit.gap.checkpoint import Checkpoint
 from fit.gap.diagnosis import diagnose, fine_enough
 from fit.gap.fitting import Fitted, amplitude_of
 from fit.gap.floor import neighbour_noise
-from fit.gap.hypotheses import Hypothesis, restarts
+from fit.gap.hypotheses import Hypothesis, restarts, shortlist
 from fit.gap.missing_force import sentence_of
 from fit.gap.next_experiment import MENU, imagine, propose
 from fit.gap.numerics import motion_mm
@@ -84,6 +85,27 @@ def test_effects_far_from_linear_are_found_at_sizes_far_from_the_typical(name, a
     place = found.effects.index(next(k for k in chosen if LIBRARY[k].name == name))
     assert int(np.argmax(found.predicted)) == place
     assert found.amplitude[place][0] == pytest.approx(amplitude, rel=far)
+
+
+def test_screening_says_how_much_nearer_the_points_would_be():
+    """A hem that is all there is: with it nothing is missed but 1 mm of noise, 3 mm^2 and less for what a fit takes."""
+    observer = Observer([prepare(a_take(effect="hem", amplitude=0.01))], SI, LIBRARY, frequency=0.0, resolution=COARSE)
+    fitted, hem = fitted_at(observer, truth_vector()), [e.name for e in LIBRARY].index("hem")
+    found = screen(observer, fitted, (hem,), np.random.default_rng(0))
+    unexplained = found.predicted_mm2[0] / found.explained[0]
+    assert unexplained > 10
+    assert unexplained - found.predicted_mm2[0] == pytest.approx(3.0, rel=0.5)
+
+
+@pytest.mark.parametrize(("nearer", "refitted"), [(10.0, {0, 1, 2}), (1.0, {0})])
+def test_what_brings_the_points_nearer_is_refitted_though_it_saves_little_cost(nearer, refitted):
+    """A constant offset is one number beside those of hundreds of frames; its twin is refitted with it."""
+    cosines = np.eye(4)
+    cosines[1, 2] = cosines[2, 1] = 0.95
+    found = SimpleNamespace(
+        predicted=np.array([100.0, 3.0, 2.0, 1.0]), predicted_mm2=np.array([4.0, nearer, 0.1, 0.2]), cosines=cosines
+    )
+    assert set(shortlist(found)) == refitted
 
 
 def test_nothing_is_sure_of_an_effect_where_there_is_none():

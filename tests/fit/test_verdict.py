@@ -50,7 +50,7 @@ def evidence_of(
     p_values = np.full(len(effects), p)
     screened = Screened(
         effects=effects, amplitude=[], explained=p_values, absorbed=p_values, p_value=p_values, family_p_value=p_values,
-        cosines=np.eye(len(effects)), predicted=p_values, correlation=p_values, raw=[],
+        cosines=np.eye(len(effects)), predicted=p_values, predicted_mm2=p_values, correlation=p_values, raw=[],
         projected=[np.ones((1, 3)) for _ in effects], typical=p_values,
     )  # fmt: skip
     return Evidence(

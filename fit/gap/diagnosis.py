@@ -21,7 +21,7 @@ from fit.gap import gates as gate
 from fit.gap.base_fit import fit_base, middle
 from fit.gap.checkpoint import Checkpoint, Key
 from fit.gap.closure import bootstrap_picks, closure, exceeds
-from fit.gap.evidence import SMALLEST_SECOND_GAIN, Evidence, best_of, is_worth_adding
+from fit.gap.evidence import SMALLEST_SECOND_GAIN, Evidence, best_of, is_worth_adding, share_in_median_block
 from fit.gap.fitting import Fitted, Task, fit
 from fit.gap.floor import noise_floor
 from fit.gap.hypotheses import Hypothesis, judged, polishing, refits, restarts, shortlist
@@ -44,6 +44,7 @@ CELLS = 9  # across the smaller side of the garment
 FINEST, COARSEST = 0.02, 0.06  # m, of the mesh that is chosen by itself
 MOST_EFFECTS = 3  # that one verdict may name
 POLISHED = 2  # hypotheses that are fitted on with a Jacobian of their own
+PROMISING = 2.0  # a further effect is fitted on where it would be enough if it closed so many times as much
 POLISHED_WITHIN = 1.5  # of the squared error of two effects: a twin in the place of one is fitted on too
 SECONDS_TRIED = 3  # further effects that are refitted beside what was found
 RIVAL_SHARE = 0.7  # of what the best effect closes, from which the next best is tried beside a further one as well
@@ -239,13 +240,19 @@ class _Search:
                 return
             found, p_value = min(tried, key=_held_out_error)
             is_real = may_be_added(self.observer, found, p_value)
-            if is_real:
+            if is_real and self._is_enough(best, found, gap, floor, PROMISING):
                 found, p_value = self._better_of_twins(self._polished(found), p_value)
                 is_real = may_be_added(self.observer, found, p_value)
             self.joint.append((found, p_value))
-            if not is_real or not is_worth_adding(gap, left_mm2, best.errors.squared_mm - found.errors.squared_mm):
+            if not is_real or not self._is_enough(best, found, gap, floor):
                 return
             best, starts = found, [found]
+
+    def _is_enough(self, before: Hypothesis, found: Hypothesis, gap: float, floor: float, hope: float = 1.0) -> bool:
+        """Whether a further effect closes enough [mm^2, mm], or would if it closed `hope` times as much."""
+        left, gain = before.errors.squared_mm - floor**2, before.errors.squared_mm - found.errors.squared_mm
+        usual = share_in_median_block(before.errors, found.errors, floor)
+        return is_worth_adding(gap, left, hope * gain, hope * usual)
 
     def _polished(self, joint: Hypothesis) -> Hypothesis:
         """Return several effects as they fit from where they are, or from the best place over the box."""

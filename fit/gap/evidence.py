@@ -21,9 +21,11 @@ SMALLEST_CLOSURE = 0.25  # an effect that removes less of the gap is not its cau
 MOST_LEFT = 0.6  # of the gap that a cause may leave unexplained, beyond noise and mesh
 AT_BOUND = 0.01  # of an effect's range: an amplitude nearer to its end was stopped by it
 # A further effect closes a tenth of the gap and a third of what those before leave beyond the noise; or it closes most
-# of that, which the wrong law of an effect that is there rarely does.
+# of that, which the wrong law of an effect that is there rarely does. Most on average, or in the median half-second:
+# where cloth becomes unpredictable for a moment, that moment is nearly all of what is left.
 SECOND_GAIN, SHARE_OF_LEFT = 0.1, 1 / 3
 SMALLEST_SECOND_GAIN, MOST_OF_LEFT = 0.03, 0.6
+LEAST_LEFT = 0.1  # of the squared noise that is taken to be left in a half-second at least
 NEAR, NEAR_TWIN = 0.8, 0.9  # of the winner's closure from which an effect, or one of the same shape, is a rival
 RIVAL = 0.1  # share of bootstrap draws that makes an effect a rival
 
@@ -42,15 +44,26 @@ def best_of(observer: Observer, singles: dict[int, Hypothesis]) -> list[Hypothes
     return sorted(singles.values(), key=lambda h: (is_at_bound(observer, h), h.errors.squared_mm))
 
 
-def is_worth_adding(gap: float, left: float, gain: float) -> bool:
-    """Whether a further effect that closes `gain` of what is left of a gap is needed; mean squared errors [mm^2]."""
-    return bool(are_worth_adding(np.array(gap), np.array(left), np.array(gain)))
+def is_worth_adding(gap: float, left: float, gain: float, usual_share: float = 0.0) -> bool:
+    """Whether a further effect that closes `gain` of what is left of a gap is needed; mean squared errors [mm^2].
+
+    usual_share: `share_in_median_block` of it
+    """
+    return bool(are_worth_adding(np.array(gap), np.array(left), np.array(gain), usual_share))
 
 
-def are_worth_adding(gap: Floats, left: Floats, gain: Floats) -> NDArray[np.bool_]:
+def are_worth_adding(gap: Floats, left: Floats, gain: Floats, usual_share: float = 0.0) -> NDArray[np.bool_]:
     """Return `is_worth_adding` of many draws, each (replicas,)."""
     closes_much = (gain >= SECOND_GAIN * gap) & (gain >= SHARE_OF_LEFT * left)
-    return np.asarray(closes_much | ((gain >= SMALLEST_SECOND_GAIN * gap) & (gain >= MOST_OF_LEFT * left)))
+    closes_most = (gain >= MOST_OF_LEFT * left) | (usual_share >= MOST_OF_LEFT)
+    return np.asarray(closes_much | ((gain >= SMALLEST_SECOND_GAIN * gap) & closes_most))
+
+
+def share_in_median_block(before: BlockErrors, after: BlockErrors, floor_mm: float) -> float:
+    """Share of what one model leaves beyond the noise that another one closes, in the median half-second."""
+    was, now = before.sums / before.counts, after.sums / after.counts
+    left = np.maximum(was - floor_mm**2, LEAST_LEFT * max(floor_mm**2, 1e-6))
+    return float(np.median((was - now) / left))
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.gap.evidence import Evidence, are_worth_adding
+from fit.gap.evidence import Evidence, are_worth_adding, best_of, share_in_median_block
 from fit.gap.hypotheses import Hypothesis
 
 Floats = NDArray[np.float64]
@@ -34,7 +34,9 @@ def probabilities(evidence: Evidence, several: Hypothesis | None) -> dict[int, f
     if teams:
         least, winner = np.min(np.stack(joint), axis=0), np.argmin(np.stack(joint), axis=0)
         before = np.min(np.stack(list(drawn.values())), axis=0)
-        together = are_worth_adding(base - noise, before - noise, before - least) & (least <= most)
+        best = best_of(evidence.observer, evidence.singles)[0]
+        usual = share_in_median_block(best.errors, teams[0].errors, evidence.floor_mm)
+        together = are_worth_adding(base - noise, before - noise, before - least, usual) & (least <= most)
     worth = evidence.are_worth_naming(base, drawn)
     found = {k: float(np.mean(worth[k] & (drawn[k] <= most) & ~together)) for k in drawn}
     for n, team in enumerate(teams):

@@ -17,6 +17,7 @@ from fit.gap.evidence import (
     best_of,
     is_at_bound,
     is_worth_adding,
+    share_in_median_block,
 )
 from fit.gap.fitting import amplitude_of
 from fit.gap.hypotheses import Hypothesis
@@ -167,7 +168,8 @@ def _several(evidence: Evidence, passing: list[int]) -> Hypothesis | None:
         # What acts for a moment (a slip) closes little in most draws of half-seconds: the motion fitted to decides.
         is_certain = np.quantile(gain, 0.05) > 0 or (hypothesis.fitted.cost < (1 - SECOND_GAIN) * before.fitted.cost)
         left = before.errors.squared_mm - evidence.floor_mm**2
-        is_enough = is_worth_adding(gap, left, before.errors.squared_mm - hypothesis.errors.squared_mm)
+        usual = share_in_median_block(before.errors, hypothesis.errors, evidence.floor_mm)
+        is_enough = is_worth_adding(gap, left, before.errors.squared_mm - hypothesis.errors.squared_mm, usual)
         if not may_be_added(evidence.observer, hypothesis, p_value) or not is_enough or not is_certain:
             break
         accepted = before = hypothesis

@@ -300,7 +300,7 @@ class _Search:
         )
         if not left:
             return []
-        screened = screen(self.observer, start.fitted, left, self.rng)
+        screened = screen(self.observer, start.fitted, left, self.rng, self.screened)
         places = shortlist(screened)[:SECONDS_TRIED]
         refitted = self._refit(start.fitted, screened, places)
         return [

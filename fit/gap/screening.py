@@ -38,6 +38,7 @@ Floats = NDArray[np.float64]
 REPLICAS = 2000
 DETECTION = 1.645 + 0.842  # one-sided 5 % and power 80 %
 GROUP_COSINE = 0.9  # signatures closer than this cannot be told apart
+RENEWED = 8  # effects whose signatures are taken anew where those of a fit nearby are known
 NEAR = (0.5, 1.6)  # of the amplitude of a probe: what its secant may be believed for
 
 
@@ -67,6 +68,11 @@ class Screened:
     raw: list[Floats]
     projected: list[Floats]
     typical: Floats
+
+    def secant(self, effect: int) -> Secant:
+        """Return the signatures that an effect was found to have, per unit of its components."""
+        place = self.effects.index(effect)
+        return Secant(self.raw[place] / self.typical[place])
 
     def minimum_detectable(self, left: Floats, block: NDArray[np.int64]) -> Floats:
         """Smallest amplitude of each effect that would have shown, (screened,), where `left` is what a model leaves.
@@ -155,8 +161,14 @@ def with_amplitude(amplitudes: Floats, columns: slice | int, changed: Floats | f
     return row
 
 
-def screen(observer: Observer, fitted: Fitted, chosen: tuple[int, ...], rng: np.random.Generator) -> Screened:
-    """Screen the chosen effects of the library against a fit, whose own effects are projected out like parameters."""
+def screen(
+    observer: Observer, fitted: Fitted, chosen: tuple[int, ...], rng: np.random.Generator, known: Screened | None = None
+) -> Screened:
+    """Screen the chosen effects of the library against a fit, whose own effects are projected out like parameters.
+
+    known: the same effects screened against a fit of the same takes, nearby: their signatures there say which are worth
+    taking anew, and stand for those of the others.
+    """
     jacobian = fitted.jacobian
     precision = np.diag(Problem(observer, fitted.active).prior_sd ** -2)
     hat = np.linalg.solve(jacobian.T @ jacobian + precision, jacobian.T)
@@ -168,8 +180,15 @@ def screen(observer: Observer, fitted: Fitted, chosen: tuple[int, ...], rng: np.
     blocks = observer.layout.block
     signs = rng.choice([-1.0, 1.0], size=(REPLICAS, int(blocks.max()) + 1))
     scored, statistic, drawn = [], [], []
-    for k, secants in zip(chosen, secants_of(observer, fitted, chosen), strict=True):
-        effect = observer.effects[k]
+    old = {} if known is None else {k: known.secant(k) for k in chosen}
+
+    def promise(k: int) -> float:
+        return max(_score(old[k], observer.effects[k], project, fitted.residual, rest).predicted, 0.0)
+
+    renewed = tuple(sorted(sorted(old, key=promise, reverse=True)[:RENEWED]) if old else chosen)
+    taken = dict(zip(renewed, secants_of(observer, fitted, renewed), strict=True))
+    for k in chosen:
+        effect, secants = observer.effects[k], taken[k] if k in taken else [old[k]]
         tried = [(_score(secant, effect, project, fitted.residual, rest), secant) for secant in secants]
         found = [one for one, secant in tried if secant.holds(one.amplitude)]
         best = max(found, key=lambda one: one.predicted)

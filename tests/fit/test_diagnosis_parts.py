@@ -87,6 +87,17 @@ def test_effects_far_from_linear_are_found_at_sizes_far_from_the_typical(name, a
     assert found.amplitude[place][0] == pytest.approx(amplitude, rel=far)
 
 
+def test_signatures_that_are_known_from_nearby_are_taken_anew_only_where_they_promise_something():
+    observer = Observer([prepare(a_take(effect="hem", amplitude=0.01))], SI, LIBRARY, frequency=0.0, resolution=COARSE)
+    fitted, chosen = fitted_at(observer, truth_vector()), tuple(k for k, e in enumerate(LIBRARY) if not e.in_base)
+    whole = screen(observer, fitted, chosen, np.random.default_rng(0))
+    before = observer.simulations
+    again = screen(observer, fitted, chosen, np.random.default_rng(0), whole)
+    assert again.predicted == pytest.approx(whole.predicted, rel=1e-6)
+    assert again.family_p_value == pytest.approx(whole.family_p_value)
+    assert observer.simulations - before < 0.6 * before
+
+
 def test_screening_says_how_much_nearer_the_points_would_be():
     """A hem that is all there is: with it nothing is missed but 1 mm of noise, 3 mm^2 and less for what a fit takes."""
     observer = Observer([prepare(a_take(effect="hem", amplitude=0.01))], SI, LIBRARY, frequency=0.0, resolution=COARSE)

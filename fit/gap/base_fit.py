@@ -70,17 +70,19 @@ def fit_base(
             if len(fits) < MOST_STARTS and gates.disagreement(fits) > gates.CONVERGED:
                 starts.append(spare.pop(0) if spare else middle(observer, fits))
         fits.sort(key=lambda f: f.cost)
-        progress(f"base fit, across valleys, pull {frequency:g} Hz", 0.29)
-        if beyond := across_valleys(chosen, fits[0]):
-            names = [f"base-{frequency:g}-beyond-{k}" for k in range(len(beyond))]
-            fits += kept.recall(names, partial(fit, chosen, beyond))
-            fits.sort(key=lambda f: f.cost)
         # A take can be predictable at one fit and not at the next; no pull is tried twice.
         needed, gate = gates.choose_frequency(observer, fits[0].vector)
         tried.add(frequency)
         if needed in tried:
-            return fits, chosen, gate
+            break
         frequency, starts = needed, [f.vector for f in fits[:STARTS]]
+    progress(f"base fit, across valleys, pull {frequency:g} Hz", 0.29)
+    if beyond := across_valleys(chosen, fits[0]):
+        names = [f"base-{frequency:g}-beyond-{k}" for k in range(len(beyond))]
+        fits += kept.recall(names, partial(fit, chosen, beyond))
+        fits.sort(key=lambda f: f.cost)
+        gate = gates.predictability_gate(chosen, fits[0].vector)
+    return fits, chosen, gate
 
 
 def across_valleys(observer: Observer, best: Fitted) -> list[Task]:

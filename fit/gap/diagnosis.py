@@ -44,6 +44,7 @@ CELLS = 9  # across the smaller side of the garment
 FINEST, COARSEST = 0.02, 0.06  # m, of the mesh that is chosen by itself
 MOST_EFFECTS = 3  # that one verdict may name
 POLISHED = 2  # hypotheses that are fitted on with a Jacobian of their own
+POLISHED_SHARE = 0.5  # of the cost that the best one saves: what saves less is not fitted on
 PROMISING = 2.0  # a further effect is fitted on where it would be enough if it closed so many times as much
 POLISHED_WITHIN = 1.5  # of the squared error of two effects: a twin in the place of one is fitted on too
 SECONDS_TRIED = 3  # further effects that are refitted beside what was found
@@ -180,6 +181,8 @@ class _Search:
         by_cost = sorted(self.singles, key=lambda k: self.singles[k].fitted.cost)
         nearest = min(self.singles, key=lambda k: self.singles[k].errors.squared_mm)
         best = list(dict.fromkeys([by_cost[0], nearest, *by_cost]))[:POLISHED]
+        saved = {k: self.base.fitted.cost - self.singles[k].fitted.cost for k in best}
+        best = [k for k in best if k == nearest or saved[k] >= POLISHED_SHARE * saved[by_cost[0]]]
         found = [self.singles[k].fitted for k in best]
         # A base fit that makes up for an effect is a bad place to begin with it, and the other way round.
         again = Task(found[0].vector, self.observer.off, known_cost=self.base.fitted.cost)

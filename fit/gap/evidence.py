@@ -8,7 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.gap.closure import DIRECTIONS, SIGNIFICANT_GAP, closure, error_interval, exceeds, solver_draws
+from fit.gap.closure import (
+    DIRECTIONS,
+    SIGNIFICANT_GAP,
+    BlockErrors,
+    closure,
+    error_interval,
+    exceeds,
+    solver_draws,
+)
 from fit.gap.fitting import NORMAL_95, amplitude_of
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.observer import Observer

@@ -72,22 +72,37 @@ def choose_frequency(observer: Observer, vector: Floats) -> tuple[float, Gate]:
     Two simulations that differ by a thousandth in every stiffness must stay within a fifth of the noise of each other.
     Where no pull does that, it is the one that leaves them nearest: hard pulls on noisy points crumple limp cloth.
     """
-    none = np.stack([observer.off, observer.off])
-    nudged = np.stack([vector, vector * (1 + NUDGE)])
-    noise = float(np.sqrt(3 * np.mean(observer.layout.sd**2))) * 1e3
     tried: list[tuple[float, float]] = []
     for frequency in FREQUENCIES:
-        both = observer.with_frequency(frequency).residuals(nudged, none)
-        tried.append((float(observer.in_mm(both[1] - both[0])), frequency))
-        if tried[-1][0] <= FORGOTTEN * noise:
+        tried.append((_apart(observer, vector, frequency), frequency))
+        if tried[-1][0] <= FORGOTTEN * _mean_noise(observer):
             break
-    apart, frequency = tried[-1] if tried[-1][0] <= FORGOTTEN * noise else min(tried)
+    apart, frequency = tried[-1] if tried[-1][0] <= FORGOTTEN * _mean_noise(observer) else min(tried)
+    return frequency, _predictability_gate(observer, apart, frequency)
+
+
+def predictability_gate(observer: Observer, vector: Floats) -> Gate:
+    """Are takes predictable under the observer's own pull? Two simulations must stay within the noise of each other."""
+    return _predictability_gate(observer, _apart(observer, vector, observer.frequency), observer.frequency)
+
+
+def _apart(observer: Observer, vector: Floats, frequency: float) -> float:
+    """How far apart [mm] a thousandth in every stiffness moves the points under a pull [Hz]."""
+    nudged = np.stack([vector, vector * (1 + NUDGE)])
+    both = observer.with_frequency(frequency).residuals(nudged, np.stack([observer.off, observer.off]))
+    return float(observer.in_mm(both[1] - both[0]))
+
+
+def _mean_noise(observer: Observer) -> float:
+    return float(np.sqrt(3 * np.mean(observer.layout.sd**2))) * 1e3
+
+
+def _predictability_gate(observer: Observer, apart: float, frequency: float) -> Gate:
+    noise = _mean_noise(observer)
     sentence = f"A change of {NUDGE:g} in the parameters moves the points by {apart:.2f} mm" + (
         f" under a pull of {frequency:g} Hz." if frequency else " in a free rollout."
     )
-    return frequency, Gate(
-        name="predictability", passed=apart <= noise, figure=apart, limit=noise, unit="mm", sentence=sentence
-    )
+    return Gate(name="predictability", passed=apart <= noise, figure=apart, limit=noise, unit="mm", sentence=sentence)
 
 
 def disagreement(fits: list[Fitted]) -> float:

@@ -97,16 +97,25 @@ def run(case: Case, search: str, budget: int, seed: int) -> Run:
 
 
 def run_observed(case: Case, search: str, budget: int, seed: int) -> Run:
-    """Least squares know their distance only where a descent has ended, at the cost of one candidate more."""
+    """Least squares know the distance after each candidate; short windows where a descent has ended, for one more."""
     recordings = [prepare(take) for take in case.takes]
     request = Request(method=SI, resolution=case.mesh)
     model = Model(recordings, request)
-    observed, settings = begin_observed(search, recordings, SI, (), request.space, case.mesh, seed)
+    observed, settings = begin_observed(
+        search, recordings, SI, (), request.space, case.mesh, seed, model.distances_of
+    )  # fmt: skip
     found = observed.run(SI.initial, settings)
     history = np.full(budget, float(model.distances(SI.initial[None])[0]))
-    for number, descent in enumerate(found.path):
-        after = descent.simulations // len(recordings) + number + 1
-        history[after:] = np.minimum(history[after:], float(model.distances(descent.vector[None])[0]))
+    before = 0
+    for number, step in enumerate(found.path):
+        after = step.simulations // len(recordings)
+        if step.distances:
+            for k, distance in enumerate(step.distances, before):
+                history[k:] = np.minimum(history[k:], distance)
+        else:
+            after += number + 1
+            history[after:] = np.minimum(history[after:], float(model.distances(step.vector[None])[0]))
+        before = after
     return Run(history, found.vector, found.intervals.ends, found.intervals.is_told)
 
 

@@ -106,7 +106,7 @@ def run_observed(case: Case, search: str, budget: int, seed: int) -> Run:
     )  # fmt: skip
     found = observed.run(SI.initial, settings)
     history = np.full(budget, float(model.distances(SI.initial[None])[0]))
-    before = 0
+    before = after = 0
     for number, step in enumerate(found.path):
         after = step.simulations // len(recordings)
         if step.distances:
@@ -116,6 +116,7 @@ def run_observed(case: Case, search: str, budget: int, seed: int) -> Run:
             after += number + 1
             history[after:] = np.minimum(history[after:], float(model.distances(step.vector[None])[0]))
         before = after
+    history[after:] = float(model.distances(found.vector[None])[0])  # of the result, whatever was seen on the way
     return Run(history, found.vector, found.intervals.ends, found.intervals.is_told)
 
 

@@ -130,7 +130,7 @@ class Observer:
         return self.residuals_of(self.trajectories(vectors, amplitudes))
 
     def residuals_of(self, points: list[Floats]) -> Floats:
-        """Whitened residuals, (candidates, numbers), of simulated points [m], (candidates, frames, points, 3) a take."""
+        """The same of simulated points [m], (candidates, frames, points, 3) a take."""
         moving, static, candidates = [], [], len(points[0])
         for recording, simulated in zip(self.recordings, points, strict=True):
             seen = recording.counted

@@ -11,8 +11,8 @@ so that the expected sum of squares needs no more of the residuals than their Gr
 
     E |r(u)|^2 = w' G w + s^2 v(u),    s^2 = tr(P G) / (n - 1),    P = K^-1 - K^-1 11' K^-1 / 1'K^-1 1
 
-with v the variance of the prediction in units of s^2. The ranges l and the nugget, which stands for the ripples that folds
-make, maximise the restricted likelihood, whose numbers count as few independent ones, under a weak prior.
+with v the variance of the prediction in units of s^2. The ranges l and the nugget, which stands for the ripples that
+folds make, maximise the restricted likelihood, whose numbers count as few independent ones, under a weak prior.
 
 Sources: S. Conti & A. O'Hagan, "Bayesian emulation of complex multi-output and dynamic computer models", J. Stat.
 Planning and Inference 140 (2010), section 2 (one correlation for all outputs); the sum of squares of a predicted vector

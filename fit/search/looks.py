@@ -1,10 +1,12 @@
 """Where to look next: places scattered over the unit box, then those where an emulator expects the least cost.
 
-After the start and a Sobol sequence, two places at a time are simulated: where the expected cost is least, and where the
-cost of the prediction alone is, which dares more (`fit.search.emulator`; caution 1 and 0). Both carry a weak prior,
-the box's own spread about the start. Each is sought from the best place known and from the best of some drawn over the
-box and near the best one. What is proposed depends on the seed and on the places looked at so far alone, so that an
-interrupted search goes on from these.
+After the start and a Sobol sequence, two places at a time are proposed: where the expected cost is least, and where
+the cost of the prediction alone is, which dares more (`fit.search.emulator`; caution 1 and 0). Both costs carry a weak
+prior, the box's own spread about the start. Each least is sought from the best place known and from the best of some
+drawn over the box and near the best one. What is proposed depends on the seed and on the places looked at so far
+alone, so that an interrupted search goes on from these.
+
+Source of the scattered places: I. M. Sobol, USSR Comput. Math. Math. Phys. 7 (1967).
 """
 
 from __future__ import annotations
@@ -41,6 +43,11 @@ def prior_cost(units: Floats, start: Floats) -> Floats:
     return np.asarray(((units - start) ** 2).sum(-1) / PRIOR_SD**2)
 
 
+def fewest(parameters: int) -> int:
+    """Places that an emulator needs more than."""
+    return parameters + 1
+
+
 def propose(units: Floats, residuals: Floats, start: Floats, seed: int) -> Floats:
     """Return the places to look at next, (candidates, parameters), none where too few simulations stayed finite.
 
@@ -49,7 +56,7 @@ def propose(units: Floats, residuals: Floats, start: Floats, seed: int) -> Float
     """
     is_sound = np.isfinite(residuals).all(1)
     sound, broken = units[is_sound], units[~is_sound]
-    if len(sound) <= len(start) + 1:
+    if len(sound) <= fewest(len(start)):
         return units[:0]
     told = residuals[is_sound]
     order = np.argsort((told**2).sum(1) + prior_cost(sound, start), kind="stable")[:KEPT]

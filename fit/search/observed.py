@@ -1,18 +1,24 @@
-"""Least squares on the points' residuals from several starts, free or weakly pulled to the measured points.
+"""Least squares on the points' residuals: looks at many places, then descents; free, or weakly pulled to the points.
 
-The first start is the initial parameters, the others are scattered over the box. From each, Levenberg-Marquardt goes
-down by chords (`fit.search.least_squares`), with differences wide enough to step over the ripples that folds make. A
-weak prior, the box's own spread about the initial parameters, holds what the data cannot tell. With a pull (of the
-observer, `fit.gap.observer`) each start goes down under it first and then free.
+The start and scattered places are looked at first, then those that an emulator of the residuals proposes
+(`fit.search.looks`). From the best, Levenberg-Marquardt goes down by chords (`fit.search.least_squares`), with
+differences wide enough to step over the ripples that folds make. Without looks there are several descents, from the
+start and from scattered places. A weak prior, the box's own spread about the start, holds what the data cannot tell.
+With a pull (of the observer, `fit.gap.observer`) each descent goes under it first and then free.
 
 Ripples leave many small valleys, so one valley's curvature says too little of how far a parameter can be trusted.
-The deviation of a parameter is that of `fit.search.intervals` in the best valley and what the starts' ends differ by:
+The deviation of a parameter is that of `fit.search.intervals` in the best valley and how far away other places fit:
 
-    V = V_jackknife + sum_k w_k (u_k - u) (u_k - u)' / sum_k w_k,      w_k = (cost_k / cost)^(-N/2)
+    V = V_jackknife + E (v - u) (v - u)'
 
-with u in shares of the box and N the independent pieces of the recording, taken to last two seconds here, because a
-ripple goes on for a swing or two: ends that fit much worse count little. That is the likelihood of Gaussian errors
-whose deviation is not known, at its maximum over the deviation.
+with u in shares of the box and v drawn from what the emulator knows of the cost (`fit.search.posterior`). Without
+looks, v are the ends of the descents, each with the weight
+
+    w_k = (cost_k / cost)^(-N/2)
+
+and N the independent pieces of the recording, taken to last two seconds, because a ripple goes on for a swing or two:
+ends that fit much worse count little. That is the likelihood of Gaussian errors whose deviation is not known, at its
+maximum over the deviation. How long the pieces are was set on takes apart from those that published figures rest on.
 """
 
 from __future__ import annotations
@@ -34,12 +40,15 @@ from fit.gap.observer import Observer
 from fit.parameterisations import Parameterisation
 from fit.recording import Recording, Windows
 from fit.search import looks as looking
+from fit.search.emulator import Emulator
 from fit.search.intervals import PRIOR_SD, Intervals, block_intervals, check_blocks
 from fit.search.least_squares import BoundedSpace, LeastSquaresResult, LeastSquaresSettings, Prior, minimise
+from fit.search.posterior import draw
 
 Floats = NDArray[np.float64]
 
-RIPPLE_TIME = 2.0  # s that a ripple lasts
+RIPPLE_TIME = 2.0  # s that a ripple lasts, which descents end in
+PIECE_TIME = 1.25  # s whose errors go together where an emulator, which ripples hardly move, says what else would fit
 SHORT_WINDOWS = Windows(free=2.0, caught=0.5)  # a swing or two
 CATCHING = 3.0  # Hz of the pull between short windows
 LOOKS = 80  # candidates looked at: what more of them find is little
@@ -50,8 +59,9 @@ APART = 0.2  # share of the box, in one parameter at least, between places from 
 class ObservedSettings:
     """How a search is run.
 
-    looks: candidates that are looked at before anything goes down, none or SCATTERED and more; starts: of descents; pulls
-    [Hz] that each goes down under in turn; iterations under each; width of a batch; seed of the places looked at.
+    looks: candidates that are looked at before anything goes down, none or SCATTERED and more; starts: of descents;
+    pulls: [Hz] that each goes down under in turn; iterations: under each pull; width: of a batch; seed: of the places
+    looked at
     """
 
     looks: int = 0
@@ -158,8 +168,8 @@ class ObservedSearch:
     ) -> Observed:
         """Search from the start, (parameters,); `progress` is told of each look and each descent.
 
-        known: the first steps of an interrupted search of the same kind, which are not made again. What was looked at is
-        simulated again, which is not counted.
+        known: the first steps of an interrupted search of the same kind, which are not made again. What was looked at
+        is simulated again, which is not counted.
 
         Raises:
             FitError: the recordings are too short for intervals.
@@ -215,10 +225,8 @@ class _Run:
         end, best = min(ends, key=lambda pair: pair[0].cost)
         if best is None:
             best = self._minimise(self.settings.pulls[-1], end.vector, iterations=0)
-        units = np.concatenate([self.units, [self.search.space.to_unit(one.vector) for one, _ in ends]])
-        costs = np.array([*self.costs, *(one.cost for one, _ in ends)])
         return Observed(
-            vector=best.parameters, intervals=self._intervals(best, units, costs),
+            vector=best.parameters, intervals=self._intervals(best, [one for one, _ in ends]),
             ends=[(one.cost, one.vector) for one, _ in ends], simulations=self._simulations(), path=self.path,
         )  # fmt: skip
 
@@ -324,11 +332,25 @@ class _Run:
             advice="use a coarser mesh (--spacing) or check the garment's weight",
         )
 
-    def _intervals(self, best: LeastSquaresResult, units: Floats, costs: Floats) -> Intervals:
+    def _intervals(self, best: LeastSquaresResult, ends: list[Step]) -> Intervals:
         space, observer = self.search.space, self.search.free
-        pieces = sum(recording.duration for recording in observer.recordings) / RIPPLE_TIME
-        weights = (costs / best.cost) ** (-0.5 * pieces)
-        apart = units - space.to_unit(best.parameters)
+        unit = space.to_unit(best.parameters)
+        duration = sum(recording.duration for recording in observer.recordings)
+        is_sound = np.isfinite(self.costs)
+        if self.residuals is not None and is_sound.sum() > looking.fewest(len(unit)):
+            told = self.residuals[is_sound]
+            emulator = Emulator(self.units[is_sound], told @ told.T)
+            places = self.units[np.argsort(self.costs, kind="stable")][: is_sound.sum() // 2]
+
+            def cost(units: Floats) -> Floats:
+                return emulator.costs(units, 1.0)[0] + looking.prior_cost(units, self.unit)
+
+            apart = draw(cost, places, duration / PIECE_TIME, self.settings.seed) - unit
+            weights = np.ones(len(apart))
+        else:
+            apart = np.stack([space.to_unit(end.vector) for end in ends]) - unit
+            costs = np.array([end.cost for end in ends])
+            weights = (costs / best.cost) ** (-0.5 * duration / RIPPLE_TIME)
         between = (weights[:, None] * apart).T @ apart / weights.sum()
         return block_intervals(
             space, best.parameters, best.residuals, best.jacobian * space.scale, observer.layout.block, between=between

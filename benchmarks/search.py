@@ -154,8 +154,9 @@ def print_distances(cases: list[Case], runs: dict[str, list[Run]]) -> None:
     for name, found in runs.items():
         pairs = zip(found, runs["annealing"], strict=True)
         needed = [int(np.argmax(r.history <= a.history[-1])) + 1 for r, a in pairs if r.history[-1] <= a.history[-1]]
-        print(f"{name:14} as good as annealing's end in {len(needed)} of {len(cases)}; candidates needed there: "
-              f"{spread(np.array(needed), '.0f') if needed else '-'}")  # fmt: skip
+        soon = sum(n <= budget // 10 for n in needed)
+        print(f"{name:14} as good as annealing's end in {len(needed)} of {len(cases)}, within {budget // 10} in {soon}; "
+              f"candidates needed there: {spread(np.array(needed), '.0f') if needed else '-'}")  # fmt: skip
 
 
 def print_parameters(cases: list[Case], runs: dict[str, list[Run]]) -> None:

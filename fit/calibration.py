@@ -143,7 +143,7 @@ def calibrate(
     """Fit the request's parameters to the training takes and report errors before and after.
 
     With a checkpoint file the search is saved every ten seconds, when interrupted and at its end, and goes on from
-    there; remove the file once the result is kept. Of least squares every finished descent is saved.
+    there; remove the file once the result is kept. Of least squares every finished look and descent is saved.
 
     Raises:
         FitError: no take, takes that cannot be simulated, or a saved search that cannot be continued.

@@ -65,6 +65,12 @@ def test_slopes_of_the_likelihood_are_those_of_differences(emulator):
         assert slope[k] == pytest.approx(apart / (2 * step), rel=1e-4, abs=1e-3)
 
 
+def test_residuals_that_know_no_parameter_cost_the_same_everywhere(places):
+    found = Emulator(places, np.full((20, 20), 7.0)).costs(np.random.default_rng(1).random((5, 3)), 0.0)
+    assert found[0] == pytest.approx(7.0)
+    assert np.abs(found[1]).max() < 1e-6
+
+
 def looked_at(residuals, batches, seed=5):
     start = np.full(3, 0.2)
     units = looks.scatter(start, seed)

@@ -53,7 +53,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Run:
-    """One search on one case: best distance [m] after each candidate, and the result's parameters."""
+    """One search on one case: distance [m] after each candidate, at the end the result's; its parameters."""
 
     history: Floats
     fitted: Floats
@@ -155,8 +155,8 @@ def print_distances(cases: list[Case], runs: dict[str, list[Run]]) -> None:
         pairs = zip(found, runs["annealing"], strict=True)
         needed = [int(np.argmax(r.history <= a.history[-1])) + 1 for r, a in pairs if r.history[-1] <= a.history[-1]]
         soon = sum(n <= budget // 10 for n in needed)
-        print(f"{name:14} as good as annealing's end in {len(needed)} of {len(cases)}, within {budget // 10} in {soon}; "
-              f"candidates needed there: {spread(np.array(needed), '.0f') if needed else '-'}")  # fmt: skip
+        print(f"{name:14} as good as annealing's end in {len(needed)} of {len(cases)}, within {budget // 10} in {soon}"
+              f"; candidates needed there: {spread(np.array(needed), '.0f') if needed else '-'}")  # fmt: skip
 
 
 def print_parameters(cases: list[Case], runs: dict[str, list[Run]]) -> None:

@@ -68,9 +68,8 @@ class Emulator:
         """Minus the logarithm of likelihood and prior, and its slope."""
         inverse, _, projected, volume = self._invert(logs)
         free = len(inverse) - 1
-        squares = max(
-            float((projected * self.gram).sum()), 1e-12 * float(np.trace(self.gram)), 1e-300
-        )  # where all are alike
+        floor = max(1e-12 * float(np.trace(self.gram)), 1e-300)  # where all residuals are alike
+        squares = max(float((projected * self.gram).sum()), floor)
         off = (logs - self._prior) / self._prior_sd
         value = 0.5 * INDEPENDENT * (volume + free * np.log(squares / free)) + 0.5 * float(off @ off)
         shares = self._apart / np.exp(2 * logs[:-1])

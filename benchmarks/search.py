@@ -53,7 +53,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Run:
-    """One search on one case: best distance [m] after each candidate, and the result's parameters."""
+    """One search on one case: distance [m] after each candidate, at the end the result's; its parameters."""
 
     history: Floats
     fitted: Floats
@@ -97,16 +97,26 @@ def run(case: Case, search: str, budget: int, seed: int) -> Run:
 
 
 def run_observed(case: Case, search: str, budget: int, seed: int) -> Run:
-    """Least squares know their distance only where a descent has ended, at the cost of one candidate more."""
+    """Least squares know the distance after each candidate; short windows where a descent has ended, for one more."""
     recordings = [prepare(take) for take in case.takes]
     request = Request(method=SI, resolution=case.mesh)
     model = Model(recordings, request)
-    observed, settings = begin_observed(search, recordings, SI, (), request.space, case.mesh, seed)
+    observed, settings = begin_observed(
+        search, recordings, SI, (), request.space, case.mesh, seed, model.distances_of
+    )  # fmt: skip
     found = observed.run(SI.initial, settings)
     history = np.full(budget, float(model.distances(SI.initial[None])[0]))
-    for number, descent in enumerate(found.path):
-        after = descent.simulations // len(recordings) + number + 1
-        history[after:] = np.minimum(history[after:], float(model.distances(descent.vector[None])[0]))
+    before = after = 0
+    for number, step in enumerate(found.path):
+        after = step.simulations // len(recordings)
+        if step.distances:
+            for k, distance in enumerate(step.distances, before):
+                history[k:] = np.minimum(history[k:], distance)
+        else:
+            after += number + 1
+            history[after:] = np.minimum(history[after:], float(model.distances(step.vector[None])[0]))
+        before = after
+    history[after:] = float(model.distances(found.vector[None])[0])  # of the result, whatever was seen on the way
     return Run(history, found.vector, found.intervals.ends, found.intervals.is_told)
 
 
@@ -144,8 +154,9 @@ def print_distances(cases: list[Case], runs: dict[str, list[Run]]) -> None:
     for name, found in runs.items():
         pairs = zip(found, runs["annealing"], strict=True)
         needed = [int(np.argmax(r.history <= a.history[-1])) + 1 for r, a in pairs if r.history[-1] <= a.history[-1]]
-        print(f"{name:14} as good as annealing's end in {len(needed)} of {len(cases)}; candidates needed there: "
-              f"{spread(np.array(needed), '.0f') if needed else '-'}")  # fmt: skip
+        soon = sum(n <= budget // 10 for n in needed)
+        print(f"{name:14} as good as annealing's end in {len(needed)} of {len(cases)}, within {budget // 10} in {soon}"
+              f"; candidates needed there: {spread(np.array(needed), '.0f') if needed else '-'}")  # fmt: skip
 
 
 def print_parameters(cases: list[Case], runs: dict[str, list[Run]]) -> None:

@@ -35,7 +35,7 @@ from fit.request import Request
 from fit.search.choice import OBSERVED, begin
 from fit.search.intervals import Intervals, block_intervals, check_blocks, draw_intervals
 from fit.search.least_squares import DIFFERENCE
-from fit.search.observed import Descent, begin_observed
+from fit.search.observed import Step, begin_observed
 from fit.search.tempering import FEWEST_DRAWS, Tempering
 from formats.results import ErrorFigure, FitParameter, FitResult, ObjectiveFigure
 from formats.results import FitError as FitErrors
@@ -89,7 +89,11 @@ class Model:
 
     def distances(self, vectors: Floats) -> Floats:
         """Mean over the takes of the method's objective, (candidates,); infinite where a simulation blew up."""
-        by_take = [objective.total(o, p) for o, p in zip(self.objectives, self.points(vectors), strict=True)]
+        return self.distances_of(self.points(vectors))
+
+    def distances_of(self, points: list[Floats]) -> Floats:
+        """The same of simulated points [m], (candidates, frames, points, 3) a take."""
+        by_take = [objective.total(o, p) for o, p in zip(self.objectives, points, strict=True)]
         return np.asarray(np.mean(by_take, axis=0))
 
     def objective_figure(self, initial: Floats, fitted: Floats) -> ObjectiveFigure:
@@ -139,7 +143,7 @@ def calibrate(
     """Fit the request's parameters to the training takes and report errors before and after.
 
     With a checkpoint file the search is saved every ten seconds, when interrupted and at its end, and goes on from
-    there; remove the file once the result is kept. Of least squares every finished descent is saved.
+    there; remove the file once the result is kept. Of least squares every finished look and descent is saved.
 
     Raises:
         FitError: no take, takes that cannot be simulated, or a saved search that cannot be continued.
@@ -213,30 +217,36 @@ def _ask_and_tell(
 def _least_squares(
     model: Model, request: Request, checkpoint: Path | None, key: dict[str, object], progress: Progress
 ) -> _Found:
-    """Least squares from several starts; what is kept are the ends of descents and the distances there."""
+    """Least squares; what is kept are its looks and descents, and the distances on the way."""
     search, settings = begin_observed(
         request.search, model.recordings, request.method, request.effects, request.space, request.resolution,
-        request.seed,
+        request.seed, model.distances_of,
     )  # fmt: skip
     initial = np.array([p.initial for p in request.parameters])
-    descents: list[Descent] = []
-    history: list[float] = []
+    steps: list[Step] = []
     if checkpoint is not None and checkpoint.exists():
         state = _saved(checkpoint, key)
         with _continuing(checkpoint):
-            descents = [Descent.from_state(one) for one in state["descents"]]
+            steps = [Step.from_state(one) for one in state["steps"]]
             history = [float(value) for value in state["history"]]
-    history = history or [float(model.distances(initial[None])[0])]
+            extra = int(state["extra"])
+    if not steps:
+        history, extra = [float(model.distances(initial[None])[0])], 1
 
-    def show(descent: Descent) -> None:
-        descents.append(descent)
-        history.append(min(history[-1], float(model.distances(descent.vector[None])[0])))
+    def show(step: Step) -> None:
+        nonlocal extra
+        steps.append(step)
+        distances = list(step.distances)
+        if not distances:  # of rollouts that were not free
+            distances, extra = [float(model.distances(step.vector[None])[0])], extra + 1
+        history.extend(float(d) for d in np.minimum.accumulate([history[-1], *distances])[1:])
         if checkpoint is not None:
-            _save(checkpoint, key, {"descents": [one.state() for one in descents], "history": history})
-        progress(len(history) - 1, settings.starts * len(settings.pulls), history[-1])
+            kept = {"steps": [one.state() for one in steps], "history": history, "extra": extra}
+            _save(checkpoint, key, kept)
+        progress(len(steps), settings.steps, history[-1])
 
-    found = search.run(initial, settings, show, tuple(descents))
-    simulations = found.simulations + len(history) * len(model.recordings)
+    found = search.run(initial, settings, show, tuple(steps))
+    simulations = found.simulations + extra * len(model.recordings)
     return _Found(found.vector, found.intervals, history, simulations)
 
 

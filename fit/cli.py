@@ -75,7 +75,7 @@ def fit_command(
         typer.Option(
             "--search",
             help="annealing: as in the paper; restarts, tempering, cma-es; least-squares: the quickest; short-windows: "
-            "the same by stretches of two seconds.",
+            "least squares by stretches of two seconds.",
         ),
     ] = "annealing",
     iterations: Annotated[
@@ -99,7 +99,7 @@ def fit_command(
 
     By default simulated annealing as in the Kinect-skirt paper: freely running simulations, the method's own error.
     Writes DIR/fit.json and DIR/report.html. Interrupt with Ctrl-C at any time; the same command goes on where it was
-    (least squares at the last of their starts that was done).
+    (least squares at the last of their looks and descents that was done).
     """
     from fit.calibration import calibrate
     from fit.fabrics import find_fabric

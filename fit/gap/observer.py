@@ -127,18 +127,22 @@ class Observer:
 
     def residuals(self, vectors: Floats, amplitudes: Floats) -> Floats:
         """Whitened residuals, (candidates, numbers), in the order of `layout`."""
-        moving, static = [], []
-        for recording, simulated in zip(self.recordings, self.trajectories(vectors, amplitudes), strict=True):
+        return self.residuals_of(self.trajectories(vectors, amplitudes))
+
+    def residuals_of(self, points: list[Floats]) -> Floats:
+        """The same of simulated points [m], (candidates, frames, points, 3) a take."""
+        moving, static, candidates = [], [], len(points[0])
+        for recording, simulated in zip(self.recordings, points, strict=True):
             seen = recording.counted
             apart = np.where(seen[..., None], recording.points - simulated, 0.0)
             count = np.maximum(seen.sum(0), 1)[:, None]
             mean = apart.sum(1) / count
             scaled = (apart - mean[:, None]) / _deviations(recording)[:, None]
-            moving.append(scaled[:, seen].reshape(len(vectors), -1))
+            moving.append(scaled[:, seen].reshape(candidates, -1))
             if has_static(recording):
                 chosen = recording.judged & seen.any(0)
                 known = mean / np.sqrt(OFFSET_SD**2 + _deviations(recording)[:, None] ** 2 / count)
-                static.append(known[:, chosen].reshape(len(vectors), -1))
+                static.append(known[:, chosen].reshape(candidates, -1))
         whole = np.concatenate([*moving, *static], axis=1)
         return np.where(np.isfinite(whole), np.clip(whole, -LOST, LOST), LOST)
 

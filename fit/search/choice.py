@@ -22,8 +22,8 @@ SEARCHES = {
     "restarts": "the same iterations shared out over four chains from different seeds",
     "tempering": "parallel tempering; its intervals are of the posterior",
     "cma-es": "covariance matrix adaptation with restarts",
-    "least-squares": "Levenberg-Marquardt on the points' residuals, from several starts",
-    "short-windows": "the same on stretches of two seconds, between which a pull catches the cloth",
+    "least-squares": "the points' residuals, emulated between the places looked at; then Levenberg-Marquardt",
+    "short-windows": "descents from several starts, by stretches of two seconds between which a pull catches the cloth",
 }
 OBSERVED = ("least-squares", "short-windows")  # they see the points' residuals and are told no distances
 

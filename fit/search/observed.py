@@ -1,24 +1,32 @@
-"""Least squares on the points' residuals from several starts, free or weakly pulled to the measured points.
+"""Least squares on the points' residuals: looks at many places, then descents; free, or weakly pulled to the points.
 
-The first start is the initial parameters, the others are scattered over the box. From each, Levenberg-Marquardt goes
-down by chords (`fit.search.least_squares`), with differences wide enough to step over the ripples that folds make. A
-weak prior, the box's own spread about the initial parameters, holds what the data cannot tell. With a pull (of the
-observer, `fit.gap.observer`) each start goes down under it first and then free.
+The start and scattered places are looked at first, then those that an emulator of the residuals proposes
+(`fit.search.looks`). From the best, Levenberg-Marquardt goes down by chords (`fit.search.least_squares`), with
+differences wide enough to step over the ripples that folds make. Without looks there are several descents, from the
+start and from scattered places. A weak prior, the box's own spread about the start, holds what the data cannot tell.
+With a pull (of the observer, `fit.gap.observer`) each descent goes under it first and then free.
 
 Ripples leave many small valleys, so one valley's curvature says too little of how far a parameter can be trusted.
-The deviation of a parameter is that of `fit.search.intervals` in the best valley and what the starts' ends differ by:
+The deviation of a parameter is that of `fit.search.intervals` in the best valley and how far away other places fit:
 
-    V = V_jackknife + sum_k w_k (u_k - u) (u_k - u)' / sum_k w_k,      w_k = (cost_k / cost)^(-N/2)
+    V = V_jackknife + E (v - u) (v - u)'
 
-with u in shares of the box and N the independent pieces of the recording, taken to last two seconds here, because a
-ripple goes on for a swing or two: ends that fit much worse count little. That is the likelihood of Gaussian errors
-whose deviation is not known, at its maximum over the deviation.
+with u in shares of the box and v drawn from what the emulator knows of the cost (`fit.search.posterior`). Without
+looks, v are the ends of the descents, each with the weight
+
+    w_k = (cost_k / cost)^(-N/2)
+
+and N the independent pieces of the recording, taken to last two seconds, because a ripple goes on for a swing or two:
+ends that fit much worse count little. That is the likelihood of Gaussian errors whose deviation is not known, at its
+maximum over the deviation. How long the pieces are was set on takes apart from those that published figures rest on.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -31,66 +39,99 @@ from fit.errors import BlowUpError
 from fit.gap.observer import Observer
 from fit.parameterisations import Parameterisation
 from fit.recording import Recording, Windows
+from fit.search import looks as looking
+from fit.search.emulator import Emulator
 from fit.search.intervals import PRIOR_SD, Intervals, block_intervals, check_blocks
 from fit.search.least_squares import BoundedSpace, LeastSquaresResult, LeastSquaresSettings, Prior, minimise
+from fit.search.posterior import draw
 
 Floats = NDArray[np.float64]
 
-RIPPLE_TIME = 2.0  # s that a ripple lasts
+RIPPLE_TIME = 2.0  # s that a ripple lasts, which descents end in
+PIECE_TIME = 1.25  # s whose errors go together where an emulator, which ripples hardly move, says what else would fit
 SHORT_WINDOWS = Windows(free=2.0, caught=0.5)  # a swing or two
 CATCHING = 3.0  # Hz of the pull between short windows
-MARGIN = 0.15  # of the box that scattered starts leave out at each end: rarely true, often costly
+LOOKS = 80  # candidates looked at: what more of them find is little
+APART = 0.2  # share of the box, in one parameter at least, between places from which descents begin
 
 
 @dataclass(frozen=True, kw_only=True)
 class ObservedSettings:
-    """Starts, pulls [Hz] that each goes down under in turn, iterations under each, batch width, seed of the starts."""
+    """How a search is run.
 
+    looks: candidates that are looked at before anything goes down, none or SCATTERED and more; starts: of descents;
+    pulls: [Hz] that each goes down under in turn; iterations: under each pull; width: of a batch; seed: of the places
+    looked at
+    """
+
+    looks: int = 0
     starts: int = 4
     pulls: tuple[float, ...] = (0.0,)
     iterations: int = 6
     width: int = 4
     seed: int = 0
 
+    @property
+    def steps(self) -> int:
+        """Looks and descents there are at most."""
+        looks = 1 + max(self.looks - looking.SCATTERED, 0) / len(looking.CAUTIONS) if self.looks else 0
+        return math.ceil(looks) + self.starts * len(self.pulls)
+
 
 @dataclass(frozen=True, kw_only=True)
-class Descent:
-    """Where one descent ended: vector, (parameters,), and its cost, infinite where its start blew up.
+class Step:
+    """One look or one descent.
 
-    simulations: of all recordings since the search began
+    is_look; vector, (parameters,): the best place looked at so far, or where the descent ended; cost: its own, infinite
+    where a descent's start blew up; vectors, (candidates, parameters): what was looked at, nothing of a descent;
+    simulations: of all recordings since the search began; distances: D [m] after each candidate, of the one of least
+    cost so far, nothing where the rollouts are not free
     """
 
+    is_look: bool
     vector: Floats
     cost: float
+    vectors: Floats
     simulations: int
+    distances: tuple[float, ...]
 
     def state(self) -> dict[str, Any]:
         """Return it as JSON can hold it."""
-        cost = self.cost if np.isfinite(self.cost) else None
-        return {"vector": self.vector.tolist(), "cost": cost, "simulations": self.simulations}
+        return {
+            "is_look": self.is_look, "vector": self.vector.tolist(),
+            "cost": self.cost if np.isfinite(self.cost) else None, "vectors": self.vectors.tolist(),
+            "simulations": self.simulations, "distances": list(self.distances),
+        }  # fmt: skip
 
     @classmethod
-    def from_state(cls, state: Mapping[str, Any]) -> Descent:
-        """Return the descent that was saved."""
-        cost = np.inf if state["cost"] is None else float(state["cost"])
-        return cls(vector=np.array(state["vector"], float), cost=cost, simulations=int(state["simulations"]))
+    def from_state(cls, state: Mapping[str, Any]) -> Step:
+        """Return what was saved."""
+        vector = np.array(state["vector"], float)
+        return cls(
+            is_look=bool(state["is_look"]), vector=vector,
+            cost=np.inf if state["cost"] is None else float(state["cost"]),
+            vectors=np.array(state["vectors"], float).reshape(-1, len(vector)), simulations=int(state["simulations"]),
+            distances=tuple(float(d) for d in state["distances"]),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
 class Observed:
     """Where it ended.
 
-    vector, (parameters,); ends: per start its cost and vector, the given start first; path: the descents, in turn.
+    vector, (parameters,); ends: per descent its cost and vector; path: looks and descents, in turn; simulations: of all
+    recordings, those for the intervals included.
     """
 
     vector: Floats
     intervals: Intervals
     ends: list[tuple[float, Floats]]
     simulations: int
-    path: list[Descent] = field(repr=False)
+    path: list[Step] = field(repr=False)
 
 
-Progress = Callable[[Descent], None]
+Progress = Callable[[Step], None]
+Distances = Callable[[list[Floats]], Floats]
 
 
 class ObservedSearch:
@@ -105,112 +146,224 @@ class ObservedSearch:
         resolution: Resolution,
         *,
         windows: Windows | None = None,
+        distances: Distances | None = None,
     ) -> None:
-        """Prepare it; with `windows` the pulls of the settings act between these only."""
+        """Prepare it.
+
+        windows: between which alone the pulls of the settings act; distances: what D [m], (candidates,), of simulated
+        points, (candidates, frames, points, 3) [m] a take, is; it is asked of free rollouts.
+        """
         cut = [dataclasses.replace(recording, windows=windows) for recording in recordings]
         self.free = Observer(cut, method, effects, frequency=0.0, resolution=resolution)
         self.space = space
         self._count = len(method.parameters)
+        self._distances = distances
 
     def run(
         self,
         start: Floats,
         settings: ObservedSettings | None = None,
-        progress: Progress = lambda descent: None,
-        known: Sequence[Descent] = (),
+        progress: Progress = lambda step: None,
+        known: Sequence[Step] = (),
     ) -> Observed:
-        """Search from the start, (parameters,), and from scattered ones; `progress` is told of each descent.
+        """Search from the start, (parameters,); `progress` is told of each look and each descent.
 
-        known: the first descents of an interrupted search of the same kind, which are not made again.
+        known: the first steps of an interrupted search of the same kind, which are not made again. What was looked at
+        is simulated again, which is not counted.
 
         Raises:
             FitError: the recordings are too short for intervals.
             BlowUpError: the start cannot be simulated.
         """
         check_blocks(self.free.layout.block)
-        settings = settings or ObservedSettings()
-        prior = Prior(mean=start, precision=np.diag((PRIOR_SD * self.space.scale) ** -2))
-        earlier = known[-1].simulations - self.free.simulations if known else 0
-        waiting, path, ends = list(known), [], []
-        results: dict[int, LeastSquaresResult | None] = {}  # by start; those of known descents are not here
-        for number, place in enumerate(self._starts(start, settings)):
-            for pull in settings.pulls:
-                if waiting:
-                    descent = waiting.pop(0)
-                else:
-                    results[number] = found = self._descend(pull, place, prior, settings)
-                    descent = Descent(
-                        vector=found.parameters if found else place, cost=found.cost if found else np.inf,
-                        simulations=self.free.simulations + earlier,
-                    )  # fmt: skip
-                    if not number and found is None:
-                        raise BlowUpError(
-                            "the simulation of the initial parameters blew up",
-                            where=self.free.recordings[0].take_id,
-                            advice="use a coarser mesh (--spacing) or check the garment's weight",
-                        )
-                    progress(descent)
-                path.append(descent)
+        return _Run(self, start, settings or ObservedSettings(), progress, known).run()
+
+    def simulate(self, vectors: Floats, pull: float) -> tuple[Floats, Floats]:
+        """Return residuals, (candidates, numbers), not finite where it blew up, and D [m], (candidates,) or nothing."""
+        observer = self.free.with_frequency(pull)
+        points = observer.trajectories(vectors[:, : self._count], vectors[:, self._count :])
+        residuals = observer.residuals_of(points)
+        is_sound = np.all([np.isfinite(p).reshape(len(vectors), -1).all(1) for p in points], axis=0)
+        residuals = np.where(is_sound[:, None], residuals, np.nan)
+        is_free = pull == 0 and self._distances is not None
+        return residuals, self._distances(points) if is_free and self._distances else np.zeros(0)
+
+
+class _Run:
+    """One run of a search: what it has looked at, and the best of it."""
+
+    def __init__(
+        self, search: ObservedSearch, start: Floats, settings: ObservedSettings, progress: Progress,
+        known: Sequence[Step],
+    ) -> None:  # fmt: skip
+        self.search, self.start, self.settings, self.progress = search, start, settings, progress
+        self.waiting, self.path = list(known), list[Step]()
+        self.prior = Prior(mean=start, precision=np.diag((PRIOR_SD * search.space.scale) ** -2))
+        self.unit = search.space.to_unit(start)
+        self.units = np.zeros((0, len(start)))  # that were looked at
+        self.residuals: Floats | None = None
+        self.costs = np.zeros(0)
+        self.best: tuple[float, float] = (np.inf, np.inf)  # least cost, and D there
+        self.distances: list[float] = []  # since the last step
+        self.before = search.free.simulations
+
+    def run(self) -> Observed:
+        """Look, go down, and return the best end with its intervals."""
+        if self.settings.looks:
+            self._look()
+        ends: list[tuple[Step, LeastSquaresResult | None]] = []
+        for number, place in enumerate(self._starts()):
+            for pull in self.settings.pulls:
+                descent, found = self._descend(pull, place)
+                if not number and not np.isfinite(descent.cost):
+                    raise self._blown_up()
                 place = descent.vector
                 if not np.isfinite(descent.cost):
                     break  # a scattered start that cannot be simulated is no loss
             else:
-                ends.append((number, descent))
-        number, end = min(ends, key=lambda pair: pair[1].cost)
-        best = results.get(number) or self._descend(
-            settings.pulls[-1], end.vector, prior, dataclasses.replace(settings, iterations=0)
-        )
-        assert best is not None, "what was simulated once does not blow up again"
+                ends.append((descent, found))
+        end, best = min(ends, key=lambda pair: pair[0].cost)
+        if best is None:
+            best = self._minimise(self.settings.pulls[-1], end.vector, iterations=0)
         return Observed(
-            vector=best.parameters, intervals=self._intervals(best, [end for _, end in ends]),
-            ends=[(end.cost, end.vector) for _, end in ends], simulations=self.free.simulations + earlier, path=path,
+            vector=best.parameters, intervals=self._intervals(best, [one for one, _ in ends]),
+            ends=[(one.cost, one.vector) for one, _ in ends], simulations=self._simulations(), path=self.path,
         )  # fmt: skip
 
-    def _starts(self, start: Floats, settings: ObservedSettings) -> list[Floats]:
-        from scipy.stats import qmc
+    def _look(self) -> None:
+        """Look at scattered places, then at what is proposed, as often as the settings say."""
+        space, looks = self.search.space, self.settings.looks
+        while len(self.units) < looks:
+            if self.waiting and self.waiting[0].is_look:
+                vectors, known = self.waiting[0].vectors, self.waiting.pop(0)
+            else:
+                known = None
+                units = self._next_units()[: looks - len(self.units)]
+                if not len(units):
+                    break
+                vectors = space.from_unit(units)
+            residuals = self._simulate(vectors, 0.0)
+            if self.residuals is None and not np.isfinite(residuals[0]).all():
+                raise self._blown_up()
+            units = space.to_unit(vectors)
+            self.units = np.concatenate([self.units, units])
+            self.residuals = residuals if self.residuals is None else np.concatenate([self.residuals, residuals])
+            self.costs = np.append(self.costs, self._costs(vectors, residuals))
+            least = int(np.argmin(self.costs))
+            self._take(
+                known
+                or Step(
+                    is_look=True, vector=space.from_unit(self.units[least]), cost=float(self.costs[least]),
+                    vectors=vectors, simulations=self._simulations(), distances=tuple(self.distances),
+                ),
+                is_known=known is not None,
+            )  # fmt: skip
 
-        if settings.starts < 2:
-            return [start]
-        sobol = qmc.Sobol(len(start), rng=np.random.default_rng(settings.seed))
-        units = MARGIN + (1 - 2 * MARGIN) * np.stack([sobol.random(1)[0] for _ in range(settings.starts - 1)])
-        return [start, *self.space.from_unit(units)]
+    def _next_units(self) -> Floats:
+        if self.residuals is None:
+            return looking.scatter(self.unit, self.settings.seed)
+        return looking.propose(self.units, self.residuals, self.unit, self.settings.seed)
 
-    def _descend(
-        self, pull: float, start: Floats, prior: Prior, settings: ObservedSettings
-    ) -> LeastSquaresResult | None:
-        """Where the descent from a start ends; None where the start blows up."""
-        observer = self.free.with_frequency(pull)
+    def _starts(self) -> list[Floats]:
+        """Where descents begin: the best places looked at that lie apart, or the start and scattered places."""
+        space, count = self.search.space, self.settings.starts
+        if not self.settings.looks:
+            scattered = looking.scatter(self.unit, self.settings.seed)[1:count]
+            return [self.start, *space.from_unit(scattered)]
+        chosen: list[Floats] = []
+        for place in self.units[np.argsort(self.costs, kind="stable")]:
+            if all(np.abs(place - other).max() > APART for other in chosen):
+                chosen.append(place)
+        return list(space.from_unit(np.array(chosen[:count])))
+
+    def _descend(self, pull: float, start: Floats) -> tuple[Step, LeastSquaresResult | None]:
+        """Go down from a start, or take the known descent; its result is not kept."""
+        if self.waiting:
+            known = self.waiting.pop(0)
+            self.best = min(self.best, (known.cost, known.distances[-1] if known.distances else np.inf))
+            self._take(known, is_known=True)
+            return known, None
+        found = None
+        with suppress(BlowUpError):
+            found = self._minimise(pull, start, self.settings.iterations)
+        step = Step(
+            is_look=False, vector=found.parameters if found else start, cost=found.cost if found else np.inf,
+            vectors=np.zeros((0, len(start))), simulations=self._simulations(), distances=tuple(self.distances),
+        )  # fmt: skip
+        self._take(step, is_known=False)
+        return step, found
+
+    def _minimise(self, pull: float, start: Floats, iterations: int) -> LeastSquaresResult:
         least = LeastSquaresSettings(
-            width=settings.width, max_iterations=settings.iterations, cost_tolerance=2e-3, step_tolerance=1e-3,
+            width=self.settings.width, max_iterations=iterations, cost_tolerance=2e-3, step_tolerance=1e-3,
             is_chord=True, renewals=0,
         )  # fmt: skip
-        count = self._count
-        try:
-            return minimise(
-                lambda vectors: observer.residuals(vectors[:, :count], vectors[:, count:]), start, self.space,
-                prior=prior, settings=least,
-            )  # fmt: skip
-        except BlowUpError:
-            return None
+        return minimise(
+            lambda vectors: self._simulate(vectors, pull), start, self.search.space, prior=self.prior, settings=least
+        )
 
-    def _intervals(self, best: LeastSquaresResult, ends: list[Descent]) -> Intervals:
-        block = self.free.layout.block
-        units = np.stack([self.space.to_unit(end.vector) for end in ends])
-        costs = np.array([end.cost for end in ends])
-        pieces = sum(recording.duration for recording in self.free.recordings) / RIPPLE_TIME
-        weights = (costs / best.cost) ** (-0.5 * pieces)
-        apart = units - self.space.to_unit(best.parameters)
+    def _simulate(self, vectors: Floats, pull: float) -> Floats:
+        """Residuals, (candidates, numbers); what D became is noted."""
+        residuals, distances = self.search.simulate(vectors, pull)
+        for cost, distance in zip(self._costs(vectors, residuals), distances, strict=False):
+            self.best = min(self.best, (float(cost), float(distance)))
+            self.distances.append(self.best[1])
+        return residuals
+
+    def _costs(self, vectors: Floats, residuals: Floats) -> Floats:
+        costs = (residuals**2).sum(1) + looking.prior_cost(self.search.space.to_unit(vectors), self.unit)
+        return np.where(np.isfinite(costs), costs, np.inf)
+
+    def _take(self, step: Step, *, is_known: bool) -> None:
+        self.path.append(step)
+        self.distances = []
+        if is_known:  # what was counted then counts, not what it took to know it again
+            self.before = self.search.free.simulations - step.simulations
+        else:
+            self.progress(step)
+
+    def _simulations(self) -> int:
+        return self.search.free.simulations - self.before
+
+    def _blown_up(self) -> BlowUpError:
+        return BlowUpError(
+            "the simulation of the initial parameters blew up",
+            where=self.search.free.recordings[0].take_id,
+            advice="use a coarser mesh (--spacing) or check the garment's weight",
+        )
+
+    def _intervals(self, best: LeastSquaresResult, ends: list[Step]) -> Intervals:
+        space, observer = self.search.space, self.search.free
+        unit = space.to_unit(best.parameters)
+        duration = sum(recording.duration for recording in observer.recordings)
+        is_sound = np.isfinite(self.costs)
+        if self.residuals is not None and is_sound.sum() > looking.fewest(len(unit)):
+            told = self.residuals[is_sound]
+            emulator = Emulator(self.units[is_sound], told @ told.T)
+            places = self.units[np.argsort(self.costs, kind="stable")][: is_sound.sum() // 2]
+
+            def cost(units: Floats) -> Floats:
+                return emulator.costs(units, 1.0)[0] + looking.prior_cost(units, self.unit)
+
+            apart = draw(cost, places, duration / PIECE_TIME, self.settings.seed) - unit
+            weights = np.ones(len(apart))
+        else:
+            apart = np.stack([space.to_unit(end.vector) for end in ends]) - unit
+            costs = np.array([end.cost for end in ends])
+            weights = (costs / best.cost) ** (-0.5 * duration / RIPPLE_TIME)
         between = (weights[:, None] * apart).T @ apart / weights.sum()
         return block_intervals(
-            self.space, best.parameters, best.residuals, best.jacobian * self.space.scale, block, between=between
+            space, best.parameters, best.residuals, best.jacobian * space.scale, observer.layout.block, between=between
         )
 
 
 def begin_observed(
     name: str, recordings: list[Recording], method: Parameterisation, effects: tuple[Effect, ...],
-    space: BoundedSpace, resolution: Resolution, seed: int,
+    space: BoundedSpace, resolution: Resolution, seed: int, distances: Distances,
 ) -> tuple[ObservedSearch, ObservedSettings]:  # fmt: skip
     """Return the search of this name, one of `fit.search.choice.OBSERVED`, and how it is run."""
-    windows, pull = (SHORT_WINDOWS, CATCHING) if name == "short-windows" else (None, 0.0)
-    search = ObservedSearch(recordings, method, effects, space, resolution, windows=windows)
-    return search, ObservedSettings(pulls=(pull,), seed=seed)
+    if name == "short-windows":
+        search = ObservedSearch(recordings, method, effects, space, resolution, windows=SHORT_WINDOWS)
+        return search, ObservedSettings(pulls=(CATCHING,), seed=seed)
+    search = ObservedSearch(recordings, method, effects, space, resolution, distances=distances)
+    return search, ObservedSettings(looks=LOOKS, starts=1, seed=seed)

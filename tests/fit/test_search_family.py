@@ -10,9 +10,9 @@ import pytest
 from scipy.stats import norm
 
 from benchmarks import search as benchmark
-from fit.calibration import calibrate
+from fit.calibration import Model, calibrate
 from fit.cloth.simulator import Resolution
-from fit.errors import FitError
+from fit.errors import BlowUpError, FitError
 from fit.gap.observer import Observer
 from fit.parameterisations import KINECT_SKIRT, SI
 from fit.recording import prepare
@@ -22,7 +22,7 @@ from fit.search.choice import OBSERVED, SEARCHES, begin, check_search
 from fit.search.cma_es import Evolution
 from fit.search.intervals import PRIOR_SD, block_intervals, draw_intervals, jackknife
 from fit.search.least_squares import BoundedSpace
-from fit.search.observed import CATCHING, SHORT_WINDOWS, ObservedSearch, ObservedSettings
+from fit.search.observed import CATCHING, SHORT_WINDOWS, ObservedSearch, ObservedSettings, begin_observed
 from fit.search.tempering import Tempering
 from formats.archive import write_take
 from tests.fit.scenes import material, sheet, simulate_take, swing
@@ -311,13 +311,15 @@ def test_a_pulled_descent_before_the_free_one_ends_in_the_same_damping(swung):
     assert found.vector[4] == pytest.approx(3.0, rel=0.05)
 
 
-def test_interrupted_least_squares_go_on_at_the_last_start_that_was_done(swung, tmp_path):
-    request = request_of(KINECT_SKIRT, [], iterations=1, seed=3, spacing=0.1, search="least-squares")
+@pytest.mark.parametrize(("name", "stop", "steps"), [("least-squares", 5, 34), ("short-windows", 2, 4)])
+def test_interrupted_least_squares_go_on_at_the_last_step_that_was_done(swung, tmp_path, name, stop, steps):
+    """16 looks and 32 times two make 33 steps, the descent is the last; short windows have four descents."""
+    request = request_of(KINECT_SKIRT, [], iterations=1, seed=3, spacing=0.1, search=name)
     whole = calibrate([swung], [], request)
     file = tmp_path / "search.json"
 
     def interrupt(done, total, best):
-        if done == 2:
+        if done == stop:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -326,11 +328,67 @@ def test_interrupted_least_squares_go_on_at_the_last_start_that_was_done(swung, 
     result = calibrate(
         [swung], [], request, checkpoint=file, progress=lambda done, total, best: ends.append((done, total))
     )
-    assert ends == [(3, 4), (4, 4)]
+    assert ends == [(done, steps) for done in range(stop + 1, steps + 1)]
     assert result.history == whole.history
+    # The Jacobian of an end that was known is made again: one place and six parameters.
+    assert result.simulations in (whole.simulations, whole.simulations + 7)
     for again, before in zip(result.parameters, whole.parameters, strict=True):
         assert again.fitted == pytest.approx(before.fitted, rel=1e-12)
         assert again.interval_high == pytest.approx(before.interval_high, rel=1e-3)
+    # Interrupted once more when all is done: only the Jacobian of the end is made again.
+    ends.clear()
+    done = calibrate([swung], [], request, checkpoint=file, progress=lambda *words: ends.append(words))
+    assert not ends
+    assert done.history == whole.history
+    assert [p.fitted for p in done.parameters] == pytest.approx([p.fitted for p in whole.parameters], rel=1e-12)
+
+
+def test_least_squares_know_the_distance_of_every_candidate(swung):
+    """It is that of the free rollouts that the result is told of, with an effect on as well."""
+    request = request_of(SI, ["air_drag"], iterations=1, seed=1, spacing=MESH, search="least-squares")
+    model = Model([prepare(swung)], request)
+    search, settings = begin_observed(
+        "least-squares", model.recordings, SI, request.effects, request.space, request.resolution, 1, model.distances_of
+    )
+    vectors = request.space.from_unit(np.random.default_rng(0).random((3, len(request.parameters))))
+    assert search.simulate(vectors, 0.0)[1] == pytest.approx(model.distances(vectors), rel=1e-12)
+    initial = np.array([p.initial for p in request.parameters])
+    found = search.run(initial, dataclasses.replace(settings, looks=20, iterations=2))
+    distances = [d for step in found.path for d in step.distances]
+    assert len(distances) == found.path[-1].simulations  # one take: one each
+    assert [step.is_look for step in found.path] == [True, True, True, False]
+    assert distances[0] == pytest.approx(float(model.distances(initial[None])[0]), rel=1e-12)
+    looked = found.path[2]
+    assert looked.distances[-1] == pytest.approx(float(model.distances(looked.vector[None])[0]), rel=1e-12)
+    assert found.ends[0][0] <= min(step.cost for step in found.path if step.is_look)
+
+
+def test_a_first_candidate_that_blows_up_is_refused_and_later_ones_are_not(swung):
+    request = request_of(SI, [], iterations=1, seed=1, spacing=MESH)
+    settings = ObservedSettings(looks=20, starts=1, iterations=1)
+
+    def broken(search, is_broken):
+        simulate = search.simulate
+
+        def simulated(vectors, pull):
+            residuals, distances = simulate(vectors, pull)
+            return np.where(is_broken(vectors)[:, None], np.nan, residuals), distances
+
+        search.simulate = simulated
+        return search
+
+    def begun_anew():
+        return ObservedSearch([prepare(swung)], SI, (), request.space, request.resolution)
+
+    with pytest.raises(BlowUpError, match="initial parameters"):
+        broken(begun_anew(), lambda vectors: vectors[:, 4] > 0.0).run(SI.initial, settings)
+    found = broken(begun_anew(), lambda vectors: vectors[:, 0] > 1.2 * SI.initial[0]).run(SI.initial, settings)
+    assert found.vector[0] <= 1.2 * SI.initial[0]
+    # Where next to nothing can be simulated, the descent begins at once.
+    found = broken(begun_anew(), lambda v: np.abs(v - SI.initial).max(1) > 0.3 * SI.initial[0]).run(
+        SI.initial, settings
+    )
+    assert [step.is_look for step in found.path][-1:] == [False]
 
 
 @pytest.mark.parametrize("name", ["restarts", "tempering", "cma-es"])

@@ -1,0 +1,99 @@
+"""Where to look next: places scattered over the unit box, then those where an emulator expects the least cost.
+
+After the start and a Sobol sequence, two places at a time are proposed: where the expected cost is least, and where
+the cost of the prediction alone is, which dares more (`fit.search.emulator`; caution 1 and 0). Both costs carry a weak
+prior, the box's own spread about the start. Each least is sought from the best place known and from the best of some
+drawn over the box and near the best one. What is proposed depends on the seed and on the places looked at so far
+alone, so that an interrupted search goes on from these.
+
+Source of the scattered places: I. M. Sobol, USSR Comput. Math. Math. Phys. 7 (1967).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.search.emulator import Emulator
+from fit.search.intervals import PRIOR_SD
+
+Floats = NDArray[np.float64]
+
+MARGIN = 0.1  # of the box that scattered places leave out at each end: rarely true, often costly
+SCATTERED = 16  # places with the start: a batch that costs little more than one
+CAUTIONS = (1.0, 0.0)
+NEAREST = 0.01  # share of the box, in one parameter at least, between places worth simulating both
+BLOWN_UP = 0.1  # the same about a place whose simulation blew up
+KEPT = 60  # places, the best, that the emulator is told: its work grows with their third power
+DRAWN, WIDTHS = (200, 100, 50), (0.1, 0.03)  # places drawn over the box, and about the best with these deviations
+POLISHED = 3  # of them from which the least is sought
+
+
+def scatter(start: Floats, seed: int) -> Floats:
+    """Return the start, (parameters,), in shares of the box, and places beside it, (SCATTERED, parameters)."""
+    from scipy.stats import qmc
+
+    sobol = qmc.Sobol(len(start), rng=np.random.default_rng(seed))
+    spread = np.stack([sobol.random(1)[0] for _ in range(SCATTERED - 1)])
+    return np.concatenate([start[None], MARGIN + (1 - 2 * MARGIN) * spread])
+
+
+def prior_cost(units: Floats, start: Floats) -> Floats:
+    """Return what the prior adds to the cost of places, (candidates, parameters) -> (candidates,)."""
+    return np.asarray(((units - start) ** 2).sum(-1) / PRIOR_SD**2)
+
+
+def fewest(parameters: int) -> int:
+    """Places that an emulator needs more than."""
+    return parameters + 1
+
+
+def propose(units: Floats, residuals: Floats, start: Floats, seed: int) -> Floats:
+    """Return the places to look at next, (candidates, parameters), none where too few simulations stayed finite.
+
+    units, (places, parameters), looked at so far; residuals, (places, numbers), not finite where it blew up; start,
+    (parameters,): the prior's mean.
+    """
+    is_sound = np.isfinite(residuals).all(1)
+    sound, broken = units[is_sound], units[~is_sound]
+    if len(sound) <= fewest(len(start)):
+        return units[:0]
+    told = residuals[is_sound]
+    order = np.argsort((told**2).sum(1) + prior_cost(sound, start), kind="stable")[:KEPT]
+    emulator = Emulator(sound[order], told[order] @ told[order].T)
+    random = np.random.default_rng([seed, len(units)])
+    chosen: list[Floats] = []
+    for caution in CAUTIONS:
+        for place in _least(emulator, caution, sound[order[0]], start, random):
+            seen = np.array([*units, *chosen])
+            if _distance(place, seen) > NEAREST and (not len(broken) or _distance(place, broken) > BLOWN_UP):
+                chosen.append(place)
+                break
+    return np.array(chosen).reshape(-1, len(start))
+
+
+def _distance(place: Floats, others: Floats) -> float:
+    """Least over the others of the largest difference in one parameter."""
+    return float(np.abs(others - place).max(1).min())
+
+
+def _least(
+    emulator: Emulator, caution: float, best: Floats, start: Floats, random: np.random.Generator
+) -> list[Floats]:
+    """Places by their emulated cost: first those at which a descent ended, then those drawn."""
+    from scipy.optimize import minimize
+
+    def cost(place: Floats) -> tuple[float, Floats]:
+        values, slopes = emulator.costs(place[None], caution)
+        return float(values[0] + prior_cost(place, start)), slopes[0] + 2 * (place - start) / PRIOR_SD**2
+
+    about = zip(DRAWN[1:], WIDTHS, strict=True)
+    near = [np.clip(best + width * random.normal(size=(count, len(best))), 0, 1) for count, width in about]
+    drawn = np.concatenate([random.random((DRAWN[0], len(best))), *near])
+    drawn = drawn[np.argsort(emulator.costs(drawn, caution)[0] + prior_cost(drawn, start), kind="stable")]
+    box = [(0.0, 1.0)] * len(best)
+    ends = [
+        minimize(cost, place, jac=True, method="L-BFGS-B", bounds=box, options={"maxiter": 30})
+        for place in (best, *drawn[:POLISHED])
+    ]
+    return [*(end.x for end in sorted(ends, key=lambda end: float(end.fun))), *drawn]

@@ -1,0 +1,56 @@
+"""What else would fit: draws from the posterior that an emulator describes.
+
+    p(u) ~ E(u)^(-N/2),    E: expected cost, prior included
+
+is the likelihood of Gaussian errors whose deviation is not known, at its maximum over the deviation, with N
+independent pieces of the recording. Walkers are moved by the difference of two others, every fifth time by all of it,
+so that they step from valley to valley:
+
+    u' = u + gamma (u_a - u_b) + e,    gamma = 2.38 / sqrt(2 p), or 1
+
+Source: C. J. F. ter Braak, "A Markov chain Monte Carlo version of the genetic algorithm differential evolution",
+Statistics and Computing 16 (2006); one half of the walkers is moved by the other half, so that all of a half move at
+once: D. Foreman-Mackey et al., "emcee: the MCMC hammer", PASP 125 (2013), section 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+WALKERS, STEPS = 64, 300
+FORGOTTEN = 100  # first steps
+JITTER = 1e-3  # share of the box, e above
+FIRST_JITTER = 3e-3  # about the places that walkers begin at
+LEAP_EVERY = 5
+
+
+def draw(cost: Callable[[Floats], Floats], places: Floats, pieces: float, seed: int) -> Floats:
+    """Return draws, (draws, parameters), in shares of the box.
+
+    cost: E of places, (places, parameters) -> (places,); places, (places, parameters), to begin at, in turn;
+    pieces: N.
+    """
+    random = np.random.default_rng(seed)
+    count = places.shape[1]
+    walkers = places[np.arange(WALKERS) % len(places)]
+    walkers = np.clip(walkers + FIRST_JITTER * random.normal(size=walkers.shape), 0, 1)
+    height = -0.5 * pieces * np.log(cost(walkers))
+    kept = []
+    for step in range(STEPS):
+        gamma = 2.38 / np.sqrt(2 * count) if step % LEAP_EVERY else 1.0
+        for half in (0, 1):
+            moved, still = np.arange(half, WALKERS, 2), np.arange(1 - half, WALKERS, 2)
+            apart = walkers[random.choice(still, len(moved))] - walkers[random.choice(still, len(moved))]
+            tries = walkers[moved] + gamma * apart + JITTER * random.normal(size=apart.shape)
+            is_inside = ((tries >= 0) & (tries <= 1)).all(1)
+            tried = np.where(is_inside, -0.5 * pieces * np.log(cost(np.clip(tries, 0, 1))), -np.inf)
+            is_taken = np.log(random.random(len(moved))) < tried - height[moved]
+            walkers[moved[is_taken]], height[moved[is_taken]] = tries[is_taken], tried[is_taken]
+        if step >= FORGOTTEN:
+            kept.append(walkers.copy())
+    return np.concatenate(kept)

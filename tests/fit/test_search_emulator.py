@@ -1,0 +1,139 @@
+"""An emulator of residual vectors knows what it was told, and what it proposes finds known answers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fit.search import looks
+from fit.search.emulator import Emulator
+from fit.search.intervals import PRIOR_SD
+from fit.search.posterior import draw
+
+TRUTH = np.array([0.7, 0.35, 0.6])
+PHASES = np.random.default_rng(3).normal(size=(3, 200))
+
+
+def swung(units):
+    """Two hundred numbers that depend on three parameters through sines, less those of the truth."""
+    return 30 * (np.sin(units @ PHASES) - np.sin(TRUTH @ PHASES))
+
+
+@pytest.fixture
+def places():
+    return np.random.default_rng(0).random((20, 3))
+
+
+@pytest.fixture
+def emulator(places):
+    told = swung(places)
+    return Emulator(places, told @ told.T)
+
+
+def test_what_was_told_is_known_to_a_percent_and_elsewhere_the_cost_to_a_tenth(places, emulator):
+    """The nugget, for ripples, keeps what was told from being met exactly."""
+    told = (swung(places) ** 2).sum(1)
+    assert emulator.costs(places, 0.0)[0] == pytest.approx(told, rel=0.01, abs=0.01 * told.max())
+    others = 0.2 + 0.6 * np.random.default_rng(1).random((50, 3))
+    true = (swung(others) ** 2).sum(1)
+    assert np.abs(emulator.costs(others, 0.0)[0] - true).max() < 0.1 * true.mean()
+
+
+def test_caution_costs_least_where_something_was_told(places, emulator):
+    def doubt(units):
+        return emulator.costs(units, 1.0)[0] - emulator.costs(units, 0.0)[0]
+
+    corners = np.array([[0.0, 0, 0], [1, 1, 1], [0, 1, 0]])
+    assert (doubt(corners) > 3 * doubt(places).max()).all()
+
+
+def test_slopes_of_the_cost_are_those_of_differences(emulator):
+    units, step = np.random.default_rng(2).random((4, 3)), 1e-6
+    for caution in (0.0, 0.7):
+        slopes = emulator.costs(units, caution)[1]
+        for k, along in enumerate(step * np.eye(3)):
+            apart = emulator.costs(units + along, caution)[0] - emulator.costs(units - along, caution)[0]
+            # Rounding of sums of a hundred times the cost, over the step.
+            assert slopes[:, k] == pytest.approx(apart / (2 * step), abs=1e-4 * np.abs(slopes).max())
+
+
+def test_slopes_of_the_likelihood_are_those_of_differences(emulator):
+    logs, step = np.log([0.8, 1.5, 2.0, 1e-2]), 1e-6
+    slope = emulator._surprise(logs)[1]
+    for k, along in enumerate(step * np.eye(4)):
+        apart = emulator._surprise(logs + along)[0] - emulator._surprise(logs - along)[0]
+        assert slope[k] == pytest.approx(apart / (2 * step), rel=1e-4, abs=1e-3)
+
+
+def test_residuals_that_know_no_parameter_cost_the_same_everywhere(places):
+    found = Emulator(places, np.full((20, 20), 7.0)).costs(np.random.default_rng(1).random((5, 3)), 0.0)
+    assert found[0] == pytest.approx(7.0)
+    assert np.abs(found[1]).max() < 1e-6
+
+
+def looked_at(residuals, batches, seed=5):
+    start = np.full(3, 0.2)
+    units = looks.scatter(start, seed)
+    for _ in range(batches):
+        units = np.concatenate([units, looks.propose(units, residuals(units), start, seed)])
+    return units
+
+
+def test_two_proposals_of_two_end_within_a_fiftieth_of_the_box_of_the_answer():
+    units = looked_at(swung, 2)
+    assert len(units) == looks.SCATTERED + 4
+    assert np.abs(units[-4:] - TRUTH).max(1).min() < 0.02
+    assert ((units >= 0) & (units <= 1)).all()
+
+
+def test_proposals_depend_on_the_places_and_the_seed_alone():
+    assert np.array_equal(looked_at(swung, 3), looked_at(swung, 3))
+    assert not np.array_equal(looked_at(swung, 3), looked_at(swung, 3, seed=6))
+
+
+def test_nothing_is_proposed_near_a_place_that_blew_up():
+    def fragile(units):
+        return np.where(units[:, :1] > 0.6, np.nan, swung(units))
+
+    units = looked_at(fragile, 6)
+    broken = units[:, 0] > 0.6
+    assert broken[: looks.SCATTERED].any()
+    for k in range(looks.SCATTERED, len(units)):
+        batch = looks.SCATTERED + (k - looks.SCATTERED) // 2 * 2
+        before = units[:batch][broken[:batch]]
+        assert np.abs(before - units[k]).max(1).min() > looks.BLOWN_UP
+
+
+def test_nothing_is_proposed_where_hardly_anything_can_be_simulated():
+    units = looks.scatter(np.full(3, 0.2), 5)
+    residuals = swung(units)
+    residuals[4:] = np.nan
+    assert looks.propose(units, residuals, units[0], 5).shape == (0, 3)
+
+
+def test_the_prior_is_the_spread_of_the_box_about_the_start():
+    assert looks.prior_cost(np.array([[0.5, 0.2 + PRIOR_SD]]), np.array([0.5, 0.2])) == pytest.approx([1.0])
+
+
+def test_draws_have_the_spread_of_a_known_posterior():
+    """E = exp((u - m)^2 / (s^2 N)) gives exp(-(u - m)^2 / (2 s^2)); s differs by ten between the two parameters."""
+    middle, deviation, pieces = np.array([0.4, 0.6]), np.array([0.01, 0.1]), 12.0
+
+    def cost(units):
+        return np.exp((((units - middle) / deviation) ** 2).sum(1) / pieces)
+
+    found = draw(cost, np.tile(middle, (5, 1)), pieces, 1)
+    # 12 800 draws, one in fifty of them independent: a mean to 0.06 and a deviation to 5 % of s; three of those.
+    assert found.mean(0) == pytest.approx(middle, abs=0.2 * deviation.max())
+    assert (np.abs(found.mean(0) - middle) < 0.2 * deviation).all()
+    assert found.std(0) == pytest.approx(deviation, rel=0.15)
+    assert ((found >= 0) & (found <= 1)).all()
+
+
+def test_draws_from_two_equal_valleys_are_half_in_each():
+    def cost(units):
+        valleys = [np.exp(-0.5 * (((units - at) / 0.05) ** 2).sum(1)) for at in (0.2, 0.8)]
+        return np.maximum(sum(valleys), 1e-300) ** (-2 / 12.0)
+
+    found = draw(cost, np.array([[0.2, 0.2], [0.8, 0.8]]), 12.0, 1)
+    assert 0.3 < (found[:, 0] > 0.5).mean() < 0.7

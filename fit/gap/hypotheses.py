@@ -2,8 +2,8 @@
 
 Effects are shortlisted by the cost that a linear refit would save (`fit.gap.screening`), and by the distance that it
 would save, which is what hypotheses are judged by; those are refitted jointly with the base parameters, from the linear
-solution, along chords. Every hypothesis is judged by its error on the held-out
-takes. A further effect is added as long as it explains held-out error that is still there (forward selection).
+solution, along chords. Every hypothesis is judged by its error on the held-out takes. A further effect is added as long
+as it explains held-out error that is still there (forward selection).
 Source: Y. C. Pati, R. Rezaiifar, P. Krishnaprasad, "Orthogonal matching pursuit" (1993), with refits.
 """
 
@@ -29,7 +29,7 @@ POLISHING = 8  # iterations of the best refits with Jacobians of their own
 SHARES = (0.3, 0.6, 1.0, 1.5)  # of the linear guess of an amplitude that are tried as starts
 ALIKE = 0.9  # cosine above which an effect is refitted because its twin is
 LEAST_SHARE = 0.05  # of the shortlist's best predicted saving; what saves less is not refitted
-# A place that is constantly off weighs little beside the noise of hundreds of frames, and may be most of what is missed.
+# A place that is constantly off weighs little beside hundreds of frames of noise, and may be most of what is missed.
 MOST_SEEN, SEEN_SHARE = 2, 0.5  # effects refitted for what they save in mm^2; of the most that any saves
 
 

@@ -29,6 +29,7 @@ class ClipSlip(Effect):
     low: ClassVar[float] = -0.002  # a little below zero, so that noise about zero is symmetric
     high: ClassVar[float] = 0.05
     typical: ClassVar[float] = 0.005
+    law_spread: ClassVar[float] = 0.2  # how abruptly cloth slips
     components: ClassVar[tuple[str, ...]] = ("left", "right")
 
     def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:

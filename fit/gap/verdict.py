@@ -188,7 +188,7 @@ def _name_several(evidence: Evidence, several: Hypothesis, effects: tuple[Effect
         effects[k].title + "".join(f" (or {effects[n].title}: this data cannot tell)" for n in others.get(k, []))
         for k in several.effects
     ]
-    titles = " and ".join(causes)
+    titles, sizes = " and ".join(causes), ", ".join(_with_unit(evidence, k, effects, several) for k in several.effects)
     if not evidence.explains_enough(several):
         return Verdict(
             "unknown",
@@ -200,7 +200,7 @@ def _name_several(evidence: Evidence, several: Hypothesis, effects: tuple[Effect
         "several",
         [effects[k].name for k in several.effects],
         f"{_lacks(evidence, several, *((k, *others.get(k, [])) for k in several.effects))} {titles}. "
-        f"{_numbers(evidence)} With them it misses by {evidence.error_of(several).value:.1f} mm: "
+        f"{_numbers(evidence)} With them ({sizes}) it misses by {evidence.error_of(several).value:.1f} mm: "
         f"{100 * closed.value:.0f} % of the gap is closed.",
         {effects[k].name: [effects[n].name for n in alike] for k, alike in others.items()},
     )
@@ -225,8 +225,8 @@ def _numbers(evidence: Evidence) -> str:
     )
 
 
-def _with_unit(evidence: Evidence, effect: int, effects: tuple[Effect, ...]) -> str:
+def _with_unit(evidence: Evidence, effect: int, effects: tuple[Effect, ...], beside: Hypothesis | None = None) -> str:
     kind = effects[effect]
     unit = "" if kind.unit == "1" else f" {kind.unit}"
-    middle, (low, high) = evidence.amplitude(effect)
+    middle, (low, high) = evidence.amplitude(effect, beside=beside)
     return f"{middle:.3g}{unit} [{low:.3g} to {high:.3g}]"

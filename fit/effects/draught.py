@@ -49,6 +49,6 @@ class Draught(Effect):
     low: ClassVar[float] = -1.0
     high: ClassVar[float] = 1.0
     typical: ClassVar[float] = 0.3
-    law_spread: ClassVar[float] = 0.2  # of a plate at an angle, and of gusts: the push grows with the square of the wind
+    law_spread: ClassVar[float] = 0.2  # plates at an angle, gusts; the push grows with the square of the wind
     components: ClassVar[tuple[str, ...]] = ("x", "y")
     face_force: ClassVar = staticmethod(_push)

@@ -81,7 +81,7 @@ def fit_base(
         names = [f"base-{frequency:g}-beyond-{k}" for k in range(len(beyond))]
         fits += kept.recall(names, partial(fit, chosen, beyond))
         fits.sort(key=lambda f: f.cost)
-        gate = gates.predictability_gate(chosen, fits[0].vector)
+        gate = gates.predictability_gate(chosen, fits[0].vector, observer.off)
     return fits, chosen, gate
 
 

@@ -101,7 +101,9 @@ def diagnose(
     picks = bootstrap_picks(search.base.errors, rng)
     search.first_round(added, has_gap=exceeds(search.base.errors, picks, seeming**2))
     floor = search.reached(seeming)
-    found_gates += [predictability, gate.convergence_gate(search.fits, search.least_cost)]
+    if not predictability.passed:
+        predictability = search.predictability()
+    found_gates += [predictability, gate.convergence_gate(search.fits, search.least.cost)]
     progress("checking mesh and step", 0.83)
     base = search.base.fitted
     refined = refine(observer, judge, base)
@@ -216,9 +218,13 @@ class _Search:
         return ends[:first], [min(pair, key=lambda f: f.cost) for pair in pairs]
 
     @property
-    def least_cost(self) -> float:
-        """Cost of the best refit, with an effect or without."""
-        return min(h.fitted.cost for h in (self.base, *self.singles.values()))
+    def least(self) -> Fitted:
+        """The refit of least cost, with an effect or without."""
+        return min((h.fitted for h in (self.base, *self.singles.values())), key=lambda f: f.cost)
+
+    def predictability(self) -> Gate:
+        """Return the gate for the refit of least cost: without an effect a fit may make limp cloth of stiff one."""
+        return gate.predictability_gate(self.observer, self.least.vector, self.least.amplitudes)
 
     def reached(self, floor: float) -> float:
         """Return the floor [mm], or the held-out error of a model that fell below it: no noise is larger than that."""

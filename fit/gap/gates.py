@@ -74,22 +74,25 @@ def choose_frequency(observer: Observer, vector: Floats) -> tuple[float, Gate]:
     """
     tried: list[tuple[float, float]] = []
     for frequency in FREQUENCIES:
-        tried.append((_apart(observer, vector, frequency), frequency))
+        tried.append((_apart(observer.with_frequency(frequency), vector, observer.off), frequency))
         if tried[-1][0] <= FORGOTTEN * _mean_noise(observer):
             break
     apart, frequency = tried[-1] if tried[-1][0] <= FORGOTTEN * _mean_noise(observer) else min(tried)
     return frequency, _predictability_gate(observer, apart, frequency)
 
 
-def predictability_gate(observer: Observer, vector: Floats) -> Gate:
-    """Are takes predictable under the observer's own pull? Two simulations must stay within the noise of each other."""
-    return _predictability_gate(observer, _apart(observer, vector, observer.frequency), observer.frequency)
+def predictability_gate(observer: Observer, vector: Floats, amplitudes: Floats) -> Gate:
+    """Are takes predictable under the observer's own pull? Two simulations must stay within the noise of each other.
+
+    vector, (parameters,); amplitudes, (components,) of all effects
+    """
+    return _predictability_gate(observer, _apart(observer, vector, amplitudes), observer.frequency)
 
 
-def _apart(observer: Observer, vector: Floats, frequency: float) -> float:
-    """How far apart [mm] a thousandth in every stiffness moves the points under a pull [Hz]."""
+def _apart(observer: Observer, vector: Floats, amplitudes: Floats) -> float:
+    """How far apart [mm] a thousandth in every stiffness moves the points."""
     nudged = np.stack([vector, vector * (1 + NUDGE)])
-    both = observer.with_frequency(frequency).residuals(nudged, np.stack([observer.off, observer.off]))
+    both = observer.residuals(nudged, np.stack([amplitudes, amplitudes]))
     return float(observer.in_mm(both[1] - both[0]))
 
 

@@ -143,6 +143,19 @@ def test_twins_of_one_of_two_effects_share_its_probability():
     assert drag > 0.9
 
 
+def test_takes_are_predictable_where_the_model_with_an_effect_is(monkeypatch):
+    """Without its rotation of the hanger a base fit makes limp cloth of stiff one, which no simulation can follow."""
+    search = object.__new__(_Search)
+    search.observer = None
+    base, single = hypothesis((), 12.0), hypothesis(("hanger_rotation",), 6.0)
+    worse = dataclasses.replace(base.fitted, vector=base.fitted.vector / 30, residual=np.array([9.0, 0.0, 0.0]))
+    search.base, search.singles = dataclasses.replace(base, fitted=worse), {single.effects[0]: single}
+    monkeypatch.setattr("fit.gap.gates.predictability_gate", lambda observer, vector, amplitudes: (vector, amplitudes))
+    vector, amplitudes = search.predictability()
+    assert vector is single.fitted.vector
+    assert amplitudes is single.fitted.amplitudes
+
+
 def test_what_is_stopped_by_the_end_of_its_range_is_no_rival():
     """A tilt of 0.06 rad, which no rig has, closes 91 %; a draught that closes 76 % is named all the same."""
     evidence = evidence_of({"gravity_tilt": 6.0, "draught": 7.3})

@@ -162,6 +162,7 @@ class _Search:
         self.screened: Screened
         self.singles: dict[int, Hypothesis] = {}
         self.joint: list[tuple[Hypothesis, float]] = []  # with further effects, and the last one's p-value
+        self.beside: dict[int, Screened] = {}  # all others beside one effect
         self.instead: list[Hypothesis] = []  # two effects, one of them in the place of a twin
 
     def first_round(self, added: tuple[str, ...], *, has_gap: bool) -> None:
@@ -277,7 +278,7 @@ class _Search:
         found = [(pair, p_value)]
         if len(pair.effects) == 2:
             for kept, replaced in (pair.effects[::-1], pair.effects):
-                twins = self._twins(replaced, pair.effects)
+                twins = self._twins(replaced, kept)
                 tried = self._with_another(self.singles[kept], twins) if twins and kept in self.singles else []
                 near = [one for one in tried if _held_out_error(one) < POLISHED_WITHIN * pair.errors.squared_mm]
                 found += [(self._polished(h), p) for h, p in near]
@@ -285,10 +286,12 @@ class _Search:
         self.instead = [h for h, p in found if h is not best and may_be_added(self.observer, h, p)]
         return best, p_value
 
-    def _twins(self, effect: int, taken: tuple[int, ...]) -> tuple[int, ...]:
-        """Effects that look like one of them alone, but for those that are taken."""
-        alike = np.abs(self.screened.cosines[self.screened.effects.index(effect)]) > GROUP_COSINE
-        return tuple(k for k, like in zip(self.screened.effects, alike, strict=True) if like and k not in taken)
+    def _twins(self, effect: int, kept: int) -> tuple[int, ...]:
+        """Effects that look like one of two, beside the other one where that was screened, or else alone."""
+        screened = self.beside.get(kept, self.screened)
+        alike = np.abs(screened.cosines[screened.effects.index(effect)]) > GROUP_COSINE
+        found = zip(screened.effects, alike, strict=True)
+        return tuple(k for k, like in found if like and k not in (effect, kept))
 
     def _rivals(self, order: list[Hypothesis]) -> list[Hypothesis]:
         """The next best effect, where it closes nearly as much: beside another it may be the right one."""
@@ -310,6 +313,8 @@ class _Search:
         if not left:
             return []
         screened = screen(self.observer, start.fitted, left, self.rng, self.screened)
+        if chosen is None and len(start.effects) == 1:
+            self.beside[start.effects[0]] = screened
         places = shortlist(screened)[:SECONDS_TRIED]
         refitted = self._refit(start.fitted, screened, places)
         return [

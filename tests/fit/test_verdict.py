@@ -102,7 +102,7 @@ def test_the_first_of_two_effects_gives_way_to_its_twin_where_that_leaves_less(m
     offset, drift, lift, drag = (names.index(n) for n in ("time_offset", "clock_drift", "air_lift", "air_drag"))
     cosines = np.array([[1.0, 0.95, 0.1, 0.2], [0.95, 1.0, 0.1, 0.2], [0.1, 0.1, 1.0, 0.2], [0.2, 0.2, 0.2, 1.0]])
     search = object.__new__(_Search)
-    search.screened = SimpleNamespace(effects=(offset, drift, lift, drag), cosines=cosines)
+    search.screened, search.beside = SimpleNamespace(effects=(offset, drift, lift, drag), cosines=cosines), {}
     search.singles = {lift: hypothesis(("air_lift",), 9.0)}
     asked = []
 
@@ -115,6 +115,10 @@ def test_the_first_of_two_effects_gives_way_to_its_twin_where_that_leaves_less(m
     search.observer = SimpleNamespace(effects=LIBRARY, columns=columns_of(LIBRARY))
     pair, _ = search._better_of_twins(hypothesis(("time_offset", "air_lift"), 5.5), 0.001)
     assert asked == [((lift,), (drift,))]
+    # Beside the lift drag looks like the late clock, and the drifting one does not.
+    order = np.array([0, 3, 2, 1])
+    search.beside = {lift: SimpleNamespace(effects=(offset, drift, lift, drag), cosines=cosines[order][:, order])}
+    assert search._twins(offset, lift) == (drag,)
     assert tuple(names[k] for k in pair.effects) == named
     (other,) = search.instead
     assert {names[k] for k in (*other.effects, *pair.effects)} == {"air_lift", "clock_drift", "time_offset"}

@@ -26,6 +26,7 @@ class Anisotropy(Effect):
     low: ClassVar[float] = -3.0
     high: ClassVar[float] = 3.0
     typical: ClassVar[float] = 0.7
+    differs_by_solver: ClassVar[bool] = True  # a mesh's diagonals, and how fibres share the tension with the ground
     components: ClassVar[tuple[str, ...]] = ("stretch", "bending")
 
     def material(self, row: Floats, amplitude: Floats) -> Floats:

@@ -27,7 +27,7 @@ from fit.gap.probabilities import probabilities
 LEVEL = 0.05  # family-wise
 CLEAR_WIN = 0.8  # share of bootstrap draws in which the winner beats every other effect
 # Of the squared error of mesh and solver that an effect must remove at least; of what solvers differ by, more than all.
-MESH_SHARE, SOLVER_SHARE = 0.5, 1.5
+MESH_SHARE, SOLVER_SHARE = 0.5, 3.0
 LIKELY, SURE = 0.5, 0.8  # probabilities; it is likely that one of what is named is worth naming
 
 

@@ -20,7 +20,8 @@ ALLOWED = (
 )
 STANDARD = (
     "__future__", "collections", "concurrent", "contextlib", "dataclasses", "datetime", "hashlib", "hmac", "html",
-    "json", "multiprocessing", "os", "pathlib", "secrets", "shutil", "signal", "subprocess", "sys", "typing",
+    "itertools", "json", "multiprocessing", "os", "pathlib", "secrets", "shutil", "signal", "subprocess", "sys",
+    "typing",
 )  # fmt: skip
 # What other people's engines import in a Python of their own.
 IN_WORKERS = ("answering", "bpy", "every_take", "mujoco", "newton", "numpy", "outside_forces", "warp")

@@ -11,11 +11,11 @@ import pytest
 from fit.effects import LIBRARY, find_effects
 from fit.effects.base import amplitudes_of, columns_of
 from fit.gap.closure import BlockErrors
-from fit.gap.diagnosis import _Search
 from fit.gap.evidence import Evidence, is_worth_adding, share_in_median_block
 from fit.gap.fitting import Fitted
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.probabilities import LEFT, LEFT_WIDTH, probabilities
+from fit.gap.rounds import Rounds
 from fit.gap.screening import Screened
 from fit.gap.verdict import decide
 from fit.parameterisations import SI
@@ -101,7 +101,7 @@ def test_the_first_of_two_effects_gives_way_to_its_twin_where_that_leaves_less(m
     names = [e.name for e in LIBRARY]
     offset, drift, lift, drag = (names.index(n) for n in ("time_offset", "clock_drift", "air_lift", "air_drag"))
     cosines = np.array([[1.0, 0.95, 0.1, 0.2], [0.95, 1.0, 0.1, 0.2], [0.1, 0.1, 1.0, 0.2], [0.2, 0.2, 0.2, 1.0]])
-    search = object.__new__(_Search)
+    search = object.__new__(Rounds)
     search.screened, search.beside = SimpleNamespace(effects=(offset, drift, lift, drag), cosines=cosines), {}
     search.singles = {lift: hypothesis(("air_lift",), 9.0)}
     asked = []
@@ -110,8 +110,8 @@ def test_the_first_of_two_effects_gives_way_to_its_twin_where_that_leaves_less(m
         asked.append((start.effects, chosen))
         return [(hypothesis(("air_lift", "clock_drift"), mm), 0.01)]
 
-    monkeypatch.setattr(_Search, "_with_another", with_another)
-    monkeypatch.setattr(_Search, "_polished", lambda self, joint: joint)
+    monkeypatch.setattr(Rounds, "_with_another", with_another)
+    monkeypatch.setattr(Rounds, "_polished", lambda self, joint: joint)
     search.observer = SimpleNamespace(effects=LIBRARY, columns=columns_of(LIBRARY))
     pair, _ = search._better_of_twins(hypothesis(("time_offset", "air_lift"), 5.5), 0.001)
     assert asked == [((lift,), (drift,))]
@@ -149,7 +149,7 @@ def test_twins_of_one_of_two_effects_share_its_probability():
 
 def test_takes_are_predictable_where_the_model_with_an_effect_is(monkeypatch):
     """Without its rotation of the hanger a base fit makes limp cloth of stiff one, which no simulation can follow."""
-    search = object.__new__(_Search)
+    search = object.__new__(Rounds)
     search.observer = None
     base, single = hypothesis((), 12.0), hypothesis(("hanger_rotation",), 6.0)
     worse = dataclasses.replace(base.fitted, vector=base.fitted.vector / 30, residual=np.array([9.0, 0.0, 0.0]))

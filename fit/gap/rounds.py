@@ -1,0 +1,259 @@
+"""The rounds of a diagnosis: effects one by one, then further ones beside the best, each refitted and judged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.gap import gates as gate
+from fit.gap.base_fit import middle
+from fit.gap.checkpoint import Checkpoint
+from fit.gap.evidence import SMALLEST_SECOND_GAIN, Evidence, best_of, is_worth_adding, share_in_median_block
+from fit.gap.fitting import Fitted, Task, fit
+from fit.gap.hypotheses import Hypothesis, judged, polishing, refits, restarts, shortlist
+from fit.gap.observer import Observer
+from fit.gap.screening import GROUP_COSINE, Screened, screen
+from fit.gap.verdict import Verdict, is_brought, may_be_added
+from formats.results import Gate
+
+Progress = Callable[[str, float], None]
+
+MOST_EFFECTS = 3  # that one verdict may name
+POLISHED = 2  # hypotheses that are fitted on with a Jacobian of their own
+POLISHED_SHARE = 0.5  # of the cost that the best one saves: what saves less is not fitted on
+PROMISING = 2.0  # a further effect is fitted on where it would be enough if it closed so many times as much
+POLISHED_WITHIN = 1.5  # of the squared error of two effects: a twin in the place of one is fitted on too
+SECONDS_TRIED = 3  # further effects that are refitted beside what was found
+RIVAL_SHARE = 0.7  # of what the best effect closes, from which the next best is tried beside a further one as well
+
+
+class Rounds:
+    """The hypotheses so far: the base model, one more effect each, and what is added to the best of them."""
+
+    def __init__(
+        self, observer: Observer, judge: Observer, fits: list[Fitted], rng: np.random.Generator, progress: Progress,
+        kept: Checkpoint,
+    ) -> None:  # fmt: skip
+        self.observer, self.judge, self.rng, self.progress, self.kept = observer, judge, rng, progress, kept
+        self.fits = fits
+        self.tested = tuple(
+            k
+            for k, e in enumerate(observer.effects)
+            if not (e.in_base and e.in_base in {p.name for p in observer.parameterisation.parameters})
+        )
+        self.base = Hypothesis((), fits[0], judged(judge, fits[0]))
+        self.screened: Screened
+        self.singles: dict[int, Hypothesis] = {}
+        self.joint: list[tuple[Hypothesis, float]] = []  # with further effects, and the last one's p-value
+        self.beside: dict[int, Screened] = {}  # all others beside one effect
+        self.instead: list[Hypothesis] = []  # two effects, one of them in the place of a twin
+
+    def first_round(self, added: tuple[str, ...], *, has_gap: bool) -> None:
+        """Screen, refit the shortlist, give the base model the same second chance.
+
+        Without a gap there is nothing that an effect could explain: only those in `added` are refitted.
+        """
+        self.progress("screening", 0.32)
+        self.screened = screen(self.observer, self.base.fitted, self.tested, self.rng)
+        places = shortlist(self.screened) if has_gap else []
+        wanted = [n for n, k in enumerate(self.screened.effects) if self.observer.effects[k].name in added]
+        places += [n for n in wanted if n not in places]
+        if not places:
+            return
+        self.progress(f"refitting with {len(places)} effects, one each", 0.4)
+        for hypothesis in self._refit(self.base.fitted, self.screened, places):
+            self.singles[hypothesis.effects[-1]] = hypothesis
+        self.progress("refitting the best from elsewhere", 0.62)
+        by_cost = sorted(self.singles, key=lambda k: self.singles[k].fitted.cost)
+        nearest = min(self.singles, key=lambda k: self.singles[k].errors.squared_mm)
+        best = list(dict.fromkeys([by_cost[0], nearest, *by_cost]))[:POLISHED]
+        saved = {k: self.base.fitted.cost - self.singles[k].fitted.cost for k in best}
+        best = [k for k in best if k == nearest or saved[k] >= POLISHED_SHARE * saved[by_cost[0]]]
+        found = [self.singles[k].fitted for k in best]
+        # A base fit that makes up for an effect is a bad place to begin with it, and the other way round.
+        again = Task(found[0].vector, self.observer.off, known_cost=self.base.fitted.cost)
+        (again_fitted,), refitted = self._from_elsewhere(found, {"base-again": again})
+        for k, fitted in zip(best, refitted, strict=True):
+            self.singles[k] = Hypothesis((k,), fitted, judged(self.judge, fitted))
+        self.fits.append(again_fitted)
+        if gate.disagreement(self.fits) > gate.CONVERGED:
+            between = Task(middle(self.observer, self.fits), self.observer.off)
+            self.fits += self.kept.recall(["base-between"], partial(fit, self.observer, [between]))
+        self.fits.sort(key=lambda f: f.cost)
+        if self.fits[0] is not self.base.fitted:
+            self.base = Hypothesis((), self.fits[0], judged(self.judge, self.fits[0]))
+
+    def _from_elsewhere(
+        self, found: list[Fitted], beside: dict[str, Task] | None = None
+    ) -> tuple[list[Fitted], list[Fitted]]:
+        """Return how tasks beside end, and some fits as they end from the better of two starts, all side by side.
+
+        Each is polished where it is, and fitted from wherever its amplitudes would do best. beside: by name.
+        """
+        beside = beside or {}
+
+        def go() -> list[Fitted]:
+            return fit(self.observer, [*beside.values(), *map(polishing, found), *restarts(self.observer, found)])
+
+        names = [self._name(one.active) for one in found]
+        ends = self.kept.recall([*beside, *(f"{n}-polished" for n in names), *(f"{n}-elsewhere" for n in names)], go)
+        first, second = len(beside), len(beside) + len(found)
+        pairs = zip(ends[first:second], ends[second:], strict=True)
+        return ends[:first], [min(pair, key=lambda f: f.cost) for pair in pairs]
+
+    @property
+    def least(self) -> Fitted:
+        """The refit of least cost, with an effect or without."""
+        return min((h.fitted for h in (self.base, *self.singles.values())), key=lambda f: f.cost)
+
+    def predictability(self) -> Gate:
+        """Return the gate for the refit of least cost: without an effect a fit may make limp cloth of stiff one."""
+        return gate.predictability_gate(self.observer, self.least.vector, self.least.amplitudes)
+
+    def reached(self, floor: float) -> float:
+        """Return the floor [mm], or the held-out error of a model that fell below it: no noise is larger than that."""
+        every = (self.base, *self.singles.values(), *(h for h, _ in self.joint))
+        return min(floor, *(float(np.sqrt(h.errors.squared_mm)) for h in every))
+
+    def further_rounds(self, floor: float, numerics: float) -> None:
+        """Add effects to the best one as long as there is something left to explain.
+
+        A further effect must close a share of the gap, and of what is left of it (`fit.gap.evidence`): where less is
+        left, none is looked for.
+        """
+        order = best_of(self.observer, self.singles)
+        best, starts = order[0], [order[0], *self._rivals(order)]
+        gap = self.base.errors.squared_mm - floor**2
+        while len(starts[0].effects) < MOST_EFFECTS:
+            left_mm2 = best.errors.squared_mm - floor**2
+            if left_mm2 < max(SMALLEST_SECOND_GAIN * gap, numerics**2):
+                return
+            tried = [pair for start in starts for pair in self._with_another(start)]
+            if not tried:
+                return
+            found, p_value = min(tried, key=_held_out_error)
+            is_real = may_be_added(self.observer, found, p_value)
+            if is_real and self._is_enough(best, found, gap, floor, PROMISING):
+                found, p_value = self._better_of_twins(self._polished(found), p_value)
+                is_real = may_be_added(self.observer, found, p_value)
+            self.joint.append((found, p_value))
+            if not is_real or not self._is_enough(best, found, gap, floor):
+                return
+            best, starts = found, [found]
+
+    def _is_enough(self, before: Hypothesis, found: Hypothesis, gap: float, floor: float, hope: float = 1.0) -> bool:
+        """Whether a further effect closes enough [mm^2, mm], or would if it closed `hope` times as much."""
+        left, gain = before.errors.squared_mm - floor**2, before.errors.squared_mm - found.errors.squared_mm
+        usual = share_in_median_block(before.errors, found.errors, floor)
+        return is_worth_adding(gap, left, hope * gain, hope * usual)
+
+    def _polished(self, joint: Hypothesis) -> Hypothesis:
+        """Return several effects as they fit from where they are, or from the best place over the box."""
+        _, (ended,) = self._from_elsewhere([joint.fitted])
+        fitted = min(joint.fitted, ended, key=lambda f: f.cost)
+        return Hypothesis(joint.effects, fitted, judged(self.judge, fitted))
+
+    def _better_of_twins(self, pair: Hypothesis, p_value: float) -> tuple[Hypothesis, float]:
+        """Return two effects, or what leaves less with a twin, which looks like it alone, in the place of one of them.
+
+        What was tried is kept as `instead`, for the verdict to say which of them the takes cannot tell apart.
+        """
+        found = [(pair, p_value)]
+        if len(pair.effects) == 2:
+            for kept, replaced in (pair.effects[::-1], pair.effects):
+                twins = self._twins(replaced, kept)
+                tried = self._with_another(self.singles[kept], twins) if twins and kept in self.singles else []
+                near = [one for one in tried if _held_out_error(one) < POLISHED_WITHIN * pair.errors.squared_mm]
+                found += [(self._polished(h), p) for h, p in near]
+        best, p_value = min(found, key=_held_out_error)
+        self.instead = [h for h, p in found if h is not best and may_be_added(self.observer, h, p)]
+        return best, p_value
+
+    def _twins(self, effect: int, kept: int) -> tuple[int, ...]:
+        """Effects that look like one of two, beside the other one where that was screened, or else alone."""
+        screened = self.beside.get(kept, self.screened)
+        alike = np.abs(screened.cosines[screened.effects.index(effect)]) > GROUP_COSINE
+        found = zip(screened.effects, alike, strict=True)
+        return tuple(k for k, like in found if like and k not in (effect, kept))
+
+    def _rivals(self, order: list[Hypothesis]) -> list[Hypothesis]:
+        """The next best effect, where it closes nearly as much: beside another it may be the right one."""
+        base = self.base.errors.squared_mm
+        least = RIVAL_SHARE * (base - order[0].errors.squared_mm)
+        return [h for h in order[1:2] if base - h.errors.squared_mm > least]
+
+    def _with_another(self, start: Hypothesis, chosen: tuple[int, ...] | None = None) -> list[tuple[Hypothesis, float]]:
+        """Refits with one more effect each, of the few that promise most, and their p-values; chosen: of these alone.
+
+        What one of the start's effects may bring along is left out (`fit.gap.verdict.is_brought`).
+        """
+        effects = self.observer.effects
+        left = tuple(
+            k
+            for k in (self.tested if chosen is None else chosen)
+            if k not in start.effects and not effects[k].differs_by_solver
+        )
+        if not left:
+            return []
+        screened = screen(self.observer, start.fitted, left, self.rng, self.screened)
+        if chosen is None and len(start.effects) == 1:
+            self.beside[start.effects[0]] = screened
+        places = shortlist(screened)[:SECONDS_TRIED]
+        refitted = self._refit(start.fitted, screened, places)
+        return [
+            (h, float(screened.family_p_value[place]))
+            for h, place in zip(refitted, places, strict=True)
+            if not any(is_brought(self.observer, h, k) for k in h.effects)
+        ]
+
+    def _refit(self, start: Fitted, screened: Screened, places: list[int]) -> list[Hypothesis]:
+        def go() -> list[Fitted]:
+            return fit(self.observer, refits(self.observer, start, screened, places))
+
+        added = [(*start.active, screened.effects[place]) for place in places]
+        found = self.kept.recall([self._name(active) for active in added], go)
+        return [
+            Hypothesis(active, fitted, judged(self.judge, fitted)) for active, fitted in zip(added, found, strict=True)
+        ]
+
+    def _name(self, active: tuple[int, ...]) -> str:
+        """What a fit with these effects is kept as."""
+        return "+".join(self.observer.effects[k].name for k in active)
+
+    def alive(self, evidence: Evidence, verdict: Verdict) -> tuple[list[Hypothesis], list[float]]:
+        """Return the hypotheses that a further recording should tell apart, and how much each weighs."""
+        if verdict.verdict not in {"effect", "ambiguous", "unknown"}:
+            return [], []
+        shares = evidence.win_shares()
+        order = sorted(self.singles, key=lambda k: self.singles[k].errors.squared_mm)
+        named = [k for k in order if self.observer.effects[k].name in verdict.named]
+        chosen = (named + [k for k in order if k not in named])[: max(2, len(named))]
+        return [self.singles[k] for k in chosen], [max(shares[k], 0.1) for k in chosen]
+
+    def evidence(
+        self, seeming: float, numerics: float, picks: NDArray[np.int64], gates: list[Gate], *, is_held_out: bool
+    ) -> Evidence:
+        """Gather what the verdict is decided on; seeming [mm]: the noise that the takes seem to have."""
+        floor = self.reached(seeming)
+        return Evidence(
+            observer=self.observer, screened=self.screened, base=self.base, singles=self.singles, joint=self.joint,
+            instead=self.instead, floor_mm=floor, numerics_mm=numerics, picks=picks, gates=gates,
+            is_held_out=is_held_out, is_floor_most=floor < seeming,
+        )  # fmt: skip
+
+    def named(self, verdict: Verdict) -> Hypothesis | None:
+        """Return the hypothesis that the verdict names."""
+        wanted = {k for k, e in enumerate(self.observer.effects) if e.name in verdict.named}
+        if verdict.verdict == "several":
+            return next(h for h, _ in self.joint if set(h.effects) == wanted)
+        if verdict.verdict in {"effect", "ambiguous"}:
+            first = next(k for k, e in enumerate(self.observer.effects) if e.name == verdict.named[0])
+            return self.singles[first]
+        return None
+
+
+def _held_out_error(pair: tuple[Hypothesis, float]) -> float:
+    return pair[0].errors.squared_mm

@@ -52,6 +52,13 @@ def best_of(observer: Observer, singles: dict[int, Hypothesis]) -> list[Hypothes
     return sorted(singles.values(), key=lambda h: (is_at_bound(observer, h), h.errors.squared_mm))
 
 
+def closes_enough(gap: float, before: BlockErrors, after: BlockErrors, floor_mm: float, hope: float = 1.0) -> bool:
+    """Whether a further effect closes enough of a gap [mm^2], or would if it closed `hope` times as much."""
+    gain = before.squared_mm - after.squared_mm
+    usual = share_in_median_block(before, after, floor_mm)
+    return is_worth_adding(gap, before.squared_mm - floor_mm**2, hope * gain, hope * usual)
+
+
 def is_worth_adding(gap: float, left: float, gain: float, usual_share: float = 0.0) -> bool:
     """Whether a further effect that closes `gain` of what is left of a gap is needed; mean squared errors [mm^2].
 
@@ -145,22 +152,23 @@ class Evidence:
         """Mean squared error [mm^2] of the base model and of each refitted effect in every draw."""
         return self.drawn()[:2]
 
-    def alternatives(self, several: Hypothesis) -> dict[int, list[Hypothesis]]:
-        """Of each of two effects, the hypotheses with a twin in its place that do nearly as well.
+    def alternatives(self, several: Hypothesis) -> dict[int, dict[int, Hypothesis]]:
+        """Of each of two effects that has any, the twins that do nearly as well in its place, with their hypotheses.
 
         Nearly: of what the effect closes beside the other one, the twin closes NEAR_TWIN; or NEAR, and in RIVAL of the
         draws of half-seconds it leaves less.
         """
-        found: dict[int, list[Hypothesis]] = {k: [] for k in several.effects}
+        found: dict[int, dict[int, Hypothesis]] = {}
         for other in self.instead:
-            (replaced,) = set(several.effects) - set(other.effects) or {-1}
-            kept = self.singles.get(next(iter(set(several.effects) & set(other.effects)), -1))
-            if kept is None or replaced not in found:
+            shared = set(several.effects) & set(other.effects)
+            if len(several.effects) != 2 or len(shared) != 1 or not shared <= self.singles.keys():
                 continue
-            gain, full = (kept.errors.squared_mm - h.errors.squared_mm for h in (other, several))
+            ((kept,), (replaced,), (twin,)) = shared, set(several.effects) - shared, set(other.effects) - shared
+            alone = self.singles[kept].errors.squared_mm
+            gain, full = (alone - h.errors.squared_mm for h in (other, several))
             is_often_better = np.mean(other.errors.draw(self.picks) < several.errors.draw(self.picks)) >= RIVAL
             if gain >= NEAR_TWIN * full or (gain >= NEAR * full and is_often_better):
-                found[replaced].append(other)
+                found.setdefault(replaced, {})[twin] = other
         return found
 
     def alike(self, one: int, other: int) -> bool:

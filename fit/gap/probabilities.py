@@ -25,7 +25,8 @@ LEFT, LEFT_WIDTH = 0.35, 0.12  # of the gap that a cause may leave
 
 def probabilities(evidence: Evidence, several: Hypothesis | None) -> dict[int, float]:
     """Return the probability of each effect that was refitted or is one of several that are named together."""
-    teams = [several, *(h for others in evidence.alternatives(several).values() for h in others)] if several else []
+    twins = evidence.alternatives(several).values() if several else []
+    teams = [several, *(h for others in twins for h in others.values())] if several else []
     base, drawn, joint = evidence.drawn(*teams)
     noise = evidence.floor_mm**2
     limit = np.maximum(np.random.default_rng(1).logistic(LEFT, LEFT_WIDTH, len(base)), 0.0)

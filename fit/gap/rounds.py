@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fit.gap import gates as gate
 from fit.gap.base_fit import middle
 from fit.gap.checkpoint import Checkpoint
-from fit.gap.evidence import SMALLEST_SECOND_GAIN, Evidence, best_of, is_worth_adding, share_in_median_block
+from fit.gap.evidence import SMALLEST_SECOND_GAIN, Evidence, best_of, closes_enough
 from fit.gap.fitting import Fitted, Task, fit
 from fit.gap.hypotheses import Hypothesis, judged, polishing, refits, restarts, shortlist
 from fit.gap.observer import Observer
@@ -111,7 +111,8 @@ class Rounds:
 
     def predictability(self) -> Gate:
         """Return the gate for the refit of least cost: without an effect a fit may make limp cloth of stiff one."""
-        return gate.predictability_gate(self.observer, self.least.vector, self.least.amplitudes)
+        least = self.least
+        return gate.predictability_gate(self.observer, least.vector, least.amplitudes)
 
     def reached(self, floor: float) -> float:
         """Return the floor [mm], or the held-out error of a model that fell below it: no noise is larger than that."""
@@ -136,19 +137,15 @@ class Rounds:
                 return
             found, p_value = min(tried, key=_held_out_error)
             is_real = may_be_added(self.observer, found, p_value)
-            if is_real and self._is_enough(best, found, gap, floor, PROMISING):
-                found, p_value = self._better_of_twins(self._polished(found), p_value)
+            if is_real and closes_enough(gap, best.errors, found.errors, floor, PROMISING):
+                found = self._polished(found)
+                if len(found.effects) == 2:
+                    found, p_value = self._better_of_twins(found, p_value)
                 is_real = may_be_added(self.observer, found, p_value)
             self.joint.append((found, p_value))
-            if not is_real or not self._is_enough(best, found, gap, floor):
+            if not is_real or not closes_enough(gap, best.errors, found.errors, floor):
                 return
             best, starts = found, [found]
-
-    def _is_enough(self, before: Hypothesis, found: Hypothesis, gap: float, floor: float, hope: float = 1.0) -> bool:
-        """Whether a further effect closes enough [mm^2, mm], or would if it closed `hope` times as much."""
-        left, gain = before.errors.squared_mm - floor**2, before.errors.squared_mm - found.errors.squared_mm
-        usual = share_in_median_block(before.errors, found.errors, floor)
-        return is_worth_adding(gap, left, hope * gain, hope * usual)
 
     def _polished(self, joint: Hypothesis) -> Hypothesis:
         """Return several effects as they fit from where they are, or from the best place over the box."""
@@ -162,12 +159,11 @@ class Rounds:
         What was tried is kept as `instead`, for the verdict to say which of them the takes cannot tell apart.
         """
         found = [(pair, p_value)]
-        if len(pair.effects) == 2:
-            for kept, replaced in (pair.effects[::-1], pair.effects):
-                twins = self._twins(replaced, kept)
-                tried = self._with_another(self.singles[kept], twins) if twins and kept in self.singles else []
-                near = [one for one in tried if _held_out_error(one) < POLISHED_WITHIN * pair.errors.squared_mm]
-                found += [(self._polished(h), p) for h, p in near]
+        for kept, replaced in (pair.effects[::-1], pair.effects):
+            twins = self._twins(replaced, kept)
+            tried = self._with_another(self.singles[kept], twins) if twins and kept in self.singles else []
+            near = [one for one in tried if _held_out_error(one) < POLISHED_WITHIN * pair.errors.squared_mm]
+            found += [(self._polished(h), p) for h, p in near]
         best, p_value = min(found, key=_held_out_error)
         self.instead = [h for h, p in found if h is not best and may_be_added(self.observer, h, p)]
         return best, p_value

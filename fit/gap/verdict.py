@@ -15,9 +15,8 @@ from fit.gap.evidence import (
     SMALLEST_CLOSURE,
     Evidence,
     best_of,
+    closes_enough,
     is_at_bound,
-    is_worth_adding,
-    share_in_median_block,
 )
 from fit.gap.fitting import amplitude_of
 from fit.gap.hypotheses import Hypothesis
@@ -167,9 +166,7 @@ def _several(evidence: Evidence, passing: list[int]) -> Hypothesis | None:
         gain = (before.errors.draw(evidence.picks) - hypothesis.errors.draw(evidence.picks)) / gap
         # What acts for a moment (a slip) closes little in most draws of half-seconds: the motion fitted to decides.
         is_certain = np.quantile(gain, 0.05) > 0 or (hypothesis.fitted.cost < (1 - SECOND_GAIN) * before.fitted.cost)
-        left = before.errors.squared_mm - evidence.floor_mm**2
-        usual = share_in_median_block(before.errors, hypothesis.errors, evidence.floor_mm)
-        is_enough = is_worth_adding(gap, left, before.errors.squared_mm - hypothesis.errors.squared_mm, usual)
+        is_enough = closes_enough(gap, before.errors, hypothesis.errors, evidence.floor_mm)
         if not may_be_added(evidence.observer, hypothesis, p_value) or not is_enough or not is_certain:
             break
         accepted = before = hypothesis
@@ -179,11 +176,7 @@ def _several(evidence: Evidence, passing: list[int]) -> Hypothesis | None:
 def _name_several(evidence: Evidence, several: Hypothesis, effects: tuple[Effect, ...]) -> Verdict:
     closed = evidence.closure_of(several)
     assert closed is not None
-    others = {
-        k: [next(iter(set(h.effects) - set(several.effects))) for h in instead]
-        for k, instead in evidence.alternatives(several).items()
-        if instead
-    }
+    others = evidence.alternatives(several)
     causes = [
         effects[k].title + "".join(f" (or {effects[n].title}: this data cannot tell)" for n in others.get(k, []))
         for k in several.effects

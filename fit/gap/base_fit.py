@@ -29,6 +29,7 @@ from fit.gap import gates
 from fit.gap.checkpoint import Checkpoint
 from fit.gap.fitting import Fitted, Problem, Task, fit
 from fit.gap.observer import Observer
+from fit.search.looks import spread
 from formats.results import Gate
 
 Floats = NDArray[np.float64]
@@ -119,13 +120,9 @@ def coarsened(observer: Observer) -> Observer:
 
 def scattered(observer: Observer, seed: int) -> list[Floats]:
     """Return the initial parameters and places scattered over the box, each (parameters,)."""
-    from scipy.stats import qmc
-
-    problem = Problem(observer)
-    sobol = qmc.Sobol(len(problem.space.minimum), rng=np.random.default_rng(seed))
-    # The outer tenths of the box are rarely true and often costly to simulate.
-    unit = 0.1 + 0.8 * sobol.random(SCATTERED + 1)[1:]
-    return [observer.parameterisation.initial, *problem.space.from_unit(unit)]
+    space = Problem(observer).space
+    units = spread(len(space.minimum), SCATTERED + 1, seed)[1:]
+    return [observer.parameterisation.initial, *space.from_unit(units)]
 
 
 def _roughly(observer: Observer, places: list[Floats], kept: Checkpoint) -> list[Fitted]:

@@ -73,11 +73,12 @@ def choose_frequency(observer: Observer, vector: Floats) -> tuple[float, Gate]:
     Where no pull does that, it is the one that leaves them nearest: hard pulls on noisy points crumple limp cloth.
     """
     tried: list[tuple[float, float]] = []
+    most = FORGOTTEN * _mean_noise(observer)
     for frequency in FREQUENCIES:
         tried.append((_apart(observer.with_frequency(frequency), vector, observer.off), frequency))
-        if tried[-1][0] <= FORGOTTEN * _mean_noise(observer):
+        if tried[-1][0] <= most:
             break
-    apart, frequency = tried[-1] if tried[-1][0] <= FORGOTTEN * _mean_noise(observer) else min(tried)
+    apart, frequency = tried[-1] if tried[-1][0] <= most else min(tried)
     return frequency, _predictability_gate(observer, apart, frequency)
 
 

@@ -180,17 +180,18 @@ def screen(
     blocks = observer.layout.block
     signs = rng.choice([-1.0, 1.0], size=(REPLICAS, int(blocks.max()) + 1))
     scored, statistic, drawn = [], [], []
-    old = {} if known is None else {k: known.secant(k) for k in chosen}
 
-    def promise(k: int) -> float:
-        return max(_score(old[k], observer.effects[k], project, fitted.residual, rest).predicted, 0.0)
+    def score(k: int, secants: list[Secant]) -> list[_Scored]:
+        """Return those of an effect's secants that hold for the amplitude that they find."""
+        every = [(_score(secant, observer.effects[k], project, fitted.residual, rest), secant) for secant in secants]
+        return [one for one, secant in every if secant.holds(one.amplitude)]
 
-    renewed = tuple(sorted(sorted(old, key=promise, reverse=True)[:RENEWED]) if old else chosen)
-    taken = dict(zip(renewed, secants_of(observer, fitted, renewed), strict=True))
+    tried = {k: score(k, [known.secant(k)]) for k in chosen} if known else {}
+    renewed = tuple(sorted(sorted(tried, key=lambda k: -tried[k][0].predicted)[:RENEWED])) if known else chosen
+    for k, secants in zip(renewed, secants_of(observer, fitted, renewed), strict=True):
+        tried[k] = score(k, secants)
     for k in chosen:
-        effect, secants = observer.effects[k], taken[k] if k in taken else [old[k]]
-        tried = [(_score(secant, effect, project, fitted.residual, rest), secant) for secant in secants]
-        found = [one for one, secant in tried if secant.holds(one.amplitude)]
+        effect, found = observer.effects[k], tried[k]
         best = max(found, key=lambda one: one.predicted)
         gain = np.zeros((signs.shape[1], len(best.seen)))
         np.add.at(gain, blocks, (best.seen * rest).T)

@@ -31,11 +31,15 @@ POLISHED = 3  # of them from which the least is sought
 
 def scatter(start: Floats, seed: int) -> Floats:
     """Return the start, (parameters,), in shares of the box, and places beside it, (SCATTERED, parameters)."""
+    return np.concatenate([start[None], spread(len(start), SCATTERED - 1, seed)])
+
+
+def spread(parameters: int, count: int, seed: int) -> Floats:
+    """Return the first places of a Sobol sequence over the box without its margins, (count, parameters)."""
     from scipy.stats import qmc
 
-    sobol = qmc.Sobol(len(start), rng=np.random.default_rng(seed))
-    spread = np.stack([sobol.random(1)[0] for _ in range(SCATTERED - 1)])
-    return np.concatenate([start[None], MARGIN + (1 - 2 * MARGIN) * spread])
+    sobol = qmc.Sobol(parameters, rng=np.random.default_rng(seed))
+    return MARGIN + (1 - 2 * MARGIN) * np.stack([sobol.random(1)[0] for _ in range(count)])
 
 
 def prior_cost(units: Floats, start: Floats) -> Floats:

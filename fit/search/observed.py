@@ -1,7 +1,7 @@
 """Least squares on the points' residuals: looks at many places, then descents; free, or weakly pulled to the points.
 
 The start and scattered places are looked at first, then those that an emulator of the residuals proposes
-(`fit.search.looks`). From the best, Levenberg-Marquardt goes down by chords (`fit.search.least_squares`), with
+(`fit.search.looks`). From the best of them, Levenberg-Marquardt goes down by chords (`fit.search.least_squares`), with
 differences wide enough to step over the ripples that folds make. Without looks there are several descents, from the
 start and from scattered places. A weak prior, the box's own spread about the start, holds what the data cannot tell.
 With a pull (of the observer, `fit.gap.observer`) each descent goes under it first and then free.
@@ -52,16 +52,15 @@ PIECE_TIME = 1.25  # s whose errors go together where an emulator, which ripples
 SHORT_WINDOWS = Windows(free=2.0, caught=0.5)  # a swing or two
 CATCHING = 3.0  # Hz of the pull between short windows
 LOOKS = 80  # candidates looked at: what more of them find is little
-APART = 0.2  # share of the box, in one parameter at least, between places from which descents begin
 
 
 @dataclass(frozen=True, kw_only=True)
 class ObservedSettings:
     """How a search is run.
 
-    looks: candidates that are looked at before anything goes down, none or SCATTERED and more; starts: of descents;
-    pulls: [Hz] that each goes down under in turn; iterations: under each pull; width: of a batch; seed: of the places
-    looked at
+    looks: candidates that are looked at before one descent from the best of them, none or SCATTERED and more; starts:
+    of descents where nothing is looked at; pulls: [Hz] that each goes down under in turn; iterations: under each pull;
+    width: of a batch; seed: of the scattered places
     """
 
     looks: int = 0
@@ -74,8 +73,10 @@ class ObservedSettings:
     @property
     def steps(self) -> int:
         """Looks and descents there are at most."""
-        looks = 1 + max(self.looks - looking.SCATTERED, 0) / len(looking.CAUTIONS) if self.looks else 0
-        return math.ceil(looks) + self.starts * len(self.pulls)
+        if not self.looks:
+            return self.starts * len(self.pulls)
+        proposed = math.ceil(max(self.looks - looking.SCATTERED, 0) / len(looking.CAUTIONS))
+        return 1 + proposed + len(self.pulls)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -265,16 +266,11 @@ class _Run:
         return looking.propose(self.units, self.residuals, self.unit, self.settings.seed)
 
     def _starts(self) -> list[Floats]:
-        """Where descents begin: the best places looked at that lie apart, or the start and scattered places."""
-        space, count = self.search.space, self.settings.starts
-        if not self.settings.looks:
-            scattered = looking.scatter(self.unit, self.settings.seed)[1:count]
-            return [self.start, *space.from_unit(scattered)]
-        chosen: list[Floats] = []
-        for place in self.units[np.argsort(self.costs, kind="stable")]:
-            if all(np.abs(place - other).max() > APART for other in chosen):
-                chosen.append(place)
-        return list(space.from_unit(np.array(chosen[:count])))
+        """Where descents begin: the best place looked at, or the start and scattered places."""
+        space = self.search.space
+        if self.settings.looks:
+            return [space.from_unit(self.units[int(np.argmin(self.costs))])]
+        return [self.start, *space.from_unit(looking.scatter(self.unit, self.settings.seed)[1 : self.settings.starts])]
 
     def _descend(self, pull: float, start: Floats) -> tuple[Step, LeastSquaresResult | None]:
         """Go down from a start, or take the known descent; its result is not kept."""
@@ -366,4 +362,4 @@ def begin_observed(
         search = ObservedSearch(recordings, method, effects, space, resolution, windows=SHORT_WINDOWS)
         return search, ObservedSettings(pulls=(CATCHING,), seed=seed)
     search = ObservedSearch(recordings, method, effects, space, resolution, distances=distances)
-    return search, ObservedSettings(looks=LOOKS, starts=1, seed=seed)
+    return search, ObservedSettings(looks=LOOKS, seed=seed)

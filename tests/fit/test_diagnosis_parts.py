@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -127,8 +128,6 @@ def test_nothing_is_sure_of_an_effect_where_there_is_none():
 
 def a_tube(amplitude):
     """A take of a swung tube, front and back sewn together at the sides, whose layers keep a distance [m]."""
-    import msgspec
-
     garment = msgspec.structs.replace(sheet(grid=5, mass=0.072), format="hangtime-garment/2", seams=((1, 2), (3, 0)))
     time = np.arange(0, 3, FRAME)
     row = material(garment, velocity_damping=1.5, bending_stiffness=3e-5, shear_stiffness=40.0)
@@ -277,6 +276,20 @@ def test_every_motion_of_the_menu_can_be_imagined():
         assert np.isfinite(path).all(), motion.id
         gap = np.linalg.norm(path[:, 3:] - path[:, :3], axis=1)
         assert gap == pytest.approx(np.full(len(gap), 0.4), abs=2e-3), motion.id
+
+
+def test_a_base_fit_that_is_unpredictable_is_no_reason_where_the_best_refit_is_not(monkeypatch):
+    from fit.gap import diagnosis as whole
+
+    def unpredictable(*given):
+        fits, observer, gate = fit_base(*given)
+        return fits, observer, msgspec.structs.replace(gate, passed=False)
+
+    monkeypatch.setattr(whole, "fit_base", unpredictable)
+    takes = [a_take("a", "hem", 0.02), a_take("b", "hem", 0.02, hz=1.0, seed=1)]
+    found = diagnose(takes[:1], takes[1:], effects=find_effects(["hem"]), resolution=COARSE).diagnosis
+    assert found.verdict != "inconclusive"
+    assert next(g for g in found.gates if g.name == "predictability").passed
 
 
 def test_an_interrupted_diagnosis_goes_on_to_the_same_end(tmp_path):

@@ -1,10 +1,10 @@
-"""The base fit: what the model can do without any effect, from several starts, under the weakest pull that does.
+"""The base fit: what the model can do without any effect, under the weakest pull that keeps the takes predictable.
 
-A Sobol sequence over the box of parameters is judged on a coarse mesh, under a pull that makes the response smooth (a
-hard one would make every fabric follow); the best few are fitted roughly, side by side, and from where they end once
-more under the weakest pull that keeps the takes predictable, which tells more of the cloth. The best two ends are
-fitted on the fine mesh. While the best two fits do not agree, another start is spent: the next best, then the middle
-between the two.
+Places over the box of parameters are looked at, first scattered ones, then those where an emulator of the residuals
+expects the least cost (`fit.search.looks`): on a coarse mesh and under a pull that makes the response smooth (a hard
+one would make every fabric follow), and from the best of them once more on the fine mesh and under the weakest pull
+that does, which tells more of the cloth. From the best two that lie apart the model is fitted. While the best two fits
+do not agree, another start is spent: the next best, then the middle between the two.
 
 Stretch and shear make up for each other, and folds ripple the cost between their valleys, so that fits may agree in the
 wrong one. From the best end u each parameter k is therefore moved alone by s, up to 0.45 of its range, and the others
@@ -13,7 +13,6 @@ along the valley's floor of the linear model, with H = J'J + prior:
     u_k + s,   u_o - H_oo^-1 H_ok s
 
 Two more fits begin where that costs least. Parameters that the data hold tightly, or not at all, are not moved.
-Source: I. M. Sobol, USSR Comput. Math. Math. Phys. 7 (1967).
 """
 
 from __future__ import annotations
@@ -29,17 +28,18 @@ from fit.gap import gates
 from fit.gap.checkpoint import Checkpoint
 from fit.gap.fitting import Fitted, Problem, Task, fit
 from fit.gap.observer import Observer
-from fit.search.looks import spread
+from fit.search import looks
 from formats.results import Gate
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 FIRST_FREQUENCY = 1.0  # Hz: fits from anywhere end alike, and stiffnesses still show
-SCATTERED = 15  # Sobol starts beside the initial parameters
-ROUGH_STARTS, STARTS, MOST_STARTS = 4, 2, 4
-COARSER = 1.5  # spacing of the mesh on which starts are looked for
-ROUGH_ITERATIONS = 4
+FIRST_LOOKS, LOOKS = 32, 24  # candidates looked at under that pull, and more of them under the one that is used
+CARRIED = 12  # places, the best, that are looked at under both
+APART = 0.15  # share of the box, in one parameter at least, between places from which fits begin
+STARTS, MOST_STARTS = 2, 4
+COARSER = 1.5  # spacing of the mesh on which starts are looked for first
 HOPS = (-0.45, -0.3, -0.15, 0.15, 0.3, 0.45)  # of a parameter's range that it is moved by alone
 HOPPED = 2  # fits that are begun beyond
 LEAST_RISE, MOST_RISE = 0.002, 2.0  # of the cost, by the slope, at the nearest of these places
@@ -49,17 +49,23 @@ def fit_base(
     observer: Observer, progress: Progress, kept: Checkpoint, seed: int
 ) -> tuple[list[Fitted], Observer, Gate]:
     """Return the base fits, best first, the observer with the pull that was chosen, and the gate that says so."""
-    coarse = coarsened(observer)
-    progress("looking for starts", 0.02)
-    places = scattered(observer, seed)
-    rough = _roughly(coarse.with_frequency(FIRST_FREQUENCY), places, kept)
-    frequency, _ = gates.choose_frequency(observer, rough[0].vector)
-    if frequency < FIRST_FREQUENCY:
-        progress(f"rough base fits, pull {frequency:g} Hz", 0.08)
-        places = [f.vector for f in rough]
-        rough = _roughly(coarse.with_frequency(frequency), places, kept)
-    starts, spare = [f.vector for f in rough[:STARTS]], [f.vector for f in rough[STARTS:]]
+
+    def look(where: Observer, first: Floats, count: int, share: float) -> Floats:
+        """Return places looked at, (count, parameters), least cost first."""
+
+        def tell(done: float) -> None:
+            progress(f"looking for starts, pull {where.frequency:g} Hz", share + 0.06 * done)
+
+        return _looked_at(where, first, count, seed, kept, tell)
+
+    smooth = coarsened(observer).with_frequency(FIRST_FREQUENCY)
+    places = look(smooth, scattered(observer, seed), FIRST_LOOKS, 0.02)
+    frequency, _ = gates.choose_frequency(observer, places[0])
+    places = look(observer.with_frequency(frequency), places[:CARRIED], CARRIED + LOOKS, 0.08)
+    spare = _lying_apart(observer, places)
+    starts, spare = spare[:STARTS], spare[STARTS:]
     tried: set[float] = set()
+    has_hopped = False
     while True:
         chosen = observer.with_frequency(frequency)
         fits: list[Fitted] = []
@@ -72,28 +78,32 @@ def fit_base(
                 starts.append(spare.pop(0) if spare else middle(observer, fits))
         fits.sort(key=lambda f: f.cost)
         # A take can be predictable at one fit and not at the next; no pull is tried twice.
-        needed, gate = gates.choose_frequency(observer, fits[0].vector)
         tried.add(frequency)
+        needed, gate = gates.choose_frequency(observer, fits[0].vector)
+        if needed in tried and not has_hopped:
+            has_hopped = True
+            progress(f"base fit, across valleys, pull {frequency:g} Hz", 0.29)
+            if beyond := across_valleys(chosen, fits[0]):
+                names = [f"base-{frequency:g}-beyond-{k}" for k in range(len(beyond))]
+                fits += kept.recall(names, partial(fit, chosen, beyond))
+                fits.sort(key=lambda f: f.cost)
+                needed, gate = gates.choose_frequency(observer, fits[0].vector)
         if needed in tried:
             break
         frequency, starts = needed, [f.vector for f in fits[:STARTS]]
-    progress(f"base fit, across valleys, pull {frequency:g} Hz", 0.29)
-    if beyond := across_valleys(chosen, fits[0]):
-        names = [f"base-{frequency:g}-beyond-{k}" for k in range(len(beyond))]
-        fits += kept.recall(names, partial(fit, chosen, beyond))
-        fits.sort(key=lambda f: f.cost)
+    if needed != frequency:
         gate = gates.predictability_gate(chosen, fits[0].vector, observer.off)
     return fits, chosen, gate
 
 
 def across_valleys(observer: Observer, best: Fitted) -> list[Task]:
     """Return fits that begin where one parameter is moved far, the others along with it, and the cost is least."""
-    problem = Problem(observer)
-    unit = problem.space.to_unit(best.vector)
+    problem = Problem(observer, best.active)
+    unit = problem.space.to_unit(problem.pack(best.vector, best.amplitudes))
     jacobian = best.jacobian * problem.space.scale
     normal = jacobian.T @ jacobian + np.diag((problem.space.scale / problem.prior_sd) ** 2)
     places, moved = [], []
-    for k in range(len(unit)):
+    for k in range(len(best.vector)):
         others = np.arange(len(unit)) != k
         along = np.eye(len(unit))[k]
         along[others] = -np.linalg.solve(normal[np.ix_(others, others)], normal[others, k])
@@ -104,38 +114,58 @@ def across_valleys(observer: Observer, best: Fitted) -> list[Task]:
             moved += [(k, step > 0) for step in hops]
     if not places:
         return []
-    vectors = problem.space.from_unit(np.array(places))
-    costs = (observer.residuals(vectors, np.tile(observer.off, (len(places), 1))) ** 2).sum(1)
+    vectors, amplitudes = problem.unpack(problem.space.from_unit(np.array(places)))
+    costs = (observer.residuals(vectors, amplitudes) ** 2).sum(1)
     chosen: dict[tuple[int, bool], int] = {}
     for n in np.argsort(costs):
         chosen.setdefault(moved[n], int(n))
-    return [Task(vectors[n], observer.off, known_cost=best.cost) for n in list(chosen.values())[:HOPPED]]
+    return [Task(vectors[n], amplitudes[n], best.active, known_cost=best.cost) for n in list(chosen.values())[:HOPPED]]
 
 
 def coarsened(observer: Observer) -> Observer:
-    """Return an observer on the coarse mesh on which starts are looked for."""
+    """Return an observer on the coarse mesh on which starts are looked for first."""
     old = observer.resolution
     return observer.at_resolution(Resolution(spacing=min(COARSER * old.spacing, 0.06), step_share=old.step_share))
 
 
-def scattered(observer: Observer, seed: int) -> list[Floats]:
-    """Return the initial parameters and places scattered over the box, each (parameters,)."""
+def scattered(observer: Observer, seed: int) -> Floats:
+    """Return the initial parameters and places scattered over the box, (looks.SCATTERED, parameters)."""
+    space, initial = Problem(observer).space, observer.parameterisation.initial
+    return np.concatenate([initial[None], space.from_unit(looks.scatter(space.to_unit(initial), seed)[1:])])
+
+
+def _looked_at(
+    observer: Observer, first: Floats, count: int, seed: int, kept: Checkpoint, tell: Callable[[float], None]
+) -> Floats:
+    """Return the first places, (places, parameters), and those that are proposed then, least cost first.
+
+    tell: is told what share of the looks is done
+    """
+    done = 0
     space = Problem(observer).space
-    units = spread(len(space.minimum), SCATTERED + 1, seed)[1:]
-    return [observer.parameterisation.initial, *space.from_unit(units)]
+    start = space.to_unit(observer.parameterisation.initial)
+
+    def residuals(units: Floats) -> Floats:
+        nonlocal done
+        tell(done / count)
+        done += len(units)
+        vectors = space.from_unit(units)
+        return observer.sound_residuals_of(observer.trajectories(vectors, np.tile(observer.off, (len(vectors), 1))))
+
+    def go() -> Floats:
+        return space.from_unit(looks.look(residuals, space.to_unit(first), count, start, seed))
+
+    return kept.recall_places(f"looks-{observer.frequency:g}-{1e3 * observer.resolution.spacing:g}", go)
 
 
-def _roughly(observer: Observer, places: list[Floats], kept: Checkpoint) -> list[Fitted]:
-    """Fits of a few iterations from the best of some places, the best first."""
-
-    def go() -> list[Fitted]:
-        residuals = observer.residuals(np.array(places), np.tile(observer.off, (len(places), 1)))
-        order = np.argsort((residuals**2).sum(1))[:ROUGH_STARTS]
-        rough = [Task(places[k], observer.off, iterations=ROUGH_ITERATIONS, renewals=0, is_rough=True) for k in order]
-        return fit(observer, rough)
-
-    names = [f"rough-{observer.frequency:g}-{k}" for k in range(ROUGH_STARTS)]
-    return sorted(kept.recall(names, go), key=lambda f: f.cost)
+def _lying_apart(observer: Observer, places: Floats) -> list[Floats]:
+    """Return the first place, (parameters,), and those further down that lie apart from all before; STARTS at least."""
+    units, chosen = Problem(observer).space.to_unit(places), [0]
+    for n, unit in enumerate(units):
+        if np.abs(units[chosen] - unit).max(1).min() > APART:
+            chosen.append(n)
+    near = [n for n in range(len(units)) if n not in chosen]
+    return [places[n] for n in (chosen + near[: max(STARTS - len(chosen), 0)])[:MOST_STARTS]]
 
 
 def middle(observer: Observer, fits: list[Fitted]) -> Floats:

@@ -11,10 +11,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fit.errors import FitError
 from fit.gap.fitting import Fitted
 
+Floats = NDArray[np.float64]
 Key = dict[str, object]
 
 
@@ -56,6 +58,19 @@ class Checkpoint:
         found = make()
         for name, fitted in zip(names, found, strict=True):
             _write(self.folder / f"{name}.npz", fitted)
+        return found
+
+    def recall_places(self, name: str, make: Callable[[], Floats]) -> Floats:
+        """Return the kept places of this name, (places, parameters), or make them and keep them."""
+        if self.folder is None:
+            return make()
+        path = self.folder / f"{name}.npy"
+        with contextlib.suppress(OSError, ValueError):
+            return np.asarray(np.load(path), float)
+        found = make()
+        partial = path.with_suffix(".writing.npy")
+        np.save(partial, found)
+        partial.replace(path)
         return found
 
 

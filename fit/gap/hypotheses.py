@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.gap.base_fit import coarsened, scattered
 from fit.gap.closure import BlockErrors, block_errors
 from fit.gap.fitting import Fitted, Problem, Task
 from fit.gap.observer import Observer
@@ -24,7 +23,6 @@ Floats = NDArray[np.float64]
 
 SHORTLIST = 5  # effects that are refitted
 ITERATIONS = 5  # of each refit, along chords
-PLACES = 16  # over the box, from which the best refits may begin again
 POLISHING = 8  # iterations of the best refits with Jacobians of their own
 SHARES = (0.3, 0.6, 1.0, 1.5)  # of the linear guess of an amplitude that are tried as starts
 ALIKE = 0.9  # cosine above which an effect is refitted because its twin is
@@ -104,15 +102,3 @@ def judged(judge: Observer, fitted: Fitted) -> BlockErrors:
 def polishing(old: Fitted) -> Task:
     """Fit on with a Jacobian of its own, which the intervals need."""
     return Task(old.vector, old.amplitudes, old.active, iterations=POLISHING)
-
-
-def restarts(observer: Observer, found: list[Fitted]) -> list[Task]:
-    """Fit with each fit's amplitudes from the place, of those scattered over the box, where they do best."""
-    coarse = coarsened(observer)
-    places = np.array(scattered(observer, 0)[:PLACES])
-    amplitudes = np.stack([one.amplitudes for one in found])
-    residuals = coarse.residuals(np.tile(places, (len(found), 1)), np.repeat(amplitudes, len(places), axis=0))
-    best = (residuals**2).sum(1).reshape(len(found), -1).argmin(1)
-    return [
-        Task(places[k], one.amplitudes, one.active, known_cost=one.cost) for k, one in zip(best, found, strict=True)
-    ]

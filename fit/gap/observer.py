@@ -146,6 +146,11 @@ class Observer:
         whole = np.concatenate([*moving, *static], axis=1)
         return np.where(np.isfinite(whole), np.clip(whole, -LOST, LOST), LOST)
 
+    def sound_residuals_of(self, points: list[Floats]) -> Floats:
+        """The same, not finite where a simulation blew up."""
+        is_sound = np.all([np.isfinite(p).reshape(len(p), -1).all(1) for p in points], axis=0)
+        return np.where(is_sound[:, None], self.residuals_of(points), np.nan)
+
     def in_mm(self, residuals: Floats) -> Floats:
         """Root mean square distance of a point [mm] from whitened residuals, (..., numbers) -> (...,)."""
         return np.asarray(1e3 * np.sqrt(3 * (self.layout.metres(residuals) ** 2).mean(-1)))

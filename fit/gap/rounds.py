@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fit.gap import gates as gate
-from fit.gap.base_fit import middle
+from fit.gap.base_fit import across_valleys, middle
 from fit.gap.checkpoint import Checkpoint
 from fit.gap.evidence import SMALLEST_SECOND_GAIN, Evidence, best_of, closes_enough
 from fit.gap.fitting import Fitted, Task, fit
-from fit.gap.hypotheses import Hypothesis, judged, polishing, refits, restarts, shortlist
+from fit.gap.hypotheses import Hypothesis, judged, polishing, refits, shortlist
 from fit.gap.observer import Observer
 from fit.gap.screening import GROUP_COSINE, Screened, screen
 from fit.gap.verdict import Verdict, is_brought, may_be_added
@@ -66,19 +67,17 @@ class Rounds:
         self.progress(f"refitting with {len(places)} effects, one each", 0.4)
         for hypothesis in self._refit(self.base.fitted, self.screened, places):
             self.singles[hypothesis.effects[-1]] = hypothesis
-        self.progress("refitting the best from elsewhere", 0.62)
+        self.progress("refitting the best across valleys", 0.62)
         by_cost = sorted(self.singles, key=lambda k: self.singles[k].fitted.cost)
         nearest = min(self.singles, key=lambda k: self.singles[k].errors.squared_mm)
         best = list(dict.fromkeys([by_cost[0], nearest, *by_cost]))[:POLISHED]
         saved = {k: self.base.fitted.cost - self.singles[k].fitted.cost for k in best}
         best = [k for k in best if k == nearest or saved[k] >= POLISHED_SHARE * saved[by_cost[0]]]
-        found = [self.singles[k].fitted for k in best]
-        # A base fit that makes up for an effect is a bad place to begin with it, and the other way round.
-        again = Task(found[0].vector, self.observer.off, known_cost=self.base.fitted.cost)
-        (again_fitted,), refitted = self._from_elsewhere(found, {"base-again": again})
-        for k, fitted in zip(best, refitted, strict=True):
+        for k, fitted in zip(best, self._fitted_on([self.singles[k].fitted for k in best]), strict=True):
             self.singles[k] = Hypothesis((k,), fitted, judged(self.judge, fitted))
-        self.fits.append(again_fitted)
+        # A base fit that makes up for an effect is a bad place to begin with it, and the other way round.
+        again = Task(self.least.vector, self.observer.off, known_cost=self.base.fitted.cost)
+        self.fits += self.kept.recall(["base-again"], partial(fit, self.observer, [again]))
         if gate.disagreement(self.fits) > gate.CONVERGED:
             between = Task(middle(self.observer, self.fits), self.observer.off)
             self.fits += self.kept.recall(["base-between"], partial(fit, self.observer, [between]))
@@ -86,23 +85,19 @@ class Rounds:
         if self.fits[0] is not self.base.fitted:
             self.base = Hypothesis((), self.fits[0], judged(self.judge, self.fits[0]))
 
-    def _from_elsewhere(
-        self, found: list[Fitted], beside: dict[str, Task] | None = None
-    ) -> tuple[list[Fitted], list[Fitted]]:
-        """Return how tasks beside end, and some fits as they end from the better of two starts, all side by side.
-
-        Each is polished where it is, and fitted from wherever its amplitudes would do best. beside: by name.
-        """
-        beside = beside or {}
-
-        def go() -> list[Fitted]:
-            return fit(self.observer, [*beside.values(), *map(polishing, found), *restarts(self.observer, found)])
-
+    def _fitted_on(self, found: list[Fitted]) -> list[Fitted]:
+        """Return fits as they end with Jacobians of their own: where they are, or across the valleys about them."""
         names = [self._name(one.active) for one in found]
-        ends = self.kept.recall([*beside, *(f"{n}-polished" for n in names), *(f"{n}-elsewhere" for n in names)], go)
-        first, second = len(beside), len(beside) + len(found)
-        pairs = zip(ends[first:second], ends[second:], strict=True)
-        return ends[:first], [min(pair, key=lambda f: f.cost) for pair in pairs]
+        tasks = [polishing(one) for one in found]
+        polished = self.kept.recall([f"{name}-polished" for name in names], partial(fit, self.observer, tasks))
+        beyond = [across_valleys(self.observer, one) for one in polished]
+        every = [task for tasks in beyond for task in tasks]
+        places = [f"{name}-beyond-{n}" for name, tasks in zip(names, beyond, strict=True) for n in range(len(tasks))]
+        ends = iter(self.kept.recall(places, partial(fit, self.observer, every)) if every else [])
+        return [
+            min((one, *islice(ends, len(tasks))), key=lambda f: f.cost)
+            for one, tasks in zip(polished, beyond, strict=True)
+        ]
 
     @property
     def least(self) -> Fitted:
@@ -148,9 +143,8 @@ class Rounds:
             best, starts = found, [found]
 
     def _polished(self, joint: Hypothesis) -> Hypothesis:
-        """Return several effects as they fit from where they are, or from the best place over the box."""
-        _, (ended,) = self._from_elsewhere([joint.fitted])
-        fitted = min(joint.fitted, ended, key=lambda f: f.cost)
+        """Return several effects as they fit with a Jacobian of their own."""
+        (fitted,) = self._fitted_on([joint.fitted])
         return Hypothesis(joint.effects, fitted, judged(self.judge, fitted))
 
     def _better_of_twins(self, pair: Hypothesis, p_value: float) -> tuple[Hypothesis, float]:

@@ -11,6 +11,8 @@ Source of the scattered places: I. M. Sobol, USSR Comput. Math. Math. Phys. 7 (1
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -50,6 +52,21 @@ def prior_cost(units: Floats, start: Floats) -> Floats:
 def fewest(parameters: int) -> int:
     """Places that an emulator needs more than."""
     return parameters + 1
+
+
+def look(residuals: Callable[[Floats], Floats], first: Floats, count: int, start: Floats, seed: int) -> Floats:
+    """Return the first places, then proposed ones up to `count`, (places, parameters), least cost first.
+
+    residuals: of places, (places, parameters) -> (places, numbers), not finite where it blew up
+    """
+    units, found = first, residuals(first)
+    while len(units) < count:
+        proposed = propose(units, found, start, seed)[: count - len(units)]
+        if not len(proposed):
+            break
+        units, found = np.concatenate([units, proposed]), np.concatenate([found, residuals(proposed)])
+    costs = (found**2).sum(1) + prior_cost(units, start)
+    return np.asarray(units[np.argsort(np.where(np.isfinite(costs), costs, np.inf), kind="stable")])
 
 
 def propose(units: Floats, residuals: Floats, start: Floats, seed: int) -> Floats:

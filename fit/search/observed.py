@@ -183,9 +183,7 @@ class ObservedSearch:
         """Return residuals, (candidates, numbers), not finite where it blew up, and D [m], (candidates,) or nothing."""
         observer = self.free.with_frequency(pull)
         points = observer.trajectories(vectors[:, : self._count], vectors[:, self._count :])
-        residuals = observer.residuals_of(points)
-        is_sound = np.all([np.isfinite(p).reshape(len(vectors), -1).all(1) for p in points], axis=0)
-        residuals = np.where(is_sound[:, None], residuals, np.nan)
+        residuals = observer.sound_residuals_of(points)
         is_free = pull == 0 and self._distances is not None
         return residuals, self._distances(points) if is_free and self._distances else np.zeros(0)
 

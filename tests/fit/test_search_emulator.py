@@ -137,3 +137,23 @@ def test_draws_from_two_equal_valleys_are_half_in_each():
 
     found = draw(cost, np.array([[0.2, 0.2], [0.8, 0.8]]), 12.0, 1)
     assert 0.3 < (found[:, 0] > 0.5).mean() < 0.7
+
+
+def test_looking_stops_at_the_count_and_returns_the_best_first_and_what_blew_up_last():
+    def fragile(units):
+        return np.where(units[:, :1] > 0.8, np.nan, swung(units))
+
+    start, seen = np.full(3, 0.2), []
+
+    def count(units):
+        seen.append(len(units))
+        return fragile(units)
+
+    units = looks.look(count, looks.scatter(start, 5), 21, start, 5)
+    assert seen == [looks.SCATTERED, 2, 2, 1]
+    costs = (fragile(units) ** 2).sum(1) + looks.prior_cost(units, start)
+    finite = np.isfinite(costs)
+    assert 0 < finite.sum() < len(units) == 21
+    assert finite.tolist() == sorted(finite.tolist(), reverse=True)
+    assert (np.diff(costs[finite]) >= 0).all()
+    assert np.abs(units[0] - TRUTH).max() < 0.05

@@ -35,7 +35,8 @@ from fit.request import Request
 from fit.search.choice import OBSERVED, begin
 from fit.search.intervals import Intervals, block_intervals, check_blocks, draw_intervals
 from fit.search.least_squares import DIFFERENCE
-from fit.search.observed import Step, begin_observed
+from fit.search.observed import begin_observed
+from fit.search.steps import Step
 from fit.search.tempering import FEWEST_DRAWS, Tempering
 from formats.results import ErrorFigure, FitParameter, FitResult, ObjectiveFigure
 from formats.results import FitError as FitErrors

@@ -6,13 +6,7 @@ one would make every fabric follow), and from the best of them once more on the 
 that does, which tells more of the cloth. From the best two that lie apart the model is fitted. While the best two fits
 do not agree, another start is spent: the next best, then the middle between the two.
 
-Stretch and shear make up for each other, and folds ripple the cost between their valleys, so that fits may agree in the
-wrong one. From the best end u each parameter k is therefore moved alone by s, up to 0.45 of its range, and the others
-along the valley's floor of the linear model, with H = J'J + prior:
-
-    u_k + s,   u_o - H_oo^-1 H_ok s
-
-Two more fits begin where that costs least. Parameters that the data hold tightly, or not at all, are not moved.
+Fits may agree in the wrong valley of stretch and shear: from the best end two more begin across (`fit.search.valleys`).
 """
 
 from __future__ import annotations
@@ -28,7 +22,7 @@ from fit.gap import gates
 from fit.gap.checkpoint import Checkpoint
 from fit.gap.fitting import Fitted, Problem, Task, fit
 from fit.gap.observer import Observer
-from fit.search import looks
+from fit.search import looks, valleys
 from formats.results import Gate
 
 Floats = NDArray[np.float64]
@@ -40,9 +34,6 @@ CARRIED = 12  # places, the best, that are looked at under both
 APART = 0.15  # share of the box, in one parameter at least, between places from which fits begin
 STARTS, MOST_STARTS = 2, 4
 COARSER = 1.5  # spacing of the mesh on which starts are looked for first
-HOPS = (-0.45, -0.3, -0.15, 0.15, 0.3, 0.45)  # of a parameter's range that it is moved by alone
-HOPPED = 2  # fits that are begun beyond
-LEAST_RISE, MOST_RISE = 0.002, 2.0  # of the cost, by the slope, at the nearest of these places
 
 
 def fit_base(
@@ -97,29 +88,20 @@ def fit_base(
 
 
 def across_valleys(observer: Observer, best: Fitted) -> list[Task]:
-    """Return fits that begin where one parameter is moved far, the others along with it, and the cost is least."""
+    """Return fits, of the same effects, that begin across the valleys about the end of one (`fit.search.valleys`)."""
     problem = Problem(observer, best.active)
-    unit = problem.space.to_unit(problem.pack(best.vector, best.amplitudes))
-    jacobian = best.jacobian * problem.space.scale
-    normal = jacobian.T @ jacobian + np.diag((problem.space.scale / problem.prior_sd) ** 2)
-    places, moved = [], []
-    for k in range(len(best.vector)):
-        others = np.arange(len(unit)) != k
-        along = np.eye(len(unit))[k]
-        along[others] = -np.linalg.solve(normal[np.ix_(others, others)], normal[others, k])
-        rise = min(np.abs(HOPS)) ** 2 * float(along @ normal @ along) / best.cost
-        if LEAST_RISE < rise < MOST_RISE:
-            hops = [step for step in HOPS if 0.0 <= unit[k] + step <= 1.0]
-            places += [np.clip(unit + step * along, 0.0, 1.0) for step in hops]
-            moved += [(k, step > 0) for step in hops]
-    if not places:
-        return []
-    vectors, amplitudes = problem.unpack(problem.space.from_unit(np.array(places)))
-    costs = (observer.residuals(vectors, amplitudes) ** 2).sum(1)
-    chosen: dict[tuple[int, bool], int] = {}
-    for n in np.argsort(costs):
-        chosen.setdefault(moved[n], int(n))
-    return [Task(vectors[n], amplitudes[n], best.active, known_cost=best.cost) for n in list(chosen.values())[:HOPPED]]
+
+    def costs(units: Floats) -> Floats:
+        return np.asarray((problem.residuals(problem.space.from_unit(units)) ** 2).sum(1))
+
+    units = valleys.across(
+        problem.space.to_unit(problem.pack(best.vector, best.amplitudes)), best.jacobian * problem.space.scale,
+        np.diag((problem.space.scale / problem.prior_sd) ** 2), best.cost, len(best.vector), costs,
+    )  # fmt: skip
+    vectors, amplitudes = problem.unpack(problem.space.from_unit(units))
+    return [
+        Task(vector, row, best.active, known_cost=best.cost) for vector, row in zip(vectors, amplitudes, strict=True)
+    ]
 
 
 def coarsened(observer: Observer) -> Observer:

@@ -2,9 +2,10 @@
 
 The start and scattered places are looked at first, then those that an emulator of the residuals proposes
 (`fit.search.looks`). From the best of them, Levenberg-Marquardt goes down by chords (`fit.search.least_squares`), with
-differences wide enough to step over the ripples that folds make. Without looks there are several descents, from the
-start and from scattered places. A weak prior, the box's own spread about the start, holds what the data cannot tell.
-With a pull (of the observer, `fit.gap.observer`) each descent goes under it first and then free.
+differences wide enough to step over the ripples that folds make, and again from the best places across the valleys
+about its end (`fit.search.valleys`). Without looks descents begin at the start and at scattered places. A weak prior,
+the box's own spread about the start, holds what the data cannot tell. With a pull (of the observer,
+`fit.gap.observer`) each descent goes under it first and then free.
 
 Ripples leave many small valleys, so one valley's curvature says too little of how far a parameter can be trusted.
 The deviation of a parameter is that of `fit.search.intervals` in the best valley and how far away other places fit:
@@ -25,10 +26,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,10 +40,12 @@ from fit.gap.observer import Observer
 from fit.parameterisations import Parameterisation
 from fit.recording import Recording, Windows
 from fit.search import looks as looking
+from fit.search import valleys
 from fit.search.emulator import Emulator
 from fit.search.intervals import PRIOR_SD, Intervals, block_intervals, check_blocks
 from fit.search.least_squares import BoundedSpace, LeastSquaresResult, LeastSquaresSettings, Prior, minimise
 from fit.search.posterior import draw
+from fit.search.steps import Step
 
 Floats = NDArray[np.float64]
 
@@ -51,6 +53,8 @@ RIPPLE_TIME = 2.0  # s that a ripple lasts, which descents end in
 PIECE_TIME = 1.25  # s whose errors go together where an emulator, which ripples hardly move, says what else would fit
 SHORT_WINDOWS = Windows(free=2.0, caught=0.5)  # a swing or two
 CATCHING = 3.0  # Hz of the pull between short windows
+ROUNDS = 3  # times at most that one looks across valleys
+WORTH = 0.005  # of the cost, by which that must lower it to go on
 LOOKS = 80  # candidates looked at: what more of them find is little
 
 
@@ -76,44 +80,7 @@ class ObservedSettings:
         if not self.looks:
             return self.starts * len(self.pulls)
         proposed = math.ceil(max(self.looks - looking.SCATTERED, 0) / len(looking.CAUTIONS))
-        return 1 + proposed + len(self.pulls)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Step:
-    """One look or one descent.
-
-    is_look; vector, (parameters,): the best place looked at so far, or where the descent ended; cost: its own, infinite
-    where a descent's start blew up; vectors, (candidates, parameters): what was looked at, nothing of a descent;
-    simulations: of all recordings since the search began; distances: D [m] after each candidate, of the one of least
-    cost so far, nothing where the rollouts are not free
-    """
-
-    is_look: bool
-    vector: Floats
-    cost: float
-    vectors: Floats
-    simulations: int
-    distances: tuple[float, ...]
-
-    def state(self) -> dict[str, Any]:
-        """Return it as JSON can hold it."""
-        return {
-            "is_look": self.is_look, "vector": self.vector.tolist(),
-            "cost": self.cost if np.isfinite(self.cost) else None, "vectors": self.vectors.tolist(),
-            "simulations": self.simulations, "distances": list(self.distances),
-        }  # fmt: skip
-
-    @classmethod
-    def from_state(cls, state: Mapping[str, Any]) -> Step:
-        """Return what was saved."""
-        vector = np.array(state["vector"], float)
-        return cls(
-            is_look=bool(state["is_look"]), vector=vector,
-            cost=np.inf if state["cost"] is None else float(state["cost"]),
-            vectors=np.array(state["vectors"], float).reshape(-1, len(vector)), simulations=int(state["simulations"]),
-            distances=tuple(float(d) for d in state["distances"]),
-        )  # fmt: skip
+        return 1 + proposed + len(self.pulls) + ROUNDS * (1 + valleys.HOPPED)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,7 +124,7 @@ class ObservedSearch:
         cut = [dataclasses.replace(recording, windows=windows) for recording in recordings]
         self.free = Observer(cut, method, effects, frequency=0.0, resolution=resolution)
         self.space = space
-        self._count = len(method.parameters)
+        self.count = len(method.parameters)
         self._distances = distances
 
     def run(
@@ -182,7 +149,7 @@ class ObservedSearch:
     def simulate(self, vectors: Floats, pull: float) -> tuple[Floats, Floats]:
         """Return residuals, (candidates, numbers), not finite where it blew up, and D [m], (candidates,) or nothing."""
         observer = self.free.with_frequency(pull)
-        points = observer.trajectories(vectors[:, : self._count], vectors[:, self._count :])
+        points = observer.trajectories(vectors[:, : self.count], vectors[:, self.count :])
         residuals = observer.sound_residuals_of(points)
         is_free = pull == 0 and self._distances is not None
         return residuals, self._distances(points) if is_free and self._distances else np.zeros(0)
@@ -221,6 +188,11 @@ class _Run:
                     break  # a scattered start that cannot be simulated is no loss
             else:
                 ends.append((descent, found))
+        for _ in range(ROUNDS if self.settings.looks else 0):
+            before, found = min(ends, key=lambda pair: pair[0].cost)
+            ends += (beyond := self._across(before, found))
+            if all(end.cost > (1 - WORTH) * before.cost for end, _ in beyond):
+                break
         end, best = min(ends, key=lambda pair: pair[0].cost)
         if best is None:
             best = self._minimise(self.settings.pulls[-1], end.vector, iterations=0)
@@ -241,22 +213,60 @@ class _Run:
                 if not len(units):
                     break
                 vectors = space.from_unit(units)
-            residuals = self._simulate(vectors, 0.0)
-            if self.residuals is None and not np.isfinite(residuals[0]).all():
-                raise self._blown_up()
-            units = space.to_unit(vectors)
-            self.units = np.concatenate([self.units, units])
-            self.residuals = residuals if self.residuals is None else np.concatenate([self.residuals, residuals])
-            self.costs = np.append(self.costs, self._costs(vectors, residuals))
-            least = int(np.argmin(self.costs))
-            self._take(
-                known
-                or Step(
-                    is_look=True, vector=space.from_unit(self.units[least]), cost=float(self.costs[least]),
-                    vectors=vectors, simulations=self._simulations(), distances=tuple(self.distances),
-                ),
-                is_known=known is not None,
-            )  # fmt: skip
+            self._look_at(vectors)
+            self._looked(vectors, known)
+
+    def _look_at(self, vectors: Floats) -> Floats:
+        """Simulate places, (candidates, parameters), remember them and return their costs, (candidates,)."""
+        residuals = self._simulate(vectors, 0.0)
+        if self.residuals is None and not np.isfinite(residuals[0]).all():
+            raise self._blown_up()
+        costs = self._costs(vectors, residuals)
+        self.units = np.concatenate([self.units, self.search.space.to_unit(vectors)])
+        self.residuals = residuals if self.residuals is None else np.concatenate([self.residuals, residuals])
+        self.costs = np.append(self.costs, costs)
+        return costs
+
+    def _looked(self, vectors: Floats, known: Step | None) -> None:
+        least = int(np.argmin(self.costs))
+        self._take(
+            known
+            or Step(
+                is_look=True, vector=self.search.space.from_unit(self.units[least]), cost=float(self.costs[least]),
+                vectors=vectors, simulations=self._simulations(), distances=tuple(self.distances),
+            ),
+            is_known=known is not None,
+        )  # fmt: skip
+
+    def _across(self, step: Step, found: LeastSquaresResult | None) -> list[tuple[Step, LeastSquaresResult | None]]:
+        """Look across the valleys about an end, and go down from the best places there."""
+        space, pull = self.search.space, self.settings.pulls[-1]
+        known = self.waiting.pop(0) if self.waiting else None
+        if found is None:  # known of an interrupted search: what it takes to know it again does not count
+            counted = self.search.free.simulations
+            found = self._minimise(pull, step.vector, iterations=0)
+            self.before += self.search.free.simulations - counted
+            self.distances = []
+        judged: list[Floats] = []
+
+        def judge(units: Floats) -> Floats:
+            judged.append(space.from_unit(units))
+            return self._look_at(judged[-1])
+
+        precision = np.eye(len(self.unit)) / PRIOR_SD**2
+        units = valleys.across(
+            space.to_unit(found.parameters),
+            found.jacobian * space.scale,
+            precision,
+            found.cost,
+            self.search.count,
+            judge,
+        )
+        if not judged:
+            return []
+        self._looked(judged[0], known)
+        ends = [self._descend(pull, start) for start in space.from_unit(units)]
+        return [end for end in ends if np.isfinite(end[0].cost)]
 
     def _next_units(self) -> Floats:
         if self.residuals is None:

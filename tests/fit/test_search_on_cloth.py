@@ -81,11 +81,15 @@ def test_a_pulled_descent_before_the_free_one_ends_in_the_same_damping(swung):
     assert found.vector[4] == pytest.approx(3.0, rel=0.05)
 
 
-@pytest.mark.parametrize(("name", "stop", "steps"), [("least-squares", 5, 34), ("short-windows", 2, 4)])
-def test_interrupted_least_squares_go_on_at_the_last_step_that_was_done(swung, tmp_path, name, stop, steps):
-    """16 looks and 32 times two make 33 steps, the descent is the last; short windows have four descents."""
+@pytest.mark.parametrize(
+    ("name", "stop"), [("least-squares", 5), ("least-squares", 34), ("least-squares", 35), ("short-windows", 2)]
+)
+def test_interrupted_least_squares_go_on_at_the_last_step_that_was_done(swung, tmp_path, name, stop):
+    """16 looks and 32 times two make 33 steps, then there are descents, and looks across valleys after the 34th."""
     request = request_of(KINECT_SKIRT, [], iterations=1, seed=3, spacing=0.1, search=name)
-    whole = calibrate([swung], [], request)
+    steps = []
+    whole = calibrate([swung], [], request, progress=lambda done, total, best: steps.append((done, total)))
+    assert len(steps) > stop
     file = tmp_path / "search.json"
 
     def interrupt(done, total, best):
@@ -98,7 +102,7 @@ def test_interrupted_least_squares_go_on_at_the_last_step_that_was_done(swung, t
     result = calibrate(
         [swung], [], request, checkpoint=file, progress=lambda done, total, best: ends.append((done, total))
     )
-    assert ends == [(done, steps) for done in range(stop + 1, steps + 1)]
+    assert ends == steps[stop:]
     assert result.history == whole.history
     # The Jacobian of an end that was known is made again: one place and six parameters.
     assert result.simulations in (whole.simulations, whole.simulations + 7)
@@ -126,7 +130,7 @@ def test_least_squares_know_the_distance_of_every_candidate(swung):
     found = search.run(initial, dataclasses.replace(settings, looks=20, iterations=2))
     distances = [d for step in found.path for d in step.distances]
     assert len(distances) == found.path[-1].simulations  # one take: one each
-    assert [step.is_look for step in found.path] == [True, True, True, False]
+    assert [step.is_look for step in found.path[:5]] == [True, True, True, False, True]
     assert distances[0] == pytest.approx(float(model.distances(initial[None])[0]), rel=1e-12)
     looked = found.path[2]
     assert looked.distances[-1] == pytest.approx(float(model.distances(looked.vector[None])[0]), rel=1e-12)
@@ -158,7 +162,7 @@ def test_a_first_candidate_that_blows_up_is_refused_and_later_ones_are_not(swung
     found = broken(begun_anew(), lambda v: np.abs(v - SI.initial).max(1) > 0.3 * SI.initial[0]).run(
         SI.initial, settings
     )
-    assert [step.is_look for step in found.path][-1:] == [False]
+    assert [step.is_look for step in found.path][:2] == [True, False]
 
 
 @pytest.mark.parametrize("name", ["restarts", "tempering", "cma-es"])

@@ -1,0 +1,49 @@
+"""The steps of least squares on the points' residuals: places looked at together, or one descent."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """One look or one descent.
+
+    is_look; vector, (parameters,): the best place looked at so far, or where the descent ended; cost: its own, infinite
+    where a descent's start blew up; vectors, (candidates, parameters): what was looked at, nothing of a descent;
+    simulations: of all recordings since the search began; distances: D [m] after each candidate, of the one of least
+    cost so far, nothing where the rollouts are not free
+    """
+
+    is_look: bool
+    vector: Floats
+    cost: float
+    vectors: Floats
+    simulations: int
+    distances: tuple[float, ...]
+
+    def state(self) -> dict[str, Any]:
+        """Return it as JSON can hold it."""
+        return {
+            "is_look": self.is_look, "vector": self.vector.tolist(),
+            "cost": self.cost if np.isfinite(self.cost) else None, "vectors": self.vectors.tolist(),
+            "simulations": self.simulations, "distances": list(self.distances),
+        }  # fmt: skip
+
+    @classmethod
+    def from_state(cls, state: Mapping[str, Any]) -> Step:
+        """Return what was saved."""
+        vector = np.array(state["vector"], float)
+        return cls(
+            is_look=bool(state["is_look"]), vector=vector,
+            cost=np.inf if state["cost"] is None else float(state["cost"]),
+            vectors=np.array(state["vectors"], float).reshape(-1, len(vector)), simulations=int(state["simulations"]),
+            distances=tuple(float(d) for d in state["distances"]),
+        )  # fmt: skip

@@ -1,0 +1,53 @@
+"""Across valleys: where to begin again from the end of a descent.
+
+Stretch and shear make up for each other, and folds ripple the cost between their valleys, so that descents may agree in
+the wrong one. From an end u, in shares of the box, each parameter k is moved alone by s, up to 0.45 of its range, and
+the others along the valley's floor of the linear model, with H = J'J + prior:
+
+    u_k + s,   u_o - H_oo^-1 H_ok s
+
+It is worth going down again where that costs least. What the data hold tightly, or not at all, is not moved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+HOPS = (-0.45, -0.3, -0.15, 0.15, 0.3, 0.45)  # of a parameter's range that it is moved by alone
+HOPPED = 2  # places at most that are returned
+LEAST_RISE, MOST_RISE = 0.002, 2.0  # of the cost, by the slope, at the nearest of these places
+
+
+def across(
+    unit: Floats, jacobian: Floats, precision: Floats, cost: float, moved: int, judge: Callable[[Floats], Floats]
+) -> Floats:
+    """Return places across the valleys about an end, (places, parameters), at most HOPPED, least cost first.
+
+    unit, (parameters,): the end; jacobian, (numbers, parameters), per share of the box; precision, (parameters,
+    parameters): the prior's; cost: of the end; moved: how many of the first parameters are moved alone; judge: costs
+    (places,) of places, (places, parameters), asked once or never
+    """
+    normal = jacobian.T @ jacobian + precision
+    places: list[Floats] = []
+    directions: list[tuple[int, bool]] = []
+    for k in range(moved):
+        others = np.arange(len(unit)) != k
+        along = np.eye(len(unit))[k]
+        along[others] = -np.linalg.solve(normal[np.ix_(others, others)], normal[others, k])
+        rise = min(np.abs(HOPS)) ** 2 * float(along @ normal @ along) / cost
+        if LEAST_RISE < rise < MOST_RISE:
+            steps = [step for step in HOPS if 0.0 <= unit[k] + step <= 1.0]
+            places += [np.clip(unit + step * along, 0.0, 1.0) for step in steps]
+            directions += [(k, step > 0) for step in steps]
+    if not places:
+        return np.zeros((0, len(unit)))
+    found = np.array(places)
+    best: dict[tuple[int, bool], int] = {}
+    for n in np.argsort(judge(found), kind="stable"):
+        best.setdefault(directions[n], int(n))
+    return found[list(best.values())[:HOPPED]]

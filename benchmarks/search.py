@@ -53,9 +53,13 @@ class Case:
 
 @dataclass(frozen=True)
 class Run:
-    """One search on one case: distance [m] after each candidate, at the end the result's; its parameters."""
+    """One search on one case: distance [m] after each candidate, at the end the result's; its parameters.
+
+    spent: candidates until it ended
+    """
 
     history: Floats
+    spent: int
     fitted: Floats
     ends: Floats
     is_told: NDArray[np.bool_]
@@ -90,7 +94,7 @@ def run(case: Case, search: str, budget: int, seed: int) -> Run:
     padded = np.full(budget, history[-1])
     padded[: len(history)] = history
     return Run(
-        padded, np.array([p.fitted for p in result.parameters]),
+        padded, len(history), np.array([p.fitted for p in result.parameters]),
         np.array([[p.interval_low, p.interval_high] for p in result.parameters], float),
         np.array([bool(p.is_identified) for p in result.parameters]),
     )  # fmt: skip
@@ -117,7 +121,7 @@ def run_observed(case: Case, search: str, budget: int, seed: int) -> Run:
             history[after:] = np.minimum(history[after:], float(model.distances(step.vector[None])[0]))
         before = after
     history[after:] = float(model.distances(found.vector[None])[0])  # of the result, whatever was seen on the way
-    return Run(history, found.vector, found.intervals.ends, found.intervals.is_told)
+    return Run(history, after, found.vector, found.intervals.ends, found.intervals.is_told)
 
 
 def spread(values: Floats, form: str = ".2f") -> str:
@@ -148,7 +152,8 @@ def print_distances(cases: list[Case], runs: dict[str, list[Run]]) -> None:
     print(f"{'the truth':14} {spread(truth)}")
     for name, found in runs.items():
         early, late = (1e3 * np.array([r.history[n - 1] for r in found]) for n in (budget // 10, budget))
-        print(f"{name:14} after {budget // 10}: {spread(early)}   after {budget}: {spread(late)}")
+        spent = spread(np.array([r.spent for r in found], float), ".0f")
+        print(f"{name:14} after {budget // 10}: {spread(early)}   after {budget}: {spread(late)}   spent: {spent}")
     if "annealing" not in runs:
         return
     for name, found in runs.items():
@@ -170,6 +175,12 @@ def print_parameters(cases: list[Case], runs: dict[str, list[Run]]) -> None:
             of_told = f"{100 * held[told].mean():.0f} %" if told.any() else "-"
             print(f"{name:14} {parameter.name:22} {100 * np.mean(right):4.0f} %  {100 * told.mean():4.0f} %  "
                   f"{100 * held.mean():4.0f} % ({of_told})")  # fmt: skip
+        ends, truth = np.array([r.ends for r in found]), np.array([c.truth for c in cases])
+        told, held = np.array([r.is_told for r in found]), (ends[..., 0] <= truth) & (truth <= ends[..., 1])
+        of_told = f"{100 * held[told].mean():.0f} %" if told.any() else "-"
+        print(
+            f"{name:14} {'all together':22}         {100 * told.mean():4.0f} %  {100 * held.mean():4.0f} % ({of_told})"
+        )
 
 
 if __name__ == "__main__":

@@ -50,7 +50,7 @@ from fit.search.steps import Step
 Floats = NDArray[np.float64]
 
 RIPPLE_TIME = 2.0  # s that a ripple lasts, which descents end in
-PIECE_TIME = 1.25  # s whose errors go together where an emulator, which ripples hardly move, says what else would fit
+PIECE_TIME = 0.75  # s whose errors go together where an emulator, which ripples hardly move, says what else would fit
 SHORT_WINDOWS = Windows(free=2.0, caught=0.5)  # a swing or two
 CATCHING = 3.0  # Hz of the pull between short windows
 ROUNDS = 3  # times at most that one looks across valleys

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib.metadata import entry_points
 
 import typer
 
 from formats.errors import HangtimeError
+
+# Sums that are split over threads are rounded differently: what a command finds must not depend on how many processors
+# there are. It is read when numpy is loaded, which is when the packages' commands are.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 app = typer.Typer(
     name="hangtime",

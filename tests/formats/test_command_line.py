@@ -132,3 +132,23 @@ def test_real_recordings_can_be_imported(tmp_path):
     takes = [read_take(p) for p in sorted(tmp_path.glob("*.mcap"))]
     assert len(takes) == len(files) == 16
     assert all(t.points_valid.mean() > 0.9 for t in takes)
+
+
+def test_sums_are_rounded_alike_on_one_processor_and_on_all():
+    """numpy's BLAS splits a long product over threads, and 200 000 numbers round differently in two halves."""
+    program = (
+        "import os, sys\n"
+        "os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: int(sys.argv[1])])\n"
+        "import formats.command\n"
+        "import numpy as np\n"
+        "row = np.random.default_rng(0).normal(size=200_000)\n"
+        "print(float(row @ row).hex())\n"
+    )
+    environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    said = [
+        subprocess.run(
+            [sys.executable, "-c", program, count], capture_output=True, text=True, check=True, env=environment
+        ).stdout
+        for count in ("1", "64")
+    ]
+    assert said[0] == said[1] != ""

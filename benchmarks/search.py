@@ -167,20 +167,22 @@ def print_distances(cases: list[Case], runs: dict[str, list[Run]]) -> None:
 def print_parameters(cases: list[Case], runs: dict[str, list[Run]]) -> None:
     """Print how often each parameter is found, told by the data, and held by its interval."""
     print("parameters: found within 5 %, told by the data, intervals that hold the truth: all (those told)")
+    truth = np.array([case.truth for case in cases])
     for name, found in runs.items():
+        fitted, ends, told = (np.array([getattr(r, what) for r in found]) for what in ("fitted", "ends", "is_told"))
+        right = np.abs(fitted / truth - 1) <= GOOD
+        held = (ends[..., 0] <= truth) & (truth <= ends[..., 1])
         for k, parameter in enumerate(SI.parameters):
-            right = [abs(r.fitted[k] / c.truth[k] - 1) <= GOOD for r, c in zip(found, cases, strict=True)]
-            held = np.array([r.ends[k, 0] <= c.truth[k] <= r.ends[k, 1] for r, c in zip(found, cases, strict=True)])
-            told = np.array([r.is_told[k] for r in found])
-            of_told = f"{100 * held[told].mean():.0f} %" if told.any() else "-"
-            print(f"{name:14} {parameter.name:22} {100 * np.mean(right):4.0f} %  {100 * told.mean():4.0f} %  "
-                  f"{100 * held.mean():4.0f} % ({of_told})")  # fmt: skip
-        ends, truth = np.array([r.ends for r in found]), np.array([c.truth for c in cases])
-        told, held = np.array([r.is_told for r in found]), (ends[..., 0] <= truth) & (truth <= ends[..., 1])
-        of_told = f"{100 * held[told].mean():.0f} %" if told.any() else "-"
-        print(
-            f"{name:14} {'all together':22}         {100 * told.mean():4.0f} %  {100 * held.mean():4.0f} % ({of_told})"
-        )
+            print(
+                f"{name:14} {parameter.name:22} {100 * right[:, k].mean():4.0f} %  {intervals(told[:, k], held[:, k])}"
+            )
+        print(f"{name:14} {'all together':22}         {intervals(told, held)}")
+
+
+def intervals(told: NDArray[np.bool_], held: NDArray[np.bool_]) -> str:
+    """Return as text how many parameters are told by the data and held by their intervals: all (those told)."""
+    of_told = f"{100 * held[told].mean():.0f} %" if told.any() else "-"
+    return f"{100 * told.mean():4.0f} %  {100 * held.mean():4.0f} % ({of_told})"
 
 
 if __name__ == "__main__":

@@ -50,25 +50,6 @@ def test_a_fit_lowers_the_error_and_says_so(tmp_path):
     assert (tmp_path / "out" / "report.html").read_text().startswith("<!doctype html>")
 
 
-def test_an_interrupted_fit_goes_on_to_the_same_end(tmp_path):
-    take = a_swung_take()
-    request = request_of(KINECT_SKIRT, [], iterations=24, seed=3, spacing=0.1)
-    whole = calibrate([take], [], request)
-    calls = 0
-
-    def interrupt(done, total, best):
-        nonlocal calls
-        calls += 1
-        if calls == 2:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        calibrate([take], [], request, checkpoint=tmp_path / "c.json", progress=interrupt)
-    resumed = calibrate([take], [], request, checkpoint=tmp_path / "c.json")
-    assert resumed.history == whole.history
-    assert [p.fitted for p in resumed.parameters] == [p.fitted for p in whole.parameters]
-
-
 def test_a_search_stays_within_narrower_bounds():
     """The initial 0.95 lies outside 0.96 to 0.98 and is moved to the nearer bound."""
     request = request_of(KINECT_SKIRT, [], iterations=12, seed=3, spacing=0.1, bounds=["velocity=0.96:0.98"])

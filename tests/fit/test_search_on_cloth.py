@@ -166,7 +166,7 @@ def test_a_first_candidate_that_blows_up_is_refused_and_later_ones_are_not(swung
     assert [step.is_look for step in found.path][:2] == [True, False]
 
 
-@pytest.mark.parametrize("name", ["restarts", "tempering", "cma-es"])
+@pytest.mark.parametrize("name", ["annealing", "restarts", "tempering", "cma-es"])
 def test_an_interrupted_fit_by_any_search_goes_on_to_the_same_end(swung, tmp_path, name):
     request = request_of(KINECT_SKIRT, [], iterations=30, seed=3, spacing=0.1, search=name)
     whole = calibrate([swung], [], request)

@@ -33,7 +33,7 @@ NAMING = frozenset({"effect", "ambiguous", "several"})
 class Judged(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One case, judged. None: does not apply, or the answer does not say.
 
-    ratio: true amplitude over the minimum detectable one, of a pair the smaller of both
+    ratio: true amplitude over the minimum detectable one, of a pair the smaller of both; simulations: of each take
     """
 
     id: str
@@ -60,6 +60,8 @@ class Judged(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     brier: float | None = None
     brier_of_groups: float | None = None
     probability: float | None = None
+    simulations: float | None = None
+    seconds: float | None = None
     right_by_correlation: bool | None = None
     right_by_screening: bool | None = None
     right_by_training: bool | None = None
@@ -88,6 +90,8 @@ def judge(truth: Truth, answers: Path) -> Judged:
         verdict=said.verdict if said else "inconclusive", named=named,
         is_tested=all(findings[p.id].tested for p in truth.planted if p.id in findings),
         probability=_highest(findings, named),
+        simulations=said.cost.simulations / max(len(said.take_ids) + len(said.held_out_ids), 1) if said else None,
+        seconds=said.cost.seconds if said else None,
         conditions=conditions_of(truth.look), features=features_of(said) if said else {},
         alike=tuple(f.id for f in findings.values() if true and true.tested and f.tested and f.group == true.group),
     )  # fmt: skip

@@ -31,7 +31,12 @@ ROWS = (
     ("place found, local effects", "place_found", "at least 90 %"),
     ("Brier score", "brier", "at most 0.12"),
     ("Brier score over groups", "brier_of_groups", ""),
+    ("simulations a take, median", "simulations", ""),
+    ("simulations a take, most", "simulations_most", "at most 400"),
+    ("seconds a case, median", "seconds", ""),
+    ("seconds a case, most", "seconds_most", "at most 180"),
 )
+LARGE = 10.0  # figures from here on are written without decimals
 STYLE = """
 :root { color-scheme: light dark; --line: #8886; --bar: #1f63b5; }
 body { font: 1rem/1.5 system-ui, sans-serif; max-width: 75rem; margin: 1.5rem auto; padding: 0 1rem;
@@ -109,7 +114,7 @@ def figure(rates: Rates, name: str) -> str:
     value = getattr(rates, name)
     if isinstance(value, Rate):
         return str(value) if value.n else "–"
-    return "–" if value is None else f"{value:.2f}"
+    return "–" if value is None else f"{value:.2f}" if value < LARGE else f"{value:.0f}"
 
 
 def rates_table(score: Score) -> str:

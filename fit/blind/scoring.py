@@ -51,6 +51,10 @@ class Rates(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     closure_against_oracle: float | None
     brier: float | None
     brier_of_groups: float | None
+    simulations: float | None
+    simulations_most: float | None
+    seconds: float | None
+    seconds_most: float | None
 
 
 class Score(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -191,6 +195,8 @@ def rates_of(judged: list[Judged]) -> Rates:
         return rate_of(value for j in among if (value := getattr(j, name)) is not None)
 
     known = [(j.closure or 0.0, j.closure_of_oracle or 0.0) for j in singles]
+    simulations = [j.simulations for j in judged if j.simulations is not None]
+    seconds = [j.seconds for j in judged if j.seconds is not None]
     against = [max(min(mine / best, 1.0), 0.0) for mine, best in known if best > ORACLE_LEAST]
     return Rates(
         cases=len(judged), false_alarms=asked("false_alarm", judged), right_first=asked("right_first", singles),
@@ -202,6 +208,8 @@ def rates_of(judged: list[Judged]) -> Rates:
         closure=median([j.closure for j in singles if j.closure is not None]),
         closure_against_oracle=mean(against), brier=mean([j.brier for j in judged if j.brier is not None]),
         brier_of_groups=mean([j.brier_of_groups for j in judged if j.brier_of_groups is not None]),
+        simulations=median(simulations), simulations_most=max(simulations, default=None),
+        seconds=median(seconds), seconds_most=max(seconds, default=None),
     )  # fmt: skip
 
 

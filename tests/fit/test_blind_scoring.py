@@ -16,9 +16,7 @@ from fit.blind.page import write_page
 from fit.blind.rates import brier, rate_of, wilson
 from fit.blind.scoring import ANSWERS_HASHES, LOOKS, SCORE, score_set, summarise
 from fit.errors import FitError
-from formats.results import (
-    save_diagnosis,
-)
+from formats.results import Cost, save_diagnosis
 from tests.fit.blind_answers import COARSE, NUMBERS, PLANTED, answer_rightly, diagnosis, finding
 
 
@@ -152,6 +150,19 @@ def test_a_pairs_size_is_that_of_its_smaller_effect(a_set, tmp_path):
     assert summarise((found,)).by_size["1 to 2"].pair_both_named.k == 1
     left_out = [finding(planted[0].id), finding(planted[1].id, tested=False)]
     assert not judged(a_set, tmp_path, "pair", diagnosis("effect", [planted[0].id], left_out)).is_tested
+
+
+def test_the_cost_is_counted_for_each_take_and_the_most_expensive_case_is_seen(a_set, tmp_path):
+    truths = open_labels(a_set).truths[:3]
+    for truth, simulations in zip(truths, (400, 800, 2800), strict=True):
+        said = msgspec.structs.replace(
+            diagnosis("none"), take_ids=["a", "b", "c"], held_out_ids=["d"],
+            cost=Cost(simulations=simulations, seconds=simulations / 10),
+        )  # fmt: skip
+        save_diagnosis(tmp_path / truth.id / "diagnosis.json", said)
+    overall = summarise(tuple(judge(truth, tmp_path) for truth in truths)).overall
+    assert (overall.simulations, overall.simulations_most) == (200.0, 700.0)
+    assert (overall.seconds, overall.seconds_most) == (80.0, 280.0)
 
 
 def test_the_brier_score_of_groups_adds_up_what_cannot_be_told_apart(a_set, tmp_path):

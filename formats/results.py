@@ -118,7 +118,8 @@ class EffectFinding(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     """What was found about one effect of the library.
 
     explained: share of the residual, after what the base model can imitate was taken out of both; correlation: of the
-    residual with the effect as it is; fitted_share: of the squared error on the takes for fitting that a refit removes
+    residual with the effect as it is; fitted_share: of the squared error on the takes for fitting that a refit removes;
+    regions: of the cloth that a local effect acts in
     """
 
     id: str
@@ -136,6 +137,7 @@ class EffectFinding(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     correlation: float | None = None
     fitted_share: float | None = None
     components: dict[str, float] = {}
+    regions: list[str] = []
     note: str = ""
 
 

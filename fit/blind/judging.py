@@ -214,7 +214,10 @@ def _brier(
 
 
 def _place(said: Diagnosis | None, place: tuple[str, ...]) -> bool | None:
-    """Whether the region with the largest residual is where the effect acts."""
+    """Whether the answer says where an effect acts: where the first one named does, or with the largest residual."""
     if not place:
         return None
-    return bool(said and said.where.space and said.where.space[0].name in place)
+    regions = [f.regions for f in said.effects if f.id in said.named[:1]] if said else []
+    if not any(regions) and said:
+        regions = [[b.name for b in said.where.space[:1]]]
+    return any(set(found) & set(place) for found in regions)

@@ -93,6 +93,10 @@ class Effect:
         """Return what the tracker makes of the simulated points [m], (frames, points, 3)."""
         return points
 
+    def regions(self, amplitude: Floats) -> tuple[str, ...]:
+        """Return the regions of the cloth that a local effect of this size acts in, as `fit.gap.where` names them."""
+        return ()
+
     @property
     def is_one_sided(self) -> bool:
         """Whether physics allows only amplitudes of one sign."""

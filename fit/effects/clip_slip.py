@@ -32,6 +32,11 @@ class ClipSlip(Effect):
     law_spread: ClassVar[float] = 0.2  # how abruptly cloth slips
     components: ClassVar[tuple[str, ...]] = ("left", "right")
 
+    def regions(self, amplitude: Floats) -> tuple[str, ...]:
+        """Return the clip that slipped more, and the other one where it slipped at least half as far."""
+        clips = sorted(zip(np.abs(amplitude), ("top left", "top right"), strict=True), reverse=True)
+        return tuple(name for slipped, name in clips if slipped >= 0.5 * clips[0][0])
+
     def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:
         """Return the path of the held ends, lowered from the slip on."""
         at = recording.slip_at

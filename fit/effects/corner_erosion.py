@@ -33,6 +33,10 @@ class CornerErosion(Effect):
     law_spread: ClassVar[float] = 0.2  # how far into the border the loss reaches
     components: ClassVar[tuple[str, ...]] = ("corners", "border")
 
+    def regions(self, amplitude: Floats) -> tuple[str, ...]:
+        """Return the free corners, or nothing where the whole border is eroded more than they are."""
+        return ("bottom left", "bottom right") if abs(amplitude[0]) >= abs(amplitude[1]) else ()
+
     def observe(self, points: Floats, recording: Recording, amplitude: Floats) -> Floats:
         """Return the points drawn inwards."""
         outline = np.array(recording.garment.outline_m)

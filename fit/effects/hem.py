@@ -29,6 +29,10 @@ class Hem(Effect):
     typical: ClassVar[float] = 0.01
     law_spread: ClassVar[float] = 0.12  # a hem is stiffer as well
 
+    def regions(self, amplitude: Floats) -> tuple[str, ...]:
+        """Return the whole bottom edge."""
+        return ("bottom left", "bottom centre", "bottom right")
+
     def node_mass(self, mass: Floats, mesh: ClothMesh, amplitude: Floats) -> Floats:
         """Return the nodes' masses [kg], (nodes,), with the hem's share moved to the bottom edge."""
         if amplitude[0] == 0.0:

@@ -83,6 +83,7 @@ def describe_effects(
                 amplitude=size,
                 amplitude_interval=interval,
                 components=dict(zip(effect.components, amplitude.tolist(), strict=True)) if len(amplitude) > 1 else {},
+                regions=list(effect.regions(amplitude)),
                 unit=effect.unit,
                 closure=evidence.closure_of(hypothesis) if hypothesis else None,
                 p_value=float(screened.family_p_value[place]),

@@ -222,4 +222,6 @@ def _with_unit(evidence: Evidence, effect: int, effects: tuple[Effect, ...], bes
     kind = effects[effect]
     unit = "" if kind.unit == "1" else f" {kind.unit}"
     middle, (low, high) = evidence.amplitude(effect, beside=beside)
-    return f"{middle:.3g}{unit} [{low:.3g} to {high:.3g}]"
+    fitted = (beside or evidence.singles[effect]).fitted.amplitudes[evidence.observer.columns[effect]]
+    place = " and ".join(kind.regions(fitted))
+    return f"{middle:.3g}{unit} [{low:.3g} to {high:.3g}]{place and f', {place}'}"

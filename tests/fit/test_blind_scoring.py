@@ -10,9 +10,11 @@ import pytest
 
 from fit.blind.cases import Look
 from fit.blind.classifier import RIDGE, leave_one_out
+from fit.blind.engine import Cloth
 from fit.blind.judging import bin_of, conditions_of, judge
 from fit.blind.making import make_set, open_labels, read_manifest
 from fit.blind.page import write_page
+from fit.blind.plants import PLANTS
 from fit.blind.rates import brier, rate_of, wilson
 from fit.blind.scoring import ANSWERS_HASHES, LOOKS, SCORE, score_set, summarise
 from fit.errors import FitError
@@ -280,3 +282,22 @@ def test_the_report_is_one_file_with_nothing_from_outside(a_set, tmp_path):
     sure = tuple(msgspec.structs.replace(j, probability=0.9 if j.named else None) for j in score.cases)
     (tmp_path / SCORE).write_bytes(msgspec.json.encode(msgspec.structs.replace(score, cases=sure)))
     assert "<svg" in write_page(tmp_path, tmp_path / "page.html").read_text()
+
+
+def test_a_named_local_effect_says_its_place_and_else_the_largest_residual_does(a_set, tmp_path):
+    truth = msgspec.structs.replace(truth_of(a_set, "single"), planted=())
+    (slip,) = (plant for plant in PLANTS if plant.id == "clip_slip")
+    planted = slip.draw(np.random.default_rng(0), Cloth(width=0.3, height=0.3))
+    truth = msgspec.structs.replace(truth, planted=(planted,))
+
+    def found(named, regions, largest):
+        said = diagnosis("effect", named, [finding("clip_slip", regions=list(regions)), finding("draught")], largest)
+        save_diagnosis(tmp_path / truth.id / "diagnosis.json", said)
+        return judge(truth, tmp_path).place_found
+
+    (right,) = planted.place
+    wrong = {"top left": "top right", "top right": "top left"}[right]
+    assert found(["clip_slip"], (right,), "bottom left")
+    assert not found(["clip_slip"], (wrong,), right)
+    assert found(["draught"], (), right)
+    assert not found(["draught"], (right,), "bottom left")

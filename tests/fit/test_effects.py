@@ -243,6 +243,16 @@ def test_a_slip_stays_after_the_hardest_jerk():
     assert 0.5 < instants[np.argmax(lowered[:, 0] > 0.004)] < 2.3
 
 
+def test_local_effects_say_where_they_act():
+    slip, erosion = effect("clip_slip"), effect("corner_erosion")
+    assert slip.regions(np.array([0.001, 0.008])) == ("top right",)
+    assert slip.regions(np.array([0.006, 0.008])) == ("top right", "top left")
+    assert erosion.regions(np.array([0.008, 0.002])) == ("bottom left", "bottom right")
+    assert erosion.regions(np.array([0.001, 0.009])) == ()
+    assert effect("hem").regions(np.array([0.01])) == ("bottom left", "bottom centre", "bottom right")
+    assert effect("air_drag").regions(np.array([1.0])) == ()
+
+
 def test_slack_brings_the_ends_nearer():
     _, before, after = driven("clip_slack", 0.01)
     gap = np.linalg.norm(after[:, 1] - after[:, 0], axis=1)

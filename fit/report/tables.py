@@ -72,6 +72,7 @@ def _effect_row(effect: EffectFinding, is_named: bool) -> str:
     if effect.absorbed is not None and effect.absorbed > 0.5:
         absorbed = f"The base parameters can imitate {percent(effect.absorbed)} of it. "
     place = f"Acts at the {' and '.join(effect.regions)}. " if is_named and effect.regions else ""
+    remark = place + twin + absorbed + escaped(effect.note)
     closure = MISSING
     if effect.closure is not None:
         ends = interval(effect.closure.interval, 100, 2)
@@ -83,7 +84,7 @@ def _effect_row(effect: EffectFinding, is_named: bool) -> str:
         f'<td class="number">{percent(effect.probability)}</td>'
         f'<td class="number">{number(effect.amplitude)}{unit}{"<br>" + small(spread) if spread else ""}</td>'
         f'<td class="number">{closure}</td><td class="number">{probability(effect.p_value)}</td>'
-        f'<td class="number">{least}</td><td><span class="note">{place}{twin}{absorbed}{escaped(effect.note)}</span></td></tr>'
+        f'<td class="number">{least}</td><td><span class="note">{remark}</span></td></tr>'
     )
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fit.gap import gates as gate
 from fit.gap.base_fit import across_valleys, middle
 from fit.gap.checkpoint import Checkpoint
-from fit.gap.evidence import SMALLEST_SECOND_GAIN, Evidence, best_of, closes_enough
+from fit.gap.evidence import SMALLEST_SECOND_GAIN, Evidence, best_of, closes_enough, is_at_bound
 from fit.gap.fitting import Fitted, Task, fit
 from fit.gap.hypotheses import Hypothesis, judged, polishing, refits, shortlist
 from fit.gap.observer import Observer
@@ -28,6 +28,7 @@ POLISHED_SHARE = 0.5  # of the cost that the best one saves: what saves less is 
 PROMISING = 2.0  # a further effect is fitted on where it would be enough if it closed so many times as much
 POLISHED_WITHIN = 1.5  # of the squared error of two effects: a twin in the place of one is fitted on too
 SECONDS_TRIED = 3  # further effects that are refitted beside what was found
+FITS_BETTER = 1.5  # times the cost that the best effect saves, from which another one is a start for further effects
 RIVAL_SHARE = 0.7  # of what the best effect closes, from which the next best is tried beside a further one as well
 
 
@@ -130,7 +131,7 @@ class Rounds:
             tried = [pair for start in starts for pair in self._with_another(start)]
             if not tried:
                 return
-            found, p_value = min(tried, key=_held_out_error)
+            found, p_value = self._best_of_tried(tried)
             is_real = may_be_added(self.observer, found, p_value)
             if is_real and closes_enough(gap, best.errors, found.errors, floor, PROMISING):
                 found = self._polished(found)
@@ -141,6 +142,14 @@ class Rounds:
             if not is_real or not closes_enough(gap, best.errors, found.errors, floor):
                 return
             best, starts = found, [found]
+
+    def _best_of_tried(self, tried: list[tuple[Hypothesis, float]]) -> tuple[Hypothesis, float]:
+        """Return what leaves least of what may be added, or of all that was tried where nothing may.
+
+        The same effects, found in another order, may be added if either order may.
+        """
+        real = [(h, p) for h, p in tried if may_be_added(self.observer, h, p)]
+        return min(real or tried, key=_held_out_error)
 
     def _polished(self, joint: Hypothesis) -> Hypothesis:
         """Return several effects as they fit with a Jacobian of their own."""
@@ -170,10 +179,18 @@ class Rounds:
         return tuple(k for k, like in found if like and k not in (effect, kept))
 
     def _rivals(self, order: list[Hypothesis]) -> list[Hypothesis]:
-        """The next best effect, where it closes nearly as much: beside another it may be the right one."""
+        """What may be the right one beside another: the next best, where it closes nearly as much, and what fits best.
+
+        An effect of two may do little for held-out motion while the other one is missing, and yet be the one that the
+        motion fitted to shows most of.
+        """
         base = self.base.errors.squared_mm
         least = RIVAL_SHARE * (base - order[0].errors.squared_mm)
-        return [h for h in order[1:2] if base - h.errors.squared_mm > least]
+        rivals = [h for h in order[1:2] if base - h.errors.squared_mm > least]
+        fits_best = min(order, key=lambda h: (is_at_bound(self.observer, h), h.fitted.cost))
+        saved, usual = (self.base.fitted.cost - h.fitted.cost for h in (fits_best, order[0]))
+        is_new = all(fits_best is not h for h in (order[0], *rivals))
+        return [*rivals, fits_best] if is_new and saved > FITS_BETTER * usual else rivals
 
     def _with_another(self, start: Hypothesis, chosen: tuple[int, ...] | None = None) -> list[tuple[Hypothesis, float]]:
         """Refits with one more effect each, of the few that promise most, and their p-values; chosen: of these alone.

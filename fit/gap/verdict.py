@@ -27,6 +27,7 @@ LEVEL = 0.05  # family-wise
 CLEAR_WIN = 0.8  # share of bootstrap draws in which the winner beats every other effect
 # Of the squared error of mesh and solver that an effect must remove at least; of what solvers differ by, more than all.
 MESH_SHARE, SOLVER_SHARE = 0.5, 3.0
+SURELY_CLOSED = 0.5  # of the gap, at the lower end of its interval, by effects of which none passes alone
 LIKELY, SURE = 0.5, 0.8  # probabilities; it is likely that one of what is named is worth naming
 
 
@@ -66,7 +67,7 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
         return Verdict("inconclusive", [], f"No diagnosis: {blocking[0].sentence} {numbers}")
     noise, mesh = evidence.floor_mm**2, evidence.numerics_mm**2
     passing = passing_effects(evidence) if evidence.exceeds(noise) else []
-    several = _several(evidence, passing)
+    several = _several(evidence, passing) if evidence.exceeds(noise) else None
     if several is None:
         passing = _likely(evidence, passing)
     if not evidence.exceeds(noise) or (not passing and not evidence.exceeds(noise + mesh)):
@@ -74,14 +75,15 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
     if any(g.name == "base fit" for g in failed):
         return Verdict("inconclusive", [], f"No diagnosis: {failed[0].sentence} {numbers}")
     coarse = next((g for g in failed if g.name == "mesh and step"), None)
-    closures = [c.value for k in passing if (c := evidence.closure_of(evidence.singles[k])) is not None]
+    causes = [evidence.singles[k] for k in passing] + ([several] if several else [])
+    closures = [c.value for h in causes if (c := evidence.closure_of(h)) is not None]
     # A finer mesh is a rival like any other: it counts where no effect closes more of the gap than it does.
     if coarse is not None and 100 * max(closures, default=0.0) <= (coarse.figure or 0.0):
         return Verdict("numerics", [], f"Refine first: {coarse.sentence} {numbers}")
-    if not passing:
-        return Verdict("unknown", [], f"There is a gap that no effect in the library explains. {numbers}")
     if several is not None:
         return _name_several(evidence, several, effects)
+    if not passing:
+        return Verdict("unknown", [], f"There is a gap that no effect in the library explains. {numbers}")
     best = passing[0]
     closed = evidence.closure_of(evidence.singles[best])
     assert closed is not None
@@ -156,8 +158,11 @@ def _near(evidence: Evidence, best: int, other: int, share: float) -> bool:
 
 
 def _several(evidence: Evidence, passing: list[int]) -> Hypothesis | None:
-    """Return the largest joint hypothesis in which every added effect was needed and one passes alone."""
-    if not passing:
+    """Return the largest joint hypothesis in which every added effect was needed, if one passes alone.
+
+    Where none does, because each hides the other, both together must surely close half of the gap.
+    """
+    if not evidence.joint:
         return None
     accepted: Hypothesis | None = None
     before = best_of(evidence.observer, evidence.singles)[0]
@@ -170,7 +175,10 @@ def _several(evidence: Evidence, passing: list[int]) -> Hypothesis | None:
         if not may_be_added(evidence.observer, hypothesis, p_value) or not is_enough or not is_certain:
             break
         accepted = before = hypothesis
-    return accepted if accepted is not None and set(accepted.effects) & set(passing) else None
+    if accepted is None or set(accepted.effects) & set(passing):
+        return accepted
+    closed = evidence.closure_of(accepted)
+    return accepted if closed and closed.interval and closed.interval[0] >= SURELY_CLOSED else None
 
 
 def _name_several(evidence: Evidence, several: Hypothesis, effects: tuple[Effect, ...]) -> Verdict:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -139,6 +140,14 @@ class EffectFinding(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     components: dict[str, float] = {}
     regions: list[str] = []
     note: str = ""
+
+
+def place_of(regions: Sequence[str]) -> str:
+    """Return regions of the cloth in words, `at the top left` or `along the bottom`; nothing of none."""
+    for row in ("top", "bottom"):
+        if set(regions) == {f"{row} left", f"{row} centre", f"{row} right"}:
+            return f"along the {row}"
+    return f"at the {' and '.join(regions)}" if regions else ""
 
 
 class WhereBin(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

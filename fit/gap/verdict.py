@@ -22,6 +22,7 @@ from fit.gap.fitting import amplitude_of
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.observer import Observer
 from fit.gap.probabilities import probabilities
+from formats.results import place_of
 
 LEVEL = 0.05  # family-wise
 CLEAR_WIN = 0.8  # share of bootstrap draws in which the winner beats every other effect
@@ -231,5 +232,5 @@ def _with_unit(evidence: Evidence, effect: int, effects: tuple[Effect, ...], bes
     unit = "" if kind.unit == "1" else f" {kind.unit}"
     middle, (low, high) = evidence.amplitude(effect, beside=beside)
     fitted = (beside or evidence.singles[effect]).fitted.amplitudes[evidence.observer.columns[effect]]
-    place = " and ".join(kind.regions(fitted))
-    return f"{middle:.3g}{unit} [{low:.3g} to {high:.3g}]{place and f', {place}'}"
+    place = place_of(kind.regions(fitted))
+    return f"{middle:.3g}{unit} [{low:.3g} to {high:.3g}]{place and f' {place}'}"

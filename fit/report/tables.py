@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from fit.report.text import MISSING, escaped, interval, number, percent, probability, small, unit_of, words
-from formats.results import EffectFinding, FitParameter
+from formats.results import EffectFinding, FitParameter, place_of
 
 
 def parameter_table(rows: Sequence[FitParameter]) -> str:
@@ -71,7 +71,7 @@ def _effect_row(effect: EffectFinding, is_named: bool) -> str:
     absorbed = ""
     if effect.absorbed is not None and effect.absorbed > 0.5:
         absorbed = f"The base parameters can imitate {percent(effect.absorbed)} of it. "
-    place = f"Acts at the {' and '.join(effect.regions)}. " if is_named and effect.regions else ""
+    place = f"Acts {place_of(effect.regions)}. " if is_named and effect.regions else ""
     remark = place + twin + absorbed + escaped(effect.note)
     closure = MISSING
     if effect.closure is not None:

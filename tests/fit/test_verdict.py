@@ -273,3 +273,10 @@ def test_an_interval_holds_what_laws_differ_by_unless_the_effect_is_one_of_measu
         size, (low, high) = evidence.amplitude([e.name for e in LIBRARY].index(name))
         assert size == pytest.approx(effect.typical)
         assert (high - low) / 2 == pytest.approx(half * effect.typical, rel=0.02)
+
+
+def test_the_sentence_says_where_a_local_effect_acts():
+    sentence = decide(evidence_of({"hem": 6.0}), LIBRARY).sentence
+    assert "With a heavier hem (0.01 kg/m [0.00" in sentence
+    assert "along the bottom) it misses by 6.0 mm" in sentence
+    assert " at the " not in decide(evidence_of({"air_drag": 6.0}), LIBRARY).sentence

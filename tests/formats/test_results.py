@@ -11,7 +11,15 @@ import pytest
 
 import formats
 from formats.errors import ResultError
-from formats.results import SCHEMAS, load_diagnosis, load_fit_result, save_diagnosis, save_fit_result, schema_of
+from formats.results import (
+    SCHEMAS,
+    load_diagnosis,
+    load_fit_result,
+    place_of,
+    save_diagnosis,
+    save_fit_result,
+    schema_of,
+)
 from tests.fit.report_scene import diagnosis, fit_result
 
 SCHEMA_FOLDER = Path(formats.__file__).parent / "schemas"
@@ -53,3 +61,16 @@ def test_a_wrong_field_is_named(tmp_path):
     (tmp_path / "fit.json").write_text((tmp_path / "fit.json").read_text().replace('"seed"', '"sead"'))
     with pytest.raises(ResultError, match="sead"):
         load_fit_result(tmp_path / "fit.json")
+
+
+@pytest.mark.parametrize(
+    ("regions", "words"),
+    [
+        (["bottom left", "bottom centre", "bottom right"], "along the bottom"),
+        (["bottom left", "bottom right"], "at the bottom left and bottom right"),
+        (["top left"], "at the top left"),
+        ([], ""),
+    ],
+)
+def test_regions_are_named_in_words(regions, words):
+    assert place_of(regions) == words

@@ -14,7 +14,7 @@ from fit.gap.base_fit import across_valleys, middle
 from fit.gap.checkpoint import Checkpoint
 from fit.gap.evidence import SMALLEST_SECOND_GAIN, Evidence, best_of, closes_enough, is_at_bound
 from fit.gap.fitting import Fitted, Task, fit
-from fit.gap.hypotheses import Hypothesis, judged, polishing, refits, shortlist
+from fit.gap.hypotheses import POLISHING, Hypothesis, judged, polishing, refits, shortlist
 from fit.gap.observer import Observer
 from fit.gap.screening import GROUP_COSINE, Screened, screen
 from fit.gap.verdict import Verdict, is_brought, may_be_added
@@ -141,6 +141,10 @@ class Rounds:
             self.joint.append((found, p_value))
             if not is_real or not closes_enough(gap, best.errors, found.errors, floor):
                 return
+            if len(found.effects) == 2:
+                self._each_alone(found)
+                if not closes_enough(gap, best_of(self.observer, self.singles)[0].errors, found.errors, floor):
+                    return
             best, starts = found, [found]
 
     def _best_of_tried(self, tried: list[tuple[Hypothesis, float]]) -> tuple[Hypothesis, float]:
@@ -155,6 +159,22 @@ class Rounds:
         """Return several effects as they fit with a Jacobian of their own."""
         (fitted,) = self._fitted_on([joint.fitted])
         return Hypothesis(joint.effects, fitted, judged(self.judge, fitted))
+
+    def _each_alone(self, pair: Hypothesis) -> None:
+        """Fit each of two effects without the other from where both ended, and keep what fits better than before.
+
+        One that was refitted into a poor valley alone may need no other from there.
+        """
+        tasks = []
+        for k in pair.effects:
+            amplitudes = np.zeros_like(pair.fitted.amplitudes)
+            amplitudes[self.observer.columns[k]] = pair.fitted.amplitudes[self.observer.columns[k]]
+            tasks.append(Task(pair.fitted.vector, amplitudes, (k,), iterations=POLISHING))
+        names = [f"{self._name((k,))}-of-{self._name(pair.effects)}" for k in pair.effects]
+        alone = self.kept.recall(names, partial(fit, self.observer, tasks))
+        for k, fitted in zip(pair.effects, alone, strict=True):
+            if k not in self.singles or fitted.cost < self.singles[k].fitted.cost:
+                self.singles[k] = Hypothesis((k,), fitted, judged(self.judge, fitted))
 
     def _better_of_twins(self, pair: Hypothesis, p_value: float) -> tuple[Hypothesis, float]:
         """Return two effects, or what leaves less with a twin, which looks like it alone, in the place of one of them.

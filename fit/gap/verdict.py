@@ -173,7 +173,9 @@ def _several(evidence: Evidence, passing: list[int]) -> Hypothesis | None:
         # What acts for a moment (a slip) closes little in most draws of half-seconds: the motion fitted to decides.
         is_certain = np.quantile(gain, 0.05) > 0 or (hypothesis.fitted.cost < (1 - SECOND_GAIN) * before.fitted.cost)
         is_enough = closes_enough(gap, before.errors, hypothesis.errors, evidence.floor_mm)
-        if not may_be_added(evidence.observer, hypothesis, p_value) or not is_enough or not is_certain:
+        is_left = before.errors.squared_mm - evidence.floor_mm**2 >= evidence.numerics_mm**2
+        is_needed = is_enough and is_certain and is_left
+        if not may_be_added(evidence.observer, hypothesis, p_value) or not is_needed:
             break
         accepted = before = hypothesis
     if accepted is None or set(accepted.effects) & set(passing):

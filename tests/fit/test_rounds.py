@@ -10,8 +10,10 @@ import pytest
 
 from fit.effects import LIBRARY
 from fit.effects.base import columns_of
+from fit.gap import rounds
+from fit.gap.checkpoint import Checkpoint
 from fit.gap.rounds import Rounds
-from tests.fit.verdict_scene import hypothesis
+from tests.fit.verdict_scene import errors, hypothesis
 
 
 @pytest.mark.parametrize(("mm", "named"), [(5.2, ("air_lift", "clock_drift")), (5.9, ("time_offset", "air_lift"))])
@@ -60,6 +62,7 @@ def test_twins_of_two_effects_are_not_forgotten_over_a_third_that_is_tried(monke
 
     monkeypatch.setattr(Rounds, "_with_another", with_another)
     monkeypatch.setattr(Rounds, "_polished", lambda self, joint: joint)
+    monkeypatch.setattr(Rounds, "_each_alone", lambda self, pair: None)
     search.further_rounds(5.0, 0.1)
     assert [len(h.effects) for h, _ in search.joint] == [2, 3]
     assert [tuple(names[k] for k in h.effects) for h in search.instead] == [("air_drag", "filter_lag")]
@@ -100,3 +103,28 @@ def test_of_what_was_tried_the_best_that_may_be_added_is_taken():
     assert search._best_of_tried([(better, 0.3), (other, 0.01)])[0] is other
     assert search._best_of_tried([(better, 0.3), (other, 0.3)])[0] is better
     assert search._best_of_tried([(better, 0.01), (other, 0.01)])[0] is better
+
+
+def test_each_of_two_is_fitted_alone_from_where_both_ended_and_kept_where_that_is_better(monkeypatch):
+    """Alone the hem cost 80 and drag 20; from where both ended they cost 30 and 25."""
+    search = a_search((12.0, 100.0), {"air_drag": (8.0, 20.0), "hem": (11.0, 80.0)})
+    pair = hypothesis(("air_drag", "hem"), 5.5)
+    search.judge, search.kept = None, Checkpoint(None, {})
+    asked = []
+
+    def fit(observer, tasks):
+        asked.extend(tasks)
+        return [with_cost(hypothesis((n,), 6.0), cost).fitted for n, cost in (("air_drag", 25.0), ("hem", 30.0))]
+
+    monkeypatch.setattr(rounds, "fit", fit)
+    monkeypatch.setattr(rounds, "judged", lambda judge, fitted: errors(6.0))
+    search._each_alone(pair)
+    drag, hem = pair.effects
+    assert [task.active for task in asked] == [(drag,), (hem,)]
+    for task in asked:
+        (k,) = task.active
+        others = np.delete(np.arange(len(task.amplitudes)), search.observer.columns[k])
+        assert (task.amplitudes[search.observer.columns[k]] != 0.0).all()
+        assert not task.amplitudes[others].any()
+    assert search.singles[drag].fitted.cost == pytest.approx(20.0)
+    assert search.singles[hem].fitted.cost == pytest.approx(30.0)

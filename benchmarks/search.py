@@ -173,7 +173,14 @@ def print_distances(cases: list[Case], runs: dict[str, list[Run]]) -> None:
 def print_parameters(cases: list[Case], runs: dict[str, list[Run]]) -> None:
     """Print how often each parameter is found, told by the data, and held by its interval."""
     print("parameters: found within 5 %, told by the data, intervals that hold the truth: all (those told)")
-    truth, can = np.array([case.truth for case in cases]), np.array([knowable(case) for case in cases])
+    truth = np.array([case.truth for case in cases])
+    noise, straight = (np.array(found) for found in zip(*map(known_by_noise, cases), strict=True))
+    can = (noise < GOOD) & straight
+    for k, parameter in enumerate(SI.parameters):
+        print(
+            f"the noise      {parameter.name:22} straight in {straight[:, k].sum()} of {len(cases)}; there known to "
+            f"{spread(100 * noise[straight[:, k], k], '.2g') if straight[:, k].any() else '-'} %"
+        )
     for name, found in runs.items():
         fitted, ends, told = (np.array([getattr(r, what) for r in found]) for what in ("fitted", "ends", "is_told"))
         right = np.abs(fitted / truth - 1) <= GOOD
@@ -186,12 +193,12 @@ def print_parameters(cases: list[Case], runs: dict[str, list[Run]]) -> None:
         print(f"{name:14} {'all together':22}         {intervals(told, held)}")
 
 
-def knowable(case: Case) -> NDArray[np.bool_]:
-    """Return which parameters these takes let anyone know to 5 %, (parameters,), by the residuals' slopes at the truth.
+def known_by_noise(case: Case) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return how well noise lets anyone know each parameter, and whether the way to it is straight, (parameters,) each.
 
-    The noise's 95 % interval (Cramer and Rao's bound, with the search's own prior) lies within 5 %, and the slope over
-    5 % is that over 1 % to within its own size: cloth that folds otherwise for a change of 5 % tells no search where
-    the truth is.
+    The first is half of the relative 95 % interval by Cramer and Rao's bound, from the residuals' slopes at the truth
+    with the search's own prior. The way is straight where the slope over 5 % is that over 1 % to within its own size:
+    cloth that folds otherwise for a change of 5 % tells no search where the truth is.
     """
     recordings, count = [prepare(take) for take in case.takes], len(case.truth)
     space = Request(method=SI, resolution=case.mesh).space
@@ -205,7 +212,7 @@ def knowable(case: Case) -> NDArray[np.bool_]:
     prior = np.diag((PRIOR_SD * space.scale) ** -2.0)
     deviations = [np.sqrt(np.diag(np.linalg.inv(slope @ slope.T + prior))) for slope in slopes]
     is_straight = np.linalg.norm(far - near, axis=1) < np.linalg.norm(far, axis=1)
-    return np.asarray((TWO_SIDED_95 * np.maximum(*deviations) < GOOD) & is_straight)
+    return TWO_SIDED_95 * np.maximum(*deviations), is_straight
 
 
 def intervals(told: NDArray[np.bool_], held: NDArray[np.bool_]) -> str:

@@ -217,7 +217,7 @@ def _place(said: Diagnosis | None, place: tuple[str, ...]) -> bool | None:
     """Whether the answer says where an effect acts: where the first one named does, or with the largest residual."""
     if not place:
         return None
-    regions = [f.regions for f in said.effects if f.id in said.named[:1]] if said else []
-    if not any(regions) and said:
-        regions = [[b.name for b in said.where.space[:1]]]
-    return any(set(found) & set(place) for found in regions)
+    if said is None:
+        return False
+    named = next((f.regions for f in said.effects if f.id in said.named[:1]), [])
+    return not set(place).isdisjoint(named or [b.name for b in said.where.space[:1]])

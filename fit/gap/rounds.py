@@ -16,7 +16,7 @@ from fit.gap.evidence import SMALLEST_SECOND_GAIN, Evidence, best_of, closes_eno
 from fit.gap.fitting import Fitted, Task, fit
 from fit.gap.hypotheses import POLISHING, Hypothesis, judged, polishing, refits, shortlist
 from fit.gap.observer import Observer
-from fit.gap.screening import GROUP_COSINE, Screened, screen
+from fit.gap.screening import GROUP_COSINE, Screened, screen, with_amplitude
 from fit.gap.verdict import Verdict, is_brought, may_be_added
 from formats.results import Gate
 
@@ -165,11 +165,11 @@ class Rounds:
 
         One that was refitted into a poor valley alone may need no other from there.
         """
-        tasks = []
-        for k in pair.effects:
-            amplitudes = np.zeros_like(pair.fitted.amplitudes)
-            amplitudes[self.observer.columns[k]] = pair.fitted.amplitudes[self.observer.columns[k]]
-            tasks.append(Task(pair.fitted.vector, amplitudes, (k,), iterations=POLISHING))
+        columns, both = self.observer.columns, pair.fitted
+        amplitudes = {
+            k: with_amplitude(self.observer.off, columns[k], both.amplitudes[columns[k]]) for k in pair.effects
+        }
+        tasks = [Task(both.vector, row, (k,), iterations=POLISHING) for k, row in amplitudes.items()]
         names = [f"{self._name((k,))}-of-{self._name(pair.effects)}" for k in pair.effects]
         alone = self.kept.recall(names, partial(fit, self.observer, tasks))
         for k, fitted in zip(pair.effects, alone, strict=True):

@@ -67,11 +67,12 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
     if blocking:
         return Verdict("inconclusive", [], f"No diagnosis: {blocking[0].sentence} {numbers}")
     noise, mesh = evidence.floor_mm**2, evidence.numerics_mm**2
-    passing = passing_effects(evidence) if evidence.exceeds(noise) else []
-    several = _several(evidence, passing) if evidence.exceeds(noise) else None
+    has_gap = evidence.exceeds(noise)
+    passing = passing_effects(evidence) if has_gap else []
+    several = _several(evidence, passing) if has_gap else None
     if several is None:
         passing = _likely(evidence, passing)
-    if not evidence.exceeds(noise) or (not passing and not evidence.exceeds(noise + mesh)):
+    if not has_gap or (not passing and not evidence.exceeds(noise + mesh)):
         return Verdict("none", [], f"No gap: the base model explains the motion down to noise and mesh. {numbers}")
     if any(g.name == "base fit" for g in failed):
         return Verdict("inconclusive", [], f"No diagnosis: {failed[0].sentence} {numbers}")

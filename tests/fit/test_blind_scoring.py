@@ -13,7 +13,7 @@ from fit.blind.classifier import RIDGE, leave_one_out
 from fit.blind.engine import Cloth
 from fit.blind.judging import bin_of, conditions_of, judge
 from fit.blind.making import make_set, open_labels, read_manifest
-from fit.blind.page import write_page
+from fit.blind.page import figure, write_page
 from fit.blind.plants import PLANTS
 from fit.blind.rates import brier, rate_of, wilson
 from fit.blind.scoring import ANSWERS_HASHES, LOOKS, SCORE, score_set, summarise
@@ -164,6 +164,7 @@ def test_the_cost_is_counted_for_each_take_and_the_most_expensive_case_is_seen(a
         save_diagnosis(tmp_path / truth.id / "diagnosis.json", said)
     overall = summarise(tuple(judge(truth, tmp_path) for truth in truths)).overall
     assert (overall.simulations, overall.simulations_most) == (200.0, 700.0)
+    assert [figure(overall, name) for name in ("simulations", "simulations_most")] == ["200", "700"]
     assert (overall.seconds, overall.seconds_most) == (80.0, 280.0)
 
 
@@ -282,6 +283,8 @@ def test_the_report_is_one_file_with_nothing_from_outside(a_set, tmp_path):
     sure = tuple(msgspec.structs.replace(j, probability=0.9 if j.named else None) for j in score.cases)
     (tmp_path / SCORE).write_bytes(msgspec.json.encode(msgspec.structs.replace(score, cases=sure)))
     assert "<svg" in write_page(tmp_path, tmp_path / "page.html").read_text()
+    assert figure(score.overall, "closure") == "0.50"
+    assert figure(score.by_size["below 0.5"], "closure") == "–"
 
 
 def test_a_named_local_effect_says_its_place_and_else_the_largest_residual_does(a_set, tmp_path):

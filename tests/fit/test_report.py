@@ -19,6 +19,7 @@ from fit.errors import FitError
 from fit.report import write_report
 from fit.report.motion import MESH_STEP, POINT_STEP, pack, pack_motions
 from fit.report.page import render_report
+from fit.report.tables import effect_table
 from fit.report.text import interval, number, percent, probability
 from formats.results import load_diagnosis, save_diagnosis, save_fit_result
 from tests.fit.report_scene import diagnosis, fit_result, motion
@@ -267,3 +268,10 @@ def test_player_runs_in_a_browser_without_a_word_on_the_console(report, tmp_path
         steps = (0.002, 0.005, 0.01, 0.02, 0.03, 0.05, 0.1, 0.2, 0.5)
         worst = float(re.search(r'data-worst="([\d.]+)"', done.stdout).group(1))
         assert worst == next(step for step in steps if step >= quantile)
+
+
+def test_a_named_effect_that_acts_in_one_place_says_where():
+    slip = msgspec.structs.replace(diagnosis().effects[0], id="clip_slip", regions=["top left"])
+    assert "Acts at the top left. " in effect_table([slip], ["clip_slip"])
+    assert "Acts" not in effect_table([slip], [])
+    assert "Acts" not in effect_table(diagnosis().effects, ["air_drag"])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fit.effects import LIBRARY
-from fit.effects.base import columns_of
+from fit.effects.base import amplitudes_of, columns_of
 from fit.gap import rounds
 from fit.gap.checkpoint import Checkpoint
 from fit.gap.rounds import Rounds
@@ -71,7 +71,7 @@ def test_twins_of_two_effects_are_not_forgotten_over_a_third_that_is_tried(monke
 def a_search(base, singles):
     """Rounds that refitted some effects: of each the held-out error [mm] and the cost of the motion fitted to."""
     search = object.__new__(Rounds)
-    search.observer = SimpleNamespace(effects=LIBRARY, columns=columns_of(LIBRARY))
+    search.observer = SimpleNamespace(effects=LIBRARY, columns=columns_of(LIBRARY), off=amplitudes_of(LIBRARY))
     search.base = with_cost(hypothesis((), base[0]), base[1])
     found = [with_cost(hypothesis((name,), mm), cost) for name, (mm, cost) in singles.items()]
     search.singles, search.joint, search.instead = {h.effects[0]: h for h in found}, [], []
@@ -128,3 +128,26 @@ def test_each_of_two_is_fitted_alone_from_where_both_ended_and_kept_where_that_i
         assert not task.amplitudes[others].any()
     assert search.singles[drag].fitted.cost == pytest.approx(20.0)
     assert search.singles[hem].fitted.cost == pytest.approx(30.0)
+
+
+# Of the 18 mm^2 (or 7.4) that drag leaves alone beyond the noise both together close 14 (or 3.3).
+@pytest.mark.parametrize(("alone", "goes_on"), [(6.5, True), (5.6, False)])
+def test_a_third_effect_is_looked_for_where_two_are_needed_after_each_was_fitted_alone(monkeypatch, alone, goes_on):
+    search = a_search((12.0, 100.0), {"air_drag": (8.0, 20.0)})
+    pair = hypothesis(("air_drag", "hem"), 5.3)
+    tried = []
+
+    def with_another(self, start, chosen=None):
+        tried.append(len(start.effects))
+        return [(pair, 0.01)] if len(start.effects) == 1 and chosen is None else []
+
+    def each_alone(self, found):
+        self.singles[found.effects[0]] = with_cost(hypothesis(("air_drag",), alone), 10.0)
+
+    monkeypatch.setattr(Rounds, "_with_another", with_another)
+    monkeypatch.setattr(Rounds, "_polished", lambda self, joint: joint)
+    monkeypatch.setattr(Rounds, "_better_of_twins", lambda self, found, p_value: (found, p_value))
+    monkeypatch.setattr(Rounds, "_each_alone", each_alone)
+    search.further_rounds(4.9, 0.1)
+    assert tried == ([1, 2] if goes_on else [1])
+    assert [h for h, _ in search.joint] == [pair]

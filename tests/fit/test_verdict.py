@@ -93,7 +93,10 @@ def test_effects_that_are_named_together_are_described_by_their_fit_together():
     observer = SimpleNamespace(**vars(evidence.observer), layout=SimpleNamespace(block=np.zeros(3, int)))
     evidence = dataclasses.replace(evidence, base=base, observer=observer)
     together = hypothesis(("air_drag", "hem"), 5.5, sizes=0.5)
-    sizes = {f.id: (f.amplitude, f.note) for f in describe_effects(evidence, together, LIBRARY, SI)}
+    described = describe_effects(evidence, together, LIBRARY, SI)
+    sizes = {f.id: (f.amplitude, f.note) for f in described}
+    places = {f.id: f.regions for f in described}
+    assert (places["hem"], places["air_drag"]) == (["bottom left", "bottom centre", "bottom right"], [])
     assert sizes["air_drag"][0] == pytest.approx(0.6)
     assert sizes["air_drag"][1].startswith("amplitude beside")
     assert sizes["time_offset"][0] == pytest.approx(find_effects(["time_offset"])[0].typical)

@@ -2,7 +2,9 @@
 
     tau dy/dt + y = x,    y(0) = x(0)
 
-a first-order low-pass of the simulated points, exact for points that move in straight lines between frames.
+a first-order low-pass of the points, exact for points that move in straight lines between frames. Like a late clock
+it has the cloth move later by tau, on a path that does, so that an observer's pull to late points is none; what is left
+is the filter ahead of that, y(t) = (h * x)(t + tau) for the simulated x, between frames by cubic splines.
 Source: A. V. Oppenheim, A. S. Willsky, "Signals and Systems" (1997), section 6.5.
 """
 
@@ -11,7 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from fit.effects.base import Effect, Floats
+from fit.effects.base import Curve, Effect, Floats
 from fit.recording import Recording
 
 
@@ -28,15 +30,29 @@ class FilterLag(Effect):
     typical: ClassVar[float] = 0.02
     law_spread: ClassVar[float] = 0.0
 
+    def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:
+        """Return the path of the held ends as it was tau earlier."""
+        return lambda instants: path(instants - amplitude[0])
+
     def observe(self, points: Floats, recording: Recording, amplitude: Floats) -> Floats:
-        """Return the points behind a first-order low-pass."""
-        tau = float(amplitude[0])
-        if tau == 0.0:
+        """Return the points ahead by tau, behind a first-order low-pass."""
+        tau, time = float(amplitude[0]), recording.time
+        if tau == 0.0 or not np.isfinite(points).all():
             return points
-        seen = points.copy()
-        for k, dt in enumerate(np.diff(recording.time), start=1):
+        ahead = _ahead(time, points, tau)
+        seen = ahead.copy()
+        for k, dt in enumerate(np.diff(time), start=1):
             left = np.exp(-dt / tau)
-            slope = (points[k] - points[k - 1]) / dt
+            slope = (ahead[k] - ahead[k - 1]) / dt
             # x(t) = x0 + slope t between frames: y = x - slope tau + (y0 - x0 + slope tau) exp(-t / tau)
-            seen[k] = points[k] - slope * tau + (seen[k - 1] - points[k - 1] + slope * tau) * left
+            seen[k] = ahead[k] - slope * tau + (seen[k - 1] - ahead[k - 1] + slope * tau) * left
         return np.asarray(seen)
+
+
+def _ahead(time: Floats, points: Floats, tau: float) -> Floats:
+    """Return points [m], (frames, points, 3), as they are tau [s] later; beyond the last frame they go straight on."""
+    from scipy.interpolate import CubicSpline
+
+    spline = CubicSpline(time, points)
+    beyond = np.maximum(time + tau - time[-1], 0.0)
+    return np.asarray(spline(time + tau - beyond) + beyond[:, None, None] * spline(time[-1], 1))

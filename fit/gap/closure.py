@@ -28,12 +28,15 @@ SMALLEST_GAP = 0.05  # of the squared floor; below, closure is not defined
 class BlockErrors:
     """Squared error per block of half a second [mm^2 per point, summed] and how many points it has.
 
-    residual [mm], (numbers,): the errors themselves
+    residual [mm], (numbers,): the errors themselves; edge: sum of squared whitened residuals of the held edge, which
+    white noise makes as large as their number, edge_count
     """
 
     sums: Floats
     counts: Floats
     residual: Floats
+    edge: float = 0.0
+    edge_count: int = 0
 
     @property
     def squared_mm(self) -> float:
@@ -53,7 +56,8 @@ def block_errors(observer: Observer, residual: Floats) -> BlockErrors:
     count = np.bincount(block) / 3.0
     sums = np.asarray(np.bincount(block, squared), float)
     seen = count > 0
-    return BlockErrors(sums[seen], count[seen], millimetres)
+    edge = residual[observer.layout.is_edge]
+    return BlockErrors(sums[seen], count[seen], millimetres, float(edge @ edge), len(edge))
 
 
 def bootstrap_picks(errors: BlockErrors, rng: np.random.Generator) -> NDArray[np.int64]:

@@ -27,6 +27,9 @@ Floats = NDArray[np.float64]
 
 SMALLEST_CLOSURE = 0.25  # an effect that removes less of the gap is not its cause
 MOST_LEFT = 0.6  # of the gap that a cause may leave unexplained, beyond noise and mesh
+# Sound laws of an effect differ by its `law_spread`, in amplitude and so in motion; of the gap they leave the square of
+# that, to three deviations, or a twentieth. An error of mesh and solver adds twice its square at most.
+LAW_DEVIATIONS, LEAST_BY_LAW, MESH_TWICE = 3.0, 0.05, 2.0
 AT_BOUND = 0.01  # of an effect's range: an amplitude nearer to its end was stopped by it
 # A further effect closes a tenth of the gap and a third of what those before leave beyond the noise; or it closes most
 # of that, which the wrong law of an effect that is there rarely does. Most on average, or in the median half-second:
@@ -36,6 +39,12 @@ SMALLEST_SECOND_GAIN, MOST_OF_LEFT = 0.03, 0.6
 LEAST_LEFT = 0.1  # of the squared noise that is taken to be left in a half-second at least
 NEAR, NEAR_TWIN = 0.8, 0.9  # of the winner's closure from which an effect, or one of the same shape, is a rival
 RIVAL = 0.1  # share of bootstrap draws that makes an effect a rival
+
+
+# Slow noise, a third of the white one and lasting a third of a second, makes four times the scores that white noise
+# makes, and a tenth more of squares.
+EDGE_CERTAIN, EDGE_NOISE = 60.0, 1.15  # squared whitened residuals of the held edge: fifteen of such variances
+EDGE_SHARE = 0.5  # of what the held edge shows beyond its noise, that an effect which is seen there removes
 
 
 def is_at_bound(observer: Observer, hypothesis: Hypothesis) -> bool:
@@ -57,6 +66,22 @@ def closes_enough(gap: float, before: BlockErrors, after: BlockErrors, floor_mm:
     gain = before.squared_mm - after.squared_mm
     usual = share_in_median_block(before, after, floor_mm)
     return is_worth_adding(gap, before.squared_mm - floor_mm**2, hope * gain, hope * usual)
+
+
+def is_seen_on_edge(before: BlockErrors, after: BlockErrors) -> bool:
+    """Whether a further effect brings the held edge of other takes most of the way to where it was tracked."""
+    noise = EDGE_NOISE * before.edge_count
+    return before.edge - after.edge > EDGE_CERTAIN and after.edge - noise < (1 - EDGE_SHARE) * (before.edge - noise)
+
+
+def is_told_by_edge(one: BlockErrors, other: BlockErrors) -> bool:
+    """Whether the held edge of other takes tells that it is the other model's effect and not this one's."""
+    return one.edge - other.edge > EDGE_CERTAIN
+
+
+def is_edge_explained(errors: BlockErrors) -> bool:
+    """Whether the held edge of other takes lies where a model puts it, as far as noise lets anyone know."""
+    return errors.edge - EDGE_NOISE * errors.edge_count <= EDGE_CERTAIN
 
 
 def is_worth_adding(gap: float, left: float, gain: float, usual_share: float = 0.0) -> bool:
@@ -167,9 +192,23 @@ class Evidence:
             alone = self.singles[kept].errors.squared_mm
             gain, full = (alone - h.errors.squared_mm for h in (other, several))
             is_often_better = np.mean(other.errors.draw(self.picks) < several.errors.draw(self.picks)) >= RIVAL
+            if is_told_by_edge(other.errors, several.errors):
+                continue
             if gain >= NEAR_TWIN * full or (gain >= NEAR * full and is_often_better):
                 found.setdefault(replaced, {})[twin] = other
         return found
+
+    @functools.cached_property
+    def contradicted(self) -> frozenset[int]:
+        """Refitted effects that the held edge tells not to be it, beside one that closes as much or nearly so."""
+        base = self.base.errors.squared_mm
+        closed = {k: base - h.errors.squared_mm for k, h in self.singles.items() if not is_at_bound(self.observer, h)}
+        return frozenset(
+            k
+            for k, h in self.singles.items()
+            for other, saved in closed.items()
+            if saved > NEAR * (base - h.errors.squared_mm) and is_told_by_edge(h.errors, self.singles[other].errors)
+        )
 
     def alike(self, one: int, other: int) -> bool:
         """Whether two effects explain the same part of the residual, so that a mesh's small error can swap them."""
@@ -185,10 +224,15 @@ class Evidence:
         """In which draws each refitted effect leaves the least error and is worth naming, each (replicas,).
 
         Worth naming: the base error of the draw is clearly above the noise, and the effect closes a quarter of it.
-        What was stopped by the end of its physical range is no rival, and never worth naming.
+        What was stopped by the end of its physical range, or is contradicted by the held edge, is no rival, and never
+        worth naming.
         base, (replicas,), drawn, each (replicas,): mean squared errors [mm^2]
         """
-        possible = {k: d for k, d in drawn.items() if not is_at_bound(self.observer, self.singles[k])}
+        possible = {
+            k: d
+            for k, d in drawn.items()
+            if k not in self.contradicted and not is_at_bound(self.observer, self.singles[k])
+        }
         least, gap = np.min(np.stack([base, *possible.values()]), axis=0), base - self.floor_mm**2
         has_gap = base > SIGNIFICANT_GAP * self.floor_mm**2
         return {
@@ -206,8 +250,15 @@ class Evidence:
         """Whether the base model's squared error is clearly above a known one [mm^2]."""
         return exceeds(self.base.errors, self.picks, known)
 
+    def most_by_law(self, hypothesis: Hypothesis, gap: Floats) -> Floats:
+        """Largest mean squared error that sound laws of a hypothesis' effects leave of a gap, both (...,) [mm^2]."""
+        spread = max(self.observer.effects[k].law_spread for k in hypothesis.effects)
+        share = max((LAW_DEVIATIONS * spread) ** 2, LEAST_BY_LAW)
+        return np.asarray(SIGNIFICANT_GAP * self.floor_mm**2 + MESH_TWICE * self.numerics_mm**2 + share * gap)
+
     def explains_enough(self, hypothesis: Hypothesis) -> bool:
         """Whether what a hypothesis leaves, beyond noise and mesh, is small against the gap."""
         gap = self.base.errors.squared_mm - self.floor_mm**2
         left = hypothesis.errors.squared_mm - self.floor_mm**2 - self.numerics_mm**2
-        return left <= MOST_LEFT * gap
+        by_law = float(self.most_by_law(hypothesis, np.array(gap)))
+        return left <= MOST_LEFT * gap and hypothesis.errors.squared_mm <= by_law

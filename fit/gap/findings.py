@@ -10,7 +10,7 @@ from fit.gap.closure import SIGNIFICANT_GAP
 from fit.gap.evidence import Evidence
 from fit.gap.fitting import NORMAL_95, Fitted
 from fit.gap.hypotheses import Hypothesis
-from fit.gap.observer import Observer
+from fit.gap.observer import Observer, has_static
 from fit.gap.probabilities import probabilities
 from fit.gap.screening import groups
 from fit.gap.verdict import mesh_share
@@ -148,7 +148,7 @@ def notes(training: int, held_out: int, observer: Observer) -> list[str]:
         "Probabilities are shares of draws, of held-out half-seconds and of what mesh and solver may be wrong by, in "
         "which an effect is best and worth naming; docs/blind-check.md says how far they hold.",
     ]
-    if not observer.layout.is_static.any():
+    if not any(map(has_static, observer.recordings)):
         said.append(
             "Points of a silhouette sit constantly a little beside the material: each point's mean offset was taken "
             "out, "

@@ -98,7 +98,8 @@ def _apart(observer: Observer, vector: Floats, amplitudes: Floats) -> float:
 
 
 def _mean_noise(observer: Observer) -> float:
-    return float(np.sqrt(3 * np.mean(observer.layout.sd**2))) * 1e3
+    layout = observer.layout
+    return float(np.sqrt(3 * np.mean(layout.sd[layout.is_judged] ** 2))) * 1e3
 
 
 def _predictability_gate(observer: Observer, apart: float, frequency: float) -> Gate:

@@ -8,6 +8,8 @@ point's mean over a take, divided by the noise, and the mean itself, divided by 
 
     dynamic  (r - mean r) / sigma          static  mean r / sqrt(OFFSET_SD^2 + sigma^2 / n)
 
+Points on the held edge measure the boundary and the measurement itself. They are not judged, but where effects are
+looked for they are evidence: a third part of the residual (`fit.gap.edge`).
 Points of a silhouette sit a few millimetres beside the material points that they stand for, constantly: for garments
 whose points are found in a silhouette (skirts, T-shirts) the static part says nothing of the cloth and is left out.
 Source: D. G. Luenberger, "An introduction to observers", IEEE TAC 16 (1971); synchronisation of chaotic models,
@@ -23,12 +25,12 @@ from numpy.typing import NDArray
 
 from fit.cloth.simulator import Resolution, Simulator, run_together
 from fit.effects.base import Effect, columns_of
+from fit.gap.edge import NUMBERS, OFFSET_SD, EdgeResiduals
 from fit.parameterisations import Parameterisation
 from fit.recording import Recording
 
 Floats = NDArray[np.float64]
 
-OFFSET_SD = 1e-3  # m, prior of a marker's constant offset: glue, and where its middle is taken to be
 BLOCK = 0.5  # s: residuals further apart than half a swing count as independent
 LOST = 1e3  # standard deviations that a candidate is charged per number when it blew up
 
@@ -37,8 +39,9 @@ LOST = 1e3  # standard deviations that a candidate is charged per number when it
 class Layout:
     """Where each number of a stacked residual vector comes from; all arrays (numbers,).
 
-    sd [m] turns a number back into metres; is_static marks means over a take, whose frame is -1;
-    static_of: for a dynamic number the place of its point's static one, or -1.
+    sd [m] turns a number back into metres; is_judged marks what varies of the judged points, which comes first: not
+    means over a take, whose frame is -1, nor the held edge, marked by is_edge, whose point and axis are -1
+    static_of: for a number that is judged the place of its point's mean, or -1
     """
 
     take: NDArray[np.int64]
@@ -47,19 +50,20 @@ class Layout:
     point: NDArray[np.int64]
     axis: NDArray[np.int64]
     sd: Floats
-    is_static: NDArray[np.bool_]
+    is_judged: NDArray[np.bool_]
+    is_edge: NDArray[np.bool_]
     static_of: NDArray[np.int64]
 
     def metres(self, residuals: Floats) -> Floats:
-        """Return y - x [m] of every dynamic number, (..., dynamic), from whitened residuals, (..., numbers)."""
+        """Return y - x [m] of every number that is judged, (..., judged), from whitened residuals, (..., numbers)."""
         whole = residuals * self.sd
-        moving = whole[..., ~self.is_static]
-        at = self.static_of[~self.is_static]
+        moving = whole[..., self.is_judged]
+        at = self.static_of[self.is_judged]
         return np.asarray(np.where(at >= 0, moving + whole[..., at], moving))
 
     def moving(self, values: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the entries of one of the arrays above that belong to dynamic numbers."""
-        return values[~self.is_static]
+        """Return the entries of one of the arrays above that belong to numbers that are judged."""
+        return values[self.is_judged]
 
 
 class Observer:
@@ -82,7 +86,8 @@ class Observer:
             r.garment.mass_kg / float(s.mesh.area) for r, s in zip(recordings, self._simulators, strict=True)
         ]
         self.columns = columns_of(effects)
-        self.layout = _layout(recordings)
+        self._edges = {k: EdgeResiduals(r) for k, r in enumerate(recordings) if effects and has_static(r)}
+        self.layout = _layout(recordings, self._edges)
         self.mesh = self._simulators[0].mesh
         self._others: list[Observer] = []
 
@@ -143,7 +148,8 @@ class Observer:
                 chosen = recording.judged & seen.any(0)
                 known = mean / np.sqrt(OFFSET_SD**2 + _deviations(recording)[:, None] ** 2 / count)
                 static.append(known[:, chosen].reshape(candidates, -1))
-        whole = np.concatenate([*moving, *static], axis=1)
+        edges = [part for k, edge in self._edges.items() for part in edge.of(points[k])]
+        whole = np.concatenate([*moving, *static, *edges], axis=1)
         return np.where(np.isfinite(whole), np.clip(whole, -LOST, LOST), LOST)
 
     def sound_residuals_of(self, points: list[Floats]) -> Floats:
@@ -166,16 +172,17 @@ def _deviations(recording: Recording) -> Floats:
     return np.maximum(recording.point_sd, 1e-4)
 
 
-def _layout(recordings: list[Recording]) -> Layout:
+def _layout(recordings: list[Recording], edges: dict[int, EdgeResiduals]) -> Layout:
     columns: list[list[NDArray[np.int64]]] = [[], [], [], [], []]
     still: list[list[NDArray[np.int64]]] = [[], [], [], [], []]
     deviations, still_deviations, static_of = [], [], []
-    first_block, first_static = 0, 0
+    first_block, first_static, first = 0, 0, []
     for number, recording in enumerate(recordings):
         seen = recording.counted
         frame, point = np.nonzero(seen)
         frame, point = np.repeat(frame, 3), np.repeat(point, 3)
         block = (recording.time[frame] / BLOCK).astype(np.int64) + first_block
+        first.append(first_block)
         first_block = int(block.max(initial=first_block)) + 1
         axis = np.tile(np.arange(3), len(frame) // 3)
         for column, values in zip(columns, (np.full(len(frame), number), block, frame, point, axis), strict=True):
@@ -198,13 +205,34 @@ def _layout(recordings: list[Recording]) -> Layout:
     static[1] = static[1] + first_block
     count = len(moving[0])
     at = np.concatenate(static_of)
-    take, block, frame, point, axis = (np.concatenate(pair) for pair in zip(moving, static, strict=True))
+    known = int(np.append(moving[1], static[1]).max(initial=0)) + 1
+    aside = [_edge_rows(k, recordings[k], edge, first[k], known + k) for k, edge in edges.items()]
+    every = [moving, static, *(rows for rows, _ in aside)]
+    take, block, frame, point, axis = (np.concatenate(parts) for parts in zip(*every, strict=True))
     return Layout(
         take, block, frame, point, axis,
-        sd=np.concatenate([*deviations, *still_deviations]),
-        is_static=np.arange(len(take)) >= count,
-        static_of=np.concatenate([np.where(at >= 0, at + count, -1), np.full(len(static[0]), -1)]),
+        sd=np.concatenate([*deviations, *still_deviations, *(sd for _, sd in aside)]),
+        is_judged=np.arange(len(take)) < count,
+        is_edge=np.arange(len(take)) >= count + len(static[0]),
+        static_of=np.concatenate([np.where(at >= 0, at + count, -1), np.full(len(take) - count, -1)]),
     )  # fmt: skip
+
+
+def _edge_rows(
+    number: int, recording: Recording, edge: EdgeResiduals, first_block: int, block_of_means: int
+) -> tuple[list[NDArray[np.int64]], Floats]:
+    """Where the numbers of one held edge come from, in the order of `Layout`, and their deviations [m]."""
+    frame = np.repeat(edge.frame, NUMBERS)
+    means = len(edge.static_sd)
+    last = first_block + int(recording.time[recording.counted.any(1)].max() / BLOCK)
+    block = np.minimum((recording.time[frame] / BLOCK).astype(np.int64) + first_block, last)
+    count = len(frame) + means
+    nowhere = np.full(count, -1)
+    rows = [
+        np.full(count, number), np.append(block, np.full(means, block_of_means)),
+        np.append(frame, np.full(means, -1)), nowhere, nowhere,
+    ]  # fmt: skip
+    return rows, np.append(edge.sd, edge.static_sd)
 
 
 def _thirds(recording: Recording) -> NDArray[np.int64]:

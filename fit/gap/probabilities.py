@@ -3,11 +3,13 @@
 Drawn are blocks of the held-out takes, what mesh and solver may be wrong by (`fit.gap.closure.solver_draws`), and how
 much of the gap a true cause may leave unexplained beyond noise, mesh and solver: the library's laws are not nature's.
 That limit is logistic about LEFT with a width of LEFT_WIDTH: on cases whose truth was known (`docs/blind-check.md`)
-nearly all that left less than a tenth was the cause, and about half of what left a fifth to three fifths. In a draw an
-effect is at work if it leaves the least error, is worth naming and leaves no more than the limit. Several effects are
-at work together where they leave no more than the limit and the last of them was worth adding; they share that
+nearly all that left less than a tenth was the cause, and about half of what left a fifth to three fifths. What sound
+laws of an effect leave is a second limit (`Evidence.most_by_law`). In a draw an effect is at work if it leaves the
+least error, is worth naming and leaves no more than both. Several effects are
+at work together where they leave no more than the limits and the last of them was worth adding; they share that
 probability, and each of them may be at work alone in the other draws. Where a twin does nearly as well in the place of
-one of them, it is the twin in the draws in which it leaves less.
+one of them, it is the twin in the draws in which it leaves less. What the held edge contradicts
+(`Evidence.contradicted`) is not at work.
 """
 
 from __future__ import annotations
@@ -15,7 +17,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.gap.evidence import Evidence, are_worth_adding, best_of, share_in_median_block
+from fit.gap.evidence import (
+    Evidence,
+    are_worth_adding,
+    best_of,
+    is_seen_on_edge,
+    share_in_median_block,
+)
 from fit.gap.hypotheses import Hypothesis
 
 Floats = NDArray[np.float64]
@@ -37,9 +45,16 @@ def probabilities(evidence: Evidence, several: Hypothesis | None) -> dict[int, f
         before = np.min(np.stack(list(drawn.values())), axis=0)
         best = best_of(evidence.observer, evidence.singles)[0]
         usual = share_in_median_block(best.errors, teams[0].errors, evidence.floor_mm)
-        together = are_worth_adding(base - noise, before - noise, before - least, usual) & (least <= most)
+        is_added = are_worth_adding(base - noise, before - noise, before - least, usual)
+        if is_seen_on_edge(best.errors, teams[0].errors):
+            is_added |= before > least
+        by_law = np.stack([evidence.most_by_law(team, base - noise) for team in teams])
+        together = is_added & (least <= most) & (least <= by_law[winner, np.arange(len(base))])
     worth = evidence.are_worth_naming(base, drawn)
-    found = {k: float(np.mean(worth[k] & (drawn[k] <= most) & ~together)) for k in drawn}
+    found = {}
+    for k, squared in drawn.items():
+        limit = np.minimum(most, evidence.most_by_law(evidence.singles[k], base - noise))
+        found[k] = float(np.mean(worth[k] & (squared <= limit) & ~together))
     for n, team in enumerate(teams):
         for k in team.effects:
             found[k] = found.get(k, 0.0) + float(np.mean(together & (winner == n)))

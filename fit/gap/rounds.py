@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 from fit.gap import gates as gate
 from fit.gap.base_fit import across_valleys, middle
 from fit.gap.checkpoint import Checkpoint
-from fit.gap.evidence import SMALLEST_SECOND_GAIN, Evidence, best_of, closes_enough, is_at_bound
+from fit.gap.evidence import (
+    SMALLEST_SECOND_GAIN,
+    Evidence,
+    best_of,
+    closes_enough,
+    is_at_bound,
+    is_edge_explained,
+    is_seen_on_edge,
+    is_told_by_edge,
+)
 from fit.gap.fitting import Fitted, Task, fit
 from fit.gap.hypotheses import POLISHING, Hypothesis, judged, polishing, refits, shortlist
 from fit.gap.observer import Observer
@@ -118,41 +127,53 @@ class Rounds:
     def further_rounds(self, floor: float, numerics: float) -> None:
         """Add effects to the best one as long as there is something left to explain.
 
-        A further effect must close a share of the gap, and of what is left of it (`fit.gap.evidence`): where less is
-        left, none is looked for.
+        A further effect must close a share of the gap, and of what is left of it, or be seen on the held edge
+        (`fit.gap.evidence`): where less is left, none is looked for.
         """
         order = best_of(self.observer, self.singles)
         best, starts = order[0], [order[0], *self._rivals(order)]
         gap = self.base.errors.squared_mm - floor**2
         while len(starts[0].effects) < MOST_EFFECTS:
             left_mm2 = best.errors.squared_mm - floor**2
-            if left_mm2 < max(SMALLEST_SECOND_GAIN * gap, numerics**2):
+            is_left = left_mm2 >= max(SMALLEST_SECOND_GAIN * gap, numerics**2)
+            if not is_left and is_edge_explained(best.errors):
                 return
             tried = [pair for start in starts for pair in self._with_another(start)]
             if not tried:
                 return
-            found, p_value = self._best_of_tried(tried)
+            found, p_value = self._best_of_tried(tried, best)
             is_real = may_be_added(self.observer, found, p_value)
-            if is_real and closes_enough(gap, best.errors, found.errors, floor, PROMISING):
+            if is_real and self._is_needed(best, found, floor, PROMISING):
                 found = self._polished(found)
                 if len(found.effects) == 2:
                     found, p_value = self._better_of_twins(found, p_value)
                 is_real = may_be_added(self.observer, found, p_value)
             self.joint.append((found, p_value))
-            if not is_real or not closes_enough(gap, best.errors, found.errors, floor):
+            if not is_real or not self._is_needed(best, found, floor):
                 return
             if len(found.effects) == 2:
                 self._each_alone(found)
-                if not closes_enough(gap, best_of(self.observer, self.singles)[0].errors, found.errors, floor):
+                if not self._is_needed(best_of(self.observer, self.singles)[0], found, floor):
                     return
             best, starts = found, [found]
 
-    def _best_of_tried(self, tried: list[tuple[Hypothesis, float]]) -> tuple[Hypothesis, float]:
+    def _is_needed(self, before: Hypothesis, found: Hypothesis, floor: float, hope: float = 1.0) -> bool:
+        """Whether a further effect closes enough, or would if it closed `hope` times as much, or shows on the edge."""
+        gap = self.base.errors.squared_mm - floor**2
+        is_enough = closes_enough(gap, before.errors, found.errors, floor, hope)
+        return is_enough or is_seen_on_edge(before.errors, found.errors)
+
+    def _best_of_tried(self, tried: list[tuple[Hypothesis, float]], before: Hypothesis) -> tuple[Hypothesis, float]:
         """Return what leaves least of what may be added, or of all that was tried where nothing may.
 
-        The same effects, found in another order, may be added if either order may.
+        The same effects, found in another order, may be added if either order may. What the held edge shows comes
+        first, with the effect that puts it right.
         """
         real = [(h, p) for h, p in tried if may_be_added(self.observer, h, p)]
+        seen = [(h, p) for h, p in real if is_seen_on_edge(before.errors, h.errors)]
+        if seen:
+            nearest = min((h.errors for h, _ in seen), key=lambda errors: errors.edge)
+            real = [(h, p) for h, p in seen if not is_told_by_edge(h.errors, nearest)]
         return min(real or tried, key=_held_out_error)
 
     def _polished(self, joint: Hypothesis) -> Hypothesis:

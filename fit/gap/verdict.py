@@ -17,6 +17,7 @@ from fit.gap.evidence import (
     best_of,
     closes_enough,
     is_at_bound,
+    is_seen_on_edge,
 )
 from fit.gap.fitting import amplitude_of
 from fit.gap.hypotheses import Hypothesis
@@ -93,8 +94,8 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
         return Verdict(
             "unknown",
             [],
-            f"There is a gap that no effect in the library explains: {effects[best].title} comes nearest and closes "
-            f"only {100 * closed.value:.0f} % of it. {numbers}",
+            f"There is a gap that no effect in the library explains: {effects[best].title} comes nearest, and leaves "
+            f"{100 - 100 * closed.value:.0f} % of it, more than laws of that may differ by. {numbers}",
         )
     shares = evidence.win_shares()
     rivals = [
@@ -126,6 +127,8 @@ def passing_effects(evidence: Evidence) -> list[int]:
     for k, hypothesis in evidence.singles.items():
         closed = evidence.closure_of(hypothesis)
         if closed is None or closed.interval is None or is_at_bound(evidence.observer, hypothesis):
+            continue
+        if k in evidence.contradicted:
             continue
         _, (low, high) = evidence.amplitude(k, any_law=False)
         # The score test is blind to effects that act in few half-seconds; held-out motion is not.
@@ -175,7 +178,7 @@ def _several(evidence: Evidence, passing: list[int]) -> Hypothesis | None:
         is_certain = np.quantile(gain, 0.05) > 0 or (hypothesis.fitted.cost < (1 - SECOND_GAIN) * before.fitted.cost)
         is_enough = closes_enough(gap, before.errors, hypothesis.errors, evidence.floor_mm)
         is_left = before.errors.squared_mm - evidence.floor_mm**2 >= evidence.numerics_mm**2
-        is_needed = is_enough and is_certain and is_left
+        is_needed = is_certain and ((is_enough and is_left) or is_seen_on_edge(before.errors, hypothesis.errors))
         if not may_be_added(evidence.observer, hypothesis, p_value) or not is_needed:
             break
         accepted = before = hypothesis
@@ -198,8 +201,8 @@ def _name_several(evidence: Evidence, several: Hypothesis, effects: tuple[Effect
         return Verdict(
             "unknown",
             [],
-            f"There is a gap that no effect in the library explains: {titles} together close only "
-            f"{100 * closed.value:.0f} % of it. {_numbers(evidence)}",
+            f"There is a gap that no effect in the library explains: {titles} come nearest, and together leave "
+            f"{100 - 100 * closed.value:.0f} % of it, more than laws of them may differ by. {_numbers(evidence)}",
         )
     return Verdict(
         "several",

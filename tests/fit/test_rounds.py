@@ -13,7 +13,7 @@ from fit.effects.base import amplitudes_of, columns_of
 from fit.gap import rounds
 from fit.gap.checkpoint import Checkpoint
 from fit.gap.rounds import Rounds
-from tests.fit.verdict_scene import errors, hypothesis
+from tests.fit.verdict_scene import errors, hypothesis, with_edge
 
 
 @pytest.mark.parametrize(("mm", "named"), [(5.2, ("air_lift", "clock_drift")), (5.9, ("time_offset", "air_lift"))])
@@ -100,9 +100,37 @@ def test_further_effects_are_tried_beside_what_fits_best_too(monkeypatch, cost, 
 def test_of_what_was_tried_the_best_that_may_be_added_is_taken():
     search = a_search((12.0, 100.0), {})
     better, other = hypothesis(("air_drag", "hem"), 5.5), hypothesis(("hem", "air_drag"), 5.6)
-    assert search._best_of_tried([(better, 0.3), (other, 0.01)])[0] is other
-    assert search._best_of_tried([(better, 0.3), (other, 0.3)])[0] is better
-    assert search._best_of_tried([(better, 0.01), (other, 0.01)])[0] is better
+    before = hypothesis(("hem",), 6.0)
+    assert search._best_of_tried([(better, 0.3), (other, 0.01)], before)[0] is other
+    assert search._best_of_tried([(better, 0.3), (other, 0.3)], before)[0] is better
+    assert search._best_of_tried([(better, 0.01), (other, 0.01)], before)[0] is better
+
+
+def test_what_the_held_edge_shows_is_taken_first_with_the_effect_that_puts_it_right():
+    """Of 850 beyond its noise the clock, late or drifting, leaves none or 20, a lag 100, and drag all."""
+    search = a_search((12.0, 100.0), {})
+    before = with_edge(hypothesis(("hem",), 6.0), 2000)
+    drag, late, drifting, lag = (
+        with_edge(hypothesis(("hem", name), mm), squares)
+        for name, mm, squares in (
+            ("air_drag", 5.2, 2000), ("time_offset", 5.7, 1150), ("clock_drift", 5.6, 1170), ("filter_lag", 5.5, 1250)
+        )
+    )  # fmt: skip
+    tried = [(h, 0.01) for h in (drag, late, drifting, lag)]
+    assert search._best_of_tried(tried, before)[0] is drifting
+    assert search._best_of_tried(tried[:1], before)[0] is drag
+    assert search._best_of_tried(tried, with_edge(before, 1200))[0] is drag
+
+
+# With the hem 1 mm^2 is left of 119, less than is looked at else.
+@pytest.mark.parametrize(("squares", "rounds_tried"), [(2000, 1), (1200, 0)])
+def test_a_further_effect_is_looked_for_where_the_held_edge_is_not_explained(monkeypatch, squares, rounds_tried):
+    search = a_search((12.0, 100.0), {"hem": (5.1, 20.0)})
+    search.singles = {k: with_edge(h, squares) for k, h in search.singles.items()}
+    tried = []
+    monkeypatch.setattr(Rounds, "_with_another", lambda self, start: tried.append(start.effects) or [])
+    search.further_rounds(5.0, 0.1)
+    assert len(tried) == rounds_tried
 
 
 def test_each_of_two_is_fitted_alone_from_where_both_ended_and_kept_where_that_is_better(monkeypatch):

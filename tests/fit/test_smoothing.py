@@ -9,7 +9,8 @@ import pytest
 
 from benchmarks.hanger_noise import cubic
 from fit.cloth.simulator import Simulator
-from fit.gap.floor import held_noise, noise_floor
+from fit.gap.floor import noise_floor
+from fit.gap.noise import held_noise
 from fit.gap.observer import Observer
 from fit.parameterisations import SI
 from fit.recording import prepare

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -61,3 +62,8 @@ def evidence_of(
 PASSED = [Gate(name="base fit", passed=True, figure=0.0, limit=5.0, unit="%", sentence="")]
 COARSE = Gate(name="mesh and step", passed=False, figure=60.0, limit=40.0, unit="%", sentence="coarse")
 STILL = Gate(name="motion", passed=False, figure=3.0, limit=30.0, unit="mm", sentence="still")
+
+
+def with_edge(one, squares, count=1000):
+    """The same hypothesis where the held edge of the takes judged on is off by so many squared deviations."""
+    return dataclasses.replace(one, errors=dataclasses.replace(one.errors, edge=float(squares), edge_count=count))

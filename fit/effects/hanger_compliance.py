@@ -31,6 +31,7 @@ class HangerCompliance(Effect):
     low: ClassVar[float] = 0.0
     high: ClassVar[float] = 4e-3  # 2.5 Hz
     typical: ClassVar[float] = 7e-4  # 6 Hz
+    law_spread: ClassVar[float] = 0.2  # rods ring with 3 to 20 % of critical damping
     probes: ClassVar[tuple[float, ...]] = (1.8e-4, 3e-4, 4.5e-4, 1e-3, 1.4e-3, 2e-3)  # a fifth apart in frequency
 
     def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:

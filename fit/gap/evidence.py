@@ -74,9 +74,12 @@ def is_seen_on_edge(before: BlockErrors, after: BlockErrors) -> bool:
     return before.edge - after.edge > EDGE_CERTAIN and after.edge - noise < (1 - EDGE_SHARE) * (before.edge - noise)
 
 
-def is_told_by_edge(one: BlockErrors, other: BlockErrors) -> bool:
-    """Whether the held edge of other takes tells that it is the other model's effect and not this one's."""
-    return one.edge - other.edge > EDGE_CERTAIN
+def is_told_by_edge(one: BlockErrors, other: BlockErrors, without: BlockErrors) -> bool:
+    """Whether the held edge of other takes tells that it is the other model's effect and not this one's.
+
+    without: errors of the model that has neither; a sound law may miss the edge by as much of them as of a gap
+    """
+    return one.edge - other.edge > max(EDGE_CERTAIN, LEAST_BY_LAW * (without.edge - other.edge))
 
 
 def is_edge_explained(errors: BlockErrors) -> bool:
@@ -192,7 +195,7 @@ class Evidence:
             alone = self.singles[kept].errors.squared_mm
             gain, full = (alone - h.errors.squared_mm for h in (other, several))
             is_often_better = np.mean(other.errors.draw(self.picks) < several.errors.draw(self.picks)) >= RIVAL
-            if is_told_by_edge(other.errors, several.errors):
+            if is_told_by_edge(other.errors, several.errors, self.singles[kept].errors):
                 continue
             if gain >= NEAR_TWIN * full or (gain >= NEAR * full and is_often_better):
                 found.setdefault(replaced, {})[twin] = other
@@ -207,7 +210,8 @@ class Evidence:
             k
             for k, h in self.singles.items()
             for other, saved in closed.items()
-            if saved > NEAR * (base - h.errors.squared_mm) and is_told_by_edge(h.errors, self.singles[other].errors)
+            if saved > NEAR * (base - h.errors.squared_mm)
+            and is_told_by_edge(h.errors, self.singles[other].errors, self.base.errors)
         )
 
     def alike(self, one: int, other: int) -> bool:

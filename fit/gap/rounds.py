@@ -173,7 +173,7 @@ class Rounds:
         seen = [(h, p) for h, p in real if is_seen_on_edge(before.errors, h.errors)]
         if seen:
             nearest = min((h.errors for h, _ in seen), key=lambda errors: errors.edge)
-            real = [(h, p) for h, p in seen if not is_told_by_edge(h.errors, nearest)]
+            real = [(h, p) for h, p in seen if not is_told_by_edge(h.errors, nearest, before.errors)]
         return min(real or tried, key=_held_out_error)
 
     def _polished(self, joint: Hypothesis) -> Hypothesis:

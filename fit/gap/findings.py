@@ -144,7 +144,8 @@ def notes(training: int, held_out: int, observer: Observer) -> list[str]:
     )
     said = [
         f"{how}; mesh of {1e3 * observer.resolution.spacing:.0f} mm.",
-        "Errors are root mean square distances of the tracked points that are not on the held edge.",
+        "Errors are root mean square distances of the tracked points that are not on the held edge; those on it tell "
+        "how the cloth is held and timed.",
         "Probabilities are shares of draws, of held-out half-seconds and of what mesh and solver may be wrong by, in "
         "which an effect is best and worth naming; docs/blind-check.md says how far they hold.",
     ]

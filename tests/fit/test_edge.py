@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 from fit.effects import LIBRARY
+from fit.gap.closure import block_errors
 from fit.gap.edge import KEPT, NUMBERS, OFFSET_SD, EdgeResiduals
+from fit.gap.findings import notes
+from fit.gap.gates import predictability_gate
 from fit.gap.observer import BLOCK, Observer
 from fit.parameterisations import SI
 from fit.recording import prepare
@@ -79,6 +82,7 @@ def test_what_moves_the_edge_or_stretches_it_shows_and_what_turns_it_does_not():
         dynamic, static = numbers_of(recording, points)
         edge = EdgeResiduals(recording)
         found[change] = (dynamic * edge.sd).std(0), static * edge.static_sd
+        assert (dynamic * edge.sd).mean(0) == pytest.approx(0.0, abs=1e-9)
     assert found[moved][0][0] == pytest.approx(0.003 / np.sqrt(2), rel=0.02)
     assert found[moved][0][1:] == pytest.approx(0.0, abs=5e-5)
     arm = 0.4 * np.sqrt(1 / 8)  # rms of five even places along 0.4 m
@@ -90,12 +94,12 @@ def test_points_that_are_missing_on_one_side_do_not_pass_for_a_moved_edge():
     def longer(points):
         points = points * [1.02, 1.0, 1.0]
         points[::2, :2] = np.nan
-        points[5, 1:5] = np.nan  # one point of the edge left: nothing can be told
+        points[5, 1:5] = points[7, 2:5] = np.nan  # one point of the edge is left, or two side by side
         return points
 
     recording, points = a_recording(change=longer, noise=1e-6)
     edge = EdgeResiduals(recording)
-    assert 5 not in edge.frame
+    assert sorted(set(range(len(TIME))) - set(edge.frame)) == [5, 7]
     _, static = edge.of(points[None])
     assert static[0, :3] * edge.static_sd[:3] == pytest.approx(0.0, abs=1e-4)
     assert static[0, 3] * edge.static_sd[3] == pytest.approx(0.02 * 0.4 * np.sqrt(1 / 8), rel=0.05)
@@ -120,11 +124,16 @@ def test_the_edge_is_evidence_beside_the_judged_points_and_never_an_error_of_the
     layout = observers[1].layout
     assert (layout.block[count:-NUMBERS] == np.repeat((TIME / BLOCK).astype(int), NUMBERS)).all()
     assert layout.block[-NUMBERS:].min() > layout.block[:-NUMBERS].max()
+    errors = block_errors(observers[1], beside)
+    assert (errors.edge, errors.edge_count) == (pytest.approx((beside[count:] ** 2).sum()), len(beside) - count)
+    limits = [predictability_gate(o, SI.initial, o.off).limit for o in observers]
+    assert limits[0] == pytest.approx(limits[1])
 
 
 def test_the_outline_of_a_skirt_says_nothing_of_how_its_edge_is_held():
     recording, _ = a_recording()
     skirt = dataclasses.replace(recording, garment=msgspec.structs.replace(recording.garment, kind="skirt_panel"))
-    sizes = [Observer([r], SI, LIBRARY, frequency=0.0).layout.is_judged for r in (recording, skirt)]
-    assert sizes[1].all()
-    assert not sizes[0].all()
+    swatch, outline = (Observer([r], SI, LIBRARY, frequency=0.0) for r in (recording, skirt))
+    assert outline.layout.is_judged.all()
+    assert not swatch.layout.is_judged.all()
+    assert ["silhouette" in " ".join(notes(1, 1, o)) for o in (swatch, outline)] == [False, True]

@@ -305,6 +305,12 @@ def test_a_lagging_tracker_trails_by_its_time_constant_times_the_speed():
     assert (lagging - ramp)[0, 0, 0] == pytest.approx(0.03)
 
 
+def test_a_lag_has_the_cloth_follow_a_path_that_is_as_late():
+    late = [driven(name, 0.03, lambda time: swing(time)) for name in ("filter_lag", "time_offset")]
+    assert late[0][2] == pytest.approx(late[1][2])
+    assert np.abs(late[0][2] - late[0][1]).max() > 0.005
+
+
 def test_behind_a_lag_swings_are_late_and_smaller():
     """At 2 Hz and 30 ms: a gain of 1 / sqrt(1 + (w tau)^2) = 0.936 and w tau - atan(w tau) ahead of the late cloth."""
     time, turns, tau = np.arange(0, 4, FRAME), 2 * np.pi * 2.0, 0.03

@@ -122,6 +122,24 @@ def test_what_the_held_edge_shows_is_taken_first_with_the_effect_that_puts_it_ri
     assert search._best_of_tried(tried, with_edge(before, 1200))[0] is drag
 
 
+@pytest.mark.parametrize(("squares", "goes_on"), [(1150, True), (2000, False)])
+def test_what_the_held_edge_shows_is_fitted_on_though_it_closes_little(monkeypatch, squares, goes_on):
+    """Of 39 mm^2 that a draught leaves slack clips close 3."""
+    search = a_search((12.0, 100.0), {"draught": (8.0, 20.0)})
+    search.singles = {k: with_edge(h, 2000) for k, h in search.singles.items()}
+    pair, polished = with_edge(hypothesis(("draught", "clip_slack"), 7.8), squares), []
+
+    def with_another(self, start, chosen=None):
+        return [(pair, 0.01)] if len(start.effects) == 1 and chosen is None else []
+
+    monkeypatch.setattr(Rounds, "_with_another", with_another)
+    monkeypatch.setattr(Rounds, "_polished", lambda self, joint: polished.append(joint) or joint)
+    monkeypatch.setattr(Rounds, "_better_of_twins", lambda self, found, p_value: (found, p_value))
+    monkeypatch.setattr(Rounds, "_each_alone", lambda self, found: None)
+    search.further_rounds(5.0, 0.1)
+    assert (len(polished) == 1) == goes_on
+
+
 # With the hem 1 mm^2 is left of 119, less than is looked at else.
 @pytest.mark.parametrize(("squares", "rounds_tried"), [(2000, 1), (1200, 0)])
 def test_a_further_effect_is_looked_for_where_the_held_edge_is_not_explained(monkeypatch, squares, rounds_tried):

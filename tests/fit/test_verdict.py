@@ -352,3 +352,14 @@ def test_what_the_held_edge_contradicts_is_neither_named_nor_a_rival(squares, ve
     hem = names.index("hem")
     evidence = dataclasses.replace(evidence, singles={**evidence.singles, hem: with_edge(evidence.singles[hem], 500)})
     assert decide(evidence, LIBRARY).named == named
+
+
+@pytest.mark.parametrize(("squares", "twins"), [(1180, {"time_offset": ["filter_lag"]}), (1400, {})])
+def test_a_twin_that_the_held_edge_contradicts_is_not_told(squares, twins):
+    pair = with_edge(hypothesis(("air_drag", "filter_lag"), 5.6), squares)
+    evidence = evidence_of({"air_drag": 9.0}, joint=[(("air_drag", "time_offset"), 5.5)], instead=[pair])
+    (drag,), ((both, p_value),) = evidence.singles, evidence.joint
+    evidence = dataclasses.replace(
+        evidence, singles={drag: with_edge(evidence.singles[drag], 4000)}, joint=[(with_edge(both, 1100), p_value)]
+    )
+    assert decide(evidence, LIBRARY).alternatives == twins

@@ -6,7 +6,10 @@ takes are judged on. Simulations on the finer and coarser meshes count like any 
 
 from __future__ import annotations
 
+import os
 import sys
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hangtime` does, or ends depend on the number of processors
 
 from msgspec.structs import replace
 

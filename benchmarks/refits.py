@@ -8,7 +8,10 @@ generator's cloth is not the library's, so that the truth is not where the cost 
 
 from __future__ import annotations
 
+import os
 import sys
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hangtime` does, or ends depend on the number of processors
 
 import numpy as np
 from numpy.typing import NDArray

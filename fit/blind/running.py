@@ -6,13 +6,15 @@ ANSWERS/<id>/failure.txt        where it ended without one: the case counts as `
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import contextmanager
 from pathlib import Path
 
 from fit import runtime
@@ -22,7 +24,7 @@ from formats.whole_files import write_whole
 
 LIMIT = 3600.0  # s for one case: thirty times what one takes
 PATIENCE = 10.0  # s until a diagnosis that the terminal's Ctrl-C did not reach is interrupted too
-DIAGNOSIS, FAILURE, LOG = "diagnosis.json", "failure.txt", "output.txt"
+DIAGNOSIS, FAILURE, LOG, LOCK = "diagnosis.json", "failure.txt", "output.txt", ".lock"
 Progress = Callable[[int, int, int], None]
 
 
@@ -42,7 +44,8 @@ def run_set(
     limit [s]: time for one case; workers: diagnoses side by side, which share the processors
 
     Raises:
-        FitError: there is no set, it is not complete, or its files are not those that were made.
+        FitError: there is no set, it is not complete, its files are not those that were made, or another run writes
+            the same answers.
     """
     manifest = read_manifest(folder)
     if not manifest.complete:
@@ -53,9 +56,31 @@ def run_set(
             f"{len(changed)} files are not those that were made, first {changed[0]}", where=folder,
             advice="the same `hangtime blind make` makes them again",
         )  # fmt: skip
-    cases = manifest.cases
-    left = [c for c in cases if not _is_done(answers / c) and (again or not (answers / c / FAILURE).exists())]
     diagnoses = _Diagnoses([*(command or diagnose_command())], options, limit, workers)
+    with _alone(answers):
+        return _run(manifest.cases, folder, answers, diagnoses, again, workers, progress)
+
+
+@contextmanager
+def _alone(answers: Path) -> Iterator[None]:
+    """Hold a folder of answers; the kernel lets go of it when the process ends, however it does."""
+    answers.mkdir(parents=True, exist_ok=True)
+    with (answers / LOCK).open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise FitError(
+                "another `hangtime blind run` writes answers here", where=answers,
+                advice="wait until it has ended, or give another folder with --out",
+            ) from error  # fmt: skip
+        yield
+
+
+def _run(
+    cases: Sequence[str], folder: Path, answers: Path, diagnoses: _Diagnoses, again: bool, workers: int,
+    progress: Progress,
+) -> int:  # fmt: skip
+    left = [c for c in cases if not _is_done(answers / c) and (again or not (answers / c / FAILURE).exists())]
     failed = sum(not _is_done(answers / c) for c in cases if c not in left)
     progress(len(cases) - len(left), len(cases), failed)
     with ThreadPoolExecutor(workers) as pool:

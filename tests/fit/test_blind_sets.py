@@ -160,6 +160,31 @@ def test_running_skips_what_is_done_and_records_failures(a_set, tmp_path):
     hash_answers(a_set, answers)
 
 
+# Holds a folder of answers as a run does, says so, and stays.
+HOLDER = """
+import pathlib, sys, time
+from fit.blind.running import _alone
+with _alone(pathlib.Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(60)
+"""
+
+
+def test_two_runs_do_not_write_the_same_answers_and_a_killed_one_is_in_nobodys_way(a_set, tmp_path):
+    program, answers = tmp_path / "diagnose.py", tmp_path / "answers"
+    program.write_text(STAND_IN)
+    (tmp_path / "fails.txt").write_text("nobody")
+    save_diagnosis(tmp_path / "answer.json", diagnosis("none"))
+    words = [sys.executable, "-c", HOLDER, str(answers)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout.readline() == "held\n"
+        with pytest.raises(FitError, match="another `hangtime blind run` writes answers here"):
+            run_set(a_set, answers, command=[sys.executable, str(program)])
+        assert not (tmp_path / "calls.txt").exists()
+        other.kill()
+    assert run_set(a_set, answers, command=[sys.executable, str(program)]) == 0
+
+
 # Waits until a second one has begun, or for the end of its patience.
 MEETING = """
 import os, pathlib, sys, time

@@ -19,7 +19,7 @@ ALLOWED = (
     "typer",
 )
 STANDARD = (
-    "__future__", "collections", "concurrent", "contextlib", "dataclasses", "datetime", "hashlib", "hmac", "html",
+    "__future__", "collections", "concurrent", "contextlib", "dataclasses", "datetime", "fcntl", "hashlib", "hmac", "html",
     "itertools", "json", "multiprocessing", "os", "pathlib", "secrets", "shutil", "signal", "subprocess", "sys",
     "typing",
 )  # fmt: skip

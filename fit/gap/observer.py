@@ -224,7 +224,7 @@ def _edge_rows(
     """Where the numbers of one held edge come from, in the order of `Layout`, and their deviations [m]."""
     frame = np.repeat(edge.frame, NUMBERS)
     means = len(edge.static_sd)
-    last = first_block + int(recording.time[recording.counted.any(1)].max() / BLOCK)
+    last = first_block + int(recording.time[recording.counted.any(1)].max(initial=0.0) / BLOCK)
     block = np.minimum((recording.time[frame] / BLOCK).astype(np.int64) + first_block, last)
     count = len(frame) + means
     nowhere = np.full(count, -1)

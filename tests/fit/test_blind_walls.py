@@ -19,8 +19,8 @@ ALLOWED = (
     "typer",
 )
 STANDARD = (
-    "__future__", "collections", "concurrent", "contextlib", "dataclasses", "datetime", "fcntl", "hashlib", "hmac", "html",
-    "itertools", "json", "multiprocessing", "os", "pathlib", "secrets", "shutil", "signal", "subprocess", "sys",
+    "__future__", "collections", "concurrent", "contextlib", "dataclasses", "datetime", "fcntl", "hashlib", "hmac",
+    "html", "itertools", "json", "multiprocessing", "os", "pathlib", "secrets", "shutil", "signal", "subprocess", "sys",
     "typing",
 )  # fmt: skip
 # What other people's engines import in a Python of their own.

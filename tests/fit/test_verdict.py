@@ -13,7 +13,7 @@ from fit.effects.base import amplitudes_of
 from fit.gap.closure import BlockErrors
 from fit.gap.evidence import is_seen_on_edge, is_worth_adding, share_in_median_block
 from fit.gap.findings import describe_effects
-from fit.gap.probabilities import LEFT, LEFT_WIDTH, probabilities
+from fit.gap.probabilities import LEFT, LEFT_WIDTH, ODDS, probabilities
 from fit.gap.rounds import Rounds
 from fit.gap.verdict import decide
 from fit.parameterisations import SI
@@ -228,10 +228,11 @@ def probability_of(name, evidence, several=None):
 
 
 def test_an_effect_that_leaves_much_is_less_probable():
-    """With d mm it leaves (d^2 - 25 - 1) / 119 of the gap: 1 / (1 + exp((left - LEFT) / LEFT_WIDTH))."""
+    """With d mm it leaves (d^2 - 26) / 119 of the gap: 1 / (1 + exp((left - LEFT) / LEFT_WIDTH)), odds times ODDS."""
     for mm in (5.0, 8.0, 8.6, 9.2):
         left = (mm**2 - 26) / 119
-        expected = 1 / (1 + np.exp((left - LEFT) / LEFT_WIDTH))
+        share = 1 / (1 + np.exp((left - LEFT) / LEFT_WIDTH))
+        expected = ODDS * share / (1 - share + ODDS * share)
         assert probability_of("air_lift", evidence_of({"air_lift": mm})) == pytest.approx(expected, abs=0.08)
 
 

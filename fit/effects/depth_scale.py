@@ -28,7 +28,7 @@ class DepthScale(Effect):
     low: ClassVar[float] = -0.06
     high: ClassVar[float] = 0.06
     typical: ClassVar[float] = 0.01
-    law_spread: ClassVar[float] = 0.0
+    law_spread: ClassVar[float] = 0.08  # errors of disparity grow with the distance
     components: ClassVar[tuple[str, ...]] = ("points", "scene")
 
     def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:

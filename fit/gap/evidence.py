@@ -44,6 +44,7 @@ RIVAL = 0.1  # share of bootstrap draws that makes an effect a rival
 # Slow noise, a third of the white one and lasting a third of a second, makes four times the scores that white noise
 # makes, and a tenth more of squares.
 EDGE_CERTAIN, EDGE_NOISE = 60.0, 1.15  # squared whitened residuals of the held edge: fifteen of such variances
+MOVES_EDGE = ("boundary", "measurement")  # what effects act on that move the held edge
 EDGE_SHARE = 0.5  # of what the held edge shows beyond its noise, that an effect which is seen there removes
 
 
@@ -68,10 +69,22 @@ def closes_enough(gap: float, before: BlockErrors, after: BlockErrors, floor_mm:
     return is_worth_adding(gap, before.squared_mm - floor_mm**2, hope * gain, hope * usual)
 
 
-def is_seen_on_edge(before: BlockErrors, after: BlockErrors) -> bool:
-    """Whether a further effect brings the held edge of other takes most of the way to where it was tracked."""
+def edge_left_by_law(observer: Observer, base: Hypothesis, hypothesis: Hypothesis) -> float:
+    """What sound laws of effects leave of what the held edge shows without them, in squared deviations."""
+    moving = (observer.effects[k] for k in hypothesis.effects if observer.effects[k].acts_on in MOVES_EDGE)
+    spread = max((effect.law_spread for effect in moving), default=0.0)
+    shown = base.errors.edge - EDGE_NOISE * base.errors.edge_count
+    return (LAW_DEVIATIONS * spread) ** 2 * max(shown, 0.0)
+
+
+def is_seen_on_edge(before: BlockErrors, after: BlockErrors, by_law: float) -> bool:
+    """Whether a further effect brings the held edge of other takes most of the way to where it was tracked.
+
+    by_law: what laws of those before may leave there (`edge_left_by_law`); it must remove more
+    """
     noise = EDGE_NOISE * before.edge_count
-    return before.edge - after.edge > EDGE_CERTAIN and after.edge - noise < (1 - EDGE_SHARE) * (before.edge - noise)
+    is_enough = before.edge - after.edge > max(EDGE_CERTAIN, by_law)
+    return is_enough and after.edge - noise < (1 - EDGE_SHARE) * (before.edge - noise)
 
 
 def is_told_by_edge(one: BlockErrors, other: BlockErrors, without: BlockErrors) -> bool:
@@ -82,9 +95,9 @@ def is_told_by_edge(one: BlockErrors, other: BlockErrors, without: BlockErrors) 
     return one.edge - other.edge > max(EDGE_CERTAIN, LEAST_BY_LAW * (without.edge - other.edge))
 
 
-def is_edge_explained(errors: BlockErrors) -> bool:
-    """Whether the held edge of other takes lies where a model puts it, as far as noise lets anyone know."""
-    return errors.edge - EDGE_NOISE * errors.edge_count <= EDGE_CERTAIN
+def is_edge_explained(errors: BlockErrors, by_law: float) -> bool:
+    """Whether the held edge of other takes lies where a model puts it, as far as noise and laws let anyone know."""
+    return errors.edge - EDGE_NOISE * errors.edge_count <= max(EDGE_CERTAIN, by_law)
 
 
 def is_worth_adding(gap: float, left: float, gain: float, usual_share: float = 0.0) -> bool:

@@ -24,6 +24,7 @@ from fit.gap.evidence import (
     Evidence,
     are_worth_adding,
     best_of,
+    edge_left_by_law,
     is_seen_on_edge,
     share_in_median_block,
 )
@@ -50,7 +51,7 @@ def probabilities(evidence: Evidence, several: Hypothesis | None) -> dict[int, f
         best = best_of(evidence.observer, evidence.singles)[0]
         usual = share_in_median_block(best.errors, teams[0].errors, evidence.floor_mm)
         is_added = are_worth_adding(base - noise, before - noise, before - least, usual)
-        if is_seen_on_edge(best.errors, teams[0].errors):
+        if is_seen_on_edge(best.errors, teams[0].errors, edge_left_by_law(evidence.observer, evidence.base, best)):
             is_added |= before > least
         by_law = np.stack([evidence.most_by_law(team, base - noise) for team in teams])
         together = is_added & (least <= most) & (least <= by_law[winner, np.arange(len(base))])

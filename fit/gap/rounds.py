@@ -17,6 +17,7 @@ from fit.gap.evidence import (
     Evidence,
     best_of,
     closes_enough,
+    edge_left_by_law,
     is_at_bound,
     is_edge_explained,
     is_seen_on_edge,
@@ -136,7 +137,7 @@ class Rounds:
         while len(starts[0].effects) < MOST_EFFECTS:
             left_mm2 = best.errors.squared_mm - floor**2
             is_left = left_mm2 >= max(SMALLEST_SECOND_GAIN * gap, numerics**2)
-            if not is_left and is_edge_explained(best.errors):
+            if not is_left and is_edge_explained(best.errors, edge_left_by_law(self.observer, self.base, best)):
                 return
             tried = [pair for start in starts for pair in self._with_another(start)]
             if not tried:
@@ -161,7 +162,11 @@ class Rounds:
         """Whether a further effect closes enough, or would if it closed `hope` times as much, or shows on the edge."""
         gap = self.base.errors.squared_mm - floor**2
         is_enough = closes_enough(gap, before.errors, found.errors, floor, hope)
-        return is_enough or is_seen_on_edge(before.errors, found.errors)
+        return is_enough or self._is_seen_on_edge(before, found)
+
+    def _is_seen_on_edge(self, before: Hypothesis, found: Hypothesis) -> bool:
+        by_law = edge_left_by_law(self.observer, self.base, before)
+        return is_seen_on_edge(before.errors, found.errors, by_law)
 
     def _best_of_tried(self, tried: list[tuple[Hypothesis, float]], before: Hypothesis) -> tuple[Hypothesis, float]:
         """Return what leaves least of what may be added, or of all that was tried where nothing may.
@@ -170,7 +175,7 @@ class Rounds:
         first, with the effect that puts it right.
         """
         real = [(h, p) for h, p in tried if may_be_added(self.observer, h, p)]
-        seen = [(h, p) for h, p in real if is_seen_on_edge(before.errors, h.errors)]
+        seen = [(h, p) for h, p in real if self._is_seen_on_edge(before, h)]
         if seen:
             nearest = min((h.errors for h, _ in seen), key=lambda errors: errors.edge)
             real = [(h, p) for h, p in seen if not is_told_by_edge(h.errors, nearest, before.errors)]

@@ -141,9 +141,14 @@ def test_what_the_held_edge_shows_is_fitted_on_though_it_closes_little(monkeypat
 
 
 # With the hem 1 mm^2 is left of 119, less than is looked at else.
-@pytest.mark.parametrize(("squares", "rounds_tried"), [(2000, 1), (1200, 0)])
-def test_a_further_effect_is_looked_for_where_the_held_edge_is_not_explained(monkeypatch, squares, rounds_tried):
-    search = a_search((12.0, 100.0), {"hem": (5.1, 20.0)})
+@pytest.mark.parametrize(
+    ("name", "squares", "rounds_tried"),
+    [("hem", 2000, 1), ("hem", 1200, 0), ("depth_scale", 2000, 0), ("depth_scale", 2500, 1)],
+)
+def test_a_further_effect_is_looked_for_where_the_held_edge_is_not_explained(monkeypatch, name, squares, rounds_tried):
+    """Of 18850 laws of depth may leave 1086."""
+    search = a_search((12.0, 100.0), {name: (5.1, 20.0)})
+    search.base = with_edge(search.base, 20000)
     search.singles = {k: with_edge(h, squares) for k, h in search.singles.items()}
     tried = []
     monkeypatch.setattr(Rounds, "_with_another", lambda self, start: tried.append(start.effects) or [])

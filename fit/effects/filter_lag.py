@@ -28,7 +28,7 @@ class FilterLag(Effect):
     low: ClassVar[float] = 0.0
     high: ClassVar[float] = 0.2
     typical: ClassVar[float] = 0.02
-    law_spread: ClassVar[float] = 0.0
+    law_spread: ClassVar[float] = 0.08  # of one pole or of more
 
     def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:
         """Return the path of the held ends as it was tau earlier."""

@@ -87,6 +87,11 @@ def is_seen_on_edge(before: BlockErrors, after: BlockErrors, by_law: float) -> b
     return is_enough and after.edge - noise < (1 - EDGE_SHARE) * (before.edge - noise)
 
 
+def puts_edge_right(observer: Observer, base: Hypothesis, before: Hypothesis, found: Hypothesis) -> bool:
+    """Whether a further effect is seen on the held edge, beyond what laws of those before it may leave there."""
+    return is_seen_on_edge(before.errors, found.errors, edge_left_by_law(observer, base, before))
+
+
 def is_told_by_edge(one: BlockErrors, other: BlockErrors, without: BlockErrors) -> bool:
     """Whether the held edge of other takes tells that it is the other model's effect and not this one's.
 

@@ -5,11 +5,10 @@ much of the gap a true cause may leave unexplained beyond noise, mesh and solver
 That limit is logistic about LEFT with a width of LEFT_WIDTH: on cases whose truth was known (`docs/blind-check.md`)
 nearly all that left less than a tenth was the cause, and about half of what left a fifth to three fifths. What sound
 laws of an effect leave is a second limit (`Evidence.most_by_law`). In a draw an effect is at work if it leaves the
-least error, is worth naming and leaves no more than both. Several effects are
-at work together where they leave no more than the limits and the last of them was worth adding; they share that
-probability, and each of them may be at work alone in the other draws. Where a twin does nearly as well in the place of
-one of them, it is the twin in the draws in which it leaves less. What the held edge contradicts
-(`Evidence.contradicted`) is not at work.
+least error, is worth naming and leaves no more than both. Several effects are at work together where they leave no
+more than the limits and the last of them was worth adding; they share that probability, and each of them may be at work
+alone in the other draws. Where a twin does nearly as well in the place of one of them, it is the twin in the draws in
+which it leaves less. What the held edge contradicts (`Evidence.contradicted`) is not at work.
 
 Shares of draws are too low: on cases whose truth was known, with anything at work in a share S of the draws, the odds
 that something in the library was were about ODDS times S / (1 - S). All shares are scaled alike.
@@ -24,8 +23,7 @@ from fit.gap.evidence import (
     Evidence,
     are_worth_adding,
     best_of,
-    edge_left_by_law,
-    is_seen_on_edge,
+    puts_edge_right,
     share_in_median_block,
 )
 from fit.gap.hypotheses import Hypothesis
@@ -51,7 +49,7 @@ def probabilities(evidence: Evidence, several: Hypothesis | None) -> dict[int, f
         best = best_of(evidence.observer, evidence.singles)[0]
         usual = share_in_median_block(best.errors, teams[0].errors, evidence.floor_mm)
         is_added = are_worth_adding(base - noise, before - noise, before - least, usual)
-        if is_seen_on_edge(best.errors, teams[0].errors, edge_left_by_law(evidence.observer, evidence.base, best)):
+        if puts_edge_right(evidence.observer, evidence.base, best, teams[0]):
             is_added |= before > least
         by_law = np.stack([evidence.most_by_law(team, base - noise) for team in teams])
         together = is_added & (least <= most) & (least <= by_law[winner, np.arange(len(base))])

@@ -20,8 +20,8 @@ from fit.gap.evidence import (
     edge_left_by_law,
     is_at_bound,
     is_edge_explained,
-    is_seen_on_edge,
     is_told_by_edge,
+    puts_edge_right,
 )
 from fit.gap.fitting import Fitted, Task, fit
 from fit.gap.hypotheses import POLISHING, Hypothesis, judged, polishing, refits, shortlist
@@ -162,11 +162,7 @@ class Rounds:
         """Whether a further effect closes enough, or would if it closed `hope` times as much, or shows on the edge."""
         gap = self.base.errors.squared_mm - floor**2
         is_enough = closes_enough(gap, before.errors, found.errors, floor, hope)
-        return is_enough or self._is_seen_on_edge(before, found)
-
-    def _is_seen_on_edge(self, before: Hypothesis, found: Hypothesis) -> bool:
-        by_law = edge_left_by_law(self.observer, self.base, before)
-        return is_seen_on_edge(before.errors, found.errors, by_law)
+        return is_enough or puts_edge_right(self.observer, self.base, before, found)
 
     def _best_of_tried(self, tried: list[tuple[Hypothesis, float]], before: Hypothesis) -> tuple[Hypothesis, float]:
         """Return what leaves least of what may be added, or of all that was tried where nothing may.
@@ -175,7 +171,7 @@ class Rounds:
         first, with the effect that puts it right.
         """
         real = [(h, p) for h, p in tried if may_be_added(self.observer, h, p)]
-        seen = [(h, p) for h, p in real if self._is_seen_on_edge(before, h)]
+        seen = [(h, p) for h, p in real if puts_edge_right(self.observer, self.base, before, h)]
         if seen:
             nearest = min((h.errors for h, _ in seen), key=lambda errors: errors.edge)
             real = [(h, p) for h, p in seen if not is_told_by_edge(h.errors, nearest, before.errors)]

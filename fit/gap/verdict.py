@@ -16,9 +16,8 @@ from fit.gap.evidence import (
     Evidence,
     best_of,
     closes_enough,
-    edge_left_by_law,
     is_at_bound,
-    is_seen_on_edge,
+    puts_edge_right,
 )
 from fit.gap.fitting import amplitude_of
 from fit.gap.hypotheses import Hypothesis
@@ -179,8 +178,7 @@ def _several(evidence: Evidence, passing: list[int]) -> Hypothesis | None:
         is_certain = np.quantile(gain, 0.05) > 0 or (hypothesis.fitted.cost < (1 - SECOND_GAIN) * before.fitted.cost)
         is_enough = closes_enough(gap, before.errors, hypothesis.errors, evidence.floor_mm)
         is_left = before.errors.squared_mm - evidence.floor_mm**2 >= evidence.numerics_mm**2
-        by_law = edge_left_by_law(evidence.observer, evidence.base, before)
-        is_seen = is_seen_on_edge(before.errors, hypothesis.errors, by_law)
+        is_seen = puts_edge_right(evidence.observer, evidence.base, before, hypothesis)
         is_needed = is_certain and ((is_enough and is_left) or is_seen)
         if not may_be_added(evidence.observer, hypothesis, p_value) or not is_needed:
             break

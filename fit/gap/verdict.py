@@ -95,7 +95,7 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
             "unknown",
             [],
             f"There is a gap that no effect in the library explains: {effects[best].title} comes nearest, and leaves "
-            f"{100 - 100 * closed.value:.0f} % of it, more than laws of that may differ by. {numbers}",
+            f"{100 - 100 * closed.value:.0f} % of it, more than it would as the cause. {numbers}",
         )
     shares = evidence.win_shares()
     rivals = [
@@ -203,7 +203,7 @@ def _name_several(evidence: Evidence, several: Hypothesis, effects: tuple[Effect
             "unknown",
             [],
             f"There is a gap that no effect in the library explains: {titles} come nearest, and together leave "
-            f"{100 - 100 * closed.value:.0f} % of it, more than laws of them may differ by. {_numbers(evidence)}",
+            f"{100 - 100 * closed.value:.0f} % of it, more than they would as the causes. {_numbers(evidence)}",
         )
     return Verdict(
         "several",

@@ -389,3 +389,16 @@ def test_what_a_law_may_leave_on_the_held_edge_needs_no_further_effect(name, ver
     assert decide(evidence, LIBRARY).verdict == verdict
     likely = probabilities(evidence, evidence.joint[0][0])[both.effects[1]]
     assert (likely > 0.5) == (verdict == "several")
+
+
+@pytest.mark.parametrize("given", [{"singles": {"air_drag": 7.0}}, {"singles": {"air_lift": 10.3}}])
+def test_what_comes_nearest_and_leaves_too_much_is_told_with_what_it_leaves(given):
+    """Drag leaves 24 of 119 mm^2, more than its laws would; lift 81, more than any cause."""
+    found = decide(evidence_of(**given), LIBRARY)
+    left = {
+        "air_drag": "air drag comes nearest, and leaves 20 %",
+        "air_lift": "air lift comes nearest, and leaves 68 %",
+    }
+    assert found.verdict == "unknown"
+    assert left[next(iter(given["singles"]))] in found.sentence, found.sentence
+    assert "more than it would as the cause" in found.sentence

@@ -104,6 +104,7 @@ class Gap(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     """Root mean square error [mm] of the base model, with the named effect, and of the sensor's noise alone.
 
     is_floor_most: whether a model fell below the noise that the takes seem to have, so that there is at most floor_mm
+    edge_mm: how far the tracked held edge is from where the base model has it; edge_with_effect_mm: with what is named
     """
 
     base_mm: Figure
@@ -113,6 +114,8 @@ class Gap(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     with_effect_mm: Figure | None = None
     closure: Figure | None = None
     is_held_out: bool = False
+    edge_mm: float | None = None
+    edge_with_effect_mm: float | None = None
 
 
 class EffectFinding(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -85,7 +85,7 @@ class Group:
 def launch(groups: Sequence[Group], observer_hz: float) -> None:
     """Simulate groups of one cloth and one kernel, and fill in their results."""
     threads = runtime.available_threads()
-    lanes = min(COST, key=lambda n: _time(groups, n, threads))
+    lanes = min(runtime.lane_widths(), key=lambda n: _time(groups, n, threads))
     tasks = sorted((task for g in groups for task in g.split(lanes)), key=lambda g: -g.steps)
     for start in range(0, len(tasks), TASKS * threads):
         _call(tasks[start : start + TASKS * threads], lanes, observer_hz)

@@ -79,7 +79,7 @@ def _read(path: Path) -> Fitted:
         return Fitted(
             vector=kept["vector"], amplitudes=kept["amplitudes"], active=tuple(int(k) for k in kept["active"]),
             residual=kept["residual"], jacobian=kept["jacobian"], deviation=kept["deviation"],
-            is_converged=bool(kept["is_converged"]),
+            is_converged=bool(kept["is_converged"]), is_by_edge=bool(kept["is_by_edge"]),
         )  # fmt: skip
 
 
@@ -88,6 +88,6 @@ def _write(path: Path, fitted: Fitted) -> None:
     np.savez(
         partial, vector=fitted.vector, amplitudes=fitted.amplitudes, active=np.array(fitted.active, int),
         residual=fitted.residual, jacobian=fitted.jacobian, deviation=fitted.deviation,
-        is_converged=fitted.is_converged,
+        is_converged=fitted.is_converged, is_by_edge=fitted.is_by_edge,
     )  # fmt: skip
     partial.replace(path)

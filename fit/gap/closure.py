@@ -9,11 +9,12 @@ Source: B. Efron & R. Tibshirani, "An Introduction to the Bootstrap" (1993), cha
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fit.gap.edge import EdgeErrors
 from fit.gap.observer import Observer
 
 Floats = NDArray[np.float64]
@@ -28,15 +29,13 @@ SMALLEST_GAP = 0.05  # of the squared floor; below, closure is not defined
 class BlockErrors:
     """Squared error per block of half a second [mm^2 per point, summed] and how many points it has.
 
-    residual [mm], (numbers,): the errors themselves; edge: sum of squared whitened residuals of the held edge, which
-    white noise makes as large as their number, edge_count
+    residual [mm], (numbers,): the errors themselves; edge: what is left at the held edges
     """
 
     sums: Floats
     counts: Floats
     residual: Floats
-    edge: float = 0.0
-    edge_count: int = 0
+    edge: EdgeErrors = field(default_factory=EdgeErrors)
 
     @property
     def squared_mm(self) -> float:
@@ -56,8 +55,7 @@ def block_errors(observer: Observer, residual: Floats) -> BlockErrors:
     count = np.bincount(block) / 3.0
     sums = np.asarray(np.bincount(block, squared), float)
     seen = count > 0
-    edge = residual[observer.layout.is_edge]
-    return BlockErrors(sums[seen], count[seen], millimetres, float(edge @ edge), len(edge))
+    return BlockErrors(sums[seen], count[seen], millimetres, observer.edge_errors(residual))
 
 
 def bootstrap_picks(errors: BlockErrors, rng: np.random.Generator) -> NDArray[np.int64]:

@@ -20,6 +20,7 @@ from fit.gap import gates as gate
 from fit.gap.base_fit import fit_base
 from fit.gap.checkpoint import Checkpoint, Key
 from fit.gap.closure import bootstrap_picks, closure, exceeds
+from fit.gap.edge import is_edge_explained
 from fit.gap.fitting import Fitted
 from fit.gap.floor import noise_floor
 from fit.gap.missing_force import find_missing_force
@@ -89,7 +90,8 @@ def diagnose(
     progress("noise floor", 0.3)
     seeming, floor_error = noise_floor(judge, fits[0].vector, observer.off, rng)
     picks = bootstrap_picks(search.base.errors, rng)
-    search.first_round(added, has_gap=exceeds(search.base.errors, picks, seeming**2))
+    is_off = exceeds(search.base.errors, picks, seeming**2) or not is_edge_explained(search.base.errors.edge)
+    search.first_round(added, has_gap=is_off)
     floor = search.reached(seeming)
     if not predictability.passed:
         predictability = search.predictability()
@@ -99,6 +101,7 @@ def diagnose(
     refined = refine(observer, judge, base)
     mesh_closure = closure(search.base.errors, refined.errors, floor, picks)
     found_gates.append(gate.numerics_gate(mesh_closure[0] if mesh_closure else None, refined.numerics_mm))
+    search.sizes_by_edge(refined.numerics_mm)
     evidence = search.evidence(seeming, refined.numerics_mm, picks, found_gates, is_held_out=bool(test))
     verdict = decide(evidence, effects)
     # Several are named only where one of them passes alone: else a second cannot change the verdict.
@@ -120,7 +123,7 @@ def diagnose(
         sentence=verdict.sentence,
         named=verdict.named,
         gap=described.describe_gap(evidence, best, floor_error),
-        effects=described.describe_effects(evidence, best, effects, model),
+        effects=described.describe_effects(evidence, judge, best, effects, model),
         where=find_where(judge, judge.residuals(base.vector[None], observer.off[None])[0]),
         missing_force=find_missing_force(judge, base.vector),
         next_experiment=proposal,

@@ -13,10 +13,16 @@ points' own offsets:
 
 The path's noise is what its spline leaves of white noise. A steady spline of cut-off f_c at n frames a second keeps of
 its variance (2 / n) integral df / (1 + (f / f_c)^6)^2 = (5 pi / 9) f_c / n (`fit.smoothing`).
+Slow noise, a third of the white one and lasting a third of a second, makes four times the scores that white noise
+makes, and a tenth more of squares: of what varies, fifteen of such variances are certain. A marker's own offset is the
+same in all takes, so that what is off constantly counts once, as the mean over takes of a sum of four squares, chi^2(4)
+where nothing is off: 25 is exceeded once in 20000 times. Both are added in multiples of what is certain (`shown`).
 Source: the integral: I. S. Gradshteyn & I. M. Ryzhik, "Table of Integrals, Series, and Products" (2007), 3.241.5.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +36,72 @@ OFFSET_SD = 1e-3  # m, prior of a marker's constant offset: glue, and where its 
 KEPT = 5 * np.pi / 9  # of the variance of white noise, per cut-off over rate
 FEWEST_POINTS = 2  # of which one stretch can be told
 NUMBERS = 4  # of a frame: three of the middle, one of the stretch
+MOVING_CERTAIN, RESTING_CERTAIN = 60.0, 25.0  # squared deviations, of what varies and of what is off constantly
+MOVING_NOISE = 1.15  # of its count, that noise makes of what varies
+MOST_REMOVED = 0.5  # of what the held edge shows beyond its noise, that an effect which is seen there removes
+LEAST_BY_LAW = 0.05  # of what is off without either of two effects, that a sound law may leave of it
+
+
+@dataclass(frozen=True)
+class EdgeErrors:
+    """What a model leaves at the held edges of some takes, in squared deviations.
+
+    moving: of what varies, the sum of its `count` squares; resting: of what is off constantly, the mean over takes
+    mm: root mean square over frames of the four numbers together [mm]
+    """
+
+    moving: float = 0.0
+    count: int = 0
+    resting: float = 0.0
+    mm: float = 0.0
+
+    @property
+    def shown(self) -> float:
+        """Both together, in multiples of what is certain; only differences of models mean something."""
+        return self.moving / MOVING_CERTAIN + self.resting / RESTING_CERTAIN
+
+    @property
+    def beyond_noise(self) -> float:
+        """What no noise explains, in multiples of what is certain."""
+        moving = max(self.moving - MOVING_NOISE * self.count, 0.0)
+        return moving / MOVING_CERTAIN + max(self.resting - NUMBERS, 0.0) / RESTING_CERTAIN
+
+
+def is_seen_on_edge(before: EdgeErrors, after: EdgeErrors, by_law: float = 0.0) -> bool:
+    """Whether an effect brings the held edge most of the way to where it was tracked.
+
+    by_law: what laws of effects before may leave there, in multiples of what is certain; it must remove more
+    """
+    is_enough = before.shown - after.shown > max(1.0, by_law)
+    return is_enough and after.beyond_noise <= (1 - MOST_REMOVED) * before.beyond_noise
+
+
+def is_told_by_edge(one: EdgeErrors, other: EdgeErrors, without: EdgeErrors) -> bool:
+    """Whether the held edge tells that it is the other model's effect and not this one's; without: with neither."""
+    return one.shown - other.shown > max(1.0, LEAST_BY_LAW * (without.shown - other.shown))
+
+
+def is_edge_explained(errors: EdgeErrors, by_law: float = 0.0) -> bool:
+    """Whether the held edge lies where a model puts it, as far as noise and laws let anyone know."""
+    return errors.beyond_noise <= max(1.0, by_law)
+
+
+def edge_errors(take: NDArray[np.int64], frame: NDArray[np.int64], whitened: Floats, sd: Floats) -> EdgeErrors:
+    """Gather what is left at held edges; all arrays (numbers,), `frame` -1 for means over a take, sd in metres."""
+    if not len(whitened):
+        return EdgeErrors()
+    still = frame < 0
+    takes = np.unique(take)
+    apart = whitened * sd
+    squares, frames = 0.0, 0
+    for k in takes:
+        moving = apart[(take == k) & ~still].reshape(-1, NUMBERS)
+        squares += float(((moving + apart[(take == k) & still]) ** 2).sum())
+        frames += len(moving)
+    return EdgeErrors(
+        moving=float((whitened[~still] ** 2).sum()), count=int((~still).sum()),
+        resting=float((whitened[still] ** 2).sum()) / len(takes), mm=1e3 * float(np.sqrt(squares / max(frames, 1))),
+    )  # fmt: skip
 
 
 class EdgeResiduals:

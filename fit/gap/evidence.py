@@ -17,6 +17,7 @@ from fit.gap.closure import (
     exceeds,
     solver_draws,
 )
+from fit.gap.edge import LEAST_BY_LAW, is_edge_explained, is_seen_on_edge, is_told_by_edge
 from fit.gap.fitting import NORMAL_95, amplitude_of
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.observer import Observer
@@ -29,7 +30,7 @@ SMALLEST_CLOSURE = 0.25  # an effect that removes less of the gap is not its cau
 MOST_LEFT = 0.6  # of the gap that a cause may leave unexplained, beyond noise and mesh
 # Sound laws of an effect differ by its `law_spread`, in amplitude and so in motion; of the gap they leave the square of
 # that, to three deviations, or a twentieth. An error of mesh and solver adds twice its square at most.
-LAW_DEVIATIONS, LEAST_BY_LAW, MESH_TWICE = 3.0, 0.05, 2.0
+LAW_DEVIATIONS, MESH_TWICE = 3.0, 2.0
 AT_BOUND = 0.01  # of an effect's range: an amplitude nearer to its end was stopped by it
 # A further effect closes a tenth of the gap and a third of what those before leave beyond the noise; or it closes most
 # of that, which the wrong law of an effect that is there rarely does. Most on average, or in the median half-second:
@@ -39,13 +40,7 @@ SMALLEST_SECOND_GAIN, MOST_OF_LEFT = 0.03, 0.6
 LEAST_LEFT = 0.1  # of the squared noise that is taken to be left in a half-second at least
 NEAR, NEAR_TWIN = 0.8, 0.9  # of the winner's closure from which an effect, or one of the same shape, is a rival
 RIVAL = 0.1  # share of bootstrap draws that makes an effect a rival
-
-
-# Slow noise, a third of the white one and lasting a third of a second, makes four times the scores that white noise
-# makes, and a tenth more of squares.
-EDGE_CERTAIN, EDGE_NOISE = 60.0, 1.15  # squared whitened residuals of the held edge: fifteen of such variances
 MOVES_EDGE = ("boundary", "measurement")  # what effects act on that move the held edge
-EDGE_SHARE = 0.5  # of what the held edge shows beyond its noise, that an effect which is seen there removes
 
 
 def is_at_bound(observer: Observer, hypothesis: Hypothesis) -> bool:
@@ -70,39 +65,15 @@ def closes_enough(gap: float, before: BlockErrors, after: BlockErrors, floor_mm:
 
 
 def edge_left_by_law(observer: Observer, base: Hypothesis, hypothesis: Hypothesis) -> float:
-    """What sound laws of effects leave of what the held edge shows without them, in squared deviations."""
+    """What sound laws of effects leave of what the held edge shows without them, in multiples of what is certain."""
     moving = (observer.effects[k] for k in hypothesis.effects if observer.effects[k].acts_on in MOVES_EDGE)
     spread = max((effect.law_spread for effect in moving), default=0.0)
-    shown = base.errors.edge - EDGE_NOISE * base.errors.edge_count
-    return (LAW_DEVIATIONS * spread) ** 2 * max(shown, 0.0)
-
-
-def is_seen_on_edge(before: BlockErrors, after: BlockErrors, by_law: float) -> bool:
-    """Whether a further effect brings the held edge of other takes most of the way to where it was tracked.
-
-    by_law: what laws of those before may leave there (`edge_left_by_law`); it must remove more
-    """
-    noise = EDGE_NOISE * before.edge_count
-    is_enough = before.edge - after.edge > max(EDGE_CERTAIN, by_law)
-    return is_enough and after.edge - noise < (1 - EDGE_SHARE) * (before.edge - noise)
+    return (LAW_DEVIATIONS * spread) ** 2 * base.errors.edge.beyond_noise
 
 
 def puts_edge_right(observer: Observer, base: Hypothesis, before: Hypothesis, found: Hypothesis) -> bool:
     """Whether a further effect is seen on the held edge, beyond what laws of those before it may leave there."""
-    return is_seen_on_edge(before.errors, found.errors, edge_left_by_law(observer, base, before))
-
-
-def is_told_by_edge(one: BlockErrors, other: BlockErrors, without: BlockErrors) -> bool:
-    """Whether the held edge of other takes tells that it is the other model's effect and not this one's.
-
-    without: errors of the model that has neither; a sound law may miss the edge by as much of them as of a gap
-    """
-    return one.edge - other.edge > max(EDGE_CERTAIN, LEAST_BY_LAW * (without.edge - other.edge))
-
-
-def is_edge_explained(errors: BlockErrors, by_law: float) -> bool:
-    """Whether the held edge of other takes lies where a model puts it, as far as noise and laws let anyone know."""
-    return errors.edge - EDGE_NOISE * errors.edge_count <= max(EDGE_CERTAIN, by_law)
+    return is_seen_on_edge(before.errors.edge, found.errors.edge, edge_left_by_law(observer, base, before))
 
 
 def is_worth_adding(gap: float, left: float, gain: float, usual_share: float = 0.0) -> bool:
@@ -170,9 +141,12 @@ class Evidence:
         beside: several effects that it is one of, else it is taken alone
         any_law: whether the interval is to hold for every sound law of the effect, or for the library's alone.
         """
-        size, (low, high) = amplitude_of((beside or self.singles[effect]).fitted, self.observer, effect)
+        fitted = (beside or self.singles[effect]).fitted
+        size, (low, high) = amplitude_of(fitted, self.observer, effect)
         place = self.screened.effects.index(effect)
         wrong = NORMAL_95 * self.numerics_mm * float(self.per_millimetre[place]) / np.sqrt(DIRECTIONS)
+        if fitted.is_by_edge and self.observer.effects[effect].acts_on in MOVES_EDGE:
+            wrong = 0.0  # mesh and solver do not move the held edge
         law = NORMAL_95 * self.observer.effects[effect].law_spread * size if any_law else 0.0
         half = float(np.linalg.norm([(high - low) / 2, wrong, law]))
         return size, (size - half, size + half)
@@ -213,7 +187,7 @@ class Evidence:
             alone = self.singles[kept].errors.squared_mm
             gain, full = (alone - h.errors.squared_mm for h in (other, several))
             is_often_better = np.mean(other.errors.draw(self.picks) < several.errors.draw(self.picks)) >= RIVAL
-            if is_told_by_edge(other.errors, several.errors, self.singles[kept].errors):
+            if is_told_by_edge(other.errors.edge, several.errors.edge, self.singles[kept].errors.edge):
                 continue
             if gain >= NEAR_TWIN * full or (gain >= NEAR * full and is_often_better):
                 found.setdefault(replaced, {})[twin] = other
@@ -229,8 +203,39 @@ class Evidence:
             for k, h in self.singles.items()
             for other, saved in closed.items()
             if saved > NEAR * (base - h.errors.squared_mm)
-            and is_told_by_edge(h.errors, self.singles[other].errors, self.base.errors)
+            and is_told_by_edge(h.errors.edge, self.singles[other].errors.edge, self.base.errors.edge)
         )
+
+    @functools.cached_property
+    def told_by_edge(self) -> frozenset[int]:
+        """Refitted effects that the held edge alone tells of, whatever the cloth does.
+
+        With it the edge of other takes lies where it was tracked, without it certainly not; its size is surely not
+        nothing; and it does not surely make the cloth worse. Of several, those that the edge does not tell from the
+        best of them.
+        """
+        found = [k for k in self.singles if self._is_told_by_edge(k)]
+        if not found:
+            return frozenset()
+        edges = {k: self.singles[k].errors.edge for k in found}
+        nearest = min(edges.values(), key=lambda edge: edge.shown)
+        return frozenset(k for k in found if not is_told_by_edge(edges[k], nearest, self.base.errors.edge))
+
+    def _is_told_by_edge(self, effect: int) -> bool:
+        found = self.singles[effect]
+        if self.observer.effects[effect].acts_on not in MOVES_EDGE or effect in self.contradicted:
+            return False
+        closed = self.closure_of(found)
+        is_worse = closed is not None and closed.interval is not None and closed.interval[1] < 0.0
+        if (
+            is_worse
+            or is_at_bound(self.observer, found)
+            or not puts_edge_right(self.observer, self.base, self.base, found)
+        ):
+            return False
+        _, (low, high) = self.amplitude(effect, any_law=False)
+        by_law = edge_left_by_law(self.observer, self.base, found)
+        return low * high > 0 and is_edge_explained(found.errors.edge, by_law)
 
     def alike(self, one: int, other: int) -> bool:
         """Whether two effects explain the same part of the residual, so that a mesh's small error can swap them."""

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from fit.effects.base import Effect, size_of
 from fit.gap.closure import SIGNIFICANT_GAP
+from fit.gap.edge_fit import detectable_on_edge
 from fit.gap.evidence import Evidence
 from fit.gap.fitting import NORMAL_95, Fitted
 from fit.gap.hypotheses import Hypothesis
@@ -33,13 +34,17 @@ def describe_gap(evidence: Evidence, best: Hypothesis | None, floor_error: float
         numerics_mm=evidence.numerics_mm,
         closure=evidence.closure_of(best) if best else None,
         is_held_out=evidence.is_held_out,
+        edge_mm=evidence.base.errors.edge.mm if evidence.base.errors.edge.count else None,
+        edge_with_effect_mm=best.errors.edge.mm if best and best.errors.edge.count else None,
     )
 
 
 def describe_effects(
-    evidence: Evidence, best: Hypothesis | None, effects: tuple[Effect, ...], model: Parameterisation
+    evidence: Evidence, judge: Observer, best: Hypothesis | None, effects: tuple[Effect, ...], model: Parameterisation
 ) -> list[EffectFinding]:
     """Describe every effect of the library, the one that closes most first; best: what the verdict names, if any.
+
+    judge: the observer of the takes judged on.
 
     Of several effects that are named together amplitudes are of the fit with all of them.
     """
@@ -47,7 +52,8 @@ def describe_effects(
     several = best if best is not None and len(best.effects) > 1 else None
     group, likely = groups(screened.cosines), probabilities(evidence, several)
     least = min([evidence.base, *evidence.singles.values()], key=lambda h: h.fitted.cost).fitted.residual
-    detectable = np.maximum(screened.minimum_detectable(least, evidence.observer.layout.block), resolvable(evidence))
+    by_cloth = np.maximum(screened.minimum_detectable(least, evidence.observer.layout.block), resolvable(evidence))
+    detectable = np.minimum(by_cloth, detectable_on_edge(evidence.observer, judge, screened))
     found = []
     for k, effect in enumerate(effects):
         if k not in screened.effects:

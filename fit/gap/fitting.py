@@ -45,7 +45,7 @@ class Fitted:
     vector, (parameters,): base parameters; amplitudes, (components,) of all effects, zero where not active
     active: indices of the effects that were fitted, in the order of their columns in the jacobian
     residual, (numbers,); jacobian, (numbers, parameters + components), and deviation, (parameters + components,): of
-    logs, plain values and typical sizes
+    logs, plain values and typical sizes; is_by_edge: whether the held edge alone decided the amplitudes
     """
 
     vector: Floats
@@ -55,6 +55,7 @@ class Fitted:
     jacobian: Floats
     deviation: Floats
     is_converged: bool
+    is_by_edge: bool = False
 
     @property
     def cost(self) -> float:
@@ -62,21 +63,33 @@ class Fitted:
         return float(self.residual @ self.residual)
 
 
+@dataclass(frozen=True)
+class Pinned:
+    """Amplitudes that are known from elsewhere than the cloth, (components,) of all effects, in their own units.
+
+    sd: how well, infinite where they are not; trust: how many times the cloth's residuals believe themselves too much
+    """
+
+    amplitudes: Floats
+    sd: Floats
+    trust: float
+
+
 class Problem:
     """The map between the searched numbers (base parameters, amplitudes in typical sizes) and the observer's."""
 
-    def __init__(self, observer: Observer, active: tuple[int, ...] = ()) -> None:
+    def __init__(self, observer: Observer, active: tuple[int, ...] = (), pinned: Pinned | None = None) -> None:
         self.observer, self.active = observer, active
         method = observer.parameterisation
         effects = [observer.effects[k] for k in active for _ in observer.effects[k].components]
         self.columns = np.concatenate(
             [np.zeros(0, int), *(np.arange(len(observer.off))[observer.columns[k]] for k in active)]
         )
-        self._typical = np.array([e.typical for e in effects])
+        self.typical = np.array([e.typical for e in effects])
         low, high = np.array([e.low for e in effects]), np.array([e.high for e in effects])
         self.space = BoundedSpace(
-            minimum=np.concatenate([method.minimum, low / self._typical]),
-            maximum=np.concatenate([method.maximum, high / self._typical]),
+            minimum=np.concatenate([method.minimum, low / self.typical]),
+            maximum=np.concatenate([method.maximum, high / self.typical]),
             is_log=np.concatenate([method.is_log, np.zeros(len(effects), bool)]),
         )
         self.prior_sd = np.concatenate(
@@ -85,20 +98,24 @@ class Problem:
                 np.full(len(effects), PRIOR_AMPLITUDE),
             ]
         )
-        self.prior = Prior(
-            mean=np.concatenate([method.initial, np.zeros(len(effects))]), precision=np.diag(self.prior_sd**-2)
-        )
+        mean = np.concatenate([method.initial, np.zeros(len(effects))])
+        if pinned is not None:
+            known = pinned.sd[self.columns] / np.sqrt(pinned.trust) / self.typical
+            is_known = np.append(np.zeros(len(method.initial), bool), known < PRIOR_AMPLITUDE)
+            self.prior_sd[is_known] = known[known < PRIOR_AMPLITUDE]
+            mean[is_known] = (pinned.amplitudes[self.columns] / self.typical)[known < PRIOR_AMPLITUDE]
+        self.prior = Prior(mean=mean, precision=np.diag(self.prior_sd**-2))
 
     def pack(self, vector: Floats, amplitudes: Floats) -> Floats:
         """Return the searched numbers for base parameters, (parameters,), and amplitudes, (effects,), within bounds."""
-        numbers = np.concatenate([vector, amplitudes[self.columns] / self._typical])
+        numbers = np.concatenate([vector, amplitudes[self.columns] / self.typical])
         return np.asarray(np.clip(numbers, self.space.minimum, self.space.maximum))
 
     def unpack(self, numbers: Floats) -> tuple[Floats, Floats]:
         """Return base parameters, (candidates, parameters), and amplitudes, (candidates, effects)."""
         count = numbers.shape[1] - len(self.columns)
         amplitudes = np.zeros((len(numbers), len(self.observer.off)))
-        amplitudes[:, self.columns] = numbers[:, count:] * self._typical
+        amplitudes[:, self.columns] = numbers[:, count:] * self.typical
         return numbers[:, :count], amplitudes
 
     def residuals(self, numbers: Floats) -> Floats:
@@ -114,6 +131,7 @@ class Task:
     renewals: of a worn Jacobian, after which a halt is believed; is_rough: nobody will ask for the Jacobian of the end;
     known_cost: of a fit of the same model from elsewhere, far above which this one is given up
     jacobian, (numbers, parameters + components): known near the start, it is updated by chords instead of made anew.
+    pinned: amplitudes that are known from elsewhere
     """
 
     vector: Floats
@@ -124,11 +142,12 @@ class Task:
     jacobian: Floats | None = None
     is_rough: bool = False
     known_cost: float = np.inf
+    pinned: Pinned | None = None
 
 
 def fit(observer: Observer, tasks: Sequence[Task]) -> list[Fitted]:
     """Fit side by side: what all fits ask next is simulated in one batch, and each tries as many steps as fit in it."""
-    problems = [Problem(observer, task.active) for task in tasks]
+    problems = [Problem(observer, task.active, task.pinned) for task in tasks]
     width = int(np.clip(LANES // len(tasks), FEWEST_RUNGS, MOST_RUNGS))
     searches = [
         search(
@@ -156,9 +175,13 @@ def fit(observer: Observer, tasks: Sequence[Task]) -> list[Fitted]:
 def _fitted(observer: Observer, problem: Problem, task: Task, found: LeastSquaresResult) -> Fitted:
     vectors, amplitudes = problem.unpack(found.parameters[None])
     deviation = sandwich(found.jacobian, found.residuals, observer.layout.block, problem.prior_sd)
+    if task.pinned is not None:
+        known = task.pinned.sd[problem.columns] / problem.typical
+        deviation[len(task.vector) :] = np.where(np.isfinite(known), known, deviation[len(task.vector) :])
     return Fitted(
-        vectors[0], amplitudes[0], task.active, found.residuals, found.jacobian, deviation, found.is_converged
-    )
+        vectors[0], amplitudes[0], task.active, found.residuals, found.jacobian, deviation, found.is_converged,
+        is_by_edge=task.pinned is not None,
+    )  # fmt: skip
 
 
 def sandwich(jacobian: Floats, residual: Floats, block: NDArray[np.int64], prior_sd: Floats) -> Floats:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from fit.cloth.simulator import Resolution, Simulator, run_together
 from fit.effects.base import Effect, columns_of
-from fit.gap.edge import NUMBERS, OFFSET_SD, EdgeResiduals
+from fit.gap.edge import NUMBERS, OFFSET_SD, EdgeErrors, EdgeResiduals, edge_errors
 from fit.parameterisations import Parameterisation
 from fit.recording import Recording
 
@@ -156,6 +156,12 @@ class Observer:
         """The same, not finite where a simulation blew up."""
         is_sound = np.all([np.isfinite(p).reshape(len(p), -1).all(1) for p in points], axis=0)
         return np.where(is_sound[:, None], self.residuals_of(points), np.nan)
+
+    def edge_errors(self, residual: Floats) -> EdgeErrors:
+        """What a model leaves at the held edges, of a whitened residual, (numbers,)."""
+        layout = self.layout
+        chosen = layout.is_edge
+        return edge_errors(layout.take[chosen], layout.frame[chosen], residual[chosen], layout.sd[chosen])
 
     def in_mm(self, residuals: Floats) -> Floats:
         """Root mean square distance of a point [mm] from whitened residuals, (..., numbers) -> (...,)."""

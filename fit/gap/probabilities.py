@@ -8,7 +8,8 @@ laws of an effect leave is a second limit (`Evidence.most_by_law`). In a draw an
 least error, is worth naming and leaves no more than both. Several effects are at work together where they leave no
 more than the limits and the last of them was worth adding; they share that probability, and each of them may be at work
 alone in the other draws. Where a twin does nearly as well in the place of one of them, it is the twin in the draws in
-which it leaves less. What the held edge contradicts (`Evidence.contradicted`) is not at work.
+which it leaves less. What the held edge contradicts (`Evidence.contradicted`) is not at work; what it tells of
+(`Evidence.told_by_edge`) is at work wherever nothing else is, of several the one that leaves least.
 
 Shares of draws are too low: on cases whose truth was known, with anything at work in a share S of the draws, the odds
 that something in the library was were about ODDS times S / (1 - S). All shares are scaled alike.
@@ -54,10 +55,16 @@ def probabilities(evidence: Evidence, several: Hypothesis | None) -> dict[int, f
         by_law = np.stack([evidence.most_by_law(team, base - noise) for team in teams])
         together = is_added & (least <= most) & (least <= by_law[winner, np.arange(len(base))])
     worth = evidence.are_worth_naming(base, drawn)
-    found = {}
+    at_work = {}
     for k, squared in drawn.items():
         limit = np.minimum(most, evidence.most_by_law(evidence.singles[k], base - noise))
-        found[k] = float(np.mean(worth[k] & (squared <= limit) & ~together))
+        at_work[k] = worth[k] & (squared <= limit) & ~together
+    told = sorted(evidence.told_by_edge)
+    if told:
+        nothing = ~np.any([at_work[k] for k in drawn if k not in told] or [together], axis=0) & ~together
+        nearest = np.argmin(np.stack([drawn[k] for k in told]), axis=0)
+        at_work.update({k: nothing & (nearest == n) for n, k in enumerate(told)})
+    found = {k: float(np.mean(draws)) for k, draws in at_work.items()}
     share = sum(found.values()) + float(np.mean(together))
     for n, team in enumerate(teams):
         for k in team.effects:

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from fit.gap import gates as gate
 from fit.gap.base_fit import across_valleys, middle
 from fit.gap.checkpoint import Checkpoint
+from fit.gap.edge import is_edge_explained, is_told_by_edge
+from fit.gap.edge_fit import disputed, leads, trust_in_edge
 from fit.gap.evidence import (
     SMALLEST_SECOND_GAIN,
     Evidence,
@@ -19,8 +21,6 @@ from fit.gap.evidence import (
     closes_enough,
     edge_left_by_law,
     is_at_bound,
-    is_edge_explained,
-    is_told_by_edge,
     puts_edge_right,
 )
 from fit.gap.fitting import Fitted, Task, fit
@@ -70,7 +70,7 @@ class Rounds:
         """
         self.progress("screening", 0.32)
         self.screened = screen(self.observer, self.base.fitted, self.tested, self.rng)
-        places = shortlist(self.screened) if has_gap else []
+        places = self._promising(self.screened, self.base.fitted) if has_gap else []
         wanted = [n for n, k in enumerate(self.screened.effects) if self.observer.effects[k].name in added]
         places += [n for n in wanted if n not in places]
         if not places:
@@ -95,6 +95,37 @@ class Rounds:
         self.fits.sort(key=lambda f: f.cost)
         if self.fits[0] is not self.base.fitted:
             self.base = Hypothesis((), self.fits[0], judged(self.judge, self.fits[0]))
+
+    def sizes_by_edge(self, numerics: float) -> None:
+        """Fit effects again whose size the held edge would surely have elsewhere; numerics [mm]."""
+        for k, fitted in zip(
+            self.singles, self._by_edge([h.fitted for h in self.singles.values()], numerics), strict=True
+        ):
+            if fitted is not self.singles[k].fitted:
+                self.singles[k] = Hypothesis((k,), fitted, judged(self.judge, fitted))
+
+    def _by_edge(self, fits: list[Fitted], numerics: float) -> list[Fitted]:
+        """Return fits, made again where the held edge disputes their amplitudes."""
+        trust, without = trust_in_edge(self.observer, numerics), self.base.fitted.residual
+        known = [disputed(self.observer, without, one, trust) for one in fits]
+        again = [
+            (n, Task(one.vector, pinned.amplitudes, one.active, iterations=POLISHING, pinned=pinned))
+            for n, (one, pinned) in enumerate(zip(fits, known, strict=True))
+            if pinned is not None
+        ]
+        if not again:
+            return fits
+        names = [f"{self._name(task.active)}-by-edge" for _, task in again]
+        made = self.kept.recall(names, partial(fit, self.observer, [task for _, task in again]))
+        found = list(fits)
+        for (n, _), fitted in zip(again, made, strict=True):
+            found[n] = fitted
+        return found
+
+    def _promising(self, screened: Screened, before: Fitted, most: int | None = None) -> list[int]:
+        """Places in `screened.effects` of what deserves a refit: what promises most, and what the held edge shows."""
+        places = shortlist(screened)[:most]
+        return places + [n for n in leads(self.observer, screened, before.residual) if n not in places]
 
     def _fitted_on(self, found: list[Fitted]) -> list[Fitted]:
         """Return fits as they end with Jacobians of their own: where they are, or across the valleys about them."""
@@ -137,7 +168,8 @@ class Rounds:
         while len(starts[0].effects) < MOST_EFFECTS:
             left_mm2 = best.errors.squared_mm - floor**2
             is_left = left_mm2 >= max(SMALLEST_SECOND_GAIN * gap, numerics**2)
-            if not is_left and is_edge_explained(best.errors, edge_left_by_law(self.observer, self.base, best)):
+            by_law = edge_left_by_law(self.observer, self.base, best)
+            if not is_left and is_edge_explained(best.errors.edge, by_law):
                 return
             tried = [pair for start in starts for pair in self._with_another(start)]
             if not tried:
@@ -148,6 +180,9 @@ class Rounds:
                 found = self._polished(found)
                 if len(found.effects) == 2:
                     found, p_value = self._better_of_twins(found, p_value)
+                (fitted,) = self._by_edge([found.fitted], numerics)
+                if fitted is not found.fitted:
+                    found = Hypothesis(found.effects, fitted, judged(self.judge, fitted))
                 is_real = may_be_added(self.observer, found, p_value)
             self.joint.append((found, p_value))
             if not is_real or not self._is_needed(best, found, floor):
@@ -173,8 +208,8 @@ class Rounds:
         real = [(h, p) for h, p in tried if may_be_added(self.observer, h, p)]
         seen = [(h, p) for h, p in real if puts_edge_right(self.observer, self.base, before, h)]
         if seen:
-            nearest = min((h.errors for h, _ in seen), key=lambda errors: errors.edge)
-            real = [(h, p) for h, p in seen if not is_told_by_edge(h.errors, nearest, before.errors)]
+            nearest = min((h.errors.edge for h, _ in seen), key=lambda edge: edge.shown)
+            real = [(h, p) for h, p in seen if not is_told_by_edge(h.errors.edge, nearest, before.errors.edge)]
         return min(real or tried, key=_held_out_error)
 
     def _polished(self, joint: Hypothesis) -> Hypothesis:
@@ -250,7 +285,7 @@ class Rounds:
         screened = screen(self.observer, start.fitted, left, self.rng, self.screened)
         if chosen is None and len(start.effects) == 1:
             self.beside[start.effects[0]] = screened
-        places = shortlist(screened)[:SECONDS_TRIED]
+        places = self._promising(screened, start.fitted, SECONDS_TRIED)
         refitted = self._refit(start.fitted, screened, places)
         return [
             (h, float(screened.family_p_value[place]))

@@ -23,7 +23,7 @@ from fit.gap.fitting import amplitude_of
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.observer import Observer
 from fit.gap.probabilities import probabilities
-from formats.results import place_of
+from formats.results import Figure, place_of
 
 LEVEL = 0.05  # family-wise
 CLEAR_WIN = 0.8  # share of bootstrap draws in which the winner beats every other effect
@@ -68,20 +68,22 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
     if blocking:
         return Verdict("inconclusive", [], f"No diagnosis: {blocking[0].sentence} {numbers}")
     noise, mesh = evidence.floor_mm**2, evidence.numerics_mm**2
+    told = evidence.told_by_edge
     has_gap = evidence.exceeds(noise)
-    passing = passing_effects(evidence) if has_gap else []
+    passing = passing_effects(evidence) if has_gap else told_effects(evidence)
     several = _several(evidence, passing) if has_gap else None
     if several is None:
         passing = _likely(evidence, passing)
-    if not has_gap or (not passing and not evidence.exceeds(noise + mesh)):
+    if not passing and not (has_gap and evidence.exceeds(noise + mesh)):
         return Verdict("none", [], f"No gap: the base model explains the motion down to noise and mesh. {numbers}")
-    if any(g.name == "base fit" for g in failed):
+    if any(g.name == "base fit" for g in failed) and not told & set(passing):
         return Verdict("inconclusive", [], f"No diagnosis: {failed[0].sentence} {numbers}")
     coarse = next((g for g in failed if g.name == "mesh and step"), None)
     causes = [evidence.singles[k] for k in passing] + ([several] if several else [])
     closures = [c.value for h in causes if (c := evidence.closure_of(h)) is not None]
     # A finer mesh is a rival like any other: it counts where no effect closes more of the gap than it does.
-    if coarse is not None and 100 * max(closures, default=0.0) <= (coarse.figure or 0.0):
+    is_finer_better = coarse is not None and 100 * max(closures, default=0.0) <= (coarse.figure or 0.0)
+    if coarse is not None and is_finer_better and not told & set(passing):
         return Verdict("numerics", [], f"Refine first: {coarse.sentence} {numbers}")
     if several is not None:
         return _name_several(evidence, several, effects)
@@ -89,8 +91,8 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
         return Verdict("unknown", [], f"There is a gap that no effect in the library explains. {numbers}")
     best = passing[0]
     closed = evidence.closure_of(evidence.singles[best])
-    assert closed is not None
-    if not evidence.explains_enough(evidence.singles[best]):
+    if not evidence.explains_enough(evidence.singles[best]) and best not in told:
+        assert closed is not None
         return Verdict(
             "unknown",
             [],
@@ -110,21 +112,46 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
         return Verdict(
             "ambiguous", names, f"{either[0].upper()}{either[1:]}: this data cannot tell them apart. {numbers}"
         )
-    low, high = closed.interval or (closed.value, closed.value)
     title = effects[best].title
     return Verdict(
         "effect",
         [effects[best].name],
         f"{_lacks(evidence, None, (best,))} {title}. {numbers} With {title} ({_with_unit(evidence, best, effects)}) it "
-        f"misses by {evidence.error_of(evidence.singles[best]).value:.1f} mm: {100 * closed.value:.0f} % of the gap "
-        f"is closed [{100 * low:.0f} to {100 * high:.0f} %].",
+        f"misses by {evidence.error_of(evidence.singles[best]).value:.1f} mm{_share_closed(closed)}."
+        f"{_edge_says(evidence, best, closed) if best in told else ''}",
     )
 
 
+def _share_closed(closed: Figure | None) -> str:
+    if closed is None:
+        return ""
+    low, high = closed.interval or (closed.value, closed.value)
+    return f": {100 * closed.value:.0f} % of the gap is closed [{100 * low:.0f} to {100 * high:.0f} %]"
+
+
+def _edge_says(evidence: Evidence, effect: int, closed: Figure | None) -> str:
+    """Say what the held edge tells of an effect, and that more is at work where it leaves more than laws do."""
+    hypothesis = evidence.singles[effect]
+    before, after = evidence.base.errors.edge.mm, hypothesis.errors.edge.mm
+    said = (
+        f" The held edge tells of it: the model has that edge {before:.1f} mm off without it, {after:.1f} mm with it."
+    )
+    if closed is None or evidence.explains_enough(hypothesis):
+        return said
+    return f"{said} The rest of the gap, {100 - 100 * closed.value:.0f} %, no effect in the library explains."
+
+
+def _closed(evidence: Evidence, effect: int) -> float:
+    closed = evidence.closure_of(evidence.singles[effect])
+    return closed.value if closed is not None else 0.0
+
+
 def passing_effects(evidence: Evidence) -> list[int]:
-    """Return the effects that pass every test on their own, the one that closes most first."""
+    """Return the effects that the held edge tells of, then those that pass every test, each by what they close."""
     passing = []
     for k, hypothesis in evidence.singles.items():
+        if k in evidence.told_by_edge:
+            continue
         closed = evidence.closure_of(hypothesis)
         if closed is None or closed.interval is None or is_at_bound(evidence.observer, hypothesis):
             continue
@@ -143,7 +170,12 @@ def passing_effects(evidence: Evidence) -> list[int]:
             and low * high > 0
         ):
             passing.append((closed.value, k))
-    return [k for _, k in sorted(passing, reverse=True)]
+    return told_effects(evidence) + [k for _, k in sorted(passing, reverse=True)]
+
+
+def told_effects(evidence: Evidence) -> list[int]:
+    """Return the effects that the held edge tells of, the one that closes most first."""
+    return sorted(evidence.told_by_edge, key=lambda k: _closed(evidence, k), reverse=True)
 
 
 def mesh_share(effect: Effect) -> float:
@@ -153,7 +185,8 @@ def mesh_share(effect: Effect) -> float:
 
 def _likely(evidence: Evidence, passing: list[int]) -> list[int]:
     """Return the passing effects, or none where it is likelier that none of them is worth naming."""
-    return passing if sum(float(evidence.worth_naming[k].mean()) for k in passing) >= LIKELY else []
+    is_likely = sum(float(evidence.worth_naming[k].mean()) for k in passing) >= LIKELY
+    return passing if is_likely else [k for k in passing if k in evidence.told_by_edge]
 
 
 def _near(evidence: Evidence, best: int, other: int, share: float) -> bool:
@@ -179,7 +212,7 @@ def _several(evidence: Evidence, passing: list[int]) -> Hypothesis | None:
         is_enough = closes_enough(gap, before.errors, hypothesis.errors, evidence.floor_mm)
         is_left = before.errors.squared_mm - evidence.floor_mm**2 >= evidence.numerics_mm**2
         is_seen = puts_edge_right(evidence.observer, evidence.base, before, hypothesis)
-        is_needed = is_certain and ((is_enough and is_left) or is_seen)
+        is_needed = is_certain and ((is_enough and is_left) or is_seen) and _adds_to_told(evidence, hypothesis, gap)
         if not may_be_added(evidence.observer, hypothesis, p_value) or not is_needed:
             break
         accepted = before = hypothesis
@@ -187,6 +220,16 @@ def _several(evidence: Evidence, passing: list[int]) -> Hypothesis | None:
         return accepted
     closed = evidence.closure_of(accepted)
     return accepted if closed and closed.interval and closed.interval[0] >= SURELY_CLOSED else None
+
+
+def _adds_to_told(evidence: Evidence, pair: Hypothesis, gap: float) -> bool:
+    """Whether two effects are both needed where the held edge tells of one of them; it is there, whatever the other."""
+    told = [evidence.singles[k] for k in evidence.told_by_edge & set(pair.effects)]
+    return len(pair.effects) > 2 or all(
+        closes_enough(gap, alone.errors, pair.errors, evidence.floor_mm)
+        or puts_edge_right(evidence.observer, evidence.base, alone, pair)
+        for alone in told
+    )
 
 
 def _name_several(evidence: Evidence, several: Hypothesis, effects: tuple[Effect, ...]) -> Verdict:

@@ -125,7 +125,9 @@ def test_the_edge_is_evidence_beside_the_judged_points_and_never_an_error_of_the
     assert (layout.block[count:-NUMBERS] == np.repeat((TIME / BLOCK).astype(int), NUMBERS)).all()
     assert layout.block[-NUMBERS:].min() > layout.block[:-NUMBERS].max()
     errors = block_errors(observers[1], beside)
-    assert (errors.edge, errors.edge_count) == (pytest.approx((beside[count:] ** 2).sum()), len(beside) - count)
+    moving, still = beside[count:-NUMBERS], beside[-NUMBERS:]
+    assert (errors.edge.moving, errors.edge.count) == (pytest.approx((moving**2).sum()), len(moving))
+    assert errors.edge.resting == pytest.approx((still**2).sum())
     limits = [predictability_gate(o, SI.initial, o.off).limit for o in observers]
     assert limits[0] == pytest.approx(limits[1])
 

@@ -10,6 +10,7 @@ import numpy as np
 from fit.effects import LIBRARY, find_effects
 from fit.effects.base import amplitudes_of, columns_of
 from fit.gap.closure import BlockErrors
+from fit.gap.edge import EdgeErrors
 from fit.gap.evidence import Evidence
 from fit.gap.fitting import Fitted
 from fit.gap.hypotheses import Hypothesis
@@ -18,6 +19,7 @@ from fit.parameterisations import SI
 from formats.results import Gate
 
 BLOCKS = 12
+NO_EDGE = SimpleNamespace(block=np.zeros(3, int), is_edge=np.zeros(3, bool), frame=np.zeros(3, int))
 
 
 def errors(mm, wobble=0.1, seed=0):
@@ -51,7 +53,9 @@ def evidence_of(
         projected=[np.ones((1, 3)) for _ in effects], typical=p_values,
     )  # fmt: skip
     return Evidence(
-        observer=SimpleNamespace(effects=LIBRARY, columns=columns_of(LIBRARY), in_mm=lambda row: 2.0),
+        observer=SimpleNamespace(
+            effects=LIBRARY, columns=columns_of(LIBRARY), in_mm=lambda row: 2.0, layout=NO_EDGE
+        ),
         screened=screened, base=hypothesis((), base), singles=found,
         joint=[(hypothesis(names, mm, seed=9), joint_p) for names, mm in joint],
         floor_mm=floor, numerics_mm=1.0, picks=np.random.default_rng(1).integers(0, BLOCKS, (400, BLOCKS)),
@@ -64,6 +68,7 @@ COARSE = Gate(name="mesh and step", passed=False, figure=60.0, limit=40.0, unit=
 STILL = Gate(name="motion", passed=False, figure=3.0, limit=30.0, unit="mm", sentence="still")
 
 
-def with_edge(one, squares, count=1000):
-    """The same hypothesis where the held edge of the takes judged on is off by so many squared deviations."""
-    return dataclasses.replace(one, errors=dataclasses.replace(one.errors, edge=float(squares), edge_count=count))
+def with_edge(one, squares, resting=0.0):
+    """The same hypothesis where the held edge of the takes judged on is off by so many squared deviations, of 1000."""
+    edge = EdgeErrors(moving=float(squares), count=1000, resting=resting, mm=0.02 * squares**0.5)
+    return dataclasses.replace(one, errors=dataclasses.replace(one.errors, edge=edge))

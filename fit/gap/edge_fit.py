@@ -1,0 +1,117 @@
+"""Sizes of effects that the held edge alone tells, and of what can be seen there at all.
+
+A simulated edge is where hanger and effects put it, whatever the cloth (`fit.gap.edge`). With the edge's residual r and
+its change S per unit of the amplitudes of all effects in a fit that move it, what it says of them alone is
+
+    delta = -(S'S)^-1 S'r,   cov = I^-1,   I = S'S over what varies / SLOW + S'S over what is off constantly / takes
+
+since slow noise makes SLOW times the scores of white noise, and a marker's own offset is the same in all takes.
+The cloth tells amplitudes too, but its error e of mesh and solver [mm^2 rms per number], of a random direction among
+DIRECTIONS, makes them as uncertain as if each of its N numbers had, for the variance s^2 of its noise,
+
+    trust = 1 + N e^2 / (DIRECTIONS s^2)
+
+times less to say (`fit.gap.closure.solver_draws`). Where the edge would have an amplitude surely elsewhere, the fit is
+made again with the amplitude known from the edge.
+Source: weighted least squares with a prior, A. Tarantola, "Inverse Problem Theory" (2005), section 3.2.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.gap.closure import DIRECTIONS
+from fit.gap.edge import MOVING_CERTAIN, RESTING_CERTAIN, is_seen_on_edge
+from fit.gap.evidence import MOVES_EDGE
+from fit.gap.fitting import Fitted, Pinned
+from fit.gap.observer import Observer
+from fit.gap.screening import Screened
+
+Floats = NDArray[np.float64]
+
+SLOW = 4.0  # scores of slow noise, a third of the white one and lasting a third of a second, over those of white noise
+LEADS = 2  # effects that are refitted for what the held edge shows
+
+
+def trust_in_edge(observer: Observer, numerics_mm: float) -> float:
+    """How many times the cloth's residuals believe themselves too much, for a mesh and solver wrong by so many mm."""
+    layout = observer.layout
+    noise = float((layout.sd[layout.is_judged] ** 2).mean())
+    wrong = (1e-3 * numerics_mm) ** 2 / 3.0
+    return 1.0 + float(layout.is_judged.sum()) * wrong / (DIRECTIONS * noise)
+
+
+def disputed(observer: Observer, without: Floats, fitted: Fitted, trust: float) -> Pinned | None:
+    """What the held edge says of a fit's amplitudes, where that is surely elsewhere and puts the edge right.
+
+    without: residual of the model without the fit's effects, (numbers,)
+    """
+    on_edge = observer.layout.is_edge
+    moving = [k for k in fitted.active if observer.effects[k].acts_on in MOVES_EDGE]
+    if not on_edge.any() or not moving:
+        return None
+    every = np.concatenate([np.arange(len(observer.off))[observer.columns[k]] for k in fitted.active])
+    chosen = np.concatenate([np.arange(len(observer.off))[observer.columns[k]] for k in moving])
+    typical = np.concatenate(
+        [np.full(len(observer.effects[k].components), observer.effects[k].typical) for k in moving]
+    )
+    change = fitted.jacobian[:, len(fitted.vector) :][:, np.isin(every, chosen)]
+    rows = change[on_edge]
+    delta, sd = _solved(observer, rows.T, fitted.residual[on_edge])
+    after = fitted.residual.copy()
+    after[on_edge] += rows @ delta
+    now, then, before = (observer.edge_errors(r) for r in (fitted.residual, after, without))
+    if now.shown - then.shown <= 1.0 or not is_seen_on_edge(before, then):
+        return None
+    effects = [observer.effects[k] for k in moving for _ in observer.effects[k].components]
+    low, high = np.array([e.low for e in effects]), np.array([e.high for e in effects])
+    amplitudes, known = fitted.amplitudes.copy(), np.full(len(observer.off), np.inf)
+    amplitudes[chosen] = np.clip(amplitudes[chosen] + delta * typical, low, high)
+    known[chosen] = np.where(sd < 1.0, sd * typical, np.inf)
+    return Pinned(amplitudes, known, trust)
+
+
+def leads(observer: Observer, screened: Screened, residual: Floats) -> list[int]:
+    """Places in `screened.effects` of what would put the held edge right, best first; residual, (numbers,)."""
+    on_edge, before = observer.layout.is_edge, observer.edge_errors(residual)
+    if not on_edge.any():
+        return []
+    found = []
+    for n, k in enumerate(screened.effects):
+        rows = screened.raw[n][:, on_edge]
+        if observer.effects[k].acts_on not in MOVES_EDGE or not rows.any():
+            continue
+        delta, _ = _solved(observer, rows, residual[on_edge])
+        after = residual.copy()
+        after[on_edge] += (np.maximum(delta, 0.0) if observer.effects[k].is_one_sided else delta) @ rows
+        then = observer.edge_errors(after)
+        if is_seen_on_edge(before, then):
+            found.append((then.shown, n))
+    return [n for _, n in sorted(found)[:LEADS]]
+
+
+def detectable_on_edge(observer: Observer, judge: Observer, screened: Screened) -> Floats:
+    """Smallest amplitude of each screened effect, (screened,), that the held edge of the takes judged on would show."""
+    layout = observer.layout
+    found = np.full(len(screened.effects), np.inf)
+    frames = [float((o.layout.is_edge & (o.layout.frame >= 0)).sum()) for o in (observer, judge)]
+    if min(frames) == 0.0:
+        return found
+    for n, k in enumerate(screened.effects):
+        if observer.effects[k].acts_on in MOVES_EDGE:
+            errors = [observer.edge_errors(np.where(layout.is_edge, row, 0.0)) for row in screened.raw[n]]
+            least = min(e.moving * frames[1] / frames[0] / MOVING_CERTAIN + e.resting / RESTING_CERTAIN for e in errors)
+            found[n] = screened.typical[n] / np.sqrt(max(least, 1e-12))
+    return np.asarray(np.where(found < 1e3 * screened.typical, found, np.inf))
+
+
+def _solved(observer: Observer, rows: Floats, residual: Floats) -> tuple[Floats, Floats]:
+    """The step that rows, (components, edge's numbers), take against a residual of the edge, and its deviations."""
+    layout = observer.layout
+    still = (layout.frame < 0)[layout.is_edge]
+    takes = max(len(np.unique(layout.take[layout.is_edge])), 1)
+    known = rows[:, ~still] @ rows[:, ~still].T / SLOW + rows[:, still] @ rows[:, still].T / takes
+    weight = np.where(still, 1.0 / takes, 1.0 / SLOW)
+    inverse = np.linalg.inv(known + 1e-9 * np.eye(len(rows)))
+    return -inverse @ (rows * weight) @ residual, np.sqrt(np.diag(inverse))

@@ -11,8 +11,8 @@ DIRECTIONS, makes them as uncertain as if each of its N numbers had, for the var
 
     trust = 1 + N e^2 / (DIRECTIONS s^2)
 
-times less to say (`fit.gap.closure.solver_draws`). Where the edge would have an amplitude surely elsewhere, the fit is
-made again with the amplitude known from the edge.
+times less to say (`fit.gap.closure.solver_draws`). Where the edge would have an amplitude elsewhere, by more than
+DISPUTED deviations, and lies where it was tracked with that, the fit is made again with the amplitude known from it.
 Source: weighted least squares with a prior, A. Tarantola, "Inverse Problem Theory" (2005), section 3.2.
 """
 
@@ -31,6 +31,7 @@ from fit.gap.screening import Screened
 Floats = NDArray[np.float64]
 
 SLOW = 4.0  # scores of slow noise, a third of the white one and lasting a third of a second, over those of white noise
+DISPUTED = 2.0  # deviations
 LEADS = 2  # effects that are refitted for what the held edge shows
 
 
@@ -43,7 +44,7 @@ def trust_in_edge(observer: Observer, numerics_mm: float) -> float:
 
 
 def disputed(observer: Observer, without: Floats, fitted: Fitted, trust: float) -> Pinned | None:
-    """What the held edge says of a fit's amplitudes, where that is surely elsewhere and puts the edge right.
+    """What the held edge says of a fit's amplitudes, where that is elsewhere and puts the edge right.
 
     without: residual of the model without the fit's effects, (numbers,)
     """
@@ -58,18 +59,18 @@ def disputed(observer: Observer, without: Floats, fitted: Fitted, trust: float) 
     )
     change = fitted.jacobian[:, len(fitted.vector) :][:, np.isin(every, chosen)]
     rows = change[on_edge]
-    delta, sd = _solved(observer, rows.T, fitted.residual[on_edge])
+    delta, known = _solved(observer, rows.T, fitted.residual[on_edge])
     after = fitted.residual.copy()
     after[on_edge] += rows @ delta
-    now, then, before = (observer.edge_errors(r) for r in (fitted.residual, after, without))
-    if now.shown - then.shown <= 1.0 or not is_seen_on_edge(before, then):
+    if delta @ known @ delta <= DISPUTED**2 or not is_seen_on_edge(*map(observer.edge_errors, (without, after))):
         return None
     effects = [observer.effects[k] for k in moving for _ in observer.effects[k].components]
     low, high = np.array([e.low for e in effects]), np.array([e.high for e in effects])
-    amplitudes, known = fitted.amplitudes.copy(), np.full(len(observer.off), np.inf)
+    sd = np.sqrt(np.diag(np.linalg.inv(known)))
+    amplitudes, spread = fitted.amplitudes.copy(), np.full(len(observer.off), np.inf)
     amplitudes[chosen] = np.clip(amplitudes[chosen] + delta * typical, low, high)
-    known[chosen] = np.where(sd < 1.0, sd * typical, np.inf)
-    return Pinned(amplitudes, known, trust)
+    spread[chosen] = np.where(sd < 1.0, sd * typical, np.inf)
+    return Pinned(amplitudes, spread, trust)
 
 
 def leads(observer: Observer, screened: Screened, residual: Floats) -> list[int]:
@@ -107,11 +108,11 @@ def detectable_on_edge(observer: Observer, judge: Observer, screened: Screened) 
 
 
 def _solved(observer: Observer, rows: Floats, residual: Floats) -> tuple[Floats, Floats]:
-    """The step that rows, (components, edge's numbers), take against a residual of the edge, and its deviations."""
+    """The step that rows, (components, edge's numbers), take against a residual of the edge, and its information."""
     layout = observer.layout
     still = (layout.frame < 0)[layout.is_edge]
     takes = max(len(np.unique(layout.take[layout.is_edge])), 1)
     known = rows[:, ~still] @ rows[:, ~still].T / SLOW + rows[:, still] @ rows[:, still].T / takes
     weight = np.where(still, 1.0 / takes, 1.0 / SLOW)
-    inverse = np.linalg.inv(known + 1e-9 * np.eye(len(rows)))
-    return -inverse @ (rows * weight) @ residual, np.sqrt(np.diag(inverse))
+    known = known + 1e-9 * np.eye(len(rows))
+    return np.asarray(-np.linalg.solve(known, (rows * weight) @ residual), float), known

@@ -106,6 +106,8 @@ class Rounds:
 
     def _by_edge(self, fits: list[Fitted], numerics: float) -> list[Fitted]:
         """Return fits, made again where the held edge disputes their amplitudes."""
+        if not self.observer.layout.is_edge.any():
+            return fits
         trust, without = trust_in_edge(self.observer, numerics), self.base.fitted.residual
         known = [disputed(self.observer, without, one, trust) for one in fits]
         again = [

@@ -103,8 +103,11 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
     rivals = [
         k
         for k in passing[1:]
-        if (shares[best] < CLEAR_WIN and shares[k] >= RIVAL and _near(evidence, best, k, NEAR))
-        or (evidence.alike(best, k) and _near(evidence, best, k, NEAR_TWIN))
+        if (k in told or best not in told)
+        and (
+            (shares[best] < CLEAR_WIN and shares[k] >= RIVAL and _near(evidence, best, k, NEAR))
+            or (evidence.alike(best, k) and _near(evidence, best, k, NEAR_TWIN))
+        )
     ]
     if rivals:
         names = [effects[k].name for k in (best, *rivals)]

@@ -13,7 +13,7 @@ from fit.effects.base import amplitudes_of, columns_of
 from fit.gap import rounds
 from fit.gap.checkpoint import Checkpoint
 from fit.gap.rounds import Rounds
-from tests.fit.verdict_scene import errors, hypothesis, with_edge
+from tests.fit.verdict_scene import NO_EDGE, errors, hypothesis, with_edge
 
 
 @pytest.mark.parametrize(("mm", "named"), [(5.2, ("air_lift", "clock_drift")), (5.9, ("time_offset", "air_lift"))])
@@ -50,7 +50,7 @@ def test_twins_of_two_effects_are_not_forgotten_over_a_third_that_is_tried(monke
     names = [e.name for e in LIBRARY]
     drag, offset, lag = (names.index(n) for n in ("air_drag", "time_offset", "filter_lag"))
     search = object.__new__(Rounds)
-    search.observer = SimpleNamespace(effects=LIBRARY, columns=columns_of(LIBRARY))
+    search.observer = SimpleNamespace(effects=LIBRARY, columns=columns_of(LIBRARY), layout=NO_EDGE)
     search.base, search.singles = hypothesis((), 12.0), {drag: hypothesis(("air_drag",), 9.0)}
     search.joint, search.instead, search.beside = [], [], {}
     cosines = np.array([[1.0, 0.95, 0.1], [0.95, 1.0, 0.1], [0.1, 0.1, 1.0]])
@@ -71,7 +71,9 @@ def test_twins_of_two_effects_are_not_forgotten_over_a_third_that_is_tried(monke
 def a_search(base, singles):
     """Rounds that refitted some effects: of each the held-out error [mm] and the cost of the motion fitted to."""
     search = object.__new__(Rounds)
-    search.observer = SimpleNamespace(effects=LIBRARY, columns=columns_of(LIBRARY), off=amplitudes_of(LIBRARY))
+    search.observer = SimpleNamespace(
+        effects=LIBRARY, columns=columns_of(LIBRARY), off=amplitudes_of(LIBRARY), layout=NO_EDGE
+    )
     search.base = with_cost(hypothesis((), base[0]), base[1])
     found = [with_cost(hypothesis((name,), mm), cost) for name, (mm, cost) in singles.items()]
     search.singles, search.joint, search.instead = {h.effects[0]: h for h in found}, [], []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -108,7 +107,7 @@ def test_effects_that_are_named_together_are_described_by_their_fit_together():
     assert sizes["air_drag"][0] == pytest.approx(0.6)
     assert sizes["air_drag"][1].startswith("amplitude beside")
     assert sizes["time_offset"][0] == pytest.approx(find_effects(["time_offset"])[0].typical)
-    alone = {f.id: f.amplitude for f in describe_effects(evidence, None, LIBRARY, SI)}
+    alone = {f.id: f.amplitude for f in describe_effects(evidence, evidence.observer, None, LIBRARY, SI)}
     assert alone["air_drag"] == pytest.approx(1.2)
 
 

@@ -60,9 +60,9 @@ def disputed(observer: Observer, without: Floats, fitted: Fitted, trust: float) 
     change = fitted.jacobian[:, len(fitted.vector) :][:, np.isin(every, chosen)]
     rows = change[on_edge]
     delta, known = _solved(observer, rows.T, fitted.residual[on_edge])
-    after = fitted.residual.copy()
+    after, before = fitted.residual.copy(), observer.edge_errors(without)
     after[on_edge] += rows @ delta
-    if delta @ known @ delta <= DISPUTED**2 or not is_seen_on_edge(*map(observer.edge_errors, (without, after))):
+    if delta @ known @ delta <= DISPUTED**2 or not is_seen_on_edge(before, observer.edge_errors(after)):
         return None
     effects = [observer.effects[k] for k in moving for _ in observer.effects[k].components]
     low, high = np.array([e.low for e in effects]), np.array([e.high for e in effects])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -220,7 +221,7 @@ def test_an_effect_that_leaves_the_edge_off_is_not_named_in_the_place_of_one_tha
 
 
 def test_a_base_fit_or_a_mesh_that_is_not_settled_does_not_hide_what_the_edge_tells():
-    for gate in (COARSE, dataclasses.replace(COARSE, name="base fit") if dataclasses.is_dataclass(COARSE) else COARSE):
+    for gate in (COARSE, msgspec.structs.replace(COARSE, name="base fit")):
         assert decide(dataclasses.replace(told(10.5), gates=[gate]), LIBRARY).verdict == "effect"
 
 

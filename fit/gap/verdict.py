@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fit.effects.base import Effect
+from fit.gap.edge import is_edge_explained
 from fit.gap.evidence import (
     NEAR,
     NEAR_TWIN,
@@ -75,7 +76,8 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
     if several is None:
         passing = _likely(evidence, passing)
     if not passing and not (has_gap and evidence.exceeds(noise + mesh)):
-        return Verdict("none", [], f"No gap: the base model explains the motion down to noise and mesh. {numbers}")
+        none = f"No gap: the base model explains the motion down to noise and mesh. {numbers}"
+        return Verdict("none", [], none + _edge_is_off(evidence))
     if any(g.name == "base fit" for g in failed) and not told & set(passing):
         return Verdict("inconclusive", [], f"No diagnosis: {failed[0].sentence} {numbers}")
     coarse = next((g for g in failed if g.name == "mesh and step"), None)
@@ -88,7 +90,8 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
     if several is not None:
         return _name_several(evidence, several, effects)
     if not passing:
-        return Verdict("unknown", [], f"There is a gap that no effect in the library explains. {numbers}")
+        unknown = f"There is a gap that no effect in the library explains. {numbers}"
+        return Verdict("unknown", [], unknown + _edge_is_off(evidence))
     best = passing[0]
     closed = evidence.closure_of(evidence.singles[best])
     if not evidence.explains_enough(evidence.singles[best]) and best not in told:
@@ -142,6 +145,12 @@ def _edge_says(evidence: Evidence, effect: int, closed: Figure | None) -> str:
     if closed is None or evidence.explains_enough(hypothesis):
         return said
     return f"{said} The rest of the gap, {100 - 100 * closed.value:.0f} %, no effect in the library explains."
+
+
+def _edge_is_off(evidence: Evidence) -> str:
+    """Say so where no effect was named and the held edge is not where the base model has it."""
+    edge = evidence.base.errors.edge
+    return "" if is_edge_explained(edge) else f" It has the held edge {edge.mm:.1f} mm off, beyond noise."
 
 
 def _closed(evidence: Evidence, effect: int) -> float:

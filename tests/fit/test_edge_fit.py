@@ -210,6 +210,15 @@ def test_the_sentence_says_what_the_edge_tells_and_what_no_effect_explains():
     assert "it misses by 5.0 mm. The held edge" in small
 
 
+@pytest.mark.parametrize(("base", "verdict"), [(5.1, "none"), (12.0, "unknown")])
+def test_an_edge_that_nothing_puts_right_is_told_of(base, verdict):
+    found = decide(told(base - 0.1, base=base, after=(900, 90.0)), LIBRARY)
+    assert found.verdict == verdict
+    assert found.sentence.endswith("It has the held edge 0.6 mm off, beyond noise.")
+    quiet = decide(told(base - 0.1, base=base, before=(900, 20.0), after=(900, 20.0)), LIBRARY)
+    assert "edge" not in quiet.sentence
+
+
 def test_an_effect_that_leaves_the_edge_off_is_not_named_in_the_place_of_one_that_it_tells_of():
     """Drag closes 60 % of the cloth's gap; both together are `several` if either needs the other."""
     evidence = told(10.5, other={"air_drag": 8.0})

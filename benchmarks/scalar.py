@@ -1,8 +1,8 @@
 """The plain rollout against the same method in C, `scalar/rollout.c`: one thread, processor time, in turns.
 
 Run: python benchmarks/scalar.py [--seconds 8] [--rounds 15]. The scene of `speed.py`: a sheet of 0.4 m x 0.45 m, 8 s of
-swing, mesh of 50 mm, 16 candidates. The C is compiled by the machine's gcc each time, with -O3 -march=native
--ffast-math and with flags that may help it further, and works on the very arrays that `fit.cloth.launch` gives the
+swing, mesh of 50 mm, as many candidates as the kernel has lanes. The C is compiled by the machine's gcc each time,
+with -O3 -march=native -ffast-math and with flags that may help it further, and works on the very arrays that `fit.cloth.launch` gives the
 kernel; its lanes are gcc's vectors. Ways run one after the other in every round, so that what else the machine does is
 the same to all; printed are medians and quartiles over the rounds, of ratios within a round. Calls are one call of the
 C against one of the kernel; whole runs are `Simulator.run`, which also packs the arrays and takes the results apart.
@@ -45,15 +45,15 @@ Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
 SOURCE = Path(__file__).parent / "scalar" / "rollout.c"
-LANES = 16
+LANES = max(runtime.lane_widths())  # 16 on Intel's processors with AVX-512, for which the targets are, else 8
 GIVEN = ("-O3", "-march=native", "-ffast-math")  # the flags that the targets name
 WIDE, EAGER, UNROLLED = "-mprefer-vector-width=512", "-fvect-cost-model=unlimited", "-funroll-loops"
 APART = "-ffp-contract=off"  # products are not fused with sums, as in the kernel
 FURTHER = ((), (UNROLLED,), (WIDE,), (EAGER,), (EAGER, UNROLLED), (APART,))  # what else may help the C, or tell why
 ALWAYS = ("-std=gnu11", "-fPIC")
 TARGETS = (
-    ("one of 16 in the kernel's lanes, times as fast as scalar C", 6.0),
-    ("one of 16 in the kernel's lanes, share of the speed of C with the same lanes", 0.5),
+    (f"one of {LANES} in the kernel's lanes, times as fast as scalar C", 6.0),
+    (f"one of {LANES} in the kernel's lanes, share of the speed of C with the same lanes", 0.5),
     ("one alone, share of the speed of scalar C", 0.8),
 )
 
@@ -221,7 +221,7 @@ def build(compiler: str, folder: Path, lanes: int, further: tuple[str, ...] = ()
 
 
 def scene(seconds: float) -> tuple[Simulator, Floats]:
-    """A swung sheet of which no point is seen, so that nothing pulls it while it settles, and 16 candidates."""
+    """A swung sheet of which no point is seen, so that nothing pulls it while it settles, and LANES candidates."""
     garment = sheet()
     instants = np.arange(0, seconds, 1 / 30)
     recording = prepare(take_of(garment, instants, swing(instants), hung(garment, instants)))

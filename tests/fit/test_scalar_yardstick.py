@@ -13,16 +13,17 @@ import pytest
 from msgspec.structs import replace
 
 from benchmarks import scalar, start
+from fit import runtime
 from fit.cloth import material as mat
 from fit.cloth.simulator import Resolution, Simulator
 
-NEAR = 2e-5  # m; single precision leaves 1e-6 m, and each term of rollout.c moves this cloth by 6e-5 m or more
+NEAR = 5e-5  # m; single precision leaves 1e-6 to 4e-5 m, and each term of rollout.c moves this cloth by 6e-5 m or more
 needs_gcc = pytest.mark.skipif(scalar.find_compiler() is None, reason="there is no gcc to compile the yardstick with")
 
 
 @pytest.fixture
 def gentle(monkeypatch):
-    """Three seconds of a gentle swing on one thread, and 16 candidates of a cloth in which every term matters."""
+    """Three seconds of a gentle swing on one thread, and a call's candidates of a cloth in which every term matters."""
     monkeypatch.setenv("HANGTIME_THREADS", "1")
     simulator, rows = scalar.scene(3.0)
     rows[:, [mat.STRETCH, mat.SHEAR, mat.STRETCH_RATIO, mat.BENDING_RATIO]] = 60.0, 5.0, 0.2, 1.0
@@ -43,13 +44,13 @@ def test_c_with_the_kernels_lanes_goes_where_the_kernel_goes(gentle, tmp_path):
 
 
 @needs_gcc
-@pytest.mark.parametrize("candidate", [0, 15])
+@pytest.mark.parametrize("candidate", [0, scalar.LANES - 1])
 def test_scalar_c_goes_where_the_kernel_goes(gentle, tmp_path, candidate):
-    """A candidate beside others, and the same one alone in the kernel, whose lanes are four then."""
+    """A candidate beside others, and the same one alone in the kernel, whose lanes are as few as may be then."""
     simulator, rows = gentle
     among = scalar.only_call(lambda: simulator.run(rows)).lane(candidate)
     alone = scalar.only_call(lambda: simulator.run(rows[candidate : candidate + 1]))
-    assert alone.made_with["lanes"] == 4
+    assert alone.made_with["lanes"] == min(runtime.lane_widths())
     expected = among.seen
     scalar.InC(among, scalar.build(scalar.find_compiler(), tmp_path, 1)).run()
     assert np.abs(among.seen - expected).max() < NEAR

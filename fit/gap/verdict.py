@@ -140,7 +140,8 @@ def _edge_says(evidence: Evidence, effect: int, closed: Figure | None) -> str:
     hypothesis = evidence.singles[effect]
     before, after = evidence.base.errors.edge.mm, hypothesis.errors.edge.mm
     said = (
-        f" The held edge tells of it: the model has that edge {before:.1f} mm off without it, {after:.1f} mm with it."
+        f" The held edge tells of it: the model has that edge {before:.1f} mm off without it, {after:.1f} mm with it, "
+        "noise included."
     )
     if closed is None or evidence.explains_enough(hypothesis):
         return said

@@ -65,7 +65,7 @@ def verdict(fit: FitResult | None, diagnosis: Diagnosis | None) -> str:
         noise = "the sensor's noise alone, at most" if gap.is_floor_most else "the sensor's noise alone"
         figures.append((noise, tenths(gap.floor_mm.value), tenths_interval(gap.floor_mm.interval)))
         if gap.edge_mm is not None and gap.edge_with_effect_mm is not None:
-            with_it = f"{tenths(gap.edge_with_effect_mm)} with {_named(diagnosis)}"
+            with_it = f"{tenths(gap.edge_with_effect_mm)} with {_named(diagnosis)}; noise in both"
             figures.append(("base model has the held edge off by", tenths(gap.edge_mm), with_it))
         if gap.closure is not None:
             ends = interval(gap.closure.interval, 100, 2)

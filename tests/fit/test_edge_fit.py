@@ -203,7 +203,10 @@ def test_what_the_held_edge_tells_is_named_whatever_the_cloth_does(evidence, ver
 def test_the_sentence_says_what_the_edge_tells_and_what_no_effect_explains():
     """0.02 sqrt(900) = 0.6 mm."""
     sentence = decide(told(10.5), LIBRARY).sentence
-    assert "The held edge tells of it: the model has that edge 0.6 mm off without it, 0.6 mm with it." in sentence
+    assert (
+        "The held edge tells of it: the model has that edge 0.6 mm off without it, 0.6 mm with it, noise included."
+        in sentence
+    )
     assert "The rest of the gap, 72 %, no effect in the library explains." in sentence
     assert "The rest" not in decide(told(5.3), LIBRARY).sentence
     small = decide(told(5.05, base=5.1), LIBRARY).sentence

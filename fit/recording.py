@@ -18,6 +18,7 @@ from fit.errors import DriveError, FitError
 from fit.held_edge import FEWEST_FRAMES, HeldEdge
 from fit.smoothing import best_cut_off, smoothing_spline, steady_spline
 from formats.garment import Garment
+from formats.rig import Rig
 from formats.take import Take
 
 Floats = NDArray[np.float64]
@@ -57,6 +58,7 @@ class Recording:
     slip_at [s]: when the cloth would have slipped half its way in its clips (`fit.held_edge`)
     judged, (points,): false for points on the held edge, which measure the boundary and not the cloth
     windows: where the observer's pull acts and residuals count; None: both everywhere
+    held_error [m]: how far off the held ends may constantly be on the hanger, per axis, where the rig states it
     """
 
     take_id: str
@@ -74,6 +76,7 @@ class Recording:
     slip_at: float
     judged: Booleans
     windows: Windows | None = None
+    held_error: float = 0.0
 
     @property
     def counted(self) -> Booleans:
@@ -167,8 +170,14 @@ def prepare(take: Take) -> Recording:
         take_id=take.take_id, garment=take.garment, time=time, points=seen,
         valid=valid, point_sd=point_sd, held_sd=held_sd, held=held, held_seen=held_seen, held_cut_off=cut_off,
         target_curves=curves, edge_turn=edge.turn(), slip_at=edge.slip_at(),
-        judged=~on_edge if (~on_edge).sum() >= 3 else np.ones(len(places), bool),
+        judged=~on_edge if (~on_edge).sum() >= 3 else np.ones(len(places), bool), held_error=_held_error(take.rig),
     )  # fmt: skip
+
+
+def _held_error(rig: Rig) -> float:
+    """Stated deviation of the held ends on the hanger [m], root mean square per axis; 0 where none is stated."""
+    stated = rig.calibration.held_sd_m if rig.calibration is not None else None
+    return float(np.sqrt(np.mean(np.square(stated)))) if stated is not None else 0.0
 
 
 def _check_path(name: str, seen: Floats, time: Floats, places: Floats) -> None:

@@ -9,7 +9,10 @@ Turning is left out: `hanger_rotation` takes its course from it (`fit.held_edge`
 numbers are split in what varies, known by the noise of points and path, and the mean over a take, known as well as the
 points' own offsets:
 
-    dynamic  (d - mean d) / sqrt(sigma^2 + path^2)      static  mean d / sqrt(offset^2 + (sigma^2 + path^2) / n)
+    dynamic  (d - mean d) / sqrt(sigma^2 + path^2)
+    static  mean d / sqrt(offset^2 + ends^2 + (sigma^2 + path^2) / n)
+
+with the error `ends` of where the rig says that the held ends are on the hanger, where it states one.
 
 The path's noise is what its spline leaves of white noise. A steady spline of cut-off f_c at n frames a second keeps of
 its variance (2 / n) integral df / (1 + (f / f_c)^6)^2 = (5 pi / 9) f_c / n (`fit.smoothing`).
@@ -136,7 +139,10 @@ class EdgeResiduals:
         weights = np.stack([*[self._middle] * 3, self._arm * self._slope], 1)
         self.sd = np.sqrt(weights**2 @ squared + path**2)
         offsets = OFFSET_SD * np.linalg.norm(weights.sum(0) / max(len(weights), 1), axis=1)
-        static = np.sqrt(offsets**2 + (self.sd**2).sum(0) / max(len(weights), 1) ** 2)
+        width = float(np.linalg.norm(held[:, 1] - held[:, 0], axis=1).mean()) if len(held) else 1.0
+        # Of two ends that are off independently the middle is by e / sqrt(2), their distance by sqrt(2) e.
+        ends = recording.held_error * np.array([*[np.sqrt(0.5)] * 3, np.sqrt(2.0) * self._arm / width])
+        static = np.sqrt(offsets**2 + ends**2 + (self.sd**2).sum(0) / max(len(weights), 1) ** 2)
         self.static_sd = static if len(weights) else np.zeros(0)
 
     def of(self, simulated: Floats) -> tuple[Floats, Floats]:

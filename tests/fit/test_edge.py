@@ -17,6 +17,7 @@ from fit.gap.observer import BLOCK, Observer
 from fit.parameterisations import SI
 from fit.recording import prepare
 from fit.smoothing import steady_spline
+from formats.rig import Calibration
 from tests.fit.scenes import hung, sheet, swing, take_of
 
 RATE, NOISE = 30.0, 1e-3
@@ -109,6 +110,20 @@ def test_a_constant_offset_counts_as_a_markers_own():
     """Of five markers glued 1 mm beside their places on average, the middle is known to 0.45 mm."""
     recording, _ = a_recording(noise=1e-6)
     assert EdgeResiduals(recording).static_sd[:3] == pytest.approx(OFFSET_SD / np.sqrt(5), rel=0.01)
+
+
+def test_a_calibration_that_knows_the_held_ends_badly_lets_the_edge_be_off_by_as_much():
+    """Ends known to 2 mm over the axes: the middle to 1.41, the length to 2.83, times 0.354 at five places."""
+    recording, _ = a_recording(noise=1e-6)
+    time = recording.time
+    take = take_of(recording.garment, time, swing(time), hung(recording.garment, time))
+    calibration = Calibration(held_sd_m=((0.001, 0.002, 0.0), (0.002, 0.003, np.sqrt(6e-6))))
+    known = prepare(dataclasses.replace(take, rig=msgspec.structs.replace(take.rig, calibration=calibration)))
+    assert known.held_error == pytest.approx(0.002)
+    own = OFFSET_SD / np.sqrt(5)
+    expected = np.hypot([0.002 / np.sqrt(2)] * 3 + [0.002 * np.sqrt(2) * np.sqrt(1 / 8)], own)
+    assert EdgeResiduals(known).static_sd == pytest.approx(expected, rel=0.02)
+    assert prepare(take).held_error == 0.0
 
 
 def test_the_edge_is_evidence_beside_the_judged_points_and_never_an_error_of_theirs():

@@ -103,6 +103,11 @@ class Effect:
         return self.low >= 0.0
 
     @property
+    def moves_edge(self) -> bool:
+        """Whether it may move the tracked held edge against where the hanger's markers put it."""
+        return self.acts_on in ("boundary", "measurement")
+
+    @property
     def in_kernel(self) -> bool:
         """Whether the effect needs the kernel with effects; others run in the plain one."""
         return self.face_force is not None or self.bends or self.adds_mass

@@ -18,13 +18,14 @@ Source: weighted least squares with a prior, A. Tarantola, "Inverse Problem Theo
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from fit.gap.closure import DIRECTIONS
-from fit.gap.edge import MOVING_CERTAIN, RESTING_CERTAIN, is_seen_on_edge
-from fit.gap.evidence import MOVES_EDGE
-from fit.gap.fitting import Fitted, Pinned
+from fit.gap.edge import is_seen_on_edge
+from fit.gap.fitting import Fitted, Pinned, Problem
 from fit.gap.observer import Observer
 from fit.gap.screening import Screened
 
@@ -49,27 +50,22 @@ def disputed(observer: Observer, without: Floats, fitted: Fitted, trust: float) 
     without: residual of the model without the fit's effects, (numbers,)
     """
     on_edge = observer.layout.is_edge
-    moving = [k for k in fitted.active if observer.effects[k].acts_on in MOVES_EDGE]
-    if not on_edge.any() or not moving:
+    moving = Problem(observer, tuple(k for k in fitted.active if observer.effects[k].moves_edge))
+    chosen = moving.columns
+    if not on_edge.any() or not len(chosen):
         return None
-    every = np.concatenate([np.arange(len(observer.off))[observer.columns[k]] for k in fitted.active])
-    chosen = np.concatenate([np.arange(len(observer.off))[observer.columns[k]] for k in moving])
-    typical = np.concatenate(
-        [np.full(len(observer.effects[k].components), observer.effects[k].typical) for k in moving]
-    )
-    change = fitted.jacobian[:, len(fitted.vector) :][:, np.isin(every, chosen)]
-    rows = change[on_edge]
-    delta, known = _solved(observer, rows.T, fitted.residual[on_edge])
+    every = Problem(observer, fitted.active)
+    rows = fitted.jacobian[on_edge, len(fitted.vector) :][:, np.isin(every.columns, chosen)].T
+    delta, known = _solved(observer, rows, fitted.residual[on_edge])
     after, before = fitted.residual.copy(), observer.edge_errors(without)
-    after[on_edge] += rows @ delta
+    after[on_edge] += delta @ rows
     if delta @ known @ delta <= DISPUTED**2 or not is_seen_on_edge(before, observer.edge_errors(after)):
         return None
-    effects = [observer.effects[k] for k in moving for _ in observer.effects[k].components]
-    low, high = np.array([e.low for e in effects]), np.array([e.high for e in effects])
     sd = np.sqrt(np.diag(np.linalg.inv(known)))
     amplitudes, spread = fitted.amplitudes.copy(), np.full(len(observer.off), np.inf)
-    amplitudes[chosen] = np.clip(amplitudes[chosen] + delta * typical, low, high)
-    spread[chosen] = np.where(sd < 1.0, sd * typical, np.inf)
+    amplitudes[chosen] += delta * moving.typical
+    spread[chosen] = np.where(sd < 1.0, sd * moving.typical, np.inf)
+    (amplitudes,) = every.unpack(every.pack(fitted.vector, amplitudes)[None])[1]  # within bounds
     return Pinned(amplitudes, spread, trust)
 
 
@@ -81,7 +77,7 @@ def leads(observer: Observer, screened: Screened, residual: Floats) -> list[int]
     found = []
     for n, k in enumerate(screened.effects):
         rows = screened.raw[n][:, on_edge]
-        if observer.effects[k].acts_on not in MOVES_EDGE or not rows.any():
+        if not observer.effects[k].moves_edge or not rows.any():
             continue
         delta, _ = _solved(observer, rows, residual[on_edge])
         after = residual.copy()
@@ -94,15 +90,14 @@ def leads(observer: Observer, screened: Screened, residual: Floats) -> list[int]
 
 def detectable_on_edge(observer: Observer, judge: Observer, screened: Screened) -> Floats:
     """Smallest amplitude of each screened effect, (screened,), that the held edge of the takes judged on would show."""
-    layout = observer.layout
     found = np.full(len(screened.effects), np.inf)
-    frames = [float((o.layout.is_edge & (o.layout.frame >= 0)).sum()) for o in (observer, judge)]
-    if min(frames) == 0.0:
+    frames, judged_on = (float((o.layout.is_edge & (o.layout.frame >= 0)).sum()) for o in (observer, judge))
+    if min(frames, judged_on) == 0.0:
         return found
     for n, k in enumerate(screened.effects):
-        if observer.effects[k].acts_on in MOVES_EDGE:
-            errors = [observer.edge_errors(np.where(layout.is_edge, row, 0.0)) for row in screened.raw[n]]
-            least = min(e.moving * frames[1] / frames[0] / MOVING_CERTAIN + e.resting / RESTING_CERTAIN for e in errors)
+        if observer.effects[k].moves_edge:
+            errors = [observer.edge_errors(row) for row in screened.raw[n]]
+            least = min(replace(e, moving=e.moving * judged_on / frames).shown for e in errors)
             found[n] = screened.typical[n] / np.sqrt(max(least, 1e-12))
     return np.asarray(np.where(found < 1e3 * screened.typical, found, np.inf))
 
@@ -112,7 +107,6 @@ def _solved(observer: Observer, rows: Floats, residual: Floats) -> tuple[Floats,
     layout = observer.layout
     still = (layout.frame < 0)[layout.is_edge]
     takes = max(len(np.unique(layout.take[layout.is_edge])), 1)
-    known = rows[:, ~still] @ rows[:, ~still].T / SLOW + rows[:, still] @ rows[:, still].T / takes
-    weight = np.where(still, 1.0 / takes, 1.0 / SLOW)
-    known = known + 1e-9 * np.eye(len(rows))
-    return np.asarray(-np.linalg.solve(known, (rows * weight) @ residual), float), known
+    weighted = rows * np.where(still, 1.0 / takes, 1.0 / SLOW)
+    known = weighted @ rows.T + 1e-9 * np.eye(len(rows))
+    return np.asarray(-np.linalg.solve(known, weighted @ residual), float), known

@@ -40,7 +40,6 @@ SMALLEST_SECOND_GAIN, MOST_OF_LEFT = 0.03, 0.6
 LEAST_LEFT = 0.1  # of the squared noise that is taken to be left in a half-second at least
 NEAR, NEAR_TWIN = 0.8, 0.9  # of the winner's closure from which an effect, or one of the same shape, is a rival
 RIVAL = 0.1  # share of bootstrap draws that makes an effect a rival
-MOVES_EDGE = ("boundary", "measurement")  # what effects act on that move the held edge
 
 
 def is_at_bound(observer: Observer, hypothesis: Hypothesis) -> bool:
@@ -66,7 +65,7 @@ def closes_enough(gap: float, before: BlockErrors, after: BlockErrors, floor_mm:
 
 def edge_left_by_law(observer: Observer, base: Hypothesis, hypothesis: Hypothesis) -> float:
     """What sound laws of effects leave of what the held edge shows without them, in multiples of what is certain."""
-    moving = (observer.effects[k] for k in hypothesis.effects if observer.effects[k].acts_on in MOVES_EDGE)
+    moving = (observer.effects[k] for k in hypothesis.effects if observer.effects[k].moves_edge)
     spread = max((effect.law_spread for effect in moving), default=0.0)
     return (LAW_DEVIATIONS * spread) ** 2 * base.errors.edge.beyond_noise
 
@@ -145,7 +144,7 @@ class Evidence:
         size, (low, high) = amplitude_of(fitted, self.observer, effect)
         place = self.screened.effects.index(effect)
         wrong = NORMAL_95 * self.numerics_mm * float(self.per_millimetre[place]) / np.sqrt(DIRECTIONS)
-        if fitted.is_by_edge and self.observer.effects[effect].acts_on in MOVES_EDGE:
+        if fitted.is_by_edge and self.observer.effects[effect].moves_edge:
             wrong = 0.0  # mesh and solver do not move the held edge
         law = NORMAL_95 * self.observer.effects[effect].law_spread * size if any_law else 0.0
         half = float(np.linalg.norm([(high - low) / 2, wrong, law]))
@@ -223,7 +222,7 @@ class Evidence:
 
     def _is_told_by_edge(self, effect: int) -> bool:
         found = self.singles[effect]
-        if self.observer.effects[effect].acts_on not in MOVES_EDGE or effect in self.contradicted:
+        if not self.observer.effects[effect].moves_edge or effect in self.contradicted:
             return False
         closed = self.closure_of(found)
         is_worse = closed is not None and closed.interval is not None and closed.interval[1] < 0.0

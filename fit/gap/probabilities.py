@@ -61,7 +61,7 @@ def probabilities(evidence: Evidence, several: Hypothesis | None) -> dict[int, f
         at_work[k] = worth[k] & (squared <= limit) & ~together
     told = sorted(evidence.told_by_edge)
     if told:
-        nothing = ~np.any([at_work[k] for k in drawn if k not in told] or [together], axis=0) & ~together
+        nothing = ~np.any([together, *(at_work[k] for k in drawn if k not in told)], axis=0)
         nearest = np.argmin(np.stack([drawn[k] for k in told]), axis=0)
         at_work.update({k: nothing & (nearest == n) for n, k in enumerate(told)})
     found = {k: float(np.mean(draws)) for k, draws in at_work.items()}

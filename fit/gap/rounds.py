@@ -98,31 +98,28 @@ class Rounds:
 
     def sizes_by_edge(self, numerics: float) -> None:
         """Fit effects again whose size the held edge would surely have elsewhere; numerics [mm]."""
-        for k, fitted in zip(
-            self.singles, self._by_edge([h.fitted for h in self.singles.values()], numerics), strict=True
-        ):
-            if fitted is not self.singles[k].fitted:
-                self.singles[k] = Hypothesis((k,), fitted, judged(self.judge, fitted))
+        again = self._by_edge(list(self.singles.values()), numerics)
+        self.singles = dict(zip(self.singles, again, strict=True))
 
-    def _by_edge(self, fits: list[Fitted], numerics: float) -> list[Fitted]:
-        """Return fits, made again where the held edge disputes their amplitudes."""
+    def _by_edge(self, found: list[Hypothesis], numerics: float) -> list[Hypothesis]:
+        """Return hypotheses, fitted again where the held edge disputes their amplitudes."""
         if not self.observer.layout.is_edge.any():
-            return fits
+            return found
         trust, without = trust_in_edge(self.observer, numerics), self.base.fitted.residual
-        known = [disputed(self.observer, without, one, trust) for one in fits]
+        known = [disputed(self.observer, without, one.fitted, trust) for one in found]
         again = [
-            (n, Task(one.vector, pinned.amplitudes, one.active, iterations=POLISHING, pinned=pinned))
-            for n, (one, pinned) in enumerate(zip(fits, known, strict=True))
+            (n, Task(one.fitted.vector, pinned.amplitudes, one.effects, iterations=POLISHING, pinned=pinned))
+            for n, (one, pinned) in enumerate(zip(found, known, strict=True))
             if pinned is not None
         ]
         if not again:
-            return fits
+            return found
         names = [f"{self._name(task.active)}-by-edge" for _, task in again]
         made = self.kept.recall(names, partial(fit, self.observer, [task for _, task in again]))
-        found = list(fits)
-        for (n, _), fitted in zip(again, made, strict=True):
-            found[n] = fitted
-        return found
+        settled = list(found)
+        for (n, task), fitted in zip(again, made, strict=True):
+            settled[n] = Hypothesis(task.active, fitted, judged(self.judge, fitted))
+        return settled
 
     def _promising(self, screened: Screened, before: Fitted, most: int | None = None) -> list[int]:
         """Places in `screened.effects` of what deserves a refit: what promises most, and what the held edge shows."""
@@ -182,9 +179,7 @@ class Rounds:
                 found = self._polished(found)
                 if len(found.effects) == 2:
                     found, p_value = self._better_of_twins(found, p_value)
-                (fitted,) = self._by_edge([found.fitted], numerics)
-                if fitted is not found.fitted:
-                    found = Hypothesis(found.effects, fitted, judged(self.judge, fitted))
+                (found,) = self._by_edge([found], numerics)
                 is_real = may_be_added(self.observer, found, p_value)
             self.joint.append((found, p_value))
             if not is_real or not self._is_needed(best, found, floor):

@@ -78,14 +78,13 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
     if not passing and not (has_gap and evidence.exceeds(noise + mesh)):
         none = f"No gap: the base model explains the motion down to noise and mesh. {numbers}"
         return Verdict("none", [], none + _edge_is_off(evidence))
-    if any(g.name == "base fit" for g in failed) and not told & set(passing):
+    if any(g.name == "base fit" for g in failed) and not told:
         return Verdict("inconclusive", [], f"No diagnosis: {failed[0].sentence} {numbers}")
     coarse = next((g for g in failed if g.name == "mesh and step"), None)
     causes = [evidence.singles[k] for k in passing] + ([several] if several else [])
     closures = [c.value for h in causes if (c := evidence.closure_of(h)) is not None]
     # A finer mesh is a rival like any other: it counts where no effect closes more of the gap than it does.
-    is_finer_better = coarse is not None and 100 * max(closures, default=0.0) <= (coarse.figure or 0.0)
-    if coarse is not None and is_finer_better and not told & set(passing):
+    if coarse is not None and not told and 100 * max(closures, default=0.0) <= (coarse.figure or 0.0):
         return Verdict("numerics", [], f"Refine first: {coarse.sentence} {numbers}")
     if several is not None:
         return _name_several(evidence, several, effects)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from types import SimpleNamespace
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -17,12 +16,9 @@ from fit.gap.edge import MOVING_CERTAIN, NUMBERS, RESTING_CERTAIN, EdgeErrors, e
 from fit.gap.edge_fit import detectable_on_edge, disputed, leads, trust_in_edge
 from fit.gap.fitting import Fitted, Pinned, Problem, Task, fit
 from fit.gap.observer import Observer
-from fit.gap.probabilities import probabilities
-from fit.gap.verdict import decide, passing_effects
 from fit.parameterisations import SI
 from fit.recording import prepare
 from tests.fit.scenes import material, sheet, simulate_take, swing
-from tests.fit.verdict_scene import COARSE, evidence_of, hypothesis, with_edge
 
 NAMES = [e.name for e in LIBRARY]
 SLACK = NAMES.index("clip_slack")
@@ -39,7 +35,7 @@ def an_observer(takes=3):
         is_edge=np.arange(10 + edge) >= 10, block=np.zeros(10 + edge, int),
     )  # fmt: skip
     found = SimpleNamespace(
-        effects=LIBRARY, columns=columns_of(LIBRARY), off=amplitudes_of(LIBRARY), layout=layout, in_mm=lambda row: 2.0
+        effects=LIBRARY, columns=columns_of(LIBRARY), off=amplitudes_of(LIBRARY), layout=layout, parameterisation=SI
     )
     chosen = layout.is_edge
     found.edge_errors = lambda r: edge_errors(take[chosen], frame[chosen], r[chosen], layout.sd[chosen])
@@ -116,6 +112,20 @@ def test_a_size_that_the_edge_agrees_with_or_cannot_mend_stays():
     assert disputed(observer, without, air, 7.0) is None
 
 
+def test_the_size_of_an_effect_beside_it_that_moves_no_edge_stays():
+    observer, hem = an_observer(), NAMES.index("hem")
+    alone = fitted_to(observer, 8.0, slope=-4.0)
+    amplitudes = alone.amplitudes.copy()
+    amplitudes[observer.columns[hem]] = 0.01
+    both = dataclasses.replace(
+        alone, amplitudes=amplitudes, active=(hem, SLACK), jacobian=np.insert(alone.jacobian, 5, 0.0, axis=1)
+    )
+    pinned = disputed(observer, stretched(observer, 10.0), both, 7.0)
+    assert pinned.amplitudes[observer.columns[hem]] == pytest.approx(0.01)
+    assert pinned.amplitudes[observer.columns[SLACK]] == pytest.approx(2.5 * LIBRARY[SLACK].typical, rel=1e-6)
+    assert np.isinf(pinned.sd[observer.columns[hem]]).all()
+
+
 def screened(observer, **slopes):
     effects = tuple(NAMES.index(name) for name in slopes)
     raw = [stretched(observer, slope)[None] for slope in slopes.values()]
@@ -173,68 +183,6 @@ def test_a_pinned_amplitude_stays_where_it_is_known_and_the_fabric_is_fitted_bes
     assert held.deviation[-1] == pytest.approx(1e-4 / LIBRARY[SLACK].typical)
     assert not np.allclose(held.vector, SI.initial)
     assert Problem(observer, (SLACK,)).prior_sd[-1] > 1.0
-
-
-def told(closed_mm, *, base=12.0, before=(900, 100.0), after=(900, 2.0), other=None):
-    """Evidence where the edge is off constantly without slack and not with it; `other`: {name: mm} beside it."""
-    evidence = evidence_of({"clip_slack": closed_mm, **(other or {})}, base=base)
-    singles = {k: with_edge(h, *(after if k == SLACK else before)) for k, h in evidence.singles.items()}
-    return dataclasses.replace(evidence, base=with_edge(evidence.base, *before), singles=singles)
-
-
-@pytest.mark.parametrize(
-    ("evidence", "verdict"),
-    [
-        (told(10.5), "effect"),  # it closes 28 % of the gap, more is left than laws leave
-        (told(11.9), "effect"),  # 2 %
-        (told(14.0), "unknown"),  # the cloth is surely worse off
-        (told(5.05, base=5.1), "effect"),  # there is no gap
-        (told(5.05, base=5.1, after=(900, 90.0)), "none"),
-        (told(11.9, after=(900, 40.0)), "unknown"),  # the edge is not where the effect has it: 36 beyond chance
-        (told(11.9, before=(900, 20.0)), "unknown"),  # 18 less are not certain
-    ],
-)
-def test_what_the_held_edge_tells_is_named_whatever_the_cloth_does(evidence, verdict):
-    found = decide(evidence, LIBRARY)
-    assert (found.verdict, found.named) == (verdict, ["clip_slack"] if verdict == "effect" else [])
-    assert (probabilities(evidence, None)[SLACK] > 0.8) == (verdict == "effect")
-
-
-def test_the_sentence_says_what_the_edge_tells_and_what_no_effect_explains():
-    """0.02 sqrt(900) = 0.6 mm."""
-    sentence = decide(told(10.5), LIBRARY).sentence
-    assert (
-        "The held edge tells of it: the model has that edge 0.6 mm off without it, 0.6 mm with it, noise included."
-        in sentence
-    )
-    assert "The rest of the gap, 72 %, no effect in the library explains." in sentence
-    assert "The rest" not in decide(told(5.3), LIBRARY).sentence
-    small = decide(told(5.05, base=5.1), LIBRARY).sentence
-    assert "it misses by 5.0 mm. The held edge" in small
-
-
-@pytest.mark.parametrize(("base", "verdict"), [(5.1, "none"), (12.0, "unknown")])
-def test_an_edge_that_nothing_puts_right_is_told_of(base, verdict):
-    found = decide(told(base - 0.1, base=base, after=(900, 90.0)), LIBRARY)
-    assert found.verdict == verdict
-    assert found.sentence.endswith("It has the held edge 0.6 mm off, beyond noise.")
-    quiet = decide(told(base - 0.1, base=base, before=(900, 20.0), after=(900, 20.0)), LIBRARY)
-    assert "edge" not in quiet.sentence
-
-
-def test_an_effect_that_leaves_the_edge_off_is_not_named_in_the_place_of_one_that_it_tells_of():
-    """Drag closes 60 % of the cloth's gap; both together are `several` if either needs the other."""
-    evidence = told(10.5, other={"air_drag": 8.0})
-    assert [NAMES[k] for k in passing_effects(evidence)] == ["clip_slack", "air_drag"]  # a rival, were it not told
-    assert decide(evidence, LIBRARY).named == ["clip_slack"]
-    for left, verdict in ((6.0, "several"), (10.2, "effect")):
-        both = with_edge(hypothesis(("air_drag", "clip_slack"), left, seed=9), 900, 2.0)
-        assert decide(dataclasses.replace(evidence, joint=[(both, 0.001)]), LIBRARY).verdict == verdict
-
-
-def test_a_base_fit_or_a_mesh_that_is_not_settled_does_not_hide_what_the_edge_tells():
-    for gate in (COARSE, msgspec.structs.replace(COARSE, name="base fit")):
-        assert decide(dataclasses.replace(told(10.5), gates=[gate]), LIBRARY).verdict == "effect"
 
 
 def test_clips_too_far_apart_are_named_though_the_cloth_hardly_shows_it():

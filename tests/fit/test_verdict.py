@@ -10,14 +10,13 @@ import pytest
 from fit.effects import LIBRARY, find_effects
 from fit.effects.base import amplitudes_of
 from fit.gap.closure import BlockErrors
-from fit.gap.edge import is_seen_on_edge
-from fit.gap.evidence import edge_left_by_law, is_worth_adding, share_in_median_block
+from fit.gap.evidence import is_worth_adding, share_in_median_block
 from fit.gap.findings import describe_effects
 from fit.gap.probabilities import LEFT, LEFT_WIDTH, ODDS, probabilities
 from fit.gap.rounds import Rounds
 from fit.gap.verdict import decide
 from fit.parameterisations import SI
-from tests.fit.verdict_scene import BLOCKS, COARSE, STILL, errors, evidence_of, hypothesis, with_edge
+from tests.fit.verdict_scene import BLOCKS, COARSE, STILL, errors, evidence_of, hypothesis
 
 
 @pytest.mark.parametrize(
@@ -301,93 +300,6 @@ def test_the_sentence_says_where_a_local_effect_acts():
     assert "With a heavier hem (0.01 kg/m [0.00" in sentence
     assert "along the bottom) it misses by 6.0 mm" in sentence
     assert " at the " not in decide(evidence_of({"air_drag": 6.0}), LIBRARY).sentence
-
-
-@pytest.mark.parametrize(
-    ("before", "after", "is_seen"),
-    [
-        (1300, 1150, True),  # all of the 150 beyond noise of 1150
-        (1300, 1230, False),  # 70 of them
-        (1300, 1220, True),  # 80
-        (1200, 1145, False),  # 55: slow noise may do that
-        (900, 820, True),  # 80, of takes that state too much noise
-    ],
-)
-def test_an_effect_is_seen_on_the_held_edge_where_it_removes_most_of_what_is_off_there(before, after, is_seen):
-    one, other = (with_edge(hypothesis((), 6.0), squares).errors.edge for squares in (before, after))
-    assert is_seen_on_edge(one, other) == is_seen
-    assert not is_seen_on_edge(one, other, 151.0 / 60.0)
-
-
-@pytest.mark.parametrize(("name", "left"), [("time_offset", 0.0), ("depth_scale", 0.96), ("air_lift", 0.0)])
-def test_laws_of_what_moves_the_held_edge_may_leave_some_of_what_it_shows(name, left):
-    """A depth scale, good to 8 %, the square of three times that of 1000 is 57.6, 60 are certain; air moves no edge."""
-    base = with_edge(hypothesis((), 12.0), 2150)
-    observer = evidence_of({}).observer
-    assert edge_left_by_law(observer, base, hypothesis((name,), 6.0)) == pytest.approx(left)
-    beside = hypothesis((name, "time_offset"), 6.0)
-    assert edge_left_by_law(observer, base, beside) == pytest.approx(left)
-
-
-@pytest.mark.parametrize(("squares", "verdict"), [(1150, "several"), (1900, "effect")])
-def test_a_further_effect_that_the_held_edge_shows_is_named_though_it_closes_little(squares, verdict):
-    """Beside a draught that leaves 8 mm clips closer together close 3 mm^2 of 119, and 39 are left."""
-    evidence = evidence_of({"draught": 8.0}, joint=[(("draught", "clip_slack"), 7.8)])
-    (draught,), ((both, p_value),) = evidence.singles, evidence.joint
-    evidence = dataclasses.replace(
-        evidence, singles={draught: with_edge(evidence.singles[draught], 2000)},
-        joint=[(with_edge(both, squares), p_value)],
-    )  # fmt: skip
-    found = decide(evidence, LIBRARY)
-    assert found.verdict == verdict
-    likely = probabilities(evidence, evidence.joint[0][0])
-    assert (likely.get(both.effects[1], 0.0) > 0.5) == (verdict == "several")
-
-
-@pytest.mark.parametrize(("squares", "verdict", "named"), [
-    ((1100, 1120), "ambiguous", ["attachment_offset", "depth_scale"]), ((1200, 1100), "effect", ["depth_scale"]),
-])  # fmt: skip
-def test_what_the_held_edge_contradicts_is_neither_named_nor_a_rival(squares, verdict, named):
-    """Both close 91 %, the offset a little more."""
-    evidence = evidence_of({"attachment_offset": 5.98, "depth_scale": 6.0, "hem": 11.5})
-    names = [e.name for e in LIBRARY]
-    for name, edge in zip(("attachment_offset", "depth_scale"), squares, strict=True):
-        evidence.singles[names.index(name)] = with_edge(evidence.singles[names.index(name)], edge)
-    found = decide(evidence, LIBRARY)
-    assert (found.verdict, found.named) == (verdict, named)
-    assert (probability_of("attachment_offset", evidence) > 0) == (verdict == "ambiguous")
-    # Where the edge is off by 4000 without either, laws may leave a twentieth of that, 145 or 150: nothing is told.
-    far = dataclasses.replace(evidence, base=with_edge(evidence.base, 4100))
-    assert decide(far, LIBRARY).verdict == "ambiguous"
-    # What closes little contradicts nothing, wherever it puts the edge.
-    hem = names.index("hem")
-    evidence = dataclasses.replace(evidence, singles={**evidence.singles, hem: with_edge(evidence.singles[hem], 500)})
-    assert decide(evidence, LIBRARY).named == named
-
-
-@pytest.mark.parametrize(("squares", "twins"), [(1180, {"time_offset": ["filter_lag"]}), (1400, {})])
-def test_a_twin_that_the_held_edge_contradicts_is_not_told(squares, twins):
-    pair = with_edge(hypothesis(("air_drag", "filter_lag"), 5.6), squares)
-    evidence = evidence_of({"air_drag": 9.0}, joint=[(("air_drag", "time_offset"), 5.5)], instead=[pair])
-    (drag,), ((both, p_value),) = evidence.singles, evidence.joint
-    evidence = dataclasses.replace(
-        evidence, singles={drag: with_edge(evidence.singles[drag], 4000)}, joint=[(with_edge(both, 1100), p_value)]
-    )
-    assert decide(evidence, LIBRARY).alternatives == twins
-
-
-@pytest.mark.parametrize(("name", "verdict"), [("depth_scale", "effect"), ("time_offset", "several")])
-def test_what_a_law_may_leave_on_the_held_edge_needs_no_further_effect(name, verdict):
-    """Of 18850 a late clock or a depth scale leaves 300, 1.6 %; an offset closes them, and 3 mm^2 of 119."""
-    evidence = evidence_of({name: 6.0}, joint=[((name, "attachment_offset"), 5.8)])
-    (first,), ((both, p_value),) = evidence.singles, evidence.joint
-    evidence = dataclasses.replace(
-        evidence, base=with_edge(evidence.base, 20000), singles={first: with_edge(evidence.singles[first], 1450)},
-        joint=[(with_edge(both, 1150), p_value)],
-    )  # fmt: skip
-    assert decide(evidence, LIBRARY).verdict == verdict
-    likely = probabilities(evidence, evidence.joint[0][0])[both.effects[1]]
-    assert (likely > 0.5) == (verdict == "several")
 
 
 @pytest.mark.parametrize("given", [{"singles": {"air_drag": 7.0}}, {"singles": {"air_lift": 10.3}}])

@@ -70,5 +70,5 @@ STILL = Gate(name="motion", passed=False, figure=3.0, limit=30.0, unit="mm", sen
 
 def with_edge(one, squares, resting=0.0):
     """The same hypothesis where the held edge of the takes judged on is off by so many squared deviations, of 1000."""
-    edge = EdgeErrors(moving=float(squares), count=1000, resting=resting, mm=0.02 * squares**0.5)
+    edge = EdgeErrors(moving=float(squares), count=1000, resting=resting, mm=0.02 * squares**0.5 + 0.01 * resting)
     return dataclasses.replace(one, errors=dataclasses.replace(one.errors, edge=edge))

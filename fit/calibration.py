@@ -30,6 +30,7 @@ from fit.effects.base import columns_of
 from fit.engines import find_engine
 from fit.errors import BlowUpError, FitError
 from fit.geometry import check_geometry
+from fit.physics import other_than, physics_version
 from fit.recording import Recording, prepare
 from fit.request import Request
 from fit.search.choice import OBSERVED, begin
@@ -257,7 +258,7 @@ def _key(training: list[Take], request: Request) -> dict[str, object]:
         "search": request.search,
         "effects": [e.name for e in request.effects], "spacing": request.resolution.spacing,
         "bounds": [list(b) for b in request.bounds], "initial": [p.initial for p in request.parameters],
-        "engine": request.engine,
+        "engine": request.engine, "physics": physics_version(),
     }  # fmt: skip
 
 
@@ -271,9 +272,9 @@ def _saved(checkpoint: Path, key: dict[str, object]) -> dict[str, Any]:
         state, saved_key = saved["search"], saved["key"]
     except (ValueError, KeyError, TypeError, OSError) as error:
         raise FitError("the saved search cannot be read", where=checkpoint, advice="delete it to start anew") from error
-    if saved_key != key:
+    if (other := other_than(saved_key, key)) is not None:
         raise FitError(
-            "the saved search is of other takes or options",
+            f"the saved search is of {other}",
             where=checkpoint,
             advice="delete it or choose another --out",
         )

@@ -2,9 +2,8 @@
 
     key = sha256( sha256(take's bytes) | method, effects, bounds, search ... | physics )
 
-A take's bytes hold its garment and rig. The physics is the source text of every module of `fit` and `formats` that has
-a part in a result (all but `WITHOUT_PART`), and the versions of `LIBRARIES`. So a result is found again exactly as long
-as it would come out the same; a comment changed there costs the time of a fit and never keeps a stale result.
+A take's bytes hold its garment and rig; the physics is `fit.physics.physics_version`. So a result is found again
+exactly as long as it would come out the same.
 """
 
 from __future__ import annotations
@@ -12,22 +11,10 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import asdict, dataclass
-from functools import cache
-from importlib import metadata
-from pathlib import Path
 
-import fit as fit_package
-import formats as formats_package
 from fit.fabrics import find_fabric
 from fit.parameterisations import find_method
 from fit.request import Request, request_of
-
-# What only shows or hands out results, or brings takes in; everything else in `fit` and `formats` may change them.
-WITHOUT_PART = (
-    "fit/batch", "fit/blind", "fit/report", "fit/reporting.py", "fit/cli.py",
-    "formats/cli.py", "formats/command.py", "formats/importers",
-)  # fmt: skip
-LIBRARIES = ("cmaes", "numpy", "scipy", "taichi")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,34 +79,6 @@ def key_of(digest: str, plan: Plan, physics: str) -> str:
     """Return the key of a fit of the take with this digest."""
     text = json.dumps([digest, asdict(plan), physics], sort_keys=True)
     return digest_of(text.encode())
-
-
-@cache
-def physics_version() -> str:
-    """Return the digest of the source text and the libraries that results depend on."""
-    whole = hashlib.sha256()
-    for package in (fit_package, formats_package):
-        top = Path(str(package.__file__)).parent
-        for path in sorted(top.rglob("*.py")):
-            name = f"{top.name}/{path.relative_to(top).as_posix()}"
-            if has_part(name):
-                content = path.read_bytes()
-                whole.update(f"{name} {len(content)}\n".encode() + content)
-    for library in LIBRARIES:
-        whole.update(f"{library} {_installed(library)}\n".encode())
-    return whole.hexdigest()
-
-
-def has_part(name: str) -> bool:
-    """Return whether results may depend on a source file, named from its package on: `fit/geometry.py`."""
-    return "/".join(name.split("/")[:2]) not in WITHOUT_PART
-
-
-def _installed(library: str) -> str:
-    try:
-        return metadata.version(library)
-    except metadata.PackageNotFoundError:
-        return "absent"
 
 
 def result_name(key: str) -> str:

@@ -14,10 +14,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from fit.batch.cluster import Workers, connect
-from fit.batch.jobs import Job, Outcome, Plan, digest_of, failure_name, key_of, physics_version, result_name
+from fit.batch.jobs import Job, Outcome, Plan, digest_of, failure_name, key_of, result_name
 from fit.batch.store import Store
 from fit.batch.worker import run_job
 from fit.errors import BatchError
+from fit.physics import physics_version
 
 POLL = 0.25  # s
 FRUITLESS = 10  # connections in a row without a single outcome, after which something else is wrong

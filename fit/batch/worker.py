@@ -9,9 +9,10 @@ import time
 from datetime import UTC, datetime
 from pathlib import Path
 
-from fit.batch.jobs import Job, Outcome, digest_of, failure_name, physics_version, result_name, search_name
+from fit.batch.jobs import Job, Outcome, digest_of, failure_name, result_name, search_name
 from fit.batch.store import Store, open_store
 from fit.errors import BatchError, FitError
+from fit.physics import physics_version
 from formats.errors import HangtimeError
 
 

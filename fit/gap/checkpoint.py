@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from fit.errors import FitError
 from fit.gap.fitting import Fitted
+from fit.physics import other_than
 
 Floats = NDArray[np.float64]
 Key = dict[str, object]
@@ -27,7 +28,7 @@ class Checkpoint:
         """Open or begin the folder.
 
         Raises:
-            FitError: it holds the fits of other takes or options, or cannot be read.
+            FitError: it holds the fits of other takes, options or versions, or cannot be read.
         """
         self.folder = folder
         if folder is None:
@@ -38,9 +39,9 @@ class Checkpoint:
                 kept = json.loads(note.read_text())
             except (OSError, ValueError) as error:
                 raise FitError("the kept fits cannot be read", where=folder, advice="delete the folder") from error
-            if kept != key:
+            if (other := other_than(kept, key)) is not None:
                 raise FitError(
-                    "the kept fits are of other takes or options",
+                    f"the kept fits are of {other}",
                     where=folder,
                     advice="delete the folder or choose another --out",
                 )

@@ -31,6 +31,7 @@ from fit.gap.rounds import Rounds
 from fit.gap.verdict import decide, passing_effects
 from fit.gap.where import find_where
 from fit.parameterisations import SI, Parameterisation
+from fit.physics import physics_version
 from fit.recording import Recording, prepare
 from formats.results import Cost, Diagnosis
 from formats.take import Take
@@ -73,7 +74,7 @@ def diagnose(
     checkpoint: folder in which finished fits are kept; the caller deletes it when the result is safe.
 
     Raises:
-        FitError: no take, takes of different garments, or a checkpoint of other takes.
+        FitError: no take, takes of different garments, or a checkpoint of other takes or of another version.
     """
     started = clock.monotonic()
     _check_same_garment(training + held_out)
@@ -153,7 +154,7 @@ def _key(
     return {
         "takes": [t.take_id for t in training], "held_out": [t.take_id for t in held_out], "model": model.name,
         "added": list(added), "effects": [e.name for e in observer.effects], "seed": seed,
-        "spacing": observer.resolution.spacing,
+        "spacing": observer.resolution.spacing, "physics": physics_version(),
     }  # fmt: skip
 
 

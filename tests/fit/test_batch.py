@@ -12,13 +12,14 @@ import numpy as np
 import pytest
 
 from fit.batch.cli import SOME_NOT_FITTED
-from fit.batch.jobs import Job, Plan, digest_of, key_of, physics_version, search_name
+from fit.batch.jobs import Job, Plan, digest_of, key_of, search_name
 from fit.batch.runner import survey
 from fit.batch.store import open_store
 from fit.batch.summary import rows_of
 from fit.batch.worker import run_job
 from fit.calibration import calibrate
 from fit.errors import FitError
+from fit.physics import physics_version
 from formats.archive import read_take
 from formats.results import load_fit_result
 from tests.fit.night import (
@@ -201,7 +202,7 @@ def test_the_physics_is_the_source_of_every_module_that_a_fit_loads():
         from fit.gap import observer
         from fit.search import cma_es, tempering
         from formats import archive
-        from fit.batch.jobs import has_part
+        from fit.physics import has_part
         top = Path(fit.__file__).parent.parent
         used = [Path(m.__file__).relative_to(top).as_posix() for n, m in sys.modules.items()
                 if n.startswith(("fit.", "formats.")) and not n.startswith("fit.batch")]

@@ -66,6 +66,14 @@ def test_a_finished_search_outlives_a_held_out_take_that_blows_up(engine, monkey
     assert result.parameters == whole.parameters
 
 
+def test_a_saved_search_of_another_version_is_refused(monkeypatch, tmp_path):
+    file = tmp_path / "c.json"
+    calibrate([a_take()], [], asked(), checkpoint=file)
+    monkeypatch.setattr("fit.calibration.physics_version", lambda: "another")
+    with pytest.raises(FitError, match="is of another version of Hangtime or of its libraries"):
+        calibrate([a_take()], [], asked(), checkpoint=file, progress=never)
+
+
 @pytest.mark.parametrize("search", ["annealing", "restarts", "tempering", "cma-es"])
 @pytest.mark.parametrize("state", [{}, [], {"seed": 2}])
 def test_a_saved_search_that_does_not_replay_is_named_with_its_file(tmp_path, search, state):

@@ -307,7 +307,7 @@ def test_a_base_fit_that_is_unpredictable_is_no_reason_where_the_best_refit_is_n
     assert next(g for g in found.gates if g.name == "predictability").passed
 
 
-def test_an_interrupted_diagnosis_goes_on_to_the_same_end(tmp_path):
+def test_an_interrupted_diagnosis_goes_on_to_the_same_end(tmp_path, monkeypatch):
     takes = [a_take("a", "air_drag", 1.2), a_take("b", "air_drag", 1.2, hz=1.0, seed=1)]
     options = {"effects": find_effects(["air_drag", "hem"]), "resolution": COARSE}
     whole = diagnose(takes[:1], takes[1:], **options)
@@ -328,12 +328,18 @@ def test_an_interrupted_diagnosis_goes_on_to_the_same_end(tmp_path):
     assert resumed.diagnosis.sentence == whole.diagnosis.sentence
     assert np.array_equal(resumed.base.vector, whole.base.vector)
     assert resumed.diagnosis.cost.simulations < 0.7 * whole.diagnosis.cost.simulations
+    monkeypatch.setattr("fit.gap.diagnosis.physics_version", lambda: "another")
+    with pytest.raises(FitError, match="another version of Hangtime"):
+        diagnose(takes[:1], takes[1:], checkpoint=folder, **options)
 
 
 def test_kept_fits_of_other_takes_are_refused(tmp_path):
     Checkpoint(tmp_path / "p", {"takes": ["a"]})
     with pytest.raises(FitError, match="other takes or options"):
         Checkpoint(tmp_path / "p", {"takes": ["b"]})
+    Checkpoint(tmp_path / "q", {"takes": ["a"], "physics": "old"})
+    with pytest.raises(FitError, match="another version of Hangtime"):
+        Checkpoint(tmp_path / "q", {"takes": ["a"], "physics": "new"})
     (tmp_path / "p" / "key.json").write_text("{")
     with pytest.raises(FitError, match="cannot be read"):
         Checkpoint(tmp_path / "p", {"takes": ["a"]})

@@ -4,6 +4,7 @@ Run: python benchmarks/tracking.py [--set report-5] [--keep FOLDER] [--by garmen
 `benchmarks/tracking_scenes.py`. Every figure is stated with its spread over the scenes (quartiles).
 
 Points    error [m] of a point that is visible and was given a place. Centre also as a share of the garment's width.
+Constant  what of a point's error is the same in all frames of a scene, root mean square per axis.
 Hidden    precision: of the points told as hidden, those that are; recall: of the hidden ones, those told. Both twice:
           clear   as in `firmware_host.synthetic.visibility`; what is neither visible nor hidden is left out
           strict  a point is visible if the camera's ray meets it, however little of the cloth around it shows, and in
@@ -17,6 +18,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,13 +39,17 @@ SWAPPED = 0.1  # m: a marker this far off is the other one or none
 
 @dataclass(frozen=True)
 class Measured:
-    """One scene tracked: arrays per frame and point; errors and z in 3-D and per axis, NaN where no place was given."""
+    """One scene tracked: arrays per frame and point; errors and z in 3-D and per axis, NaN where no place was given.
+
+    constant [m], (points, 3): mean errors of visible points over the scene's frames
+    """
 
     scene: Scene
     sight: PointSight
     hidden: np.ndarray
     error: np.ndarray
     z: np.ndarray
+    constant: np.ndarray
     markers: np.ndarray
     moving: np.ndarray
     width: float
@@ -76,12 +82,16 @@ def measure(shown: Shown) -> Measured:
         spent = time.process_time() - start
         take = read_take(path)
     apart = take.points - shown.points
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # a point that is never seen has no mean
+        constant = np.nanmean(np.where(shown.sight.in_view[..., None], apart, np.nan), axis=0)
     return Measured(
         scene=shown.scene,
         sight=shown.sight,
         hidden=np.array(hidden),
         error=np.linalg.norm(apart, axis=-1),
         z=apart / np.where(take.points_valid[..., None], take.points_sd, np.nan),
+        constant=constant,
         markers=np.linalg.norm(take.markers - shown.markers, axis=-1),
         moving=shown.time >= START,
         width=float(np.ptp([x for x, _ in garment.outline_m])),
@@ -131,6 +141,10 @@ def figures(found: list[Measured]) -> dict[str, tuple[float | None, float, np.nd
         "corners, 95 % [mm]": (None, *pooled(corners, lambda e: np.nanpercentile(e, 95))),
         "centre, mean [mm]": (9.0, *pooled(centre, np.nanmean)),
         "centre, mean [% of width]": (2.0, *pooled(lambda m: centre(m) / (10 * m.width), np.nanmean)),
+        "constant part, held corners [mm]": (
+            None, *pooled(lambda m: 1e6 * m.constant[:2].ravel() ** 2, rms)),
+        "constant part, other points [mm]": (
+            None, *pooled(lambda m: 1e6 * m.constant[2:].ravel() ** 2, rms)),
         "corners visible: placed [%]": (
             None, *share(lambda m: np.isfinite(m.error[:, :4]) & m.visible[:, :4], lambda m: m.visible[:, :4])),
         "centre visible: placed [%]": (

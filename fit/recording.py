@@ -29,6 +29,10 @@ LONGEST_GAP = 0.5  # s without a hanger position that a spline may bridge: half 
 FASTEST_HANGER = 8.0  # m/s, twice what a hand can do with a hanger
 ON_EDGE = 0.02  # of the garment's height below its top within which a point sits on the held edge
 FEWEST_PLACES = 8  # of a point, below which it has no curve
+# How far a tracked point may constantly be beside the material point that it stands for, per axis [m]: glue, and where
+# a marker's middle is taken to be; a corner in a silhouette, as tracking has those of synthetic swatches
+# (`benchmarks/tracking.py`, "constant part").
+MARKER_OFFSET, SILHOUETTE_OFFSET = 1e-3, 2e-3
 LONGEST_BRIDGE = 0.25  # s without a point over which its spline is still believed
 
 
@@ -59,6 +63,7 @@ class Recording:
     judged, (points,): false for points on the held edge, which measure the boundary and not the cloth
     windows: where the observer's pull acts and residuals count; None: both everywhere
     held_error [m]: how far off the held ends may constantly be on the hanger, per axis, where the rig states it
+    offset_sd [m]: how far a point may constantly be beside the material point that it stands for, per axis
     """
 
     take_id: str
@@ -77,6 +82,7 @@ class Recording:
     judged: Booleans
     windows: Windows | None = None
     held_error: float = 0.0
+    offset_sd: float = MARKER_OFFSET
 
     @property
     def counted(self) -> Booleans:
@@ -158,7 +164,7 @@ def prepare(take: Take) -> Recording:
                                      for k in range(points.shape[1])]))  # fmt: skip
     held_sd = float(np.sqrt(np.mean(take.held_sd[held_valid] ** 2))) if held_valid.any() else 0.0
     held_seen = np.where(held_valid[:, None], (take.held @ rotation.T).reshape(len(time), 6), np.nan)
-    _check_path(take.take_id, time[held_valid], time, held_seen[held_valid])
+    check_path(take.take_id, time[held_valid], time, held_seen[held_valid])
     cut_off = best_cut_off(time[held_valid], held_seen[held_valid])
     held = _held_curve(time, held_seen, cut_off)
     curves = tuple(_target_curve(time, points[:, k], valid[:, k]) for k in range(points.shape[1]))
@@ -171,6 +177,7 @@ def prepare(take: Take) -> Recording:
         valid=valid, point_sd=point_sd, held_sd=held_sd, held=held, held_seen=held_seen, held_cut_off=cut_off,
         target_curves=curves, edge_turn=edge.turn(), slip_at=edge.slip_at(),
         judged=~on_edge if (~on_edge).sum() >= 3 else np.ones(len(places), bool), held_error=_held_error(take.rig),
+        offset_sd=MARKER_OFFSET if take.rig.sensor is None else SILHOUETTE_OFFSET,
     )  # fmt: skip
 
 
@@ -180,8 +187,12 @@ def _held_error(rig: Rig) -> float:
     return float(np.sqrt(np.mean(np.square(stated)))) if stated is not None else 0.0
 
 
-def _check_path(name: str, seen: Floats, time: Floats, places: Floats) -> None:
-    """Check that the hanger's path can be followed, from when and where its ends were seen, (n,) and (n, 6)."""
+def check_path(name: str, seen: Floats, time: Floats, places: Floats) -> None:
+    """Check that the held ends' path can be followed, from when and where they were seen, (n,) [s] and (n, 6) [m].
+
+    Raises:
+        DriveError: they were seen in too few frames, are lost for too long, or jump.
+    """
     if len(seen) < FEWEST_FRAMES:
         raise DriveError(
             f"the hanger was seen in {len(seen)} frames only",

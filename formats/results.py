@@ -105,6 +105,8 @@ class Gap(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
 
     is_floor_most: whether a model fell below the noise that the takes seem to have, so that there is at most floor_mm
     edge_mm: how far the tracked held edge is from where the base model has it; edge_with_effect_mm: with what is named
+    held_by_edge_mm, closure_held_by_edge: of the base model held where its edge was tracked and not where the hanger is
+    said to hold it, where the cause is unknown and that edge is off
     """
 
     base_mm: Figure
@@ -116,6 +118,8 @@ class Gap(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     is_held_out: bool = False
     edge_mm: float | None = None
     edge_with_effect_mm: float | None = None
+    held_by_edge_mm: Figure | None = None
+    closure_held_by_edge: Figure | None = None
 
 
 class EffectFinding(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -174,7 +174,7 @@ def _sewn(garment: Garment, front: Elements) -> _Laid:
         return _Laid(front, free_bends(front, own[None]), own[None])
     on_seam = np.zeros(len(own), bool)
     for a, b in garment.seams:
-        on_seam |= _place_along(front.rest, np.asarray([garment.outline_m[a], garment.outline_m[b]]))[1]
+        on_seam |= place_along(front.rest, np.asarray([garment.outline_m[a], garment.outline_m[b]]))[1]
     back = np.where(on_seam, own, len(own) + np.cumsum(~on_seam) - 1)
     layers = np.stack([own, back])
     mirrored = np.arange(spectral.WIDTH**2).reshape(spectral.WIDTH, -1)[:, ::-1].ravel()
@@ -187,7 +187,7 @@ def _sewn(garment: Garment, front: Elements) -> _Laid:
     return _Laid(elements, free_bends(front, layers), layers)
 
 
-def _place_along(places: Floats, ends: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+def place_along(places: Floats, ends: Floats) -> tuple[Floats, NDArray[np.bool_]]:
     """Share of the way from one end to the other, (n,), and whether each place is on it."""
     way = ends[1] - ends[0]
     share = (places - ends[0]) @ way / (way @ way)
@@ -198,7 +198,7 @@ def _place_along(places: Floats, ends: Floats) -> tuple[Floats, NDArray[np.bool_
 
 def _held(garment: Garment, rest: Floats) -> tuple[NDArray[np.int64], Floats]:
     """Held nodes of all layers from left to right, and their places along the held edge."""
-    share, is_on = _place_along(rest, np.asarray(garment.outline_m[:2], float))
+    share, is_on = place_along(rest, np.asarray(garment.outline_m[:2], float))
     if garment.held == "corners":
         is_on &= np.abs(share - 0.5) > 0.5 - 1e-6
     held = np.flatnonzero(is_on)
@@ -221,7 +221,7 @@ def _hem(outline: Floats, grid: Elements) -> Floats:
     length = np.zeros(len(grid.rest))
     nodes = grid.cells[:, RIMS].reshape(-1, spectral.WIDTH)
     for side in _bottom_sides(outline):
-        is_on = _place_along(grid.rest, side)[1][nodes].all(1)
+        is_on = place_along(grid.rest, side)[1][nodes].all(1)
         for element in nodes[is_on]:
             length[element] += spectral.WEIGHTS * np.linalg.norm(grid.rest[element[-1]] - grid.rest[element[0]]) / 2
     return length

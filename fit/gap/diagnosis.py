@@ -15,6 +15,7 @@ from fit.cloth.simulator import Resolution
 from fit.effects import LIBRARY
 from fit.effects.base import Effect
 from fit.errors import FitError
+from fit.gap import edge_driven
 from fit.gap import findings as described
 from fit.gap import gates as gate
 from fit.gap.base_fit import fit_base
@@ -111,6 +112,10 @@ def diagnose(
         search.further_rounds(floor, refined.numerics_mm)
         evidence = search.evidence(seeming, refined.numerics_mm, picks, found_gates, is_held_out=bool(test))
         verdict = decide(evidence, effects)
+    by_edge = None
+    if verdict.verdict == "unknown" and not is_edge_explained(search.base.errors.edge):
+        progress("holding the cloth where its edge was tracked", 0.92)
+        by_edge = edge_driven.held_by_edge(observer, judge, base, kept)
     progress("imagining the next recording", 0.93)
     proposal = propose(observer, base, *search.alive(evidence, verdict))
     progress("drawing maps", 0.97)
@@ -121,9 +126,9 @@ def diagnose(
         take_ids=[t.take_id for t in training],
         held_out_ids=[t.take_id for t in held_out],
         verdict=verdict.verdict,  # type: ignore[arg-type]
-        sentence=verdict.sentence,
+        sentence=verdict.sentence + edge_driven.sentence(evidence, by_edge),
         named=verdict.named,
-        gap=described.describe_gap(evidence, best, floor_error),
+        gap=described.describe_gap(evidence, best, by_edge, floor_error),
         effects=described.describe_effects(evidence, judge, best, effects, model),
         where=find_where(judge, judge.residuals(base.vector[None], observer.off[None])[0]),
         missing_force=find_missing_force(judge, base.vector),

@@ -7,7 +7,7 @@ each frame, by least squares over its points at places s_p from their middle, di
 
 Turning is left out: `hanger_rotation` takes its course from it (`fit.held_edge`). Like the cloth's residuals the
 numbers are split in what varies, known by the noise of points and path, and the mean over a take, known as well as the
-points' own offsets:
+points' own offsets (`Recording.offset_sd`):
 
     dynamic  (d - mean d) / sqrt(sigma^2 + path^2)
     static  mean d / sqrt(offset^2 + ends^2 + (sigma^2 + path^2) / n)
@@ -35,7 +35,6 @@ from fit.recording import Recording
 
 Floats = NDArray[np.float64]
 
-OFFSET_SD = 1e-3  # m, prior of a marker's constant offset: glue, and where its middle is taken to be
 KEPT = 5 * np.pi / 9  # of the variance of white noise, per cut-off over rate
 FEWEST_POINTS = 2  # of which one stretch can be told
 NUMBERS = 4  # of a frame: three of the middle, one of the stretch
@@ -138,7 +137,7 @@ class EdgeResiduals:
         squared = point_noise(recording)[on_edge] ** 2
         weights = np.stack([*[self._middle] * 3, self._arm * self._slope], 1)
         self.sd = np.sqrt(weights**2 @ squared + path**2)
-        offsets = OFFSET_SD * np.linalg.norm(weights.sum(0) / max(len(weights), 1), axis=1)
+        offsets = recording.offset_sd * np.linalg.norm(weights.sum(0) / max(len(weights), 1), axis=1)
         width = float(np.linalg.norm(held[:, 1] - held[:, 0], axis=1).mean()) if len(held) else 1.0
         # Of two ends that are off independently the middle is by e / sqrt(2), their distance by sqrt(2) e.
         ends = recording.held_error * np.array([*[np.sqrt(0.5)] * 3, np.sqrt(2.0) * self._arm / width])

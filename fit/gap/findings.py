@@ -21,8 +21,10 @@ from formats.results import EffectFinding, Figure, FitParameter, Gap
 Floats = NDArray[np.float64]
 
 
-def describe_gap(evidence: Evidence, best: Hypothesis | None, floor_error: float) -> Gap:
-    """Describe the gap, with the figures of the hypothesis that the verdict names, if any."""
+def describe_gap(
+    evidence: Evidence, best: Hypothesis | None, held_by_edge: Hypothesis | None, floor_error: float
+) -> Gap:
+    """Describe the gap, with the figures of the hypothesis that the verdict names, and of the edge that drives."""
     floor = evidence.floor_mm
     return Gap(
         base_mm=evidence.error_of(evidence.base),
@@ -36,6 +38,8 @@ def describe_gap(evidence: Evidence, best: Hypothesis | None, floor_error: float
         is_held_out=evidence.is_held_out,
         edge_mm=evidence.base.errors.edge.mm if evidence.base.errors.edge.count else None,
         edge_with_effect_mm=best.errors.edge.mm if best and best.errors.edge.count else None,
+        held_by_edge_mm=evidence.error_of(held_by_edge) if held_by_edge else None,
+        closure_held_by_edge=evidence.closure_of(held_by_edge) if held_by_edge else None,
     )
 
 

@@ -6,7 +6,7 @@ With a perfect model and no noise the pull is zero; what it needs is the missing
 Residuals are y - x at the frames, of the points that are not on the held edge, in two parts: what varies about each
 point's mean over a take, divided by the noise, and the mean itself, divided by how well it is known:
 
-    dynamic  (r - mean r) / sigma          static  mean r / sqrt(OFFSET_SD^2 + sigma^2 / n)
+    dynamic  (r - mean r) / sigma          static  mean r / sqrt(offset^2 + sigma^2 / n)
 
 Points on the held edge measure the boundary and the measurement itself. They are not judged, but where effects are
 looked for they are evidence: a third part of the residual (`fit.gap.edge`).
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from fit.cloth.simulator import Resolution, Simulator, run_together
 from fit.effects.base import Effect, columns_of
-from fit.gap.edge import NUMBERS, OFFSET_SD, EdgeErrors, EdgeResiduals, edge_errors
+from fit.gap.edge import NUMBERS, EdgeErrors, EdgeResiduals, edge_errors
 from fit.parameterisations import Parameterisation
 from fit.recording import Recording
 
@@ -146,7 +146,7 @@ class Observer:
             moving.append(scaled[:, seen].reshape(candidates, -1))
             if has_static(recording):
                 chosen = recording.judged & seen.any(0)
-                known = mean / np.sqrt(OFFSET_SD**2 + _deviations(recording)[:, None] ** 2 / count)
+                known = mean / np.sqrt(recording.offset_sd**2 + _deviations(recording)[:, None] ** 2 / count)
                 static.append(known[:, chosen].reshape(candidates, -1))
         edges = [part for k, edge in self._edges.items() for part in edge.of(points[k])]
         whole = np.concatenate([*moving, *static, *edges], axis=1)
@@ -205,7 +205,8 @@ def _layout(recordings: list[Recording], edges: dict[int, EdgeResiduals]) -> Lay
         for column, one in zip(still, rows, strict=True):
             column.append(one)
         count = np.maximum(seen.sum(0), 1)
-        still_deviations.append(np.repeat(np.sqrt(OFFSET_SD**2 + _deviations(recording) ** 2 / count)[chosen], 3))
+        known = np.sqrt(recording.offset_sd**2 + _deviations(recording) ** 2 / count)
+        still_deviations.append(np.repeat(known[chosen], 3))
     moving = [np.concatenate(c) for c in columns]
     static = [np.concatenate(c) for c in still]
     static[1] = static[1] + first_block

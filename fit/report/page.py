@@ -9,7 +9,7 @@ from pathlib import Path
 from string import Template
 
 from fit.errors import FitError
-from fit.report import sections
+from fit.report import answer, sections
 from fit.report.motion import ReportMotion, pack_motions
 from fit.report.text import escaped
 from formats.results import Diagnosis, FitResult
@@ -75,7 +75,7 @@ def render_report(*, fit: FitResult | None, diagnosis: Diagnosis | None, motions
         title=escaped(f"Hangtime report: {takes}"),
         about=escaped(" · ".join(part for part in (takes, created) if part)),
         style=_packaged("page.css"),
-        body=sections.verdict(fit, diagnosis) + contents + "".join(parts.values()),
+        body=answer.verdict(fit, diagnosis) + contents + "".join(parts.values()),
         foot="Made by Hangtime. This file holds everything it shows and asks nothing of the network.",
         # Inside a script element only "</" and "<!--" would end or bend the data.
         motions=data.replace("<", "\\u003c"),

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fit.report.answer import named
 from fit.report.charts import (
     RUN_NAMES,
     Curve,
@@ -24,57 +25,12 @@ from fit.report.text import (
     MISSING,
     duration,
     escaped,
-    interval,
-    millimetres,
     number,
     percent,
     small,
-    tenths,
-    tenths_interval,
     words,
 )
 from formats.results import Diagnosis, ErrorFigure, FitResult, Gate, MissingForce
-
-TONES = {"none": "good", "effect": "good", "ambiguous": "warn", "several": "good", "unknown": "warn"}
-VERDICT_WORDS = {
-    "none": "no gap",
-    "effect": "one missing effect",
-    "ambiguous": "not to be told apart yet",
-    "several": "several missing effects",
-    "unknown": "cause unknown",
-    "numerics": "refine the simulation first",
-    "inconclusive": "too little data",
-}
-
-
-def verdict(fit: FitResult | None, diagnosis: Diagnosis | None) -> str:
-    """Return the answer in one sentence, with the figures that carry it."""
-    tone, tag = "plain", "fit"
-    if diagnosis is not None:
-        sentence = diagnosis.sentence
-        tone, tag = TONES.get(diagnosis.verdict, "bad"), VERDICT_WORDS.get(diagnosis.verdict, diagnosis.verdict)
-    else:
-        sentence = _fit_sentence(fit)
-    figures: list[tuple[str, str, str]] = []
-    if diagnosis is not None:
-        gap = diagnosis.gap
-        on = "on motion not used to fit" if gap.is_held_out else "on the motion it was fitted to"
-        figures.append(("base model misses by", tenths(gap.base_mm.value), on))
-        if gap.with_effect_mm is not None:
-            figures.append((f"with {_named(diagnosis)}", tenths(gap.with_effect_mm.value), on))
-        noise = "the sensor's noise alone, at most" if gap.is_floor_most else "the sensor's noise alone"
-        figures.append((noise, tenths(gap.floor_mm.value), tenths_interval(gap.floor_mm.interval)))
-        if gap.edge_mm is not None and gap.edge_with_effect_mm is not None:
-            with_it = f"{tenths(gap.edge_with_effect_mm)} with {_named(diagnosis)}; noise in both"
-            figures.append(("base model has the held edge off by", tenths(gap.edge_mm), with_it))
-        if gap.closure is not None:
-            ends = interval(gap.closure.interval, 100, 2)
-            figures.append(("share of the gap closed", percent(gap.closure.value), f"{ends} %" if ends else ""))
-    lists = _figures(figures) + (_figures(_fit_figures(fit)) if fit is not None else "")
-    return (
-        f'<section class="verdict is-{tone}" id="verdict"><span class="tag tone-{tone}">{escaped(tag)}</span>'
-        f"{_headline(sentence)}{lists}</section>"
-    )
 
 
 def gap(diagnosis: Diagnosis | None) -> str:
@@ -85,7 +41,7 @@ def gap(diagnosis: Diagnosis | None) -> str:
         "measured on the takes it was fitted to, so it flatters: give a held-out take for an honest figure"
     )  # fmt: skip
     intro = f"Root mean square distance between simulated and real points, {where}. Whiskers are 90 % intervals."
-    return _section("gap", "The gap", f'<p class="lead">{intro}</p>{gap_bars(diagnosis.gap, _named(diagnosis))}')
+    return _section("gap", "The gap", f'<p class="lead">{intro}</p>{gap_bars(diagnosis.gap, named(diagnosis))}')
 
 
 def player(motions: Sequence[ReportMotion], shown: int, note: str) -> str:
@@ -308,22 +264,6 @@ def reading() -> str:
     return _section("reading", "How to read this", f'<dl class="reading">{items}</dl>')
 
 
-def _figures(figures: Sequence[tuple[str, str, str]]) -> str:
-    items = "".join(
-        f"<div><dt>{escaped(name)}</dt><dd>{value}{small(escaped(detail))}</dd></div>"
-        for name, value, detail in figures
-    )
-    return f'<dl class="figures">{items}</dl>' if items else ""
-
-
-def _headline(sentence: str) -> str:
-    """The first sentence large, what follows it smaller."""
-    first, separator, rest = sentence.partition(". ")
-    return f"<h1>{escaped(first + separator.strip())}</h1>" + (
-        f'<p class="rest-of-it">{escaped(rest)}</p>' if rest else ""
-    )
-
-
 def _section(anchor: str, title: str, body: str) -> str:
     return (
         f'<section id="{anchor}" aria-labelledby="{anchor}-title"><h2 id="{anchor}-title">{title}</h2>{body}</section>'
@@ -342,34 +282,6 @@ def _press(group: str, value: str, label: str) -> str:
 
 def _group(name: str, buttons: str) -> str:
     return f'<fieldset class="choices"><legend>{name}</legend>{buttons}</fieldset>'
-
-
-def _named(diagnosis: Diagnosis) -> str:
-    return " and ".join(name.replace("_", " ") for name in diagnosis.named) or "the best effect"
-
-
-def _fit_sentence(fit: FitResult | None) -> str:
-    if fit is None:
-        return "Real and simulated motion, without a fit or a diagnosis."
-    error = fit.error
-    if error.held_out_after is not None:
-        after, before, on = error.held_out_after, error.held_out_before, "on motion not used to fit"
-    else:
-        after, before, on = error.train_after, error.train_before, "on the motion it was fitted to"
-    against = f", against {millimetres(before.mean_m)} before the fit" if before is not None else ""
-    return f"The fitted simulation stays {millimetres(after.mean_m)} from the real cloth on average {on}{against}."
-
-
-def _fit_figures(fit: FitResult) -> list[tuple[str, str, str]]:
-    figures = []
-    for name, before, after in (
-        ("takes used to fit", fit.error.train_before, fit.error.train_after),
-        ("held-out takes", fit.error.held_out_before, fit.error.held_out_after),
-    ):
-        if before is not None and after is not None:
-            detail = f"mean distance; largest {1e3 * before.max_m:.0f} → {1e3 * after.max_m:.0f} mm"
-            figures.append((f"fit, {name}", f"{1e3 * before.mean_m:.1f} → {millimetres(after.mean_m)}", detail))
-    return figures
 
 
 def _figure_chart(caption: str, before: ErrorFigure | None, after: ErrorFigure | None) -> str:

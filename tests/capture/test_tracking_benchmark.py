@@ -51,6 +51,9 @@ def test_a_truth_that_is_two_centimetres_off_is_measured_as_that():
     true = shown()
     off = measure(replace(true, points=true.points + np.array([0.0, 0.0, 0.02])))
     assert figures([off])["corners, median [mm]"][1] == pytest.approx(20.0, abs=3.0)
+    # 20 mm along one of three axes
+    for points in ("held corners", "other points"):
+        assert figures([off])[f"constant part, {points} [mm]"][1] == pytest.approx(20.0 / np.sqrt(3), abs=1.5)
 
 
 def test_what_is_called_hidden_is_what_no_pixel_shows_and_what_is_between_is_left_out():

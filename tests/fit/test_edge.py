@@ -10,14 +10,14 @@ import pytest
 
 from fit.effects import LIBRARY
 from fit.gap.closure import block_errors
-from fit.gap.edge import KEPT, NUMBERS, OFFSET_SD, EdgeResiduals
+from fit.gap.edge import KEPT, NUMBERS, EdgeResiduals
 from fit.gap.findings import notes
 from fit.gap.gates import predictability_gate
 from fit.gap.observer import BLOCK, Observer
 from fit.parameterisations import SI
-from fit.recording import prepare
+from fit.recording import MARKER_OFFSET, SILHOUETTE_OFFSET, prepare
 from fit.smoothing import steady_spline
-from formats.rig import Calibration
+from formats.rig import Calibration, Sensor
 from tests.fit.scenes import hung, sheet, swing, take_of
 
 RATE, NOISE = 30.0, 1e-3
@@ -109,7 +109,21 @@ def test_points_that_are_missing_on_one_side_do_not_pass_for_a_moved_edge():
 def test_a_constant_offset_counts_as_a_markers_own():
     """Of five markers glued 1 mm beside their places on average, the middle is known to 0.45 mm."""
     recording, _ = a_recording(noise=1e-6)
-    assert EdgeResiduals(recording).static_sd[:3] == pytest.approx(OFFSET_SD / np.sqrt(5), rel=0.01)
+    assert EdgeResiduals(recording).static_sd[:3] == pytest.approx(MARKER_OFFSET / np.sqrt(5), rel=0.01)
+
+
+def test_a_silhouettes_corners_may_be_further_beside_the_cloth_than_markers_on_it():
+    garment, path = sheet(grid=5), swing(TIME)
+    take = take_of(garment, TIME, path, hung(garment, TIME) + path[:, None], sd=1e-5)
+    camera = Sensor(width=640, height=480, fx=575.0, fy=575.0, cx=320.0, cy=240.0)
+    tracked = dataclasses.replace(take, rig=msgspec.structs.replace(take.rig, sensor=camera))
+    marked, seen = prepare(take), prepare(tracked)
+    assert (marked.offset_sd, seen.offset_sd) == (MARKER_OFFSET, SILHOUETTE_OFFSET) == (0.001, 0.002)
+    assert EdgeResiduals(seen).static_sd == pytest.approx(2 * EdgeResiduals(marked).static_sd, rel=0.01)
+    layouts = [Observer([one], SI, (), frequency=0.0).layout for one in (marked, seen)]
+    still = [layout.sd[(layout.frame < 0) & ~layout.is_edge] for layout in layouts]
+    assert len(still[0])
+    assert still[1] == pytest.approx(2 * still[0], rel=0.05)
 
 
 def test_a_calibration_that_knows_the_held_ends_badly_lets_the_edge_be_off_by_as_much():
@@ -120,7 +134,7 @@ def test_a_calibration_that_knows_the_held_ends_badly_lets_the_edge_be_off_by_as
     calibration = Calibration(held_sd_m=((0.001, 0.002, 0.0), (0.002, 0.003, np.sqrt(6e-6))))
     known = prepare(dataclasses.replace(take, rig=msgspec.structs.replace(take.rig, calibration=calibration)))
     assert known.held_error == pytest.approx(0.002)
-    own = OFFSET_SD / np.sqrt(5)
+    own = MARKER_OFFSET / np.sqrt(5)
     expected = np.hypot([0.002 / np.sqrt(2)] * 3 + [0.002 * np.sqrt(2) * np.sqrt(1 / 8)], own)
     assert EdgeResiduals(known).static_sd == pytest.approx(expected, rel=0.02)
     assert prepare(take).held_error == 0.0

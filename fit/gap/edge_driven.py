@@ -1,0 +1,89 @@
+"""The cloth held where its edge was tracked, in place of where the hanger is said to hold it.
+
+Between the ends e_0 and e_1 of a straight held edge a point at the share f of the way lies at (1 - f) e_0 + f e_1. By
+least squares over the tracked points of the edge, per frame,
+
+    min_e  sum_p |y_p - (1 - f_p) e_0 - f_p e_1|^2,
+
+and through the ends a path like the hanger's own (`fit.recording`), with the cut-off that its noise asks for. Driven by
+it, and with the fabric fitted again, a model knows of everything that is wrong between hanger and edge, in the library
+or not: what it leaves lies in the cloth, the air or the points. It names no cause: effects are told by their laws.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.cloth.mesh import place_along
+from fit.errors import DriveError
+from fit.gap.checkpoint import Checkpoint
+from fit.gap.evidence import Evidence
+from fit.gap.fitting import Fitted, Task, fit
+from fit.gap.hypotheses import Hypothesis, judged
+from fit.gap.observer import Observer
+from fit.recording import Recording, check_path
+from fit.smoothing import best_cut_off
+
+Floats = NDArray[np.float64]
+
+LEAST_SPREAD = 0.1  # of the determinant of all the edge's points, that those seen in a frame have, for it to count
+
+
+def held_by_edge(observer: Observer, judge: Observer, base: Fitted, kept: Checkpoint) -> Hypothesis | None:
+    """Return the base model held by its tracked edge, fitted and judged; None where that edge tells no path.
+
+    observer, judge: of the takes fitted to and judged on; base: the fit that is begun from
+    """
+    driven, tested_on = _all_driven(observer.recordings), _all_driven(judge.recordings)
+    if driven is None or tested_on is None:
+        return None
+    there, tested = observer.of(driven), observer.of(tested_on)
+    starts = (base.vector, observer.parameterisation.initial)
+    tasks = [Task(vector, observer.off) for vector in starts]
+    found = kept.recall([f"held-by-edge-{k}" for k in range(len(tasks))], partial(fit, there, tasks))
+    best = min(found, key=lambda one: one.cost)
+    return Hypothesis((), best, judged(tested, best))
+
+
+def sentence(evidence: Evidence, found: Hypothesis | None) -> str:
+    """Say what is left of the gap where the tracked edge holds the cloth; nothing where that is not known."""
+    closed = evidence.closure_of(found) if found is not None else None
+    if found is None or closed is None or closed.interval is None:
+        return ""
+    left = f" Held where its edge was tracked, it misses by {evidence.error_of(found).value:.1f} mm"
+    low, high = closed.interval
+    if low <= 0.0:
+        return f"{left}: the gap does not lie between hanger and edge."
+    share = f"{100 * closed.value:.0f} % of the gap [{100 * low:.0f} to {100 * high:.0f} %]"
+    return f"{left}: {share} lies between hanger and edge."
+
+
+def _all_driven(recordings: list[Recording]) -> list[Recording] | None:
+    driven = [found for recording in recordings if (found := driven_by_edge(recording)) is not None]
+    return driven if len(driven) == len(recordings) else None
+
+
+def driven_by_edge(recording: Recording) -> Recording | None:
+    """Return a recording whose held ends move as its tracked edge does; None where too little of it was seen."""
+    on_edge = np.flatnonzero(~recording.judged)
+    if recording.garment.held != "edge" or len(on_edge) < 2:
+        return None
+    places = np.array([recording.garment.points[k].at_m for k in on_edge])
+    share, _ = place_along(places, np.asarray(recording.garment.outline_m[:2], float))
+    design = np.stack([1 - share, share], 1)
+    weight = recording.valid[:, on_edge].astype(float)
+    normal = np.einsum("fp,pa,pb->fab", weight, design, design)
+    seen = np.linalg.det(normal) > LEAST_SPREAD * np.linalg.det(design.T @ design)
+    measured = np.nan_to_num(recording.points[seen][:, on_edge])
+    ends = np.linalg.solve(normal[seen], np.einsum("fp,pa,fpx->fax", weight[seen], design, measured)).reshape(-1, 6)
+    try:
+        check_path(recording.take_id, recording.time[seen], recording.time, ends)
+    except DriveError:
+        return None
+    every = np.full((len(recording.time), 6), np.nan)
+    every[seen] = ends
+    return replace(recording, held_cut_off=best_cut_off(recording.time[seen], ends)).with_held(every)

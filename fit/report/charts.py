@@ -37,7 +37,9 @@ def gap_bars(gap: Gap, effect_name: str) -> str:
     """Return the gap as bars from the base error down to the noise floor; `effect_name` is what closes it."""
     base, floor = gap.base_mm.value, gap.floor_mm.value
     after = gap.with_effect_mm
-    figures = [f for f in (gap.base_mm, gap.floor_mm, after) if f is not None]
+    others = [(f"with {effect_name}", after), ("held by its tracked edge", gap.held_by_edge_mm)]
+    known = [(name, figure) for name, figure in others if figure is not None]
+    figures = [gap.base_mm, gap.floor_mm, *(figure for _, figure in known)]
     reach = max([f.value for f in figures] + [f.interval[1] for f in figures if f.interval] + [1e-9])
     reach = 1.04 * reach if math.isfinite(reach) else 1.0
     low = min(floor, base)
@@ -46,9 +48,9 @@ def gap_bars(gap: Gap, effect_name: str) -> str:
     if after is not None and after.value < base:
         parts.append(("gone", stays, base))
     rows = [_bar_row("base model", gap.base_mm, parts, reach)]
-    if after is not None:
-        kept = min(low, after.value)
-        rows.append(_bar_row(f"with {effect_name}", after, [("floor", 0.0, kept), ("rest", kept, after.value)], reach))
+    for name, figure in known:
+        kept = min(low, figure.value)
+        rows.append(_bar_row(name, figure, [("floor", 0.0, kept), ("rest", kept, figure.value)], reach))
     rows.append(_bar_row("noise floor", gap.floor_mm, [("floor", 0.0, floor)], reach))
     legend = [("var(--floor)", "", "the sensor's noise"), ("var(--rest)", "", "unexplained")]
     if after is not None:

@@ -13,7 +13,7 @@ from fit.effects import find_effects
 from fit.gap.diagnosis import diagnose
 from fit.gap.edge_driven import driven_by_edge, sentence
 from fit.recording import prepare
-from fit.report import answer
+from fit.report import answer, charts
 from tests.fit.report_scene import diagnosis
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 from tests.fit.verdict_scene import evidence_of, hypothesis
@@ -109,3 +109,5 @@ def test_the_report_shows_the_figure_beside_the_gap():
     assert "held where its edge was tracked" in page
     assert "7.0 mm" in page
     assert "80 % of the gap closed" in page
+    assert "held by its tracked edge" not in charts.gap_bars(made_up.gap, "x")
+    assert "held by its tracked edge</span>" in charts.gap_bars(gap, "x")

@@ -23,22 +23,23 @@ def available_threads() -> int:
 def lane_widths() -> tuple[int, ...]:
     """Return how many candidates a kernel may have side by side, where their number must not change a bit of any.
 
-    On Intel's processors with AVX-512 kernels of all widths round alike; on an AMD EPYC with AVX2 those of 4, 8 and 16
-    lanes did not, so that elsewhere only one width is used.
+    With AVX-512 kernels of all widths round alike, as they should without fast mathematics (`start`). On a processor
+    without it they did not, with fast mathematics: nobody has looked again, and one width is used there.
     """
     try:
         with open("/proc/cpuinfo") as told:
             about = told.read()
     except OSError:
         about = ""
-    is_alike = "GenuineIntel" in about and "avx512f" in about.split()
-    return (4, 8, 16) if is_alike else (8,)
+    return (4, 8, 16) if "avx512f" in about.split() else (8,)
 
 
 def start(threads: int | None = None) -> None:
     """Start Taichi on the CPU, once per process; later calls do nothing.
 
-    Single precision; compiled kernels are kept in Taichi's offline cache, so that a second process starts at once.
+    Single precision, and no fast mathematics: with it compilers divide by estimates of reciprocals, which differ
+    between processors and, on some, between widths of vectors. Compiled kernels are kept in Taichi's offline cache, so
+    that a second process starts at once.
     """
     if _started:
         return
@@ -50,7 +51,7 @@ def start(threads: int | None = None) -> None:
         ti.init(
             arch=ti.cpu,
             default_fp=ti.f32,
-            fast_math=True,
+            fast_math=False,
             offline_cache=True,
             cpu_max_num_threads=_started["threads"],
             log_level=ti.ERROR,

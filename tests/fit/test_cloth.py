@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
+from fit import runtime
 from fit.cloth import material as mat
 from fit.cloth.mesh import build_mesh
 from fit.cloth.simulator import Resolution, Simulator, run_together
 from fit.cloth.support import Clamp, clamps
-from fit.effects import LIBRARY
+from fit.effects import LIBRARY, find_effects
 from fit.effects.air_drag import AIR_DENSITY, AirDrag
 from fit.effects.base import amplitudes_of, columns_of
 from fit.effects.hem import Hem
@@ -183,6 +184,24 @@ def test_results_do_not_depend_on_company_lanes_or_threads():
     assert np.array_equal(together[4], alone[0])
 
 
+@pytest.mark.parametrize("effect", ["hem", "air_drag", "bending_hysteresis", "stretch_viscosity"])
+def test_kernels_of_all_widths_round_alike(effect, monkeypatch):
+    """Sixteen candidates at most go side by side, in vectors of every width that this processor is trusted with."""
+    garment, time = sheet(grid=5), np.arange(0, 3, 1 / 30)
+    path = swing(time, amplitude=0.05, hz=0.7, sideways=0.02, stop=2.0)
+    recording = prepare(take_of(garment, time, path, hung(garment, time)))
+    chosen = find_effects([effect])
+    simulator = Simulator(recording, chosen, resolution=Resolution(spacing=0.1))
+    rows, typical = np.repeat(material(garment, velocity_damping=1.0), 3, 0), np.tile([chosen[0].typical], (3, 1))
+    found = []
+    for width in runtime.lane_widths():
+        with monkeypatch.context() as patch:
+            patch.setattr(runtime, "lane_widths", lambda width=width: (width,))
+            found.append(simulator.run(rows, np.repeat(typical, simulator.columns[0].stop, 1)).points)
+    assert np.isfinite(found[0]).all()
+    assert all(np.array_equal(one, found[0]) for one in found)
+
+
 @pytest.mark.parametrize("second", [sheet(), sheet(width=0.3)], ids=["one garment", "two garments"])
 def test_recordings_side_by_side_are_what_each_is_alone(second):
     """Of other lengths, paths, rates, steps and targets, with effects and without, under a pull."""
@@ -319,6 +338,33 @@ def test_a_hanger_that_is_lost_for_a_second_is_refused():
     valid[40:75] = False
     with pytest.raises(DriveError, match="lost for"):
         prepare(dataclasses.replace(take, held_valid=valid))
+
+
+def test_a_take_counts_from_the_first_to_the_last_sight_of_the_hanger():
+    """Fetched for a second, and put away for another: neither is simulated, and neither is a gap."""
+    garment, time = sheet(), np.arange(0, 4, 1 / 30)
+    take = take_of(garment, time, swing(time), hung(garment, time) + swing(time)[:, None])
+    valid = take.held_valid.copy()
+    valid[:30, 0], valid[95:] = False, False
+    recording = prepare(dataclasses.replace(take, held_valid=valid))
+    assert recording.time == pytest.approx(time[30:95] - time[30])
+    assert np.array_equal(recording.points, recording.points[: len(recording.time)])
+    whole = prepare(take)
+    assert recording.points == pytest.approx(whole.points[30:95], nan_ok=True)
+    assert recording.held(recording.time[5:-5]) == pytest.approx(whole.held(time[35:90]), abs=5e-4)
+
+
+def test_points_that_are_hardly_ever_seen_pull_at_nothing():
+    """Five frames tell no curve; the point is not taken to be at the origin of the world."""
+    garment, time = sheet(), np.arange(0, 3, 1 / 30)
+    away = swing(time) + np.array([0.0, 2.0, 0.0])
+    take = take_of(garment, time, away, hung(garment, time) + away[:, None])
+    valid = take.points_valid.copy()
+    valid[5:, -1] = False
+    recording = prepare(dataclasses.replace(take, points_valid=valid))
+    _, trust = recording.targets(np.linspace(0, 3, 200))
+    assert not trust[:, -1].any()
+    assert trust[:, :-1].all()
 
 
 def test_a_hanger_that_jumps_is_refused():

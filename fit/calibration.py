@@ -39,6 +39,7 @@ from fit.search.least_squares import DIFFERENCE
 from fit.search.observed import begin_observed
 from fit.search.steps import Step
 from fit.search.tempering import FEWEST_DRAWS, Tempering
+from fit.takes import check_together, content_of
 from formats.results import ErrorFigure, FitParameter, FitResult, ObjectiveFigure
 from formats.results import FitError as FitErrors
 from formats.take import Take
@@ -80,6 +81,8 @@ class Model:
         count = len(self.request.method.parameters)
         rows = self.request.method.to_materials(vectors[:, :count], self.weighed_density).copy()
         for effect, columns in zip(self.request.effects, columns_of(self.request.effects), strict=True):
+            if effect.acts_on == "measurement":
+                continue  # a clock's rate scales what the solver is told and is no property of the cloth
             for k, amplitude in enumerate(vectors[:, count:][:, columns]):
                 if amplitude.any():
                     rows[k] = effect.material(rows[k], amplitude)
@@ -148,11 +151,11 @@ def calibrate(
     there; remove the file once the result is kept. Of least squares every finished look and descent is saved.
 
     Raises:
-        FitError: no take, takes that cannot be simulated, or a saved search that cannot be continued.
+        FitError: no take, takes of different garments, one that is given twice or cannot be simulated, or a saved
+            search that cannot be continued.
         BlowUpError: a take cannot be simulated with the initial or the fitted parameters.
     """
-    if not training:
-        raise FitError("no take was given", advice="name at least one take archive")
+    check_together(training, held_out)
     started = clock.monotonic()
     model = Model([prepare(t) for t in training], request)
     judge = Model([prepare(t) for t in held_out], request) if held_out else None
@@ -254,7 +257,7 @@ def _least_squares(
 
 def _key(training: list[Take], request: Request) -> dict[str, object]:
     return {
-        "takes": [t.take_id for t in training], "method": request.method.name, "seed": request.seed,
+        "takes": [content_of(t) for t in training], "method": request.method.name, "seed": request.seed,
         "search": request.search,
         "effects": [e.name for e in request.effects], "spacing": request.resolution.spacing,
         "bounds": [list(b) for b in request.bounds], "initial": [p.initial for p in request.parameters],
@@ -300,7 +303,7 @@ def _result(
 ) -> FitResult:  # fmt: skip
     best, intervals = found.vector, found.intervals
     initial = np.array([p.initial for p in request.parameters])
-    reach = np.array([p.maximum - p.minimum for p in request.parameters])
+    reach = request.space.slope(best)
     described = [
         FitParameter(
             name=p.name, unit=p.unit, initial=p.initial, fitted=float(best[k]), minimum=p.minimum, maximum=p.maximum,
@@ -327,6 +330,8 @@ def _result(
         take_ids=[t.take_id for t in training],
         held_out_ids=[t.take_id for t in held_out],
         method=request.method.name,
+        engine=request.engine,
+        take_contents=[content_of(t) for t in training],
         search=request.search,
         seed=request.seed,
         parameters=described,

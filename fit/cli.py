@@ -29,7 +29,7 @@ HeldOutMotion = Annotated[
     ),
 ]
 Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; made if absent.")]
-Seed = Annotated[int, typer.Option("--seed", help="Seed of every random number.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of every random number.")]
 
 
 def add_commands(app: typer.Typer) -> None:
@@ -103,6 +103,7 @@ def fit_command(
     """
     from fit.calibration import calibrate
     from fit.fabrics import find_fabric
+    from fit.folders import make_folder
     from fit.parameterisations import find_method
     from fit.reporting import write_fit_report
     from fit.request import request_of
@@ -117,7 +118,7 @@ def fit_command(
         search=search,
     )  # fmt: skip
     training, testing = _read(takes, held_out, held_out_motion)
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out, "fit.json", "fit.partial.json", "report.html")
     progress = ProgressLine(search)
     checkpoint = out / "fit.partial.json"
 
@@ -189,22 +190,23 @@ def diagnose_command(
     from fit.cloth.simulator import Resolution
     from fit.effects import find_effects
     from fit.errors import FitError
+    from fit.folders import make_folder
     from fit.gap.diagnosis import diagnose
     from fit.parameterisations import base_model_of, find_method
     from fit.reporting import write_diagnosis_report
+    from fit.takes import is_of
     from formats.results import load_fit_result, save_diagnosis
 
     training, testing = _read(takes, held_out, held_out_motion)
     fitted = load_fit_result(fit_file) if fit_file else None
-    ids = [t.take_id for t in training]
-    if fitted is not None and fitted.take_ids != ids:
+    if fitted is not None and not is_of(fitted, training):
         raise FitError("the fit is of other takes", where=fit_file, advice="fit these takes first, or leave out --fit")
     if fitted is None and (out / "fit.json").exists():
         beside = load_fit_result(out / "fit.json")
-        fitted = beside if beside.take_ids == ids else None
+        fitted = beside if is_of(beside, training) else None
     base = find_method(model) if model else base_model_of(training[0].garment)
     added = find_effects(add)
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out, "diagnosis.json", "report.html")
     progress = ProgressLine("diagnosis")
     resolution = Resolution(spacing=spacing) if spacing is not None else None
     try:

@@ -47,7 +47,8 @@ def describe_combinations(
     """Return combinations before and after a fit with 90 % intervals, without those that the method holds fixed.
 
     materials: vectors, (candidates, parameters), -> material rows; initial, fitted, (parameters,);
-    reach: ranges, (parameters,); covariance, (parameters, parameters)
+    reach: widths of the box at the fit, where a logarithm is searched its slope times the parameter, (parameters,);
+    covariance, (parameters, parameters)
     """
     step = np.diag(STEP * reach)
     ahead, behind = combine(materials(fitted + step)), combine(materials(fitted - step))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fit.engines import OWN
 from fit.errors import FitError
 from fit.fabric_ranges import QUANTILES, TEN, range_of_ten, share_below
 from fit.kes import make_sheet
@@ -14,8 +15,13 @@ def sheet_of(result: FitResult) -> str:
     """Return the sheet of a fit result.
 
     Raises:
-        FitError: the result does not hold its material.
+        FitError: the result does not hold its material, or is of another engine.
     """
+    if result.engine != OWN:
+        raise FitError(
+            f"this fit is of {result.engine}'s cloth, whose numbers are not properties of a fabric",
+            advice="fit with the engine own",
+        )
     if not result.material:
         raise FitError("the fit result does not hold its material", advice="it is from an older version: fit again")
     sheet = make_sheet(result.material, result.effects.get(FRICTION, 0.0))

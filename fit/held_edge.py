@@ -27,6 +27,7 @@ Curve = Callable[[Floats], Floats]
 
 FEWEST_FRAMES = 20  # below, neither splines nor statistics make sense
 CERTAIN_STEP = 8.0  # standard errors: noise correlated over a third of a second makes 5 to 6
+LEAST_SPREAD = 0.25  # of the spread of all the edge's points, that those seen in a frame have, for it to count
 OUTER = 0.6  # of the edge's length from the other end on: points that show what an end does
 FRAMES_ASIDE = 5  # at either end of a take, where no step can be told
 GRID = 0.005  # s
@@ -51,11 +52,13 @@ class HeldEdge:
         arm = self._arm()
         sides = self._displacements
         seen = np.isfinite(sides).all(2)
-        usable = (seen * np.abs(arm)).sum(1) > 0.5 * np.abs(arm).sum()
+        # About the middle of the points that a frame shows: an edge that is off as a whole does not turn at gaps.
+        apart = seen * (arm - (seen * arm).sum(1, keepdims=True) / np.maximum(seen.sum(1, keepdims=True), 1))
+        spread = (apart**2).sum(1)
+        usable = spread > LEAST_SPREAD * (arm**2).sum()
         if len(arm) < 2 or usable.sum() < FEWEST_FRAMES:
             return lambda instants: np.zeros((len(instants), 2))
-        weight = seen * arm
-        slopes = np.nan_to_num(sides * weight[..., None]).sum(1)[usable] / (weight * arm).sum(1)[usable, None]
+        slopes = (np.nan_to_num(sides) * apart[..., None]).sum(1)[usable] / spread[usable, None]
         scale = np.maximum(np.sqrt((slopes**2).mean(0)), 1e-6)
         splines = smoothing_spline(self.time[usable], slopes / scale)
         first, last = self.time[usable][0], self.time[usable][-1]

@@ -91,6 +91,11 @@ class Recording:
         return seen if self.windows is None else seen & self.windows.is_free(self.time)[:, None]
 
     @property
+    def has_curve(self) -> Booleans:
+        """Which points are seen often enough for `target_curves` to say where they are, (points,)."""
+        return np.asarray(self.valid.sum(0) >= FEWEST_PLACES)
+
+    @property
     def duration(self) -> float:
         """Length of the recording [s]."""
         return float(self.time[-1])
@@ -99,14 +104,11 @@ class Recording:
         """Return the observer's targets, (n, points, 6), and trust, (n, points), at `instants` [s]."""
         wanted = np.stack([curve(instants) for curve in self.target_curves], 1)
         trust = np.zeros(wanted.shape[:2])
-        for k in range(len(self.target_curves)):
+        for k in np.flatnonzero(self.has_curve):
             seen = self.time[self.valid[:, k]]
-            if len(seen):
-                after = np.clip(np.searchsorted(seen, instants), 1, max(len(seen) - 1, 1))
-                before = seen[np.minimum(after, len(seen)) - 1]
-                behind = seen[np.minimum(after, len(seen) - 1)]
-                distance = np.minimum(np.abs(instants - before), np.abs(instants - behind))
-                trust[:, k] = distance <= LONGEST_BRIDGE
+            after = np.clip(np.searchsorted(seen, instants), 1, len(seen) - 1)
+            distance = np.minimum(np.abs(instants - seen[after - 1]), np.abs(instants - seen[after]))
+            trust[:, k] = distance <= LONGEST_BRIDGE
         if self.windows is not None:
             trust[self.windows.is_free(instants)] = 0.0
         return wanted, trust
@@ -135,10 +137,10 @@ def world_from_sensor(gravity: tuple[float, float, float]) -> Floats:
 
 
 def prepare(take: Take) -> Recording:
-    """Turn a take into a recording that can be simulated.
+    """Turn a take into a recording that can be simulated, from the first to the last sight of the hanger.
 
     Raises:
-        DriveError: the hanger's path has a gap or a jump.
+        DriveError: the hanger's path has a gap or a jump, or is hardly seen.
         FitError: too few frames or points.
     """
     if len(take.time) < FEWEST_FRAMES:
@@ -148,23 +150,24 @@ def prepare(take: Take) -> Recording:
             advice="record a longer take",
         )
     rotation = world_from_sensor(take.rig.gravity)
-    time = take.time - take.time[0]
-    points = take.points @ rotation.T
-    valid = take.points_valid & np.isfinite(take.points).all(2)
     held_valid = np.asarray(take.held_valid.all(1) & np.isfinite(take.held).all((1, 2)))
+    held_seen = np.where(held_valid[:, None], (take.held @ rotation.T).reshape(len(take.time), 6), np.nan)
+    check_path(take.take_id, (take.time - take.time[0])[held_valid], held_seen[held_valid])
+    kept = _within_sight(held_valid)
+    time, held_valid, held_seen = take.time[kept] - take.time[kept][0], held_valid[kept], held_seen[kept]
+    points = take.points[kept] @ rotation.T
+    valid = take.points_valid[kept] & np.isfinite(take.points[kept]).all(2)
     if valid.sum() < FEWEST_FRAMES:
         raise FitError(
             "hardly any point of the garment was seen",
             where=take.take_id,
             advice="check with `hangtime takes show`, then record again",
         )
-    seen_sd = np.where(valid[..., None], take.points_sd, np.nan)
+    seen_sd = np.where(valid[..., None], take.points_sd[kept], np.nan)
     with np.errstate(invalid="ignore"):
         point_sd = np.sqrt(np.array([np.nanmean(seen_sd[:, k] ** 2) if valid[:, k].any() else 0.0
                                      for k in range(points.shape[1])]))  # fmt: skip
-    held_sd = float(np.sqrt(np.mean(take.held_sd[held_valid] ** 2))) if held_valid.any() else 0.0
-    held_seen = np.where(held_valid[:, None], (take.held @ rotation.T).reshape(len(time), 6), np.nan)
-    check_path(take.take_id, time[held_valid], time, held_seen[held_valid])
+    held_sd = float(np.sqrt(np.mean(take.held_sd[kept][held_valid] ** 2)))
     cut_off = best_cut_off(time[held_valid], held_seen[held_valid])
     held = _held_curve(time, held_seen, cut_off)
     curves = tuple(_target_curve(time, points[:, k], valid[:, k]) for k in range(points.shape[1]))
@@ -187,7 +190,13 @@ def _held_error(rig: Rig) -> float:
     return float(np.sqrt(np.mean(np.square(stated)))) if stated is not None else 0.0
 
 
-def check_path(name: str, seen: Floats, time: Floats, places: Floats) -> None:
+def _within_sight(held_valid: Booleans) -> slice:
+    """Frames from the first to the last sight of the hanger: before and after it is fetched and put away."""
+    seen = np.flatnonzero(held_valid)
+    return slice(int(seen[0]), int(seen[-1]) + 1)
+
+
+def check_path(name: str, seen: Floats, places: Floats) -> None:
     """Check that the held ends' path can be followed, from when and where they were seen, (n,) [s] and (n, 6) [m].
 
     Raises:
@@ -199,9 +208,9 @@ def check_path(name: str, seen: Floats, time: Floats, places: Floats) -> None:
             where=name,
             advice="keep both markers in view; check with `hangtime takes show`",
         )
-    gaps = np.diff(np.concatenate([[time[0]], seen, [time[-1]]]))
+    gaps = np.diff(seen)
     if gaps.max() > LONGEST_GAP:
-        at = seen[max(int(np.argmax(gaps)) - 1, 0)]
+        at = seen[int(np.argmax(gaps))]
         raise DriveError(
             f"the hanger is lost for {gaps.max():.2f} s at {at:.2f} s",
             where=name,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fit.cloth.simulator import Resolution, Simulator
 from fit.effects.base import amplitudes_of
-from fit.engines import find_engine
+from fit.engines import OWN, find_engine
 from fit.engines.plain_grid import plain_grid
 from fit.gap.diagnosis import Findings
 from fit.parameterisations import find_method
@@ -32,7 +32,7 @@ def write_fit_report(
     motions = []
     for take, is_held_out in _both(training, held_out):
         recording = prepare(take)
-        if request.engine != "own":
+        if request.engine != OWN:
             motions.append(_motion_of_engine(recording, is_held_out, request, np.stack([initial, fitted])))
             continue
         simulator = Simulator(recording, request.effects, resolution=request.resolution)
@@ -68,7 +68,7 @@ def write_diagnosis_report(
         simulator = Simulator(recording, findings.effects, resolution=resolution)
         density = recording.garment.mass_kg / float(simulator.mesh.area)
         rows, amplitudes, names = [], [off, off], ["before", "after"]
-        if fitted is not None and not fitted.effects:
+        if fitted is not None and not fitted.effects and fitted.engine == OWN:
             method = find_method(fitted.method)
             values = np.array([[p.initial for p in fitted.parameters], [p.fitted for p in fitted.parameters]])
             rows += list(method.to_materials(values, density))

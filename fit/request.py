@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -85,7 +86,8 @@ def request_of(
     """Gather a request from plain values; bounds as NAME=LOW:HIGH.
 
     Raises:
-        FitError: an unknown effect, engine or search; bounds that are crossed, malformed, of no parameter or beyond
+        FitError: an unknown effect, engine or search; an effect twice or one that the method has; a gamma that is not
+            above 0; bounds that are crossed, malformed, of no parameter or beyond
             its range.
     """
     if check_search(search) in OBSERVED and engine != "own":
@@ -105,8 +107,28 @@ def request_of(
         width=SIDE_BY_SIDE if engine == "own" else 1,  # speculation pays only where candidates share a batch
     )
     find_engine(engine)
+    _check_effects(method, request.effects)
+    _check_gamma(request.settings.gamma)
     known = {p.name: p for p in request.parameters}
     return replace(request, bounds=tuple(_read_bounds(text, known) for text in bounds or []))
+
+
+def _check_effects(method: Parameterisation, effects: tuple[Effect, ...]) -> None:
+    names, own = [e.name for e in effects], {p.name for p in method.parameters}
+    for effect in effects:
+        if names.count(effect.name) > 1:
+            raise FitError(f"{effect.name} is named twice", where="--effect", advice="name every effect once")
+        if effect.in_base in own:
+            raise FitError(
+                f"the method {method.name} has {effect.in_base} as a parameter already",
+                where="--effect",
+                advice=f"leave {effect.name} out; --bounds {effect.in_base}=LOW:HIGH narrows it",
+            )
+
+
+def _check_gamma(gamma: float) -> None:
+    if not (math.isfinite(gamma) and gamma > 0.0):
+        raise FitError(f"gamma is {gamma:g}", where="--gamma", advice="give a number above 0, for example 1e5")
 
 
 def _read_bounds(text: str, known: dict[str, Parameter]) -> tuple[str, float, float]:

@@ -91,6 +91,8 @@ class FitResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     objective: ObjectiveFigure | None = None
     combinations: list[Combination] = []
     material: dict[str, float] = {}  # SI, what the solver was told in the end, effects on the cloth included
+    engine: str = "own"  # who simulated
+    take_contents: list[str] = []  # sha256 of what each take fitted to held
 
 
 class Figure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

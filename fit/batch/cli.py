@@ -63,7 +63,7 @@ def batch_command(
     spacing: Annotated[
         float | None, typer.Option("--spacing", metavar="METRES", help="Mesh spacing.", show_default="the method's own")
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of every random number.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of every random number.")] = 0,
 ) -> None:
     """Fit every take of a folder or bucket, each on a core of its own.
 

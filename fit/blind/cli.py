@@ -69,8 +69,10 @@ def make_command(
     from fit.blind.foreign.engines import find_generator
     from fit.blind.making import make_real_set, make_set
     from fit.blind.real import real_plants
+    from fit.folders import make_folder
 
     engine, line = find_generator(generator), CountLine("making")
+    make_folder(folder, "manifest.json")
     numbers: dict[Kind, int] = {"single": cases, "null": nulls, "pair": pairs, "unknown": unknowns}
     if real is not None and (generator != "own" or side is not None):
         raise FitError("real takes are not simulated", advice="leave out --generator and --side, or --real")

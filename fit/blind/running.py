@@ -20,11 +20,13 @@ from pathlib import Path
 from fit import runtime
 from fit.blind.making import changed_files, read_manifest
 from fit.errors import FitError
+from fit.folders import make_folder
 from formats.whole_files import write_whole
 
 LIMIT = 3600.0  # s for one case: thirty times what one takes
 PATIENCE = 10.0  # s until a diagnosis that the terminal's Ctrl-C did not reach is interrupted too
 DIAGNOSIS, FAILURE, LOG, LOCK = "diagnosis.json", "failure.txt", "output.txt", ".lock"
+KEPT, REFUSED = "diagnosis.partial", 2  # fits that an interrupted diagnosis keeps; exit code of a bad request
 Progress = Callable[[int, int, int], None]
 
 
@@ -45,7 +47,7 @@ def run_set(
 
     Raises:
         FitError: there is no set, it is not complete, its files are not those that were made, or another run writes
-            the same answers.
+            the same answers; or `hangtime diagnose` does not know the options.
     """
     manifest = read_manifest(folder)
     if not manifest.complete:
@@ -64,8 +66,7 @@ def run_set(
 @contextmanager
 def _alone(answers: Path) -> Iterator[None]:
     """Hold a folder of answers; the kernel lets go of it when the process ends, however it does."""
-    answers.mkdir(parents=True, exist_ok=True)
-    with (answers / LOCK).open("w") as lock:
+    with (make_folder(answers) / LOCK).open("w") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
@@ -94,6 +95,9 @@ def _run(
             pool.shutdown(wait=False, cancel_futures=True)
             diagnoses.interrupt()
             raise
+        except FitError:
+            pool.shutdown(cancel_futures=True)
+            raise
     return failed
 
 
@@ -117,7 +121,18 @@ class _Diagnoses:
         words = [str(p.resolve()) for p in sorted(case.glob("take-*.mcap"))]
         for path in sorted(case.glob("held-out-*.mcap")):
             words += ["--held-out", str(path.resolve())]
-        said, code = self._call([*self._command, *words, "--out", str(work), *self._options])
+        words = [*self._command, *words, "--out", str(work), *self._options]
+        has_kept = (work / KEPT).exists()
+        said, code = self._call(words)
+        if code == REFUSED and has_kept:  # what was kept is of another version or of other options
+            shutil.rmtree(work / KEPT)
+            said, code = self._call(words)
+        if code == REFUSED and said.startswith("Usage:"):
+            raise FitError(
+                said.strip().splitlines()[-1].removeprefix("Error: "),
+                where="--option",
+                advice="see `hangtime diagnose --help`",
+            )
         if code in {130, -signal.SIGINT}:  # the next run goes on with what the diagnosis kept in its folder
             raise KeyboardInterrupt
         write_whole(work / LOG, said.encode())

@@ -168,7 +168,7 @@ def clamped(mesh: ClothMesh, support: Support) -> ClothMesh:
 
 def _seen_folds(recording: Recording, mesh: ClothMesh) -> Floats:
     """Displacement [m], (nodes, 3), of cloth held at its corners from hanging flat to where its points begin; or 0."""
-    is_seen = recording.valid[recording.time <= LONGEST_BRIDGE].any(0)
+    is_seen = recording.valid[recording.time <= LONGEST_BRIDGE].any(0) & recording.has_curve
     places = np.array([point.at_m for point in recording.garment.points])[is_seen]
     if recording.garment.held != "corners" or np.linalg.matrix_rank(places - places[:1], tol=ON_LINE) < 2:
         return np.zeros((len(mesh.rest), 3))

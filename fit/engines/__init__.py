@@ -6,9 +6,10 @@ from fit.engines.blender import BlenderEngine
 from fit.engines.contract import Engine, EngineMaker, OwnEngine
 from fit.errors import FitError
 
-__all__ = ["ENGINES", "BlenderEngine", "Engine", "EngineMaker", "OwnEngine", "find_engine"]
+__all__ = ["ENGINES", "OWN", "BlenderEngine", "Engine", "EngineMaker", "OwnEngine", "find_engine"]
 
-ENGINES: dict[str, EngineMaker] = {"own": OwnEngine, "blender": BlenderEngine}
+OWN = "own"
+ENGINES: dict[str, EngineMaker] = {OWN: OwnEngine, "blender": BlenderEngine}
 
 
 def find_engine(name: str) -> EngineMaker:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from fit.cloth.simulator import Resolution
 from fit.effects import LIBRARY
 from fit.effects.base import Effect
-from fit.errors import FitError
 from fit.gap import edge_driven
 from fit.gap import findings as described
 from fit.gap import gates as gate
@@ -34,6 +33,7 @@ from fit.gap.where import find_where
 from fit.parameterisations import SI, Parameterisation
 from fit.physics import physics_version
 from fit.recording import Recording, prepare
+from fit.takes import check_together, content_of
 from formats.results import Cost, Diagnosis
 from formats.take import Take
 
@@ -75,10 +75,11 @@ def diagnose(
     checkpoint: folder in which finished fits are kept; the caller deletes it when the result is safe.
 
     Raises:
-        FitError: no take, takes of different garments, or a checkpoint of other takes or of another version.
+        FitError: no take, takes of different garments, one that is given twice, or a checkpoint of other takes or of
+            another version.
     """
     started = clock.monotonic()
-    _check_same_garment(training + held_out)
+    check_together(training, held_out)
     rng = np.random.default_rng(seed)
     progress("reading takes", 0.0)
     train, test = [prepare(t) for t in training], [prepare(t) for t in held_out]
@@ -104,13 +105,13 @@ def diagnose(
     mesh_closure = closure(search.base.errors, refined.errors, floor, picks)
     found_gates.append(gate.numerics_gate(mesh_closure[0] if mesh_closure else None, refined.numerics_mm))
     search.sizes_by_edge(refined.numerics_mm)
-    evidence = search.evidence(seeming, refined.numerics_mm, picks, found_gates, is_held_out=bool(test))
+    evidence = search.evidence(seeming, refined, picks, found_gates, is_held_out=bool(test))
     verdict = decide(evidence, effects)
     # Several are named only where one of them passes alone: else a second cannot change the verdict.
     if verdict.verdict in {"effect", "ambiguous", "unknown"} and passing_effects(evidence):
         progress("looking for a second effect", 0.88)
         search.further_rounds(floor, refined.numerics_mm)
-        evidence = search.evidence(seeming, refined.numerics_mm, picks, found_gates, is_held_out=bool(test))
+        evidence = search.evidence(seeming, refined, picks, found_gates, is_held_out=bool(test))
         verdict = decide(evidence, effects)
     by_edge = None
     if verdict.verdict == "unknown" and not is_edge_explained(search.base.errors.edge):
@@ -157,19 +158,7 @@ def _key(
     seed: int,
 ) -> Key:  # fmt: skip
     return {
-        "takes": [t.take_id for t in training], "held_out": [t.take_id for t in held_out], "model": model.name,
+        "takes": [content_of(t) for t in training], "held_out": [content_of(t) for t in held_out], "model": model.name,
         "added": list(added), "effects": [e.name for e in observer.effects], "seed": seed,
         "spacing": observer.resolution.spacing, "physics": physics_version(),
     }  # fmt: skip
-
-
-def _check_same_garment(takes: list[Take]) -> None:
-    if not takes:
-        raise FitError("no take was given", advice="name at least one take archive")
-    for take in takes[1:]:
-        if take.garment != takes[0].garment:
-            raise FitError(
-                f"takes of different garments: {takes[0].garment.name!r} and {take.garment.name!r}",
-                where=take.take_id,
-                advice="diagnose one garment at a time",
-            )

@@ -116,6 +116,13 @@ class Evidence:
     is_held_out: bool
     instead: list[Hypothesis]
     is_floor_most: bool = False  # whether a model fell below what noise the takes seem to have, and set the floor
+    mesh_mm: float = 0.0  # of numerics_mm what the mesh alone is wrong by
+
+    @property
+    def is_coarse(self) -> bool:
+        """Whether the mesh alone is wrong by more than noise and solver together, so that it may hide a gap."""
+        solver = float(np.sqrt(max(self.numerics_mm**2 - self.mesh_mm**2, 0.0)))
+        return self.mesh_mm > self.floor_mm + solver
 
     def closure_of(self, hypothesis: Hypothesis) -> Figure | None:
         """Share of the gap that a hypothesis closes; None where there is hardly a gap."""

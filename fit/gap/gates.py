@@ -62,8 +62,11 @@ def _own_motion(recording: Recording) -> float:
 
 
 def _repeated(recording: Recording) -> float:
-    same = (np.nan_to_num(np.diff(recording.points, axis=0), nan=1.0) == 0).all((1, 2))
-    return float(same.mean())
+    """Share of the frames, with points that the one before has too, in which none of them moves in the least."""
+    change = np.diff(recording.points, axis=0)
+    is_seen = np.isfinite(change)
+    same = (~is_seen | (change == 0)).all((1, 2))[is_seen.any((1, 2))]
+    return float(same.mean()) if len(same) else 0.0
 
 
 def choose_frequency(observer: Observer, vector: Floats) -> tuple[float, Gate]:

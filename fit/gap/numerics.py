@@ -30,9 +30,10 @@ STEPS = (0.0, 0.5, 1.0)  # of the refit's linear step
 
 @dataclass(frozen=True)
 class Refined:
-    """Held-out errors on the finer mesh, and by how much mesh and solver may be wrong on that motion [mm]."""
+    """Held-out errors on the finer mesh, and by how much the mesh, and mesh and solver, may be wrong there [mm]."""
 
     errors: BlockErrors
+    mesh_mm: float
     numerics_mm: float
 
 
@@ -64,7 +65,7 @@ def refine(observer: Observer, judge: Observer, base: Fitted) -> Refined:
     apart = both - judge.residuals(base.vector[None], base.amplitudes[None])[0]
     mesh = float(judge.in_mm(apart).max()) / (1.0 - REFINEMENT**-2)
     numerics = float(np.hypot(mesh, SOLVER_SHARE * motion_mm(judge)))
-    return Refined(block_errors(judge, both[0]), numerics)
+    return Refined(block_errors(judge, both[0]), mesh, numerics)
 
 
 def motion_mm(judge: Observer) -> float:

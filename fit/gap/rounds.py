@@ -25,6 +25,7 @@ from fit.gap.evidence import (
 )
 from fit.gap.fitting import Fitted, Task, fit
 from fit.gap.hypotheses import POLISHING, Hypothesis, judged, polishing, refits, shortlist
+from fit.gap.numerics import Refined
 from fit.gap.observer import Observer
 from fit.gap.screening import GROUP_COSINE, Screened, screen, with_amplitude
 from fit.gap.verdict import Verdict, is_brought, may_be_added
@@ -315,14 +316,14 @@ class Rounds:
         return [self.singles[k] for k in chosen], [max(shares[k], 0.1) for k in chosen]
 
     def evidence(
-        self, seeming: float, numerics: float, picks: NDArray[np.int64], gates: list[Gate], *, is_held_out: bool
+        self, seeming: float, refined: Refined, picks: NDArray[np.int64], gates: list[Gate], *, is_held_out: bool
     ) -> Evidence:
         """Gather what the verdict is decided on; seeming [mm]: the noise that the takes seem to have."""
         floor = self.reached(seeming)
         return Evidence(
             observer=self.observer, screened=self.screened, base=self.base, singles=self.singles, joint=self.joint,
-            instead=self.instead, floor_mm=floor, numerics_mm=numerics, picks=picks, gates=gates,
-            is_held_out=is_held_out, is_floor_most=floor < seeming,
+            instead=self.instead, floor_mm=floor, numerics_mm=refined.numerics_mm, mesh_mm=refined.mesh_mm, picks=picks,
+            gates=gates, is_held_out=is_held_out, is_floor_most=floor < seeming,
         )  # fmt: skip
 
     def named(self, verdict: Verdict) -> Hypothesis | None:

@@ -76,8 +76,7 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
     if several is None:
         passing = _likely(evidence, passing)
     if not passing and not (has_gap and evidence.exceeds(noise + mesh)):
-        none = f"No gap: the base model explains the motion down to noise and mesh. {numbers}"
-        return Verdict("none", [], none + _edge_is_off(evidence))
+        return _no_gap(evidence, has_gap=has_gap)
     if any(g.name == "base fit" for g in failed) and not told:
         return Verdict("inconclusive", [], f"No diagnosis: {failed[0].sentence} {numbers}")
     coarse = next((g for g in failed if g.name == "mesh and step"), None)
@@ -125,6 +124,17 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
         f"misses by {evidence.error_of(evidence.singles[best]).value:.1f} mm{_share_closed(closed)}."
         f"{_edge_says(evidence, best, closed) if best in told else ''}",
     )
+
+
+def _no_gap(evidence: Evidence, *, has_gap: bool) -> Verdict:
+    """Say that there is no gap beyond noise, mesh and solver, or that so coarse a mesh cannot tell."""
+    numbers, wrong = _numbers(evidence), f"{evidence.numerics_mm:.1f} mm"
+    if has_gap and evidence.is_coarse:
+        refine = f"Refine first: mesh and solver may be wrong by {wrong}, and a gap may hide in that (--spacing)."
+        return Verdict("numerics", [], f"{refine} {numbers}")
+    hidden = f" Mesh and solver may be wrong by {wrong}." if has_gap else ""
+    none = f"No gap: the base model explains the motion down to noise and mesh. {numbers}{hidden}"
+    return Verdict("none", [], none + _edge_is_off(evidence))
 
 
 def _share_closed(closed: Figure | None) -> str:

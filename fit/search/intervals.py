@@ -82,8 +82,7 @@ def block_intervals(
     half = np.sqrt((reach * deviation) ** 2 + way**2)
     unit = space.to_unit(parameters)
     ends = np.stack([space.from_unit(np.clip(unit + sign * half, 0, 1)) for sign in (-1, 1)], axis=1)
-    # d parameter / d u: a logarithm's slope is the parameter itself.
-    slope = space.scale * np.where(space.is_log, parameters, 1.0)
+    slope = space.slope(parameters)
     return Intervals(ends, deviation < SHARE_TOLD * PRIOR_SD, variance * np.outer(slope, slope))
 
 

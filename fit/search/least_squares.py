@@ -70,6 +70,10 @@ class BoundedSpace:
         parameters = np.where(self.is_log, np.exp(np.where(self.is_log, working, 0.0)), working)
         return np.clip(parameters, self.minimum, self.maximum)
 
+    def slope(self, parameters: Floats) -> Floats:
+        """Return d theta / d u at theta, (parameters,): a logarithm's is the width of the box times theta itself."""
+        return self.scale * np.where(self.is_log, parameters, 1.0)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Prior:

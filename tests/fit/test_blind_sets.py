@@ -284,3 +284,36 @@ def test_the_command_line_makes_scores_and_reports(tmp_path):
     refused = hangtime("make", "set", "--cases", 1, "--effect", "self_contact")
     assert refused.returncode == 2
     assert refused.stderr.count("\n") == 1
+
+
+# As a diagnosis that refuses fits that another one kept.
+REFUSING = """
+import pathlib, sys
+words = sys.argv[1:]
+out = pathlib.Path(words[words.index("--out") + 1])
+here = pathlib.Path(__file__).parent
+if "--nonsense" in words:
+    print("Usage: hangtime diagnose\\n\\nError: No such option: --nonsense", file=sys.stderr)
+    sys.exit(2)
+if (out / "diagnosis.partial").exists():
+    print("hangtime: the kept fits are of another version", file=sys.stderr)
+    sys.exit(2)
+(out / "diagnosis.json").write_bytes((here / "answer.json").read_bytes())
+"""
+
+
+def test_fits_that_another_version_kept_are_no_failure_of_the_diagnosis(a_set, tmp_path):
+    program, answers = tmp_path / "diagnose.py", tmp_path / "answers"
+    program.write_text(REFUSING)
+    save_diagnosis(tmp_path / "answer.json", diagnosis("none"))
+    first = read_manifest(a_set).cases[0]
+    (answers / f".{first}.partial" / "diagnosis.partial").mkdir(parents=True)
+    assert run_set(a_set, answers, command=[sys.executable, str(program)]) == 0
+
+
+def test_a_mistyped_option_ends_the_run_and_is_no_answer(a_set, tmp_path):
+    program, answers = tmp_path / "diagnose.py", tmp_path / "answers"
+    program.write_text(REFUSING)
+    with pytest.raises(FitError, match="--option: No such option: --nonsense"):
+        run_set(a_set, answers, command=[sys.executable, str(program)], options=["--nonsense"])
+    assert not list(answers.glob("*/failure.txt"))

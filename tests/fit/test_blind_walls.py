@@ -9,6 +9,7 @@ FIT = Path(__file__).resolve().parents[2] / "fit"
 ALLOWED = (
     "fit.blind",
     "fit.errors",
+    "fit.folders",
     "fit.foreign",
     "fit.runtime",
     "formats",
@@ -28,7 +29,7 @@ IN_WORKERS = ("answering", "bpy", "every_take", "mujoco", "newton", "numpy", "ou
 TOOL = ("cloth", "effects", "gap", "parameterisations", "search", "report")
 TOOL_FILES = (
     "recording", "calibration", "combinations", "fabrics", "objective", "reporting", "runtime", "errors",
-    "swatch_error",
+    "swatch_error", "takes",
 )  # fmt: skip
 
 

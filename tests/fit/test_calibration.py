@@ -13,6 +13,7 @@ from fit.calibration import calibrate
 from fit.cli import fit_command
 from fit.errors import BlowUpError, FitError
 from fit.parameterisations import find_method
+from fit.recording import prepare
 from fit.request import request_of
 from formats.archive import write_take
 from tests.fit.scenes import hung, sheet, swing, take_of
@@ -140,3 +141,19 @@ def test_what_is_promised_after_an_interruption_is_there(
         fit_command([take], search=search, out=tmp_path.relative_to(tmp_path) / "out")
     assert sentence in capsys.readouterr().err
     assert (tmp_path / "out/fit.partial.json").exists() == is_there
+
+
+def test_a_range_of_six_times_tells_nothing_that_the_points_do_not():
+    """At the lower end of a logarithm's range its flat prior is narrow in N/m; the points still say nothing."""
+    result = calibrate([a_take()], [], asked(method="si", bounds=["shear_stiffness=36:216"]))
+    assert {p.name: p.fitted for p in result.parameters}["shear_stiffness"] < 60
+    assert not any(c.is_identified for c in result.combinations)
+
+
+def test_a_clock_that_runs_fast_is_no_property_of_the_cloth():
+    result = calibrate([a_take()], [], asked(effects=["clock_drift"]))
+    plain = calibrate([a_take()], [], asked())
+    assert result.effects["clock_drift"] is not None
+    drifting = calibration.Model([prepare(a_take())], asked(effects=["clock_drift"]))
+    vector = np.array([*asked().method.initial, 0.03])
+    assert drifting.material(vector) == pytest.approx(plain.material | drifting.material(np.append(vector[:-1], 0.0)))

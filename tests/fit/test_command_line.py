@@ -6,11 +6,17 @@ import json
 import subprocess
 import sys
 
+import msgspec
 import numpy as np
 import pytest
 
+from fit import reporting
 from fit.calibration import calibrate
+from fit.cloth.simulator import Resolution
+from fit.effects import find_effects
 from fit.errors import FitError
+from fit.fabric_sheet import sheet_of
+from fit.gap.diagnosis import diagnose
 from fit.parameterisations import KINECT_SKIRT, SI, find_method
 from fit.request import Request, request_of
 from formats.archive import write_take
@@ -81,6 +87,18 @@ def test_a_saved_search_of_other_takes_is_refused(tmp_path):
         (("diagnose", "a.mcap", "--fit", "gone.json"), "gone.json: cannot be read"),
         (("diagnose", "a.mcap", "--held-out-motion", "twist"), "no take moves 'twist'"),
         (("fit", "a.mcap", "--held-out-motion", "wobble"), "there is no kind of motion named 'wobble'"),
+        (("fit", "a.mcap", "--held-out", "a.mcap"), "this take is both fitted to and held out"),
+        (("diagnose", "a.mcap", "a.mcap"), "this take is given twice"),
+        (("fit", "a.mcap", "--method", "si", "--effect", "shear_stiffness"), "has shear_stiffness as a parameter"),
+        (("fit", "a.mcap", "--effect", "air_drag", "--effect", "air_drag"), "air_drag is named twice"),
+        (("fit", "a.mcap", "--gamma", "nan"), "gamma is nan; give a number above 0"),
+        (("fit", "a.mcap", "--gamma", "-1"), "gamma is -1"),
+        (("fit", "a.mcap", "--seed", "-1"), "Input should be greater than or equal to 0"),
+        (("diagnose", "a.mcap", "--seed", "-1"), "Input should be greater than or equal to 0"),
+        (("batch", ".", "--seed", "-1"), "Input should be greater than or equal to 0"),
+        (("fit", "a.mcap", "--out", "a.mcap"), "a.mcap: cannot be used as a folder for results (File exists)"),
+        (("diagnose", "a.mcap", "--out", "a.mcap/b"), "a.mcap/b: cannot be used as a folder for results"),
+        (("blind", "make", "a.mcap", "--nulls", "1"), "a.mcap: cannot be used as a folder for results"),
     ],
 )
 def test_bad_input_gives_one_sentence_and_exit_code_2(tmp_path, words, sentence):
@@ -109,3 +127,29 @@ def test_the_kinect_map_by_hand():
     row = find_method("kinect-skirt").to_materials(KINECT_SKIRT.initial[None], 0.2)[0]
     assert row[:7] == pytest.approx([0.2, 300.0, 30.0, 2e-5, 3e-6, 1.2e-3, 0.5 + 1.28233], rel=1e-4)
     assert not row[7:].any()  # what effects switch on
+
+
+def test_a_folder_in_the_place_of_a_result_is_refused_before_the_search(tmp_path):
+    write_take(tmp_path / "a.mcap", a_swung_take())
+    (tmp_path / "fit" / "fit.json").mkdir(parents=True)
+    done = hangtime("fit", "a.mcap", folder=tmp_path)
+    assert done.returncode == 2
+    assert "fit/fit.json: is a folder" in done.stderr
+
+
+def test_a_fit_of_blenders_cloth_is_no_fabric_and_moves_none_of_ours(tmp_path, monkeypatch):
+    takes = [a_swung_take(), a_swung_take("b", hz=0.9)]
+    ours = calibrate(takes[:1], [], request_of(KINECT_SKIRT, ["air_drag"], iterations=2, seed=1, spacing=0.15))
+    assert ours.engine == "own"
+    ours = msgspec.structs.replace(ours, effects={}, parameters=ours.parameters[:6])
+    theirs = msgspec.structs.replace(ours, engine="blender", material={}, combinations=[])
+    with pytest.raises(FitError, match="this fit is of blender's cloth"):
+        sheet_of(theirs)
+    coarse = Resolution(spacing=0.15)
+    findings = diagnose(takes[:1], takes[1:], effects=find_effects(["hem"]), resolution=coarse)
+    shown = []
+    monkeypatch.setattr(reporting, "write_report", lambda path, *, motions, **_: shown.append(motions[0].before))
+    for fit in (ours, theirs, None):
+        reporting.write_diagnosis_report(tmp_path / "r.html", findings, fit, takes[:1], takes[1:], coarse)
+    assert np.array_equal(shown[1], shown[2])
+    assert not np.array_equal(shown[0], shown[2])

@@ -48,3 +48,23 @@ def test_gaps_are_passed_over():
     seen.points[50:60] = np.nan
     seen.points[:, 4] = np.nan
     assert seen.slip_at() == pytest.approx(4.2, abs=0.1)
+
+
+@pytest.mark.parametrize("off", [0.0, 0.02])
+@pytest.mark.parametrize("missing", [0.0, 0.1])
+def test_the_turn_of_the_edge_is_its_slope_whatever_is_off_or_missing(off, missing):
+    """A roll of 20 mrad rms about the middle, 1 mm of noise on nine points 0.13 m from it in rms: 2.6 mrad a frame."""
+    across = np.linspace(-0.2, 0.2, 9)
+    seen = edge(noise=0.001, across=across)
+    roll = 0.02 * np.sqrt(2) * np.sin(2 * np.pi * 0.5 * seen.time)
+    seen.points[:, :, 2] += off + roll[:, None] * across
+    seen.points[np.random.default_rng(1).uniform(size=seen.points.shape[:2]) < missing] = np.nan
+    turn = seen.turn()(seen.time)[:, 1]
+    assert np.corrcoef(turn, roll)[0, 1] > 0.995
+    assert np.sqrt((turn**2).mean()) == pytest.approx(1.0, abs=0.1)
+
+
+def test_an_edge_of_which_one_side_alone_is_seen_tells_no_turn():
+    seen = edge(across=np.linspace(-0.2, 0.2, 9))
+    seen.points[:, 3:] = np.nan
+    assert not seen.turn()(seen.time).any()

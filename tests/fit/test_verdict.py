@@ -12,6 +12,7 @@ from fit.effects.base import amplitudes_of
 from fit.gap.closure import BlockErrors
 from fit.gap.evidence import is_worth_adding, share_in_median_block
 from fit.gap.findings import describe_effects
+from fit.gap.numerics import Refined
 from fit.gap.probabilities import LEFT, LEFT_WIDTH, ODDS, probabilities
 from fit.gap.rounds import Rounds
 from fit.gap.verdict import decide
@@ -116,7 +117,7 @@ def test_a_floor_that_a_model_falls_below_is_that_models_error():
     search.base, search.joint = hypothesis((), 12.0), [(hypothesis(("air_drag", "hem"), 4.5), 0.01)]
     search.singles = {0: hypothesis(("air_drag",), 6.0)}
     for seeming, floor, is_most in ((4.0, 4.0, False), (5.0, 4.5, True)):
-        found = search.evidence(seeming, 1.0, np.zeros((1, 1), int), [], is_held_out=True)
+        found = search.evidence(seeming, Refined(errors(12.0), 0.5, 1.0), np.zeros((1, 1), int), [], is_held_out=True)
         assert (found.floor_mm, found.is_floor_most) == (pytest.approx(floor), is_most)
 
 
@@ -313,3 +314,24 @@ def test_what_comes_nearest_and_leaves_too_much_is_told_with_what_it_leaves(give
     assert found.verdict == "unknown"
     assert left[next(iter(given["singles"]))] in found.sentence, found.sentence
     assert "more than it would as the cause" in found.sentence
+
+
+@pytest.mark.parametrize(
+    ("mesh", "numerics", "verdict"),
+    [
+        # A gap of 12 mm over noise of 5 mm, all within what mesh and solver may be wrong by.
+        (20.0, 20.1, "numerics"),
+        (6.9, 20.0, "none"),  # the solver's share, 18.8 mm, is the greater part: no mesh mends it
+        (0.0, 20.0, "none"),
+    ],
+)
+def test_a_gap_within_a_coarse_meshs_own_error_is_no_proof_of_none(mesh, numerics, verdict):
+    made_up = dataclasses.replace(evidence_of({}), mesh_mm=mesh, numerics_mm=numerics)
+    found = decide(made_up, LIBRARY)
+    assert found.verdict == verdict
+    assert f"Mesh and solver may be wrong by {numerics:.1f} mm".lower() in found.sentence.lower()
+
+
+def test_where_there_is_no_gap_the_mesh_hides_none():
+    made_up = dataclasses.replace(evidence_of({}, base=5.0), mesh_mm=20.0, numerics_mm=20.0)
+    assert decide(made_up, LIBRARY).verdict == "none"

@@ -105,7 +105,7 @@ def import_recordings(
         write_description(out / "rig.toml", take.rig, overwrite=overwrite)
         write_description(out / "garment.toml", take.garment, overwrite=overwrite)
         try:
-            target = write_take(out / f"{take.take_id}.mcap", take)
+            target = write_take(out / f"{take.take_id}.mcap", take, overwrite=overwrite)
         except OSError as error:
             raise OutputError(f"cannot be written ({error.strerror})", where=out, advice="check the folder") from error
         typer.echo(f"{target}: {len(take.time)} frames, {take.time[-1]:.1f} s")

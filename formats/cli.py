@@ -20,16 +20,14 @@ def add_commands(app: typer.Typer) -> None:
 
 def show_take(
     path: Annotated[Path, typer.Argument(metavar="TAKE", help="A take archive (.mcap).")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Show what a take holds: length, rate, garment, how often each point was seen and how noisy it is."""
-    import json
-
     from formats.archive import read_take
-    from formats.summary import describe, summarise
+    from formats.summary import as_json, describe, summarise
 
     summary = summarise(read_take(path))
-    typer.echo(json.dumps(summary, indent=2) if as_json else describe(summary))
+    typer.echo(as_json(summary) if json else describe(summary))
 
 
 def verify_takes(

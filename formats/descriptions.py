@@ -22,6 +22,7 @@ HEAVIEST = 50.0  # kg
 DEPTH_SCALES = 0.8, 1.25  # measured over true depth; farther off, a distance was measured wrong
 LARGEST_OFFSET = 30.0  # px between depth and colour; PrimeSense's unregistered images differ by up to this at 0.8 m
 LEVEL = 0.01  # m by which another side may lie wholly higher than the held edge's lower end: flat cloth is laid by hand
+CONTROL = re.compile(r"[\x00-\x1f\x7f]")  # what a TOML string may not hold as it is, https://toml.io/en/v1.0.0#string
 ON_OUTLINE = 2e-3  # m by which a tracked point may lie outside the outline
 
 
@@ -64,7 +65,8 @@ def dump_description(description: Garment | Rig) -> str:
 
 def _toml(value: Any) -> str:
     if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        return '"' + CONTROL.sub(lambda found: f"\\u{ord(found.group()):04x}", escaped) + '"'
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_toml(v) for v in value) + "]"
     return repr(value)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from pathlib import Path
 
-from formats.descriptions import dump_description, load_garment, load_rig
+from formats.descriptions import check_garment, check_rig, dump_description, load_garment, load_rig
 from formats.errors import DescriptionError, OutputError
 from formats.garment import Garment
 from formats.rig import Rig
@@ -44,8 +44,13 @@ def write_description(path: Path, description: Garment | Rig, *, overwrite: bool
     """Write a rig or garment, making its folder; one that is there and says the same stays as it is.
 
     Raises:
+        DescriptionError: an impossible rig or garment, which no command would read.
         OutputError: another one is there, or it cannot be written.
     """
+    if isinstance(description, Rig):
+        check_rig(description, path)
+    else:
+        check_garment(description, path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:

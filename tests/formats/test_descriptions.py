@@ -12,6 +12,7 @@ from firmware_host.synthetic.garments import shirt
 from formats.descriptions import check_garment, dump_description, load_garment, load_rig
 from formats.errors import DescriptionError
 from formats.hanger import held_ends
+from formats.outputs import write_description
 from formats.rig import Hanger, Rig, Sensor
 from tests.formats.test_archive import GARMENT
 
@@ -33,6 +34,28 @@ def test_descriptions_come_back_from_their_files(tmp_path):
     (tmp_path / "rig.toml").write_text(dump_description(RIG))
     assert load_garment(tmp_path / "garment.toml") == GARMENT
     assert load_rig(tmp_path / "rig.toml") == RIG
+
+
+@pytest.mark.parametrize("name", ["two\nlines", "\ttab\r\0\x1f\x7f", 'a "quote" and a \\n', "Möbel ↑ 👕"])
+def test_a_name_of_any_characters_comes_back_from_its_file(tmp_path, name):
+    (tmp_path / "rig.toml").write_text(dump_description(msgspec.structs.replace(RIG, name=name)), newline="")
+    assert load_rig(tmp_path / "rig.toml").name == name
+
+
+@pytest.mark.parametrize(
+    ("description", "words"),
+    [
+        (msgspec.structs.replace(RIG, gravity=(0.0, np.nan, 0.0)), r"a\.toml: gravity must be a unit vector"),
+        (
+            msgspec.structs.replace(GARMENT, mass_kg=np.inf),
+            r"a\.toml: mass_kg must be above 0 and below 50 \(got inf\)",
+        ),
+    ],
+)
+def test_a_description_that_no_command_reads_is_not_written(tmp_path, description, words):
+    with pytest.raises(DescriptionError, match=words):
+        write_description(tmp_path / "made" / "a.toml", description, overwrite=True)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(

@@ -218,6 +218,15 @@ def test_from_the_command_line_a_csv_becomes_an_archive(tmp_path):
     assert (tmp_path / "takes" / "garment.toml").read_text() == dump_description(load_garment(tmp_path / "s.toml"))
 
 
+@pytest.mark.parametrize("mass", ["inf", "60", "nan", "0"])
+def test_a_swatch_of_a_weight_that_no_command_reads_is_not_written(tmp_path, mass):
+    done = hangtime("swatch", "s.toml", "--mass", mass, folder=tmp_path)
+    assert done.returncode == 2
+    assert f"{mass} kg" in done.stderr or f"got {mass}" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_motion_capture_without_a_garment_gives_one_sentence_and_exit_code_2(tmp_path):
     write_marker_csv(tmp_path / "a.csv", hanging_tracks())
     done = hangtime("import", "a.csv", folder=tmp_path)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import io
-import os
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -29,6 +27,7 @@ from formats.garment import Garment
 from formats.rig import Rig
 from formats.surface import SurfaceScan, decode_scan, encode_scan
 from formats.take import Take
+from formats.unfinished import UnfinishedFile
 
 Floats = NDArray[np.float64]
 
@@ -41,27 +40,36 @@ HEADER, BLOCK, SURFACE, END = "/header", "/block", "/surface", "/end"
 
 
 class TakeWriter:
-    """Write a take frame by frame; `finish` gives the file its name, until then it is `NAME.partial`.
+    """Write a take frame by frame; `finish` gives the file its name, until then it is `NAME.partial`, and locked.
 
     As a context manager it finishes on leaving, and keeps the partial file when an exception passes.
     """
 
     def __init__(
         self, path: Path, *, take_id: str, created: str, rig: Rig, garment: Garment, source: str = "",
-        notes: dict[str, str] | None = None,
+        notes: dict[str, str] | None = None, overwrite: bool = True,
     ) -> None:  # fmt: skip
+        """Begin a take.
+
+        overwrite: whether a take of this name, or what was left of one, may be replaced
+
+        Raises:
+            DescriptionError: an impossible rig or garment.
+            OutputError: another writer is at this take, or it is there and may not be replaced.
+            OSError: the file cannot be written.
+        """
         check_rig(rig, take_id)
         check_garment(garment, take_id)
-        self.path, self.partial = path, path.with_name(path.name + ".partial")
         self._points = len(garment.points)
         self._header = {
             "format": PROFILE, "take_id": take_id, "created": created, "rig": msgspec.to_builtins(rig),
             "garment": msgspec.to_builtins(garment), "source": source, "notes": notes or {},
         }  # fmt: skip
         path.parent.mkdir(parents=True, exist_ok=True)
-        self._file = self.partial.open("wb")
+        self._unfinished = UnfinishedFile(path, overwrite=overwrite)
+        self.path, self.partial = path, self._unfinished.partial
         self._mcap = Writer(
-            self._file, chunk_size=1, compression=CompressionType.ZSTD, index_types=IndexType.CHUNK,
+            self._unfinished.file, chunk_size=1, compression=CompressionType.ZSTD, index_types=IndexType.CHUNK,
             use_statistics=True, use_summary_offsets=False, enable_data_crcs=False,
         )  # fmt: skip
         self._mcap.start(profile=PROFILE, library="hangtime")
@@ -106,19 +114,16 @@ class TakeWriter:
         self._write(SURFACE, encode_scan(scan))
 
     def finish(self) -> Path:
-        """Write what is left, make it durable, and give the file its final name."""
+        """Write what is left, make it durable, and give the file its final name.
+
+        Raises:
+            OutputError: a file that may not be replaced has come there; this one can still be kept or discarded.
+        """
         self._flush()
         self._write(HEADER, self._header)
         self._write(END, {"frames": self._count, "blocks": self._blocks})
         self._mcap.finish()
-        self._sync()
-        self._file.close()
-        self.partial.replace(self.path)
-        folder = os.open(self.path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+        self._unfinished.finish()
         return self.path
 
     @property
@@ -128,13 +133,11 @@ class TakeWriter:
 
     def keep(self) -> None:
         """Close the partial file as it is, after an error that writing more would only repeat."""
-        with contextlib.suppress(OSError):  # what was buffered is lost where the disk is full
-            self._file.close()
+        self._unfinished.keep()
 
     def discard(self) -> None:
-        """Remove what was written."""
-        self.keep()
-        self.partial.unlink(missing_ok=True)
+        """Remove what was written, unless it was finished or kept before."""
+        self._unfinished.discard()
 
     def __enter__(self) -> Self:
         return self
@@ -144,10 +147,10 @@ class TakeWriter:
     ) -> None:
         if kind is None:
             self.finish()
-        elif not self._file.closed:
+        elif not self._unfinished.file.closed:
             self._flush()
-            self._sync()
-            self._file.close()
+            self._unfinished.sync()
+            self._unfinished.keep()
 
     def _flush(self) -> None:
         if not self._frames:
@@ -158,16 +161,12 @@ class TakeWriter:
         self._count += len(self._frames)
         self._blocks += 1
         self._frames = []
-        self._sync()
+        self._unfinished.sync()
         self._is_readable = True
 
     def _write(self, topic: str, content: dict[str, Any]) -> None:
         stamp = max(int(1e9 * self._last_time), 0) if np.isfinite(self._last_time) else 0
         self._mcap.add_message(self._channels[topic], stamp, msgpack.packb(content), stamp)
-
-    def _sync(self) -> None:
-        self._file.flush()
-        os.fsync(self._file.fileno())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -318,15 +317,16 @@ def _chunk_content(record: bytes) -> list[dict[str, Any]] | None:
         return None
 
 
-def write_take(path: Path, take: Take) -> Path:
-    """Write a whole take at once.
+def write_take(path: Path, take: Take, *, overwrite: bool = True) -> Path:
+    """Write a whole take at once; overwrite: whether a take of this name may be replaced.
 
     Raises:
         TakeError: as `TakeWriter.append`.
+        OutputError: as `TakeWriter` and `TakeWriter.finish`.
     """
     writer = TakeWriter(
         path, take_id=take.take_id, created=take.created, rig=take.rig, garment=take.garment, source=take.source,
-        notes=take.notes,
+        notes=take.notes, overwrite=overwrite,
     )  # fmt: skip
     try:
         for k, time in enumerate(take.time):

@@ -20,16 +20,14 @@ def add_commands(app: typer.Typer) -> None:
 
 def show_take(
     path: Annotated[Path, typer.Argument(metavar="TAKE", help="A take archive (.mcap).")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Show what a take holds: length, rate, garment, how often each point was seen and how noisy it is."""
-    import json
-
     from formats.archive import read_take
-    from formats.summary import describe, summarise
+    from formats.summary import as_json, describe, summarise
 
     summary = summarise(read_take(path))
-    typer.echo(json.dumps(summary, indent=2) if as_json else describe(summary))
+    typer.echo(as_json(summary) if json else describe(summary))
 
 
 def verify_takes(
@@ -105,7 +103,7 @@ def import_recordings(
         write_description(out / "rig.toml", take.rig, overwrite=overwrite)
         write_description(out / "garment.toml", take.garment, overwrite=overwrite)
         try:
-            target = write_take(out / f"{take.take_id}.mcap", take)
+            target = write_take(out / f"{take.take_id}.mcap", take, overwrite=overwrite)
         except OSError as error:
             raise OutputError(f"cannot be written ({error.strerror})", where=out, advice="check the folder") from error
         typer.echo(f"{target}: {len(take.time)} frames, {take.time[-1]:.1f} s")

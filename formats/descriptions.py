@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from formats.errors import DescriptionError
-from formats.garment import Garment
+from formats.garment import Garment, signed_area
 from formats.rig import Rig
 
 Description = TypeVar("Description", Garment, Rig)
@@ -21,6 +21,8 @@ Description = TypeVar("Description", Garment, Rig)
 HEAVIEST = 50.0  # kg
 DEPTH_SCALES = 0.8, 1.25  # measured over true depth; farther off, a distance was measured wrong
 LARGEST_OFFSET = 30.0  # px between depth and colour; PrimeSense's unregistered images differ by up to this at 0.8 m
+LEVEL = 0.01  # m by which another side may lie wholly higher than the held edge's lower end: flat cloth is laid by hand
+CONTROL = re.compile(r"[\x00-\x1f\x7f]")  # what a TOML string may not hold as it is, https://toml.io/en/v1.0.0#string
 ON_OUTLINE = 2e-3  # m by which a tracked point may lie outside the outline
 
 
@@ -63,7 +65,8 @@ def dump_description(description: Garment | Rig) -> str:
 
 def _toml(value: Any) -> str:
     if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        return '"' + CONTROL.sub(lambda found: f"\\u{ord(found.group()):04x}", escaped) + '"'
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_toml(v) for v in value) + "]"
     return repr(value)
@@ -124,6 +127,7 @@ def check_garment(garment: Garment, where: object) -> None:
         refuse(f"outline_m encloses hardly any area ({garment.area_m2:.2g} m2)")
     if _crosses_itself(outline):
         refuse("outline_m crosses itself: list the corners in order, from the top left clockwise")
+    _check_held_edge(garment, refuse)
     _check_version_2(garment, outline, refuse)
     names = garment.point_names
     for name in names:
@@ -132,6 +136,23 @@ def check_garment(garment: Garment, where: object) -> None:
     for point in garment.points:
         if _distance_outside(np.array(point.at_m), outline) > ON_OUTLINE:
             refuse(f"points: {point.name!r} lies outside the outline")
+
+
+def _check_held_edge(garment: Garment, refuse: Callable[[str], None]) -> None:
+    """Check that the outline goes clockwise and begins with its top side, whose lower end is the highest of all."""
+    corners = garment.outline_m
+    is_clockwise = signed_area(corners) < 0
+    in_order = corners if is_clockwise else corners[::-1]
+    sides = list(zip(in_order, (*in_order[1:], in_order[0]), strict=True))
+    top = max(sides, key=lambda side: (min(side[0][1], side[1][1]), abs(side[1][0] - side[0][0])))
+    (left, left_y), (right, right_y) = corners[:2]
+    is_on_top = left < right and min(left_y, right_y) > min(top[0][1], top[1][1]) - LEVEL
+    if not (is_clockwise and is_on_top):
+        wrong = "does not begin with the held edge" if is_clockwise else "goes anticlockwise"
+        refuse(
+            f"outline_m {wrong}: x is to the right and y up, its first two corners are the top side's left and right "
+            f"end, which seem to be {list(top[0])} and {list(top[1])}, and the others follow clockwise"
+        )
 
 
 def _check_version_2(garment: Garment, outline: np.ndarray[Any, Any], refuse: Callable[[str], None]) -> None:

@@ -11,9 +11,13 @@ Polygon = tuple[tuple[float, float], ...]
 
 
 def polygon_area(corners: Polygon) -> float:
-    """Return the area of a polygon [m^2] (shoelace formula)."""
-    doubled = sum(a[0] * b[1] - b[0] * a[1] for a, b in pairwise((*corners, *corners[:1])))
-    return abs(doubled) / 2
+    """Return the area of a polygon [m^2]."""
+    return abs(signed_area(corners))
+
+
+def signed_area(corners: Polygon) -> float:
+    """Return the area of a polygon [m^2] (shoelace formula), negative where its corners go clockwise."""
+    return sum(a[0] * b[1] - b[0] * a[1] for a, b in pairwise((*corners, *corners[:1]))) / 2
 
 
 class TrackedPoint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -26,7 +30,8 @@ class TrackedPoint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 class Garment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
     """A garment, flat as the sensor sees it: x to the right, y up, metres, any origin.
 
-    `outline_m` is a polygon; its corners start at the top left and go clockwise as seen by the sensor.
+    `outline_m` is a polygon; its corners start at the top left and go clockwise as seen by the sensor: the first two
+    are the ends of the held edge, left and right, and no other side lies wholly higher.
     `held` says what the hanger holds: the whole top `edge` (a clamp bar) or only its two end `corners` (clips).
     In version 2: `holes_m` are polygons cut out of it; `seams`, pairs of neighbouring corners of the outline counted
     from 0, are the sides along which a back of the same shape is sewn on; `grain_degrees` is by how much the threads

@@ -5,10 +5,11 @@ from __future__ import annotations
 import contextlib
 from pathlib import Path
 
-from formats.descriptions import dump_description, load_garment, load_rig
+from formats.descriptions import check_garment, check_rig, dump_description, load_garment, load_rig
 from formats.errors import DescriptionError, OutputError
 from formats.garment import Garment
 from formats.rig import Rig
+from formats.unfinished import already_there, left_unfinished, unfinished_name
 from formats.whole_files import write_whole
 
 
@@ -21,13 +22,10 @@ def refuse_to_replace(path: Path, text: str | None = None) -> None:
         OutputError: it is there.
     """
     if path.exists() and not (text is not None and path.is_file() and path.read_bytes() == text.encode()):
-        raise OutputError("is already there", where=path, advice="give another name, or --overwrite to replace it")
-    partial = path.with_name(path.name + ".partial")
+        raise already_there(path)
+    partial = unfinished_name(path)
     if partial.exists():
-        raise OutputError(
-            "is what an interrupted recording left under this name", where=partial,
-            advice="look at it with `hangtime takes show`; give another name, or --overwrite to replace it",
-        )  # fmt: skip
+        raise left_unfinished(partial)
 
 
 def write_text(path: Path, text: str) -> None:
@@ -46,8 +44,13 @@ def write_description(path: Path, description: Garment | Rig, *, overwrite: bool
     """Write a rig or garment, making its folder; one that is there and says the same stays as it is.
 
     Raises:
+        DescriptionError: an impossible rig or garment, which no command would read.
         OutputError: another one is there, or it cannot be written.
     """
+    if isinstance(description, Rig):
+        check_rig(description, path)
+    else:
+        check_garment(description, path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:

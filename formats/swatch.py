@@ -7,6 +7,7 @@ edge to edge are 62.5 mm apart, which is how the two statements are reconciled h
 
 from __future__ import annotations
 
+from formats.descriptions import check_garment
 from formats.errors import DescriptionError
 from formats.garment import Garment, TrackedPoint
 
@@ -30,7 +31,7 @@ def swatch(mass: float, *, side: float = SIDE, markers: int = MARKERS, name: str
     if not (0 < side < 10 and mass > 0):
         raise DescriptionError(f"no swatch has a side of {side:g} m and a mass of {mass:g} kg", where=name)
     half, pitch = side / 2, side / (markers - 1)
-    return Garment(
+    garment = Garment(
         format="hangtime-garment/1", name=name, kind="swatch", mass_kg=mass,
         outline_m=((-half, 0.0), (half, 0.0), (half, -side), (-half, -side)), held="corners",
         points=tuple(
@@ -38,3 +39,5 @@ def swatch(mass: float, *, side: float = SIDE, markers: int = MARKERS, name: str
             for r in range(markers) for c in range(markers)
         ),
     )  # fmt: skip
+    check_garment(garment, name)
+    return garment

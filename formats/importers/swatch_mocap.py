@@ -3,7 +3,8 @@
 The garment's points are the markers, by name. Those at the two top corners of its outline are where it is held: their
 paths drive the simulation ("Optimization of Cloth Simulation Parameters by Considering Static and Dynamic Features",
 section 2). Cloth cannot stretch by a quarter, so neighbouring markers further apart than that, or held corners further
-apart than the cloth is wide, mean a wrong unit, garment or naming.
+apart than the cloth is wide, mean a wrong unit, garment or naming. And it hangs: markers that are hardly lower than the
+held corners mean a wrong axis that points up.
 """
 
 from __future__ import annotations
@@ -26,6 +27,9 @@ MARKER_SD = 3e-4  # m, stated by us: optical systems with a dozen cameras keep 0
 ON_CORNER = 2e-3  # m by which a marker may miss the corner of the outline
 FEWEST_FRAMES = 20  # as for any fit
 LONGEST_STRETCH = 1.25  # of the flat distance
+LEAST_DROP = (
+    1 / 3
+)  # of the flat drop, in the median over the take; swung by 70 degrees throughout it would be as little
 DOWN: dict[str, Vector] = {
     "x": (-1.0, 0.0, 0.0), "y": (0.0, -1.0, 0.0), "z": (0.0, 0.0, -1.0),
     "-x": (1.0, 0.0, 0.0), "-y": (0.0, 1.0, 0.0), "-z": (0.0, 0.0, 1.0),
@@ -44,6 +48,7 @@ def import_marker_take(path: Path, garment: Garment, *, up: str = "z", frames: i
     time, positions = _of_garment(tracks, garment, path, frames)
     left, right = _held_markers(garment, path)
     _check_distances(positions, garment, (left, right), path)
+    _check_up(positions, garment, (left, right), path, up)
     seen = np.asarray(np.isfinite(positions).all(2))
     held, held_seen = positions[:, [left, right]], seen[:, [left, right]]
     state = np.where(held_seen.all(1), 0, FrameState.MARKER_LOST).astype(np.uint16)
@@ -112,3 +117,26 @@ def _check_distances(positions: Floats, garment: Garment, held: tuple[int, int],
                 where=path,
                 advice="check the unit, the garment's size and the names of the markers",
             )
+
+
+def _check_up(positions: Floats, garment: Garment, held: tuple[int, int], path: Path, up: str) -> None:
+    """Refuse an axis along which the markers do not hang below the held corners; name the one along which they do."""
+    places = np.array([point.at_m for point in garment.points], float)
+    flat = places[list(held), 1].mean() - places[:, 1]
+    below = flat > ON_CORNER
+    fallen = positions[:, below] - positions[:, held].mean(1, keepdims=True)
+    fallen = fallen[np.isfinite(fallen).all(2)]
+    if not len(fallen):
+        return
+    drops = {axis: float(np.median(fallen @ down)) for axis, down in DOWN.items()}
+    least = LEAST_DROP * float(np.median(flat[below]))
+    if drops[up] >= least:
+        return
+    fitting = max(drops, key=lambda axis: drops[axis])
+    raise TakeError(
+        f"with {up} up the markers are {1e3 * drops[up]:.0f} mm below the held corners in the median, "
+        f"on the flat garment {1e3 * np.median(flat[below]):.0f} mm",
+        where=path,
+        advice=f"give --up {fitting}, along which they hang" if drops[fitting] >= least
+        else "record cloth that hangs from the two top corners",
+    )  # fmt: skip

@@ -7,6 +7,7 @@ m, the two held corners; `rest` (64, 2) m, places on the flat cloth.
 from __future__ import annotations
 
 import zipfile
+import zlib
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -19,34 +20,29 @@ from formats.garment import Garment, TrackedPoint
 from formats.rig import Rig
 from formats.take import Take
 
-NEEDED = ("t", "points", "valid", "hanger_corners", "rest")
+FRAMES = -1  # as many as there are times
+SHAPES: dict[str, tuple[int, ...]] = {
+    "t": (FRAMES,), "points": (FRAMES, 64, 3), "valid": (FRAMES, 64), "hanger_corners": (FRAMES, 2, 3), "rest": (64, 2),
+}  # fmt: skip
 MEDIAN_DENSITY = 0.197  # kg/m^2, median of 618 fabrics, ClothDrapeTester (SIGGRAPH Asia 2022)
 POINT_SD = (0.0028, 0.0019, 0.0028)  # m, static noise measured on these recordings
 HELD_SD = 0.002  # m, stated by us: the robot's pose is better than the fitted offset to the corners
+WHAT_TO_GIVE = "only swung-cloth .npz files can be imported, see docs/file-formats.md"
 
 
 def import_swung_cloth(path: Path) -> Take:
     """Return the take in one `.npz` file.
 
     Raises:
-        TakeError: the file is missing or is no such recording.
+        TakeError: the file is missing or is no such recording, or its time does not increase.
     """
     data = _load(path)
     time, points = data["t"].astype(float), data["points"].astype(float)
-    frames = len(points)
-    if (
-        points.shape != (frames, 64, 3)
-        or data["rest"].shape != (64, 2)
-        or data["hanger_corners"].shape != (frames, 2, 3)
-    ):
-        raise TakeError(
-            f"points have shape {points.shape}, not (frames, 64, 3)", where=path, advice="see docs/real-cloth.md"
-        )
+    frames = len(time)
     rest = data["rest"].astype(float)
     width, height = (round(float(size), 6) for size in np.ptp(rest, axis=0))
     rest = np.round(rest - [rest[:, 0].min() + width / 2, rest[:, 1].max()], 6)
     held = _left_first(data["hanger_corners"].astype(float), points, data["valid"], rest)
-    keep = np.concatenate([[True], np.diff(np.maximum.accumulate(time)) > 0])
     valid = data["valid"].astype(bool) & np.isfinite(points).all(2)
     held_valid = np.isfinite(held).all(2)
     half = width / 2
@@ -63,15 +59,15 @@ def import_swung_cloth(path: Path) -> Take:
         created=datetime.fromtimestamp(path.stat().st_mtime, UTC).isoformat(timespec="seconds"),
         rig=Rig(format="hangtime-rig/1", name="robot arm, robot base frame", gravity=(0.0, 0.0, -1.0)),
         garment=garment,
-        time=time[keep] - time[keep][0],
-        held=held[keep],
-        held_valid=held_valid[keep],
-        held_sd=np.full((int(keep.sum()), 2, 3), HELD_SD),
-        points=np.where(valid[..., None], points, np.nan)[keep],
-        points_valid=valid[keep],
-        points_sd=np.broadcast_to(np.array(POINT_SD), points.shape)[keep].copy(),
-        state=np.zeros(int(keep.sum()), np.uint16),
-        markers=held[keep],
+        time=time - time[0],
+        held=held,
+        held_valid=held_valid,
+        held_sd=np.full(held.shape, HELD_SD),
+        points=np.where(valid[..., None], points, np.nan),
+        points_valid=valid,
+        points_sd=np.broadcast_to(np.array(POINT_SD), points.shape).copy(),
+        state=np.zeros(frames, np.uint16),
+        markers=held,
         source=f"{path.name}, re-packed from Alados5/tfm_matlab",
         notes={
             "mass": "not recorded; the garment's weight is that of the median of 618 fabrics",
@@ -91,17 +87,45 @@ def _left_first(held: NDArray[Any], points: NDArray[Any], valid: NDArray[Any], r
 
 
 def _load(path: Path) -> dict[str, NDArray[Any]]:
+    """Return the arrays that are needed, of the right shapes and kinds."""
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            absent = [k for k in NEEDED if k not in archive]
+        with path.open("rb") as file:
+            archive = np.load(file, allow_pickle=False)
+            if not isinstance(archive, np.lib.npyio.NpzFile):
+                raise TakeError("holds a single array, not an .npz archive", where=path, advice=WHAT_TO_GIVE)
+            absent = [name for name in SHAPES if name not in archive]
             if absent:
-                raise TakeError(
-                    f"has no array {absent[0]!r}", where=path, advice="only swung-cloth .npz files can be imported"
-                )
-            return {k: archive[k] for k in NEEDED}
+                raise TakeError(f"has no array {absent[0]!r}", where=path, advice=WHAT_TO_GIVE)
+            data = {name: np.asarray(archive[name]) for name in SHAPES}
     except OSError as error:
         raise TakeError(f"cannot be read ({error.strerror or error})", where=path, advice="check the path") from error
-    except (ValueError, zipfile.BadZipFile) as error:
+    except (ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
         raise TakeError(
-            "is not an .npz archive", where=path, advice="only swung-cloth .npz files can be imported"
+            f"is not an .npz archive that can be read ({error})", where=path, advice=WHAT_TO_GIVE
         ) from error
+    _check_arrays(data, path)
+    return data
+
+
+def _check_arrays(data: dict[str, NDArray[Any]], path: Path) -> None:
+    """Refuse shapes and kinds that are not those of `SHAPES`, and times that do not increase."""
+    frames = len(data["t"]) if data["t"].ndim else 0
+    for name, shape in SHAPES.items():
+        found, needed = data[name].shape, tuple(frames if size == FRAMES else size for size in shape)
+        if found != needed:
+            raise TakeError(f"the array {name!r} has shape {found}, not {needed}", where=path, advice=WHAT_TO_GIVE)
+        if data[name].dtype.kind not in "biuf":
+            raise TakeError(
+                f"the array {name!r} holds {data[name].dtype}, not numbers", where=path, advice=WHAT_TO_GIVE
+            )
+    if not frames:
+        raise TakeError("has no frames", where=path, advice="export it again")
+    if not np.isfinite(data["rest"]).all():
+        raise TakeError("a place on the flat cloth ('rest') is not a number", where=path, advice="export it again")
+    time = data["t"].astype(float)
+    wrong = np.flatnonzero(~np.isfinite(time) | ~np.concatenate([[True], time[1:] > time[:-1]]))
+    if len(wrong):
+        raise TakeError(
+            f"its time does not increase from frame to frame, first at frame {wrong[0]}, at {time[wrong[0]]:g} s",
+            where=path, advice="mend 't', or leave that frame out of every array",
+        )  # fmt: skip

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
 from formats.archive import read_take, write_take
+from formats.rig import Calibration
 from formats.summary import describe, summarise
-from tests.formats.test_archive import a_take
+from tests.formats.test_archive import RIG, a_take
 
 SHARED = Path(os.environ.get("HANGTIME_SHARED_DATA", Path(__file__).parents[3] / "shared" / "data"))
 
@@ -37,6 +41,19 @@ def test_show_says_what_a_take_holds(tmp_path):
     assert done.returncode == 0
     assert "4.967 s, 150 frames, 30 a second" in done.stdout
     assert "marker lost in 1 frames" in done.stdout
+
+
+def test_json_of_a_take_is_valid_where_an_axis_was_never_measured(tmp_path):
+    """`hangtime calibrate` writes inf there; JSON has no such number, so it is null. The text is as it was."""
+    known = Calibration(depth_offset_px=(3.0, 0.0), depth_offset_sd_px=(0.1, np.inf))
+    take = replace(a_take(), rig=msgspec.structs.replace(RIG, calibration=known))
+    path = write_take(tmp_path / "a.mcap", take)
+    done = hangtime("takes", "show", path, "--json")
+    assert done.returncode == 0, done.stderr
+    shown = json.loads(done.stdout, parse_constant=pytest.fail)
+    assert shown["calibration"]["depth_offset_sd_px"] == [0.1, None]
+    assert shown["frames"] == 150
+    assert "along the one axis that was measured" in hangtime("takes", "show", path).stdout
 
 
 def test_verify_says_sound_and_damaged(tmp_path):

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
+
 import msgspec
 import numpy as np
 import pytest
 
-from formats.descriptions import dump_description, load_garment, load_rig
+from firmware_host.synthetic.garments import shirt
+from formats.descriptions import check_garment, dump_description, load_garment, load_rig
 from formats.errors import DescriptionError
 from formats.hanger import held_ends
+from formats.outputs import write_description
 from formats.rig import Hanger, Rig, Sensor
 from tests.formats.test_archive import GARMENT
 
@@ -32,6 +36,28 @@ def test_descriptions_come_back_from_their_files(tmp_path):
     assert load_rig(tmp_path / "rig.toml") == RIG
 
 
+@pytest.mark.parametrize("name", ["two\nlines", "\ttab\r\0\x1f\x7f", 'a "quote" and a \\n', "Möbel ↑ 👕"])
+def test_a_name_of_any_characters_comes_back_from_its_file(tmp_path, name):
+    (tmp_path / "rig.toml").write_text(dump_description(msgspec.structs.replace(RIG, name=name)), newline="")
+    assert load_rig(tmp_path / "rig.toml").name == name
+
+
+@pytest.mark.parametrize(
+    ("description", "words"),
+    [
+        (msgspec.structs.replace(RIG, gravity=(0.0, np.nan, 0.0)), r"a\.toml: gravity must be a unit vector"),
+        (
+            msgspec.structs.replace(GARMENT, mass_kg=np.inf),
+            r"a\.toml: mass_kg must be above 0 and below 50 \(got inf\)",
+        ),
+    ],
+)
+def test_a_description_that_no_command_reads_is_not_written(tmp_path, description, words):
+    with pytest.raises(DescriptionError, match=words):
+        write_description(tmp_path / "made" / "a.toml", description, overwrite=True)
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -48,6 +74,53 @@ def test_an_impossible_garment_is_refused_with_its_field(tmp_path, change, words
     with pytest.raises(DescriptionError, match=words) as caught:
         load_garment(tmp_path / "garment.toml")
     assert "garment.toml" in str(caught.value)
+
+
+SKIRT = ((-0.2, 0.0), (0.2, 0.0), (0.25, -0.45), (-0.25, -0.45))
+CIRCLE_SKIRT = ((-0.1, 0.0), (0.1, 0.0), (0.5, -0.3), (0.3, -0.5), (-0.3, -0.5), (-0.5, -0.3))
+SHIRT = shirt().outline_m
+RAISED_SLEEVES = tuple((x, y + 0.2 if abs(x) > 0.25 else y) for x, y in SHIRT)
+TOP = "which seem to be [-0.2, 0.0] and [0.2, 0.0]"
+
+
+def begun_at(outline, corner):
+    return (*outline[corner:], *outline[:corner])
+
+
+@pytest.mark.parametrize(
+    ("outline", "words"),
+    [
+        (((-0.2, 0.0), (-0.25, -0.45), (0.25, -0.45), (0.2, 0.0)), f"goes anticlockwise.*{re.escape(TOP)}"),
+        (SKIRT[::-1], f"goes anticlockwise.*{re.escape(TOP)}"),
+        (tuple((x, -y) for x, y in SKIRT), "goes anticlockwise: x is to the right and y up"),
+        (begun_at(SKIRT, 1), f"does not begin with the held edge.*{re.escape(TOP)}"),
+        (begun_at(SKIRT, 2), f"does not begin with the held edge.*{re.escape(TOP)}"),
+        (begun_at(SKIRT, 3), f"does not begin with the held edge.*{re.escape(TOP)}"),
+        (begun_at(CIRCLE_SKIRT, 1), re.escape("seem to be [-0.1, 0.0] and [0.1, 0.0]")),
+        *((begun_at(SHIRT, k), "does not begin with the held edge") for k in range(1, len(SHIRT))),
+    ],
+)
+@pytest.mark.parametrize("held", ["edge", "corners"])
+def test_an_outline_that_does_not_begin_with_the_held_edge_is_refused(outline, words, held):
+    """Cloth would be fitted hanging by the wrong side; the sentence names the two corners that come first."""
+    with pytest.raises(DescriptionError, match=words):
+        check_garment(msgspec.structs.replace(GARMENT, outline_m=outline, points=(), held=held), "here")
+
+
+@pytest.mark.parametrize(
+    "outline",
+    [
+        SKIRT, CIRCLE_SKIRT, SHIRT, RAISED_SLEEVES,
+        ((-0.2, 0.0), (0.2, 0.0), (0.0, -0.3)),
+        ((-0.2, 0.0), (0.2, -0.05), (0.25, -0.45), (-0.25, -0.45)),
+        ((-0.2, -0.05), (0.2, 0.0), (0.25, -0.45), (-0.25, -0.45)),
+        ((-0.2, 0.0), (0.2, 0.0), (0.3, 0.005), (0.3, -0.4), (-0.3, -0.4), (-0.3, 0.005)),
+        tuple((0.3 * np.sin(a), 0.3 * np.cos(a)) for a in np.radians(np.arange(-15, 345, 30))),
+    ],
+    ids=["skirt", "circle", "shirt", "raised", "kerchief", "right low", "left low", "by hand", "round"],
+)  # fmt: skip
+def test_an_outline_from_the_top_left_clockwise_is_taken(outline):
+    check_garment(msgspec.structs.replace(GARMENT, outline_m=outline, points=()), "here")
 
 
 HOLE = ((0.1, -0.1), (0.2, -0.1), (0.2, -0.2))

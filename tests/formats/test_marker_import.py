@@ -12,7 +12,7 @@ from formats.archive import read_take
 from formats.descriptions import dump_description, load_garment
 from formats.errors import TakeError
 from formats.importers.marker_tracks import MarkerTracks, read_marker_tracks, write_marker_csv
-from formats.importers.swatch_mocap import import_marker_take
+from formats.importers.swatch_mocap import DOWN, import_marker_take
 from formats.swatch import swatch
 
 GARMENT = swatch(0.05)
@@ -80,9 +80,50 @@ def test_a_take_is_driven_by_the_markers_on_its_top_corners(tmp_path):
     assert take.points.shape == (30, 81, 3)
 
 
+def standing(tracks, axis):
+    """The same markers in a frame in which this axis points up instead of z."""
+    sign, k = (-1 if axis.startswith("-") else 1), "xyz".index(axis[-1])
+    turned = np.roll(tracks.positions, k - 2, axis=2)
+    turned[..., k] *= sign
+    return MarkerTracks(tracks.labels, tracks.time, turned)
+
+
 def test_y_up_means_gravity_along_minus_y(tmp_path):
-    path = write_marker_csv(tmp_path / "a.csv", hanging_tracks())
+    path = write_marker_csv(tmp_path / "a.csv", standing(hanging_tracks(), "y"))
     assert import_marker_take(path, GARMENT, up="y").rig.gravity == (0.0, -1.0, 0.0)
+
+
+@pytest.mark.parametrize("fitting", DOWN)
+@pytest.mark.parametrize("given", DOWN)
+def test_only_the_axis_along_which_the_cloth_hangs_is_taken_as_up(tmp_path, given, fitting):
+    """Eight rows hang 62.5 to 500 mm below the held corners, 281 mm in the median."""
+    path = write_marker_csv(tmp_path / "a.csv", standing(hanging_tracks(), fitting))
+    if given == fitting:
+        import_marker_take(path, GARMENT, up=given)
+        return
+    drop = "-281" if given[-1] == fitting[-1] else "-?0"
+    with pytest.raises(
+        TakeError, match=f"with {given} up the markers are {drop} mm below .* flat garment 281 mm; give --up {fitting},"
+    ):
+        import_marker_take(path, GARMENT, up=given)
+
+
+def test_cloth_that_is_swung_by_60_degrees_throughout_is_taken_and_cloth_that_lies_on_a_table_is_not(tmp_path):
+    """cos 60 degrees = 1/2 of the flat drop."""
+    swung, lying = hanging_tracks(), hanging_tracks()
+    down = swung.positions[..., 2] - 1.5
+    swung.positions[..., 1:] = np.stack([down * np.sin(np.pi / 3), 1.5 + down / 2], -1)
+    import_marker_take(write_marker_csv(tmp_path / "a.csv", swung), GARMENT)
+    # Gathered towards the middle of the table as well, so that it hangs along no axis.
+    lying.positions[..., 1:] = np.stack([np.abs(down + 0.25) / 2, 1.5 + 0 * down], -1)
+    with pytest.raises(TakeError, match=r"with z up the markers are 0 mm .*; record cloth that hangs"):
+        import_marker_take(write_marker_csv(tmp_path / "b.csv", lying), GARMENT)
+
+
+def test_markers_whose_held_corners_were_never_seen_together_with_them_are_not_judged(tmp_path):
+    tracks = hanging_tracks()
+    tracks.positions[:, 0] = np.nan
+    assert not import_marker_take(write_marker_csv(tmp_path / "a.csv", tracks), GARMENT).held_valid.all(1).any()
 
 
 def renamed(tracks):
@@ -175,6 +216,15 @@ def test_from_the_command_line_a_csv_becomes_an_archive(tmp_path):
     take = read_take(tmp_path / "takes" / "a.mcap")
     assert take.points == pytest.approx(hanging_tracks().positions, abs=1e-4)
     assert (tmp_path / "takes" / "garment.toml").read_text() == dump_description(load_garment(tmp_path / "s.toml"))
+
+
+@pytest.mark.parametrize("mass", ["inf", "60", "nan", "0"])
+def test_a_swatch_of_a_weight_that_no_command_reads_is_not_written(tmp_path, mass):
+    done = hangtime("swatch", "s.toml", "--mass", mass, folder=tmp_path)
+    assert done.returncode == 2
+    assert f"{mass} kg" in done.stderr or f"got {mass}" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_motion_capture_without_a_garment_gives_one_sentence_and_exit_code_2(tmp_path):

@@ -1,0 +1,130 @@
+"""A file while it is written: under a name of its own, by one writer at a time, and under its final name once whole.
+
+The lock is the kernel's (`man 2 flock`): it ends with the process that holds it, so that what a crashed writer left is
+free. It belongs to the open file, not to the name; hence a lock counts only while the name still leads to that file.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+from pathlib import Path
+from typing import BinaryIO
+
+from formats.errors import OutputError
+
+
+def unfinished_name(path: Path) -> Path:
+    """Return the name under which a file is written that is to become `path`."""
+    return path.with_name(path.name + ".partial")
+
+
+def already_there(path: Path) -> OutputError:
+    """Return the error of a file that would replace another."""
+    return OutputError("is already there", where=path, advice="give another name, or --overwrite to replace it")
+
+
+def left_unfinished(partial: Path) -> OutputError:
+    """Return the error of a recording that would replace one that was never finished."""
+    return OutputError(
+        "is what an interrupted recording left under this name, or one that is still running", where=partial,
+        advice="look at it with `hangtime takes show`; give another name, or --overwrite to replace it",
+    )  # fmt: skip
+
+
+class UnfinishedFile:
+    """The only writer's hold on the file that is to become `path`, until it is finished, kept or discarded.
+
+    `file` is empty and open for writing; whoever writes to it flushes it.
+    """
+
+    def __init__(self, path: Path, *, overwrite: bool) -> None:
+        """Take hold of the file.
+
+        overwrite: whether what is under this name, or was left unfinished, may be replaced
+
+        Raises:
+            OutputError: another process, or another writer of this one, is writing it; or it is there and may not be
+                replaced.
+            OSError: it cannot be written.
+        """
+        self.path, self.partial, self._may_replace = path, unfinished_name(path), overwrite
+        self.file = _locked(self.partial)
+        try:
+            if not overwrite:
+                self._refuse_to_replace()
+            self.file.truncate(0)
+        except BaseException:
+            self.keep()
+            raise
+
+    def finish(self) -> None:
+        """Give the file its final name; both the file and the name are then on the disk.
+
+        Raises:
+            OutputError: a file that may not be replaced has come there; this one can still be kept or discarded.
+            OSError: the disk is full or fails.
+        """
+        self.sync()
+        if not self._may_replace and self.path.exists():
+            raise already_there(self.path)
+        self.partial.replace(self.path)
+        self.file.close()
+        folder = os.open(self.path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+    def sync(self) -> None:
+        """Put on the disk what was written."""
+        self.file.flush()
+        os.fsync(self.file.fileno())
+
+    def keep(self) -> None:
+        """Leave the file as it is, unfinished."""
+        with contextlib.suppress(OSError):  # what was buffered is lost where the disk is full
+            self.file.close()
+
+    def discard(self) -> None:
+        """Remove the file, unless it was given up before: then it may be another writer's."""
+        if not self.file.closed:
+            self.partial.unlink(missing_ok=True)
+            self.keep()
+
+    def _refuse_to_replace(self) -> None:
+        is_left_over = os.fstat(self.file.fileno()).st_size > 0
+        if self.path.exists():
+            if not is_left_over:
+                self.partial.unlink(missing_ok=True)
+            raise already_there(self.path)
+        if is_left_over:
+            raise left_unfinished(self.partial)
+
+
+def _locked(partial: Path) -> BinaryIO:
+    """Open a file as it is, or make it, and lock it."""
+    while True:
+        file = os.fdopen(os.open(partial, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666), "r+b")
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if _leads_to(partial, file):
+                return file
+            file.close()  # the writer before finished it, or discarded it, between our opening and our lock
+        except BlockingIOError as error:
+            file.close()
+            raise OutputError(
+                "another recording is writing this", where=partial, advice="give another name, or wait until it ends"
+            ) from error
+        except BaseException:
+            file.close()
+            raise
+
+
+def _leads_to(name: Path, file: BinaryIO) -> bool:
+    """Whether a name is that of an open file."""
+    try:
+        return os.path.samestat(name.stat(), os.fstat(file.fileno()))
+    except FileNotFoundError:
+        return False

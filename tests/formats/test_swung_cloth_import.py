@@ -1,0 +1,82 @@
+"""Swung-cloth recordings become takes whole, or say in one sentence why not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from formats.errors import TakeError
+from formats.importers.swung_cloth import import_swung_cloth
+from tests.formats.test_command_line import hangtime, swung_cloth
+
+
+def changed(path, **changes):
+    """A recording of 40 frames with other arrays, or an array function of those that it has."""
+    swung_cloth(path)
+    with np.load(path) as archive:
+        data = dict(archive)
+    for name, change in changes.items():
+        data[name] = change(data[name]) if callable(change) else np.asarray(change)
+    np.savez(path, **data)
+    return path
+
+
+def with_value(place, value):
+    def change(array):
+        array[place] = value
+        return array
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"t": with_value(3, np.nan)}, "does not increase from frame to frame, first at frame 3, at nan s"),
+        ({"t": with_value(0, np.nan)}, "first at frame 0, at nan s"),
+        ({"t": with_value(slice(38, 40), np.inf)}, "first at frame 38, at inf s"),
+        ({"t": with_value(7, 0.1)}, "first at frame 7, at 0.1 s"),
+        ({"t": lambda t: t[:-1]}, r"the array 'points' has shape \(40, 64, 3\), not \(39, 64, 3\)"),
+        ({"valid": lambda valid: valid[:-1]}, r"the array 'valid' has shape \(39, 64\), not \(40, 64\)"),
+        ({"valid": lambda valid: valid[:, :9]}, r"the array 'valid' has shape \(40, 9\), not \(40, 64\)"),
+        ({"hanger_corners": lambda held: held[:, 0]}, r"'hanger_corners' has shape \(40, 3\), not \(40, 2, 3\)"),
+        ({"rest": lambda rest: rest[:8]}, r"the array 'rest' has shape \(8, 2\), not \(64, 2\)"),
+        ({"t": 0.5}, r"the array 't' has shape \(\), not \(0,\)"),
+        ({"t": lambda t: np.array([f"{second:.2f} s" for second in t])}, r"'t' holds <U7, not numbers"),
+        ({"points": lambda points: points + 1j}, "'points' holds complex128, not numbers"),
+        ({"rest": with_value((5, 1), np.nan)}, r"a place on the flat cloth \('rest'\) is not a number"),
+        (dict.fromkeys(("t", "points", "valid", "hanger_corners"), lambda array: array[:0]), "has no frames"),
+        ({"t": lambda t: t.astype(object)}, "is not an .npz archive that can be read"),
+    ],
+)
+def test_arrays_that_are_no_recording_are_refused(tmp_path, changes, sentence):
+    with pytest.raises(TakeError, match=rf"r\.npz: .*{sentence}"):
+        import_swung_cloth(changed(tmp_path / "r.npz", **changes))
+
+
+def spoilt(raw):
+    return raw[:200] + bytes(len(raw) - 400) + raw[-200:]
+
+
+@pytest.mark.parametrize("change", [lambda raw: b"", lambda raw: raw[:300], spoilt], ids=["empty", "cut", "spoilt"])
+def test_bytes_that_are_no_archive_are_refused(tmp_path, change):
+    swung_cloth(tmp_path / "r.npz")
+    (tmp_path / "r.npz").write_bytes(change((tmp_path / "r.npz").read_bytes()))
+    with pytest.raises(TakeError, match=r"r\.npz: is not an \.npz archive that can be read"):
+        import_swung_cloth(tmp_path / "r.npz")
+
+
+def test_a_single_array_under_the_name_of_an_archive_gives_one_sentence_and_exit_code_2(tmp_path):
+    np.save(tmp_path / "r.npy", np.arange(9.0))
+    done = hangtime("import", (tmp_path / "r.npy").rename(tmp_path / "r.npz"), "--out", tmp_path / "takes")
+    assert done.returncode == 2
+    assert "r.npz: holds a single array, not an .npz archive; only swung-cloth" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / "takes").exists()
+
+
+def test_every_frame_is_kept_and_points_that_are_not_numbers_are_not_valid(tmp_path):
+    take = import_swung_cloth(changed(tmp_path / "r.npz", points=with_value((4, 9), np.nan)))
+    assert len(take.time) == 40
+    assert (~take.points_valid).sum() == 1
+    assert not take.points_valid[4, 9]

@@ -1,0 +1,131 @@
+"""One writer at a time, and no take in the place of another that nobody named as to be replaced."""
+
+from __future__ import annotations
+
+import fcntl
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from formats.archive import TakeWriter, read_take, verify_take, write_take
+from formats.errors import OutputError
+from tests.formats.test_archive import GARMENT, RIG, a_take, frame_of
+
+RECORDER = """
+import sys
+from pathlib import Path
+from tests.formats.test_unfinished import a_writer, add
+writer = a_writer(Path(sys.argv[1]))
+add(writer, 70)
+print("two blocks are written", flush=True)
+sys.stdin.read()
+add(writer, 150, first=70)
+writer.finish()
+"""
+
+
+def a_writer(folder, **options):
+    return TakeWriter(folder / "t.mcap", take_id="t", created="now", rig=RIG, garment=GARMENT, **options)
+
+
+def add(writer, frames, first=0):
+    take = a_take()
+    for k in range(first, frames):
+        writer.append(frame_of(take, k))
+
+
+@pytest.fixture
+def recorder(tmp_path):
+    """Another process that has written two blocks of a take, and ends it when told to."""
+    with subprocess.Popen(
+        [sys.executable, "-c", RECORDER, tmp_path], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout.readline() == "two blocks are written\n"
+        yield process
+        process.kill()
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_a_take_that_another_process_is_recording_is_not_touched(recorder, tmp_path, overwrite):
+    """Told to replace or not: the other one ends with all its 150 frames."""
+    with pytest.raises(OutputError, match=r"t\.mcap\.partial: another recording is writing this; give another name"):
+        a_writer(tmp_path, overwrite=overwrite)
+    recorder.communicate("")
+    assert recorder.returncode == 0
+    assert (verify_take(tmp_path / "t.mcap").frames, verify_take(tmp_path / "t.mcap").is_sound) == (150, True)
+    assert names(tmp_path) == ["t.mcap"]
+
+
+def test_what_a_killed_recording_left_is_free_and_replaced_only_when_told_to(recorder, tmp_path):
+    """Two blocks of a second and a little are on the disk: more than 60 frames at 30 a second."""
+    recorder.send_signal(signal.SIGKILL)
+    recorder.wait()
+    with pytest.raises(OutputError, match=r"t\.mcap\.partial: is what an interrupted recording left"):
+        a_writer(tmp_path, overwrite=False)
+    assert 60 < len(read_take(tmp_path / "t.mcap.partial").time) < 70
+    with a_writer(tmp_path, overwrite=True) as writer:
+        add(writer, 20)
+    assert len(read_take(tmp_path / "t.mcap").time) == 20
+    assert names(tmp_path) == ["t.mcap"]
+
+
+def test_of_two_writers_in_one_process_the_second_is_refused(tmp_path):
+    with a_writer(tmp_path) as writer:
+        add(writer, 70)
+        with pytest.raises(OutputError, match="another recording is writing this"):
+            a_writer(tmp_path)
+        add(writer, 150, first=70)
+    assert verify_take(tmp_path / "t.mcap").frames == 150
+
+
+def test_a_take_that_is_there_stays_and_the_refused_writer_leaves_nothing(tmp_path):
+    before = write_take(tmp_path / "t.mcap", a_take()).read_bytes()
+    with pytest.raises(OutputError, match=r"t\.mcap: is already there"):
+        write_take(tmp_path / "t.mcap", a_take(20), overwrite=False)
+    assert (tmp_path / "t.mcap").read_bytes() == before
+    assert names(tmp_path) == ["t.mcap"]
+
+
+def test_a_file_that_came_while_a_take_was_written_stays_and_so_does_what_was_written(tmp_path):
+    writer = a_writer(tmp_path, overwrite=False)
+    add(writer, 70)
+    (tmp_path / "t.mcap").write_text("mine")
+    with pytest.raises(OutputError, match=r"t\.mcap: is already there"):
+        writer.finish()
+    writer.keep()
+    assert (tmp_path / "t.mcap").read_text() == "mine"
+    assert len(read_take(tmp_path / "t.mcap.partial").time) == 70
+
+
+def test_a_writer_that_gave_up_does_not_remove_the_next_ones_file(tmp_path):
+    first = a_writer(tmp_path)
+    first.keep()
+    with a_writer(tmp_path) as second:
+        first.discard()
+        add(second, 20)
+    assert len(read_take(tmp_path / "t.mcap").time) == 20
+
+
+def test_a_lock_on_a_file_that_was_finished_meanwhile_does_not_count(tmp_path, monkeypatch):
+    """The first ends between the second's opening and its lock: the second then has the finished take in hand."""
+    first = a_writer(tmp_path)
+    add(first, 70)
+    lock = fcntl.flock
+
+    def late(file, operation):
+        monkeypatch.undo()
+        first.finish()
+        lock(file, operation)
+
+    monkeypatch.setattr("fcntl.flock", late)
+    second = a_writer(tmp_path)
+    assert len(read_take(tmp_path / "t.mcap").time) == 70
+    add(second, 20)
+    second.finish()
+    assert len(read_take(tmp_path / "t.mcap").time) == 20

@@ -27,9 +27,7 @@ MARKER_SD = 3e-4  # m, stated by us: optical systems with a dozen cameras keep 0
 ON_CORNER = 2e-3  # m by which a marker may miss the corner of the outline
 FEWEST_FRAMES = 20  # as for any fit
 LONGEST_STRETCH = 1.25  # of the flat distance
-LEAST_DROP = (
-    1 / 3
-)  # of the flat drop, in the median over the take; swung by 70 degrees throughout it would be as little
+LEAST_DROP = 1 / 3  # of the flat drop, in the median over the take: swung by 70 degrees throughout
 DOWN: dict[str, Vector] = {
     "x": (-1.0, 0.0, 0.0), "y": (0.0, -1.0, 0.0), "z": (0.0, 0.0, -1.0),
     "-x": (1.0, 0.0, 0.0), "-y": (0.0, 1.0, 0.0), "-z": (0.0, 0.0, 1.0),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -147,6 +149,14 @@ def two_numbers(text: str, option: str) -> tuple[int, int]:
     return first, second
 
 
+def say(text: str, end: str = "\n") -> None:
+    """Print to stderr; where nobody reads it any more, this and all that follows goes nowhere."""
+    try:
+        print(text, end=end, file=sys.stderr, flush=True)
+    except OSError:
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115 - open as long as the process
+
+
 def record_command(
     sensor: Annotated[
         str, typer.Option("--sensor", metavar="FILE|URI", help="An .oni recording, openni2: or synthetic:MOTION.")
@@ -182,7 +192,6 @@ def record_command(
     well, blinks once a second when something stands in the way and four times when the sensor fails. With a live
     sensor it runs before other programs, if this user may: systemd/README.md.
     """
-    import sys
     from contextlib import ExitStack
     from datetime import UTC, datetime
 
@@ -209,23 +218,23 @@ def record_command(
         if is_terminal and frames % 5 == 0:
             of = f" of {total}" if total else ""
             text = f"{clear}{frames}{of} frames, hanger seen in {100 * hanger_share:.0f} %"
-            print(text, end="", file=sys.stderr, flush=True)
+            say(text, end="")
 
     def announce(time: float, condition: Condition) -> None:
         said = condition.value
         advice = f"; {said.advice}" if said.advice else ""
-        print(f"{clear}{time:6.1f} s  {said.words}{advice}", file=sys.stderr, flush=True)
+        say(f"{clear}{time:6.1f} s  {said.words}{advice}")
         if lamps:
             try:
                 show_condition(lamps[0], condition)
             except LampError as error:
                 lamps.clear()
-                print(f"{clear}{time:6.1f} s  without the lamp: {error}", file=sys.stderr, flush=True)
+                say(f"{clear}{time:6.1f} s  without the lamp: {error}")
 
     picks = None if pick is None else np.array([two_numbers(one, "--pick") for one in pick], float)
     scans = ScanPlan(rate=scan_rate, grid=scan_points, contour=8 * scan_points) if scan_rate > 0 else None
     with ExitStack() as opened:
-        opened.callback(print, clear, end="", file=sys.stderr, flush=True)
+        opened.callback(say, clear, end="")
         lamps = [] if lamp is None else [opened.enter_context(StatusLamp(lamp))]
         precedence = Precedence()
         if names_live_sensor(sensor):
@@ -235,7 +244,7 @@ def record_command(
             source = opened.enter_context(QueuedSensor(source))
             precedence.begin_tracking()
             if not precedence.is_granted:
-                print(NOT_FIRST, file=sys.stderr, flush=True)
+                say(NOT_FIRST)
         report = record(
             source, described_rig, described_garment, out, take_id=out.stem,
             created=datetime.now(UTC).isoformat(timespec="seconds"), seconds=seconds, progress=show,

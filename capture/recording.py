@@ -130,12 +130,16 @@ def record(
             sight = tracker.track(frame, time)
             hanger, cloth, state, _ = sight
             state |= FrameState.CLOCK_JUMPED if clock.has_jumped else 0
-            writer.append(tracker.as_frame(time, sight._replace(state=state)))
+            scan = None
             if scans is not None and cloth.is_found and time >= next_scan:
                 scan = tracker.scan(time, grid=scans.grid, contour=scans.contour)
+                next_scan = next_scan if scan is None else time + 1.0 / scans.rate - SCAN_TOLERANCE
+            try:
+                writer.append(tracker.as_frame(time, sight._replace(state=state)))
                 if scan is not None:
                     writer.append_scan(scan)
-                    next_scan = time + 1.0 / scans.rate - SCAN_TOLERANCE
+            except OSError as error:
+                raise _broken_off(writer, with_hanger, f"writing failed ({error.strerror})") from error
             frames += 1
             with_hanger += hanger.is_found
             if hanger.is_found:
@@ -156,8 +160,8 @@ def record(
         is_interrupted = True
     except SensorError as error:
         failure = error
-    except OSError as error:
-        raise _broken_off(writer, with_hanger, f"writing failed ({error.strerror})") from error
+    except OutputError:
+        raise
     except BaseException as error:
         broken = _broken_off(writer, with_hanger, f"recording broke off: {error}")
         if not writer.partial.exists():
@@ -191,8 +195,14 @@ def record(
 
 
 def _lack_of_room(out: Path) -> OutputError | None:
-    """Return the error of a disk that is nearly full, None where a take can go on."""
-    room = shutil.disk_usage(out.parent).free
+    """Return the error of a disk that is nearly full or does not say, None where a take can go on."""
+    try:
+        room = shutil.disk_usage(out.parent).free
+    except OSError as error:
+        return OutputError(
+            f"the disk does not say how much room it has ({error.strerror}), so the recording was ended",
+            where=out.parent, advice="check the folder",
+        )  # fmt: skip
     if room >= LEAST_ROOM:
         return None
     return OutputError(

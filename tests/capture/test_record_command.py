@@ -30,6 +30,8 @@ from tests.firmware_host.scenes import AnyStamps
 
 FILES = {"sensor": "a.oni", "rig": "rig.toml", "garment": "garment.toml", "out": "a.mcap"}
 
+PROGRAM = [sys.executable, "-c", "from formats.command import main; main()", "record"]
+
 
 @dataclasses.dataclass
 class Case:
@@ -130,16 +132,9 @@ def test_a_recording_of_another_size_than_the_rigs_is_refused_and_leaves_nothing
 @pytest.mark.openni
 def test_on_a_terminal_the_count_gives_way_to_what_is_said(good, tmp_path):
     """On a real terminal (a pty): what stays on each line is what was written after it was last cleared."""
-    if not openni2_library.is_available():
-        pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
-    write_descriptions(tmp_path)
-    with OniWriter(tmp_path / "a.oni", CAMERA) as writer:
-        for number, (depth, colour) in enumerate([*good * 4, *scenes() * 9]):
-            writer.write_depth(1000 + 33_333 * number, depth)
-            writer.write_colour(2000 + 33_333 * number, colour)
+    write_swing(tmp_path, [*good * 4, *scenes() * 9])
     ours, theirs = os.openpty()
-    program = [sys.executable, "-c", "from formats.command import main; main()", "record", *words(tmp_path)]
-    subprocess.run(program, stderr=theirs, stdout=subprocess.DEVNULL, check=True)
+    subprocess.run([*PROGRAM, *words(tmp_path)], stderr=theirs, stdout=subprocess.DEVNULL, check=True)
     os.close(theirs)
     written = b""
     with contextlib.suppress(OSError):  # how a terminal without a writer ends on Linux
@@ -151,6 +146,30 @@ def test_on_a_terminal_the_count_gives_way_to_what_is_said(good, tmp_path):
     assert [line.split("\x1b[K")[-1][:40] for line in lines] == [
         "   0.0 s  hanger and garment are seen", "   0.8 s  no markers are seen; show both mark"[:40], "",
     ]  # fmt: skip
+
+
+@pytest.mark.openni
+def test_a_take_goes_on_when_nobody_reads_what_is_said(good, tmp_path):
+    """The pipe behind stderr is closed after its first line, as `head -n 1` does; the view goes bad after that."""
+    write_swing(tmp_path, [*good * 4, *scenes() * 10])
+    with subprocess.Popen([*PROGRAM, *words(tmp_path)], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL) as process:
+        assert b"hanger and garment are seen" in process.stderr.readline()
+        process.stderr.close()
+        assert process.wait(60) == 0
+    take = read_take(tmp_path / "a.mcap")
+    assert take.is_complete
+    assert len(take.time) == 32
+
+
+def write_swing(folder, pictures):
+    """Write the command's files, with these pictures as the recording."""
+    if not openni2_library.is_available():
+        pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
+    write_descriptions(folder)
+    with OniWriter(folder / "a.oni", CAMERA) as writer:
+        for number, (depth, colour) in enumerate(pictures):
+            writer.write_depth(1000 + 33_333 * number, depth)
+            writer.write_colour(2000 + 33_333 * number, colour)
 
 
 def write_descriptions(folder):

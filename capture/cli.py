@@ -188,9 +188,9 @@ def record_command(
     """Track the hanger and the garment in every frame and keep them as a take.
 
     Nothing has to be clicked: the two markers are found by themselves, fiducials or coloured dots as the rig says.
-    Where more things look like dots, --pick says which. Ctrl-C ends the take cleanly. A lamp is steady while all is
-    well, blinks once a second when something stands in the way and four times when the sensor fails. With a live
-    sensor it runs before other programs, if this user may: systemd/README.md.
+    Where more things look like dots, --pick says which. Ctrl-C, SIGTERM and SIGHUP end the take cleanly. A lamp is
+    steady while all is well, blinks once a second when something stands in the way and four times when the sensor
+    fails. With a live sensor it runs before other programs, if this user may: systemd/README.md.
     """
     from contextlib import ExitStack
     from datetime import UTC, datetime
@@ -202,6 +202,7 @@ def record_command(
     from capture.frame_queue import QueuedSensor
     from capture.precedence import Precedence
     from capture.recording import ScanPlan, record
+    from capture.stop_signals import stopped_like_ctrl_c
     from firmware_host.errors import LampError
     from firmware_host.lamp import StatusLamp
     from firmware_host.opening import names_live_sensor, open_sensor
@@ -234,6 +235,7 @@ def record_command(
     picks = None if pick is None else np.array([two_numbers(one, "--pick") for one in pick], float)
     scans = ScanPlan(rate=scan_rate, grid=scan_points, contour=8 * scan_points) if scan_rate > 0 else None
     with ExitStack() as opened:
+        opened.enter_context(stopped_like_ctrl_c())
         opened.callback(say, clear, end="")
         lamps = [] if lamp is None else [opened.enter_context(StatusLamp(lamp))]
         precedence = Precedence()
@@ -254,7 +256,7 @@ def record_command(
         f"{name} {100 * share:.0f} %"
         for name, share in zip(described_garment.point_names, report.point_share, strict=True)
     )
-    typer.echo(f"{report.path}: {report.frames} frames{', stopped by hand' if report.is_interrupted else ''}")
+    typer.echo(f"{report.path}: {report.frames} frames{', stopped early' if report.is_interrupted else ''}")
     typer.echo(f"hanger seen in {100 * report.with_hanger / max(report.frames, 1):.0f} %; {points}")
     for condition, count in sorted(report.conditions.items(), key=lambda item: -item[1]):
         if condition is not Condition.GOOD:

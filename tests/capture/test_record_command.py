@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import os
+import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -15,6 +17,7 @@ from typer.testing import CliRunner
 
 from capture.condition import HOLD
 from capture.condition_lamp import show_condition
+from capture.stop_signals import stopped_like_ctrl_c
 from firmware_host import openni2_library
 from firmware_host.lamp import StatusLamp
 from firmware_host.oni_writer import OniWriter
@@ -75,11 +78,8 @@ def test_what_goes_wrong_is_said_shown_on_the_lamp_and_kept_in_the_take(good, tm
     """The command on a recording, a second and more: twelve good frames, twenty bad ones; the lamp is real files."""
     if not openni2_library.is_available():
         pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
-    case, lamp = CASES[name], tmp_path / "leds/status"
+    case, lamp = CASES[name], make_lamp(tmp_path)
     write_descriptions(tmp_path)
-    lamp.mkdir(parents=True)
-    for file, value in LED.items():
-        (lamp / file).write_text(value)
     monkeypatch.setattr(StatusLamp.__init__, "__defaults__", (tmp_path / "leds",))
     shown = []
 
@@ -161,6 +161,48 @@ def test_a_take_goes_on_when_nobody_reads_what_is_said(good, tmp_path):
     assert len(take.time) == 32
 
 
+@pytest.mark.openni
+@pytest.mark.skipif(shutil.which("setsid") is None, reason="setsid of util-linux is not here")
+@pytest.mark.parametrize("what", ["SIGTERM", "a connection that drops"])
+def test_a_recording_that_is_told_to_stop_ends_its_take_and_gives_the_lamp_back(good, tmp_path, what):
+    """On a terminal of its own (a pty): when our end closes, the kernel sends SIGHUP, as when a connection drops."""
+    write_swing(tmp_path, good * 30)
+    lamp = make_lamp(tmp_path)
+    leds = "import pathlib, firmware_host.lamp as lamp; lamp.StatusLamp.__init__.__defaults__ = (pathlib.Path('leds'),)"
+    program = [sys.executable, "-c", f"{leds}; {PROGRAM[2]}", *PROGRAM[3:], *words(tmp_path), "--lamp=status"]
+    ours, theirs = os.openpty()
+    process = subprocess.Popen(["setsid", "--ctty", *program], stdin=theirs, stdout=theirs, stderr=theirs, cwd=tmp_path)
+    os.close(theirs)
+    said = b""
+    while b"15 of 90 frames" not in said:
+        said += os.read(ours, 4096)
+    if what == "SIGTERM":
+        process.terminate()
+        assert process.wait(60) == 0
+        assert b"stopped early" in os.read(ours, 4096)
+    os.close(ours)
+    process.wait(60)
+    take = read_take(tmp_path / "a.mcap")
+    assert take.is_complete
+    assert 15 <= len(take.time) < 90
+    assert (lamp / "trigger").read_text() == "none"
+    assert (lamp / "brightness").read_text() == "0"
+    assert not (tmp_path / "a.mcap.partial").exists()
+
+
+def test_of_two_signals_the_second_is_let_pass_and_what_was_ignored_stays_so():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with stopped_like_ctrl_c():
+            os.kill(os.getpid(), signal.SIGHUP)
+            with pytest.raises(KeyboardInterrupt):
+                os.kill(os.getpid(), signal.SIGTERM)
+            os.kill(os.getpid(), signal.SIGTERM)
+        assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
 def write_swing(folder, pictures):
     """Write the command's files, with these pictures as the recording."""
     if not openni2_library.is_available():
@@ -170,6 +212,14 @@ def write_swing(folder, pictures):
         for number, (depth, colour) in enumerate(pictures):
             writer.write_depth(1000 + 33_333 * number, depth)
             writer.write_colour(2000 + 33_333 * number, colour)
+
+
+def make_lamp(folder):
+    lamp = folder / "leds/status"
+    lamp.mkdir(parents=True)
+    for file, value in LED.items():
+        (lamp / file).write_text(value)
+    return lamp
 
 
 def write_descriptions(folder):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -149,6 +150,21 @@ def two_numbers(text: str, option: str) -> tuple[int, int]:
     return first, second
 
 
+def check_take_name(out: Path, inputs: Mapping[str, str | Path]) -> None:
+    """Check the name of a take to be written against the files that other options name.
+
+    Raises:
+        OutputError: it does not end in .mcap, by which takes are found, or one of the inputs would be replaced.
+    """
+    from formats.errors import OutputError
+
+    if out.suffix != ".mcap":
+        raise OutputError("takes are written as MCAP", where=out, advice="give a name that ends in .mcap")
+    for option, path in inputs.items():
+        if out.exists() and Path(path).exists() and out.samefile(path):
+            raise OutputError(f"is what {option} reads", where=out, advice="give another name to --out")
+
+
 def say(text: str, end: str = "\n") -> None:
     """Print to stderr; where nobody reads it any more, this and all that follows goes nowhere."""
     try:
@@ -163,7 +179,7 @@ def record_command(
     ],
     rig: Annotated[Path, typer.Option("--rig", metavar="RIG.toml", help="Sensor, gravity and hanger.")],
     garment: Annotated[Path, typer.Option("--garment", metavar="GARMENT.toml", help="Outline, weight and points.")],
-    out: Annotated[Path, typer.Option("--out", metavar="TAKE.mcap", help="The take to write.")],
+    out: Annotated[Path, typer.Option("--out", metavar="TAKE.mcap", help="The take to write, *.mcap.")],
     seconds: Annotated[
         float | None, typer.Option("--seconds", min=1.0, help="Stop after so long.", show_default="the end")
     ] = None,
@@ -209,6 +225,7 @@ def record_command(
     from formats.descriptions import load_garment, load_rig
     from formats.outputs import refuse_to_replace
 
+    check_take_name(out, {"--sensor": sensor, "--rig": rig, "--garment": garment})
     if not overwrite:
         refuse_to_replace(out)
     described_rig, described_garment = load_rig(rig), load_garment(garment)

@@ -24,6 +24,7 @@ from firmware_host.oni_writer import OniWriter
 from formats.archive import read_take
 from formats.command import app, gather_commands
 from formats.descriptions import dump_description
+from formats.errors import OutputError
 from formats.rig import Sensor
 from formats.take import FrameState
 from tests.capture.stage import CAMERA
@@ -127,6 +128,27 @@ def test_a_recording_of_another_size_than_the_rigs_is_refused_and_leaves_nothing
         "bench: the sensor gives 320 x 240 pixels, the rig says 640 x 480; set the rig's [sensor] to this sensor"
     )
     assert not list(tmp_path.glob("a.mcap*"))
+
+
+@pytest.mark.parametrize("name", ["q2", "q2.oni", "q2.MCAP", ".mcap"])
+def test_a_take_is_only_written_under_a_name_by_which_takes_are_found(tmp_path, name):
+    write_descriptions(tmp_path)
+    done = CliRunner().invoke(app, ["record", *words(tmp_path)[:-1], f"--out={tmp_path / name}"])
+    assert isinstance(done.exception, OutputError)
+    assert str(done.exception) == f"{tmp_path / name}: takes are written as MCAP; give a name that ends in .mcap"
+
+
+@pytest.mark.parametrize("option", ["sensor", "rig", "garment"])
+def test_a_recording_does_not_replace_what_it_reads(tmp_path, option):
+    """Named by another way to the same file, and even where it is to be replaced."""
+    write_descriptions(tmp_path)
+    (tmp_path / "a.oni").write_bytes(b"raw")
+    (tmp_path / "a.mcap").symlink_to(tmp_path / FILES[option])
+    before = (tmp_path / FILES[option]).read_bytes()
+    done = CliRunner().invoke(app, ["record", *words(tmp_path), "--overwrite"])
+    assert isinstance(done.exception, OutputError)
+    assert f"a.mcap: is what --{option} reads; give another name to --out" in str(done.exception)
+    assert (tmp_path / "a.mcap").read_bytes() == before
 
 
 @pytest.mark.openni

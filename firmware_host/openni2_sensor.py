@@ -169,15 +169,19 @@ class OpenNI2Sensor(DepthSensor):
         half = 0.5e6 / self._info.fps
         last_index, given = 0, 0
         last_stamp = last_colour = waited = 0
+        broken = whole = 0  # depth frames: since the last whole one, and in all
         colours_left = np.inf if self._summary is None else self._summary.colour_frames
         held: tuple[int, np.ndarray[Any, Any]] | None = None
         while self._info.frame_count is None or given < self._info.frame_count:
             found = self._read(self._depth, np.uint16)
             if found is None:
-                return
+                break
             index, stamp, depth = found
             if self._summary is not None and index <= last_index:
-                return  # the player skipped a frame and has begun its next round
+                break  # the player skipped a frame and has begun its next round
+            if depth is None:
+                broken, given = broken + 1, given + 1
+                continue
             colour = None
             for _ in range(MOST_COLOURS if self._colour is not None else 0):
                 if held is None:
@@ -187,6 +191,8 @@ class OpenNI2Sensor(DepthSensor):
                     if read is None:
                         break
                     colours_left -= 1
+                    if read[2] is None:
+                        continue
                     held = read[1], read[2]
                     has_stepped_back, last_colour = held[0] < last_colour, held[0]
                     if has_stepped_back and held[0] < stamp - half:
@@ -198,15 +204,22 @@ class OpenNI2Sensor(DepthSensor):
                 if held[0] <= stamp + half:
                     colour, held = held[1], None
                 break
-            dropped = max(index - last_index - 1, 0) if last_index else 0
-            last_index, last_stamp, given = index, stamp, given + 1
+            dropped = max(index - last_index - 1, 0) if last_index else broken
+            last_index, last_stamp, given, broken, whole = index, stamp, given + 1, 0, whole + 1
             yield SensorFrame(
                 index=index - 1, time_s=stamp * 1e-6, host_time_s=time.monotonic(), depth=depth, colour=colour,
                 dropped_before=dropped,
             )  # fmt: skip
+        if broken and not whole:
+            raise RecordingError(
+                "every depth frame is damaged", where=self._info.uri, advice="copy the recording again from its source"
+            )
 
-    def _read(self, stream: Any, kind: type) -> tuple[int, int, np.ndarray[Any, Any]] | None:
-        """Read one frame as (index, time stamp [us], image), or None at the end of a recording."""
+    def _read(self, stream: Any, kind: type) -> tuple[int, int, np.ndarray[Any, Any] | None] | None:
+        """Read one frame as (index, time stamp [us], image), or None at the end of a recording.
+
+        The image is None where it has fewer bytes than pixels, as a damaged one that was unpacked has.
+        """
         limit = self._timeout if self._info.is_live else END_WAIT
         if self._openni2.wait_for_any_stream([stream], limit) is None:
             if self._info.is_live:
@@ -217,14 +230,10 @@ class OpenNI2Sensor(DepthSensor):
         frame = stream.read_frame()
         try:
             shape = (frame.height, frame.width) if kind is np.uint16 else (frame.height, frame.width, 3)
-            raw = frame.get_buffer_as_uint8()
+            size = int(np.prod(shape)) * np.dtype(kind).itemsize
+            raw = np.frombuffer(frame.get_buffer_as_uint8(), np.uint8)[:size]
             # Copied: the memory is the library's and goes back to it with close().
-            image: np.ndarray[Any, Any] = (
-                np.frombuffer(raw, np.uint8)[: int(np.prod(shape)) * np.dtype(kind).itemsize]
-                .view(kind)
-                .reshape(shape)
-                .copy()
-            )
+            image = raw.view(kind).reshape(shape).copy() if 0 < size == len(raw) else None
             return int(frame.frameIndex), int(frame.timestamp), image
         finally:
             frame.close()

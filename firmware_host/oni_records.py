@@ -59,6 +59,21 @@ class NodeType(IntEnum):
     IMAGE = 3
 
 
+class PixelFormat(IntEnum):
+    """What the bytes of a picture mean (OniPixelFormat)."""
+
+    DEPTH_1_MM = 100
+    DEPTH_100_UM = 101
+    SHIFT_9_2 = 102
+    SHIFT_9_3 = 103
+    RGB888 = 200
+    YUV422 = 201
+    GRAY8 = 202
+    GRAY16 = 203
+    JPEG = 204
+    YUYV = 205
+
+
 @dataclass(frozen=True)
 class Record:
     """One record's place and header; `fields` are the bytes between header and payload."""

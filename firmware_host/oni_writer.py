@@ -30,13 +30,17 @@ from firmware_host.oni_records import (
     RECORD_MAGIC,
     SEEK_ENTRY,
     NodeType,
+    PixelFormat,
     RecordType,
 )
 from formats.rig import Sensor
 
 MAX_DEPTH = 10000  # mm, the PS1080's largest depth
 UNKNOWN_COUNT, UNKNOWN_TIME = 0xFFFFFFFF, 0xFFFFFFFFFFFFFFFF
-PIXEL_FORMATS = {NodeType.DEPTH: (100, 4), NodeType.IMAGE: (200, 1)}  # OniPixelFormat, XnPixelFormat
+PIXEL_FORMATS = {  # OniPixelFormat, XnPixelFormat
+    NodeType.DEPTH: (PixelFormat.DEPTH_1_MM, 4),
+    NodeType.IMAGE: (PixelFormat.RGB888, 1),
+}
 NODE_NAMES = {NodeType.DEPTH: "Depth", NodeType.IMAGE: "Image"}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 from pathlib import Path
 
 import numpy as np
@@ -99,6 +100,21 @@ def test_time_stamps_that_the_player_would_drop_are_refused(tmp_path: Path) -> N
         writer.write_depth(500, depth)
         with pytest.raises(ValueError, match="500 after 500"):
             writer.write_depth(500, depth)
+
+
+def test_a_disk_that_is_full_at_the_end_is_told_by_our_error_and_the_file_is_closed(tmp_path: Path) -> None:
+    """The process may write no file longer than this one is before its last records."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    writer = OniWriter(tmp_path / "a.oni", SMALL)
+    writer.write_depth(1000, picture(0)[0])
+    writer._file.flush()
+    resource.setrlimit(resource.RLIMIT_FSIZE, (writer.path.stat().st_size, limits[1]))
+    try:
+        with pytest.raises(RecordingError, match=r"a.oni: writing the recording failed \(File too large\); make room"):
+            writer.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert writer._file.closed
 
 
 def test_a_frame_of_another_size_or_type_is_refused(tmp_path: Path) -> None:

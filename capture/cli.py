@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -147,13 +150,36 @@ def two_numbers(text: str, option: str) -> tuple[int, int]:
     return first, second
 
 
+def check_take_name(out: Path, inputs: Mapping[str, str | Path]) -> None:
+    """Check the name of a take to be written against the files that other options name.
+
+    Raises:
+        OutputError: it does not end in .mcap, by which takes are found, or one of the inputs would be replaced.
+    """
+    from formats.errors import OutputError
+
+    if out.suffix != ".mcap":
+        raise OutputError("takes are written as MCAP", where=out, advice="give a name that ends in .mcap")
+    for option, path in inputs.items():
+        if out.exists() and Path(path).exists() and out.samefile(path):
+            raise OutputError(f"is what {option} reads", where=out, advice="give another name to --out")
+
+
+def say(text: str, end: str = "\n") -> None:
+    """Print to stderr; where nobody reads it any more, this and all that follows goes nowhere."""
+    try:
+        print(text, end=end, file=sys.stderr, flush=True)
+    except OSError:
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115 - open as long as the process
+
+
 def record_command(
     sensor: Annotated[
         str, typer.Option("--sensor", metavar="FILE|URI", help="An .oni recording, openni2: or synthetic:MOTION.")
     ],
     rig: Annotated[Path, typer.Option("--rig", metavar="RIG.toml", help="Sensor, gravity and hanger.")],
     garment: Annotated[Path, typer.Option("--garment", metavar="GARMENT.toml", help="Outline, weight and points.")],
-    out: Annotated[Path, typer.Option("--out", metavar="TAKE.mcap", help="The take to write.")],
+    out: Annotated[Path, typer.Option("--out", metavar="TAKE.mcap", help="The take to write, *.mcap.")],
     seconds: Annotated[
         float | None, typer.Option("--seconds", min=1.0, help="Stop after so long.", show_default="the end")
     ] = None,
@@ -178,11 +204,10 @@ def record_command(
     """Track the hanger and the garment in every frame and keep them as a take.
 
     Nothing has to be clicked: the two markers are found by themselves, fiducials or coloured dots as the rig says.
-    Where more things look like dots, --pick says which. Ctrl-C ends the take cleanly. A lamp is steady while all is
-    well, blinks once a second when something stands in the way and four times when the sensor fails. With a live
-    sensor it runs before other programs, if this user may: systemd/README.md.
+    Where more things look like dots, --pick says which. Ctrl-C, SIGTERM and SIGHUP end the take cleanly. A lamp is
+    steady while all is well, blinks once a second when something stands in the way and four times when the sensor
+    fails. With a live sensor it runs before other programs, if this user may: systemd/README.md.
     """
-    import sys
     from contextlib import ExitStack
     from datetime import UTC, datetime
 
@@ -193,12 +218,14 @@ def record_command(
     from capture.frame_queue import QueuedSensor
     from capture.precedence import Precedence
     from capture.recording import ScanPlan, record
+    from capture.stop_signals import stopped_like_ctrl_c
     from firmware_host.errors import LampError
     from firmware_host.lamp import StatusLamp
     from firmware_host.opening import names_live_sensor, open_sensor
     from formats.descriptions import load_garment, load_rig
     from formats.outputs import refuse_to_replace
 
+    check_take_name(out, {"--sensor": sensor, "--rig": rig, "--garment": garment})
     if not overwrite:
         refuse_to_replace(out)
     described_rig, described_garment = load_rig(rig), load_garment(garment)
@@ -209,23 +236,24 @@ def record_command(
         if is_terminal and frames % 5 == 0:
             of = f" of {total}" if total else ""
             text = f"{clear}{frames}{of} frames, hanger seen in {100 * hanger_share:.0f} %"
-            print(text, end="", file=sys.stderr, flush=True)
+            say(text, end="")
 
     def announce(time: float, condition: Condition) -> None:
         said = condition.value
         advice = f"; {said.advice}" if said.advice else ""
-        print(f"{clear}{time:6.1f} s  {said.words}{advice}", file=sys.stderr, flush=True)
+        say(f"{clear}{time:6.1f} s  {said.words}{advice}")
         if lamps:
             try:
                 show_condition(lamps[0], condition)
             except LampError as error:
                 lamps.clear()
-                print(f"{clear}{time:6.1f} s  without the lamp: {error}", file=sys.stderr, flush=True)
+                say(f"{clear}{time:6.1f} s  without the lamp: {error}")
 
     picks = None if pick is None else np.array([two_numbers(one, "--pick") for one in pick], float)
     scans = ScanPlan(rate=scan_rate, grid=scan_points, contour=8 * scan_points) if scan_rate > 0 else None
     with ExitStack() as opened:
-        opened.callback(print, clear, end="", file=sys.stderr, flush=True)
+        opened.enter_context(stopped_like_ctrl_c())
+        opened.callback(say, clear, end="")
         lamps = [] if lamp is None else [opened.enter_context(StatusLamp(lamp))]
         precedence = Precedence()
         if names_live_sensor(sensor):
@@ -235,7 +263,7 @@ def record_command(
             source = opened.enter_context(QueuedSensor(source))
             precedence.begin_tracking()
             if not precedence.is_granted:
-                print(NOT_FIRST, file=sys.stderr, flush=True)
+                say(NOT_FIRST)
         report = record(
             source, described_rig, described_garment, out, take_id=out.stem,
             created=datetime.now(UTC).isoformat(timespec="seconds"), seconds=seconds, progress=show,
@@ -245,7 +273,7 @@ def record_command(
         f"{name} {100 * share:.0f} %"
         for name, share in zip(described_garment.point_names, report.point_share, strict=True)
     )
-    typer.echo(f"{report.path}: {report.frames} frames{', stopped by hand' if report.is_interrupted else ''}")
+    typer.echo(f"{report.path}: {report.frames} frames{', stopped early' if report.is_interrupted else ''}")
     typer.echo(f"hanger seen in {100 * report.with_hanger / max(report.frames, 1):.0f} %; {points}")
     for condition, count in sorted(report.conditions.items(), key=lambda item: -item[1]):
         if condition is not Condition.GOOD:

@@ -4,6 +4,7 @@ HangtimeError
   +-- CaptureError
         +-- UntrackableError    the rig or garment describes something that this tracker cannot follow
         +-- NoMarkersError      a whole recording in which the hanger was never seen
+        +-- HangerGapError      a recording in which the hanger was out of view for too long in between
         +-- CalibrationError    the rig cannot be measured from what the sensor saw
 """
 
@@ -22,6 +23,10 @@ class UntrackableError(CaptureError):
 
 class NoMarkersError(CaptureError):
     """A recording in which the two hanger markers were never seen together."""
+
+
+class HangerGapError(CaptureError):
+    """A recording in which the two hanger markers were not seen for too long between two sights of them."""
 
 
 class CalibrationError(CaptureError):

@@ -8,6 +8,7 @@ occlusion", Pattern Recognition 47 (2014), section 3.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,7 +38,7 @@ def draw_sheet(dictionary: str, ids: list[int], size_m: float) -> str:
     """Return an SVG page of these markers, each `size_m` [m] from black edge to black edge.
 
     Raises:
-        UntrackableError: an unknown dictionary or id, the same id twice, or markers that do not fit on the page.
+        UntrackableError: an unknown dictionary or id, the same id twice, no size, or markers that do not fit on a page.
     """
     known = marker_dictionary(dictionary)
     count = len(known.bytesList)
@@ -50,6 +51,8 @@ def draw_sheet(dictionary: str, ids: list[int], size_m: float) -> str:
         raise UntrackableError(
             "the same id is asked for twice", where="--ids", advice="two markers of one hanger need two ids"
         )
+    if not (math.isfinite(size_m) and size_m > 0):
+        raise UntrackableError(f"{size_m:g} m is no size of a marker", where="--size", advice="for example --size 0.06")
     side = 1e3 * size_m
     bits = known.markerSize + 2
     placed = _place(ids, side, side / bits)
@@ -92,7 +95,7 @@ def _place(ids: list[int], side: float, quiet: float) -> list[Placed]:
     step = side + 2 * quiet + GAP
     wide = int((PAGE[0] - 2 * MARGIN - 8 + GAP) // step)
     high = int((PAGE[1] - 2 * MARGIN - 12 + GAP) // step)
-    if side <= 0 or wide * high < len(ids):
+    if wide * high < len(ids):
         raise UntrackableError(
             f"{len(ids)} markers of {side:g} mm do not fit on a page",
             where="--size",

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.condition import Condition, ConditionWatch, condition_of
-from capture.errors import NoMarkersError, UntrackableError
+from capture.errors import CaptureError, HangerGapError, NoMarkersError, UntrackableError
 from capture.frame_clock import FrameClock
 from capture.frame_tracking import FrameTracker
 from capture.garment import GarmentSight
+from capture.hanger_gaps import LONGEST_GAP, HangerGaps
 from capture.markers import HangerSight
 from firmware_host.depth_sensor import DepthSensor, SensorFrame
 from firmware_host.errors import SensorError
@@ -55,7 +56,7 @@ class RecordingReport:
 
     failure: what ended the recording after the last frame, a sensor that failed or a disk that is nearly full; None
     where it ended as it should
-    doubt: that the hanger was hardly ever seen, and what to do; the take was kept all the same
+    doubt: that the hanger was hardly ever seen, or not for too long, and what to do; the take was kept all the same
     """
 
     path: Path
@@ -65,7 +66,7 @@ class RecordingReport:
     conditions: dict[Condition, int]
     is_interrupted: bool
     failure: HangtimeError | None
-    doubt: NoMarkersError | None
+    doubt: CaptureError | None
 
 
 def record(
@@ -99,7 +100,8 @@ def record(
     if out.is_dir():
         raise OutputError("is a folder", where=out, advice="give the name of a file in it")
     _check_rig(sensor, rig)
-    tracker, clock, conditions = FrameTracker(rig, garment, picks), FrameClock(sensor.info.fps), ConditionWatch()
+    tracker, clock = FrameTracker(rig, garment, picks), FrameClock(sensor.info.fps)
+    conditions, gaps = ConditionWatch(), HangerGaps()
     cv2.setNumThreads(1)
     try:
         writer = TakeWriter(out, take_id=take_id, created=created, rig=rig, garment=garment, source=sensor.info.uri)
@@ -128,14 +130,20 @@ def record(
             sight = tracker.track(frame, time)
             hanger, cloth, state, _ = sight
             state |= FrameState.CLOCK_JUMPED if clock.has_jumped else 0
-            writer.append(tracker.as_frame(time, sight._replace(state=state)))
+            scan = None
             if scans is not None and cloth.is_found and time >= next_scan:
                 scan = tracker.scan(time, grid=scans.grid, contour=scans.contour)
+                next_scan = next_scan if scan is None else time + 1.0 / scans.rate - SCAN_TOLERANCE
+            try:
+                writer.append(tracker.as_frame(time, sight._replace(state=state)))
                 if scan is not None:
                     writer.append_scan(scan)
-                    next_scan = time + 1.0 / scans.rate - SCAN_TOLERANCE
+            except OSError as error:
+                raise _broken_off(writer, with_hanger, f"writing failed ({error.strerror})") from error
             frames += 1
             with_hanger += hanger.is_found
+            if hanger.is_found:
+                gaps.add(time - first)
             seen += cloth.valid
             tell(time - first, condition_of(state, are_read=bool(np.isfinite(hanger.centres).all())))
             if watch is not None:
@@ -152,8 +160,8 @@ def record(
         is_interrupted = True
     except SensorError as error:
         failure = error
-    except OSError as error:
-        raise _broken_off(writer, with_hanger, f"writing failed ({error.strerror})") from error
+    except OutputError:
+        raise
     except BaseException as error:
         broken = _broken_off(writer, with_hanger, f"recording broke off: {error}")
         if not writer.partial.exists():
@@ -169,9 +177,11 @@ def record(
         writer.finish()
     except (OSError, TakeError) as error:
         raise _broken_off(writer, with_hanger, f"the take could not be finished: {error}") from error
-    doubt = None
+    doubt: CaptureError | None = None
     if with_hanger < HARDLY_EVER * frames:
         doubt = _no_markers(out, rig, frames, with_hanger, conditions.worst, kept=True)
+    elif gaps.count:
+        doubt = _gap(out, gaps)
     return RecordingReport(
         path=out,
         frames=frames,
@@ -185,8 +195,14 @@ def record(
 
 
 def _lack_of_room(out: Path) -> OutputError | None:
-    """Return the error of a disk that is nearly full, None where a take can go on."""
-    room = shutil.disk_usage(out.parent).free
+    """Return the error of a disk that is nearly full or does not say, None where a take can go on."""
+    try:
+        room = shutil.disk_usage(out.parent).free
+    except OSError as error:
+        return OutputError(
+            f"the disk does not say how much room it has ({error.strerror}), so the recording was ended",
+            where=out.parent, advice="check the folder",
+        )  # fmt: skip
     if room >= LEAST_ROOM:
         return None
     return OutputError(
@@ -219,6 +235,15 @@ def _no_markers(
     elif worst is not Condition.GOOD:
         what += f", mostly because: {worst.value.words}"
     return NoMarkersError(what, where=where, advice=advice)
+
+
+def _gap(where: Path, gaps: HangerGaps) -> HangerGapError:
+    others = f", in all {gaps.count} times for over {LONGEST_GAP:g} s" if gaps.count > 1 else ""
+    return HangerGapError(
+        f"the two hanger markers were not seen together for {gaps.longest:.1f} s from {gaps.begins:.1f} s on{others}; "
+        "the take was kept, but the hanger's path is lost there and nothing can be fitted to it",
+        where=where, advice="record it again with both markers in view from beginning to end",
+    )  # fmt: skip
 
 
 def _markers_of(hanger: Hanger) -> str:

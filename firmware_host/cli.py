@@ -91,7 +91,7 @@ def synthesise(
         float | None, typer.Option("--amplitude", help="Size of the effect in its own unit.", show_default="typical")
     ] = None,
     seconds: Annotated[float, typer.Option("--seconds", min=4.0, help="Length of the recording.")] = 8.0,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of hand jitter and sensor noise.")] = 1,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of hand jitter and sensor noise.")] = 1,
     garment: Annotated[str, typer.Option("--garment", help="What hangs there: skirt, swatch or t-shirt.")] = "skirt",
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace files of these names that are already there.")
@@ -133,7 +133,7 @@ def synthesise_swatch(
     ] = "cotton",
     motion: Annotated[str, typer.Option("--motion", help="How it is swung: swing or other.")] = "swing",
     air_drag: Annotated[float, typer.Option("--air-drag", min=0.0, help="Drag coefficient of the still air.")] = 0.0,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the markers' noise and gaps.")] = 1,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the markers' noise and gaps.")] = 1,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace files of these names that are already there.")
     ] = False,

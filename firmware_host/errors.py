@@ -43,7 +43,7 @@ class RecordingError(SensorError):
 
 
 class SensorAddressError(SensorError):
-    """A sensor address, motion or effect that does not exist."""
+    """A sensor address, motion or effect that does not exist, or a number in one that cannot be."""
 
 
 class FirmwareError(SensorError):

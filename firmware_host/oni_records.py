@@ -25,13 +25,21 @@ FILE_HEADER = struct.Struct("<4sBBHIQI")
 RECORD_HEADER = struct.Struct("<IIIIIQ")
 RECORD_MAGIC = int.from_bytes(b"NIR\0", "little")
 SEEK_ENTRY = struct.Struct("<QIQ")  # time stamp, configuration id, position in the file
+MOST_NODES = 255  # devices and streams; real recordings have up to 5, and the player makes room for all at once
 LARGEST_RECORD = 1 << 28  # bytes; a 4K colour frame has 25 MB, so anything larger is damage
+PROPERTY_SIZES = {  # bytes of a value that the player copies into a place of just that size
+    "xnFOV": 16,  # XnFieldOfView, two doubles
+    "xnMapOutputMode": 12,  # XnMapOutputMode: width, height, frames a second
+    "xnCropping": 12,  # XnCropping: is it on, padded to 4; x, y, width, height of 2 bytes each
+}
 
 
 class RecordType(IntEnum):
     """Kinds of records that Hangtime writes or looks at."""
 
     INT_PROPERTY = 0x03
+    REAL_PROPERTY = 0x04
+    STRING_PROPERTY = 0x05
     GENERAL_PROPERTY = 0x06
     NODE_REMOVED = 0x07
     DATA_BEGIN = 0x08
@@ -49,6 +57,21 @@ class NodeType(IntEnum):
 
     DEPTH = 2
     IMAGE = 3
+
+
+class PixelFormat(IntEnum):
+    """What the bytes of a picture mean (OniPixelFormat)."""
+
+    DEPTH_1_MM = 100
+    DEPTH_100_UM = 101
+    SHIFT_9_2 = 102
+    SHIFT_9_3 = 103
+    RGB888 = 200
+    YUV422 = 201
+    GRAY8 = 202
+    GRAY16 = 203
+    JPEG = 204
+    YUYV = 205
 
 
 @dataclass(frozen=True)
@@ -93,14 +116,14 @@ def read_records(path: Path) -> Iterator[Record]:
                 where=path,
                 advice="give a file recorded by OpenNI2, NiViewer or `hangtime sensor synthesise`",
             )
+        if FILE_HEADER.unpack(header)[-1] > MOST_NODES:
+            raise _damaged(path, FILE_HEADER.size - 4)
         position = FILE_HEADER.size
         while position + RECORD_HEADER.size <= size:
             file.seek(position)
             magic, kind, node, fields_size, payload_size, _ = RECORD_HEADER.unpack(file.read(RECORD_HEADER.size))
             if magic != RECORD_MAGIC or fields_size < RECORD_HEADER.size or fields_size + payload_size > LARGEST_RECORD:
-                raise RecordingError(
-                    f"the recording is damaged at byte {position}", where=path, advice="copy it again from its source"
-                )
+                raise _damaged(path, position)
             following = position + fields_size + payload_size
             if following > size:
                 return
@@ -111,8 +134,29 @@ def read_records(path: Path) -> Iterator[Record]:
             position = following
 
 
+def is_sound(record: Record) -> bool:
+    """Say whether a property has a name and a value as long as it says, so that the player does not read beside them.
+
+    The player trusts both lengths, and looks names up in a table that non-ASCII letters lead out of. Records of other
+    kinds count as sound.
+    """
+    kinds = {RecordType.INT_PROPERTY: 8, RecordType.REAL_PROPERTY: 8}
+    if record.type not in {*kinds, RecordType.STRING_PROPERTY, RecordType.GENERAL_PROPERTY}:
+        return True
+    name_end = 4 + int.from_bytes(record.fields[:4], "little")
+    name, value = record.fields[4:name_end], record.fields[name_end + 4 :]
+    size = int.from_bytes(record.fields[name_end : name_end + 4], "little")
+    if not (name[:-1].isascii() and name.find(b"\0") == len(name) - 1 > 0) or len(value) != size:
+        return False
+    if record.type == RecordType.STRING_PROPERTY:
+        return value.endswith(b"\0")
+    return size == kinds.get(RecordType(record.type), PROPERTY_SIZES.get(name[:-1].decode(), size))
+
+
 def summarise(path: Path) -> OniSummary:
     """Count the frames of a recording by its record headers alone (about a millisecond per hundred frames).
+
+    Properties are looked at, too; what frames hold is not.
 
     Raises:
         RecordingError: the file is missing, damaged, no .oni recording, or holds no depth stream or no depth frame.
@@ -122,6 +166,8 @@ def summarise(path: Path) -> OniSummary:
     is_complete = False
     added = {RecordType.NODE_ADDED, RecordType.NODE_ADDED_1_0_0_4, RecordType.NODE_ADDED_1_0_0_5}
     for record in read_records(path):
+        if not is_sound(record):
+            raise _damaged(path, record.position)
         if record.type in added:
             name_size = int.from_bytes(record.fields[:4], "little")
             kinds[record.node] = int.from_bytes(record.fields[4 + name_size : 8 + name_size], "little")
@@ -135,3 +181,9 @@ def summarise(path: Path) -> OniSummary:
             "the recording holds no depth frame", where=path, advice="record again with the depth stream switched on"
         )
     return OniSummary(counts[NodeType.DEPTH], counts[NodeType.IMAGE], is_complete)
+
+
+def _damaged(path: Path, position: int) -> RecordingError:
+    return RecordingError(
+        f"the recording is damaged at byte {position}", where=path, advice="copy it again from its source"
+    )

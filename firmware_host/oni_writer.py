@@ -9,6 +9,7 @@ Source: OpenNI2 2.2, Source/Core/OniRecorder.cpp and Source/Drivers/OniFile/Play
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import struct
@@ -30,13 +31,17 @@ from firmware_host.oni_records import (
     RECORD_MAGIC,
     SEEK_ENTRY,
     NodeType,
+    PixelFormat,
     RecordType,
 )
 from formats.rig import Sensor
 
 MAX_DEPTH = 10000  # mm, the PS1080's largest depth
 UNKNOWN_COUNT, UNKNOWN_TIME = 0xFFFFFFFF, 0xFFFFFFFFFFFFFFFF
-PIXEL_FORMATS = {NodeType.DEPTH: (100, 4), NodeType.IMAGE: (200, 1)}  # OniPixelFormat, XnPixelFormat
+PIXEL_FORMATS = {  # OniPixelFormat, XnPixelFormat
+    NodeType.DEPTH: (PixelFormat.DEPTH_1_MM, 4),
+    NodeType.IMAGE: (PixelFormat.RGB888, 1),
+}
 NODE_NAMES = {NodeType.DEPTH: "Depth", NodeType.IMAGE: "Image"}
 
 
@@ -118,10 +123,12 @@ class OniWriter:
             self._write_header(max(stream.last_time_us for stream in self._streams), len(self._streams))
             self._file.flush()
             os.fsync(self._file.fileno())
+            self._file.close()
         except OSError as error:
             raise self._write_error(error) from error
         finally:
-            self._file.close()
+            with contextlib.suppress(OSError):  # closed already, or told above
+                self._file.close()
 
     def __enter__(self) -> Self:
         return self
@@ -151,9 +158,7 @@ class OniWriter:
 
     def _write_error(self, error: OSError) -> RecordingError:
         return RecordingError(
-            f"writing the recording failed ({error.strerror})",
-            where=self.path,
-            advice="make room on the disk; what was written so far can be played",
+            f"writing the recording failed ({error.strerror})", where=self.path, advice="make room on the disk"
         )
 
     def _begin(self) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 from firmware_host import openni2_library
 from firmware_host.depth_sensor import STALL_TIMEOUT, DepthSensor, SensorFrame, SensorInfo
 from firmware_host.errors import RecordingError, SensorStalledError, SensorUnavailableError
-from firmware_host.oni_records import OniSummary, summarise
+from firmware_host.oni_records import OniSummary, PixelFormat, summarise
 from formats.rig import Sensor
 
 LIVE_MODE = (640, 480, 30)  # px, px, frames a second: what PS1080 devices do best in depth and colour alike
@@ -85,6 +85,7 @@ class OpenNI2Sensor(DepthSensor):
         else:
             self._set_up_live(depth, colour)
         self._info = self._describe(depth)
+        self._check_formats(depth, colour)
         try:
             for stream in (depth, colour):
                 if stream is not None:
@@ -97,11 +98,12 @@ class OpenNI2Sensor(DepthSensor):
 
     def _set_up_live(self, depth: Any, colour: Any) -> None:
         """Ask for the largest common picture, unmirrored: PS1080 devices begin with 320 x 240, seen as in a mirror."""
-        for stream in (depth, colour):
+        for stream, pixels in ((depth, PixelFormat.DEPTH_1_MM), (colour, PixelFormat.RGB888)):
             if stream is None:
                 continue
             mode = stream.get_video_mode()
             mode.resolutionX, mode.resolutionY, mode.fps = LIVE_MODE
+            mode.pixelFormat = int(pixels)
             with contextlib.suppress(self._openni2.OpenNIError):  # a device without it keeps its own
                 stream.set_video_mode(mode)
             with contextlib.suppress(self._openni2.OpenNIError):
@@ -111,6 +113,20 @@ class OpenNI2Sensor(DepthSensor):
             if self._device.is_image_registration_mode_supported(registration):
                 self._device.set_image_registration_mode(registration)
             self._device.set_depth_color_sync_enabled(True)
+
+    def _check_formats(self, depth: Any, colour: Any) -> None:
+        """Refuse pictures whose bytes mean something else than `SensorFrame` says, but for depth in tenths of it."""
+        self._is_fine = depth.get_video_mode().pixelFormat.value == PixelFormat.DEPTH_100_UM
+        readable = {PixelFormat.DEPTH_1_MM, PixelFormat.DEPTH_100_UM, PixelFormat.RGB888}
+        for name, stream in (("depth", depth), ("colour", colour)):
+            if stream is None or (found := stream.get_video_mode().pixelFormat.value) in readable:
+                continue
+            known = PixelFormat(found).name if found in set(PixelFormat) else f"pixel format {found}"
+            refused = RecordingError if self._summary is not None else SensorUnavailableError
+            raise refused(
+                f"its {name} comes as {known}, which Hangtime cannot read", where=self._info.uri,
+                advice="record depth as DEPTH_1_MM or DEPTH_100_UM, and colour as RGB888",
+            )  # fmt: skip
 
     def _describe(self, depth: Any) -> SensorInfo:
         mode = depth.get_video_mode()
@@ -169,15 +185,19 @@ class OpenNI2Sensor(DepthSensor):
         half = 0.5e6 / self._info.fps
         last_index, given = 0, 0
         last_stamp = last_colour = waited = 0
+        broken = whole = 0  # depth frames: since the last whole one, and in all
         colours_left = np.inf if self._summary is None else self._summary.colour_frames
         held: tuple[int, np.ndarray[Any, Any]] | None = None
         while self._info.frame_count is None or given < self._info.frame_count:
             found = self._read(self._depth, np.uint16)
             if found is None:
-                return
+                break
             index, stamp, depth = found
             if self._summary is not None and index <= last_index:
-                return  # the player skipped a frame and has begun its next round
+                break  # the player skipped a frame and has begun its next round
+            if depth is None:
+                broken, given = broken + 1, given + 1
+                continue
             colour = None
             for _ in range(MOST_COLOURS if self._colour is not None else 0):
                 if held is None:
@@ -187,6 +207,8 @@ class OpenNI2Sensor(DepthSensor):
                     if read is None:
                         break
                     colours_left -= 1
+                    if read[2] is None:
+                        continue
                     held = read[1], read[2]
                     has_stepped_back, last_colour = held[0] < last_colour, held[0]
                     if has_stepped_back and held[0] < stamp - half:
@@ -198,15 +220,23 @@ class OpenNI2Sensor(DepthSensor):
                 if held[0] <= stamp + half:
                     colour, held = held[1], None
                 break
-            dropped = max(index - last_index - 1, 0) if last_index else 0
-            last_index, last_stamp, given = index, stamp, given + 1
+            dropped = max(index - last_index - 1, 0) if last_index else broken
+            last_index, last_stamp, given, broken, whole = index, stamp, given + 1, 0, whole + 1
+            depth = _millimetres(depth) if self._is_fine else depth
             yield SensorFrame(
                 index=index - 1, time_s=stamp * 1e-6, host_time_s=time.monotonic(), depth=depth, colour=colour,
                 dropped_before=dropped,
             )  # fmt: skip
+        if broken and not whole:
+            raise RecordingError(
+                "every depth frame is damaged", where=self._info.uri, advice="copy the recording again from its source"
+            )
 
-    def _read(self, stream: Any, kind: type) -> tuple[int, int, np.ndarray[Any, Any]] | None:
-        """Read one frame as (index, time stamp [us], image), or None at the end of a recording."""
+    def _read(self, stream: Any, kind: type) -> tuple[int, int, np.ndarray[Any, Any] | None] | None:
+        """Read one frame as (index, time stamp [us], image), or None at the end of a recording.
+
+        The image is None where it has fewer bytes than pixels, as a damaged one that was unpacked has.
+        """
         limit = self._timeout if self._info.is_live else END_WAIT
         if self._openni2.wait_for_any_stream([stream], limit) is None:
             if self._info.is_live:
@@ -217,14 +247,10 @@ class OpenNI2Sensor(DepthSensor):
         frame = stream.read_frame()
         try:
             shape = (frame.height, frame.width) if kind is np.uint16 else (frame.height, frame.width, 3)
-            raw = frame.get_buffer_as_uint8()
+            size = int(np.prod(shape)) * np.dtype(kind).itemsize
+            raw = np.frombuffer(frame.get_buffer_as_uint8(), np.uint8)[:size]
             # Copied: the memory is the library's and goes back to it with close().
-            image: np.ndarray[Any, Any] = (
-                np.frombuffer(raw, np.uint8)[: int(np.prod(shape)) * np.dtype(kind).itemsize]
-                .view(kind)
-                .reshape(shape)
-                .copy()
-            )
+            image = raw.view(kind).reshape(shape).copy() if 0 < size == len(raw) else None
             return int(frame.frameIndex), int(frame.timestamp), image
         finally:
             frame.close()
@@ -239,6 +265,11 @@ class OpenNI2Sensor(DepthSensor):
                 stream.stop()
                 stream.close()
         self._device.close()
+
+
+def _millimetres(tenths: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Round depth in tenths of a millimetre, uint16; what was measured stays above 0."""
+    return np.where(tenths > 0, np.maximum(tenths // 10 + (tenths % 10 >= 5), 1), 0).astype(np.uint16)
 
 
 def _playable(summary: OniSummary) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 
@@ -13,7 +14,9 @@ from firmware_host.synthetic.garments import GARMENTS
 from firmware_host.synthetic.scene import CAMERA, FPS, RIG
 from firmware_host.synthetic.world import FIRST_STAMP, TYPICAL, Progress, World, make_world
 from formats.descriptions import dump_description
+from formats.errors import OutputError
 from formats.outputs import refuse_to_replace
+from formats.whole_files import write_whole
 
 
 def make_recording(
@@ -24,8 +27,10 @@ def make_recording(
     """Write NAME.oni, NAME.truth.npz, rig.toml and garment.toml into a folder and return their paths.
 
     Raises:
-        RecordingError: the folder cannot be written; SensorAddressError: no such motion, effect or garment.
-        OutputError: one of the files is there with something else in it, and they are not to be overwritten.
+        RecordingError: the folder or the recording cannot be written; SensorAddressError: no such motion, effect or
+            garment.
+        OutputError: another file cannot be written, or one of them is there with something else in it and they are not
+            to be overwritten.
     """
     if garment not in GARMENTS:
         raise SensorAddressError(
@@ -48,12 +53,6 @@ def make_recording(
     except OSError as error:
         raise RecordingError(f"cannot be made ({error.strerror})", where=out, advice="choose another folder") from error
     partial = recording.with_name(recording.name + ".partial")
-    try:
-        _write_frames(partial, world, progress)
-    except BaseException:
-        partial.unlink(missing_ok=True)
-        raise
-    partial.replace(recording)
     meta = {
         "motion": motion,
         "effect": effect,
@@ -62,13 +61,30 @@ def make_recording(
         "seed": seed,
         "garment": garment,
     }
-    np.savez_compressed(
-        truth, time=world.time + FIRST_STAMP, markers=world.hanger.markers, held=world.hanger.held, points=world.points,
-        grid=world.nodes.astype(np.float32), meta=json.dumps(meta),
-    )  # fmt: skip
-    for path, text in described.items():
-        path.write_text(text)
+    try:
+        _write_frames(partial, world, progress)
+        write_whole(truth, _truth(world, meta))
+        for path, text in described.items():
+            write_whole(path, text.encode())
+        partial.replace(recording)
+    except BaseException as error:
+        partial.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise OutputError(
+                f"cannot be written ({error.strerror})", where=error.filename2 or error.filename or out,
+                advice="make room on the disk, or choose another folder",
+            ) from error  # fmt: skip
+        raise
     return paths
+
+
+def _truth(world: World, meta: dict[str, object]) -> bytes:
+    content = io.BytesIO()
+    np.savez_compressed(
+        content, time=world.time + FIRST_STAMP, markers=world.hanger.markers, held=world.hanger.held,
+        points=world.points, grid=world.nodes.astype(np.float32), meta=json.dumps(meta),
+    )  # fmt: skip
+    return content.getvalue()
 
 
 def _write_frames(path: Path, world: World, progress: Progress) -> None:

@@ -26,7 +26,7 @@ class SyntheticSensor(DepthSensor):
         """Open `synthetic:MOTION?effect=NAME&amplitude=A&seconds=S&seed=N`.
 
         Raises:
-            SensorAddressError: an unknown motion, effect or option.
+            SensorAddressError: an unknown motion, effect or option, or a number that no world has.
         """
         motion, _, query = uri.removeprefix("synthetic:").partition("?")
         options = dict(parse_qsl(query))

@@ -79,12 +79,16 @@ def make_swatch_take(
     """Write FABRIC-MOTION.csv, its .truth.npz and FABRIC.toml into `out`; return the paths.
 
     Raises:
-        SensorAddressError: there is no such fabric or motion.
+        SensorAddressError: there is no such fabric or motion, or a number that no swatch has.
         OutputError: the folder cannot be made or written to, or one of the files is there with something else in it and
             they are not to be overwritten.
     """
     if fabric not in FABRICS:
         raise SensorAddressError(f"there is no fabric {fabric!r}", advice=f"choose of {', '.join(FABRICS)}")
+    if not np.isfinite(air_drag):
+        raise SensorAddressError(f"the air drag {air_drag:g} is no coefficient", advice="give a finite number")
+    if seed < 0:
+        raise SensorAddressError(f"the seed {seed} is below 0", advice="give 0 or more")
     true = FABRICS[fabric]
     garment = swatch(round(true.density * SIDE**2, 6), name=fabric)
     stem, described = f"{fabric}-{motion}", dump_description(garment)

@@ -31,6 +31,7 @@ Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 TYPICAL = {"none": 0.0, "air_drag": 1.2, "hem": 0.02, "time_offset": 0.03}
+SHORTEST = 1.0  # s: until then nothing moves
 EXPOSURE = 0.008  # s
 PIXEL_NOISE = 2.0  # of 255
 FIRST_STAMP = 0.001  # s: OpenNI ignores a frame at time 0
@@ -134,13 +135,21 @@ def make_world(
     The effect has an amplitude or, where none is given, its typical one.
 
     Raises:
-        SensorAddressError: there is no such effect or motion.
+        SensorAddressError: there is no such effect or motion, or a number that no world has.
     """
     if effect not in TYPICAL:
         raise SensorAddressError(
             f"the synthetic world has no effect {effect!r}", advice=f"choose of {', '.join(TYPICAL)}"
         )
     size = TYPICAL[effect] if amplitude is None else amplitude
+    if not (np.isfinite(seconds) and seconds >= SHORTEST):
+        raise SensorAddressError(
+            f"the synthetic world cannot last for {seconds:g} seconds", advice=f"give {SHORTEST:g} or more"
+        )
+    if not np.isfinite(size):
+        raise SensorAddressError(f"the amplitude {size:g} is no size of an effect", advice="give a finite number")
+    if seed < 0:
+        raise SensorAddressError(f"the seed {seed} is below 0", advice="give 0 or more")
     time = np.arange(round(seconds * FPS)) / FPS
     garment = garment or demo_garment()
     rows, columns = BODY.get(garment.kind, (ROWS, COLUMNS))

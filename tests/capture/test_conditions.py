@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from capture.condition import Condition, ConditionWatch, Lamp, condition_of
-from capture.errors import NoMarkersError
+from capture.errors import HangerGapError, NoMarkersError
 from capture.frame_faults import HangerWatch, is_garment_covered, view_faults
 from capture.markers import MarkerTracker
 from capture.recording import record
@@ -61,6 +61,23 @@ def test_a_take_in_which_the_hanger_is_hardly_ever_seen_is_kept_and_told(good, t
     assert "in 12 of 132 frames; the take was kept" in str(report.doubt)
     assert "record it again: show both markers to the sensor" in str(report.doubt)
     assert recorded(tmp_path, [*good * 4, *empty * 24])[0].doubt is None
+
+
+def test_a_hanger_that_is_out_of_view_for_over_half_a_second_in_between_is_told(good, tmp_path):
+    """Thirty frames a second: from one sight to the next 20 frames later are 0.67 s, 14 frames later 0.47 s."""
+    empty = scenes()
+    report, take = recorded(tmp_path, [*good * 4, *empty[:1] * 19, *good * 4, *empty[:1] * 16, *good])
+    assert take.is_complete
+    assert isinstance(report.doubt, HangerGapError)
+    assert "not seen together for 0.7 s from 0.4 s on, in all 2 times for over 0.5 s; the take was kept" in str(
+        report.doubt
+    )
+    assert recorded(tmp_path, [*good * 4, *empty[:1] * 13, *good * 4])[0].doubt is None
+
+
+def test_a_hanger_that_comes_late_and_leaves_early_is_no_doubt(good, tmp_path):
+    empty = scenes()
+    assert recorded(tmp_path, [*empty[:1] * 20, *good * 4, *empty[:1] * 20])[0].doubt is None
 
 
 @pytest.mark.parametrize(

@@ -60,7 +60,10 @@ def test_both_scale_bars_are_a_hundred_millimetres():
         ([0, 50], 0.05, "there is no marker 50 in DICT_4X4_50"),
         ([3, 3], 0.05, "the same id is asked for twice"),
         ([0, 1, 2, 3, 4], 0.12, "5 markers of 120 mm do not fit"),
-        ([0], 0.0, "do not fit"),
+        ([0], 0.0, "--size: 0 m is no size of a marker"),
+        ([0], -0.05, "--size: -0.05 m is no size of a marker"),
+        ([0], float("nan"), "--size: nan m is no size of a marker"),
+        ([0], float("inf"), "--size: inf m is no size of a marker"),
     ],
 )
 def test_a_page_that_cannot_be_made_says_why(ids, size, sentence):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import os
+import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -15,12 +17,14 @@ from typer.testing import CliRunner
 
 from capture.condition import HOLD
 from capture.condition_lamp import show_condition
+from capture.stop_signals import stopped_like_ctrl_c
 from firmware_host import openni2_library
 from firmware_host.lamp import StatusLamp
 from firmware_host.oni_writer import OniWriter
 from formats.archive import read_take
 from formats.command import app, gather_commands
 from formats.descriptions import dump_description
+from formats.errors import OutputError
 from formats.rig import Sensor
 from formats.take import FrameState
 from tests.capture.stage import CAMERA
@@ -29,6 +33,8 @@ from tests.capture.towel_scenes import BODY, RIG, hung, scenes
 from tests.firmware_host.scenes import AnyStamps
 
 FILES = {"sensor": "a.oni", "rig": "rig.toml", "garment": "garment.toml", "out": "a.mcap"}
+
+PROGRAM = [sys.executable, "-c", "from formats.command import main; main()", "record"]
 
 
 @dataclasses.dataclass
@@ -73,11 +79,8 @@ def test_what_goes_wrong_is_said_shown_on_the_lamp_and_kept_in_the_take(good, tm
     """The command on a recording, a second and more: twelve good frames, twenty bad ones; the lamp is real files."""
     if not openni2_library.is_available():
         pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
-    case, lamp = CASES[name], tmp_path / "leds/status"
+    case, lamp = CASES[name], make_lamp(tmp_path)
     write_descriptions(tmp_path)
-    lamp.mkdir(parents=True)
-    for file, value in LED.items():
-        (lamp / file).write_text(value)
     monkeypatch.setattr(StatusLamp.__init__, "__defaults__", (tmp_path / "leds",))
     shown = []
 
@@ -127,19 +130,33 @@ def test_a_recording_of_another_size_than_the_rigs_is_refused_and_leaves_nothing
     assert not list(tmp_path.glob("a.mcap*"))
 
 
+@pytest.mark.parametrize("name", ["q2", "q2.oni", "q2.MCAP", ".mcap"])
+def test_a_take_is_only_written_under_a_name_by_which_takes_are_found(tmp_path, name):
+    write_descriptions(tmp_path)
+    done = CliRunner().invoke(app, ["record", *words(tmp_path)[:-1], f"--out={tmp_path / name}"])
+    assert isinstance(done.exception, OutputError)
+    assert str(done.exception) == f"{tmp_path / name}: takes are written as MCAP; give a name that ends in .mcap"
+
+
+@pytest.mark.parametrize("option", ["sensor", "rig", "garment"])
+def test_a_recording_does_not_replace_what_it_reads(tmp_path, option):
+    """Named by another way to the same file, and even where it is to be replaced."""
+    write_descriptions(tmp_path)
+    (tmp_path / "a.oni").write_bytes(b"raw")
+    (tmp_path / "a.mcap").symlink_to(tmp_path / FILES[option])
+    before = (tmp_path / FILES[option]).read_bytes()
+    done = CliRunner().invoke(app, ["record", *words(tmp_path), "--overwrite"])
+    assert isinstance(done.exception, OutputError)
+    assert f"a.mcap: is what --{option} reads; give another name to --out" in str(done.exception)
+    assert (tmp_path / "a.mcap").read_bytes() == before
+
+
 @pytest.mark.openni
 def test_on_a_terminal_the_count_gives_way_to_what_is_said(good, tmp_path):
     """On a real terminal (a pty): what stays on each line is what was written after it was last cleared."""
-    if not openni2_library.is_available():
-        pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
-    write_descriptions(tmp_path)
-    with OniWriter(tmp_path / "a.oni", CAMERA) as writer:
-        for number, (depth, colour) in enumerate([*good * 4, *scenes() * 9]):
-            writer.write_depth(1000 + 33_333 * number, depth)
-            writer.write_colour(2000 + 33_333 * number, colour)
+    write_swing(tmp_path, [*good * 4, *scenes() * 9])
     ours, theirs = os.openpty()
-    program = [sys.executable, "-c", "from formats.command import main; main()", "record", *words(tmp_path)]
-    subprocess.run(program, stderr=theirs, stdout=subprocess.DEVNULL, check=True)
+    subprocess.run([*PROGRAM, *words(tmp_path)], stderr=theirs, stdout=subprocess.DEVNULL, check=True)
     os.close(theirs)
     written = b""
     with contextlib.suppress(OSError):  # how a terminal without a writer ends on Linux
@@ -151,6 +168,80 @@ def test_on_a_terminal_the_count_gives_way_to_what_is_said(good, tmp_path):
     assert [line.split("\x1b[K")[-1][:40] for line in lines] == [
         "   0.0 s  hanger and garment are seen", "   0.8 s  no markers are seen; show both mark"[:40], "",
     ]  # fmt: skip
+
+
+@pytest.mark.openni
+def test_a_take_goes_on_when_nobody_reads_what_is_said(good, tmp_path):
+    """The pipe behind stderr is closed after its first line, as `head -n 1` does; the view goes bad after that."""
+    write_swing(tmp_path, [*good * 4, *scenes() * 10])
+    with subprocess.Popen([*PROGRAM, *words(tmp_path)], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL) as process:
+        assert b"hanger and garment are seen" in process.stderr.readline()
+        process.stderr.close()
+        assert process.wait(60) == 0
+    take = read_take(tmp_path / "a.mcap")
+    assert take.is_complete
+    assert len(take.time) == 32
+
+
+@pytest.mark.openni
+@pytest.mark.skipif(shutil.which("setsid") is None, reason="setsid of util-linux is not here")
+@pytest.mark.parametrize("what", ["SIGTERM", "a connection that drops"])
+def test_a_recording_that_is_told_to_stop_ends_its_take_and_gives_the_lamp_back(good, tmp_path, what):
+    """On a terminal of its own (a pty): when our end closes, the kernel sends SIGHUP, as when a connection drops."""
+    write_swing(tmp_path, good * 30)
+    lamp = make_lamp(tmp_path)
+    leds = "import pathlib, firmware_host.lamp as lamp; lamp.StatusLamp.__init__.__defaults__ = (pathlib.Path('leds'),)"
+    program = [sys.executable, "-c", f"{leds}; {PROGRAM[2]}", *PROGRAM[3:], *words(tmp_path), "--lamp=status"]
+    ours, theirs = os.openpty()
+    process = subprocess.Popen(["setsid", "--ctty", *program], stdin=theirs, stdout=theirs, stderr=theirs, cwd=tmp_path)
+    os.close(theirs)
+    said = b""
+    while b"15 of 90 frames" not in said:
+        said += os.read(ours, 4096)
+    if what == "SIGTERM":
+        process.terminate()
+        assert process.wait(60) == 0
+        assert b"stopped early" in os.read(ours, 4096)
+    os.close(ours)
+    process.wait(60)
+    take = read_take(tmp_path / "a.mcap")
+    assert take.is_complete
+    assert 15 <= len(take.time) < 90
+    assert (lamp / "trigger").read_text() == "none"
+    assert (lamp / "brightness").read_text() == "0"
+    assert not (tmp_path / "a.mcap.partial").exists()
+
+
+def test_of_two_signals_the_second_is_let_pass_and_what_was_ignored_stays_so():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with stopped_like_ctrl_c():
+            os.kill(os.getpid(), signal.SIGHUP)
+            with pytest.raises(KeyboardInterrupt):
+                os.kill(os.getpid(), signal.SIGTERM)
+            os.kill(os.getpid(), signal.SIGTERM)
+        assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def write_swing(folder, pictures):
+    """Write the command's files, with these pictures as the recording."""
+    if not openni2_library.is_available():
+        pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
+    write_descriptions(folder)
+    with OniWriter(folder / "a.oni", CAMERA) as writer:
+        for number, (depth, colour) in enumerate(pictures):
+            writer.write_depth(1000 + 33_333 * number, depth)
+            writer.write_colour(2000 + 33_333 * number, colour)
+
+
+def make_lamp(folder):
+    lamp = folder / "leds/status"
+    lamp.mkdir(parents=True)
+    for file, value in LED.items():
+        (lamp / file).write_text(value)
+    return lamp
 
 
 def write_descriptions(folder):

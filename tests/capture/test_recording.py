@@ -159,6 +159,27 @@ def test_an_error_in_a_frame_keeps_the_frames_before_it(world, tmp_path):
     assert len(read_take(tmp_path / "t.mcap.partial").time) >= 11
 
 
+def test_who_watches_and_fails_is_not_taken_for_the_disk(world, tmp_path):
+    def fail(frames, total, seen):
+        if frames == 25:
+            raise BrokenPipeError("nobody reads")
+
+    with Every(world, 3) as sensor, pytest.raises(BrokenPipeError, match="nobody reads") as raised:
+        recorded(sensor, tmp_path / "t.mcap", progress=fail)
+    assert "t.mcap.partial: recording broke off" in raised.value.__notes__[0]
+
+
+def test_a_folder_that_goes_away_ends_the_recording_with_its_name(world, tmp_path):
+    (tmp_path / "disk").mkdir()
+
+    def take_away(frames, total, seen):
+        if frames == 15:
+            (tmp_path / "disk").rename(tmp_path / "elsewhere")
+
+    with Every(world, 3) as sensor, pytest.raises(OutputError, match="the take could not be finished"):
+        recorded(sensor, tmp_path / "disk/t.mcap", progress=take_away)
+
+
 def test_a_folder_is_not_replaced_by_a_take(world, tmp_path):
     with Every(world, 10) as sensor, pytest.raises(OutputError, match="is a folder"):
         recorded(sensor, tmp_path)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import resource
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from firmware_host.errors import RecordingError
-from firmware_host.oni_records import RecordType, read_records, summarise
+from firmware_host.oni_records import RECORD_HEADER, RecordType, read_records, summarise
 from firmware_host.oni_writer import OniWriter
 from tests.firmware_host.scenes import SMALL, picture, write_recording
 
@@ -33,6 +34,41 @@ def test_a_broken_record_names_its_byte(tmp_path: Path) -> None:
     data[third.position] ^= 0xFF
     path.write_bytes(data)
     with pytest.raises(RecordingError, match=f"a.oni: the recording is damaged at byte {third.position}; copy"):
+        summarise(path)
+
+
+def test_a_bit_in_the_name_or_the_length_of_any_property_is_found(tmp_path: Path) -> None:
+    """The player has no look at either: such a bit ends the process."""
+    path = write_recording(tmp_path / "a.oni", 2)
+    whole = path.read_bytes()
+    properties = [r for r in read_records(path) if r.type in (RecordType.INT_PROPERTY, RecordType.GENERAL_PROPERTY)]
+    assert len(properties) == 25
+    for record in properties:
+        name_size = int.from_bytes(record.fields[:4], "little")
+        # Lengths of name and value, the highest bit of a letter, and the name's end.
+        for at, bit in ((0, 0x02), (3, 0x80), (6, 0x80), (4 + name_size - 1, 0x40), (4 + name_size, 0x04)):
+            data = bytearray(whole)
+            data[record.position + RECORD_HEADER.size + at] ^= bit
+            path.write_bytes(data)
+            with pytest.raises(RecordingError, match=f"the recording is damaged at byte {record.position}; copy"):
+                summarise(path)
+
+
+def test_a_header_that_speaks_of_two_thousand_million_streams_is_damaged(tmp_path: Path) -> None:
+    path = write_recording(tmp_path / "a.oni", 2)
+    data = bytearray(path.read_bytes())
+    data[23] ^= 0x80
+    path.write_bytes(data)
+    with pytest.raises(RecordingError, match="the recording is damaged at byte 20; copy"):
+        summarise(path)
+
+
+def test_a_field_of_view_of_another_size_than_the_players_is_found(tmp_path: Path) -> None:
+    path = tmp_path / "a.oni"
+    with OniWriter(path, SMALL) as writer:
+        writer._property(RecordType.GENERAL_PROPERTY, 1, "xnFOV", bytes(24))
+        writer.write_depth(1000, picture(0)[0])
+    with pytest.raises(RecordingError, match="the recording is damaged at byte"):
         summarise(path)
 
 
@@ -64,6 +100,21 @@ def test_time_stamps_that_the_player_would_drop_are_refused(tmp_path: Path) -> N
         writer.write_depth(500, depth)
         with pytest.raises(ValueError, match="500 after 500"):
             writer.write_depth(500, depth)
+
+
+def test_a_disk_that_is_full_at_the_end_is_told_by_our_error_and_the_file_is_closed(tmp_path: Path) -> None:
+    """The process may write no file longer than this one is before its last records."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    writer = OniWriter(tmp_path / "a.oni", SMALL)
+    writer.write_depth(1000, picture(0)[0])
+    writer._file.flush()
+    resource.setrlimit(resource.RLIMIT_FSIZE, (writer.path.stat().st_size, limits[1]))
+    try:
+        with pytest.raises(RecordingError, match=r"a.oni: writing the recording failed \(File too large\); make room"):
+            writer.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert writer._file.closed
 
 
 def test_a_frame_of_another_size_or_type_is_refused(tmp_path: Path) -> None:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
 from firmware_host import openni2_library
 from firmware_host.errors import RecordingError, SensorAddressError, SensorError, SensorUnavailableError
 from firmware_host.opening import open_sensor
+from firmware_host.synthetic.swatch import make_swatch_take
+from formats.command import app, gather_commands
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
@@ -32,6 +36,37 @@ def test_a_synthetic_sensor_that_does_not_exist_lists_what_does(name: str) -> No
 def test_an_option_that_is_no_number_is_refused() -> None:
     with pytest.raises(SensorAddressError, match="not a number"):
         open_sensor("synthetic:swing?seconds=long")
+
+
+@pytest.mark.parametrize(
+    ("option", "sentence"),
+    [
+        ("seconds=-1", "cannot last for -1 seconds; give 1 or more"),
+        ("seconds=0.5", "cannot last for 0.5 seconds"),
+        ("seconds=nan", "cannot last for nan seconds"),
+        ("seconds=inf", "cannot last for inf seconds"),
+        ("seed=-1", "the seed -1 is below 0; give 0 or more"),
+        ("effect=hem&amplitude=nan", "the amplitude nan is no size of an effect"),
+    ],
+)
+def test_a_number_that_no_world_has_is_refused(option: str, sentence: str) -> None:
+    with pytest.raises(SensorAddressError, match=sentence):
+        open_sensor(f"synthetic:swing?{option}")
+
+
+@pytest.mark.parametrize("command", ["synthesise", "synthesise-swatch"])
+def test_a_seed_below_zero_is_refused_before_anything_is_made(tmp_path: Path, command: str) -> None:
+    gather_commands()
+    done = CliRunner().invoke(app, ["sensor", command, str(tmp_path / "d"), "--seed", "-1"])
+    assert done.exit_code == 2
+    assert "Invalid value for '--seed'" in done.output
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("number", "sentence"), [({"seed": -1}, "seed -1"), ({"air_drag": float("nan")}, "drag nan")])
+def test_a_number_that_no_swatch_has_is_refused(tmp_path: Path, number: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(SensorAddressError, match=sentence):
+        make_swatch_take(tmp_path, fabric="silk", **number)
 
 
 def test_an_address_of_an_unknown_kind_is_refused() -> None:

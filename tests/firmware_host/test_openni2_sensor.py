@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,8 +13,8 @@ from typer.testing import CliRunner
 
 from firmware_host import openni2_library
 from firmware_host.errors import RecordingError, SensorStalledError, SensorUnavailableError
-from firmware_host.oni_records import RecordType, read_records
-from firmware_host.oni_writer import OniWriter
+from firmware_host.oni_records import NodeType, PixelFormat, RecordType, read_records
+from firmware_host.oni_writer import PIXEL_FORMATS, OniWriter
 from firmware_host.opening import open_sensor
 from firmware_host.openni2_sensor import OpenNI2Sensor
 from formats.command import app, gather_commands
@@ -79,6 +80,45 @@ def test_a_finished_recording_cut_by_a_broken_copy_is_refused(tmp_path: Path) ->
     path.write_bytes(path.read_bytes()[: last.payload_position + 10])
     with pytest.raises(RecordingError, match="OpenNI2 cannot open it; is it a whole"):
         OpenNI2Sensor(path)
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("openni")
+@pytest.mark.parametrize(
+    ("kind", "pixels", "sentence"),
+    [
+        (NodeType.IMAGE, PixelFormat.YUV422, "its colour comes as YUV422"),
+        (NodeType.IMAGE, PixelFormat.GRAY8, "its colour comes as GRAY8"),
+        (NodeType.DEPTH, PixelFormat.SHIFT_9_2, "its depth comes as SHIFT_9_2"),
+        (NodeType.DEPTH, 77, "its depth comes as pixel format 77"),
+    ],
+)
+def test_pictures_that_cannot_be_read_are_refused_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: NodeType, pixels: int, sentence: str
+) -> None:
+    monkeypatch.setitem(PIXEL_FORMATS, kind, (pixels, PIXEL_FORMATS[kind][1]))
+    path = write_recording(tmp_path / "a.oni", 2)
+    with pytest.raises(RecordingError, match=f"a.oni: {sentence}, which Hangtime cannot read; record depth as"):
+        OpenNI2Sensor(path)
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("openni")
+def test_depth_in_tenths_of_a_millimetre_is_rounded_to_whole_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(PIXEL_FORMATS, NodeType.DEPTH, (PixelFormat.DEPTH_100_UM, 4))
+    path = tmp_path / "a.oni"
+    depth = np.zeros((48, 64), np.uint16)
+    depth[0, :6] = [1, 4, 15_994, 15_995, 65_530, 65_535]
+    with OniWriter(path, SMALL, with_colour=False) as writer:
+        writer.write_depth(1000, depth)
+        writer.write_depth(2000, depth)
+    with OpenNI2Sensor(path) as sensor:
+        frame = sensor.read()
+    assert frame is not None
+    assert frame.depth.dtype == np.uint16
+    assert frame.depth[0, :7].tolist() == [1, 1, 1599, 1600, 6553, 6554, 0]
 
 
 @pytest.mark.openni
@@ -227,10 +267,10 @@ class StandInStream:
     """A live stream that has some frames and then falls silent."""
 
     def __init__(self, frames: int, image: np.ndarray) -> None:
-        self.left, self.image, self.count = frames, np.ascontiguousarray(image), 0
+        self.left, self.image, self.count, self.pixels = frames, np.ascontiguousarray(image), 0, 100
 
     def get_video_mode(self) -> Any:
-        return SimpleNamespace(resolutionX=64, resolutionY=48, fps=30)
+        return SimpleNamespace(resolutionX=64, resolutionY=48, fps=30, pixelFormat=ctypes.c_int(self.pixels))
 
     def get_horizontal_fov(self) -> float:
         return 1.0
@@ -241,7 +281,8 @@ class StandInStream:
 
     stop = close = start
 
-    def set_video_mode(self, mode: Any) -> None: ...
+    def set_video_mode(self, mode: Any) -> None:
+        self.asked_for = mode
 
     def set_mirroring_enabled(self, is_on: bool) -> None:
         raise RuntimeError("not supported")
@@ -283,6 +324,8 @@ def stand_in(monkeypatch: pytest.MonkeyPatch) -> StandInStream:
 def test_a_live_device_that_falls_silent_is_an_error_each_time_not_an_end(stand_in: StandInStream) -> None:
     with OpenNI2Sensor() as sensor:
         assert sensor.info.is_live
+        mode = stand_in.asked_for
+        assert (mode.resolutionX, mode.resolutionY, mode.fps, mode.pixelFormat) == (640, 480, 30, 100)
         frames = [sensor.read() for _ in range(3)]
         for _ in range(2):
             with pytest.raises(SensorStalledError, match=r"no frame for 0\.5 s; unplug"):
@@ -290,6 +333,12 @@ def test_a_live_device_that_falls_silent_is_an_error_each_time_not_an_end(stand_
         stand_in.left = 1
         assert sensor.read() is not None
     assert [frame.dropped_before for frame in frames if frame is not None] == [0, 0, 1]
+
+
+def test_a_live_device_that_keeps_to_shifts_is_refused(stand_in: StandInStream) -> None:
+    stand_in.pixels = 102
+    with pytest.raises(SensorUnavailableError, match="1d27/0600: its depth comes as SHIFT_9_2"):
+        OpenNI2Sensor()
 
 
 def test_a_closed_sensor_gives_no_more_frames(stand_in: StandInStream) -> None:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+import resource
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from firmware_host.errors import RecordingError
 from firmware_host.oni_records import summarise
 from firmware_host.synthetic import recording
 from firmware_host.synthetic.scene import CAMERA, HANGER, demo_garment, place
 from formats.descriptions import load_garment, load_rig
+from formats.errors import OutputError
 from tests.firmware_host.scenes import flat_world
 
 
@@ -115,3 +118,29 @@ def test_a_recording_comes_with_its_rig_garment_and_truth(tmp_path: Path, monkey
         np.testing.assert_allclose(truth["held"][2, :, 2], 1.62)
         np.testing.assert_allclose(truth["points"], world.points)
         assert json.loads(str(truth["meta"]))["effect"] == "none"
+
+
+@pytest.mark.parametrize("room", [10_000, 1_500_000, 5_000_000])
+def test_a_disk_that_is_full_leaves_one_sentence_and_no_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: int
+) -> None:
+    """The process may write no file longer than this [bytes]: nothing, a frame and a half, all but the last frame."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    monkeypatch.setattr(recording, "make_world", lambda **_: flat_world(6))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, limits[1]))
+    try:
+        with pytest.raises(RecordingError, match=r"writing the recording failed \(File too large\); make room"):
+            recording.make_recording(tmp_path, "take")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_truth_that_cannot_be_written_is_named_and_no_recording_is_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recording, "make_world", lambda **_: flat_world(2))
+    (tmp_path / "take.truth.npz").mkdir()
+    with pytest.raises(OutputError, match=r"take.truth.npz: cannot be written \(Is a directory\); make room"):
+        recording.make_recording(tmp_path, "take", overwrite=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["take.truth.npz"]

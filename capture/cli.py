@@ -109,7 +109,7 @@ def calibrate_command(
     from capture.errors import CalibrationError
     from firmware_host.errors import FirmwareError
     from firmware_host.opening import open_sensor
-    from formats.descriptions import dump_description, load_rig
+    from formats.descriptions import check_rig, dump_description, load_rig
     from formats.outputs import refuse_to_replace, write_text
 
     if out is not None and not overwrite:
@@ -131,6 +131,7 @@ def calibrate_command(
     for line in lines(measured, before):
         typer.echo(line)
     if out is not None:
+        check_rig(measured.rig, out)
         write_text(out, dump_description(measured.rig))
         typer.echo(f"{out}: written")
 
@@ -267,7 +268,7 @@ def record_command(
         report = record(
             source, described_rig, described_garment, out, take_id=out.stem,
             created=datetime.now(UTC).isoformat(timespec="seconds"), seconds=seconds, progress=show,
-            announce=announce, picks=picks, scans=scans,
+            announce=announce, picks=picks, scans=scans, overwrite=overwrite,
         )  # fmt: skip
     points = ", ".join(
         f"{name} {100 * share:.0f} %"

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-LONGEST_GAP = 0.5  # s, half a swing: nothing tells where the hanger was meanwhile, and `hangtime fit` refuses the take
+from formats.take import LONGEST_GAP
 
 
 @dataclass
 class HangerGaps:
-    """The gaps over `LONGEST_GAP` between sights of the hanger: how many, the longest [s] and when it begins [s]."""
+    """The gaps over `LONGEST_GAP` between sights of the hanger: how many, the longest [s] and when it begins [s].
+
+    Nothing tells where the hanger was meanwhile, and `hangtime fit` refuses the take.
+    """
 
     count: int = 0
     longest: float = 0.0

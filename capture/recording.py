@@ -16,7 +16,7 @@ from capture.errors import CaptureError, HangerGapError, NoMarkersError, Untrack
 from capture.frame_clock import FrameClock
 from capture.frame_tracking import FrameTracker
 from capture.garment import GarmentSight
-from capture.hanger_gaps import LONGEST_GAP, HangerGaps
+from capture.hanger_gaps import HangerGaps
 from capture.markers import HangerSight
 from firmware_host.depth_sensor import DepthSensor, SensorFrame
 from firmware_host.errors import SensorError
@@ -24,7 +24,7 @@ from formats.archive import TakeWriter
 from formats.errors import HangtimeError, OutputError, TakeError
 from formats.garment import Garment
 from formats.rig import Hanger, Rig
-from formats.take import FrameState
+from formats.take import LONGEST_GAP, FrameState
 
 Floats = NDArray[np.float64]
 Watcher = Callable[[SensorFrame, HangerSight, GarmentSight], None]
@@ -83,13 +83,15 @@ def record(
     announce: Announce = lambda time, condition: None,
     picks: Floats | None = None,
     scans: ScanPlan | None = None,
+    overwrite: bool = True,
 ) -> RecordingReport:
     """Track every frame of a sensor and write a take.
 
     Ctrl-C, a sensor that fails or a disk that is nearly full ends the take cleanly.
 
     announce: told the time [s] since the beginning and the condition, whenever it changes for good; picks [px],
-    (2, 2): where the hanger's dots are in the first frame, left one first; scans: None for none of the surface
+    (2, 2): where the hanger's dots are in the first frame, left one first; scans: None for none of the surface;
+    overwrite: whether a take of this name, or what was left of one, may be replaced
 
     Raises:
         UntrackableError: the sensor's image is not the one that the rig describes, or the garment cannot be followed.
@@ -104,7 +106,9 @@ def record(
     conditions, gaps = ConditionWatch(), HangerGaps()
     cv2.setNumThreads(1)
     try:
-        writer = TakeWriter(out, take_id=take_id, created=created, rig=rig, garment=garment, source=sensor.info.uri)
+        writer = TakeWriter(
+            out, take_id=take_id, created=created, rig=rig, garment=garment, source=sensor.info.uri, overwrite=overwrite
+        )
     except OSError as error:
         raise OutputError(f"cannot be written ({error.strerror})", where=out, advice="choose another folder") from error
     frames = with_hanger = 0
@@ -175,6 +179,10 @@ def record(
         raise failure or _no_markers(sensor.info.uri, rig, frames, with_hanger, conditions.worst)
     try:
         writer.finish()
+    except OutputError as error:
+        writer.keep()
+        advice = f"what was recorded is kept as {writer.partial.name}; give it another name"
+        raise OutputError("has come there meanwhile", where=out, advice=advice) from error
     except (OSError, TakeError) as error:
         raise _broken_off(writer, with_hanger, f"the take could not be finished: {error}") from error
     doubt: CaptureError | None = None

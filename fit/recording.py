@@ -19,13 +19,12 @@ from fit.held_edge import FEWEST_FRAMES, HeldEdge
 from fit.smoothing import best_cut_off, smoothing_spline, steady_spline
 from formats.garment import Garment
 from formats.rig import Rig
-from formats.take import Take
+from formats.take import LONGEST_GAP, Take
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 Curve = Callable[[Floats], Floats]
 
-LONGEST_GAP = 0.5  # s without a hanger position that a spline may bridge: half a swing
 FASTEST_HANGER = 8.0  # m/s, twice what a hand can do with a hanger
 ON_EDGE = 0.02  # of the garment's height below its top within which a point sits on the held edge
 FEWEST_PLACES = 8  # of a point, below which it has no curve

@@ -15,6 +15,9 @@ Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
 
+LONGEST_GAP = 0.5  # s between two sights of the hanger that its path can be led across: half a swing
+
+
 @dataclass(frozen=True, kw_only=True)
 class Take:
     """One recording, in the sensor frame of its rig (imported takes: the frame in which `rig.gravity` is given).

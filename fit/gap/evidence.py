@@ -97,6 +97,17 @@ def share_in_median_block(before: BlockErrors, after: BlockErrors, floor_mm: flo
     return float(np.median((was - now) / left))
 
 
+def per_millimetre(observer: Observer, screened: Screened) -> Floats:
+    """Size at which each screened effect, the base model refitted, moves the points by 1 mm rms, (screened,)."""
+    moved = [np.mean([observer.in_mm(row) ** 2 for row in rows]) for rows in screened.projected]
+    return np.asarray(screened.typical / np.sqrt(np.maximum(moved, 1e-12)))
+
+
+def wrong_by_mesh(numerics_mm: float, size_per_millimetre: Floats) -> Floats:
+    """Half of the 90 % interval of what mesh and solver, wrong by so many mm, add to a size, in its own unit."""
+    return np.asarray(NORMAL_95 * numerics_mm * size_per_millimetre / np.sqrt(DIRECTIONS))
+
+
 @dataclass(frozen=True)
 class Evidence:
     """What a verdict is decided on: hypotheses with their held-out errors, noise floor [mm], mesh error [mm], gates.
@@ -150,7 +161,7 @@ class Evidence:
         fitted = (beside or self.singles[effect]).fitted
         size, (low, high) = amplitude_of(fitted, self.observer, effect)
         place = self.screened.effects.index(effect)
-        wrong = NORMAL_95 * self.numerics_mm * float(self.per_millimetre[place]) / np.sqrt(DIRECTIONS)
+        wrong = float(wrong_by_mesh(self.numerics_mm, self.per_millimetre[place]))
         if fitted.is_by_edge and self.observer.effects[effect].moves_edge:
             wrong = 0.0  # mesh and solver do not move the held edge
         law = NORMAL_95 * self.observer.effects[effect].law_spread * size if any_law else 0.0
@@ -160,8 +171,7 @@ class Evidence:
     @functools.cached_property
     def per_millimetre(self) -> Floats:
         """Size at which each screened effect, the base model refitted, moves the points by 1 mm rms, (screened,)."""
-        moved = [np.mean([self.observer.in_mm(row) ** 2 for row in rows]) for rows in self.screened.projected]
-        return np.asarray(self.screened.typical / np.sqrt(np.maximum(moved, 1e-12)))
+        return per_millimetre(self.observer, self.screened)
 
     def drawn(self, *several: Hypothesis) -> tuple[Floats, dict[int, Floats], list[Floats]]:
         """Mean squared error [mm^2] in every draw of the base model, of each refitted effect, and of several together.

@@ -21,9 +21,11 @@ from fit.gap.evidence import (
     closes_enough,
     edge_left_by_law,
     is_at_bound,
+    per_millimetre,
     puts_edge_right,
+    wrong_by_mesh,
 )
-from fit.gap.fitting import Fitted, Task, fit
+from fit.gap.fitting import Fitted, Task, amplitude_of, fit
 from fit.gap.hypotheses import POLISHING, Hypothesis, judged, polishing, refits, shortlist
 from fit.gap.numerics import Refined
 from fit.gap.observer import Observer
@@ -185,6 +187,8 @@ class Rounds:
             self.joint.append((found, p_value))
             if not is_real or not self._is_needed(best, found, floor):
                 return
+            if len(found.effects) == MOST_EFFECTS:
+                self._drop_idle(found, p_value, numerics)
             if len(found.effects) == 2:
                 self._each_alone(found)
                 if not self._is_needed(best_of(self.observer, self.singles)[0], found, floor):
@@ -214,6 +218,27 @@ class Rounds:
         """Return several effects as they fit with a Jacobian of their own."""
         (fitted,) = self._fitted_on([joint.fitted])
         return Hypothesis(joint.effects, fitted, judged(self.judge, fitted))
+
+    def _drop_idle(self, several: Hypothesis, p_value: float, numerics: float) -> None:
+        """Fit several effects again without those that are left with nothing to do, in the place of all that led there.
+
+        An effect that was there first may have made up for one that was found later, so that beside it its size is no
+        more than noise, mesh and solver make.
+        """
+        wrong = wrong_by_mesh(numerics, per_millimetre(self.observer, self.screened))
+        kept = tuple(
+            k for k in several.effects
+            if k == several.effects[-1] or _is_beyond(self.observer, several, k, wrong[self.screened.effects.index(k)])
+        )  # fmt: skip
+        if len(kept) == len(several.effects) or len(kept) < 2:
+            return
+        amplitudes = self.observer.off
+        for columns in (self.observer.columns[k] for k in kept):
+            amplitudes = with_amplitude(amplitudes, columns, several.fitted.amplitudes[columns])
+        task = Task(several.fitted.vector, amplitudes, kept, iterations=POLISHING)
+        name = f"{self._name(kept)}-of-{self._name(several.effects)}"
+        (fitted,) = self.kept.recall([name], partial(fit, self.observer, [task]))
+        self.joint = [(Hypothesis(kept, fitted, judged(self.judge, fitted)), p_value)]
 
     def _each_alone(self, pair: Hypothesis) -> None:
         """Fit each of two effects without the other from where both ended, and keep what fits better than before.
@@ -257,15 +282,19 @@ class Rounds:
         """What may be the right one beside another: the next best, where it closes nearly as much, and what fits best.
 
         An effect of two may do little for held-out motion while the other one is missing, and yet be the one that the
-        motion fitted to shows most of.
+        motion fitted to shows most of, or that puts the held edge where the best one does not: even one that is driven
+        to the end of its range, by what the missing one does to the cloth.
         """
         base = self.base.errors.squared_mm
         least = RIVAL_SHARE * (base - order[0].errors.squared_mm)
         rivals = [h for h in order[1:2] if base - h.errors.squared_mm > least]
         fits_best = min(order, key=lambda h: (is_at_bound(self.observer, h), h.fitted.cost))
         saved, usual = (self.base.fitted.cost - h.fitted.cost for h in (fits_best, order[0]))
-        is_new = all(fits_best is not h for h in (order[0], *rivals))
-        return [*rivals, fits_best] if is_new and saved > FITS_BETTER * usual else rivals
+        found = [*rivals, fits_best] if saved > FITS_BETTER * usual else rivals
+        nearest = min(order, key=lambda h: h.errors.edge.shown)
+        if is_told_by_edge(order[0].errors.edge, nearest.errors.edge, self.base.errors.edge):
+            found = [*found, nearest]
+        return list({id(h): h for h in found if h is not order[0]}.values())
 
     def _with_another(self, start: Hypothesis, chosen: tuple[int, ...] | None = None) -> list[tuple[Hypothesis, float]]:
         """Refits with one more effect each, of the few that promise most, and their p-values; chosen: of these alone.
@@ -335,6 +364,12 @@ class Rounds:
             first = next(k for k, e in enumerate(self.observer.effects) if e.name == verdict.named[0])
             return self.singles[first]
         return None
+
+
+def _is_beyond(observer: Observer, hypothesis: Hypothesis, effect: int, wrong: float) -> bool:
+    """Whether an effect's size is more than noise makes, and mesh and solver, wrong by so much (90 %, its own unit)."""
+    size, (low, high) = amplitude_of(hypothesis.fitted, observer, effect)
+    return abs(size) > float(np.hypot((high - low) / 2, wrong))
 
 
 def _held_out_error(pair: tuple[Hypothesis, float]) -> float:

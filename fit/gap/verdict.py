@@ -234,7 +234,9 @@ def _several(evidence: Evidence, passing: list[int]) -> Hypothesis | None:
         is_enough = closes_enough(gap, before.errors, hypothesis.errors, evidence.floor_mm)
         is_left = before.errors.squared_mm - evidence.floor_mm**2 >= evidence.numerics_mm**2
         is_seen = puts_edge_right(evidence.observer, evidence.base, before, hypothesis)
-        is_needed = is_certain and ((is_enough and is_left) or is_seen) and _adds_to_told(evidence, hypothesis, gap)
+        # What the held edge shows may do nothing for the cloth, but it must not surely make it worse.
+        is_shown = is_seen and np.quantile(gain, 0.95) >= 0
+        is_needed = ((is_certain and is_enough and is_left) or is_shown) and _adds_to_told(evidence, hypothesis, gap)
         if not may_be_added(evidence.observer, hypothesis, p_value) or not is_needed:
             break
         accepted = before = hypothesis

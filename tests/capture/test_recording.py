@@ -180,6 +180,22 @@ def test_a_folder_that_goes_away_ends_the_recording_with_its_name(world, tmp_pat
         recorded(sensor, tmp_path / "disk/t.mcap", progress=take_away)
 
 
+def test_a_take_that_has_come_there_meanwhile_stays_and_this_one_is_kept_beside_it(world, tmp_path):
+    path = tmp_path / "t.mcap"
+
+    def comes(frame):
+        path.write_bytes(b"another take")
+        return frame
+
+    with Every(world, 4, comes) as sensor, pytest.raises(OutputError, match="has come there meanwhile") as caught:
+        recorded(sensor, path, overwrite=False)
+    assert "t.mcap.partial" in caught.value.advice
+    assert path.read_bytes() == b"another take"
+    assert len(read_take(tmp_path / "t.mcap.partial").time) > 20
+    with Every(world, 20) as sensor, pytest.raises(OutputError, match="is already there"):
+        recorded(sensor, path, overwrite=False)
+
+
 def test_a_folder_is_not_replaced_by_a_take(world, tmp_path):
     with Every(world, 10) as sensor, pytest.raises(OutputError, match="is a folder"):
         recorded(sensor, tmp_path)

@@ -165,3 +165,16 @@ def test_an_effect_that_leaves_the_edge_off_is_not_named_in_the_place_of_one_tha
 def test_a_base_fit_or_a_mesh_that_is_not_settled_does_not_hide_what_the_edge_tells():
     for gate in (COARSE, msgspec.structs.replace(COARSE, name="base fit")):
         assert decide(dataclasses.replace(told(10.5), gates=[gate]), LIBRARY).verdict == "effect"
+
+
+@pytest.mark.parametrize(("with_slack", "verdict"), [(8.1, "several"), (8.6, "effect")])
+def test_what_the_held_edge_shows_is_named_beside_another_though_the_cloth_gains_nothing(with_slack, verdict):
+    """A draught leaves 8 mm; clips closer together put the edge right, and half a millimetre more is surely worse."""
+    evidence = evidence_of({"draught": 8.0}, joint=[(("draught", "clip_slack"), with_slack)])
+    (draught,), ((both, p_value),) = evidence.singles, evidence.joint
+    evidence = dataclasses.replace(
+        evidence,
+        singles={draught: with_edge(evidence.singles[draught], 2000)},
+        joint=[(with_edge(both, 1150), p_value)],
+    )
+    assert decide(evidence, LIBRARY).verdict == verdict

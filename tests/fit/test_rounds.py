@@ -204,3 +204,51 @@ def test_a_third_effect_is_looked_for_where_two_are_needed_after_each_was_fitted
     search.further_rounds(4.9, 0.1)
     assert tried == ([1, 2] if goes_on else [1])
     assert [h for h, _ in search.joint] == [pair]
+
+
+@pytest.mark.parametrize(("squares", "starts"), [(1150, 2), (1950, 1)])
+def test_further_effects_are_tried_beside_what_puts_the_held_edge_right(monkeypatch, squares, starts):
+    """The offset leaves the edge off by 1000 beyond its noise; a depth scale at the end of its range none, or 950."""
+    search = a_search(
+        (12.0, 100.0), {"attachment_offset": (7.0, 50.0), "depth_scale": (9.0, 80.0), "hem": (11.0, 99.0)}
+    )
+    offset, scale, hem = search.singles
+    for k, squared in ((offset, 2000), (scale, squares), (hem, 10000)):
+        search.singles[k] = with_edge(search.singles[k], squared)
+    search.base = with_edge(search.base, 10000)
+    effect = LIBRARY[scale]
+    search.singles[scale].fitted.amplitudes[search.observer.columns[scale]] = effect.high
+    tried = []
+    monkeypatch.setattr(Rounds, "_with_another", lambda self, start: tried.append(start.effects) or [])
+    search.further_rounds(5.0, 0.1)
+    assert tried == [(offset,), (scale,)][:starts]
+
+
+# With 0.3 mm of mesh and solver, of which 0.16 mm in one direction in 90 %, the drag of 0.01 or 0.5 typical sizes.
+@pytest.mark.parametrize(("size", "kept"), [(0.01, ("filter_lag", "hem")), (0.5, None)])
+def test_what_is_left_with_nothing_to_do_beside_later_effects_is_dropped(monkeypatch, size, kept):
+    search = a_search((12.0, 100.0), {"air_drag": (8.0, 20.0)})
+    names = [e.name for e in LIBRARY]
+    triple = hypothesis(("air_drag", "filter_lag", "hem"), 5.2, deviation=0.001)
+    drag = search.observer.columns[names.index("air_drag")]
+    triple.fitted.amplitudes[drag] = size * LIBRARY[names.index("air_drag")].typical
+    search.observer.in_mm = lambda row: 2.0  # of a typical size of any effect
+    effects = triple.effects
+    search.screened = SimpleNamespace(
+        effects=effects, projected=[np.ones((1, 3)) for _ in effects],
+        typical=np.array([LIBRARY[k].typical for k in effects]),
+    )  # fmt: skip
+    search.judge, search.kept, search.joint = None, Checkpoint(None, {}), [(triple, 0.01)]
+    asked = []
+
+    def fit(observer, tasks):
+        asked.extend(tasks)
+        return [hypothesis(tuple(names[k] for k in task.active), 5.3).fitted for task in tasks]
+
+    monkeypatch.setattr(rounds, "fit", fit)
+    monkeypatch.setattr(rounds, "judged", lambda judge, fitted: errors(5.3))
+    search._drop_idle(triple, 0.02, 0.3)
+    ((last, _),) = search.joint
+    assert tuple(names[k] for k in last.effects) == (kept or ("air_drag", "filter_lag", "hem"))
+    assert len(asked) == (1 if kept else 0)
+    assert all(not task.amplitudes[drag].any() and task.amplitudes.any() for task in asked)

@@ -292,7 +292,8 @@ class Rounds:
         saved, usual = (self.base.fitted.cost - h.fitted.cost for h in (fits_best, order[0]))
         found = [*rivals, fits_best] if saved > FITS_BETTER * usual else rivals
         nearest = min(order, key=lambda h: h.errors.edge.shown)
-        if is_told_by_edge(order[0].errors.edge, nearest.errors.edge, self.base.errors.edge):
+        edge, by_law = order[0].errors.edge, edge_left_by_law(self.observer, self.base, order[0])
+        if not is_edge_explained(edge, by_law) and is_told_by_edge(edge, nearest.errors.edge, nearest.errors.edge):
             found = [*found, nearest]
         return list({id(h): h for h in found if h is not order[0]}.values())
 

@@ -236,7 +236,10 @@ def _several(evidence: Evidence, passing: list[int]) -> Hypothesis | None:
         is_seen = puts_edge_right(evidence.observer, evidence.base, before, hypothesis)
         # What the held edge shows may do nothing for the cloth, but it must not surely make it worse.
         is_shown = is_seen and np.quantile(gain, 0.95) >= 0
-        is_needed = ((is_certain and is_enough and is_left) or is_shown) and _adds_to_told(evidence, hypothesis, gap)
+        # As of the first effect: noise, mesh and solver together must not make its size.
+        _, (low, high) = evidence.amplitude(hypothesis.effects[-1], beside=hypothesis, any_law=False)
+        closes = is_certain and is_enough and is_left and low * high > 0
+        is_needed = (closes or is_shown) and _adds_to_told(evidence, hypothesis, gap)
         if not may_be_added(evidence.observer, hypothesis, p_value) or not is_needed:
             break
         accepted = before = hypothesis

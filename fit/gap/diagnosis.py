@@ -108,7 +108,8 @@ def diagnose(
     evidence = search.evidence(seeming, refined, picks, found_gates, is_held_out=bool(test))
     verdict = decide(evidence, effects)
     # Several are named only where one of them passes alone: else a second cannot change the verdict.
-    if verdict.verdict in {"effect", "ambiguous", "unknown"} and passing_effects(evidence):
+    may_be_several = verdict.verdict in {"effect", "ambiguous", "unknown"} and evidence.is_predictable
+    if may_be_several and passing_effects(evidence):
         progress("looking for a second effect", 0.88)
         search.further_rounds(floor, refined.numerics_mm)
         evidence = search.evidence(seeming, refined, picks, found_gates, is_held_out=bool(test))

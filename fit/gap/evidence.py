@@ -130,6 +130,11 @@ class Evidence:
     mesh_mm: float = 0.0  # of numerics_mm what the mesh alone is wrong by
 
     @property
+    def is_predictable(self) -> bool:
+        """Whether two simulations that hardly differ stay together in these takes."""
+        return all(g.passed for g in self.gates if g.name == "predictability")
+
+    @property
     def is_coarse(self) -> bool:
         """Whether the mesh alone is wrong by more than noise and solver together, so that it may hide a gap."""
         solver = float(np.sqrt(max(self.numerics_mm**2 - self.mesh_mm**2, 0.0)))

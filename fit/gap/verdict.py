@@ -65,12 +65,14 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
     """Apply the rules in their order: gates, is there a gap, does an effect explain it, does it explain enough."""
     failed = [g for g in evidence.gates if not g.passed]
     numbers = _numbers(evidence)
-    blocking = [g for g in failed if g.name not in {"mesh and step", "base fit"}]
+    told = evidence.told_by_edge
+    # The held edge goes with the hanger, however chaotic the cloth below it is.
+    passed_over = {"mesh and step", "base fit", *(["predictability"] if told else [])}
+    blocking = [g for g in failed if g.name not in passed_over]
     if blocking:
         return Verdict("inconclusive", [], f"No diagnosis: {blocking[0].sentence} {numbers}")
     noise, mesh = evidence.floor_mm**2, evidence.numerics_mm**2
-    told = evidence.told_by_edge
-    has_gap = evidence.exceeds(noise)
+    has_gap = evidence.exceeds(noise) and evidence.is_predictable
     passing = passing_effects(evidence) if has_gap else told_effects(evidence)
     several = _several(evidence, passing) if has_gap else None
     if several is None:
@@ -152,6 +154,8 @@ def _edge_says(evidence: Evidence, effect: int, closed: Figure | None) -> str:
         f" The held edge tells of it: the model has that edge {before:.1f} mm off without it, {after:.1f} mm with it, "
         "noise included."
     )
+    if not evidence.is_predictable:
+        return f"{said} What the cloth does besides these takes cannot tell: it is not predictable."
     if closed is None or evidence.explains_enough(hypothesis):
         return said
     return f"{said} The rest of the gap, {100 - 100 * closed.value:.0f} %, no effect in the library explains."

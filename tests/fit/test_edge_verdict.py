@@ -12,7 +12,7 @@ from fit.gap.edge import is_seen_on_edge
 from fit.gap.evidence import edge_left_by_law
 from fit.gap.probabilities import probabilities
 from fit.gap.verdict import decide, passing_effects
-from tests.fit.verdict_scene import COARSE, evidence_of, hypothesis, with_edge
+from tests.fit.verdict_scene import CHAOTIC, COARSE, STILL, evidence_of, hypothesis, with_edge
 
 NAMES = [e.name for e in LIBRARY]
 SLACK = NAMES.index("clip_slack")
@@ -178,3 +178,15 @@ def test_what_the_held_edge_shows_is_named_beside_another_though_the_cloth_gains
         joint=[(with_edge(both, 1150), p_value)],
     )
     assert decide(evidence, LIBRARY).verdict == verdict
+
+
+@pytest.mark.parametrize(("after", "verdict"), [((900, 2.0), "effect"), ((900, 90.0), "inconclusive")])
+def test_chaotic_cloth_does_not_hide_what_the_held_edge_tells(after, verdict):
+    """Drag closes more of the gap, which in takes that nobody can predict says nothing."""
+    evidence = told(11.0, after=after, other={"air_drag": 6.0})
+    evidence = dataclasses.replace(evidence, gates=[*evidence.gates, CHAOTIC])
+    found = decide(evidence, LIBRARY)
+    assert (found.verdict, found.named) == (verdict, ["clip_slack"] if verdict == "effect" else [])
+    assert ("it is not predictable" in found.sentence) == (verdict == "effect")
+    still = dataclasses.replace(evidence, gates=[*evidence.gates, STILL])
+    assert decide(still, LIBRARY).verdict == "inconclusive"

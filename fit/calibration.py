@@ -27,7 +27,7 @@ from fit import objective
 from fit.cloth.material import NAMES
 from fit.combinations import describe_combinations
 from fit.effects.base import columns_of
-from fit.engines import find_engine
+from fit.engines import OWN, find_engine
 from fit.errors import BlowUpError, FitError
 from fit.geometry import check_geometry
 from fit.physics import other_than, physics_version
@@ -312,7 +312,7 @@ def _result(
         )
         for k, p in enumerate(request.parameters)
     ]  # fmt: skip
-    is_own = request.engine == "own"
+    is_own = request.engine == OWN
     notes = [request.method.not_identified] if request.method.not_identified else []
     notes += [o.remark for o in model.objectives if o.remark]
     if training[0].garment.kind == "t-shirt" and not request.method.knows_layers:

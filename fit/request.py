@@ -10,7 +10,7 @@ import numpy as np
 from fit.cloth.simulator import Resolution
 from fit.effects import find_effects
 from fit.effects.base import Effect
-from fit.engines import find_engine
+from fit.engines import OWN, find_engine
 from fit.errors import FitError
 from fit.parameterisations import Parameter, Parameterisation
 from fit.search.annealing import AnnealingSettings
@@ -31,7 +31,7 @@ class Request:
     seed: int = 0
     width: int = SIDE_BY_SIDE
     resolution: Resolution = field(default_factory=Resolution)
-    engine: str = "own"  # the simulator, `fit.engines`
+    engine: str = OWN  # the simulator, `fit.engines`
     bounds: tuple[tuple[str, float, float], ...] = ()  # name, low, high: narrower than the parameter's own
 
     @property
@@ -80,7 +80,7 @@ def request_of(
     spacing: float,
     gamma: float | None = None,
     bounds: list[str] | None = None,
-    engine: str = "own",
+    engine: str = OWN,
     search: str = "annealing",
 ) -> Request:
     """Gather a request from plain values; bounds as NAME=LOW:HIGH.
@@ -90,7 +90,7 @@ def request_of(
             above 0; bounds that are crossed, malformed, of no parameter or beyond
             its range.
     """
-    if check_search(search) in OBSERVED and engine != "own":
+    if check_search(search) in OBSERVED and engine != OWN:
         raise FitError(
             f"{search} simulates with our own cloth only, not with {engine}", where="--search",
             advice="choose another search or leave out --engine",
@@ -104,7 +104,7 @@ def request_of(
         seed=seed,
         resolution=Resolution(spacing=spacing),
         engine=engine,
-        width=SIDE_BY_SIDE if engine == "own" else 1,  # speculation pays only where candidates share a batch
+        width=SIDE_BY_SIDE if engine == OWN else 1,  # speculation pays only where candidates share a batch
     )
     find_engine(engine)
     _check_effects(method, request.effects)

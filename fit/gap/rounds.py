@@ -295,7 +295,7 @@ class Rounds:
         edge, by_law = order[0].errors.edge, edge_left_by_law(self.observer, self.base, order[0])
         if not is_edge_explained(edge, by_law) and is_told_by_edge(edge, nearest.errors.edge, nearest.errors.edge):
             found = [*found, nearest]
-        return list({id(h): h for h in found if h is not order[0]}.values())
+        return list({h.effects: h for h in found if h is not order[0]}.values())
 
     def _with_another(self, start: Hypothesis, chosen: tuple[int, ...] | None = None) -> list[tuple[Hypothesis, float]]:
         """Refits with one more effect each, of the few that promise most, and their p-values; chosen: of these alone.

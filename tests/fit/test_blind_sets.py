@@ -121,7 +121,8 @@ def test_changed_labels_are_noticed(a_set, tmp_path):
         open_labels(folder)
 
 
-# A stand-in for `hangtime diagnose`: notes its words, fails for one case, writes what the test put beside it.
+# A stand-in for `hangtime diagnose`: notes its words, refuses an option that it does not know and fits that another
+# version kept, fails for one case, writes what the test put beside it.
 STAND_IN = """
 import pathlib, sys
 words = sys.argv[1:]
@@ -130,6 +131,12 @@ case = pathlib.Path(words[0]).parent.name
 here = pathlib.Path(__file__).parent
 with (here / "calls.txt").open("a") as file:
     file.write(" ".join(words) + "\\n")
+if "--nonsense" in words:
+    print("Usage: hangtime diagnose\\n\\nError: No such option: --nonsense", file=sys.stderr)
+    sys.exit(2)
+if (out / "diagnosis.partial").exists():
+    print("hangtime: the kept fits are of another version", file=sys.stderr)
+    sys.exit(2)
 if case == (here / "fails.txt").read_text():
     print("hangtime: the cloth flew apart", file=sys.stderr)
     sys.exit(2)
@@ -286,25 +293,10 @@ def test_the_command_line_makes_scores_and_reports(tmp_path):
     assert refused.stderr.count("\n") == 1
 
 
-# As a diagnosis that refuses fits that another one kept.
-REFUSING = """
-import pathlib, sys
-words = sys.argv[1:]
-out = pathlib.Path(words[words.index("--out") + 1])
-here = pathlib.Path(__file__).parent
-if "--nonsense" in words:
-    print("Usage: hangtime diagnose\\n\\nError: No such option: --nonsense", file=sys.stderr)
-    sys.exit(2)
-if (out / "diagnosis.partial").exists():
-    print("hangtime: the kept fits are of another version", file=sys.stderr)
-    sys.exit(2)
-(out / "diagnosis.json").write_bytes((here / "answer.json").read_bytes())
-"""
-
-
 def test_fits_that_another_version_kept_are_no_failure_of_the_diagnosis(a_set, tmp_path):
     program, answers = tmp_path / "diagnose.py", tmp_path / "answers"
-    program.write_text(REFUSING)
+    program.write_text(STAND_IN)
+    (tmp_path / "fails.txt").write_text("nobody")
     save_diagnosis(tmp_path / "answer.json", diagnosis("none"))
     first = read_manifest(a_set).cases[0]
     (answers / f".{first}.partial" / "diagnosis.partial").mkdir(parents=True)
@@ -313,7 +305,7 @@ def test_fits_that_another_version_kept_are_no_failure_of_the_diagnosis(a_set, t
 
 def test_a_mistyped_option_ends_the_run_and_is_no_answer(a_set, tmp_path):
     program, answers = tmp_path / "diagnose.py", tmp_path / "answers"
-    program.write_text(REFUSING)
+    program.write_text(STAND_IN)
     with pytest.raises(FitError, match="--option: No such option: --nonsense"):
         run_set(a_set, answers, command=[sys.executable, str(program)], options=["--nonsense"])
     assert not list(answers.glob("*/failure.txt"))

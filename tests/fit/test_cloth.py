@@ -348,7 +348,7 @@ def test_a_take_counts_from_the_first_to_the_last_sight_of_the_hanger():
     valid[:30, 0], valid[95:] = False, False
     recording = prepare(dataclasses.replace(take, held_valid=valid))
     assert recording.time == pytest.approx(time[30:95] - time[30])
-    assert np.array_equal(recording.points, recording.points[: len(recording.time)])
+    assert len(recording.points) == len(recording.time)
     whole = prepare(take)
     assert recording.points == pytest.approx(whole.points[30:95], nan_ok=True)
     assert recording.held(recording.time[5:-5]) == pytest.approx(whole.held(time[35:90]), abs=5e-4)

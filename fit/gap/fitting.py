@@ -129,7 +129,7 @@ class Task:
 
     vector, (parameters,); amplitudes, (components,) of all effects
     renewals: of a worn Jacobian, after which a halt is believed; is_rough: nobody will ask for the Jacobian of the end;
-    known_cost: of a fit of the same model from elsewhere, far above which this one is given up
+    known_cost: of a fit of the same model from elsewhere, below which this one must come or is given up
     jacobian, (numbers, parameters + components): known near the start, it is updated by chords instead of made anew.
     pinned: amplitudes that are known from elsewhere
     """

@@ -249,7 +249,10 @@ class Rounds:
         amplitudes = {
             k: with_amplitude(self.observer.off, columns[k], both.amplitudes[columns[k]]) for k in pair.effects
         }
-        tasks = [Task(both.vector, row, (k,), iterations=POLISHING) for k, row in amplitudes.items()]
+        before = {k: self.singles[k].fitted.cost if k in self.singles else np.inf for k in pair.effects}
+        tasks = [
+            Task(both.vector, row, (k,), iterations=POLISHING, known_cost=before[k]) for k, row in amplitudes.items()
+        ]
         names = [f"{self._name((k,))}-of-{self._name(pair.effects)}" for k in pair.effects]
         alone = self.kept.recall(names, partial(fit, self.observer, tasks))
         for k, fitted in zip(pair.effects, alone, strict=True):

@@ -31,6 +31,7 @@ from fit.errors import BlowUpError, FitError
 
 DIFFERENCE = 0.05  # share of the box: wider than the ripples that folds make
 PATIENCE, HOPELESS = 4, 1.1  # iterations after which a search is given up that costs this many times what is known
+SLOW_FALL = 0.01  # of the cost in one iteration, less than which gives up a search that is still above what is known
 
 Floats = NDArray[np.float64]
 Residuals = Callable[[Floats], Floats]
@@ -98,7 +99,7 @@ class LeastSquaresSettings:
     damping: float = 1e-2  # first lambda
     cost_tolerance: float = 1e-6  # relative fall of the cost
     step_tolerance: float = 1e-6  # longest step, share of the box
-    known_cost: float = math.inf  # of a rival: a search that is far above it after a few iterations is given up
+    known_cost: float = math.inf  # of a rival: a search that will hardly come below it is given up
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,8 +260,8 @@ class _Search:
                     is_fresh = known is not None
             if reason and (is_fresh or renewals == settings.renewals):
                 break
-            if len(history) > PATIENCE and cost > HOPELESS * settings.known_cost:
-                is_hopeless, reason = True, "it is far above what is known"
+            if self._is_hopeless(history, has_moved=moved is not None):
+                is_hopeless, reason = True, "it will hardly come below what is known"
                 break
             if reason:  # a worn Jacobian may be all that is wrong
                 jacobian, is_fresh, renewals = (yield from self._jacobian(u, r)), True, renewals + 1
@@ -283,6 +284,12 @@ class _Search:
             reason=reason or f"stopped after {settings.max_iterations} iterations",
             at_bound=((u <= 0) & (slope > 0)) | ((u >= 1) & (slope < 0)),
         )
+
+    def _is_hopeless(self, history: list[float], *, has_moved: bool) -> bool:
+        """Whether a search is far above what is known after a few iterations, or above it and falls no more."""
+        cost, known = history[-1], self.settings.known_cost
+        is_slow = not has_moved or cost > (1 - SLOW_FALL) * history[-2]
+        return cost > known and (is_slow or (len(history) > PATIENCE and cost > HOPELESS * known))
 
     def _reason_to_stop(self, u: Floats, cost: float, moved: _Step) -> str:
         if (cost - moved.cost) / max(cost, 1e-300) < self.settings.cost_tolerance:

@@ -87,8 +87,25 @@ def test_a_search_far_above_what_is_known_is_given_up_after_a_few_steps():
     assert whole.is_converged
     assert len(hopeless.cost_history) == PATIENCE + 1
     assert not hopeless.is_converged
-    assert hopeless.reason == "it is far above what is known"
+    assert hopeless.reason == "it will hardly come below what is known"
     assert minimise(rosenbrock, start, space, settings=replace(patient, known_cost=1e9)).cost == whole.cost
+
+
+def test_a_search_that_falls_by_less_than_a_hundredth_is_given_up_above_what_is_known_and_not_below():
+    """All that can be gained is 3 squared of 316.2 squared and 3 squared, 9 of 99 991."""
+    start, space = np.array([0.5]), box([-3], [3])
+
+    def nearly_flat(candidates):
+        return np.stack([np.full(len(candidates), 316.2), 6.0 * candidates[:, 0]], 1)
+
+    settings = LeastSquaresSettings(width=4, is_chord=True, cost_tolerance=1e-9)
+    whole = minimise(nearly_flat, start, space, settings=settings)
+    above = minimise(nearly_flat, start, space, settings=replace(settings, known_cost=0.9 * whole.cost))
+    below = minimise(nearly_flat, start, space, settings=replace(settings, known_cost=1.1 * whole.cost))
+    assert len(above.cost_history) == 2
+    assert not above.is_converged
+    assert below.cost == whole.cost
+    assert below.is_converged
 
 
 def test_a_search_by_chords_that_halts_on_fresh_differences_asks_for_no_more():

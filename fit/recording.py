@@ -26,7 +26,7 @@ Booleans = NDArray[np.bool_]
 Curve = Callable[[Floats], Floats]
 
 FASTEST_HANGER = 8.0  # m/s, twice what a hand can do with a hanger
-ON_EDGE = 0.02  # of the garment's height below its top within which a point sits on the held edge
+ON_EDGE = 0.02  # of the garment's height, within which of its top, or of a clip, a point moves with the hanger
 FEWEST_PLACES = 8  # of a point, below which it has no curve
 # How far a tracked point may constantly be beside the material point that it stands for, per axis [m]: glue, and where
 # a marker's middle is taken to be; a corner in a silhouette, as tracking has those of synthetic swatches
@@ -59,7 +59,7 @@ class Recording:
     target_curves: per point, (n,) instants -> (n, 6) place [m] and velocity [m/s]
     edge_turn: (n,) instants -> (n, 2) yaw and roll of the tracked held edge against the path, each of rms 1
     slip_at [s]: when the cloth would have slipped half its way in its clips (`fit.held_edge`)
-    judged, (points,): false for points on the held edge, which measure the boundary and not the cloth
+    judged, (points,): false for points on a clamped edge or in a clip, which measure the boundary and not the cloth
     windows: where the observer's pull acts and residuals count; None: both everywhere
     held_error [m]: how far off the held ends may constantly be on the hanger, per axis, where the rig states it
     offset_sd [m]: how far a point may constantly be beside the material point that it stands for, per axis
@@ -171,7 +171,7 @@ def prepare(take: Take) -> Recording:
     held = _held_curve(time, held_seen, cut_off)
     curves = tuple(_target_curve(time, points[:, k], valid[:, k]) for k in range(points.shape[1]))
     places = np.array([p.at_m for p in take.garment.points])
-    on_edge = places[:, 1] > places[:, 1].max() - ON_EDGE * float(np.ptp(places[:, 1]))
+    on_edge = _is_held(take.garment, places)
     seen = np.where(valid[..., None], points, np.nan)
     edge = HeldEdge(time, seen[:, on_edge], places[on_edge, 0], held)
     return Recording(
@@ -181,6 +181,15 @@ def prepare(take: Take) -> Recording:
         judged=~on_edge if (~on_edge).sum() >= 3 else np.ones(len(places), bool), held_error=_held_error(take.rig),
         offset_sd=MARKER_OFFSET if take.rig.sensor is None else SILHOUETTE_OFFSET,
     )  # fmt: skip
+
+
+def _is_held(garment: Garment, places: Floats) -> Booleans:
+    """Which points, at places [m], (points, 2), move with the hanger: all on a clamped edge, or those at two clips."""
+    near = ON_EDGE * float(np.ptp(places[:, 1]))
+    if garment.held == "edge":
+        return np.asarray(places[:, 1] > places[:, 1].max() - near)
+    clips = np.asarray(garment.outline_m[:2], float)
+    return np.asarray(np.linalg.norm(places[:, None] - clips, axis=2).min(1) < near)
 
 
 def _held_error(rig: Rig) -> float:

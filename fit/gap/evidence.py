@@ -75,6 +75,11 @@ def puts_edge_right(observer: Observer, base: Hypothesis, before: Hypothesis, fo
     return is_seen_on_edge(before.errors.edge, found.errors.edge, edge_left_by_law(observer, base, before))
 
 
+def puts_edge_off(base: Hypothesis, before: Hypothesis, found: Hypothesis) -> bool:
+    """Whether a model has the held edge surely farther from where it was tracked than one without its last effect."""
+    return is_told_by_edge(found.errors.edge, before.errors.edge, base.errors.edge)
+
+
 def is_worth_adding(gap: float, left: float, gain: float, usual_share: float = 0.0) -> bool:
     """Whether a further effect that closes `gain` of what is left of a gap is needed; mean squared errors [mm^2].
 
@@ -128,6 +133,11 @@ class Evidence:
     instead: list[Hypothesis]
     is_floor_most: bool = False  # whether a model fell below what noise the takes seem to have, and set the floor
     mesh_mm: float = 0.0  # of numerics_mm what the mesh alone is wrong by
+
+    @property
+    def gap_mm2(self) -> float:
+        """What the base model misses by beyond the noise, mean square [mm^2]."""
+        return self.base.errors.squared_mm - self.floor_mm**2
 
     @property
     def is_predictable(self) -> bool:
@@ -216,16 +226,19 @@ class Evidence:
 
     @functools.cached_property
     def contradicted(self) -> frozenset[int]:
-        """Refitted effects that the held edge tells not to be it, beside one that closes as much or nearly so."""
+        """Refitted effects that the held edge tells not to be it.
+
+        It lies surely farther off than without the effect, or than with one that closes as much or nearly so.
+        """
         base = self.base.errors.squared_mm
         closed = {k: base - h.errors.squared_mm for k, h in self.singles.items() if not is_at_bound(self.observer, h)}
-        return frozenset(
+        beside = frozenset(
             k
             for k, h in self.singles.items()
             for other, saved in closed.items()
-            if saved > NEAR * (base - h.errors.squared_mm)
-            and is_told_by_edge(h.errors.edge, self.singles[other].errors.edge, self.base.errors.edge)
+            if saved > NEAR * (base - h.errors.squared_mm) and puts_edge_off(self.base, self.singles[other], h)
         )
+        return beside | {k for k, h in self.singles.items() if puts_edge_off(self.base, self.base, h)}
 
     @functools.cached_property
     def told_by_edge(self) -> frozenset[int]:
@@ -306,7 +319,6 @@ class Evidence:
 
     def explains_enough(self, hypothesis: Hypothesis) -> bool:
         """Whether what a hypothesis leaves, beyond noise and mesh, is small against the gap."""
-        gap = self.base.errors.squared_mm - self.floor_mm**2
         left = hypothesis.errors.squared_mm - self.floor_mm**2 - self.numerics_mm**2
-        by_law = float(self.most_by_law(hypothesis, np.array(gap)))
-        return left <= MOST_LEFT * gap and hypothesis.errors.squared_mm <= by_law
+        by_law = float(self.most_by_law(hypothesis, np.array(self.gap_mm2)))
+        return left <= MOST_LEFT * self.gap_mm2 and hypothesis.errors.squared_mm <= by_law

@@ -22,6 +22,7 @@ from fit.gap.evidence import (
     edge_left_by_law,
     is_at_bound,
     per_millimetre,
+    puts_edge_off,
     puts_edge_right,
     wrong_by_mesh,
 )
@@ -303,7 +304,8 @@ class Rounds:
     def _with_another(self, start: Hypothesis, chosen: tuple[int, ...] | None = None) -> list[tuple[Hypothesis, float]]:
         """Refits with one more effect each, of the few that promise most, and their p-values; chosen: of these alone.
 
-        What one of the start's effects may bring along is left out (`fit.gap.verdict.is_brought`).
+        What one of the start's effects may bring along is left out (`fit.gap.verdict.is_brought`), and what would put
+        the held edge off.
         """
         effects = self.observer.effects
         left = tuple(
@@ -321,7 +323,7 @@ class Rounds:
         return [
             (h, float(screened.family_p_value[place]))
             for h, place in zip(refitted, places, strict=True)
-            if not any(is_brought(self.observer, h, k) for k in h.effects)
+            if not any(is_brought(self.observer, h, k) for k in h.effects) and not puts_edge_off(self.base, start, h)
         ]
 
     def _refit(self, start: Fitted, screened: Screened, places: list[int]) -> list[Hypothesis]:

@@ -18,6 +18,7 @@ from fit.gap.evidence import (
     best_of,
     closes_enough,
     is_at_bound,
+    puts_edge_off,
     puts_edge_right,
 )
 from fit.gap.fitting import amplitude_of
@@ -31,6 +32,7 @@ CLEAR_WIN = 0.8  # share of bootstrap draws in which the winner beats every othe
 # Of the squared error of mesh and solver that an effect must remove at least; of what solvers differ by, more than all.
 MESH_SHARE, SOLVER_SHARE = 0.5, 3.0
 SURELY_CLOSED = 0.5  # of the gap, at the lower end of its interval, by effects of which none passes alone
+MOSTLY_MESH = 0.5  # of a gap that nothing explains, from which what mesh and solver may be wrong by is to be looked at
 LIKELY, SURE = 0.5, 0.8  # probabilities; it is likely that one of what is named is worth naming
 
 
@@ -89,6 +91,9 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
         return Verdict("numerics", [], f"Refine first: {coarse.sentence} {numbers}")
     if several is not None:
         return _name_several(evidence, several, effects)
+    if not passing and evidence.is_coarse and mesh > MOSTLY_MESH * evidence.gap_mm2:
+        most = f"mesh and solver may be wrong by {evidence.numerics_mm:.1f} mm, and most of the gap may be that"
+        return Verdict("numerics", [], f"Refine first: {most} (--spacing). {numbers}")
     if not passing:
         unknown = f"There is a gap that no effect in the library explains. {numbers}"
         return Verdict("unknown", [], unknown + _edge_is_off(evidence))
@@ -230,7 +235,7 @@ def _several(evidence: Evidence, passing: list[int]) -> Hypothesis | None:
         return None
     accepted: Hypothesis | None = None
     before = best_of(evidence.observer, evidence.singles)[0]
-    gap = evidence.base.errors.squared_mm - evidence.floor_mm**2
+    gap = evidence.gap_mm2
     for hypothesis, p_value in evidence.joint:
         gain = (before.errors.draw(evidence.picks) - hypothesis.errors.draw(evidence.picks)) / gap
         # What acts for a moment (a slip) closes little in most draws of half-seconds: the motion fitted to decides.
@@ -244,6 +249,7 @@ def _several(evidence: Evidence, passing: list[int]) -> Hypothesis | None:
         _, (low, high) = evidence.amplitude(hypothesis.effects[-1], beside=hypothesis, any_law=False)
         closes = is_certain and is_enough and is_left and low * high > 0
         is_needed = (closes or is_shown) and _adds_to_told(evidence, hypothesis, gap)
+        is_needed = is_needed and not puts_edge_off(evidence.base, before, hypothesis)
         if not may_be_added(evidence.observer, hypothesis, p_value) or not is_needed:
             break
         accepted = before = hypothesis

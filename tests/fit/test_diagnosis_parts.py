@@ -186,6 +186,14 @@ def test_points_on_the_held_edge_are_not_judged():
     assert not recording.judged[:5].any()
 
 
+def test_the_top_row_between_two_clips_hangs_freely_and_is_judged():
+    """Of a row of five the two in the clips move with the hanger; the three between them sag."""
+    take = a_take()
+    clipped = dataclasses.replace(take, garment=msgspec.structs.replace(take.garment, held="corners"))
+    assert prepare(clipped).judged[:5].tolist() == [False, True, True, True, False]
+    assert prepare(clipped).judged[5:].all()
+
+
 def test_slow_noise_of_single_points_is_seen_between_neighbours():
     """2 mm per axis of noise that lasts a second is 3.5 mm of distance; sixth differences in time cannot see it."""
     take = a_take(noise=0.0, seconds=5.0)

@@ -199,6 +199,7 @@ def test_clips_too_far_apart_are_named_though_the_cloth_hardly_shows_it():
     found = diagnose(takes[:1], takes[1:], resolution=Resolution(spacing=0.1)).diagnosis
     assert (found.verdict, found.named) == ("effect", ["clip_slack"])
     (slack,) = (e for e in found.effects if e.id == "clip_slack")
-    assert slack.amplitude == pytest.approx(-0.012, abs=0.0015)
+    assert slack.amplitude == pytest.approx(-0.012, abs=0.003)  # markers may sit 1 mm beside, at either end
+    assert slack.amplitude_interval[0] < -0.012 < slack.amplitude_interval[1]
     assert found.gap.edge_mm == pytest.approx(4.2, abs=0.3)  # 0.012 sqrt(1/8)
     assert found.gap.edge_with_effect_mm < 1.0

@@ -316,6 +316,15 @@ def test_what_comes_nearest_and_leaves_too_much_is_told_with_what_it_leaves(give
     assert "more than it would as the cause" in found.sentence
 
 
+@pytest.mark.parametrize(("mesh", "verdict"), [(6.0, "unknown"), (8.0, "numerics")])
+def test_a_gap_that_nothing_explains_and_that_may_mostly_be_the_meshs_own_error_asks_for_a_finer_one(mesh, verdict):
+    """A gap of 12^2 - 5^2 = 119 mm^2, half of it is 7.7^2; of 8 mm the mesh's own 8 are above noise of 5."""
+    made_up = dataclasses.replace(evidence_of({"air_drag": 11.9}), mesh_mm=mesh, numerics_mm=mesh)
+    found = decide(made_up, LIBRARY)
+    assert (found.verdict, found.named) == (verdict, [])
+    assert ("wrong by 8.0 mm, and most of the gap" in found.sentence) == (verdict == "numerics")
+
+
 @pytest.mark.parametrize(
     ("mesh", "numerics", "verdict"),
     [

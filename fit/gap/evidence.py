@@ -18,7 +18,7 @@ from fit.gap.closure import (
     solver_draws,
 )
 from fit.gap.edge import LEAST_BY_LAW, is_edge_explained, is_seen_on_edge, is_told_by_edge
-from fit.gap.fitting import NORMAL_95, amplitude_of
+from fit.gap.fitting import NORMAL_95, Fitted, amplitude_of
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.observer import Observer
 from fit.gap.screening import GROUP_COSINE, Screened
@@ -113,6 +113,17 @@ def wrong_by_mesh(numerics_mm: float, size_per_millimetre: Floats) -> Floats:
     return np.asarray(NORMAL_95 * numerics_mm * size_per_millimetre / np.sqrt(DIRECTIONS))
 
 
+def size_within(observer: Observer, fitted: Fitted, effect: int, wrong: float) -> tuple[float, tuple[float, float]]:
+    """Return an effect's size and its 90 % interval, of noise and of mesh and solver; in its own unit.
+
+    wrong: half of the interval of what mesh and solver make; they do not move the held edge, where that decided
+    """
+    size, (low, high) = amplitude_of(fitted, observer, effect)
+    is_off_mesh = fitted.is_by_edge and observer.effects[effect].moves_edge
+    half = float(np.hypot((high - low) / 2, 0.0 if is_off_mesh else wrong))
+    return size, (size - half, size + half)
+
+
 @dataclass(frozen=True)
 class Evidence:
     """What a verdict is decided on: hypotheses with their held-out errors, noise floor [mm], mesh error [mm], gates.
@@ -173,14 +184,11 @@ class Evidence:
         beside: several effects that it is one of, else it is taken alone
         any_law: whether the interval is to hold for every sound law of the effect, or for the library's alone.
         """
-        fitted = (beside or self.singles[effect]).fitted
-        size, (low, high) = amplitude_of(fitted, self.observer, effect)
         place = self.screened.effects.index(effect)
         wrong = float(wrong_by_mesh(self.numerics_mm, self.per_millimetre[place]))
-        if fitted.is_by_edge and self.observer.effects[effect].moves_edge:
-            wrong = 0.0  # mesh and solver do not move the held edge
+        size, (low, high) = size_within(self.observer, (beside or self.singles[effect]).fitted, effect, wrong)
         law = NORMAL_95 * self.observer.effects[effect].law_spread * size if any_law else 0.0
-        half = float(np.linalg.norm([(high - low) / 2, wrong, law]))
+        half = float(np.hypot((high - low) / 2, law))
         return size, (size - half, size + half)
 
     @functools.cached_property

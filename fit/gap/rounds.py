@@ -24,9 +24,10 @@ from fit.gap.evidence import (
     per_millimetre,
     puts_edge_off,
     puts_edge_right,
+    size_within,
     wrong_by_mesh,
 )
-from fit.gap.fitting import Fitted, Task, amplitude_of, fit
+from fit.gap.fitting import Fitted, Task, fit
 from fit.gap.hypotheses import POLISHING, Hypothesis, judged, polishing, refits, shortlist
 from fit.gap.numerics import Refined
 from fit.gap.observer import Observer
@@ -374,8 +375,8 @@ class Rounds:
 
 def _is_beyond(observer: Observer, hypothesis: Hypothesis, effect: int, wrong: float) -> bool:
     """Whether an effect's size is more than noise makes, and mesh and solver, wrong by so much (90 %, its own unit)."""
-    size, (low, high) = amplitude_of(hypothesis.fitted, observer, effect)
-    return abs(size) > float(np.hypot((high - low) / 2, wrong))
+    _, (low, high) = size_within(observer, hypothesis.fitted, effect, wrong)
+    return low * high > 0
 
 
 def _held_out_error(pair: tuple[Hypothesis, float]) -> float:

@@ -37,8 +37,9 @@ class Foreign:
 
     @property
     def python(self) -> str:
-        """The Python that is asked for the module."""
-        return os.environ.get(self.variable) or sys.executable
+        """The Python that is asked for the module, from wherever it is started."""
+        python = os.environ.get(self.variable) or sys.executable
+        return os.path.abspath(python) if os.sep in python else python
 
     def is_installed(self) -> bool:
         """Return whether that Python has the module."""
@@ -76,6 +77,7 @@ class ForeignProcess:
             self._process = subprocess.Popen(
                 [foreign.python, str(foreign.script)], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                 stderr=self._log, text=True, env={**os.environ, "PYTHONPATH": str(WORKERS)},
+                cwd=self._folder.name,  # simulators write logs where they are started
             )  # fmt: skip
         except OSError as error:
             self._log.close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
 
 import numpy as np
 import pytest
@@ -302,6 +303,21 @@ def test_arrays_go_to_another_python_and_come_back(tmp_path):
     assert process.answer(x=np.arange(3.0))["twice"] == pytest.approx([0, 2, 4])
     assert process.answer(x=np.ones(2))["twice"] == pytest.approx([2, 2])
     process.close()
+
+
+def test_what_a_simulator_writes_where_it_is_started_is_not_left_there(monkeypatch, tmp_path):
+    """And a Python that is named from here is found from there."""
+    script, here = tmp_path / "writes.py", tmp_path / "here"
+    script.write_text(
+        "open('WRITTEN', 'w').close()\nfrom answering import answer_jobs\nanswer_jobs('7', lambda job: job)\n"
+    )
+    here.mkdir()
+    (here / "python").symlink_to(sys.executable)
+    monkeypatch.chdir(here)
+    monkeypatch.setenv("HANGTIME_THING_PYTHON", "./python")
+    process = ForeignProcess(Foreign("Thing", "json", "thing", "HANGTIME_THING_PYTHON", script))
+    process.close()
+    assert [p.name for p in here.iterdir()] == ["python"]
 
 
 def test_a_grid_covers_its_sheet_with_triangles_of_the_same_size():

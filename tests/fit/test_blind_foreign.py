@@ -18,7 +18,7 @@ from fit.blind.foreign.jobs import make_job, points_on
 from fit.blind.making import make_set, open_labels
 from fit.blind.plants import with_plants
 from fit.blind.sheet import make_grid
-from fit.errors import FitError
+from fit.errors import BlowUpError, FitError
 from fit.foreign.process import BLENDER, Foreign, ForeignProcess
 from tests.fit.test_blind_cases import guessed, planted
 from tests.fit.test_blind_engine import bar, nudged
@@ -281,6 +281,14 @@ def test_an_engine_that_is_not_there_is_named_before_anything_is_written(monkeyp
     with pytest.raises(FitError, match=r"mujoco cannot be started; pip install 'hangtime\[mujoco\]'"):
         make_set(tmp_path / "set", numbers, MUJOCO.plants([]), 1, generator=MUJOCO)
     assert not (tmp_path / "set").exists()
+
+
+@with_engine(MUJOCO)
+def test_cloth_that_flies_apart_is_told_and_does_not_begin_anew(generator):
+    """With twice its step; MuJoCo by itself would hang it up flat again, a metre off at most, and go on."""
+    cloth = Cloth(width=0.1, height=LENGTH)
+    with pytest.raises(BlowUpError, match="cloth flew apart"):
+        generator.points(cloth, bar(0.1, nudged(0.3)), 0.3, np.array([(0.0, -0.1)]), side=0.04, share=2.0)
 
 
 def test_a_program_that_ends_in_the_middle_is_told_with_its_last_words(tmp_path):

@@ -39,7 +39,8 @@ def build(job, numbers):
     names = " ".join(f"n{k}" for k in range(len(rest)))
     model = mujoco.MjModel.from_xml_string(
         f'<mujoco><option timestep="{float(job["dt"])!r}" integrator="Euler"><flag contact="disable" '
-        f'constraint="disable"/></option><size memory="500M"/><worldbody>{bodies}</worldbody><deformable>'
+        f'constraint="disable" autoreset="disable"/></option><size memory="500M"/>'
+        f"<worldbody>{bodies}</worldbody><deformable>"
         f'<flex name="sheet" dim="2" radius="0.001" body="{names}" element="{" ".join(map(str, triangles.ravel()))}">'
         f'<contact selfcollide="none" contype="0" conaffinity="0"/><elasticity young="{young!r}" poisson="0" '
         f'thickness="{THICKNESS}" damping="{numbers["stretch_time"]!r}" elastic2d="both"/></flex></deformable></mujoco>'

@@ -162,9 +162,12 @@ class Evidence:
         return self.mesh_mm > self.floor_mm + solver
 
     def closure_of(self, hypothesis: Hypothesis) -> Figure | None:
-        """Share of the gap that a hypothesis closes; None where there is hardly a gap."""
+        """Share of the gap that a hypothesis closes, none above all of it; None where there is hardly a gap."""
         found = closure(self.base.errors, hypothesis.errors, self.floor_mm, self.picks)
-        return Figure(value=found[0], interval=found[1]) if found else None
+        if found is None:
+            return None
+        value, (low, high) = found
+        return Figure(value=value, interval=(low, min(high, max(value, 1.0))))
 
     def error_of(self, hypothesis: Hypothesis) -> Figure:
         """Root mean square held-out error of a hypothesis [mm]."""

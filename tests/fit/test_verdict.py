@@ -9,7 +9,7 @@ import pytest
 
 from fit.effects import LIBRARY, find_effects
 from fit.effects.base import amplitudes_of
-from fit.gap.closure import BlockErrors
+from fit.gap.closure import BlockErrors, closure
 from fit.gap.evidence import is_worth_adding, share_in_median_block
 from fit.gap.findings import describe_effects
 from fit.gap.numerics import Refined
@@ -353,3 +353,12 @@ def test_a_further_effect_is_larger_than_mesh_and_solver_make_it(typical, verdic
     sizes = np.full(len(made_up.screened.effects), typical)
     made_up = dataclasses.replace(made_up, screened=dataclasses.replace(made_up.screened, typical=sizes))
     assert decide(made_up, LIBRARY).verdict == verdict
+
+
+def test_no_more_than_the_whole_gap_is_closed():
+    """What is left is the noise's 5 mm on average, and less in half of the draws of half-seconds."""
+    evidence = evidence_of({"air_drag": 5.0})
+    (found,) = evidence.singles.values()
+    assert closure(evidence.base.errors, found.errors, 5.0, evidence.picks)[1][1] > 1.0
+    assert evidence.closure_of(found).value == pytest.approx(1.0)
+    assert evidence.closure_of(found).interval[1] == pytest.approx(1.0)

@@ -31,7 +31,7 @@ from fit.engines import OWN, find_engine
 from fit.errors import BlowUpError, FitError
 from fit.geometry import check_geometry
 from fit.physics import other_than, physics_version
-from fit.recording import Recording, prepare
+from fit.recording import Recording, prepare_together
 from fit.request import Request
 from fit.search.choice import OBSERVED, begin
 from fit.search.intervals import Intervals, block_intervals, check_blocks, draw_intervals
@@ -157,8 +157,9 @@ def calibrate(
     """
     check_together(training, held_out)
     started = clock.monotonic()
-    model = Model([prepare(t) for t in training], request)
-    judge = Model([prepare(t) for t in held_out], request) if held_out else None
+    train, test = prepare_together(training, held_out)
+    model = Model(train, request)
+    judge = Model(test, request) if test else None
     run = _least_squares if request.search in OBSERVED else _ask_and_tell
     found = run(model, request, checkpoint, _key(training, request), progress)
     return _result(training, held_out, request, model, judge, found, clock.monotonic() - started)

@@ -47,8 +47,8 @@ class HeldEdge:
     across: Floats
     held: Curve
 
-    def turn(self) -> Curve:
-        """Return yaw and roll against the path at instants [s], (n,) -> (n, 2), each scaled to rms 1."""
+    def turn(self) -> tuple[Curve, Floats]:
+        """Return yaw and roll against the path [rad] at instants [s], (n,) -> (n, 2), and their rms, (2,)."""
         arm = self._arm()
         sides = self._displacements
         seen = np.isfinite(sides).all(2)
@@ -57,12 +57,12 @@ class HeldEdge:
         spread = (apart**2).sum(1)
         usable = spread > LEAST_SPREAD * (arm**2).sum()
         if len(arm) < 2 or usable.sum() < FEWEST_FRAMES:
-            return lambda instants: np.zeros((len(instants), 2))
+            return lambda instants: np.zeros((len(instants), 2)), np.zeros(2)
         slopes = (np.nan_to_num(sides) * apart[..., None]).sum(1)[usable] / spread[usable, None]
         scale = np.maximum(np.sqrt((slopes**2).mean(0)), 1e-6)
         splines = smoothing_spline(self.time[usable], slopes / scale)
         first, last = self.time[usable][0], self.time[usable][-1]
-        return lambda instants: np.asarray(splines(np.clip(instants, first, last)))
+        return lambda instants: np.asarray(scale * splines(np.clip(instants, first, last))), scale
 
     def slip_at(self) -> float:
         """Return when the cloth would have slipped half its way in its clips [s]."""

@@ -8,12 +8,13 @@ observer's targets are cubic smoothing splines with a cut-off at 6 Hz (`fit.smoo
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fit.cloth.mesh import place_along
 from fit.errors import DriveError, FitError
 from fit.held_edge import FEWEST_FRAMES, HeldEdge
 from fit.smoothing import best_cut_off, smoothing_spline, steady_spline
@@ -26,7 +27,7 @@ Booleans = NDArray[np.bool_]
 Curve = Callable[[Floats], Floats]
 
 FASTEST_HANGER = 8.0  # m/s, twice what a hand can do with a hanger
-ON_EDGE = 0.02  # of the garment's height, within which of its top, or of a clip, a point moves with the hanger
+ON_EDGE = 0.02  # of the points' height, within which of the held edge, or of a clip, one moves with the hanger
 FEWEST_PLACES = 8  # of a point, below which it has no curve
 # How far a tracked point may constantly be beside the material point that it stands for, per axis [m]: glue, and where
 # a marker's middle is taken to be; a corner in a silhouette, as tracking has those of synthetic swatches
@@ -57,7 +58,8 @@ class Recording:
     held_seen [m], (frames, 6): the ends as they were measured, NaN where not seen; held_sd [m]: stated, per axis
     held_cut_off [Hz]: of the path's spline
     target_curves: per point, (n,) instants -> (n, 6) place [m] and velocity [m/s]
-    edge_turn: (n,) instants -> (n, 2) yaw and roll of the tracked held edge against the path, each of rms 1
+    edge_turn: (n,) instants -> (n, 2) yaw and roll of the tracked held edge against the path [rad]
+    turn_rms [rad], (2,): of both, over the takes that it is fitted with (`prepare_together`)
     slip_at [s]: when the cloth would have slipped half its way in its clips (`fit.held_edge`)
     judged, (points,): false for points on a clamped edge or in a clip, which measure the boundary and not the cloth
     windows: where the observer's pull acts and residuals count; None: both everywhere
@@ -77,6 +79,7 @@ class Recording:
     held_cut_off: float
     target_curves: tuple[Curve, ...]
     edge_turn: Curve
+    turn_rms: Floats
     slip_at: float
     judged: Booleans
     windows: Windows | None = None
@@ -174,22 +177,43 @@ def prepare(take: Take) -> Recording:
     on_edge = _is_held(take.garment, places)
     seen = np.where(valid[..., None], points, np.nan)
     edge = HeldEdge(time, seen[:, on_edge], places[on_edge, 0], held)
+    turn, turn_rms = edge.turn()
     return Recording(
         take_id=take.take_id, garment=take.garment, time=time, points=seen,
         valid=valid, point_sd=point_sd, held_sd=held_sd, held=held, held_seen=held_seen, held_cut_off=cut_off,
-        target_curves=curves, edge_turn=edge.turn(), slip_at=edge.slip_at(),
+        target_curves=curves, edge_turn=turn, turn_rms=_or_one(turn_rms), slip_at=edge.slip_at(),
         judged=~on_edge if (~on_edge).sum() >= 3 else np.ones(len(places), bool), held_error=_held_error(take.rig),
         offset_sd=MARKER_OFFSET if take.rig.sensor is None else SILHOUETTE_OFFSET,
     )  # fmt: skip
 
 
+def prepare_together(
+    training: Sequence[Take], held_out: Sequence[Take] = ()
+) -> tuple[list[Recording], list[Recording]]:
+    """Turn the takes that are fitted to and those that are judged on into recordings that can share effects' sizes.
+
+    Raises:
+        DriveError, FitError: as `prepare`.
+    """
+    train, test = [prepare(t) for t in training], [prepare(t) for t in held_out]
+    # Takes that do not show their edge do not turn, and have no part in how much the others do.
+    squares = np.array([r.edge_turn(r.time) for r in train if r.edge_turn(r.time).any()]).reshape(-1, 2) ** 2
+    together = _or_one(np.sqrt(squares.mean(0)) if len(squares) else np.zeros(2))
+    return [replace(r, turn_rms=together) for r in train], [replace(r, turn_rms=together) for r in test]
+
+
+def _or_one(turn_rms: Floats) -> Floats:
+    """What may be divided by: where there is no turn, none comes of it."""
+    return np.where(turn_rms > 0, turn_rms, 1.0)
+
+
 def _is_held(garment: Garment, places: Floats) -> Booleans:
     """Which points, at places [m], (points, 2), move with the hanger: all on a clamped edge, or those at two clips."""
-    near = ON_EDGE * float(np.ptp(places[:, 1]))
-    if garment.held == "edge":
-        return np.asarray(places[:, 1] > places[:, 1].max() - near)
-    clips = np.asarray(garment.outline_m[:2], float)
-    return np.asarray(np.linalg.norm(places[:, None] - clips, axis=2).min(1) < near)
+    ends = np.asarray(garment.outline_m[:2], float)
+    share, _ = place_along(places, ends)
+    share = np.clip(share if garment.held == "edge" else np.round(share), 0.0, 1.0)
+    apart = np.linalg.norm(places - ends[0] - share[:, None] * (ends[1] - ends[0]), axis=1)
+    return np.asarray(apart < ON_EDGE * float(np.ptp(places[:, 1])))
 
 
 def _held_error(rig: Rig) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from fit.engines import OWN, find_engine
 from fit.engines.plain_grid import plain_grid
 from fit.gap.diagnosis import Findings
 from fit.parameterisations import find_method
-from fit.recording import Recording, prepare
+from fit.recording import Recording, prepare_together
 from fit.report import ReportMotion, write_report
 from fit.request import Request
 from formats.results import FitResult
@@ -30,8 +31,7 @@ def write_fit_report(
     fitted = np.array([p.fitted for p in result.parameters])
     count = len(request.method.parameters)
     motions = []
-    for take, is_held_out in _both(training, held_out):
-        recording = prepare(take)
+    for recording, is_held_out in _both(training, held_out):
         if request.engine != OWN:
             motions.append(_motion_of_engine(recording, is_held_out, request, np.stack([initial, fitted])))
             continue
@@ -57,14 +57,14 @@ def write_diagnosis_report(
 ) -> Path:
     """Write the report of a diagnosis, with the fit beside it where there is one, and return its path.
 
-    `before` is the model with default parameters, `after` the fit (or the base fit of the diagnosis), `with_effect` the
-    base model refitted with the effect that the verdict names.
+    Cloth moves under the pull that the diagnosis judges it under. `before` is the model with default parameters,
+    `after` the fit (or the base fit of the diagnosis), `with_effect` the base model refitted with the effect that the
+    verdict names.
     """
     motions = []
     is_named = bool(findings.diagnosis.named) and findings.best is not None
     off = amplitudes_of(findings.effects)
-    for take, is_held_out in _both(training, held_out):
-        recording = prepare(take)
+    for recording, is_held_out in _both(training, held_out):
         simulator = Simulator(recording, findings.effects, resolution=resolution)
         density = recording.garment.mass_kg / float(simulator.mesh.area)
         rows, amplitudes, names = [], [off, off], ["before", "after"]
@@ -78,17 +78,18 @@ def write_diagnosis_report(
             rows += list(findings.model.to_materials(findings.best.vector[None], density))
             amplitudes.append(findings.best.amplitudes)
             names.append("with_effect")
-        done = simulator.run(np.array(rows), np.array(amplitudes), shapes=True)
-        motions.append(
-            _motion(recording, is_held_out, simulator.mesh.triangles, done.points, done.shapes, tuple(names))
-        )
+        pull = findings.frequency
+        done = simulator.run(np.array(rows), np.array(amplitudes), observer_hz=pull, shapes=True)
+        shown = _motion(recording, is_held_out, simulator.mesh.triangles, done.points, done.shapes, tuple(names))
+        motions.append(replace(shown, pull_hz=pull))
     write_report(path, fit=fitted, diagnosis=findings.diagnosis, motions=motions)
     return path
 
 
-def _both(training: list[Take], held_out: list[Take]) -> list[tuple[Take, bool]]:
+def _both(training: list[Take], held_out: list[Take]) -> list[tuple[Recording, bool]]:
     """Held-out takes first: their errors are the ones that count."""
-    return [(t, True) for t in held_out] + [(t, False) for t in training]
+    train, test = prepare_together(training, held_out)
+    return [(r, True) for r in test] + [(r, False) for r in train]
 
 
 def _motion_of_engine(recording: Recording, is_held_out: bool, request: Request, vectors: Floats) -> ReportMotion:
@@ -108,7 +109,7 @@ def _motion(
             runs[name] = points[k]
             if shapes is not None:
                 runs["mesh_" + name] = shapes[k].astype(float)
-    return ReportMotion(
+    motion = ReportMotion(
         take_id=recording.take_id,
         is_held_out=is_held_out,
         time=recording.time,
@@ -116,5 +117,5 @@ def _motion(
         point_names=tuple(p.name for p in recording.garment.points),
         triangles=triangles.astype(np.int64),
         held=recording.held(recording.time).reshape(-1, 2, 3),
-        **runs,
     )
+    return replace(motion, **runs)  # type: ignore[arg-type]

@@ -1,7 +1,8 @@
 """Where the held edge really is: what is planted between the markers' path and the cloth.
 
     hanger_compliance   e'' + 2 zeta w e' + w^2 e = -a for the level parts only, w^2 = 1/c, zeta = 0.06, velocity Verlet
-    hanger_rotation     yaw and roll about the middle that the markers do not show, slow random courses of given rms
+    hanger_rotation     yaw and roll about the middle that the markers do not show, slow random courses of given rms;
+                        roll in the upright plane through the bar
     attachment_offset   a constant shift in the hanger's frame (along the bar, down, out)
     clip_slip           one end slides down when the hanger's acceleration is largest, d (1 - e^(-t / 40 ms))
     clip_slack          the ends are nearer to each other than measured
@@ -72,12 +73,16 @@ def _rotation(ends: Floats, planted: Planted, take: int) -> Floats:
 
 
 def turned(middle: Floats, arm: Floats, yaw: Floats, roll: Floats) -> Floats:
-    """Ends, (samples, 6), of a bar with this middle and half arm, (samples, 3), turned about z by yaw, then rolled."""
+    """Ends, (samples, 6), of a bar with this middle and half arm, (samples, 3), turned about z by yaw, then rolled.
+
+    It rolls in the upright plane through itself, about its level normal.
+    """
     c, s = np.cos(yaw), np.sin(yaw)
     x, y, z = c * arm[:, 0] - s * arm[:, 1], s * arm[:, 0] + c * arm[:, 1], arm[:, 2]
+    level = np.hypot(x, y)
     c, s = np.cos(roll), np.sin(roll)
-    x, z = c * x - s * z, s * x + c * z
-    arm = np.stack([x, y, z], 1)
+    share, z = c - s * z / level, s * level + c * z
+    arm = np.stack([share * x, share * y, z], 1)
     return np.concatenate([middle - arm, middle + arm], 1)
 
 

@@ -54,7 +54,8 @@ class Effect:
     components: ClassVar[tuple[str, ...]] = ("",)
     in_base: ClassVar[str] = ""
     brings: ClassVar[tuple[tuple[str, float], ...]] = ()
-    differs_by_solver: ClassVar[bool] = False  # sound solvers differ by as much: never named beside another effect
+    # Sound solvers differ by as much: beside another effect it is named only where it passes by itself.
+    differs_by_solver: ClassVar[bool] = False
     face_force: ClassVar[Callable[..., Any] | None] = None
     bends: ClassVar[bool] = False  # whether `rest_curvature` or `friction_moment` does anything
     adds_mass: ClassVar[bool] = False  # whether `added_mass` does anything
@@ -105,7 +106,7 @@ class Effect:
     @property
     def moves_edge(self) -> bool:
         """Whether it may move the tracked held edge against where the hanger's markers put it."""
-        return self.acts_on in ("boundary", "measurement")
+        return type(self).drive is not Effect.drive or type(self).observe is not Effect.observe
 
     @property
     def in_kernel(self) -> bool:

@@ -1,12 +1,14 @@
 """Hanger rotation: the cloth's held edge turns against the markers.
 
-    held_k(t) = m(t) + Rot_z(psi) Rot_y(phi) (measured_k(t) - m(t)),   psi = a_1 p_psi(t),  phi = a_2 p_phi(t)
+    held_k(t) = m(t) + Rot_n(phi) Rot_z(psi) (measured_k(t) - m(t))
+    psi = a_1 p_psi(t) / s_1,   phi = a_2 p_phi(t) / s_2
 
-about the middle m of the held edge: psi is yaw (about the vertical), phi roll (in the plane of the cloth). Their
-courses
-p are what the tracked points along the held edge show against the measured path (least squares of displacement on the
-place along the edge, through the same 6 Hz smoothing as the path), scaled to a root mean square of 1 rad, so that the
-amplitude is the rotation's root mean square. Points on the held edge measure the boundary and are not judged.
+about the middle m of the held edge: psi is yaw (about the vertical z), phi roll (about the level normal n of the edge,
+in the plane of the cloth that hangs from it). Their courses p [rad] are what the tracked points along the held edge
+show against the measured path (least squares of displacement on the place along the edge, through the same 6 Hz
+smoothing as the path). s is their root mean square over the takes that are fitted to, so that the amplitude is the
+rotation's there; takes that turn more or less do so by as much. Points on the held edge measure the boundary and are
+not judged.
 Source: small rotations, H. Goldstein, "Classical Mechanics" (1980), section 4.8.
 """
 
@@ -21,7 +23,7 @@ from fit.recording import Recording
 
 @dataclass(frozen=True)
 class HangerRotation(Effect):
-    """Yaw and roll of the held edge against the markers, root mean square over the take."""
+    """Yaw and roll of the held edge against the markers, root mean square over the takes that are fitted to."""
 
     name: ClassVar[str] = "hanger_rotation"
     title: ClassVar[str] = "a rotation of the hanger that was not captured"
@@ -39,14 +41,17 @@ class HangerRotation(Effect):
 
         def drive(instants: Floats) -> Floats:
             ends = path(instants).reshape(-1, 2, 3)
-            yaw, roll = (recording.edge_turn(instants) * amplitude).T
+            yaw, roll = (recording.edge_turn(instants) / recording.turn_rms * amplitude).T
             middle = ends.mean(1, keepdims=True)
             arm = ends - middle
             c, s = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
             x, y, z = arm[..., 0], arm[..., 1], arm[..., 2]
             x, y = c * x - s * y, s * x + c * y
+            level = np.stack([x[:, 1] - x[:, 0], y[:, 1] - y[:, 0]], 1)
+            level /= np.maximum(np.linalg.norm(level, axis=1, keepdims=True), 1e-9)
+            along = x * level[:, :1] + y * level[:, 1:]
             c, s = np.cos(roll)[:, None], np.sin(roll)[:, None]
-            x, z = c * x - s * z, s * x + c * z
-            return np.asarray((middle + np.stack([x, y, z], 2)).reshape(-1, 6))
+            along, z = c * along - s * z, s * along + c * z
+            return np.asarray((middle + np.stack([*along[None] * level.T[:, :, None], z], 2)).reshape(-1, 6))
 
         return drive

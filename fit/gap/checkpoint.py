@@ -9,6 +9,7 @@ import contextlib
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,8 @@ from fit.physics import other_than
 
 Floats = NDArray[np.float64]
 Key = dict[str, object]
+
+UNREADABLE = (OSError, ValueError, EOFError, BadZipFile)  # of a file that a power cut left empty or cut short
 
 
 class Checkpoint:
@@ -54,7 +57,7 @@ class Checkpoint:
         if self.folder is None:
             return make()
         # Fits that cannot be read are made again: it costs time and nothing else.
-        with contextlib.suppress(OSError, ValueError, KeyError):
+        with contextlib.suppress(*UNREADABLE, KeyError):
             return [_read(self.folder / f"{name}.npz") for name in names]
         found = make()
         for name, fitted in zip(names, found, strict=True):
@@ -66,8 +69,8 @@ class Checkpoint:
         if self.folder is None:
             return make()
         path = self.folder / f"{name}.npy"
-        with contextlib.suppress(OSError, ValueError):
-            return np.asarray(np.load(path), float)
+        with contextlib.suppress(*UNREADABLE), path.open("rb") as file:
+            return np.asarray(np.load(file), float)
         found = make()
         partial = path.with_suffix(".writing.npy")
         np.save(partial, found)
@@ -76,7 +79,7 @@ class Checkpoint:
 
 
 def _read(path: Path) -> Fitted:
-    with np.load(path) as kept:
+    with path.open("rb") as file, np.load(file) as kept:
         return Fitted(
             vector=kept["vector"], amplitudes=kept["amplitudes"], active=tuple(int(k) for k in kept["active"]),
             residual=kept["residual"], jacobian=kept["jacobian"], deviation=kept["deviation"],

@@ -32,7 +32,7 @@ from fit.gap.verdict import decide, passing_effects
 from fit.gap.where import find_where
 from fit.parameterisations import SI, Parameterisation
 from fit.physics import physics_version
-from fit.recording import Recording, prepare
+from fit.recording import Recording, prepare_together
 from fit.takes import check_together, content_of
 from formats.results import Cost, Diagnosis
 from formats.take import Take
@@ -82,7 +82,7 @@ def diagnose(
     check_together(training, held_out)
     rng = np.random.default_rng(seed)
     progress("reading takes", 0.0)
-    train, test = [prepare(t) for t in training], [prepare(t) for t in held_out]
+    train, test = prepare_together(training, held_out)
     found_gates = gate.data_gates(train, test)
     resolution = resolution or fine_enough(train[0])
     observer = Observer(train, model, effects, frequency=0.0, resolution=resolution)
@@ -138,7 +138,7 @@ def diagnose(
         gates=found_gates,
         cost=Cost(simulations=observer.simulations, seconds=clock.monotonic() - started),
         base_parameters=described.base_parameters(model, base),
-        notes=described.notes(len(training), len(held_out), observer),
+        notes=described.notes(len(training), len(held_out), observer, is_predictable=predictability.passed),
         alternatives=verdict.alternatives,
     )
     progress("done", 1.0)

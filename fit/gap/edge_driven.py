@@ -27,6 +27,7 @@ from fit.gap.hypotheses import Hypothesis, judged
 from fit.gap.observer import Observer
 from fit.recording import Recording, check_path
 from fit.smoothing import best_cut_off
+from formats.take import LONGEST_GAP
 
 Floats = NDArray[np.float64]
 
@@ -83,6 +84,9 @@ def driven_by_edge(recording: Recording) -> Recording | None:
     try:
         check_path(recording.take_id, recording.time[seen], ends)
     except DriveError:
+        return None
+    first, last = recording.time[seen][[0, -1]]
+    if max(first, recording.duration - last) > LONGEST_GAP:
         return None
     every = np.full((len(recording.time), 6), np.nan)
     every[seen] = ends

@@ -145,13 +145,12 @@ def base_parameters(model: Parameterisation, fitted: Fitted) -> list[FitParamete
     return described
 
 
-def notes(training: int, held_out: int, observer: Observer) -> list[str]:
+def notes(training: int, held_out: int, observer: Observer, *, is_predictable: bool) -> list[str]:
     """Say what a reader must know to judge the figures."""
-    how = (
-        f"Observer pull of {observer.frequency:g} Hz"
-        if observer.frequency
-        else "Free rollouts, predictable as they are"
+    free = (
+        "Free rollouts, predictable as they are" if is_predictable else "Free rollouts, which no pull makes predictable"
     )
+    how = f"Observer pull of {observer.frequency:g} Hz" if observer.frequency else free
     said = [
         f"{how}; mesh of {1e3 * observer.resolution.spacing:.0f} mm.",
         "Errors are root mean square distances of the tracked points that are not on the held edge; those on it tell "

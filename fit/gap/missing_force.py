@@ -14,6 +14,8 @@ R. Mojgani, A. Chattopadhyay, P. Hassanzadeh, "Discovery of interpretable struct
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -90,8 +92,7 @@ def _pull(observer: Observer, recording: Recording, vector: Floats, density: flo
     normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-12)
     height = np.array([p.at_m[1] for p in recording.garment.points])
     third = np.clip(3 * (height.max() - height) / max(np.ptp(height), 1e-9), 0, 2.999).astype(int)
-    free = third > 0  # the held edge cannot be pulled
-    chosen = recording.valid & (trust > 0) & free[None]
+    chosen: NDArray[Any] = recording.valid & (trust > 0) & recording.judged  # what the hanger holds cannot be pulled
     chosen[:3] = chosen[-3:] = False  # one-sided differences
     normal_speed = (velocity * normal).sum(2, keepdims=True)
     pressed = (acceleration * normal).sum(2, keepdims=True) * normal

@@ -84,9 +84,10 @@ def _bounce(t: Floats) -> Floats:
 
 MENU = (
     Motion("S0", "hold the hanger still for five seconds, three times, hanging the cloth anew each time", _still),
-    Motion("S1", "hang the cloth back to front and swing it face-on", _face_on, turned={"rest_curvature": (-1, -1)}),
-    Motion("S2", "hang the cloth upside down and swing it face-on", _face_on,
-           turned={"hem": (0,), "mass_distribution": (1, -1), "rest_curvature": (1, 1)}),
+    Motion("S1", "hang the cloth back to front and swing it face-on", _face_on,
+           turned={"mass_distribution": (-1, 1), "rest_curvature": (-1, -1)}),
+    Motion("S2", "turn the cloth upside down, its face still to the front, and swing it face-on", _face_on,
+           turned={"hem": (0,), "mass_distribution": (-1, -1), "rest_curvature": (1, 1)}),
     Motion("S3", "swing face-on at one pace, first 2 cm, then 6 cm, then 12 cm wide", _face_on),
     Motion("S4", "swing edge-on at one pace, first 2 cm, then 6 cm, then 12 cm wide", _edge_on),
     Motion("S5", "shake gently face-on, from slow to fast", _chirp),
@@ -111,7 +112,7 @@ def propose(observer: Observer, base: Fitted, alive: list[Hypothesis], weights: 
     inflation = _inflation(observer, base, now_c)
     best: tuple[float, Motion, float, float, tuple[int, int]] | None = None
     for motion in MENU:
-        imagined = observer.of([imagine(observer.recordings[0], motion)])
+        imagined = observer.of([followed(observer, imagine(observer.recordings[0], motion), base)])
         next_j, next_c = _imagined(imagined, base, alive, motion.turned)
         together = [np.concatenate(pair) for pair in zip(now_c, next_c, strict=True)]
         gain, top = 0.0, (-1.0, 0.0, 0.0, (0, 0))
@@ -157,18 +158,26 @@ def imagine(like: Recording, motion: Motion) -> Recording:
         )  # fmt: skip
         return np.concatenate([moved - turned, moved + turned], 1)
 
-    places = np.array([p.at_m for p in like.garment.points])
-    top = np.array(like.garment.outline_m)[:, 1].max()
-    hung = middle + places[:, :1] * across + np.stack([0 * places[:, 1], 0 * places[:, 1], places[:, 1] - top], 1)
+    places = np.array([p.at_m for p in like.garment.points]) - np.mean(like.garment.outline_m[:2], axis=0)
+    hung = middle + places[:, :1] * across + places[:, 1:] * [0.0, 0.0, 1.0]
     points = np.repeat(hung[None], len(time), 0)
     still = tuple(lambda instants, at=at: np.tile(np.concatenate([at, np.zeros(3)]), (len(instants), 1)) for at in hung)
     return Recording(
         take_id=motion.id, garment=like.garment, time=time, points=points, valid=np.ones(points.shape[:2], bool),
         point_sd=like.point_sd, held_sd=like.held_sd, held=held, held_seen=held(time),
         held_cut_off=like.held_cut_off, target_curves=still,
-        edge_turn=lambda instants: np.zeros((len(instants), 2)),
+        edge_turn=lambda instants: np.zeros((len(instants), 2)), turn_rms=like.turn_rms,
         slip_at=HeldEdge(time, np.zeros((len(time), 0, 3)), np.zeros(0), held).slip_at(), judged=like.judged,
+        held_error=like.held_error, offset_sd=like.offset_sd,
     )  # fmt: skip
+
+
+def followed(observer: Observer, recording: Recording, base: Fitted) -> Recording:
+    """Return an imagined recording whose points are where the base model would have them, for the pull to draw to."""
+    if observer.frequency == 0.0:
+        return recording
+    (points,) = observer.of([recording]).trajectories(base.vector[None], observer.off[None], frequency=0.0)
+    return recording.with_points(points[0]) if np.isfinite(points).all() else recording
 
 
 def _rows(observer: Observer, alive: list[Hypothesis], turned: dict[str, tuple[float, ...]]) -> list[Floats]:

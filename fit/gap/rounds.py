@@ -106,8 +106,11 @@ class Rounds:
         again = self._by_edge(list(self.singles.values()), numerics)
         self.singles = dict(zip(self.singles, again, strict=True))
 
-    def _by_edge(self, found: list[Hypothesis], numerics: float) -> list[Hypothesis]:
-        """Return hypotheses, fitted again where the held edge disputes their amplitudes."""
+    def _by_edge(self, found: list[Hypothesis], numerics: float, came: str = "") -> list[Hypothesis]:
+        """Return hypotheses, fitted again where the held edge disputes their amplitudes.
+
+        came: where the hypotheses came from, for the names under which new fits are kept
+        """
         if not self.observer.layout.is_edge.any():
             return found
         trust, without = trust_in_edge(self.observer, numerics), self.base.fitted.residual
@@ -119,7 +122,7 @@ class Rounds:
         ]
         if not again:
             return found
-        names = [f"{self._name(task.active)}-by-edge" for _, task in again]
+        names = [f"{self._name(task.active)}{came}-by-edge" for _, task in again]
         made = self.kept.recall(names, partial(fit, self.observer, [task for _, task in again]))
         settled = list(found)
         for (n, task), fitted in zip(again, made, strict=True):
@@ -192,7 +195,7 @@ class Rounds:
             if len(found.effects) == MOST_EFFECTS:
                 self._drop_idle(found, p_value, numerics)
             if len(found.effects) == 2:
-                self._each_alone(found)
+                self._each_alone(found, numerics)
                 if not self._is_needed(best_of(self.observer, self.singles)[0], found, floor):
                     return
             best, starts = found, [found]
@@ -242,10 +245,11 @@ class Rounds:
         (fitted,) = self.kept.recall([name], partial(fit, self.observer, [task]))
         self.joint = [(Hypothesis(kept, fitted, judged(self.judge, fitted)), p_value)]
 
-    def _each_alone(self, pair: Hypothesis) -> None:
+    def _each_alone(self, pair: Hypothesis, numerics: float) -> None:
         """Fit each of two effects without the other from where both ended, and keep what fits better than before.
 
-        One that was refitted into a poor valley alone may need no other from there.
+        One that was refitted into a poor valley alone may need no other from there. What the held edge disputes is
+        fitted with the edge's size, as before.
         """
         columns, both = self.observer.columns, pair.fitted
         amplitudes = {
@@ -256,10 +260,12 @@ class Rounds:
             Task(both.vector, row, (k,), iterations=POLISHING, known_cost=before[k]) for k, row in amplitudes.items()
         ]
         names = [f"{self._name((k,))}-of-{self._name(pair.effects)}" for k in pair.effects]
-        alone = self.kept.recall(names, partial(fit, self.observer, tasks))
-        for k, fitted in zip(pair.effects, alone, strict=True):
-            if k not in self.singles or fitted.cost < self.singles[k].fitted.cost:
-                self.singles[k] = Hypothesis((k,), fitted, judged(self.judge, fitted))
+        made = self.kept.recall(names, partial(fit, self.observer, tasks))
+        found = [Hypothesis(one.active, one, judged(self.judge, one)) for one in made]
+        for alone in self._by_edge(found, numerics, f"-of-{self._name(pair.effects)}"):
+            (k,) = alone.effects
+            if k not in self.singles or alone.fitted.cost < self.singles[k].fitted.cost:
+                self.singles[k] = alone
 
     def _better_of_twins(self, pair: Hypothesis, p_value: float) -> tuple[Hypothesis, float]:
         """Return two effects, or what leaves less with a twin, which looks like it alone, in the place of one of them.
@@ -279,6 +285,8 @@ class Rounds:
     def _twins(self, effect: int, kept: int) -> tuple[int, ...]:
         """Effects that look like one of two, beside the other one where that was screened, or else alone."""
         screened = self.beside.get(kept, self.screened)
+        if effect not in screened.effects:  # what is not looked for beside another one was a start
+            screened = self.screened
         alike = np.abs(screened.cosines[screened.effects.index(effect)]) > GROUP_COSINE
         found = zip(screened.effects, alike, strict=True)
         return tuple(k for k, like in found if like and k not in (effect, kept))

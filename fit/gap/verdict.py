@@ -250,6 +250,9 @@ def _several(evidence: Evidence, passing: list[int]) -> Hypothesis | None:
         closes = is_certain and is_enough and is_left and low * high > 0
         is_needed = (closes or is_shown) and _adds_to_told(evidence, hypothesis, gap)
         is_needed = is_needed and not puts_edge_off(evidence.base, before, hypothesis)
+        is_needed = is_needed and not any(
+            evidence.observer.effects[k].differs_by_solver and k not in passing for k in hypothesis.effects
+        )
         if not may_be_added(evidence.observer, hypothesis, p_value) or not is_needed:
             break
         accepted = before = hypothesis

@@ -36,8 +36,11 @@ def verdict(fit: FitResult | None, diagnosis: Diagnosis | None) -> str:
 
 
 def named(diagnosis: Diagnosis) -> str:
-    """Return what a diagnosis names, in words."""
-    return " and ".join(name.replace("_", " ") for name in diagnosis.named) or "the best effect"
+    """Return what the figures with effects are of, in words: of effects that cannot be told apart, the first."""
+    names = [name.replace("_", " ") for name in diagnosis.named]
+    if diagnosis.verdict == "ambiguous":
+        return f"{names[0]} (as one of {len(names)})"
+    return " and ".join(names) or "the best effect"
 
 
 def _gap_figures(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:

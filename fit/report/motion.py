@@ -38,6 +38,7 @@ class ReportMotion:
     mesh_before, mesh_after, mesh_with_effect [m], (frames, vertices, 3): the simulated cloth of the same runs, or None
     triangles, (triangles, 3): indices of vertices
     held [m], (frames, 2, 3): the two ends of the held edge, left first
+    pull_hz: natural frequency of the pull that drew the simulated cloth to the real points, 0 where it moved freely
     """
 
     take_id: str
@@ -52,6 +53,7 @@ class ReportMotion:
     mesh_after: Floats | None = None
     mesh_with_effect: Floats | None = None
     triangles: NDArray[np.int64] | None = None
+    pull_hz: float = 0.0
     held: Floats | None = None
 
     def __post_init__(self) -> None:

@@ -68,12 +68,18 @@ def player(motions: Sequence[ReportMotion], shown: int, note: str) -> str:
         _press("cloth", kind, label)
         for kind, label in (("error", "By error"), ("shaded", "Shaded"), ("wire", "Wire"), ("none", "Off"))
     )
+    pull = max(motion.pull_hz for motion in motions[:shown])
+    drawn = (
+        f"These takes cannot be predicted for long: the simulated cloth is drawn weakly to the real points (pull of "
+        f"{pull:g} Hz), here as in the figures above."
+    )
+    pulled = f'<p class="lead">{drawn}</p>' if pull else ""
     legend = (
         '<ul class="legend"><li style="--swatch:var(--real)">filled dots: real points</li>'
         '<li class="is-striped" style="--swatch:var(--after)">open squares: simulated points</li>'
         '<li class="is-line" style="--swatch:var(--real)">lines: the error between them</li></ul>'
     )
-    body = f"""<div class="player" id="player">
+    body = f"""{pulled}<div class="player" id="player">
 <div class="controls">{choice}{_group("Simulation", run_buttons)}</div>
 <canvas tabindex="0" role="img" aria-label="Real points and simulated cloth; drag to turn. Space plays, the arrow
  keys step, shift and arrow keys turn, F and S show front and side, plus and minus zoom."></canvas>

@@ -182,6 +182,12 @@ def test_a_hidden_rotation_has_its_rms_and_leaves_the_middle():
     assert (moved[:, :3] + moved[:, 3:]) == pytest.approx(ends[:, :3] + ends[:, 3:], abs=1e-12)
 
 
+def test_a_bar_that_lies_to_the_sensor_rolls_in_the_upright_plane_too():
+    arm = np.tile([0.0, 0.2, 0.0], (3, 1))
+    moved = boundary.turned(0 * arm, arm, np.zeros(3), np.full(3, 0.05))
+    assert moved[0] == pytest.approx(0.2 * np.array([0, -np.cos(0.05), -np.sin(0.05), 0, np.cos(0.05), np.sin(0.05)]))
+
+
 def test_a_null_has_stiffness_and_linear_damping_and_nothing_else():
     truth = a_truth(kind="null")
     cloth = with_plants(Cloth(width=0.4, height=0.4), truth.planted)

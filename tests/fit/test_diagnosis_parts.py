@@ -20,8 +20,8 @@ from fit.gap.diagnosis import diagnose, fine_enough
 from fit.gap.fitting import Fitted, Task, amplitude_of, fit
 from fit.gap.floor import neighbour_noise
 from fit.gap.hypotheses import Hypothesis, shortlist
-from fit.gap.missing_force import sentence_of
-from fit.gap.next_experiment import MENU, imagine, propose
+from fit.gap.missing_force import find_missing_force, sentence_of
+from fit.gap.next_experiment import MENU, followed, imagine, propose
 from fit.gap.numerics import motion_mm
 from fit.gap.observer import Observer
 from fit.gap.rounds import Rounds
@@ -387,3 +387,51 @@ def test_frames_that_repeat_are_found_whatever_is_hidden(hidden, times):
     gate = next(g for g in gates.data_gates([prepare(held)], []) if g.name == "repeated frames")
     assert gate.passed == (times == 1)
     assert gate.figure == pytest.approx(100 * (1 - 1 / times), abs=1.0)
+
+
+def test_kept_fits_that_a_power_cut_left_empty_or_cut_short_are_made_again(tmp_path):
+    kept = Checkpoint(tmp_path / "p", {})
+    one = Fitted(np.ones(1), np.zeros(1), (), np.ones(2), np.ones((2, 1)), np.ones(1), True)
+    assert kept.recall(["fit"], lambda: [one])[0] is one
+    assert kept.recall_places("places", lambda: np.ones((2, 3))).shape == (2, 3)
+    whole = (tmp_path / "p/fit.npz").read_bytes()
+    for damaged in (b"", whole[:100], whole[:-30]):
+        (tmp_path / "p/fit.npz").write_bytes(damaged)
+        (tmp_path / "p/places.npy").write_bytes(damaged)
+        assert kept.recall(["fit"], lambda: [one])[0] is one
+        assert kept.recall_places("places", lambda: np.zeros((1, 3))).shape == (1, 3)
+
+
+def test_the_missing_force_is_seen_in_the_top_third_as_well():
+    """Of 25 points the 5 on the edge cannot be pulled; the top third has 5 more."""
+    recording = prepare(a_take())
+    observer = Observer([recording], SI, (), frequency=0.0, resolution=COARSE)
+    found = find_missing_force(observer, truth_vector())
+    assert found.spatial_share["top"] > 0.0
+    assert len(found.places) == 20
+
+
+def test_the_next_recording_is_imagined_of_cloth_that_follows_the_hanger():
+    """Under a pull to where the base model has it; pulled to a cloth that stands still it would hardly move."""
+    observer = Observer([prepare(a_take())], SI, (), frequency=2.0, resolution=COARSE)
+    swung = next(m for m in MENU if m.id == "S3")
+    base = SimpleNamespace(vector=truth_vector())
+    imagined = followed(observer, imagine(observer.recordings[0], swung), base)
+    under = observer.of([imagined])
+    (pulled,) = under.trajectories(truth_vector()[None], observer.off[None])
+    assert np.abs(pulled[0] - imagined.points).max() < 5e-3
+    assert np.ptp(imagined.points[:, -1, 1]) > 0.2
+
+
+def test_an_outline_may_begin_anywhere():
+    """Moved by 0.3 m in its own plane, the garment hangs from the same place."""
+    recording = prepare(a_take())
+    garment = recording.garment
+    aside = msgspec.structs.replace(
+        garment, outline_m=tuple((x + 0.3, y - 0.1) for x, y in garment.outline_m),
+        points=tuple(msgspec.structs.replace(p, at_m=(p.at_m[0] + 0.3, p.at_m[1] - 0.1)) for p in garment.points),
+    )  # fmt: skip
+    moved = dataclasses.replace(recording, garment=aside, offset_sd=0.002, held_error=0.004)
+    one, other = (imagine(r, MENU[3]) for r in (recording, moved))
+    assert other.points == pytest.approx(one.points)
+    assert (other.offset_sd, other.held_error) == (0.002, 0.004)

@@ -53,7 +53,7 @@ def test_frames_that_show_too_little_of_the_edge_are_bridged():
     assert np.abs(apart - ASTRAY).max() < 0.002
 
 
-@pytest.mark.parametrize("gone", [slice(30, 50), slice(10, 90)])
+@pytest.mark.parametrize("gone", [slice(30, 50), slice(10, 90), slice(0, 20), slice(70, 90)])
 def test_an_edge_that_is_lost_for_long_tells_no_path(gone):
     def hide(points):
         points[gone, :5] = np.nan

@@ -62,7 +62,7 @@ def test_twins_of_two_effects_are_not_forgotten_over_a_third_that_is_tried(monke
 
     monkeypatch.setattr(Rounds, "_with_another", with_another)
     monkeypatch.setattr(Rounds, "_polished", lambda self, joint: joint)
-    monkeypatch.setattr(Rounds, "_each_alone", lambda self, pair: None)
+    monkeypatch.setattr(Rounds, "_each_alone", lambda self, pair, numerics: None)
     search.further_rounds(5.0, 0.1)
     assert [len(h.effects) for h, _ in search.joint] == [2, 3]
     assert [tuple(names[k] for k in h.effects) for h in search.instead] == [("air_drag", "filter_lag")]
@@ -137,7 +137,7 @@ def test_what_the_held_edge_shows_is_fitted_on_though_it_closes_little(monkeypat
     monkeypatch.setattr(Rounds, "_with_another", with_another)
     monkeypatch.setattr(Rounds, "_polished", lambda self, joint: polished.append(joint) or joint)
     monkeypatch.setattr(Rounds, "_better_of_twins", lambda self, found, p_value: (found, p_value))
-    monkeypatch.setattr(Rounds, "_each_alone", lambda self, found: None)
+    monkeypatch.setattr(Rounds, "_each_alone", lambda self, found, numerics: None)
     search.further_rounds(5.0, 0.1)
     assert (len(polished) == 1) == goes_on
 
@@ -171,7 +171,7 @@ def test_each_of_two_is_fitted_alone_from_where_both_ended_and_kept_where_that_i
 
     monkeypatch.setattr(rounds, "fit", fit)
     monkeypatch.setattr(rounds, "judged", lambda judge, fitted: errors(6.0))
-    search._each_alone(pair)
+    search._each_alone(pair, 0.1)
     drag, hem = pair.effects
     assert [task.active for task in asked] == [(drag,), (hem,)]
     for task in asked:
@@ -194,7 +194,7 @@ def test_a_third_effect_is_looked_for_where_two_are_needed_after_each_was_fitted
         tried.append(len(start.effects))
         return [(pair, 0.01)] if len(start.effects) == 1 and chosen is None else []
 
-    def each_alone(self, found):
+    def each_alone(self, found, numerics):
         self.singles[found.effects[0]] = with_cost(hypothesis(("air_drag",), alone), 10.0)
 
     monkeypatch.setattr(Rounds, "_with_another", with_another)
@@ -252,3 +252,40 @@ def test_what_is_left_with_nothing_to_do_beside_later_effects_is_dropped(monkeyp
     assert tuple(names[k] for k in last.effects) == (kept or ("air_drag", "filter_lag", "hem"))
     assert len(asked) == (1 if kept else 0)
     assert all(not task.amplitudes[drag].any() and task.amplitudes.any() for task in asked)
+
+
+def test_alone_as_well_the_held_edge_says_how_large_its_effect_is(monkeypatch):
+    """Fitted freely alone slack clips cost less than with the edge's size: that is no better fit."""
+    search = a_search((12.0, 100.0), {"clip_slack": (8.0, 30.0)})
+    (slack,) = search.singles
+    by_edge = dataclasses.replace(search.singles[slack].fitted, is_by_edge=True)
+    search.singles[slack] = dataclasses.replace(search.singles[slack], fitted=by_edge)
+    pair = hypothesis(("clip_slack", "hem"), 5.5)
+    search.judge, search.kept = None, Checkpoint(None, {})
+    costs = {slack: 20.0, pair.effects[1]: 40.0}
+    names = {slack: "clip_slack", pair.effects[1]: "hem"}
+
+    def fit(observer, tasks):
+        return [with_cost(hypothesis((names[t.active[0]],), 6.0), costs[t.active[0]]).fitted for t in tasks]
+
+    def put_by_edge(self, found, numerics, came):
+        assert came == "-of-clip_slack+hem"
+        return [with_cost(h, 35.0) if h.effects == (slack,) else h for h in found]
+
+    monkeypatch.setattr(rounds, "fit", fit)
+    monkeypatch.setattr(rounds, "judged", lambda judge, fitted: errors(6.0))
+    monkeypatch.setattr(Rounds, "_by_edge", put_by_edge)
+    search._each_alone(pair, 0.1)
+    assert search.singles[slack].fitted is by_edge
+    assert search.singles[pair.effects[1]].fitted.cost == pytest.approx(40.0)
+
+
+def test_what_was_a_start_and_is_not_looked_for_beside_others_has_the_twins_it_has_alone():
+    """Anisotropy is left out where effects are looked for beside drag."""
+    names = [e.name for e in LIBRARY]
+    drag, hem, ratio = (names.index(n) for n in ("air_drag", "hem", "anisotropy"))
+    search = a_search((12.0, 100.0), {})
+    cosines = np.array([[1.0, 0.1, 0.2], [0.1, 1.0, 0.99], [0.2, 0.99, 1.0]])
+    search.screened = SimpleNamespace(effects=(drag, hem, ratio), cosines=cosines)
+    search.beside = {drag: SimpleNamespace(effects=(hem,), cosines=np.eye(1))}
+    assert search._twins(ratio, drag) == (hem,)

@@ -79,3 +79,8 @@ def test_a_shirt_goes_all_the_way_from_the_camera_to_a_fit(tmp_path):
     result = load_fit_result(tmp_path / "out" / "fit.json")
     assert result.error.train_after.mean_m < result.error.train_before.mean_m
     assert (tmp_path / "out" / "report.html").stat().st_size > 10_000
+
+
+def test_the_sleeve_tips_of_a_shirt_that_hangs_by_its_shoulders_are_cloth(take):
+    """They are the highest points that are tracked, 12 cm below the shoulders."""
+    assert prepare(take).judged.all()

@@ -316,6 +316,13 @@ def test_what_comes_nearest_and_leaves_too_much_is_told_with_what_it_leaves(give
     assert "more than it would as the cause" in found.sentence
 
 
+@pytest.mark.parametrize(("alone", "verdict"), [(11.4, "effect"), (6.5, "several")])
+def test_what_sound_solvers_differ_by_is_named_beside_another_only_where_it_passes_by_itself(alone, verdict):
+    """Of 119 mm^2 anisotropy closes 14, less than a quarter, or 102; of the 6 that drag leaves it closes 4."""
+    evidence = evidence_of({"anisotropy": alone, "air_drag": 5.6}, joint=[(("air_drag", "anisotropy"), 5.2)])
+    assert decide(evidence, LIBRARY).verdict == verdict
+
+
 @pytest.mark.parametrize(("mesh", "verdict"), [(6.0, "unknown"), (8.0, "numerics")])
 def test_a_gap_that_nothing_explains_and_that_may_mostly_be_the_meshs_own_error_asks_for_a_finer_one(mesh, verdict):
     """A gap of 12^2 - 5^2 = 119 mm^2, half of it is 7.7^2; of 8 mm the mesh's own 8 are above noise of 5."""

@@ -11,6 +11,7 @@ from differences of a twentieth of the box, wider than the ripples that folds ma
 
 from __future__ import annotations
 
+import functools
 import json
 import time as clock
 from collections.abc import Callable, Iterator
@@ -57,13 +58,14 @@ LAYERED = (
 
 
 class Model:
-    """Simulators of some takes for vectors of a request's parameters."""
+    """Simulators of some takes for vectors of a request's parameters; is_fitted: whether they are fitted to."""
 
-    def __init__(self, recordings: list[Recording], request: Request) -> None:
+    def __init__(self, recordings: list[Recording], request: Request, *, is_fitted: bool = True) -> None:
         self.recordings, self.request = recordings, request
         for recording in recordings:
             check_geometry(recording)
-        self.objectives = [request.method.objective(r) for r in recordings]  # refuses bad takes before simulating
+        # The method's own error refuses takes that it cannot be taken of before anything is simulated.
+        self.objectives = [request.method.objective(r) for r in recordings] if is_fitted else []
         make = find_engine(request.engine)
         self.engines = [make(r, request.method, request.effects, request.resolution) for r in recordings]
 
@@ -100,6 +102,15 @@ class Model:
         """The same of simulated points [m], (candidates, frames, points, 3) a take."""
         by_take = [objective.total(o, p) for o, p in zip(self.objectives, points, strict=True)]
         return np.asarray(np.mean(by_take, axis=0))
+
+    @functools.cached_property
+    def error_before(self) -> ErrorFigure:
+        """Mean distance of the points with the initial parameters.
+
+        Raises:
+            BlowUpError: a take whose simulation does not stay finite.
+        """
+        return self.error(np.array([p.initial for p in self.request.parameters]))
 
     def objective_figure(self, initial: Floats, fitted: Floats) -> ObjectiveFigure:
         """The objective and its parts before and after."""
@@ -159,9 +170,11 @@ def calibrate(
     started = clock.monotonic()
     train, test = prepare_together(training, held_out)
     model = Model(train, request)
-    judge = Model(test, request) if test else None
+    judge = Model(test, request, is_fitted=False) if test else None
+    if judge is not None:
+        judge.error_before  # noqa: B018  # a take that blows up is refused before the search
     run = _least_squares if request.search in OBSERVED else _ask_and_tell
-    found = run(model, request, checkpoint, _key(training, request), progress)
+    found = run(model, request, checkpoint, _key(training, model), progress)
     return _result(training, held_out, request, model, judge, found, clock.monotonic() - started)
 
 
@@ -256,13 +269,14 @@ def _least_squares(
     return _Found(found.vector, found.intervals, history, simulations)
 
 
-def _key(training: list[Take], request: Request) -> dict[str, object]:
+def _key(training: list[Take], model: Model) -> dict[str, object]:
+    request = model.request
     return {
         "takes": [content_of(t) for t in training], "method": request.method.name, "seed": request.seed,
         "search": request.search,
         "effects": [e.name for e in request.effects], "spacing": request.resolution.spacing,
         "bounds": [list(b) for b in request.bounds], "initial": [p.initial for p in request.parameters],
-        "engine": request.engine, "physics": physics_version(),
+        "engine": request.engine, "engine_version": model.engines[0].version, "physics": physics_version(),
     }  # fmt: skip
 
 
@@ -337,9 +351,9 @@ def _result(
         seed=request.seed,
         parameters=described,
         error=FitErrors(
-            train_before=model.error(initial),
+            train_before=model.error_before,
             train_after=model.error(best),
-            held_out_before=judge.error(initial) if judge else None,
+            held_out_before=judge.error_before if judge else None,
             held_out_after=judge.error(best) if judge else None,
         ),
         effects={

@@ -50,8 +50,8 @@ def fit_command(
         typer.Option(
             "--method",
             help="kinect-skirt: the paper's six Blender parameters; mocap-swatch: five parameters and the error E for "
-            "a swatch with a grid of markers; both also with -weighed: the weight known; si: physical units; si-sewn: "
-            "the same for garments with sleeves and hems.",
+            "a swatch with a grid of markers; both also with -weighed: the weight known; si: physical units; lean: "
+            "si without shear and bending damping; si-sewn: si for garments with sleeves and hems.",
         ),
     ] = "kinect-skirt",
     fabric: Annotated[
@@ -85,7 +85,10 @@ def fit_command(
         ),
     ] = 350,
     gamma: Annotated[
-        float | None, typer.Option("--gamma", help="Factor gamma of the acceptance [1/m].", show_default="1e5")
+        float | None,
+        typer.Option(
+            "--gamma", help="Factor gamma of the acceptance [1/m].", show_default="1e5; mocap-swatch 1e4 per E/N"
+        ),
     ] = None,
     out: Out = Path("fit"),
     spacing: Annotated[
@@ -128,16 +131,16 @@ def fit_command(
 
     try:
         result = calibrate(training, testing, request, checkpoint=checkpoint, progress=show)
+        progress.end()
+        save_fit_result(out / "fit.json", result)
+        report = write_fit_report(out / "report.html", result, training, testing, request)
     except KeyboardInterrupt:
         progress.end()
         is_kept = checkpoint.exists()
         kept = f"the search is kept in {checkpoint}. The same command goes on." if is_kept else "nothing is kept."
         typer.echo(f"Interrupted; {kept}", err=True)
         raise typer.Exit(130) from None
-    progress.end()
-    save_fit_result(out / "fit.json", result)
-    checkpoint.unlink(missing_ok=True)
-    report = write_fit_report(out / "report.html", result, training, testing, request)
+    checkpoint.unlink(missing_ok=True)  # not before the report is there: the same command then goes on
     typer.echo(_table(result))
     typer.echo(f"Fit result: {out / 'fit.json'}\nReport:     {report}")
 

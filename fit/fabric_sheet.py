@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fit.cloth.material import NAMES
 from fit.engines import OWN
 from fit.errors import FitError
 from fit.fabric_ranges import QUANTILES, TEN, range_of_ten, share_below
@@ -22,7 +23,7 @@ def sheet_of(result: FitResult) -> str:
             f"this fit is of {result.engine}'s cloth, whose numbers are not properties of a fabric",
             advice="fit with the engine own",
         )
-    if not result.material:
+    if not set(NAMES) <= result.material.keys():
         raise FitError("the fit result does not hold its material", advice="it is from an older version: fit again")
     sheet = make_sheet(result.material, result.effects.get(FRICTION, 0.0))
     head = f"{'quantity':<30}{'unit':<14}{'warp':>9}{'weft':>9}   {'ten fabrics':<18}618 fabrics"

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fit.cloth.mesh import FINEST
 from fit.cloth.simulator import Resolution
 from fit.effects import find_effects
 from fit.effects.base import Effect
@@ -87,7 +88,7 @@ def request_of(
 
     Raises:
         FitError: an unknown effect, engine or search; an effect twice or one that the method has; a gamma that is not
-            above 0; bounds that are crossed, malformed, of no parameter or beyond
+            above 0; a mesh that is too fine; bounds that are crossed, malformed, of no parameter or beyond
             its range.
     """
     if check_search(search) in OBSERVED and engine != OWN:
@@ -109,6 +110,7 @@ def request_of(
     find_engine(engine)
     _check_effects(method, request.effects)
     _check_gamma(request.settings.gamma)
+    _check_spacing(spacing)
     known = {p.name: p for p in request.parameters}
     return replace(request, bounds=tuple(_read_bounds(text, known) for text in bounds or []))
 
@@ -124,6 +126,14 @@ def _check_effects(method: Parameterisation, effects: tuple[Effect, ...]) -> Non
                 where="--effect",
                 advice=f"leave {effect.name} out; --bounds {effect.in_base}=LOW:HIGH narrows it",
             )
+
+
+def _check_spacing(spacing: float) -> None:
+    if not (math.isfinite(spacing) and spacing >= FINEST):
+        raise FitError(
+            f"a mesh spacing of {spacing:g} m cannot be simulated", where="--spacing",
+            advice=f"give {FINEST:g} m or more, for example 0.05",
+        )  # fmt: skip
 
 
 def _check_gamma(gamma: float) -> None:

@@ -45,7 +45,7 @@ def gather_commands() -> list[str]:
 
 
 def main() -> None:
-    """Run the command line; a HangtimeError becomes one sentence on stderr and exit code 2."""
+    """Run the command line; a HangtimeError becomes one sentence on stderr and its exit code."""
     absent = gather_commands()
     if absent:
         app.info.epilog = "Not available here: " + ", ".join(absent)
@@ -53,7 +53,7 @@ def main() -> None:
         app()
     except HangtimeError as error:
         print(f"hangtime: {error}", file=sys.stderr)
-        sys.exit(2)
+        sys.exit(error.exit_code)
     except BrokenPipeError:
         sys.exit(141)
 

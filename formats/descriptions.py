@@ -23,6 +23,7 @@ DEPTH_SCALES = 0.8, 1.25  # measured over true depth; farther off, a distance wa
 LARGEST_OFFSET = 30.0  # px between depth and colour; PrimeSense's unregistered images differ by up to this at 0.8 m
 LEVEL = 0.01  # m by which another side may lie wholly higher than the held edge's lower end: flat cloth is laid by hand
 CONTROL = re.compile(r"[\x00-\x1f\x7f]")  # what a TOML string may not hold as it is, https://toml.io/en/v1.0.0#string
+TOUCHING = 1e-5  # m within which corners and sides are in one place: no mesh fits between
 ON_OUTLINE = 2e-3  # m by which a tracked point may lie outside the outline
 
 
@@ -125,8 +126,12 @@ def check_garment(garment: Garment, where: object) -> None:
         refuse("outline_m has a number that is not finite")
     if garment.area_m2 < 1e-4:
         refuse(f"outline_m encloses hardly any area ({garment.area_m2:.2g} m2)")
+    if (twice := _corner_twice(outline)) is not None:
+        refuse(f"outline_m has the corner {twice} twice: leave one out; the last corner is joined to the first anyway")
     if _crosses_itself(outline):
         refuse("outline_m crosses itself: list the corners in order, from the top left clockwise")
+    if (touched := _touches_itself(outline)) is not None:
+        refuse(f"outline_m touches itself at its corner {touched}: cloth needs some width there")
     _check_held_edge(garment, refuse)
     _check_version_2(garment, outline, refuse)
     names = garment.point_names
@@ -163,10 +168,19 @@ def _check_version_2(garment: Garment, outline: np.ndarray[Any, Any], refuse: Ca
         hole = np.array(corners, float)
         if len(hole) < 3 or not np.isfinite(hole).all() or _crosses_itself(hole):
             refuse(f"holes_m: hole {number} needs 3 corners or more, in order round it")
+        if _corner_twice(hole) is not None or _touches_itself(hole) is not None:
+            refuse(f"holes_m: hole {number} touches itself, or has a corner twice")
         if any(_distance_outside(corner, outline) > 0 for corner in hole) or _meet(hole, outline):
             refuse(f"holes_m: hole {number} is not inside the outline")
+        if _touch(hole, outline):
+            refuse(f"holes_m: hole {number} touches the outline: cut it out of the outline instead")
         for other in (np.array(before, float) for before in garment.holes_m[: number - 1]):
-            if _meet(hole, other) or _distance_outside(hole[0], other) == 0 or _distance_outside(other[0], hole) == 0:
+            if (
+                _touch(hole, other)
+                or _meet(hole, other)
+                or _distance_outside(hole[0], other) == 0
+                or _distance_outside(other[0], hole) == 0
+            ):
                 refuse(f"holes_m: hole {number} overlaps another one")
         for point in garment.points:
             if _distance_outside(np.array(point.at_m), hole) == 0:
@@ -176,6 +190,37 @@ def _check_version_2(garment: Garment, outline: np.ndarray[Any, Any], refuse: Ca
             refuse(f"seams: {list(pair)} are not neighbouring corners of the outline, clockwise, counted from 0")
     if not -90 <= garment.grain_degrees <= 90:
         refuse(f"grain_degrees must be between -90 and 90 (got {garment.grain_degrees:g})")
+
+
+def _corner_twice(polygon: np.ndarray[Any, Any]) -> list[float] | None:
+    """Return a corner of a polygon that is there twice."""
+    apart = np.linalg.norm(polygon[:, None] - polygon[None], axis=2) + np.eye(len(polygon))
+    return None if apart.min() > TOUCHING else [float(x) for x in polygon[int(apart.min(0).argmin())]]
+
+
+def _touches_itself(polygon: np.ndarray[Any, Any]) -> list[float] | None:
+    """Return a corner of a polygon that lies on one of its sides that does not end there."""
+    count = len(polygon)
+    for k, corner in enumerate(polygon):
+        others = [(polygon[i], polygon[(i + 1) % count]) for i in range(count) if k not in (i, (i + 1) % count)]
+        if any(_distance_to_side(corner, *side) < TOUCHING for side in others):
+            return [float(x) for x in corner]
+    return None
+
+
+def _touch(one: np.ndarray[Any, Any], other: np.ndarray[Any, Any]) -> bool:
+    """Whether a corner of one polygon lies on a side of the other."""
+    return any(
+        _distance_to_side(corner, a, b) < TOUCHING
+        for corners, sides in ((one, other), (other, one))
+        for corner in corners
+        for a, b in zip(sides, np.roll(sides, -1, axis=0), strict=True)
+    )
+
+
+def _distance_to_side(place: np.ndarray[Any, Any], a: np.ndarray[Any, Any], b: np.ndarray[Any, Any]) -> float:
+    share = float(np.clip((place - a) @ (b - a) / max(float((b - a) @ (b - a)), 1e-18), 0, 1))
+    return float(np.linalg.norm(place - a - share * (b - a)))
 
 
 def _crosses_itself(outline: np.ndarray[Any, Any]) -> bool:

@@ -1,6 +1,6 @@
 """Every error that a user of Hangtime can act on.
 
-HangtimeError                 says what, where, and what to do next; the command line exits with 2
+HangtimeError                 says what, where, and what to do next; the command line exits with its `exit_code`, 2
   +-- DescriptionError        a rig or garment file that does not hold
   +-- TakeError               a take that is missing, damaged or not a take
   +-- OutputError             a file that cannot be written, or that would replace another
@@ -15,6 +15,8 @@ from __future__ import annotations
 
 class HangtimeError(Exception):
     """An error with one clear sentence: what, where, and what to do next."""
+
+    exit_code = 2
 
     def __init__(self, what: str, *, where: object = None, advice: str = "") -> None:
         self.what, self.where, self.advice = what, where, advice

@@ -62,8 +62,18 @@ class Garment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     @property
     def is_panel(self) -> bool:
-        """Whether it is one plain piece with four corners, threads along x and y."""
-        return len(self.outline_m) == 4 and not (self.holes_m or self.seams or self.grain_degrees)
+        """Whether it is one plain piece with four corners, none of them turned in, threads along x and y."""
+        return self.is_four_sided and not (self.holes_m or self.seams or self.grain_degrees)
+
+    @property
+    def is_four_sided(self) -> bool:
+        """Whether the outline has four corners, none of them turned in or straight."""
+        corners = self.outline_m
+        turns = [
+            (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
+            for a, b, c in zip(corners, corners[1:] + corners[:1], corners[2:] + corners[:2], strict=True)
+        ]
+        return len(corners) == 4 and (max(turns) < 0 or min(turns) > 0)
 
     @property
     def point_names(self) -> tuple[str, ...]:

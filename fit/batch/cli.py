@@ -40,12 +40,17 @@ def batch_command(
         int, typer.Option("--dashboard-port", help="Port of the dashboard on 127.0.0.1; 0 for any that is free.")
     ] = 8787,
     patience: Annotated[
-        float, typer.Option("--patience", metavar="MINUTES", help="How long to wait for a scheduler that is gone.")
+        float,
+        typer.Option("--patience", min=0, metavar="MINUTES", help="How long to wait for a scheduler that is gone."),
     ] = 10.0,
     hours: Annotated[
         float | None,
         typer.Option(
-            "--hours", metavar="HOURS", help="Stop after this time; the next run goes on.", show_default="no limit"
+            "--hours",
+            min=0,
+            metavar="HOURS",
+            help="Stop after this time; the next run goes on.",
+            show_default="no limit",
         ),
     ] = None,
     retry_failed: Annotated[
@@ -58,7 +63,8 @@ def batch_command(
     search: Annotated[str, typer.Option("--search", help="How parameters are looked for.")] = "annealing",
     iterations: Annotated[int, typer.Option("--iterations", min=1, help="Iterations of the search.")] = 350,
     gamma: Annotated[
-        float | None, typer.Option("--gamma", help="Factor gamma of the acceptance [1/m].", show_default="1e5")
+        float | None,
+        typer.Option("--gamma", help="Factor gamma of the acceptance [1/m].", show_default="the method's own"),
     ] = None,
     spacing: Annotated[
         float | None, typer.Option("--spacing", metavar="METRES", help="Mesh spacing.", show_default="the method's own")
@@ -70,7 +76,7 @@ def batch_command(
     Each result is kept at once, whole or not at all, under a key of the take's content, the options and the physics: a
     second run fits only what is new. A worker that dies, a take that cannot be fitted and a scheduler that is lost cost
     time and nothing else. Writes fits/KEY.json, summary.csv and summary.html. Ends with 0 when every take is fitted, 3
-    when some are not.
+    when some are not, with 75 when bucket or scheduler cannot be reached: try again later.
     """
     from fit.batch.cluster import Workers
     from fit.batch.jobs import Plan

@@ -7,6 +7,7 @@ made for the night: dask runs whatever is sent to it, so nobody else on the mach
 from __future__ import annotations
 
 import contextlib
+import json
 import logging
 import os
 import re
@@ -16,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fit.errors import BatchError
+from fit.errors import BatchError, UnreachableError
 
 CONNECT = 5.0  # s that one attempt to reach a scheduler may take
 RETRY = 2.0  # s between attempts
@@ -76,6 +77,20 @@ def _local(distributed: Any, workers: Workers) -> Any:
     return distributed.Client(cluster)
 
 
+def _address_in(path: Path) -> str:
+    """Return the address that a scheduler file gives.
+
+    Raises:
+        BatchError: it is no scheduler file.
+    """
+    try:
+        return str(json.loads(path.read_text())["address"])
+    except (ValueError, KeyError, TypeError) as error:
+        raise BatchError(
+            "is no scheduler file", where=path, advice="give the file that dask scheduler --scheduler-file wrote"
+        ) from error
+
+
 def _remote(distributed: Any, workers: Workers) -> Any:
     address = str(workers.scheduler)
     if re.fullmatch(r"[^/]+:\d+", address) and not Path(address).exists():
@@ -90,7 +105,7 @@ def _remote(distributed: Any, workers: Workers) -> Any:
             if "://" not in address:
                 if not Path(address).exists():
                     raise OSError(f"there is no file {address}")
-                return distributed.Client(scheduler_file=address, timeout=CONNECT)
+                return distributed.Client(_address_in(Path(address)), timeout=CONNECT)
             return distributed.Client(address, timeout=CONNECT)
         except TypeError as error:
             if not address.startswith("tls://"):
@@ -102,7 +117,8 @@ def _remote(distributed: Any, workers: Workers) -> Any:
             ) from error
         except (OSError, TimeoutError, ValueError) as error:
             if time.monotonic() >= deadline or (isinstance(error, ValueError) and "://" in address):
-                raise BatchError(
+                kind = BatchError if isinstance(error, ValueError) else UnreachableError
+                raise kind(
                     f"no scheduler answers there ({str(error).splitlines()[0] if str(error) else 'timed out'})",
                     where=address,
                     advice="start it and run the batch again: what is finished is kept",

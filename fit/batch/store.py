@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import unquote, urlsplit
 
-from fit.errors import BatchError
+from fit.errors import BatchError, UnreachableError
 from formats.whole_files import write_whole
 
 BUCKETS = ("s3", "s3a", "gs", "az", "abfs", "abfss")
@@ -51,8 +51,10 @@ def open_store(url: str) -> Store:
     """Open a folder (a path or file:///...) or a bucket (s3://, gs://, az://).
 
     Raises:
-        BatchError: an address of another kind, or a bucket that cannot be addressed.
+        BatchError: no address or one of another kind, or a bucket that cannot be addressed.
     """
+    if not url.strip():
+        raise BatchError("no folder or bucket was given", advice="give a path or an address; is a variable empty?")
     parts = urlsplit(url)
     if "://" not in url:
         return Folder(Path(url))
@@ -180,9 +182,11 @@ class Bucket:
         """Return None: an object has no place in a file system."""
         return None
 
-    @staticmethod
-    def _failure(what: str, where: str, error: Exception) -> BatchError:
-        return BatchError(
+    def _failure(self, what: str, where: str, error: Exception) -> BatchError:
+        # A server that answers and refuses says so with a status; a connection that fails has none.
+        is_connection = isinstance(error, self._library.exceptions.GenericError) and "status code" not in str(error)
+        kind = UnreachableError if is_connection else BatchError
+        return kind(
             f"{what} ({_first_line(error)})", where=where, advice="check the address, the network and the access keys"
         )
 

@@ -265,10 +265,13 @@ def grid_places(points: Floats, outline: Floats) -> Floats:
     return np.clip(inverted(points, outline[[0, 1, 3, 2]]), 0.0, 1.0)
 
 
-def interpolation(points: Floats, grid: Elements) -> Stencils:
-    """Value, d/dX and d/dY at points on the flat cloth [m], (points, 2): cubic, as the elements are."""
+def interpolation(points: Floats, grid: Elements, *, front: int | None = None) -> Stencils:
+    """Value, d/dX and d/dY at points on the flat cloth [m], (points, 2): cubic, as the elements are.
+
+    front: so many of the first elements have the points; others lie behind them, in the same places
+    """
     nodes, parts = [], []
-    for element, (xi, eta) in zip(*within(points, grid.corners), strict=True):
+    for element, (xi, eta) in zip(*within(points, grid.corners[:front]), strict=True):
         value = np.outer(spectral.values(np.array(eta)), spectral.values(np.array(xi))).ravel()
         weights = np.column_stack([value, *grid.gradient(xi, eta)[0][element]])
         used = np.abs(weights).max(1) > 1e-9

@@ -42,7 +42,6 @@ NAMES = tuple(f.name for f in fields(Material))
     DENSITY, STRETCH, SHEAR, BENDING, MEMBRANE_TIME, BENDING_TIME, VELOCITY,
     STRETCH_RATIO, BENDING_RATIO, STIFFENING, TILT_X, TILT_Y, VISCOSITY, GRAVITY_LOG,
 ) = range(len(NAMES))  # fmt: skip
-BASE_COLUMNS = 7  # the first ones; the rest are zero without effects
 
 
 def as_rows(materials: list[Material]) -> NDArray[np.float64]:

@@ -30,6 +30,7 @@ Integers = NDArray[np.int32]
 
 LARGEST_BULGE = 0.02  # m by which the layers of a garment start apart
 STEEPEST_BULGE = 0.1  # of the distance to the nearest seam
+FINEST = 2e-3  # m between nodes: below, no step is long enough (`fit.cloth.quads.SHORTEST` is three of them)
 LOWEST_SHARE = 0.25  # of the garment's height, where its bottom edge is
 
 
@@ -100,15 +101,14 @@ def build_mesh(garment: Garment, spacing: float) -> ClothMesh:
     """
     outline = np.asarray(garment.outline_m, float)
     width, height = _sides(outline)
-    if not 0 < spacing <= min(width, height) / 2:
+    if not FINEST <= spacing <= min(width, height) / 2:
         raise FitError(
             f"mesh spacing {spacing} m does not fit a garment of {width:.3f} m x {height:.3f} m",
             where=garment.name,
-            advice="choose a spacing below half of its smaller side",
+            advice=f"choose a spacing from {FINEST:g} m to half of its smaller side",
         )
-    laid = (
-        _panel(garment, outline, spacing) if len(outline) == 4 and not garment.holes_m else _pattern(garment, spacing)
-    )
+    is_panel = garment.is_four_sided and not garment.holes_m
+    laid = _panel(garment, outline, spacing) if is_panel else _pattern(garment, spacing)
     grid = laid.elements
     across, down = Lines(grid, 0), Lines(grid, 1)
     shear_across, shear_down, shear_weights, shear_area = shear_samples(grid, across, down)
@@ -134,7 +134,7 @@ def build_mesh(garment: Garment, spacing: float) -> ClothMesh:
         node_area=grid.node_area,
         held_nodes=held.astype(np.int32),
         held_fraction=fraction,
-        points=interpolation(points, grid),
+        points=interpolation(points, grid, front=len(grid.cells) // len(laid.layers)),
         pull_points=pull_points,
         pull_weights=pull_weights,
         hem_length=_hem(outline, grid),
@@ -228,12 +228,16 @@ def _hem(outline: Floats, grid: Elements) -> Floats:
 
 
 def _bottom_sides(outline: Floats) -> list[Floats]:
-    """Sides of the bottom edge, (2, 2) each: a panel's third; of anything else those below that face down."""
+    """Sides of the bottom edge, (2, 2) each: a panel's third; of anything else those below that face down.
+
+    Of an outline that ends in a point these are the sides that meet there.
+    """
     sides = list(np.stack([outline, np.roll(outline, -1, 0)], 1))
     if len(outline) == 4:
         return [sides[2]]
     lowest = outline[:, 1].min() + LOWEST_SHARE * float(np.ptp(outline[:, 1]))
-    return [s for s in sides if s.mean(0)[1] < lowest and (s[0] - s[1])[0] > abs((s[0] - s[1])[1])]
+    level = [s for s in sides if s.mean(0)[1] < lowest and (s[0] - s[1])[0] > abs((s[0] - s[1])[1])]
+    return level or [s for s in sides if s[:, 1].min() < lowest and (s[0] - s[1])[0] > 0]
 
 
 def _triangles(cells: NDArray[np.int64]) -> Integers:

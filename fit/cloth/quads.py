@@ -29,7 +29,7 @@ BETTER = 1.2  # by which another lattice's shortest side must be longer to be ta
 LONG_ENOUGH = 0.45  # of the wanted side: a shortest side with which no other lattice is tried
 SHORTEST = 6e-3  # m: stretch of 1000 N/m on 0.2 kg/m^2 then takes a step of 12 us, near the shortest there is
 FLATTEST = 1e-3  # of the squared side: triangles with less area lie along a side and are none
-MOST_HALVINGS = 30  # rounds; each halves the sides that the triangulation lacks
+MOST_HALVINGS = 30  # rounds; each halves the sides that the triangulation lacks, down to a quarter of SHORTEST
 
 
 def quadrilaterals(loops: Sequence[Floats], side: float, *, name: str = "") -> tuple[Floats, Integers]:
@@ -133,6 +133,8 @@ def _triangles(
             area = np.abs(_cross(b - a, c - a)) / 2
             kept = triangles[is_inside((a + b + c) / 3, loops) & (area > FLATTEST * side**2)]
             return places, kept.astype(np.int64)
+        if np.linalg.norm(np.diff(rim[pieces[lacking]], axis=1), axis=2).min() < SHORTEST / 4:
+            break
         middles = rim[pieces[lacking]].mean(1)
         number = len(rim) + np.arange(len(middles))
         halves = np.concatenate(

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Curve = Callable[[Floats], Floats]
-MOST_COMPONENTS = 3
 
 
 @dataclass(frozen=True)

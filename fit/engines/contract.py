@@ -23,6 +23,11 @@ Floats = NDArray[np.float64]
 class Engine(Protocol):
     """A simulator of one recording for one method."""
 
+    @property
+    def version(self) -> str:
+        """Version of what simulates, where that is not Hangtime itself."""
+        ...
+
     def points(self, vectors: Floats) -> Floats:
         """Return the points [m], (candidates, frames, points, 3), in the recording's world frame.
 
@@ -35,7 +40,9 @@ EngineMaker = Callable[[Recording, Parameterisation, tuple[Effect, ...], Resolut
 
 
 class OwnEngine:
-    """Hangtime's own cloth behind the contract."""
+    """Hangtime's own cloth behind the contract; its version is that of the physics (`fit.physics`)."""
+
+    version = ""
 
     def __init__(
         self, recording: Recording, method: Parameterisation, effects: tuple[Effect, ...], resolution: Resolution

@@ -13,8 +13,8 @@ garment's weighed density):
     velocity damping         c   = 0.02 Air / rho - 25 ln(Velocity)   [1/s]
 
 Air is a linear drag per area [0.02 N s/m^3 each], Velocity the factor that is left of each velocity after one frame of
-1/25 s. Multiplying rho, k, G, B and the drag by the same number changes no motion: Mass, Struct, Bend and Air are not
-identified, their ratios are. `kinect-skirt-weighed` has Mass at 1, the weight that the garment's description states;
+1/25 s. Multiplying rho, k, G, B and the drag by the same number changes no motion: Mass, Struct and Bend are not
+identified, their ratios are, and of Air and Velocity only the damping c. `kinect-skirt-weighed` has Mass at 1, the weight that the garment's description states;
 Struct and Bend are then identified, Air and Velocity only by the damping c that they add up to.
 """
 
@@ -64,9 +64,10 @@ KINECT_SKIRT = Parameterisation(
     to_materials=_kinect_materials,
     not_identified=(
         "Mass is not identified: density, stiffnesses and drag times the same factor give the same motion. "
-        "Only ratios to the density are; `--method kinect-skirt-weighed` takes the garment's weight as known."
+        "Only ratios to the density are; `--method kinect-skirt-weighed` takes the garment's weight as known. "
+        "Air and Velocity are told apart by nothing."
     ),
-    degenerate=("mass", "struct", "bend", "air"),
+    degenerate=("mass", "struct", "bend", "air", "velocity"),
 )  # fmt: skip
 
 

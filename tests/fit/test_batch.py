@@ -135,7 +135,7 @@ def test_a_take_that_ends_its_workers_is_given_up_and_tried_again_the_next_night
 
 def test_a_cluster_that_is_not_there_is_one_sentence(takes, tmp_path):
     process = start("batch", takes, "--out", "out", "--scheduler", "gone.json", "--patience", 0, folder=tmp_path)
-    assert process.wait(60) == 2
+    assert process.wait(60) == 75
     assert "gone.json: no scheduler answers there (there is no file gone.json)" in said(tmp_path)
     assert "Traceback" not in said(tmp_path)
     assert "3 waiting" in (tmp_path / "out/summary.html").read_text()
@@ -156,6 +156,26 @@ def test_an_address_that_cannot_be_is_told_at_once(takes, tmp_path, address, sen
     assert "Traceback" not in said(tmp_path)
 
 
+@pytest.mark.parametrize("text", ["what?", "[]", '{"adress": "tcp://127.0.0.1:9"}'])
+def test_a_file_that_is_no_scheduler_file_is_told_at_once(takes, tmp_path, text):
+    (tmp_path / "s.json").write_text(text)
+    process = start("batch", takes, "--out", "out", "--scheduler", "s.json", folder=tmp_path)
+    assert process.wait(60) == 2, said(tmp_path)
+    assert "s.json: is no scheduler file; give the file that dask scheduler" in said(tmp_path)
+    assert "Traceback" not in said(tmp_path)
+
+
+def test_a_bucket_that_cannot_be_reached_may_be_tried_again(tmp_path):
+    """Nobody listens there: no network yet, and not wrong options."""
+    process = start(
+        "batch", "s3://takes", "--out", "out", folder=tmp_path, AWS_ENDPOINT_URL="http://127.0.0.1:9",
+        AWS_ALLOW_HTTP="true", AWS_ACCESS_KEY_ID="a", AWS_SECRET_ACCESS_KEY="b", AWS_REGION="r",
+    )  # fmt: skip
+    assert process.wait(120) == 75, said(tmp_path)
+    assert "cannot be listed" in said(tmp_path)
+    assert "Traceback" not in said(tmp_path)
+
+
 def test_a_night_too_short_for_its_takes_says_so_in_its_status(takes, tmp_path):
     process = start("batch", takes, "--out", "out", "--hours", 0, *SHORT, folder=tmp_path)
     assert process.wait(60) == SOME_NOT_FITTED
@@ -168,6 +188,10 @@ def test_a_night_too_short_for_its_takes_says_so_in_its_status(takes, tmp_path):
         (("batch", "nowhere"), "nowhere: holds no take (*.mcap)"),
         (("batch", "ftp://example.org/takes"), "is neither a folder nor a bucket"),
         (("batch", ".", "--method", "guess"), "there is no method named 'guess'"),
+        (("batch", ""), "no folder or bucket was given"),
+        (("batch", ".", "--spacing", "-1"), "a mesh spacing of -1 m cannot be simulated"),
+        (("batch", ".", "--spacing", "1e-6"), "give 0.002 m or more"),
+        (("batch", ".", "--hours", "-1"), "--hours"),
     ],
 )
 def test_bad_input_gives_one_sentence_and_exit_code_2(tmp_path, words, sentence):

@@ -69,8 +69,10 @@ def test_what_is_not_there_is_one_sentence_with_its_place(store):
 
 def test_a_wrong_key_is_one_sentence(server, monkeypatch):
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "wrong")
-    with pytest.raises(BatchError, match=r"cannot be listed .*check the address, the network and the access keys"):
+    advice = "check the address, the network and the access keys"
+    with pytest.raises(BatchError, match=f"cannot be listed .*{advice}") as told:
         open_store("s3://takes").names("", ".mcap")
+    assert told.value.exit_code == 2
 
 
 def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path):

@@ -20,16 +20,23 @@ from tests.fit.scenes import hung, sheet, swing, take_of
 
 
 class Noise:
-    """An engine behind the contract of `fit.engines.contract`; every point of the takes in `broken` is NaN."""
+    """An engine behind the contract of `fit.engines.contract`.
 
+    Every point of the takes in `broken` is NaN, of those in `broken_later` from the second simulation on.
+    """
+
+    version = "1"
     broken: tuple[str, ...] = ()
+    broken_later: tuple[str, ...] = ()
 
     def __init__(self, recording, method, effects, resolution):
         shift = np.random.default_rng(0).normal(0, 1e-3, recording.points.shape)
         self._points = recording.points + (np.nan if recording.take_id in self.broken else shift)
+        self._later = np.nan if recording.take_id in self.broken_later else 0.0
 
     def points(self, vectors):
-        return np.repeat(self._points[None], len(vectors), axis=0)
+        points, self._points = self._points, self._points + self._later
+        return np.repeat(points[None], len(vectors), axis=0)
 
 
 @pytest.fixture(autouse=True)
@@ -38,9 +45,9 @@ def engine(monkeypatch):
     return Noise
 
 
-def a_take(name="a", seconds=3.0):
+def a_take(name="a", seconds=3.0, grid=None):
     time = np.arange(0, seconds, 1 / 30)
-    path, garment = swing(time, amplitude=0.05), sheet()
+    path, garment = swing(time, amplitude=0.05), sheet() if grid is None else sheet(grid=grid)
     return take_of(garment, time, path, hung(garment, time) + path[:, None], name=name)
 
 
@@ -59,12 +66,51 @@ def test_a_finished_search_outlives_a_held_out_take_that_blows_up(engine, monkey
     file = tmp_path / "c.json"
     whole = calibrate([a_take()], [], asked(search))
     with monkeypatch.context() as patch:
-        patch.setattr(engine, "broken", ("b",))
+        patch.setattr(engine, "broken_later", ("b",))
         with pytest.raises(BlowUpError, match=r"^b: the simulation of this take blew up; use a coarser mesh"):
             calibrate([a_take()], [a_take("b")], asked(search), checkpoint=file)
     result = calibrate([a_take()], [a_take("b")], asked(search), checkpoint=file, progress=never)
     assert result.history == whole.history
     assert result.parameters == whole.parameters
+
+
+def test_a_held_out_take_that_blows_up_from_the_first_is_refused_before_the_search(engine, monkeypatch):
+    monkeypatch.setattr(engine, "broken", ("b",))
+    with pytest.raises(BlowUpError, match=r"^b: the simulation of this take blew up; use a coarser mesh"):
+        calibrate([a_take()], [a_take("b")], asked(), progress=never)
+
+
+def test_a_method_asks_nothing_of_takes_that_are_only_judged_on():
+    """The motion capture method needs 100 frames of what it is fitted to; distances need none."""
+    long, short = (a_take(n, seconds=s, grid=4) for n, s in (("a", 4.0), ("b", 2.5)))
+    with pytest.raises(FitError, match="needs 100"):
+        calibrate([short], [], asked(method="mocap-swatch"), progress=never)
+    assert calibrate([long], [short], asked(method="mocap-swatch")).error.held_out_after is not None
+
+
+def test_an_interruption_of_the_report_keeps_the_search(monkeypatch, tmp_path):
+    write_take(tmp_path / "a.mcap", a_take())
+    out = tmp_path / "out"
+
+    def interrupt(*args):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("fit.reporting.write_fit_report", interrupt)
+        with pytest.raises(typer.Exit) as ended:
+            fit_command([tmp_path / "a.mcap"], method="lean", iterations=6, spacing=0.1, out=out)
+    assert ended.value.exit_code == 130
+    assert (out / "fit.partial.json").exists()
+    monkeypatch.setattr("fit.reporting.write_fit_report", lambda path, *rest: path)
+    fit_command([tmp_path / "a.mcap"], method="lean", iterations=6, spacing=0.1, out=out)
+    assert not (out / "fit.partial.json").exists()
+
+
+def test_a_saved_search_of_another_version_of_the_engine_is_refused(engine, monkeypatch, tmp_path):
+    calibrate([a_take()], [], asked(), checkpoint=tmp_path / "c.json")
+    monkeypatch.setattr(engine, "version", "2")
+    with pytest.raises(FitError, match=r"c\.json: the saved search is of"):
+        calibrate([a_take()], [], asked(), checkpoint=tmp_path / "c.json", progress=never)
 
 
 def test_a_saved_search_of_another_version_is_refused(monkeypatch, tmp_path):

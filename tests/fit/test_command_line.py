@@ -80,6 +80,8 @@ def test_a_saved_search_of_other_takes_is_refused(tmp_path):
         (("fit", "a.mcap", "--method", "guess"), "there is no method named 'guess'"),
         (("fit", "a.mcap", "--effect", "gremlins"), "there is no effect named 'gremlins'"),
         (("fit", "a.mcap", "--spacing", "3"), "mesh spacing 3.0 m does not fit"),
+        (("fit", "a.mcap", "--spacing", "1e-6"), "give 0.002 m or more"),
+        (("diagnose", "a.mcap", "--spacing", "1e-6"), "choose a spacing from 0.002 m to half of its smaller side"),
         (("fit", "a.mcap", "--bounds", "bend=20:3"), "the lower bound of bend, 20, is not below its upper bound, 3"),
         (("fit", "a.mcap", "--bounds", "bent=3:20"), "there is no parameter named 'bent'"),
         (("fit", "a.mcap", "--bounds", "bend=3"), "'bend=3' is not NAME=LOW:HIGH"),
@@ -145,6 +147,8 @@ def test_a_fit_of_blenders_cloth_is_no_fabric_and_moves_none_of_ours(tmp_path, m
     theirs = msgspec.structs.replace(ours, engine="blender", material={}, combinations=[])
     with pytest.raises(FitError, match="this fit is of blender's cloth"):
         sheet_of(theirs)
+    with pytest.raises(FitError, match="does not hold its material"):
+        sheet_of(msgspec.structs.replace(ours, material={"areal_density": 0.1}))
     coarse = Resolution(spacing=0.15)
     findings = diagnose(takes[:1], takes[1:], effects=find_effects(["hem"]), resolution=coarse)
     shown = []

@@ -11,9 +11,11 @@ from firmware_host.synthetic.garments import shirt
 from fit.cloth.mesh import build_mesh
 from fit.cloth.quads import is_inside, quadrilaterals
 from fit.cloth.simulator import Simulator
+from fit.effects import find_effects
 from fit.engines.plain_grid import plain_grid
 from fit.errors import FitError
 from fit.recording import prepare
+from formats.garment import TrackedPoint
 from tests.fit.scenes import hung, material, sheet, swing, take_of
 
 GRAVITY = 9.80665
@@ -143,6 +145,42 @@ def test_holes_that_touch_the_outline_cannot_be_meshed():
     """The file's check refuses them; a program that makes its own garment gets a sentence too."""
     with pytest.raises(FitError, match="cannot be meshed"):
         build_mesh(cut(holes_m=(((-0.1, -0.2), (0.3, -0.2), (0.3, -0.3)),)), 0.05)
+
+
+@pytest.mark.timeout(20)
+def test_corners_in_one_place_end_in_a_sentence_too():
+    """Their piece of a side is never an edge, however often it is halved."""
+    corners = sheet().outline_m
+    with pytest.raises(FitError, match="cannot be meshed"):
+        build_mesh(cut(outline_m=(*corners, corners[0])), 0.05)
+
+
+def test_four_corners_of_which_one_is_turned_in_make_no_grid():
+    """0.4 x 0.45 / 2 less the notch to (-0.02, -0.1): a grid of them would fold over itself."""
+    turned_in = cut(outline_m=((-0.2, 0.0), (0.2, 0.0), (0.0, -0.45), (-0.02, -0.1)), points=sheet().points[:0])
+    assert not turned_in.is_panel
+    assert build_mesh(turned_in, 0.05).area == pytest.approx(turned_in.area_m2, rel=1e-9)
+
+
+def test_tracked_points_of_a_tube_are_on_its_front():
+    """Front and back lie over each other, so that rounding would choose."""
+    at = [(x, y) for x in np.linspace(-0.18, 0.18, 9) for y in np.linspace(-0.43, -0.02, 9)]
+    points = tuple(TrackedPoint(name=f"p{k}", at_m=(float(x), float(y))) for k, (x, y) in enumerate(at))
+    mesh = build_mesh(cut(seams=TUBE, points=points), 0.05)
+    front = np.unique(mesh.cells[: len(mesh.cells) // 2])
+    assert np.isin(mesh.points.nodes, front).all()
+
+
+def test_a_hem_that_ends_in_a_point_is_the_two_sides_that_meet_there():
+    """Two sides of sqrt(0.2^2 + 0.25^2) m; a hem of 10 g/m moves 6.4 g to them."""
+    pointed = cut(
+        outline_m=((-0.2, 0.0), (0.2, 0.0), (0.2, -0.2), (0.0, -0.45), (-0.2, -0.2)), points=sheet().points[:0]
+    )
+    mesh = build_mesh(pointed, 0.05)
+    assert mesh.hem_length.sum() == pytest.approx(2 * np.hypot(0.2, 0.25))
+    even = 0.3 * mesh.node_area
+    moved = find_effects(["hem"])[0].node_mass(even, mesh, np.array([0.01]))
+    assert moved.sum() == pytest.approx(even.sum())
 
 
 def test_a_notch_of_a_millimetre_is_refused_and_told_how_large_it_may_be():

@@ -65,6 +65,8 @@ def test_a_description_that_no_command_reads_is_not_written(tmp_path, descriptio
         ({"layers": 0}, "layers must be 1 or more"),
         ({"outline_m": ((0, 0), (1, 0))}, "outline_m needs 3 corners"),
         ({"outline_m": ((0, 0), (0.4, -0.4), (0.4, 0), (0, -0.5))}, "outline_m crosses itself"),
+        ({"outline_m": (*GARMENT.outline_m, GARMENT.outline_m[0])}, "has the corner .* twice: leave one out"),
+        ({"outline_m": ((-0.2, 0), (0.2, 0), (0.2, -0.4), (0, 0), (-0.2, -0.4))}, r"touches itself at its corner \[0"),
         ({"points": (*GARMENT.points, GARMENT.points[0])}, "'p0' is used twice"),
         ({"points": (msgspec.structs.replace(GARMENT.points[0], at_m=(0.5, 0.5)),)}, "'p0' lies outside"),
     ],
@@ -123,7 +125,7 @@ def test_an_outline_from_the_top_left_clockwise_is_taken(outline):
     check_garment(msgspec.structs.replace(GARMENT, outline_m=outline, points=()), "here")
 
 
-HOLE = ((0.1, -0.1), (0.2, -0.1), (0.2, -0.2))
+HOLE = ((0.05, -0.1), (0.15, -0.1), (0.15, -0.2))
 
 
 def cut(**changes):
@@ -147,6 +149,9 @@ def test_holes_seams_and_grain_come_back_from_the_file_and_take_their_area(tmp_p
         (msgspec.structs.replace(GARMENT, grain_degrees=45.0), "need format = "),
         (cut(holes_m=(HOLE[:2],)), "hole 1 needs 3 corners"),
         (cut(holes_m=(tuple((x + 0.3, y) for x, y in HOLE),)), "hole 1 is not inside"),
+        (cut(holes_m=(tuple((x + 0.05, y) for x, y in HOLE),)), "hole 1 touches the outline"),
+        (cut(holes_m=((*HOLE, HOLE[0]),)), "hole 1 touches itself, or has a corner twice"),
+        (cut(holes_m=(HOLE, tuple((x - 0.1, y) for x, y in HOLE))), "hole 2 overlaps"),
         (cut(holes_m=(HOLE, tuple((x - 0.01, y) for x, y in HOLE))), "hole 2 overlaps"),
         (cut(seams=((0, 2),)), r"seams: \[0, 2\] are not neighbouring"),
         (cut(seams=((1, 0),)), r"seams: \[1, 0\] are not neighbouring"),
@@ -160,7 +165,7 @@ def test_impossible_holes_seams_and_grain_are_refused(tmp_path, garment, words):
 
 
 def test_a_point_in_a_hole_is_refused(tmp_path):
-    point = msgspec.structs.replace(GARMENT.points[0], at_m=(0.18, -0.12))
+    point = msgspec.structs.replace(GARMENT.points[0], at_m=(0.13, -0.12))
     garment = msgspec.structs.replace(cut(holes_m=(HOLE,)), points=(point,))
     (tmp_path / "garment.toml").write_text(dump_description(garment))
     with pytest.raises(DescriptionError, match="lies in hole 1"):

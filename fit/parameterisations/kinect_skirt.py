@@ -14,8 +14,8 @@ garment's weighed density):
 
 Air is a linear drag per area [0.02 N s/m^3 each], Velocity the factor that is left of each velocity after one frame of
 1/25 s. Multiplying rho, k, G, B and the drag by the same number changes no motion: Mass, Struct and Bend are not
-identified, their ratios are, and of Air and Velocity only the damping c. `kinect-skirt-weighed` has Mass at 1, the weight that the garment's description states;
-Struct and Bend are then identified, Air and Velocity only by the damping c that they add up to.
+identified, their ratios are, and of Air and Velocity only the damping c. `kinect-skirt-weighed` has Mass at 1, the
+weight that the garment's description states; Struct and Bend are then identified, Air and Velocity as before.
 """
 
 from __future__ import annotations

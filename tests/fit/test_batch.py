@@ -192,6 +192,7 @@ def test_a_night_too_short_for_its_takes_says_so_in_its_status(takes, tmp_path):
         (("batch", ".", "--spacing", "-1"), "a mesh spacing of -1 m cannot be simulated"),
         (("batch", ".", "--spacing", "1e-6"), "give 0.002 m or more"),
         (("batch", ".", "--hours", "-1"), "--hours"),
+        (("batch", ".", "--hours", "nan"), "--hours"),
     ],
 )
 def test_bad_input_gives_one_sentence_and_exit_code_2(tmp_path, words, sentence):

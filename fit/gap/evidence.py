@@ -76,7 +76,7 @@ def puts_edge_right(observer: Observer, base: Hypothesis, before: Hypothesis, fo
 
 
 def puts_edge_off(base: Hypothesis, before: Hypothesis, found: Hypothesis) -> bool:
-    """Whether a model has the held edge surely farther from where it was tracked than one without its last effect."""
+    """Whether a model has the held edge surely farther from where it was tracked than another one has it."""
     return is_told_by_edge(found.errors.edge, before.errors.edge, base.errors.edge)
 
 

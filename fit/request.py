@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fit.cloth.mesh import FINEST
 from fit.cloth.simulator import Resolution
 from fit.effects import find_effects
 from fit.effects.base import Effect
@@ -88,7 +87,7 @@ def request_of(
 
     Raises:
         FitError: an unknown effect, engine or search; an effect twice or one that the method has; a gamma that is not
-            above 0; a mesh that is too fine; bounds that are crossed, malformed, of no parameter or beyond
+            above 0; a spacing that is not above 0; bounds that are crossed, malformed, of no parameter or beyond
             its range.
     """
     if check_search(search) in OBSERVED and engine != OWN:
@@ -129,11 +128,8 @@ def _check_effects(method: Parameterisation, effects: tuple[Effect, ...]) -> Non
 
 
 def _check_spacing(spacing: float) -> None:
-    if not (math.isfinite(spacing) and spacing >= FINEST):
-        raise FitError(
-            f"a mesh spacing of {spacing:g} m cannot be simulated", where="--spacing",
-            advice=f"give {FINEST:g} m or more, for example 0.05",
-        )  # fmt: skip
+    if not (math.isfinite(spacing) and spacing > 0.0):
+        raise FitError(f"the mesh spacing is {spacing:g} m", where="--spacing", advice="give metres, for example 0.05")
 
 
 def _check_gamma(gamma: float) -> None:

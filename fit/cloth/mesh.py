@@ -30,7 +30,7 @@ Integers = NDArray[np.int32]
 
 LARGEST_BULGE = 0.02  # m by which the layers of a garment start apart
 STEEPEST_BULGE = 0.1  # of the distance to the nearest seam
-FINEST = 2e-3  # m between nodes: below, no step is long enough (`fit.cloth.quads.SHORTEST` is three of them)
+MOST_NODES = 250_000  # a second of motion of so many takes a minute or more, and memory grows with them
 LOWEST_SHARE = 0.25  # of the garment's height, where its bottom edge is
 
 
@@ -101,11 +101,12 @@ def build_mesh(garment: Garment, spacing: float) -> ClothMesh:
     """
     outline = np.asarray(garment.outline_m, float)
     width, height = _sides(outline)
-    if not FINEST <= spacing <= min(width, height) / 2:
+    finest = np.sqrt(width * height / MOST_NODES)
+    if not finest <= spacing <= min(width, height) / 2:
         raise FitError(
             f"mesh spacing {spacing} m does not fit a garment of {width:.3f} m x {height:.3f} m",
             where=garment.name,
-            advice=f"choose a spacing from {FINEST:g} m to half of its smaller side",
+            advice=f"choose a spacing from {finest:.1g} m to half of its smaller side",
         )
     is_panel = garment.is_four_sided and not garment.holes_m
     laid = _panel(garment, outline, spacing) if is_panel else _pattern(garment, spacing)

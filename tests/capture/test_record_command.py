@@ -196,7 +196,10 @@ def test_a_recording_that_is_told_to_stop_ends_its_take_and_gives_the_lamp_back(
     leds = "import pathlib, firmware_host.lamp as lamp; lamp.StatusLamp.__init__.__defaults__ = (pathlib.Path('leds'),)"
     program = [sys.executable, "-c", f"{leds}; {PROGRAM[2]}", *PROGRAM[3:], *words(tmp_path), "--lamp=status"]
     ours, theirs = os.openpty()
-    process = subprocess.Popen(["setsid", "--ctty", *program], stdin=theirs, stdout=theirs, stderr=theirs, cwd=tmp_path)
+    process = subprocess.Popen(
+        ["setsid", "--ctty", *program], stdin=theirs, stdout=theirs, stderr=theirs, cwd=tmp_path,
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),  # tests that `nohup` runs ignore it
+    )  # fmt: skip
     os.close(theirs)
     said = b""
     while b"15 of 600 frames" not in said:

@@ -197,8 +197,8 @@ def prepare_together(
     """
     train, test = [prepare(t) for t in training], [prepare(t) for t in held_out]
     # Takes that do not show their edge do not turn, and have no part in how much the others do.
-    squares = np.array([r.edge_turn(r.time) for r in train if r.edge_turn(r.time).any()]).reshape(-1, 2) ** 2
-    together = _or_one(np.sqrt(squares.mean(0)) if len(squares) else np.zeros(2))
+    turns = np.concatenate([np.zeros((0, 2)), *(turn for r in train if (turn := r.edge_turn(r.time)).any())])
+    together = _or_one(np.sqrt((turns**2).mean(0)) if len(turns) else np.zeros(2))
     return [replace(r, turn_rms=together) for r in train], [replace(r, turn_rms=together) for r in test]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,8 +81,8 @@ def write_diagnosis_report(
             names.append("with_effect")
         pull = findings.frequency
         done = simulator.run(np.array(rows), np.array(amplitudes), observer_hz=pull, shapes=True)
-        shown = _motion(recording, is_held_out, simulator.mesh.triangles, done.points, done.shapes, tuple(names))
-        motions.append(replace(shown, pull_hz=pull))
+        motion = _motion(recording, is_held_out, simulator.mesh.triangles, done.points, done.shapes, tuple(names))
+        motions.append(replace(motion, pull_hz=pull))
     write_report(path, fit=fitted, diagnosis=findings.diagnosis, motions=motions)
     return path
 
@@ -103,13 +104,13 @@ def _motion(
     recording: Recording, is_held_out: bool, triangles: NDArray[np.signedinteger], points: Floats,
     shapes: NDArray[np.float32] | None, names: tuple[str, ...],
 ) -> ReportMotion:  # fmt: skip
-    runs: dict[str, Floats] = {}
+    runs: dict[str, Any] = {}
     for k, name in enumerate(names):
         if np.isfinite(points[k]).all():
             runs[name] = points[k]
             if shapes is not None:
                 runs["mesh_" + name] = shapes[k].astype(float)
-    motion = ReportMotion(
+    return ReportMotion(
         take_id=recording.take_id,
         is_held_out=is_held_out,
         time=recording.time,
@@ -117,5 +118,5 @@ def _motion(
         point_names=tuple(p.name for p in recording.garment.points),
         triangles=triangles.astype(np.int64),
         held=recording.held(recording.time).reshape(-1, 2, 3),
+        **runs,
     )
-    return replace(motion, **runs)  # type: ignore[arg-type]

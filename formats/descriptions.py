@@ -200,10 +200,9 @@ def _corner_twice(polygon: np.ndarray[Any, Any]) -> list[float] | None:
 
 def _touches_itself(polygon: np.ndarray[Any, Any]) -> list[float] | None:
     """Return a corner of a polygon that lies on one of its sides that does not end there."""
-    count = len(polygon)
     for k, corner in enumerate(polygon):
-        others = [(polygon[i], polygon[(i + 1) % count]) for i in range(count) if k not in (i, (i + 1) % count)]
-        if any(_distance_to_side(corner, *side) < TOUCHING for side in others):
+        apart = np.delete(_distances_to_sides(corner, polygon), [k - 1, k])
+        if apart.min(initial=np.inf) < TOUCHING:
             return [float(x) for x in corner]
     return None
 
@@ -211,16 +210,17 @@ def _touches_itself(polygon: np.ndarray[Any, Any]) -> list[float] | None:
 def _touch(one: np.ndarray[Any, Any], other: np.ndarray[Any, Any]) -> bool:
     """Whether a corner of one polygon lies on a side of the other."""
     return any(
-        _distance_to_side(corner, a, b) < TOUCHING
-        for corners, sides in ((one, other), (other, one))
+        _distances_to_sides(corner, polygon).min() < TOUCHING
+        for corners, polygon in ((one, other), (other, one))
         for corner in corners
-        for a, b in zip(sides, np.roll(sides, -1, axis=0), strict=True)
     )
 
 
-def _distance_to_side(place: np.ndarray[Any, Any], a: np.ndarray[Any, Any], b: np.ndarray[Any, Any]) -> float:
-    share = float(np.clip((place - a) @ (b - a) / max(float((b - a) @ (b - a)), 1e-18), 0, 1))
-    return float(np.linalg.norm(place - a - share * (b - a)))
+def _distances_to_sides(place: np.ndarray[Any, Any], polygon: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Distance of a place to each side of a polygon [m], (sides,), the first from the first corner to the second."""
+    along = np.roll(polygon, -1, axis=0) - polygon
+    share = np.clip(((place - polygon) * along).sum(1) / np.maximum((along**2).sum(1), 1e-18), 0, 1)
+    return np.asarray(np.linalg.norm(polygon + share[:, None] * along - place, axis=1))
 
 
 def _crosses_itself(outline: np.ndarray[Any, Any]) -> bool:
@@ -248,14 +248,11 @@ def _meet(one: np.ndarray[Any, Any], other: np.ndarray[Any, Any]) -> bool:
 def _distance_outside(place: np.ndarray[Any, Any], outline: np.ndarray[Any, Any]) -> float:
     """How far a place lies outside a polygon [m]; 0 inside."""
     ends = np.roll(outline, -1, axis=0)
-    along = ends - outline
-    share = np.clip(((place - outline) * along).sum(1) / np.maximum((along**2).sum(1), 1e-18), 0, 1)
-    nearest = float(np.linalg.norm(outline + share[:, None] * along - place, axis=1).min())
     above = (outline[:, 1] > place[1]) != (ends[:, 1] > place[1])
     with np.errstate(divide="ignore", invalid="ignore"):
-        crossing = outline[:, 0] + (place[1] - outline[:, 1]) / (ends[:, 1] - outline[:, 1]) * along[:, 0]
+        crossing = outline[:, 0] + (place[1] - outline[:, 1]) / (ends[:, 1] - outline[:, 1]) * (ends - outline)[:, 0]
     is_inside = bool(np.count_nonzero(above & (place[0] < crossing)) % 2)
-    return 0.0 if is_inside else nearest
+    return 0.0 if is_inside else float(_distances_to_sides(place, outline).min())
 
 
 def check_rig(rig: Rig, where: object) -> None:

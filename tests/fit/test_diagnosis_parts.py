@@ -11,7 +11,7 @@ import pytest
 
 from fit.cloth.simulator import Resolution
 from fit.effects import LIBRARY, find_effects
-from fit.effects.base import amplitudes_of, columns_of
+from fit.effects.base import amplitudes_of
 from fit.errors import FitError
 from fit.gap import gates
 from fit.gap.base_fit import fit_base, scattered
@@ -19,9 +19,8 @@ from fit.gap.checkpoint import Checkpoint
 from fit.gap.diagnosis import diagnose, fine_enough
 from fit.gap.fitting import Fitted, Task, amplitude_of, fit
 from fit.gap.floor import neighbour_noise
-from fit.gap.hypotheses import Hypothesis, shortlist
+from fit.gap.hypotheses import shortlist
 from fit.gap.missing_force import find_missing_force, sentence_of
-from fit.gap.next_experiment import MENU, followed, imagine, propose
 from fit.gap.numerics import motion_mm
 from fit.gap.observer import Observer
 from fit.gap.rounds import Rounds
@@ -274,34 +273,6 @@ def test_motion_is_what_points_do_about_their_mean():
     assert motion_mm(observer) == pytest.approx(35.4, rel=0.03)
 
 
-def test_turning_cloth_or_rig_tells_a_draught_from_tilted_gravity():
-    """Both only lean the cloth; a twist of the hanger, or a turned rig, puts the wind on another side of it."""
-    observer = Observer([prepare(a_take())], SI, LIBRARY, frequency=0.0, resolution=COARSE)
-    base = fitted_at(observer, truth_vector())
-    columns = columns_of(LIBRARY)
-    alive = []
-    for name, size in (("gravity_tilt", (0.0, 0.02)), ("draught", (0.0, 0.35))):
-        k = next(k for k, e in enumerate(LIBRARY) if e.name == name)
-        row = amplitudes_of(LIBRARY, **{name: size})
-        assert row[columns[k]].any()
-        alive.append(Hypothesis((k,), dataclasses.replace(base, amplitudes=row, active=(k,)), None))
-    found = propose(observer, base, alive, [0.5, 0.5])
-    assert found is not None
-    assert found.id in {"S7", "S9"}
-    assert found.separates == ["gravity_tilt", "draught"]
-    assert found.sigmas_next > 2 * found.sigmas_now
-
-
-def test_every_motion_of_the_menu_can_be_imagined():
-    recording = prepare(a_take())
-    for motion in MENU:
-        imagined = imagine(recording, motion)
-        path = imagined.held(imagined.time)
-        assert np.isfinite(path).all(), motion.id
-        gap = np.linalg.norm(path[:, 3:] - path[:, :3], axis=1)
-        assert gap == pytest.approx(np.full(len(gap), 0.4), abs=2e-3), motion.id
-
-
 def test_a_base_fit_that_is_unpredictable_is_no_reason_where_the_best_refit_is_not(monkeypatch):
     from fit.gap import diagnosis as whole
 
@@ -342,18 +313,6 @@ def test_an_interrupted_diagnosis_goes_on_to_the_same_end(tmp_path, monkeypatch)
         diagnose(takes[:1], takes[1:], checkpoint=folder, **options)
 
 
-def test_kept_fits_of_other_takes_are_refused(tmp_path):
-    Checkpoint(tmp_path / "p", {"takes": ["a"]})
-    with pytest.raises(FitError, match="other takes or options"):
-        Checkpoint(tmp_path / "p", {"takes": ["b"]})
-    Checkpoint(tmp_path / "q", {"takes": ["a"], "physics": "old"})
-    with pytest.raises(FitError, match="another version of Hangtime"):
-        Checkpoint(tmp_path / "q", {"takes": ["a"], "physics": "new"})
-    (tmp_path / "p" / "key.json").write_text("{")
-    with pytest.raises(FitError, match="cannot be read"):
-        Checkpoint(tmp_path / "p", {"takes": ["a"]})
-
-
 def test_the_lean_model_leaves_shear_to_the_library():
     row = LEAN.to_materials(LEAN.initial[None], 0.2)[0]
     assert row[2] == pytest.approx(0.3)  # N/m: a thousandth of the stretch stiffness
@@ -389,19 +348,6 @@ def test_frames_that_repeat_are_found_whatever_is_hidden(hidden, times):
     assert gate.figure == pytest.approx(100 * (1 - 1 / times), abs=1.0)
 
 
-def test_kept_fits_that_a_power_cut_left_empty_or_cut_short_are_made_again(tmp_path):
-    kept = Checkpoint(tmp_path / "p", {})
-    one = Fitted(np.ones(1), np.zeros(1), (), np.ones(2), np.ones((2, 1)), np.ones(1), True)
-    assert kept.recall(["fit"], lambda: [one])[0] is one
-    assert kept.recall_places("places", lambda: np.ones((2, 3))).shape == (2, 3)
-    whole = (tmp_path / "p/fit.npz").read_bytes()
-    for damaged in (b"", whole[:100], whole[:-30]):
-        (tmp_path / "p/fit.npz").write_bytes(damaged)
-        (tmp_path / "p/places.npy").write_bytes(damaged)
-        assert kept.recall(["fit"], lambda: [one])[0] is one
-        assert kept.recall_places("places", lambda: np.zeros((1, 3))).shape == (1, 3)
-
-
 def test_the_missing_force_is_seen_in_the_top_third_as_well():
     """Of 25 points the 5 on the edge cannot be pulled; the top third has 5 more."""
     recording = prepare(a_take())
@@ -409,29 +355,3 @@ def test_the_missing_force_is_seen_in_the_top_third_as_well():
     found = find_missing_force(observer, truth_vector())
     assert found.spatial_share["top"] > 0.0
     assert len(found.places) == 20
-
-
-def test_the_next_recording_is_imagined_of_cloth_that_follows_the_hanger():
-    """Under a pull to where the base model has it; pulled to a cloth that stands still it would hardly move."""
-    observer = Observer([prepare(a_take())], SI, (), frequency=2.0, resolution=COARSE)
-    swung = next(m for m in MENU if m.id == "S3")
-    base = SimpleNamespace(vector=truth_vector())
-    imagined = followed(observer, imagine(observer.recordings[0], swung), base)
-    under = observer.of([imagined])
-    (pulled,) = under.trajectories(truth_vector()[None], observer.off[None])
-    assert np.abs(pulled[0] - imagined.points).max() < 5e-3
-    assert np.ptp(imagined.points[:, -1, 1]) > 0.2
-
-
-def test_an_outline_may_begin_anywhere():
-    """Moved by 0.3 m in its own plane, the garment hangs from the same place."""
-    recording = prepare(a_take())
-    garment = recording.garment
-    aside = msgspec.structs.replace(
-        garment, outline_m=tuple((x + 0.3, y - 0.1) for x, y in garment.outline_m),
-        points=tuple(msgspec.structs.replace(p, at_m=(p.at_m[0] + 0.3, p.at_m[1] - 0.1)) for p in garment.points),
-    )  # fmt: skip
-    moved = dataclasses.replace(recording, garment=aside, offset_sd=0.002, held_error=0.004)
-    one, other = (imagine(r, MENU[3]) for r in (recording, moved))
-    assert other.points == pytest.approx(one.points)
-    assert (other.offset_sd, other.held_error) == (0.002, 0.004)

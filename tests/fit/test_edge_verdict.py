@@ -44,18 +44,25 @@ def test_laws_of_what_moves_the_held_edge_may_leave_some_of_what_it_shows(name, 
     assert edge_left_by_law(observer, base, beside) == pytest.approx(left)
 
 
+def draught_and_slack(mm, *, without, with_slack):
+    """A draught that leaves 8 mm, and slack clips beside it that leave `mm`; squared deviations of the held edge."""
+    evidence = evidence_of({"draught": 8.0}, joint=[(("draught", "clip_slack"), mm)])
+    (draught,), ((both, p_value),) = evidence.singles, evidence.joint
+    return dataclasses.replace(
+        evidence, base=with_edge(evidence.base, without),
+        singles={draught: with_edge(evidence.singles[draught], without)},
+        joint=[(with_edge(both, with_slack), p_value)],
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize(("squares", "verdict"), [(1150, "several"), (1900, "effect")])
 def test_a_further_effect_that_the_held_edge_shows_is_named_though_it_closes_little(squares, verdict):
     """Beside a draught that leaves 8 mm clips closer together close 3 mm^2 of 119, and 39 are left."""
-    evidence = evidence_of({"draught": 8.0}, joint=[(("draught", "clip_slack"), 7.8)])
-    (draught,), ((both, p_value),) = evidence.singles, evidence.joint
-    evidence = dataclasses.replace(
-        evidence, base=with_edge(evidence.base, 2000), singles={draught: with_edge(evidence.singles[draught], 2000)},
-        joint=[(with_edge(both, squares), p_value)],
-    )  # fmt: skip
+    evidence = draught_and_slack(7.8, without=2000, with_slack=squares)
     found = decide(evidence, LIBRARY)
     assert found.verdict == verdict
-    likely = probabilities(evidence, evidence.joint[0][0])
+    both = evidence.joint[0][0]
+    likely = probabilities(evidence, both)
     assert (likely.get(both.effects[1], 0.0) > 0.5) == (verdict == "several")
 
 
@@ -71,12 +78,7 @@ def test_an_effect_that_puts_the_held_edge_surely_off_is_contradicted_by_itself(
 @pytest.mark.parametrize(("squares", "verdict"), [(1250, "several"), (1270, "effect")])
 def test_nor_is_it_added_to_another(squares, verdict):
     """Beside a draught that leaves 8 mm clips closer together close 28 mm^2 of 119, of which 39 are left."""
-    evidence = evidence_of({"draught": 8.0}, joint=[(("draught", "clip_slack"), 6.0)])
-    (draught,), ((both, p_value),) = evidence.singles, evidence.joint
-    evidence = dataclasses.replace(
-        evidence, base=with_edge(evidence.base, 1200), singles={draught: with_edge(evidence.singles[draught], 1200)},
-        joint=[(with_edge(both, squares), p_value)],
-    )  # fmt: skip
+    evidence = draught_and_slack(6.0, without=1200, with_slack=squares)
     assert decide(evidence, LIBRARY).verdict == verdict
 
 
@@ -192,14 +194,7 @@ def test_a_base_fit_or_a_mesh_that_is_not_settled_does_not_hide_what_the_edge_te
 @pytest.mark.parametrize(("with_slack", "verdict"), [(8.1, "several"), (8.6, "effect")])
 def test_what_the_held_edge_shows_is_named_beside_another_though_the_cloth_gains_nothing(with_slack, verdict):
     """A draught leaves 8 mm; clips closer together put the edge right, and half a millimetre more is surely worse."""
-    evidence = evidence_of({"draught": 8.0}, joint=[(("draught", "clip_slack"), with_slack)])
-    (draught,), ((both, p_value),) = evidence.singles, evidence.joint
-    evidence = dataclasses.replace(
-        evidence,
-        base=with_edge(evidence.base, 2000),
-        singles={draught: with_edge(evidence.singles[draught], 2000)},
-        joint=[(with_edge(both, 1150), p_value)],
-    )
+    evidence = draught_and_slack(with_slack, without=2000, with_slack=1150)
     assert decide(evidence, LIBRARY).verdict == verdict
 
 

@@ -181,6 +181,8 @@ def test_a_hem_that_ends_in_a_point_is_the_two_sides_that_meet_there():
     even = 0.3 * mesh.node_area
     moved = find_effects(["hem"])[0].node_mass(even, mesh, np.array([0.01]))
     assert moved.sum() == pytest.approx(even.sum())
+    assert (moved - even * (1 - 0.0064031 / even.sum())).sum() == pytest.approx(0.0064031, rel=1e-3)
+    assert (moved > even).any()
 
 
 def test_a_notch_of_a_millimetre_is_refused_and_told_how_large_it_may_be():

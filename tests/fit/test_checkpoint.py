@@ -1,0 +1,35 @@
+"""The fits that an interrupted diagnosis keeps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fit.errors import FitError
+from fit.gap.checkpoint import Checkpoint
+from fit.gap.fitting import Fitted
+
+
+def test_kept_fits_of_other_takes_are_refused(tmp_path):
+    Checkpoint(tmp_path / "p", {"takes": ["a"]})
+    with pytest.raises(FitError, match="other takes or options"):
+        Checkpoint(tmp_path / "p", {"takes": ["b"]})
+    Checkpoint(tmp_path / "q", {"takes": ["a"], "physics": "old"})
+    with pytest.raises(FitError, match="another version of Hangtime"):
+        Checkpoint(tmp_path / "q", {"takes": ["a"], "physics": "new"})
+    (tmp_path / "p" / "key.json").write_text("{")
+    with pytest.raises(FitError, match="cannot be read"):
+        Checkpoint(tmp_path / "p", {"takes": ["a"]})
+
+
+def test_kept_fits_that_a_power_cut_left_empty_or_cut_short_are_made_again(tmp_path):
+    kept = Checkpoint(tmp_path / "p", {})
+    one = Fitted(np.ones(1), np.zeros(1), (), np.ones(2), np.ones((2, 1)), np.ones(1), True)
+    assert kept.recall(["fit"], lambda: [one])[0] is one
+    assert kept.recall_places("places", lambda: np.ones((2, 3))).shape == (2, 3)
+    whole = (tmp_path / "p/fit.npz").read_bytes()
+    for damaged in (b"", whole[:100], whole[:-30]):
+        (tmp_path / "p/fit.npz").write_bytes(damaged)
+        (tmp_path / "p/places.npy").write_bytes(damaged)
+        assert kept.recall(["fit"], lambda: [one])[0] is one
+        assert kept.recall_places("places", lambda: np.zeros((1, 3))).shape == (1, 3)

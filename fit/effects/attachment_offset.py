@@ -35,6 +35,7 @@ class AttachmentOffset(Effect):
     low: ClassVar[float] = -0.05
     high: ClassVar[float] = 0.05
     typical: ClassVar[float] = 0.01
+    law_spread: ClassVar[float] = 0.03  # a clip holds a patch of cloth, which turns a little
     components: ClassVar[tuple[str, ...]] = ("along", "down", "out")
 
     def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:

@@ -36,7 +36,8 @@ AT_BOUND = 0.01  # of an effect's range: an amplitude nearer to its end was stop
 # of that, which the wrong law of an effect that is there rarely does. Most on average, or in the median half-second:
 # where cloth becomes unpredictable for a moment, that moment is nearly all of what is left.
 SECOND_GAIN, SHARE_OF_LEFT = 0.1, 1 / 3
-SMALLEST_SECOND_GAIN, MOST_OF_LEFT = 0.03, 0.6
+MOST_OF_LEFT = 0.6
+LEAST_GAIN, LEAST_GAIN_BY_LAW = 0.01, 0.03  # beside effects of one exact law; beside others at most
 LEAST_LEFT = 0.1  # of the squared noise that is taken to be left in a half-second at least
 NEAR, NEAR_TWIN = 0.8, 0.9  # of the winner's closure from which an effect, or one of the same shape, is a rival
 RIVAL = 0.1  # share of bootstrap draws that makes an effect a rival
@@ -56,11 +57,20 @@ def best_of(observer: Observer, singles: dict[int, Hypothesis]) -> list[Hypothes
     return sorted(singles.values(), key=lambda h: (is_at_bound(observer, h), h.errors.squared_mm))
 
 
-def closes_enough(gap: float, before: BlockErrors, after: BlockErrors, floor_mm: float, hope: float = 1.0) -> bool:
+def least_gain(observer: Observer, before: Hypothesis) -> float:
+    """Share of the gap that a further effect closes at least: as much as sound laws of those before it leave of it."""
+    spread = max(observer.effects[k].law_spread for k in before.effects)
+    return float(np.clip((LAW_DEVIATIONS * spread) ** 2, LEAST_GAIN, LEAST_GAIN_BY_LAW))
+
+
+def closes_enough(
+    observer: Observer, gap: float, before: Hypothesis, after: Hypothesis, floor_mm: float, hope: float = 1.0
+) -> bool:
     """Whether a further effect closes enough of a gap [mm^2], or would if it closed `hope` times as much."""
-    gain = before.squared_mm - after.squared_mm
-    usual = share_in_median_block(before, after, floor_mm)
-    return is_worth_adding(gap, before.squared_mm - floor_mm**2, hope * gain, hope * usual)
+    was, now = before.errors, after.errors
+    gain, usual = was.squared_mm - now.squared_mm, share_in_median_block(was, now, floor_mm)
+    least = least_gain(observer, before)
+    return is_worth_adding(gap, was.squared_mm - floor_mm**2, hope * gain, hope * usual, least)
 
 
 def edge_left_by_law(observer: Observer, base: Hypothesis, hypothesis: Hypothesis) -> float:
@@ -80,19 +90,23 @@ def puts_edge_off(base: Hypothesis, before: Hypothesis, found: Hypothesis) -> bo
     return is_told_by_edge(found.errors.edge, before.errors.edge, base.errors.edge)
 
 
-def is_worth_adding(gap: float, left: float, gain: float, usual_share: float = 0.0) -> bool:
+def is_worth_adding(
+    gap: float, left: float, gain: float, usual_share: float = 0.0, least: float = LEAST_GAIN_BY_LAW
+) -> bool:
     """Whether a further effect that closes `gain` of what is left of a gap is needed; mean squared errors [mm^2].
 
-    usual_share: `share_in_median_block` of it
+    usual_share: `share_in_median_block` of it; least: `least_gain` beside the effects before it
     """
-    return bool(are_worth_adding(np.array(gap), np.array(left), np.array(gain), usual_share))
+    return bool(are_worth_adding(np.array(gap), np.array(left), np.array(gain), usual_share, least))
 
 
-def are_worth_adding(gap: Floats, left: Floats, gain: Floats, usual_share: float = 0.0) -> NDArray[np.bool_]:
+def are_worth_adding(
+    gap: Floats, left: Floats, gain: Floats, usual_share: float = 0.0, least: float = LEAST_GAIN_BY_LAW
+) -> NDArray[np.bool_]:
     """Return `is_worth_adding` of many draws, each (replicas,)."""
     closes_much = (gain >= SECOND_GAIN * gap) & (gain >= SHARE_OF_LEFT * left)
     closes_most = (gain >= MOST_OF_LEFT * left) | (usual_share >= MOST_OF_LEFT)
-    return np.asarray(closes_much | ((gain >= SMALLEST_SECOND_GAIN * gap) & closes_most))
+    return np.asarray(closes_much | ((gain >= least * gap) & closes_most))
 
 
 def share_in_median_block(before: BlockErrors, after: BlockErrors, floor_mm: float) -> float:

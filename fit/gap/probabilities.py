@@ -24,6 +24,7 @@ from fit.gap.evidence import (
     Evidence,
     are_worth_adding,
     best_of,
+    least_gain,
     puts_edge_right,
     share_in_median_block,
 )
@@ -49,7 +50,9 @@ def probabilities(evidence: Evidence, several: Hypothesis | None) -> dict[int, f
         before = np.min(np.stack(list(drawn.values())), axis=0)
         best = best_of(evidence.observer, evidence.singles)[0]
         usual = share_in_median_block(best.errors, teams[0].errors, evidence.floor_mm)
-        is_added = are_worth_adding(base - noise, before - noise, before - least, usual)
+        is_added = are_worth_adding(
+            base - noise, before - noise, before - least, usual, least_gain(evidence.observer, best)
+        )
         if puts_edge_right(evidence.observer, evidence.base, best, teams[0]):
             is_added |= before > least
         by_law = np.stack([evidence.most_by_law(team, base - noise) for team in teams])

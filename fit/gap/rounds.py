@@ -15,12 +15,12 @@ from fit.gap.checkpoint import Checkpoint
 from fit.gap.edge import is_edge_explained, is_told_by_edge
 from fit.gap.edge_fit import disputed, leads, trust_in_edge
 from fit.gap.evidence import (
-    SMALLEST_SECOND_GAIN,
     Evidence,
     best_of,
     closes_enough,
     edge_left_by_law,
     is_at_bound,
+    least_gain,
     per_millimetre,
     puts_edge_off,
     puts_edge_right,
@@ -32,7 +32,7 @@ from fit.gap.hypotheses import POLISHING, Hypothesis, judged, polishing, refits,
 from fit.gap.numerics import Refined
 from fit.gap.observer import Observer
 from fit.gap.screening import GROUP_COSINE, Screened, screen, with_amplitude
-from fit.gap.verdict import Verdict, is_brought, may_be_added
+from fit.gap.verdict import LEVEL, MESH_SHARE, Verdict, is_brought, may_be_added
 from formats.results import Gate
 
 Progress = Callable[[str, float], None]
@@ -174,7 +174,7 @@ class Rounds:
         gap = self.base.errors.squared_mm - floor**2
         while len(starts[0].effects) < MOST_EFFECTS:
             left_mm2 = best.errors.squared_mm - floor**2
-            is_left = left_mm2 >= max(SMALLEST_SECOND_GAIN * gap, numerics**2)
+            is_left = left_mm2 >= max(least_gain(self.observer, best) * gap, MESH_SHARE * numerics**2)
             by_law = edge_left_by_law(self.observer, self.base, best)
             if not is_left and is_edge_explained(best.errors.edge, by_law):
                 return
@@ -182,15 +182,13 @@ class Rounds:
             if not tried:
                 return
             found, p_value = self._best_of_tried(tried, best)
-            is_real = may_be_added(self.observer, found, p_value)
-            if is_real and self._is_needed(best, found, floor, PROMISING):
+            if self._is_hopeful(found, p_value) and self._is_needed(best, found, floor, PROMISING):
                 found = self._polished(found)
-                if len(found.effects) == 2:
+                if len(found.effects) == 2 and may_be_added(self.observer, found, p_value):
                     found, p_value = self._better_of_twins(found, p_value)
                 (found,) = self._by_edge([found], numerics)
-                is_real = may_be_added(self.observer, found, p_value)
             self.joint.append((found, p_value))
-            if not is_real or not self._is_needed(best, found, floor):
+            if not may_be_added(self.observer, found, p_value) or not self._is_needed(best, found, floor):
                 return
             if len(found.effects) == MOST_EFFECTS:
                 self._drop_idle(found, p_value, numerics)
@@ -203,11 +201,11 @@ class Rounds:
     def _is_needed(self, before: Hypothesis, found: Hypothesis, floor: float, hope: float = 1.0) -> bool:
         """Whether a further effect closes enough, or would if it closed `hope` times as much, or shows on the edge."""
         gap = self.base.errors.squared_mm - floor**2
-        is_enough = closes_enough(gap, before.errors, found.errors, floor, hope)
+        is_enough = closes_enough(self.observer, gap, before, found, floor, hope)
         return is_enough or puts_edge_right(self.observer, self.base, before, found)
 
     def _best_of_tried(self, tried: list[tuple[Hypothesis, float]], before: Hypothesis) -> tuple[Hypothesis, float]:
-        """Return what leaves least of what may be added, or of all that was tried where nothing may.
+        """Return what leaves least of what may be added; where nothing may, of what might once fitted on, or of all.
 
         The same effects, found in another order, may be added if either order may. What the held edge shows comes
         first, with the effect that puts it right.
@@ -217,7 +215,12 @@ class Rounds:
         if seen:
             nearest = min((h.errors.edge for h, _ in seen), key=lambda edge: edge.shown)
             real = [(h, p) for h, p in seen if not is_told_by_edge(h.errors.edge, nearest, before.errors.edge)]
-        return min(real or tried, key=_held_out_error)
+        hopeful = [(h, p) for h, p in tried if self._is_hopeful(h, p)]
+        return min(real or hopeful or tried, key=_held_out_error)
+
+    def _is_hopeful(self, joint: Hypothesis, p_value: float) -> bool:
+        """Whether the last of several effects shows, however ill a few steps have fitted it, and is in its range."""
+        return p_value < LEVEL and not is_at_bound(self.observer, joint)
 
     def _polished(self, joint: Hypothesis) -> Hypothesis:
         """Return several effects as they fit with a Jacobian of their own."""

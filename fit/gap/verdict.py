@@ -240,14 +240,16 @@ def _several(evidence: Evidence, passing: list[int]) -> Hypothesis | None:
         gain = (before.errors.draw(evidence.picks) - hypothesis.errors.draw(evidence.picks)) / gap
         # What acts for a moment (a slip) closes little in most draws of half-seconds: the motion fitted to decides.
         is_certain = np.quantile(gain, 0.05) > 0 or (hypothesis.fitted.cost < (1 - SECOND_GAIN) * before.fitted.cost)
-        is_enough = closes_enough(gap, before.errors, hypothesis.errors, evidence.floor_mm)
-        is_left = before.errors.squared_mm - evidence.floor_mm**2 >= evidence.numerics_mm**2
+        is_enough = closes_enough(evidence.observer, gap, before, hypothesis, evidence.floor_mm)
+        added = evidence.observer.effects[hypothesis.effects[-1]]
+        saved = before.errors.squared_mm - hypothesis.errors.squared_mm
+        is_resolved = saved > mesh_share(added) * evidence.numerics_mm**2
         is_seen = puts_edge_right(evidence.observer, evidence.base, before, hypothesis)
         # What the held edge shows may do nothing for the cloth, but it must not surely make it worse.
         is_shown = is_seen and np.quantile(gain, 0.95) >= 0
         # As of the first effect: noise, mesh and solver together must not make its size.
         _, (low, high) = evidence.amplitude(hypothesis.effects[-1], beside=hypothesis, any_law=False)
-        closes = is_certain and is_enough and is_left and low * high > 0
+        closes = is_certain and is_enough and is_resolved and low * high > 0
         is_needed = (closes or is_shown) and _adds_to_told(evidence, hypothesis, gap)
         is_needed = is_needed and not puts_edge_off(evidence.base, before, hypothesis)
         is_needed = is_needed and not any(
@@ -266,7 +268,7 @@ def _adds_to_told(evidence: Evidence, pair: Hypothesis, gap: float) -> bool:
     """Whether two effects are both needed where the held edge tells of one of them; it is there, whatever the other."""
     told = [evidence.singles[k] for k in evidence.told_by_edge & set(pair.effects)]
     return len(pair.effects) > 2 or all(
-        closes_enough(gap, alone.errors, pair.errors, evidence.floor_mm)
+        closes_enough(evidence.observer, gap, alone, pair, evidence.floor_mm)
         or puts_edge_right(evidence.observer, evidence.base, alone, pair)
         for alone in told
     )

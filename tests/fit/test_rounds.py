@@ -106,6 +106,25 @@ def test_of_what_was_tried_the_best_that_may_be_added_is_taken():
     assert search._best_of_tried([(better, 0.3), (other, 0.01)], before)[0] is other
     assert search._best_of_tried([(better, 0.3), (other, 0.3)], before)[0] is better
     assert search._best_of_tried([(better, 0.01), (other, 0.01)], before)[0] is better
+    unsure = hypothesis(("air_drag", "hem"), 5.8, deviation=5.0)
+    assert search._best_of_tried([(better, 0.3), (unsure, 0.01)], before)[0] is unsure
+
+
+@pytest.mark.parametrize(("p_value", "goes_on"), [(0.01, True), (0.3, False)])
+def test_a_further_effect_that_few_steps_fitted_ill_is_fitted_on_before_it_is_judged(monkeypatch, p_value, goes_on):
+    """A curl beside a hanger that turns: 9 mm and an amplitude that may be nothing, then 6 mm and a sure one."""
+    search = a_search((12.0, 100.0), {"hanger_rotation": (10.0, 40.0)})
+    names = ("hanger_rotation", "rest_curvature")
+    ill, well = (hypothesis(names, mm, deviation=deviation) for mm, deviation in ((9.0, 5.0), (6.0, 0.05)))
+    monkeypatch.setattr(Rounds, "_rivals", lambda self, order: [])
+    monkeypatch.setattr(
+        Rounds, "_with_another", lambda self, start: [(ill, p_value)] if len(start.effects) == 1 else []
+    )
+    monkeypatch.setattr(Rounds, "_polished", lambda self, joint: well)
+    monkeypatch.setattr(Rounds, "_better_of_twins", lambda self, pair, p_value: (pair, p_value))
+    monkeypatch.setattr(Rounds, "_each_alone", lambda self, pair, numerics: None)
+    search.further_rounds(5.0, 0.1)
+    assert [h for h, _ in search.joint] == [well if goes_on else ill]
 
 
 def test_what_the_held_edge_shows_is_taken_first_with_the_effect_that_puts_it_right():

@@ -364,6 +364,7 @@ def _result(
         seconds=seconds,
         notes=notes,
         material=model.material(best) if is_own else {},
+        layers=training[0].garment.layers,
         objective=model.objective_figure(initial, best),
         combinations=(
             describe_combinations(model.material_rows, initial, best, reach, intervals.covariance) if is_own else []

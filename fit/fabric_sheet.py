@@ -10,10 +10,11 @@ from fit.kes import make_sheet
 from formats.results import FitResult
 
 FRICTION = "bending_hysteresis"  # the effect that brings friction into bending
+SHARED = ("areal_density", "stretch_stiffness", "shear_stiffness", "bending_stiffness")  # by layers that slide
 
 
 def sheet_of(result: FitResult) -> str:
-    """Return the sheet of a fit result.
+    """Return the sheet of a fit result: of one layer, where the garment has several that slide on one another.
 
     Raises:
         FitError: the result does not hold its material, or is of another engine.
@@ -25,7 +26,8 @@ def sheet_of(result: FitResult) -> str:
         )
     if not set(NAMES) <= result.material.keys():
         raise FitError("the fit result does not hold its material", advice="it is from an older version: fit again")
-    sheet = make_sheet(result.material, result.effects.get(FRICTION, 0.0))
+    material = {name: value / (result.layers if name in SHARED else 1) for name, value in result.material.items()}
+    sheet = make_sheet(material, result.effects.get(FRICTION, 0.0) / result.layers)
     head = f"{'quantity':<30}{'unit':<14}{'warp':>9}{'weft':>9}   {'ten fabrics':<18}618 fabrics"
     lines = [f"Virtual fabric tests of {', '.join(result.take_ids)} ({result.method})", "", head]
 
@@ -61,6 +63,11 @@ def _remarks(result: FitResult) -> list[str]:
         f"{QUANTILES['weight'][0]:.0f} to {QUANTILES['weight'][-1]:.0f} mg/cm2 (5 to 95 %).",
         "RT is 100 % and 2HG is 0: the law has no friction in tension and shear.",
     ]
+    if result.layers > 1:
+        remarks.append(
+            f"The garment is {result.layers} layers, fitted as one: weight, tension, shear and bending are of one of "
+            "them, the same share each. Layers that are glued or quilted bend stiffer than they do one by one."
+        )
     if "density" in {p.name for p in result.parameters} or "mass" in {p.name for p in result.parameters}:
         remarks.append(
             "The weight was fitted, which motion cannot tell: weight, tension, shear and bending may all be wrong by "

@@ -93,6 +93,7 @@ class FitResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     material: dict[str, float] = {}  # SI, what the solver was told in the end, effects on the cloth included
     engine: str = "own"  # who simulated
     take_contents: list[str] = []  # sha256 of what each take fitted to held
+    layers: int = 1  # of fabric, one on the other, that were fitted as one
 
 
 class Figure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

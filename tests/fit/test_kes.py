@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+
+import msgspec
 import numpy as np
 import pytest
 
@@ -142,6 +145,14 @@ def test_the_sheet_of_a_real_fit_says_what_motion_cannot_tell():
     assert f"{fitted['bending_stiffness'] / 9.80665e-5:.3g}" in text
     assert "W, weight                     mg/cm2               20 " in text
     assert "The weight was fitted" not in text
+    assert "layers" not in text
+    double = dataclasses.replace(take, garment=msgspec.structs.replace(garment, layers=2))
+    twice = calibrate([double], [], request_of(LEAN, [], iterations=3, seed=0, spacing=0.1))
+    assert twice.material == result.material
+    text = sheet_of(twice)
+    assert f"{fitted['bending_stiffness'] / 2 / 9.80665e-5:.3g}" in text
+    assert "W, weight                     mg/cm2               10 " in text
+    assert "The garment is 2 layers, fitted as one" in text
 
 
 def test_a_result_without_its_material_is_refused():

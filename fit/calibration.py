@@ -12,14 +12,11 @@ from differences of a twentieth of the box, wider than the ripples that folds ma
 from __future__ import annotations
 
 import functools
-import json
 import time as clock
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,11 +26,12 @@ from fit.cloth.material import NAMES
 from fit.combinations import describe_combinations
 from fit.effects.base import columns_of
 from fit.engines import OWN, find_engine
-from fit.errors import BlowUpError, FitError
+from fit.errors import BlowUpError
 from fit.geometry import check_geometry
-from fit.physics import other_than, physics_version
+from fit.physics import physics_version
 from fit.recording import Recording, prepare_together
 from fit.request import Request
+from fit.saved_search import SavedSearch
 from fit.search.choice import OBSERVED, begin
 from fit.search.intervals import Intervals, block_intervals, check_blocks, draw_intervals
 from fit.search.least_squares import DIFFERENCE
@@ -44,7 +42,6 @@ from fit.takes import check_together, content_of
 from formats.results import ErrorFigure, FitParameter, FitResult, ObjectiveFigure
 from formats.results import FitError as FitErrors
 from formats.take import Take
-from formats.whole_files import write_whole
 
 Floats = NDArray[np.float64]
 Progress = Callable[[int, int, float], None]
@@ -167,15 +164,15 @@ def calibrate(
         BlowUpError: a take cannot be simulated with the initial or the fitted parameters.
     """
     check_together(training, held_out)
-    started = clock.monotonic()
     train, test = prepare_together(training, held_out)
     model = Model(train, request)
     judge = Model(test, request, is_fitted=False) if test else None
     if judge is not None:
-        judge.error_before  # noqa: B018  # a take that blows up is refused before the search
+        _ = judge.error_before  # a take that blows up is refused before the search
+    saved = SavedSearch(checkpoint, _key(training, model))
     run = _least_squares if request.search in OBSERVED else _ask_and_tell
-    found = run(model, request, checkpoint, _key(training, model), progress)
-    return _result(training, held_out, request, model, judge, found, clock.monotonic() - started)
+    found = run(model, request, saved, progress)
+    return _result(training, held_out, request, model, judge, found, saved.seconds)
 
 
 @dataclass(frozen=True)
@@ -189,19 +186,16 @@ class _Found:
     non_finite: int = 0
 
 
-def _ask_and_tell(
-    model: Model, request: Request, checkpoint: Path | None, key: dict[str, object], progress: Progress
-) -> _Found:
+def _ask_and_tell(model: Model, request: Request, saved: SavedSearch, progress: Progress) -> _Found:
     check_blocks(np.concatenate(_half_seconds(model.recordings)))
     blocks = sum(r.duration for r in model.recordings) / BLOCK
     initial = np.array([p.initial for p in request.parameters])
     steps = np.array([p.interval for p in request.parameters])
     search = begin(request.search, initial, steps, request.space, request.settings, request.seed, numbers=blocks)
-    if checkpoint is not None and checkpoint.exists():
-        state = _saved(checkpoint, key)
-        with _continuing(checkpoint):
+    if (state := saved.read()) is not None:
+        with saved.continuing():
             search.restore(state)
-    saved = clock.monotonic()
+    last = clock.monotonic()
     try:
         while not search.is_finished:
             candidates = search.ask(request.width)
@@ -214,15 +208,13 @@ def _ask_and_tell(
                 )
             search.tell(candidates, distances)
             progress(search.iteration, request.settings.iterations, search.best_distance)
-            if checkpoint is not None and clock.monotonic() - saved > CHECKPOINT_EVERY:
-                _save(checkpoint, key, search.state())
-                saved = clock.monotonic()
+            if clock.monotonic() - last > CHECKPOINT_EVERY:
+                saved.save(search.state())
+                last = clock.monotonic()
     except KeyboardInterrupt:
-        if checkpoint is not None:
-            _save(checkpoint, key, search.state())
+        saved.save(search.state())
         raise
-    if checkpoint is not None:
-        _save(checkpoint, key, search.state())  # what follows simulates again and may fail
+    saved.save(search.state())  # what follows simulates again and may fail
     if isinstance(search, Tempering) and len(search.draws) >= FEWEST_DRAWS:
         intervals = draw_intervals(request.space, search.draws)
     else:
@@ -233,9 +225,7 @@ def _ask_and_tell(
     )
 
 
-def _least_squares(
-    model: Model, request: Request, checkpoint: Path | None, key: dict[str, object], progress: Progress
-) -> _Found:
+def _least_squares(model: Model, request: Request, saved: SavedSearch, progress: Progress) -> _Found:
     """Least squares; what is kept are its looks and descents, and the distances on the way."""
     search, settings = begin_observed(
         request.search, model.recordings, request.method, request.effects, request.space, request.resolution,
@@ -243,9 +233,8 @@ def _least_squares(
     )  # fmt: skip
     initial = np.array([p.initial for p in request.parameters])
     steps: list[Step] = []
-    if checkpoint is not None and checkpoint.exists():
-        state = _saved(checkpoint, key)
-        with _continuing(checkpoint):
+    if (state := saved.read()) is not None:
+        with saved.continuing():
             steps = [Step.from_state(one) for one in state["steps"]]
             history = [float(value) for value in state["history"]]
             extra = int(state["extra"])
@@ -259,9 +248,7 @@ def _least_squares(
         if not distances:  # of rollouts that were not free
             distances, extra = [float(model.distances(step.vector[None])[0])], extra + 1
         history.extend(float(d) for d in np.minimum.accumulate([history[-1], *distances])[1:])
-        if checkpoint is not None:
-            kept = {"steps": [one.state() for one in steps], "history": history, "extra": extra}
-            _save(checkpoint, key, kept)
+        saved.save({"steps": [one.state() for one in steps], "history": history, "extra": extra})
         progress(len(steps), settings.steps, history[-1])
 
     found = search.run(initial, settings, show, tuple(steps))
@@ -278,38 +265,6 @@ def _key(training: list[Take], model: Model) -> dict[str, object]:
         "bounds": [list(b) for b in request.bounds], "initial": [p.initial for p in request.parameters],
         "engine": request.engine, "engine_version": model.engines[0].version, "physics": physics_version(),
     }  # fmt: skip
-
-
-def _save(checkpoint: Path, key: dict[str, object], state: dict[str, Any]) -> None:
-    write_whole(checkpoint, json.dumps({"key": key, "search": state}).encode())
-
-
-def _saved(checkpoint: Path, key: dict[str, object]) -> dict[str, Any]:
-    try:
-        saved = json.loads(checkpoint.read_text())
-        state, saved_key = saved["search"], saved["key"]
-    except (ValueError, KeyError, TypeError, OSError) as error:
-        raise FitError("the saved search cannot be read", where=checkpoint, advice="delete it to start anew") from error
-    if (other := other_than(saved_key, key)) is not None:
-        raise FitError(
-            f"the saved search is of {other}",
-            where=checkpoint,
-            advice="delete it or choose another --out",
-        )
-    return state  # type: ignore[no-any-return]
-
-
-@contextmanager
-def _continuing(checkpoint: Path) -> Iterator[None]:
-    """Say which file it is that a search cannot go on from."""
-    try:
-        yield
-    except (FitError, LookupError, TypeError, ValueError, AttributeError) as error:
-        raise FitError(
-            "the saved search cannot be continued here (other settings, libraries or processor)",
-            where=checkpoint,
-            advice="delete it to start anew",
-        ) from error
 
 
 def _result(

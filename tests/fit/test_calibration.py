@@ -69,7 +69,9 @@ def test_a_finished_search_outlives_a_held_out_take_that_blows_up(engine, monkey
         patch.setattr(engine, "broken_later", ("b",))
         with pytest.raises(BlowUpError, match=r"^b: the simulation of this take blew up; use a coarser mesh"):
             calibrate([a_take()], [a_take("b")], asked(search), checkpoint=file)
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"seconds": 1000.0}))
     result = calibrate([a_take()], [a_take("b")], asked(search), checkpoint=file, progress=never)
+    assert 1000.0 < result.seconds < 1100.0  # what was spent before counts
     assert result.history == whole.history
     assert result.parameters == whole.parameters
 

@@ -33,6 +33,8 @@ HEM_BENDING = 3.0  # times the bending stiffness of the cloth
 MAGNET_AT = 0.65  # of the height below the held edge
 MAGNET_REACH = 0.05  # m, over which its pull falls
 LIGHTEST = 0.1  # of its mass that every node keeps where mass is uneven
+PLACES = ("thread_x", "thread_y", "thread_z", "magnet_x", "magnet_y", "magnet_z")  # m, of each take its own
+ALIGNMENT = 64  # bytes: eight lanes of eight bytes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,52 +154,64 @@ class Engine:
         steps = (samples - 1) * every
         path = resample(ends, duration, np.linspace(0.0, steps * dt, steps + 1))
         x = hung(path[:, 0], sheet)
-        v, f, acceleration, normal = (np.zeros((takes, nodes, 3)) for _ in range(4))
-        numbers = self.numbers(x)
+        numbers = self.numbers()
         bob = np.zeros((takes, 2, 3))
-        bob[:, 0] = x[:, int(numbers[0]["bob_node"])] - [0.0, 0.0, self.cloth.bob_length]
+        bob[:, 0] = x[:, int(numbers["bob_node"])] - [0.0, 0.0, self.cloth.bob_length]
         carried, weights = place_on(sheet, np.asarray(places, float))
-        seen = np.zeros((takes, samples, len(carried), 3))
-        kept = np.zeros((takes, samples, nodes, 6) if shapes else (1, 1, 1, 6))
-        kernel.rollout(
-            x, v, f, acceleration, normal, np.zeros((takes, len(sheet.area))), np.zeros((takes, len(sheet.hinges), 3)),
-            bob, sheet.triangles, sheet.inverse, sheet.area, sheet.hinges, sheet.hinge_cotangents, sheet.hinge_area,
-            self.hinge_bending, self.hinge_curl, self.node_mass, _air_mass(sheet), magnet_spot(sheet), sheet.held,
-            held_fraction(sheet), path, np.array([[row[name] for name in kernel.NAMES] for row in numbers]), dt,
-            round(settle / dt), SETTLE_DAMPING, every, carried, weights, seen, kept, int(shapes),
-        )  # fmt: skip
+        groups = -(-takes // kernel.LANES)
+        seen = _rows(groups, samples, 3 * len(carried))
+        kept = _rows(groups, samples, 6 * nodes) if shapes else _rows(1, 1, 6)
+        with runtime.vectors_kept():
+            kernel.rollout(
+                _in_lanes(x.reshape(takes, -1)), *(_rows(groups * 3 * nodes) for _ in range(4)),
+                _rows(groups * len(sheet.area)), _rows(groups * 3 * len(sheet.hinges)),
+                _in_lanes(bob.reshape(takes, -1)), sheet.triangles.ravel(), sheet.inverse.ravel(), sheet.area,
+                sheet.hinges.ravel(), sheet.hinge_cotangents.ravel(), sheet.hinge_area, self.hinge_bending,
+                self.hinge_curl, self.node_mass, _air_mass(sheet), magnet_spot(sheet), sheet.held,
+                held_fraction(sheet), _in_lanes(path.reshape(takes, -1)).reshape(-1, 6, kernel.LANES),
+                _in_lanes(self.poles(x)).reshape(groups, -1, kernel.LANES),
+                np.array([numbers[name] for name in kernel.NAMES]), dt, round(settle / dt), SETTLE_DAMPING, every,
+                carried, weights, seen, kept, int(shapes),
+            )  # fmt: skip
+        seen = _from_lanes(seen, takes).reshape(takes, samples, -1, 3)
+        kept = _from_lanes(kept, takes).reshape(takes, samples, nodes, 6) if shapes else None
         if not (np.abs(seen) < 100.0).all():  # metres: far outside any room
             raise BlowUpError(
                 "the generator's cloth flew apart", where=f"step {dt:.2e} s", advice="make the case with another seed"
             )
-        return Motion(np.arange(samples) / SAMPLES, seen, kept if shapes else None, steps + round(settle / dt))
+        return Motion(np.arange(samples) / SAMPLES, seen, kept, steps + round(settle / dt))
 
-    def numbers(self, x: Floats) -> list[dict[str, float]]:
-        """Return every number of the physics [SI], one dict per take, from where the nodes start, (takes, nodes, 3)."""
-        cloth, sheet = self.cloth, self.sheet
-        corner = sheet.node_at(cloth.corner * sheet.width / 2, -sheet.height)
+    def numbers(self) -> dict[str, float]:
+        """Return every number of the physics [SI] that all takes share."""
+        cloth = self.cloth
         across, away = np.sin(cloth.gravity_tilt)
         down = -np.sqrt(1 - across**2 - away**2)
-        magnet = sheet.node_at(0.0, -MAGNET_AT * sheet.height)
-        rows = []
-        for k in range(len(x)):
-            thread = x[k, corner] + [0.25 * cloth.corner, 0.1, -0.15]
-            pole = x[k, magnet] + [0.0, 0.06, 0.0]
-            known = {
-                "gravity_x": GRAVITY * across, "gravity_y": GRAVITY * away, "gravity_z": GRAVITY * down,
-                "damping": cloth.damping, "mu": cloth.shear, "lam": self.lam, "fibre_warp": self.fibres[0],
-                "fibre_weft": self.fibres[1], "stiffening": cloth.stiffening, "stretch_time": cloth.stretch_time,
-                "bend_viscosity": cloth.bend_viscosity, "friction": cloth.friction, "drag": cloth.drag,
-                "lift": cloth.lift, "wind_x": cloth.wind[0], "wind_y": cloth.wind[1], "wind_z": cloth.wind[2],
-                "gust_phase": cloth.gust_phase, "wake": cloth.wake, "wake_time": cloth.wake_time,
-                "added_mass": cloth.added_mass, "bob_mass": cloth.bob, "bob_length": cloth.bob_length,
-                "bob_node": corner, "thread": cloth.thread, "thread_node": corner, "thread_x": thread[0],
-                "thread_y": thread[1], "thread_z": thread[2],
-                "thread_length": float(np.linalg.norm(thread - x[k, corner])), "magnet": cloth.magnet,
-                "magnet_x": pole[0], "magnet_y": pole[1], "magnet_z": pole[2], "magnet_reach": MAGNET_REACH,
-            }  # fmt: skip
-            rows.append({name: float(value) for name, value in known.items()})
-        return rows
+        known = {
+            "gravity_x": GRAVITY * across, "gravity_y": GRAVITY * away, "gravity_z": GRAVITY * down,
+            "damping": cloth.damping, "mu": cloth.shear, "lam": self.lam, "fibre_warp": self.fibres[0],
+            "fibre_weft": self.fibres[1], "stiffening": cloth.stiffening, "stretch_time": cloth.stretch_time,
+            "bend_viscosity": cloth.bend_viscosity, "friction": cloth.friction, "drag": cloth.drag,
+            "lift": cloth.lift, "wind_x": cloth.wind[0], "wind_y": cloth.wind[1], "wind_z": cloth.wind[2],
+            "gust_phase": cloth.gust_phase, "wake": cloth.wake, "wake_time": cloth.wake_time,
+            "added_mass": cloth.added_mass, "bob_mass": cloth.bob, "bob_length": cloth.bob_length,
+            "bob_node": self._corner, "thread": cloth.thread, "thread_node": self._corner,
+            "thread_length": float(np.linalg.norm(self._tie)), "magnet": cloth.magnet, "magnet_reach": MAGNET_REACH,
+        }  # fmt: skip
+        return {name: float(value) for name, value in known.items()}
+
+    def poles(self, x: Floats) -> Floats:
+        """Return `PLACES` [m], (takes, 6), from where the nodes start, (takes, nodes, 3)."""
+        magnet = self.sheet.node_at(0.0, -MAGNET_AT * self.sheet.height)
+        return np.hstack([x[:, self._corner] + self._tie, x[:, magnet] + [0.0, 0.06, 0.0]])
+
+    @property
+    def _corner(self) -> int:
+        return self.sheet.node_at(self.cloth.corner * self.sheet.width / 2, -self.sheet.height)
+
+    @property
+    def _tie(self) -> Floats:
+        """From the corner to where its thread is tied [m], (3,)."""
+        return np.array([0.25 * self.cloth.corner, 0.1, -0.15])
 
 
 def _node_mass(cloth: Cloth, sheet: Sheet) -> Floats:
@@ -261,3 +275,30 @@ def resample(ends: Floats, duration: float, instants: Floats) -> Floats:
 
     given = np.linspace(0.0, duration, ends.shape[1])
     return np.ascontiguousarray(np.swapaxes(CubicSpline(given, np.swapaxes(ends, 0, 1))(instants), 0, 1))
+
+
+def _rows(*shape: int) -> Floats:
+    """Zeros, one vector of takes each, where the processor loads vectors whole: a misaligned one ends the process."""
+    from fit.blind.kernel import LANES
+
+    size = 8 * LANES * int(np.prod(shape))
+    raw = np.zeros(size + ALIGNMENT, np.uint8)
+    start = -raw.ctypes.data % ALIGNMENT
+    return raw[start : start + size].view(np.float64).reshape(*shape, LANES)
+
+
+def _in_lanes(values: Floats) -> Floats:
+    """(takes, n) -> (groups x n, lanes); what is left of the last group's lanes repeats the last take."""
+    from fit.blind.kernel import LANES
+
+    groups = -(-len(values) // LANES)
+    chosen = values[np.minimum(np.arange(groups * LANES), len(values) - 1)].reshape(groups, LANES, -1)
+    placed = _rows(groups * values.shape[1])
+    placed[...] = np.swapaxes(chosen, 1, 2).reshape(placed.shape)
+    return placed
+
+
+def _from_lanes(values: Floats, takes: int) -> Floats:
+    """(groups, samples, n, lanes) -> (takes, samples, n)."""
+    moved = np.moveaxis(values, -1, 1)
+    return np.ascontiguousarray(moved.reshape(-1, *moved.shape[2:])[:takes])

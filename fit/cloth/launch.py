@@ -1,7 +1,8 @@
 """Calls of the rollout kernel: candidates of one or several recordings of one cloth, packed into groups of lanes.
 
-Every group is one task with its own recording, step and frames; tasks go to the processors longest first. How wide the
-groups are is a guess at the least time: processors that work side by side until the last task is done,
+Candidates of several recordings that have the same step share groups: a group has the frames of all its recordings, of
+which each keeps its own. Every group is one task; tasks go to the processors longest first. How wide the groups are is
+a guess at the least time: processors that work side by side until the last task is done,
 
     max(longest task, sum of all tasks / processors),  a task's time being its steps times COST of its lanes
 """
@@ -76,40 +77,89 @@ class Group:
         """Steps from the beginning of settling to the last frame."""
         return (self.simulator.recording.duration + self.simulator.support.settle_time) / self.dt
 
-    def split(self, lanes: int) -> list[Group]:
-        """Return groups of at most this many members."""
-        starts = range(0, len(self.members), lanes)
-        return [replace(self, members=self.members[k : k + lanes]) for k in starts]
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """One group of lanes: candidates of one or several recordings that take the same steps.
+
+    parts: a group for each recording, whose members lie side by side in this order
+    """
+
+    parts: tuple[Group, ...]
+
+    @property
+    def steps(self) -> float:
+        """Steps of the longest of its recordings."""
+        return max(part.steps for part in self.parts)
+
+    @property
+    def dt(self) -> float:
+        """Time step [s]."""
+        return self.parts[0].dt
+
+    def filled(self, lanes: int) -> list[tuple[Group, NDArray[np.int64]]]:
+        """Return every part and its members; what is left of the lanes repeats the last one."""
+        members = [part.members for part in self.parts]
+        missing = lanes - sum(len(m) for m in members)
+        members[-1] = np.concatenate([members[-1], np.repeat(members[-1][-1:], missing)])
+        return list(zip(self.parts, members, strict=True))
+
+
+def pack(groups: Sequence[Group], lanes: int) -> list[Task]:
+    """Return tasks of at most this many candidates; those whose shapes are kept share none with other recordings."""
+    tasks = []
+    for octaves in sorted({g.half_octaves for g in groups}):
+        alike = [g for g in groups if g.half_octaves == octaves]
+        apart = any(g.candidates.kept is not None for g in alike)
+        for together in [[g] for g in alike] if apart else [alike]:
+            tasks += _shared(together, lanes)
+    return tasks
+
+
+def _shared(groups: list[Group], lanes: int) -> list[Task]:
+    parts: list[list[Group]] = [[]]
+    room = lanes
+    for group in groups:
+        taken = 0
+        while taken < len(group.members):
+            if room == 0:
+                parts.append([])
+                room = lanes
+            parts[-1].append(replace(group, members=group.members[taken : taken + room]))
+            room -= len(parts[-1][-1].members)
+            taken += len(parts[-1][-1].members)
+    return [Task(tuple(p)) for p in parts if p]
 
 
 def launch(groups: Sequence[Group], observer_hz: float) -> None:
     """Simulate groups of one cloth and one kernel, and fill in their results."""
     threads = runtime.available_threads()
-    lanes = min(runtime.lane_widths(), key=lambda n: _time(groups, n, threads))
-    tasks = sorted((task for g in groups for task in g.split(lanes)), key=lambda g: -g.steps)
+    lanes = min(runtime.lane_widths(), key=lambda n: _time(pack(groups, n), n, threads))
+    tasks = sorted(pack(groups, lanes), key=lambda t: -t.steps)
     for start in range(0, len(tasks), TASKS * threads):
         _call(tasks[start : start + TASKS * threads], lanes, observer_hz)
 
 
-def _time(groups: Sequence[Group], lanes: int, threads: int) -> float:
-    times = [COST[lanes] * g.steps for g in groups for _ in range(-(-len(g.members) // lanes))]
+def _time(tasks: list[Task], lanes: int, threads: int) -> float:
+    times = [COST[lanes] * t.steps for t in tasks]
     return max(max(times), sum(times) / threads)
 
 
-def _call(tasks: list[Group], lanes: int, observer_hz: float) -> None:
-    """Run one kernel on tasks of at most `lanes` members; what is left of a task's lanes repeats its last member."""
+def _call(tasks: list[Task], lanes: int, observer_hz: float) -> None:
+    """Run one kernel on tasks of at most `lanes` members."""
     from fit.cloth.rollout import make_rollout
 
-    first, (has_effects, is_viscous, touches) = tasks[0].simulator, tasks[0].kernel
+    first, (has_effects, is_viscous, touches) = tasks[0].parts[0].simulator, tasks[0].parts[0].kernel
     mesh, support = first.mesh, first.support
-    chosen = [np.concatenate([t.members, np.repeat(t.members[-1:], lanes - len(t.members))]) for t in tasks]
-    both = list(zip(tasks, chosen, strict=True))
-    amplitudes = np.concatenate([t.candidates.amplitudes[k] for t, k in both])
-    paths, frame_step, frame_lag = _courses(both)
-    targets = _Targets(tasks)
+    filled = [task.filled(lanes) for task in tasks]
+    every = [pair for parts in filled for pair in parts]
+    amplitudes = np.concatenate([g.candidates.amplitudes[k] for g, k in every])
+    courses = [_Course(task, parts, observer_hz > 0) for task, parts in zip(tasks, filled, strict=True)]
+    frame_step, frame_lag = _padded([c.steps for c in courses]), _padded([c.lags for c in courses])
+    targets, trust, first_target = _stacked(courses, lanes)
     count, nodes, bends, points = len(tasks), len(mesh.rest), len(mesh.bends), first.recording.points.shape[1]
     fibres, shears, frames = len(mesh.fibres.area), len(mesh.shear_area), frame_step.shape[1]
-    keeps = tasks[0].candidates.kept is not None
+    keeps = every[0][0].candidates.kept is not None
     active = first.effects if has_effects else ()
     with_bends, with_added = any(e.bends for e in active), any(e.adds_mass for e in active)
     faces = tuple(
@@ -119,15 +169,17 @@ def _call(tasks: list[Group], lanes: int, observer_hz: float) -> None:
     )
     rest, added = first.resting(amplitudes, bends, with_bends), first.carried(amplitudes, nodes, with_added)
     needs_normals = bool(faces) or with_bends or with_added
-    start = np.concatenate([t.simulator.support.start(path[:, 0]) for t, path in zip(tasks, paths, strict=True)])
-    rows = [(t.candidates.materials[k], t.candidates.amplitudes[k]) for t, k in both]
+    start = np.concatenate([c.start for c in courses])
+    rows = [(g.candidates.materials[k], g.candidates.amplitudes[k]) for g, k in every]
     masses = [first.masses(m, a) for pair in rows for m, a in zip(*pair, strict=True)]
     state = [_in_lanes(start, lanes), *(_zeros((count, nodes, 3, lanes)) for _ in range(2))]
     out = _zeros((count, frames, points, 3, lanes))
     whole = _zeros((count, frames if keeps else 1, nodes, 3, lanes))
     omega = 2 * np.pi * observer_hz
-    settle = np.array([round(t.simulator.support.settle_time / t.dt) for t in tasks], np.int32)
-    recorded = np.array([len(t.simulator.recording.time) for t in tasks], np.int32)
+    settle = np.array([round(support.settle_time / t.dt) for t in tasks], np.int32)
+    recorded = np.array([len(c.steps) for c in courses], np.int32)
+    paths = [c.paths for c in courses]
+    between = np.array([c.every for c in courses], np.int32)
     kernel = make_rollout(
         lanes, faces, fibre_nodes=first.fibre_nodes, bend_lengths=first.bend_lengths,
         handles=support.handles, with_twist=len(mesh.bends.twist_weights) > 0,
@@ -151,21 +203,22 @@ def _call(tasks: list[Group], lanes: int, observer_hz: float) -> None:
             3 * _some(support.nodes), _single(_some(support.shares)), _joined(paths, lanes),
             mesh.points.first, 3 * mesh.points.nodes, _single(mesh.points.weights),
             mesh.pull_points, _single(mesh.pull_weights),
-            targets.places, targets.trust,
-            _in_lanes(np.concatenate([t.simulator.kernel_rows(*r) for t, r in zip(tasks, rows, strict=True)]), lanes),
+            targets, trust,
+            _in_lanes(np.concatenate([g.simulator.kernel_rows(*r) for (g, _), r in zip(every, rows, strict=True)]), lanes),
             _flat(_in_lanes(1.0 / np.stack(masses), lanes)),
             _in_lanes(amplitudes if first.effects else np.zeros((len(amplitudes), 1)), lanes),
-            frame_step, frame_lag, np.stack([recorded, settle, _firsts(paths), targets.first, targets.every], 1),
+            frame_step, frame_lag, np.stack([recorded, settle, _firsts(paths), first_target, between], 1),
             np.array([t.dt for t in tasks], np.float32), support.settle_damping, omega**2, 2 * omega,
             out, whole,
         )  # fmt: skip
-    _hand_back(tasks, _from_lanes(out), _from_lanes(whole), _from_lanes(state[2]), lanes)
+    _hand_back(courses, _from_lanes(out), _from_lanes(whole), _from_lanes(state[2]), lanes)
 
 
-def _contact(tasks: list[Group], amplitudes: Floats, nodes: int, lanes: int) -> list[Singles | Integers]:
+def _contact(tasks: list[Task], amplitudes: Floats, nodes: int, lanes: int) -> list[Singles | Integers]:
     """What the kernel wants to know of contact; next to nothing where nothing touches."""
-    first = tasks[0].simulator
-    if not tasks[0].touches:
+    group = tasks[0].parts[0]
+    first = group.simulator
+    if not group.touches:
         memory = _zeros((1, lanes))
         return [np.zeros(1, np.int32), memory, memory.reshape(-1)]
     return contact_arguments(first.surface, first.contact, first.thickness(amplitudes).reshape(-1, lanes), nodes)
@@ -200,48 +253,66 @@ def contact_arguments(surface: Surface, contact: Contact, thickness: Floats, nod
     return [whole, memory, alone]
 
 
-def _hand_back(tasks: list[Group], seen: Singles, kept: Singles, forces: Singles, lanes: int) -> None:
-    for number, task in enumerate(tasks):
-        candidates, count = task.candidates, len(task.members)
-        frames, mine = candidates.seen.shape[1], slice(number * lanes, number * lanes + count)
-        candidates.seen[task.members] = seen[mine, :frames]
-        if candidates.kept is not None:
-            candidates.kept[task.members, :-1] = kept[mine, :frames]
-            candidates.kept[task.members, -1] = forces[mine]
+class _Course:
+    """What one task follows: frames and the way to them, handles, and what the observer pulls to.
+
+    steps, lags [s], (frames,): whole steps and the rest to every frame of any of its recordings; paths, (lanes, steps,
+    3 handles); start [m], (lanes, nodes, 3); every: steps between two targets
+    """
+
+    def __init__(self, task: Task, parts: list[tuple[Group, NDArray[np.int64]]], is_pulled: bool) -> None:
+        self.task = task
+        self.time = np.unique(np.concatenate([part.simulator.recording.time for part in task.parts]))
+        whole = np.floor(self.time / task.dt + 1e-9).astype(np.int32)
+        self.steps, self.lags = whole, (self.time - whole * task.dt).astype(np.float32)
+        ways = [g.simulator.paths(g.candidates.amplitudes[k], int(whole[-1]) + 3, task.dt) for g, k in parts]
+        self.paths = np.concatenate(ways)
+        self.start = np.concatenate([g.simulator.support.start(w[:, 0]) for (g, _), w in zip(parts, ways, strict=True)])
+        # Where nothing pulls but the settling, that is all that is asked for.
+        asked = slice(None if is_pulled else 2)
+        self.targets = []
+        for group, members in parts:
+            places, trust, self.every = group.simulator.observer_targets(group.half_octaves)
+            self.targets.append((places[asked], trust[asked], len(members)))
 
 
-def _courses(tasks: list[tuple[Group, NDArray[np.int64]]]) -> tuple[list[Floats], Integers, Singles]:
-    """Handles of every task, each (lanes, steps, 3 handles); whole steps and the rest [s] to every frame, padded."""
-    frames = max(len(t.simulator.recording.time) for t, _ in tasks)
-    steps, lags = np.zeros((len(tasks), frames), np.int32), np.zeros((len(tasks), frames), np.float32)
-    paths = []
-    for number, (task, chosen) in enumerate(tasks):
-        time = task.simulator.recording.time
-        whole = np.floor(time / task.dt + 1e-9).astype(np.int32)
-        steps[number, : len(time)], lags[number, : len(time)] = whole, time - whole * task.dt
-        paths.append(task.simulator.paths(task.candidates.amplitudes[chosen], int(whole[-1]) + 3, task.dt))
-    return paths, steps, lags
+def _stacked(courses: list[_Course], lanes: int) -> tuple[Singles, Singles, Integers]:
+    """Targets, (all samples, points, 6, lanes), and trust of all tasks, and where each task's begin.
+
+    A recording that is over is trusted no more.
+    """
+    samples = [max(len(places) for places, _, _ in c.targets) for c in courses]
+    points = courses[0].targets[0][1].shape[1]
+    firsts = np.cumsum([0, *samples]).astype(np.int32)
+    targets, trust = _zeros((firsts[-1], points, 6, lanes)), _zeros((firsts[-1], points, lanes))
+    for course, first in zip(courses, firsts, strict=False):
+        lane = 0
+        for places, believed, count in course.targets:
+            mine = slice(first, first + len(places)), ..., slice(lane, lane + count)
+            targets[mine], trust[mine] = places[..., None], believed[..., None]
+            lane += count
+    return targets, trust, firsts[:-1]
 
 
-class _Targets:
-    """What the observer pulls to, one recording and step after the other: where each task's begin, and how fine."""
+def _padded(rows: list[Numbers]) -> Numbers:
+    """One row below the other, zeros behind the shorter ones."""
+    padded = np.zeros((len(rows), max(len(r) for r in rows)), rows[0].dtype)
+    for whole, row in zip(padded, rows, strict=True):
+        whole[: len(row)] = row
+    return padded
 
-    def __init__(self, tasks: list[Group]) -> None:
-        known: dict[tuple[int, int], int] = {}
-        places, trust, first, every = [], [], [], []
-        length = 0
-        for task in tasks:
-            name = id(task.simulator), task.half_octaves
-            wanted, believed, steps = task.simulator.observer_targets(task.half_octaves)
-            if name not in known:
-                known[name] = length
-                places.append(wanted)
-                trust.append(believed)
-                length += len(wanted)
-            first.append(known[name])
-            every.append(steps)
-        self.places, self.trust = np.concatenate(places), np.concatenate(trust)
-        self.first, self.every = np.array(first, np.int32), np.array(every, np.int32)
+
+def _hand_back(courses: list[_Course], seen: Singles, kept: Singles, forces: Singles, lanes: int) -> None:
+    for number, course in enumerate(courses):
+        lane = number * lanes
+        for part in course.task.parts:
+            candidates, mine = part.candidates, slice(lane, lane + len(part.members))
+            frames = np.searchsorted(course.time, part.simulator.recording.time)
+            candidates.seen[part.members] = seen[mine][:, frames]
+            if candidates.kept is not None:
+                candidates.kept[part.members, :-1] = kept[mine][:, frames]
+                candidates.kept[part.members, -1] = forces[mine]
+            lane += len(part.members)
 
 
 def _firsts(paths: list[Floats]) -> Integers:

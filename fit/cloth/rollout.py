@@ -67,7 +67,6 @@ def make_rollout(
     lanes_4d = ti.types.ndarray(dtype=vec, ndim=4)
     floats_1d = ti.types.ndarray(dtype=ti.f32, ndim=1)
     floats_2d = ti.types.ndarray(dtype=ti.f32, ndim=2)
-    floats_3d = ti.types.ndarray(dtype=ti.f32, ndim=3)
     integers_1d = ti.types.ndarray(dtype=ti.i32, ndim=1)
     integers_2d = ti.types.ndarray(dtype=ti.i32, ndim=2)
     needs_normals = with_bends or with_added_mass or len(face_forces) > 0
@@ -120,7 +119,7 @@ def make_rollout(
             for c in ti.static(range(3)):
                 y = (1.0 - part) * targets[sample, p, c] + part * targets[sample + 1, p, c]
                 dy = (1.0 - part) * targets[sample, p, c + 3] + part * targets[sample + 1, p, c + 3]
-                pull[b, p, c] = vec(believed * (gain * y + damping * moving * dy))
+                pull[b, p, c] = believed * (gain * y + damping * moving * dy)
             for n in range(first[p], first[p + 1]):
                 w, i = believed * weights[n, 0], home + nodes[n]
                 for c in ti.static(range(3)):
@@ -204,8 +203,8 @@ def make_rollout(
         point_weights: floats_2d,
         pull_points: integers_2d,
         pull_weights: floats_2d,
-        targets: floats_3d,
-        trust: floats_2d,
+        targets: lanes_3d,
+        trust: lanes_2d,
         material: lanes_2d,
         inverse_mass: lanes_1d,
         amplitude: lanes_2d,

@@ -4,8 +4,8 @@
     held, (held,): nodes of the held edge; fraction, (held,): place along it; spot, (nodes,): shares of a magnet's pull
     path [m], (takes, steps + 1, 6): the held edge's ends at every step of dt [s]; every: steps a sample
     settle_steps, settle_damping [1/s]: hanging still before the take; rate [1/s]: samples of the answer
-    names, numbers, (takes, names) [SI]: those of `fit.blind.engine.Engine.numbers`, and bending_warp, bending_weft,
-    hem_from [m] below which bending is hem_bending times as stiff
+    names, numbers, (takes, names) [SI]: those of `fit.blind.engine.Engine.numbers`, `PLACES`, and bending_warp,
+    bending_weft, hem_from [m] below which bending is hem_bending times as stiff
 
 The answer is `nodes` [m], (takes, samples, nodes, 3), and `seconds`, (takes,), of one process, settling left out.
 """
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from fit.blind.engine import (
     HEM_BENDING,
     HEM_WIDTH,
+    PLACES,
     SAMPLES,
     SETTLE_DAMPING,
     SETTLE_TIME,
@@ -60,7 +61,8 @@ def make_job(engine: Engine, ends: Floats, duration: float, *, step: float, sett
         "hem_from": HEM_WIDTH - sheet.height if cloth.hem > 0 else -np.inf,
         "hem_bending": HEM_BENDING,
     }
-    rows = [{**row, **bending} for row in engine.numbers(start)]
+    shared = {**engine.numbers(), **bending}
+    rows = [{**shared, **dict(zip(PLACES, row, strict=True))} for row in engine.poles(start)]
     return Job(
         {
             "rest": sheet.rest, "triangles": sheet.triangles, "mass": engine.node_mass, "start": start,

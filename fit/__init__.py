@@ -2,5 +2,7 @@
 
 import os as _os
 
-# Taichi prints a banner to stdout when it is first imported, which would spoil piped output.
+# Taichi would print to stdout when it is first imported, which spoils piped output: a banner, and, where stdout is not
+# the console's, that it believes itself in a graphical shell.
 _os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
+_os.environ.setdefault("TI_ENABLE_PYBUF", "0")

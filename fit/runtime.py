@@ -44,10 +44,9 @@ def start(threads: int | None = None) -> None:
     if _started:
         return
     _started["threads"] = threads or available_threads()
-    # Taichi prints a banner to stdout, which would spoil piped output.
-    with contextlib.redirect_stdout(io.StringIO()):
-        import taichi as ti
+    import taichi as ti
 
+    with contextlib.redirect_stdout(io.StringIO()):  # it says which version and processor it runs on
         ti.init(
             arch=ti.cpu,
             default_fp=ti.f32,

@@ -173,13 +173,13 @@ class Engine:
                 np.array([numbers[name] for name in kernel.NAMES]), dt, round(settle / dt), SETTLE_DAMPING, every,
                 carried, weights, seen, kept, int(shapes),
             )  # fmt: skip
-        seen = _from_lanes(seen, takes).reshape(takes, samples, -1, 3)
-        kept = _from_lanes(kept, takes).reshape(takes, samples, nodes, 6) if shapes else None
-        if not (np.abs(seen) < 100.0).all():  # metres: far outside any room
+        points = _from_lanes(seen, takes).reshape(takes, samples, -1, 3)
+        states = _from_lanes(kept, takes).reshape(takes, samples, nodes, 6) if shapes else None
+        if not (np.abs(points) < 100.0).all():  # metres: far outside any room
             raise BlowUpError(
                 "the generator's cloth flew apart", where=f"step {dt:.2e} s", advice="make the case with another seed"
             )
-        return Motion(np.arange(samples) / SAMPLES, seen, kept, steps + round(settle / dt))
+        return Motion(np.arange(samples) / SAMPLES, points, states, steps + round(settle / dt))
 
     def numbers(self) -> dict[str, float]:
         """Return every number of the physics [SI] that all takes share."""

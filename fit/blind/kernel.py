@@ -80,11 +80,13 @@ def add(a: ti.template(), i, w: ti.template()):
 
 @ti.func
 def dot(p: ti.template(), q: ti.template()):
+    """Return p . q."""
     return p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
 
 
 @ti.func
 def cross(p: ti.template(), q: ti.template()):
+    """Return p x q."""
     return [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]]
 
 
@@ -102,6 +104,7 @@ def sum_of(k, p: ti.template(), m, q: ti.template()):
 
 @ti.func
 def length_of(p: ti.template()):
+    """Return |p|."""
     return ti.sqrt(dot(p, p))
 
 

@@ -171,6 +171,7 @@ def _call(tasks: list[Task], lanes: int, observer_hz: float) -> None:
     needs_normals = bool(faces) or with_bends or with_added
     start = np.concatenate([c.start for c in courses])
     rows = [(g.candidates.materials[k], g.candidates.amplitudes[k]) for g, k in every]
+    numbers = [g.simulator.kernel_rows(*r) for (g, _), r in zip(every, rows, strict=True)]
     masses = [first.masses(m, a) for pair in rows for m, a in zip(*pair, strict=True)]
     state = [_in_lanes(start, lanes), *(_zeros((count, nodes, 3, lanes)) for _ in range(2))]
     out = _zeros((count, frames, points, 3, lanes))
@@ -204,7 +205,7 @@ def _call(tasks: list[Task], lanes: int, observer_hz: float) -> None:
             mesh.points.first, 3 * mesh.points.nodes, _single(mesh.points.weights),
             mesh.pull_points, _single(mesh.pull_weights),
             targets, trust,
-            _in_lanes(np.concatenate([g.simulator.kernel_rows(*r) for (g, _), r in zip(every, rows, strict=True)]), lanes),
+            _in_lanes(np.concatenate(numbers), lanes),
             _flat(_in_lanes(1.0 / np.stack(masses), lanes)),
             _in_lanes(amplitudes if first.effects else np.zeros((len(amplitudes), 1)), lanes),
             frame_step, frame_lag, np.stack([recorded, settle, _firsts(paths), first_target, between], 1),

@@ -213,3 +213,17 @@ def test_cloth_curled_about_the_vertical_brings_both_bottom_corners_to_the_same_
     left, middle, right = motion.points[0, -1][:, 1]
     assert left - middle == pytest.approx(right - middle, rel=0.15)
     assert abs(left - middle) > 0.005
+
+
+def test_takes_side_by_side_are_what_each_is_alone():
+    """Nine takes of other motions fill a group of eight and one more."""
+    cloth = Cloth(width=0.2, height=0.2, drag=1.2, friction=1e-5, thread=0.2, magnet=0.02)
+    engine, places = Engine(cloth, side=0.05), np.array([[-0.1, -0.2], [0.1, -0.2]])
+    ends = np.concatenate([bar(0.2, nudged(0.6, size=0.01 * k)) for k in range(9)])
+    ends[4:] += [0.02, 0.0, 0.1, 0.02, 0.0, 0.1]
+    together = engine.run(ends, 0.6, places, settle=0.2, shapes=True)
+    for k in (0, 5, 8):
+        alone = engine.run(ends[k : k + 1], 0.6, places, settle=0.2, shapes=True)
+        assert np.array_equal(together.points[k], alone.points[0])
+        assert np.array_equal(together.shapes[k], alone.shapes[0])
+    assert np.ptp(together.points[:4, -1, 0, 1]) > 0.005

@@ -11,6 +11,7 @@ from scipy.optimize import curve_fit
 
 from fit import runtime
 from fit.cloth import material as mat
+from fit.cloth.launch import pack
 from fit.cloth.mesh import build_mesh
 from fit.cloth.simulator import Resolution, Simulator, run_together
 from fit.cloth.support import Clamp, clamps
@@ -202,9 +203,10 @@ def test_kernels_of_all_widths_round_alike(effect, monkeypatch):
     assert all(np.array_equal(one, found[0]) for one in found)
 
 
+@pytest.mark.parametrize("observer_hz", [0.0, 1.0])
 @pytest.mark.parametrize("second", [sheet(), sheet(width=0.3)], ids=["one garment", "two garments"])
-def test_recordings_side_by_side_are_what_each_is_alone(second):
-    """Of other lengths, paths, rates, steps and targets, with effects and without, under a pull."""
+def test_recordings_side_by_side_are_what_each_is_alone(second, observer_hz):
+    """Of other lengths, paths, rates, steps and targets, with effects and without, in lanes that they share."""
     simulators, candidates, amplitudes = [], [], []
     effects = (AirDrag(),)
     for garment, length, rate, reach in ((sheet(), 1.5, 30, 0.08), (second, 1.1, 45, 0.05)):
@@ -213,13 +215,28 @@ def test_recordings_side_by_side_are_what_each_is_alone(second):
         simulators.append(Simulator(recording, effects, resolution=Resolution(spacing=0.07)))
         candidates.append(np.concatenate([material(garment, stretch_stiffness=k) for k in (50.0, 300.0, 300.0)]))
         amplitudes.append(np.array([[0.0], [0.0], [1.0]]))
-    together = run_together(simulators, candidates, amplitudes, observer_hz=1.0, shapes=True)
-    for simulator, rows, sizes, found in zip(simulators, candidates, amplitudes, together, strict=True):
-        alone = simulator.run(rows, sizes, observer_hz=1.0, shapes=True)
+    kept = run_together(simulators, candidates, amplitudes, observer_hz=observer_hz, shapes=True)
+    together = run_together(simulators, candidates, amplitudes, observer_hz=observer_hz)
+    for simulator, rows, sizes, found, whole in zip(simulators, candidates, amplitudes, together, kept, strict=True):
+        alone = simulator.run(rows, sizes, observer_hz=observer_hz, shapes=True)
         assert np.isfinite(found.points).all()
         assert np.array_equal(found.points, alone.points)
-        assert np.array_equal(found.shapes, alone.shapes)
-        assert np.array_equal(found.forces, alone.forces)
+        assert np.array_equal(whole.points, alone.points)
+        assert np.array_equal(whole.shapes, alone.shapes)
+        assert np.array_equal(whole.forces, alone.forces)
+
+
+def test_candidates_of_several_recordings_share_the_lanes_of_a_task():
+    """Three recordings with three candidates each fill one task of nine lanes, or three of four with three left."""
+    garment, time = sheet(), np.arange(30) / 30
+    simulators = [Simulator(prepare(take_of(garment, time, np.zeros((30, 3))))) for _ in range(3)]
+    rows = np.repeat(material(garment), 3, axis=0)
+    groups = [g for s in simulators for g in s.groups(rows, None, shapes=False)[1]]
+    assert [[len(part.members) for part in task.parts] for task in pack(groups, 16)] == [[3, 3, 3]]
+    assert [[len(part.members) for part in task.parts] for task in pack(groups, 4)] == [[3, 1], [2, 2], [1]]
+    assert [len(k) for _, k in pack(groups, 16)[0].filled(16)] == [3, 3, 10]
+    kept = [g for s in simulators for g in s.groups(rows, None, shapes=True)[1]]
+    assert len(pack(kept, 16)) == 3
 
 
 @pytest.mark.parametrize("velocity_damping", [0.02, 8.0])

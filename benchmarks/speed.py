@@ -1,8 +1,10 @@
-"""Cost of a simulated candidate: alone, in a batch on one thread's lanes, and on all threads; and of stretch viscosity.
+"""Cost of a simulated candidate: alone, beside others and beside other takes; and of stretch viscosity.
 
 Run: python benchmarks/speed.py. A clamped 0.4 m x 0.45 m sheet, 8 s of swing, mesh of 50 mm; medians of five, and the
 ratio of one candidate alone to one of the batch, measured in one run. Viscous cloth: processor time of 16 candidates
 against the same without, in turns, medians of five ratios; and of Kelvin-Voigt cloth, whose steps are far shorter.
+Few candidates of several takes: processor time one take after the other against all in one call, whose lanes they
+share, in turns, medians of five ratios.
 Then by how much effects shorten the step, at their typical and their largest size; last, the clock of the printed
 annealing on a take of 20 s, as one chain and as four, the intervals of the result included.
 """
@@ -20,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from fit.calibration import calibrate
 from fit.cloth import material as mat
-from fit.cloth.simulator import Resolution, Simulator
+from fit.cloth.simulator import Resolution, Simulator, run_together
 from fit.effects import find_effects
 from fit.parameterisations import KINECT_SKIRT
 from fit.recording import Recording, prepare
@@ -53,6 +55,23 @@ def by_count(simulator: Simulator, row: Floats) -> None:
             spent.append(time.perf_counter() - start)
         costs[count] = float(np.median(spent)) / count
         print(f"{count:>3} candidates: {1e3 * costs[count]:7.1f} ms each   {costs[1] / costs[count]:5.1f} x one alone")
+
+
+def by_company(simulator: Simulator, row: Floats, takes: int = 3, counts: tuple[int, ...] = (1, 4, 8)) -> None:
+    """Print what few candidates of several takes cost one take after the other against all in one call."""
+    simulators = [Simulator(simulator.recording) for _ in range(takes)]
+    for count in counts:
+        rows = np.repeat(row, count, axis=0)
+        spent = np.zeros((REPEATS + 1, 2))
+        for turn in spent:
+            start = time.process_time()
+            for alone in simulators:
+                alone.run(rows)
+            middle = time.process_time()
+            run_together(simulators, [rows] * takes, [None] * takes)
+            turn[:] = middle - start, time.process_time() - middle
+        ratio = float(np.median(spent[1:, 0] / spent[1:, 1]))
+        print(f"{takes} takes, {count} candidates of each: one take after the other {ratio:.2f} x the cost of together")
 
 
 def by_viscosity(simulator: Simulator, row: Floats) -> None:
@@ -114,6 +133,7 @@ def main() -> None:
     """Print the tables."""
     simulator, row = scene()
     by_count(simulator, row)
+    by_company(simulator, row)
     by_viscosity(simulator, row)
     print("Times as many steps as without:")
     by_effect(simulator.recording)

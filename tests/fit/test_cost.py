@@ -1,9 +1,10 @@
-"""The cost benchmark measures what it says: so many vertices, so many steps."""
+"""The benchmarks of cost and speed measure what they say: so many vertices, so many steps, so many takes."""
 
 from __future__ import annotations
 
 import pytest
 
+from benchmarks import speed
 from benchmarks.cost import least, runner, spread
 
 
@@ -18,3 +19,10 @@ def test_a_run_of_two_elements_a_side_has_49_vertices_and_costs_what_its_steps_c
 
 def test_spread_is_the_largest_over_the_smallest():
     assert spread([2.0, 2.5, 2.2]) == pytest.approx(25.0)
+
+
+def test_one_candidate_each_of_three_takes_costs_hardly_more_than_one(capsys):
+    """They share a group of four lanes, or of eight; the slack is for other work on the machine."""
+    speed.by_company(*speed.scene(), counts=(1,))
+    ratio = float(capsys.readouterr().out.split("after the other ")[1].split(" x")[0])
+    assert ratio > 1.5

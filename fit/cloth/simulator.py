@@ -209,6 +209,11 @@ class Simulator:
 
     def _half_octaves(self, materials: Floats, amplitudes: Floats) -> NDArray[np.int64]:
         """Per candidate, by how many half octaves the coarsest step must be shorter to be stable."""
+        wanted = np.ceil(2 * np.log2(COARSEST_STEP / self.stable_steps(materials, amplitudes)))
+        return np.clip(wanted, 0, 14).astype(np.int64)
+
+    def stable_steps(self, materials: Floats, amplitudes: Floats) -> Floats:
+        """Return SAFETY of the longest step [s] that is stable by the linear bound, (candidates,)."""
         by_stretch, by_shear, by_bending = self._frequencies
         stiffest = np.exp(0.5 * np.abs(materials[:, mat.STRETCH_RATIO])) * (
             1 + LARGEST_STRAIN * materials[:, mat.STIFFENING]
@@ -232,9 +237,7 @@ class Simulator:
         damping = membrane * materials[:, mat.MEMBRANE_TIME] + bend * materials[:, mat.BENDING_TIME]
         damping += contact * 2 * DAMPING / OMEGA
         zeta = damping / density / (2 * omega)
-        limit = SAFETY * 2 / omega * (np.sqrt(1 + zeta**2) - zeta)
-        wanted = np.ceil(2 * np.log2(COARSEST_STEP / limit))
-        return np.clip(wanted, 0, 14).astype(np.int64)
+        return np.asarray(SAFETY * 2 / omega * (np.sqrt(1 + zeta**2) - zeta))
 
     def observer_targets(self, half_octaves: int) -> tuple[Floats, Floats, int]:
         """Targets and trust on a grid of whole steps, and the number of steps between two of them."""

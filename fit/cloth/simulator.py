@@ -30,6 +30,7 @@ Floats = NDArray[np.float64]
 SAFETY = 0.7  # of the linear limit: stretched and folded cloth is a little stiffer than flat cloth
 COARSEST_STEP = 1e-3  # s: swings, pulls and samples stay well resolved even for soft cloth
 TARGET_SPACING = 5e-3  # s between the observer's targets; linear between them
+PATHS_KEPT = 8  # of a recording, one for each time step: a fit's candidates have a few
 LARGEST_STRAIN = 0.05  # strain up to which stiffening cloth stays stable
 
 
@@ -99,6 +100,7 @@ class Simulator:
         self.fibre_nodes = tuple(fibre_family(self.mesh, k)[0] for k in range(2))
         self.bend_lengths = bends_by_line(self.mesh)[0]
         self._targets: dict[int, tuple[Floats, Floats, int]] = {}
+        self._undriven: dict[tuple[int, float], Floats] = {}
 
     def run(
         self, materials: Floats, amplitudes: Floats | None = None, *, observer_hz: float = 0.0, shapes: bool = False
@@ -302,13 +304,25 @@ class Simulator:
         for row in amplitudes:
             name = b"".join(row[self.columns[k]].tobytes() for k in drivers)
             if name not in known:
-                curve = self.support.path
-                for k in drivers:
-                    if row[self.columns[k]].any():
-                        curve = self.effects[k].drive(curve, self.recording, row[self.columns[k]])
-                known[name] = curve(instants)
+                known[name] = self._driven(row, drivers, instants) if any(name) else self._path(steps, dt)
             rows.append(known[name])
         return np.stack(rows)
+
+    def _driven(self, row: Floats, drivers: list[int], instants: Floats) -> Floats:
+        """Handles as effects drive them, (steps, 3 handles)."""
+        curve = self.support.path
+        for k in drivers:
+            if row[self.columns[k]].any():
+                curve = self.effects[k].drive(curve, self.recording, row[self.columns[k]])
+        return curve(instants)
+
+    def _path(self, steps: int, dt: float) -> Floats:
+        """Handles that no effect drives, (steps, 3 handles); a fit asks for the same ones again and again."""
+        if (steps, dt) not in self._undriven:
+            if len(self._undriven) >= PATHS_KEPT:
+                self._undriven.clear()
+            self._undriven[steps, dt] = self.support.path(np.asarray(np.arange(steps) * dt, float))
+        return self._undriven[steps, dt]
 
 
 def run_together(

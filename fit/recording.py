@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,8 +118,7 @@ class Recording:
 
     def with_points(self, points: Floats) -> Recording:
         """Return the same recording with other points, (frames, points, 3), their curves fitted anew."""
-        curves = tuple(_target_curve(self.time, points[:, k], self.valid[:, k]) for k in range(points.shape[1]))
-        return replace(self, points=points, target_curves=curves, windows=None)
+        return replace(self, points=points, target_curves=_target_curves(self.time, points, self.valid), windows=None)
 
     def with_held(self, held_seen: Floats) -> Recording:
         """Return the same recording with other measured ends of the held edge, (frames, 6), their path fitted anew."""
@@ -172,7 +172,6 @@ def prepare(take: Take) -> Recording:
     held_sd = float(np.sqrt(np.mean(take.held_sd[kept][held_valid] ** 2)))
     cut_off = best_cut_off(time[held_valid], held_seen[held_valid])
     held = _held_curve(time, held_seen, cut_off)
-    curves = tuple(_target_curve(time, points[:, k], valid[:, k]) for k in range(points.shape[1]))
     places = np.array([p.at_m for p in take.garment.points])
     on_edge = _is_held(take.garment, places)
     seen = np.where(valid[..., None], points, np.nan)
@@ -181,7 +180,7 @@ def prepare(take: Take) -> Recording:
     return Recording(
         take_id=take.take_id, garment=take.garment, time=time, points=seen,
         valid=valid, point_sd=point_sd, held_sd=held_sd, held=held, held_seen=held_seen, held_cut_off=cut_off,
-        target_curves=curves, edge_turn=turn, turn_rms=_or_one(turn_rms), slip_at=edge.slip_at(),
+        target_curves=_target_curves(time, points, valid), edge_turn=turn, turn_rms=_or_one(turn_rms), slip_at=edge.slip_at(),
         judged=~on_edge if (~on_edge).sum() >= 3 else np.ones(len(places), bool), held_error=_held_error(take.rig),
         offset_sd=MARKER_OFFSET if take.rig.sensor is None else SILHOUETTE_OFFSET,
     )  # fmt: skip
@@ -270,11 +269,24 @@ def _held_curve(time: Floats, held_seen: Floats, cut_off: float) -> Curve:
     return held_at
 
 
-def _target_curve(time: Floats, place: Floats, valid: Booleans) -> Curve:
-    seen = time[valid]
-    if len(seen) < FEWEST_PLACES:
-        return lambda instants: np.zeros((len(instants), 6))
-    splines = smoothing_spline(seen, place[valid])
+def _target_curves(time: Floats, points: Floats, valid: Booleans) -> tuple[Curve, ...]:
+    """Curves of all points; one spline is fitted for all that are seen in the same frames, which is many times cheaper."""
+    from scipy.interpolate import BSpline
+
+    curves: list[Curve] = [lambda instants: np.zeros((len(instants), 6))] * points.shape[1]
+    patterns: dict[bytes, list[int]] = {}
+    for k in np.flatnonzero(valid.sum(0) >= FEWEST_PLACES):
+        patterns.setdefault(valid[:, k].tobytes(), []).append(int(k))
+    for alike in patterns.values():
+        frames = valid[:, alike[0]]
+        together = smoothing_spline(time[frames], points[frames][:, alike].reshape(frames.sum(), -1))
+        for n, k in enumerate(alike):
+            own = np.ascontiguousarray(together.c[:, 3 * n : 3 * n + 3])
+            curves[k] = _target_curve(time[frames], BSpline(together.t, own, together.k))
+    return tuple(curves)
+
+
+def _target_curve(seen: Floats, splines: Any) -> Curve:
     slopes = splines.derivative()
     first, last = seen[0], seen[-1]
 

@@ -180,7 +180,8 @@ def prepare(take: Take) -> Recording:
     return Recording(
         take_id=take.take_id, garment=take.garment, time=time, points=seen,
         valid=valid, point_sd=point_sd, held_sd=held_sd, held=held, held_seen=held_seen, held_cut_off=cut_off,
-        target_curves=_target_curves(time, points, valid), edge_turn=turn, turn_rms=_or_one(turn_rms), slip_at=edge.slip_at(),
+        target_curves=_target_curves(time, points, valid), edge_turn=turn, turn_rms=_or_one(turn_rms),
+        slip_at=edge.slip_at(),
         judged=~on_edge if (~on_edge).sum() >= 3 else np.ones(len(places), bool), held_error=_held_error(take.rig),
         offset_sd=MARKER_OFFSET if take.rig.sensor is None else SILHOUETTE_OFFSET,
     )  # fmt: skip

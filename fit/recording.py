@@ -271,7 +271,7 @@ def _held_curve(time: Floats, held_seen: Floats, cut_off: float) -> Curve:
 
 
 def _target_curves(time: Floats, points: Floats, valid: Booleans) -> tuple[Curve, ...]:
-    """Curves of all points; one spline is fitted for all that are seen in the same frames, which is many times cheaper."""
+    """Curves of all points; those that are seen in the same frames share one spline, which is many times cheaper."""
     from scipy.interpolate import BSpline
 
     curves: list[Curve] = [lambda instants: np.zeros((len(instants), 6))] * points.shape[1]

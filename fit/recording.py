@@ -276,8 +276,8 @@ def _target_curves(time: Floats, points: Floats, valid: Booleans) -> tuple[Curve
 
     curves: list[Curve] = [lambda instants: np.zeros((len(instants), 6))] * points.shape[1]
     patterns: dict[bytes, list[int]] = {}
-    for k in np.flatnonzero(valid.sum(0) >= FEWEST_PLACES):
-        patterns.setdefault(valid[:, k].tobytes(), []).append(int(k))
+    for k in np.flatnonzero(valid.sum(0) >= FEWEST_PLACES).tolist():
+        patterns.setdefault(valid[:, k].tobytes(), []).append(k)
     for alike in patterns.values():
         frames = valid[:, alike[0]]
         together = smoothing_spline(time[frames], points[frames][:, alike].reshape(frames.sum(), -1))

@@ -109,7 +109,8 @@ def pack(groups: Sequence[Group], lanes: int) -> list[Task]:
     """Return tasks of at most this many candidates; those whose shapes are kept share none with other recordings."""
     tasks = []
     for octaves in sorted({g.half_octaves for g in groups}):
-        alike = [g for g in groups if g.half_octaves == octaves]
+        # The longest first: a task takes as long as the longest of its recordings.
+        alike = sorted((g for g in groups if g.half_octaves == octaves), key=lambda g: -g.steps)
         apart = any(g.candidates.kept is not None for g in alike)
         for together in [[g] for g in alike] if apart else [alike]:
             tasks += _shared(together, lanes)

@@ -47,7 +47,7 @@ def held_by_edge(observer: Observer, judge: Observer, base: Fitted, kept: Checkp
     tasks = [Task(vector, observer.off) for vector in starts]
     found = kept.recall([f"held-by-edge-{k}" for k in range(len(tasks))], partial(fit, there, tasks))
     best = min(found, key=lambda one: one.cost)
-    return Hypothesis((), best, judged(tested, best))
+    return judged(tested, [best])[0]
 
 
 def sentence(evidence: Evidence, found: Hypothesis | None) -> str:

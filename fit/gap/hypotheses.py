@@ -9,6 +9,7 @@ Source: Y. C. Pati, R. Rezaiifar, P. Krishnaprasad, "Orthogonal matching pursuit
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,9 +95,12 @@ def _tries(observer: Observer, start: Fitted, screened: Screened, place: int) ->
     return problem, tries, joint
 
 
-def judged(judge: Observer, fitted: Fitted) -> BlockErrors:
-    """Held-out errors of a fit."""
-    return block_errors(judge, judge.residuals(fitted.vector[None], fitted.amplitudes[None])[0])
+def judged(judge: Observer, fits: Sequence[Fitted]) -> list[Hypothesis]:
+    """Return fits with their held-out errors, simulated side by side."""
+    if not fits:
+        return []
+    residuals = judge.residuals(np.stack([f.vector for f in fits]), np.stack([f.amplitudes for f in fits]))
+    return [Hypothesis(f.active, f, block_errors(judge, r)) for f, r in zip(fits, residuals, strict=True)]
 
 
 def polishing(old: Fitted) -> Task:

@@ -61,7 +61,7 @@ class Rounds:
             for k, e in enumerate(observer.effects)
             if not (e.in_base and e.in_base in {p.name for p in observer.parameterisation.parameters})
         )
-        self.base = Hypothesis((), fits[0], judged(judge, fits[0]))
+        (self.base,) = judged(judge, fits[:1])
         self.screened: Screened
         self.singles: dict[int, Hypothesis] = {}
         self.joint: list[tuple[Hypothesis, float]] = []  # with further effects, and the last one's p-value
@@ -89,8 +89,8 @@ class Rounds:
         best = list(dict.fromkeys([by_cost[0], nearest, *by_cost]))[:POLISHED]
         saved = {k: self.base.fitted.cost - self.singles[k].fitted.cost for k in best}
         best = [k for k in best if k == nearest or saved[k] >= POLISHED_SHARE * saved[by_cost[0]]]
-        for k, fitted in zip(best, self._fitted_on([self.singles[k].fitted for k in best]), strict=True):
-            self.singles[k] = Hypothesis((k,), fitted, judged(self.judge, fitted))
+        polished = judged(self.judge, self._fitted_on([self.singles[k].fitted for k in best]))
+        self.singles.update(zip(best, polished, strict=True))
         # A base fit that makes up for an effect is a bad place to begin with it, and the other way round.
         again = Task(self.least.vector, self.observer.off, known_cost=self.base.fitted.cost)
         self.fits += self.kept.recall(["base-again"], partial(fit, self.observer, [again]))
@@ -99,7 +99,7 @@ class Rounds:
             self.fits += self.kept.recall(["base-between"], partial(fit, self.observer, [between]))
         self.fits.sort(key=lambda f: f.cost)
         if self.fits[0] is not self.base.fitted:
-            self.base = Hypothesis((), self.fits[0], judged(self.judge, self.fits[0]))
+            (self.base,) = judged(self.judge, self.fits[:1])
 
     def sizes_by_edge(self, numerics: float) -> None:
         """Fit effects again whose size the held edge would surely have elsewhere; numerics [mm]."""
@@ -125,8 +125,8 @@ class Rounds:
         names = [f"{self._name(task.active)}{came}-by-edge" for _, task in again]
         made = self.kept.recall(names, partial(fit, self.observer, [task for _, task in again]))
         settled = list(found)
-        for (n, task), fitted in zip(again, made, strict=True):
-            settled[n] = Hypothesis(task.active, fitted, judged(self.judge, fitted))
+        for (n, _), one in zip(again, judged(self.judge, made), strict=True):
+            settled[n] = one
         return settled
 
     def _promising(self, screened: Screened, before: Fitted, most: int | None = None) -> list[int]:
@@ -224,8 +224,7 @@ class Rounds:
 
     def _polished(self, joint: Hypothesis) -> Hypothesis:
         """Return several effects as they fit with a Jacobian of their own."""
-        (fitted,) = self._fitted_on([joint.fitted])
-        return Hypothesis(joint.effects, fitted, judged(self.judge, fitted))
+        return judged(self.judge, self._fitted_on([joint.fitted]))[0]
 
     def _drop_idle(self, several: Hypothesis, p_value: float, numerics: float) -> None:
         """Fit several effects again without those that are left with nothing to do, in the place of all that led there.
@@ -245,8 +244,8 @@ class Rounds:
             amplitudes = with_amplitude(amplitudes, columns, several.fitted.amplitudes[columns])
         task = Task(several.fitted.vector, amplitudes, kept, iterations=POLISHING)
         name = f"{self._name(kept)}-of-{self._name(several.effects)}"
-        (fitted,) = self.kept.recall([name], partial(fit, self.observer, [task]))
-        self.joint = [(Hypothesis(kept, fitted, judged(self.judge, fitted)), p_value)]
+        (found,) = judged(self.judge, self.kept.recall([name], partial(fit, self.observer, [task])))
+        self.joint = [(found, p_value)]
 
     def _each_alone(self, pair: Hypothesis, numerics: float) -> None:
         """Fit each of two effects without the other from where both ended, and keep what fits better than before.
@@ -264,8 +263,7 @@ class Rounds:
         ]
         names = [f"{self._name((k,))}-of-{self._name(pair.effects)}" for k in pair.effects]
         made = self.kept.recall(names, partial(fit, self.observer, tasks))
-        found = [Hypothesis(one.active, one, judged(self.judge, one)) for one in made]
-        for alone in self._by_edge(found, numerics, f"-of-{self._name(pair.effects)}"):
+        for alone in self._by_edge(judged(self.judge, made), numerics, f"-of-{self._name(pair.effects)}"):
             (k,) = alone.effects
             if k not in self.singles or alone.fitted.cost < self.singles[k].fitted.cost:
                 self.singles[k] = alone
@@ -343,10 +341,7 @@ class Rounds:
             return fit(self.observer, refits(self.observer, start, screened, places))
 
         added = [(*start.active, screened.effects[place]) for place in places]
-        found = self.kept.recall([self._name(active) for active in added], go)
-        return [
-            Hypothesis(active, fitted, judged(self.judge, fitted)) for active, fitted in zip(added, found, strict=True)
-        ]
+        return judged(self.judge, self.kept.recall([self._name(active) for active in added], go))
 
     def _name(self, active: tuple[int, ...]) -> str:
         """What a fit with these effects is kept as."""

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from fit.effects.tracker_smoothing import opposite_neighbours
 from fit.gap.noise import held_noise, point_noise
-from fit.gap.observer import Observer
+from fit.gap.observer import Observer, residuals_together
 from fit.recording import Recording
 
 Floats = NDArray[np.float64]
@@ -42,12 +42,11 @@ def noise_floor(
     observer: Observer, vector: Floats, amplitudes: Floats, rng: np.random.Generator
 ) -> tuple[float, float]:
     """Return the noise floor of the observer's error [mm] and its standard error over replicas."""
-    residual = observer.residuals(vector[None], amplitudes[None])[0]
-    before = float(observer.in_mm(residual)) ** 2
-    grown = []
-    for _ in range(REPLICAS):
-        again = observer.of([noisier(r, rng) for r in observer.recordings])
-        grown.append(float(again.in_mm(again.residuals(vector[None], amplitudes[None])[0])) ** 2 - before)
+    every = [observer, *(observer.of([noisier(r, rng) for r in observer.recordings]) for _ in range(REPLICAS))]
+    residuals = [found[0] for found in residuals_together([(o, vector[None], amplitudes[None]) for o in every])]
+    residual = residuals[0]
+    before, *after = (float(o.in_mm(r)) ** 2 for o, r in zip(every, residuals, strict=True))
+    grown = np.array(after) - before
     # Where little of the motion is explained, chance may make an error smaller by noise; the points' own noise stays.
     floors = np.sqrt(np.maximum(grown, own_noise_mm(observer) ** 2))
     fast = float(floors.mean())

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from fit.gap.fitting import Fitted, Problem
 from fit.gap.hypotheses import Hypothesis
-from fit.gap.observer import Observer
+from fit.gap.observer import Observer, residuals_together
 from fit.gap.screening import with_amplitude
 from fit.held_edge import HeldEdge
 from fit.recording import Recording
@@ -111,9 +111,8 @@ def propose(observer: Observer, base: Fitted, alive: list[Hypothesis], weights: 
     now_j, now_c = base.jacobian[:, : len(base.vector)], _changes(observer, base, _rows(observer, alive, {}))
     inflation = _inflation(observer, base, now_c)
     best: tuple[float, Motion, float, float, tuple[int, int]] | None = None
-    for motion in MENU:
-        imagined = observer.of([followed(observer, imagine(observer.recordings[0], motion), base)])
-        next_j, next_c = _imagined(imagined, base, alive, motion.turned)
+    imagined = followed(observer, [imagine(observer.recordings[0], motion) for motion in MENU], base)
+    for motion, (next_j, next_c) in zip(MENU, _imagined(observer, imagined, base, alive), strict=True):
         together = [np.concatenate(pair) for pair in zip(now_c, next_c, strict=True)]
         gain, top = 0.0, (-1.0, 0.0, 0.0, (0, 0))
         for i, j in _pairs(len(alive)):
@@ -172,12 +171,15 @@ def imagine(like: Recording, motion: Motion) -> Recording:
     )  # fmt: skip
 
 
-def followed(observer: Observer, recording: Recording, base: Fitted) -> Recording:
-    """Return an imagined recording whose points are where the base model would have them, for the pull to draw to."""
+def followed(observer: Observer, recordings: list[Recording], base: Fitted) -> list[Recording]:
+    """Return imagined recordings whose points are where the base model would have them, for the pull to draw to."""
     if observer.frequency == 0.0:
-        return recording
-    (points,) = observer.of([recording]).trajectories(base.vector[None], observer.off[None], frequency=0.0)
-    return recording.with_points(points[0]) if np.isfinite(points).all() else recording
+        return recordings
+    found = observer.of(recordings).trajectories(base.vector[None], observer.off[None], frequency=0.0)
+    return [
+        recording.with_points(points[0]) if np.isfinite(points).all() else recording
+        for recording, points in zip(recordings, found, strict=True)
+    ]
 
 
 def _rows(observer: Observer, alive: list[Hypothesis], turned: dict[str, tuple[float, ...]]) -> list[Floats]:
@@ -198,21 +200,29 @@ def _changes(observer: Observer, base: Fitted, rows: list[Floats]) -> list[Float
 
 
 def _imagined(
-    observer: Observer, base: Fitted, alive: list[Hypothesis], turned: dict[str, tuple[float, ...]]
-) -> tuple[Floats, list[Floats]]:
-    """Jacobian of the base parameters in working coordinates, (numbers, parameters), and every hypothesis' change."""
+    observer: Observer, recordings: list[Recording], base: Fitted, alive: list[Hypothesis]
+) -> list[tuple[Floats, list[Floats]]]:
+    """Of every motion of the menu, whose recordings these are, what the takes at hand have as well.
+
+    That is the Jacobian of the base parameters in working coordinates, (numbers, parameters), and every hypothesis'
+    change.
+    """
     problem = Problem(observer)
     unit = problem.space.to_unit(base.vector)
     steps = np.where(unit + STEP <= 1, STEP, -STEP)
     aside = problem.space.from_unit(unit + np.diag(steps))
-    rows = _rows(observer, alive, turned)
-    found = observer.residuals(
-        np.concatenate([base.vector[None], aside, np.tile(base.vector, (len(rows), 1))]),
-        np.stack([*[observer.off] * (1 + len(aside)), *rows]),
-    )
-    moved = found[1:] - found[0]
-    jacobian = (moved[: len(aside)] / (steps * problem.space.scale)[:, None]).T
-    return np.asarray(jacobian), list(moved[len(aside) :])
+    vectors = np.concatenate([base.vector[None], aside, np.tile(base.vector, (len(alive), 1))])
+    asked = [
+        (observer.of([recording]), vectors,
+         np.stack([*[observer.off] * (1 + len(aside)), *_rows(observer, alive, motion.turned)]))
+        for motion, recording in zip(MENU, recordings, strict=True)
+    ]  # fmt: skip
+    answers = []
+    for found in residuals_together(asked):
+        moved = found[1:] - found[0]
+        jacobian = (moved[: len(aside)] / (steps * problem.space.scale)[:, None]).T
+        answers.append((np.asarray(jacobian), list(moved[len(aside) :])))
+    return answers
 
 
 def _inflation(observer: Observer, base: Fitted, contributions: list[Floats]) -> float:

@@ -18,6 +18,7 @@ H. D. I. Abarbanel et al., "Dynamical state and parameter estimation", SIAM J. A
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,6 +65,9 @@ class Layout:
     def moving(self, values: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the entries of one of the arrays above that belong to numbers that are judged."""
         return values[self.is_judged]
+
+
+Asked = tuple["Observer", Floats, Floats]  # an observer, base parameters (candidates, parameters), and amplitudes
 
 
 class Observer:
@@ -120,10 +124,7 @@ class Observer:
 
     def trajectories(self, vectors: Floats, amplitudes: Floats, *, frequency: float | None = None) -> list[Floats]:
         """Simulated points per recording, each (candidates, frames, points, 3) [m]."""
-        hertz = self.frequency if frequency is None else frequency
-        materials = [self.parameterisation.to_materials(vectors, rho) for rho in self.densities]
-        both = [amplitudes] * len(materials)
-        return [r.points for r in run_together(self._simulators, materials, both, observer_hz=hertz)]
+        return trajectories_together([(self, vectors, amplitudes)], frequency=frequency)[0]
 
     @property
     def off(self) -> Floats:
@@ -132,7 +133,12 @@ class Observer:
 
     def residuals(self, vectors: Floats, amplitudes: Floats) -> Floats:
         """Whitened residuals, (candidates, numbers), in the order of `layout`."""
-        return self.residuals_of(self.trajectories(vectors, amplitudes))
+        return residuals_together([(self, vectors, amplitudes)])[0]
+
+    def asked(self, vectors: Floats, amplitudes: Floats) -> tuple[list[Simulator], list[Floats], list[Floats]]:
+        """Simulators, material rows and amplitudes of candidates on every recording."""
+        materials = [self.parameterisation.to_materials(vectors, rho) for rho in self.densities]
+        return self._simulators, materials, [amplitudes] * len(materials)
 
     def residuals_of(self, points: list[Floats]) -> Floats:
         """The same of simulated points [m], (candidates, frames, points, 3) a take."""
@@ -166,6 +172,30 @@ class Observer:
     def in_mm(self, residuals: Floats) -> Floats:
         """Root mean square distance of a point [mm] from whitened residuals, (..., numbers) -> (...,)."""
         return np.asarray(1e3 * np.sqrt(3 * (self.layout.metres(residuals) ** 2).mean(-1)))
+
+
+def trajectories_together(asked: Sequence[Asked], *, frequency: float | None = None) -> list[list[Floats]]:
+    """Return what `Observer.trajectories` returns of each observer, candidates of all of them simulated side by side.
+
+    All are of one garment, on one mesh and under one pull, the first one's where no frequency [Hz] is given.
+    """
+    simulators: list[Simulator] = []
+    materials: list[Floats] = []
+    amplitudes: list[Floats | None] = []
+    for observer, vectors, sizes in asked:
+        own_simulators, own_materials, own_amplitudes = observer.asked(vectors, sizes)
+        simulators += own_simulators
+        materials += own_materials
+        amplitudes += own_amplitudes
+    hertz = asked[0][0].frequency if frequency is None else frequency
+    found = iter(run_together(simulators, materials, amplitudes, observer_hz=hertz))
+    return [[next(found).points for _ in observer.recordings] for observer, _, _ in asked]
+
+
+def residuals_together(asked: Sequence[Asked]) -> list[Floats]:
+    """Return what `Observer.residuals` returns of each observer, simulated as by `trajectories_together`."""
+    points = trajectories_together(asked)
+    return [observer.residuals_of(seen) for (observer, _, _), seen in zip(asked, points, strict=True)]
 
 
 def has_static(recording: Recording) -> bool:

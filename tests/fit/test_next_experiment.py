@@ -52,7 +52,7 @@ def test_the_next_recording_is_imagined_of_cloth_that_follows_the_hanger():
     observer = Observer([prepare(a_take())], SI, (), frequency=2.0, resolution=COARSE)
     swung = next(m for m in MENU if m.id == "S3")
     base = SimpleNamespace(vector=truth_vector())
-    imagined = followed(observer, imagine(observer.recordings[0], swung), base)
+    (imagined,) = followed(observer, [imagine(observer.recordings[0], swung)], base)
     under = observer.of([imagined])
     (pulled,) = under.trajectories(truth_vector()[None], observer.off[None])
     assert np.abs(pulled[0] - imagined.points).max() < 5e-3

@@ -33,6 +33,7 @@ Numbers = TypeVar("Numbers", Floats, Singles, Integers)
 COST = {4: 1.0, 8: 1.07, 16: 1.4}  # of a group by its lanes: processors add up to eight numbers as fast as one
 ALIGNMENT = 64  # bytes: sixteen lanes of four bytes
 TASKS = 8  # per processor and call: a call cannot be interrupted
+MOST_TARGETS = 2**26  # numbers in all lanes that the observer pulls to in a call, 256 MB, where tasks can be put off
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +77,12 @@ class Group:
     def steps(self) -> float:
         """Steps from the beginning of settling to the last frame."""
         return (self.simulator.recording.duration + self.simulator.support.settle_time) / self.dt
+
+    @property
+    def targets(self) -> int:
+        """How many numbers the observer pulls to."""
+        places, trust, _ = self.simulator.observer_targets(self.half_octaves)
+        return places.size + trust.size
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,8 +144,12 @@ def launch(groups: Sequence[Group], observer_hz: float) -> None:
     threads = runtime.available_threads()
     lanes = min(runtime.lane_widths(), key=lambda n: _time(pack(groups, n), n, threads))
     tasks = sorted(pack(groups, lanes), key=lambda t: -t.steps)
-    for start in range(0, len(tasks), TASKS * threads):
-        _call(tasks[start : start + TASKS * threads], lanes, observer_hz)
+    at_once = TASKS * threads
+    if observer_hz > 0:
+        each = lanes * max(part.targets for task in tasks for part in task.parts)
+        at_once = min(at_once, max(MOST_TARGETS // each, threads))
+    for start in range(0, len(tasks), at_once):
+        _call(tasks[start : start + at_once], lanes, observer_hz)
 
 
 def _time(tasks: list[Task], lanes: int, threads: int) -> float:

@@ -10,6 +10,7 @@ import pytest
 from scipy.optimize import curve_fit
 
 from fit import runtime
+from fit.cloth import launch
 from fit.cloth import material as mat
 from fit.cloth.launch import pack
 from fit.cloth.mesh import build_mesh
@@ -237,6 +238,22 @@ def test_candidates_of_several_recordings_share_the_lanes_of_a_task():
     assert [len(k) for _, k in pack(groups, 16)[0].filled(16)] == [3, 3, 10]
     kept = [g for s in simulators for g in s.groups(rows, None, shapes=True)[1]]
     assert len(pack(kept, 16)) == 3
+
+
+def test_calls_are_cut_where_targets_would_fill_the_memory(monkeypatch):
+    """Five tasks of eight candidates in one call, or in three of two, one for each of two processors."""
+    garment, time = sheet(), np.arange(30) / 30
+    simulator = Simulator(prepare(take_of(garment, time, np.zeros((30, 3)), hung(garment, time))))
+    calls = []
+    monkeypatch.setattr(runtime, "lane_widths", lambda: (8,))
+    monkeypatch.setattr(runtime, "available_threads", lambda: 2)
+    monkeypatch.setattr(launch, "_call", lambda tasks, lanes, hertz: calls.append(len(tasks)))
+    groups = simulator.groups(np.repeat(material(garment), 40, axis=0), None, shapes=False)[1]
+    launch.launch(groups, 1.0)
+    monkeypatch.setattr(launch, "MOST_TARGETS", 1000)
+    launch.launch(groups, 1.0)
+    launch.launch(groups, 0.0)
+    assert calls == [5, 2, 2, 1, 5]
 
 
 @pytest.mark.parametrize("velocity_damping", [0.02, 8.0])

@@ -33,7 +33,7 @@ HEM_BENDING = 3.0  # times the bending stiffness of the cloth
 MAGNET_AT = 0.65  # of the height below the held edge
 MAGNET_REACH = 0.05  # m, over which its pull falls
 LIGHTEST = 0.1  # of its mass that every node keeps where mass is uneven
-PLACES = ("thread_x", "thread_y", "thread_z", "magnet_x", "magnet_y", "magnet_z")  # m, of each take its own
+POLES = ("thread_x", "thread_y", "thread_z", "magnet_x", "magnet_y", "magnet_z")  # m, of each take its own
 ALIGNMENT = 64  # bytes: eight lanes of eight bytes
 
 
@@ -200,7 +200,7 @@ class Engine:
         return {name: float(value) for name, value in known.items()}
 
     def poles(self, x: Floats) -> Floats:
-        """Return `PLACES` [m], (takes, 6), from where the nodes start, (takes, nodes, 3)."""
+        """Return `POLES` [m], (takes, 6), from where the nodes start, (takes, nodes, 3)."""
         magnet = self.sheet.node_at(0.0, -MAGNET_AT * self.sheet.height)
         return np.hstack([x[:, self._corner] + self._tie, x[:, magnet] + [0.0, 0.06, 0.0]])
 

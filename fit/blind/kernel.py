@@ -28,7 +28,6 @@ import taichi as ti
 LANES = 8  # takes side by side; a case has five
 TASK = 512  # Taichi hands out loops in tasks of at least 512 iterations; one task per group of takes
 AIR_DENSITY = 1.2041  # kg/m^3, dry air at 20 degC and 101.325 kPa
-GRAVITY = 9.80665  # m/s^2
 SKIN_FRICTION = 0.02  # of the normal coefficient, along the cloth
 
 # Entries of `numbers`, the same for every take of a cloth.
@@ -42,7 +41,7 @@ NAMES = (
     GX, GY, GZ, DAMPING, MU, LAM, WARP, WEFT, STIFFENING, STRETCH_TIME, VISCOSITY, FRICTION, DRAG, LIFT, WX, WY, WZ,
     GUST, WAKE, WAKE_TIME, ADDED, BOB, BOB_LENGTH, BOB_NODE, THREAD, THREAD_NODE, THREAD_LENGTH, MAGNET, REACH,
 ) = range(len(NAMES))  # fmt: skip
-TIED, POLE = 0, 3  # rows of `places` [m], of which every take has its own: where a thread is tied, where a magnet is
+TIED, POLE = 0, 3  # rows of `poles` [m], of which every take has its own: where a thread is tied, where a magnet is
 FIRST_YIELD, SECOND_YIELD = 4.0, 16.0  # 1/m of hinge curvature at which the two friction elements slide
 HINGE_SHARE = 2.25  # friction moment of a hinge per moment of the sheet, mean of bending about warp and weft
 BOB_STIFFNESS = 25.0  # N/m of the string that a corner weight hangs on
@@ -234,7 +233,7 @@ def on_hinges(home, first, x: ti.template(), v: ti.template(), f: ti.template(),
 
 @ti.func
 def on_nodes(home, b, x: ti.template(), v: ti.template(), f: ti.template(), bob: ti.template(), spot: ti.template(),
-             dt, places: ti.template(), p: ti.template()):  # fmt: skip
+             dt, poles: ti.template(), p: ti.template()):  # fmt: skip
     """Forces that no library knows: a weight on a string, a thread to the room, a magnet behind the cloth."""
     if p[BOB] > 0:
         node = home + ti.cast(p[BOB_NODE], ti.i32)
@@ -249,14 +248,14 @@ def on_nodes(home, b, x: ti.template(), v: ti.template(), f: ti.template(), bob:
         add(f, node, pull)
     if p[THREAD] > 0:
         node = home + ti.cast(p[THREAD_NODE], ti.i32)
-        apart = [places[b, TIED + c] - x[3 * node + c] for c in range(3)]
+        apart = [poles[b, TIED + c] - x[3 * node + c] for c in range(3)]
         length = length_of(apart) + 1e-9
         tension = p[THREAD] * ti.max(0.0, length - p[THREAD_LENGTH]) / length
         add(f, node, [tension * apart[0], tension * apart[1], tension * apart[2]])
     if p[MAGNET] > 0:
         for n in range(spot.shape[0]):
             if spot[n] > 0:
-                apart = [(places[b, POLE + c] - x[3 * (home + n) + c]) / p[REACH] for c in range(3)]
+                apart = [(poles[b, POLE + c] - x[3 * (home + n) + c]) / p[REACH] for c in range(3)]
                 near = 1.0 + dot(apart, apart)
                 force = p[MAGNET] * spot[n] / (near * near)
                 add(f, home + n, [force * apart[0], force * apart[1], force * apart[2]])
@@ -266,19 +265,19 @@ def on_nodes(home, b, x: ti.template(), v: ti.template(), f: ti.template(), bob:
 def rollout(
     x: v1, v: v1, f: v1, acceleration: v1, normal: v1, wake: v1, slip: v1, bob: v1, triangles: i1, inverse: f1,
     area: f1, hinges: i1, cotangents: f1, hinge_area: f1, bending: f1, curl: f1, mass: f1, air_mass: f1, spot: f1,
-    held: i1, fraction: f1, path: v2, places: v2, p: f1, dt: ti.f64, settle_steps: ti.i32, settle_damping: ti.f64,
+    held: i1, fraction: f1, path: v2, poles: v2, p: f1, dt: ti.f64, settle_steps: ti.i32, settle_damping: ti.f64,
     every: ti.i32, point_nodes: i2, point_weights: f2, seen: v3, shapes: v3, keep_shapes: ti.i32,
 ):  # fmt: skip
     """Settle, then run every take; one task for each group of them.
 
     x and the four after it, (groups x nodes x 3,); wake, (groups x triangles,); slip, (groups x hinges x 3,);
-    bob, (groups x 6,): place and speed; path, (groups x steps, 6); places, (groups, 6); p: `NAMES`;
+    bob, (groups x 6,): place and speed; path, (groups x (steps + 1), 6); poles, (groups, 6); p: `NAMES`;
     seen, (groups, samples, points x 3); shapes, (groups, samples, nodes x 6)
     """
-    for task in range(places.shape[0] * TASK):
+    for task in range(poles.shape[0] * TASK):
         if task % TASK == 0:
             b, nodes = task // TASK, mass.shape[0]
-            home, first_step = b * nodes, b * (path.shape[0] // places.shape[0])
+            home, first_step = b * nodes, b * (path.shape[0] // poles.shape[0])
             steps = (seen.shape[1] - 1) * every
             for step in range(-settle_steps, steps + 1):
                 now = ti.cast(ti.max(step, 0), ti.f64) * dt
@@ -309,7 +308,7 @@ def rollout(
                 on_hinges(
                     home, b * hinge_area.shape[0], x, v, f, slip, hinges, cotangents, hinge_area, bending, curl, p
                 )
-                on_nodes(home, b, x, v, f, bob, spot, dt, places, p)
+                on_nodes(home, b, x, v, f, bob, spot, dt, poles, p)
                 for m in range(nodes):
                     i = home + m
                     per_mass = 1.0 / mass[m]

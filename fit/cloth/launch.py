@@ -1,17 +1,9 @@
-"""Calls of the rollout kernel: candidates of one or several recordings of one cloth, packed into groups of lanes.
-
-Candidates of several recordings that have the same step share groups: a group has the frames of all its recordings, of
-which each keeps its own. Every group is one task; tasks go to the processors longest first. How wide the groups are is
-a guess at the least time: processors that work side by side until the last task is done,
-
-    max(longest task, sum of all tasks / processors),  a task's time being its steps times COST of its lanes
-"""
+"""Calls of the rollout kernel: tasks (`fit.cloth.packing`) as the arrays that it wants, and what comes back."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,140 +13,21 @@ from fit.cloth import spectral
 from fit.cloth.contact import Contact, Surface
 from fit.cloth.lines import BETWEEN, bends_by_line, fibre_family, twist_scales
 from fit.cloth.mesh import ClothMesh, Integers
+from fit.cloth.packing import Course, Group, Task, plan
 from fit.effects.stretch_viscosity import RELAXATION_TIME
-
-if TYPE_CHECKING:
-    from fit.cloth.simulator import Simulator
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Numbers = TypeVar("Numbers", Floats, Singles, Integers)
 
-COST = {4: 1.0, 8: 1.07, 16: 1.4}  # of a group by its lanes: processors add up to eight numbers as fast as one
 ALIGNMENT = 64  # bytes: sixteen lanes of four bytes
-TASKS = 8  # per processor and call: a call cannot be interrupted
-MOST_TARGETS = 2**26  # numbers in all lanes that the observer pulls to in a call, 256 MB, where tasks can be put off
-
-
-@dataclass(frozen=True, eq=False)
-class Candidates:
-    """Candidates on one recording and what becomes of them.
-
-    materials, (candidates, parameters), with what effects change in them; amplitudes, (candidates, components)
-    seen [m], (candidates, frames, points, 3), and kept, (candidates, frames + 1, nodes, 3) or None: where results go,
-    the places of the nodes [m] and, in the last row, the last forces on them [N]
-    """
-
-    materials: Floats
-    amplitudes: Floats
-    seen: Floats
-    kept: Singles | None
-
-
-@dataclass(frozen=True, eq=False)
-class Group:
-    """Candidates with the same step and the same kernel; members are indices, (n,)."""
-
-    simulator: Simulator
-    candidates: Candidates
-    members: NDArray[np.int64]
-    half_octaves: int
-    has_effects: bool
-    is_viscous: bool
-    touches: bool
-
-    @property
-    def kernel(self) -> tuple[bool, bool, bool]:
-        """What decides which kernel simulates them."""
-        return self.has_effects, self.is_viscous, self.touches
-
-    @property
-    def dt(self) -> float:
-        """Time step [s]."""
-        return self.simulator.step(self.half_octaves)
-
-    @property
-    def steps(self) -> float:
-        """Steps from the beginning of settling to the last frame."""
-        return (self.simulator.recording.duration + self.simulator.support.settle_time) / self.dt
-
-    @property
-    def targets(self) -> int:
-        """How many numbers the observer pulls to."""
-        places, trust, _ = self.simulator.observer_targets(self.half_octaves)
-        return places.size + trust.size
-
-
-@dataclass(frozen=True, eq=False)
-class Task:
-    """One group of lanes: candidates of one or several recordings that take the same steps.
-
-    parts: a group for each recording, whose members lie side by side in this order
-    """
-
-    parts: tuple[Group, ...]
-
-    @property
-    def steps(self) -> float:
-        """Steps of the longest of its recordings."""
-        return max(part.steps for part in self.parts)
-
-    @property
-    def dt(self) -> float:
-        """Time step [s]."""
-        return self.parts[0].dt
-
-    def filled(self, lanes: int) -> list[tuple[Group, NDArray[np.int64]]]:
-        """Return every part and its members; what is left of the lanes repeats the last one."""
-        members = [part.members for part in self.parts]
-        missing = lanes - sum(len(m) for m in members)
-        members[-1] = np.concatenate([members[-1], np.repeat(members[-1][-1:], missing)])
-        return list(zip(self.parts, members, strict=True))
-
-
-def pack(groups: Sequence[Group], lanes: int) -> list[Task]:
-    """Return tasks of at most this many candidates; those whose shapes are kept share none with other recordings."""
-    tasks = []
-    for octaves in sorted({g.half_octaves for g in groups}):
-        # The longest first: a task takes as long as the longest of its recordings.
-        alike = sorted((g for g in groups if g.half_octaves == octaves), key=lambda g: -g.steps)
-        apart = any(g.candidates.kept is not None for g in alike)
-        for together in [[g] for g in alike] if apart else [alike]:
-            tasks += _shared(together, lanes)
-    return tasks
-
-
-def _shared(groups: list[Group], lanes: int) -> list[Task]:
-    parts: list[list[Group]] = [[]]
-    room = lanes
-    for group in groups:
-        taken = 0
-        while taken < len(group.members):
-            if room == 0:
-                parts.append([])
-                room = lanes
-            parts[-1].append(replace(group, members=group.members[taken : taken + room]))
-            room -= len(parts[-1][-1].members)
-            taken += len(parts[-1][-1].members)
-    return [Task(tuple(p)) for p in parts if p]
 
 
 def launch(groups: Sequence[Group], observer_hz: float) -> None:
     """Simulate groups of one cloth and one kernel, and fill in their results."""
-    threads = runtime.available_threads()
-    lanes = min(runtime.lane_widths(), key=lambda n: _time(pack(groups, n), n, threads))
-    tasks = sorted(pack(groups, lanes), key=lambda t: -t.steps)
-    at_once = TASKS * threads
-    if observer_hz > 0:
-        each = lanes * max(part.targets for task in tasks for part in task.parts)
-        at_once = min(at_once, max(MOST_TARGETS // each, threads))
-    for start in range(0, len(tasks), at_once):
-        _call(tasks[start : start + at_once], lanes, observer_hz)
-
-
-def _time(tasks: list[Task], lanes: int, threads: int) -> float:
-    times = [COST[lanes] * t.steps for t in tasks]
-    return max(max(times), sum(times) / threads)
+    lanes, calls = plan(groups, runtime.available_threads(), runtime.lane_widths(), is_pulled=observer_hz > 0)
+    for tasks in calls:
+        _call(tasks, lanes, observer_hz)
 
 
 def _call(tasks: list[Task], lanes: int, observer_hz: float) -> None:
@@ -166,7 +39,7 @@ def _call(tasks: list[Task], lanes: int, observer_hz: float) -> None:
     filled = [task.filled(lanes) for task in tasks]
     every = [pair for parts in filled for pair in parts]
     amplitudes = np.concatenate([g.candidates.amplitudes[k] for g, k in every])
-    courses = [_Course(task, parts, observer_hz > 0) for task, parts in zip(tasks, filled, strict=True)]
+    courses = [Course(task, parts, observer_hz > 0) for task, parts in zip(tasks, filled, strict=True)]
     frame_step, frame_lag = _padded([c.steps for c in courses]), _padded([c.lags for c in courses])
     targets, trust, first_target = _stacked(courses, lanes)
     count, nodes, bends, points = len(tasks), len(mesh.rest), len(mesh.bends), first.recording.points.shape[1]
@@ -266,30 +139,7 @@ def contact_arguments(surface: Surface, contact: Contact, thickness: Floats, nod
     return [whole, memory, alone]
 
 
-class _Course:
-    """What one task follows: frames and the way to them, handles, and what the observer pulls to.
-
-    steps, lags [s], (frames,): whole steps and the rest to every frame of any of its recordings; paths, (lanes, steps,
-    3 handles); start [m], (lanes, nodes, 3); every: steps between two targets
-    """
-
-    def __init__(self, task: Task, parts: list[tuple[Group, NDArray[np.int64]]], is_pulled: bool) -> None:
-        self.task = task
-        self.time = np.unique(np.concatenate([part.simulator.recording.time for part in task.parts]))
-        whole = np.floor(self.time / task.dt + 1e-9).astype(np.int32)
-        self.steps, self.lags = whole, (self.time - whole * task.dt).astype(np.float32)
-        ways = [g.simulator.paths(g.candidates.amplitudes[k], int(whole[-1]) + 3, task.dt) for g, k in parts]
-        self.paths = np.concatenate(ways)
-        self.start = np.concatenate([g.simulator.support.start(w[:, 0]) for (g, _), w in zip(parts, ways, strict=True)])
-        # Where nothing pulls but the settling, that is all that is asked for.
-        asked = slice(None if is_pulled else 2)
-        self.targets = []
-        for group, members in parts:
-            places, trust, self.every = group.simulator.observer_targets(group.half_octaves)
-            self.targets.append((places[asked], trust[asked], len(members)))
-
-
-def _stacked(courses: list[_Course], lanes: int) -> tuple[Singles, Singles, Integers]:
+def _stacked(courses: list[Course], lanes: int) -> tuple[Singles, Singles, Integers]:
     """Targets, (all samples, points, 6, lanes), and trust of all tasks, and where each task's begin.
 
     A recording that is over is trusted no more.
@@ -315,7 +165,7 @@ def _padded(rows: list[Numbers]) -> Numbers:
     return padded
 
 
-def _hand_back(courses: list[_Course], seen: Singles, kept: Singles, forces: Singles, lanes: int) -> None:
+def _hand_back(courses: list[Course], seen: Singles, kept: Singles, forces: Singles, lanes: int) -> None:
     for number, course in enumerate(courses):
         lane = number * lanes
         for part in course.task.parts:

@@ -1,5 +1,5 @@
 """Run batches of candidates on one recording, or on several side by side: chooses the stable step of each candidate,
-says what the kernel needs of it, and makes trajectories of what comes back (`fit.cloth.launch` packs the lanes).
+says what the kernel needs of it, and makes trajectories of what comes back (`fit.cloth.packing` fills the lanes).
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from fit import runtime
 from fit.cloth import material as mat
 from fit.cloth.contact import DAMPING, OMEGA, Contact, Surface, contact_rate, surface_of
-from fit.cloth.launch import Candidates, Group, bending_arguments, launch, membrane_arguments
+from fit.cloth.launch import bending_arguments, launch, membrane_arguments
 from fit.cloth.lines import bends_by_line, fibre_family
 from fit.cloth.mesh import build_mesh
+from fit.cloth.packing import Candidates, Group
 from fit.cloth.stability import unit_frequencies
 from fit.cloth.support import Support, Supporting, clamped, hanger
 from fit.effects.base import Effect, columns_of
@@ -30,7 +31,6 @@ Floats = NDArray[np.float64]
 SAFETY = 0.7  # of the linear limit: stretched and folded cloth is a little stiffer than flat cloth
 COARSEST_STEP = 1e-3  # s: swings, pulls and samples stay well resolved even for soft cloth
 TARGET_SPACING = 5e-3  # s between the observer's targets; linear between them
-PATHS_KEPT = 8  # of a recording, one for each time step: a fit's candidates have a few
 LARGEST_STRAIN = 0.05  # strain up to which stiffening cloth stays stable
 
 
@@ -100,7 +100,7 @@ class Simulator:
         self.fibre_nodes = tuple(fibre_family(self.mesh, k)[0] for k in range(2))
         self.bend_lengths = bends_by_line(self.mesh)[0]
         self._targets: dict[int, tuple[Floats, Floats, int]] = {}
-        self._undriven: dict[tuple[int, float], Floats] = {}
+        self._undriven: dict[float, Floats] = {}  # the longest path so far for each time step
 
     def run(
         self, materials: Floats, amplitudes: Floats | None = None, *, observer_hz: float = 0.0, shapes: bool = False
@@ -297,32 +297,33 @@ class Simulator:
 
     def paths(self, amplitudes: Floats, steps: int, dt: float) -> Floats:
         """Handles per candidate and step, (candidates, steps, 3 handles); equal drives are evaluated once."""
-        instants = np.asarray(np.arange(steps) * dt, float)
         drivers = [k for k, e in enumerate(self.effects) if type(e).drive is not Effect.drive]
         known: dict[bytes, Floats] = {}
         rows = []
         for row in amplitudes:
             name = b"".join(row[self.columns[k]].tobytes() for k in drivers)
             if name not in known:
-                known[name] = self._driven(row, drivers, instants) if any(name) else self._path(steps, dt)
+                known[name] = self._driven(row, drivers, steps, dt) if any(name) else self._path(steps, dt)
             rows.append(known[name])
         return np.stack(rows)
 
-    def _driven(self, row: Floats, drivers: list[int], instants: Floats) -> Floats:
+    def _driven(self, row: Floats, drivers: list[int], steps: int, dt: float) -> Floats:
         """Handles as effects drive them, (steps, 3 handles)."""
         curve = self.support.path
         for k in drivers:
             if row[self.columns[k]].any():
                 curve = self.effects[k].drive(curve, self.recording, row[self.columns[k]])
-        return curve(instants)
+        return curve(_instants(steps, dt))
 
     def _path(self, steps: int, dt: float) -> Floats:
         """Handles that no effect drives, (steps, 3 handles); a fit asks for the same ones again and again."""
-        if (steps, dt) not in self._undriven:
-            if len(self._undriven) >= PATHS_KEPT:
-                self._undriven.clear()
-            self._undriven[steps, dt] = self.support.path(np.asarray(np.arange(steps) * dt, float))
-        return self._undriven[steps, dt]
+        if len(self._undriven.get(dt, ())) < steps:
+            self._undriven[dt] = self.support.path(_instants(steps, dt))
+        return self._undriven[dt][:steps]
+
+
+def _instants(steps: int, dt: float) -> Floats:
+    return np.asarray(np.arange(steps) * dt, float)
 
 
 def run_together(

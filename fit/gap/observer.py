@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from fit.cloth.simulator import Resolution, Simulator, run_together
 from fit.effects.base import Effect, columns_of
+from fit.errors import FitError
 from fit.gap.edge import NUMBERS, EdgeErrors, EdgeResiduals, edge_errors
 from fit.parameterisations import Parameterisation
 from fit.recording import Recording
@@ -141,7 +142,7 @@ class Observer:
         return self._simulators, materials, [amplitudes] * len(materials)
 
     def residuals_of(self, points: list[Floats]) -> Floats:
-        """The same of simulated points [m], (candidates, frames, points, 3) a take."""
+        """Whitened residuals of simulated points [m], (candidates, frames, points, 3) a take."""
         moving, static, candidates = [], [], len(points[0])
         for recording, simulated in zip(self.recordings, points, strict=True):
             seen = recording.counted
@@ -177,8 +178,15 @@ class Observer:
 def trajectories_together(asked: Sequence[Asked], *, frequency: float | None = None) -> list[list[Floats]]:
     """Return what `Observer.trajectories` returns of each observer, candidates of all of them simulated side by side.
 
-    All are of one garment, on one mesh and under one pull, the first one's where no frequency [Hz] is given.
+    Those of one garment and one mesh share calls of the kernel.
+    frequency [Hz]: of the pull, in the place of the observers' own
+
+    Raises:
+        FitError: the observers pull differently.
     """
+    own = {observer.frequency for observer, _, _ in asked}
+    if frequency is None and len(own) != 1:
+        raise FitError(f"observers with pulls of {sorted(own)} Hz cannot be simulated side by side")
     simulators: list[Simulator] = []
     materials: list[Floats] = []
     amplitudes: list[Floats | None] = []
@@ -187,7 +195,7 @@ def trajectories_together(asked: Sequence[Asked], *, frequency: float | None = N
         simulators += own_simulators
         materials += own_materials
         amplitudes += own_amplitudes
-    hertz = asked[0][0].frequency if frequency is None else frequency
+    hertz = own.pop() if frequency is None else frequency
     found = iter(run_together(simulators, materials, amplitudes, observer_hz=hertz))
     return [[next(found).points for _ in observer.recordings] for observer, _, _ in asked]
 

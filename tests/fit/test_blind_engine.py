@@ -217,7 +217,10 @@ def test_cloth_curled_about_the_vertical_brings_both_bottom_corners_to_the_same_
 
 def test_takes_side_by_side_are_what_each_is_alone():
     """Nine takes of other motions fill a group of eight and one more."""
-    cloth = Cloth(width=0.2, height=0.2, drag=1.2, friction=1e-5, thread=0.2, magnet=0.02)
+    cloth = Cloth(
+        width=0.2, height=0.2, drag=1.2, wind=(0.2, 0.3, 0.0), wake=0.5, added_mass=0.02, friction=1e-5,
+        curl=(2.0, 1.0), bob=0.003, thread=0.2, magnet=0.02,
+    )  # fmt: skip
     engine, places = Engine(cloth, side=0.05), np.array([[-0.1, -0.2], [0.1, -0.2]])
     ends = np.concatenate([bar(0.2, nudged(0.6, size=0.01 * k)) for k in range(9)])
     ends[4:] += [0.02, 0.0, 0.1, 0.02, 0.0, 0.1]

@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 from scipy.special import j0
 
 from fit.blind.cases import FILES, draw_truth, make_takes, plan
-from fit.blind.engine import PLACES, SAMPLES, Cloth, Engine
+from fit.blind.engine import POLES, SAMPLES, Cloth, Engine
 from fit.blind.foreign.engines import ANYWHERE, GENERATORS, OUTSIDE, OWN, WORKERS, find_generator
 from fit.blind.foreign.jobs import make_job, points_on
 from fit.blind.making import make_set, open_labels
@@ -229,7 +229,7 @@ def outside(**numbers):
     spec.loader.exec_module(module)
     engine = Engine(Cloth(width=1.0, height=1.0), side=0.5, mesh=make_grid)
     start = np.array([(x, 0.0, z) for x, z in [(0, 0), (1, 0), (0, -1), (1, -1)]], float)
-    poles = dict.fromkeys(PLACES, 0.0)
+    poles = dict.fromkeys(POLES, 0.0)
     known = {**engine.numbers(), **poles, "bob_node": 3.0, "thread_node": 3.0, **numbers}
     return module.OutsideForces(known, np.array([[0, 2, 1], [1, 2, 3]]), np.array([0, 0, 0, 1.0]), start, 1e-3), start
 

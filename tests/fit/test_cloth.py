@@ -10,9 +10,8 @@ import pytest
 from scipy.optimize import curve_fit
 
 from fit import runtime
-from fit.cloth import launch
 from fit.cloth import material as mat
-from fit.cloth.launch import pack
+from fit.cloth import packing
 from fit.cloth.mesh import build_mesh
 from fit.cloth.simulator import Resolution, Simulator, run_together
 from fit.cloth.support import Clamp, clamps
@@ -21,7 +20,7 @@ from fit.effects.air_drag import AIR_DENSITY, AirDrag
 from fit.effects.base import amplitudes_of, columns_of
 from fit.effects.hem import Hem
 from fit.errors import DriveError, FitError
-from fit.recording import prepare, world_from_sensor
+from fit.recording import Windows, prepare, world_from_sensor
 from formats.swatch import swatch
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 
@@ -204,6 +203,22 @@ def test_kernels_of_all_widths_round_alike(effect, monkeypatch):
     assert all(np.array_equal(one, found[0]) for one in found)
 
 
+@pytest.mark.parametrize("effect", ["self_contact", "hanger_compliance", "stretch_viscosity", "filter_lag"])
+def test_effects_of_every_kind_do_not_mind_other_recordings_in_their_lanes(effect):
+    """Contact, a driven path, viscosity and a filter of what is seen; one recording counts in windows, under a pull."""
+    chosen, garment, recordings = find_effects([effect]), sheet(), []
+    for length, rate, reach in ((1.2, 30, 0.08), (0.9, 45, 0.05)):
+        time = np.arange(0, length, 1 / rate)
+        recordings.append(prepare(take_of(garment, time, swing(time, amplitude=reach), hung(garment, time))))
+    recordings[0] = dataclasses.replace(recordings[0], windows=Windows(free=0.4, caught=0.2))
+    simulators = [Simulator(r, chosen, resolution=Resolution(spacing=0.1)) for r in recordings]
+    rows = np.concatenate([material(garment, stretch_stiffness=k) for k in (200.0, 300.0)])
+    sizes = np.full((2, simulators[0].columns[-1].stop), chosen[0].typical) * [[1.0], [0.5]]
+    together = run_together(simulators, [rows] * 2, [sizes] * 2, observer_hz=1.0)
+    for simulator, found in zip(simulators, together, strict=True):
+        assert np.array_equal(found.points, simulator.run(rows, sizes, observer_hz=1.0).points)
+
+
 @pytest.mark.parametrize("observer_hz", [0.0, 1.0])
 @pytest.mark.parametrize("second", [sheet(), sheet(width=0.3)], ids=["one garment", "two garments"])
 def test_recordings_side_by_side_are_what_each_is_alone(second, observer_hz):
@@ -233,27 +248,32 @@ def test_candidates_of_several_recordings_share_the_lanes_of_a_task():
     simulators = [Simulator(prepare(take_of(garment, time, np.zeros((30, 3))))) for _ in range(3)]
     rows = np.repeat(material(garment), 3, axis=0)
     groups = [g for s in simulators for g in s.groups(rows, None, shapes=False)[1]]
-    assert [[len(part.members) for part in task.parts] for task in pack(groups, 16)] == [[3, 3, 3]]
-    assert [[len(part.members) for part in task.parts] for task in pack(groups, 4)] == [[3, 1], [2, 2], [1]]
-    assert [len(k) for _, k in pack(groups, 16)[0].filled(16)] == [3, 3, 10]
+    assert [[len(part.members) for part in task.parts] for task in packing.pack(groups, 16)] == [[3, 3, 3]]
+    assert [[len(part.members) for part in task.parts] for task in packing.pack(groups, 4)] == [[3, 1], [2, 2], [1]]
+    assert [len(k) for _, k in packing.pack(groups, 16)[0].filled(16)] == [3, 3, 10]
     kept = [g for s in simulators for g in s.groups(rows, None, shapes=True)[1]]
-    assert len(pack(kept, 16)) == 3
+    assert len(packing.pack(kept, 16)) == 3
 
 
-def test_calls_are_cut_where_targets_would_fill_the_memory(monkeypatch):
-    """Five tasks of eight candidates in one call, or in three of two, one for each of two processors."""
+def test_calls_are_cut_and_lanes_are_fewer_where_memory_would_run_short(monkeypatch):
+    """Five tasks of eight candidates in one call, in three of two, one for each processor, or ten of four lanes."""
     garment, time = sheet(), np.arange(30) / 30
     simulator = Simulator(prepare(take_of(garment, time, np.zeros((30, 3)), hung(garment, time))))
-    calls = []
-    monkeypatch.setattr(runtime, "lane_widths", lambda: (8,))
-    monkeypatch.setattr(runtime, "available_threads", lambda: 2)
-    monkeypatch.setattr(launch, "_call", lambda tasks, lanes, hertz: calls.append(len(tasks)))
     groups = simulator.groups(np.repeat(material(garment), 40, axis=0), None, shapes=False)[1]
-    launch.launch(groups, 1.0)
-    monkeypatch.setattr(launch, "MOST_TARGETS", 1000)
-    launch.launch(groups, 1.0)
-    launch.launch(groups, 0.0)
-    assert calls == [5, 2, 2, 1, 5]
+
+    def planned(most, is_pulled=True):
+        monkeypatch.setattr(packing, "MOST_NUMBERS", most)
+        lanes, calls = packing.plan(groups, 2, (4, 8), is_pulled=is_pulled)
+        return lanes, [len(tasks) for tasks in calls]
+
+    pulled = packing.pack(groups, 8)[0].numbers(is_pulled=True)
+    free = packing.pack(groups, 8)[0].numbers(is_pulled=False)
+    assert pulled > free > 0
+    assert planned(5 * 8 * pulled * 2) == (8, [5])
+    assert planned(2 * 8 * pulled) == (8, [2, 2, 1])
+    assert planned(8 * pulled) == (4, [2, 2, 2, 2, 2])
+    assert planned(1) == (4, [2, 2, 2, 2, 2])
+    assert planned(4 * 8 * free, is_pulled=False) == (8, [4, 1])
 
 
 @pytest.mark.parametrize("velocity_damping", [0.02, 8.0])

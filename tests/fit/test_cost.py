@@ -23,6 +23,6 @@ def test_spread_is_the_largest_over_the_smallest():
 
 def test_one_candidate_each_of_three_takes_costs_hardly_more_than_one(capsys):
     """They share a group of four lanes, or of eight; the slack is for other work on the machine."""
-    speed.by_company(*speed.scene(), counts=(1,))
+    speed.by_company(counts=(1,))
     ratio = float(capsys.readouterr().out.split("after the other ")[1].split(" x")[0])
     assert ratio > 1.5

@@ -4,7 +4,7 @@
     held, (held,): nodes of the held edge; fraction, (held,): place along it; spot, (nodes,): shares of a magnet's pull
     path [m], (takes, steps + 1, 6): the held edge's ends at every step of dt [s]; every: steps a sample
     settle_steps, settle_damping [1/s]: hanging still before the take; rate [1/s]: samples of the answer
-    names, numbers, (takes, names) [SI]: those of `fit.blind.engine.Engine.numbers`, `PLACES`, and bending_warp,
+    names, numbers, (takes, names) [SI]: those of `fit.blind.engine.Engine.numbers`, `POLES`, and bending_warp,
     bending_weft, hem_from [m] below which bending is hem_bending times as stiff
 
 The answer is `nodes` [m], (takes, samples, nodes, 3), and `seconds`, (takes,), of one process, settling left out.
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from fit.blind.engine import (
     HEM_BENDING,
     HEM_WIDTH,
-    PLACES,
+    POLES,
     SAMPLES,
     SETTLE_DAMPING,
     SETTLE_TIME,
@@ -62,7 +62,7 @@ def make_job(engine: Engine, ends: Floats, duration: float, *, step: float, sett
         "hem_bending": HEM_BENDING,
     }
     shared = {**engine.numbers(), **bending}
-    rows = [{**shared, **dict(zip(PLACES, row, strict=True))} for row in engine.poles(start)]
+    rows = [{**shared, **dict(zip(POLES, row, strict=True))} for row in engine.poles(start)]
     return Job(
         {
             "rest": sheet.rest, "triangles": sheet.triangles, "mass": engine.node_mass, "start": start,

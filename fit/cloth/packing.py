@@ -1,0 +1,181 @@
+"""Which candidates share a group of lanes: candidates of one or several recordings of one cloth, packed into tasks.
+
+Candidates of several recordings that have the same step share groups: a group has the frames of all its recordings, of
+which each keeps its own. Every group is one task; tasks go to the processors longest first. How wide the groups are is
+a guess at the least time: processors that work side by side until the last task is done,
+
+    max(longest task, sum of all tasks / processors),  a task's time being its steps times COST of its lanes
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from fit.cloth.simulator import Simulator
+
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+
+COST = {4: 1.0, 8: 1.07, 16: 1.4}  # of a group by its lanes: processors add up to eight numbers as fast as one
+TASKS = 8  # per processor and call: a call cannot be interrupted
+MOST_NUMBERS = 2**28  # single numbers in a call, 1 GB: calls are shorter and lanes fewer than that, where they can be
+FRAME_COPIES, HANDLE_COPIES = 2, 3  # of what comes back; of handles, in double precision first
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Candidates on one recording and what becomes of them.
+
+    materials, (candidates, parameters), with what effects change in them; amplitudes, (candidates, components)
+    seen [m], (candidates, frames, points, 3), and kept, (candidates, frames + 1, nodes, 3) or None: where results go,
+    the places of the nodes [m] and, in the last row, the last forces on them [N]
+    """
+
+    materials: Floats
+    amplitudes: Floats
+    seen: Floats
+    kept: Singles | None
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Candidates with the same step and the same kernel; members are indices, (n,)."""
+
+    simulator: Simulator
+    candidates: Candidates
+    members: NDArray[np.int64]
+    half_octaves: int
+    has_effects: bool
+    is_viscous: bool
+    touches: bool
+
+    @property
+    def kernel(self) -> tuple[bool, bool, bool]:
+        """What decides which kernel simulates them."""
+        return self.has_effects, self.is_viscous, self.touches
+
+    @property
+    def dt(self) -> float:
+        """Time step [s]."""
+        return self.simulator.step(self.half_octaves)
+
+    @property
+    def steps(self) -> float:
+        """Steps from the beginning of settling to the last frame."""
+        return (self.simulator.recording.duration + self.simulator.support.settle_time) / self.dt
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """One group of lanes: candidates of one or several recordings that take the same steps.
+
+    parts: a group for each recording, whose members lie side by side in this order
+    """
+
+    parts: tuple[Group, ...]
+
+    @property
+    def steps(self) -> float:
+        """Steps of the longest of its recordings."""
+        return max(part.steps for part in self.parts)
+
+    @property
+    def dt(self) -> float:
+        """Time step [s]."""
+        return self.parts[0].dt
+
+    def numbers(self, *, is_pulled: bool) -> int:
+        """Single numbers that each lane needs, about: frames, and copies of them, handles and targets."""
+        recordings = [part.simulator.recording for part in self.parts]
+        support = self.parts[0].simulator.support
+        points = recordings[0].points.shape[1]
+        handles = 3 * HANDLE_COPIES * support.handles * self.steps
+        frames = 3 * FRAME_COPIES * points * sum(len(r.time) for r in {id(r): r for r in recordings}.values())
+        sizes = [part.simulator.observer_targets(part.half_octaves)[:2] for part in self.parts] if is_pulled else []
+        return int(handles + frames + max((places.size + trust.size for places, trust in sizes), default=0))
+
+    def filled(self, lanes: int) -> list[tuple[Group, NDArray[np.int64]]]:
+        """Return every part and its members; what is left of the lanes repeats the last one."""
+        members = [part.members for part in self.parts]
+        missing = lanes - sum(len(m) for m in members)
+        members[-1] = np.concatenate([members[-1], np.repeat(members[-1][-1:], missing)])
+        return list(zip(self.parts, members, strict=True))
+
+
+def pack(groups: Sequence[Group], lanes: int) -> list[Task]:
+    """Return tasks of at most this many candidates; those whose shapes are kept share none with other recordings."""
+    tasks = []
+    for octaves in sorted({g.half_octaves for g in groups}):
+        # The longest first: a task takes as long as the longest of its recordings.
+        alike = sorted((g for g in groups if g.half_octaves == octaves), key=lambda g: -g.steps)
+        apart = any(g.candidates.kept is not None for g in alike)
+        for together in [[g] for g in alike] if apart else [alike]:
+            tasks += _shared(together, lanes)
+    return tasks
+
+
+def _shared(groups: list[Group], lanes: int) -> list[Task]:
+    parts: list[list[Group]] = [[]]
+    room = lanes
+    for group in groups:
+        taken = 0
+        while taken < len(group.members):
+            if room == 0:
+                parts.append([])
+                room = lanes
+            parts[-1].append(replace(group, members=group.members[taken : taken + room]))
+            room -= len(parts[-1][-1].members)
+            taken += len(parts[-1][-1].members)
+    return [Task(tuple(p)) for p in parts if p]
+
+
+def plan(
+    groups: Sequence[Group], threads: int, widths: Sequence[int], *, is_pulled: bool
+) -> tuple[int, list[list[Task]]]:
+    """Return how many lanes tasks have, and the tasks of every call of the kernel.
+
+    threads: processors that share a call; widths: numbers of lanes to choose from; is_pulled: whether an observer pulls
+    """
+    packed = {lanes: sorted(pack(groups, lanes), key=lambda t: -t.steps) for lanes in widths}
+    largest = {lanes: lanes * max(t.numbers(is_pulled=is_pulled) for t in tasks) for lanes, tasks in packed.items()}
+    small = [lanes for lanes in widths if threads * largest[lanes] <= MOST_NUMBERS] or [min(widths)]
+    lanes = min(small, key=lambda n: _time(packed[n], n, threads))
+    at_once = threads * int(np.clip(MOST_NUMBERS // largest[lanes] // threads, 1, TASKS))
+    tasks = packed[lanes]
+    return lanes, [tasks[start : start + at_once] for start in range(0, len(tasks), at_once)]
+
+
+def _time(tasks: list[Task], lanes: int, threads: int) -> float:
+    times = [COST[lanes] * t.steps for t in tasks]
+    return max(max(times), sum(times) / threads)
+
+
+class Course:
+    """What one task follows: frames and the way to them, handles, and what the observer pulls to.
+
+    time [s], (frames,): of every frame of any of its recordings; steps, lags [s], (frames,): whole steps to it, and the
+    rest; paths, (lanes, steps, 3 handles); start [m], (lanes, nodes, 3)
+    targets: of each part places and velocities, (samples, points, 6), trust, (samples, points), and how many lanes it
+    has; every: steps between two of them
+    """
+
+    def __init__(self, task: Task, parts: list[tuple[Group, NDArray[np.int64]]], is_pulled: bool) -> None:
+        self.task = task
+        self.time = np.unique(np.concatenate([part.simulator.recording.time for part in task.parts]))
+        whole = np.floor(self.time / task.dt + 1e-9).astype(np.int32)
+        self.steps, self.lags = whole, (self.time - whole * task.dt).astype(np.float32)
+        ways = [g.simulator.paths(g.candidates.amplitudes[k], int(whole[-1]) + 3, task.dt) for g, k in parts]
+        self.paths = np.concatenate(ways)
+        self.start = np.concatenate([g.simulator.support.start(w[:, 0]) for (g, _), w in zip(parts, ways, strict=True)])
+        # Where nothing pulls but the settling, two are asked for: where the points begin, and the one after it.
+        asked = slice(None if is_pulled else 2)
+        self.targets = []
+        for group, members in parts:
+            places, trust, self.every = group.simulator.observer_targets(group.half_octaves)
+            self.targets.append((places[asked], trust[asked], len(members)))

@@ -12,6 +12,7 @@ from fit.effects import LIBRARY
 from fit.effects.base import amplitudes_of, columns_of
 from fit.gap import rounds
 from fit.gap.checkpoint import Checkpoint
+from fit.gap.hypotheses import Hypothesis
 from fit.gap.rounds import Rounds
 from tests.fit.verdict_scene import NO_EDGE, errors, hypothesis, with_edge
 
@@ -43,6 +44,11 @@ def test_the_first_of_two_effects_gives_way_to_its_twin_where_that_leaves_less(m
     assert tuple(names[k] for k in pair.effects) == named
     (other,) = search.instead
     assert {names[k] for k in (*other.effects, *pair.effects)} == {"air_lift", "clock_drift", "time_offset"}
+
+
+def judged_at(mm):
+    """Stand in for what simulates held-out takes: every fit misses them by so many millimetres."""
+    return lambda judge, fits: [Hypothesis(f.active, f, errors(mm)) for f in fits]
 
 
 def test_twins_of_two_effects_are_not_forgotten_over_a_third_that_is_tried(monkeypatch):
@@ -189,7 +195,7 @@ def test_each_of_two_is_fitted_alone_from_where_both_ended_and_kept_where_that_i
         return [with_cost(hypothesis((n,), 6.0), cost).fitted for n, cost in (("air_drag", 25.0), ("hem", 30.0))]
 
     monkeypatch.setattr(rounds, "fit", fit)
-    monkeypatch.setattr(rounds, "judged", lambda judge, fitted: errors(6.0))
+    monkeypatch.setattr(rounds, "judged", judged_at(6.0))
     search._each_alone(pair, 0.1)
     drag, hem = pair.effects
     assert [task.active for task in asked] == [(drag,), (hem,)]
@@ -265,7 +271,7 @@ def test_what_is_left_with_nothing_to_do_beside_later_effects_is_dropped(monkeyp
         return [hypothesis(tuple(names[k] for k in task.active), 5.3).fitted for task in tasks]
 
     monkeypatch.setattr(rounds, "fit", fit)
-    monkeypatch.setattr(rounds, "judged", lambda judge, fitted: errors(5.3))
+    monkeypatch.setattr(rounds, "judged", judged_at(5.3))
     search._drop_idle(triple, 0.02, 0.3)
     ((last, _),) = search.joint
     assert tuple(names[k] for k in last.effects) == (kept or ("air_drag", "filter_lag", "hem"))
@@ -292,7 +298,7 @@ def test_alone_as_well_the_held_edge_says_how_large_its_effect_is(monkeypatch):
         return [with_cost(h, 35.0) if h.effects == (slack,) else h for h in found]
 
     monkeypatch.setattr(rounds, "fit", fit)
-    monkeypatch.setattr(rounds, "judged", lambda judge, fitted: errors(6.0))
+    monkeypatch.setattr(rounds, "judged", judged_at(6.0))
     monkeypatch.setattr(Rounds, "_by_edge", put_by_edge)
     search._each_alone(pair, 0.1)
     assert search.singles[slack].fitted is by_edge

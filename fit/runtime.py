@@ -9,6 +9,10 @@ import os
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+ALIGNMENT = 64  # bytes of the longest vectors: sixteen single numbers, or eight double ones
 _started: dict[str, int] = {}
 
 
@@ -91,3 +95,11 @@ def vectors_kept() -> Iterator[None]:
         yield
     finally:
         configuration.real_matrix_scalarize = True
+
+
+def aligned_zeros(shape: tuple[int, ...], kind: type[np.floating[Any]]) -> NDArray[Any]:
+    """Return zeros whose vectors lie where the processor loads them whole: a misaligned one ends the process."""
+    size = np.dtype(kind).itemsize * int(np.prod(shape))
+    raw = np.zeros(size + ALIGNMENT, np.uint8)
+    start = -raw.ctypes.data % ALIGNMENT
+    return raw[start : start + size].view(kind).reshape(shape)

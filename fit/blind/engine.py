@@ -34,7 +34,6 @@ MAGNET_AT = 0.65  # of the height below the held edge
 MAGNET_REACH = 0.05  # m, over which its pull falls
 LIGHTEST = 0.1  # of its mass that every node keeps where mass is uneven
 POLES = ("thread_x", "thread_y", "thread_z", "magnet_x", "magnet_y", "magnet_z")  # m, of each take its own
-ALIGNMENT = 64  # bytes: eight lanes of eight bytes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -278,13 +277,10 @@ def resample(ends: Floats, duration: float, instants: Floats) -> Floats:
 
 
 def _rows(*shape: int) -> Floats:
-    """Zeros, one vector of takes each, where the processor loads vectors whole: a misaligned one ends the process."""
+    """Zeros, one vector of takes each."""
     from fit.blind.kernel import LANES
 
-    size = 8 * LANES * int(np.prod(shape))
-    raw = np.zeros(size + ALIGNMENT, np.uint8)
-    start = -raw.ctypes.data % ALIGNMENT
-    return raw[start : start + size].view(np.float64).reshape(*shape, LANES)
+    return runtime.aligned_zeros((*shape, LANES), np.float64)
 
 
 def _in_lanes(values: Floats) -> Floats:

@@ -20,8 +20,6 @@ Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Numbers = TypeVar("Numbers", Floats, Singles, Integers)
 
-ALIGNMENT = 64  # bytes: sixteen lanes of four bytes
-
 
 def launch(groups: Sequence[Group], observer_hz: float) -> None:
     """Simulate groups of one cloth and one kernel, and fill in their results."""
@@ -194,11 +192,7 @@ def _joined(paths: list[Floats], lanes: int) -> Singles:
 
 
 def _zeros(shape: tuple[int, ...]) -> Singles:
-    """Zeros whose vectors of lanes lie where the processor loads them whole: a misaligned one ends the process."""
-    size = 4 * int(np.prod(shape))
-    raw = np.zeros(size + ALIGNMENT, np.uint8)
-    start = -raw.ctypes.data % ALIGNMENT
-    return raw[start : start + size].view(np.float32).reshape(shape)
+    return runtime.aligned_zeros(shape, np.float32)
 
 
 def _in_lanes(values: Floats, lanes: int) -> Singles:

@@ -92,11 +92,10 @@ class Task:
 
     def numbers(self, *, is_pulled: bool) -> int:
         """Single numbers that each lane needs, about: frames, and copies of them, handles and targets."""
-        recordings = [part.simulator.recording for part in self.parts]
-        support = self.parts[0].simulator.support
-        points = recordings[0].points.shape[1]
-        handles = 3 * HANDLE_COPIES * support.handles * self.steps
-        frames = 3 * FRAME_COPIES * points * sum(len(r.time) for r in {id(r): r for r in recordings}.values())
+        first = self.parts[0].simulator
+        points = first.recording.points.shape[1]
+        handles = 3 * HANDLE_COPIES * first.support.handles * self.steps
+        frames = 3 * FRAME_COPIES * points * sum(len(part.simulator.recording.time) for part in self.parts)
         sizes = [part.simulator.observer_targets(part.half_octaves)[:2] for part in self.parts] if is_pulled else []
         return int(handles + frames + max((places.size + trust.size for places, trust in sizes), default=0))
 

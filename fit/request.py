@@ -119,7 +119,7 @@ def _check_effects(method: Parameterisation, effects: tuple[Effect, ...]) -> Non
     for effect in effects:
         if names.count(effect.name) > 1:
             raise FitError(f"{effect.name} is named twice", where="--effect", advice="name every effect once")
-        if effect.in_base in own:
+        if effect.in_base in own and not effect.goes_beyond_base:
             raise FitError(
                 f"the method {method.name} has {effect.in_base} as a parameter already",
                 where="--effect",

@@ -37,8 +37,10 @@ class Effect:
     `low`, `high` and `typical` hold for each component; an effect of several components has the length of its
     amplitude vector as its size. `law_spread` is the relative deviation by which sound laws of one effect differ: drag
     that varies with the angle, masses in another place; 0 where there is only one. `in_base` names the parameter of
-    the base model that is the same physics, if any. `brings` names other effects that a sound law of this one holds as
-    well, with how much of them each unit of it brings at most: only what is beyond that is an effect beside this one.
+    the base model that is the same physics, if any; an effect that `goes_beyond_base` reaches farther than that
+    parameter's range, and is one where a fit ends at the top of it. `brings` names other effects that a sound law of
+    this one holds as well, with how much of them each unit of it brings at most: only what is beyond that is an effect
+    beside this one.
     """
 
     name: ClassVar[str]
@@ -52,6 +54,7 @@ class Effect:
     probes: ClassVar[tuple[float, ...]] = ()  # further sizes at which an effect of one component is looked for
     components: ClassVar[tuple[str, ...]] = ("",)
     in_base: ClassVar[str] = ""
+    goes_beyond_base: ClassVar[bool] = False
     brings: ClassVar[tuple[tuple[str, float], ...]] = ()
     # Sound solvers differ by as much: beside another effect it is named only where it passes by itself.
     differs_by_solver: ClassVar[bool] = False

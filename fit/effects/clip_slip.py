@@ -4,6 +4,8 @@
 
 t0 is when tracked points on the held edge drop, or else just after the hanger's hardest jerk (`fit.held_edge`). A step
 in 50 ms shakes the cloth so sharply that fits make it too small where the true one takes another course.
+What of a slip this law does not tell (when, how long, a little sideways) turns the held edge: d at one end of an edge
+of 0.3 m turns it by d / 0.3 m, of which a third passes for a rotation of the hanger.
 Source: kinematics; slips of 0.5 to 10 mm are what clips allow.
 """
 
@@ -31,6 +33,7 @@ class ClipSlip(Effect):
     typical: ClassVar[float] = 0.005
     law_spread: ClassVar[float] = 0.2  # how abruptly cloth slips
     components: ClassVar[tuple[str, ...]] = ("left", "right")
+    brings: ClassVar[tuple[tuple[str, float], ...]] = (("hanger_rotation", 1.0),)
 
     def regions(self, amplitude: Floats) -> tuple[str, ...]:
         """Return the clip that slipped more, and the other one where it slipped at least half as far."""

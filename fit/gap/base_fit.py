@@ -89,7 +89,7 @@ def fit_base(
 
 def across_valleys(observer: Observer, best: Fitted) -> list[Task]:
     """Return fits, of the same effects, that begin across the valleys about the end of one (`fit.search.valleys`)."""
-    problem = Problem(observer, best.active)
+    problem = Problem(observer, best.active, best.pinned)
 
     def costs(units: Floats) -> Floats:
         return np.asarray((problem.residuals(problem.space.from_unit(units)) ** 2).sum(1))
@@ -100,7 +100,8 @@ def across_valleys(observer: Observer, best: Fitted) -> list[Task]:
     )  # fmt: skip
     vectors, amplitudes = problem.unpack(problem.space.from_unit(units))
     return [
-        Task(vector, row, best.active, known_cost=best.cost) for vector, row in zip(vectors, amplitudes, strict=True)
+        Task(vector, row, best.active, known_cost=best.cost, pinned=best.pinned)
+        for vector, row in zip(vectors, amplitudes, strict=True)
     ]
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.errors import FitError
-from fit.gap.fitting import Fitted
+from fit.gap.fitting import Fitted, Pinned
 from fit.physics import other_than
 
 Floats = NDArray[np.float64]
@@ -80,18 +80,21 @@ class Checkpoint:
 
 def _read(path: Path) -> Fitted:
     with path.open("rb") as file, np.load(file) as kept:
+        decided = kept["pinned"]
+        pinned = Pinned(decided[0], decided[1], float(kept["trust"])) if len(decided) else None
         return Fitted(
             vector=kept["vector"], amplitudes=kept["amplitudes"], active=tuple(int(k) for k in kept["active"]),
             residual=kept["residual"], jacobian=kept["jacobian"], deviation=kept["deviation"],
-            is_converged=bool(kept["is_converged"]), is_by_edge=bool(kept["is_by_edge"]),
+            is_converged=bool(kept["is_converged"]), pinned=pinned,
         )  # fmt: skip
 
 
 def _write(path: Path, fitted: Fitted) -> None:
-    partial = path.with_suffix(".writing.npz")
+    partial, pinned = path.with_suffix(".writing.npz"), fitted.pinned
     np.savez(
         partial, vector=fitted.vector, amplitudes=fitted.amplitudes, active=np.array(fitted.active, int),
         residual=fitted.residual, jacobian=fitted.jacobian, deviation=fitted.deviation,
-        is_converged=fitted.is_converged, is_by_edge=fitted.is_by_edge,
+        is_converged=fitted.is_converged,
+        pinned=np.array([pinned.amplitudes, pinned.sd] if pinned else []), trust=pinned.trust if pinned else 0.0,
     )  # fmt: skip
     partial.replace(path)

@@ -20,6 +20,7 @@ from fit.gap.observer import Observer
 Floats = NDArray[np.float64]
 
 REPLICAS = 1000
+FLIPS = 20000  # draws of the signs of differences
 DIRECTIONS = 9  # in which mesh and solver err independently; amplitudes fitted to takes without any effect say so
 SIGNIFICANT_GAP = 1.2  # base error over floor, squared: below, there is nothing to explain
 SMALLEST_GAP = 0.05  # of the squared floor; below, closure is not defined
@@ -91,6 +92,18 @@ def closure(
     drawn = (base.draw(picks) - with_effect.draw(picks)) / drawn_gap
     low, high = np.quantile(drawn, [0.05, 0.95])
     return float(value), (float(low), float(high))
+
+
+def gain_p_value(before: BlockErrors, after: BlockErrors) -> float:
+    """p-value of one model's leaving less than another in half-seconds that neither was fitted to.
+
+    If both were as good, each half-second's difference would be as likely to have the other sign: signs are drawn at
+    random.
+    Source: R. A. Fisher, "The Design of Experiments" (1935), section 21.
+    """
+    gains = before.sums - after.sums
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(FLIPS, len(gains)))
+    return float((1 + np.sum(signs @ gains >= gains.sum())) / (1 + FLIPS))
 
 
 def exceeds(errors: BlockErrors, picks: NDArray[np.int64], known: float) -> bool:

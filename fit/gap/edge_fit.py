@@ -13,6 +13,7 @@ DIRECTIONS, makes them as uncertain as if each of its N numbers had, for the var
 
 times less to say (`fit.gap.closure.solver_draws`). Where the edge would have an amplitude elsewhere, by more than
 DISPUTED deviations, and lies where it was tracked with that, the fit is made again with the amplitude known from it.
+What it tells to no better than a typical size (a scale of the whole scene, which moves edge and hanger alike) stays.
 Source: weighted least squares with a prior, A. Tarantola, "Inverse Problem Theory" (2005), section 3.2.
 """
 
@@ -25,7 +26,7 @@ from numpy.typing import NDArray
 
 from fit.gap.closure import DIRECTIONS
 from fit.gap.edge import is_seen_on_edge
-from fit.gap.fitting import Fitted, Pinned, Problem
+from fit.gap.fitting import PRIOR_AMPLITUDE, Fitted, Pinned, Problem
 from fit.gap.observer import Observer
 from fit.gap.screening import Screened
 
@@ -56,17 +57,37 @@ def disputed(observer: Observer, without: Floats, fitted: Fitted, trust: float) 
         return None
     every = Problem(observer, fitted.active)
     rows = fitted.jacobian[on_edge, len(fitted.vector) :][:, np.isin(every.columns, chosen)].T
-    delta, known = _solved(observer, rows, fitted.residual[on_edge])
+    delta, known, is_told = _solved(observer, rows, fitted.residual[on_edge])
     after, before = fitted.residual.copy(), observer.edge_errors(without)
     after[on_edge] += delta @ rows
     if delta @ known @ delta <= DISPUTED**2 or not is_seen_on_edge(before, observer.edge_errors(after)):
         return None
-    sd = np.sqrt(np.diag(np.linalg.inv(known)))
     amplitudes, spread = fitted.amplitudes.copy(), np.full(len(observer.off), np.inf)
     amplitudes[chosen] += delta * moving.typical
-    spread[chosen] = np.where(sd < 1.0, sd * moving.typical, np.inf)
+    sd = np.sqrt(np.diag(np.linalg.inv(known[np.ix_(is_told, is_told)])))
+    spread[chosen[is_told]] = sd * moving.typical[is_told]
     (amplitudes,) = every.unpack(every.pack(fitted.vector, amplitudes)[None])[1]  # within bounds
     return Pinned(amplitudes, spread, trust)
+
+
+def beside_another(observer: Observer, start: Fitted, effect: int, rows: Floats) -> Pinned | None:
+    """What the held edge says of the amplitudes that it decided in a fit, and of one more effect's, both together.
+
+    What it cannot tell beside the other one is free. rows, (components, numbers): of the effect, in typical sizes
+    """
+    if start.pinned is None:
+        return None
+    on_edge, old = observer.layout.is_edge, Problem(observer, start.active)
+    decided = np.isfinite(start.pinned.sd[old.columns])
+    before = start.jacobian[on_edge, len(start.vector) :].T[decided]
+    delta, known, is_told = _solved(observer, np.concatenate([before, rows[:, on_edge]]), start.residual[on_edge])
+    new = Problem(observer, (effect,))
+    columns = np.concatenate([old.columns[decided], new.columns])
+    typical = np.concatenate([old.typical[decided], new.typical])
+    amplitudes, sd = start.amplitudes.copy(), np.full(len(observer.off), np.inf)
+    amplitudes[columns] += delta * typical
+    sd[columns[is_told]] = np.sqrt(np.diag(np.linalg.inv(known[np.ix_(is_told, is_told)]))) * typical[is_told]
+    return Pinned(amplitudes, sd, start.pinned.trust) if is_told.any() else None
 
 
 def leads(observer: Observer, screened: Screened, residual: Floats) -> list[int]:
@@ -79,7 +100,7 @@ def leads(observer: Observer, screened: Screened, residual: Floats) -> list[int]
         rows = screened.raw[n][:, on_edge]
         if not observer.effects[k].moves_edge or not rows.any():
             continue
-        delta, _ = _solved(observer, rows, residual[on_edge])
+        delta, *_ = _solved(observer, rows, residual[on_edge])
         after = residual.copy()
         after[on_edge] += (np.maximum(delta, 0.0) if observer.effects[k].is_one_sided else delta) @ rows
         then = observer.edge_errors(after)
@@ -102,11 +123,17 @@ def detectable_on_edge(observer: Observer, judge: Observer, screened: Screened) 
     return np.asarray(np.where(found < 1e3 * screened.typical, found, np.inf))
 
 
-def _solved(observer: Observer, rows: Floats, residual: Floats) -> tuple[Floats, Floats]:
-    """The step that rows, (components, edge's numbers), take against a residual of the edge, and its information."""
+def _solved(observer: Observer, rows: Floats, residual: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """The step that rows, (components, edge's numbers), take against a residual of the edge, and its information.
+
+    Also which components, (components,), the edge tells to better than a typical size; the others stay.
+    """
     layout = observer.layout
     still = (layout.frame < 0)[layout.is_edge]
     takes = max(len(np.unique(layout.take[layout.is_edge])), 1)
     weighted = rows * np.where(still, 1.0 / takes, 1.0 / SLOW)
     known = weighted @ rows.T + 1e-9 * np.eye(len(rows))
-    return np.asarray(-np.linalg.solve(known, weighted @ residual), float), known
+    is_told = np.diag(np.linalg.inv(known + np.eye(len(known)) / PRIOR_AMPLITUDE**2)) < 1.0
+    step = np.zeros(len(rows))
+    step[is_told] = -np.linalg.solve(known[np.ix_(is_told, is_told)], (weighted @ residual)[is_told])
+    return step, known, is_told

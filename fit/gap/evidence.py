@@ -133,7 +133,7 @@ def size_within(observer: Observer, fitted: Fitted, effect: int, wrong: float) -
     wrong: half of the interval of what mesh and solver make; they do not move the held edge, where that decided
     """
     size, (low, high) = amplitude_of(fitted, observer, effect)
-    is_off_mesh = fitted.is_by_edge and observer.effects[effect].moves_edge
+    is_off_mesh = fitted.pinned is not None and observer.effects[effect].moves_edge
     half = float(np.hypot((high - low) / 2, 0.0 if is_off_mesh else wrong))
     return size, (size - half, size + half)
 

@@ -39,31 +39,6 @@ FEWEST_RUNGS, MOST_RUNGS = 3, 4  # steps that one fit tries at once
 
 
 @dataclass(frozen=True)
-class Fitted:
-    """A least-squares fit.
-
-    vector, (parameters,): base parameters; amplitudes, (components,) of all effects, zero where not active
-    active: indices of the effects that were fitted, in the order of their columns in the jacobian
-    residual, (numbers,); jacobian, (numbers, parameters + components), and deviation, (parameters + components,): of
-    logs, plain values and typical sizes; is_by_edge: whether the held edge alone decided the amplitudes
-    """
-
-    vector: Floats
-    amplitudes: Floats
-    active: tuple[int, ...]
-    residual: Floats
-    jacobian: Floats
-    deviation: Floats
-    is_converged: bool
-    is_by_edge: bool = False
-
-    @property
-    def cost(self) -> float:
-        """Sum of squared whitened residuals."""
-        return float(self.residual @ self.residual)
-
-
-@dataclass(frozen=True)
 class Pinned:
     """Amplitudes that are known from elsewhere than the cloth, (components,) of all effects, in their own units.
 
@@ -75,11 +50,36 @@ class Pinned:
     trust: float
 
 
+@dataclass(frozen=True)
+class Fitted:
+    """A least-squares fit.
+
+    vector, (parameters,): base parameters; amplitudes, (components,) of all effects, zero where not active
+    active: indices of the effects that were fitted, in the order of their columns in the jacobian
+    residual, (numbers,); jacobian, (numbers, parameters + components), and deviation, (parameters + components,): of
+    logs, plain values and typical sizes; pinned: what the held edge alone decided
+    """
+
+    vector: Floats
+    amplitudes: Floats
+    active: tuple[int, ...]
+    residual: Floats
+    jacobian: Floats
+    deviation: Floats
+    is_converged: bool
+    pinned: Pinned | None = None
+
+    @property
+    def cost(self) -> float:
+        """Sum of squared whitened residuals."""
+        return float(self.residual @ self.residual)
+
+
 class Problem:
     """The map between the searched numbers (base parameters, amplitudes in typical sizes) and the observer's."""
 
     def __init__(self, observer: Observer, active: tuple[int, ...] = (), pinned: Pinned | None = None) -> None:
-        self.observer, self.active = observer, active
+        self.observer, self.active, self.pinned = observer, active, pinned
         method = observer.parameterisation
         effects = [observer.effects[k] for k in active for _ in observer.effects[k].components]
         self.columns = np.concatenate(
@@ -180,7 +180,7 @@ def _fitted(observer: Observer, problem: Problem, task: Task, found: LeastSquare
         deviation[len(task.vector) :] = np.where(np.isfinite(known), known, deviation[len(task.vector) :])
     return Fitted(
         vectors[0], amplitudes[0], task.active, found.residuals, found.jacobian, deviation, found.is_converged,
-        is_by_edge=task.pinned is not None,
+        pinned=task.pinned,
     )  # fmt: skip
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.gap.closure import BlockErrors, block_errors
+from fit.gap.edge_fit import beside_another
 from fit.gap.fitting import Fitted, Problem, Task
 from fit.gap.observer import Observer
 from fit.gap.screening import Screened, with_amplitude
@@ -56,6 +57,18 @@ def shortlist(screened: Screened) -> list[int]:
     return chosen
 
 
+def further(screened: Screened, most: int) -> list[int]:
+    """Return places in `screened.effects` of what is tried beside other effects, most promising first.
+
+    It is judged by distance, so that what saves cost and brings no point nearer is left out.
+    """
+    nearest = float(screened.predicted_mm2.max())
+    nearer = screened.predicted_mm2 >= LEAST_SHARE * nearest if nearest > 0.0 else np.ones(len(screened.effects), bool)
+    order = [int(n) for n in np.argsort(-screened.predicted) if nearer[n]][:most]
+    least = LEAST_SHARE * float(screened.predicted[order[0]])
+    return [n for n in order if screened.predicted[n] > least or n == order[0]]
+
+
 def refits(observer: Observer, start: Fitted, screened: Screened, places: list[int]) -> list[Task]:
     """Return the refits of a model with one more effect each, from the best of some shares of its linear solution."""
     tries = [_tries(observer, start, screened, place) for place in places]
@@ -65,7 +78,12 @@ def refits(observer: Observer, start: Fitted, screened: Screened, places: list[i
     tasks = []
     for (problem, _, joint), (own, amplitudes), cost in zip(tries, every, costs, strict=True):
         best = int(np.argmin(cost))
-        tasks.append(Task(own[best], amplitudes[best], problem.active, iterations=ITERATIONS, jacobian=joint))
+        tasks.append(
+            Task(
+                own[best], amplitudes[best], problem.active, iterations=ITERATIONS, jacobian=joint,
+                pinned=problem.pinned,
+            )
+        )  # fmt: skip
     return tasks
 
 
@@ -73,7 +91,8 @@ def _tries(observer: Observer, start: Fitted, screened: Screened, place: int) ->
     """The problem with one more effect, places near its joint linear solution, and its Jacobian."""
     effect = screened.effects[place]
     active = (*start.active, effect)
-    problem = Problem(observer, active)
+    pinned = beside_another(observer, start, effect, screened.raw[place])
+    problem = Problem(observer, active, pinned)
     count = len(start.vector)
     joint = np.concatenate([start.jacobian, screened.raw[place].T], axis=1)
     # Gauss-Newton from `start`, which is a minimum of its own parameters, kept within a factor of e per parameter.
@@ -91,7 +110,10 @@ def _tries(observer: Observer, start: Fitted, screened: Screened, place: int) ->
     tries = []
     for vector in (moved, start.vector):
         for share in SHARES:
-            tries.append(problem.pack(vector, with_amplitude(start.amplitudes, columns, share * guess)))
+            amplitudes = with_amplitude(start.amplitudes, columns, share * guess)
+            if pinned is not None:
+                amplitudes = np.where(np.isfinite(pinned.sd), pinned.amplitudes, amplitudes)
+            tries.append(problem.pack(vector, amplitudes))
     return problem, tries, joint
 
 
@@ -105,4 +127,4 @@ def judged(judge: Observer, fits: Sequence[Fitted]) -> list[Hypothesis]:
 
 def polishing(old: Fitted) -> Task:
     """Fit on with a Jacobian of its own, which the intervals need."""
-    return Task(old.vector, old.amplitudes, old.active, iterations=POLISHING)
+    return Task(old.vector, old.amplitudes, old.active, iterations=POLISHING, pinned=old.pinned)

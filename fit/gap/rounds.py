@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from fit.gap import gates as gate
 from fit.gap.base_fit import across_valleys, middle
 from fit.gap.checkpoint import Checkpoint
+from fit.gap.closure import gain_p_value
 from fit.gap.edge import is_edge_explained, is_told_by_edge
 from fit.gap.edge_fit import disputed, leads, trust_in_edge
 from fit.gap.evidence import (
@@ -28,10 +29,10 @@ from fit.gap.evidence import (
     wrong_by_mesh,
 )
 from fit.gap.fitting import Fitted, Task, fit
-from fit.gap.hypotheses import POLISHING, Hypothesis, judged, polishing, refits, shortlist
+from fit.gap.hypotheses import POLISHING, Hypothesis, further, judged, polishing, refits, shortlist
 from fit.gap.numerics import Refined
 from fit.gap.observer import Observer
-from fit.gap.screening import GROUP_COSINE, Screened, screen, with_amplitude
+from fit.gap.screening import GROUP_COSINE, Screened, ended_at, screen, with_amplitude
 from fit.gap.verdict import LEVEL, MESH_SHARE, Verdict, is_brought, may_be_added
 from formats.results import Gate
 
@@ -59,7 +60,8 @@ class Rounds:
         self.tested = tuple(
             k
             for k, e in enumerate(observer.effects)
-            if not (e.in_base and e.in_base in {p.name for p in observer.parameterisation.parameters})
+            if e.in_base not in {p.name for p in observer.parameterisation.parameters}
+            or ended_at(observer, fits[0].vector, k) is not None
         )
         (self.base,) = judged(judge, fits[:1])
         self.screened: Screened
@@ -75,7 +77,8 @@ class Rounds:
         """
         self.progress("screening", 0.32)
         self.screened = screen(self.observer, self.base.fitted, self.tested, self.rng)
-        places = self._promising(self.screened, self.base.fitted) if has_gap else []
+        promising = self._and_leads(shortlist(self.screened), self.screened, self.base.fitted)
+        places = promising if has_gap else []
         wanted = [n for n, k in enumerate(self.screened.effects) if self.observer.effects[k].name in added]
         places += [n for n in wanted if n not in places]
         if not places:
@@ -129,9 +132,8 @@ class Rounds:
             settled[n] = one
         return settled
 
-    def _promising(self, screened: Screened, before: Fitted, most: int | None = None) -> list[int]:
-        """Places in `screened.effects` of what deserves a refit: what promises most, and what the held edge shows."""
-        places = shortlist(screened)[:most]
+    def _and_leads(self, places: list[int], screened: Screened, before: Fitted) -> list[int]:
+        """Places in `screened.effects` of what promises most, and then of what the held edge shows besides."""
         return places + [n for n in leads(self.observer, screened, before.residual) if n not in places]
 
     def _fitted_on(self, found: list[Fitted]) -> list[Fitted]:
@@ -328,13 +330,23 @@ class Rounds:
         screened = screen(self.observer, start.fitted, left, self.rng, self.screened)
         if chosen is None and len(start.effects) == 1:
             self.beside[start.effects[0]] = screened
-        places = self._promising(screened, start.fitted, SECONDS_TRIED)
+        places = self._and_leads(further(screened, SECONDS_TRIED), screened, start.fitted)
         refitted = self._refit(start.fitted, screened, places)
         return [
-            (h, float(screened.family_p_value[place]))
+            (h, min(float(screened.family_p_value[place]), self._p_value_of_gain(start, h, len(left))))
             for h, place in zip(refitted, places, strict=True)
             if not any(is_brought(self.observer, h, k) for k in h.effects) and not puts_edge_off(self.base, start, h)
         ]
+
+    def _p_value_of_gain(self, start: Hypothesis, found: Hypothesis, tested: int) -> float:
+        """Family-wise p-value of what a further effect of so many closes on held-out takes, 1 where there are none.
+
+        The score test looks along a line from where the first effect ended, which without the second one may be a
+        valley of its own; the refit has left it.
+        """
+        if self.judge is self.observer:
+            return 1.0
+        return min(1.0, tested * gain_p_value(start.errors, found.errors))
 
     def _refit(self, start: Fitted, screened: Screened, places: list[int]) -> list[Hypothesis]:
         def go() -> list[Fitted]:

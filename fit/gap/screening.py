@@ -39,7 +39,18 @@ REPLICAS = 2000
 DETECTION = 1.645 + 0.842  # one-sided 5 % and power 80 %
 GROUP_COSINE = 0.9  # signatures closer than this cannot be told apart
 RENEWED = 8  # effects whose signatures are taken anew where those of a fit nearby are known
+AT_TOP = 0.02  # of a base parameter's largest value: nearer to it a fit was stopped by it
 NEAR = (0.5, 1.6)  # of the amplitude of a probe: what its secant may be believed for
+
+
+def ended_at(observer: Observer, vector: Floats, effect: int) -> int | None:
+    """Place of the base parameter that an effect is more of, where a fit ended at the top of its range; else None."""
+    kind, parameters = observer.effects[effect], observer.parameterisation.parameters
+    places = {p.name: n for n, p in enumerate(parameters)}
+    if not kind.goes_beyond_base or kind.in_base not in places:
+        return None
+    place = places[kind.in_base]
+    return place if vector[place] >= (1.0 - AT_TOP) * parameters[place].maximum else None
 
 
 @dataclass(frozen=True)
@@ -169,8 +180,11 @@ def screen(
     known: the same effects screened against a fit of the same takes, nearby: their signatures there say which are worth
     taking anew, and stand for those of the others.
     """
-    jacobian = fitted.jacobian
-    precision = np.diag(Problem(observer, fitted.active).prior_sd ** -2)
+    # What stopped at the top of its range is no more free to imitate the effect that is more of it.
+    stopped = [ended_at(observer, fitted.vector, k) for k in chosen]
+    is_free = ~np.isin(np.arange(fitted.jacobian.shape[1]), [place for place in stopped if place is not None])
+    jacobian = fitted.jacobian[:, is_free]
+    precision = np.diag(Problem(observer, fitted.active, fitted.pinned).prior_sd[is_free] ** -2)
     hat = np.linalg.solve(jacobian.T @ jacobian + precision, jacobian.T)
 
     def project(rows: Floats) -> Floats:

@@ -144,6 +144,11 @@ def test_a_take_of_under_three_half_seconds_is_refused_before_the_search(search)
         calibrate([a_take(seconds=0.9)], [], asked(search), progress=never)
 
 
+def test_viscosity_that_was_diagnosed_beyond_the_base_models_range_can_be_kept_beside_it():
+    result = calibrate([a_take()], [], asked(method="si", effects=["bending_viscosity"]))
+    assert {"bending_damping_time", "bending_viscosity"} <= {p.name for p in result.parameters}
+
+
 def test_combinations_count_effects_that_change_the_cloth():
     """At 0.2 kg/m^2 a trace of 0.3 N/m, a thousandth of the stretch stiffness, and the effect's 10 N/m: 51.5 m2/s2."""
     result = calibrate(

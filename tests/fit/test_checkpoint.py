@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from fit.errors import FitError
 from fit.gap.checkpoint import Checkpoint
-from fit.gap.fitting import Fitted
+from fit.gap.fitting import Fitted, Pinned
 
 
 def test_kept_fits_of_other_takes_are_refused(tmp_path):
@@ -33,3 +35,15 @@ def test_kept_fits_that_a_power_cut_left_empty_or_cut_short_are_made_again(tmp_p
         (tmp_path / "p/places.npy").write_bytes(damaged)
         assert kept.recall(["fit"], lambda: [one])[0] is one
         assert kept.recall_places("places", lambda: np.zeros((1, 3))).shape == (1, 3)
+
+
+def test_what_the_held_edge_decided_is_kept_with_a_fit(tmp_path):
+    kept = Checkpoint(tmp_path / "p", {})
+    free = Fitted(np.ones(1), np.zeros(2), (), np.ones(2), np.ones((2, 1)), np.ones(1), True)
+    pinned = dataclasses.replace(free, pinned=Pinned(np.array([0.5, 0.0]), np.array([0.1, np.inf]), 7.0))
+    kept.recall(["free", "pinned"], lambda: [free, pinned])
+    again, other = kept.recall(["free", "pinned"], list)
+    assert again.pinned is None
+    assert other.pinned.amplitudes.tolist() == [0.5, 0.0]
+    assert other.pinned.sd.tolist() == [0.1, np.inf]
+    assert other.pinned.trust == 7.0

@@ -24,13 +24,14 @@ from fit.gap.missing_force import find_missing_force, sentence_of
 from fit.gap.numerics import motion_mm
 from fit.gap.observer import Observer
 from fit.gap.rounds import Rounds
-from fit.gap.screening import screen
+from fit.gap.screening import ended_at, screen
 from fit.parameterisations import LEAN, SI
 from fit.recording import prepare
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 
 FRAME = 1 / 30
 COARSE = Resolution(spacing=0.1)
+NAMES = [e.name for e in LIBRARY]
 
 
 def a_take(name="a", effect=None, amplitude=0.0, *, hz=0.7, grid=5, noise=0.001, seconds=3.0, seed=0):
@@ -87,6 +88,23 @@ def test_effects_far_from_linear_are_found_at_sizes_far_from_the_typical(name, a
     place = found.effects.index(next(k for k in chosen if LIBRARY[k].name == name))
     assert int(np.argmax(found.predicted)) == place
     assert found.amplitude[place][0] == pytest.approx(amplitude, rel=far)
+
+
+@pytest.mark.parametrize(("damping_time", "is_seen"), [(2e-2, True), (1e-2, False)])
+def test_viscosity_beyond_what_the_base_model_may_have_is_an_effect_where_its_fit_stopped(damping_time, is_seen):
+    """Below the top of its range the base model's own viscosity imitates any more of it."""
+    take = a_take(effect="bending_viscosity", amplitude=2e-6, noise=0.0005)
+    observer = Observer([prepare(take)], SI, LIBRARY, frequency=0.0, resolution=COARSE)
+    vector = np.where([p.name == "bending_damping_time" for p in SI.parameters], damping_time, truth_vector())
+    viscosity, hem = (NAMES.index(name) for name in ("bending_viscosity", "hem"))
+    fitted = fitted_at(observer, vector)
+    assert (ended_at(observer, vector, viscosity) is not None) == is_seen
+    assert ended_at(observer, vector, NAMES.index("shear_stiffness")) is None
+    assert (viscosity in Rounds(observer, observer, [fitted], *[None] * 3).tested) == is_seen
+    found = screen(observer, fitted, (viscosity, hem), np.random.default_rng(0))
+    assert (found.absorbed[0] < 0.5) == is_seen
+    if is_seen:
+        assert found.amplitude[0][0] == pytest.approx(2e-6 - 2e-2 * 3e-5 + 2e-3 * 3e-5, rel=0.4)
 
 
 def test_signatures_that_are_known_from_nearby_are_taken_anew_only_where_they_promise_something():

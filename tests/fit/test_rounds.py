@@ -12,7 +12,9 @@ from fit.effects import LIBRARY
 from fit.effects.base import amplitudes_of, columns_of
 from fit.gap import rounds
 from fit.gap.checkpoint import Checkpoint
-from fit.gap.hypotheses import Hypothesis
+from fit.gap.closure import gain_p_value
+from fit.gap.fitting import Pinned
+from fit.gap.hypotheses import Hypothesis, further
 from fit.gap.rounds import Rounds
 from tests.fit.verdict_scene import NO_EDGE, errors, hypothesis, with_edge
 
@@ -283,7 +285,9 @@ def test_alone_as_well_the_held_edge_says_how_large_its_effect_is(monkeypatch):
     """Fitted freely alone slack clips cost less than with the edge's size: that is no better fit."""
     search = a_search((12.0, 100.0), {"clip_slack": (8.0, 30.0)})
     (slack,) = search.singles
-    by_edge = dataclasses.replace(search.singles[slack].fitted, is_by_edge=True)
+    by_edge = dataclasses.replace(
+        search.singles[slack].fitted, pinned=Pinned(amplitudes_of(LIBRARY), amplitudes_of(LIBRARY), 1.0)
+    )
     search.singles[slack] = dataclasses.replace(search.singles[slack], fitted=by_edge)
     pair = hypothesis(("clip_slack", "hem"), 5.5)
     search.judge, search.kept = None, Checkpoint(None, {})
@@ -314,3 +318,31 @@ def test_what_was_a_start_and_is_not_looked_for_beside_others_has_the_twins_it_h
     search.screened = SimpleNamespace(effects=(drag, hem, ratio), cosines=cosines)
     search.beside = {drag: SimpleNamespace(effects=(hem,), cosines=np.eye(1))}
     assert search._twins(ratio, drag) == (hem,)
+
+
+def test_what_brings_no_point_nearer_is_not_tried_beside_another_effect():
+    """Of 10 mm^2 that the best would save a twentieth is 0.5; then the three that save most cost, but trifles."""
+    found = SimpleNamespace(
+        effects=(0, 1, 2, 3, 4, 5),
+        predicted=np.array([90.0, 50.0, 40.0, 30.0, 20.0, 2.0]),
+        predicted_mm2=np.array([-2.0, 10.0, 0.4, 5.0, 0.6, 9.0]),
+    )
+    assert further(found, 3) == [1, 3, 4]
+    assert further(found, 4) == [1, 3, 4]  # the last saves 2 of 50
+    found.predicted_mm2 = -np.ones(6)
+    assert further(found, 2) == [0, 1]
+
+
+def test_a_further_effect_is_significant_by_what_it_leaves_of_motions_that_were_not_fitted_to():
+    """Less in all of twelve half-seconds: one draw of signs in 4096. Of twenty effects looked for: p < 0.01."""
+    before, after = errors(9.0, seed=1), errors(8.0, seed=1)
+    found = gain_p_value(before, after)
+    assert found == pytest.approx(1 / 4096, rel=0.7)
+    assert gain_p_value(after, before) == pytest.approx(1.0, abs=1e-3)
+    assert gain_p_value(errors(9.0, wobble=0.5, seed=1), errors(9.0, wobble=0.5, seed=2)) > 0.1
+    search = object.__new__(Rounds)
+    one, both = (dataclasses.replace(hypothesis(("hem",), 9.0), errors=e) for e in (before, after))
+    search.observer, search.judge = object(), object()
+    assert search._p_value_of_gain(one, both, 20) == pytest.approx(20 * found)
+    search.judge = search.observer
+    assert search._p_value_of_gain(one, both, 20) == 1.0

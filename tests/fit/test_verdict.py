@@ -282,6 +282,18 @@ def test_the_lift_of_a_plate_that_is_dragged_is_no_effect_beside_its_drag(lift, 
     assert decide(evidence, LIBRARY).verdict == verdict
 
 
+@pytest.mark.parametrize(("turn", "verdict"), [(0.0082, "effect"), (0.0092, "several")])
+def test_the_turn_of_an_edge_that_slipped_is_no_effect_beside_the_slip(turn, verdict):
+    """A slip of 8 mm may turn the edge by 8 mrad more than its law says; the turn is good to 0.5 mrad."""
+    pair = ("clip_slip", "hanger_rotation")
+    evidence = evidence_of({"clip_slip": 6.1}, joint=[(pair, 5.1)])
+    found, p_value = evidence.joint[0]
+    row = amplitudes_of(LIBRARY, clip_slip=(0.008, 0.0), hanger_rotation=(turn, 0.0))
+    sure = dataclasses.replace(found.fitted, amplitudes=row, deviation=0.2 * found.fitted.deviation)
+    evidence = dataclasses.replace(evidence, joint=[(dataclasses.replace(found, fitted=sure), p_value)])
+    assert decide(evidence, LIBRARY).verdict == verdict
+
+
 def test_a_moment_that_most_draws_miss_is_judged_by_the_motion_fitted_to():
     """A slip moves one block of twelve: one draw in three has none of it."""
     index = [e.name for e in LIBRARY]

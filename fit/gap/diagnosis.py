@@ -91,7 +91,8 @@ def diagnose(
     judge = observer.of(test) if test else observer
     search = Rounds(observer, judge, fits, rng, progress, kept)
     progress("noise floor", 0.3)
-    seeming, floor_error = noise_floor(judge, fits[0].vector, observer.off, rng)
+    noise = noise_floor(judge, fits[0].vector, observer.off, rng)
+    seeming, _ = noise
     picks = bootstrap_picks(search.base.errors, rng)
     is_off = exceeds(search.base.errors, picks, seeming**2) or not is_edge_explained(search.base.errors.edge)
     search.first_round(added, has_gap=is_off)
@@ -105,14 +106,14 @@ def diagnose(
     mesh_closure = closure(search.base.errors, refined.errors, floor, picks)
     found_gates.append(gate.numerics_gate(mesh_closure[0] if mesh_closure else None, refined.numerics_mm))
     search.sizes_by_edge(refined.numerics_mm)
-    evidence = search.evidence(seeming, refined, picks, found_gates, is_held_out=bool(test))
+    evidence = search.evidence(noise, refined, picks, found_gates, is_held_out=bool(test))
     verdict = decide(evidence, effects)
     # Several are named only where one of them passes alone: else a second cannot change the verdict.
     may_be_several = verdict.verdict in {"effect", "ambiguous", "unknown"} and evidence.is_predictable
     if may_be_several and passing_effects(evidence):
         progress("looking for a second effect", 0.88)
         search.further_rounds(floor, refined.numerics_mm)
-        evidence = search.evidence(seeming, refined, picks, found_gates, is_held_out=bool(test))
+        evidence = search.evidence(noise, refined, picks, found_gates, is_held_out=bool(test))
         verdict = decide(evidence, effects)
     by_edge = None
     if verdict.verdict == "unknown" and not is_edge_explained(search.base.errors.edge):
@@ -130,7 +131,7 @@ def diagnose(
         verdict=verdict.verdict,  # type: ignore[arg-type]
         sentence=verdict.sentence + edge_driven.sentence(evidence, by_edge),
         named=verdict.named,
-        gap=described.describe_gap(evidence, best, by_edge, floor_error),
+        gap=described.describe_gap(evidence, best, by_edge),
         effects=described.describe_effects(evidence, judge, best, effects, model),
         where=find_where(judge, judge.residuals(base.vector[None], observer.off[None])[0]),
         missing_force=find_missing_force(judge, base.vector),

@@ -31,6 +31,9 @@ MOST_LEFT = 0.6  # of the gap that a cause may leave unexplained, beyond noise a
 # Sound laws of an effect differ by its `law_spread`, in amplitude and so in motion; of the gap they leave the square of
 # that, to three deviations, or a twentieth. An error of mesh and solver adds twice its square at most.
 LAW_DEVIATIONS, MESH_TWICE = 3.0, 2.0
+# One more draw of the noise is within so many standard errors of the mean of three, 95 % one-sided: of t with two
+# degrees of freedom 2.92, times sqrt(3) sqrt(1 + 1/3).
+ONE_MORE = 2.92 * 2.0
 AT_BOUND = 0.01  # of an effect's range: an amplitude nearer to its end was stopped by it
 # A further effect closes a tenth of the gap and a third of what those before leave beyond the noise; or it closes most
 # of that, which the wrong law of an effect that is there rarely does. Most on average, or in the median half-second:
@@ -143,6 +146,7 @@ class Evidence:
     """What a verdict is decided on: hypotheses with their held-out errors, noise floor [mm], mesh error [mm], gates.
 
     joint: with further effects, and the last one's p-value; instead: two effects, one of them in the place of a twin
+    floor_error_mm: standard error of the floor
     """
 
     observer: Observer
@@ -156,6 +160,7 @@ class Evidence:
     gates: list[Gate]
     is_held_out: bool
     instead: list[Hypothesis]
+    floor_error_mm: float = np.inf
     is_floor_most: bool = False  # whether a model fell below what noise the takes seem to have, and set the floor
     mesh_mm: float = 0.0  # of numerics_mm what the mesh alone is wrong by
 
@@ -340,7 +345,8 @@ class Evidence:
         """Largest mean squared error that sound laws of a hypothesis' effects leave of a gap, both (...,) [mm^2]."""
         spread = max(self.observer.effects[k].law_spread for k in hypothesis.effects)
         share = max((LAW_DEVIATIONS * spread) ** 2, LEAST_BY_LAW)
-        return np.asarray(SIGNIFICANT_GAP * self.floor_mm**2 + MESH_TWICE * self.numerics_mm**2 + share * gap)
+        noise = min(SIGNIFICANT_GAP * self.floor_mm**2, (self.floor_mm + ONE_MORE * self.floor_error_mm) ** 2)
+        return np.asarray(noise + MESH_TWICE * self.numerics_mm**2 + share * gap)
 
     def explains_enough(self, hypothesis: Hypothesis) -> bool:
         """Whether what a hypothesis leaves, beyond noise and mesh, is small against the gap."""

@@ -21,18 +21,14 @@ from formats.results import EffectFinding, Figure, FitParameter, Gap
 Floats = NDArray[np.float64]
 
 
-def describe_gap(
-    evidence: Evidence, best: Hypothesis | None, held_by_edge: Hypothesis | None, floor_error: float
-) -> Gap:
+def describe_gap(evidence: Evidence, best: Hypothesis | None, held_by_edge: Hypothesis | None) -> Gap:
     """Describe the gap, with the figures of the hypothesis that the verdict names, and of the edge that drives."""
-    floor = evidence.floor_mm
+    floor, error = evidence.floor_mm, NORMAL_95 * evidence.floor_error_mm
     return Gap(
         base_mm=evidence.error_of(evidence.base),
         with_effect_mm=evidence.error_of(best) if best else None,
         is_floor_most=evidence.is_floor_most,
-        floor_mm=Figure(
-            value=floor, interval=(max(floor - NORMAL_95 * floor_error, 0.0), floor + NORMAL_95 * floor_error)
-        ),
+        floor_mm=Figure(value=floor, interval=(max(floor - error, 0.0), floor + error)),
         numerics_mm=evidence.numerics_mm,
         closure=evidence.closure_of(best) if best else None,
         is_held_out=evidence.is_held_out,

@@ -370,14 +370,16 @@ class Rounds:
         return [self.singles[k] for k in chosen], [max(shares[k], 0.1) for k in chosen]
 
     def evidence(
-        self, seeming: float, refined: Refined, picks: NDArray[np.int64], gates: list[Gate], *, is_held_out: bool
-    ) -> Evidence:
-        """Gather what the verdict is decided on; seeming [mm]: the noise that the takes seem to have."""
+        self, noise: tuple[float, float], refined: Refined, picks: NDArray[np.int64], gates: list[Gate], *,
+        is_held_out: bool,
+    ) -> Evidence:  # fmt: skip
+        """Gather what the verdict is decided on; noise [mm]: what the takes seem to have, and its standard error."""
+        seeming, error = noise
         floor = self.reached(seeming)
         return Evidence(
             observer=self.observer, screened=self.screened, base=self.base, singles=self.singles, joint=self.joint,
             instead=self.instead, floor_mm=floor, numerics_mm=refined.numerics_mm, mesh_mm=refined.mesh_mm, picks=picks,
-            gates=gates, is_held_out=is_held_out, is_floor_most=floor < seeming,
+            gates=gates, is_held_out=is_held_out, floor_error_mm=error, is_floor_most=floor < seeming,
         )  # fmt: skip
 
     def named(self, verdict: Verdict) -> Hypothesis | None:

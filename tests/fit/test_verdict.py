@@ -117,7 +117,9 @@ def test_a_floor_that_a_model_falls_below_is_that_models_error():
     search.base, search.joint = hypothesis((), 12.0), [(hypothesis(("air_drag", "hem"), 4.5), 0.01)]
     search.singles = {0: hypothesis(("air_drag",), 6.0)}
     for seeming, floor, is_most in ((4.0, 4.0, False), (5.0, 4.5, True)):
-        found = search.evidence(seeming, Refined(errors(12.0), 0.5, 1.0), np.zeros((1, 1), int), [], is_held_out=True)
+        found = search.evidence(
+            (seeming, 0.1), Refined(errors(12.0), 0.5, 1.0), np.zeros((1, 1), int), [], is_held_out=True
+        )
         assert (found.floor_mm, found.is_floor_most) == (pytest.approx(floor), is_most)
 
 
@@ -279,6 +281,13 @@ def test_the_lift_of_a_plate_that_is_dragged_is_no_effect_beside_its_drag(lift, 
     row = amplitudes_of(LIBRARY, air_drag=1.2, air_lift=lift)
     sure = dataclasses.replace(found.fitted, amplitudes=row, deviation=0.2 * found.fitted.deviation)
     evidence = dataclasses.replace(evidence, joint=[(dataclasses.replace(found, fitted=sure), p_value)])
+    assert decide(evidence, LIBRARY).verdict == verdict
+
+
+@pytest.mark.parametrize(("error", "verdict"), [(np.inf, "effect"), (0.1, "effect"), (0.01, "unknown")])
+def test_what_a_cause_leaves_beyond_its_law_is_noise_only_as_far_as_the_noise_is_uncertain(error, verdict):
+    """Of 119 mm^2 drag may leave 6.9, and the mesh 2; left are 10.5: with noise of 5.2 mm for 5 that is enough."""
+    evidence = dataclasses.replace(evidence_of({"air_drag": np.sqrt(35.5)}), floor_error_mm=error)
     assert decide(evidence, LIBRARY).verdict == verdict
 
 

@@ -141,6 +141,12 @@ def size_within(observer: Observer, fitted: Fitted, effect: int, wrong: float) -
     return size, (size - half, size + half)
 
 
+def is_beyond(observer: Observer, hypothesis: Hypothesis, effect: int, wrong: float) -> bool:
+    """Whether an effect's size is more than noise makes, and mesh and solver, wrong by so much (90 %, its own unit)."""
+    _, (low, high) = size_within(observer, hypothesis.fitted, effect, wrong)
+    return low * high > 0
+
+
 @dataclass(frozen=True)
 class Evidence:
     """What a verdict is decided on: hypotheses with their held-out errors, noise floor [mm], mesh error [mm], gates.

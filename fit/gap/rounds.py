@@ -21,11 +21,11 @@ from fit.gap.evidence import (
     closes_enough,
     edge_left_by_law,
     is_at_bound,
+    is_beyond,
     least_gain,
     per_millimetre,
     puts_edge_off,
     puts_edge_right,
-    size_within,
     wrong_by_mesh,
 )
 from fit.gap.fitting import Fitted, Task, fit
@@ -237,7 +237,7 @@ class Rounds:
         wrong = wrong_by_mesh(numerics, per_millimetre(self.observer, self.screened))
         kept = tuple(
             k for k in several.effects
-            if k == several.effects[-1] or _is_beyond(self.observer, several, k, wrong[self.screened.effects.index(k)])
+            if k == several.effects[-1] or is_beyond(self.observer, several, k, wrong[self.screened.effects.index(k)])
         )  # fmt: skip
         if len(kept) == len(several.effects) or len(kept) < 2:
             return
@@ -391,12 +391,6 @@ class Rounds:
             first = next(k for k, e in enumerate(self.observer.effects) if e.name == verdict.named[0])
             return self.singles[first]
         return None
-
-
-def _is_beyond(observer: Observer, hypothesis: Hypothesis, effect: int, wrong: float) -> bool:
-    """Whether an effect's size is more than noise makes, and mesh and solver, wrong by so much (90 %, its own unit)."""
-    _, (low, high) = size_within(observer, hypothesis.fitted, effect, wrong)
-    return low * high > 0
 
 
 def _held_out_error(pair: tuple[Hypothesis, float]) -> float:

@@ -108,9 +108,9 @@ def diagnose(
     search.sizes_by_edge(refined.numerics_mm)
     evidence = search.evidence(noise, refined, picks, found_gates, is_held_out=bool(test))
     verdict = decide(evidence, effects)
-    # Several are named only where one of them passes alone: else a second cannot change the verdict.
+    # Two may hide each other, so that neither passes alone: what nothing explains is looked at in pairs as well.
     may_be_several = verdict.verdict in {"effect", "ambiguous", "unknown"} and evidence.is_predictable
-    if may_be_several and passing_effects(evidence):
+    if may_be_several and search.singles and (verdict.verdict == "unknown" or passing_effects(evidence)):
         progress("looking for a second effect", 0.88)
         search.further_rounds(floor, refined.numerics_mm)
         evidence = search.evidence(noise, refined, picks, found_gates, is_held_out=bool(test))

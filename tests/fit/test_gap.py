@@ -198,3 +198,30 @@ def test_a_planted_effect_is_named_with_its_amplitude(effect, amplitude, toleran
         contact = next(f for f in found.effects if f.id == "self_contact")
         assert contact.minimum_detectable is None
         assert "could not have shown it" in contact.note
+
+
+def test_two_effects_of_which_neither_passes_alone_are_looked_for_together(monkeypatch):
+    """Alone a drifting clock closes half of the gap and cloth hung 12 mm off two fifths: too little, if 60 % are asked.
+
+    Without the second one, the gap would be said to be unknown.
+    """
+    monkeypatch.setattr("fit.gap.verdict.SMALLEST_CLOSURE", 0.6)
+    time = np.arange(0, 5, FRAME)
+    first = swing(time, amplitude=0.06, hz=0.7, stop=4, sideways=0.02)
+    first += swing(time, amplitude=0.05, hz=1.0, start=1.5, stop=4)
+    second = swing(time, amplitude=0.08, hz=0.6, stop=4, sideways=0.03)
+    second += swing(time, amplitude=0.03, hz=1.2, start=1, stop=4)
+    garment, coarse = sheet(grid=5), Resolution(spacing=0.1)
+    row = material(garment, velocity_damping=1.5, bending_stiffness=3e-5, shear_stiffness=40.0)
+    both = amplitudes_of(LIBRARY, attachment_offset=(0.009, 0.005, 0.006), clock_drift=0.012)[None]
+    training, judging = (
+        simulate_take(
+            garment, time, moved, row, effects=LIBRARY, amplitudes=both, noise=0.001, seed=seed, name=name,
+            resolution=coarse,
+        )
+        for seed, (name, moved) in enumerate((("a", first), ("b", second)))
+    )  # fmt: skip
+    found = diagnose([training], [judging], resolution=coarse).diagnosis
+    assert {f.id for f in found.effects if f.closure and 0.25 < f.closure.value < 0.6} >= set(found.named)
+    assert found.verdict == "several", found.sentence
+    assert set(found.named) == {"clock_drift", "attachment_offset"}

@@ -57,15 +57,14 @@ def disputed(observer: Observer, without: Floats, fitted: Fitted, trust: float) 
         return None
     every = Problem(observer, fitted.active)
     rows = fitted.jacobian[on_edge, len(fitted.vector) :][:, np.isin(every.columns, chosen)].T
-    delta, known, is_told = _solved(observer, rows, fitted.residual[on_edge])
+    delta, known, sd = _solved(observer, rows, fitted.residual[on_edge])
     after, before = fitted.residual.copy(), observer.edge_errors(without)
     after[on_edge] += delta @ rows
     if delta @ known @ delta <= DISPUTED**2 or not is_seen_on_edge(before, observer.edge_errors(after)):
         return None
     amplitudes, spread = fitted.amplitudes.copy(), np.full(len(observer.off), np.inf)
     amplitudes[chosen] += delta * moving.typical
-    sd = np.sqrt(np.diag(np.linalg.inv(known[np.ix_(is_told, is_told)])))
-    spread[chosen[is_told]] = sd * moving.typical[is_told]
+    spread[chosen] = sd * moving.typical
     (amplitudes,) = every.unpack(every.pack(fitted.vector, amplitudes)[None])[1]  # within bounds
     return Pinned(amplitudes, spread, trust)
 
@@ -80,14 +79,16 @@ def beside_another(observer: Observer, start: Fitted, effect: int, rows: Floats)
     on_edge, old = observer.layout.is_edge, Problem(observer, start.active)
     decided = np.isfinite(start.pinned.sd[old.columns])
     before = start.jacobian[on_edge, len(start.vector) :].T[decided]
-    delta, known, is_told = _solved(observer, np.concatenate([before, rows[:, on_edge]]), start.residual[on_edge])
+    delta, _, sd = _solved(observer, np.concatenate([before, rows[:, on_edge]]), start.residual[on_edge])
+    if not np.isfinite(sd).any():
+        return None
     new = Problem(observer, (effect,))
     columns = np.concatenate([old.columns[decided], new.columns])
     typical = np.concatenate([old.typical[decided], new.typical])
-    amplitudes, sd = start.amplitudes.copy(), np.full(len(observer.off), np.inf)
+    amplitudes, spread = start.amplitudes.copy(), np.full(len(observer.off), np.inf)
     amplitudes[columns] += delta * typical
-    sd[columns[is_told]] = np.sqrt(np.diag(np.linalg.inv(known[np.ix_(is_told, is_told)]))) * typical[is_told]
-    return Pinned(amplitudes, sd, start.pinned.trust) if is_told.any() else None
+    spread[columns] = sd * typical
+    return Pinned(amplitudes, spread, start.pinned.trust)
 
 
 def leads(observer: Observer, screened: Screened, residual: Floats) -> list[int]:
@@ -123,10 +124,11 @@ def detectable_on_edge(observer: Observer, judge: Observer, screened: Screened) 
     return np.asarray(np.where(found < 1e3 * screened.typical, found, np.inf))
 
 
-def _solved(observer: Observer, rows: Floats, residual: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+def _solved(observer: Observer, rows: Floats, residual: Floats) -> tuple[Floats, Floats, Floats]:
     """The step that rows, (components, edge's numbers), take against a residual of the edge, and its information.
 
-    Also which components, (components,), the edge tells to better than a typical size; the others stay.
+    Also the deviation of each component, (components,): infinite where the edge does not tell it to better than a
+    typical size, and then it stays.
     """
     layout = observer.layout
     still = (layout.frame < 0)[layout.is_edge]
@@ -134,6 +136,8 @@ def _solved(observer: Observer, rows: Floats, residual: Floats) -> tuple[Floats,
     weighted = rows * np.where(still, 1.0 / takes, 1.0 / SLOW)
     known = weighted @ rows.T + 1e-9 * np.eye(len(rows))
     is_told = np.diag(np.linalg.inv(known + np.eye(len(known)) / PRIOR_AMPLITUDE**2)) < 1.0
-    step = np.zeros(len(rows))
-    step[is_told] = -np.linalg.solve(known[np.ix_(is_told, is_told)], (weighted @ residual)[is_told])
-    return step, known, is_told
+    of_told = known[np.ix_(is_told, is_told)]
+    step, sd = np.zeros(len(rows)), np.full(len(rows), np.inf)
+    step[is_told] = -np.linalg.solve(of_told, (weighted @ residual)[is_told])
+    sd[is_told] = np.sqrt(np.diag(np.linalg.inv(of_told)))
+    return step, known, sd

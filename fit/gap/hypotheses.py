@@ -46,8 +46,7 @@ def shortlist(screened: Screened) -> list[int]:
     """Return places in `screened.effects` of what deserves a refit, most promising first."""
     order = [int(n) for n in np.argsort(-screened.predicted)]
     best = order[0]
-    least = LEAST_SHARE * float(screened.predicted[best])
-    chosen = [n for n in order[:SHORTLIST] if screened.predicted[n] > least or n == best]
+    chosen = _not_trifling(screened, order[:SHORTLIST])
     by_distance = [int(n) for n in np.argsort(-screened.predicted_mm2)]
     seen = SEEN_SHARE * max(float(screened.predicted_mm2[by_distance[0]]), 0.0)
     chosen += [n for n in by_distance[:MOST_SEEN] if screened.predicted_mm2[n] > seen and n not in chosen]
@@ -64,7 +63,11 @@ def further(screened: Screened, most: int) -> list[int]:
     """
     nearest = float(screened.predicted_mm2.max())
     nearer = screened.predicted_mm2 >= LEAST_SHARE * nearest if nearest > 0.0 else np.ones(len(screened.effects), bool)
-    order = [int(n) for n in np.argsort(-screened.predicted) if nearer[n]][:most]
+    return _not_trifling(screened, [int(n) for n in np.argsort(-screened.predicted) if nearer[n]][:most])
+
+
+def _not_trifling(screened: Screened, order: list[int]) -> list[int]:
+    """Of places, most cost saved first, the first one and those that save more than a small share of what it does."""
     least = LEAST_SHARE * float(screened.predicted[order[0]])
     return [n for n in order if screened.predicted[n] > least or n == order[0]]
 
@@ -107,14 +110,10 @@ def _tries(observer: Observer, start: Fitted, screened: Screened, place: int) ->
     guess = np.clip(screened.amplitude[place], 0.9 * kind.low, 0.9 * kind.high)
     if not np.abs(guess).max() > 0.1 * kind.typical:
         guess = np.full(len(guess), 0.3 * kind.typical)
-    tries = []
-    for vector in (moved, start.vector):
-        for share in SHARES:
-            amplitudes = with_amplitude(start.amplitudes, columns, share * guess)
-            if pinned is not None:
-                amplitudes = np.where(np.isfinite(pinned.sd), pinned.amplitudes, amplitudes)
-            tries.append(problem.pack(vector, amplitudes))
-    return problem, tries, joint
+    rows = [with_amplitude(start.amplitudes, columns, share * guess) for share in SHARES]
+    if pinned is not None:
+        rows = [np.where(np.isfinite(pinned.sd), pinned.amplitudes, row) for row in rows]
+    return problem, [problem.pack(vector, row) for vector in (moved, start.vector) for row in rows], joint
 
 
 def judged(judge: Observer, fits: Sequence[Fitted]) -> list[Hypothesis]:

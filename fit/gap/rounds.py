@@ -57,11 +57,11 @@ class Rounds:
     ) -> None:  # fmt: skip
         self.observer, self.judge, self.rng, self.progress, self.kept = observer, judge, rng, progress, kept
         self.fits = fits
+        own = {p.name for p in observer.parameterisation.parameters}
         self.tested = tuple(
             k
             for k, e in enumerate(observer.effects)
-            if e.in_base not in {p.name for p in observer.parameterisation.parameters}
-            or ended_at(observer, fits[0].vector, k) is not None
+            if e.in_base not in own or ended_at(observer, fits[0].vector, k) is not None
         )
         (self.base,) = judged(judge, fits[:1])
         self.screened: Screened
@@ -77,8 +77,7 @@ class Rounds:
         """
         self.progress("screening", 0.32)
         self.screened = screen(self.observer, self.base.fitted, self.tested, self.rng)
-        promising = self._and_leads(shortlist(self.screened), self.screened, self.base.fitted)
-        places = promising if has_gap else []
+        places = self._and_leads(shortlist(self.screened), self.screened, self.base.fitted) if has_gap else []
         wanted = [n for n, k in enumerate(self.screened.effects) if self.observer.effects[k].name in added]
         places += [n for n in wanted if n not in places]
         if not places:

@@ -174,8 +174,13 @@ def test_fits_that_go_on_from_what_the_edge_decided_keep_it():
     known[columns], sd[columns] = -0.009, 1e-4
     (start,) = fit(observer, [Task(SI.initial, known, (SLACK,), iterations=1, pinned=Pinned(known, sd, 1e4))])
     assert polishing(start).pinned is start.pinned
-    assert all(task.pinned is start.pinned for task in across_valleys(observer, start))
+    beyond = across_valleys(observer, start)
+    assert beyond
+    assert all(task.pinned is start.pinned for task in beyond)
     found = screen(observer, start, (NAMES.index("rest_curvature"),), np.random.default_rng(0))
+    freed = dataclasses.replace(start, pinned=None)
+    imitable = screen(observer, freed, found.effects, np.random.default_rng(0)).absorbed[0]
+    assert found.absorbed[0] < imitable - 1e-3  # a size that is decided imitates nothing
     (both,) = fit(observer, refits(observer, start, found, [0]))
     assert both.pinned.amplitudes[columns] == pytest.approx(-0.012, rel=0.05)
     assert both.amplitudes[columns] == pytest.approx(both.pinned.amplitudes[columns], abs=3e-4)

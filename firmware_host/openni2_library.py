@@ -39,7 +39,7 @@ def load() -> Any:
         from openni import _openni2, openni2
     except ModuleNotFoundError as error:
         raise SensorUnavailableError(
-            "the Python package `openni` is not installed", advice="pip install 'hangtime[capture]'"
+            "the Python package `openni` is not installed", advice="in Hangtime's checkout: pip install -e '.[capture]'"
         ) from error
     try:
         _openni2.load_dll(LIBRARY)

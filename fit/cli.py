@@ -90,7 +90,7 @@ def fit_command(
             "--gamma", help="Factor gamma of the acceptance [1/m].", show_default="1e5; mocap-swatch 1e4 per E/N"
         ),
     ] = None,
-    out: Out = Path("fit"),
+    out: Out = Path("fitted"),
     spacing: Annotated[
         float | None,
         typer.Option("--spacing", metavar="METRES", help="Mesh spacing; smaller is finer and slower (time grows with "

@@ -88,7 +88,7 @@ def load_backend() -> Any:
         import usb.backend.libusb1
     except ModuleNotFoundError as error:
         raise SensorUnavailableError(
-            "the Python package `pyusb` is not installed", advice="pip install 'hangtime[capture]'"
+            "the Python package `pyusb` is not installed", advice="in Hangtime's checkout: pip install -e '.[capture]'"
         ) from error
     try:
         ctypes.CDLL(LIBUSB)

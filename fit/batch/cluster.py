@@ -45,7 +45,7 @@ def connect(workers: Workers) -> Iterator[Any]:
         import distributed
     except ModuleNotFoundError as error:
         raise BatchError(
-            f"{error.name} is not installed", where="batch", advice="install it: pip install 'hangtime[batch]'"
+            f"{error.name} is not installed", where="batch", advice="in Hangtime's checkout: pip install -e '.[batch]'"
         ) from error
     # Lost workers are the daily bread of a batch; it says itself what matters.
     for name in ("distributed", "distributed.client", "distributed.nanny", "distributed.scheduler"):

@@ -128,7 +128,9 @@ class Bucket:
             from obstore.store import from_url
         except ModuleNotFoundError as error:
             raise BatchError(
-                "buckets need the library obstore", where=url, advice="install it: pip install 'hangtime[batch]'"
+                "buckets need the library obstore",
+                where=url,
+                advice="in Hangtime's checkout: pip install -e '.[batch]'",
             ) from error
         self._library: Any = obstore
         self._errors = (obstore.exceptions.BaseError, OSError)

@@ -54,7 +54,8 @@ class Foreign:
         return FitError(
             f"{self.name}'s Python module {self.module} cannot be started",
             where=self.python,
-            advice=f"pip install 'hangtime[{self.extra}]', or set {self.variable} to a Python that has {self.module}",
+            advice=f"in Hangtime's checkout: pip install -e '.[{self.extra}]', or set {self.variable} to a Python that "
+            f"has {self.module}",
         )
 
 

@@ -99,7 +99,9 @@ def _read_c3d(path: Path) -> MarkerTracks:
         import ezc3d
     except ModuleNotFoundError as error:
         raise TakeError(
-            "C3D files need ezc3d, which is not installed", where=path, advice="pip install 'hangtime[mocap]'"
+            "C3D files need ezc3d, which is not installed",
+            where=path,
+            advice="in Hangtime's checkout: pip install -e '.[mocap]'",
         ) from error
     try:
         data: Any = ezc3d.c3d(str(path))

@@ -279,7 +279,9 @@ def test_every_generator_says_what_it_can_plant_and_refuses_the_rest():
 def test_an_engine_that_is_not_there_is_named_before_anything_is_written(monkeypatch, tmp_path):
     monkeypatch.setenv(MUJOCO.foreign.variable, str(tmp_path / "nowhere"))
     numbers = {"single": 0, "null": 1, "pair": 0, "unknown": 0}
-    with pytest.raises(FitError, match=r"mujoco cannot be started; pip install 'hangtime\[mujoco\]'"):
+    with pytest.raises(
+        FitError, match=r"mujoco cannot be started; in Hangtime's checkout: pip install -e '.\[mujoco\]'"
+    ):
         make_set(tmp_path / "set", numbers, MUJOCO.plants([]), 1, generator=MUJOCO)
     assert not (tmp_path / "set").exists()
 

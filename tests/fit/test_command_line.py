@@ -133,10 +133,10 @@ def test_the_kinect_map_by_hand():
 
 def test_a_folder_in_the_place_of_a_result_is_refused_before_the_search(tmp_path):
     write_take(tmp_path / "a.mcap", a_swung_take())
-    (tmp_path / "fit" / "fit.json").mkdir(parents=True)
+    (tmp_path / "fitted" / "fit.json").mkdir(parents=True)
     done = hangtime("fit", "a.mcap", folder=tmp_path)
     assert done.returncode == 2
-    assert "fit/fit.json: is a folder" in done.stderr
+    assert "fitted/fit.json: is a folder" in done.stderr
 
 
 def test_a_fit_of_blenders_cloth_is_no_fabric_and_moves_none_of_ours(tmp_path, monkeypatch):

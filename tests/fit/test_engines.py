@@ -67,7 +67,7 @@ def test_a_python_without_bpy_is_named(monkeypatch, tmp_path):
     python.write_text("#!/bin/sh\nexit 1\n")
     python.chmod(0o755)
     monkeypatch.setenv(BLENDER.variable, str(python))
-    with pytest.raises(FitError, match=r"bpy cannot be started; pip install 'hangtime\[blender\]'"):
+    with pytest.raises(FitError, match=r"bpy cannot be started; in Hangtime's checkout: pip install -e '.\[blender\]'"):
         BlenderEngine(still(), KINECT_SKIRT, (), COARSE)
 
 

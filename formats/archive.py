@@ -13,6 +13,7 @@ from typing import Any, Self
 import msgpack
 import msgspec
 import numpy as np
+import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Chunk, Message
@@ -28,6 +29,7 @@ from formats.rig import Rig
 from formats.surface import SurfaceScan, decode_scan, encode_scan
 from formats.take import Take
 from formats.unfinished import UnfinishedFile
+from formats.whole_files import make_folders
 
 Floats = NDArray[np.float64]
 
@@ -35,6 +37,7 @@ VERSION = 1
 PROFILE = f"hangtime-take/{VERSION}"
 MAGIC = b"\x89MCAP0\r\n"
 BLOCK_SECONDS = 1.0  # lost at most in a power cut
+LARGEST_CHUNK = 1 << 26  # bytes unpacked; 500 markers at 500 frames a second are a tenth of that
 HEADER_EVERY = 30  # blocks: the header is repeated, and once more at the end, so that no flipped bit loses the take
 HEADER, BLOCK, SURFACE, END = "/header", "/block", "/surface", "/end"
 
@@ -65,7 +68,7 @@ class TakeWriter:
             "format": PROFILE, "take_id": take_id, "created": created, "rig": msgspec.to_builtins(rig),
             "garment": msgspec.to_builtins(garment), "source": source, "notes": notes or {},
         }  # fmt: skip
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folders(path.parent)
         self._unfinished = UnfinishedFile(path, overwrite=overwrite)
         self.path, self.partial = path, self._unfinished.partial
         self._mcap = Writer(
@@ -209,7 +212,7 @@ def _read(path: Path) -> tuple[Take, TakeReport]:
     scans: list[SurfaceScan] = []
     damaged = 0
     for content in _messages(path):
-        if content is None:
+        if not isinstance(content, dict):
             damaged += 1
         elif "surface" in content:
             try:
@@ -218,15 +221,17 @@ def _read(path: Path) -> tuple[Take, TakeReport]:
                 damaged += 1
         elif "format" in content:
             header = content
-        elif "first" in content:
+        elif "first" in content and type(content["first"]) is int:
             blocks[content["first"]] = content
-        elif "blocks" in content:
+        elif type(content.get("blocks")) is int:
             end = content
+        else:
+            damaged += 1
     if header is None:
         raise TakeError(
             "holds no readable header", where=path, advice="it is not a take archive, or its beginning is destroyed"
         )
-    rig, garment = _described(header, path)
+    rig, garment, words = _described(header, path)
     points = len(garment.points)
     decoded = []
     for first in sorted(blocks):
@@ -239,13 +244,14 @@ def _read(path: Path) -> tuple[Take, TakeReport]:
     joined = {name: np.concatenate([d[name] for d in decoded]) for name in decoded[0]}
     keep = np.concatenate([[True], np.diff(np.maximum.accumulate(joined["time"])) > 0])
     joined = {name: values[keep] for name, values in joined.items()}
+    damaged += int(not keep.all())  # frames whose time does not increase were never written
     expected = end["blocks"] if end else None
     is_complete = end is not None and len(decoded) == expected
     if expected is not None:
         damaged = max(damaged, expected - len(decoded))
     take = Take(
-        take_id=header["take_id"], created=header["created"], rig=rig, garment=garment,
-        source=header["source"], notes=header["notes"], is_complete=is_complete,
+        take_id=words.take_id, created=words.created, rig=rig, garment=garment,
+        source=words.source, notes=words.notes, is_complete=is_complete,
         scans=tuple(sorted(scans, key=lambda scan: scan.time)), **joined,
     )  # fmt: skip
     return take, TakeReport(
@@ -253,24 +259,36 @@ def _read(path: Path) -> tuple[Take, TakeReport]:
     )
 
 
-def _described(header: dict[str, Any], path: Path) -> tuple[Rig, Garment]:
+class _Words(msgspec.Struct, frozen=True, kw_only=True):
+    """What a header says of a take besides its rig and garment."""
+
+    take_id: str
+    created: str
+    source: str
+    notes: dict[str, str]
+
+
+def _described(header: dict[str, Any], path: Path) -> tuple[Rig, Garment, _Words]:
     name, _, version = str(header["format"]).partition("/")
     if name != "hangtime-take":
         raise TakeError(f"is a {header['format']!r}, not a take", where=path, advice="give a take archive")
-    if not version.isdigit() or int(version) > VERSION:
+    if not version.isdecimal() or int(version) > VERSION:
         raise TakeError(f"is of format version {version}; this Hangtime reads up to {VERSION}", where=path,
                         advice="update Hangtime")  # fmt: skip
     try:
-        rig, garment = msgspec.convert(header["rig"], Rig), msgspec.convert(header["garment"], Garment)
+        rig, garment = msgspec.convert(header.get("rig"), Rig), msgspec.convert(header.get("garment"), Garment)
         check_rig(rig, path)
         check_garment(garment, path)
     except (msgspec.ValidationError, DescriptionError) as error:
         raise TakeError(f"its rig or garment does not hold: {error}", where=path, advice="record it again") from error
-    return rig, garment
+    try:
+        return rig, garment, msgspec.convert(header, _Words)
+    except msgspec.ValidationError as error:
+        raise TakeError(f"its header does not hold: {error}", where=path, advice="record it again") from error
 
 
-def _messages(path: Path) -> Iterator[dict[str, Any] | None]:
-    """Yield the content of every message, None for a damaged chunk; look for the next chunk after damage."""
+def _messages(path: Path) -> Iterator[Any]:
+    """Yield the content of every message, a dict unless somebody else wrote it, None for a damaged chunk; look for the next chunk after damage."""
     try:
         raw = path.read_bytes()
     except OSError as error:
@@ -304,11 +322,13 @@ def _messages(path: Path) -> Iterator[dict[str, Any] | None]:
                 return
 
 
-def _chunk_content(record: bytes) -> list[dict[str, Any]] | None:
+def _chunk_content(record: bytes) -> list[Any] | None:
     """Content of the messages of a chunk record, or None if it is damaged."""
     try:
         chunk = Chunk.read(ReadDataStream(io.BytesIO(record)))
-        if not 0 < chunk.uncompressed_size < 1 << 28:
+        # A chunk states its size twice; zstd unpacks whatever the inner statement says.
+        stated = zstandard.frame_content_size(chunk.data) if chunk.compression == "zstd" else len(chunk.data)
+        if not 0 < chunk.uncompressed_size < LARGEST_CHUNK or stated not in (-1, chunk.uncompressed_size):
             return None
         return [
             msgpack.unpackb(m.data) for m in breakup_chunk(chunk, validate_crc=True) if isinstance(m, Message)

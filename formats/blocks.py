@@ -14,6 +14,7 @@ Floats = NDArray[np.float64]
 
 POSITION_STEP = 1e-4  # m: a twentieth of the best depth sensor's noise
 TIME_STEP = 1e-6  # s
+LATEST = 10**16  # steps, three centuries, in which sums of seconds still keep their microseconds
 ANGLE_STEP = 1e-4  # rad: a hundredth of what a depth sensor can tell
 QUALITY_STEPS, NO_QUALITY = 254, 255  # a byte a frame
 
@@ -78,10 +79,16 @@ def decode_block(block: dict[str, Any], points: int) -> dict[str, NDArray[Any]]:
     Raises:
         ValueError, KeyError, TypeError: the content does not hold together.
     """
-    n = block["frames"]
+    n, start = block["frames"], block["start"]
+    if type(n) is not int or type(start) is not int or n < 1 or abs(start) > LATEST:
+        raise ValueError(f"{n!r} frames from {start!r} on cannot be")
+    state, quality = np.frombuffer(block["state"], "<u2").astype(np.uint16), block.get("quality")
+    steps = np.frombuffer(quality if quality else bytes([NO_QUALITY] * n), np.uint8)
+    if len(state) != n or len(steps) != n:
+        raise ValueError(f"{len(state)} states and {len(steps)} qualities of {n} frames")
     decoded: dict[str, NDArray[Any]] = {
-        "time": block["start"] * TIME_STEP + unpack(block["time"], (n,), TIME_STEP),
-        "state": np.frombuffer(block["state"], "<u2").astype(np.uint16),
+        "time": start * TIME_STEP + unpack(block["time"], (n,), TIME_STEP),
+        "state": state,
         "markers": unpack(block["markers"], (n, 2, 3), POSITION_STEP),
         "held": unpack(block["held"], (n, 2, 3), POSITION_STEP),
         "held_sd": unpack(block["held_sd"], (n, 2, 3), POSITION_STEP),
@@ -90,9 +97,8 @@ def decode_block(block: dict[str, Any], points: int) -> dict[str, NDArray[Any]]:
         "held_valid": unpack_flags(block["held_valid"], (n, 2)),
         "points_valid": unpack_flags(block["points_valid"], (n, points)),
     }
-    hidden, quality = block.get("points_hidden"), block.get("quality")
+    hidden = block.get("points_hidden")
     decoded["points_hidden"] = unpack_flags(hidden, (n, points)) if hidden else np.zeros((n, points), bool)
-    steps = np.frombuffer(quality if quality else bytes([NO_QUALITY] * n), np.uint8, count=n)
     decoded["quality"] = np.where(steps == NO_QUALITY, np.nan, steps / QUALITY_STEPS)
     markers_valid = unpack_flags(block["markers_valid"], (n, 2))
     for name, valid in (

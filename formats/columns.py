@@ -54,7 +54,14 @@ def pack_flags(flags: NDArray[Any]) -> bytes:
 
 
 def unpack_flags(raw: bytes, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Unpack booleans to `shape`, (frames, ...)."""
+    """Unpack booleans to `shape`, (frames, ...).
+
+    Raises:
+        ValueError: the bytes do not fit the shape.
+    """
     count = int(np.prod(shape))
-    bits = np.unpackbits(np.frombuffer(raw, np.uint8), count=count).astype(bool)
+    packed = np.frombuffer(raw, np.uint8)
+    if packed.size != -(-count // 8):
+        raise ValueError(f"{packed.size} bytes do not hold {count} bits")
+    bits = np.unpackbits(packed, count=count).astype(bool)
     return bits.reshape(shape[::-1]).T

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import re
 import tomllib
 from collections.abc import Callable
@@ -21,8 +22,10 @@ Description = TypeVar("Description", Garment, Rig)
 HEAVIEST = 50.0  # kg
 DEPTH_SCALES = 0.8, 1.25  # measured over true depth; farther off, a distance was measured wrong
 LARGEST_OFFSET = 30.0  # px between depth and colour; PrimeSense's unregistered images differ by up to this at 0.8 m
+MOST_PIXELS = 100_000  # along a picture's side
 LEVEL = 0.01  # m by which another side may lie wholly higher than the held edge's lower end: flat cloth is laid by hand
 CONTROL = re.compile(r"[\x00-\x1f\x7f]")  # what a TOML string may not hold as it is, https://toml.io/en/v1.0.0#string
+UNMEASURED = "calibration.depth_offset_sd_px", math.inf  # along an axis that was never measured
 TOUCHING = 1e-5  # m within which corners and sides are in one place: no mesh fits between
 ON_OUTLINE = 2e-3  # m by which a tracked point may lie outside the outline
 
@@ -83,6 +86,8 @@ def _load(path: Path, kind: type[Description]) -> Description:
         plain = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise DescriptionError(f"is not valid TOML: {error}", where=path, advice="mend that line") from error
+    except RecursionError as error:
+        raise DescriptionError("has too many brackets in each other", where=path, advice="mend it") from error
     try:
         return msgspec.convert(plain, kind)
     except msgspec.ValidationError as error:
@@ -115,6 +120,7 @@ def check_garment(garment: Garment, where: object) -> None:
     def refuse(what: str) -> None:
         raise DescriptionError(what, where=where, advice="see docs/file-formats.md")
 
+    _refuse_what_is_not_finite(garment, refuse)
     if not 0 < garment.mass_kg < HEAVIEST:
         refuse(f"mass_kg must be above 0 and below {HEAVIEST:g} (got {garment.mass_kg:g})")
     if garment.layers < 1:
@@ -122,8 +128,6 @@ def check_garment(garment: Garment, where: object) -> None:
     outline = np.array(garment.outline_m, float)
     if len(outline) < 3:
         refuse(f"outline_m needs 3 corners or more (got {len(outline)})")
-    if not np.isfinite(outline).all():
-        refuse("outline_m has a number that is not finite")
     if garment.area_m2 < 1e-4:
         refuse(f"outline_m encloses hardly any area ({garment.area_m2:.2g} m2)")
     if (twice := _corner_twice(outline)) is not None:
@@ -166,7 +170,7 @@ def _check_version_2(garment: Garment, outline: np.ndarray[Any, Any], refuse: Ca
         refuse('holes_m, seams and grain_degrees need format = "hangtime-garment/2"')
     for number, corners in enumerate(garment.holes_m, 1):
         hole = np.array(corners, float)
-        if len(hole) < 3 or not np.isfinite(hole).all() or _crosses_itself(hole):
+        if len(hole) < 3 or _crosses_itself(hole):
             refuse(f"holes_m: hole {number} needs 3 corners or more, in order round it")
         if _corner_twice(hole) is not None or _touches_itself(hole) is not None:
             refuse(f"holes_m: hole {number} touches itself, or has a corner twice")
@@ -190,6 +194,25 @@ def _check_version_2(garment: Garment, outline: np.ndarray[Any, Any], refuse: Ca
             refuse(f"seams: {list(pair)} are not neighbouring corners of the outline, clockwise, counted from 0")
     if not -90 <= garment.grain_degrees <= 90:
         refuse(f"grain_degrees must be between -90 and 90 (got {garment.grain_degrees:g})")
+
+
+def _refuse_what_is_not_finite(description: Garment | Rig, refuse: Callable[[str], None]) -> None:
+    """Refuse numbers that are not finite, and standard deviations below nothing."""
+
+    def look(value: Any, field: str) -> None:
+        if isinstance(value, dict):
+            for key, part in value.items():
+                look(part, f"{field}.{key}" if field else key)
+        elif isinstance(value, list | tuple):
+            for part in value:
+                look(part, field)
+        elif isinstance(value, int | float):
+            if isinstance(value, float) and not math.isfinite(value) and (field, value) != UNMEASURED:
+                refuse(f"{field} has a number that is not finite (got {value:g})")
+            if "_sd" in field and value < 0:
+                refuse(f"{field} is a standard deviation and cannot be below 0 (got {value:g})")
+
+    look(msgspec.to_builtins(description, enc_hook=float), "")
 
 
 def _corner_twice(polygon: np.ndarray[Any, Any]) -> list[float] | None:
@@ -265,13 +288,19 @@ def check_rig(rig: Rig, where: object) -> None:
     def refuse(what: str) -> None:
         raise DescriptionError(what, where=where, advice="see docs/file-formats.md")
 
+    _refuse_what_is_not_finite(rig, refuse)
     length = float(np.linalg.norm(rig.gravity))
     if not abs(length - 1) < 0.01:
         refuse(f"gravity must be a unit vector (its length is {length:.3g})")
     if rig.sensor is not None:
         for name in ("width", "height", "fx", "fy"):
-            if not getattr(rig.sensor, name) > 0:
-                refuse(f"sensor.{name} must be above 0 (got {getattr(rig.sensor, name):g})")
+            if not 0 < getattr(rig.sensor, name) < MOST_PIXELS:
+                refuse(f"sensor.{name} must be above 0 and below {MOST_PIXELS} (got {getattr(rig.sensor, name):g})")
+        for name, size in (("cx", rig.sensor.width), ("cy", rig.sensor.height)):
+            if not 0 < getattr(rig.sensor, name) < size:
+                refuse(
+                    f"sensor.{name} must lie in the picture, between 0 and {size} (got {getattr(rig.sensor, name):g})"
+                )
     if rig.hanger is not None:
         hanger = rig.hanger
         if hanger.ids[0] == hanger.ids[1]:

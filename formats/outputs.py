@@ -10,7 +10,7 @@ from formats.errors import DescriptionError, OutputError
 from formats.garment import Garment
 from formats.rig import Rig
 from formats.unfinished import already_there, left_unfinished, unfinished_name
-from formats.whole_files import write_whole
+from formats.whole_files import make_folders, write_whole
 
 
 def refuse_to_replace(path: Path, text: str | None = None) -> None:
@@ -24,7 +24,7 @@ def refuse_to_replace(path: Path, text: str | None = None) -> None:
     if path.exists() and not (text is not None and path.is_file() and path.read_bytes() == text.encode()):
         raise already_there(path)
     partial = unfinished_name(path)
-    if partial.exists():
+    if partial.exists() and partial.stat().st_size > 0:  # an empty one lost nothing, or its writer's lock refuses
         raise left_unfinished(partial)
 
 
@@ -52,7 +52,7 @@ def write_description(path: Path, description: Garment | Rig, *, overwrite: bool
     else:
         check_garment(description, path)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folders(path.parent)
     except OSError as error:
         raise OutputError(
             f"cannot be made ({error.strerror})", where=path.parent, advice="choose another folder"

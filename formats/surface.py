@@ -54,9 +54,11 @@ def decode_scan(content: dict[str, Any]) -> SurfaceScan:
     Raises:
         ValueError, KeyError, TypeError: the content does not hold together.
     """
-    size, count = content["grid_size"], content["contour_size"]
+    size, count, time = content["grid_size"], content["contour_size"], content["surface"]
+    if not all(type(number) is int for number in (size, count, time)) or min(size, count) < 0:
+        raise ValueError(f"sizes {size!r} and {count!r} at {time!r} are not whole numbers")
     grid = unpack(content["grid"], (size * size, 3), STEP)
     grid[~unpack_flags(content["grid_valid"], (size * size,))] = np.nan
     contour = unpack(content["contour"], (count, 3), STEP)
     contour[~unpack_flags(content["contour_valid"], (count,))] = np.nan
-    return SurfaceScan(time=content["surface"] * TIME_STEP, grid=grid.reshape(size, size, 3), contour=contour)
+    return SurfaceScan(time=time * TIME_STEP, grid=grid.reshape(size, size, 3), contour=contour)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from formats.errors import OutputError
+from formats.whole_files import sync_folder
 
 
 def unfinished_name(path: Path) -> Path:
@@ -55,6 +56,7 @@ class UnfinishedFile:
             if not overwrite:
                 self._refuse_to_replace()
             self.file.truncate(0)
+            sync_folder(self.partial.parent)
         except BaseException:
             self.keep()
             raise
@@ -71,11 +73,7 @@ class UnfinishedFile:
             raise already_there(self.path)
         self.partial.replace(self.path)
         self.file.close()
-        folder = os.open(self.path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+        sync_folder(self.path.parent)
 
     def sync(self) -> None:
         """Put on the disk what was written."""

@@ -42,8 +42,8 @@ def import_swung_cloth(path: Path) -> Take:
     rest = data["rest"].astype(float)
     width, height = (round(float(size), 6) for size in np.ptp(rest, axis=0))
     rest = np.round(rest - [rest[:, 0].min() + width / 2, rest[:, 1].max()], 6)
-    held = _left_first(data["hanger_corners"].astype(float), points, data["valid"], rest)
     valid = data["valid"].astype(bool) & np.isfinite(points).all(2)
+    held = _left_first(data["hanger_corners"].astype(float), points, valid, rest)
     held_valid = np.isfinite(held).all(2)
     half = width / 2
     garment = Garment(

@@ -80,3 +80,24 @@ def test_another_version_than_the_environments_makes_it_anew(checkout: Path) -> 
     assert "setup: .venv has another Python than python-other; making it anew" in done.stdout
     assert f"setup: making .venv with Python {OTHER}" in done.stdout
     assert done.returncode == 3
+
+
+@pytest.mark.parametrize("is_relative", [False, True])
+def test_a_python_in_a_folder_with_a_space_is_taken_from_wherever_it_is_named(
+    checkout: Path, *, is_relative: bool
+) -> None:
+    folder = checkout / "elsewhere" / "other pythons"
+    folder.mkdir(parents=True)
+    shutil.copy(checkout / "programs/python-other", folder / "python")
+    name = "other pythons/python" if is_relative else str(folder / "python")
+    command = ["/bin/sh", str(checkout / "scripts/setup"), "--python", name]
+    done = subprocess.run(
+        command,
+        env={"PATH": str(checkout / "programs")},
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=folder.parent,
+    )
+    assert f"setup: making .venv with Python {OTHER} ({folder / 'python'})" in done.stdout, done.stderr
+    assert done.returncode == 3

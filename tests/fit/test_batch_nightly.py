@@ -75,6 +75,15 @@ def test_the_service_runs_the_command_with_options_that_it_has(home):
     assert "holds no take" in done.stderr
 
 
+def test_a_night_without_network_is_tried_until_the_morning_and_not_into_the_day():
+    """systemd starts a unit no more than `StartLimitBurst` times within `StartLimitIntervalSec` (`man 5 systemd.unit`)."""
+    unit = RawConfigParser(strict=False)
+    unit.read(UNITS / "hangtime-batch.service")
+    minutes = int(unit["Unit"]["StartLimitBurst"]) * int(unit["Service"]["RestartSec"].removesuffix("min"))
+    assert 6 * 60 < minutes < 9 * 60
+    assert unit["Unit"]["StartLimitIntervalSec"] == "9h"
+
+
 def test_a_night_with_takes_that_do_not_fit_is_a_success_and_a_crash_is_not(home):
     """The command's own status for it, from a folder with one damaged take; Python's status of a crash is 1."""
     unit = RawConfigParser(strict=False)

@@ -80,3 +80,12 @@ def test_every_frame_is_kept_and_points_that_are_not_numbers_are_not_valid(tmp_p
     assert len(take.time) == 40
     assert (~take.points_valid).sum() == 1
     assert not take.points_valid[4, 9]
+
+
+@pytest.mark.parametrize("kind", [bool, np.uint8, np.int64, float])
+def test_the_held_corners_keep_their_order_whatever_numbers_say_what_is_seen(tmp_path, kind):
+    """A corner that is unseen in the second frame must not turn the corners round."""
+    plain = import_swung_cloth(changed(tmp_path / "a.npz"))
+    points, valid = with_value((1, slice(None)), np.nan), with_value((1, slice(None)), 0)
+    take = import_swung_cloth(changed(tmp_path / "r.npz", points=points, valid=lambda v: valid(v.astype(kind))))
+    assert (take.held == plain.held).all()

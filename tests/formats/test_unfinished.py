@@ -11,7 +11,9 @@ import pytest
 
 from formats.archive import TakeWriter, read_take, verify_take, write_take
 from formats.errors import OutputError
+from formats.outputs import refuse_to_replace
 from tests.formats.test_archive import GARMENT, RIG, a_take, frame_of
+from tests.formats.test_whole_files import synced
 
 RECORDER = """
 import sys
@@ -129,3 +131,22 @@ def test_a_lock_on_a_file_that_was_finished_meanwhile_does_not_count(tmp_path, m
     add(second, 20)
     second.finish()
     assert len(read_take(tmp_path / "t.mcap").time) == 20
+
+
+def test_the_name_of_a_recording_is_on_the_disk_before_its_first_block(tmp_path, monkeypatch):
+    """Else a power cut may leave no name that leads to what was synced (`man 2 fsync`)."""
+    seen = synced(monkeypatch)
+    writer = a_writer(tmp_path / "new")
+    assert seen == [str(tmp_path), str(tmp_path / "new")]
+    add(writer, 40)
+    assert seen[2:] == [str(writer.partial)]
+    writer.keep()
+
+
+def test_what_a_recording_left_that_ended_before_its_first_block_blocks_no_name(tmp_path):
+    (tmp_path / "t.mcap.partial").touch()
+    refuse_to_replace(tmp_path / "t.mcap")
+    writer = a_writer(tmp_path, overwrite=False)
+    add(writer, 40)
+    writer.finish()
+    assert names(tmp_path) == ["t.mcap"]

@@ -7,7 +7,7 @@ import stat
 
 import pytest
 
-from formats.whole_files import write_whole
+from formats.whole_files import make_folders, write_whole
 
 
 def test_a_file_is_replaced_whole_and_readable_by_others(tmp_path):
@@ -31,3 +31,30 @@ def test_a_write_that_fails_leaves_what_was_there_and_nothing_else(tmp_path, mon
         write_whole(path, b"two")
     assert path.read_bytes() == b"one"
     assert os.listdir(tmp_path) == ["a.json"]
+
+
+def synced(monkeypatch):
+    """What is put on the disk from now on, by its place, in order."""
+    seen, sync = [], os.fsync
+
+    def look(descriptor):
+        seen.append(os.readlink(f"/proc/self/fd/{descriptor}"))
+        sync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", look)
+    return seen
+
+
+def test_the_name_of_a_file_is_put_on_the_disk_after_its_content(tmp_path, monkeypatch):
+    seen = synced(monkeypatch)
+    write_whole(tmp_path / "a.json", b"one")
+    assert len(seen) == 2
+    assert seen[0].endswith(".partial")
+    assert seen[1] == str(tmp_path)
+
+
+def test_new_folders_are_put_on_the_disk_from_above(tmp_path, monkeypatch):
+    (tmp_path / "a").mkdir()
+    seen = synced(monkeypatch)
+    make_folders(tmp_path / "a" / "b" / "c")
+    assert seen == [str(tmp_path / "a"), str(tmp_path / "a" / "b")]

@@ -223,16 +223,16 @@ def diagnose_command(
             seed=seed,
             progress=lambda stage, share: progress.show(share, stage),
         )
+        progress.end()
+        save_diagnosis(out / "diagnosis.json", findings.diagnosis)
+        report = write_diagnosis_report(out / "report.html", findings, fitted, training, testing, findings.resolution)
     except KeyboardInterrupt:
         progress.end()
         typer.echo(
             f"Interrupted; finished fits are kept in {out / 'diagnosis.partial'}. The same command goes on.", err=True
         )
         raise typer.Exit(130) from None
-    progress.end()
-    save_diagnosis(out / "diagnosis.json", findings.diagnosis)
-    shutil.rmtree(out / "diagnosis.partial", ignore_errors=True)
-    report = write_diagnosis_report(out / "report.html", findings, fitted, training, testing, findings.resolution)
+    shutil.rmtree(out / "diagnosis.partial", ignore_errors=True)  # not before the report, which may fail too
     typer.echo(f"Verdict: {findings.diagnosis.verdict}\n{findings.diagnosis.sentence}")
     for finding in findings.diagnosis.effects:
         if finding.id in add:

@@ -3,7 +3,9 @@
 The plate energy E = B/2 integral of |x_uu|^2 + 2 |x_uv|^2 + |x_vv|^2, which for a sheet that does not stretch
 is B/2 (kappa_1^2 + kappa_2^2), so that B is the moment per width and curvature that fabric testers give. On a grid
 second derivatives are taken along rows and columns at the inner nodes, mixed ones at 3 by 3 Gauss points; on any other
-mesh all of them at the nodes (`free_bends`). Free edges are natural.
+mesh all of them at the nodes (`free_bends`). Free edges are natural. On a four-cornered panel whose sides are slanted
+by an angle t, columns count as if they stood square to the rows: bent about the vertical it is stiffer than B by
+(1 + sin^2 t)^2, about the horizontal softer by cos^4 t, on average over the panel by some per cent.
 Source: S. Timoshenko, S. Woinowsky-Krieger, "Theory of Plates and Shells", section 22, without Poisson coupling; the
 mixed form with lumped masses from P. G. Ciarlet, "The Finite Element Method for Elliptic Problems", section 7.1; kinks
 between elements as in F. Bassi, S. Rebay, J. Comput. Phys. 131 (1997) (lifted jumps).

@@ -150,7 +150,7 @@ def _stacked(courses: list[Course], lanes: int) -> tuple[Singles, Singles, Integ
         lane = 0
         for places, believed, count in course.targets:
             mine = slice(first, first + len(places)), ..., slice(lane, lane + count)
-            targets[mine], trust[mine] = places[..., None], believed[..., None]
+            targets[mine], trust[mine] = places, believed[..., None]
             lane += count
     return targets, trust, firsts[:-1]
 

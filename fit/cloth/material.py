@@ -16,7 +16,7 @@ class Material:
     bending_stiffness [N m]; membrane_damping_time [s] and bending_damping_time [s]: Kelvin-Voigt, moment and tension
     follow stiffness x (strain + time x strain rate); velocity_damping [1/s]: linear, of every node against still air.
     What effects switch on, zero in every base model: stretch_ratio and bending_ratio, logarithms of warp over weft;
-    stiffening [1], relative growth of stretch stiffness per strain; tilt_x and tilt_y, sines of gravity's angles;
+    stiffening [1], relative growth of stretch stiffness per strain; tilt_x and tilt_y, gravity's angles [rad];
     viscosity_time [s], viscosity of stretch and shear over their stiffness (`fit.effects.stretch_viscosity`);
     gravity_log, logarithm of gravity's acceleration over the standard one, where a clock runs at another rate.
     """

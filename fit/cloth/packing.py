@@ -160,8 +160,8 @@ class Course:
 
     time [s], (frames,): of every frame of any of its recordings; steps, lags [s], (frames,): whole steps to it, and the
     rest; paths, (lanes, steps, 3 handles); start [m], (lanes, nodes, 3)
-    targets: of each part places and velocities, (samples, points, 6), trust, (samples, points), and how many lanes it
-    has; every: steps between two of them
+    targets: of each part places and velocities, (samples, points, 6, its lanes or 1 for all of them), trust,
+    (samples, points), and how many lanes it has; every: steps between two of them
     """
 
     def __init__(self, task: Task, parts: list[tuple[Group, NDArray[np.int64]]], is_pulled: bool) -> None:
@@ -177,4 +177,5 @@ class Course:
         self.targets = []
         for group, members in parts:
             places, trust, self.every = group.simulator.observer_targets(group.half_octaves)
-            self.targets.append((places[asked], trust[asked], len(members)))
+            aimed = group.simulator.aimed(places[asked], group.candidates.amplitudes[members])
+            self.targets.append((aimed, trust[asked], len(members)))

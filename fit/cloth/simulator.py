@@ -251,6 +251,20 @@ class Simulator:
             self._targets[half_octaves] = wanted.astype(np.float32), trust.astype(np.float32), every
         return self._targets[half_octaves]
 
+    def aimed(self, targets: Floats, amplitudes: Floats) -> Floats:
+        """Return targets, (samples, points, 6), for each candidate, (samples, points, 6, candidates or 1 for all)."""
+        changing = [k for k, e in enumerate(self.effects) if type(e).unobserved is not Effect.unobserved]
+        if not any(amplitudes[:, self.columns[k]].any() for k in changing):
+            return targets[..., None]
+        each = []
+        for row in amplitudes:
+            aim = targets
+            for k in reversed(changing):
+                if row[self.columns[k]].any():
+                    aim = self.effects[k].unobserved(aim, self.recording, row[self.columns[k]])
+            each.append(aim)
+        return np.stack(each, -1)
+
     def masses(self, row: Floats, amplitude: Floats) -> Floats:
         """Masses of the nodes [kg] of one candidate."""
         mass = row[mat.DENSITY] * self.mesh.node_area

@@ -6,7 +6,8 @@ each with a do-nothing default, so that the step and the observer know no effect
     cloth        `material`, `node_mass`, `rest_curvature`, `friction_moment`, `contact_thickness`
     air          `face_force` (inside the kernel), `added_mass`
     boundary     `drive`: the path of the held ends
-    measurement  `drive`, and `observe`: what a tracker makes of the simulated points
+    measurement  `drive`, and `observe`: what a tracker makes of the simulated points; `unobserved`: where those would
+                 have to be, for an observer that pulls to the tracked ones
 
 A measurement effect acts on the simulated side; noisy data are never transformed.
 """
@@ -95,6 +96,13 @@ class Effect:
     def observe(self, points: Floats, recording: Recording, amplitude: Floats) -> Floats:
         """Return what the tracker makes of the simulated points [m], (frames, points, 3)."""
         return points
+
+    def unobserved(self, targets: Floats, recording: Recording, amplitude: Floats) -> Floats:
+        """Return targets of an observer [m, m/s], (samples, points, 6), without what a tracker has made of them.
+
+        With a perfect model and no noise the pull to them is zero, or nearly so.
+        """
+        return targets
 
     def regions(self, amplitude: Floats) -> tuple[str, ...]:
         """Return the regions of the cloth that a local effect of this size acts in, as `fit.gap.where` names them."""

@@ -7,6 +7,8 @@ air's, which is quadratic in the velocity, were r^2 times as strong and every ti
 
     d2x/ds2 = r^2 F(x, (1/r) dx/ds) / m        gravity, stiffnesses r^2; damping rates r; damping times 1/r
 
+(Friction in bending and contact, effects of their own, are left as they are: 6 % of them at most.)
+
 Without that, a drift of 1 % would leave a free swing where it was while the points show it 1 % slower. 50 parts per
 million are half a millisecond after ten seconds, so that short takes cannot show an ordinary crystal's drift. Source:
 change of variables; quartz oscillators are within 10 to 500 ppm.

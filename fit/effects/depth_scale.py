@@ -38,3 +38,7 @@ class DepthScale(Effect):
     def observe(self, points: Floats, recording: Recording, amplitude: Floats) -> Floats:
         """Return the points as the sensor scales them."""
         return np.asarray(points * ((1.0 + amplitude[0]) * (1.0 + amplitude[1])))
+
+    def unobserved(self, targets: Floats, recording: Recording, amplitude: Floats) -> Floats:
+        """Return targets scaled back."""
+        return np.asarray(targets / ((1.0 + amplitude[0]) * (1.0 + amplitude[1])))

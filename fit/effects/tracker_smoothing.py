@@ -2,8 +2,9 @@
 
     y_p = (1 - a) x_p + a mean_{q near p} x_q
 
-near: the four nearest points on the flat garment, or fewer where there are fewer; points on the border keep to their
-neighbours along the border, so that flat cloth stays where it is. Smoothing over more than the nearest points removes
+near: the nearest pair of points that lie opposite each other on the flat garment, and the nearest pair across it, so
+the four neighbours on a grid whatever its pitches; points on the border keep to their neighbours along the border, so
+that flat cloth stays where it is. Smoothing over more than the nearest points removes
 more than their mean does, which looks like a share above 1.
 Source: Laplacian smoothing, G. Taubin, "A signal processing approach to fair surface design" (SIGGRAPH 1995), section
 2.
@@ -16,6 +17,9 @@ import numpy as np
 
 from fit.effects.base import Effect, Floats
 from fit.recording import Recording
+
+ACROSS = 0.7  # cosine below which a pair of neighbours lies across another: more than 45 degrees from it
+FARTHEST = 2.0  # times as far as the nearest pair, within which one across it is a neighbour
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,12 @@ class TrackerSmoothing(Effect):
         mixing = opposite_neighbours(np.array([p.at_m for p in recording.garment.points]))
         return np.asarray(points + amplitude[0] * (np.einsum("pq,fqc->fpc", mixing, points) - points))
 
+    def unobserved(self, targets: Floats, recording: Recording, amplitude: Floats) -> Floats:
+        """Return targets with the wrinkles that were ironed out, to first order: what is gone is gone for good."""
+        mixing = opposite_neighbours(np.array([p.at_m for p in recording.garment.points]))
+        share = min(float(amplitude[0]), 1.0)
+        return np.asarray(targets + share * (targets - np.einsum("pq,fqc->fpc", mixing, targets)))
+
 
 def opposite_neighbours(places: Floats) -> Floats:
     """Return the mean of opposite neighbours as a matrix, (points, points): pairs q, r with p in their middle."""
@@ -53,7 +63,10 @@ def opposite_neighbours(places: Floats) -> Floats:
         if not other.any():
             mixing[p, p] = 1.0
             continue
-        nearest = reach[other].min() * 1.01
-        chosen = other & (reach <= nearest)
+        chosen = other & (reach <= 1.01 * reach[other].min())
+        along = (places[q] - places[p]) / np.maximum(reach, tolerance)[:, None]
+        across = other & (np.abs(along @ along[chosen].T).max(1) < ACROSS) & (reach < FARTHEST * reach[chosen].min())
+        if across.any():
+            chosen |= across & (reach <= 1.01 * reach[across].min())
         np.add.at(mixing[p], q[chosen], 1.0 / chosen.sum())
     return mixing

@@ -34,6 +34,7 @@ CARRIED = 12  # places, the best, that are looked at under both
 APART = 0.15  # share of the box, in one parameter at least, between places from which fits begin
 STARTS, MOST_STARTS = 2, 4
 COARSER = 1.5  # spacing of the mesh on which starts are looked for first
+COARSEST_LOOKED_AT = 0.06  # m, but for a mesh that is coarser itself
 
 
 def fit_base(
@@ -108,7 +109,8 @@ def across_valleys(observer: Observer, best: Fitted) -> list[Task]:
 def coarsened(observer: Observer) -> Observer:
     """Return an observer on the coarse mesh on which starts are looked for first."""
     old = observer.resolution
-    return observer.at_resolution(Resolution(spacing=min(COARSER * old.spacing, 0.06), step_share=old.step_share))
+    coarser = max(old.spacing, min(COARSER * old.spacing, COARSEST_LOOKED_AT))
+    return observer.at_resolution(Resolution(spacing=coarser, step_share=old.step_share))
 
 
 def scattered(observer: Observer, seed: int) -> Floats:
@@ -138,7 +140,7 @@ def _looked_at(
     def go() -> Floats:
         return space.from_unit(looks.look(residuals, space.to_unit(first), count, start, seed))
 
-    return kept.recall_places(f"looks-{observer.frequency:g}-{1e3 * observer.resolution.spacing:g}", go)
+    return kept.recall_places(f"looks-{observer.frequency:g}-{1e3 * observer.resolution.spacing:g}-{count}", go)
 
 
 def _lying_apart(observer: Observer, places: Floats) -> list[Floats]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from fit.errors import FitError
 from fit.gap.fitting import Fitted, Pinned
 from fit.physics import other_than
+from formats.whole_files import write_whole
 
 Floats = NDArray[np.float64]
 Key = dict[str, object]
@@ -37,7 +38,7 @@ class Checkpoint:
         if folder is None:
             return
         note = folder / "key.json"
-        if note.exists():
+        if note.exists() and not (note.stat().st_size == 0 and next(folder.glob("*.np?"), None) is None):
             try:
                 kept = json.loads(note.read_text())
             except (OSError, ValueError) as error:
@@ -50,7 +51,7 @@ class Checkpoint:
                 )
         else:
             folder.mkdir(parents=True, exist_ok=True)
-            note.write_text(json.dumps(key))
+            write_whole(note, json.dumps(key).encode())
 
     def recall(self, names: Sequence[str], make: Callable[[], list[Fitted]]) -> list[Fitted]:
         """Return the kept fits of these names, or make all of them and keep them."""

@@ -20,6 +20,7 @@ from fit.gap.observer import Observer
 Floats = NDArray[np.float64]
 
 REPLICAS = 1000
+TIE = 1e-9  # of a sum, within which two of them are the same
 FLIPS = 20000  # draws of the signs of differences
 DIRECTIONS = 9  # in which mesh and solver err independently; amplitudes fitted to takes without any effect say so
 SIGNIFICANT_GAP = 1.2  # base error over floor, squared: below, there is nothing to explain
@@ -103,7 +104,8 @@ def gain_p_value(before: BlockErrors, after: BlockErrors) -> float:
     """
     gains = before.sums - after.sums
     signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(FLIPS, len(gains)))
-    return float((1 + np.sum(signs @ gains >= gains.sum())) / (1 + FLIPS))
+    # A draw of the very signs that were seen is a tie, however the sums round.
+    return float((1 + np.sum(signs @ gains >= gains.sum() - TIE * np.abs(gains).sum())) / (1 + FLIPS))
 
 
 def exceeds(errors: BlockErrors, picks: NDArray[np.int64], known: float) -> bool:

@@ -91,12 +91,14 @@ def diagnose(
     judge = observer.of(test) if test else observer
     search = Rounds(observer, judge, fits, rng, progress, kept)
     progress("noise floor", 0.3)
-    noise = noise_floor(judge, fits[0].vector, observer.off, rng)
-    seeming, _ = noise
+    noise = noise_floor(judge, search.base.fitted.vector, observer.off, rng)
+    seeming, before = noise[0], search.base
     picks = bootstrap_picks(search.base.errors, rng)
     is_off = exceeds(search.base.errors, picks, seeming**2) or not is_edge_explained(search.base.errors.edge)
     search.first_round(added, has_gap=is_off)
-    floor = search.reached(seeming)
+    if search.base is not before:
+        noise = noise_floor(judge, search.base.fitted.vector, observer.off, rng)
+    floor = search.reached(noise[0])
     if not predictability.passed:
         predictability = search.predictability()
     found_gates += [predictability, gate.convergence_gate(search.fits, search.least.cost)]

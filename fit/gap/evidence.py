@@ -31,9 +31,9 @@ MOST_LEFT = 0.6  # of the gap that a cause may leave unexplained, beyond noise a
 # Sound laws of an effect differ by its `law_spread`, in amplitude and so in motion; of the gap they leave the square of
 # that, to three deviations, or a twentieth. An error of mesh and solver adds twice its square at most.
 LAW_DEVIATIONS, MESH_TWICE = 3.0, 2.0
-# One more draw of the noise is within so many standard errors of the mean of three, 95 % one-sided: of t with two
-# degrees of freedom 2.92, times sqrt(3) sqrt(1 + 1/3).
-ONE_MORE = 2.92 * 2.0
+STUDENT_95 = 2.92  # of t with two degrees of freedom, 95 % one-sided: of the mean of three replicas of the noise
+# One more draw of the noise is within so many standard errors of that mean: t times sqrt(3) sqrt(1 + 1/3).
+ONE_MORE = STUDENT_95 * 2.0
 AT_BOUND = 0.01  # of an effect's range: an amplitude nearer to its end was stopped by it
 # A further effect closes a tenth of the gap and a third of what those before leave beyond the noise; or it closes most
 # of that, which the wrong law of an effect that is there rarely does. Most on average, or in the median half-second:

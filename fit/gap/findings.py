@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from fit.effects.base import Effect, size_of
 from fit.gap.closure import SIGNIFICANT_GAP
 from fit.gap.edge_fit import detectable_on_edge
-from fit.gap.evidence import Evidence
+from fit.gap.evidence import STUDENT_95, Evidence
 from fit.gap.fitting import NORMAL_95, Fitted
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.observer import Observer, has_static
@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 def describe_gap(evidence: Evidence, best: Hypothesis | None, held_by_edge: Hypothesis | None) -> Gap:
     """Describe the gap, with the figures of the hypothesis that the verdict names, and of the edge that drives."""
-    floor, error = evidence.floor_mm, NORMAL_95 * evidence.floor_error_mm
+    floor, error = evidence.floor_mm, STUDENT_95 * evidence.floor_error_mm
     return Gap(
         base_mm=evidence.error_of(evidence.base),
         with_effect_mm=evidence.error_of(best) if best else None,

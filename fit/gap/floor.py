@@ -51,7 +51,9 @@ def noise_floor(
     floors = np.sqrt(np.maximum(grown, own_noise_mm(observer) ** 2))
     fast = float(floors.mean())
     slow = neighbour_noise(observer, residual)
-    return max(fast, min(slow, LARGEST_RATIO * fast)), float(floors.std(ddof=1) / np.sqrt(REPLICAS))
+    # Of what the replicas say before they are cut off: that none is above the points' own noise makes it no surer.
+    error = float(grown.std(ddof=1) / np.sqrt(REPLICAS)) / (2 * fast)
+    return max(fast, min(slow, LARGEST_RATIO * fast)), error
 
 
 def own_noise_mm(observer: Observer) -> float:

@@ -102,6 +102,7 @@ class Rounds:
         self.fits.sort(key=lambda f: f.cost)
         if self.fits[0] is not self.base.fitted:
             (self.base,) = judged(self.judge, self.fits[:1])
+            self.screened = screen(self.observer, self.base.fitted, self.tested, self.rng, self.screened)
 
     def sizes_by_edge(self, numerics: float) -> None:
         """Fit effects again whose size the held edge would surely have elsewhere; numerics [mm]."""
@@ -330,29 +331,29 @@ class Rounds:
         if chosen is None and len(start.effects) == 1:
             self.beside[start.effects[0]] = screened
         places = self._and_leads(further(screened, SECONDS_TRIED), screened, start.fitted)
-        refitted = self._refit(start.fitted, screened, places)
+        refitted = self._refit(start.fitted, screened, places, "" if chosen is None else "-as-twin")
         return [
-            (h, min(float(screened.family_p_value[place]), self._p_value_of_gain(start, h, len(left))))
+            (h, self._p_value(float(screened.family_p_value[place]), start, h, len(left)))
             for h, place in zip(refitted, places, strict=True)
             if not any(is_brought(self.observer, h, k) for k in h.effects) and not puts_edge_off(self.base, start, h)
         ]
 
-    def _p_value_of_gain(self, start: Hypothesis, found: Hypothesis, tested: int) -> float:
-        """Family-wise p-value of what a further effect of so many closes on held-out takes, 1 where there are none.
+    def _p_value(self, by_score: float, start: Hypothesis, found: Hypothesis, tested: int) -> float:
+        """Family-wise p-value of a further effect of so many, by the score test or by what it closes on held-out takes.
 
         The score test looks along a line from where the first effect ended, which without the second one may be a
-        valley of its own; the refit has left it.
+        valley of its own; the refit has left it. The smaller one of two counts twice (Bonferroni).
         """
         if self.judge is self.observer:
-            return 1.0
-        return min(1.0, tested * gain_p_value(start.errors, found.errors))
+            return by_score
+        return min(1.0, 2 * min(by_score, tested * gain_p_value(start.errors, found.errors)))
 
-    def _refit(self, start: Fitted, screened: Screened, places: list[int]) -> list[Hypothesis]:
+    def _refit(self, start: Fitted, screened: Screened, places: list[int], kind: str = "") -> list[Hypothesis]:
         def go() -> list[Fitted]:
             return fit(self.observer, refits(self.observer, start, screened, places))
 
         added = [(*start.active, screened.effects[place]) for place in places]
-        return judged(self.judge, self.kept.recall([self._name(active) for active in added], go))
+        return judged(self.judge, self.kept.recall([self._name(active) + kind for active in added], go))
 
     def _name(self, active: tuple[int, ...]) -> str:
         """What a fit with these effects is kept as."""

@@ -36,6 +36,7 @@ from fit.gap.observer import Observer
 Floats = NDArray[np.float64]
 
 REPLICAS = 2000
+TIE = 1e-9  # of a statistic, within which two of them are the same
 DETECTION = 1.645 + 0.842  # one-sided 5 % and power 80 %
 GROUP_COSINE = 0.9  # signatures closer than this cannot be told apart
 RENEWED = 8  # effects whose signatures are taken anew where those of a fit nearby are known
@@ -283,7 +284,8 @@ def _p_values(statistic: Floats, drawn: Floats) -> tuple[Floats, Floats]:
     An effect whose draws are all alike moves nothing and is not one of the family.
     """
     replicas = drawn.shape[1]
-    own = (1 + (drawn >= statistic[:, None]).sum(1)) / (1 + replicas)
+    # With few blocks the very signs that were seen are drawn again and again: ties, however the sums round.
+    own = (1 + (drawn >= (statistic - TIE * np.abs(statistic))[:, None]).sum(1)) / (1 + replicas)
     # p-value of every draw among all draws of its own effect
     order = np.argsort(np.argsort(-drawn[np.ptp(drawn, axis=1) > 0], axis=1), axis=1)
     smallest = ((1 + order) / replicas).min(0, initial=1.0)

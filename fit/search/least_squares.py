@@ -236,6 +236,7 @@ class _Search:
         history = [cost]
         jacobian = (yield from self._jacobian(u, r)) if known is None else known * self.space.scale
         is_fresh = True  # the Jacobian belongs to u, or is all that the caller pays for
+        at = u  # where it was made
         renewals, is_hopeless = 0, False
         for _ in range(settings.max_iterations):
             normal, slope = self._normal_equations(u, r, jacobian)
@@ -254,7 +255,7 @@ class _Search:
                 u, r, cost, damping = moved.unit, moved.residuals, moved.cost, moved.damping
                 history.append(cost)
                 if not settings.is_chord:
-                    jacobian = yield from self._jacobian(u, r)
+                    jacobian, at = (yield from self._jacobian(u, r)), u
                 elif not (reason and is_fresh):  # else a halt is believed, and differences here would be the same
                     jacobian = jacobian + np.outer(change - jacobian @ step, step) / max(float(step @ step), 1e-30)
                     is_fresh = known is not None
@@ -264,10 +265,12 @@ class _Search:
                 is_hopeless, reason = True, "it will hardly come below what is known"
                 break
             if reason:  # a worn Jacobian may be all that is wrong
-                jacobian, is_fresh, renewals = (yield from self._jacobian(u, r)), True, renewals + 1
+                jacobian, is_fresh, renewals, at = (yield from self._jacobian(u, r)), True, renewals + 1, u
         else:
             reason = ""
-        if not is_fresh and settings.is_exact and not is_hopeless:
+        # A halt may be believed after a long step of little use; after one below half of a difference J is the same.
+        is_far = known is None and float(np.abs(u - at).max()) > max(settings.step / 2, settings.step_tolerance)
+        if (is_far or not is_fresh) and settings.is_exact and not is_hopeless:
             jacobian = yield from self._jacobian(u, r)
         _, slope = self._normal_equations(u, r, jacobian)
         return LeastSquaresResult(

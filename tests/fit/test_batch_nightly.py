@@ -76,7 +76,7 @@ def test_the_service_runs_the_command_with_options_that_it_has(home):
 
 
 def test_a_night_without_network_is_tried_until_the_morning_and_not_into_the_day():
-    """systemd starts a unit no more than `StartLimitBurst` times within `StartLimitIntervalSec` (`man 5 systemd.unit`)."""
+    """It starts no more than `StartLimitBurst` times within `StartLimitIntervalSec` (`man 5 systemd.unit`)."""
     unit = RawConfigParser(strict=False)
     unit.read(UNITS / "hangtime-batch.service")
     minutes = int(unit["Unit"]["StartLimitBurst"]) * int(unit["Service"]["RestartSec"].removesuffix("min"))

@@ -47,3 +47,11 @@ def test_what_the_held_edge_decided_is_kept_with_a_fit(tmp_path):
     assert other.pinned.amplitudes.tolist() == [0.5, 0.0]
     assert other.pinned.sd.tolist() == [0.1, np.inf]
     assert other.pinned.trust == 7.0
+
+
+def test_a_folder_whose_key_a_kill_left_empty_is_begun_anew(tmp_path):
+    (tmp_path / "p").mkdir()
+    (tmp_path / "p" / "key.json").touch()
+    Checkpoint(tmp_path / "p", {"takes": ["a"]})
+    with pytest.raises(FitError, match="other takes or options"):
+        Checkpoint(tmp_path / "p", {"takes": ["b"]})

@@ -382,6 +382,19 @@ def test_ironing_leaves_flat_cloth_and_lowers_a_bump():
     assert observed("tracker_smoothing", 0.4, bumpy)[0, 12, 1] == pytest.approx(0.006)
 
 
+@pytest.mark.parametrize("pitch", [(0.075, 0.075), (0.075, 0.0763), (0.04, 0.053), (0.075, 0.05)])
+def test_inner_points_of_any_grid_have_four_neighbours(pitch):
+    """Nine columns and five rows: columns' and rows' folds shrink alike, whatever the pitches."""
+    across, down = np.meshgrid(np.arange(9), np.arange(5))
+    places = np.stack([across.ravel(), -down.ravel()], 1) * np.array(pitch)
+    mixing = opposite_neighbours(places)
+    inner = np.flatnonzero((across % 8 > 0).ravel() & (down % 4 > 0).ravel())
+    assert (np.count_nonzero(mixing[inner], axis=1) == 4).all()
+    assert mixing[inner].max() == pytest.approx(0.25)
+    border = np.flatnonzero((across % 8 > 0).ravel() & (down == 0).ravel())
+    assert (np.count_nonzero(mixing[border], axis=1) == 2).all()
+
+
 def test_corners_have_no_opposite_neighbours():
     places = np.array([(x, y) for y in (0, 1, 2) for x in (0, 1, 2)], float)
     mixing = opposite_neighbours(places)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fit.cloth.simulator import Resolution, Simulator
-from fit.effects import LIBRARY
+from fit.effects import LIBRARY, find_effects
 from fit.effects.base import amplitudes_of
 from fit.errors import FitError
 from fit.gap import gates
@@ -60,6 +60,29 @@ def test_data_shifted_by_one_frame_fail_the_observer_loudly():
     shifted = pull_mm(prepare(dataclasses.replace(take, points=late)), row, 3.0)
     assert shifted > 10 * pull_mm(prepare(take), row, 3.0)
     assert shifted > 2.0
+
+
+@pytest.mark.parametrize(("effect", "amplitude", "left"), [("depth_scale", 0.01, 0.1), ("tracker_smoothing", 0.4, 0.6)])
+@pytest.mark.parametrize("hz", [1.0, 3.0])
+def test_what_a_tracker_makes_of_the_points_is_no_reason_to_pull(effect, amplitude, left, hz):
+    """Noise-free data of the model with that effect: it leaves a small share of what is missed without it.
+
+    An observer that pulled to the tracked points as they are would leave more with the effect than without it. Wrinkles
+    that were ironed out are gone for good: the pull to what is left of them is weaker, and not nothing.
+    """
+    time, displacement = moderate_swing(4.0)
+    away, garment = np.array([0.0, 1.5, 0.0]), sheet(grid=5)
+    displacement = displacement + away
+    row = material(garment, velocity_damping=1.5, bending_stiffness=3e-5, shear_stiffness=40.0)
+    kinds = find_effects([effect])
+    amplitudes = np.array([[amplitude, *[0.0] * (len(kinds[0].components) - 1)]])
+    still = prepare(take_of(garment, time, displacement)).with_points(hung(garment, time) + away)
+    points = Simulator(still, kinds).run(row, amplitudes).points[0]
+    recording = prepare(take_of(garment, time, displacement, points, sd=1e-4))
+    both = np.concatenate([0.0 * amplitudes, amplitudes])
+    seen = Simulator(recording, kinds).run(np.repeat(row, 2, 0), both, observer_hz=hz).points
+    without, with_it = (np.sqrt(np.nanmean((recording.points - s)[:, recording.judged] ** 2)) for s in seen)
+    assert with_it < left * without
 
 
 def test_the_noise_floor_of_a_perfect_model_is_the_noise():

@@ -340,9 +340,3 @@ def test_a_further_effect_is_significant_by_what_it_leaves_of_motions_that_were_
     assert found == pytest.approx(1 / 4096, rel=0.7)
     assert gain_p_value(after, before) == pytest.approx(1.0, abs=1e-3)
     assert gain_p_value(errors(9.0, wobble=0.5, seed=1), errors(9.0, wobble=0.5, seed=2)) > 0.1
-    search = object.__new__(Rounds)
-    one, both = (dataclasses.replace(hypothesis(("hem",), 9.0), errors=e) for e in (before, after))
-    search.observer, search.judge = object(), object()
-    assert search._p_value_of_gain(one, both, 20) == pytest.approx(20 * found)
-    search.judge = search.observer
-    assert search._p_value_of_gain(one, both, 20) == 1.0

@@ -212,3 +212,22 @@ def test_bounds_the_wrong_way_round_are_refused():
         box(0, 1, is_log=True)
     with pytest.raises(FitError, match="outside the bounds"):
         minimise(lambda candidates: candidates, np.array([11.0]), box(0, 10))
+
+
+def test_the_jacobian_of_a_search_by_chords_that_halts_after_a_long_step_is_that_of_its_end():
+    """The first step goes a sixth of the box, saves 0.1 % of the cost, and is the last one."""
+    rng = np.random.default_rng(0)
+    directions, constant = rng.normal(size=(200, 2)), rng.normal(size=200)
+    constant = 60 * (constant - directions @ np.linalg.lstsq(directions, constant, rcond=None)[0])
+
+    def residuals(candidates):
+        curved = np.stack([np.sin(3 * candidates[:, 0]), np.cos(3 * candidates[:, 1])], 1)
+        return (curved - [np.sin(1.5), np.cos(1.5)]) @ directions.T + constant
+
+    settings = LeastSquaresSettings(width=4, cost_tolerance=2e-3, step_tolerance=1e-3, is_chord=True)
+    space, start = box([0, 0], [1, 1]), np.array([0.42, 0.66])
+    found = minimise(residuals, start, space, settings=settings)
+    assert len(found.cost_history) == 2
+    assert np.abs(found.parameters - start).max() > 0.1
+    again = minimise(residuals, found.parameters, space, settings=replace(settings, max_iterations=0))
+    assert np.allclose(found.jacobian, again.jacobian)

@@ -288,7 +288,7 @@ def _described(header: dict[str, Any], path: Path) -> tuple[Rig, Garment, _Words
 
 
 def _messages(path: Path) -> Iterator[Any]:
-    """Yield the content of every message, a dict as we write it, None for a damaged chunk; look for the next after damage."""
+    """Yield the content of every message, a dict as we write it, None for a damaged chunk; go on after damage."""
     try:
         raw = path.read_bytes()
     except OSError as error:

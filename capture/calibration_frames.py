@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ Floats = NDArray[np.float64]
 STILL = 0.7  # px that a marker may stray within still frames: 2 mm at 1.6 m, five times its reading noise
 FEWEST_STILL = 15  # frames, half a second: less can be the turning point of a swing
 MOST_KEPT = 90  # frames; three seconds, after which the noise that averages out is small beside what does not
+MOST_FRAMES = 2.0  # of those that are due: a sensor whose clock stands still or runs back is not watched for ever
 
 
 @dataclass(frozen=True)
@@ -36,18 +38,20 @@ class StillFrames:
 
 
 def watch(sensor: DepthSensor, detector: MarkerDetector, seconds: float) -> StillFrames:
-    """Return the longest still part of the next seconds [s] of a sensor.
+    """Return the end of the longest still part of the next seconds [s] of a sensor.
 
     Raises:
         CalibrationError: no marker was seen, or everything moved all the time.
     """
-    corners: list[Floats] = []
-    depth: list[NDArray[np.uint16]] = []
+    run = StillRun()
+    recent: deque[tuple[Floats, NDArray[np.uint16]]] = deque(maxlen=MOST_KEPT)
+    best: list[tuple[Floats, NDArray[np.uint16]]] = []
     first: float | None = None
-    seen = 0
-    for frame in sensor.frames():
+    seen = longest = 0
+    most = MOST_FRAMES * seconds * sensor.info.fps
+    for number, frame in enumerate(sensor.frames()):
         first = frame.time_s if first is None else first
-        if frame.time_s - first > seconds:
+        if frame.time_s - first > seconds or number >= most:
             break
         if frame.colour is None or frame.depth.shape != frame.colour.shape[:2]:
             continue
@@ -57,38 +61,39 @@ def watch(sensor: DepthSensor, detector: MarkerDetector, seconds: float) -> Stil
             continue  # without any marker a frame says nothing, and would pass for a still one
         for row in np.flatnonzero(np.isfinite(found[:, 0, 0])):
             found[row] = detector.refined(frame.colour, int(row), found[row])
-        corners.append(found)
-        depth.append(frame.depth)
+        recent.append((found, frame.depth))
+        length = run.add(found)
+        if length > longest:
+            longest, best = length, list(recent)[-length:]
     where = sensor.info.uri
-    if not corners:
+    if not recent:
         raise CalibrationError(
             f"none of the markers {', '.join(map(str, detector.ids))} was seen in {seen} frames", where=where,
             advice="hang the hanger 1.2 to 2.5 m before the sensor, markers towards it, in even light",
         )  # fmt: skip
-    everything = np.stack(corners)
-    start, end = longest_still(everything)
-    if end - start < FEWEST_STILL:
+    if longest < FEWEST_STILL:
         raise CalibrationError(
             f"nothing hung still for {FEWEST_STILL} frames", where=where,
             advice="put the hanger on a hook, let it and the plumb line come to rest, and do not touch them",
         )  # fmt: skip
-    end = min(end, start + MOST_KEPT)
-    return StillFrames(everything[start:end], depth[start:end], seen=seen)
+    return StillFrames(np.stack([corners for corners, _ in best]), [depth for _, depth in best], seen=seen)
 
 
-def longest_still(corners: Floats) -> tuple[int, int]:
-    """Return first and one past the last of the longest run of frames in which no marker strays.
+class StillRun:
+    """The frames up to the newest in which no marker strays."""
 
-    corners [px], (frames, ids, 4, 2); a frame in which a marker is not found says nothing of it.
-    """
-    centres = corners.mean(2)
-    best, start = (0, 0), 0
-    for end in range(1, len(centres) + 1):
-        while start < end and _stray(centres[start:end]) > STILL:
-            start += 1
-        if end - start > best[1] - best[0]:
-            best = (start, end)
-    return best
+    def __init__(self) -> None:
+        self._centres: list[Floats] = []
+
+    def add(self, corners: Floats) -> int:
+        """Take in a frame's corners [px], (ids, 4, 2), NaN where not found; return how many frames are still.
+
+        A frame in which a marker is not found says nothing of it.
+        """
+        self._centres.append(corners.mean(1))
+        while _stray(np.stack(self._centres)) > STILL:
+            del self._centres[0]
+        return len(self._centres)
 
 
 def _stray(centres: Floats) -> float:

@@ -252,33 +252,33 @@ def record_command(
 
     picks = None if pick is None else np.array([two_numbers(one, "--pick") for one in pick], float)
     scans = ScanPlan(rate=scan_rate, grid=scan_points, contour=8 * scan_points) if scan_rate > 0 else None
-    with ExitStack() as opened:
-        opened.enter_context(stopped_like_ctrl_c())
-        opened.callback(say, clear, end="")
-        lamps = [] if lamp is None else [opened.enter_context(StatusLamp(lamp))]
-        precedence = Precedence()
-        if names_live_sensor(sensor):
-            opened.enter_context(precedence)
-        source = opened.enter_context(open_sensor(sensor))
-        if source.info.is_live:
-            source = opened.enter_context(QueuedSensor(source))
-            precedence.begin_tracking()
-            if not precedence.is_granted:
-                say(NOT_FIRST)
-        report = record(
-            source, described_rig, described_garment, out, take_id=out.stem,
-            created=datetime.now(UTC).isoformat(timespec="seconds"), seconds=seconds, progress=show,
-            announce=announce, picks=picks, scans=scans, overwrite=overwrite,
-        )  # fmt: skip
-    points = ", ".join(
-        f"{name} {100 * share:.0f} %"
-        for name, share in zip(described_garment.point_names, report.point_share, strict=True)
-    )
-    typer.echo(f"{report.path}: {report.frames} frames{', stopped early' if report.is_interrupted else ''}")
-    typer.echo(f"hanger seen in {100 * report.with_hanger / max(report.frames, 1):.0f} %; {points}")
-    for condition, count in sorted(report.conditions.items(), key=lambda item: -item[1]):
-        if condition is not Condition.GOOD:
-            typer.echo(f"in {count} frames {condition.value.words}")
-    complaint = report.failure or report.doubt
-    if complaint is not None:
-        raise complaint
+    with stopped_like_ctrl_c() as stop:
+        with ExitStack() as opened:
+            opened.callback(say, clear, end="")
+            lamps = [] if lamp is None else [opened.enter_context(StatusLamp(lamp))]
+            precedence = Precedence()
+            if names_live_sensor(sensor):
+                opened.enter_context(precedence)
+            source = opened.enter_context(open_sensor(sensor))
+            if source.info.is_live:
+                source = opened.enter_context(QueuedSensor(source))
+                precedence.begin_tracking()
+                if not precedence.is_granted:
+                    say(NOT_FIRST)
+            report = record(
+                source, described_rig, described_garment, out, take_id=out.stem,
+                created=datetime.now(UTC).isoformat(timespec="seconds"), seconds=seconds, progress=show,
+                announce=announce, picks=picks, scans=scans, overwrite=overwrite, stop=stop,
+            )  # fmt: skip
+        points = ", ".join(
+            f"{name} {100 * share:.0f} %"
+            for name, share in zip(described_garment.point_names, report.point_share, strict=True)
+        )
+        typer.echo(f"{report.path}: {report.frames} frames{', stopped early' if report.is_interrupted else ''}")
+        typer.echo(f"hanger seen in {100 * report.with_hanger / max(report.frames, 1):.0f} %; {points}")
+        for condition, count in sorted(report.conditions.items(), key=lambda item: -item[1]):
+            if condition is not Condition.GOOD:
+                typer.echo(f"in {count} frames {condition.value.words}")
+        complaint = report.failure or report.doubt
+        if complaint is not None:
+            raise complaint

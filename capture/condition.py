@@ -1,7 +1,8 @@
 """The one thing to say about a recording right now: for the lamp, for the command line, for people.
 
-Frames have bits (`formats.take.FrameState`), several at once and changing thirty times a second. A condition is the
-most basic of what is wrong, held for `HOLD` seconds before it is announced, so that a lamp does not flicker.
+Frames have bits (`formats.take.FrameState`), several at once and changing thirty times a second. A frame's condition is
+the most basic of what is wrong. What was announced stays until no frame has shown it for `HOLD` seconds, so that a lamp
+does not flicker; then comes what most frames have shown since, so that faults that take turns are told as well.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from enum import Enum
 
 from formats.take import FrameState
 
-HOLD = 0.4  # s that a condition must last: longer than markers are lost at the end of a hard swing
+HOLD = 0.4  # s without the condition that was announced: longer than markers are lost at the end of a hard swing
 
 
 class Lamp(Enum):
@@ -84,7 +85,7 @@ class ConditionWatch:
     def __init__(self) -> None:
         self.current: Condition | None = None
         self.frames: Counter[Condition] = Counter()
-        self._candidate: Condition | None = None
+        self._others: Counter[Condition] = Counter()  # since the last frame of `current`
         self._since = 0.0
 
     def add(self, time: float, condition: Condition) -> Condition | None:
@@ -93,13 +94,23 @@ class ConditionWatch:
         The first frame's is announced at once.
         """
         self.frames[condition] += 1
-        if condition is not self._candidate:
-            self._candidate, self._since = condition, time
-        is_new = condition is not self.current
-        if is_new and (self.current is None or time - self._since >= HOLD):
-            self.current = condition
-            return condition
-        return None
+        if condition is self.current:
+            self._others.clear()
+            return None
+        if not self._others:
+            self._since = time
+        self._others[condition] += 1
+        if self.current is not None and time - self._since < HOLD:
+            return None
+        self.current = self._most_seen()
+        self._others.clear()
+        return self.current
+
+    def _most_seen(self) -> Condition:
+        """Return the fault of most frames lately, the most basic one of equals; all is well only in over half."""
+        if 2 * self._others[Condition.GOOD] > self._others.total():
+            return Condition.GOOD
+        return max((one for one in Condition if one is not Condition.GOOD), key=lambda one: self._others[one])
 
     @property
     def worst(self) -> Condition:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +20,7 @@ from capture.frame_tracking import FrameTracker
 from capture.garment import GarmentSight
 from capture.hanger_gaps import HangerGaps
 from capture.markers import HangerSight
+from capture.stop_signals import StopRequest, stopped_like_ctrl_c
 from firmware_host.depth_sensor import DepthSensor, SensorFrame
 from firmware_host.errors import SensorError
 from formats.archive import TakeWriter
@@ -84,6 +87,7 @@ def record(
     picks: Floats | None = None,
     scans: ScanPlan | None = None,
     overwrite: bool = True,
+    stop: StopRequest | None = None,
 ) -> RecordingReport:
     """Track every frame of a sensor and write a take.
 
@@ -91,7 +95,8 @@ def record(
 
     announce: told the time [s] since the beginning and the condition, whenever it changes for good; picks [px],
     (2, 2): where the hanger's dots are in the first frame, left one first; scans: None for none of the surface;
-    overwrite: whether a take of this name, or what was left of one, may be replaced
+    overwrite: whether a take of this name, or what was left of one, may be replaced; stop: who may end it, asked once
+    a frame and while the sensor is waited for; None: the signals of `capture.stop_signals`
 
     Raises:
         UntrackableError: the sensor's image is not the one that the rig describes, or the garment cannot be followed.
@@ -103,14 +108,9 @@ def record(
         raise OutputError("is a folder", where=out, advice="give the name of a file in it")
     _check_rig(sensor, rig)
     tracker, clock = FrameTracker(rig, garment, picks), FrameClock(sensor.info.fps)
+    is_live = sensor.info.is_live
     conditions, gaps = ConditionWatch(), HangerGaps()
     cv2.setNumThreads(1)
-    try:
-        writer = TakeWriter(
-            out, take_id=take_id, created=created, rig=rig, garment=garment, source=sensor.info.uri, overwrite=overwrite
-        )
-    except OSError as error:
-        raise OutputError(f"cannot be written ({error.strerror})", where=out, advice="choose another folder") from error
     frames = with_hanger = 0
     seen = np.zeros(len(garment.points))
     first = 0.0
@@ -122,69 +122,76 @@ def record(
         if conditions.add(time, condition) is not None:
             announce(time, condition)
 
-    try:
-        for frame in sensor.frames():
-            time = clock.place(frame.time_s)
-            if time is None:
-                tell(clock.now - first, Condition.CLOCK)
-                if seconds is not None and clock.now - first >= seconds:
+    with ExitStack() as opened:
+        if stop is None:
+            stop = opened.enter_context(stopped_like_ctrl_c())
+        opened.enter_context(stop.held())  # an interrupt in the middle of a write would spoil it
+        try:
+            writer = TakeWriter(
+                out, take_id=take_id, created=created, rig=rig, garment=garment, source=sensor.info.uri,
+                overwrite=overwrite,
+            )  # fmt: skip
+        except OSError as error:
+            advice = "choose another folder"
+            raise OutputError(f"cannot be written ({error.strerror})", where=out, advice=advice) from error
+        try:
+            for came in _frames(sensor, stop):
+                host_time = came.host_time_s if is_live else None
+                time = clock.place(came.time_s, dropped=came.dropped_before, host_time=host_time)
+                if time is None:
+                    tell(clock.now - first, Condition.CLOCK)
+                    if seconds is not None and clock.now - first >= seconds:
+                        break
+                    continue
+                frame = dataclasses.replace(came, dropped_before=clock.dropped)
+                first = time if frames == 0 else first
+                sight = tracker.track(frame, time)
+                hanger, cloth, state, _ = sight
+                state |= FrameState.CLOCK_JUMPED if clock.has_jumped else 0
+                scan = None
+                if scans is not None and cloth.is_found and time >= next_scan:
+                    scan = tracker.scan(time, grid=scans.grid, contour=scans.contour)
+                    next_scan = next_scan if scan is None else time + 1.0 / scans.rate - SCAN_TOLERANCE
+                try:
+                    writer.append(tracker.as_frame(time, sight._replace(state=state)))
+                    if scan is not None:
+                        writer.append_scan(scan)
+                except OSError as error:
+                    raise _broken_off(writer, with_hanger, f"writing failed ({error.strerror})") from error
+                frames += 1
+                with_hanger += hanger.is_found
+                if hanger.is_found:
+                    gaps.add(time - first)
+                seen += cloth.valid
+                tell(time - first, condition_of(state, are_read=bool(np.isfinite(hanger.centres).all())))
+                if watch is not None:
+                    watch(frame, hanger, cloth)
+                progress(frames, sensor.info.frame_count, with_hanger / frames)
+                if seconds is not None and time - first >= seconds:
                     break
-                continue
-            first = time if frames == 0 else first
-            sight = tracker.track(frame, time)
-            hanger, cloth, state, _ = sight
-            state |= FrameState.CLOCK_JUMPED if clock.has_jumped else 0
-            scan = None
-            if scans is not None and cloth.is_found and time >= next_scan:
-                scan = tracker.scan(time, grid=scans.grid, contour=scans.contour)
-                next_scan = next_scan if scan is None else time + 1.0 / scans.rate - SCAN_TOLERANCE
-            try:
-                writer.append(tracker.as_frame(time, sight._replace(state=state)))
-                if scan is not None:
-                    writer.append_scan(scan)
-            except OSError as error:
-                raise _broken_off(writer, with_hanger, f"writing failed ({error.strerror})") from error
-            frames += 1
-            with_hanger += hanger.is_found
-            if hanger.is_found:
-                gaps.add(time - first)
-            seen += cloth.valid
-            tell(time - first, condition_of(state, are_read=bool(np.isfinite(hanger.centres).all())))
-            if watch is not None:
-                watch(frame, hanger, cloth)
-            progress(frames, sensor.info.frame_count, with_hanger / frames)
-            if seconds is not None and time - first >= seconds:
-                break
-            if time >= next_look:
-                next_look = time + LOOK_FOR_ROOM
-                failure = _lack_of_room(out)
-                if failure is not None:
-                    break
-    except KeyboardInterrupt:
-        is_interrupted = True
-    except SensorError as error:
-        failure = error
-    except OutputError:
-        raise
-    except BaseException as error:
-        broken = _broken_off(writer, with_hanger, f"recording broke off: {error}")
-        if not writer.partial.exists():
+                if time >= next_look:
+                    next_look = time + LOOK_FOR_ROOM
+                    failure = _lack_of_room(out)
+                    if failure is not None:
+                        break
+        except KeyboardInterrupt:
+            is_interrupted = True
+        except SensorError as error:
+            failure = error
+        except OutputError:
             raise
-        if isinstance(error, HangtimeError):
-            raise broken from error
-        error.add_note(str(broken))
-        raise
-    if with_hanger < FEWEST_HANGERS:
-        writer.discard()
-        raise failure or _no_markers(sensor.info.uri, rig, frames, with_hanger, conditions.worst)
-    try:
-        writer.finish()
-    except OutputError as error:
-        writer.keep()
-        advice = f"what was recorded is kept as {writer.partial.name}; give it another name"
-        raise OutputError("has come there meanwhile", where=out, advice=advice) from error
-    except (OSError, TakeError) as error:
-        raise _broken_off(writer, with_hanger, f"the take could not be finished: {error}") from error
+        except BaseException as error:
+            broken = _broken_off(writer, with_hanger, f"recording broke off: {error}")
+            if not writer.partial.exists():
+                raise
+            if isinstance(error, HangtimeError):
+                raise broken from error
+            error.add_note(str(broken))
+            raise
+        if with_hanger < FEWEST_HANGERS:
+            writer.discard()
+            raise failure or _no_markers(sensor.info.uri, rig, frames, with_hanger, conditions.worst)
+        _finish(writer, with_hanger)
     doubt: CaptureError | None = None
     if with_hanger < HARDLY_EVER * frames:
         doubt = _no_markers(out, rig, frames, with_hanger, conditions.worst, kept=True)
@@ -200,6 +207,27 @@ def record(
         failure=failure,
         doubt=doubt,
     )
+
+
+def _frames(sensor: DepthSensor, stop: StopRequest) -> Iterator[SensorFrame]:
+    """Yield a sensor's frames; only while it is waited for may somebody end it at once."""
+    while True:
+        with stop.released():
+            frame = sensor.read()
+        if frame is None:
+            return
+        yield frame
+
+
+def _finish(writer: TakeWriter, with_hanger: int) -> None:
+    try:
+        writer.finish()
+    except OutputError as error:
+        writer.keep()
+        advice = f"what was recorded is kept as {writer.partial.name}; give it another name"
+        raise OutputError("has come there meanwhile", where=writer.path, advice=advice) from error
+    except (OSError, TakeError) as error:
+        raise _broken_off(writer, with_hanger, f"the take could not be finished: {error}") from error
 
 
 def _lack_of_room(out: Path) -> OutputError | None:

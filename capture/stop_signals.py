@@ -1,33 +1,74 @@
-"""Signals that end a recording as Ctrl-C does: a connection that drops, a service that is stopped, a shutdown."""
+"""Ctrl-C and the signals that mean the same: a connection that drops, a service that is stopped, a shutdown."""
 
 from __future__ import annotations
 
 import signal
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-STOPPING = (signal.SIGTERM, signal.SIGHUP)
+STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class StopRequest:
+    """Whether somebody asked to end, and when that may raise KeyboardInterrupt: at once, but not inside `held`."""
+
+    def __init__(self) -> None:
+        self.is_asked = False
+        self._is_held = False
+
+    def ask(self) -> None:
+        """Ask to end; asking again does nothing."""
+        was_asked, self.is_asked = self.is_asked, True
+        if not (was_asked or self._is_held):
+            raise KeyboardInterrupt
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Inside, nothing is interrupted: whoever asks waits for the next `released`."""
+        self._is_held = True
+        try:
+            yield
+        finally:
+            self._is_held = False
+
+    @contextmanager
+    def released(self) -> Iterator[None]:
+        """Inside `held`, a place where nothing is in hand that an interrupt could spoil.
+
+        Raises:
+            KeyboardInterrupt: somebody asks, or has asked before.
+        """
+        self._is_held = False
+        try:
+            if self.is_asked:
+                raise KeyboardInterrupt
+            yield
+        finally:
+            self._is_held = True
 
 
 @contextmanager
-def stopped_like_ctrl_c() -> Iterator[None]:
-    """Raise KeyboardInterrupt at the first SIGTERM or SIGHUP inside; the second of both does nothing.
+def stopped_like_ctrl_c() -> Iterator[StopRequest]:
+    """Let SIGINT, SIGTERM and SIGHUP ask to end; after the first of them, all further ones do nothing.
 
-    The end of a login sends both. What is ignored outside, as SIGHUP is under `nohup`, stays ignored.
-    Only the main thread may enter.
+    A user presses Ctrl-C twice, and the end of a login sends two signals. What is ignored outside, as SIGHUP is under
+    `nohup`, stays ignored. Only in the main thread are there signals; elsewhere nobody asks.
     """
+    request = StopRequest()
 
     def stop(number: int, frame: FrameType | None) -> None:
-        for one in before:
-            signal.signal(one, signal.SIG_IGN)
-        raise KeyboardInterrupt
+        request.ask()
 
-    before = {one: signal.getsignal(one) for one in STOPPING if signal.getsignal(one) != signal.SIG_IGN}
+    before = {one: signal.getsignal(one) for one in STOPPING}
+    before = {one: handler for one, handler in before.items() if handler not in (signal.SIG_IGN, None)}
+    if threading.current_thread() is not threading.main_thread():
+        before = {}
     for one in before:
         signal.signal(one, stop)
     try:
-        yield
+        yield request
     finally:
         for one, handler in before.items():
             signal.signal(one, handler)

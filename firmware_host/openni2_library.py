@@ -64,6 +64,24 @@ def is_available() -> bool:
     return True
 
 
+def live_uris() -> list[str]:
+    """Return OpenNI2's names of the connected devices; a PS1080's is like `1d27/0600@1/4`, bus and address at its end.
+
+    Recordings that this process has played are listed as devices too, even after they were closed, and left out here.
+
+    Raises:
+        SensorUnavailableError: the library is not there or cannot list them.
+    """
+    binding = load()
+    try:
+        uris = [uri.decode(errors="replace") for uri in binding.Device.enumerate_uris()]
+    except binding.OpenNIError as error:
+        raise SensorUnavailableError(
+            f"OpenNI2 cannot list the devices: {reason(error)}", advice="check its drivers"
+        ) from error
+    return [uri for uri in uris if not uri.lower().endswith(".oni")]
+
+
 def reason(error: BaseException) -> str:
     """Return what the library says of an error of the binding, which keeps it as bytes among a code and a file."""
     for part in error.args:

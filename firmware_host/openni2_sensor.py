@@ -17,12 +17,16 @@ import numpy as np
 
 from firmware_host import openni2_library
 from firmware_host.depth_sensor import STALL_TIMEOUT, DepthSensor, SensorFrame, SensorInfo
-from firmware_host.errors import RecordingError, SensorStalledError, SensorUnavailableError
+from firmware_host.errors import RecordingError, SensorError, SensorStalledError, SensorUnavailableError
 from firmware_host.oni_records import OniSummary, PixelFormat, summarise
 from formats.rig import Sensor
 
 LIVE_MODE = (640, 480, 30)  # px, px, frames a second: what PS1080 devices do best in depth and colour alike
 REPLUG = "unplug and replug it"
+COPY_AGAIN = "copy the recording again from its source"
+BOTH = "record depth and colour"
+OTHER = "use a sensor that does, as PS1080 devices do, or play a recording in which depth is registered"
+CLOCK = time.CLOCK_BOOTTIME  # monotonic, and goes on while the computer sleeps
 END_WAIT = 1.0  # s without a frame after which a recording of unknown length has ended
 MOST_COLOURS = 4  # colour frames that are read for one depth frame, while they are too old for it
 FAR_AHEAD = 1_000_000  # us between a depth and a colour frame that are not of one clock, or of its beginning
@@ -33,11 +37,11 @@ FOCAL_SHARE = 575.8 / 640  # focal length over width of PS1080 and Kinect v1 dep
 class OpenNI2Sensor(DepthSensor):
     """One OpenNI2 device or recording with a depth and, where there is one, a colour stream."""
 
-    def __init__(self, target: Path | None = None) -> None:
-        """Open a recording, or the first live device.
+    def __init__(self, target: Path | None = None, *, device: str | None = None) -> None:
+        """Open a recording, or a live device by OpenNI2's name for it; without either, the first live device.
 
         Raises:
-            SensorUnavailableError: no library, or no device.
+            SensorUnavailableError: no library, no device, or one that does not give what is needed.
             RecordingError: the file is missing or not a recording.
         """
         self._path = target
@@ -46,39 +50,39 @@ class OpenNI2Sensor(DepthSensor):
         self._is_closed = False
         self._timeout = STALL_TIMEOUT
         self._pairs = self._paired()
-        self._device = self._open(target)
+        self._uri = str(target) if target is not None else device or _first_device()
+        self._device = self._open()
         try:
             self._depth, self._colour = self._start()
+        except self._openni2.OpenNIError as error:
+            self._close_device()
+            raise self._refused(f"its streams do not start: {openni2_library.reason(error)}") from error
         except BaseException:
-            self._device.close()
+            self._close_device()
             raise
 
-    def _open(self, target: Path | None) -> Any:
-        uri = str(target).encode() if target is not None else self._first_device()
+    def _open(self) -> Any:
         try:
-            return self._openni2.Device(uri)
+            return self._openni2.Device(self._uri.encode())
         except (self._openni2.OpenNIError, AssertionError) as error:
-            if target is not None:
+            if self._path is not None:
                 raise RecordingError(
-                    "OpenNI2 cannot open it", where=target, advice="is it a whole .oni file?"
+                    "OpenNI2 cannot open it", where=self._path, advice="is it a whole .oni file?"
                 ) from error
             raise SensorUnavailableError(
                 f"the sensor does not open: {openni2_library.reason(error)}", advice=REPLUG
             ) from error
 
-    def _first_device(self) -> bytes:
-        # OpenNI2 lists recordings that this process has played as devices, even after they were closed.
-        uris = [uri for uri in self._openni2.Device.enumerate_uris() if not uri.lower().endswith(b".oni")]
-        if not uris:
-            raise SensorUnavailableError(
-                "no depth sensor is connected", advice="plug it in and check its permission with `hangtime sensor list`"
-            )
-        return bytes(uris[0])
+    def _refused(self, what: str, advice: str = "") -> SensorError:
+        """Return the error of a device or a recording that does not give what is needed."""
+        if self._path is None:
+            return SensorUnavailableError(what, where=self._uri, advice=advice or REPLUG)
+        return RecordingError(what, where=self._path, advice=advice or COPY_AGAIN)
 
     def _start(self) -> tuple[Any, Any]:
         depth, colour = self._device.create_depth_stream(), self._device.create_color_stream()
         if depth is None:
-            raise RecordingError("has no depth stream", where=self._path or "device", advice="record depth and colour")
+            raise self._refused("it has no depth stream", "use a depth sensor" if self._path is None else BOTH)
         if self._device.playback is not None:
             self._device.playback.set_speed(-1.0)
             self._device.playback.set_repeat_enabled(True)
@@ -86,14 +90,9 @@ class OpenNI2Sensor(DepthSensor):
             self._set_up_live(depth, colour)
         self._info = self._describe(depth)
         self._check_formats(depth, colour)
-        try:
-            for stream in (depth, colour):
-                if stream is not None:
-                    stream.start()
-        except self._openni2.OpenNIError as error:
-            raise SensorUnavailableError(
-                f"its streams do not start: {openni2_library.reason(error)}", where=self._info.uri, advice=REPLUG
-            ) from error
+        for stream in (depth, colour):
+            if stream is not None:
+                stream.start()
         return depth, colour
 
     def _set_up_live(self, depth: Any, colour: Any) -> None:
@@ -110,8 +109,9 @@ class OpenNI2Sensor(DepthSensor):
                 stream.set_mirroring_enabled(False)
         if colour is not None:
             registration = self._openni2.IMAGE_REGISTRATION_DEPTH_TO_COLOR
-            if self._device.is_image_registration_mode_supported(registration):
-                self._device.set_image_registration_mode(registration)
+            if not self._device.is_image_registration_mode_supported(registration):
+                raise self._refused("it does not register depth to colour, and Hangtime cannot do it itself", OTHER)
+            self._device.set_image_registration_mode(registration)
             self._device.set_depth_color_sync_enabled(True)
 
     def _check_formats(self, depth: Any, colour: Any) -> None:
@@ -122,15 +122,16 @@ class OpenNI2Sensor(DepthSensor):
             if stream is None or (found := stream.get_video_mode().pixelFormat.value) in readable:
                 continue
             known = PixelFormat(found).name if found in set(PixelFormat) else f"pixel format {found}"
-            refused = RecordingError if self._summary is not None else SensorUnavailableError
-            raise refused(
-                f"its {name} comes as {known}, which Hangtime cannot read", where=self._info.uri,
-                advice="record depth as DEPTH_1_MM or DEPTH_100_UM, and colour as RGB888",
-            )  # fmt: skip
+            raise self._refused(
+                f"its {name} comes as {known}, which Hangtime cannot read",
+                "record depth as DEPTH_1_MM or DEPTH_100_UM, and colour as RGB888",
+            )
 
     def _describe(self, depth: Any) -> SensorInfo:
         mode = depth.get_video_mode()
         width, height = int(mode.resolutionX), int(mode.resolutionY)
+        if mode.fps <= 0:
+            raise self._refused(f"it says that its depth comes at {mode.fps} frames a second")
         notes = []
         try:
             fx = 0.5 * width / np.tan(0.5 * depth.get_horizontal_fov())
@@ -164,7 +165,8 @@ class OpenNI2Sensor(DepthSensor):
         """Return the next frame, or None at the end of a recording and ever after.
 
         Raises:
-            SensorStalledError: a live device sent nothing for `timeout_s` seconds.
+            SensorStalledError: a live device sent nothing for `timeout_s` seconds, or failed.
+            RecordingError: the recording cannot be played any further.
         """
         if self._is_closed:
             return None
@@ -174,6 +176,12 @@ class OpenNI2Sensor(DepthSensor):
         except SensorStalledError:
             self._pairs = self._paired()  # a generator that raised is at its end; the device may come back
             raise
+        except self._openni2.OpenNIError as error:
+            what = f"it does not give the next frame: {openni2_library.reason(error)}"
+            if not self._info.is_live:
+                raise self._refused(what) from error
+            self._pairs = self._paired()
+            raise SensorStalledError(what, where=self._uri, advice=REPLUG) from error
 
     def _paired(self) -> Iterator[SensorFrame]:
         """Pair each depth frame with the colour frame nearest in time, within half a frame.
@@ -224,13 +232,11 @@ class OpenNI2Sensor(DepthSensor):
             last_index, last_stamp, given, broken, whole = index, stamp, given + 1, 0, whole + 1
             depth = _millimetres(depth) if self._is_fine else depth
             yield SensorFrame(
-                index=index - 1, time_s=stamp * 1e-6, host_time_s=time.monotonic(), depth=depth, colour=colour,
+                index=index - 1, time_s=stamp * 1e-6, host_time_s=time.clock_gettime(CLOCK), depth=depth, colour=colour,
                 dropped_before=dropped,
             )  # fmt: skip
         if broken and not whole:
-            raise RecordingError(
-                "every depth frame is damaged", where=self._info.uri, advice="copy the recording again from its source"
-            )
+            raise RecordingError("every depth frame is damaged", where=self._info.uri, advice=COPY_AGAIN)
 
     def _read(self, stream: Any, kind: type) -> tuple[int, int, np.ndarray[Any, Any] | None] | None:
         """Read one frame as (index, time stamp [us], image), or None at the end of a recording.
@@ -240,9 +246,7 @@ class OpenNI2Sensor(DepthSensor):
         limit = self._timeout if self._info.is_live else END_WAIT
         if self._openni2.wait_for_any_stream([stream], limit) is None:
             if self._info.is_live:
-                raise SensorStalledError(
-                    f"no frame for {limit:g} s", where=self._info.uri, advice="unplug and replug the sensor"
-                )
+                raise SensorStalledError(f"no frame for {limit:g} s", where=self._info.uri, advice=REPLUG)
             return None
         frame = stream.read_frame()
         try:
@@ -262,9 +266,23 @@ class OpenNI2Sensor(DepthSensor):
         self._is_closed = True
         for stream in (self._depth, self._colour):
             if stream is not None:
-                stream.stop()
-                stream.close()
-        self._device.close()
+                for end in (stream.stop, stream.close):
+                    with contextlib.suppress(self._openni2.OpenNIError):  # as of a device that was unplugged
+                        end()
+        self._close_device()
+
+    def _close_device(self) -> None:
+        with contextlib.suppress(self._openni2.OpenNIError):
+            self._device.close()
+
+
+def _first_device() -> str:
+    uris = openni2_library.live_uris()
+    if not uris:
+        raise SensorUnavailableError(
+            "no depth sensor is connected", advice="plug it in and check its permission with `hangtime sensor list`"
+        )
+    return uris[0]
 
 
 def _millimetres(tenths: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:

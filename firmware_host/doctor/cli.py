@@ -21,7 +21,7 @@ def doctor(
         Path | None, typer.Option("--rig", metavar="RIG.toml", help="Whose markers must be visible.")
     ] = None,
     device: Annotated[
-        str | None, typer.Option("--device", metavar="BUS:ADDRESS", help="Which of several sensors to look at on USB.")
+        str | None, typer.Option("--device", metavar="BUS:ADDRESS", help="Which of several sensors to look at.")
     ] = None,
 ) -> None:
     """Check everything that a recording needs, one line each: `ok`, or what to do.

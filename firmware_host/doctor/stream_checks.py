@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from firmware_host.doctor.checks import Check, Examination, Finding, StreamSample, ok, problem
+from firmware_host import openni2_library
+from firmware_host.doctor.checks import Check, Examination, Finding, StreamSample, ok, problem, skipped
 from firmware_host.errors import SensorUnavailableError
 from firmware_host.opening import open_sensor
+from firmware_host.openni2_sensor import OpenNI2Sensor
+from firmware_host.usb_control.devices import UsbDevice
 
 LIVE_SENSOR = "openni2:"
 WATCHED = 5.0  # s of frames that are looked at
+MOST_FRAMES = 2.0  # of those that are due in that time: then the clock does not run, and is no longer waited for
 WARM_UP = 10  # frames of a live sensor left out: exposure settles, and the first ones may come late
+HIGHEST_RATE = 1.5  # of the nominal rate; more frames than that never come, so it is the clock that lags
 LOWEST_RATE = 0.95  # of the nominal rate; the device's clock is far better than this, so less means lost frames
 MOST_DROPPED = 0.01  # of the frames: one in five seconds at 30 a second, which tracking bridges
 LEAST_COVERAGE = 0.3  # of the pixels, on average; a real room measured 60 to 95 %, a garment before a far wall has less
@@ -18,7 +25,16 @@ LEAST_COVERAGE = 0.3  # of the pixels, on average; a real room measured 60 to 95
 
 def streams_start(examination: Examination) -> Finding:
     """Open the sensor and wait for the first frame."""
-    sensor = examination.sensor = open_sensor(examination.source or LIVE_SENSOR)
+    camera = examination.camera
+    if examination.source is not None or camera is None:
+        sensor = open_sensor(examination.source or LIVE_SENSOR)
+    else:
+        uris = openni2_library.live_uris()
+        uri = _uri_of(camera, examination.devices, uris)
+        if uri is None and uris:
+            return skipped(f"OpenNI2 would open {', '.join(uris)} and not the {camera.where}; unplug the others")
+        sensor = OpenNI2Sensor(device=uri)
+    examination.sensor = sensor
     frame = sensor.read()
     if frame is None:
         return problem("there is no frame in it", "record again")
@@ -40,15 +56,22 @@ def rate_and_drops(examination: Examination) -> Finding:
         for _ in range(WARM_UP):
             sensor.read()
         sample = examination.sample = StreamSample(info=sample.info)
-    while sample.duration < WATCHED and (frame := sensor.read()) is not None:
+    most = MOST_FRAMES * WATCHED * sample.info.fps
+    while sample.duration < WATCHED and len(sample.times) < most and (frame := sensor.read()) is not None:
         sample.add(frame)
     return judge_rate(sample)
 
 
 def judge_rate(sample: StreamSample) -> Finding:
     """Compare what came with what should have come."""
-    if sample.duration <= 0:
+    if len(sample.times) < 2:
         return problem("a second frame never came", "record longer")
+    if HIGHEST_RATE * sample.duration < (len(sample.times) - 1) / sample.info.fps:
+        return problem(
+            f"its clock stands still or runs backwards: {len(sample.times)} frames came while it went from "
+            f"{sample.times[0]:.2f} to {sample.times[-1]:.2f} s",
+            "unplug and replug the sensor",
+        )
     rate, counted = (len(sample.times) - 1) / sample.duration, len(sample.times) + sample.dropped
     text = f"{rate:.1f} frames a second for {sample.duration:.1f} s, {sample.dropped} of {counted} dropped"
     if sample.dropped > MOST_DROPPED * counted:
@@ -69,6 +92,18 @@ def depth_coverage(examination: Examination) -> Finding:
             "look at it from 1.2 to 2.5 m, keep the sun out, look for a covered emitter or a mirror in the view",
         )
     return ok(text)
+
+
+def _uri_of(camera: UsbDevice, devices: Sequence[UsbDevice], uris: Sequence[str]) -> str | None:
+    """Return OpenNI2's name of a camera on the bus, None where it has none.
+
+    A name that says no place is the camera's where there is only one of both.
+    """
+    for uri in uris:
+        if uri.endswith(f"@{camera.bus}/{camera.address}"):
+            return uri
+    cameras = [device for device in devices if device.model.is_camera]
+    return uris[0] if len(cameras) == len(uris) == 1 and "@" not in uris[0] else None
 
 
 def _sample(examination: Examination) -> StreamSample:

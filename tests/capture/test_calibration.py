@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import weakref
 
 import msgspec
 import numpy as np
@@ -13,7 +14,7 @@ from typer.testing import CliRunner
 from capture.calibrated_depth import DepthScale, depth_rig
 from capture.calibration import Estimate, depth_scale, gravity_of_plumb_line, mean_offset, median_of_frames
 from capture.calibration_accelerometer import gravity_of_readings
-from capture.calibration_frames import longest_still, watch
+from capture.calibration_frames import MOST_KEPT, StillRun, watch
 from capture.calibration_report import lines
 from capture.calibration_session import calibrate
 from capture.errors import CalibrationError, UntrackableError
@@ -224,9 +225,39 @@ def test_the_longest_still_part_is_found_between_two_motions():
     """Ten moving, twenty still, ten moving: frames 10 to 29, and up to 0.7 px of the motion beside them."""
     place = np.concatenate([np.arange(10) * 2.0, np.full(20, 30.0), 32 + np.arange(10) * 2.0])
     corners = np.tile(place[:, None, None, None], (1, 1, 4, 2))
-    assert longest_still(corners) == (10, 30)
+    lengths = [1] * 10 + list(range(1, 21)) + [1] * 10
+    run = StillRun()
+    assert [run.add(frame) for frame in corners] == lengths
     corners[15] = np.nan  # once not found: nothing is known to have moved
-    assert longest_still(corners) == (10, 30)
+    run = StillRun()
+    assert [run.add(frame) for frame in corners] == lengths
+
+
+class Endless(StageSensor):
+    """A live sensor whose clock goes by `step` [s] from frame to frame; it knows how many pictures somebody keeps."""
+
+    def __init__(self, picture, step):
+        super().__init__([picture])
+        self.step, self.given, self.kept = step, [], 0
+
+    def read(self, timeout_s=1.0):
+        self._next = 0
+        frame = super().read()
+        depth = frame.depth.copy()
+        self.kept = max(self.kept, sum(one() is not None for one in self.given))
+        self.given.append(weakref.ref(depth))
+        return dataclasses.replace(frame, time_s=100.0 + self.step * len(self.given), depth=depth)
+
+
+@pytest.mark.parametrize("step", [pytest.param(0.0, id="stands still"), pytest.param(-1 / 30, id="runs backwards")])
+def test_a_clock_that_does_not_run_ends_after_twice_the_frames_that_are_due(step):
+    """Two seconds of 30 frames are 60, twice that 120, and one is read to see that it is too much."""
+    sensor = Endless(pictures(hanger_plates(), np.random.default_rng(3)), step)
+    still = watch(sensor, MarkerDetector("DICT_4X4_50", (0, 1)), 2.0)
+    assert len(sensor.given) == 121
+    assert still.seen == 120
+    assert len(still.depth) == len(still.corners) == MOST_KEPT == 90
+    assert sensor.kept <= MOST_KEPT + 1  # and the newest
 
 
 def test_gravity_of_a_plumb_line_by_hand():

@@ -169,6 +169,49 @@ def test_a_clock_that_was_set_goes_on_after_three_frames(good, tmp_path, leap):
     assert report.conditions == {Condition.GOOD: 28, Condition.CLOCK: 2}
 
 
+class Live(Spoilt):
+    """A sensor that says it is live, so that its `host_time_s` is the time of the frame."""
+
+    @property
+    def info(self):
+        return dataclasses.replace(super().info, is_live=True)
+
+
+@pytest.mark.parametrize(
+    ("kind", "dropped", "bit"),
+    [(Spoilt, 300, FrameState.FRAMES_DROPPED_BEFORE), (Live, 300, FrameState.FRAMES_DROPPED_BEFORE), (Live, 0, 0)],
+)
+def test_a_pause_of_ten_seconds_is_a_gap_and_told_and_not_a_clock_that_was_set(good, tmp_path, kind, dropped, bit):
+    """Frame 12 comes 10 s late, after 300 that were dropped; where none were counted, the host's clock says so."""
+    changes = {number: {"time_s": (number + 1) / 30 + 10.0} for number in range(12, 24)}
+    for number in changes:
+        changes[number]["host_time_s"] = changes[number]["time_s"]
+    changes[12]["dropped_before"] = dropped
+    sensor = kind(good * 8, changes)
+    report = record(sensor, RIG, GARMENT, tmp_path / "t.mcap", take_id="t", created="now")
+    take = read_take(tmp_path / "t.mcap")
+    assert len(take.time) == 24
+    assert take.time[12] - take.time[11] == pytest.approx(10.0 + 1 / 30, abs=1e-5)
+    assert take.state.tolist() == [0] * 12 + [bit] + [0] * 11
+    assert isinstance(report.doubt, HangerGapError)
+    assert "not seen together for 10.0 s from 0.4 s on" in str(report.doubt)
+
+
+def test_the_hosts_clock_says_when_a_recording_is_played_and_nothing_about_when_it_was_made(good, tmp_path):
+    """Both leap by 10 s, and no frame was dropped: the clock was set."""
+    later = [(number, (number + 1) / 30 + 10.0) for number in range(12, 24)]
+    changes = {number: {"time_s": time, "host_time_s": time} for number, time in later}
+    _, take = recorded(tmp_path, good * 8, changes)
+    assert take.time[12] - take.time[11] == pytest.approx(3 / 30, abs=1e-5)
+    assert take.state[12] == FrameState.CLOCK_JUMPED
+
+
+def test_drops_before_a_frame_that_is_left_out_are_told_by_the_next_one(good, tmp_path):
+    """Frame 12 has a time of before; 13 is placed."""
+    _, take = recorded(tmp_path, good * 5, {12: {"time_s": 0.1, "dropped_before": 2}})
+    assert take.state.tolist() == [0] * 12 + [FrameState.FRAMES_DROPPED_BEFORE | FrameState.CLOCK_JUMPED, 0]
+
+
 def test_a_clock_that_runs_backwards_is_announced_and_ends_with_the_time_that_was_asked_for(good, tmp_path):
     """Frame 11 is the last good one; 0.4 s later it is said; --seconds ends it though no frame is placed any more."""
     changes = {number: {"time_s": (12 - number) / 30} for number in range(12, 200)}
@@ -232,6 +275,41 @@ def test_a_condition_is_announced_when_it_has_lasted_and_not_when_it_flickers():
     # 0.4 s are 12 frames: the blocked view is announced at frame 20 + 12.
     assert [entry for entry in said if entry[1]] == [(0, Condition.GOOD), (32, Condition.BLOCKED)]
     assert watch.worst is Condition.BLOCKED
+
+
+def told(conditions):
+    """What is announced of conditions 32 times a second (times without rounding): frame and condition."""
+    watch = ConditionWatch()
+    said = [(number, watch.add(number / 32, condition)) for number, condition in enumerate(conditions)]
+    return [entry for entry in said if entry[1]]
+
+
+def test_faults_that_take_turns_are_told_by_the_one_of_most_frames_and_the_lamp_keeps_its_rhythm():
+    """Good frames, then not one for ten seconds: 13 frames are over 0.4 s. As many of both: the more basic one."""
+    one, none, cloth = Condition.ONE_MARKER, Condition.NO_MARKERS, Condition.NO_GARMENT
+    begin = (0, Condition.GOOD)
+    assert told([Condition.GOOD] * 30 + [none, one] * 160) == [begin, (43, one)]
+    assert told([Condition.GOOD] * 30 + [none, none, one] * 100) == [begin, (43, none)]
+    assert told([Condition.GOOD] * 30 + [cloth, one, none, cloth] * 80) == [begin, (43, cloth)]
+    assert one.value.lamp is none.value.lamp is cloth.value.lamp is Lamp.SLOW
+
+
+def test_all_is_well_again_when_most_frames_are_good_though_others_come_between():
+    """Of the 14 frames from 30 to 43 three of four are good, or half of them."""
+    start = [Condition.ONE_MARKER] * 30
+    mostly, equally = [Condition.GOOD] * 3 + [Condition.NO_GARMENT], [Condition.GOOD, Condition.NO_GARMENT]
+    assert told([*start, *mostly * 30]) == [(0, Condition.ONE_MARKER), (43, Condition.GOOD)]
+    assert told([*start, *equally * 60]) == [(0, Condition.ONE_MARKER), (43, Condition.NO_GARMENT)]
+
+
+def test_a_lamp_changes_at_most_every_four_tenths_of_a_second():
+    """Two minutes of conditions by lot, each for up to a second."""
+    rng = np.random.default_rng(1)
+    kinds = [Condition.GOOD, Condition.NO_DEPTH, Condition.ONE_MARKER, Condition.NO_MARKERS, Condition.NO_GARMENT]
+    runs = zip(rng.integers(0, 5, 240), rng.integers(1, 32, 240), strict=True)
+    said = told([kinds[kind] for kind, length in runs for _ in range(length)])
+    assert len(said) > 50
+    assert min(np.diff([number for number, _ in said])) >= 13
 
 
 def test_every_bad_condition_says_what_to_do_and_shows_on_the_lamp():

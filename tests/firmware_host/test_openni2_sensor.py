@@ -104,6 +104,19 @@ def test_pictures_that_cannot_be_read_are_refused_by_name(
 
 @pytest.mark.openni
 @pytest.mark.usefixtures("openni")
+def test_a_recording_that_says_zero_frames_a_second_is_refused(tmp_path: Path) -> None:
+    """Its xnMapOutputMode: name and 0, size of 4 bytes, width and height of 4 each, then frames a second."""
+    path = write_recording(tmp_path / "a.oni", 2)
+    raw, name = path.read_bytes(), b"xnMapOutputMode\0"
+    at = raw.index(name) + len(name) + 4 + 8
+    assert raw[at : at + 4] == (30).to_bytes(4, "little")
+    path.write_bytes(raw[:at] + bytes(4) + raw[at + 4 :])
+    with pytest.raises(RecordingError, match=r"a\.oni: it says that its depth comes at 0 frames a second; copy"):
+        OpenNI2Sensor(path)
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("openni")
 def test_depth_in_tenths_of_a_millimetre_is_rounded_to_whole_ones(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

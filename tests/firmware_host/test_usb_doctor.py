@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from firmware_host import openni2_library
-from firmware_host.depth_sensor import SensorFrame, SensorInfo
+from firmware_host.depth_sensor import DepthSensor, SensorFrame, SensorInfo
 from firmware_host.doctor import checks, stream_checks, usb_checks
 from firmware_host.doctor.checks import Check, Examination, StreamSample, Verdict, examine, ok, problem, skipped
 from firmware_host.errors import RecordingError, SensorUnavailableError
@@ -204,6 +204,42 @@ def sample(count: int, *, period: float = 1 / 30, dropped: tuple[int, ...] = (),
 )
 def test_more_than_one_percent_dropped_or_five_percent_too_slow_is_a_problem(made: StreamSample, expected: str) -> None:
     assert says(lambda _: stream_checks.judge_rate(made), Examination()).startswith(expected)
+
+
+class Clockwork(DepthSensor):
+    """A live sensor without an end, whose clock goes by `step` [s] from frame to frame."""
+
+    info = SensorInfo(name="s", uri="s", width=10, height=10, fps=30.0, intrinsics=SMALL, is_live=True)
+
+    def __init__(self, step: float) -> None:
+        self.step, self.given = step, 0
+
+    def read(self, timeout_s: float = 1.0) -> SensorFrame:
+        self.given += 1
+        depth = np.ones((10, 10), np.uint16)
+        return SensorFrame(
+            index=self.given - 1, time_s=100.0 + self.step * (self.given - 1), host_time_s=0.0, depth=depth, colour=None
+        )
+
+    def close(self) -> None: ...
+
+
+@pytest.mark.parametrize(
+    ("step", "given", "expected"),
+    [
+        pytest.param(0.0, 310, "problem: its clock stands still or runs backwards: 300 frames came while it went from "
+                     "100.00 to 100.00 s; unplug and replug", id="stands still"),
+        pytest.param(-1 / 30, 310, "problem: its clock stands still or runs backwards: 300 frames came while it went "
+                     "from 99.67 to 89.70 s; unplug", id="runs backwards"),
+        pytest.param(1 / 30, 161, "ok: 30.0 frames a second for 5.0 s", id="runs"),
+    ],
+)  # fmt: skip
+def test_a_clock_that_does_not_run_is_a_problem_and_is_not_waited_for(step: float, given: int, expected: str) -> None:
+    """Ten frames to warm up, then five seconds, at most twice the 150 frames that are due in them."""
+    sensor = Clockwork(step)
+    examination = Examination(sensor=sensor, sample=StreamSample(info=sensor.info))
+    assert says(stream_checks.rate_and_drops, examination).startswith(expected)
+    assert sensor.given == given
 
 
 @pytest.mark.parametrize(("share", "verdict"), [(0.31, "ok"), (0.29, "problem")])

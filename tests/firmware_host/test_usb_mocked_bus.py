@@ -251,6 +251,17 @@ def test_the_doctor_finds_nothing_wrong_with_a_sensor_that_streams_two_markers()
 
 @pytest.mark.openni
 @pytest.mark.usefixtures("driver")
+@pytest.mark.parametrize("number", [0, 1])
+def test_the_doctor_streams_from_the_one_of_two_sensors_that_is_named(number: int) -> None:
+    done = run("streaming streaming", *HANGTIME, "doctor", "--device", f"1:{4 + number}")
+    lines = dict(re.split(r"  +", line, maxsplit=1) for line in done.stdout.splitlines())
+    assert lines["streams"].startswith("ok: PS1080, 640 x 480"), done.stdout + done.stderr
+    told = re.findall(r"'parameters': (\{.*?\})", done.stderr)
+    assert [parameters == "{}" for parameters in told] == [number == 1, number == 0]  # nobody asked the other one
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("driver")
 def test_a_live_recording_of_two_seconds_is_a_take_of_every_frame(tmp_path: Path) -> None:
     """Markers of 30 px, 120 px apart, at 1193 mm, as a camera of 575.8 px sees them, on a wall."""
     pytest.importorskip("cv2")

@@ -51,9 +51,8 @@ def noise_floor(
     floors = np.sqrt(np.maximum(grown, own_noise_mm(observer) ** 2))
     fast = float(floors.mean())
     slow = neighbour_noise(observer, residual)
-    # Of what the replicas say before they are cut off: that none is above the points' own noise makes it no surer.
-    error = float(grown.std(ddof=1) / np.sqrt(REPLICAS)) / (2 * fast)
-    return max(fast, min(slow, LARGEST_RATIO * fast)), error
+    # Cut off as they are: below the points' own noise, which is known well, they tell of the misfit and not of noise.
+    return max(fast, min(slow, LARGEST_RATIO * fast)), float(floors.std(ddof=1) / np.sqrt(REPLICAS))
 
 
 def own_noise_mm(observer: Observer) -> float:

@@ -7,10 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fit.effects import LIBRARY
 from fit.gap.base_fit import coarsened
 from fit.gap.closure import BlockErrors, gain_p_value
-from fit.gap.floor import noise_floor
 from fit.gap.observer import Observer
 from fit.gap.rounds import Rounds
 from fit.gap.screening import _p_values
@@ -81,15 +79,6 @@ def test_white_noise_is_above_three_hertz_up_to_half_the_frame_rate():
     assert list(bands)[-1] == "above 3 Hz"
     assert bands["above 3 Hz"] == pytest.approx(0.9, abs=0.02)
     assert sum(bands.values()) == pytest.approx(1.0)
-
-
-def test_a_floor_that_is_cut_off_at_the_points_own_noise_is_no_surer_for_it(monkeypatch):
-    """Three replicas that say less than the points' own noise: the floor is that noise, its error that of theirs."""
-    observer = Observer([a_still_take(0.003)], SI, LIBRARY, frequency=0.0)
-    monkeypatch.setattr("fit.gap.floor.own_noise_mm", lambda observer: 50.0)
-    floor, error = noise_floor(observer, SI.initial, observer.off, np.random.default_rng(5))
-    assert floor == 50.0
-    assert 0.0 < error < 1.0
 
 
 @pytest.mark.parametrize(("spacing", "coarser"), [(0.03, 0.045), (0.05, 0.06), (0.06, 0.06), (0.08, 0.08)])

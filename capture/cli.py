@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from formats.terminal import is_watched, say
 
 CLEAR_LINE = "\r\x1b[K"  # ECMA-48: carriage return, erase to the end of the line
 NOT_FIRST = (
@@ -112,8 +112,10 @@ def calibrate_command(
     from formats.descriptions import check_rig, dump_description, load_rig
     from formats.outputs import refuse_to_replace, write_text
 
-    if out is not None and not overwrite:
-        refuse_to_replace(out)
+    if out is not None:
+        check_is_no_input(out, {"--sensor": sensor})  # a rig may be replaced by what was measured of it
+        if not overwrite:
+            refuse_to_replace(out)
     plumb_ids, clip_ids = two_numbers(plumb, "--plumb-ids"), two_numbers(clips, "--clip-ids")
     before = load_rig(rig)
     with open_sensor(sensor) as source:
@@ -161,17 +163,20 @@ def check_take_name(out: Path, inputs: Mapping[str, str | Path]) -> None:
 
     if out.suffix != ".mcap":
         raise OutputError("takes are written as MCAP", where=out, advice="give a name that ends in .mcap")
+    check_is_no_input(out, inputs)
+
+
+def check_is_no_input(out: Path, inputs: Mapping[str, str | Path]) -> None:
+    """Check that a file to be written is none of those that other options name.
+
+    Raises:
+        OutputError: it is.
+    """
+    from formats.errors import OutputError
+
     for option, path in inputs.items():
         if out.exists() and Path(path).exists() and out.samefile(path):
             raise OutputError(f"is what {option} reads", where=out, advice="give another name to --out")
-
-
-def say(text: str, end: str = "\n") -> None:
-    """Print to stderr; where nobody reads it any more, this and all that follows goes nowhere."""
-    try:
-        print(text, end=end, file=sys.stderr, flush=True)
-    except OSError:
-        sys.stderr = open(os.devnull, "w")  # noqa: SIM115 - open as long as the process
 
 
 def record_command(
@@ -230,7 +235,7 @@ def record_command(
     if not overwrite:
         refuse_to_replace(out)
     described_rig, described_garment = load_rig(rig), load_garment(garment)
-    is_terminal = sys.stderr.isatty()
+    is_terminal = is_watched()
     clear = CLEAR_LINE if is_terminal else ""
 
     def show(frames: int, total: int | None, hanger_share: float) -> None:

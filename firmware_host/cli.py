@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from formats.terminal import is_watched, say
+
 
 def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
@@ -101,8 +103,6 @@ def synthesise(
 
     Writes DIR/NAME.oni, DIR/NAME.truth.npz, DIR/rig.toml and DIR/garment.toml.
     """
-    import sys
-
     from firmware_host.synthetic.recording import make_recording
 
     last = -10
@@ -110,18 +110,18 @@ def synthesise(
     def show(stage: str, share: float) -> None:
         nonlocal last
         percent = round(100 * share)
-        if sys.stderr.isatty():
-            print(f"\r{name}: {stage} {percent:3d} %", end="", file=sys.stderr, flush=True)
+        if is_watched():
+            say(f"\r{name}: {stage} {percent:3d} %", end="")
         elif percent >= last + 25 or percent < last:
-            print(f"{name}: {stage} {percent} %", file=sys.stderr, flush=True)
+            say(f"{name}: {stage} {percent} %")
             last = percent
 
     paths = make_recording(
         out, name, motion=motion, effect=effect, amplitude=amplitude, seconds=seconds, seed=seed,
         garment=garment, progress=show, overwrite=overwrite,
     )  # fmt: skip
-    if sys.stderr.isatty():
-        print(file=sys.stderr)
+    if is_watched():
+        say("")
     for path in paths:
         typer.echo(str(path))
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import shutil
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from fit import runtime
 from fit.batch.cli import add_commands as add_batch_commands
 from fit.blind.cli import add_commands as add_blind_commands
+from formats.terminal import is_watched, say
 
 Takes = Annotated[
     list[Path], typer.Argument(metavar="TAKE...", help="Take archives (.mcap) to fit to.", show_default=False)
@@ -34,6 +35,7 @@ Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of every random n
 
 def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
+    runtime.give_home()  # before any of them imports Taichi
     app.command("fit", short_help="Find the cloth parameters that follow the takes.")(fit_command)
     app.command("fabric", short_help="Show a fit as a fabric tester would.")(fabric_command)
     app.command("diagnose", short_help="Say what the simulation lacks, and how sure that is.")(diagnose_command)
@@ -106,7 +108,7 @@ def fit_command(
     """
     from fit.calibration import calibrate
     from fit.fabrics import find_fabric
-    from fit.folders import make_folder
+    from fit.folders import make_folder, set_aside_other_takes
     from fit.parameterisations import find_method
     from fit.reporting import write_fit_report
     from fit.request import request_of
@@ -132,15 +134,18 @@ def fit_command(
     try:
         result = calibrate(training, testing, request, checkpoint=checkpoint, progress=show)
         progress.end()
+        aside = set_aside_other_takes(out / "fit.json", training)
         save_fit_result(out / "fit.json", result)
         report = write_fit_report(out / "report.html", result, training, testing, request)
     except KeyboardInterrupt:
         progress.end()
         is_kept = checkpoint.exists()
         kept = f"the search is kept in {checkpoint}. The same command goes on." if is_kept else "nothing is kept."
-        typer.echo(f"Interrupted; {kept}", err=True)
+        say(f"Interrupted; {kept}")
         raise typer.Exit(130) from None
     checkpoint.unlink(missing_ok=True)  # not before the report is there: the same command then goes on
+    if aside:
+        say(aside)
     typer.echo(_table(result))
     typer.echo(f"Fit result: {out / 'fit.json'}\nReport:     {report}")
 
@@ -190,14 +195,16 @@ def diagnose_command(
     Fits the base model and every effect of the library to the takes and judges them on the held-out ones. Writes
     DIR/diagnosis.json and DIR/report.html. Interrupt with Ctrl-C at any time; the same command goes on where it was.
     """
+    import msgspec
+
     from fit.cloth.simulator import Resolution
     from fit.effects import find_effects
     from fit.errors import FitError
-    from fit.folders import make_folder
+    from fit.folders import alone, make_folder, set_aside_other_takes
     from fit.gap.diagnosis import diagnose
     from fit.parameterisations import base_model_of, find_method
     from fit.reporting import write_diagnosis_report
-    from fit.takes import is_of
+    from fit.takes import content_of, is_of
     from formats.results import load_fit_result, save_diagnosis
 
     training, testing = _read(takes, held_out, held_out_motion)
@@ -209,30 +216,37 @@ def diagnose_command(
         fitted = beside if is_of(beside, training) else None
     base = find_method(model) if model else base_model_of(training[0].garment)
     added = find_effects(add)
+    _check_geometry(training, testing)
     make_folder(out, "diagnosis.json", "report.html")
     progress = ProgressLine("diagnosis")
     resolution = Resolution(spacing=spacing) if spacing is not None else None
     try:
-        findings = diagnose(
-            training,
-            testing,
-            model=base,
-            added=tuple(e.name for e in added),
-            checkpoint=out / "diagnosis.partial",
-            resolution=resolution,
-            seed=seed,
-            progress=lambda stage, share: progress.show(share, stage),
-        )
-        progress.end()
-        save_diagnosis(out / "diagnosis.json", findings.diagnosis)
-        report = write_diagnosis_report(out / "report.html", findings, fitted, training, testing, findings.resolution)
+        with alone(out, "diagnose"):
+            findings = diagnose(
+                training,
+                testing,
+                model=base,
+                added=tuple(e.name for e in added),
+                checkpoint=out / "diagnosis.partial",
+                resolution=resolution,
+                seed=seed,
+                progress=lambda stage, share: progress.show(share, stage),
+            )
+            progress.end()
+            aside = set_aside_other_takes(out / "diagnosis.json", training)
+            contents = [content_of(take) for take in training]
+            save_diagnosis(out / "diagnosis.json", msgspec.structs.replace(findings.diagnosis, take_contents=contents))
+            report = write_diagnosis_report(
+                out / "report.html", findings, fitted, training, testing, findings.resolution
+            )
+            # Not before the report, which may fail too.
+            shutil.rmtree(out / "diagnosis.partial", ignore_errors=True)
     except KeyboardInterrupt:
         progress.end()
-        typer.echo(
-            f"Interrupted; finished fits are kept in {out / 'diagnosis.partial'}. The same command goes on.", err=True
-        )
+        say(f"Interrupted; finished fits are kept in {out / 'diagnosis.partial'}. The same command goes on.")
         raise typer.Exit(130) from None
-    shutil.rmtree(out / "diagnosis.partial", ignore_errors=True)  # not before the report, which may fail too
+    if aside:
+        say(aside)
     typer.echo(f"Verdict: {findings.diagnosis.verdict}\n{findings.diagnosis.sentence}")
     for finding in findings.diagnosis.effects:
         if finding.id in add:
@@ -251,6 +265,18 @@ def _read(takes: list[Path], held_out: list[Path], motions: list[str]):  # type:
     return training, moving + [read_take(p) for p in held_out]
 
 
+def _check_geometry(training, testing) -> None:  # type: ignore[no-untyped-def]
+    """Refuse what a fit refuses: points that cannot belong to the garment."""
+    from fit.geometry import check_geometry
+    from fit.recording import prepare_together
+    from fit.takes import check_together
+
+    check_together(training, testing)
+    train, test = prepare_together(training, testing)
+    for recording in train + test:
+        check_geometry(recording)
+
+
 def _added_line(finding) -> str:  # type: ignore[no-untyped-def]
     """What adding one effect by hand does, for a terminal."""
     if not finding.tested:
@@ -264,24 +290,23 @@ class ProgressLine:
 
     def __init__(self, title: str) -> None:
         self._title = title
-        self._is_terminal = sys.stderr.isatty()
+        self._is_terminal = is_watched()
         self._last = -1.0
-        self._last_stage = ""
 
     def show(self, share: float, text: str) -> None:
         """Show the share done, 0 to 1, and a few words."""
         if self._is_terminal:
             filled = round(24 * share)
             bar = "#" * filled + "." * (24 - filled)
-            print(f"\r{self._title} [{bar}] {100 * share:3.0f} %  {text[:60]:<60}", end="", file=sys.stderr, flush=True)
+            say(f"\r{self._title} [{bar}] {100 * share:3.0f} %  {text[:60]:<60}", end="")
         elif share >= self._last + 0.1:
-            print(f"{self._title}: {100 * share:.0f} %, {text}", file=sys.stderr, flush=True)
+            say(f"{self._title}: {100 * share:.0f} %, {text}")
             self._last = share
 
     def end(self) -> None:
         """Leave the line."""
         if self._is_terminal:
-            print(file=sys.stderr)
+            say("")
 
 
 def _table(result) -> str:  # type: ignore[no-untyped-def]

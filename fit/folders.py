@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+import fcntl
+import itertools
+import os
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from fit.errors import FitError
+from fit.takes import content_of, is_of
+from formats.errors import ResultError
+from formats.results import Diagnosis, FitResult, load_diagnosis, load_fit_result
+from formats.take import Take
 
 
 def make_folder(folder: Path, *files: str) -> Path:
@@ -26,3 +35,61 @@ def make_folder(folder: Path, *files: str) -> Path:
         if (folder / name).is_dir():
             raise FitError("is a folder; a file is to be written there", where=folder / name, advice="move it away")
     return folder
+
+
+@contextmanager
+def alone(folder: Path, command: str) -> Iterator[None]:
+    """Hold a folder for one command; the kernel lets go of it when the process ends, however it does.
+
+    Raises:
+        FitError: another process holds it.
+    """
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise FitError(
+                f"another `hangtime {command}` writes here", where=folder,
+                advice="wait until it has ended, or give another folder with --out",
+            ) from error  # fmt: skip
+        except OSError:  # a network's file system locks no folders
+            pass
+        yield
+    finally:
+        os.close(handle)
+
+
+def set_aside_other_takes(path: Path, training: list[Take]) -> str:
+    """Give a fit (`fit.json`) or a diagnosis of other takes, and its report, a number; return a sentence that says so.
+
+    Nothing is returned where there is none, or one of these takes, which the new one replaces.
+    """
+    if not path.exists():
+        return ""
+    try:
+        kept = load_fit_result(path) if path.name == "fit.json" else load_diagnosis(path)
+    except ResultError as error:
+        whose = f"is not known to be of these takes ({error.what})"
+    else:
+        if _is_of(kept, training):
+            return ""
+        whose = f"is of other takes ({', '.join(kept.take_ids)})"
+    both = (path, path.with_name("report.html"))
+    number = next(n for n in itertools.count(1) if not any(_numbered(one, n).exists() for one in both))
+    for one in both:
+        if one.exists():
+            one.rename(_numbered(one, number))
+    return f"{path} {whose}: kept as {_numbered(path, number).name}, with its report."
+
+
+def _numbered(path: Path, number: int) -> Path:
+    return path.with_name(f"{path.stem}.{number}{path.suffix}")
+
+
+def _is_of(result: FitResult | Diagnosis, takes: list[Take]) -> bool:
+    if isinstance(result, FitResult):
+        return is_of(result, takes)
+    if not result.take_contents:  # so old that it knows names alone
+        return result.take_ids == [take.take_id for take in takes]
+    return result.take_contents == [content_of(take) for take in takes]

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import functools
 import io
 import os
+import pwd
+import shutil
+import tempfile
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fit.errors import FitError
+
 ALIGNMENT = 64  # bytes of the longest vectors: sixteen single numbers, or eight double ones
+CACHE = "TI_OFFLINE_CACHE_FILE_PATH"  # Taichi's own variable
 _started: dict[str, int] = {}
 
 
@@ -38,18 +46,32 @@ def lane_widths() -> tuple[int, ...]:
     return (4, 8, 16) if "avx512f" in about.split() else (8,)
 
 
+def give_home() -> None:
+    """Say in the environment where home is, where nobody has: Taichi's import ends the process without it."""
+    if "HOME" not in os.environ:
+        try:
+            os.environ["HOME"] = pwd.getpwuid(os.getuid()).pw_dir
+        except KeyError:  # a number without a name, as in a container
+            os.environ["HOME"] = "/nonexistent"
+
+
 def start(threads: int | None = None) -> None:
     """Start Taichi on the CPU, once per process; later calls do nothing.
 
     Single precision, and no fast mathematics: with it compilers divide by estimates of reciprocals, which differ
     between processors and, on some, between widths of vectors. Compiled kernels are kept in Taichi's offline cache, so
-    that a second process starts at once.
+    that a second process starts at once; where it cannot be written, for this process alone.
+
+    Raises:
+        FitError: no folder can be written, not even a temporary one.
     """
     if _started:
         return
-    _started["threads"] = threads or available_threads()
+    give_home()
     import taichi as ti
 
+    cache = _other_cache(ti)
+    _started["threads"] = threads or available_threads()
     with contextlib.redirect_stdout(io.StringIO()):  # it says which version and processor it runs on
         ti.init(
             arch=ti.cpu,
@@ -58,8 +80,34 @@ def start(threads: int | None = None) -> None:
             offline_cache=True,
             cpu_max_num_threads=_started["threads"],
             log_level=ti.ERROR,
+            **cache,
         )
     _read_kernels_quickly()
+
+
+def _other_cache(ti: Any) -> dict[str, str]:
+    """Tell `ti.init` of a temporary folder for kernels where its own cannot be written, which would end the process."""
+    own = Path(os.environ.get(CACHE) or ti.lang.impl.default_cfg().offline_cache_file_path)
+    try:
+        own.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=own):
+            return {}
+    except OSError:
+        os.environ.pop(CACHE, None)  # Taichi would warn that it is overridden
+    try:
+        folder = tempfile.mkdtemp(prefix="hangtime-kernels-")
+    except OSError as error:
+        raise FitError(
+            f"compiled kernels cannot be kept ({error.strerror})", where=own,
+            advice="set TMPDIR to a folder that can be written",
+        ) from error  # fmt: skip
+
+    def forget() -> None:
+        ti.reset()  # it writes, and must find the folder
+        shutil.rmtree(folder, ignore_errors=True)
+
+    atexit.register(forget)
+    return {"offline_cache_file_path": folder}
 
 
 def _read_kernels_quickly() -> None:

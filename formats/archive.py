@@ -21,14 +21,14 @@ from mcap.stream_reader import breakup_chunk
 from mcap.writer import CompressionType, IndexType, Writer
 from numpy.typing import NDArray
 
-from formats.blocks import Frame, decode_block, encode_block
+from formats.blocks import LATEST, TIME_STEP, Frame, decode_block, encode_block
 from formats.descriptions import check_garment, check_rig
 from formats.errors import DescriptionError, TakeError
 from formats.garment import Garment
 from formats.rig import Rig
 from formats.surface import SurfaceScan, decode_scan, encode_scan
 from formats.take import Take
-from formats.unfinished import UnfinishedFile
+from formats.unfinished import UnfinishedFile, not_utf8
 from formats.whole_files import make_folders
 
 Floats = NDArray[np.float64]
@@ -58,7 +58,7 @@ class TakeWriter:
 
         Raises:
             DescriptionError: an impossible rig or garment.
-            OutputError: another writer is at this take, or it is there and may not be replaced.
+            OutputError: another writer is at this take, it is there and may not be replaced, or its name is not UTF-8.
             OSError: the file cannot be written.
         """
         check_rig(rig, take_id)
@@ -71,6 +71,19 @@ class TakeWriter:
         make_folders(path.parent)
         self._unfinished = UnfinishedFile(path, overwrite=overwrite)
         self.path, self.partial = path, self._unfinished.partial
+        self._frames: list[Frame] = []
+        self._count = self._blocks = 0
+        self._is_readable = False
+        self._last_time = -np.inf
+        try:
+            self._begin()
+        except BaseException as error:
+            self.discard()
+            if isinstance(error, UnicodeEncodeError):
+                raise not_utf8(path) from error
+            raise
+
+    def _begin(self) -> None:
         self._mcap = Writer(
             self._unfinished.file, chunk_size=1, compression=CompressionType.ZSTD, index_types=IndexType.CHUNK,
             use_statistics=True, use_summary_offsets=False, enable_data_crcs=False,
@@ -78,17 +91,13 @@ class TakeWriter:
         self._mcap.start(profile=PROFILE, library="hangtime")
         schema = self._mcap.register_schema("hangtime", "", b"")
         self._channels = {t: self._mcap.register_channel(t, "msgpack", schema) for t in (HEADER, BLOCK, SURFACE, END)}
-        self._frames: list[Frame] = []
-        self._count = self._blocks = 0
-        self._is_readable = False
-        self._last_time = -np.inf
         self._write(HEADER, self._header)
 
     def append(self, frame: Frame) -> None:
         """Add a frame.
 
         Raises:
-            TakeError: time does not increase, a valid value is not finite, or a shape is wrong.
+            TakeError: time does not increase or lies centuries away, a valid value is not finite, or a shape is wrong.
         """
         where = f"{self._header['take_id']}, frame {self._count + len(self._frames)}"
         if not frame.time > self._last_time:
@@ -96,6 +105,8 @@ class TakeWriter:
                 f"time goes from {self._last_time:.6f} s to {frame.time:.6f} s", where=where,
                 advice="frames must come in the order of their time stamps",
             )  # fmt: skip
+        if not abs(frame.time) <= LATEST * TIME_STEP:
+            raise TakeError(f"the time {frame.time:g} s lies centuries away", where=where, advice="give it in seconds")
         if frame.points.shape != (self._points, 3) or frame.points_valid.shape != (self._points,):
             raise TakeError(f"points have shape {frame.points.shape}, not {(self._points, 3)}", where=where)
         for name, values, valid in (
@@ -193,7 +204,16 @@ def read_take(path: Path) -> Take:
     Raises:
         TakeError: the file is missing, not a take, of a newer version, or holds no frame.
     """
-    return _read(path)[0]
+    return _read(_bytes_of(path), path)[0]
+
+
+def take_of(raw: bytes, where: object) -> Take:
+    """Read a take from the bytes of its archive; where: whence they are.
+
+    Raises:
+        TakeError: as `read_take`.
+    """
+    return _read(raw, where)[0]
 
 
 def verify_take(path: Path) -> TakeReport:
@@ -202,16 +222,23 @@ def verify_take(path: Path) -> TakeReport:
     Raises:
         TakeError: as `read_take`.
     """
-    return _read(path)[1]
+    return _read(_bytes_of(path), path)[1]
 
 
-def _read(path: Path) -> tuple[Take, TakeReport]:
+def _bytes_of(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise TakeError(f"cannot be read ({error.strerror})", where=path, advice="check the path") from error
+
+
+def _read(raw: bytes, path: object) -> tuple[Take, TakeReport]:
     header: dict[str, Any] | None = None
     end: dict[str, Any] | None = None
     blocks: dict[int, dict[str, Any]] = {}
     scans: list[SurfaceScan] = []
     damaged = 0
-    for content in _messages(path):
+    for content in _messages(raw, path):
         if not isinstance(content, dict):
             damaged += 1
         elif "surface" in content:
@@ -268,7 +295,7 @@ class _Words(msgspec.Struct, frozen=True, kw_only=True):
     notes: dict[str, str]
 
 
-def _described(header: dict[str, Any], path: Path) -> tuple[Rig, Garment, _Words]:
+def _described(header: dict[str, Any], path: object) -> tuple[Rig, Garment, _Words]:
     name, _, version = str(header["format"]).partition("/")
     if name != "hangtime-take":
         raise TakeError(f"is a {header['format']!r}, not a take", where=path, advice="give a take archive")
@@ -287,12 +314,8 @@ def _described(header: dict[str, Any], path: Path) -> tuple[Rig, Garment, _Words
         raise TakeError(f"its header does not hold: {error}", where=path, advice="record it again") from error
 
 
-def _messages(path: Path) -> Iterator[Any]:
+def _messages(raw: bytes, path: object) -> Iterator[Any]:
     """Yield the content of every message, a dict as we write it, None for a damaged chunk; go on after damage."""
-    try:
-        raw = path.read_bytes()
-    except OSError as error:
-        raise TakeError(f"cannot be read ({error.strerror})", where=path, advice="check the path") from error
     if not raw:
         raise TakeError("is empty", where=path, advice="give a take archive")
     if not raw.startswith(MAGIC) and MAGIC[:5] != raw[:5] and b"hangtime-take" not in raw[:200]:
@@ -343,6 +366,7 @@ def write_take(path: Path, take: Take, *, overwrite: bool = True) -> Path:
     Raises:
         TakeError: as `TakeWriter.append`.
         OutputError: as `TakeWriter` and `TakeWriter.finish`.
+        OSError: it cannot be written; names the file.
     """
     writer = TakeWriter(
         path, take_id=take.take_id, created=take.created, rig=take.rig, garment=take.garment, source=take.source,
@@ -364,6 +388,8 @@ def write_take(path: Path, take: Take, *, overwrite: bool = True) -> Path:
         for scan in take.scans:
             writer.append_scan(scan)
         return writer.finish()
-    except BaseException:
+    except BaseException as error:
         writer.discard()
+        if isinstance(error, OSError):
+            error.filename = str(path)  # a full disk names none
         raise

@@ -79,11 +79,12 @@ def import_recordings(
     from formats.errors import OutputError, TakeError
     from formats.importers.swatch_mocap import import_marker_take
     from formats.importers.swung_cloth import import_swung_cloth
-    from formats.outputs import refuse_to_replace, write_description
+    from formats.outputs import check_name, refuse_to_replace, write_description
 
     described = load_garment(garment) if garment is not None else None
     takes = []
     for path in paths:
+        check_name(path)
         if [other.stem for other in paths].count(path.stem) > 1:
             raise OutputError(
                 f"two recordings would become {path.stem}.mcap", where=path, advice="import one of them elsewhere"
@@ -118,9 +119,10 @@ def describe_swatch(
 ) -> None:
     """Describe a square swatch with a full grid of markers, held at its two top corners."""
     from formats.descriptions import dump_description
-    from formats.outputs import refuse_to_replace, write_text
+    from formats.outputs import check_name, refuse_to_replace, write_text
     from formats.swatch import swatch
 
+    check_name(path)
     if not overwrite:
         refuse_to_replace(path)
     write_text(path, dump_description(swatch(mass, side=side, markers=markers, name=path.stem)))

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from importlib.metadata import entry_points
+from typing import NoReturn
 
 import typer
 
 from formats.errors import HangtimeError
+from formats.terminal import say, take_streams
 
 # Sums that are split over threads are rounded differently: what a command finds must not depend on how many processors
 # there are. It is read when numpy is loaded, which is when the packages' commands are.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+INTERRUPTED, CUT_OFF = 130, 141  # exit codes of a shell for what SIGINT and SIGPIPE end
+UNWRITABLE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES}
+MAKE_ROOM = (
+    "make room on the disk, or choose another place; what was whole before stays, and `fit`, `diagnose`, `blind` and "
+    "`batch` go on from it"
+)
 
 app = typer.Typer(
     name="hangtime",
@@ -45,17 +55,30 @@ def gather_commands() -> list[str]:
 
 
 def main() -> None:
-    """Run the command line; a HangtimeError becomes one sentence on stderr and its exit code."""
-    absent = gather_commands()
-    if absent:
-        app.info.epilog = "Not available here: " + ", ".join(absent)
+    """Run the command line; an error that a user can act on becomes one sentence on stderr and its exit code."""
     try:
+        take_streams()
+        absent = gather_commands()
+        if absent:
+            app.info.epilog = "Not available here: " + ", ".join(absent)
         app()
     except HangtimeError as error:
-        print(f"hangtime: {error}", file=sys.stderr)
-        sys.exit(error.exit_code)
-    except BrokenPipeError:
-        sys.exit(141)
+        _refuse(error)
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
+    except SystemExit as end:  # Typer's own, 1, where a reader of stdout went away
+        sys.exit(CUT_OFF if isinstance(end.__context__, BrokenPipeError) else end.code)
+    except OSError as error:
+        if error.errno not in UNWRITABLE and error.filename is None:
+            raise
+        what = "cannot be written" if error.errno in UNWRITABLE else "cannot be used"
+        where = error.filename or "output"  # what stdout raises names nothing
+        _refuse(HangtimeError(f"{what} ({error.strerror})", where=where, advice=MAKE_ROOM))
+
+
+def _refuse(error: HangtimeError) -> NoReturn:
+    say(f"hangtime: {error}")
+    sys.exit(error.exit_code)
 
 
 if __name__ == "__main__":

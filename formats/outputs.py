@@ -3,14 +3,27 @@
 from __future__ import annotations
 
 import contextlib
+import tempfile
 from pathlib import Path
 
 from formats.descriptions import check_garment, check_rig, dump_description, load_garment, load_rig
 from formats.errors import DescriptionError, OutputError
 from formats.garment import Garment
 from formats.rig import Rig
-from formats.unfinished import already_there, left_unfinished, unfinished_name
+from formats.unfinished import already_there, left_unfinished, not_utf8, unfinished_name
 from formats.whole_files import make_folders, write_whole
+
+
+def check_name(path: Path) -> None:
+    """Refuse a name that is to be written into a file and cannot be.
+
+    Raises:
+        OutputError: it is not UTF-8.
+    """
+    try:
+        path.name.encode()
+    except UnicodeEncodeError as error:
+        raise not_utf8(path) from error
 
 
 def refuse_to_replace(path: Path, text: str | None = None) -> None:
@@ -26,6 +39,22 @@ def refuse_to_replace(path: Path, text: str | None = None) -> None:
     partial = unfinished_name(path)
     if partial.exists() and partial.stat().st_size > 0:  # an empty one lost nothing, or its writer's lock refuses
         raise left_unfinished(partial)
+
+
+def make_output_folder(folder: Path) -> None:
+    """Make a folder and check that it can be written to, before the work that is to fill it.
+
+    Raises:
+        OutputError: it cannot.
+    """
+    try:
+        make_folders(folder)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise OutputError(
+            f"cannot be made or written to ({error.strerror})", where=folder, advice="choose another folder"
+        ) from error
 
 
 def write_text(path: Path, text: str) -> None:

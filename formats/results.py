@@ -260,6 +260,7 @@ class Diagnosis(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     base_parameters: list[FitParameter]
     notes: list[str]
     alternatives: dict[str, list[str]] = {}
+    take_contents: list[str] = []  # sha256 of what each take fitted to held
 
 
 Result = TypeVar("Result", FitResult, Diagnosis)
@@ -275,6 +276,11 @@ def schema_of(record: type[FitResult] | type[Diagnosis]) -> dict[str, Any]:
 def save_fit_result(path: Path, result: FitResult) -> None:
     """Write a fit result; the file appears whole or not at all."""
     _save(path, result)
+
+
+def fit_result_bytes(result: FitResult, where: Path) -> bytes:
+    """Return a fit result as its file holds it; where: what that file will be."""
+    return _encoded(result, where)
 
 
 def load_fit_result(path: Path) -> FitResult:
@@ -301,11 +307,16 @@ def load_diagnosis(path: Path) -> Diagnosis:
 
 
 def _save(path: Path, record: FitResult | Diagnosis) -> None:
+    raw = _encoded(record, path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(path, raw)
+
+
+def _encoded(record: FitResult | Diagnosis, path: Path) -> bytes:
     _check(record, path)
     raw = msgspec.json.format(msgspec.json.encode(record), indent=2)
     msgspec.json.decode(raw, type=type(record))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(path, raw + b"\n")
+    return raw + b"\n"
 
 
 def _load(path: Path, kind: type[Result]) -> Result:

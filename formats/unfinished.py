@@ -26,11 +26,18 @@ def already_there(path: Path) -> OutputError:
     return OutputError("is already there", where=path, advice="give another name, or --overwrite to replace it")
 
 
+def not_utf8(path: Path) -> OutputError:
+    """Return the error of a name that no text can hold, and so no file that is to say it."""
+    return OutputError("has a name that is not UTF-8, and is kept by its name", where=path, advice="rename it")
+
+
 def left_unfinished(partial: Path) -> OutputError:
     """Return the error of a recording that would replace one that was never finished."""
+    is_take = partial.name.endswith(".mcap.partial")  # nothing else can be read before it is finished
+    look = "look at it with `hangtime takes show`; " if is_take else ""
     return OutputError(
         "is what an interrupted recording left under this name, or one that is still running", where=partial,
-        advice="look at it with `hangtime takes show`; give another name, or --overwrite to replace it",
+        advice=f"{look}give another name, or --overwrite to replace it",
     )  # fmt: skip
 
 

@@ -13,8 +13,16 @@ def write_whole(path: Path, content: bytes) -> None:
     The unfinished file has a name of its own, so that two processes may write the same file at once.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: it cannot be written; names the file.
     """
+    try:
+        _write_whole(path, content)
+    except OSError as error:
+        error.filename, error.filename2 = str(path), None  # a full disk names none
+        raise
+
+
+def _write_whole(path: Path, content: bytes) -> None:
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".partial")
     partial = Path(name)
     try:

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 from pathlib import Path
 
 import numpy as np
 
-from firmware_host.errors import RecordingError, SensorAddressError
+from firmware_host.errors import SensorAddressError
 from firmware_host.oni_writer import OniWriter
 from firmware_host.synthetic.garments import GARMENTS
 from firmware_host.synthetic.scene import CAMERA, FPS, RIG
 from firmware_host.synthetic.world import FIRST_STAMP, TYPICAL, Progress, World, make_world
 from formats.descriptions import dump_description
 from formats.errors import OutputError
-from formats.outputs import refuse_to_replace
+from formats.outputs import make_output_folder, refuse_to_replace
 from formats.whole_files import write_whole
 
 
@@ -27,11 +28,14 @@ def make_recording(
     """Write NAME.oni, NAME.truth.npz, rig.toml and garment.toml into a folder and return their paths.
 
     Raises:
-        RecordingError: the folder or the recording cannot be written; SensorAddressError: no such motion, effect or
-            garment.
-        OutputError: another file cannot be written, or one of them is there with something else in it and they are not
-            to be overwritten.
+        RecordingError: the recording cannot be written; SensorAddressError: no such motion, effect or garment.
+        OutputError: no name that files can have; the folder or another file cannot be written, or one of them is there
+            with something else in it and they are not to be overwritten.
     """
+    if not name or "/" in name:
+        raise OutputError(
+            f"the name {name!r} is none that a file can have", where="--name", advice="give one without a slash"
+        )
     if garment not in GARMENTS:
         raise SensorAddressError(
             f"the synthetic world has no garment {garment!r}", advice=f"choose of {', '.join(GARMENTS)}"
@@ -44,14 +48,11 @@ def make_recording(
     if not overwrite:
         for path in paths:
             refuse_to_replace(path, described.get(path))
+    make_output_folder(out)
     world = make_world(
         motion=motion, effect=effect, amplitude=amplitude, seconds=seconds, seed=seed, garment=worn,
         progress=lambda stage, share: progress(stage, 0.3 * share),
     )  # fmt: skip
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RecordingError(f"cannot be made ({error.strerror})", where=out, advice="choose another folder") from error
     partial = recording.with_name(recording.name + ".partial")
     meta = {
         "motion": motion,
@@ -68,7 +69,8 @@ def make_recording(
             write_whole(path, text.encode())
         partial.replace(recording)
     except BaseException as error:
-        partial.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # what went wrong first is what is told
+            partial.unlink(missing_ok=True)
         if isinstance(error, OSError):
             raise OutputError(
                 f"cannot be written ({error.strerror})", where=error.filename2 or error.filename or out,

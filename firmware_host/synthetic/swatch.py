@@ -8,6 +8,7 @@ cloth is `firmware_host.synthetic.cloth`, so that a fit meets equations and nume
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,8 +22,9 @@ from formats.descriptions import dump_description
 from formats.errors import OutputError
 from formats.garment import Garment
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
-from formats.outputs import refuse_to_replace
+from formats.outputs import make_output_folder, refuse_to_replace
 from formats.swatch import MARKERS, SIDE, swatch
+from formats.whole_files import write_whole
 
 Floats = NDArray[np.float64]
 
@@ -96,23 +98,24 @@ def make_swatch_take(
     if not overwrite:
         for path in paths:
             refuse_to_replace(path, described if path == description else None)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"cannot be made ({error.strerror})", where=out, advice="choose another folder") from error
+    make_output_folder(out)
     time = np.arange(FRAMES) / FPS
     nodes = swung_markers(garment, time, motion, true, air_drag=air_drag, progress=progress)
     seen = measured(nodes, np.random.default_rng([seed, 81]))
     tracks = MarkerTracks(garment.point_names, time, seen)
+    content = io.BytesIO()
+    np.savez(
+        content, time=time, markers=nodes, density=true.density, air_drag=air_drag,
+        **{name: getattr(true.physics, name) for name in ClothPhysics.__dataclass_fields__},
+    )  # fmt: skip
     try:
-        np.savez(
-            truth, time=time, markers=nodes, density=true.density, air_drag=air_drag,
-            **{name: getattr(true.physics, name) for name in ClothPhysics.__dataclass_fields__},
-        )  # fmt: skip
-        description.write_text(described)
+        write_whole(truth, content.getvalue())
+        write_whole(description, described.encode())
         write_marker_csv(marks, tracks)
     except OSError as error:
-        raise OutputError(f"cannot be written ({error.strerror})", where=out, advice="make room on the disk") from error
+        raise OutputError(
+            f"cannot be written ({error.strerror})", where=error.filename, advice="make room on the disk"
+        ) from error
     return paths
 
 

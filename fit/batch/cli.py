@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from formats.terminal import say
+
 SOME_NOT_FITTED = 3  # exit status of its own: 1 is a crash of Python, 2 wrong options
 
 
@@ -93,7 +95,7 @@ def batch_command(
     takes, results = open_store(url), open_store(out)
     deadline = None if hours is None else time.monotonic() + 3600 * hours
     found = survey(takes, results, plan, retry_failed=retry_failed)
-    typer.echo(f"{len(found.keys)} takes, {len(found.jobs)} to fit.", err=True)
+    say(f"{len(found.keys)} takes, {len(found.jobs)} to fit.")
     progress = ProgressLine("batch")
     is_interrupted = False
 
@@ -106,7 +108,7 @@ def batch_command(
             found,
             Workers(scheduler=scheduler, count=workers, dashboard_port=dashboard_port, patience=60 * patience),
             progress=show,
-            say=lambda line: typer.echo(line, err=True),
+            say=say,
             deadline=deadline,
         )
     except KeyboardInterrupt:
@@ -117,11 +119,11 @@ def batch_command(
         write_summary(rows, results, plan)
     for row in rows:
         if row.state in ("failed", "refused"):
-            typer.echo(f"{row.take}: {row.sentence}", err=True)
+            say(f"{row.take}: {row.sentence}")
     place = results.path("summary.html") or f"{results.url}/summary.html"
     typer.echo(f"{sentence_of(rows)}\nSummary: {place if isinstance(place, str) else Path(place)}")
     if is_interrupted:
-        typer.echo("Interrupted; the same command goes on.", err=True)
+        say("Interrupted; the same command goes on.")
         raise typer.Exit(130)
     if any(row.state not in ("fitted", "known") for row in rows):
         raise typer.Exit(SOME_NOT_FITTED)

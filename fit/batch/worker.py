@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 import time
 from datetime import UTC, datetime
 from pathlib import Path
 
+from fit import runtime
 from fit.batch.jobs import Job, Outcome, digest_of, failure_name, result_name, search_name
 from fit.batch.store import Store, open_store
 from fit.errors import BatchError, FitError
@@ -26,6 +26,7 @@ def run_job(job: Job) -> Outcome:
     """
     # One take, one core: fits scale over takes. Must be set before Taichi starts.
     os.environ.setdefault("HANGTIME_THREADS", "1")
+    runtime.give_home()
     started = time.monotonic()
     if physics_version() != job.physics:
         return Outcome(
@@ -62,32 +63,31 @@ def run_job(job: Job) -> Outcome:
 
 
 def _fit(job: Job, content: bytes, results: Store) -> bytes:
-    """Return the fit result as the bytes of its file."""
-    from fit.calibration import calibrate
-    from formats.archive import read_take
-    from formats.results import save_fit_result
+    """Return the fit result as the bytes of its file.
 
-    with tempfile.TemporaryDirectory(prefix="hangtime-") as folder:
-        path = Path(folder) / Path(job.take).name
-        path.write_bytes(content)
-        take = read_take(path)
-        # In a shared folder an unfinished search outlives its worker; from a bucket the fit begins anew.
-        checkpoint = results.path(search_name(job.key))
-        if checkpoint is not None:
-            checkpoint.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            result = calibrate([take], [], job.plan.request(), checkpoint=checkpoint)
-        except FitError as error:
-            if checkpoint is None or error.where != checkpoint:
-                raise
-            checkpoint.unlink(missing_ok=True)  # an unfinished search that cannot go on costs time, not the take
-            result = calibrate([take], [], job.plan.request(), checkpoint=checkpoint)
-        save_fit_result(Path(folder) / "fit.json", result)
-        return (Path(folder) / "fit.json").read_bytes()
+    Nothing is written on the way but an unfinished search: what a killed worker had in a folder of its own would stay.
+    """
+    from fit.calibration import calibrate
+    from formats.archive import take_of
+    from formats.results import fit_result_bytes
+
+    take = take_of(content, job.take)
+    # In a shared folder an unfinished search outlives its worker; from a bucket the fit begins anew.
+    checkpoint = results.path(search_name(job.key))
+    if checkpoint is not None:
+        checkpoint.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        result = calibrate([take], [], job.plan.request(), checkpoint=checkpoint)
+    except FitError as error:
+        if checkpoint is None or error.where != checkpoint:
+            raise
+        checkpoint.unlink(missing_ok=True)  # an unfinished search that cannot go on costs time, not the take
+        result = calibrate([take], [], job.plan.request(), checkpoint=checkpoint)
+    return fit_result_bytes(result, Path(result_name(job.key)))
 
 
 def _sentence(error: Exception) -> str:
     if isinstance(error, HangtimeError):
-        # The take lies in a folder of the worker that is gone by the time somebody reads this.
+        # Which take it is stands beside the sentence.
         return error.what + (f"; {error.advice}" if error.advice else "")
     return f"{type(error).__name__}: {error}; that is a fault of Hangtime, please report it with this take"

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from fit.errors import FitError
+from formats.terminal import is_watched, say
 
 if TYPE_CHECKING:
     from fit.blind.cases import Kind
@@ -86,7 +86,7 @@ def make_command(
             )  # fmt: skip
     except KeyboardInterrupt:
         line.end()
-        typer.echo("Interrupted; finished cases are kept. The same command goes on.", err=True)
+        say("Interrupted; finished cases are kept. The same command goes on.")
         raise typer.Exit(130) from None
     line.end()
     typer.echo(f"{len(manifest.cases)} cases in {folder / 'cases'}; labels sealed as {manifest.sealed}")
@@ -130,7 +130,7 @@ def run_command(
         )
     except KeyboardInterrupt:
         line.end()
-        typer.echo("Interrupted; finished answers are kept. The same command goes on.", err=True)
+        say("Interrupted; finished answers are kept. The same command goes on.")
         raise typer.Exit(130) from None
     line.end()
     typer.echo(f"Answers in {answers}" + (f"; {failed} cases ended without a diagnosis" if failed else ""))
@@ -198,12 +198,17 @@ def report_command(
     folder: Set,
     answers: Answers,
     out: Annotated[Path, typer.Option("--out", metavar="FILE.html", help="Where to write it.")] = Path("blind.html"),
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.html.")] = False,
 ) -> None:
     """Write scored answers as one HTML file: rates, confusion, calibration, baselines, every case."""
     from fit.blind.making import read_manifest
-    from fit.blind.page import write_page
+    from fit.blind.page import check_page_name, write_page
+    from formats.outputs import refuse_to_replace
 
     read_manifest(folder)
+    check_page_name(out, (folder, answers))
+    if not overwrite:
+        refuse_to_replace(out)
     typer.echo(f"Report: {write_page(answers, out)}")
 
 
@@ -212,18 +217,18 @@ class CountLine:
 
     def __init__(self, title: str) -> None:
         self._title, self._last = title, -1.0
-        self._is_terminal = sys.stderr.isatty()
+        self._is_terminal = is_watched()
 
     def show(self, done: int, total: int, more: str = "") -> None:
         """Show how many are done."""
         text = f"{self._title}: {done}/{total} cases{more}"
         if self._is_terminal:
-            print(f"\r{text:<70}", end="", file=sys.stderr, flush=True)
+            say(f"\r{text:<70}", end="")
         elif done == total or done / total >= self._last + 0.1:
-            print(text, file=sys.stderr, flush=True)
+            say(text)
             self._last = done / total
 
     def end(self) -> None:
         """Leave the line."""
         if self._is_terminal:
-            print(file=sys.stderr)
+            say("")

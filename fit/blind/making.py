@@ -67,10 +67,10 @@ def make_set(
     """Make a set, or go on with one; what is there with the right hash is not made again.
 
     Raises:
-        FitError: nothing to make, the folder holds another set, the generator's engine is not there, or a case cannot
-            be simulated.
+        FitError: nothing to make, the folder holds another set, the generator's engine is not there, the side fits no
+            mesh, or a case cannot be simulated.
     """
-    side = side or generator.side
+    side = generator.side if side is None else side
     if generator.foreign is not None and not generator.foreign.is_installed():
         raise generator.foreign.absent()
     if sum(numbers.values()) < 1 or min(numbers.values()) < 0:
@@ -78,6 +78,7 @@ def make_set(
     if numbers["pair"] and len(plants) < 2:
         raise FitError("a pair needs two effects to choose from", advice="give a second --effect")
     truths = plan(numbers, plants, seed, generator.unknown_plants())
+    _check_side(side, truths)
     labels = Labels(
         format=LABELS_FORMAT, seed=seed, numbers={str(k): v for k, v in numbers.items()},
         plants=tuple(p.id for p in plants), side=side, truths=tuple(truths), generator=generator.name,
@@ -111,6 +112,16 @@ def make_real_set(
                 yield truth.id, _hashes(write_real_case(folder / "cases" / truth.id, truth, takes))
 
     return _make_all(folder, labels, made, progress)
+
+
+def _check_side(side: float, truths: list[Truth]) -> None:
+    """Refuse a mesh of which a sheet would not hold two sides, before anything is sealed."""
+    largest = min(min(t.look.width, t.look.height) for t in truths) / 2
+    if not 0 < side <= largest:  # of what is no number nothing is true
+        raise FitError(
+            f"a mesh of side {side:g} m does not fit these cases", where="--side",
+            advice=f"give metres, above 0 and up to {int(1e3 * largest) / 1e3:g}",
+        )  # fmt: skip
 
 
 def _make_all(
@@ -175,7 +186,7 @@ def _begin(folder: Path, labels: Labels) -> Manifest:
         if found != labels:
             raise FitError(
                 "the folder holds another set of cases", where=folder,
-                advice="use another folder, or the same numbers, effects and --seed as before",
+                advice="use another folder, or the same numbers, effects, --side and --seed as before",
             )  # fmt: skip
         return read_manifest(folder)
     key = load_key(folder / SEALED_KEY, make=True)

@@ -56,6 +56,22 @@ class Headed(msgspec.Struct):
     format: str
 
 
+def check_page_name(out: Path, folders: tuple[Path, Path]) -> None:
+    """Refuse the name of a file of the set or of its answers, however it is asked for.
+
+    Raises:
+        FitError: the page would lie among them, other than as an .html file beside them.
+    """
+    place = out.resolve()
+    known = [folder.resolve() for folder in folders]
+    is_among = any(folder in place.parents for folder in known)
+    if is_among and not (place.parent in known and place.suffix == ".html"):
+        raise FitError(
+            "belongs to the set or its answers, which no page may replace", where=out,
+            advice="choose another --out, for example blind.html",
+        )  # fmt: skip
+
+
 def write_page(answers: Path, out: Path) -> Path:
     """Write the page of scored answers.
 

@@ -95,7 +95,7 @@ def _run(
             pool.shutdown(wait=False, cancel_futures=True)
             diagnoses.interrupt()
             raise
-        except FitError:
+        except (FitError, OSError):  # wrong options, or a full disk: the next case would meet them too
             pool.shutdown(cancel_futures=True)
             raise
     return failed

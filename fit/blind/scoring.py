@@ -104,7 +104,7 @@ def hash_answers(folder: Path, answers: Path, *, some: bool = False) -> tuple[st
 
 
 def score_set(folder: Path, answers: Path, *, some: bool = False) -> Score | RealScore:
-    """Hash the answers, open the seal, judge every case, write the score and record the look.
+    """Hash the answers, open the seal, judge every case, record the look and write the score.
 
     Real takes with planted faults are scored by `fit.blind.real_scoring`.
 
@@ -120,7 +120,8 @@ def score_set(folder: Path, answers: Path, *, some: bool = False) -> Score | Rea
     hashed, answered = hash_answers(folder, answers, some=some)
     labels = open_labels(folder)
     looks = folder / LOOKS
-    look = 1 + (len(looks.read_text().splitlines()) if looks.exists() else 0)
+    before = looks.read_text() if looks.exists() else ""
+    look = 1 + len(before.splitlines())
     score: Score | RealScore
     if labels.real:
         score = score_real(labels.real, answers)
@@ -135,13 +136,12 @@ def score_set(folder: Path, answers: Path, *, some: bool = False) -> Score | Rea
         score, created=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), sealed=manifest.sealed, answers=hashed,
         look=look,
     )  # fmt: skip
-    write_whole(answers / SCORE, msgspec.json.format(msgspec.json.encode(score), indent=1) + b"\n")
     line = {
         "at": score.created, "labels": manifest.sealed, "answers": hashed, "cases": len(answered),
         "headline": real_headline(score) if isinstance(score, RealScore) else headline(score),
     }  # fmt: skip
-    with looks.open("a") as file:
-        file.write(json.dumps(line) + "\n")
+    write_whole(looks, (before + json.dumps(line) + "\n").encode())  # first: it was opened, whatever comes of the score
+    write_whole(answers / SCORE, msgspec.json.format(msgspec.json.encode(score), indent=1) + b"\n")
     return score
 
 

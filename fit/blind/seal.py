@@ -67,8 +67,13 @@ def load_key(path: Path, *, make: bool = False) -> bytes:
     if make and not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
         opened = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        with os.fdopen(opened, "w") as file:
-            file.write(secrets.token_hex(KEY) + "\n")
+        try:
+            with os.fdopen(opened, "w") as file:
+                file.write(secrets.token_hex(KEY) + "\n")
+        except OSError as error:
+            path.unlink()  # half a key would be taken for one
+            error.filename = str(path)
+            raise
     try:
         key = bytes.fromhex(path.read_text().strip())
     except (OSError, ValueError) as error:

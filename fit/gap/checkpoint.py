@@ -6,6 +6,7 @@ One `.npz` per fit, written whole or not at all, beside `key.json`, which says o
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -32,7 +33,7 @@ class Checkpoint:
         """Open or begin the folder.
 
         Raises:
-            FitError: it holds the fits of other takes, options or versions, or cannot be read.
+            FitError: it holds the fits of other takes, options or versions, cannot be read, or is a file.
         """
         self.folder = folder
         if folder is None:
@@ -50,7 +51,10 @@ class Checkpoint:
                     advice="delete the folder or choose another --out",
                 )
         else:
-            folder.mkdir(parents=True, exist_ok=True)
+            try:
+                folder.mkdir(parents=True, exist_ok=True)
+            except FileExistsError as error:
+                raise FitError("is a file; fits are to be kept there", where=folder, advice="move it away") from error
             write_whole(note, json.dumps(key).encode())
 
     def recall(self, names: Sequence[str], make: Callable[[], list[Fitted]]) -> list[Fitted]:
@@ -72,10 +76,9 @@ class Checkpoint:
         path = self.folder / f"{name}.npy"
         with contextlib.suppress(*UNREADABLE), path.open("rb") as file:
             return np.asarray(np.load(file), float)
-        found = make()
-        partial = path.with_suffix(".writing.npy")
-        np.save(partial, found)
-        partial.replace(path)
+        found, content = make(), io.BytesIO()
+        np.save(content, found)
+        write_whole(path, content.getvalue())
         return found
 
 
@@ -91,11 +94,11 @@ def _read(path: Path) -> Fitted:
 
 
 def _write(path: Path, fitted: Fitted) -> None:
-    partial, pinned = path.with_suffix(".writing.npz"), fitted.pinned
+    content, pinned = io.BytesIO(), fitted.pinned
     np.savez(
-        partial, vector=fitted.vector, amplitudes=fitted.amplitudes, active=np.array(fitted.active, int),
+        content, vector=fitted.vector, amplitudes=fitted.amplitudes, active=np.array(fitted.active, int),
         residual=fitted.residual, jacobian=fitted.jacobian, deviation=fitted.deviation,
         is_converged=fitted.is_converged,
         pinned=np.array([pinned.amplitudes, pinned.sd] if pinned else []), trust=pinned.trust if pinned else 0.0,
     )  # fmt: skip
-    partial.replace(path)
+    write_whole(path, content.getvalue())

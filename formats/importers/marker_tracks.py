@@ -13,6 +13,7 @@ CSV: one header line, then one line per frame, metres and seconds, an empty cell
 from __future__ import annotations
 
 import csv
+import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formats.errors import TakeError
+from formats.whole_files import write_whole
 
 Floats = NDArray[np.float64]
 
@@ -56,14 +58,19 @@ def read_marker_tracks(path: Path) -> MarkerTracks:
 
 
 def write_marker_csv(path: Path, tracks: MarkerTracks) -> Path:
-    """Write marker paths as CSV, to 10 µm; return the path."""
+    """Write marker paths as CSV, to 10 µm, whole or not at all; return the path.
+
+    Raises:
+        OSError: it cannot be written.
+    """
     columns = ["time_s", *(label + axis for label in tracks.labels for axis in AXES)]
     flat = tracks.positions.reshape(len(tracks.time), -1)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        for time, row in zip(tracks.time, flat, strict=True):
-            writer.writerow([f"{time:.6f}", *("" if np.isnan(value) else f"{value:.5f}" for value in row)])
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    for time, row in zip(tracks.time, flat, strict=True):
+        writer.writerow([f"{time:.6f}", *("" if np.isnan(value) else f"{value:.5f}" for value in row)])
+    write_whole(path, text.getvalue().encode())
     return path
 
 

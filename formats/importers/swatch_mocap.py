@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from formats.errors import TakeError
 from formats.garment import Garment
+from formats.importers.frame_times import check_seconds
 from formats.importers.marker_tracks import MarkerTracks, read_marker_tracks
 from formats.rig import Rig, Vector
 from formats.take import FrameState, Take
@@ -38,7 +39,8 @@ def import_marker_take(path: Path, garment: Garment, *, up: str = "z", frames: i
     """Return the take in a `.c3d` or `.csv` file of marker paths; `frames` keeps only so many from its beginning.
 
     Raises:
-        TakeError: the file cannot be read, has too few frames, or its markers do not fit the garment.
+        TakeError: the file cannot be read, has too few frames, times that are not in seconds, or markers that do not
+            fit the garment.
     """
     if up not in DOWN:
         raise TakeError(f"there is no axis {up!r}", where="--up", advice=f"choose of {', '.join(DOWN)}")
@@ -77,6 +79,7 @@ def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, frames: int 
         raise TakeError(f"has {len(time)} frames, {needed} are needed", where=path, advice="record for longer")
     if not (np.isfinite(time).all() and (np.diff(time) > 0).all()):
         raise TakeError("its time does not increase from frame to frame", where=path, advice="mend the first column")
+    check_seconds(time, path)
     columns = [tracks.labels.index(name) for name in garment.point_names]
     return time, tracks.positions[:frames, columns]
 

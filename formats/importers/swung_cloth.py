@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from formats.errors import TakeError
 from formats.garment import Garment, TrackedPoint
+from formats.importers.frame_times import check_seconds
 from formats.rig import Rig
 from formats.take import Take
 
@@ -34,7 +35,8 @@ def import_swung_cloth(path: Path) -> Take:
     """Return the take in one `.npz` file.
 
     Raises:
-        TakeError: the file is missing or is no such recording, or its time does not increase.
+        TakeError: the file is missing or is no such recording, or its time does not increase or is not in
+            seconds.
     """
     data = _load(path)
     time, points = data["t"].astype(float), data["points"].astype(float)
@@ -129,3 +131,4 @@ def _check_arrays(data: dict[str, NDArray[Any]], path: Path) -> None:
             f"its time does not increase from frame to frame, first at frame {wrong[0]}, at {time[wrong[0]]:g} s",
             where=path, advice="mend 't', or leave that frame out of every array",
         )  # fmt: skip
+    check_seconds(time, path)

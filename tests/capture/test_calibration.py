@@ -27,6 +27,7 @@ from firmware_host.usb_control.kinect_motor import KinectMotor
 from formats.archive import read_take, write_take
 from formats.command import app, gather_commands
 from formats.descriptions import dump_description, load_rig
+from formats.errors import OutputError
 from formats.rig import Calibration, Hanger, Rig
 from formats.summary import describe, summarise
 from tests.capture.stage import CAMERA, LEVEL, StageSensor, camera_rotation, marker_plate, pictures, plain_plate
@@ -357,3 +358,15 @@ def test_recording_replaces_neither_a_take_nor_what_an_interrupted_one_left(tmp_
 
 def test_a_level_camera_is_not_turned():
     assert camera_rotation(0.0, 0.0) == pytest.approx(LEVEL)
+
+
+def test_the_recording_that_is_calibrated_from_is_not_replaced_by_the_rig(tmp_path):
+    recording = tmp_path / "a.oni"
+    recording.write_bytes(b"hours of work")
+    (tmp_path / "rig.toml").write_text(dump_description(RIG))
+    words = ["--sensor", str(recording), "--rig", str(tmp_path / "rig.toml"), "--out", str(recording), "--overwrite"]
+    gather_commands()
+    done = CliRunner().invoke(app, ["calibrate", *words])
+    assert isinstance(done.exception, OutputError)
+    assert "is what --sensor reads" in str(done.exception)
+    assert recording.read_bytes() == b"hours of work"

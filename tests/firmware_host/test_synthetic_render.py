@@ -13,6 +13,7 @@ from firmware_host.errors import RecordingError
 from firmware_host.oni_records import summarise
 from firmware_host.synthetic import recording
 from firmware_host.synthetic.scene import CAMERA, HANGER, demo_garment, place
+from firmware_host.synthetic.world import World
 from formats.descriptions import load_garment, load_rig
 from formats.errors import OutputError
 from tests.firmware_host.scenes import flat_world
@@ -144,3 +145,38 @@ def test_truth_that_cannot_be_written_is_named_and_no_recording_is_left(
     with pytest.raises(OutputError, match=r"take.truth.npz: cannot be written \(Is a directory\); make room"):
         recording.make_recording(tmp_path, "take", overwrite=True)
     assert [path.name for path in tmp_path.iterdir()] == ["take.truth.npz"]
+
+
+@pytest.mark.parametrize(
+    ("folder", "name", "sentence"),
+    [
+        ("mine", "take", r"mine: cannot be made or written to \(File exists\)"),
+        ("/proc", "take", r"/proc: cannot be made or written to \("),
+        ("new", "a/b", "--name: the name 'a/b' is none that a file can have"),
+        ("new", "", "--name: the name '' is none that a file can have"),
+    ],
+)
+def test_a_place_where_no_recording_can_be_is_told_before_the_world_is_simulated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: str, name: str, sentence: str
+) -> None:
+    """/proc is a folder that even root writes no file into."""
+    (tmp_path / "mine").write_text("mine")
+    monkeypatch.setattr(recording, "make_world", lambda **_: pytest.fail("simulated"))
+    with pytest.raises(OutputError, match=sentence):
+        recording.make_recording(tmp_path / folder, name)
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+
+
+def test_a_folder_that_goes_away_is_told_by_what_went_wrong_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file comes in its place: what was half written is then no longer there to be removed."""
+
+    def make(**_: object) -> World:
+        (tmp_path / "d").rmdir()
+        (tmp_path / "d").touch()
+        return flat_world(1)
+
+    monkeypatch.setattr(recording, "make_world", make)
+    with pytest.raises(RecordingError, match=r"the recording cannot be written \(Not a directory\)"):
+        recording.make_recording(tmp_path / "d", "take")

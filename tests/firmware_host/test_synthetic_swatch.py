@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from firmware_host.errors import SensorAddressError
+from firmware_host.synthetic import swatch as synthetic
 from firmware_host.synthetic.swatch import FABRICS, HELD_APART, MARKER_NOISE, make_swatch_take, measured, swung_markers
 from formats.descriptions import load_garment
 from formats.errors import OutputError
 from formats.importers.swatch_mocap import import_marker_take
 from formats.swatch import SIDE, swatch
+from tests.formats.full_disk import no_file_beyond
 
 TIME = np.arange(60) / 120
 
@@ -68,3 +70,17 @@ def test_a_folder_that_cannot_be_made_is_told_before_the_cloth_is_simulated(tmp_
     (tmp_path / "file").write_text("mine")
     with pytest.raises(OutputError, match="cannot be made"):
         make_swatch_take(tmp_path / "file", fabric="cotton")
+
+
+@pytest.mark.parametrize(
+    ("room", "first", "left"),
+    [(1_000, "silk-swing.truth.npz", []), (1_000_000, "silk-swing.csv", ["silk-swing.truth.npz", "silk.toml"])],
+)
+def test_a_full_disk_leaves_no_half_file_under_a_final_name(tmp_path, monkeypatch, room, first, left):
+    """The process may write no file longer than this [bytes]; the truth takes 0.98 MB, the markers 1.1 MB."""
+    still = np.broadcast_to(np.float64(-0.1), (500, 81, 3))
+    monkeypatch.setattr(synthetic, "swung_markers", lambda *_, **__: still)
+    sentence = rf"{first}: cannot be written \(File too large\); make room on the disk"
+    with no_file_beyond(room), pytest.raises(OutputError, match=sentence):
+        make_swatch_take(tmp_path, fabric="silk")
+    assert sorted(path.name for path in tmp_path.iterdir()) == left

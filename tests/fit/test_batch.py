@@ -6,6 +6,7 @@ import csv
 import json
 import subprocess
 import sys
+import tempfile
 from importlib import metadata
 
 import numpy as np
@@ -273,6 +274,14 @@ def test_a_job_is_done_once_and_a_broken_unfinished_search_is_begun_anew(takes, 
     written = path.stat().st_mtime_ns
     assert run_job(job).state == "fitted"
     assert path.stat().st_mtime_ns == written
+
+
+def test_a_job_has_no_temporary_folder_that_a_killed_worker_would_leave(takes, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
+    job = job_of(takes / "swing0.mcap", tmp_path)
+    assert run_job(job).state == "fitted"
+    take = read_take(takes / "swing0.mcap")
+    assert load_fit_result(tmp_path / "fits" / f"{job.key}.json").take_ids == [take.take_id]
 
 
 @pytest.mark.parametrize("change", [{"settings": {}}, {"steps": 0}])

@@ -13,7 +13,7 @@ from fit.blind.classifier import RIDGE, leave_one_out
 from fit.blind.engine import Cloth
 from fit.blind.judging import bin_of, conditions_of, judge
 from fit.blind.making import make_set, open_labels, read_manifest
-from fit.blind.page import figure, write_page
+from fit.blind.page import check_page_name, figure, write_page
 from fit.blind.plants import PLANTS
 from fit.blind.rates import brier, rate_of, wilson
 from fit.blind.scoring import ANSWERS_HASHES, LOOKS, SCORE, score_set, summarise
@@ -285,6 +285,15 @@ def test_the_report_is_one_file_with_nothing_from_outside(a_set, tmp_path):
     assert "<svg" in write_page(tmp_path, tmp_path / "page.html").read_text()
     assert figure(score.overall, "closure") == "0.50"
     assert figure(score.by_size["below 0.5"], "closure") == "–"
+
+
+@pytest.mark.parametrize("name", ["answers/score.json", "answers/a/report.html", "looks.jsonl", "sealed/page.html"])
+def test_a_page_takes_the_place_of_no_file_of_the_set_or_its_answers(tmp_path, name):
+    folders = (tmp_path, tmp_path / "answers")
+    with pytest.raises(FitError, match="belongs to the set or its answers"):
+        check_page_name(tmp_path / name, folders)
+    for fine in (tmp_path / "answers/blind.html", tmp_path / "blind.html", tmp_path.parent / "score.json"):
+        check_page_name(fine, folders)
 
 
 def test_a_named_local_effect_says_its_place_and_else_the_largest_residual_does(a_set, tmp_path):

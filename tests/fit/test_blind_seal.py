@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import resource
+import subprocess
+import sys
+
 import pytest
 
 from fit.blind.seal import load_key, seal, unseal
@@ -50,3 +54,14 @@ def test_a_key_is_made_once_and_only_its_owner_reads_it(tmp_path):
     path.write_text("abcd")
     with pytest.raises(FitError, match="2 bytes, not 32"):
         load_key(path)
+
+
+def test_of_a_key_that_no_disk_holds_nothing_is_left(tmp_path):
+    """In a process whose files hold not a byte: `blind make` once left an empty key, and then refused it."""
+    make = ["-m", "formats.command", "blind", "make", str(tmp_path / "set"), "--nulls", "1"]
+    full = {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))}
+    done = subprocess.run([sys.executable, *make], capture_output=True, text=True, **full)
+    assert done.returncode == 2
+    assert "set/sealed/key: cannot be written (File too large); make room" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert list((tmp_path / "set/sealed").iterdir()) == []

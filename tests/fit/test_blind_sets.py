@@ -288,9 +288,26 @@ def test_the_command_line_makes_scores_and_reports(tmp_path):
     reported = hangtime("report", "set", "answers", "--out", "blind.html")
     assert reported.returncode == 0, reported.stderr
     assert (tmp_path / "blind.html").exists()
+    again = hangtime("report", "set", "answers", "--out", "blind.html")
+    assert again.returncode == 2
+    assert "blind.html: is already there; give another name, or --overwrite to replace it" in again.stderr
+    assert hangtime("report", "set", "answers", "--out", "blind.html", "--overwrite").returncode == 0
     refused = hangtime("make", "set", "--cases", 1, "--effect", "self_contact")
     assert refused.returncode == 2
     assert refused.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("side", [float("nan"), float("inf"), 0.0, -0.02, 10.0])
+def test_a_side_of_no_mesh_is_refused_and_seals_nothing(tmp_path, side):
+    """Sheets are 0.30 to 0.45 m wide and high: two sides fit up to about 0.15 m."""
+    with pytest.raises(FitError, match=r"--side: a mesh of side .* m does not fit these cases; .* up to 0\.(1|2)"):
+        make_set(tmp_path, NUMBERS, PLANTED, 5, side=side)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_another_side_is_another_set(a_set):
+    with pytest.raises(FitError, match="the same numbers, effects, --side and --seed as before"):
+        make_set(a_set, NUMBERS, PLANTED, 5, side=COARSE / 2)
 
 
 def test_fits_that_another_version_kept_are_no_failure_of_the_diagnosis(a_set, tmp_path):

@@ -10,6 +10,7 @@ import pytest
 from fit.errors import FitError
 from fit.gap.checkpoint import Checkpoint
 from fit.gap.fitting import Fitted, Pinned
+from tests.formats.full_disk import no_file_beyond
 
 
 def test_kept_fits_of_other_takes_are_refused(tmp_path):
@@ -55,3 +56,19 @@ def test_a_folder_whose_key_a_kill_left_empty_is_begun_anew(tmp_path):
     Checkpoint(tmp_path / "p", {"takes": ["a"]})
     with pytest.raises(FitError, match="other takes or options"):
         Checkpoint(tmp_path / "p", {"takes": ["b"]})
+
+
+def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path):
+    (tmp_path / "diagnosis.partial").touch()
+    with pytest.raises(FitError, match=r"diagnosis\.partial: is a file"):
+        Checkpoint(tmp_path / "diagnosis.partial", {})
+
+
+def test_a_fit_that_no_disk_holds_leaves_no_half_of_it(tmp_path):
+    """A fit takes about 2 kB."""
+    kept = Checkpoint(tmp_path / "p", {})
+    one = Fitted(np.ones(1), np.zeros(1), (), np.ones(2), np.ones((2, 1)), np.ones(1), True)
+    with no_file_beyond(500), pytest.raises(OSError, match="File too large") as full:
+        kept.recall(["fit"], lambda: [one])
+    assert full.value.filename == str(tmp_path / "p" / "fit.npz")
+    assert [path.name for path in (tmp_path / "p").iterdir()] == ["key.json"]

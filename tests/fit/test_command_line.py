@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
+import shlex
 import subprocess
 import sys
 
@@ -16,12 +18,14 @@ from fit.cloth.simulator import Resolution
 from fit.effects import find_effects
 from fit.errors import FitError
 from fit.fabric_sheet import sheet_of
+from fit.folders import alone
 from fit.gap.diagnosis import diagnose
 from fit.parameterisations import KINECT_SKIRT, SI, find_method
 from fit.request import Request, request_of
 from formats.archive import write_take
-from formats.results import load_fit_result
-from tests.fit.scenes import material, sheet, simulate_take, swing
+from formats.results import load_fit_result, save_fit_result
+from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
+from tests.fit.test_geometry import scaled
 
 FRAME = 1 / 30
 
@@ -157,3 +161,43 @@ def test_a_fit_of_blenders_cloth_is_no_fabric_and_moves_none_of_ours(tmp_path, m
         reporting.write_diagnosis_report(tmp_path / "r.html", findings, fit, takes[:1], takes[1:], coarse)
     assert np.array_equal(shown[1], shown[2])
     assert not np.array_equal(shown[0], shown[2])
+
+
+def test_a_fit_of_other_takes_is_kept_under_a_number(tmp_path):
+    take = a_swung_take()
+    request = request_of(KINECT_SKIRT, [], iterations=2, seed=1, spacing=0.15)
+    save_fit_result(tmp_path / "out/fit.json", calibrate([take], [], request))
+    write_take(tmp_path / "b.mcap", dataclasses.replace(take, take_id="b"))
+    done = hangtime("fit", "b.mcap", "--out", "out", "--iterations", 1, "--spacing", 0.15, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "is of other takes (a): kept as fit.1.json" in done.stderr
+    assert load_fit_result(tmp_path / "out/fit.json").take_ids == ["b"]
+    assert load_fit_result(tmp_path / "out/fit.1.json").take_ids == ["a"]
+
+
+def test_a_second_diagnosis_in_a_folder_and_impossible_takes_are_refused_before_the_work(tmp_path):
+    time = np.arange(60) / 30
+    flat, path = sheet(), swing(time)
+    take = take_of(flat, time, path, hung(flat, time) + path[:, None])
+    write_take(tmp_path / "a.mcap", take)
+    with alone(tmp_path, "diagnose"):
+        second = hangtime("diagnose", "a.mcap", "--out", ".", folder=tmp_path)
+    write_take(tmp_path / "b.mcap", dataclasses.replace(take, garment=scaled(flat, 10.0)))
+    impossible = hangtime("diagnose", "b.mcap", folder=tmp_path)
+    assert (second.returncode, impossible.returncode) == (2, 2)
+    assert "another `hangtime diagnose` writes here" in second.stderr
+    assert "the garment's held edge is 4000 mm long" in impossible.stderr
+    assert not (tmp_path / "diagnosis").exists()
+
+
+@pytest.mark.parametrize(("where", "code"), [("2>&-", 0), ("2>/dev/full", 0), ("2>&1 | true", 141), (">/dev/full", 2)])
+def test_a_fit_that_nobody_reads_is_finished_all_the_same(tmp_path, where, code):
+    write_take(tmp_path / "a.mcap", a_swung_take())
+    words = [sys.executable, "-m", "formats.command", "fit", "a.mcap", "--iterations", "2", "--spacing", "0.15"]
+    done = subprocess.run(
+        ["bash", "-c", f"{shlex.join(words)} {where}; exit ${{PIPESTATUS[0]}}"], capture_output=True, text=True,
+        cwd=tmp_path,
+    )  # fmt: skip
+    assert done.returncode == code
+    assert "Traceback" not in done.stderr
+    assert load_fit_result(tmp_path / "fitted/fit.json").take_ids == ["a"]

@@ -12,11 +12,14 @@ from fit.calibration import calibrate
 from fit.cloth.simulator import Resolution
 from fit.effects import find_effects
 from fit.errors import FitError
+from fit.folders import alone, set_aside_other_takes
 from fit.gap.diagnosis import diagnose
 from fit.parameterisations import SI
 from fit.request import request_of
 from fit.takes import check_together, content_of, is_of
 from formats.archive import read_take, write_take
+from formats.results import save_diagnosis, save_fit_result
+from tests.fit.blind_answers import diagnosis
 from tests.fit.scenes import material, sheet, simulate_take, swing
 
 COARSE = Resolution(spacing=0.15)
@@ -105,3 +108,33 @@ def test_a_fit_is_of_takes_by_what_they_hold_and_an_old_one_by_their_names():
     old = msgspec.structs.replace(result, take_contents=[])
     assert is_of(old, [a_take(hz=0.9)])
     assert not is_of(old, [a_take("b")])
+
+
+def test_results_of_other_takes_get_a_number_and_those_of_the_same_are_replaced(tmp_path):
+    """The other one has the same name: what tells it apart is what it holds. Old diagnoses know names alone."""
+    fit, diagnosed, report = (tmp_path / name for name in ("fit.json", "diagnosis.json", "report.html"))
+    save_fit_result(fit, calibrate([a_take()], [], request_of(SI, [], iterations=2, seed=1, spacing=0.15)))
+    of_a = msgspec.structs.replace(diagnosis("none", [], []), take_ids=["a"])
+    save_diagnosis(diagnosed, msgspec.structs.replace(of_a, take_contents=[content_of(a_take())]))
+    report.write_text("one")
+    for path in (fit, diagnosed, tmp_path / "gone.json"):
+        assert set_aside_other_takes(path, [a_take()]) == ""
+    said = set_aside_other_takes(fit, [a_take(hz=0.9)])
+    assert said == f"{fit} is of other takes (a): kept as fit.1.json, with its report."
+    assert {p.name for p in tmp_path.iterdir()} == {"fit.1.json", "report.1.html", "diagnosis.json"}
+    report.write_text("two")
+    assert "kept as diagnosis.2.json" in set_aside_other_takes(diagnosed, [a_take(hz=0.9)])
+    assert (tmp_path / "report.2.html").read_text() == "two"
+    save_diagnosis(diagnosed, of_a)
+    assert set_aside_other_takes(diagnosed, [a_take(hz=0.9)]) == ""
+    assert "kept as diagnosis.3.json" in set_aside_other_takes(diagnosed, [a_take("b")])
+    fit.write_text("{}")
+    assert "is not known to be of these takes" in set_aside_other_takes(fit, [a_take()])
+
+
+def test_a_folder_is_one_commands_at_a_time(tmp_path):
+    again = alone(tmp_path, "diagnose")
+    with alone(tmp_path, "diagnose"), pytest.raises(FitError, match="another `hangtime diagnose` writes here"), again:
+        pass
+    with alone(tmp_path, "diagnose"):
+        assert list(tmp_path.iterdir()) == []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -10,11 +11,12 @@ import pytest
 from formats.archive import TakeWriter, read_take, verify_take, write_take
 from formats.blocks import Frame
 from formats.columns import pack, pack_flags, unpack, unpack_flags
-from formats.errors import TakeError
+from formats.errors import OutputError, TakeError
 from formats.garment import Garment, TrackedPoint
 from formats.rig import Rig
 from formats.surface import SurfaceScan
 from formats.take import FrameState, Take
+from tests.formats.full_disk import no_file_beyond
 
 OUTLINE = ((-0.2, 0.0), (0.2, 0.0), (0.2, -0.4), (-0.2, -0.4))
 GARMENT = Garment(
@@ -140,6 +142,31 @@ def test_a_valid_point_that_is_not_a_number_is_refused_with_its_frame(tmp_path):
     take.points_valid[3, 2] = True
     with pytest.raises(TakeError, match=r"frame 3.*point 2 .*not a number"):
         write_take(tmp_path / "a.mcap", take)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("time", [2.6e11, 1e20, -1e11])
+def test_a_time_that_lies_centuries_away_is_refused_and_leaves_no_file(tmp_path, time):
+    """1e10 s are three centuries; 260 s in nanoseconds lie beyond."""
+    take = a_take(frames=30)
+    take.time[:] = time + 1e5 * np.arange(30)
+    with pytest.raises(TakeError, match=r"a, frame 0: the time .* s lies centuries away; give it in seconds"):
+        write_take(tmp_path / "a.mcap", take)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_take_that_no_disk_holds_is_named_and_leaves_no_file(tmp_path):
+    """The take has 7 kB."""
+    with no_file_beyond(5000), pytest.raises(OSError, match="File too large") as full:
+        write_take(tmp_path / "a.mcap", a_take())
+    assert full.value.filename == str(tmp_path / "a.mcap")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_take_of_a_name_that_is_not_utf_8_is_refused_and_leaves_no_file(tmp_path):
+    path = tmp_path / os.fsdecode(b"q\xff.mcap")
+    with pytest.raises(OutputError, match="has a name that is not UTF-8"):
+        write_take(path, replace(a_take(frames=3), take_id=path.stem))
     assert list(tmp_path.iterdir()) == []
 
 

@@ -24,7 +24,7 @@ def messages(tmp_path_factory):
     from formats.archive import _messages
 
     path = write_take(tmp_path_factory.mktemp("sound") / "a.mcap", a_take(frames=100))
-    return list(_messages(path))
+    return list(_messages(path.read_bytes(), path))
 
 
 def archive_of(path, contents):

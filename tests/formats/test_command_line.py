@@ -77,6 +77,30 @@ def test_a_missing_file_gives_one_sentence_and_exit_code_2(tmp_path, words):
     assert len(done.stderr.splitlines()) == 1
 
 
+@pytest.mark.parametrize("words", [("import", b"r\xff.npz"), ("swatch", b"sw\xff.toml", "--mass", "0.05")])
+def test_a_name_that_is_not_utf_8_is_refused_and_nothing_is_written(tmp_path, words):
+    swung_cloth(tmp_path / "r.npz")
+    (tmp_path / "r.npz").rename(tmp_path / os.fsdecode(b"r\xff.npz"))
+    before = os.listdir(tmp_path)
+    done = subprocess.run(
+        [sys.executable, "-m", "formats.command", *words], capture_output=True, text=True, cwd=tmp_path
+    )
+    assert done.returncode == 2
+    assert "has a name that is not UTF-8" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert os.listdir(tmp_path) == before
+
+
+def test_a_take_can_be_renamed_to_any_bytes(tmp_path):
+    path = write_take(tmp_path / "a.mcap", a_take()).rename(tmp_path / os.fsdecode(b"a\xff.mcap"))
+    done = subprocess.run(
+        [sys.executable, "-m", "formats.command", "takes", "verify", path], capture_output=True,
+        env={**os.environ, "PYTHONIOENCODING": "utf-8:strict"},
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"/a\xff.mcap: 150 frames" in done.stdout
+
+
 def test_import_makes_takes_that_hang(tmp_path):
     """The held corners are the top left and right; gravity is -z; the grid keeps its place on the cloth."""
     swung_cloth(tmp_path / "r.npz")

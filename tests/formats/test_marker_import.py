@@ -227,6 +227,17 @@ def test_a_swatch_of_a_weight_that_no_command_reads_is_not_written(tmp_path, mas
     assert list(tmp_path.iterdir()) == []
 
 
+def test_times_in_milliseconds_are_refused_and_nothing_is_written(tmp_path):
+    """120 frames a second lie 8.3 ms apart."""
+    tracks = hanging_tracks()
+    write_marker_csv(tmp_path / "a.csv", MarkerTracks(tracks.labels, 1e3 * tracks.time, tracks.positions))
+    (tmp_path / "s.toml").write_text(dump_description(GARMENT))
+    done = hangtime("import", "a.csv", "--garment", "s.toml", "--out", "takes", folder=tmp_path)
+    assert done.returncode == 2
+    assert "a.csv: its frames are 8.33333 s apart in the median; is its time in seconds?" in done.stderr
+    assert not (tmp_path / "takes").exists()
+
+
 def test_motion_capture_without_a_garment_gives_one_sentence_and_exit_code_2(tmp_path):
     write_marker_csv(tmp_path / "a.csv", hanging_tracks())
     done = hangtime("import", "a.csv", folder=tmp_path)

@@ -1,0 +1,33 @@
+"""What a command says, and to whom: work goes on where nobody reads any more how far it is."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+
+
+def say(text: str, end: str = "\n") -> None:
+    """Print to stderr; where nobody reads it any more, this and all that follows goes nowhere."""
+    if sys.stderr is None:  # closed before us
+        return
+    try:
+        print(text, end=end, file=sys.stderr, flush=True)
+    except (OSError, ValueError):  # full, a pipe that was closed, or closed by this process
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115 - open as long as the process
+
+
+def is_watched() -> bool:
+    """Return whether what is said appears on a terminal."""
+    return sys.stderr is not None and sys.stderr.isatty()
+
+
+def take_streams() -> None:
+    """Lead streams that were closed before us nowhere, lest a file become one; print names of files byte for byte."""
+    while (handle := os.open(os.devnull, os.O_RDWR)) <= 2:
+        pass
+    os.close(handle)
+    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115 - open as long as the process
+    sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="surrogateescape")

@@ -1,0 +1,20 @@
+"""A disk that takes no more, for as long as a test wants."""
+
+from __future__ import annotations
+
+import resource
+import signal
+from contextlib import contextmanager
+
+
+@contextmanager
+def no_file_beyond(count):
+    """Let this process write no file longer than so many bytes: what would be raises EFBIG."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # LLVM, once Taichi has started, ends the process on it
+    resource.setrlimit(resource.RLIMIT_FSIZE, (count, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, before or signal.SIG_IGN)

@@ -1,0 +1,90 @@
+"""How the command ends on a full disk, where nobody reads what it says, and when it is interrupted early."""
+
+from __future__ import annotations
+
+import os
+import resource
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from formats.archive import write_take
+from tests.formats.test_archive import a_take
+
+ROOT = Path(__file__).parents[2]
+COMMAND = [sys.executable, "-m", "formats.command"]
+SAVES = """
+from pathlib import Path
+from formats.command import app, main
+from formats.results import save_diagnosis
+from tests.formats.test_results import diagnosis
+
+@app.command("save")
+def save(folder: Path) -> None:
+    save_diagnosis(folder / "diagnosis.json", diagnosis())
+
+main()
+"""
+INTERRUPTED = """
+import os, signal, sys
+from formats.command import main
+sys.addaudithook(lambda name, about: name == "import" and about[0] == "fit.batch.cli" and os.kill(os.getpid(), 2))
+main()
+"""
+
+
+def run(program, *words, **options):
+    """Run a program in Python, from the checkout."""
+    words = [sys.executable, "-c", program, *map(str, words)]
+    return subprocess.run(words, capture_output=True, text=True, cwd=ROOT, **options)
+
+
+def at_most(count):
+    """Let a process write files of at most so many bytes; Python ignores the signal and raises EFBIG."""
+    return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (count, count))
+
+
+def test_a_full_disk_is_one_sentence_that_names_the_file_and_leaves_what_was_there(tmp_path):
+    assert run(SAVES, "save", tmp_path).returncode == 0
+    before = (tmp_path / "diagnosis.json").read_bytes()
+    done = run(SAVES, "save", tmp_path, preexec_fn=at_most(100))
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"hangtime: {tmp_path}/diagnosis.json: cannot be written (File too large); make room")
+    assert "what was whole before stays" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert (tmp_path / "diagnosis.json").read_bytes() == before
+    assert os.listdir(tmp_path) == ["diagnosis.json"]
+
+
+def test_a_file_in_the_place_of_a_folder_is_one_sentence(tmp_path):
+    (tmp_path / "a").touch()
+    done = run(SAVES, "save", tmp_path / "a")
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"hangtime: {tmp_path}/a: cannot be used (File exists)")
+
+
+@pytest.mark.parametrize(
+    ("where", "code"), [(">/dev/full", 2), (">&-", 0), (">/dev/full 2>&-", 2), ("| true", 141), ("2>&-", 0)]
+)
+def test_output_that_nobody_can_take_gives_no_traceback(tmp_path, where, code):
+    words = shlex.join([*COMMAND, "takes", "show", str(write_take(tmp_path / "a.mcap", a_take()))])
+    done = subprocess.run(
+        ["bash", "-c", f"{words} {where}; exit ${{PIPESTATUS[0]}}"], capture_output=True, text=True
+    )  # fmt: skip
+    assert done.returncode == code
+    assert len(done.stderr.splitlines()) == (where == ">/dev/full")
+
+
+@pytest.mark.parametrize("where", ["2>/dev/full", "2>&-", "2>&1 >/dev/null | true"])
+def test_what_is_said_ends_no_work(tmp_path, where):
+    said = "from formats.terminal import say; say(9 * 'half done'); say('done'); open('kept', 'w')"
+    subprocess.run(["bash", "-c", f"{shlex.join([sys.executable, '-c', said])} {where}"], check=True, cwd=tmp_path)
+    assert (tmp_path / "kept").exists()
+
+
+def test_ctrl_c_before_the_commands_are_there_gives_no_traceback():
+    done = run(INTERRUPTED)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")

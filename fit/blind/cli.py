@@ -108,7 +108,14 @@ def run_command(
     workers: Annotated[
         int, typer.Option("--workers", min=1, help="Diagnoses side by side; they share the processors.")
     ] = 1,
-) -> None:
+    takes: Annotated[
+        int | None,
+        typer.Option(
+            "--takes", min=1, max=3, help="Diagnose so many takes of each case alone, and judge on them too.",
+            show_default="three, and two others to judge on",
+        ),
+    ] = None,
+) -> None:  # fmt: skip
     """Diagnose every case of a set with `hangtime diagnose`.
 
     Cases that are done are skipped; one that fails counts as inconclusive. Interrupt with Ctrl-C at any time; the same
@@ -126,6 +133,7 @@ def run_command(
             again=again,
             limit=limit,
             workers=workers,
+            takes=takes,
             progress=lambda done, total, bad: line.show(done, total, f", {bad} without a diagnosis" if bad else ""),
         )
     except KeyboardInterrupt:

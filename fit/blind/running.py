@@ -6,26 +6,24 @@ ANSWERS/<id>/failure.txt        where it ended without one: the case counts as `
 
 from __future__ import annotations
 
-import fcntl
 import os
 import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import contextmanager
 from pathlib import Path
 
 from fit import runtime
 from fit.blind.making import changed_files, read_manifest
 from fit.errors import FitError
-from fit.folders import make_folder
+from fit.folders import alone, make_folder
 from formats.whole_files import write_whole
 
 LIMIT = 3600.0  # s for one case: thirty times what one takes
 PATIENCE = 10.0  # s until a diagnosis that the terminal's Ctrl-C did not reach is interrupted too
-DIAGNOSIS, FAILURE, LOG, LOCK = "diagnosis.json", "failure.txt", "output.txt", ".lock"
+DIAGNOSIS, FAILURE, LOG = "diagnosis.json", "failure.txt", "output.txt"
 KEPT, REFUSED = "diagnosis.partial", 2  # fits that an interrupted diagnosis keeps; exit code of a bad request
 Progress = Callable[[int, int, int], None]
 
@@ -37,13 +35,14 @@ def diagnose_command() -> list[str]:
 
 def run_set(
     folder: Path, answers: Path, *, command: Sequence[str] = (), options: Sequence[str] = (),
-    again: bool = False, limit: float = LIMIT, workers: int = 1,
+    again: bool = False, limit: float = LIMIT, workers: int = 1, takes: int | None = None,
     progress: Progress = lambda done, total, failed: None,
 ) -> int:  # fmt: skip
     """Diagnose the cases that are not done; return how many ended without a diagnosis.
 
     command: what to run instead of `hangtime diagnose`; options: more words for it; again: retry failures;
-    limit [s]: time for one case; workers: diagnoses side by side, which share the processors
+    limit [s]: time for one case; workers: diagnoses side by side, which share the processors; takes: so many of each
+    case alone, the first ones, and none to judge on
 
     Raises:
         FitError: there is no set, it is not complete, its files are not those that were made, or another run writes
@@ -58,23 +57,9 @@ def run_set(
             f"{len(changed)} files are not those that were made, first {changed[0]}", where=folder,
             advice="the same `hangtime blind make` makes them again",
         )  # fmt: skip
-    diagnoses = _Diagnoses([*(command or diagnose_command())], options, limit, workers)
-    with _alone(answers):
+    diagnoses = _Diagnoses([*(command or diagnose_command())], options, limit, workers, takes)
+    with alone(make_folder(answers), "blind run"):
         return _run(manifest.cases, folder, answers, diagnoses, again, workers, progress)
-
-
-@contextmanager
-def _alone(answers: Path) -> Iterator[None]:
-    """Hold a folder of answers; the kernel lets go of it when the process ends, however it does."""
-    with (make_folder(answers) / LOCK).open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise FitError(
-                "another `hangtime blind run` writes answers here", where=answers,
-                advice="wait until it has ended, or give another folder with --out",
-            ) from error  # fmt: skip
-        yield
 
 
 def _run(
@@ -108,8 +93,10 @@ def _is_done(answer: Path) -> bool:
 class _Diagnoses:
     """Diagnoses that run side by side, each in a process of its own."""
 
-    def __init__(self, command: list[str], options: Sequence[str], limit: float, workers: int) -> None:
-        self._command, self._options, self._limit = command, options, limit
+    def __init__(
+        self, command: list[str], options: Sequence[str], limit: float, workers: int, takes: int | None
+    ) -> None:
+        self._command, self._options, self._limit, self._takes = command, options, limit, takes
         threads = max(1, runtime.available_threads() // workers)
         self._surroundings = {**os.environ, "HANGTIME_THREADS": str(threads)}
         self._running: set[subprocess.Popen[str]] = set()
@@ -118,8 +105,8 @@ class _Diagnoses:
         """Diagnose into a folder beside the answer's, and give it its name when the process has ended."""
         work = out.with_name(f".{out.name}.partial")
         work.mkdir(parents=True, exist_ok=True)
-        words = [str(p.resolve()) for p in sorted(case.glob("take-*.mcap"))]
-        for path in sorted(case.glob("held-out-*.mcap")):
+        words = [str(p.resolve()) for p in sorted(case.glob("take-*.mcap"))[: self._takes]]
+        for path in sorted(case.glob("held-out-*.mcap")) if self._takes is None else ():
             words += ["--held-out", str(path.resolve())]
         words = [*self._command, *words, "--out", str(work), *self._options]
         has_kept = (work / KEPT).exists()

@@ -167,11 +167,24 @@ def test_running_skips_what_is_done_and_records_failures(a_set, tmp_path):
     hash_answers(a_set, answers)
 
 
+@pytest.mark.parametrize("takes", [1, 2])
+def test_so_many_takes_alone_are_the_first_ones_and_none_is_held_out(a_set, tmp_path, takes):
+    program = tmp_path / "diagnose.py"
+    program.write_text(STAND_IN)
+    (tmp_path / "fails.txt").write_text("nobody")
+    save_diagnosis(tmp_path / "answer.json", diagnosis("none"))
+    assert run_set(a_set, tmp_path / "answers", command=[sys.executable, str(program)], takes=takes) == 0
+    for line in (tmp_path / "calls.txt").read_text().splitlines():
+        words = line.split()
+        assert [w.rsplit("/", 1)[-1] for w in words[: words.index("--out")]] == list(FILES[:takes])
+        assert "--held-out" not in words
+
+
 # Holds a folder of answers as a run does, says so, and stays.
 HOLDER = """
 import pathlib, sys, time
-from fit.blind.running import _alone
-with _alone(pathlib.Path(sys.argv[1])):
+from fit.folders import alone, make_folder
+with alone(make_folder(pathlib.Path(sys.argv[1])), "blind run"):
     print("held", flush=True)
     time.sleep(60)
 """
@@ -185,7 +198,7 @@ def test_two_runs_do_not_write_the_same_answers_and_a_killed_one_is_in_nobodys_w
     words = [sys.executable, "-c", HOLDER, str(answers)]
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as other:
         assert other.stdout.readline() == "held\n"
-        with pytest.raises(FitError, match="another `hangtime blind run` writes answers here"):
+        with pytest.raises(FitError, match="another `hangtime blind run` writes here"):
             run_set(a_set, answers, command=[sys.executable, str(program)])
         assert not (tmp_path / "calls.txt").exists()
         other.kill()

@@ -134,9 +134,12 @@ class OpenNI2Sensor(DepthSensor):
             raise self._refused(f"it says that its depth comes at {mode.fps} frames a second")
         notes = []
         try:
-            fx = 0.5 * width / np.tan(0.5 * depth.get_horizontal_fov())
-            fy = 0.5 * height / np.tan(0.5 * depth.get_vertical_fov())
+            views = depth.get_horizontal_fov(), depth.get_vertical_fov()
         except self._openni2.OpenNIError:
+            views = 0.0, 0.0
+        if all(0.0 < view < np.pi for view in views):
+            fx, fy = (0.5 * size / np.tan(0.5 * view) for size, view in zip((width, height), views, strict=True))
+        else:  # not said, or no angle
             fx = fy = FOCAL_SHARE * width
             notes.append(f"field of view unknown; focal length taken as {fx:.1f} px, as for PS1080 and Kinect v1")
         if self._summary is not None and not self._summary.is_complete:

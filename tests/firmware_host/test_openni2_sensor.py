@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import struct
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -113,6 +114,20 @@ def test_a_recording_that_says_zero_frames_a_second_is_refused(tmp_path: Path) -
     path.write_bytes(raw[:at] + bytes(4) + raw[at + 4 :])
     with pytest.raises(RecordingError, match=r"a\.oni: it says that its depth comes at 0 frames a second; copy"):
         OpenNI2Sensor(path)
+
+
+@pytest.mark.openni
+@pytest.mark.usefixtures("openni")
+@pytest.mark.parametrize("view", [0.0, float("nan"), 4.0])
+def test_a_field_of_view_that_is_no_angle_is_unknown(tmp_path: Path, view: float) -> None:
+    """Its xnFOV: name and 0, size of 16 bytes, two double numbers."""
+    path = write_recording(tmp_path / "a.oni", 2)
+    raw, name = path.read_bytes(), b"xnFOV\0"
+    at = raw.index(name) + len(name) + 4
+    path.write_bytes(raw[:at] + struct.pack("<2d", view, view) + raw[at + 16 :])
+    with OpenNI2Sensor(path) as sensor:
+        assert sensor.info.notes[0].startswith("field of view unknown")
+        assert sensor.info.intrinsics.fx == pytest.approx(0.9 * sensor.info.width, rel=0.01)
 
 
 @pytest.mark.openni

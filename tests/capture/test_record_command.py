@@ -189,7 +189,8 @@ def test_a_take_goes_on_when_nobody_reads_what_is_said(good, tmp_path):
 def test_a_recording_that_is_told_to_stop_ends_its_take_and_gives_the_lamp_back(good, tmp_path, what):
     """On a terminal of its own (a pty): when our end closes, the kernel sends SIGHUP, as when a connection drops.
 
-    There are 600 frames, so that a busy machine does not come to their end before the signal.
+    There are 600 frames, so that a busy machine does not come to their end before the signal. Tests that `nohup` or a
+    shell's background runs ignore signals, and would hand that on.
     """
     write_swing(tmp_path, good * 200)
     lamp = make_lamp(tmp_path)
@@ -198,7 +199,7 @@ def test_a_recording_that_is_told_to_stop_ends_its_take_and_gives_the_lamp_back(
     ours, theirs = os.openpty()
     process = subprocess.Popen(
         ["setsid", "--ctty", *program], stdin=theirs, stdout=theirs, stderr=theirs, cwd=tmp_path,
-        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),  # tests that `nohup` runs ignore it
+        preexec_fn=lambda: [signal.signal(one, signal.SIG_DFL) for one in (signal.SIGHUP, signal.SIGINT)],
     )  # fmt: skip
     os.close(theirs)
     said = b""

@@ -30,6 +30,7 @@ main()
 """
 INTERRUPTED = """
 import os, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background ignores it
 from formats.command import main
 sys.addaudithook(lambda name, about: name == "import" and about[0] == "fit.batch.cli" and os.kill(os.getpid(), 2))
 main()

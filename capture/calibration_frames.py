@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 
 from capture.errors import CalibrationError
 from capture.marker_detection import MarkerDetector
-from firmware_host.depth_sensor import DepthSensor
+from firmware_host.depth_sensor import MOST_FRAMES, DepthSensor
 
 Floats = NDArray[np.float64]
 
 STILL = 0.7  # px that a marker may stray within still frames: 2 mm at 1.6 m, five times its reading noise
 FEWEST_STILL = 15  # frames, half a second: less can be the turning point of a swing
 MOST_KEPT = 90  # frames; three seconds, after which the noise that averages out is small beside what does not
-MOST_FRAMES = 2.0  # of those that are due: a sensor whose clock stands still or runs back is not watched for ever
 
 
 @dataclass(frozen=True)

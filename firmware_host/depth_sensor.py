@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from formats.rig import Sensor
 
+# Of the frames that are due in some time: after so many the clock does not run, and its end is waited for no longer.
+MOST_FRAMES = 2.0
 STALL_TIMEOUT = 5.0  # s without a frame before a live sensor counts as stalled; a USB reset takes about 2 s
 
 

@@ -8,7 +8,6 @@ from typing import Annotated
 
 import typer
 
-from fit import runtime
 from fit.batch.cli import add_commands as add_batch_commands
 from fit.blind.cli import add_commands as add_blind_commands
 from formats.terminal import is_watched, say
@@ -35,7 +34,6 @@ Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of every random n
 
 def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
-    runtime.give_home()  # before any of them imports Taichi
     app.command("fit", short_help="Find the cloth parameters that follow the takes.")(fit_command)
     app.command("fabric", short_help="Show a fit as a fabric tester would.")(fabric_command)
     app.command("diagnose", short_help="Say what the simulation lacks, and how sure that is.")(diagnose_command)
@@ -195,16 +193,14 @@ def diagnose_command(
     Fits the base model and every effect of the library to the takes and judges them on the held-out ones. Writes
     DIR/diagnosis.json and DIR/report.html. Interrupt with Ctrl-C at any time; the same command goes on where it was.
     """
-    import msgspec
-
     from fit.cloth.simulator import Resolution
     from fit.effects import find_effects
     from fit.errors import FitError
     from fit.folders import alone, make_folder, set_aside_other_takes
-    from fit.gap.diagnosis import diagnose
+    from fit.gap.diagnosis import diagnose, ready
     from fit.parameterisations import base_model_of, find_method
     from fit.reporting import write_diagnosis_report
-    from fit.takes import content_of, is_of
+    from fit.takes import is_of
     from formats.results import load_fit_result, save_diagnosis
 
     training, testing = _read(takes, held_out, held_out_motion)
@@ -216,7 +212,7 @@ def diagnose_command(
         fitted = beside if is_of(beside, training) else None
     base = find_method(model) if model else base_model_of(training[0].garment)
     added = find_effects(add)
-    _check_geometry(training, testing)
+    prepared = ready(training, testing)
     make_folder(out, "diagnosis.json", "report.html")
     progress = ProgressLine("diagnosis")
     resolution = Resolution(spacing=spacing) if spacing is not None else None
@@ -230,12 +226,12 @@ def diagnose_command(
                 checkpoint=out / "diagnosis.partial",
                 resolution=resolution,
                 seed=seed,
+                prepared=prepared,
                 progress=lambda stage, share: progress.show(share, stage),
             )
             progress.end()
             aside = set_aside_other_takes(out / "diagnosis.json", training)
-            contents = [content_of(take) for take in training]
-            save_diagnosis(out / "diagnosis.json", msgspec.structs.replace(findings.diagnosis, take_contents=contents))
+            save_diagnosis(out / "diagnosis.json", findings.diagnosis)
             report = write_diagnosis_report(
                 out / "report.html", findings, fitted, training, testing, findings.resolution
             )
@@ -263,18 +259,6 @@ def _read(takes: list[Path], held_out: list[Path], motions: list[str]):  # type:
 
     training, moving = split_by_motion([read_take(p) for p in takes], motions)
     return training, moving + [read_take(p) for p in held_out]
-
-
-def _check_geometry(training, testing) -> None:  # type: ignore[no-untyped-def]
-    """Refuse what a fit refuses: points that cannot belong to the garment."""
-    from fit.geometry import check_geometry
-    from fit.recording import prepare_together
-    from fit.takes import check_together
-
-    check_together(training, testing)
-    train, test = prepare_together(training, testing)
-    for recording in train + test:
-        check_geometry(recording)
 
 
 def _added_line(finding) -> str:  # type: ignore[no-untyped-def]

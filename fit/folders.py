@@ -5,16 +5,16 @@ from __future__ import annotations
 import fcntl
 import itertools
 import os
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from fit.errors import FitError
-from fit.takes import content_of, is_of
+from fit.takes import is_of
 from formats.errors import ResultError
-from formats.results import Diagnosis, FitResult, load_diagnosis, load_fit_result
+from formats.results import load_diagnosis, load_fit_result
 from formats.take import Take
+from formats.whole_files import make_writable
 
 
 def make_folder(folder: Path, *files: str) -> Path:
@@ -24,9 +24,7 @@ def make_folder(folder: Path, *files: str) -> Path:
         FitError: the folder cannot be made or written to, or a folder has the name of one of the files.
     """
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
+        make_writable(folder)
     except OSError as error:
         raise FitError(
             f"cannot be used as a folder for results ({error.strerror})", where=folder, advice="choose another one"
@@ -72,7 +70,7 @@ def set_aside_other_takes(path: Path, training: list[Take]) -> str:
     except ResultError as error:
         whose = f"is not known to be of these takes ({error.what})"
     else:
-        if _is_of(kept, training):
+        if is_of(kept, training):
             return ""
         whose = f"is of other takes ({', '.join(kept.take_ids)})"
     both = (path, path.with_name("report.html"))
@@ -85,11 +83,3 @@ def set_aside_other_takes(path: Path, training: list[Take]) -> str:
 
 def _numbered(path: Path, number: int) -> Path:
     return path.with_name(f"{path.stem}.{number}{path.suffix}")
-
-
-def _is_of(result: FitResult | Diagnosis, takes: list[Take]) -> bool:
-    if isinstance(result, FitResult):
-        return is_of(result, takes)
-    if not result.take_contents:  # so old that it knows names alone
-        return result.take_ids == [take.take_id for take in takes]
-    return result.take_contents == [content_of(take) for take in takes]

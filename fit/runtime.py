@@ -7,7 +7,6 @@ import contextlib
 import functools
 import io
 import os
-import pwd
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -46,15 +45,6 @@ def lane_widths() -> tuple[int, ...]:
     return (4, 8, 16) if "avx512f" in about.split() else (8,)
 
 
-def give_home() -> None:
-    """Say in the environment where home is, where nobody has: Taichi's import ends the process without it."""
-    if "HOME" not in os.environ:
-        try:
-            os.environ["HOME"] = pwd.getpwuid(os.getuid()).pw_dir
-        except KeyError:  # a number without a name, as in a container
-            os.environ["HOME"] = "/nonexistent"
-
-
 def start(threads: int | None = None) -> None:
     """Start Taichi on the CPU, once per process; later calls do nothing.
 
@@ -67,7 +57,6 @@ def start(threads: int | None = None) -> None:
     """
     if _started:
         return
-    give_home()
     import taichi as ti
 
     cache = _other_cache(ti)

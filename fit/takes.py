@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from fit.errors import FitError
-from formats.results import FitResult
+from formats.results import Diagnosis, FitResult
 from formats.take import Take
 
 
@@ -21,8 +21,8 @@ def content_of(take: Take) -> str:
     return whole.hexdigest()
 
 
-def is_of(result: FitResult, takes: list[Take]) -> bool:
-    """Return whether a fit is of these takes; by their names alone where it is so old that it says no more."""
+def is_of(result: FitResult | Diagnosis, takes: list[Take]) -> bool:
+    """Return whether a result is of these takes; by their names alone where it is so old that it says no more."""
     if not result.take_contents:
         return result.take_ids == [take.take_id for take in takes]
     return result.take_contents == [content_of(take) for take in takes]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import tempfile
 from pathlib import Path
 
 from formats.descriptions import check_garment, check_rig, dump_description, load_garment, load_rig
@@ -11,7 +10,7 @@ from formats.errors import DescriptionError, OutputError
 from formats.garment import Garment
 from formats.rig import Rig
 from formats.unfinished import already_there, left_unfinished, not_utf8, unfinished_name
-from formats.whole_files import make_folders, write_whole
+from formats.whole_files import make_folders, make_writable, write_whole
 
 
 def check_name(path: Path) -> None:
@@ -48,9 +47,7 @@ def make_output_folder(folder: Path) -> None:
         OutputError: it cannot.
     """
     try:
-        make_folders(folder)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
+        make_writable(folder)
     except OSError as error:
         raise OutputError(
             f"cannot be made or written to ({error.strerror})", where=folder, advice="choose another folder"

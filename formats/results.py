@@ -278,11 +278,6 @@ def save_fit_result(path: Path, result: FitResult) -> None:
     _save(path, result)
 
 
-def fit_result_bytes(result: FitResult, where: Path) -> bytes:
-    """Return a fit result as its file holds it; where: what that file will be."""
-    return _encoded(result, where)
-
-
 def load_fit_result(path: Path) -> FitResult:
     """Read a fit result.
 
@@ -307,12 +302,17 @@ def load_diagnosis(path: Path) -> Diagnosis:
 
 
 def _save(path: Path, record: FitResult | Diagnosis) -> None:
-    raw = _encoded(record, path)
+    raw = result_bytes(record, path)
     path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, raw)
 
 
-def _encoded(record: FitResult | Diagnosis, path: Path) -> bytes:
+def result_bytes(record: FitResult | Diagnosis, path: Path) -> bytes:
+    """Return a result as its file holds it; path: what that file will be.
+
+    Raises:
+        ResultError: a number in it is not finite.
+    """
     _check(record, path)
     raw = msgspec.json.format(msgspec.json.encode(record), indent=2)
     msgspec.json.decode(raw, type=type(record))

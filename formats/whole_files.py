@@ -50,6 +50,17 @@ def make_folders(folder: Path) -> None:
         sync_folder(made.parent)
 
 
+def make_writable(folder: Path) -> None:
+    """Make a folder as `make_folders` does, and try whether it can be written to.
+
+    Raises:
+        OSError: it cannot be made or written to.
+    """
+    make_folders(folder)
+    with tempfile.TemporaryFile(dir=folder):
+        pass
+
+
 def sync_folder(folder: Path) -> None:
     """Put on the disk which names a folder holds: a file's own fsync does not (`man 2 fsync`).
 

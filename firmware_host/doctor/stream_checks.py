@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from firmware_host import openni2_library
+from firmware_host.depth_sensor import MOST_FRAMES
 from firmware_host.doctor.checks import Check, Examination, Finding, StreamSample, ok, problem, skipped
 from firmware_host.errors import SensorUnavailableError
 from firmware_host.opening import open_sensor
@@ -15,7 +16,6 @@ from firmware_host.usb_control.devices import UsbDevice
 
 LIVE_SENSOR = "openni2:"
 WATCHED = 5.0  # s of frames that are looked at
-MOST_FRAMES = 2.0  # of those that are due in that time: then the clock does not run, and is no longer waited for
 WARM_UP = 10  # frames of a live sensor left out: exposure settles, and the first ones may come late
 HIGHEST_RATE = 1.5  # of the nominal rate; more frames than that never come, so it is the clock that lags
 LOWEST_RATE = 0.95  # of the nominal rate; the device's clock is far better than this, so less means lost frames

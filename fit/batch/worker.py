@@ -8,7 +8,6 @@ import time
 from datetime import UTC, datetime
 from pathlib import Path
 
-from fit import runtime
 from fit.batch.jobs import Job, Outcome, digest_of, failure_name, result_name, search_name
 from fit.batch.store import Store, open_store
 from fit.errors import BatchError, FitError
@@ -26,7 +25,6 @@ def run_job(job: Job) -> Outcome:
     """
     # One take, one core: fits scale over takes. Must be set before Taichi starts.
     os.environ.setdefault("HANGTIME_THREADS", "1")
-    runtime.give_home()
     started = time.monotonic()
     if physics_version() != job.physics:
         return Outcome(
@@ -69,7 +67,7 @@ def _fit(job: Job, content: bytes, results: Store) -> bytes:
     """
     from fit.calibration import calibrate
     from formats.archive import take_of
-    from formats.results import fit_result_bytes
+    from formats.results import result_bytes
 
     take = take_of(content, job.take)
     # In a shared folder an unfinished search outlives its worker; from a bucket the fit begins anew.
@@ -83,7 +81,7 @@ def _fit(job: Job, content: bytes, results: Store) -> bytes:
             raise
         checkpoint.unlink(missing_ok=True)  # an unfinished search that cannot go on costs time, not the take
         result = calibrate([take], [], job.plan.request(), checkpoint=checkpoint)
-    return fit_result_bytes(result, Path(result_name(job.key)))
+    return result_bytes(result, Path(result_name(job.key)))
 
 
 def _sentence(error: Exception) -> str:

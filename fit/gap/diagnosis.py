@@ -30,6 +30,7 @@ from fit.gap.observer import Observer
 from fit.gap.rounds import Rounds
 from fit.gap.verdict import decide, passing_effects
 from fit.gap.where import find_where
+from fit.geometry import check_geometry
 from fit.parameterisations import SI, Parameterisation
 from fit.physics import physics_version
 from fit.recording import Recording, prepare_together
@@ -38,6 +39,7 @@ from formats.results import Cost, Diagnosis
 from formats.take import Take
 
 Floats = NDArray[np.float64]
+Prepared = tuple[list[Recording], list[Recording]]
 Progress = Callable[[str, float], None]
 
 CELLS = 9  # across the smaller side of the garment
@@ -67,22 +69,22 @@ def diagnose(
     checkpoint: Path | None = None,
     resolution: Resolution | None = None,
     seed: int = 0,
+    prepared: Prepared | None = None,
     progress: Progress = lambda stage, share: None,
 ) -> Findings:
     """Diagnose the gap between takes and the base model.
 
     added: names of effects whose refit is to be shown whatever the screening says of them.
     checkpoint: folder in which finished fits are kept; the caller deletes it when the result is safe.
+    prepared: what `ready` made of the takes, where that has been called before
 
     Raises:
-        FitError: no take, takes of different garments, one that is given twice, or a checkpoint of other takes or of
-            another version.
+        FitError: as `ready`, or a checkpoint of other takes or of another version.
     """
     started = clock.monotonic()
-    check_together(training, held_out)
-    rng = np.random.default_rng(seed)
     progress("reading takes", 0.0)
-    train, test = prepare_together(training, held_out)
+    train, test = prepared or ready(training, held_out)
+    rng = np.random.default_rng(seed)
     found_gates = gate.data_gates(train, test)
     resolution = resolution or fine_enough(train[0])
     observer = Observer(train, model, effects, frequency=0.0, resolution=resolution)
@@ -143,9 +145,24 @@ def diagnose(
         base_parameters=described.base_parameters(model, base),
         notes=described.notes(len(training), len(held_out), observer, is_predictable=predictability.passed),
         alternatives=verdict.alternatives,
+        take_contents=[content_of(t) for t in training],
     )
     progress("done", 1.0)
     return Findings(diagnosis, base, best.fitted if best else None, effects, model, resolution, observer.frequency)
+
+
+def ready(training: list[Take], held_out: list[Take]) -> Prepared:
+    """Return takes ready for simulation, those to fit to and those to judge on.
+
+    Raises:
+        FitError: no take, takes of different garments, one that is given twice, or one whose points cannot belong to
+            its garment.
+    """
+    check_together(training, held_out)
+    train, test = prepare_together(training, held_out)
+    for recording in train + test:
+        check_geometry(recording)
+    return train, test
 
 
 def fine_enough(recording: Recording) -> Resolution:

@@ -30,13 +30,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.effects.base import Effect
+from fit.gap.closure import TIE
 from fit.gap.fitting import Fitted, Problem
 from fit.gap.observer import Observer
 
 Floats = NDArray[np.float64]
 
 REPLICAS = 2000
-TIE = 1e-9  # of a statistic, within which two of them are the same
 DETECTION = 1.645 + 0.842  # one-sided 5 % and power 80 %
 GROUP_COSINE = 0.9  # signatures closer than this cannot be told apart
 RENEWED = 8  # effects whose signatures are taken anew where those of a fit nearby are known

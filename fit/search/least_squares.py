@@ -236,8 +236,7 @@ class _Search:
         history = [cost]
         jacobian = (yield from self._jacobian(u, r)) if known is None else known * self.space.scale
         is_fresh = True  # the Jacobian belongs to u, or is all that the caller pays for
-        at = u  # where it was made
-        renewals, is_hopeless = 0, False
+        renewals, is_hopeless, is_far = 0, False, False
         for _ in range(settings.max_iterations):
             normal, slope = self._normal_equations(u, r, jacobian)
             free = ~(((u <= 0) & (slope > 0)) | ((u >= 1) & (slope < 0)))
@@ -255,8 +254,11 @@ class _Search:
                 u, r, cost, damping = moved.unit, moved.residuals, moved.cost, moved.damping
                 history.append(cost)
                 if not settings.is_chord:
-                    jacobian, at = (yield from self._jacobian(u, r)), u
-                elif not (reason and is_fresh):  # else a halt is believed, and differences here would be the same
+                    jacobian = yield from self._jacobian(u, r)
+                elif reason and is_fresh:  # a halt is believed; after a short step differences would be the same
+                    shortest = max(settings.step / 2, settings.step_tolerance)
+                    is_far = known is None and float(np.abs(step).max()) > shortest
+                else:
                     jacobian = jacobian + np.outer(change - jacobian @ step, step) / max(float(step @ step), 1e-30)
                     is_fresh = known is not None
             if reason and (is_fresh or renewals == settings.renewals):
@@ -265,11 +267,9 @@ class _Search:
                 is_hopeless, reason = True, "it will hardly come below what is known"
                 break
             if reason:  # a worn Jacobian may be all that is wrong
-                jacobian, is_fresh, renewals, at = (yield from self._jacobian(u, r)), True, renewals + 1, u
+                jacobian, is_fresh, renewals = (yield from self._jacobian(u, r)), True, renewals + 1
         else:
             reason = ""
-        # A halt may be believed after a long step of little use; after one below half of a difference J is the same.
-        is_far = known is None and float(np.abs(u - at).max()) > max(settings.step / 2, settings.step_tolerance)
         if (is_far or not is_fresh) and settings.is_exact and not is_hopeless:
             jacobian = yield from self._jacobian(u, r)
         _, slope = self._normal_equations(u, r, jacobian)

@@ -44,9 +44,11 @@ class TrackerSmoothing(Effect):
 
     def unobserved(self, targets: Floats, recording: Recording, amplitude: Floats) -> Floats:
         """Return targets with the wrinkles that were ironed out, to first order: what is gone is gone for good."""
-        mixing = opposite_neighbours(np.array([p.at_m for p in recording.garment.points]))
-        share = min(float(amplitude[0]), 1.0)
-        return np.asarray(targets + share * (targets - np.einsum("pq,fqc->fpc", mixing, targets)))
+        known = recording.has_curve  # others have no targets to be mixed in
+        mixing = opposite_neighbours(np.array([p.at_m for p in recording.garment.points])[known])
+        share, found = min(float(amplitude[0]), 1.0), targets.copy()
+        found[:, known] += share * (targets[:, known] - np.einsum("pq,fqc->fpc", mixing, targets[:, known]))
+        return found
 
 
 def opposite_neighbours(places: Floats) -> Floats:

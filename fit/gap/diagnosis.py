@@ -108,7 +108,8 @@ def diagnose(
     base = search.base.fitted
     refined = refine(observer, judge, base)
     mesh_closure = closure(search.base.errors, refined.errors, floor, picks)
-    found_gates.append(gate.numerics_gate(mesh_closure[0] if mesh_closure else None, refined.numerics_mm))
+    removed = mesh_closure[0] if mesh_closure else None
+    found_gates.append(gate.numerics_gate(removed, refined.numerics_mm, refined.ratio))
     search.sizes_by_edge(refined.numerics_mm)
     evidence = search.evidence(noise, refined, picks, found_gates, is_held_out=bool(test))
     verdict = decide(evidence, effects)

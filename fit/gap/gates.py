@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.gap.fitting import Fitted
-from fit.gap.numerics import REFINEMENT
 from fit.gap.observer import Observer
 from fit.recording import Recording
 from formats.results import Gate
@@ -132,11 +131,14 @@ def convergence_gate(fits: list[Fitted], best_effect: float) -> Gate:
     )  # fmt: skip
 
 
-def numerics_gate(closed: float | None, numerics_mm: float) -> Gate:
-    """Does a finer mesh and step explain the gap? It is judged like an effect: by its closure on the same motion."""
+def numerics_gate(closed: float | None, numerics_mm: float, ratio: float) -> Gate:
+    """Does a finer mesh and step explain the gap? It is judged like an effect: by its closure on the same motion.
+
+    ratio: how many times finer
+    """
     share = max(closed or 0.0, 0.0)
     sentence = (
-        f"A mesh {REFINEMENT:g} times finer with its smaller step, refitted, removes {100 * share:.0f} % of the gap; "
+        f"A mesh {ratio:.1f} times finer with its smaller step, refitted, removes {100 * share:.0f} % of the gap; "
         f"the mesh moves the points by about {numerics_mm:.1f} mm."
     )
     if closed is None:

@@ -9,7 +9,8 @@ from scipy.interpolate import CubicSpline
 from fit.effects import LIBRARY
 from fit.effects.base import Effect, amplitudes_of
 from fit.effects.tracker_smoothing import opposite_neighbours
-from tests.fit.scenes import hung, material, sheet, simulate_take, swing
+from fit.recording import prepare
+from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 from tests.fit.test_effects import FRAME, driven, effect, observed
 
 
@@ -90,6 +91,22 @@ def test_ironing_leaves_flat_cloth_and_lowers_a_bump():
     bumpy = flat.copy()
     bumpy[:, 12, 1] += 0.01
     assert observed("tracker_smoothing", 0.4, bumpy)[0, 12, 1] == pytest.approx(0.006)
+
+
+def test_a_point_that_nobody_saw_is_not_ironed_back_into_its_neighbours():
+    """Its target is the origin, 1.5 m away: the pull on its neighbours takes no part of it."""
+    time = np.arange(0, 2, FRAME)
+    garment = sheet(grid=5)
+    points = hung(garment, time) + np.array([0.0, 1.5, 0.0])
+    blind = points.copy()
+    blind[:, 12] = np.nan
+    aims = []
+    for seen in (points, blind):
+        recording = prepare(take_of(garment, time, np.tile([0.0, 1.5, 0.0], (len(time), 1)), seen))
+        targets, _ = recording.targets(time)
+        aims.append(effect("tracker_smoothing").unobserved(targets, recording, np.array([0.4])))
+    others = np.arange(25) != 12
+    assert aims[1][:, others] == pytest.approx(aims[0][:, others], abs=1e-6)  # flat cloth has no wrinkles
 
 
 @pytest.mark.parametrize("pitch", [(0.075, 0.075), (0.075, 0.0763), (0.04, 0.053), (0.075, 0.05)])

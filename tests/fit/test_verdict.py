@@ -68,7 +68,7 @@ def test_a_floor_that_a_model_falls_below_is_that_models_error():
     search.singles = {0: hypothesis(("air_drag",), 6.0)}
     for seeming, floor, is_most in ((4.0, 4.0, False), (5.0, 4.5, True)):
         found = search.evidence(
-            (seeming, 0.1), Refined(errors(12.0), 0.5, 1.0), np.zeros((1, 1), int), [], is_held_out=True
+            (seeming, 0.1), Refined(errors(12.0), 1.5, 0.5, 1.0), np.zeros((1, 1), int), [], is_held_out=True
         )
         assert (found.floor_mm, found.is_floor_most) == (pytest.approx(floor), is_most)
 

@@ -66,6 +66,7 @@ class Recording:
     windows: where the observer's pull acts and residuals count; None: both everywhere
     held_error [m]: how far off the held ends may constantly be on the hanger, per axis, where the rig states it
     offset_sd [m]: how far a point may constantly be beside the material point that it stands for, per axis
+    is_calibrated: false where a sensor saw it whose rig nobody measured (`hangtime calibrate`)
     """
 
     take_id: str
@@ -86,6 +87,7 @@ class Recording:
     windows: Windows | None = None
     held_error: float = 0.0
     offset_sd: float = MARKER_OFFSET
+    is_calibrated: bool = True
 
     @property
     def counted(self) -> Booleans:
@@ -159,11 +161,14 @@ def prepare(take: Take) -> Recording:
     time, held_valid, held_seen = take.time[kept] - take.time[kept][0], held_valid[kept], held_seen[kept]
     points = take.points[kept] @ rotation.T
     valid = take.points_valid[kept] & np.isfinite(take.points[kept]).all(2)
-    if valid.sum() < FEWEST_FRAMES:
+    places = np.array([p.at_m for p in take.garment.points])
+    on_edge = _is_held(take.garment, places)
+    judged = ~on_edge if (~on_edge).sum() >= 3 else np.ones(len(places), bool)
+    if valid[:, judged].sum() < FEWEST_FRAMES:
         raise FitError(
-            "hardly any point of the garment was seen",
+            "hardly any point of the garment below the held edge was seen",
             where=take.take_id,
-            advice="check with `hangtime takes show`, then record again",
+            advice="check with `hangtime takes show`, then record again with all of the garment in view",
         )
     seen_sd = np.where(valid[..., None], take.points_sd[kept], np.nan)
     with np.errstate(invalid="ignore"):
@@ -172,8 +177,6 @@ def prepare(take: Take) -> Recording:
     held_sd = float(np.sqrt(np.mean(take.held_sd[kept][held_valid] ** 2)))
     cut_off = best_cut_off(time[held_valid], held_seen[held_valid])
     held = _held_curve(time, held_seen, cut_off)
-    places = np.array([p.at_m for p in take.garment.points])
-    on_edge = _is_held(take.garment, places)
     seen = np.where(valid[..., None], points, np.nan)
     edge = HeldEdge(time, seen[:, on_edge], places[on_edge, 0], held)
     turn, turn_rms = edge.turn()
@@ -182,8 +185,9 @@ def prepare(take: Take) -> Recording:
         valid=valid, point_sd=point_sd, held_sd=held_sd, held=held, held_seen=held_seen, held_cut_off=cut_off,
         target_curves=_target_curves(time, points, valid), edge_turn=turn, turn_rms=_or_one(turn_rms),
         slip_at=edge.slip_at(),
-        judged=~on_edge if (~on_edge).sum() >= 3 else np.ones(len(places), bool), held_error=_held_error(take.rig),
+        judged=judged, held_error=_held_error(take.rig),
         offset_sd=MARKER_OFFSET if take.rig.sensor is None else SILHOUETTE_OFFSET,
+        is_calibrated=take.rig.sensor is None or take.rig.calibration is not None,
     )  # fmt: skip
 
 

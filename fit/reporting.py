@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.cloth.simulator import Resolution, Simulator
-from fit.effects.base import amplitudes_of
+from fit.effects.base import amplitudes_of, parameter_names
 from fit.engines import OWN, find_engine
 from fit.engines.plain_grid import plain_grid
 from fit.gap.diagnosis import Findings
@@ -59,8 +59,8 @@ def write_diagnosis_report(
     """Write the report of a diagnosis, with the fit beside it where there is one, and return its path.
 
     Cloth moves under the pull that the diagnosis judges it under. `before` is the model with default parameters,
-    `after` the fit (or the base fit of the diagnosis), `with_effect` the base model refitted with the effect that the
-    verdict names.
+    `after` the fit with the effects that it has (where there is none of our own engine, the base fit of the diagnosis),
+    `with_effect` the base model refitted with the effect that the verdict names.
     """
     motions = []
     is_named = bool(findings.diagnosis.named) and findings.best is not None
@@ -69,10 +69,12 @@ def write_diagnosis_report(
         simulator = Simulator(recording, findings.effects, resolution=resolution)
         density = recording.garment.mass_kg / float(simulator.mesh.area)
         rows, amplitudes, names = [], [off, off], ["before", "after"]
-        if fitted is not None and not fitted.effects and fitted.engine == OWN:
+        if fitted is not None and fitted.engine == OWN:
             method = find_method(fitted.method)
             values = np.array([[p.initial for p in fitted.parameters], [p.fitted for p in fitted.parameters]])
-            rows += list(method.to_materials(values, density))
+            rows += list(method.to_materials(values[:, : len(method.parameters)], density))
+            names_of_all = [name for effect in findings.effects for name in parameter_names(effect)]
+            amplitudes[1] = np.array([fitted.effects.get(name, 0.0) for name in names_of_all])
         else:
             rows += list(findings.model.to_materials(np.stack([findings.model.initial, findings.base.vector]), density))
         if is_named and findings.best is not None:

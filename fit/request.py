@@ -9,7 +9,7 @@ import numpy as np
 
 from fit.cloth.simulator import Resolution
 from fit.effects import find_effects
-from fit.effects.base import Effect
+from fit.effects.base import Effect, parameter_names
 from fit.engines import OWN, find_engine
 from fit.errors import FitError
 from fit.parameterisations import Parameter, Parameterisation
@@ -57,7 +57,7 @@ class Request:
     def _all_parameters(self) -> tuple[Parameter, ...]:
         extra = tuple(
             Parameter(
-                name=f"{e.name}.{component}" if component else e.name,
+                name=name,
                 unit=e.unit,
                 initial=0.0,
                 minimum=e.low,
@@ -66,7 +66,7 @@ class Request:
                 meaning=e.title,
             )
             for e in self.effects
-            for component in e.components
+            for name in parameter_names(e)
         )
         return self.method.parameters + extra
 

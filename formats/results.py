@@ -194,7 +194,10 @@ class ForceAt(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
 
 class MissingForce(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the force looks like that the base model lacks."""
+    """What the force looks like that the base model lacks.
+
+    power [W/kg]: that it gives to the cloth in the mean, below 0 where it takes energy out; None in older results
+    """
 
     normal_share: float
     odd_share: float
@@ -203,6 +206,7 @@ class MissingForce(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     spatial_share: dict[str, float]
     sentence: str
     places: list[ForceAt] = []
+    power: float | None = None
 
 
 class NextExperiment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -130,7 +130,8 @@ def _calibrated(plain: dict[str, Any] | None) -> list[str]:
     known = msgspec.convert(plain, Calibration)
     parts = []
     if known.gravity_sd_degrees is not None:
-        parts.append(f"gravity to {known.gravity_sd_degrees:g} degrees ({known.gravity_from})")
+        how = f" ({known.gravity_from})" if known.gravity_from else ""
+        parts.append(f"gravity to {known.gravity_sd_degrees:g} degrees{how}")
     if known.depth_scale_sd is not None:
         parts.append(f"depth scale {known.depth_scale:.4f} +- {known.depth_scale_sd:g}")
     if known.depth_offset_sd_px is not None:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formats.garment import Garment, TrackedPoint
-from formats.rig import Hanger, Rig, Sensor
+from formats.rig import Calibration, Hanger, Rig, Sensor
 
 Floats = NDArray[np.float64]
 
@@ -27,7 +27,12 @@ HANGER = Hanger(
     dictionary="DICT_4X4_50", ids=(0, 1), marker_size_m=0.06, marker_distance_m=0.30,
     held_m=((-0.20, 0.09, 0.0), (0.20, 0.09, 0.0)),
 )  # fmt: skip
-RIG = Rig(format="hangtime-rig/1", name="synthetic rig", gravity=(0.0, 1.0, 0.0), hanger=HANGER, sensor=CAMERA)
+RIG = Rig(
+    format="hangtime-rig/1", name="synthetic rig", gravity=(0.0, 1.0, 0.0), hanger=HANGER, sensor=CAMERA,
+    calibration=Calibration(  # known exactly, as the scene is drawn by it
+        gravity_sd_degrees=0.0, depth_scale_sd=0.0, depth_offset_sd_px=(0.0, 0.0), held_sd_m=((0.0,) * 3, (0.0,) * 3)
+    ),
+)  # fmt: skip
 
 # Bits of the first two markers of OpenCV's DICT_4X4_50, 1 is white, rows from the top
 # (opencv `predefined_dictionaries.hpp`, DICT_4X4_1000_BYTES; checked against OpenCV by the tests of `capture`).

@@ -2,11 +2,12 @@
 
 A verdict names the right group when the true effect is among the effects it names (an `ambiguous` verdict is one
 group, and so is one of several effects with its alternatives) or shares a group with the first of them by the
-diagnosis' own grouping. Both effects of a pair are named when they are two of several, or alternatives of two. Without
-probabilities, naming one effect as `effect` counts as confident. Closure is compared with that of the true effect,
-refitted by the diagnosis itself: an oracle that knows which effect it is, but not how large. Simpler tools are judged
-by the same answers: they name what the residual correlates with most, with or without projecting out what the base
-model can imitate, what a refit explains most of the motion it was fitted to, or what closes most of the gap, all
+diagnosis' own grouping. Both effects of a pair are named when they are two of several, or alternatives of two.
+Confident and wrong is an answer any of whose causes is none of what was planted and has a probability of 0.8 or more;
+without probabilities, naming one effect as `effect` counts as confident. Closure is compared with that of the true
+effect, refitted by the diagnosis itself: an oracle that knows which effect it is, but not how large. Simpler tools are
+judged by the same answers: they name what the residual correlates with most, with or without projecting out what the
+base model can imitate, what a refit explains most of the motion it was fitted to, or what closes most of the gap, all
 without any rules; and a classifier (`fit.blind.classifier`).
 """
 
@@ -89,17 +90,19 @@ def judge(truth: Truth, answers: Path) -> Judged:
         amplitude=first.amplitude if first else None, ratio=ratio, bin=bin_of(ratio),
         verdict=said.verdict if said else "inconclusive", named=named,
         is_tested=all(findings[p.id].tested for p in truth.planted if p.id in findings),
-        probability=_highest(findings, named),
+        probability=_probability(findings, named),
         simulations=said.cost.simulations / max(len(said.take_ids) + len(said.held_out_ids), 1) if said else None,
         seconds=said.cost.seconds if said else None,
         conditions=conditions_of(truth.look), features=features_of(said) if said else {},
         alike=tuple(f.id for f in findings.values() if true and true.tested and f.tested and f.group == true.group),
     )  # fmt: skip
     meant = _meant(said) if said and named else [set()]
-    wrong = bool(named) and not (meant[0] & set(judged.planted) or _same_group(findings, named, judged.planted))
-    certain = judged.verdict == "effect" if judged.probability is None else judged.probability >= CONFIDENT
+    is_wrong = [_is_wrong(findings, name, cause, judged.planted) for name, cause in zip(named, meant, strict=False)]
+    wrong = bool(named) and is_wrong[0]
+    certain = [_is_certain(judged.verdict, _probability(findings, (name,))) for name in named]
     judged = msgspec.structs.replace(
-        judged, confident_and_wrong=wrong and certain, brier=_brier(findings, judged.planted, truth.kind),
+        judged, confident_and_wrong=any(w and c for w, c in zip(is_wrong, certain, strict=False)),
+        brier=_brier(findings, judged.planted, truth.kind),
         brier_of_groups=_brier(findings, judged.planted, truth.kind, of_groups=True),
     )  # fmt: skip
     if truth.kind == "null":
@@ -178,7 +181,16 @@ def _same_group(findings: dict[str, EffectFinding], named: tuple[str, ...], plan
     )
 
 
-def _highest(findings: dict[str, EffectFinding], named: tuple[str, ...]) -> float | None:
+def _is_wrong(findings: dict[str, EffectFinding], name: str, cause: set[str], planted: tuple[str, ...]) -> bool:
+    """Whether a cause that is named, with all that it may be, is none of what was planted."""
+    return not (cause & set(planted) or _same_group(findings, (name,), planted))
+
+
+def _is_certain(verdict: str, probability: float | None) -> bool:
+    return verdict == "effect" if probability is None else probability >= CONFIDENT
+
+
+def _probability(findings: dict[str, EffectFinding], named: tuple[str, ...]) -> float | None:
     """The probability of what is named first; None where the diagnosis gives none."""
     found = findings.get(named[0]) if named else None
     return found.probability if found else None

@@ -135,6 +135,11 @@ def columns_of(effects: tuple[Effect, ...]) -> list[slice]:
     return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
 
+def parameter_names(effect: Effect) -> tuple[str, ...]:
+    """Return what its amplitudes are called where they are fitted: its name, with a component's after a dot."""
+    return tuple(f"{effect.name}.{component}" if component else effect.name for component in effect.components)
+
+
 def amplitudes_of(effects: tuple[Effect, ...], **chosen: float | tuple[float, ...]) -> Floats:
     """Return a row of amplitudes, (components,), zero but for the effects named."""
     columns = columns_of(effects)

@@ -1,6 +1,7 @@
 """Keeps the fits of a diagnosis that is not finished, so that the same command goes on where it was interrupted.
 
-One `.npz` per fit, written whole or not at all, beside `key.json`, which says of which takes and options they are.
+One `.npz` per fit, written whole or not at all, beside `key.json`, which says of which takes and options they are, and
+`spent.json`, which says what all of them have cost.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import time as clock
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from zipfile import BadZipFile
@@ -23,21 +25,28 @@ from formats.whole_files import write_whole
 Floats = NDArray[np.float64]
 Key = dict[str, object]
 
+SPENT = "spent.json"
 UNREADABLE = (OSError, ValueError, EOFError, BadZipFile)  # of a file that a power cut left empty or cut short
 
 
 class Checkpoint:
     """A folder of finished fits; without a folder it keeps nothing."""
 
-    def __init__(self, folder: Path | None, key: Key) -> None:
+    def __init__(self, folder: Path | None, key: Key, count: Callable[[], int] = lambda: 0) -> None:
         """Open or begin the folder.
+
+        count: simulations run so far by this process
 
         Raises:
             FitError: it holds the fits of other takes, options or versions, cannot be read, or is a file.
         """
-        self.folder = folder
+        self.folder, self._count, self._started = folder, count, clock.monotonic()
+        self._earlier = (0, 0.0)
         if folder is None:
             return
+        with contextlib.suppress(*UNREADABLE):
+            simulations, seconds = json.loads((folder / SPENT).read_text())
+            self._earlier = (int(simulations), float(seconds))
         note = folder / "key.json"
         if note.exists() and not (note.stat().st_size == 0 and next(folder.glob("*.np?"), None) is None):
             try:
@@ -57,6 +66,12 @@ class Checkpoint:
                 raise FitError("is a file; fits are to be kept there", where=folder, advice="move it away") from error
             write_whole(note, json.dumps(key).encode())
 
+    @property
+    def spent(self) -> tuple[int, float]:
+        """Simulations and seconds since the diagnosis began, those of processes that were interrupted included."""
+        simulations, seconds = self._earlier
+        return simulations + self._count(), seconds + clock.monotonic() - self._started
+
     def recall(self, names: Sequence[str], make: Callable[[], list[Fitted]]) -> list[Fitted]:
         """Return the kept fits of these names, or make all of them and keep them."""
         if self.folder is None:
@@ -67,6 +82,7 @@ class Checkpoint:
         found = make()
         for name, fitted in zip(names, found, strict=True):
             _write(self.folder / f"{name}.npz", fitted)
+        write_whole(self.folder / SPENT, json.dumps(self.spent).encode())
         return found
 
     def recall_places(self, name: str, make: Callable[[], Floats]) -> Floats:

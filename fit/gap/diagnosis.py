@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -81,14 +80,14 @@ def diagnose(
     Raises:
         FitError: as `ready`, or a checkpoint of other takes or of another version.
     """
-    started = clock.monotonic()
     progress("reading takes", 0.0)
     train, test = prepared or ready(training, held_out)
     rng = np.random.default_rng(seed)
     found_gates = gate.data_gates(train, test)
     resolution = resolution or fine_enough(train[0])
-    observer = Observer(train, model, effects, frequency=0.0, resolution=resolution)
-    kept = Checkpoint(checkpoint, _key(training, held_out, model, added, observer, seed))
+    observer = simulated = Observer(train, model, effects, frequency=0.0, resolution=resolution)
+    key = _key(training, held_out, model, added, observer, seed)
+    kept = Checkpoint(checkpoint, key, lambda: simulated.simulations)
     fits, observer, predictability = fit_base(observer, progress, kept, seed)
     judge = observer.of(test) if test else observer
     search = Rounds(observer, judge, fits, rng, progress, kept)
@@ -127,7 +126,7 @@ def diagnose(
     progress("imagining the next recording", 0.93)
     proposal = propose(observer, base, *search.alive(evidence, verdict))
     progress("drawing maps", 0.97)
-    best = search.named(verdict)
+    best, spent = search.named(verdict), kept.spent
     diagnosis = Diagnosis(
         format="hangtime-diagnosis/1",
         created=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -142,7 +141,7 @@ def diagnose(
         missing_force=find_missing_force(judge, base.vector),
         next_experiment=proposal,
         gates=found_gates,
-        cost=Cost(simulations=observer.simulations, seconds=clock.monotonic() - started),
+        cost=Cost(simulations=spent[0], seconds=spent[1]),
         base_parameters=described.base_parameters(model, base),
         notes=described.notes(len(training), len(held_out), observer, is_predictable=predictability.passed),
         alternatives=verdict.alternatives,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fit.effects.attachment_offset import hanger_axes
 from fit.gap.fitting import Fitted
 from fit.gap.observer import Observer
 from fit.recording import Recording
@@ -35,16 +36,24 @@ def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gat
     own, noise = min(max((_own_motion(r), _noise(r)) for r in group) for group in groups)
     least = LEAST_OWN_MOTION * noise
     repeated = max(_repeated(r) for r in every)
+    guessed = sum(not r.is_calibrated for r in every)
     return [
+        Gate(name="calibration", passed=guessed == 0, figure=guessed, limit=0.0, unit="takes",
+             sentence="Gravity, depth and where the garment is held are measured." if guessed == 0 else
+             f"The rig of {guessed} takes was never measured, so that a wrong number in it would pass for an effect: "
+             "run `hangtime calibrate` and record with the rig that it writes."),
         Gate(name="length", passed=shortest >= SHORTEST, figure=shortest, limit=SHORTEST, unit="s",
-             sentence=f"The shortest take lasts {shortest:.1f} s; at least {SHORTEST:g} s are needed."),
+             sentence=f"The shortest take lasts {shortest:.1f} s; at least {SHORTEST:g} s are needed: record longer."),
         Gate(name="motion", passed=swing >= SMALLEST_SWING, figure=1e3 * swing, limit=1e3 * SMALLEST_SWING, unit="mm",
-             sentence=f"The hanger travels {1e3 * swing:.0f} mm in the liveliest take."),
+             sentence=f"The hanger travels {1e3 * swing:.0f} mm in the liveliest take; at least "
+             f"{1e3 * SMALLEST_SWING:.0f} mm are needed: swing it wider."),
         Gate(name="cloth motion", passed=own >= least, figure=1e3 * own, limit=1e3 * least, unit="mm",
              sentence=f"The points move by {1e3 * own:.1f} mm against the hanger in the liveliest take; "
-             f"their noise is {1e3 * noise:.1f} mm."),
+             f"their noise is {1e3 * noise:.1f} mm, and {LEAST_OWN_MOTION:g} times that are needed: swing faster, or "
+             "come nearer to the sensor."),
         Gate(name="repeated frames", passed=repeated <= 0.1, figure=100 * repeated, limit=10.0, unit="%",
-             sentence=f"{100 * repeated:.0f} % of the frames repeat the one before."),
+             sentence=f"{100 * repeated:.0f} % of the frames repeat the one before; at most 10 % may: record with a "
+             "tracker that leaves out what it did not see."),
     ]  # fmt: skip
 
 
@@ -54,9 +63,11 @@ def _noise(recording: Recording) -> float:
 
 
 def _own_motion(recording: Recording) -> float:
-    """Root mean square motion of the judged points against the middle of the held edge [m]."""
-    middle = recording.held(recording.time).reshape(-1, 2, 3).mean(1)
+    """Root mean square motion of the judged points in the hanger's frame [m]: a board that turns with it has none."""
+    held = recording.held(recording.time)
+    middle = held.reshape(-1, 2, 3).mean(1)
     apart = (recording.points - middle[:, None])[:, recording.judged & recording.valid.any(0)]
+    apart = np.einsum("fij,fpi->fpj", hanger_axes(held), apart)
     return float(np.sqrt(np.nanmean(((apart - np.nanmean(apart, axis=0)) ** 2).sum(2))))
 
 

@@ -7,6 +7,8 @@ split into its part along the cloth's normal n, and regressed on features of the
 
     odd   v,  |v_n| v_n n          even   (dv/dt . n) n,  dv/dt,  a constant vector
 
+Whether it opposes the motion or drives it says the sign of its power, the mean of a . v: a base fit that damps more
+than the cloth does needs a force along the motion.
 The exponent p is the one for which -|v_n|^p sign(v_n) explains most of the normal part.
 Source: the parity argument is that of Line B in this project's design; regression of increments on model terms as in
 R. Mojgani, A. Chattopadhyay, P. Hassanzadeh, "Discovery of interpretable structural model errors", Chaos 32 (2022).
@@ -46,6 +48,7 @@ def find_missing_force(observer: Observer, vector: Floats) -> MissingForce:
     gains = [_explained(along, powers[:, k : k + 1]) for k in range(len(EXPONENTS))]
     exponent = float(EXPONENTS[int(np.argmax(gains))]) if max(gains) > 0.05 else None
     power = (pull**2).sum(1)
+    given = float((pull * odd[:, 0]).sum(1).mean())  # the first odd feature is the velocity
     shares = {name: float(power[below == k].sum() / total) for k, name in enumerate(("top", "middle", "bottom"))}
     normal_share = float((along**2).sum() / total)
     return MissingForce(
@@ -54,8 +57,9 @@ def find_missing_force(observer: Observer, vector: Floats) -> MissingForce:
         even_share=even_share,
         amplitude_exponent=exponent,
         spatial_share=shares,
-        sentence=sentence_of(normal_share, odd_share, even_share, exponent, shares),
+        sentence=sentence_of(normal_share, odd_share, even_share, exponent, shares, power=given),
         places=_places(observer, pull, along, point),
+        power=given,
     )
 
 
@@ -118,8 +122,13 @@ def _explained(target: Floats, features: Floats) -> float:
     return float(1 - (rest @ rest) / max(float(target.ravel() @ target.ravel()), 1e-12))
 
 
-def sentence_of(normal: float, odd: float, even: float, exponent: float | None, shares: dict[str, float]) -> str:
-    """Say in words how much of the force is along the normal, odd or even in velocity, and where it is largest."""
+def sentence_of(
+    normal: float, odd: float, even: float, exponent: float | None, shares: dict[str, float], *, power: float
+) -> str:
+    """Say in words how much of the force is along the normal, odd or even in velocity, and where it is largest.
+
+    power [W/kg]: that it gives to the cloth
+    """
     if odd + even < VISIBLE:
         return (
             "What the base fit left of the missing force is hidden in the sensor's noise: "
@@ -132,13 +141,12 @@ def sentence_of(normal: float, odd: float, even: float, exponent: float | None, 
         if normal < WITHIN
         else "in all directions, also along"
     )
-    kind = (
-        "opposes motion" if odd > 2 * even else "acts like inertia or a constant load" if even > 2 * odd else "is mixed"
-    )
+    with_velocity = "opposes motion" if power < 0 else "drives motion, which the base model damps too much,"
+    kind = with_velocity if odd > 2 * even else "acts like inertia or a constant load" if even > 2 * odd else "is mixed"
     growth = f", grows with speed to the power {exponent:g}" if exponent is not None and odd > even else ""
     where = max(shares, key=lambda name: shares[name])
     return (
         f"The missing force acts {direction} the cloth's normal ({100 * normal:.0f} %), {kind} "
-        f"(dissipative features explain {100 * odd:.0f} %, conservative ones {100 * even:.0f} %){growth}, "
+        f"(features that change sign with velocity explain {100 * odd:.0f} %, others {100 * even:.0f} %){growth}, "
         f"and is strongest in the {where} third of the cloth ({100 * shares[where]:.0f} %)."
     )

@@ -197,7 +197,7 @@ def missing_force(found: MissingForce | None) -> str:
     shares = dict(found.spatial_share)
     pairs = [
         ("along the cloth's normal", percent(found.normal_share)),
-        ("changes sign with the velocity (takes energy out)", percent(found.odd_share)),
+        (f"changes sign with the velocity{_energy(found.power)}", percent(found.odd_share)),
         ("keeps its sign (stores energy, or is constant)", percent(found.even_share)),
         ("grows with speed to the power of", number(found.amplitude_exponent)),
         ("place", ", ".join(f"{words(name)} {percent(share)}" for name, share in shares.items()) or MISSING),
@@ -207,6 +207,10 @@ def missing_force(found: MissingForce | None) -> str:
         "What the missing force looks like",
         f"<p>{escaped(found.sentence)}</p>{force_map(found.places)}{_pairs(pairs)}",
     )
+
+
+def _energy(power: float | None) -> str:
+    return "" if power is None else " (takes energy out)" if power < 0 else " (gives energy to the cloth)"
 
 
 def gates(diagnosis: Diagnosis | None) -> str:

@@ -128,6 +128,15 @@ def test_of_several_named_effects_the_first_must_be_right(a_set, tmp_path):
     assert judged(a_set, tmp_path, "single", diagnosis("ambiguous", ["draught", name], both)).right_first
 
 
+@pytest.mark.parametrize(("probability", "is_sure"), [(0.95, True), (0.6, False)])
+def test_any_cause_that_is_named_surely_and_is_not_there_counts(a_set, tmp_path, probability, is_sure):
+    name = truth_of(a_set, "single").planted[0].id
+    both = [finding(name, probability=0.9), finding("draught", probability=probability)]
+    found = judged(a_set, tmp_path, "single", diagnosis("several", [name, "draught"], both))
+    assert found.right_first
+    assert found.confident_and_wrong == is_sure
+
+
 def test_alternatives_of_several_count_as_one_cause(a_set, tmp_path):
     """Hem and a late clock are planted: an alternative of either will do, two alternatives of one cause will not."""
     one, other = (p.id for p in truth_of(a_set, "pair").planted)

@@ -147,6 +147,7 @@ def test_a_fit_of_blenders_cloth_is_no_fabric_and_moves_none_of_ours(tmp_path, m
     takes = [a_swung_take(), a_swung_take("b", hz=0.9)]
     ours = calibrate(takes[:1], [], request_of(KINECT_SKIRT, ["air_drag"], iterations=2, seed=1, spacing=0.15))
     assert ours.engine == "own"
+    with_effect = msgspec.structs.replace(ours, effects={"hem": 0.02})
     ours = msgspec.structs.replace(ours, effects={}, parameters=ours.parameters[:6])
     theirs = msgspec.structs.replace(ours, engine="blender", material={}, combinations=[])
     with pytest.raises(FitError, match="this fit is of blender's cloth"):
@@ -156,11 +157,13 @@ def test_a_fit_of_blenders_cloth_is_no_fabric_and_moves_none_of_ours(tmp_path, m
     coarse = Resolution(spacing=0.15)
     findings = diagnose(takes[:1], takes[1:], effects=find_effects(["hem"]), resolution=coarse)
     shown = []
-    monkeypatch.setattr(reporting, "write_report", lambda path, *, motions, **_: shown.append(motions[0].before))
-    for fit in (ours, theirs, None):
+    monkeypatch.setattr(reporting, "write_report", lambda path, *, motions, **_: shown.append(motions[0]))
+    for fit in (ours, theirs, None, with_effect):
         reporting.write_diagnosis_report(tmp_path / "r.html", findings, fit, takes[:1], takes[1:], coarse)
-    assert np.array_equal(shown[1], shown[2])
-    assert not np.array_equal(shown[0], shown[2])
+    assert np.array_equal(shown[1].before, shown[2].before)
+    assert not np.array_equal(shown[0].before, shown[2].before)
+    assert np.array_equal(shown[0].before, shown[3].before)
+    assert not np.array_equal(shown[0].after, shown[3].after)  # the fit moves with the effect that it has
 
 
 def test_a_fit_of_other_takes_is_kept_under_a_number(tmp_path):

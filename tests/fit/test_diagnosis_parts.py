@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from types import SimpleNamespace
 
 import msgspec
@@ -319,13 +320,16 @@ def test_an_interrupted_diagnosis_goes_on_to_the_same_end(tmp_path, monkeypatch)
         diagnose(takes[:1], takes[1:], checkpoint=folder, progress=interrupt, **options)
     assert len(list(folder.glob("*.npz"))) >= 4
     assert list(folder.glob("looks-*.npy"))
+    earlier, _ = json.loads((folder / "spent.json").read_text())
     stages = []
     resumed = diagnose(
         takes[:1], takes[1:], checkpoint=folder, progress=lambda stage, share: stages.append(stage), **options
     )
     assert resumed.diagnosis.sentence == whole.diagnosis.sentence
     assert np.array_equal(resumed.base.vector, whole.base.vector)
-    assert resumed.diagnosis.cost.simulations < 0.7 * whole.diagnosis.cost.simulations
+    counted, all_at_once = resumed.diagnosis.cost.simulations, whole.diagnosis.cost.simulations
+    assert counted - earlier < 0.7 * all_at_once
+    assert counted >= all_at_once  # what was interrupted has cost its simulations too
     monkeypatch.setattr("fit.gap.diagnosis.physics_version", lambda: "another")
     with pytest.raises(FitError, match="another version of Hangtime"):
         diagnose(takes[:1], takes[1:], checkpoint=folder, **options)
@@ -344,10 +348,34 @@ def test_the_lean_model_leaves_shear_to_the_library():
      (0.08, "within the cloth and hardly along the cloth's normal (8 %)")],
 )  # fmt: skip
 def test_the_missing_forces_direction_is_told_in_words(normal, words):
-    said = sentence_of(normal, 0.03, 0.6, None, {"top": 0.1, "bottom": 0.9})
+    said = sentence_of(normal, 0.03, 0.6, None, {"top": 0.1, "bottom": 0.9}, power=-1.0)
     assert words in said
     assert "acts like inertia or a constant load" in said
     assert "the bottom third" in said
+
+
+@pytest.mark.parametrize(("damping", "words"), [(0.3, "opposes motion"), (5.0, "drives motion")])
+def test_what_the_base_model_damps_too_little_opposes_motion_and_too_much_drives_it(damping, words):
+    """The cloth is damped by 1.5 1/s: the missing force is -(1.5 - damping) v, along the velocity."""
+    recording = prepare(a_take(noise=1e-4))
+    observer = Observer([recording], SI, (), frequency=0.0, resolution=COARSE)
+    vector = truth_vector()
+    vector[[p.name for p in SI.parameters].index("velocity_damping")] = damping
+    found = find_missing_force(observer, vector)
+    assert words in found.sentence
+    assert found.power == pytest.approx(-abs(found.power) if damping < 1.5 else abs(found.power))
+    assert found.odd_share > 0.6
+    assert found.amplitude_exponent == pytest.approx(1.0, abs=0.5)
+
+
+def test_struck_drag_is_along_the_normal_and_grows_with_the_square_of_speed():
+    recording = prepare(a_take("a", "air_drag", 2.5, noise=1e-4))
+    observer = Observer([recording], SI, (), frequency=0.0, resolution=COARSE)
+    found = find_missing_force(observer, truth_vector())
+    assert found.power < 0
+    assert found.odd_share > 2 * found.even_share
+    assert found.normal_share > 0.8
+    assert found.amplitude_exponent == pytest.approx(2.0, abs=0.3)
 
 
 @pytest.mark.parametrize("hidden", ["nothing", "one point", "a tenth"])

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 
+import msgspec
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from firmware_host.synthetic.scene import RIG
 from fit.cloth.simulator import Resolution, Simulator
 from fit.effects import LIBRARY, find_effects
 from fit.effects.base import amplitudes_of
@@ -169,6 +172,17 @@ def test_a_take_in_which_nothing_moves_is_inconclusive():
     assert [g.name for g in gates.data_gates([prepare(take)], []) if not g.passed] == ["motion", "cloth motion"]
 
 
+def test_a_rig_that_nobody_measured_is_inconclusive():
+    """What was measured by other means than a sensor of ours needs no calibration of it."""
+    take, _ = truth(noise=0.001)
+    guessed = dataclasses.replace(take, rig=msgspec.structs.replace(RIG, calibration=None))
+    measured = dataclasses.replace(take, rig=RIG)
+    found = gates.data_gates([prepare(guessed), prepare(measured)], [prepare(take)])
+    assert [(g.name, g.figure) for g in found if not g.passed] == [("calibration", 1)]
+    assert "hangtime calibrate" in found[0].sentence
+    assert all(g.passed for g in gates.data_gates([prepare(measured)], [prepare(take)]))
+
+
 def test_a_still_take_beside_a_moving_one_is_welcome():
     time, moved = moderate_swing()
     still, _ = truth(time=time, displacement=0 * moved, noise=0.001, name="still")
@@ -184,6 +198,21 @@ def test_points_that_never_move_against_the_hanger_are_inconclusive():
     garment = sheet()
     points = hung(garment, time) + moved[:, None] + np.random.default_rng(0).normal(0, 0.001, (len(time), 5, 3))
     found = gates.data_gates([prepare(take_of(garment, time, moved, points))], [])
+    assert [g.name for g in found if not g.passed] == ["cloth motion"]
+
+
+def test_a_board_that_turns_with_the_hanger_does_not_move_against_it():
+    """The bar yaws by 6 degrees: a corner of the board travels 20 mm with it, 14 times the noise, and tells nothing."""
+    time, moved = moderate_swing()
+    garment = sheet()
+    yaw = np.radians(6) * np.sin(4.0 * time)
+    turn = Rotation.from_euler("z", yaw).as_matrix()
+    take = take_of(garment, time, moved, np.zeros((len(time), 5, 3)))
+    held = np.einsum("fij,fpj->fpi", turn, take.held - moved[:, None]) + moved[:, None]
+    points = np.einsum("fij,fpj->fpi", turn, hung(garment, time)) + moved[:, None]
+    points += np.random.default_rng(0).normal(0, 0.001, points.shape)
+    board = dataclasses.replace(take, held=held, points=points, points_valid=np.ones(points.shape[:2], bool))
+    found = gates.data_gates([prepare(board)], [])
     assert [g.name for g in found if not g.passed] == ["cloth motion"]
 
 

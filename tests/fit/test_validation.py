@@ -1,4 +1,4 @@
-"""The cloth against closed forms, as `benchmarks/validation.py` prints them: at 50 mm, or 33 mm where that is missed."""
+"""The cloth against closed forms, as `benchmarks/validation.py` prints them: at 50 mm, or 33 mm where those miss."""
 
 from __future__ import annotations
 

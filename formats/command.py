@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import errno
 import os
+import platform
+import re
 import sys
-from importlib.metadata import entry_points
+from importlib.metadata import entry_points, requires
 from typing import NoReturn
 
 import typer
@@ -23,6 +25,7 @@ MAKE_ROOM = (
     "make room on the disk, or choose another place; what was whole before stays, and `fit`, `diagnose`, `blind` and "
     "`batch` go on from it"
 )
+PACKAGES = {"cv2": "opencv-python-headless", "usb": "pyusb"}  # those that are not named as what they bring
 
 app = typer.Typer(
     name="hangtime",
@@ -39,28 +42,17 @@ def root() -> None:
     """Measure how a real garment moves, fit a cloth simulation to it, and diagnose what it still gets wrong."""
 
 
-def gather_commands() -> list[str]:
-    """Add every package's commands to `app`; return the names of packages whose libraries are not installed."""
-    absent = []
+def gather_commands() -> None:
+    """Add every package's commands to `app`; what they need of libraries they import when they run."""
     for entry in sorted(entry_points(group="hangtime.commands"), key=lambda e: e.name):
-        try:
-            add_commands = entry.load()
-        except ModuleNotFoundError as error:
-            if error.name is None or error.name.split(".")[0] in {"formats", "firmware_host", "capture", "fit"}:
-                raise
-            absent.append(f"{entry.name} ({error.name} is not installed)")
-        else:
-            add_commands(app)
-    return absent
+        entry.load()(app)
 
 
 def main() -> None:
     """Run the command line; an error that a user can act on becomes one sentence on stderr and its exit code."""
     try:
         take_streams()
-        absent = gather_commands()
-        if absent:
-            app.info.epilog = "Not available here: " + ", ".join(absent)
+        gather_commands()
         app()
     except HangtimeError as error:
         _refuse(error)
@@ -68,12 +60,29 @@ def main() -> None:
         sys.exit(INTERRUPTED)
     except SystemExit as end:  # Typer's own, 1, where a reader of stdout went away
         sys.exit(CUT_OFF if isinstance(end.__context__, BrokenPipeError) else end.code)
+    except ModuleNotFoundError as error:
+        library = (error.name or "").split(".")[0]
+        if library in {"", "formats", "firmware_host", "capture", "fit"}:
+            raise
+        _refuse(HangtimeError(f"{library} is not installed", advice=_how_to_get(library)))
     except OSError as error:
         if error.errno not in UNWRITABLE and error.filename is None:
             raise
         what = "cannot be written" if error.errno in UNWRITABLE else "cannot be used"
         where = error.filename or "output"  # what stdout raises names nothing
         _refuse(HangtimeError(f"{what} ({error.strerror})", where=where, advice=MAKE_ROOM))
+
+
+def _how_to_get(library: str) -> str:
+    """Say how a library is installed that a command imports: with the extra that lists it."""
+    package = PACKAGES.get(library, library)
+    wanted = re.compile(rf"{re.escape(package)}\b(?!-).*\bextra == ['\"](\w+)", re.IGNORECASE)
+    extra = next((found[1] for line in requires("hangtime") or [] if (found := wanted.match(line))), None)
+    if extra is None:
+        return "in Hangtime's checkout: scripts/setup"
+    if extra == "fit" and sys.platform == "linux" and (machine := platform.machine()) != "x86_64":
+        return f"Taichi has no package for Linux on {machine}: this computer records takes but cannot fit them"
+    return f"in Hangtime's checkout: pip install -e '.[{extra}]'"
 
 
 def _refuse(error: HangtimeError) -> NoReturn:

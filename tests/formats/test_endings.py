@@ -1,4 +1,4 @@
-"""How the command ends on a full disk, where nobody reads what it says, and when it is interrupted early."""
+"""How the command ends on a full disk, without a library, where nobody reads it, and when it is interrupted early."""
 
 from __future__ import annotations
 
@@ -33,6 +33,14 @@ import os, signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background ignores it
 from formats.command import main
 sys.addaudithook(lambda name, about: name == "import" and about[0] == "fit.batch.cli" and os.kill(os.getpid(), 2))
+main()
+"""
+WITHOUT = """
+import platform, sys
+sys.modules.update(dict.fromkeys(["cv2", "openni", "scipy", "taichi", "usb"]))  # none of them can be imported
+machine = sys.argv.pop(1)
+platform.machine = lambda: machine
+from formats.command import main
 main()
 """
 
@@ -89,3 +97,37 @@ def test_what_is_said_ends_no_work(tmp_path, where):
 def test_ctrl_c_before_the_commands_are_there_gives_no_traceback():
     done = run(INTERRUPTED)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
+@pytest.mark.parametrize(
+    ("machine", "words", "said"),
+    [
+        ("x86_64", ["fit", "a.mcap"], "taichi is not installed; in Hangtime's checkout: pip install -e '.[fit]'"),
+        ("x86_64", ["batch", "."], "taichi is not installed; in Hangtime's checkout: pip install -e '.[fit]'"),
+        ("x86_64", ["markers", "print"], "cv2 is not installed; in Hangtime's checkout: pip install -e '.[capture]'"),
+        (
+            "aarch64", ["fit", "a.mcap"],
+            "taichi is not installed; Taichi has no package for Linux on aarch64: this computer records takes but "
+            "cannot fit them",
+        ),
+    ],
+)  # fmt: skip
+@pytest.mark.skipif(sys.platform != "linux", reason="Taichi's packages differ elsewhere")
+def test_a_command_whose_library_is_not_installed_says_in_one_sentence_how_to_get_it(machine, words, said):
+    done = run(WITHOUT, machine, *words)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == f"hangtime: {said}\n"
+
+
+def test_help_lists_every_command_where_their_libraries_are_not_installed():
+    done = run(WITHOUT, "x86_64", "--help")
+    assert done.returncode == 0
+    for command in ("fit", "batch", "record", "markers", "sensor", "takes"):
+        assert f"  {command} " in done.stdout
+
+
+def test_a_module_of_our_own_that_is_missing_is_a_fault_of_the_program():
+    done = run("import sys; sys.modules['capture.markers'] = None\nfrom formats.command import main; main()",
+               "record", "--sensor=synthetic:swing", "--rig=r", "--garment=g", "--out=a.mcap")  # fmt: skip
+    assert done.returncode == 1
+    assert "ModuleNotFoundError: import of capture.markers halted" in done.stderr

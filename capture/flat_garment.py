@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.errors import UntrackableError
-from capture.geodesic import geodesic_distances
+from capture.geodesic import farthest_place, geodesic_distances
 from formats.garment import Garment
 
 Floats = NDArray[np.float64]
@@ -23,6 +23,8 @@ Floats = NDArray[np.float64]
 CORNER_MATCH = 0.01  # m, a tracked point this near to an outline corner is that corner
 CENTRE = 4  # the role of the centre, after the four corners
 STEP = 0.025  # m of the grid
+CENTRE_MATCH = 0.01  # m that a garment file's centre may lie beside where the tracker looks for it
+AS_GOOD = 0.003  # m by which its nearest corner may be nearer: on wide garments the grid itself is off by 10 mm
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ def flat_garment(garment: Garment, corners: Floats) -> FlatGarment:
     Its outline begins with the two ends of the held edge.
 
     Raises:
-        UntrackableError: a point of the garment is neither a corner nor the centre.
+        UntrackableError: a point of the garment is neither a corner nor the centre, or the centre is elsewhere.
     """
     outline = np.array(garment.outline_m, float)
     reach = float(np.linalg.norm(outline[:, None] - outline[None, :2], axis=-1).min(1).max())
@@ -59,9 +61,10 @@ def flat_garment(garment: Garment, corners: Floats) -> FlatGarment:
     lengths = np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1)
     at = [int(np.linalg.norm(outline - corner, axis=1).argmin()) for corner in corners]
     sides = np.array([[lengths[k - 1], lengths[k]] for k in at])
-    return FlatGarment(
-        corners, _roles(garment, corners), sides, distances[:4, :4], distances[4:, :4], reach, garment.area_m2
-    )
+    roles = _roles(garment, corners)
+    if CENTRE in roles:
+        _check_centre(garment, roles.index(CENTRE), corners, surface)
+    return FlatGarment(corners, roles, sides, distances[:4, :4], distances[4:, :4], reach, garment.area_m2)
 
 
 def _laid_flat(outline: Floats) -> Floats:
@@ -96,3 +99,30 @@ def _roles(garment: Garment, corners: Floats) -> list[int]:
                 advice="track the corners that docs/file-formats.md names and the point 'centre'",
             )
     return roles
+
+
+def _check_centre(garment: Garment, index: int, corners: Floats, surface: Floats) -> None:
+    """Check that the centre is the place farthest from the four corners, which the tracker takes for it.
+
+    Not where there is no such place inside the outline, and not with holes: ways along the cloth go round these.
+
+    Raises:
+        UntrackableError: it is elsewhere.
+    """
+    flat_corners = np.concatenate([corners, np.zeros((4, 1))], axis=1)
+    place = farthest_place(geodesic_distances(surface, flat_corners)[0])
+    if place is None or garment.holes_m:
+        return
+    outline = np.array(garment.outline_m, float)
+    found = np.array([outline[:, 0].min() + (place[1] + 0.5) * STEP, outline[:, 1].max() - (place[0] + 0.5) * STEP])
+    point = garment.points[index]
+    given = np.array(point.at_m)
+    off = float(np.linalg.norm(given - found))
+    nearest, wanted = (float(np.linalg.norm(corners - at, axis=1).min()) for at in (given, found))
+    if off > CENTRE_MATCH and nearest < wanted - AS_GOOD:
+        raise UntrackableError(
+            f"the point {point.name!r} is {1e3 * off:.0f} mm beside where the tracker looks for it, the "
+            f"place farthest from the four corners: at_m = [{found[0]:z.3f}, {found[1]:z.3f}]",
+            where=garment.name,
+            advice="enter that, or leave the point out",
+        )

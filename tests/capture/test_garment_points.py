@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -16,6 +18,8 @@ from capture.occlusion import folded_away
 from firmware_host.synthetic.garments import GARMENTS, shirt, swatch
 from firmware_host.synthetic.scene import RIG
 from firmware_host.synthetic.surroundings import Panel, cluttered
+from formats.descriptions import load_garment, load_rig
+from formats.garment import TrackedPoint
 from tests.capture.garment_scenes import hung
 
 
@@ -170,6 +174,46 @@ def test_the_garment_file_chooses_where_the_top_corners_are():
     # A skirt's leftmost place is a corner of its hem, so its top corners are none of a T-shirt's.
     with pytest.raises(UntrackableError, match="'top_left' is neither one of the four corners"):
         garment_tracker(msgspec.structs.replace(skirt, kind="t-shirt"), RIG)
+
+
+@pytest.mark.parametrize("kind", ["skirt", "swatch", "t-shirt"])
+def test_a_centre_elsewhere_than_where_the_tracker_looks_for_it_is_refused_with_that_place(kind):
+    """The skirt's middle at half its height is 25 mm above the place 0.320 m from each corner."""
+    garment = GARMENTS[kind]()
+    *corners, centre = garment.points
+    garment_tracker(garment, RIG)
+    for off, is_refused in ((0.007, False), (0.025, True)):
+        at = (centre.at_m[0], centre.at_m[1] + off)
+        wrong = msgspec.structs.replace(garment, points=(*corners, msgspec.structs.replace(centre, at_m=at)))
+        if is_refused:
+            with pytest.raises(
+                UntrackableError, match=r"the point 'centre' is 2[45] mm beside .* at_m = \[.*\]; enter"
+            ):
+                garment_tracker(wrong, RIG)
+        else:
+            garment_tracker(wrong, RIG)
+
+
+def test_a_centre_is_not_refused_where_another_place_is_as_far_from_the_corners():
+    """On this uneven panel two places are 0.394 m from three of its corners each, 26 mm apart."""
+    outline = ((-0.349, 0.0), (0.349, 0.0), (0.339, -0.43), (-0.336, -0.39))
+    places = [*zip(("a", "b", "c", "d"), outline, strict=True), ("centre", (0.0, -0.184))]
+    points = tuple(TrackedPoint(name=name, at_m=at) for name, at in places)
+    garment_tracker(msgspec.structs.replace(GARMENTS["skirt"](), outline_m=outline, points=points), RIG)
+
+
+def test_the_garment_and_the_rig_in_the_text_on_files_can_be_copied(tmp_path):
+    text = (Path(__file__).parents[2] / "docs/file-formats.md").read_text()
+    blocks = {
+        block.split("/")[0]: block for block in re.findall(r'```toml\nformat = "hangtime-(.*?)```', text, re.DOTALL)
+    }
+    for name, block in blocks.items():
+        (tmp_path / f"{name}.toml").write_text(f'format = "hangtime-{block}')
+    garment, rig = load_garment(tmp_path / "garment.toml"), load_rig(tmp_path / "rig.toml")
+    assert garment.point_names == GARMENTS["skirt"]().point_names
+    *corners, centre = (np.array(point.at_m) for point in garment.points)
+    assert [np.linalg.norm(corner - centre) for corner in corners] == pytest.approx([0.3202] * 4, abs=1e-4)
+    garment_tracker(garment, rig)
 
 
 def test_ways_along_the_flat_garment_are_as_long_as_by_hand():

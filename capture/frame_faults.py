@@ -83,7 +83,7 @@ class HangerWatch:
 
 
 def view_faults(depth: NDArray[np.uint16]) -> int:
-    """Return whether a view without markers is all too near or all too far."""
+    """Return whether most of a view without markers is too near, or nearly all of it too far."""
     seen = depth[::STRIDE, ::STRIDE]
     seen = seen[seen > 0]
     if seen.size == 0:

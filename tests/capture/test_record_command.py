@@ -114,6 +114,40 @@ def test_what_goes_wrong_is_said_shown_on_the_lamp_and_kept_in_the_take(good, tm
 
 
 @pytest.mark.openni
+def test_a_lamp_that_fails_later_is_said_once_and_the_recording_goes_on(good, tmp_path, monkeypatch):
+    """The LED goes away after it was lit; then the hanger comes too near, and goes back."""
+    write_swing(tmp_path, [*good * 4, *scenes(*hung((0, -0.1, 0.7))) * 10, *good * 7])
+    lamp = make_lamp(tmp_path)
+    monkeypatch.setattr(StatusLamp.__init__, "__defaults__", (tmp_path / "leds",))
+
+    def show(on, condition):
+        show_condition(on, condition)
+        shutil.rmtree(lamp)
+
+    monkeypatch.setattr("capture.condition_lamp.show_condition", show)
+    done = CliRunner().invoke(app, ["record", *words(tmp_path), "--lamp=status"])
+    assert done.exit_code == 0, done.output
+    said = [line.split(" s  ")[1] for line in done.stderr.splitlines()]
+    assert [line.split(";")[0] for line in said] == [
+        "hanger and garment are seen", "too near",
+        f"without the lamp: {lamp}/brightness: cannot be changed (No such file or directory)",
+        "hanger and garment are seen",
+    ]  # fmt: skip
+    take = read_take(tmp_path / "a.mcap")
+    assert take.is_complete
+    assert len(take.time) == 53
+
+
+def test_a_lamp_that_is_not_there_is_refused_before_the_recording_begins(tmp_path, monkeypatch):
+    write_descriptions(tmp_path)
+    make_lamp(tmp_path)
+    monkeypatch.setattr(StatusLamp.__init__, "__defaults__", (tmp_path / "leds",))
+    done = CliRunner().invoke(app, ["record", *words(tmp_path), "--lamp=gone"])
+    assert str(done.exception) == f"{tmp_path / 'leds'}: there is no LED 'gone'; choose of status"
+    assert not list(tmp_path.glob("a.mcap*"))
+
+
+@pytest.mark.openni
 def test_a_recording_of_another_size_than_the_rigs_is_refused_and_leaves_nothing(tmp_path):
     if not openni2_library.is_available():
         pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")

@@ -63,17 +63,16 @@ def test_a_time_offset_of_30_ms_shows_every_point_as_it_was_30_ms_before():
     assert early[:, 0, 0] == pytest.approx(frames + 0.030, abs=1e-9)
 
 
-def test_a_planted_time_offset_moves_whole_takes():
-    """The same truth with and without 50 ms: points shifted by three frames of 60 per second agree to a micrometre."""
+def test_a_planted_time_offset_of_50_ms_shows_the_cloth_of_three_frames_before_and_leaves_the_hanger():
+    """At 60 frames a second, to a micrometre: 1000 times the noise that is left. One frame beside it is 9 mm off."""
     truth = a_truth(kind="null")
+    truth = replace(truth, look=replace(truth.look, rate=60.0))
     plain = make_takes(without_noise(truth), side=COARSE)[0]
     late = make_takes(without_noise(truth, planted("time_offset", 0.05)), side=COARSE)[0]
-    behind = 0.05 * truth.look.rate
-    assert behind in {1.5, 2.25, 3.0}
-    times = late.time[10:]
-    expected = [np.interp(times - 0.05, plain.time, plain.points[:, 3, c]) for c in range(3)]
-    moved = np.abs(plain.points[10:, 3] - late.points[10:, 3]).max()
-    assert np.abs(late.points[10:, 3].T - expected).max() < 0.1 * moved
+    assert np.isfinite(late.points).all()
+    assert late.points[10:] == pytest.approx(plain.points[7:-3], abs=1e-6)
+    assert np.abs(late.points[10:] - plain.points[8:-2]).max() > 5e-3
+    assert np.array_equal(late.held, plain.held)
 
 
 def test_a_lag_of_two_low_passes_delays_a_ramp_by_its_whole_delay():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import sys
 
 import numpy as np
@@ -15,8 +16,9 @@ from fit.blind.cases import FILES, draw_truth, make_takes, plan
 from fit.blind.engine import POLES, SAMPLES, Cloth, Engine
 from fit.blind.foreign.engines import ANYWHERE, GENERATORS, OUTSIDE, OWN, WORKERS, find_generator
 from fit.blind.foreign.jobs import make_job, points_on
-from fit.blind.making import make_set, open_labels
+from fit.blind.making import LABELS, MANIFEST, SEALED_KEY, make_set, open_labels
 from fit.blind.plants import with_plants
+from fit.blind.seal import load_key, seal, sha256_of, unseal
 from fit.blind.sheet import make_grid
 from fit.errors import BlowUpError, FitError
 from fit.foreign.process import BLENDER, Foreign, ForeignProcess
@@ -359,6 +361,13 @@ def test_labels_keep_who_made_the_set_and_old_labels_read_as_own(tmp_path):
     make_set(tmp_path / "set", numbers, OWN.plants([]), 1, side=0.1)
     labels = open_labels(tmp_path / "set")
     assert labels.generator == "own"
+    path, key = tmp_path / "set" / LABELS, load_key(tmp_path / "set" / SEALED_KEY)
+    raw = json.loads(unseal(path.read_bytes(), key))
+    assert raw.pop("generator") == "own"
+    path.write_bytes(seal(json.dumps(raw).encode(), key))
+    manifest = json.loads((tmp_path / "set" / MANIFEST).read_text())
+    (tmp_path / "set" / MANIFEST).write_text(json.dumps({**manifest, "sealed": sha256_of(path)}))
+    assert open_labels(tmp_path / "set") == labels
     with pytest.raises(FitError, match="another set of cases"):
         make_set(tmp_path / "set", numbers, OWN.plants([]), 1, side=0.05)
 

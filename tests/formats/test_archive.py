@@ -213,8 +213,8 @@ def test_flags_come_back():
     assert np.array_equal(unpack_flags(pack_flags(flags), (13, 5)), flags)
 
 
-def test_thirty_minutes_stay_small(tmp_path):
-    """At most 45 bytes a frame for six tracked places with deviations at 3 mm noise."""
+def test_a_minute_takes_at_most_45_bytes_a_frame(tmp_path):
+    """1800 frames of six tracked places with deviations at 3 mm noise."""
     path = write_take(tmp_path / "a.mcap", a_take(frames=1800))
     assert path.stat().st_size / 1800 < 45
 

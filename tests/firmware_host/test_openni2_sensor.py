@@ -20,8 +20,9 @@ from firmware_host.opening import open_sensor
 from firmware_host.openni2_sensor import OpenNI2Sensor
 from formats.command import app, gather_commands
 from tests.firmware_host.scenes import PERIOD_US, SMALL, AnyStamps, picture, write_pictures, write_recording
+from tests.shared_data import SHARED_DATA
 
-KINECT_ROOM = Path(__file__).parents[3] / "shared" / "data" / "oni" / "kinect-room.oni"
+KINECT_ROOM = SHARED_DATA / "oni" / "kinect-room.oni"
 
 
 @pytest.fixture(scope="module")
@@ -279,7 +280,7 @@ def test_playing_stops_after_the_frames_asked_for(command: CliRunner, tmp_path: 
 @pytest.mark.openni
 @pytest.mark.shared_data
 @pytest.mark.usefixtures("openni")
-@pytest.mark.skipif(not KINECT_ROOM.exists(), reason="shared/data/oni/kinect-room.oni is not here")
+@pytest.mark.skipif(not KINECT_ROOM.exists(), reason=f"no real recording at {KINECT_ROOM}")
 def test_a_real_kinect_recording_plays_its_twelve_frames_and_stops() -> None:
     with open_sensor(str(KINECT_ROOM)) as sensor:
         info, frames = sensor.info, list(sensor.frames())

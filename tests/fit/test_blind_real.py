@@ -5,7 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -34,8 +33,9 @@ from formats.archive import read_take, write_take
 from formats.results import save_diagnosis
 from tests.fit.blind_answers import diagnosis, finding
 from tests.fit.test_blind_cases import guessed, planted
+from tests.shared_data import SHARED_DATA
 
-DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "swung-cloth"
+DATA = SHARED_DATA / "swung-cloth"
 SWUNG = ("time_offset", "clock_drift", "attachment_offset", "filter_lag", "corner_erosion", "tracker_smoothing")
 
 
@@ -287,7 +287,7 @@ def test_a_case_without_a_diagnosis_counts_in_no_rate_of_sizes(tmp_path):
 
 
 @pytest.mark.shared_data
-@pytest.mark.skipif(not DATA.exists(), reason="recordings of swung cloth are not beside the repository")
+@pytest.mark.skipif(not DATA.exists(), reason=f"no real recordings at {DATA}")
 def test_the_arms_path_between_frames_is_known_well_enough_to_be_read_late():
     """Every other frame left out and interpolated: twice as coarse as what a planted offset in time asks for."""
     from scipy.interpolate import CubicSpline

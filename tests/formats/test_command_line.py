@@ -7,7 +7,6 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -17,8 +16,9 @@ from formats.archive import read_take, write_take
 from formats.rig import Calibration
 from formats.summary import describe, summarise
 from tests.formats.test_archive import RIG, a_take
+from tests.shared_data import SHARED_DATA
 
-SHARED = Path(os.environ.get("HANGTIME_SHARED_DATA", Path(__file__).parents[3] / "shared" / "data"))
+SWUNG = SHARED_DATA / "swung-cloth"
 
 
 def hangtime(*words):
@@ -166,9 +166,9 @@ def test_import_of_something_else_is_refused(tmp_path):
 
 
 @pytest.mark.shared_data
-@pytest.mark.skipif(not (SHARED / "swung-cloth").is_dir(), reason=f"no real recordings at {SHARED}")
+@pytest.mark.skipif(not SWUNG.is_dir(), reason=f"no real recordings at {SWUNG}")
 def test_real_recordings_can_be_imported(tmp_path):
-    files = sorted((SHARED / "swung-cloth").glob("*.npz"))
+    files = sorted(SWUNG.glob("*.npz"))
     assert hangtime("import", *files, "--out", tmp_path).returncode == 0
     takes = [read_take(p) for p in sorted(tmp_path.glob("*.mcap"))]
     assert len(takes) == len(files) == 16

@@ -48,6 +48,10 @@ Progress = Callable[[int, int, float], None]
 
 BLOCK = 0.5  # s: distances further apart count as independent
 CHECKPOINT_EVERY = 10.0  # s
+TOO_SHORT = (
+    "Warning: 90 % intervals of this search are too short, and what it calls told may not be: it knows of one valley "
+    "only. Where they matter, use --search least-squares."
+)
 LAYERED = (
     "Sleeves and hems are layers sewn together, stiffer than any fabric; where the simulated ones hang down, "
     "try --method si-sewn."
@@ -166,10 +170,12 @@ def calibrate(
     check_together(training, held_out)
     train, test = prepare_together(training, held_out)
     model = Model(train, request)
+    check_blocks(np.concatenate(_half_seconds(model.recordings)))
+    saved = SavedSearch(checkpoint, _key(training, model))
+    saved.read()  # one that cannot be continued is refused before anything is simulated
     judge = Model(test, request, is_fitted=False) if test else None
     if judge is not None:
         _ = judge.error_before  # a take that blows up is refused before the search
-    saved = SavedSearch(checkpoint, _key(training, model))
     run = _least_squares if request.search in OBSERVED else _ask_and_tell
     found = run(model, request, saved, progress)
     return _result(training, held_out, request, model, judge, found, saved.seconds)
@@ -187,7 +193,6 @@ class _Found:
 
 
 def _ask_and_tell(model: Model, request: Request, saved: SavedSearch, progress: Progress) -> _Found:
-    check_blocks(np.concatenate(_half_seconds(model.recordings)))
     blocks = sum(r.duration for r in model.recordings) / BLOCK
     initial = np.array([p.initial for p in request.parameters])
     steps = np.array([p.interval for p in request.parameters])
@@ -292,6 +297,10 @@ def _result(
     if request.search in ("annealing", "restarts"):
         unit = {"m": "metre"}.get(model.objectives[0].unit, f"unit of {model.objectives[0].name}")
         notes.append(f"gamma = {request.settings.gamma:g} per {unit} is our choice; the paper gives none.")
+    if request.search in OBSERVED and model.objectives[0].name != "D":
+        notes.append(f"{request.search} brings the points nearer; {model.objectives[0].name} is told, not minimised.")
+    if request.search != "least-squares":
+        notes.append(TOO_SHORT)
     if found.non_finite:
         notes.append(f"{found.non_finite} candidates blew up and were rejected.")
     return FitResult(
@@ -321,9 +330,7 @@ def _result(
         material=model.material(best) if is_own else {},
         layers=training[0].garment.layers,
         objective=model.objective_figure(initial, best),
-        combinations=(
-            describe_combinations(model.material_rows, initial, best, reach, intervals.covariance) if is_own else []
-        ),
+        combinations=(describe_combinations(model.material_rows, initial, best, reach, intervals) if is_own else []),
     )
 
 

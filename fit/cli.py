@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from fit.batch.cli import add_commands as add_batch_commands
 from fit.blind.cli import add_commands as add_blind_commands
 from formats.terminal import is_watched, say
+
+if TYPE_CHECKING:
+    from formats.take import Take
 
 Takes = Annotated[
     list[Path], typer.Argument(metavar="TAKE...", help="Take archives (.mcap) to fit to.", show_default=False)
@@ -106,7 +109,7 @@ def fit_command(
     """
     from fit.calibration import calibrate
     from fit.fabrics import find_fabric
-    from fit.folders import make_folder, set_aside_other_takes
+    from fit.folders import alone, make_folder, set_aside_other_takes
     from fit.parameterisations import find_method
     from fit.reporting import write_fit_report
     from fit.request import request_of
@@ -130,18 +133,19 @@ def fit_command(
         progress.show(done / total, f"{done}/{total}, {error}")
 
     try:
-        result = calibrate(training, testing, request, checkpoint=checkpoint, progress=show)
-        progress.end()
-        aside = set_aside_other_takes(out / "fit.json", training)
-        save_fit_result(out / "fit.json", result)
-        report = write_fit_report(out / "report.html", result, training, testing, request)
+        with alone(out, "fit"):
+            result = calibrate(training, testing, request, checkpoint=checkpoint, progress=show)
+            progress.end()
+            aside = set_aside_other_takes(out / "fit.json", training)
+            save_fit_result(out / "fit.json", result)
+            report = write_fit_report(out / "report.html", result, training, testing, request)
+            checkpoint.unlink(missing_ok=True)  # not before the report is there: the same command then goes on
     except KeyboardInterrupt:
         progress.end()
         is_kept = checkpoint.exists()
         kept = f"the search is kept in {checkpoint}. The same command goes on." if is_kept else "nothing is kept."
         say(f"Interrupted; {kept}")
         raise typer.Exit(130) from None
-    checkpoint.unlink(missing_ok=True)  # not before the report is there: the same command then goes on
     if aside:
         say(aside)
     typer.echo(_table(result))
@@ -258,7 +262,14 @@ def _read(takes: list[Path], held_out: list[Path], motions: list[str]):  # type:
     from formats.archive import read_take
 
     training, moving = split_by_motion([read_take(p) for p in takes], motions)
-    return training, moving + [read_take(p) for p in held_out]
+    testing = moving + [read_take(p) for p in held_out]
+    judging = f"judging on {_listed(testing)}" if testing else "judging on the same, as none is held out"
+    say(f"Fitting to {_listed(training)}; {judging}.")
+    return training, testing
+
+
+def _listed(takes: list[Take]) -> str:
+    return ", ".join(t.take_id for t in takes)
 
 
 def _added_line(finding) -> str:  # type: ignore[no-untyped-def]

@@ -4,11 +4,12 @@ A simulation's motion depends on its material row only through k/rho, G/rho, B/r
 because every force of the step is divided by the mass (`fit.cloth.rollout`). With the covariance C of a fit's
 parameters theta and g = d(combination)/d(theta), central differences along the method's own map,
 
-    variance = g' C g
+    variance = g' C g,   half width = sqrt(t^2 g' C g + (g . way)^2)
 
-and a combination counts as identified when the data shrink its deviation to half of what the ranges alone leave, or
-less, and its 90 % interval ends above 0, below which none of them can be. Source: P. R. Bevington, D. K. Robinson,
-"Data Reduction and Error Analysis for the Physical Sciences", section 3.2 (propagation of error).
+as a parameter's own (`fit.search.intervals`). A combination counts as identified when the data shrink its deviation to
+half of what the ranges alone leave, or less, and its 90 % interval ends above 0, below which none of them can be.
+Source: P. R. Bevington, D. K. Robinson, "Data Reduction and Error Analysis for the Physical Sciences", section 3.2
+(propagation of error).
 """
 
 from __future__ import annotations
@@ -19,12 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.cloth import material as mat
+from fit.search.intervals import Intervals
 from formats.results import Combination
 
 Floats = NDArray[np.float64]
 
 STEP = 1e-3  # of the range, for the differences
-NORMAL_90 = 1.645
 # Name, unit, column, whether it is divided by the density.
 COMBINATIONS = (
     ("stretch stiffness / density", "m2/s2", mat.STRETCH, True),
@@ -42,13 +43,13 @@ def combine(rows: Floats) -> Floats:
 
 
 def describe_combinations(
-    materials: Callable[[Floats], Floats], initial: Floats, fitted: Floats, reach: Floats, covariance: Floats
+    materials: Callable[[Floats], Floats], initial: Floats, fitted: Floats, reach: Floats, intervals: Intervals
 ) -> list[Combination]:
     """Return combinations before and after a fit with 90 % intervals, without those that the method holds fixed.
 
     materials: vectors, (candidates, parameters), -> material rows; initial, fitted, (parameters,);
     reach: widths of the box at the fit, where a logarithm is searched its slope times the parameter, (parameters,);
-    covariance, (parameters, parameters)
+    intervals: of the parameters
     """
     step = np.diag(STEP * reach)
     ahead, behind = combine(materials(fitted + step)), combine(materials(fitted - step))
@@ -60,8 +61,9 @@ def describe_combinations(
         prior = float(np.sqrt(slope**2 @ (reach**2 / 12)))
         if prior == 0.0:
             continue
-        deviation = float(np.sqrt(slope @ covariance @ slope))
-        low, high = float(after[k]) - NORMAL_90 * deviation, float(after[k]) + NORMAL_90 * deviation
+        deviation = float(np.sqrt(slope @ intervals.covariance @ slope))
+        half = float(np.hypot(intervals.spread * deviation, slope @ intervals.way))
+        low, high = float(after[k]) - half, float(after[k]) + half
         found.append(
             Combination(
                 name=name, unit=unit, initial=float(before[k]), fitted=float(after[k]),

@@ -95,6 +95,11 @@ def request_of(
             f"{search} simulates with our own cloth only, not with {engine}", where="--search",
             advice="choose another search or leave out --engine",
         )  # fmt: skip
+    if search == "tempering" and not method.is_in_metres:
+        raise FitError(
+            f"tempering draws by how likely distances are, which the error of {method.name} is not", where="--search",
+            advice="choose another search, or a method that minimises distances: si, kinect-skirt",
+        )  # fmt: skip
     settings = AnnealingSettings(gamma=method.gamma if gamma is None else gamma).lasting(iterations)
     request = Request(
         method=method,

@@ -9,7 +9,7 @@
 The paper leaves open, and we chose: units are metres, so the parts are in m, m/s and 1/m; v is the speed |v| (the
 average of the velocity vector is only where the marker ended less where it began); places of both sides pass the same
 smoothing spline (`fit.recording`) before they are differentiated; a frame in which a marker was not seen counts for
-neither side; E is divided by the number of markers.
+neither side, nor for the curvature of those whose splines it is a point of; E is divided by the number of markers.
 
 Through the markers of a row or column runs a uniform Catmull-Rom spline. At marker p_0 with neighbours p_-2 .. p_2
 
@@ -79,6 +79,11 @@ class SwatchError:
                 where=recording.take_id,
                 advice="leave it out of the garment",
             )
+        self._weights = _weights(self._seen)
+        self._down, self._across = np.zeros(self._seen.shape), np.zeros(self._seen.shape)
+        lines = self._seen[:, self._grid]
+        self._down[:, self._grid] = _weights(curvature_seen(lines.swapaxes(1, 2)).swapaxes(1, 2))
+        self._across[:, self._grid] = _weights(curvature_seen(lines))
         self._real = self._averages(wanted[..., :3])
         self.remark = self._noise_remark(recording)
 
@@ -123,9 +128,23 @@ class SwatchError:
         down, across = np.zeros(speed.shape), np.zeros(speed.shape)
         down[:, self._grid] = line_curvature(grid.swapaxes(1, 2)).swapaxes(1, 2)
         across[:, self._grid] = line_curvature(grid)
-        weight = self._seen / self._seen.sum(0)
-        place = np.einsum("fpc,fp->pc", points, weight)
-        return place, (speed * weight).sum(0), (down * weight).sum(0), (across * weight).sum(0)
+        place = np.einsum("fpc,fp->pc", points, self._weights)
+        return place, (speed * self._weights).sum(0), (down * self._down).sum(0), (across * self._across).sum(0)
+
+
+def _weights(counted: NDArray[np.bool_]) -> Floats:
+    """Shares of the frames that count, (frames, ...), nothing where none does."""
+    return np.asarray(counted / np.maximum(counted.sum(0), 1))
+
+
+def curvature_seen(seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether all markers are seen, (..., n), that the curvature at each of a line of n is made of."""
+    found = seen.copy()
+    found[..., 1:] &= seen[..., :-1]
+    found[..., :-1] &= seen[..., 1:]
+    found[..., 2:-1] &= seen[..., :-3]
+    found[..., 1:-2] &= seen[..., 3:]
+    return found
 
 
 def marker_grid(places: Floats, where: object) -> Integers:

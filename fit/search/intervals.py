@@ -33,18 +33,22 @@ Floats = NDArray[np.float64]
 SHARE_TOLD = 0.5  # of the prior's deviation
 PRIOR_SD = 1 / np.sqrt(12)  # of a flat prior over the unit box
 FEWEST_BLOCKS = 3
+NORMAL_90 = 1.645
 
 
 @dataclass(frozen=True)
 class Intervals:
     """90 % intervals, (parameters, 2), and which parameters the data tell, (parameters,).
 
-    covariance, (parameters, parameters), of the linearised model or of draws; all in the parameters' own units.
+    covariance, (parameters, parameters), of the linearised model or of draws; way, (parameters,): to the least squares;
+    all in the parameters' own units. spread: half a 90 % interval in deviations, where the way is nothing.
     """
 
     ends: Floats
     is_told: NDArray[np.bool_]
     covariance: Floats
+    way: Floats
+    spread: float
 
 
 def check_blocks(block: NDArray[np.int64]) -> None:
@@ -83,14 +87,15 @@ def block_intervals(
     unit = space.to_unit(parameters)
     ends = np.stack([space.from_unit(np.clip(unit + sign * half, 0, 1)) for sign in (-1, 1)], axis=1)
     slope = space.slope(parameters)
-    return Intervals(ends, deviation < SHARE_TOLD * PRIOR_SD, variance * np.outer(slope, slope))
+    covariance = variance * np.outer(slope, slope)
+    return Intervals(ends, deviation < SHARE_TOLD * PRIOR_SD, covariance, way * slope, reach)
 
 
 def draw_intervals(space: BoundedSpace, draws: Floats) -> Intervals:
     """Return intervals from draws of the posterior, (draws, parameters): their 5 % and 95 % quantiles."""
     ends = np.quantile(draws, [0.05, 0.95], axis=0).T
     is_told = space.to_unit(draws).std(axis=0) < SHARE_TOLD * PRIOR_SD
-    return Intervals(ends, is_told, np.atleast_2d(np.cov(draws.T)))
+    return Intervals(ends, is_told, np.atleast_2d(np.cov(draws.T)), np.zeros(draws.shape[1]), NORMAL_90)
 
 
 def jackknife(residuals: Floats, jacobian: Floats, place: NDArray[np.int64]) -> tuple[Floats, Floats]:

@@ -157,8 +157,8 @@ def test_combinations_count_effects_that_change_the_cloth():
     shear = next(c for c in result.combinations if c.name == "shear stiffness / density")
     assert shear.initial == pytest.approx(51.5)
     assert shear.fitted == pytest.approx(result.material["shear_stiffness"] / 0.2)
-    # 90 of the effect's range over sqrt(12), over the density, 1.645 times to each side.
-    assert shear.interval_high == pytest.approx(51.5 + 1.645 * 90 / 12**0.5 / 0.2, rel=0.01)
+    # 90 of the effect's range over sqrt(12), over the density, 2.015 times to each side: Student's of six half-seconds.
+    assert shear.interval_high == pytest.approx(51.5 + 2.015 * 90 / 12**0.5 / 0.2, rel=0.01)
 
 
 def test_a_narrow_box_tells_nothing_that_the_points_do_not():

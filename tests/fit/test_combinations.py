@@ -7,14 +7,18 @@ import pytest
 
 from fit.combinations import describe_combinations
 from fit.parameterisations import LEAN, MOCAP_SWATCH
+from fit.search.intervals import Intervals
 
 REACH = LEAN.maximum - LEAN.minimum
 
 
-def described(covariance, vector=(200.0, 2e-5, 1.0), method=LEAN):
+def described(covariance, vector=(200.0, 2e-5, 1.0), method=LEAN, way=0.0, spread=1.645):
     fitted = np.array(vector)
     reach = method.maximum - method.minimum
-    found = describe_combinations(lambda v: method.to_materials(v, 0.2), method.initial, fitted, reach, covariance)
+    count = len(fitted)
+    ways = np.zeros(count) + way
+    known = Intervals(np.zeros((count, 2)), np.ones(count, bool), covariance, ways, spread)
+    found = describe_combinations(lambda v: method.to_materials(v, 0.2), method.initial, fitted, reach, known)
     return {c.name: c for c in found}
 
 
@@ -25,6 +29,13 @@ def test_a_known_weight_divides_stiffness_and_its_interval():
     assert stretch.fitted == pytest.approx(1000.0)
     assert (stretch.interval_low, stretch.interval_high) == pytest.approx((835.5, 1164.5))
     assert stretch.is_identified
+
+
+def test_a_combination_is_as_uncertain_as_its_parameters():
+    """Three blocks: 2.92 deviations of 100 m^2/s^2; and the search stopped 40 N/m, so 200 m^2/s^2, short."""
+    way = np.array([40.0, 0.0, 0.0])
+    stretch = described(np.diag([20.0, 2e-6, 0.1]) ** 2, way=way, spread=2.92)["stretch stiffness / density"]
+    assert stretch.interval_high - stretch.fitted == pytest.approx(np.hypot(292.0, 200.0), rel=1e-3)
 
 
 def test_what_the_ranges_alone_allow_is_not_identified():

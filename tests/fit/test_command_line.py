@@ -20,10 +20,10 @@ from fit.errors import FitError
 from fit.fabric_sheet import sheet_of
 from fit.folders import alone
 from fit.gap.diagnosis import diagnose
-from fit.parameterisations import KINECT_SKIRT, SI, find_method
+from fit.parameterisations import KINECT_SKIRT, LEAN, SI, find_method
 from fit.request import Request, request_of
-from formats.archive import write_take
-from formats.results import load_fit_result, save_fit_result
+from formats.archive import read_take, write_take
+from formats.results import load_diagnosis, load_fit_result, save_fit_result
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 from tests.fit.test_geometry import scaled
 
@@ -164,6 +164,52 @@ def test_a_fit_of_blenders_cloth_is_no_fabric_and_moves_none_of_ours(tmp_path, m
     assert not np.array_equal(shown[0].before, shown[2].before)
     assert np.array_equal(shown[0].before, shown[3].before)
     assert not np.array_equal(shown[0].after, shown[3].after)  # the fit moves with the effect that it has
+
+
+def test_a_fit_is_tested_as_a_fabric_and_warns_of_intervals_that_are_too_short(tmp_path):
+    write_take(tmp_path / "a.mcap", a_swung_take())
+    words = ["a.mcap", "--spacing", 0.15, "--iterations", 2]
+    fitted = hangtime("fit", *words, "--method", "si", folder=tmp_path)
+    assert fitted.returncode == 0, fitted.stderr
+    assert "Fitting to a; judging on the same, as none is held out." in fitted.stderr
+    assert "90 % intervals of this search are too short" in fitted.stdout
+    assert "minimised" not in fitted.stdout
+    sheet_in_words = hangtime("fabric", "fitted/fit.json", folder=tmp_path)
+    assert sheet_in_words.returncode == 0, sheet_in_words.stderr
+    stiffness = load_fit_result(tmp_path / "fitted/fit.json").material["bending_stiffness"]
+    assert stiffness > 0
+    assert "B " in sheet_in_words.stdout  # bending rigidity, as KES calls it
+    with alone(tmp_path / "fitted", "fit"):
+        second = hangtime("fit", *words, folder=tmp_path)
+    assert second.returncode == 2
+    assert "another `hangtime fit` writes here" in second.stderr
+
+
+def test_a_diagnosis_says_what_it_found_and_leaves_its_report(tmp_path):
+    """With the lean model, whose shear is in the library, a hem added by hand, and a fit of the same takes."""
+    write_take(tmp_path / "a.mcap", a_swung_take())
+    write_take(tmp_path / "b.mcap", a_swung_take("b", hz=0.9))
+    fitted = calibrate([read_take(tmp_path / "a.mcap")], [], request_of(SI, [], iterations=2, seed=1, spacing=0.15))
+    save_fit_result(tmp_path / "out/fit.json", fitted)
+    words = ["diagnose", "a.mcap", "--held-out", "b.mcap", "--out", "out", "--spacing", 0.15, "--seed", 3]
+    done = hangtime(*words, "--model", "lean", "--add", "hem", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "Fitting to a; judging on b." in done.stderr
+    found = load_diagnosis(tmp_path / "out/diagnosis.json")
+    assert f"Verdict: {found.verdict}\n{found.sentence}\n" in done.stdout
+    assert (found.take_ids, found.held_out_ids) == (["a"], ["b"])
+    assert {p.name for p in found.base_parameters} == {p.name for p in LEAN.parameters}
+    hem = next(f for f in found.effects if f.id == "hem")
+    assert hem.amplitude_interval is not None  # refitted, though there is no gap to close
+    assert next(f for f in found.effects if f.id == "shear_stiffness").tested
+    assert "With hem at 0 kg/m: there is no gap to close" in done.stdout
+    page = (tmp_path / "out/report.html").read_text()
+    assert page.startswith("<!doctype html>")
+    assert f"{fitted.simulations} simulations in" in page  # of the fit beside it
+    assert not (tmp_path / "out/diagnosis.partial").exists()
+    again = hangtime(*words, "--model", "lean", "--add", "nothing_known", folder=tmp_path)
+    assert again.returncode == 2
+    assert "nothing_known" in again.stderr
 
 
 def test_a_fit_of_other_takes_is_kept_under_a_number(tmp_path):

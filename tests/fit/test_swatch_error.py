@@ -10,7 +10,7 @@ import pytest
 from fit.errors import FitError
 from fit.objective import total
 from fit.recording import prepare
-from fit.swatch_error import SwatchError, line_curvature, marker_grid
+from fit.swatch_error import SwatchError, curvature_seen, line_curvature, marker_grid
 from formats.swatch import swatch
 from tests.fit.scenes import sheet, take_of
 
@@ -86,6 +86,25 @@ def test_a_frame_without_a_marker_counts_for_neither_side():
     with_gap = error_against(seen).terms(simulated[None])[0]
     without = error_against(hanging()).terms(simulated[None])[0]
     assert with_gap[0] < 0.05 * without[0]
+
+
+def test_a_lost_marker_bends_no_line_that_it_is_a_point_of():
+    """A flat swatch that swings; where one marker is lost for a second, its bridged place is far off the plane."""
+    swung = hanging()
+    swung[..., 1] += 0.1 * np.sin(2 * np.pi * 0.9 * TIME)[:, None]
+    seen = swung.copy()
+    seen[60:180, 40] = np.nan
+    terms = error_against(seen).terms(swung[None])[0]
+    assert terms[2:] == pytest.approx([0.0, 0.0], abs=0.02)  # what the ends of the marker's own spline leave
+
+
+def test_a_curvature_needs_the_markers_of_both_segments():
+    seen = np.ones(8, bool)
+    seen[4] = False
+    assert curvature_seen(seen).tolist() == [True, True, False, False, False, False, False, True]
+    ends = np.ones(8, bool)
+    ends[0] = False  # a point of the first segment, so of the curvature at 1 and 2
+    assert curvature_seen(ends).tolist() == [False, False, False, True, True, True, True, True]
 
 
 def test_noise_that_looks_like_more_than_half_of_the_curvature_is_remarked():

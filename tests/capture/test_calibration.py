@@ -220,6 +220,23 @@ def test_an_accelerometer_that_does_not_answer_stops_only_who_asked_for_it(tmp_p
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.exception
     assert "without the accelerometer: Kinect: no answer" in done.output
+    sensor._next = 0
+    left_out = CliRunner().invoke(app, [*words, "--no-accelerometer"])
+    assert left_out.exit_code == 0, left_out.exception
+    assert "without the accelerometer" not in left_out.output
+
+
+def test_the_command_takes_plumb_line_and_clips_to_be_the_markers_it_is_told(frames, tmp_path, monkeypatch):
+    """Named the other way round, gravity points up, and the left end of the held edge is on the right."""
+    monkeypatch.setattr("firmware_host.opening.open_sensor", lambda text: StageSensor(frames[:15]))
+    (tmp_path / "rig.toml").write_text(dump_description(RIG))
+    gather_commands()
+    words = ["calibrate", "--sensor", "stage", "--rig", str(tmp_path / "rig.toml"), "--overwrite"]
+    done = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "new.toml"), "--plumb-ids=5,4", "--clip-ids=3,2"])
+    assert done.exit_code == 0, done.exception
+    rig = load_rig(tmp_path / "new.toml")
+    assert rig.gravity == pytest.approx(-TURN[:, 1], abs=0.01)
+    assert [end[0] for end in rig.hanger.held_m] == pytest.approx(HELD[::-1, 0], abs=0.02)
 
 
 def test_the_longest_still_part_is_found_between_two_motions():

@@ -148,6 +148,17 @@ def test_a_lamp_that_is_not_there_is_refused_before_the_recording_begins(tmp_pat
 
 
 @pytest.mark.openni
+def test_the_surface_is_scanned_as_often_and_as_finely_as_the_command_is_told(good, tmp_path):
+    """Five times in a second and a half: every sixth of 45 frames, 4 x 4 places and 32 around."""
+    write_swing(tmp_path, good * 15)
+    done = CliRunner().invoke(app, ["record", *words(tmp_path), "--scan-rate=5", "--scan-points=4"])
+    assert done.exit_code == 0, done.output
+    scans = read_take(tmp_path / "a.mcap").scans
+    assert [scan.time for scan in scans] == pytest.approx(np.arange(8) * 0.2, abs=0.04)
+    assert {(scan.grid.shape, scan.contour.shape) for scan in scans} == {((4, 4, 3), (32, 3))}
+
+
+@pytest.mark.openni
 def test_a_recording_of_another_size_than_the_rigs_is_refused_and_leaves_nothing(tmp_path):
     if not openni2_library.is_available():
         pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")

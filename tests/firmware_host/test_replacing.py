@@ -1,4 +1,4 @@
-"""Recordings are not replaced by a second run of the same command, unless it says so."""
+"""Recordings are not replaced by a second run of the same command, unless it says so; numbers reach what makes them."""
 
 from __future__ import annotations
 
@@ -60,3 +60,21 @@ def test_what_makes_recordings_refuses_before_it_works(tmp_path):
     (tmp_path / "silk-swing.csv").touch()
     with pytest.raises(OutputError, match="is already there"):
         make_swatch_take(tmp_path, fabric="silk")
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (
+            ["synthesise", "d", "--effect=hem", "--amplitude=nan"],
+            "the amplitude nan is no size of an effect; give a finite",
+        ),
+        (["synthesise-swatch", "d", "--air-drag=inf"], "the air drag inf is no coefficient; give a finite number"),
+    ],
+)
+def test_the_size_of_a_planted_effect_reaches_what_makes_the_recording(tmp_path, monkeypatch, words, sentence):
+    """Told by a number that it refuses: a whole recording takes half a minute."""
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(app, ["sensor", *words])
+    assert sentence in str(done.exception)
+    assert not list(tmp_path.rglob("*.*"))

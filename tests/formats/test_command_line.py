@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from formats.archive import read_take, write_take
+from formats.descriptions import load_garment
 from formats.rig import Calibration
 from formats.summary import describe, summarise
 from tests.formats.test_archive import RIG, a_take
@@ -56,14 +57,32 @@ def test_json_of_a_take_is_valid_where_an_axis_was_never_measured(tmp_path):
     assert "along the one axis that was measured" in hangtime("takes", "show", path).stdout
 
 
-def test_verify_says_sound_and_damaged(tmp_path):
+def test_verify_says_sound_incomplete_damaged_and_lost(tmp_path):
+    """The end is cut off; one bit of the third block is turned; nothing is a take."""
     whole = write_take(tmp_path / "a.mcap", a_take())
+    raw = bytearray(whole.read_bytes())
     assert hangtime("takes", "verify", whole).returncode == 0
-    (tmp_path / "b.mcap").write_bytes(whole.read_bytes()[:-2500])
-    done = hangtime("takes", "verify", whole, tmp_path / "b.mcap")
+    (tmp_path / "b.mcap").write_bytes(raw[:-2500])
+    raw[len(raw) // 2] ^= 1
+    (tmp_path / "c.mcap").write_bytes(raw)
+    (tmp_path / "d.mcap").write_bytes(b"no take")
+    done = hangtime("takes", "verify", *sorted(tmp_path.glob("*.mcap")))
     assert done.returncode == 2
-    assert done.stdout.startswith("sound")
-    assert "incomplete" in done.stdout
+    lines = done.stdout.splitlines()
+    assert [line.split()[:2] for line in lines] == [
+        [word, f"{tmp_path / name}.mcap:"]
+        for word, name in (("sound", "a"), ("incomplete", "b"), ("damaged", "c"), ("lost", "d"))
+    ]
+    assert lines[2].endswith(": 119 frames in 4 blocks, 1 damaged blocks; what was read can be used")
+
+
+def test_a_swatch_has_as_many_markers_as_the_command_is_told(tmp_path):
+    """5 along each side of 0.4 m are 100 mm apart."""
+    done = hangtime("swatch", tmp_path / "s.toml", "--mass", 0.05, "--side", 0.4, "--markers", 5)
+    assert done.stdout == f"{tmp_path / 's.toml'}: 25 markers, 100.0 mm apart\n"
+    points = load_garment(tmp_path / "s.toml").points
+    assert len(points) == 25
+    assert points[1].at_m[0] - points[0].at_m[0] == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize("words", [("takes", "show", "gone.mcap"), ("import", "gone.npz", "--out", "takes")])

@@ -73,6 +73,14 @@ def test_c3d_in_an_unknown_unit_is_refused(tmp_path):
         read_marker_tracks(write_c3d(tmp_path / "a.c3d", hanging_tracks(), unit="inch"))
 
 
+def test_the_command_keeps_so_many_frames_from_the_beginning(tmp_path):
+    write_marker_csv(tmp_path / "a.csv", hanging_tracks())
+    (tmp_path / "g.toml").write_text(dump_description(GARMENT))
+    words = ["a.csv", "--garment", "g.toml", "--frames", "20"]
+    subprocess.run([sys.executable, "-m", "formats.command", "import", *words], check=True, cwd=tmp_path)
+    assert read_take(tmp_path / "takes" / "a.mcap").time == pytest.approx(np.arange(20) / 120, abs=1e-5)
+
+
 def test_a_take_is_driven_by_the_markers_on_its_top_corners(tmp_path):
     take = import_marker_take(write_marker_csv(tmp_path / "a.csv", hanging_tracks()), GARMENT)
     assert take.held[0] == pytest.approx(np.array([[-0.25, 0.0, 1.5], [0.25, 0.0, 1.5]]))

@@ -127,6 +127,9 @@ def diagnose(
     proposal = propose(observer, base, *search.alive(evidence, verdict))
     progress("drawing maps", 0.97)
     best, spent = search.named(verdict), kept.spent
+    notes = described.notes(len(training), len(held_out), observer, is_predictable=predictability.passed)
+    if verdict.verdict == "ambiguous" and proposal is None:
+        notes.append("No motion of the menu would tell apart what is named by a standard deviation more than these.")
     diagnosis = Diagnosis(
         format="hangtime-diagnosis/1",
         created=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -143,7 +146,7 @@ def diagnose(
         gates=found_gates,
         cost=Cost(simulations=spent[0], seconds=spent[1]),
         base_parameters=described.base_parameters(model, base),
-        notes=described.notes(len(training), len(held_out), observer, is_predictable=predictability.passed),
+        notes=notes,
         alternatives=verdict.alternatives,
         take_contents=[content_of(t) for t in training],
     )

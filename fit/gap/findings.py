@@ -163,5 +163,5 @@ def notes(training: int, held_out: int, observer: Observer, *, is_predictable: b
     if not held_out:
         said.append("No held-out take: closure is measured on the motion it was fitted to and flatters.")
     if training + held_out < 3:
-        said.append("Too few takes to see how a recording differs from its own repetition.")
+        said.append("One or two takes: the same cloth, hung anew, may differ from them by more than their noise.")
     return said

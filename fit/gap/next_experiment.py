@@ -83,7 +83,7 @@ def _bounce(t: Floats) -> Floats:
 
 
 MENU = (
-    Motion("S0", "hold the hanger still for five seconds, three times, hanging the cloth anew each time", _still),
+    Motion("S0", "hold the hanger still for five seconds", _still),
     Motion("S1", "hang the cloth back to front and swing it face-on", _face_on,
            turned={"mass_distribution": (-1, 1), "rest_curvature": (-1, -1)}),
     Motion("S2", "turn the cloth upside down, its face still to the front, and swing it face-on", _face_on,

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-import time
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from fit.errors import UnreachableError
 from formats.terminal import say
 
+if TYPE_CHECKING:
+    from fit.batch.ending import Ending
+
 SOME_NOT_FITTED = 3  # exit status of its own: 1 is a crash of Python, 2 wrong options
+NEXT_TRY = 900.0  # s after which the nightly service tries again (RestartSec in systemd/user/hangtime-batch.service)
 
 
 def add_commands(app: typer.Typer) -> None:
@@ -43,7 +49,12 @@ def batch_command(
     ] = 8787,
     patience: Annotated[
         float,
-        typer.Option("--patience", min=0, metavar="MINUTES", help="How long to wait for a scheduler that is gone."),
+        typer.Option(
+            "--patience",
+            min=0,
+            metavar="MINUTES",
+            help="How long to wait for a scheduler or a bucket that is gone, and for workers.",
+        ),
     ] = 10.0,
     hours: Annotated[
         float | None,
@@ -55,6 +66,15 @@ def batch_command(
             show_default="no limit",
         ),
     ] = None,
+    until: Annotated[
+        str | None,
+        typer.Option(
+            "--until",
+            metavar="HH:MM",
+            help="Stop when it is next so late by this machine's clock, or after --hours if that is earlier.",
+            show_default="no limit",
+        ),
+    ] = None,
     retry_failed: Annotated[
         bool, typer.Option("--retry-failed", help="Also try the takes again that could not be fitted before.")
     ] = False,
@@ -63,7 +83,15 @@ def batch_command(
     effect: Annotated[list[str], typer.Option("--effect", metavar="NAME", help="Keep this effect in the model.")] = [],  # noqa: B006
     bounds: Annotated[list[str], typer.Option("--bounds", metavar="NAME=LOW:HIGH", help="Narrower bounds.")] = [],  # noqa: B006
     search: Annotated[str, typer.Option("--search", help="How parameters are looked for.")] = "annealing",
-    iterations: Annotated[int, typer.Option("--iterations", min=1, help="Iterations of the search.")] = 350,
+    iterations: Annotated[
+        int,
+        typer.Option(
+            "--iterations",
+            min=1,
+            help="Iterations that the annealing cools in, candidates of tempering and cma-es; least-squares and "
+            "short-windows have a number of their own.",
+        ),
+    ] = 350,
     gamma: Annotated[
         float | None,
         typer.Option("--gamma", help="Factor gamma of the acceptance [1/m].", show_default="the method's own"),
@@ -78,9 +106,11 @@ def batch_command(
     Each result is kept at once, whole or not at all, under a key of the take's content, the options and the physics: a
     second run fits only what is new. A worker that dies, a take that cannot be fitted and a scheduler that is lost cost
     time and nothing else. Writes fits/KEY.json, summary.csv and summary.html. Ends with 0 when every take is fitted, 3
-    when some are not, with 75 when bucket or scheduler cannot be reached: try again later.
+    when some are not, with 75 when bucket, scheduler or workers cannot be reached: try again later (with 3 within the
+    last quarter of an hour before --until).
     """
     from fit.batch.cluster import Workers
+    from fit.batch.ending import ending_of
     from fit.batch.jobs import Plan
     from fit.batch.runner import run, survey
     from fit.batch.store import open_store
@@ -92,31 +122,32 @@ def batch_command(
         spacing=spacing, seed=seed, fabric=fabric,
     )  # fmt: skip
     plan.request()
-    takes, results = open_store(url), open_store(out)
-    deadline = None if hours is None else time.monotonic() + 3600 * hours
-    found = survey(takes, results, plan, retry_failed=retry_failed)
-    say(f"{len(found.keys)} takes, {len(found.jobs)} to fit.")
-    progress = ProgressLine("batch")
+    ending = ending_of(hours, until)
     is_interrupted = False
+    with _none_after(ending):
+        takes, results = open_store(url), open_store(out)
+        found = survey(takes, results, plan, retry_failed=retry_failed)
+        say(f"{len(found.keys)} takes, {len(found.jobs)} to fit.")
+        progress = ProgressLine("batch")
 
-    def show(done: int, total: int, text: str) -> None:
-        failed = sum(o.state in ("failed", "refused") for o in found.outcomes.values())
-        progress.show(done / total, f"{done}/{total} takes{f', {failed} failed' if failed else ''}, {text}")
+        def show(done: int, total: int, text: str) -> None:
+            failed = sum(o.state in ("failed", "refused") for o in found.outcomes.values())
+            progress.show(done / total, f"{done}/{total} takes{f', {failed} failed' if failed else ''}, {text}")
 
-    try:
-        run(
-            found,
-            Workers(scheduler=scheduler, count=workers, dashboard_port=dashboard_port, patience=60 * patience),
-            progress=show,
-            say=say,
-            deadline=deadline,
-        )
-    except KeyboardInterrupt:
-        is_interrupted = True
-    finally:
-        progress.end()
-        rows = rows_of(found, results)
-        write_summary(rows, results, plan)
+        try:
+            run(
+                found,
+                Workers(scheduler=scheduler, count=workers, dashboard_port=dashboard_port, patience=60 * patience),
+                progress=show,
+                say=say,
+                ending=ending,
+            )
+        except KeyboardInterrupt:
+            is_interrupted = True
+        finally:
+            progress.end()
+            rows = rows_of(found, results)
+            write_summary(rows, results, plan)
     for row in rows:
         if row.state in ("failed", "refused"):
             say(f"{row.take}: {row.sentence}")
@@ -127,3 +158,14 @@ def batch_command(
         raise typer.Exit(130)
     if any(row.state not in ("fitted", "known") for row in rows):
         raise typer.Exit(SOME_NOT_FITTED)
+
+
+@contextlib.contextmanager
+def _none_after(ending: Ending) -> Iterator[None]:
+    """Ask for no second try that would come after the time of the day at which a batch ends."""
+    try:
+        yield
+    except UnreachableError as error:
+        if ending.is_near(NEXT_TRY):
+            error.exit_code = SOME_NOT_FITTED
+        raise

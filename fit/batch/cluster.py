@@ -30,7 +30,7 @@ class Workers:
     scheduler: str | None = None
     count: int | None = None  # on this machine; one a core where None
     dashboard_port: int = 8787
-    patience: float = 600.0  # s for which a lost scheduler is waited for
+    patience: float = 600.0  # s for which a lost scheduler, a bucket that is gone and the first worker are waited for
 
 
 @contextlib.contextmanager
@@ -59,6 +59,14 @@ def connect(workers: Workers) -> Iterator[Any]:
             client.close(timeout=CONNECT)
             if cluster is not None:
                 cluster.close(timeout=CONNECT)
+
+
+def has_workers(client: Any) -> bool:
+    """Return whether its scheduler knows any worker; one that does not answer is taken for lost by other signs."""
+    try:
+        return bool(client.sync(client.scheduler.ncores, callback_timeout=CONNECT))
+    except Exception:  # a connection breaks in many ways
+        return True
 
 
 def _local(distributed: Any, workers: Workers) -> Any:

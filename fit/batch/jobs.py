@@ -58,6 +58,7 @@ class Job:
     results_url: str
     plan: Plan
     physics: str
+    patience: float = 0.0  # s for which a finished fit waits for a bucket that is gone
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,23 +8,32 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import time
+from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from fit.batch.cluster import Workers, connect
+from fit.batch.cluster import Workers, connect, has_workers
+from fit.batch.ending import Ending
 from fit.batch.jobs import Job, Outcome, Plan, digest_of, failure_name, key_of, result_name
 from fit.batch.store import Store
-from fit.batch.worker import run_job
-from fit.errors import BatchError
+from fit.batch.worker import RETRY, run_job
+from fit.errors import BatchError, UnreachableError
 from fit.physics import physics_version
 
 POLL = 0.25  # s
 FRUITLESS = 10  # connections in a row without a single outcome, after which something else is wrong
 GATHER = 60.0  # s for a finished job's word to arrive
+LOOK = 5.0  # s between looks for workers
+ARRIVAL = 60.0  # s that workers may take to start, or to start again, whatever patience says
+SILENCE = 300.0  # s; what reaches no bucket says so after 180 s at the latest (obstore's retry_timeout)
+THIS_MACHINE = "this machine"
+NEVER = Ending()
 
 Progress = Callable[[int, int, str], None]
+Say = Callable[[str], None]
 
 
 @dataclass
@@ -46,6 +55,7 @@ def survey(takes: Store, results: Store, plan: Plan, *, retry_failed: bool = Fal
 
     Raises:
         BatchError: there is no take, or the results cannot be listed.
+        UnreachableError: takes or results cannot be reached now.
     """
     names = takes.names("", ".mcap")
     if not names:
@@ -56,6 +66,8 @@ def survey(takes: Store, results: Store, plan: Plan, *, retry_failed: bool = Fal
     for name in names:
         try:
             digest = digest_of(takes.read(name))
+        except UnreachableError:
+            raise  # that is no fault of the take
         except BatchError as error:
             key = key_of(name, plan, physics)
             found.keys[name] = key
@@ -81,62 +93,144 @@ def run(
     workers: Workers,
     *,
     progress: Progress = lambda done, total, text: None,
-    say: Callable[[str], None] = lambda line: None,
-    deadline: float | None = None,
+    say: Say = lambda line: None,
+    ending: Ending = NEVER,
 ) -> None:
     """Fit what is waiting; outcomes are added to the survey as they come, so that an interrupted run shows them too.
 
-    deadline: instant of time.monotonic() [s] after which no more results are waited for.
+    ending: when no more results are waited for
 
     Raises:
-        BatchError: no scheduler answers for longer than patience lasts.
+        BatchError: connections bring no result, one after the other.
+        UnreachableError: no scheduler answers, it has no workers, or workers cannot reach takes or results, for longer
+            than patience lasts.
     """
     fruitless, connections = 0, 0
-    while found.waiting and not _is_over(deadline):
+    while found.waiting and not ending.is_over:
         before = len(found.waiting)
         with connect(workers) as client:
             connections += 1
             say(f"Dashboard: {client.dashboard_link}" if connections == 1 else "Connected again.")
-            is_lost = _round(client, found, progress, deadline)
+            is_lost = _Round(client, found, workers, progress, say).run(ending)
         if is_lost:
             say(f"The scheduler was lost; {len(found.waiting)} takes are left. Waiting for it to come back.")
         fruitless = 0 if len(found.waiting) < before else fruitless + 1
         if fruitless == FRUITLESS:
             raise BatchError(
                 f"{FRUITLESS} connections in a row brought no result",
-                where=workers.scheduler or "this machine",
+                where=workers.scheduler or THIS_MACHINE,
                 advice="look at the logs of scheduler and workers; what is finished is kept",
             )
 
 
-def _round(client: Any, found: Survey, progress: Progress, deadline: float | None) -> bool:
-    """Hand out what is waiting and collect until nothing is left; true when the scheduler was lost."""
-    total, begun, done_before = len(found.jobs), time.monotonic(), len(found.jobs) - len(found.waiting)
-    pending = {client.submit(run_job, job, key=f"hangtime-{job.key}"): job for job in found.waiting}
-    progress(done_before, total, "handed out")
-    while pending:
-        if _is_over(deadline):
-            with contextlib.suppress(Exception):
-                client.cancel(list(pending), force=True)
+class _Round:
+    """What is handed out and collected over one connection to a scheduler."""
+
+    def __init__(self, client: Any, found: Survey, workers: Workers, progress: Progress, say: Say) -> None:
+        self.client, self.found, self.workers, self.progress, self.say = client, found, workers, progress, say
+        self.pending: dict[Any, Job] = {}
+        self.later: list[tuple[float, Job]] = []  # to be handed out again, and when [s]
+        self.attempts: Counter[str] = Counter()
+        self.begun, self.done_before = time.monotonic(), len(found.jobs) - len(found.waiting)
+        self.last_seen = self.last_look = self.begun  # when there were workers, and when they were looked for [s]
+        self.outage = Outage()
+
+    def run(self, ending: Ending) -> bool:
+        """Hand out what is waiting and collect until nothing is left; true when the scheduler was lost."""
+        for job in self.found.waiting:
+            self._hand_out(job)
+        self.progress(self.done_before, len(self.found.jobs), "handed out")
+        while self.pending or self.later:
+            if ending.is_over:
+                with contextlib.suppress(Exception):
+                    self.client.cancel(list(self.pending), force=True)
+                return False
+            for future in [f for f in self.pending if f.status != "pending"]:
+                if not self._collect(future):
+                    return True
+            self._look_for_workers()
+            now = time.monotonic()
+            due = [job for at, job in self.later if at <= now]
+            self.later = [(at, job) for at, job in self.later if at > now]
+            for job in due:
+                self._hand_out(job)
+            time.sleep(POLL)
+        return False
+
+    def _hand_out(self, job: Job) -> None:
+        # A key of its own for each attempt: under the old one dask would give the old answer.
+        attempt = self.attempts[job.key]
+        self.attempts[job.key] += 1
+        key = f"hangtime-{job.key}" + (f"-again{attempt}" if attempt else "")
+        future = self.client.submit(run_job, replace(job, patience=self.workers.patience), key=key)
+        self.pending[future] = job
+
+    def _collect(self, future: Any) -> bool:
+        """Take what became of a job that ended; false when that shows that the scheduler was lost."""
+        if future.status in ("cancelled", "lost"):
             return False
-        for future in [f for f in pending if f.status != "pending"]:
-            if future.status in ("cancelled", "lost"):
-                return True
-            job = pending[future]
-            outcome = _outcome_of(future, job)
-            if outcome is None:
-                return True  # its word did not arrive: ask the store by handing it out again
-            del pending[future]
-            future.release()
-            found.outcomes[job.key] = outcome
-            done = total - len(found.waiting)
-            progress(done, total, _left(done - done_before, total - done, time.monotonic() - begun))
-        time.sleep(POLL)
-    return False
+        job = self.pending[future]
+        outcome = _outcome_of(future, job)
+        if outcome is None:
+            return False  # its word did not arrive: ask the store by handing it out again
+        del self.pending[future]
+        future.release()
+        if isinstance(outcome, UnreachableError):
+            self._wait_for_store(outcome, job)
+            return True
+        if outcome.state in ("fitted", "failed"):
+            self.outage = Outage()
+        self.found.outcomes[job.key] = outcome
+        total = len(self.found.jobs)
+        done = total - len(self.found.waiting)
+        self.progress(done, total, _left(done - self.done_before, total - done, time.monotonic() - self.begun))
+        return True
+
+    def _wait_for_store(self, error: UnreachableError, job: Job) -> None:
+        now = time.monotonic()
+        is_new, seconds = self.outage.goes_on(now)
+        if seconds >= self.workers.patience:
+            raise error
+        if is_new:
+            self.say(f"{error}. Waiting for it to come back.")
+        self.later.append((now + RETRY, job))
+
+    def _look_for_workers(self) -> None:
+        now = time.monotonic()
+        if now - self.last_look < LOOK:
+            return
+        self.last_look = now
+        if has_workers(self.client):
+            self.last_seen = now
+        elif now - self.last_seen >= max(self.workers.patience, ARRIVAL):
+            raise UnreachableError(
+                f"there have been no workers for {(now - self.last_seen) / 60:.0f} min",
+                where=self.workers.scheduler or THIS_MACHINE,
+                advice="start workers (dask worker ... --nthreads 1) and run the batch again: what is finished is kept",
+            )
 
 
-def _outcome_of(future: Any, job: Job) -> Outcome | None:
-    """What became of a job that ended, None when that could not be learned."""
+@dataclass
+class Outage:
+    """For how long workers have not reached takes or results: told by each job that ends so."""
+
+    first: float = -math.inf  # s
+    last: float = -math.inf  # s
+
+    def goes_on(self, now: float) -> tuple[bool, float]:
+        """Note that they were not reached now [s]; return whether that is new, and for how long it has lasted [s].
+
+        A job that was handed out again and is silent for longer than it takes to reach nothing has reached something.
+        """
+        is_new = now - self.last > SILENCE
+        if is_new:
+            self.first = now
+        self.last = now
+        return is_new, now - self.first
+
+
+def _outcome_of(future: Any, job: Job) -> Outcome | UnreachableError | None:
+    """What became of a job that ended, the error if it is to be tried again, None when that could not be learned."""
     from distributed import KilledWorker
 
     if future.status == "error":
@@ -144,6 +238,8 @@ def _outcome_of(future: Any, job: Job) -> Outcome | None:
             error = future.exception(timeout=GATHER)
         except Exception:
             return None
+        if isinstance(error, UnreachableError):
+            return error
         if isinstance(error, KilledWorker):
             sentence = "every worker that took it on died; another start of the batch tries again"
             return Outcome(key=job.key, state="refused", sentence=sentence)
@@ -161,11 +257,10 @@ def _left(done: int, left: int, seconds: float) -> str:
     return f"about {minutes:.0f} min left" if left else "all done"
 
 
-def _is_over(deadline: float | None) -> bool:
-    return deadline is not None and time.monotonic() >= deadline
-
-
 def _kept_sentence(results: Store, key: str) -> str:
-    with contextlib.suppress(BatchError, ValueError, KeyError, TypeError):
+    try:
         return str(json.loads(results.read(failure_name(key)))["sentence"])
-    return "failed before"
+    except UnreachableError:
+        raise
+    except (BatchError, ValueError, KeyError, TypeError):
+        return "failed before"

@@ -15,8 +15,10 @@ from pathlib import Path
 from fit.batch.jobs import Plan, result_name
 from fit.batch.runner import Survey
 from fit.batch.store import Store
-from fit.errors import BatchError
+from fit.errors import BatchError, UnreachableError
 from fit.report.text import MISSING, escaped, interval, millimetres, number, unit_of, words
+from fit.search.choice import OBSERVED
+from fit.search.tempering import CHAINS, FEWEST_DRAWS
 from formats.errors import ResultError
 from formats.results import FitParameter, FitResult, load_fit_result
 
@@ -41,7 +43,11 @@ class Row:
 
 
 def rows_of(found: Survey, results: Store) -> list[Row]:
-    """Return a row for each take, with what is kept of it."""
+    """Return a row for each take, with what is kept of it.
+
+    Raises:
+        UnreachableError: the results cannot be reached now.
+    """
     rows = []
     for take, key in found.keys.items():
         outcome = found.outcomes.get(key)
@@ -50,6 +56,8 @@ def rows_of(found: Survey, results: Store) -> list[Row]:
         if state in ("fitted", "known"):
             try:
                 result = _load(results, key)
+            except UnreachableError:
+                raise
             except (ResultError, BatchError) as error:
                 state, sentence = "refused", f"its result cannot be read: {error}"
         rows.append(Row(take=take, key=key, state=state, sentence=sentence, result=result))
@@ -113,7 +121,7 @@ def as_html(rows: Sequence[Row], plan: Plan) -> str:
     body = "".join(_html_row(row, names) for row in ranked)
     made = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     how = (
-        f"Method {plan.method}, search {plan.search}, {plan.iterations} iterations, "
+        f"Method {plan.method}, search {plan.search}, {_spent(rows, plan)}"
         f"mesh {1e3 * plan.request().resolution.spacing:g} mm, seed {plan.seed}"
     )
     is_bad = any(row.state in ("failed", "refused") for row in rows)
@@ -127,9 +135,31 @@ def as_html(rows: Sequence[Row], plan: Plan) -> str:
         '</header>\n<main id="main">\n'
         f'<section class="verdict {"is-warn" if is_bad else "is-good"}"><h1>{escaped(sentence_of(rows))}</h1>'
         "<p>Errors are mean distances of the tracked points; below each value is its 90 % interval. Values that the "
-        "data cannot tell are in brackets.</p></section>\n"
+        f"data cannot tell are in brackets.{_warning(rows, plan)}</p></section>\n"
         '<section><div class="scroll" tabindex="0" role="region" aria-label="Takes">'
         f"<table><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table></div></section>\n</main>\n</body>\n</html>\n"
+    )
+
+
+def _spent(rows: Sequence[Row], plan: Plan) -> str:
+    """Say what the search spent on a take: what it was told to, or what it did if it decides that itself."""
+    if plan.search not in OBSERVED:
+        return f"{plan.iterations} {'candidates' if plan.search in ('tempering', 'cma-es') else 'iterations'}, "
+    counts = {row.result.simulations for row in rows if row.result}
+    if not counts:
+        return ""
+    return f"{min(counts)}{f' to {max(counts)}' if len(counts) > 1 else ''} simulations a take, "
+
+
+def _warning(rows: Sequence[Row], plan: Plan) -> str:
+    """Say that the intervals are known to be too short, where they are (docs/search.md)."""
+    # Only as many candidates leave draws enough for intervals of their own.
+    has_draws = plan.search == "tempering" and plan.iterations > 2 * CHAINS * FEWEST_DRAWS
+    if plan.search == "least-squares" or has_draws or not any(row.result for row in rows):
+        return ""
+    return (
+        f" Intervals by {plan.search} are known to be too short, and brackets too few: where measured, they held the "
+        "truth far less often than 90 % tells. Use <code>--search least-squares</code> where they matter."
     )
 
 

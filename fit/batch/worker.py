@@ -8,11 +8,14 @@ import time
 from datetime import UTC, datetime
 from pathlib import Path
 
+from fit import runtime
 from fit.batch.jobs import Job, Outcome, digest_of, failure_name, result_name, search_name
 from fit.batch.store import Store, open_store
-from fit.errors import BatchError, FitError
+from fit.errors import BatchError, FitError, UnreachableError
 from fit.physics import physics_version
 from formats.errors import HangtimeError
+
+RETRY = 2.0  # s between attempts to reach a bucket, each of which takes the library seconds to minutes
 
 
 def run_job(job: Job) -> Outcome:
@@ -21,7 +24,8 @@ def run_job(job: Job) -> Outcome:
     A job may come twice, when the worker that had finished it was lost: the second time its result is found.
 
     Raises:
-        BatchError: takes or results cannot be reached; that is no fault of the take.
+        BatchError: takes or results cannot be read or written; that is no fault of the take.
+        UnreachableError: a bucket cannot be reached now; a finished fit waits for it as long as the job's patience.
     """
     # One take, one core: fits scale over takes. Must be set before Taichi starts.
     os.environ.setdefault("HANGTIME_THREADS", "1")
@@ -35,6 +39,10 @@ def run_job(job: Job) -> Outcome:
     takes, results = open_store(job.takes_url), open_store(job.results_url)
     if results.has(result_name(job.key)):
         return Outcome(key=job.key, state="fitted", seconds=time.monotonic() - started)
+    try:
+        runtime.start()  # before any take is at fault
+    except (FitError, OSError, ImportError) as error:
+        return Outcome(key=job.key, state="refused", sentence=f"this worker cannot do it ({error})")
     content = takes.read(job.take)
     if digest_of(content) != job.digest:
         return Outcome(
@@ -54,10 +62,22 @@ def run_job(job: Job) -> Outcome:
                   "created": datetime.now(UTC).isoformat(timespec="seconds")}  # fmt: skip
         results.write(failure_name(job.key), json.dumps(record, indent=2).encode())
         return Outcome(key=job.key, state="failed", sentence=sentence, seconds=time.monotonic() - started)
-    results.write(result_name(job.key), result)
+    _write_patiently(results, result_name(job.key), result, job.patience)
     for left_over in (search_name(job.key), failure_name(job.key)):
         results.remove(left_over)
     return Outcome(key=job.key, state="fitted", seconds=time.monotonic() - started)
+
+
+def _write_patiently(results: Store, name: str, content: bytes, patience: float) -> None:
+    """Write what took long to find, also into a bucket that is gone for a while."""
+    deadline = time.monotonic() + patience
+    while True:
+        try:
+            return results.write(name, content)
+        except UnreachableError:
+            if time.monotonic() >= deadline:
+                raise
+        time.sleep(RETRY)
 
 
 def _fit(job: Job, content: bytes, results: Store) -> bytes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -101,3 +102,26 @@ def running(*words, **environment):
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
         process.wait()
+
+
+def scheduler_at(port):
+    """The command of a dask scheduler on the loopback interface."""
+    return PROGRAMS / "dask", "scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard"
+
+
+@contextlib.contextmanager
+def serving(root, port):
+    """Serve the buckets that are folders of `root`, as an S3 server that checks signatures."""
+    program = shutil.which("rclone", path=str(PROGRAMS)) or "rclone"
+    words = (program, "serve", "s3", root, "--addr", f"127.0.0.1:{port}", "--auth-key", "night,secret", "--config", "")
+    with running(*words):
+        wait_for(lambda: is_listening(port))
+        yield
+
+
+def keys_for(port):
+    """The environment that opens these buckets."""
+    return {
+        "AWS_ENDPOINT_URL": f"http://127.0.0.1:{port}", "AWS_ALLOW_HTTP": "true", "AWS_REGION": "us-east-1",
+        "AWS_ACCESS_KEY_ID": "night", "AWS_SECRET_ACCESS_KEY": "secret",
+    }  # fmt: skip

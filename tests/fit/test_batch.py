@@ -12,8 +12,9 @@ from importlib import metadata
 import numpy as np
 import pytest
 
+from fit import runtime
 from fit.batch.cli import SOME_NOT_FITTED
-from fit.batch.jobs import Job, Plan, digest_of, key_of, search_name
+from fit.batch.jobs import Job, Plan, digest_of, failure_name, key_of, search_name
 from fit.batch.runner import survey
 from fit.batch.store import open_store
 from fit.batch.summary import rows_of
@@ -32,6 +33,7 @@ from tests.fit.night import (
     make_takes,
     running,
     said,
+    scheduler_at,
     start,
     wait_for,
     worker_pids,
@@ -101,7 +103,7 @@ def test_a_night_with_a_killed_worker_and_two_poisoned_takes(takes, tmp_path):
 def test_a_scheduler_that_is_killed_and_comes_back_loses_no_take(takes, tmp_path):
     port = free_port()
     address = f"tcp://127.0.0.1:{port}"
-    scheduler = (PROGRAMS / "dask", "scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard")
+    scheduler = scheduler_at(port)
     worker = (PROGRAMS / "dask", "worker", address, "--nthreads", 1, "--no-dashboard", "--no-nanny")
     with running(*scheduler) as first, running(*worker):
         wait_for(lambda: is_listening(port))
@@ -166,17 +168,6 @@ def test_a_file_that_is_no_scheduler_file_is_told_at_once(takes, tmp_path, text)
     assert "Traceback" not in said(tmp_path)
 
 
-def test_a_bucket_that_cannot_be_reached_may_be_tried_again(tmp_path):
-    """Nobody listens there: no network yet, and not wrong options."""
-    process = start(
-        "batch", "s3://takes", "--out", "out", folder=tmp_path, AWS_ENDPOINT_URL="http://127.0.0.1:9",
-        AWS_ALLOW_HTTP="true", AWS_ACCESS_KEY_ID="a", AWS_SECRET_ACCESS_KEY="b", AWS_REGION="r",
-    )  # fmt: skip
-    assert process.wait(120) == 75, said(tmp_path)
-    assert "cannot be listed" in said(tmp_path)
-    assert "Traceback" not in said(tmp_path)
-
-
 def test_a_night_too_short_for_its_takes_says_so_in_its_status(takes, tmp_path):
     process = start("batch", takes, "--out", "out", "--hours", 0, *SHORT, folder=tmp_path)
     assert process.wait(60) == SOME_NOT_FITTED
@@ -193,6 +184,10 @@ def test_a_night_too_short_for_its_takes_says_so_in_its_status(takes, tmp_path):
         (("batch", ".", "--spacing", "-1"), "the mesh spacing is -1 m; give metres"),
         (("batch", ".", "--hours", "-1"), "--hours"),
         (("batch", ".", "--hours", "nan"), "--hours"),
+        *(
+            (("batch", ".", "--until", bad), f"--until: {bad!r} is no time of the day; give hours and minutes, such as")
+            for bad in ("7pm", "24:00", "07:60", "7", "", "-1:00", "07:00:00")
+        ),
     ],
 )
 def test_bad_input_gives_one_sentence_and_exit_code_2(tmp_path, words, sentence):
@@ -310,6 +305,19 @@ def test_what_a_worker_lacks_is_no_fault_of_the_take(takes, tmp_path):
     assert job.key in [waiting.key for waiting in found.waiting]
 
 
+def test_a_worker_that_can_keep_no_kernels_is_no_fault_of_the_take(takes, tmp_path, monkeypatch):
+    """Taichi's own folder cannot be made, nor a temporary one."""
+    (tmp_path / "file").touch()
+    monkeypatch.setenv(runtime.CACHE, str(tmp_path / "file/kernels"))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
+    monkeypatch.setattr(runtime, "_started", {})
+    outcome = run_job(job_of(takes / "swing0.mcap", tmp_path / "out"))
+    assert outcome.state == "refused"
+    assert "this worker cannot do it (" in outcome.sentence
+    assert "compiled kernels cannot be kept" in outcome.sentence
+    assert not (tmp_path / "out/failed").exists()
+
+
 def test_an_unfinished_search_goes_on_where_its_worker_died(takes, tmp_path):
     """A mark of 1000 simulations that only the unfinished search carries is in the result."""
     job = job_of(takes / "swing0.mcap", tmp_path, plan=Plan(iterations=60, spacing=0.1))
@@ -348,6 +356,23 @@ def test_a_take_that_failed_is_tried_again_only_when_asked_to(takes, tmp_path):
     assert run_job(job).state == "failed"
     assert survey(store, results, PLAN).waiting == []
     assert len(survey(store, results, PLAN, retry_failed=True).waiting) == 1
+
+
+def test_the_command_tries_what_failed_again_only_with_its_option(takes, tmp_path):
+    """A take under whose key a failure is kept that it would not end with any more."""
+    night = tmp_path / "takes"
+    night.mkdir()
+    (night / "swing0.mcap").write_bytes((takes / "swing0.mcap").read_bytes())
+    job = job_of(night / "swing0.mcap", tmp_path / "out")
+    kept = tmp_path / "out" / failure_name(job.key)
+    kept.parent.mkdir(parents=True)
+    kept.write_text('{"sentence": "was not understood"}')
+    words = ("batch", night, "--out", "out", "--workers", 1, "--dashboard-port", 0, *SHORT)
+    assert start(*words, folder=tmp_path).wait(60) == SOME_NOT_FITTED
+    assert "swing0.mcap: was not understood" in said(tmp_path)
+    assert start(*words, "--retry-failed", folder=tmp_path).wait(120) == 0, said(tmp_path)
+    assert "1 take: 1 fitted." in said(tmp_path)
+    assert not kept.exists()
 
 
 def test_a_plan_that_does_not_hold_is_refused_before_the_night():

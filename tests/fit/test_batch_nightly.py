@@ -10,15 +10,22 @@ import shlex
 import shutil
 import subprocess
 import sys
+import time
 from configparser import RawConfigParser
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 
+from fit.batch.cli import NEXT_TRY
+from fit.batch.ending import ending_of
 from fit.batch.jobs import Plan
 from fit.batch.summary import Row, as_csv, as_html, sentence_of
+from fit.search.least_squares import BoundedSpace
+from fit.search.tempering import FEWEST_DRAWS, Tempering
 from tests.fit.night import PROGRAMS, make_takes
 from tests.fit.report_scene import fit_result
 
@@ -82,6 +89,35 @@ def test_a_night_without_network_is_tried_until_the_morning_and_not_into_the_day
     minutes = int(unit["Unit"]["StartLimitBurst"]) * int(unit["Service"]["RestartSec"].removesuffix("min"))
     assert 6 * 60 < minutes < 9 * 60
     assert unit["Unit"]["StartLimitIntervalSec"] == "9h"
+
+
+def test_a_second_try_at_five_in_the_morning_ends_at_seven_as_the_first_would_have():
+    """Nine hours after the timer's 22:00; a second try of its own nine hours would end at 14:00."""
+    unit, timer = RawConfigParser(strict=False), RawConfigParser(strict=False)
+    unit.read(UNITS / "hangtime-batch.service")
+    timer.read(UNITS / "hangtime-batch.timer")
+    assert timer["Timer"]["OnCalendar"].endswith(" 22:00")
+    hours, until = re.search(r"--hours (\d+) --until (\S+)", unit["Service"]["ExecStart"]).groups()
+    for start, end in ((22, 31), (29, 31)):  # hours after midnight
+        now = time.mktime((2026, 7, 3, start, 0, 0, 0, 0, -1))
+        ending = ending_of(float(hours), until, running=lambda: 0.0, wall=lambda now=now: now)
+        assert min(now + ending.hours_end, ending.day_end) == time.mktime((2026, 7, 3, end, 0, 0, 0, 0, -1))
+
+
+def test_the_command_knows_when_the_service_tries_again():
+    unit = RawConfigParser(strict=False)
+    unit.read(UNITS / "hangtime-batch.service")
+    assert unit["Service"]["RestartSec"] == f"{NEXT_TRY / 60:.0f}min"
+
+
+def test_the_file_of_keys_is_made_as_printed_and_nobody_else_may_read_it(home):
+    text = (ROOT / "docs/batch.md").read_text()
+    (line,) = re.findall(r"```sh\n(.*batch\.env.*)\n```", text)
+    subprocess.run(["sh", "-c", line], env={"PATH": os.environ["PATH"], "HOME": str(home)}, check=True)
+    unit = RawConfigParser(strict=False)
+    unit.read(UNITS / "hangtime-batch.service")
+    path = Path(unit["Service"]["EnvironmentFile"].replace("%E", str(home / ".config")))
+    assert path.stat().st_mode & 0o777 == 0o600
 
 
 def test_a_night_with_takes_that_do_not_fit_is_a_success_and_a_crash_is_not(home):
@@ -191,6 +227,47 @@ def test_the_page_is_whole_escapes_what_it_shows_and_begins_with_what_needs_a_lo
     assert cells.links == ["fits/k2.json", "fits/k1.json"]
     assert "98.7 mm" in page
     assert f"({rows[1].result.parameters[0].fitted:g}" in page
+
+
+@pytest.mark.parametrize(
+    ("search", "told"),
+    [
+        ("annealing", "search annealing, 350 iterations, mesh"),
+        ("restarts", "search restarts, 350 iterations, mesh"),
+        ("tempering", "search tempering, 350 candidates, mesh"),
+        ("cma-es", "search cma-es, 350 candidates, mesh"),
+        ("least-squares", "search least-squares, 141 to 155 simulations a take, mesh"),
+        ("short-windows", "search short-windows, 141 to 155 simulations a take, mesh"),
+    ],
+)
+def test_the_page_says_what_the_search_spent_and_where_its_intervals_are_too_short(rows, search, told):
+    counts = {"k1": 155, "k2": 141}
+    spent = [
+        replace(row, result=row.result and msgspec.structs.replace(row.result, simulations=counts[row.key]))
+        for row in rows
+    ]
+    page = as_html(spent, Plan(search=search))
+    assert told in page
+    assert (f"Intervals by {search} are known to be too short" in page) == (search != "least-squares")
+
+
+def test_the_page_of_a_night_without_results_says_nothing_of_them(rows):
+    page = as_html(rows[2:], Plan(search="least-squares"))
+    assert "search least-squares, mesh" in page
+    assert "too short" not in as_html(rows[2:], Plan())
+
+
+def test_801_candidates_of_tempering_leave_draws_enough_for_intervals_of_their_own_and_800_do_not(rows):
+    """Told by the search itself, on a cost that is flat."""
+    for budget, is_enough in ((800, False), (801, True)):
+        space = BoundedSpace(minimum=np.zeros(2), maximum=np.ones(2), is_log=np.zeros(2, bool))
+        search = Tempering(np.full(2, 0.5), space, budget, 0, numbers=10.0)
+        while not search.is_finished:
+            candidates = search.ask(8)
+            search.tell(candidates, np.ones(len(candidates)))
+        assert (len(search.draws) >= FEWEST_DRAWS) == is_enough
+        page = as_html(rows, Plan(search="tempering", iterations=budget))
+        assert ("too short" not in page) == is_enough
 
 
 def test_nothing_of_the_batch_is_loaded_before_it_is_needed():

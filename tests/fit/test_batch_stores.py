@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
+import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -15,23 +16,19 @@ from fit.batch.store import Bucket, Folder, open_store
 from fit.batch.summary import rows_of, write_summary
 from fit.batch.worker import run_job
 from fit.errors import BatchError
-from tests.fit.night import PROGRAMS, free_port, is_listening, kill, make_takes, running, wait_for
+from tests.fit.night import free_port, keys_for, kill, make_takes, serving
+
+ROOT = Path(__file__).parent.parent.parent
 
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory):
-    """The folder of an S3 server that checks signatures; its address and keys are in the environment."""
+    """The folder of an S3 server; its address and keys are in the environment."""
     root, port = tmp_path_factory.mktemp("s3"), free_port()
     (root / "takes").mkdir()
-    program = shutil.which("rclone", path=str(PROGRAMS)) or "rclone"
-    words = (program, "serve", "s3", root, "--addr", f"127.0.0.1:{port}", "--auth-key", "night,secret", "--config", "")
-    with running(*words), pytest.MonkeyPatch.context() as patch:
-        for name, value in {
-            "AWS_ENDPOINT_URL": f"http://127.0.0.1:{port}", "AWS_ALLOW_HTTP": "true", "AWS_REGION": "us-east-1",
-            "AWS_ACCESS_KEY_ID": "night", "AWS_SECRET_ACCESS_KEY": "secret",
-        }.items():  # fmt: skip
+    with serving(root, port), pytest.MonkeyPatch.context() as patch:
+        for name, value in keys_for(port).items():
             patch.setenv(name, value)
-        wait_for(lambda: is_listening(port))
         yield root
 
 
@@ -73,6 +70,18 @@ def test_a_wrong_key_is_one_sentence(server, monkeypatch):
     with pytest.raises(BatchError, match=f"cannot be listed .*{advice}") as told:
         open_store("s3://takes").names("", ".mcap")
     assert told.value.exit_code == 2
+
+
+def test_the_variables_of_the_printed_file_are_all_that_opens_a_bucket(server, monkeypatch):
+    (block,) = re.findall(r"```ini\n(.*?)```", (ROOT / "docs/batch.md").read_text(), re.DOTALL)
+    names = set(re.findall(r"\bAWS_[A-Z_]+(?==)", block))
+    values = {name: os.environ[name] for name in names}
+    for name in [name for name in os.environ if name.startswith("AWS_")]:
+        monkeypatch.delenv(name)
+    for name, value in values.items():
+        monkeypatch.setenv(name, value)
+    open_store("s3://takes").write("printed.txt", b"")
+    assert open_store("s3://takes").names("", "printed.txt") == ["printed.txt"]
 
 
 def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path):

@@ -183,13 +183,14 @@ def calibrate(
 
 @dataclass(frozen=True)
 class _Found:
-    """What a search ended with; simulations count each take."""
+    """What a search ended with; simulations count each take; is_drawn: intervals are those of draws of the posterior."""
 
     vector: Floats
     intervals: Intervals
     history: list[float]
     simulations: int
     non_finite: int = 0
+    is_drawn: bool = False
 
 
 def _ask_and_tell(model: Model, request: Request, saved: SavedSearch, progress: Progress) -> _Found:
@@ -220,14 +221,12 @@ def _ask_and_tell(model: Model, request: Request, saved: SavedSearch, progress: 
         saved.save(search.state())
         raise
     saved.save(search.state())  # what follows simulates again and may fail
-    if isinstance(search, Tempering) and len(search.draws) >= FEWEST_DRAWS:
+    if is_drawn := isinstance(search, Tempering) and len(search.draws) >= FEWEST_DRAWS:
         intervals = draw_intervals(request.space, search.draws)
     else:
         intervals = _intervals(model, search.best)
-    takes = len(model.recordings)
-    return _Found(
-        search.best, intervals, [float(v) for v in search.best_history], search.evaluations * takes, search.non_finite
-    )
+    takes, history = len(model.recordings), [float(v) for v in search.best_history]
+    return _Found(search.best, intervals, history, search.evaluations * takes, search.non_finite, is_drawn)
 
 
 def _least_squares(model: Model, request: Request, saved: SavedSearch, progress: Progress) -> _Found:
@@ -299,7 +298,7 @@ def _result(
         notes.append(f"gamma = {request.settings.gamma:g} per {unit} is our choice; the paper gives none.")
     if request.search in OBSERVED and model.objectives[0].name != "D":
         notes.append(f"{request.search} brings the points nearer; {model.objectives[0].name} is told, not minimised.")
-    if request.search != "least-squares":
+    if request.search != "least-squares" and not found.is_drawn:
         notes.append(TOO_SHORT)
     if found.non_finite:
         notes.append(f"{found.non_finite} candidates blew up and were rejected.")

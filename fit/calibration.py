@@ -183,7 +183,7 @@ def calibrate(
 
 @dataclass(frozen=True)
 class _Found:
-    """What a search ended with; simulations count each take; is_drawn: intervals are those of draws of the posterior."""
+    """What a search ended with; simulations count each take; is_drawn: intervals are of draws of the posterior."""
 
     vector: Floats
     intervals: Intervals

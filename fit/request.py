@@ -87,8 +87,8 @@ def request_of(
 
     Raises:
         FitError: an unknown effect, engine or search; an effect twice or one that the method has; a gamma that is not
-            above 0; a spacing that is not above 0; bounds that are crossed, malformed, of no parameter or beyond
-            its range.
+            above 0; a spacing that is not above 0; bounds that are crossed, malformed, given twice, of no parameter or
+            beyond its range.
     """
     if check_search(search) in OBSERVED and engine != OWN:
         raise FitError(
@@ -116,7 +116,11 @@ def request_of(
     _check_gamma(request.settings.gamma)
     _check_spacing(spacing)
     known = {p.name: p for p in request.parameters}
-    return replace(request, bounds=tuple(_read_bounds(text, known) for text in bounds or []))
+    read = tuple(_read_bounds(text, known) for text in bounds or [])
+    names = [name for name, _, _ in read]
+    if twice := [name for name in known if names.count(name) > 1]:
+        raise FitError(f"{twice[0]} is given twice", where="--bounds", advice="give each parameter's bounds once")
+    return replace(request, bounds=read)
 
 
 def _check_effects(method: Parameterisation, effects: tuple[Effect, ...]) -> None:

@@ -90,6 +90,8 @@ def test_a_saved_search_of_other_takes_is_refused(tmp_path):
         (("fit", "a.mcap", "--bounds", "bent=3:20"), "there is no parameter named 'bent'"),
         (("fit", "a.mcap", "--bounds", "bend=3"), "'bend=3' is not NAME=LOW:HIGH"),
         (("fit", "a.mcap", "--bounds", "bend=3:900"), "3 to 900 leaves the range of bend"),
+        (("fit", "a.mcap", "--bounds", "bend=3:20", "--bounds", "bend=3:9"), "bend is given twice"),
+        (("fit", "a.mcap", "--method", "mocap-swatch", "--search", "tempering"), "tempering draws by how likely"),
         (("diagnose", "a.mcap", "--fit", "gone.json"), "gone.json: cannot be read"),
         (("diagnose", "a.mcap", "--held-out-motion", "twist"), "no take moves 'twist'"),
         (("fit", "a.mcap", "--held-out-motion", "wobble"), "there is no kind of motion named 'wobble'"),

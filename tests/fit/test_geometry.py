@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -18,8 +16,8 @@ from fit.recording import prepare
 from fit.request import request_of
 from formats.importers.swung_cloth import import_swung_cloth
 from tests.fit.scenes import hung, sheet, swing, take_of
+from tests.shared_data import SHARED_DATA
 
-SHARED = Path(os.environ.get("HANGTIME_SHARED_DATA", Path(__file__).parents[3] / "shared" / "data"))
 TIME = np.arange(60) / 30
 
 
@@ -69,7 +67,7 @@ def test_points_named_upside_down_are_refused():
 @pytest.mark.shared_data
 def test_all_real_swung_cloth_passes():
     """Sixteen takes whose corners are 26 mm off in the median: poor, but possible."""
-    files = sorted((SHARED / "swung-cloth").glob("*.npz"))
+    files = sorted((SHARED_DATA / "swung-cloth").glob("*.npz"))
     if not files:
         pytest.skip("the real recordings are not here")
     for file in files:

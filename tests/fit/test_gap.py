@@ -206,7 +206,7 @@ def test_a_board_that_turns_with_the_hanger_does_not_move_against_it():
     time, moved = moderate_swing()
     garment = sheet()
     yaw = np.radians(6) * np.sin(4.0 * time)
-    turn = Rotation.from_euler("z", yaw).as_matrix()
+    turn = Rotation.from_rotvec(np.outer(yaw, [0.0, 0.0, 1.0])).as_matrix()
     take = take_of(garment, time, moved, np.zeros((len(time), 5, 3)))
     held = np.einsum("fij,fpj->fpi", turn, take.held - moved[:, None]) + moved[:, None]
     points = np.einsum("fij,fpj->fpi", turn, hung(garment, time)) + moved[:, None]

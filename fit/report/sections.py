@@ -137,7 +137,9 @@ def parameters(fit: FitResult | None, diagnosis: Diagnosis | None) -> str:
         about = f"Method <code>{escaped(fit.method)}</code>, search <code>{escaped(fit.search)}</code>."
         switched_on = [(name.replace("_", " "), number(amplitude)) for name, amplitude in fit.effects.items()]
         added = f"<h3>Effects in this fit, and their amplitudes</h3>{_pairs(switched_on)}" if switched_on else ""
-        parts.append(f'<p class="lead">{about}</p>' + parameter_table(fit.parameters) + added + search_history(fit))
+        warned = "".join(f'<p class="note">{escaped(n)}</p>' for n in fit.notes if n.startswith("Warning:"))
+        table = parameter_table(fit.parameters) + warned
+        parts.append(f'<p class="lead">{about}</p>' + table + added + search_history(fit))
     if diagnosis is not None and diagnosis.base_parameters:
         heading = "<h3>Base model of the diagnosis</h3>" if parts else ""
         parts.append(heading + parameter_table(diagnosis.base_parameters))
@@ -182,7 +184,7 @@ def where(diagnosis: Diagnosis | None) -> str:
         (place[: -len("</div>")] + cloth + "</div>" if place else f"<div>{cloth}</div>" if cloth else "")
         + where_bars("When in the motion", found.time)
         + where_bars("At which frequency", found.frequency)
-        + where_bars("In which direction or term", found.term)
+        + where_bars("In which direction", found.term)
     )
     if not maps:
         return ""

@@ -52,7 +52,7 @@ def tenths_interval(ends: tuple[float, float] | None) -> str:
 
 def percent(share: float | None) -> str:
     """Return a share of one as a percentage."""
-    return MISSING if share is None or not math.isfinite(share) else f"{100 * share:.0f} %".replace("-", "−")
+    return MISSING if share is None or not math.isfinite(share) else f"{100 * share:z.0f} %".replace("-", "−")
 
 
 def interval(ends: tuple[float, float] | None, scale: float = 1.0, digits: int = 3) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from fit.errors import FitError
-from fit.report import write_report
+from fit.report import sections, write_report
 from fit.report.motion import MESH_STEP, POINT_STEP, pack, pack_motions
 from fit.report.page import render_report
 from fit.report.tables import effect_table
@@ -106,6 +106,13 @@ def test_figure_6_of_the_paper_is_a_table_with_its_own_63_percent():
     text = " ".join(" ".join(tags.text).split())
     assert "mean, takes used to fit 128 46.7 63 %" in text
     assert "maximum, takes used to fit 229 80.7 65 %" in text
+
+
+def test_what_a_fit_warns_of_stands_below_its_table():
+    warned = msgspec.structs.replace(fit_result(), notes=["Warning: intervals <too> short.", "By hand."])
+    table = sections.parameters(warned, None)
+    assert "Warning: intervals &lt;too&gt; short." in table
+    assert "By hand." not in table
 
 
 def test_gap_bar_is_split_at_floor_and_at_what_the_effect_leaves():
@@ -234,6 +241,8 @@ def test_numbers_keep_three_digits():
     assert interval((1.0, 2.345)) == "1 to 2.35"
     assert interval((0.0, float("inf"))) == ""
     assert percent(0.874) == "87 %"
+    assert percent(-0.004) == "0 %"  # with no sign
+    assert percent(-0.06) == "−6 %"
     assert (probability(2e-7), probability(0.0123), probability(0.64)) == ("&lt; 0.001", "0.012", "0.64")
 
 

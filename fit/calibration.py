@@ -32,7 +32,7 @@ from fit.physics import physics_version
 from fit.recording import Recording, prepare_together
 from fit.request import Request
 from fit.saved_search import SavedSearch
-from fit.search.choice import OBSERVED, begin
+from fit.search.choice import OBSERVED, begin, has_short_intervals
 from fit.search.intervals import Intervals, block_intervals, check_blocks, draw_intervals
 from fit.search.least_squares import DIFFERENCE
 from fit.search.observed import begin_observed
@@ -183,14 +183,13 @@ def calibrate(
 
 @dataclass(frozen=True)
 class _Found:
-    """What a search ended with; simulations count each take; is_drawn: intervals are of draws of the posterior."""
+    """What a search ended with; simulations count each take."""
 
     vector: Floats
     intervals: Intervals
     history: list[float]
     simulations: int
     non_finite: int = 0
-    is_drawn: bool = False
 
 
 def _ask_and_tell(model: Model, request: Request, saved: SavedSearch, progress: Progress) -> _Found:
@@ -221,12 +220,12 @@ def _ask_and_tell(model: Model, request: Request, saved: SavedSearch, progress: 
         saved.save(search.state())
         raise
     saved.save(search.state())  # what follows simulates again and may fail
-    if is_drawn := isinstance(search, Tempering) and len(search.draws) >= FEWEST_DRAWS:
+    if isinstance(search, Tempering) and len(search.draws) >= FEWEST_DRAWS:
         intervals = draw_intervals(request.space, search.draws)
     else:
         intervals = _intervals(model, search.best)
     takes, history = len(model.recordings), [float(v) for v in search.best_history]
-    return _Found(search.best, intervals, history, search.evaluations * takes, search.non_finite, is_drawn)
+    return _Found(search.best, intervals, history, search.evaluations * takes, search.non_finite)
 
 
 def _least_squares(model: Model, request: Request, saved: SavedSearch, progress: Progress) -> _Found:
@@ -298,7 +297,7 @@ def _result(
         notes.append(f"gamma = {request.settings.gamma:g} per {unit} is our choice; the paper gives none.")
     if request.search in OBSERVED and model.objectives[0].name != "D":
         notes.append(f"{request.search} brings the points nearer; {model.objectives[0].name} is told, not minimised.")
-    if request.search != "least-squares" and not found.is_drawn:
+    if has_short_intervals(request.search, request.settings.iterations):
         notes.append(TOO_SHORT)
     if found.non_finite:
         notes.append(f"{found.non_finite} candidates blew up and were rejected.")

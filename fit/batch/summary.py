@@ -17,8 +17,7 @@ from fit.batch.runner import Survey
 from fit.batch.store import Store
 from fit.errors import BatchError, UnreachableError
 from fit.report.text import MISSING, escaped, interval, millimetres, number, unit_of, words
-from fit.search.choice import OBSERVED
-from fit.search.tempering import CHAINS, FEWEST_DRAWS
+from fit.search.choice import OBSERVED, has_short_intervals
 from formats.errors import ResultError
 from formats.results import FitParameter, FitResult, load_fit_result
 
@@ -152,10 +151,8 @@ def _spent(rows: Sequence[Row], plan: Plan) -> str:
 
 
 def _warning(rows: Sequence[Row], plan: Plan) -> str:
-    """Say that the intervals are known to be too short, where they are (docs/search.md)."""
-    # Only as many candidates leave draws enough for intervals of their own.
-    has_draws = plan.search == "tempering" and plan.iterations > 2 * CHAINS * FEWEST_DRAWS
-    if plan.search == "least-squares" or has_draws or not any(row.result for row in rows):
+    """Say that the intervals are known to be too short, where they are."""
+    if not has_short_intervals(plan.search, plan.iterations) or not any(row.result for row in rows):
         return ""
     return (
         f" Intervals by {plan.search} are known to be too short, and brackets too few: where measured, they held the "

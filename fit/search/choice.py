@@ -99,6 +99,18 @@ def check_search(name: str) -> str:
     return name
 
 
+def has_short_intervals(name: str, iterations: int) -> bool:
+    """Return whether a search's 90 % intervals are known to be too short (docs/search.md): it knows of one valley only.
+
+    Not those of least squares, nor of tempering where so many candidates leave draws enough for intervals of their own.
+    """
+    from fit.search.tempering import CHAINS as AT_ONCE
+    from fit.search.tempering import FEWEST_DRAWS
+
+    has_draws = name == "tempering" and iterations > 2 * AT_ONCE * FEWEST_DRAWS
+    return name != "least-squares" and not has_draws
+
+
 def begin(
     name: str, initial: Floats, steps: Floats, space: BoundedSpace, settings: AnnealingSettings, seed: int,
     *, numbers: float,

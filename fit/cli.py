@@ -185,6 +185,10 @@ def diagnose_command(
         list[str],
         typer.Option("--add", metavar="EFFECT", help="Also refit with this effect and show it; may be repeated."),
     ] = [],  # noqa: B006
+    without: Annotated[
+        list[str],
+        typer.Option("--without", metavar="EFFECT", help="Leave this effect out of the library; may be repeated."),
+    ] = [],  # noqa: B006
     out: Out = Path("diagnosis"),
     spacing: Annotated[
         float | None,
@@ -198,7 +202,8 @@ def diagnose_command(
     DIR/diagnosis.json and DIR/report.html. Interrupt with Ctrl-C at any time; the same command goes on where it was.
     """
     from fit.cloth.simulator import Resolution
-    from fit.effects import find_effects
+    from fit.effects import find_effects, library_without
+    from fit.effects.base import parameter_names
     from fit.errors import FitError
     from fit.folders import alone, make_folder, set_aside_other_takes
     from fit.gap.diagnosis import diagnose, ready
@@ -214,8 +219,16 @@ def diagnose_command(
     if fitted is None and (out / "fit.json").exists():
         beside = load_fit_result(out / "fit.json")
         fitted = beside if is_of(beside, training) else None
+    kept = {name for effect in find_effects(without) for name in parameter_names(effect)}
+    if fitted is not None and (kept := kept & fitted.effects.keys()):
+        raise FitError(
+            f"the fit keeps {min(kept)} in its model, which the library is to lack", where="--without",
+            advice="leave out --without, or diagnose into another --out",
+        )  # fmt: skip
     base = find_method(model) if model else base_model_of(training[0].garment)
-    added = find_effects(add)
+    added, library = find_effects(add), library_without(without)
+    if both := sorted({*add} & {*without}):
+        raise FitError(f"{both[0]} is to be added and left out", where="--without", advice="give one of the two")
     prepared = ready(training, testing)
     make_folder(out, "diagnosis.json", "report.html")
     progress = ProgressLine("diagnosis")
@@ -225,6 +238,7 @@ def diagnose_command(
             findings = diagnose(
                 training,
                 testing,
+                effects=library,
                 model=base,
                 added=tuple(e.name for e in added),
                 checkpoint=out / "diagnosis.partial",

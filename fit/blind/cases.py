@@ -8,7 +8,7 @@ damping and random stiffness only.
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
@@ -44,6 +44,7 @@ Kind = Literal["single", "null", "pair", "unknown"]
 FILES = tuple(f"take-{k + 1}.mcap" for k in range(len(TRAINING))) + tuple(
     f"held-out-{k + 1}.mcap" for k in range(len(HELD_OUT))
 )
+NO_SENSOR: Mapping[str, float] = {}
 CREATED = "2000-01-01T00:00:00Z"  # of every take: a time stamp would tell the order of making
 
 
@@ -85,10 +86,16 @@ class Truth(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     seed: int
 
 
-def draw_truth(case_id: str, kind: Kind, plants: tuple[Plant, ...], seed: tuple[int, ...]) -> Truth:
-    """Draw one case. plants: what is planted, one for a single or unknown, two for a pair, none for a null."""
+def draw_truth(
+    case_id: str, kind: Kind, plants: tuple[Plant, ...], seed: tuple[int, ...], sensor: Mapping[str, float] = NO_SENSOR
+) -> Truth:
+    """Draw one case.
+
+    plants: what is planted, one for a single or unknown, two for a pair, none for a null; sensor: fields of the look
+    that are not drawn but given
+    """
     looks, truths = (np.random.default_rng([*seed, stream]) for stream in (1, 2))
-    look = draw_look(looks)
+    look = msgspec.structs.replace(draw_look(looks), **sensor)
     cloth = draw_cloth(truths, look)
     return Truth(
         id=case_id, kind=kind, planted=tuple(plant.draw(truths, cloth) for plant in plants), stretch=cloth.stretch,
@@ -125,11 +132,13 @@ def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
 
 
 def plan(
-    numbers: dict[Kind, int], plants: tuple[Plant, ...], seed: int, unknowns: tuple[Plant, ...] = UNKNOWNS
-) -> list[Truth]:
+    numbers: dict[Kind, int], plants: tuple[Plant, ...], seed: int, unknowns: tuple[Plant, ...] = UNKNOWNS,
+    sensor: Mapping[str, float] = NO_SENSOR,
+) -> list[Truth]:  # fmt: skip
     """Draw all cases of a set in random order: every effect equally often, pairs of two different ones.
 
-    numbers: how many singles, nulls, pairs and unknowns; unknowns: the effects of no library to choose from
+    numbers: how many singles, nulls, pairs and unknowns; unknowns: the effects of no library to choose from; sensor:
+    fields of every look that are not drawn but given, the rest of each case being what it is without
     """
     rng = np.random.default_rng([seed, 0])
     wanted: list[tuple[Kind, tuple[Plant, ...]]] = [("null", ())] * numbers["null"]
@@ -141,7 +150,7 @@ def plan(
     order = rng.permutation(len(wanted))
     names = drawn_names(rng, len(wanted))
     return [
-        draw_truth(name, wanted[k][0], wanted[k][1], (seed, number))
+        draw_truth(name, wanted[k][0], wanted[k][1], (seed, number), sensor)
         for number, (name, k) in enumerate(zip(names, order, strict=True))
     ]
 

@@ -1,7 +1,9 @@
-"""`hangtime blind make|run|score|report`."""
+"""`hangtime blind make|run|score|strike|report`."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,6 +24,13 @@ blind = typer.Typer(
 )
 Set = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the set of cases.", show_default=False)]
 Answers = Annotated[Path, typer.Argument(metavar="ANSWERS", help="Folder of the answers.", show_default=False)]
+Options = Annotated[
+    list[str],
+    typer.Option("--option", metavar="WORD", help="A word passed on to `hangtime diagnose`; may be repeated."),
+]
+Limit = Annotated[float, typer.Option("--limit", metavar="SECONDS", min=1, help="Time for one case.")]
+Again = Annotated[bool, typer.Option("--again", help="Try cases again that ended without a diagnosis.")]
+Workers = Annotated[int, typer.Option("--workers", min=1, help="Diagnoses side by side; they share the processors.")]
 
 
 def add_commands(app: typer.Typer) -> None:
@@ -50,6 +59,21 @@ def make_command(
     generator: Annotated[
         str, typer.Option("--generator", metavar="NAME", help="Whose cloth it is: own, mujoco or newton.")
     ] = "own",
+    noise: Annotated[
+        float | None,
+        typer.Option("--noise", metavar="METRES", min=1e-4, max=0.01, help="White noise of every point, per axis.",
+                     show_default="0.0005 to 0.003, drawn"),
+    ] = None,
+    missing: Annotated[
+        float | None,
+        typer.Option("--missing", metavar="SHARE", min=0.0, max=0.5, help="Share of the frames that a point is not "
+                     "seen in.", show_default="0 to 0.1, drawn"),
+    ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option("--rate", metavar="HERTZ", min=15.0, max=240.0, help="Frames a second.",
+                     show_default="30, 45 or 60, drawn"),
+    ] = None,
     real: Annotated[
         Path | None,
         typer.Option(
@@ -62,6 +86,7 @@ def make_command(
 
     Other engines than the own generator run in a Python of their own and plant less: docs/blind-check.md says what.
     With --real nothing is simulated: --nulls untouched and --cases planted copies of real takes are made.
+    Sets that differ in --noise, --missing or --rate alone hold the same cloths, motions and effects: a ladder.
 
     Writes DIR/cases, DIR/manifest.json with the hash of every file, and DIR/sealed. Interrupt with Ctrl-C at any time;
     the same command goes on where it was.
@@ -71,24 +96,24 @@ def make_command(
     from fit.blind.real import real_plants
     from fit.folders import make_folder
 
-    engine, line = find_generator(generator), CountLine("making")
+    engine = find_generator(generator)
     make_folder(folder, "manifest.json")
     numbers: dict[Kind, int] = {"single": cases, "null": nulls, "pair": pairs, "unknown": unknowns}
-    if real is not None and (generator != "own" or side is not None):
-        raise FitError("real takes are not simulated", advice="leave out --generator and --side, or --real")
-    try:
+    given = {"noise": noise, "away": missing, "rate": rate}
+    sensor = {name: value for name, value in given.items() if value is not None}
+    if real is not None and (generator != "own" or side is not None or sensor):
+        raise FitError(
+            "real takes are not simulated",
+            advice="leave out --generator, --side, --noise, --missing and --rate, or --real",
+        )
+    with counting("making", "finished cases are kept") as show:
         if real is not None:
-            manifest = make_real_set(folder, real, numbers, real_plants(effect), seed, progress=line.show)
+            manifest = make_real_set(folder, real, numbers, real_plants(effect), seed, progress=show)
         else:
             manifest = make_set(
                 folder, numbers, engine.plants(effect), seed, workers=workers, side=side, generator=engine,
-                progress=line.show,
+                sensor=sensor, progress=show,
             )  # fmt: skip
-    except KeyboardInterrupt:
-        line.end()
-        say("Interrupted; finished cases are kept. The same command goes on.")
-        raise typer.Exit(130) from None
-    line.end()
     typer.echo(f"{len(manifest.cases)} cases in {folder / 'cases'}; labels sealed as {manifest.sealed}")
 
 
@@ -99,15 +124,10 @@ def run_command(
         Path | None,
         typer.Option("--out", metavar="ANSWERS", help="Folder for the answers.", show_default="DIR/answers"),
     ] = None,
-    option: Annotated[
-        list[str],
-        typer.Option("--option", metavar="WORD", help="A word passed on to `hangtime diagnose`; may be repeated."),
-    ] = [],  # noqa: B006
-    limit: Annotated[float, typer.Option("--limit", metavar="SECONDS", min=1, help="Time for one case.")] = 3600.0,
-    again: Annotated[bool, typer.Option("--again", help="Try cases again that ended without a diagnosis.")] = False,
-    workers: Annotated[
-        int, typer.Option("--workers", min=1, help="Diagnoses side by side; they share the processors.")
-    ] = 1,
+    option: Options = [],  # noqa: B006
+    limit: Limit = 3600.0,
+    again: Again = False,
+    workers: Workers = 1,
     takes: Annotated[
         int | None,
         typer.Option(
@@ -124,23 +144,10 @@ def run_command(
     from fit.blind.running import run_set
 
     answers = out or folder / "answers"
-    line = CountLine("diagnosing")
-    try:
+    with counting("diagnosing", "finished answers are kept") as show:
         failed = run_set(
-            folder,
-            answers,
-            options=option,
-            again=again,
-            limit=limit,
-            workers=workers,
-            takes=takes,
-            progress=lambda done, total, bad: line.show(done, total, f", {bad} without a diagnosis" if bad else ""),
+            folder, answers, options=option, again=again, limit=limit, workers=workers, takes=takes, progress=show
         )
-    except KeyboardInterrupt:
-        line.end()
-        say("Interrupted; finished answers are kept. The same command goes on.")
-        raise typer.Exit(130) from None
-    line.end()
     typer.echo(f"Answers in {answers}" + (f"; {failed} cases ended without a diagnosis" if failed else ""))
 
 
@@ -201,6 +208,48 @@ def print_real(score: RealScore) -> None:
         typer.echo(f"{score.without_answer} cases have no estimate to compare; they count in no rate of sizes")
 
 
+@blind.command("strike", short_help="Diagnose scored cases without what was planted in the library.")
+def strike_command(
+    folder: Set,
+    answers: Answers,
+    out: Annotated[
+        Path, typer.Option("--out", metavar="STRUCK", help="Folder for the answers without it.", show_default=False)
+    ],
+    least: Annotated[
+        float,
+        typer.Option("--least", metavar="TIMES", min=0.0, help="Smallest amplitude, over the detectable one."),
+    ] = 2.0,
+    option: Options = [],  # noqa: B006
+    limit: Limit = 3600.0,
+    again: Again = False,
+    workers: Workers = 1,
+) -> None:
+    """Diagnose scored cases of one effect again with that effect struck from the library: is `unknown` said then?
+
+    Finished answers are skipped. Interrupt with Ctrl-C at any time; the same command goes on where it was.
+    """
+    from fit.blind.striking import STRUCK, strike_set
+
+    with counting("diagnosing", "finished answers are kept") as show:
+        struck = strike_set(
+            folder, answers, out, least=least, options=option, again=again, limit=limit, workers=workers,
+            progress=show,
+        )  # fmt: skip
+    for case in struck.cases:
+        said = ", ".join(case.named) or f"({case.verdict})"
+        typer.echo(f"{case.planted:<20}{case.ratio:>8.3g} x detectable  {case.said:<9}{said}")
+    for title, rate in (
+        ("`unknown`", struck.unknown),
+        ("`unknown` where nothing looks like it", struck.unknown_without_twin),
+        ("an effect that these takes cannot tell from it", struck.twin_named),
+        ("another effect named", struck.other_named),
+        ("nothing named, no gap or no data", struck.nothing),
+        ("confident and wrong", struck.certain),
+    ):
+        typer.echo(f"{title:<48} {rate}")
+    typer.echo(f"Struck: {out / STRUCK}")
+
+
 @blind.command("report", short_help="Write the score as one HTML file.")
 def report_command(
     folder: Set,
@@ -220,6 +269,19 @@ def report_command(
     typer.echo(f"Report: {write_page(answers, out)}")
 
 
+@contextmanager
+def counting(title: str, kept: str) -> Iterator[Callable[..., None]]:
+    """Count cases on a line, and say what is kept when they are interrupted."""
+    line = CountLine(title)
+    try:
+        yield line.show
+    except KeyboardInterrupt:
+        line.end()
+        say(f"Interrupted; {kept}. The same command goes on.")
+        raise typer.Exit(130) from None
+    line.end()
+
+
 class CountLine:
     """A line on a terminal that counts cases; a few whole lines where output is not a terminal."""
 
@@ -227,9 +289,9 @@ class CountLine:
         self._title, self._last = title, -1.0
         self._is_terminal = is_watched()
 
-    def show(self, done: int, total: int, more: str = "") -> None:
-        """Show how many are done."""
-        text = f"{self._title}: {done}/{total} cases{more}"
+    def show(self, done: int, total: int, failed: int = 0) -> None:
+        """Show how many are done, and how many of them without a diagnosis."""
+        text = f"{self._title}: {done}/{total} cases" + (f", {failed} without a diagnosis" if failed else "")
         if self._is_terminal:
             say(f"\r{text:<70}", end="")
         elif done == total or done / total >= self._last + 0.1:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
@@ -17,7 +17,7 @@ from pathlib import Path
 import msgspec
 
 from fit import runtime
-from fit.blind.cases import FILES, Kind, Truth, plan, write_case
+from fit.blind.cases import FILES, NO_SENSOR, Kind, Truth, plan, write_case
 from fit.blind.foreign.engines import OWN, Generator, find_generator
 from fit.blind.plants import Plant
 from fit.blind.real import RealTruth, find_takes, plan_real, write_real_case
@@ -62,9 +62,13 @@ Made = tuple[str, dict[str, str]]  # a case and the SHA-256 of its files
 
 def make_set(
     folder: Path, numbers: dict[Kind, int], plants: tuple[Plant, ...], seed: int, *, workers: int = 1,
-    side: float | None = None, generator: Generator = OWN, progress: Progress = lambda done, total: None,
+    side: float | None = None, generator: Generator = OWN, sensor: Mapping[str, float] = NO_SENSOR,
+    progress: Progress = lambda done, total: None,
 ) -> Manifest:  # fmt: skip
     """Make a set, or go on with one; what is there with the right hash is not made again.
+
+    sensor: what of every look is given instead of drawn (`noise`, `away`, `rate`); steps of a ladder have the same
+    cases otherwise, if their seed is the same
 
     Raises:
         FitError: nothing to make, the folder holds another set, the generator's engine is not there, the side fits no
@@ -77,7 +81,7 @@ def make_set(
         raise FitError("there is no case to make", advice="give --cases, --nulls, --pairs or --unknowns")
     if numbers["pair"] and len(plants) < 2:
         raise FitError("a pair needs two effects to choose from", advice="give a second --effect")
-    truths = plan(numbers, plants, seed, generator.unknown_plants())
+    truths = plan(numbers, plants, seed, generator.unknown_plants(), sensor)
     _check_side(side, truths)
     labels = Labels(
         format=LABELS_FORMAT, seed=seed, numbers={str(k): v for k, v in numbers.items()},
@@ -186,7 +190,7 @@ def _begin(folder: Path, labels: Labels) -> Manifest:
         if found != labels:
             raise FitError(
                 "the folder holds another set of cases", where=folder,
-                advice="use another folder, or the same numbers, effects, --side and --seed as before",
+                advice="use another folder, or the same numbers, effects, --side, --seed and sensor as before",
             )  # fmt: skip
         return read_manifest(folder)
     key = load_key(folder / SEALED_KEY, make=True)

@@ -5,12 +5,10 @@ from __future__ import annotations
 from html import escape
 from pathlib import Path
 
-import msgspec
 import numpy as np
 
 from fit.blind.rates import Rate
-from fit.blind.real_scoring import REAL_SCORE_FORMAT
-from fit.blind.scoring import HEADLINE_BIN, SCORE, Rates, Score, headline
+from fit.blind.scoring import HEADLINE_BIN, Rates, Score, headline, load_score
 from fit.errors import FitError
 from formats.whole_files import write_whole
 
@@ -50,12 +48,6 @@ small, .soft { color: GrayText; } svg { max-width: 26rem; width: 100%; }
 """
 
 
-class Headed(msgspec.Struct):
-    """The part of a score's file that says which kind it is."""
-
-    format: str
-
-
 def check_page_name(out: Path, folders: tuple[Path, Path]) -> None:
     """Refuse the name of a file of the set or of its answers, however it is asked for.
 
@@ -78,20 +70,7 @@ def write_page(answers: Path, out: Path) -> Path:
     Raises:
         FitError: the answers are not scored, or the file cannot be written there.
     """
-    try:
-        raw = (answers / SCORE).read_bytes()
-        if msgspec.json.decode(raw, type=Headed).format == REAL_SCORE_FORMAT:
-            raise FitError(
-                "is of real takes, whose score has no page", where=answers / SCORE,
-                advice="`hangtime blind score` prints all of it",
-            )  # fmt: skip
-        score = msgspec.json.decode(raw, type=Score)
-    except OSError as error:
-        raise FitError(
-            "the answers are not scored", where=answers, advice="score them first: `hangtime blind score`"
-        ) from error
-    except msgspec.MsgspecError as error:
-        raise FitError(f"is not a score: {error}", where=answers / SCORE, advice="score the answers again") from error
+    score = load_score(answers)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         write_whole(out, render(score).encode())

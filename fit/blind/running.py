@@ -11,7 +11,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
@@ -36,13 +36,14 @@ def diagnose_command() -> list[str]:
 def run_set(
     folder: Path, answers: Path, *, command: Sequence[str] = (), options: Sequence[str] = (),
     again: bool = False, limit: float = LIMIT, workers: int = 1, takes: int | None = None,
-    progress: Progress = lambda done, total, failed: None,
+    without: Mapping[str, str] | None = None, progress: Progress = lambda done, total, failed: None,
 ) -> int:  # fmt: skip
     """Diagnose the cases that are not done; return how many ended without a diagnosis.
 
     command: what to run instead of `hangtime diagnose`; options: more words for it; again: retry failures;
     limit [s]: time for one case; workers: diagnoses side by side, which share the processors; takes: so many of each
-    case alone, the first ones, and none to judge on
+    case alone, the first ones, and none to judge on; without: these cases alone, each with an effect that its library
+    is to lack
 
     Raises:
         FitError: there is no set, it is not complete, its files are not those that were made, or another run writes
@@ -59,18 +60,20 @@ def run_set(
         )  # fmt: skip
     diagnoses = _Diagnoses([*(command or diagnose_command())], options, limit, workers, takes)
     with alone(make_folder(answers), "blind run"):
-        return _run(manifest.cases, folder, answers, diagnoses, again, workers, progress)
+        return _run(dict.fromkeys(manifest.cases, "") if without is None else without, folder, answers, diagnoses,
+                    again, workers, progress)  # fmt: skip
 
 
 def _run(
-    cases: Sequence[str], folder: Path, answers: Path, diagnoses: _Diagnoses, again: bool, workers: int,
+    cases: Mapping[str, str], folder: Path, answers: Path, diagnoses: _Diagnoses, again: bool, workers: int,
     progress: Progress,
 ) -> int:  # fmt: skip
+    """Diagnose these cases; of each the effect that its library is to lack, or nothing."""
     left = [c for c in cases if not _is_done(answers / c) and (again or not (answers / c / FAILURE).exists())]
     failed = sum(not _is_done(answers / c) for c in cases if c not in left)
     progress(len(cases) - len(left), len(cases), failed)
     with ThreadPoolExecutor(workers) as pool:
-        waiting = {pool.submit(diagnoses.run, folder / "cases" / c, answers / c): c for c in left}
+        waiting = {pool.submit(diagnoses.run, folder / "cases" / c, answers / c, cases[c]): c for c in left}
         try:
             for done, ended in enumerate(as_completed(waiting), len(cases) - len(left) + 1):
                 ended.result()
@@ -101,14 +104,19 @@ class _Diagnoses:
         self._surroundings = {**os.environ, "HANGTIME_THREADS": str(threads)}
         self._running: set[subprocess.Popen[str]] = set()
 
-    def run(self, case: Path, out: Path) -> None:
-        """Diagnose into a folder beside the answer's, and give it its name when the process has ended."""
+    def run(self, case: Path, out: Path, without: str) -> None:
+        """Diagnose into a folder beside the answer's, and give it its name when the process has ended.
+
+        without: an effect that the library is to lack, or nothing
+        """
         work = out.with_name(f".{out.name}.partial")
         work.mkdir(parents=True, exist_ok=True)
         words = [str(p.resolve()) for p in sorted(case.glob("take-*.mcap"))[: self._takes]]
         for path in sorted(case.glob("held-out-*.mcap")) if self._takes is None else ():
             words += ["--held-out", str(path.resolve())]
         words = [*self._command, *words, "--out", str(work), *self._options]
+        if without:
+            words += ["--without", without]
         has_kept = (work / KEPT).exists()
         said, code = self._call(words)
         if code == REFUSED and has_kept:  # what was kept is of another version or of other options

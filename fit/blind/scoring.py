@@ -20,7 +20,7 @@ from fit.blind.judging import BINS, Judged, judge
 from fit.blind.making import changed_files, open_labels, read_manifest
 from fit.blind.plants import PLANTS
 from fit.blind.rates import Rate, mean, median, rate_of
-from fit.blind.real_scoring import RealScore, real_headline, score_real
+from fit.blind.real_scoring import REAL_SCORE_FORMAT, RealScore, real_headline, score_real
 from fit.blind.running import DIAGNOSIS, FAILURE
 from fit.blind.seal import sha256_of
 from fit.errors import FitError
@@ -55,6 +55,12 @@ class Rates(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     simulations_most: float | None
     seconds: float | None
     seconds_most: float | None
+
+
+class Headed(msgspec.Struct):
+    """The part of a score's file that says which kind it is."""
+
+    format: str
 
 
 class Score(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -143,6 +149,28 @@ def score_set(folder: Path, answers: Path, *, some: bool = False) -> Score | Rea
     write_whole(looks, (before + json.dumps(line) + "\n").encode())  # first: it was opened, whatever comes of the score
     write_whole(answers / SCORE, msgspec.json.format(msgspec.json.encode(score), indent=1) + b"\n")
     return score
+
+
+def load_score(answers: Path) -> Score:
+    """Read the score of answers.
+
+    Raises:
+        FitError: the answers are not scored, or are of real takes.
+    """
+    try:
+        raw = (answers / SCORE).read_bytes()
+        if msgspec.json.decode(raw, type=Headed).format == REAL_SCORE_FORMAT:
+            raise FitError(
+                "is of real takes, which are scored by pairs of answers", where=answers / SCORE,
+                advice="`hangtime blind score` prints all of it",
+            )  # fmt: skip
+        return msgspec.json.decode(raw, type=Score)
+    except OSError as error:
+        raise FitError(
+            "the answers are not scored", where=answers, advice="score them first: `hangtime blind score`"
+        ) from error
+    except msgspec.MsgspecError as error:
+        raise FitError(f"is not a score: {error}", where=answers / SCORE, advice="score the answers again") from error
 
 
 def summarise(judged: tuple[Judged, ...]) -> Score:

@@ -59,6 +59,19 @@ LIBRARY: tuple[Effect, ...] = (
 )
 
 
+def library_without(names: list[str]) -> tuple[Effect, ...]:
+    """Return the library without the effects of these names.
+
+    Raises:
+        FitError: a name is not in the library, or nothing is left.
+    """
+    left_out = find_effects(names)
+    left = tuple(effect for effect in LIBRARY if effect not in left_out)
+    if not left:
+        raise FitError("no effect is left in the library", where="--without", advice="leave out fewer")
+    return left
+
+
 def find_effects(names: list[str]) -> tuple[Effect, ...]:
     """Return the effects of these names.
 

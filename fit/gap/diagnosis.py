@@ -73,6 +73,7 @@ def diagnose(
 ) -> Findings:
     """Diagnose the gap between takes and the base model.
 
+    effects: the library to look in
     added: names of effects whose refit is to be shown whatever the screening says of them.
     checkpoint: folder in which finished fits are kept; the caller deletes it when the result is safe.
     prepared: what `ready` made of the takes, where that has been called before
@@ -128,6 +129,7 @@ def diagnose(
     progress("drawing maps", 0.97)
     best, spent = search.named(verdict), kept.spent
     notes = described.notes(len(training), len(held_out), observer, is_predictable=predictability.passed)
+    notes += described.left_out(effects, LIBRARY)
     if verdict.verdict == "ambiguous" and proposal is None:
         notes.append("No motion of the menu would tell apart what is named by a standard deviation more than these.")
     diagnosis = Diagnosis(

@@ -319,7 +319,7 @@ def test_a_side_of_no_mesh_is_refused_and_seals_nothing(tmp_path, side):
 
 
 def test_another_side_is_another_set(a_set):
-    with pytest.raises(FitError, match="the same numbers, effects, --side and --seed as before"):
+    with pytest.raises(FitError, match="the same numbers, effects, --side, --seed and sensor as before"):
         make_set(a_set, NUMBERS, PLANTED, 5, side=COARSE / 2)
 
 

@@ -15,7 +15,7 @@ import pytest
 from fit import reporting
 from fit.calibration import calibrate
 from fit.cloth.simulator import Resolution
-from fit.effects import find_effects
+from fit.effects import LIBRARY, find_effects
 from fit.errors import FitError
 from fit.fabric_sheet import sheet_of
 from fit.folders import alone
@@ -103,6 +103,8 @@ def test_a_saved_search_of_other_takes_is_refused(tmp_path):
         (("fit", "a.mcap", "--gamma", "-1"), "gamma is -1"),
         (("fit", "a.mcap", "--seed", "-1"), "Input should be greater than or equal to 0"),
         (("diagnose", "a.mcap", "--seed", "-1"), "Input should be greater than or equal to 0"),
+        (("diagnose", "a.mcap", "--without", "gremlins"), "there is no effect named 'gremlins'"),
+        (("diagnose", "a.mcap", "--without", "hem", "--add", "hem"), "hem is to be added and left out"),
         (("batch", ".", "--seed", "-1"), "Input should be greater than or equal to 0"),
         (("fit", "a.mcap", "--out", "a.mcap"), "a.mcap: cannot be used as a folder for results (File exists)"),
         (("diagnose", "a.mcap", "--out", "a.mcap/b"), "a.mcap/b: cannot be used as a folder for results"),
@@ -194,6 +196,7 @@ def test_a_diagnosis_says_what_it_found_and_leaves_its_report(tmp_path):
     fitted = calibrate([read_take(tmp_path / "a.mcap")], [], request_of(SI, [], iterations=2, seed=1, spacing=0.15))
     save_fit_result(tmp_path / "out/fit.json", fitted)
     words = ["diagnose", "a.mcap", "--held-out", "b.mcap", "--out", "out", "--spacing", 0.15, "--seed", 3]
+    words += ["--without", "air_drag", "--without", "draught"]
     done = hangtime(*words, "--model", "lean", "--add", "hem", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "Fitting to a; judging on b." in done.stderr
@@ -204,11 +207,18 @@ def test_a_diagnosis_says_what_it_found_and_leaves_its_report(tmp_path):
     hem = next(f for f in found.effects if f.id == "hem")
     assert hem.amplitude_interval is not None  # refitted, though there is no gap to close
     assert next(f for f in found.effects if f.id == "shear_stiffness").tested
+    assert {f.id for f in found.effects} == {e.name for e in LIBRARY} - {"air_drag", "draught"}
+    assert "Left out of the library as asked: air_drag, draught." in found.notes
     assert "With hem at 0 kg/m: there is no gap to close" in done.stdout
     page = (tmp_path / "out/report.html").read_text()
     assert page.startswith("<!doctype html>")
     assert f"{fitted.simulations} simulations in" in page  # of the fit beside it
     assert not (tmp_path / "out/diagnosis.partial").exists()
+    with_drag = msgspec.structs.replace(fitted, effects={"air_drag": 1.0})
+    save_fit_result(tmp_path / "drag.json", with_drag)
+    kept = hangtime(*words, "--fit", "drag.json", folder=tmp_path)
+    assert kept.returncode == 2
+    assert "--without: the fit keeps air_drag in its model" in kept.stderr
     again = hangtime(*words, "--model", "lean", "--add", "nothing_known", folder=tmp_path)
     assert again.returncode == 2
     assert "nothing_known" in again.stderr

@@ -1,0 +1,142 @@
+"""Diagnose scored cases again by a library that lacks what was planted, and count what is said of them then.
+
+Causes of no library are few and of their own kind (`fit.blind.plants`). Here every effect of the library is one in its
+turn: the cases whose single effect was large enough to be seen, by the minimum detectable amplitude of the diagnosis
+with the whole library, are given to `hangtime diagnose --without EFFECT`. `unknown` is right. An effect that the whole
+diagnosis could not tell from the planted one is its twin: naming it is what these takes allow. The seal was opened
+before, when the answers were scored, so that no rule may be chosen by what is found here.
+
+STRUCK/<id>/diagnosis.json     what the diagnosis without the effect said
+STRUCK/struck.json             every rate and case
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+from fit.blind.judging import BINS, CONFIDENT, NAMING, Judged
+from fit.blind.making import read_manifest
+from fit.blind.rates import Rate, rate_of
+from fit.blind.running import DIAGNOSIS, LIMIT, Progress, run_set
+from fit.blind.scoring import ANSWERS_HASHES, load_score
+from fit.errors import FitError
+from formats.errors import ResultError
+from formats.results import Diagnosis, load_diagnosis
+from formats.whole_files import write_whole
+
+STRUCK, STRUCK_FORMAT = "struck.json", "hangtime-blind-struck/1"
+LEAST = 2.0  # times the minimum detectable amplitude
+Said = Literal["unknown", "twin", "other", "nothing"]
+
+
+class StruckCase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One case without its effect in the library.
+
+    said: `unknown`; a twin of the effect or anything else named first; or nothing (`none`, `numerics`, `inconclusive`)
+    """
+
+    id: str
+    planted: str
+    ratio: float
+    bin: str
+    has_twin: bool
+    said: Said
+    verdict: str
+    named: tuple[str, ...]
+    is_certain: bool
+
+
+class Struck(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What is said where the library lacks what is at work; rates have 95 % Wilson intervals."""
+
+    format: str
+    created: str
+    sealed: str
+    answers: str
+    least: float
+    unknown: Rate
+    unknown_without_twin: Rate
+    twin_named: Rate
+    other_named: Rate
+    nothing: Rate
+    certain: Rate
+    unknown_by_size: dict[str, Rate]
+    cases: tuple[StruckCase, ...]
+
+
+def strike_set(
+    folder: Path, answers: Path, out: Path, *, least: float = LEAST, command: Sequence[str] = (),
+    options: Sequence[str] = (),
+    again: bool = False, limit: float = LIMIT, workers: int = 1,
+    progress: Progress = lambda done, total, failed: None,
+) -> Struck:  # fmt: skip
+    """Diagnose every case of one effect from `least` times the detectable on without that effect, and count.
+
+    answers: the scored answers with the whole library; out: folder of the new ones; the rest as for `run_set`
+
+    Raises:
+        FitError: the answers are not scored, are of another set, have no such case, or `out` holds scored answers; and
+            as `run_set`.
+    """
+    score = load_score(answers)
+    if score.sealed != read_manifest(folder).sealed:
+        raise FitError("the answers are of another set", where=answers, advice="give the set that was scored")
+    if (out / ANSWERS_HASHES).exists():
+        raise FitError("holds answers of the whole library", where=out, advice="choose another --out")
+    cases = [j for j in score.cases if j.kind == "single" and j.is_tested and (j.ratio or 0.0) >= least]
+    if not cases:
+        raise FitError(
+            f"no case has one effect of {least:g} times the smallest detectable amplitude", where=answers,
+            advice="lower --least, or make a set with more --cases",
+        )  # fmt: skip
+    without = {j.id: j.planted[0] for j in cases}
+    run_set(
+        folder, out, command=command, options=options, again=again, limit=limit, workers=workers, without=without,
+        progress=progress,
+    )  # fmt: skip
+    struck = _count([_judge(j, out) for j in cases], score.sealed, score.answers, least)
+    write_whole(out / STRUCK, msgspec.json.format(msgspec.json.encode(struck), indent=1) + b"\n")
+    return struck
+
+
+def _judge(whole: Judged, out: Path) -> StruckCase:
+    """Judge one answer; whole: the case as judged with the whole library."""
+    try:
+        said: Diagnosis | None = load_diagnosis(out / whole.id / DIAGNOSIS)
+    except ResultError:
+        said = None
+    named = tuple(said.named) if said and said.verdict in NAMING else ()
+    sure = [f.probability for f in said.effects if f.id in named] if said else []
+    twins = set(whole.alike) - set(whole.planted)
+    verdict = said.verdict if said else "inconclusive"
+    return StruckCase(
+        id=whole.id, planted=whole.planted[0], ratio=whole.ratio or 0.0, bin=whole.bin, has_twin=bool(twins),
+        said=_said(verdict, named, twins), verdict=verdict, named=named,
+        is_certain=any((p or 0.0) >= CONFIDENT for p in sure),
+    )  # fmt: skip
+
+
+def _said(verdict: str, named: tuple[str, ...], twins: set[str]) -> Said:
+    if named:
+        return "twin" if twins & (set(named) if verdict == "ambiguous" else {named[0]}) else "other"
+    return "unknown" if verdict == "unknown" else "nothing"
+
+
+def _count(cases: list[StruckCase], sealed: str, answers: str, least: float) -> Struck:
+    def share(said: Said, among: list[StruckCase]) -> Rate:
+        return rate_of(c.said == said for c in among)
+
+    return Struck(
+        format=STRUCK_FORMAT, created=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), sealed=sealed, answers=answers,
+        least=least, unknown=share("unknown", cases),
+        unknown_without_twin=share("unknown", [c for c in cases if not c.has_twin]),
+        twin_named=share("twin", cases), other_named=share("other", cases), nothing=share("nothing", cases),
+        certain=rate_of(c.is_certain for c in cases if c.said != "twin"),
+        unknown_by_size={b: share("unknown", found) for b in BINS if (found := [c for c in cases if c.bin == b])},
+        cases=tuple(sorted(cases, key=lambda c: (c.planted, c.ratio))),
+    )  # fmt: skip

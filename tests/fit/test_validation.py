@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks.validation import CARD, CASES, bending_modes, ring
 from benchmarks.validation_clamped import bias_extension_error, elastica
+from benchmarks.validation_energy import energy_drift
 from fit.cloth.simulator import Resolution
 
 
@@ -48,6 +49,12 @@ def test_a_sample_cut_on_the_bias_is_pulled_as_a_net_of_threads_says():
     coarse, fine = (bias_extension_error(Resolution(spacing=s), 2000.0) for s in (0.1, 0.05))
     assert 0 < fine < 0.07
     assert fine < coarse / 2.5
+
+
+def test_energy_is_lost_as_fast_as_damping_says():
+    """At c it goes as e^(-c t): 1 - e^(-0.5) in ten seconds at 0.05 1/s."""
+    lost = energy_drift(Resolution(spacing=0.05), damping=0.05)
+    assert lost == pytest.approx(np.expm1(-0.5), rel=0.02)
 
 
 NEEDS_FINER = ("force of a bias extension", "swung swatch, mesh doubled and step halved")  # than 50 mm

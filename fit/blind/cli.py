@@ -71,7 +71,7 @@ def make_command(
     ] = None,
     rate: Annotated[
         float | None,
-        typer.Option("--rate", metavar="HERTZ", min=15.0, max=240.0, help="Frames a second.",
+        typer.Option("--rate", metavar="HERTZ", min=15.0, max=200.0, help="Frames a second.",
                      show_default="30, 45 or 60, drawn"),
     ] = None,
     real: Annotated[

@@ -71,8 +71,7 @@ class Struck(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 def strike_set(
     folder: Path, answers: Path, out: Path, *, least: float = LEAST, command: Sequence[str] = (),
-    options: Sequence[str] = (),
-    again: bool = False, limit: float = LIMIT, workers: int = 1,
+    options: Sequence[str] = (), again: bool = False, limit: float = LIMIT, workers: int = 1,
     progress: Progress = lambda done, total, failed: None,
 ) -> Struck:  # fmt: skip
     """Diagnose every case of one effect from `least` times the detectable on without that effect, and count.

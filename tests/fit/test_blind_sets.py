@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 
+import numpy as np
 import pytest
 
 from fit import runtime
@@ -287,8 +288,12 @@ def test_the_command_line_makes_scores_and_reports(tmp_path):
             cwd=tmp_path,
         )  # fmt: skip
 
-    made = hangtime("make", "set", "--cases", 1, "--nulls", 1, "--effect", "hem", "--seed", 3, "--side", COARSE)
+    made = hangtime("make", "set", "--cases", 1, "--nulls", 1, "--effect", "hem", "--seed", 3, "--side", COARSE,
+                    "--noise", 0.006, "--rate", 60)  # fmt: skip
     assert made.returncode == 0, made.stderr
+    take = read_take(next((tmp_path / "set/cases").glob("*/take-1.mcap")))
+    assert np.diff(take.time) == pytest.approx(1 / 60, abs=1e-5)
+    assert np.nanmedian(take.points_sd) > 0.006
     assert "2 cases" in made.stdout
     early = hangtime("score", "set", "answers")
     assert early.returncode == 2
@@ -298,6 +303,12 @@ def test_the_command_line_makes_scores_and_reports(tmp_path):
     assert scored.returncode == 0, scored.stderr
     assert "false alarms on nulls" in scored.stdout
     assert hangtime("run", "set", "--out", "answers").returncode == 0  # everything is answered: nothing to run
+    struck = hangtime("strike", "set", "answers", "--out", "struck", "--least", 99)
+    assert struck.returncode == 2
+    assert "no case has one effect of 99 times the smallest detectable amplitude" in struck.stderr
+    real = hangtime("make", "other", "--real", ".", "--cases", 1, "--noise", 0.001)
+    assert real.returncode == 2
+    assert "real takes are not simulated; leave out" in real.stderr
     reported = hangtime("report", "set", "answers", "--out", "blind.html")
     assert reported.returncode == 0, reported.stderr
     assert (tmp_path / "blind.html").exists()

@@ -1,0 +1,96 @@
+"""The same sealed cases under more noise, more gaps and other frame rates: what the diagnosis can still see.
+
+Run: python benchmarks/ladder.py FOLDER [--cases 12] [--nulls 2] [--seed 7] [--workers 2] [--only base n6]. Makes,
+diagnoses and scores a set for every step, in FOLDER/STEP; interrupted, the same command goes on. About six minutes a
+step of 14 cases on two cores. "Detectable" is the smallest amplitude that a diagnosis says it could have seen, over
+that of the same effect in the same case under the first step's conditions: the median over cases and effects.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hangtime` does, or ends depend on the number of processors
+
+import numpy as np
+
+from fit.blind.foreign.engines import OWN
+from fit.blind.judging import Judged
+from fit.blind.making import make_set
+from fit.blind.running import DIAGNOSIS, run_set
+from fit.blind.scoring import Score, score_set
+from formats.errors import ResultError
+from formats.results import load_diagnosis
+
+STEPS = {
+    "base": {"noise": 1e-3, "away": 0.1, "rate": 60.0},
+    "n03": {"noise": 3e-4, "away": 0.1, "rate": 60.0},
+    "n3": {"noise": 3e-3, "away": 0.1, "rate": 60.0},
+    "n6": {"noise": 6e-3, "away": 0.1, "rate": 60.0},
+    "m0": {"noise": 1e-3, "away": 0.0, "rate": 60.0},
+    "m30": {"noise": 1e-3, "away": 0.3, "rate": 60.0},
+    "r30": {"noise": 1e-3, "away": 0.1, "rate": 30.0},
+    "r120": {"noise": 1e-3, "away": 0.1, "rate": 120.0},
+}
+Detectable = dict[tuple[str, str], float]
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Make and diagnose what is not there yet; print a row for every step."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--cases", type=int, default=12)
+    parser.add_argument("--nulls", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=7)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--only", nargs="+", default=list(STEPS), choices=list(STEPS))
+    chosen = parser.parse_args(arguments)
+    print("noise   gaps   rate   right group   from twice on   wrong   on nulls   detectable   simulations")
+    first: Detectable = {}
+    for name in chosen.only:
+        folder, sensor = chosen.folder / name, STEPS[name]
+        numbers = {"single": chosen.cases, "null": chosen.nulls, "pair": 0, "unknown": 0}
+        make_set(folder / "set", numbers, OWN.plants([]), chosen.seed, workers=chosen.workers, sensor=sensor)
+        run_set(folder / "set", folder / "answers", workers=chosen.workers)
+        score = score_set(folder / "set", folder / "answers")
+        assert isinstance(score, Score)
+        found = detectable(folder / "answers", score)
+        first = first or found
+        print(row(sensor, score, found, first), flush=True)
+
+
+def detectable(answers: Path, score: Score) -> Detectable:
+    """Smallest amplitude that could have been seen, of every effect in every case that was diagnosed."""
+    known: Detectable = {}
+    for case in score.cases:
+        try:
+            effects = load_diagnosis(answers / case.id / DIAGNOSIS).effects
+        except ResultError:
+            continue
+        known.update({(case.id, f.id): f.minimum_detectable for f in effects if f.minimum_detectable is not None})
+    return known
+
+
+def row(sensor: dict[str, float], score: Score, found: Detectable, first: Detectable) -> str:
+    """One step of the ladder in words."""
+    singles = [j for j in score.cases if j.kind == "single" and j.is_tested]
+    large = [j for j in singles if (j.ratio or 0.0) >= 2]
+    nulls = [j for j in score.cases if j.kind == "null"]
+    named = [j for j in singles if j.named]
+    times = np.median([found[key] / first[key] for key in found.keys() & first.keys()])
+
+    def right(among: list[Judged]) -> str:
+        return f"{sum(bool(j.right_first) for j in among)} of {len(among)}"
+
+    given = f"{1e3 * sensor['noise']:4.1f} mm {100 * sensor['away']:3.0f} % {sensor['rate']:4.0f}/s"
+    wrong, alarms = sum(not j.right_first for j in named), f"{sum(bool(j.named) for j in nulls)} of {len(nulls)}"
+    simulations = score.overall.simulations or 0
+    return (
+        f"{given} {right(singles):>13} {right(large):>15} {wrong:>7} {alarms:>10} {times:10.2f} x {simulations:13.0f}"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -238,7 +238,7 @@ def test_a_set_of_real_takes_is_sealed_and_scored_by_what_the_plant_changes(fold
     assert "untouched takes" in said
     refused = hangtime_blind("report", tmp_path / "set", tmp_path / "answers")
     assert refused.returncode == 2
-    assert "whose score has no page" in refused.stderr
+    assert "is of real takes, which are scored by pairs of answers" in refused.stderr
 
 
 def a_truth(one):

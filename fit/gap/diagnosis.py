@@ -129,7 +129,6 @@ def diagnose(
     progress("drawing maps", 0.97)
     best, spent = search.named(verdict), kept.spent
     notes = described.notes(len(training), len(held_out), observer, is_predictable=predictability.passed)
-    notes += described.left_out(effects, LIBRARY)
     if verdict.verdict == "ambiguous" and proposal is None:
         notes.append("No motion of the menu would tell apart what is named by a standard deviation more than these.")
     diagnosis = Diagnosis(
@@ -138,7 +137,7 @@ def diagnose(
         take_ids=[t.take_id for t in training],
         held_out_ids=[t.take_id for t in held_out],
         verdict=verdict.verdict,  # type: ignore[arg-type]
-        sentence=verdict.sentence + edge_driven.sentence(evidence, by_edge),
+        sentence=verdict.sentence + edge_driven.sentence(evidence, by_edge) + described.left_out(effects, LIBRARY),
         named=verdict.named,
         gap=described.describe_gap(evidence, best, by_edge),
         effects=described.describe_effects(evidence, judge, best, effects, model),

@@ -141,10 +141,10 @@ def base_parameters(model: Parameterisation, fitted: Fitted) -> list[FitParamete
     return described
 
 
-def left_out(effects: tuple[Effect, ...], library: tuple[Effect, ...]) -> list[str]:
-    """Say which effects of the library were not looked for, if any."""
-    absent = [effect.name for effect in library if effect not in effects]
-    return [f"Left out of the library as asked: {', '.join(absent)}."] if absent else []
+def left_out(effects: tuple[Effect, ...], library: tuple[Effect, ...]) -> str:
+    """Return a sentence that says which effects of the library were not looked for, if any."""
+    absent = [effect.title for effect in library if effect not in effects]
+    return f" Not looked for, as asked: {', '.join(absent)}." if absent else ""
 
 
 def notes(training: int, held_out: int, observer: Observer, *, is_predictable: bool) -> list[str]:

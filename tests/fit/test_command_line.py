@@ -208,7 +208,7 @@ def test_a_diagnosis_says_what_it_found_and_leaves_its_report(tmp_path):
     assert hem.amplitude_interval is not None  # refitted, though there is no gap to close
     assert next(f for f in found.effects if f.id == "shear_stiffness").tested
     assert {f.id for f in found.effects} == {e.name for e in LIBRARY} - {"air_drag", "draught"}
-    assert "Left out of the library as asked: air_drag, draught." in found.notes
+    assert found.sentence.endswith(" Not looked for, as asked: air drag, a draught.")
     assert "With hem at 0 kg/m: there is no gap to close" in done.stdout
     page = (tmp_path / "out/report.html").read_text()
     assert page.startswith("<!doctype html>")

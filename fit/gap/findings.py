@@ -18,6 +18,8 @@ from fit.gap.verdict import mesh_share
 from fit.parameterisations import Parameterisation
 from formats.results import EffectFinding, Figure, FitParameter, Gap
 
+LISTED = 3  # effects that were left out, in a sentence
+
 Floats = NDArray[np.float64]
 
 
@@ -144,7 +146,8 @@ def base_parameters(model: Parameterisation, fitted: Fitted) -> list[FitParamete
 def left_out(effects: tuple[Effect, ...], library: tuple[Effect, ...]) -> str:
     """Return a sentence that says which effects of the library were not looked for, if any."""
     absent = [effect.title for effect in library if effect not in effects]
-    return f" Not looked for, as asked: {', '.join(absent)}." if absent else ""
+    more = f" and {len(absent) - LISTED} more" if len(absent) > LISTED else ""
+    return f" Not looked for, as asked: {', '.join(absent[:LISTED])}{more}." if absent else ""
 
 
 def notes(training: int, held_out: int, observer: Observer, *, is_predictable: bool) -> list[str]:

@@ -17,12 +17,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hangtime` does, or end
 import numpy as np
 
 from fit.blind.foreign.engines import OWN
-from fit.blind.judging import Judged
+from fit.blind.judging import answer_of
 from fit.blind.making import make_set
-from fit.blind.running import DIAGNOSIS, run_set
-from fit.blind.scoring import Score, score_set
-from formats.errors import ResultError
-from formats.results import load_diagnosis
+from fit.blind.rates import rate_of
+from fit.blind.running import run_set
+from fit.blind.scoring import SCORE, Score, load_score, score_set
 
 STEPS = {
     "base": {"noise": 1e-3, "away": 0.1, "rate": 60.0},
@@ -54,8 +53,9 @@ def main(arguments: list[str] | None = None) -> None:
         numbers = {"single": chosen.cases, "null": chosen.nulls, "pair": 0, "unknown": 0}
         make_set(folder / "set", numbers, OWN.plants([]), chosen.seed, workers=chosen.workers, sensor=sensor)
         run_set(folder / "set", folder / "answers", workers=chosen.workers)
-        score = score_set(folder / "set", folder / "answers")
-        assert isinstance(score, Score)
+        if not (folder / "answers" / SCORE).exists():  # every opening counts
+            score_set(folder / "set", folder / "answers")
+        score = load_score(folder / "answers")
         found = detectable(folder / "answers", score)
         first = first or found
         print(row(sensor, score, found, first), flush=True)
@@ -65,31 +65,24 @@ def detectable(answers: Path, score: Score) -> Detectable:
     """Smallest amplitude that could have been seen, of every effect in every case that was diagnosed."""
     known: Detectable = {}
     for case in score.cases:
-        try:
-            effects = load_diagnosis(answers / case.id / DIAGNOSIS).effects
-        except ResultError:
-            continue
-        known.update({(case.id, f.id): f.minimum_detectable for f in effects if f.minimum_detectable is not None})
+        said = answer_of(answers, case.id)
+        findings = said.effects if said else []
+        known.update({(case.id, f.id): f.minimum_detectable for f in findings if f.minimum_detectable is not None})
     return known
 
 
 def row(sensor: dict[str, float], score: Score, found: Detectable, first: Detectable) -> str:
     """One step of the ladder in words."""
     singles = [j for j in score.cases if j.kind == "single" and j.is_tested]
-    large = [j for j in singles if (j.ratio or 0.0) >= 2]
-    nulls = [j for j in score.cases if j.kind == "null"]
-    named = [j for j in singles if j.named]
-    times = np.median([found[key] / first[key] for key in found.keys() & first.keys()])
-
-    def right(among: list[Judged]) -> str:
-        return f"{sum(bool(j.right_first) for j in among)} of {len(among)}"
-
-    given = f"{1e3 * sensor['noise']:4.1f} mm {100 * sensor['away']:3.0f} % {sensor['rate']:4.0f}/s"
-    wrong, alarms = sum(not j.right_first for j in named), f"{sum(bool(j.named) for j in nulls)} of {len(nulls)}"
-    simulations = score.overall.simulations or 0
-    return (
-        f"{given} {right(singles):>13} {right(large):>15} {wrong:>7} {alarms:>10} {times:10.2f} x {simulations:13.0f}"
+    large = rate_of(bool(j.right_first) for j in singles if (j.ratio or 0.0) >= 2)
+    wrong = sum(bool(j.named) and not j.right_first for j in singles)
+    right, large_right, alarms = (
+        f"{r.k} of {r.n}" for r in (score.overall.right_first, large, score.overall.false_alarms)
     )
+    times = np.median([found[key] / first[key] for key in found.keys() & first.keys()])
+    given = f"{1e3 * sensor['noise']:4.1f} mm {100 * sensor['away']:3.0f} % {sensor['rate']:4.0f}/s"
+    simulations = score.overall.simulations or 0
+    return f"{given} {right:>13} {large_right:>15} {wrong:>7} {alarms:>10} {times:10.2f} x {simulations:13.0f}"
 
 
 if __name__ == "__main__":

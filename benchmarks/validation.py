@@ -39,12 +39,11 @@ from benchmarks.validation_clamped import (
     peirce_error,
     shear_frame_error,
 )
-from benchmarks.validation_energy import energy_drift
+from benchmarks.validation_energy import DENSITY, LENGTH, WIDTH, energy_drift
 from fit.cloth.simulator import Resolution
 from fit.cloth.support import GRAVITY
 from tests.fit.scenes import material, sheet, simulate_take, swing
 
-LENGTH, WIDTH, DENSITY = 0.45, 0.4, 0.2
 SPACINGS = (0.1, 0.05, 0.033)  # m: two, three and four to five elements down
 STEPS = (1.0, 0.5, 0.25)  # of the stable one
 FRAME = 1 / 60

@@ -18,7 +18,7 @@ from fit.cloth.support import GRAVITY
 from fit.recording import prepare
 from tests.fit.scenes import hung, material, sheet, swing, take_of
 
-LENGTH, WIDTH, DENSITY = 0.45, 0.4, 0.2
+LENGTH, WIDTH, DENSITY = 0.45, 0.4, 0.2  # m, m, kg/m^2: the sheet of `validation.py` too
 STRETCH, SHEAR = 2000.0, 100.0  # N/m
 NUDGE, HERTZ = 0.01, 0.89  # m, 1/s: of the hanger, at about the first swing
 RATE, MEAN_OVER, SECONDS = 2000, 0.9, 10.0

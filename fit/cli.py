@@ -219,8 +219,8 @@ def diagnose_command(
     if fitted is None and (out / "fit.json").exists():
         beside = load_fit_result(out / "fit.json")
         fitted = beside if is_of(beside, training) else None
-    kept = {name for effect in find_effects(without) for name in parameter_names(effect)}
-    if fitted is not None and (kept := kept & fitted.effects.keys()):
+    struck = {name for effect in find_effects(without) for name in parameter_names(effect)}
+    if fitted is not None and (kept := struck & fitted.effects.keys()):
         raise FitError(
             f"the fit keeps {min(kept)} in its model, which the library is to lack", where="--without",
             advice="leave out --without, or diagnose into another --out",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,7 +14,9 @@ from formats.terminal import is_watched, say
 
 if TYPE_CHECKING:
     from fit.blind.cases import Kind
+    from fit.blind.rates import Rate
     from fit.blind.real_scoring import RealScore
+    from fit.blind.scoring import Score
 
 blind = typer.Typer(
     name="blind",
@@ -160,17 +162,23 @@ def score_command(
     ] = False,
 ) -> None:
     """Hash the answers, open the seal, print every rate with its 95 % interval, and record that the seal was opened."""
-    from fit.blind.page import ROWS, figure
     from fit.blind.real_scoring import RealScore
     from fit.blind.scoring import SCORE, score_set
 
     score = score_set(folder, answers, some=answered)
     if isinstance(score, RealScore):
         print_real(score)
-        typer.echo(f"Score: {answers / SCORE}")
-        return
+    else:
+        typer.echo(f"{len(score.cases)} cases, opening {score.look} of this seal; answers {score.answers}")
+        print_score(score)
+    typer.echo(f"Score: {answers / SCORE}")
+
+
+def print_score(score: Score) -> None:
+    """Print every rate, also by size, and the rivals'."""
+    from fit.blind.page import ROWS, figure
+
     bins = [name for name, rates in score.by_size.items() if rates.cases]
-    typer.echo(f"{len(score.cases)} cases, opening {score.look} of this seal; answers {score.answers}")
     for title, name, asked in ROWS:
         said = figure(score.overall, name)
         typer.echo(f"{title:<48} {said:<32}" + (f" asked: {asked}" if asked else ""))
@@ -179,11 +187,15 @@ def score_command(
             if part != "–":
                 typer.echo(f"    {size + ' x detectable':<44} {part}")
     typer.echo(f"{'baseline: chance':<48} {100 * score.chance:.0f} %")
-    for name, rate in score.baselines.items():
-        typer.echo(f"{'baseline: ' + name:<48} {rate}")
+    print_rates((f"baseline: {name}", rate) for name, rate in score.baselines.items())
     for note in score.notes:
         typer.echo(note)
-    typer.echo(f"Score: {answers / SCORE}")
+
+
+def print_rates(rates: Iterable[tuple[str, Rate]]) -> None:
+    """Print titled rates, a line each."""
+    for title, rate in rates:
+        typer.echo(f"{title:<48} {rate}")
 
 
 def print_real(score: RealScore) -> None:
@@ -197,13 +209,12 @@ def print_real(score: RealScore) -> None:
         error = "–" if one.error is None else f"{100 * one.error:.0f} %"
         named = ", ".join(one.named) or f"({one.verdict})"
         typer.echo(f"{one.planted:<20}{one.amplitude:>11.3g}{ratio:>14}{error:>8}  {one.moved_most or '–':<20}{named}")
-    for title, rate in (
+    print_rates((
         ("the planted effect's group moved most", score.moved_most),
         ("by the right size, within half", score.right_size),
         ("covered by the intervals", score.covered),
         ("newly named", score.newly_named),
-    ):
-        typer.echo(f"{title:<48} {rate}")
+    ))  # fmt: skip
     if score.without_answer:
         typer.echo(f"{score.without_answer} cases have no estimate to compare; they count in no rate of sizes")
 
@@ -238,15 +249,14 @@ def strike_command(
     for case in struck.cases:
         said = ", ".join(case.named) or f"({case.verdict})"
         typer.echo(f"{case.planted:<20}{case.ratio:>8.3g} x detectable  {case.said:<9}{said}")
-    for title, rate in (
+    print_rates((
         ("`unknown`", struck.unknown),
         ("`unknown` where nothing looks like it", struck.unknown_without_twin),
         ("an effect that these takes cannot tell from it", struck.twin_named),
         ("another effect named", struck.other_named),
         ("nothing named, no gap or no data", struck.nothing),
-        ("confident and wrong", struck.certain),
-    ):
-        typer.echo(f"{title:<48} {rate}")
+        ("confident and wrong", struck.confident_and_wrong),
+    ))  # fmt: skip
     typer.echo(f"Struck: {out / STRUCK}")
 
 

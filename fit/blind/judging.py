@@ -72,16 +72,38 @@ class Judged(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     conditions: dict[str, str] = {}
 
 
+def answer_of(answers: Path, case: str) -> Diagnosis | None:
+    """Return what was said of a case; None where there is no diagnosis, or none that can be read."""
+    try:
+        return load_diagnosis(answers / case / DIAGNOSIS)
+    except ResultError:
+        return None
+
+
+def named_by(said: Diagnosis | None) -> tuple[str, ...]:
+    """Return the effects that an answer names; none where its verdict names nothing."""
+    return tuple(said.named) if said and said.verdict in NAMING else ()
+
+
+def mistakes(said: Diagnosis | None, planted: tuple[str, ...]) -> list[tuple[bool, bool]]:
+    """Return of every cause that an answer names whether it is none of what was planted, and whether it is certain."""
+    named = named_by(said)
+    if said is None or not named:
+        return []
+    findings = {f.id: f for f in said.effects}
+    return [
+        (_is_wrong(findings, name, cause, planted), _is_certain(said.verdict, _probability(findings, (name,))))
+        for name, cause in zip(named, _meant(said), strict=False)
+    ]
+
+
 def judge(truth: Truth, answers: Path) -> Judged:
     """Judge one case; no diagnosis, or one that cannot be read, is `inconclusive`."""
-    try:
-        said: Diagnosis | None = load_diagnosis(answers / truth.id / DIAGNOSIS)
-    except ResultError:
-        said = None
+    said = answer_of(answers, truth.id)
     findings = {f.id: f for f in said.effects} if said else {}
     first = truth.planted[0] if truth.planted else None
     true = findings.get(first.id) if first and first.in_library else None
-    named = tuple(said.named) if said and said.verdict in NAMING else ()
+    named = named_by(said)
     ratios = [_ratio(p.amplitude, findings.get(p.id)) for p in truth.planted]
     known = [ratio for ratio in ratios if ratio is not None]
     ratio = min(known) if known and len(known) == len(ratios) else None
@@ -96,12 +118,10 @@ def judge(truth: Truth, answers: Path) -> Judged:
         conditions=conditions_of(truth.look), features=features_of(said) if said else {},
         alike=tuple(f.id for f in findings.values() if true and true.tested and f.tested and f.group == true.group),
     )  # fmt: skip
-    meant = _meant(said) if said and named else [set()]
-    is_wrong = [_is_wrong(findings, name, cause, judged.planted) for name, cause in zip(named, meant, strict=False)]
-    wrong = bool(named) and is_wrong[0]
-    certain = [_is_certain(judged.verdict, _probability(findings, (name,))) for name in named]
+    found = mistakes(said, judged.planted)
+    wrong = bool(found) and found[0][0]
     judged = msgspec.structs.replace(
-        judged, confident_and_wrong=any(w and c for w, c in zip(is_wrong, certain, strict=False)),
+        judged, confident_and_wrong=any(is_wrong and is_certain for is_wrong, is_certain in found),
         brier=_brier(findings, judged.planted, truth.kind),
         brier_of_groups=_brier(findings, judged.planted, truth.kind, of_groups=True),
     )  # fmt: skip
@@ -112,9 +132,8 @@ def judge(truth: Truth, answers: Path) -> Judged:
             judged, said_unknown=judged.verdict == "unknown", place_found=_place(said, first.place if first else ())
         )
     if truth.kind == "pair":
-        return msgspec.structs.replace(
-            judged, right_first=bool(named) and not wrong, both_named=_names_both(meant, judged.planted)
-        )
+        both = said is not None and bool(named) and _names_both(_meant(said), judged.planted)
+        return msgspec.structs.replace(judged, right_first=bool(named) and not wrong, both_named=both)
     return _judge_single(judged, truth, said, true, wrong)
 
 

@@ -19,14 +19,12 @@ from typing import Literal
 
 import msgspec
 
-from fit.blind.judging import BINS, CONFIDENT, NAMING, Judged
+from fit.blind.judging import BINS, Judged, answer_of, mistakes, named_by
 from fit.blind.making import read_manifest
 from fit.blind.rates import Rate, rate_of
-from fit.blind.running import DIAGNOSIS, LIMIT, Progress, run_set
+from fit.blind.running import LIMIT, Progress, run_set
 from fit.blind.scoring import ANSWERS_HASHES, load_score
 from fit.errors import FitError
-from formats.errors import ResultError
-from formats.results import Diagnosis, load_diagnosis
 from formats.whole_files import write_whole
 
 STRUCK, STRUCK_FORMAT = "struck.json", "hangtime-blind-struck/1"
@@ -38,6 +36,7 @@ class StruckCase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """One case without its effect in the library.
 
     said: `unknown`; a twin of the effect or anything else named first; or nothing (`none`, `numerics`, `inconclusive`)
+    confident_and_wrong: whether any cause that is named is no twin, and has a probability of 0.8 or more
     """
 
     id: str
@@ -48,7 +47,7 @@ class StruckCase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     said: Said
     verdict: str
     named: tuple[str, ...]
-    is_certain: bool
+    confident_and_wrong: bool
 
 
 class Struck(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -64,7 +63,7 @@ class Struck(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     twin_named: Rate
     other_named: Rate
     nothing: Rate
-    certain: Rate
+    confident_and_wrong: Rate
     unknown_by_size: dict[str, Rate]
     cases: tuple[StruckCase, ...]
 
@@ -104,26 +103,17 @@ def strike_set(
 
 
 def _judge(whole: Judged, out: Path) -> StruckCase:
-    """Judge one answer; whole: the case as judged with the whole library."""
-    try:
-        said: Diagnosis | None = load_diagnosis(out / whole.id / DIAGNOSIS)
-    except ResultError:
-        said = None
-    named = tuple(said.named) if said and said.verdict in NAMING else ()
-    sure = [f.probability for f in said.effects if f.id in named] if said else []
-    twins = set(whole.alike) - set(whole.planted)
+    """Judge one answer as if the effect's twins had been planted; whole: the case as judged with the whole library."""
+    said = answer_of(out, whole.id)
     verdict = said.verdict if said else "inconclusive"
+    twins = tuple(name for name in whole.alike if name not in whole.planted)
+    found = mistakes(said, twins)
+    nothing: Said = "unknown" if verdict == "unknown" else "nothing"
     return StruckCase(
         id=whole.id, planted=whole.planted[0], ratio=whole.ratio or 0.0, bin=whole.bin, has_twin=bool(twins),
-        said=_said(verdict, named, twins), verdict=verdict, named=named,
-        is_certain=any((p or 0.0) >= CONFIDENT for p in sure),
+        said=("other" if found[0][0] else "twin") if found else nothing, verdict=verdict, named=named_by(said),
+        confident_and_wrong=any(is_wrong and is_certain for is_wrong, is_certain in found),
     )  # fmt: skip
-
-
-def _said(verdict: str, named: tuple[str, ...], twins: set[str]) -> Said:
-    if named:
-        return "twin" if twins & (set(named) if verdict == "ambiguous" else {named[0]}) else "other"
-    return "unknown" if verdict == "unknown" else "nothing"
 
 
 def _count(cases: list[StruckCase], sealed: str, answers: str, least: float) -> Struck:
@@ -135,7 +125,7 @@ def _count(cases: list[StruckCase], sealed: str, answers: str, least: float) -> 
         least=least, unknown=share("unknown", cases),
         unknown_without_twin=share("unknown", [c for c in cases if not c.has_twin]),
         twin_named=share("twin", cases), other_named=share("other", cases), nothing=share("nothing", cases),
-        certain=rate_of(c.is_certain for c in cases if c.said != "twin"),
+        confident_and_wrong=rate_of(c.confident_and_wrong for c in cases),
         unknown_by_size={b: share("unknown", found) for b in BINS if (found := [c for c in cases if c.bin == b])},
         cases=tuple(sorted(cases, key=lambda c: (c.planted, c.ratio))),
     )  # fmt: skip

@@ -53,9 +53,11 @@ def naming(verdict, names, probability):
 
 
 @pytest.mark.parametrize(
-    ("late", "said", "is_certain"),
+    ("late", "said", "sure_and_wrong"),
     [
-        (naming("effect", ["filter_lag"], 0.9), "twin", True),
+        (naming("effect", ["filter_lag"], 0.9), "twin", False),
+        (naming("several", ["filter_lag", "clock_drift"], 0.9), "twin", True),
+        (naming("several", ["filter_lag", "clock_drift"], 0.7), "twin", False),
         (naming("effect", ["clock_drift"], 0.9), "other", True),
         (naming("ambiguous", ["clock_drift", "filter_lag"], 0.4), "twin", False),
         (naming("several", ["clock_drift", "filter_lag"], 0.8), "other", True),
@@ -63,7 +65,7 @@ def naming(verdict, names, probability):
         (diagnosis("unknown"), "unknown", False),
     ],
 )
-def test_what_is_said_without_the_effect_is_counted(scored, tmp_path, late, said, is_certain):
+def test_what_is_said_without_the_effect_is_counted(scored, tmp_path, late, said, sure_and_wrong):
     struck = strike(scored, tmp_path, late)
     assert [(c.planted, c.said) for c in struck.cases] == [("hem", "unknown"), ("time_offset", said)]
     assert [c.has_twin for c in struck.cases] == [False, True]
@@ -72,7 +74,7 @@ def test_what_is_said_without_the_effect_is_counted(scored, tmp_path, late, said
     assert (struck.twin_named.k, struck.other_named.k, struck.nothing.k) == (
         said == "twin", said == "other", said == "nothing"
     )  # fmt: skip
-    assert struck.certain.k == (is_certain and said != "twin")
+    assert (struck.confident_and_wrong.k, struck.confident_and_wrong.n) == (sure_and_wrong, 2)
     assert struck.unknown_by_size.keys() == {"2 to 4"}
     assert msgspec.json.decode((tmp_path / "out" / STRUCK).read_bytes(), type=Struck) == struck
 

@@ -3,7 +3,8 @@ motion.
 
 The cloth of the recordings is not the fitter's (`firmware_host.synthetic.cloth`), the start is `fit.fabrics`. Cotton
 is the fabric that choices were made on; read the other three. Run: python benchmarks/mocap_swatch.py [--fabric silk
-...] [--method mocap-swatch] [--spacing 0.0208] [--length-unit 1.0] [--air-drag 0] [--iterations 350] [--seed 0]
+...] [--air-drag 1.2] [--method mocap-swatch] [--effect air_drag ...] [--search annealing] [--spacing 0.0208]
+[--length-unit 1.0] [--iterations 350] [--seed 0]
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import argparse
 import dataclasses
 import os
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hangtime` does, or ends depend on the number of processors
@@ -32,7 +34,7 @@ FABRICS = ("cotton", "silk", "denim", "polyester-rayon")
 
 def fit_one(
     fabric: str, folder: Path, *, method: str, spacing: float, iterations: int, seed: int, air_drag: float,
-    length_unit: float = 1.0,
+    length_unit: float = 1.0, effects: Sequence[str] = (), search: str = "annealing",
 ) -> FitResult:  # fmt: skip
     """Make both takes of one fabric and fit the first."""
     takes = []
@@ -40,12 +42,11 @@ def fit_one(
         csv, _, garment = make_swatch_take(folder, fabric=fabric, motion=motion, air_drag=air_drag)
         takes.append(import_marker_take(csv, load_garment(garment)))
     chosen = find_method(method)
-    if chosen.name.startswith("mocap"):
-        chosen = chosen.starting_from(find_fabric(fabric).start, fabric)
+    chosen = chosen.starting_from(find_fabric(fabric).start, fabric)
     # In units of L metres E is x/L, v/L, kappa L; divided by 1/L only the curvature's factor changes.
     fit.swatch_error.GAMMA = 2.0 * length_unit**2
     chosen = dataclasses.replace(chosen, gamma=chosen.gamma if length_unit == 1.0 else 1e5)
-    request = request_of(chosen, [], iterations=iterations, seed=seed, spacing=spacing)
+    request = request_of(chosen, list(effects), iterations=iterations, seed=seed, spacing=spacing, search=search)
     return calibrate(takes[:1], takes[1:], request)
 
 
@@ -54,13 +55,18 @@ def main(arguments: list[str] | None = None) -> list[FitResult]:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--fabric", nargs="+", default=list(FABRICS), choices=FABRICS)
     parser.add_argument("--method", default="mocap-swatch")
+    parser.add_argument("--effect", nargs="+", default=[])
+    parser.add_argument("--search", default="annealing")
     parser.add_argument("--spacing", type=float, default=SPACING)
     parser.add_argument("--length-unit", type=float, default=1.0)
     parser.add_argument("--air-drag", type=float, default=0.0)
     parser.add_argument("--iterations", type=int, default=350)
     parser.add_argument("--seed", type=int, default=0)
     chosen = parser.parse_args(arguments)
-    print(f"{chosen.method}, mesh {1e3 * chosen.spacing:.1f} mm, drag {chosen.air_drag:g}, seed {chosen.seed}; mm")
+    print(
+        f"{' with '.join([chosen.method, *chosen.effect])}, {chosen.search}, mesh {1e3 * chosen.spacing:.1f} mm, "
+        f"recorded with a drag of {chosen.air_drag:g}, seed {chosen.seed}; mm"
+    )
     print(
         f"{'fabric':16} {'objective':>16} {'training mean':>15} {'maximum':>15} {'held-out mean':>15} {'maximum':>15}"
     )
@@ -70,6 +76,7 @@ def main(arguments: list[str] | None = None) -> list[FitResult]:
             found = fit_one(
                 fabric, Path(folder), method=chosen.method, spacing=chosen.spacing, iterations=chosen.iterations,
                 seed=chosen.seed, air_drag=chosen.air_drag, length_unit=chosen.length_unit,
+                effects=chosen.effect, search=chosen.search,
             )  # fmt: skip
             results.append(found)
             error, whole = found.error, found.objective

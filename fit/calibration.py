@@ -28,6 +28,7 @@ from fit.effects.base import columns_of
 from fit.engines import OWN, find_engine
 from fit.errors import BlowUpError
 from fit.geometry import check_geometry
+from fit.impossible_points import describe_impossible
 from fit.physics import physics_version
 from fit.recording import Recording, prepare_together
 from fit.request import Request
@@ -288,6 +289,8 @@ def _result(
     is_own = request.engine == OWN
     notes = [request.method.not_identified] if request.method.not_identified else []
     notes += [o.remark for o in model.objectives if o.remark]
+    if impossible := max(r.impossible for r in [*model.recordings, *(judge.recordings if judge else [])]):
+        notes.append(f"Warning: {describe_impossible(impossible)}")
     if training[0].garment.kind == "t-shirt" and not request.method.knows_layers:
         notes.append(LAYERED)
     if not is_own:

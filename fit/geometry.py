@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from fit.errors import FitError
+from fit.impossible_points import LONGEST_STRETCH
 from fit.recording import Recording
 
-LONGEST_STRETCH = 1.25  # of the flat distance, more than apparel stretches under its own weight
 SLACK = 0.06  # m, held ends and points are measured by different means: 26 mm in the median on the worst real takes
 SHORTEST_EDGE = 0.25  # of the held edge: held ends closer than that are a wrong unit, not slack
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from fit.cloth.mesh import place_along
 from fit.errors import DriveError, FitError
 from fit.held_edge import FEWEST_FRAMES, HeldEdge
+from fit.impossible_points import MOST_LEFT_OUT, find_impossible
 from fit.smoothing import best_cut_off, smoothing_spline, steady_spline
 from formats.garment import Garment
 from formats.rig import Rig
@@ -28,7 +29,10 @@ Booleans = NDArray[np.bool_]
 Curve = Callable[[Floats], Floats]
 
 FASTEST_HANGER = 8.0  # m/s, twice what a hand can do with a hanger
+HARDEST_PULL = 150.0  # m/s^2, 15 times gravity
+OUTLYING = 10.0  # times what a path's noise is in the median, stated deviations may be too small
 ON_EDGE = 0.02  # of the points' height, within which of the held edge, or of a clip, one moves with the hanger
+NO_HAND = "no hand moves like that: check the markers' ids and the depth there"
 FEWEST_PLACES = 8  # of a point, below which it has no curve
 # How far a tracked point may constantly be beside the material point that it stands for, per axis [m]: glue, and where
 # a marker's middle is taken to be; a corner in a silhouette, as tracking has those of synthetic swatches
@@ -67,6 +71,7 @@ class Recording:
     held_error [m]: how far off the held ends may constantly be on the hanger, per axis, where the rig states it
     offset_sd [m]: how far a point may constantly be beside the material point that it stands for, per axis
     is_calibrated: false where a sensor saw it whose rig nobody measured (`hangtime calibrate`)
+    impossible: share of the points' sightings that are where the cloth cannot be (`fit.impossible_points`)
     """
 
     take_id: str
@@ -88,6 +93,7 @@ class Recording:
     held_error: float = 0.0
     offset_sd: float = MARKER_OFFSET
     is_calibrated: bool = True
+    impossible: float = 0.0
 
     @property
     def counted(self) -> Booleans:
@@ -162,6 +168,10 @@ def prepare(take: Take) -> Recording:
     points = take.points[kept] @ rotation.T
     valid = take.points_valid[kept] & np.isfinite(take.points[kept]).all(2)
     places = np.array([p.at_m for p in take.garment.points])
+    cannot_be = find_impossible(points, valid, take.points_sd[kept], places)
+    impossible = float(cannot_be.sum() / max(valid.sum(), 1))
+    if impossible <= MOST_LEFT_OUT:
+        valid &= ~cannot_be
     on_edge = _is_held(take.garment, places)
     judged = ~on_edge if (~on_edge).sum() >= 3 else np.ones(len(places), bool)
     if valid[:, judged].sum() < FEWEST_FRAMES:
@@ -187,7 +197,7 @@ def prepare(take: Take) -> Recording:
         slip_at=edge.slip_at(),
         judged=judged, held_error=_held_error(take.rig),
         offset_sd=MARKER_OFFSET if take.rig.sensor is None else SILHOUETTE_OFFSET,
-        is_calibrated=take.rig.sensor is None or take.rig.calibration is not None,
+        is_calibrated=take.rig.sensor is None or take.rig.calibration is not None, impossible=impossible,
     )  # fmt: skip
 
 
@@ -258,8 +268,28 @@ def check_path(name: str, seen: Floats, places: Floats) -> None:
         raise DriveError(
             f"the hanger jumps at {at:.2f} s ({speed.max():.0f} m/s)",
             where=name,
-            advice="no hand moves like that: check the markers' ids and the depth there",
+            advice=NO_HAND,
         )
+    pull, most = _accelerations(seen, places.reshape(-1, 2, 3))
+    jumps = np.flatnonzero((pull > most).any(1))
+    if len(jumps):
+        first = int(jumps[0])
+        raise DriveError(
+            f"the hanger jumps at {seen[1 + first]:.2f} s ({pull[first].max():.0f} m/s2)", where=name, advice=NO_HAND
+        )
+
+
+def _accelerations(seen: Floats, places: Floats) -> tuple[Floats, Floats]:
+    """Return how hard both ends are accelerated from frame to frame, and the most that can be, (n - 2, 2) [m/s^2].
+
+    seen [s], (n,); places [m], (n, 2, 3). Noise counts for more where frames are close together: a difference of
+    places over h1 and h2 seconds has 2 / (h1 + h2) sqrt(1/h1^2 + (1/h1 + 1/h2)^2 + 1/h2^2) times their deviation.
+    """
+    before, after = np.diff(seen)[:-1, None], np.diff(seen)[1:, None]
+    slopes = np.diff(places, axis=0) / np.diff(seen)[:, None, None]
+    pull = 2 * np.linalg.norm(np.diff(slopes, axis=0), axis=2) / (before + after)
+    gain = 2 / (before + after) * np.sqrt(1 / before**2 + (1 / before + 1 / after) ** 2 + 1 / after**2)
+    return pull, np.hypot(HARDEST_PULL, OUTLYING * gain * np.median(pull / gain, axis=0))
 
 
 def _held_curve(time: Floats, held_seen: Floats, cut_off: float) -> Curve:

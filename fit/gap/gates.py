@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from fit.effects.attachment_offset import hanger_axes
 from fit.gap.fitting import Fitted
 from fit.gap.observer import Observer
+from fit.impossible_points import MOST_LEFT_OUT, describe_impossible
 from fit.recording import Recording
 from formats.results import Gate
 
@@ -37,6 +38,7 @@ def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gat
     own, noise = min(max((_own_motion(r), _noise(r)) for r in group) for group in groups)
     least = LEAST_OWN_MOTION * noise
     repeated = max(_repeated(r) for r in every)
+    impossible = max(r.impossible for r in every)
     guessed = sum(not r.is_calibrated for r in every)
     return [
         Gate(name="calibration", passed=guessed == 0, figure=guessed, limit=0.0, unit="takes",
@@ -56,6 +58,8 @@ def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gat
              limit=100 * MOST_REPEATED, unit="%",
              sentence=f"{100 * repeated:.0f} % of the frames repeat the one before; at most "
              f"{100 * MOST_REPEATED:.0f} % may: record with a tracker that leaves out what it did not see."),
+        Gate(name="impossible points", passed=impossible <= MOST_LEFT_OUT, figure=100 * impossible,
+             limit=100 * MOST_LEFT_OUT, unit="%", sentence=describe_impossible(impossible)),
     ]  # fmt: skip
 
 

@@ -1,0 +1,61 @@
+"""Points that are where their cloth cannot be: a marker that jumps, two that are taken for each other, something else.
+
+Cloth hardly stretches, so that no two of its points are further apart than along the flat cloth, but for stretch, glue
+and noise of deviation s per axis:
+
+    |x_i - x_j| <= 1.25 d_ij + 5 mm + 6 sqrt(s_i^2 + s_j^2)
+
+In a frame in which some are, that one of them is left out which is furthest beyond d_ij from all others together, until
+none is (of two points alone, both). Two markers
+a grid's pitch h apart that are taken for each other are then 2 h from their outer neighbours: seen for s below
+(0.75 h - 5 mm) / 8.5.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+LONGEST_STRETCH = 1.25  # of the flat distance, more than apparel stretches under its own weight
+GLUE = 5e-3  # m between a marker's middle and its place on the cloth, two of them
+DEVIATIONS = 6.0  # of both points' noise
+MOST_LEFT_OUT = 0.05  # of a take's sightings; with more, the points are those of another marker set
+
+
+def find_impossible(points: Floats, seen: Booleans, sd: Floats, places: Floats) -> Booleans:
+    """Return which sightings are too far from others of the same frame, (frames, points).
+
+    points and their noise's sd [m], (frames, points, 3); seen, (frames, points); places [m], (points, 2), on the flat
+    cloth
+    """
+    flat = np.linalg.norm(places[:, None] - places, axis=2)
+    found = np.zeros(seen.shape, bool)
+    for frame in range(len(points)):
+        there = np.flatnonzero(seen[frame])
+        at, noise = points[frame, there], np.sqrt(np.mean(sd[frame, there] ** 2, axis=1))
+        apart, along = np.linalg.norm(at[:, None] - at, axis=2), flat[np.ix_(there, there)]
+        too_far = apart > LONGEST_STRETCH * along + GLUE + DEVIATIONS * np.hypot(noise[:, None], noise)
+        beyond = np.maximum(apart - along, 0.0)
+        while too_far.any():
+            whole = np.where(too_far.any(1), beyond.sum(1), 0.0)
+            worst = whole == whole.max()
+            found[frame, there[worst]] = True
+            for of_pairs in (too_far, beyond):
+                of_pairs[worst], of_pairs[:, worst] = 0, 0
+    return found
+
+
+def describe_impossible(share: float) -> str:
+    """Say what a share of impossible sightings means, and what to do."""
+    if share == 0.0:
+        return "No point is further from the others than the cloth reaches."
+    found = (
+        f"{100 * share:.2g} % of a take's sightings of points are further from the others than the cloth reaches: "
+        "markers that jump or are taken for each other."
+    )
+    if share <= MOST_LEFT_OUT:
+        return f"{found} They are left out."
+    return f"{found} At most {100 * MOST_LEFT_OUT:.0f} % may be: check the markers' names and the tracker."

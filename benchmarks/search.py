@@ -3,8 +3,9 @@
 Takes come from our own solver with known parameters (so this tells of searches, not of models): a swatch held along its
 edge, two motions of six seconds that end at rest, 2 mm of white noise on every coordinate of five points. Truths are
 drawn within the ranges of `TRUTHS`. The budget counts candidates; annealing is counted by its iterations, as if it
-evaluated one at a time. Run: python benchmarks/search.py
-[--truths 10] [--budget 350] [--only least-squares] [--spacing 0.08]
+evaluated one at a time. With --air-drag the truths hang in air of this drag coefficient, which is a sixth parameter of
+the fits. Run: python benchmarks/search.py [--truths 10] [--budget 350] [--only least-squares] [--spacing 0.08]
+[--air-drag 1.2]
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hangtime` does, or ends depend on the number of processors
 
@@ -25,6 +27,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from fit.calibration import Model, calibrate
 from fit.cloth.mesh import build_mesh
 from fit.cloth.simulator import Resolution
+from fit.effects import find_effects
+from fit.effects.base import Effect
 from fit.parameterisations import SI
 from fit.recording import prepare
 from fit.request import Request
@@ -50,11 +54,16 @@ TWO_SIDED_95 = 1.96
 
 @dataclass(frozen=True)
 class Case:
-    """Takes of one truth."""
+    """Takes of one truth, (parameters,): of `si`, then the drag coefficient where there is air."""
 
     truth: Floats
     takes: list[Take]
     mesh: Resolution
+    effects: tuple[Effect, ...]
+
+    def request(self, **options: Any) -> Request:
+        """Return what to ask of a search."""
+        return Request(method=SI, effects=self.effects, resolution=self.mesh, **options)
 
 
 @dataclass(frozen=True)
@@ -71,8 +80,9 @@ class Run:
     is_told: NDArray[np.bool_]
 
 
-def make_case(seed: int, spacing: float = SPACING) -> Case:
+def make_case(seed: int, spacing: float = SPACING, air_drag: float = 0.0) -> Case:
     """Draw a truth and simulate its takes."""
+    effects = find_effects(["air_drag"]) if air_drag else ()
     unit = np.random.default_rng(seed).uniform(size=TRUTHS.shape[1])
     truth = TRUTHS[0] * (TRUTHS[1] / TRUTHS[0]) ** unit
     time, garment, mesh = np.arange(0, 6, 1 / 30), sheet(), Resolution(spacing=spacing)
@@ -80,12 +90,12 @@ def make_case(seed: int, spacing: float = SPACING) -> Case:
     takes = [
         simulate_take(
             garment, time, swing(time, amplitude=amplitude, hz=hz, stop=4, sideways=0.02),
-            SI.to_materials(truth[None], density), noise=NOISE, resolution=mesh, seed=10 * seed + k,
-            name=f"case {seed}, motion {k}",
+            SI.to_materials(truth[None], density), effects=effects, amplitudes=np.full((1, len(effects)), air_drag),
+            noise=NOISE, resolution=mesh, seed=10 * seed + k, name=f"case {seed}, motion {k}",
         )
         for k, (amplitude, hz) in enumerate(MOTIONS)
     ]  # fmt: skip
-    return Case(truth, takes, mesh)
+    return Case(np.concatenate([truth, [air_drag] * len(effects)]), takes, mesh, effects)
 
 
 def run(case: Case, search: str, budget: int, seed: int) -> Run:
@@ -93,8 +103,7 @@ def run(case: Case, search: str, budget: int, seed: int) -> Run:
     if search in OBSERVED:
         return run_observed(case, search, budget, seed)
     settings = AnnealingSettings().lasting(budget - 1)
-    request = Request(method=SI, search=search, settings=settings, seed=seed, resolution=case.mesh)
-    result = calibrate(case.takes, [], request)
+    result = calibrate(case.takes, [], case.request(search=search, settings=settings, seed=seed))
     # A step of the history of `restarts` is one candidate of each chain.
     history = np.repeat(np.array(result.history), CHAINS if search == "restarts" else 1)[:budget]
     padded = np.full(budget, history[-1])
@@ -109,13 +118,14 @@ def run(case: Case, search: str, budget: int, seed: int) -> Run:
 def run_observed(case: Case, search: str, budget: int, seed: int) -> Run:
     """Least squares know the distance after each candidate; short windows where a descent has ended, for one more."""
     recordings = [prepare(take) for take in case.takes]
-    request = Request(method=SI, resolution=case.mesh)
+    request = case.request()
+    initial = np.array([p.initial for p in request.parameters])
     model = Model(recordings, request)
     observed, settings = begin_observed(
-        search, recordings, SI, (), request.space, case.mesh, seed, model.distances_of
-    )  # fmt: skip
-    found = observed.run(SI.initial, settings)
-    history = np.full(budget, float(model.distances(SI.initial[None])[0]))
+        search, recordings, SI, case.effects, request.space, case.mesh, seed, model.distances_of
+    )
+    found = observed.run(initial, settings)
+    history = np.full(budget, float(model.distances(initial[None])[0]))
     before = after = 0
     for number, step in enumerate(found.path):
         after = step.simulations // len(recordings)
@@ -136,9 +146,11 @@ def spread(values: Floats, form: str = ".2f") -> str:
     return f"{middle:{form}} ({low:{form}} to {high:{form}})"
 
 
-def main(truths: int = 10, budget: int = 350, only: str = "", spacing: float = SPACING) -> dict[str, list[Run]]:
+def main(
+    truths: int = 10, budget: int = 350, only: str = "", spacing: float = SPACING, air_drag: float = 0.0
+) -> dict[str, list[Run]]:
     """Print the tables; return all runs by search."""
-    cases = [make_case(SEEDS_FROM + k, spacing) for k in range(truths)]
+    cases = [make_case(SEEDS_FROM + k, spacing, air_drag) for k in range(truths)]
     runs: dict[str, list[Run]] = {name: [] for name in ([only] if only else SEARCHES)}
     for k, case in enumerate(cases):
         for name, found in runs.items():
@@ -152,7 +164,7 @@ def main(truths: int = 10, budget: int = 350, only: str = "", spacing: float = S
 def print_distances(cases: list[Case], runs: dict[str, list[Run]]) -> None:
     """Print what is reached with a tenth and with all of the budget, and when each search is as good as annealing."""
     budget = len(next(iter(runs.values()))[0].history)
-    models = [Model([prepare(t) for t in case.takes], Request(method=SI, resolution=case.mesh)) for case in cases]
+    models = [Model([prepare(t) for t in case.takes], case.request()) for case in cases]
     truth = 1e3 * np.array([m.distances(c.truth[None])[0] for m, c in zip(models, cases, strict=True)])
     print(f"{len(cases)} truths, {budget} candidates; distances in mm, median (quartiles)")
     print(f"{'the truth':14} {spread(truth)}")
@@ -176,7 +188,7 @@ def print_parameters(cases: list[Case], runs: dict[str, list[Run]]) -> None:
     truth = np.array([case.truth for case in cases])
     noise, straight = (np.array(found) for found in zip(*map(known_by_noise, cases), strict=True))
     can = (noise < GOOD) & straight
-    for k, parameter in enumerate(SI.parameters):
+    for k, parameter in enumerate(cases[0].request().parameters):
         print(
             f"the noise      {parameter.name:22} straight in {straight[:, k].sum()} of {len(cases)}; there known to "
             f"{spread(100 * noise[straight[:, k], k], '.2g') if straight[:, k].any() else '-'} %"
@@ -185,7 +197,7 @@ def print_parameters(cases: list[Case], runs: dict[str, list[Run]]) -> None:
         fitted, ends, told = (np.array([getattr(r, what) for r in found]) for what in ("fitted", "ends", "is_told"))
         right = np.abs(fitted / truth - 1) <= GOOD
         held = (ends[..., 0] <= truth) & (truth <= ends[..., 1])
-        for k, parameter in enumerate(SI.parameters):
+        for k, parameter in enumerate(cases[0].request().parameters):
             print(
                 f"{name:14} {parameter.name:22} {100 * right[:, k].mean():4.0f} %  {intervals(told[:, k], held[:, k])}"
                 f"  could be known to 5 %: {can[:, k].sum()}, of these found: {right[can[:, k], k].sum()}"
@@ -201,8 +213,8 @@ def known_by_noise(case: Case) -> tuple[Floats, NDArray[np.bool_]]:
     cloth that folds otherwise for a change of 5 % tells no search where the truth is.
     """
     recordings, count = [prepare(take) for take in case.takes], len(case.truth)
-    space = Request(method=SI, resolution=case.mesh).space
-    search = ObservedSearch(recordings, SI, (), space, case.mesh)
+    space = case.request().space
+    search = ObservedSearch(recordings, SI, case.effects, space, case.mesh)
     slopes = []
     for change in (NEAR, GOOD):
         moved = [case.truth * np.exp(sign * change * np.eye(count)) for sign in (1, -1)]
@@ -227,5 +239,6 @@ if __name__ == "__main__":
     parser.add_argument("--budget", type=int, default=350)
     parser.add_argument("--only", choices=list(SEARCHES), default="")
     parser.add_argument("--spacing", type=float, default=SPACING, help="mesh of truths and fits [m]")
+    parser.add_argument("--air-drag", type=float, default=0.0, help="drag coefficient of the truths, fitted too")
     given = parser.parse_args()
-    main(given.truths, given.budget, given.only, given.spacing)
+    main(given.truths, given.budget, given.only, given.spacing, given.air_drag)

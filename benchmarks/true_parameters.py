@@ -5,7 +5,8 @@ Without arguments: the four synthetic swatches, mesh 21 mm. With takes recorded 
 The other cloth's diagonals pull too when it is stretched, so its membrane stiffness counts with its shear stiffness
 added. With --causes: where these fabrics' distances come from, each by two motions that differ in one thing alone; mean
 distance of the markers below the top row over the whole take, and over its first half second.
-Run: python benchmarks/true_parameters.py [--causes FABRIC ...] [TAKE.mcap ...]
+With --air-drag the swatches are swung in air, and our cloth is told that too.
+Run: python benchmarks/true_parameters.py [--air-drag 1.2] [--causes FABRIC ...] [TAKE.mcap ...]
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from fit import objective
 from fit.cloth import material as mat
 from fit.cloth.simulator import Resolution, Simulator
 from fit.cloth.support import Supporting, hanger
+from fit.effects import find_effects
 from fit.parameterisations.mocap_swatch import SPACING
 from fit.recording import Recording, prepare
 from formats.archive import read_take
@@ -61,10 +63,11 @@ def true_material(take: Take, physics: ClothPhysics) -> mat.Material:
     )
 
 
-def distance_at_truth(take: Take, physics: ClothPhysics, spacing: float) -> tuple[float, float]:
+def distance_at_truth(take: Take, physics: ClothPhysics, spacing: float, air_drag: float = 0.0) -> tuple[float, float]:
     """Return mean and maximum over the frames of the mean distance of the points [m]."""
     recording, row = prepare(take), mat.as_rows([true_material(take, physics)])
-    points = Simulator(recording, resolution=Resolution(spacing=spacing)).run(row).points[0]
+    simulator = Simulator(recording, find_effects(["air_drag"]), resolution=Resolution(spacing=spacing))
+    points = simulator.run(row, np.array([[air_drag]])).points[0]
     return mean_and_maximum(objective.per_frame(recording.points, points))
 
 
@@ -124,7 +127,7 @@ def mean_and_maximum(by_frame: NDArray[np.float64]) -> tuple[float, float]:
     return float(np.nanmean(by_frame)), float(np.nanmax(by_frame))
 
 
-def main(takes: Sequence[str], causes_of: Sequence[str] = ()) -> None:
+def main(takes: Sequence[str], causes_of: Sequence[str] = (), air_drag: float = 0.0) -> None:
     """Print a line a take, in millimetres, or the causes."""
     for name in map(Path, takes):
         take = read_take(name)
@@ -142,9 +145,9 @@ def main(takes: Sequence[str], causes_of: Sequence[str] = ()) -> None:
             print_causes(Path(folder), causes_of)
         for fabric in FABRICS if not (takes or causes_of) else ():
             for motion in MOTIONS:
-                csv, _, garment = make_swatch_take(Path(folder), fabric=fabric, motion=motion)
+                csv, _, garment = make_swatch_take(Path(folder), fabric=fabric, motion=motion, air_drag=air_drag)
                 take = import_marker_take(csv, load_garment(garment))
-                found = distance_at_truth(take, FABRICS[fabric].physics, SPACING)
+                found = distance_at_truth(take, FABRICS[fabric].physics, SPACING, air_drag)
                 print(f"{take.take_id:28} {1e3 * found[0]:6.1f} mm, maximum {1e3 * found[1]:6.1f}", flush=True)
 
 
@@ -154,5 +157,6 @@ if __name__ == "__main__":
     parser.add_argument(
         "--causes", nargs="+", choices=FABRICS, default=[], metavar="FABRIC", help="where theirs come from"
     )
+    parser.add_argument("--air-drag", type=float, default=0.0, help="drag coefficient of the synthetic swatches' air")
     chosen = parser.parse_args()
-    main(chosen.takes, chosen.causes)
+    main(chosen.takes, chosen.causes, chosen.air_drag)

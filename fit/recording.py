@@ -15,13 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fit.cloth.contact import Body, capsule, half_space, sphere
 from fit.cloth.mesh import place_along
 from fit.errors import DriveError, FitError
 from fit.held_edge import FEWEST_FRAMES, HeldEdge
 from fit.impossible_points import MOST_LEFT_OUT, find_impossible
 from fit.smoothing import best_cut_off, smoothing_spline, steady_spline
 from formats.garment import Garment
-from formats.rig import Rig
+from formats.rig import Rig, Vector
 from formats.take import LONGEST_GAP, Take
 
 Floats = NDArray[np.float64]
@@ -71,6 +72,7 @@ class Recording:
     held_error [m]: how far off the held ends may constantly be on the hanger, per axis, where the rig states it
     offset_sd [m]: how far a point may constantly be beside the material point that it stands for, per axis
     is_calibrated: false where a sensor saw it whose rig nobody measured (`hangtime calibrate`)
+    bodies: what stands near, in the world frame
     impossible: share of the points' sightings that are where the cloth cannot be (`fit.impossible_points`)
     """
 
@@ -94,6 +96,7 @@ class Recording:
     offset_sd: float = MARKER_OFFSET
     is_calibrated: bool = True
     impossible: float = 0.0
+    bodies: tuple[Body, ...] = ()
 
     @property
     def counted(self) -> Booleans:
@@ -151,7 +154,7 @@ def prepare(take: Take) -> Recording:
 
     Raises:
         DriveError: the hanger's path has a gap or a jump, or is hardly seen.
-        FitError: too few frames or points.
+        FitError: too few frames or points, or a body of the rig that the held edge passes through.
     """
     if len(take.time) < FEWEST_FRAMES:
         raise FitError(
@@ -198,6 +201,7 @@ def prepare(take: Take) -> Recording:
         judged=judged, held_error=_held_error(take.rig),
         offset_sd=MARKER_OFFSET if take.rig.sensor is None else SILHOUETTE_OFFSET,
         is_calibrated=take.rig.sensor is None or take.rig.calibration is not None, impossible=impossible,
+        bodies=_bodies(take, rotation, held_seen[held_valid]),
     )  # fmt: skip
 
 
@@ -228,6 +232,38 @@ def _is_held(garment: Garment, places: Floats) -> Booleans:
     share = np.clip(share if garment.held == "edge" else np.round(share), 0.0, 1.0)
     apart = np.linalg.norm(places - ends[0] - share[:, None] * (ends[1] - ends[0]), axis=1)
     return np.asarray(apart < ON_EDGE * float(np.ptp(places[:, 1])))
+
+
+def _bodies(take: Take, rotation: Floats, ends: Floats) -> tuple[Body, ...]:
+    """Return the rig's bodies in the world frame; ends [m], (n, 6), of the held edge, which stays outside of them.
+
+    Raises:
+        FitError: the held edge comes into one of them.
+    """
+    share = np.linspace(0, 1, 11)[:, None]
+    edge = ends[:, None, :3] * (1 - share) + ends[:, None, 3:] * share
+
+    def world(place: Vector) -> Vector:
+        x, y, z = (rotation @ place).tolist()
+        return x, y, z
+
+    found: list[Body] = []
+    for number, body in enumerate(take.rig.near, 1):
+        at, radius = world(body.at_m), body.radius_m or 0.0
+        if body.normal is not None:
+            found.append(half_space(at, world(body.normal)))
+        elif body.to_m is not None:
+            found.append(capsule(at, world(body.to_m), radius))
+        else:
+            found.append(sphere(at, radius))
+        depth = -float(found[-1].distance(edge).min())
+        if depth > 0:
+            raise FitError(
+                f"the held edge comes {1e3 * depth:.0f} mm into the rig's body {number}, a {body.kind}",
+                where=take.take_id,
+                advice="check where it stands: metres in the sensor frame, a plane's normal towards the cloth",
+            )
+    return tuple(found)
 
 
 def _held_error(rig: Rig) -> float:

@@ -27,6 +27,8 @@ LEVEL = 0.01  # m by which another side may lie wholly higher than the held edge
 CONTROL = re.compile(r"[\x00-\x1f\x7f]")  # what a TOML string may not hold as it is, https://toml.io/en/v1.0.0#string
 UNMEASURED = "calibration.depth_offset_sd_px", math.inf  # along an axis that was never measured
 TOUCHING = 1e-5  # m within which corners and sides are in one place: no mesh fits between
+NEEDED_OF_BODIES = {"plane": ("normal",), "sphere": ("radius_m",), "capsule": ("to_m", "radius_m")}
+THINNEST_BODY, LARGEST_BODY = 0.01, 10.0  # m of radius: thinner ones slip through cloth that is looked at in places
 ON_OUTLINE = 2e-3  # m by which a tracked point may lie outside the outline
 
 
@@ -59,9 +61,9 @@ def dump_description(description: Garment | Rig) -> str:
     for key, value in plain.items():
         if isinstance(value, dict):
             tables.append(f"\n[{key}]\n" + "".join(f"{k} = {_toml(v)}\n" for k, v in value.items() if v is not None))
-        elif key == "points":
-            for point in value:
-                tables.append("\n[[points]]\n" + "".join(f"{k} = {_toml(v)}\n" for k, v in point.items()))
+        elif key in ("points", "bodies"):
+            for part in value:
+                tables.append(f"\n[[{key}]]\n" + "".join(f"{k} = {_toml(v)}\n" for k, v in part.items()))
         else:
             lines.append(f"{key} = {_toml(value)}\n")
     return "".join(lines) + "".join(tables)
@@ -103,7 +105,16 @@ def _named(message: str, plain: dict[str, Any], kind: type[Garment] | type[Rig])
     field = place.group(1) if place else ""
     words = re.sub(r" - at `.*?`", "", message)
     if unknown:
-        known = [f.name for f in msgspec.structs.fields(kind)] + ["name", "at_m", "dictionary", "ids", "held_m"]
+        known = [f.name for f in msgspec.structs.fields(kind)] + [
+            "name",
+            "at_m",
+            "dictionary",
+            "ids",
+            "held_m",
+            "to_m",
+            "radius_m",
+            "normal",
+        ]
         close = difflib.get_close_matches(unknown.group(1), known, 1)
         hint = f"; did you mean `{close[0]}`?" if close else ""
         return f"unknown field `{unknown.group(1)}`{' in ' + field if field else ''}{hint}"
@@ -312,6 +323,7 @@ def check_rig(rig: Rig, where: object) -> None:
             refuse("hanger.marker_size_m must be above 0 and below hanger.marker_distance_m")
         if not np.linalg.norm(np.subtract(*hanger.held_m)) > 0.01:
             refuse("hanger.held_m: the two ends of the held edge are at the same place")
+    _check_bodies(rig, refuse)
     if rig.calibration is not None:
         calibration = rig.calibration
         least, most = DEPTH_SCALES
@@ -319,3 +331,23 @@ def check_rig(rig: Rig, where: object) -> None:
             refuse(f"calibration.depth_scale must be between {least:g} and {most:g} (got {calibration.depth_scale:g})")
         if not max(abs(part) for part in calibration.depth_offset_px) <= LARGEST_OFFSET:
             refuse(f"calibration.depth_offset_px must be at most {LARGEST_OFFSET:g} pixels either way")
+
+
+def _check_bodies(rig: Rig, refuse: Callable[[str], None]) -> None:
+    """Check that each body has what its kind needs, nothing else, and a size that cloth can meet."""
+    if rig.near and rig.format == "hangtime-rig/1":
+        refuse('bodies need format = "hangtime-rig/2"')
+    for number, body in enumerate(rig.near, 1):
+        needed = NEEDED_OF_BODIES[body.kind]
+        for name in ("normal", "to_m", "radius_m"):
+            if (getattr(body, name) is None) == (name in needed):
+                refuse(f"bodies: a {body.kind} needs at_m, {' and '.join(needed)}, and nothing else (body {number})")
+        if body.radius_m is not None and not THINNEST_BODY <= body.radius_m <= LARGEST_BODY:
+            refuse(
+                f"bodies: radius_m must be between {THINNEST_BODY:g} and {LARGEST_BODY:g} (body {number} has "
+                f"{body.radius_m:g})"
+            )
+        if body.normal is not None and not np.linalg.norm(body.normal) > 0:
+            refuse(f"bodies: the normal of body {number} has no direction")
+        if body.to_m is not None and body.to_m == body.at_m:
+            refuse(f"bodies: the capsule {number} ends where it begins: a sphere does")

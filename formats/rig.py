@@ -1,4 +1,6 @@
-"""The rig description: sensor, its direction of gravity, the hanger's markers and where the cloth hangs from them."""
+"""The rig description: sensor, its direction of gravity, the hanger's markers, where the cloth hangs from them, and
+what stands near it.
+"""
 
 from __future__ import annotations
 
@@ -60,17 +62,39 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     held_sd_m: tuple[Vector, Vector] | None = None
 
 
+class RigBody(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
+    """Something that stands still where the cloth may touch it, in the sensor frame.
+
+    plane: all that lies behind the plane through `at_m` whose `normal` (of any length) points to the cloth
+    sphere: all within `radius_m` of `at_m`
+    capsule: all within `radius_m` of the straight way from `at_m` to `to_m`
+    """
+
+    kind: Literal["plane", "sphere", "capsule"]
+    at_m: Vector
+    normal: Vector | None = None
+    to_m: Vector | None = None
+    radius_m: float | None = None
+
+
 class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Everything about the recording's set-up that the fitter must know.
 
     Sensor frame: x right, y down, z away from the sensor, metres. `gravity` is a unit vector in it.
     `hanger` and `sensor` are absent where the held points were measured by other means (imported takes);
-    `calibration` is absent until `hangtime calibrate` has run.
+    `calibration` is absent until `hangtime calibrate` has run. In version 2: `bodies`, absent where nothing stands
+    near.
     """
 
-    format: Literal["hangtime-rig/1"]
+    format: Literal["hangtime-rig/1", "hangtime-rig/2"]
     name: str
     gravity: Vector
     hanger: Hanger | None = None
     sensor: Sensor | None = None
     calibration: Calibration | None = None
+    bodies: tuple[RigBody, ...] | msgspec.UnsetType = msgspec.UNSET  # written only where there are any
+
+    @property
+    def near(self) -> tuple[RigBody, ...]:
+        """The bodies, none where they are absent."""
+        return () if isinstance(self.bodies, msgspec.UnsetType) else self.bodies

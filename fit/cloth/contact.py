@@ -189,6 +189,11 @@ class Contact:
                 )
 
 
+def touching(bodies: tuple[Body, ...]) -> Contact:
+    """Return contact with bodies alone, sampled as finely as the thinnest of them asks for."""
+    return Contact(bodies=bodies, spacing=min([Contact.spacing, *(body.thickness for body in bodies)]))
+
+
 @dataclass(frozen=True)
 class Surface:
     """The cloth's surface as contact sees it.

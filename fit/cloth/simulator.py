@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fit import runtime
 from fit.cloth import material as mat
-from fit.cloth.contact import DAMPING, OMEGA, Contact, Surface, contact_rate, surface_of
+from fit.cloth.contact import DAMPING, OMEGA, Contact, Surface, contact_rate, surface_of, touching
 from fit.cloth.launch import bending_arguments, launch, membrane_arguments
 from fit.cloth.lines import bends_by_line, fibre_family
 from fit.cloth.mesh import build_mesh
@@ -76,13 +76,14 @@ class Simulator:
     ) -> None:
         """Prepare a mesh of the recording's garment; without a `support` it hangs from the recording's hanger.
 
-        contact: what the cloth touches; by default nothing, unless an effect says so.
+        contact: what the cloth touches; by default the recording's bodies, and itself if an effect says so.
 
         Raises:
             FitError: the garment cannot be meshed, or an effect moves a hanger that is not there.
         """
         runtime.start()
-        self.recording, self.effects, self.contact = recording, effects, contact or Contact()
+        self.recording, self.effects = recording, effects
+        self.contact = contact or touching(recording.bodies)
         self.resolution = resolution or Resolution()
         mesh = build_mesh(recording.garment, self.resolution.spacing)
         self.support: Support = (support or hanger(recording))(mesh)

@@ -51,12 +51,14 @@ class BlenderEngine:
         """Prepare the drive.
 
         Raises:
-            FitError: another method than kinect-skirt, effects, or no `bpy`.
+            FitError: another method than kinect-skirt, effects, bodies in the rig, or no `bpy`.
         """
         if tuple(p.name for p in method.parameters) != NEEDED:
             raise FitError(f"Blender has no {method.name} parameters", advice="use --method kinect-skirt with it")
         if effects:
             raise FitError("Blender's cloth cannot be given effects", advice="leave out --effect, or --engine blender")
+        if recording.bodies:
+            raise FitError("Blender's cloth is given no bodies", where=recording.take_id, advice="leave out --engine")
         self._recording = recording
         self.grid = plain_grid(recording.garment, resolution.spacing)
         self._path = _driven_path(recording, self.grid)

@@ -13,7 +13,7 @@ from formats.descriptions import check_garment, dump_description, load_garment, 
 from formats.errors import DescriptionError
 from formats.hanger import held_ends
 from formats.outputs import write_description
-from formats.rig import Calibration, Hanger, Rig, Sensor
+from formats.rig import Calibration, Hanger, Rig, RigBody, Sensor
 from tests.formats.test_archive import GARMENT
 
 HANGER = Hanger(
@@ -236,3 +236,46 @@ def test_a_hanger_turned_by_ninety_degrees_turns_its_cloth():
 
 def test_a_lost_marker_gives_no_ends():
     assert np.isnan(held_ends(np.full((1, 2, 3), np.nan), RIG)).all()
+
+
+WALL = RigBody(kind="plane", at_m=(0.0, 0.0, 2.0), normal=(0.0, 0.0, -1.0))
+POLE = RigBody(kind="capsule", at_m=(0.3, 0.0, 2.0), to_m=(0.3, 1.0, 2.0), radius_m=0.03)
+
+
+def near(*bodies):
+    return {"format": "hangtime-rig/2", "bodies": bodies}
+
+
+def test_what_stands_near_is_read_as_it_was_written(tmp_path):
+    rig = msgspec.structs.replace(RIG, **near(WALL, POLE))
+    (tmp_path / "rig.toml").write_text(dump_description(rig))
+    assert load_rig(tmp_path / "rig.toml") == rig
+    assert load_rig(tmp_path / "rig.toml").near == (WALL, POLE)
+
+
+def test_a_rig_with_nothing_near_is_written_as_before():
+    """Archives and the hashes of takes stay what they were."""
+    assert "bodies" not in msgspec.to_builtins(RIG)
+    assert RIG.near == ()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"bodies": (WALL,)}, 'bodies need format = "hangtime-rig/2"'),
+        (near(msgspec.structs.replace(WALL, normal=None)), r"a plane needs at_m, normal, and nothing else \(body 1\)"),
+        (near(WALL, msgspec.structs.replace(POLE, to_m=None)), r"a capsule needs at_m, to_m and radius_m, .* \(body 2"),
+        (near(msgspec.structs.replace(WALL, radius_m=0.1)), "a plane needs at_m, normal, and nothing else"),
+        (
+            near(msgspec.structs.replace(POLE, radius_m=0.001)),
+            r"radius_m must be between 0\.01 and 10 \(body 1 has 0\.001",
+        ),
+        (near(msgspec.structs.replace(WALL, normal=(0.0, 0.0, 0.0))), "the normal of body 1 has no direction"),
+        (near(msgspec.structs.replace(POLE, to_m=POLE.at_m)), "the capsule 1 ends where it begins"),
+        (near(msgspec.structs.replace(POLE, at_m=(0.3, np.nan, 2.0))), r"bodies\.at_m has a number that is not finite"),
+    ],
+)
+def test_an_impossible_body_is_refused(tmp_path, change, words):
+    (tmp_path / "rig.toml").write_text(dump_description(msgspec.structs.replace(RIG, **change)))
+    with pytest.raises(DescriptionError, match=words):
+        load_rig(tmp_path / "rig.toml")

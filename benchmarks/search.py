@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -147,11 +148,11 @@ def spread(values: Floats, form: str = ".2f") -> str:
 
 
 def main(
-    truths: int = 10, budget: int = 350, only: str = "", spacing: float = SPACING, air_drag: float = 0.0
+    truths: int = 10, budget: int = 350, only: Sequence[str] = (), spacing: float = SPACING, air_drag: float = 0.0
 ) -> dict[str, list[Run]]:
     """Print the tables; return all runs by search."""
     cases = [make_case(SEEDS_FROM + k, spacing, air_drag) for k in range(truths)]
-    runs: dict[str, list[Run]] = {name: [] for name in ([only] if only else SEARCHES)}
+    runs: dict[str, list[Run]] = {name: [] for name in only or SEARCHES}
     for k, case in enumerate(cases):
         for name, found in runs.items():
             found.append(run(case, name, budget, k))
@@ -237,7 +238,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--truths", type=int, default=10)
     parser.add_argument("--budget", type=int, default=350)
-    parser.add_argument("--only", choices=list(SEARCHES), default="")
+    parser.add_argument("--only", nargs="+", choices=list(SEARCHES), default=[])
     parser.add_argument("--spacing", type=float, default=SPACING, help="mesh of truths and fits [m]")
     parser.add_argument("--air-drag", type=float, default=0.0, help="drag coefficient of the truths, fitted too")
     given = parser.parse_args()

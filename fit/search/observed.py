@@ -195,8 +195,9 @@ class _Run:
         )  # fmt: skip
 
     def _noise(self) -> float:
-        """What noise alone leaves of the cost, but for what is fitted: one for each number."""
-        return float(self.residuals.shape[1]) if self.residuals is not None else np.inf
+        """What noise alone may leave of the cost of n numbers: chi square's mean n and its deviation sqrt(2 n)."""
+        count = self.residuals.shape[1] if self.residuals is not None else np.inf
+        return float(count + np.sqrt(2 * count))
 
     def _try(self) -> list[tuple[Step, LeastSquaresResult | None]]:
         """Look, go down from the best places and across valleys, and return where that ended."""

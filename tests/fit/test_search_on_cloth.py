@@ -132,7 +132,7 @@ def test_least_squares_know_the_distance_of_every_candidate(swung):
     vectors = request.space.from_unit(np.random.default_rng(0).random((3, len(request.parameters))))
     assert search.simulate(vectors, 0.0)[1] == pytest.approx(model.distances(vectors), rel=1e-12)
     initial = np.array([p.initial for p in request.parameters])
-    found = search.run(initial, dataclasses.replace(settings, looks=20, iterations=2))
+    found = search.run(initial, dataclasses.replace(settings, looks=20, trials=1, iterations=2))
     distances = [d for step in found.path for d in step.distances]
     assert len(distances) == found.path[-1].simulations  # one take: one each
     assert [step.is_look for step in found.path[:5]] == [True, True, True, False, True]
@@ -140,6 +140,26 @@ def test_least_squares_know_the_distance_of_every_candidate(swung):
     looked = found.path[2]
     assert looked.distances[-1] == pytest.approx(float(model.distances(looked.vector[None])[0]), rel=1e-12)
     assert found.ends[0][0] <= min(step.cost for step in found.path if step.is_look)
+
+
+def test_a_fit_that_misses_by_more_than_the_noise_is_begun_once_more_from_elsewhere(swung):
+    """Of the same points, stated to be known to 2 mm, which they are, and to 0.2 mm."""
+    request = request_of(SI, [], iterations=1, seed=1, spacing=MESH)
+    surer = dataclasses.replace(swung, points_sd=0.1 * swung.points_sd)
+    paths, ends = {}, {}
+    for name, take in (("noise", swung), ("more", surer)):
+        search = ObservedSearch([prepare(take)], SI, (), request.space, request.resolution)
+        found = search.run(SI.initial, ObservedSettings(looks=40, trials=2, iterations=6))
+        paths[name] = [step.vectors for step in found.path if len(step.vectors) == 16]
+        ends[name] = found.ends
+        assert found.vector[4] == pytest.approx(3.0, rel=0.05)
+        assert len(found.path) <= ObservedSettings(looks=40, trials=2).steps
+    assert len(paths["noise"]) == 1
+    first, second = paths["more"]
+    assert first == pytest.approx(paths["noise"][0])
+    apart = np.abs(request.space.to_unit(first)[:, None] - request.space.to_unit(second)).max(2)
+    assert apart.min() > 1e-3
+    assert len(ends["more"]) > len(ends["noise"])
 
 
 def test_a_first_candidate_that_blows_up_is_refused_and_later_ones_are_not(swung):

@@ -127,6 +127,7 @@ def diagnose(
     progress("imagining the next recording", 0.93)
     proposal = propose(observer, base, *search.alive(evidence, verdict))
     progress("drawing maps", 0.97)
+    missing_force = find_missing_force(judge, base.vector)
     best, spent = search.named(verdict), kept.spent
     notes = described.notes(len(training), len(held_out), observer, is_predictable=predictability.passed)
     if verdict.verdict == "ambiguous" and proposal is None:
@@ -142,7 +143,7 @@ def diagnose(
         gap=described.describe_gap(evidence, best, by_edge),
         effects=described.describe_effects(evidence, judge, best, effects, model),
         where=find_where(judge, judge.residuals(base.vector[None], observer.off[None])[0]),
-        missing_force=find_missing_force(judge, base.vector),
+        missing_force=missing_force,
         next_experiment=proposal,
         gates=found_gates,
         cost=Cost(simulations=spent[0], seconds=spent[1]),

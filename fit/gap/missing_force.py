@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 
 from fit.cloth.simulator import Simulator
 from fit.gap.observer import Observer
-from fit.recording import Recording
 from fit.smoothing import low_pass
 from formats.results import ForceAt, MissingForce
 
@@ -38,7 +37,7 @@ EXPONENTS = np.arange(0.0, 3.01, 0.25)
 
 def find_missing_force(observer: Observer, vector: Floats) -> MissingForce:
     """Describe the pull that the base model needs on the observer's recordings."""
-    parts = [_pull(observer, r, vector, rho) for r, rho in zip(observer.recordings, observer.densities, strict=True)]
+    parts = [_pull(*one) for one in zip(*observer.asked(vector[None], observer.off[None]), strict=True)]
     pull, normal, below, odd, even, powers, point = (_joined([p[k] for p in parts]) for k in range(7))
     along = (pull * normal).sum(1)
     total = max(float((pull**2).sum()), 1e-12)
@@ -78,12 +77,11 @@ def _places(observer: Observer, pull: Floats, along: Floats, point: Floats) -> l
     return found
 
 
-def _pull(observer: Observer, recording: Recording, vector: Floats, density: float) -> tuple[Floats, ...]:
+def _pull(simulator: Simulator, material: Floats, amplitudes: Floats) -> tuple[Floats, ...]:
     """Pull [m/s^2], normals, third of the height, odd and even features, powers of the speed, point; a row each."""
-    simulator = Simulator(recording, observer.effects, resolution=observer.resolution)
-    material = observer.parameterisation.to_materials(vector[None], density)
-    done = simulator.run(material, observer_hz=FREQUENCY, shapes=True)
-    time, mesh = recording.time, simulator.mesh
+    done = simulator.run(material, amplitudes, observer_hz=FREQUENCY, shapes=True)
+    recording, mesh = simulator.recording, simulator.mesh
+    time = recording.time
     places = done.points[0]
     velocity = np.gradient(places, time, axis=0)
     acceleration = np.gradient(velocity, time, axis=0)

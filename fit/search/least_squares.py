@@ -108,12 +108,13 @@ class LeastSquaresResult:
 
     parameters, (p,); residuals, (m,); jacobian, (m, p): d residual / d working coordinate (log for log
     parameters); weights, (m,): Huber's; cost_history, (iterations + 1,); at_bound, (p,): held back by a
-    bound.
+    bound; slopes_at, (p,): where the differences of the Jacobian were made, at most a short step away where exact.
     """
 
     parameters: Floats
     residuals: Floats
     jacobian: Floats
+    slopes_at: Floats
     weights: Floats
     prior_precision: Floats
     cost: float
@@ -235,7 +236,7 @@ class _Search:
         cost, damping = self._cost(u, r), settings.damping
         history = [cost]
         jacobian = (yield from self._jacobian(u, r)) if known is None else known * self.space.scale
-        is_fresh = True  # the Jacobian belongs to u, or is all that the caller pays for
+        is_fresh, made_at = True, u  # the Jacobian belongs to u, or is all that the caller pays for
         renewals, is_hopeless, is_far = 0, False, False
         for _ in range(settings.max_iterations):
             normal, slope = self._normal_equations(u, r, jacobian)
@@ -254,7 +255,7 @@ class _Search:
                 u, r, cost, damping = moved.unit, moved.residuals, moved.cost, moved.damping
                 history.append(cost)
                 if not settings.is_chord:
-                    jacobian = yield from self._jacobian(u, r)
+                    jacobian, made_at = (yield from self._jacobian(u, r)), u
                 elif reason and is_fresh:  # a halt is believed; after a short step differences would be the same
                     shortest = max(settings.step / 2, settings.step_tolerance)
                     is_far = known is None and float(np.abs(step).max()) > shortest
@@ -267,16 +268,18 @@ class _Search:
                 is_hopeless, reason = True, "it will hardly come below what is known"
                 break
             if reason:  # a worn Jacobian may be all that is wrong
-                jacobian, is_fresh, renewals = (yield from self._jacobian(u, r)), True, renewals + 1
+                jacobian, made_at = (yield from self._jacobian(u, r)), u
+                is_fresh, renewals = True, renewals + 1
         else:
             reason = ""
         if (is_far or not is_fresh) and settings.is_exact and not is_hopeless:
-            jacobian = yield from self._jacobian(u, r)
+            jacobian, made_at = (yield from self._jacobian(u, r)), u
         _, slope = self._normal_equations(u, r, jacobian)
         return LeastSquaresResult(
             parameters=self.space.from_unit(u),
             residuals=r,
             jacobian=jacobian / self.space.scale,
+            slopes_at=self.space.from_unit(made_at),
             weights=self._weights(r),
             prior_precision=self.working_precision,
             cost=cost,

@@ -187,8 +187,7 @@ class _Run:
             self.trial, self.first = self.trial + 1, len(self.units)
             ends += self._try()
         end, best = min(ends, key=lambda pair: pair[0].cost)
-        if best is None:
-            best = self._minimise(self.settings.pulls[-1], end.vector, iterations=0)
+        best = best or self._again(end)
         return Observed(
             vector=best.parameters, intervals=self._intervals(best, [one for one, _ in ends]),
             ends=[(one.cost, one.vector) for one, _ in ends], simulations=self._simulations(), path=self.path,
@@ -249,11 +248,12 @@ class _Run:
 
     def _looked(self, vectors: Floats, known: Step | None) -> None:
         least = int(np.argmin(self.costs))
+        best = self.search.space.from_unit(self.units[least])
         self._take(
             known
             or Step(
-                is_look=True, vector=self.search.space.from_unit(self.units[least]), cost=float(self.costs[least]),
-                vectors=vectors, simulations=self._simulations(), distances=tuple(self.distances),
+                is_look=True, vector=best, cost=float(self.costs[least]), vectors=vectors,
+                simulations=self._simulations(), distances=tuple(self.distances), slopes_at=best,
             ),
             is_known=known is not None,
         )  # fmt: skip
@@ -262,11 +262,7 @@ class _Run:
         """Look across the valleys about an end, and go down from the best places there."""
         space, pull = self.search.space, self.settings.pulls[-1]
         known = self.waiting.pop(0) if self.waiting else None
-        if found is None:  # known of an interrupted search: what it takes to know it again does not count
-            counted = self.search.free.simulations
-            found = self._minimise(pull, step.vector, iterations=0)
-            self.before += self.search.free.simulations - counted
-            self.distances = []
+        found = found or self._again(step)
         judged: list[Floats] = []
 
         def judge(units: Floats) -> Floats:
@@ -274,14 +270,8 @@ class _Run:
             return self._look_at(judged[-1])
 
         precision = np.eye(len(self.unit)) / PRIOR_SD**2
-        units = valleys.across(
-            space.to_unit(found.parameters),
-            found.jacobian * space.scale,
-            precision,
-            found.cost,
-            self.search.count,
-            judge,
-        )
+        end, slopes = space.to_unit(found.parameters), found.jacobian * space.scale
+        units = valleys.across(end, slopes, precision, found.cost, self.search.count, judge)
         if not judged:
             return []
         self._looked(judged[0], known)
@@ -316,9 +306,21 @@ class _Run:
         step = Step(
             is_look=False, vector=found.parameters if found else start, cost=found.cost if found else np.inf,
             vectors=np.zeros((0, len(start))), simulations=self._simulations(), distances=tuple(self.distances),
+            slopes_at=found.slopes_at if found else start,
         )  # fmt: skip
         self._take(step, is_known=False)
         return step, found
+
+    def _again(self, end: Step) -> LeastSquaresResult:
+        """Return what a descent of an interrupted search had found; what it takes to know it again does not count."""
+        counted, pull = self.search.free.simulations, self.settings.pulls[-1]
+        found = self._minimise(pull, end.vector, iterations=0)
+        if not np.array_equal(end.slopes_at, end.vector):
+            slopes = self._minimise(pull, end.slopes_at, iterations=0).jacobian
+            found = dataclasses.replace(found, jacobian=slopes, slopes_at=end.slopes_at)
+        self.before += self.search.free.simulations - counted
+        self.distances = []
+        return found
 
     def _minimise(self, pull: float, start: Floats, iterations: int) -> LeastSquaresResult:
         least = LeastSquaresSettings(

@@ -19,7 +19,8 @@ class Step:
     is_look; vector, (parameters,): the best place looked at so far, or where the descent ended; cost: its own, infinite
     where a descent's start blew up; vectors, (candidates, parameters): what was looked at, nothing of a descent;
     simulations: of all recordings since the search began; distances: D [m] after each candidate, of the one of least
-    cost so far, nothing where the rollouts are not free
+    cost so far, nothing where the rollouts are not free; slopes_at, (parameters,): where a descent's last Jacobian was
+    made, its vector or a short step from it; of a look its vector
     """
 
     is_look: bool
@@ -28,6 +29,7 @@ class Step:
     vectors: Floats
     simulations: int
     distances: tuple[float, ...]
+    slopes_at: Floats
 
     def state(self) -> dict[str, Any]:
         """Return it as JSON can hold it."""
@@ -35,6 +37,7 @@ class Step:
             "is_look": self.is_look, "vector": self.vector.tolist(),
             "cost": self.cost if np.isfinite(self.cost) else None, "vectors": self.vectors.tolist(),
             "simulations": self.simulations, "distances": list(self.distances),
+            "slopes_at": self.slopes_at.tolist(),
         }  # fmt: skip
 
     @classmethod
@@ -45,5 +48,5 @@ class Step:
             is_look=bool(state["is_look"]), vector=vector,
             cost=np.inf if state["cost"] is None else float(state["cost"]),
             vectors=np.array(state["vectors"], float).reshape(-1, len(vector)), simulations=int(state["simulations"]),
-            distances=tuple(float(d) for d in state["distances"]),
+            distances=tuple(float(d) for d in state["distances"]), slopes_at=np.array(state["slopes_at"], float),
         )  # fmt: skip

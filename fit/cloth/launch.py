@@ -62,7 +62,7 @@ def _call(tasks: list[Task], lanes: int, observer_hz: float) -> None:
     omega = 2 * np.pi * observer_hz
     settle = np.array([round(support.settle_time / t.dt) for t in tasks], np.int32)
     recorded = np.array([len(c.steps) for c in courses], np.int32)
-    paths = [c.paths for c in courses]
+    path, first_path = _joined(courses, lanes)
     between = np.array([c.every for c in courses], np.int32)
     kernel = make_rollout(
         lanes, faces, fibre_nodes=first.fibre_nodes, bend_lengths=first.bend_lengths,
@@ -84,14 +84,14 @@ def _call(tasks: list[Task], lanes: int, observer_hz: float) -> None:
             _flat(_in_lanes(rest, lanes)), _zeros((count * bends if with_bends else 1, lanes)),
             _flat(_in_lanes(added, lanes)),
             *_contact(tasks, amplitudes, nodes, lanes),
-            3 * _some(support.nodes), _single(_some(support.shares)), _joined(paths, lanes),
+            3 * _some(support.nodes), _single(_some(support.shares)), path,
             mesh.points.first, 3 * mesh.points.nodes, _single(mesh.points.weights),
             mesh.pull_points, _single(mesh.pull_weights),
             targets, trust,
             _in_lanes(np.concatenate(numbers), lanes),
             _flat(_in_lanes(1.0 / np.stack(masses), lanes)),
             _in_lanes(amplitudes if first.effects else np.zeros((len(amplitudes), 1)), lanes),
-            frame_step, frame_lag, np.stack([recorded, settle, _firsts(paths), first_target, between], 1),
+            frame_step, frame_lag, np.stack([recorded, settle, first_path, first_target, between], 1),
             np.array([t.dt for t in tasks], np.float32), support.settle_damping, omega**2, 2 * omega,
             out, whole,
         )  # fmt: skip
@@ -176,19 +176,17 @@ def _hand_back(courses: list[Course], seen: Singles, kept: Singles, forces: Sing
             lane += len(part.members)
 
 
-def _firsts(paths: list[Floats]) -> Integers:
-    """Where each task's steps begin in the joined paths."""
-    return np.cumsum([0, *(p.shape[1] for p in paths[:-1])]).astype(np.int32)
-
-
-def _joined(paths: list[Floats], lanes: int) -> Singles:
-    """(lanes, steps, 3 handles) each -> (all steps, 3 handles, lanes)."""
-    joined = _zeros((sum(p.shape[1] for p in paths), max(paths[0].shape[2], 1), lanes))
-    done = 0
-    for path in paths:
-        joined[done : done + path.shape[1], : path.shape[2]] = np.moveaxis(path, 0, -1)
-        done += path.shape[1]
-    return joined
+def _joined(courses: list[Course], lanes: int) -> tuple[Singles, Integers]:
+    """Handles of all tasks, (all steps, 3 handles, lanes), and where each task's steps begin."""
+    firsts = np.cumsum([0, *(len(c.paths[0]) for c in courses)]).astype(np.int32)
+    handles = courses[0].paths[0].shape[1]
+    joined = _zeros((int(firsts[-1]), max(handles, 1), lanes))
+    for course, first in zip(courses, firsts, strict=False):
+        lane = 0
+        for way in course.paths:
+            joined[first : first + len(way), :handles, lane : lane + way.shape[2]] = way
+            lane += way.shape[2]
+    return joined, firsts[:-1]
 
 
 def _zeros(shape: tuple[int, ...]) -> Singles:

@@ -159,7 +159,7 @@ class Course:
     """What one task follows: frames and the way to them, handles, and what the observer pulls to.
 
     time [s], (frames,): of every frame of any of its recordings; steps, lags [s], (frames,): whole steps to it, and the
-    rest; paths, (lanes, steps, 3 handles); start [m], (lanes, nodes, 3)
+    rest; paths: of each part, (steps, 3 handles, its lanes); start [m], (lanes, nodes, 3)
     targets: of each part places and velocities, (samples, points, 6, its lanes or 1 for all of them), trust,
     (samples, points), and how many lanes it has; every: steps between two of them
     """
@@ -169,9 +169,9 @@ class Course:
         self.time = np.unique(np.concatenate([part.simulator.recording.time for part in task.parts]))
         whole = np.floor(self.time / task.dt + 1e-9).astype(np.int32)
         self.steps, self.lags = whole, (self.time - whole * task.dt).astype(np.float32)
-        ways = [g.simulator.paths(g.candidates.amplitudes[k], int(whole[-1]) + 3, task.dt) for g, k in parts]
-        self.paths = np.concatenate(ways)
-        self.start = np.concatenate([g.simulator.support.start(w[:, 0]) for (g, _), w in zip(parts, ways, strict=True)])
+        self.paths = [g.simulator.paths(g.candidates.amplitudes[k], int(whole[-1]) + 3, task.dt) for g, k in parts]
+        starts = [g.simulator.support.start(way[0].T) for (g, _), way in zip(parts, self.paths, strict=True)]
+        self.start = np.concatenate(starts)
         # Where nothing pulls but the settling, two are asked for: where the points begin, and the one after it.
         asked = slice(None if is_pulled else 2)
         self.targets = []

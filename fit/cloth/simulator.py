@@ -311,16 +311,20 @@ class Simulator:
         return added
 
     def paths(self, amplitudes: Floats, steps: int, dt: float) -> Floats:
-        """Handles per candidate and step, (candidates, steps, 3 handles); equal drives are evaluated once."""
+        """Handles per step and candidate, (steps, 3 handles, candidates); equal drives are evaluated once.
+
+        Where all are driven alike they are the same memory, not to be written to.
+        """
         drivers = [k for k, e in enumerate(self.effects) if type(e).drive is not Effect.drive]
+        names = [b"".join(row[self.columns[k]].tobytes() for k in drivers) for row in amplitudes]
         known: dict[bytes, Floats] = {}
-        rows = []
-        for row in amplitudes:
-            name = b"".join(row[self.columns[k]].tobytes() for k in drivers)
+        for name, row in zip(names, amplitudes, strict=True):
             if name not in known:
                 known[name] = self._driven(row, drivers, steps, dt) if any(name) else self._path(steps, dt)
-            rows.append(known[name])
-        return np.stack(rows)
+        if len(known) == 1:
+            way = known[names[0]][..., None]
+            return np.broadcast_to(way, (*way.shape[:-1], len(names)))
+        return np.stack([known[name] for name in names], -1)
 
     def _driven(self, row: Floats, drivers: list[int], steps: int, dt: float) -> Floats:
         """Handles as effects drive them, (steps, 3 handles)."""

@@ -64,13 +64,13 @@ def check_blocks(block: NDArray[np.int64]) -> None:
 
 def block_intervals(
     space: BoundedSpace, parameters: Floats, residuals: Floats, jacobian: Floats, block: NDArray[np.int64],
-    *, between: Floats | float = 0.0,
+    *, between: Floats | float = 0.0, spread: Floats | float = 0.0,
 ) -> Intervals:  # fmt: skip
     """Return intervals about `parameters`, (p,).
 
     residuals, (m,), in units of their deviation; jacobian, (m, p): d residual / d u, u from 0 to 1 between the bounds;
     block, (m,): to which half second each number belongs; between, (p, p): covariance that comes on top, in squared
-    shares of the box.
+    shares of the box; spread, (p,): deviations in shares of the box, known in another way, below which none is told.
 
     Raises:
         FitError: fewer than three blocks.
@@ -81,6 +81,8 @@ def block_intervals(
     names, place = np.unique(block, return_inverse=True)
     variance, way = jackknife(residuals, jacobian, place)
     variance = variance + between
+    wider = np.maximum(1.0, spread / np.sqrt(np.diag(variance)))
+    variance = variance * np.outer(wider, wider)
     deviation = np.sqrt(np.diag(variance))
     reach = float(student.ppf(0.95, len(names) - 1))
     half = np.sqrt((reach * deviation) ** 2 + way**2)

@@ -15,7 +15,8 @@ from fit.gap.observer import Observer
 from fit.parameterisations import KINECT_SKIRT, SI
 from fit.recording import prepare
 from fit.request import request_of
-from fit.search.observed import CATCHING, SHORT_WINDOWS, ObservedSearch, ObservedSettings, begin_observed
+from fit.search.observed import CATCHING, SHORT_WINDOWS, ObservedSearch, begin_observed
+from fit.search.trials import ObservedSettings, is_settled
 from formats.archive import write_take
 from tests.fit.scenes import material, sheet, simulate_take, swing
 from tests.fit.test_command_line import hangtime
@@ -83,17 +84,26 @@ def test_a_pulled_descent_before_the_free_one_ends_in_the_same_damping(swung):
 
 @pytest.mark.parametrize(
     ("name", "stop"),
-    [("least-squares", 5), ("least-squares", 34), ("least-squares", 35), ("least-squares", 60), ("short-windows", 2)],
+    [
+        ("least-squares", 5),
+        ("least-squares", 34),
+        ("least-squares", 35),
+        ("least-squares", 60),
+        ("least-squares", -1),
+        ("short-windows", 2),
+    ],
 )
 def test_interrupted_least_squares_go_on_at_the_last_step_that_was_done(swung, tmp_path, name, stop):
     """16 looks and 32 times two make 33 steps, then there are descents, and looks across valleys after the 34th.
 
-    These six parameters cannot follow the take to its noise: by the 60th step one looks for the second time.
+    These six parameters cannot follow the take to its noise: by the 60th step one looks for the second time. The step
+    after the last but one goes on from the best end.
     """
     request = request_of(KINECT_SKIRT, [], iterations=1, seed=3, spacing=0.1, search=name)
     steps = []
     whole = calibrate([swung], [], request, progress=lambda done, total, best: steps.append((done, total)))
     assert len(steps) > stop
+    stop %= len(steps)
     file = tmp_path / "search.json"
 
     def interrupt(done, total, best):
@@ -140,24 +150,49 @@ def test_least_squares_know_the_distance_of_every_candidate(swung):
     assert found.ends[0][0] <= min(step.cost for step in found.path if step.is_look)
 
 
-def test_a_fit_that_misses_by_more_than_the_noise_is_begun_once_more_from_elsewhere(swung):
+def test_a_fit_that_misses_by_more_than_the_noise_is_begun_from_elsewhere_until_two_agree(swung):
     """Of the same points, stated to be known to 2 mm, which they are, and to 0.2 mm."""
     request = request_of(SI, [], iterations=1, seed=1, spacing=MESH)
     surer = dataclasses.replace(swung, points_sd=0.1 * swung.points_sd)
-    paths, ends = {}, {}
+    settings = ObservedSettings(looks=40, trials=6)
+    trials = {}
     for name, take in (("noise", swung), ("more", surer)):
         search = ObservedSearch([prepare(take)], SI, (), request.space, request.resolution)
-        found = search.run(SI.initial, ObservedSettings(looks=40, trials=2, iterations=6))
-        paths[name] = [step.vectors for step in found.path if len(step.vectors) == 16]
-        ends[name] = found.ends
+        found = search.run(SI.initial, settings)
+        firsts = [k for k, step in enumerate(found.path) if len(step.vectors) == 16]
+        parts = [found.path[a:b] for a, b in zip(firsts, [*firsts[1:], -1], strict=True)]
+        trials[name] = [(part[0].vectors, min(s.cost for s in part if not s.is_look)) for part in parts]
         assert found.vector[4] == pytest.approx(3.0, rel=0.05)
-        assert len(found.path) <= ObservedSettings(looks=40, trials=2).steps
-    assert len(paths["noise"]) == 1
-    first, second = paths["more"]
-    assert first == pytest.approx(paths["noise"][0])
+        assert len(found.path) <= settings.steps
+    assert len(trials["noise"]) == 1
+    assert 2 <= len(trials["more"]) < 6
+    (first, _), (second, _), *_ = trials["more"]
+    assert first == pytest.approx(trials["noise"][0][0])
     apart = np.abs(request.space.to_unit(first)[:, None] - request.space.to_unit(second)).max(2)
     assert apart.min() > 1e-3
-    assert len(ends["more"]) > len(ends["noise"])
+    best, runner_up, *_ = sorted(cost for _, cost in trials["more"])
+    assert runner_up < 1.005 * best
+
+
+def test_trials_end_with_noise_or_with_two_that_agree():
+    assert is_settled([1020.0], 1045.0)
+    assert not is_settled([1050.0], 1045.0)
+    assert not is_settled([2000.0, 1500.0, 1990.0], 1045.0)  # the two that agree are not the best
+    assert is_settled([2000.0, 1500.0, 1507.0], 1045.0)
+
+
+def test_the_best_end_is_followed_by_finer_differences_to_where_no_descent_stops_short(swung):
+    """One iteration a descent leaves chi square 0.3 and more above the least; a deviation of one parameter makes 1."""
+    request = request_of(SI, [], iterations=1, seed=1, spacing=MESH)
+    last = []
+    for iterations in (1, 2):
+        search = ObservedSearch([prepare(swung)], SI, (), request.space, request.resolution)
+        found = search.run(SI.initial, ObservedSettings(looks=20, iterations=iterations))
+        *coarse, fine = (step.cost for step in found.path if not step.is_look)
+        assert fine == min(cost for cost, _ in found.ends) < min(coarse) - 0.1
+        assert np.array_equal(found.vector, found.path[-1].vector)
+        last.append(fine)
+    assert last[0] == pytest.approx(last[1], abs=0.05)
 
 
 def test_a_first_candidate_that_blows_up_is_refused_and_later_ones_are_not(swung):

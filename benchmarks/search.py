@@ -4,9 +4,9 @@ Takes come from our own solver with known parameters (so this tells of searches,
 edge, two motions of six seconds that end at rest, 2 mm of white noise on every coordinate of five points. Truths are
 drawn within the ranges of `TRUTHS`. The budget counts candidates; annealing is counted by its iterations, as if it
 evaluated one at a time. With --air-drag the truths hang in air of this drag coefficient, which is a sixth parameter of
-the fits. With --trials 1 least squares do not begin once more where they miss by more than the noise.
+the fits. With --trials 1 least squares never begin again where they miss by more than the noise.
 Run: python benchmarks/search.py [--truths 10] [--budget 350] [--only least-squares ...] [--spacing 0.08]
-[--air-drag 1.2] [--trials 2]
+[--air-drag 1.2] [--trials 3]
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hangtime` does, or end
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import erf
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -195,6 +196,7 @@ def print_parameters(cases: list[Case], runs: dict[str, list[Run]]) -> None:
     truth = np.array([case.truth for case in cases])
     noise, straight = (np.array(found) for found in zip(*map(known_by_noise, cases), strict=True))
     can = (noise < GOOD) & straight
+    ideal = erf(TWO_SIDED_95 * GOOD / noise / np.sqrt(2.0))  # how often an estimate that noise alone moves is found
     for k, parameter in enumerate(cases[0].request().parameters):
         print(
             f"the noise      {parameter.name:22} straight in {straight[:, k].sum()} of {len(cases)}; there known to "
@@ -207,9 +209,16 @@ def print_parameters(cases: list[Case], runs: dict[str, list[Run]]) -> None:
         for k, parameter in enumerate(cases[0].request().parameters):
             print(
                 f"{name:14} {parameter.name:22} {100 * right[:, k].mean():4.0f} %  {intervals(told[:, k], held[:, k])}"
-                f"  could be known to 5 %: {can[:, k].sum()}, of these found: {right[can[:, k], k].sum()}"
+                f"  {knowable(can[:, k], right[:, k], ideal[:, k])}"
             )
-        print(f"{name:14} {'all together':22}         {intervals(told, held)}")
+        print(f"{name:14} {'all together':22}         {intervals(told, held)}  {knowable(can, right, ideal)}")
+
+
+def knowable(can: NDArray[np.bool_], right: NDArray[np.bool_], ideal: Floats) -> str:
+    """Return as text how many parameters could be known, how many were found, and how many noise alone would leave."""
+    return (
+        f"could be known to 5 %: {can.sum()}, of these found: {right[can].sum()}, by noise alone {ideal[can].sum():.1f}"
+    )
 
 
 def known_by_noise(case: Case) -> tuple[Floats, NDArray[np.bool_]]:

@@ -8,7 +8,11 @@ R turning the axes onto the threads. Whatever way the elements lie, strains are 
 Membrane: each family of fibres is sampled along its own lines of nodes, at three Gauss points an element; shear at 3
 by 3 Gauss points, where Fu and Fv are interpolated from those samples (tying points). As many samples as a curved
 sheet that does not stretch has freedoms for: sampled more often, elements that are much stiffer in their plane than
-against bending lock.
+against bending lock. An element has nine nodes of its own, with three coordinates each. Neighbours share the lines at
+their rims, so that there are nine samples of either family of threads to an element, and nine of shear. Where threads
+cross the elements askew nothing is shared, and there are twelve of either. There threads are felt with shear, at nine
+points, except for as much of their stiffness as shear has, which stays at the twelve: slopes of P3(xi) P3(eta) vanish
+at the nine, and nothing would hold that mode. Threads no stiffer than shear lock nothing (`fit.cloth.forces`).
 Source: T. J. R. Hughes, "The Finite Element Method" (1987), sections 3.2 and 4.4 (selective integration); K.-J. Bathe,
 "Finite Element Procedures" (1996), section 5.4.2 (tying).
 """

@@ -5,6 +5,8 @@ Samples and stencils are those of `fit.cloth.mesh`. With Fu, Fv the columns of t
     shear      S12 = G (E12 + tau dE12/dt + z), E12 = Fu.Fv; P_u = S12 Fv, P_v = S12 Fu
     z          viscosity that relaxes (fit.effects.stretch_viscosity)
     twist      kappa = x_uv, as the slope down of Fu (fit.cloth.moments)
+Where threads cross the elements, of k_u and k_v only what shear has is felt at the fibres' own samples, and the rest at
+those of shear, from the same Fu and Fv (`fit.cloth.elements`).
 The force on a node is minus the sum of stress times the weight with which the node enters its sample.
 
 Rates of strain are differences between steps, d/dt = (E_n - E_n-1) / dt, the mean over the step that led here.
@@ -46,6 +48,28 @@ def lagging(
 
 
 @ti.func
+def tautness(
+    u0,
+    u1,
+    u2,
+    e,
+    strains: ti.template(),
+    area,
+    stiffness,
+    delay,
+    stiffening,
+    with_viscosity: ti.template(),
+    lags: ti.template(),
+    kept,
+    gain,
+):
+    """Tension times area of threads whose slope is u."""
+    strain = 0.5 * (u0 * u0 + u1 * u1 + u2 * u2 - 1.0)
+    late = lagging(strain, e, strains, delay, with_viscosity, lags, kept, gain)
+    return (strain + stiffening * magnitude(strain) * strain + late) * (area * stiffness)
+
+
+@ti.func
 def tighten(
     e,
     k,
@@ -63,9 +87,9 @@ def tighten(
     gain,
 ):
     """Stress of one fibre sample from its slope."""
-    strain = 0.5 * (u[0] * u[0] + u[1] * u[1] + u[2] * u[2] - 1.0)
-    late = lagging(strain, e, strains, delay, with_viscosity, lags, kept, gain)
-    tension = (strain + stiffening * magnitude(strain) * strain + late) * (area * stiffness)
+    tension = tautness(
+        u[0], u[1], u[2], e, strains, area, stiffness, delay, stiffening, with_viscosity, lags, kept, gain
+    )  # fmt: skip
     slopes[k], slopes[k + 1], slopes[k + 2] = u[0], u[1], u[2]
     stress[k], stress[k + 1], stress[k + 2] = tension * u[0], tension * u[1], tension * u[2]
 
@@ -148,6 +172,11 @@ def sheared(
     lags: ti.template(),
     kept,
     gain,
+    is_crossed: ti.template(),
+    first_crossed,
+    stiffness_across,
+    stiffness_down,
+    stiffening,
 ):
     """Shear at one sample, handed back to the fibre samples down; returns what those across are to give."""
     begin, g = within(4 * e), within(4 * row)
@@ -156,8 +185,19 @@ def sheared(
     strain = u[0] * w0 + u[1] * w1 + u[2] * w2
     late = lagging(strain, first + e, strains, delay, with_viscosity, lags, kept, gain)
     tension = (strain + late) * (0.0 - area[e] * stiffness)
-    push(stress, tension * u[0], tension * u[1], tension * u[2], below, h)
-    return [tension * w0, tension * w1, tension * w2]
+    if ti.static(is_crossed):
+        k = first_crossed + 2 * e
+        along = tautness(
+            u[0], u[1], u[2], k, strains, area[e], stiffness_across, delay, stiffening, with_viscosity, lags, kept, gain
+        )
+        askew = tautness(
+            w0, w1, w2, k + 1, strains, area[e], stiffness_down, delay, stiffening, with_viscosity, lags, kept, gain
+        )
+        push(stress, tension * u[0] - askew * w0, tension * u[1] - askew * w1, tension * u[2] - askew * w2, below, h)
+        return [tension * w0 - along * u[0], tension * w1 - along * u[1], tension * w2 - along * u[2]]
+    else:
+        push(stress, tension * u[0], tension * u[1], tension * u[2], below, h)
+        return [tension * w0, tension * w1, tension * w2]
 
 
 @ti.func
@@ -192,10 +232,16 @@ def shearing(
     friction: ti.template(),
     friction_limit,
     dt,
+    is_crossed: ti.template(),
+    first_crossed,
+    stiffness_across,
+    stiffness_down,
+    stiffening,
 ):
     """Shear and mixed second derivatives, handed back to the fibre samples that they were interpolated from.
 
-    Of an element's nine samples three at a time, which lie between the same four samples across.
+    Of an element's nine samples three at a time, which lie between the same four samples across. Where threads cross
+    the elements, `is_crossed`, what else they have of stiffness too; its strains begin at first_crossed, two a sample.
     """
     for line in range(area.shape[0] // 3):
         begin, e = within(12 * line), within(3 * line)
@@ -205,6 +251,7 @@ def shearing(
             sheared(
                 e + h, line % 3, u[h], place, first, slopes, strains, stress, down, between, area,
                 stiffness, delay, with_viscosity, lags, kept, gain,
+                is_crossed, first_crossed, stiffness_across, stiffness_down, stiffening,
             )
             for h in range(3)
         ]  # fmt: skip

@@ -42,6 +42,7 @@ def _call(tasks: list[Task], lanes: int, observer_hz: float) -> None:
     targets, trust, first_target = _stacked(courses, lanes)
     count, nodes, bends, points = len(tasks), len(mesh.rest), len(mesh.bends), first.recording.points.shape[1]
     fibres, shears, frames = len(mesh.fibres.area), len(mesh.shear_area), frame_step.shape[1]
+    strains = 3 if mesh.is_crossed else 1  # at a sample of shear
     keeps = every[0][0].candidates.kept is not None
     active = first.effects if has_effects else ()
     with_bends, with_added = any(e.bends for e in active), any(e.adds_mass for e in active)
@@ -67,6 +68,7 @@ def _call(tasks: list[Task], lanes: int, observer_hz: float) -> None:
     kernel = make_rollout(
         lanes, faces, fibre_nodes=first.fibre_nodes, bend_lengths=first.bend_lengths,
         handles=support.handles, with_twist=len(mesh.bends.twist_weights) > 0,
+        is_crossed=mesh.is_crossed,
         with_bends=with_bends, with_added_mass=with_added, with_viscosity=is_viscous, with_contact=touches,
     )  # fmt: skip
     x, v = _flat(state[0]), _flat(state[1])
@@ -76,8 +78,8 @@ def _call(tasks: list[Task], lanes: int, observer_hz: float) -> None:
             x, v, ahead, _flat(state[2]), _zeros((count, points, 3, lanes)),
             *first.membrane_arguments,
             *(_zeros((size * count * fibres, lanes)) for size in (3, 3, 1)),
-            _zeros((count * shears, lanes)), _zeros((3 * count * fibres, lanes)),
-            *(_zeros((size * count if is_viscous else 1, lanes)) for size in (fibres, shears)),
+            _zeros((count * shears * strains, lanes)), _zeros((3 * count * fibres, lanes)),
+            *(_zeros((size * count if is_viscous else 1, lanes)) for size in (fibres, shears * strains)),
             np.exp(-np.array([t.dt for t in tasks]) / RELAXATION_TIME).astype(np.float32),
             *first.bending_arguments,
             *(_zeros((size * count * nodes if needs_normals else 1, lanes)) for size in (3, 1)),

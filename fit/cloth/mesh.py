@@ -76,6 +76,11 @@ class ClothMesh:
     spacing: float
 
     @property
+    def is_crossed(self) -> bool:
+        """Whether threads of both families cross the elements askew, so that all nodes have a say in their strain."""
+        return min(self.fibre_nodes) > spectral.WIDTH
+
+    @property
     def area(self) -> float:
         """Area of the cloth [m^2]."""
         return float(self.node_area.sum())

@@ -42,6 +42,7 @@ def make_rollout(
     bend_lengths: tuple[int, ...],
     handles: int,
     with_twist: bool,
+    is_crossed: bool,
     with_bends: bool,
     with_added_mass: bool,
     with_viscosity: bool,
@@ -53,6 +54,7 @@ def make_rollout(
     `ti.func(a0, a1, a2, vx, vy, vz, nx, ny, nz, area) -> (fx, fy, fz)`;
     fibre_nodes: nodes of every fibre sample across, and down; bend_lengths: of the stencils of second derivatives; both
     may be `fit.cloth.lines.IN_LINES`; with_twist: whether mixed ones come from the slopes across;
+    is_crossed: whether threads of both families cross the elements;
     handles: vectors that the held nodes follow, 0 where nothing is held;
     with_bends: rest curvature and friction in bending; with_added_mass: inertia of the air along the normal;
     with_viscosity: of stretch and shear; with_contact: the cloth touches itself or bodies.
@@ -269,6 +271,8 @@ def make_rollout(
                             with_twist, twist_scales, twist_centre, twist_root, material[b, 5], bend_time,
                             with_bends, home, first_bend + bend_count,
                             normal, rest_curvature, friction, material[b, 13], dt,
+                            is_crossed, shear_area.shape[0] * groups + 2 * first_shear,
+                            material[b, 18], material[b, 17], stiffening,
                         )  # fmt: skip
                         push_fibres(
                             home, place, 0, fibres_across, 0, stress, f, fibre_at, fibre_weights, fibre_nodes[0]

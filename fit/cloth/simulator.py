@@ -278,18 +278,20 @@ class Simulator:
         return sum(e.friction_moment(amplitude[c]) for e, c in zip(self.effects, self.columns, strict=True))
 
     def kernel_rows(self, materials: Floats, amplitudes: Floats) -> Floats:
-        """What the kernel wants to know of each candidate, (candidates, 17)."""
+        """What the kernel wants to know of each candidate, (candidates, 19)."""
         warp, weft = np.exp(0.5 * materials[:, mat.STRETCH_RATIO]), np.exp(0.5 * materials[:, mat.BENDING_RATIO])
         x, y = np.sin(materials[:, mat.TILT_X]), np.sin(materials[:, mat.TILT_Y])
         stretch, bending = materials[:, mat.STRETCH], materials[:, mat.BENDING]
         gravity = self.support.gravity * np.exp(materials[:, mat.GRAVITY_LOG])
+        fibres = np.stack([stretch * warp, stretch / warp])  # down, across
+        at_shear = np.maximum(fibres - materials[:, mat.SHEAR], 0.0) if self.mesh.is_crossed else np.zeros_like(fibres)
         return np.stack(
             [
-                stretch * warp, stretch / warp, materials[:, mat.SHEAR], bending * weft, bending / weft, bending,
+                *(fibres - at_shear), materials[:, mat.SHEAR], bending * weft, bending / weft, bending,
                 materials[:, mat.MEMBRANE_TIME], materials[:, mat.BENDING_TIME], materials[:, mat.VELOCITY],
                 materials[:, mat.STIFFENING], gravity * x, gravity * y, -gravity * np.sqrt(1 - x**2 - y**2),
                 np.array([self._friction(a) for a in amplitudes]), materials[:, mat.VISCOSITY],
-                self.thickness(amplitudes), materials[:, mat.DENSITY],
+                self.thickness(amplitudes), materials[:, mat.DENSITY], *at_shear,
             ],
             axis=1,
         )  # fmt: skip

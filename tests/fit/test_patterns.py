@@ -8,9 +8,10 @@ import pytest
 from scipy.optimize import curve_fit
 
 from firmware_host.synthetic.garments import shirt
-from fit.cloth.mesh import build_mesh
+from fit.cloth.mesh import ClothMesh, build_mesh
 from fit.cloth.quads import is_inside, quadrilaterals
 from fit.cloth.simulator import Simulator
+from fit.cloth.support import Clamp, clamps
 from fit.effects import find_effects
 from fit.engines.plain_grid import plain_grid
 from fit.errors import FitError
@@ -139,6 +140,48 @@ def test_a_hole_changes_the_swing_and_a_thread_direction_the_stretch():
     plain = -bottom - 0.45
     # 60 / (1 / (1/120 + 1/40)) = 2 where the sides are free to draw in; the held edge does not let them.
     assert 1.5 < (-on_bias - 0.45) / plain < 2.05
+
+
+def test_threads_that_cross_the_elements_have_at_their_own_samples_only_what_shear_has():
+    """60 N/m beside a shear of 10 N/m: 10 at the fibres' samples, 50 at those of shear; of 5 N/m all at their own."""
+    rows = np.concatenate([material(sheet(), stretch_stiffness=k, shear_stiffness=10.0) for k in (60.0, 5.0)])
+    none = np.zeros((2, 0))
+    for garment, expected in (
+        (GARMENTS["bias"], [[10, 10, 50, 50], [5, 5, 0, 0]]),
+        (sheet(), [[60, 60, 0, 0], [5, 5, 0, 0]]),
+    ):
+        recording = prepare(take_of(garment, np.arange(20) / 30, np.zeros((20, 3))))
+        assert Simulator(recording).kernel_rows(rows, none)[:, [0, 1, -2, -1]].tolist() == expected
+
+
+def test_even_strain_pulls_alike_wherever_it_is_sampled(monkeypatch):
+    """All nodes held and drawn apart evenly: forces with stiffening, damping and viscosity, one candidate without."""
+
+    def drawn(instants):
+        return np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]) + np.outer(
+            instants, [0.0, 0.0, 0.0, 0.3, 0.0, 0.1, 0.0, 0.0, 0.2]
+        )
+
+    switched_on = {"membrane_damping_time": 2e-3, "stiffening": 8.0, "viscosity_time": 0.1, "stretch_ratio": 0.4}
+    rows = np.concatenate(
+        [
+            material(sheet(), stretch_stiffness=60.0, shear_stiffness=10.0, bending_stiffness=1e-9, **changes)
+            for changes in ({}, switched_on)
+        ]
+    )
+
+    def forces():
+        recording = prepare(take_of(GARMENTS["bias"], np.arange(0, 0.2, 0.01), np.zeros((20, 3))))
+        everywhere = Clamp(lambda places: np.full(len(places), True), drawn)
+        support = clamps(everywhere, start=drawn(np.zeros(1))[0], gravity=0.0)
+        return Simulator(recording, support=support).run(rows, shapes=True).forces
+
+    crossed = forces()
+    monkeypatch.setattr(ClothMesh, "is_crossed", False)
+    plain = forces()
+    assert np.abs(crossed[0] - crossed[1]).max() > 0.1 * np.abs(crossed).max()  # what is switched on counts
+    # Rates are differences between steps, of strains in single precision.
+    assert crossed == pytest.approx(plain, abs=1e-3 * float(np.abs(plain).max()))
 
 
 def test_holes_that_touch_the_outline_cannot_be_meshed():

@@ -1,4 +1,4 @@
-"""The cloth against closed forms, as `benchmarks/validation.py` prints them: at 50 mm, or 33 mm where those miss."""
+"""The cloth against closed forms, as `benchmarks/validation.py` prints them: at 50 mm, or 33 mm where that misses."""
 
 from __future__ import annotations
 
@@ -42,13 +42,16 @@ def test_peirces_formula_is_two_percent_above_the_elastica():
 def test_a_sample_cut_on_the_bias_is_pulled_as_a_net_of_threads_says():
     """Threads 200 times as stiff as the shear: softer than a net of inextensible ones by about sqrt(1 / 200) = 7 %.
 
-    2000 times: that is 2 %, and elements of 0.15 m, crossed slantwise, add 7 % (5 % in all; 2 % in all at 33 mm).
+    2000 times: by about 2 %. Elements of 0.3 m, six along the sample, which they cross slantwise, do not lock: they are
+    softer by 2 % more, where they were harder by 17 % as long as threads had twelve samples to an element.
     """
     soft = bias_extension_error(Resolution(spacing=0.05), 200.0)
-    assert -0.09 < soft < -0.02
+    assert soft == pytest.approx(
+        -0.088, abs=0.005
+    )  # a static solution in double precision on 24 elements of its length: -8.8 %
     coarse, fine = (bias_extension_error(Resolution(spacing=s), 2000.0) for s in (0.1, 0.05))
-    assert 0 < fine < 0.07
-    assert fine < coarse / 2.5
+    assert -0.05 < fine < -0.02
+    assert abs(coarse - fine) < 0.03
 
 
 def test_energy_is_lost_as_fast_as_damping_says():
@@ -57,7 +60,7 @@ def test_energy_is_lost_as_fast_as_damping_says():
     assert lost == pytest.approx(np.expm1(-0.5), rel=0.02)
 
 
-NEEDS_FINER = ("force of a bias extension", "swung swatch, mesh doubled and step halved")  # than 50 mm
+NEEDS_FINER = ("swung swatch, mesh doubled and step halved",)  # than 50 mm
 
 
 @pytest.mark.parametrize("name", [case.name for case in CASES])

@@ -147,6 +147,13 @@ def spread(values: list[float]) -> float:
     return 100 * (max(values) / min(values) - 1)
 
 
+def linear(costs: list[float]) -> str:
+    """Return as text how far costs are from one line through nothing, and from each other."""
+    apart = spread(costs)
+    about = 100 * (np.sqrt(1 + apart / 100) - 1)
+    return f"within {about:.0f} % of one line; largest over smallest {apart:.0f} %"
+
+
 def main() -> None:
     """Print the three tables."""
     os.environ["HANGTIME_THREADS"] = "1"
@@ -154,11 +161,11 @@ def main() -> None:
     sizes = by_size()
     for vertices, step, per_step, per_second in sizes:
         print(f"{vertices:8d} {1e6 * step:5.0f} us {1e9 * per_step:16.2f} ns {1e6 * per_second:22.1f} us")
-    print(f"per step within {spread([s[2] for s in sizes]):.0f} %")
+    print(f"per step {linear([s[2] for s in sizes])}")
     lengths = by_seconds()
     for seconds, cost in lengths:
         print(f"{seconds:4.1f} s simulated: {1e3 * cost:6.1f} ms for each second")
-    print(f"per second within {spread([cost for _, cost in lengths]):.0f} %")
+    print(f"per second {linear([cost for _, cost in lengths])}")
     for elements, (vertices, *_) in list(zip(ELEMENTS, sizes, strict=True))[:2]:
         before = os.getloadavg()[0]
         ratios, most = by_cores(elements, 11)

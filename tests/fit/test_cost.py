@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from benchmarks import speed
-from benchmarks.cost import least, runner, spread
+from benchmarks.cost import least, linear, runner, spread
 
 
 def test_a_run_of_two_elements_a_side_has_49_vertices_and_costs_what_its_steps_cost():
@@ -19,6 +19,7 @@ def test_a_run_of_two_elements_a_side_has_49_vertices_and_costs_what_its_steps_c
 
 def test_spread_is_the_largest_over_the_smallest():
     assert spread([2.0, 2.5, 2.2]) == pytest.approx(25.0)
+    assert linear([2.0, 2.5, 2.2]) == "within 12 % of one line; largest over smallest 25 %"
 
 
 def test_one_candidate_each_of_three_takes_costs_hardly_more_than_one(capsys):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
@@ -82,6 +83,20 @@ def test_a_pulled_descent_before_the_free_one_ends_in_the_same_damping(swung):
     assert found.vector[4] == pytest.approx(3.0, rel=0.05)
 
 
+@pytest.fixture(scope="module")
+def uninterrupted(swung):
+    """What a request ends with, and the steps it tells of on the way, by the search's name; run once each."""
+
+    @functools.cache
+    def run(name):
+        request = request_of(KINECT_SKIRT, [], iterations=1, seed=3, spacing=0.1, search=name)
+        steps = []
+        whole = calibrate([swung], [], request, progress=lambda done, total, best: steps.append((done, total)))
+        return request, whole, steps
+
+    return run
+
+
 @pytest.mark.parametrize(
     ("name", "stop"),
     [
@@ -93,15 +108,13 @@ def test_a_pulled_descent_before_the_free_one_ends_in_the_same_damping(swung):
         ("short-windows", 2),
     ],
 )
-def test_interrupted_least_squares_go_on_at_the_last_step_that_was_done(swung, tmp_path, name, stop):
+def test_interrupted_least_squares_go_on_at_the_last_step_that_was_done(swung, uninterrupted, tmp_path, name, stop):
     """16 looks and 32 times two make 33 steps, then there are descents, and looks across valleys after the 34th.
 
     These six parameters cannot follow the take to its noise: by the 60th step one looks for the second time. The step
     after the last but one goes on from the best end.
     """
-    request = request_of(KINECT_SKIRT, [], iterations=1, seed=3, spacing=0.1, search=name)
-    steps = []
-    whole = calibrate([swung], [], request, progress=lambda done, total, best: steps.append((done, total)))
+    request, whole, steps = uninterrupted(name)
     assert len(steps) > stop
     stop %= len(steps)
     file = tmp_path / "search.json"

@@ -215,7 +215,7 @@ def print_parameters(cases: list[Case], runs: dict[str, list[Run]]) -> None:
 
 
 def knowable(can: NDArray[np.bool_], right: NDArray[np.bool_], ideal: Floats) -> str:
-    """Return as text how many parameters could be known, how many were found, and how many noise alone would leave."""
+    """Return as text how many parameters could be known, found, and would be if noise were all."""
     return (
         f"could be known to 5 %: {can.sum()}, of these found: {right[can].sum()}, by noise alone {ideal[can].sum():.1f}"
     )

@@ -71,14 +71,9 @@ def noisier(recording: Recording, rng: np.random.Generator) -> Recording:
 
 def neighbour_noise(observer: Observer, residual: Floats) -> float:
     """Root mean square distance [mm] of noise that is independent from point to point; 0 where points are too few."""
-    layout = observer.layout
-    metres = layout.metres(residual)
-    take, frame, point, axis = (layout.moving(a) for a in (layout.take, layout.frame, layout.point, layout.axis))
+    grids = observer.by_place(observer.layout.metres(residual))
     squares = []
-    for number, recording in enumerate(observer.recordings):
-        mine = take == number
-        grid = np.full((len(recording.time), len(recording.garment.points), 3), np.nan)
-        grid[frame[mine], point[mine], axis[mine]] = metres[mine]
+    for recording, grid in zip(observer.recordings, grids, strict=True):
         judged = np.flatnonzero(recording.judged)
         mixing = opposite_neighbours(np.array([recording.garment.points[k].at_m for k in judged]))
         has_neighbours = np.diag(mixing) == 0.0

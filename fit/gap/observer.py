@@ -164,6 +164,19 @@ class Observer:
         is_sound = np.all([np.isfinite(p).reshape(len(p), -1).all(1) for p in points], axis=0)
         return np.where(is_sound[:, None], self.residuals_of(points), np.nan)
 
+    def by_place(self, values: Floats) -> list[Floats]:
+        """Return per take what belongs to numbers that are judged, (judged,), as (frames, points, 3), nan elsewhere."""
+        take, frame, point, axis = (
+            self.layout.moving(a) for a in (self.layout.take, self.layout.frame, self.layout.point, self.layout.axis)
+        )
+        grids = []
+        for number, recording in enumerate(self.recordings):
+            mine = take == number
+            grid = np.full(recording.points.shape, np.nan)
+            grid[frame[mine], point[mine], axis[mine]] = values[mine]
+            grids.append(grid)
+        return grids
+
     def edge_errors(self, residual: Floats) -> EdgeErrors:
         """What a model leaves at the held edges, of a whitened residual, (numbers,)."""
         layout = self.layout

@@ -14,26 +14,25 @@ Source: C. J. Geyer, "Practical Markov chain Monte Carlo", Statistical Science 7
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
-def independent(residuals: Floats, take: Integers, series: Integers, frame: Integers) -> float:
-    """Return how many of residuals, (numbers,), are independent: N, summed over the takes.
+def independent(takes: Sequence[Floats]) -> float:
+    """Return how many of residuals are independent: N, summed over the takes.
 
-    take, series, frame, (numbers,): of each number its take, which point and axis, and its frame in the take
+    takes: of each (frames, ...), nan where nothing is seen
     """
     count = 0.0
-    for one in np.unique(take):
-        of_take = take == one
-        _, row = np.unique(series[of_take], return_inverse=True)
-        column = frame[of_take] - frame[of_take].min()
-        rows = np.full((int(row.max()) + 1, int(column.max()) + 1), np.nan)
-        rows[row, column] = residuals[of_take]
-        count += of_take.sum() / correlation_time(rows)
+    for take in takes:
+        rows = take.reshape(len(take), -1).T
+        seen = np.flatnonzero(np.isfinite(rows).any(0))
+        if len(seen):
+            count += np.isfinite(rows).sum() / correlation_time(rows[:, seen[0] : seen[-1] + 1])
     return count
 
 

@@ -70,7 +70,7 @@ def block_intervals(
 
     residuals, (m,), in units of their deviation; jacobian, (m, p): d residual / d u, u from 0 to 1 between the bounds;
     block, (m,): to which half second each number belongs; between, (p, p): covariance that comes on top, in squared
-    shares of the box; spread, (p,): deviations in shares of the box, known in another way, below which none is told.
+    shares of the box; spread, (p,): deviations in shares of the box, known in another way, that theirs are at least.
 
     Raises:
         FitError: fewer than three blocks.

@@ -113,11 +113,11 @@ class Run:
         self.prior = Prior(mean=start, precision=np.diag((PRIOR_SD * search.space.scale) ** -2))
         self.unit = search.space.to_unit(start)
         self.units = np.zeros((0, len(start)))  # that were looked at
-        self.trial, self.first = 0, 0  # which this is, and the first place that it looked at
+        self.first = 0  # place that this trial looked at
         self.residuals: Floats | None = None
         self.costs = np.zeros(0)
         self.best: tuple[float, float] = (np.inf, np.inf)  # least cost, and D there
-        self.least: list[float] = []  # cost that each trial ended at
+        self.least: list[float] = []  # cost that each trial has ended at
         self.distances: list[float] = []  # since the last step
         self.before = search.free.simulations
 
@@ -125,13 +125,14 @@ class Run:
         """Look and go down, again if it is worth it, then as far as it goes; return that end with its intervals."""
         ends = self._try()
         while len(self.least) < self.settings.trials and not is_settled(self.least, self._noise()):
-            self.trial, self.first = self.trial + 1, len(self.units)
+            self.first = len(self.units)
             ends += self._try()
         end, best = min(ends, key=lambda pair: pair[0].cost)
-        if self.settings.looks:
-            end, best = self._descend(self.settings.pulls[-1], end.vector, FINE)
+        manner = FINE if self.settings.looks else COARSE
+        if manner is FINE:
+            end, best = self._descend(self.settings.pulls[-1], end.vector, manner)
             ends.append((end, best))
-        best = best or self._again(end, FINE if self.settings.looks else COARSE)
+        best = best or self._again(end, manner)
         return Observed(
             vector=best.parameters, intervals=self._intervals(best, [one for one, _ in ends]),
             ends=[(one.cost, one.vector) for one, _ in ends], simulations=self._simulations(), path=self.path,
@@ -150,7 +151,7 @@ class Run:
         for number, place in enumerate(self._starts()):
             for pull in self.settings.pulls:
                 descent, found = self._descend(pull, place)
-                if not (number or self.trial) and not np.isfinite(descent.cost):
+                if not (number or self.least) and not np.isfinite(descent.cost):
                     raise self._blown_up()
                 place = descent.vector
                 if not np.isfinite(descent.cost):
@@ -224,7 +225,7 @@ class Run:
         return [end for end in ends if np.isfinite(end[0].cost)]
 
     def _next_units(self) -> Floats:
-        seed = self.settings.seed + self.trial * NEXT_SEED
+        seed = self.settings.seed + len(self.least) * NEXT_SEED
         if self.residuals is None:
             return looking.scatter(self.unit, seed)
         if len(self.units) == self.first:
@@ -308,7 +309,7 @@ class Run:
 
     def _intervals(self, best: LeastSquaresResult, ends: list[Step]) -> Intervals:
         """Return intervals in the best valley, as far at least as what else would fit."""
-        space, layout = self.search.space, self.search.free.layout
+        space, observer = self.search.space, self.search.free
         unit = space.to_unit(best.parameters)
         between, spread = np.zeros((len(unit), len(unit))), np.zeros(len(unit))
         is_sound = np.isfinite(self.costs)
@@ -320,18 +321,15 @@ class Run:
             def cost(units: Floats) -> Floats:
                 return emulator.costs(units, 1.0)[0] + looking.prior_cost(units, self.unit)
 
-            take, frame, point, axis = (
-                layout.moving(which) for which in (layout.take, layout.frame, layout.point, layout.axis)
-            )
-            pieces = independent(best.residuals[layout.is_judged], take, 3 * point + axis, frame)
+            pieces = independent(observer.by_place(best.residuals[observer.layout.is_judged]))
             apart = draw(cost, places, pieces, self.settings.seed) - unit
             spread = np.sqrt((apart**2).mean(0))
         else:
-            duration = sum(recording.duration for recording in self.search.free.recordings)
+            duration = sum(recording.duration for recording in observer.recordings)
             apart = np.stack([space.to_unit(end.vector) for end in ends]) - unit
             weights = (np.array([end.cost for end in ends]) / best.cost) ** (-0.5 * duration / RIPPLE_TIME)
             between = (weights[:, None] * apart).T @ apart / weights.sum()
         return block_intervals(
-            space, best.parameters, best.residuals, best.jacobian * space.scale, layout.block,
+            space, best.parameters, best.residuals, best.jacobian * space.scale, observer.layout.block,
             between=between, spread=spread,
         )  # fmt: skip

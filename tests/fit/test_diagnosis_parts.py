@@ -223,6 +223,23 @@ def test_slow_noise_of_single_points_is_seen_between_neighbours():
     assert neighbour_noise(observer, residual) == pytest.approx(3.46, rel=0.2)
 
 
+def test_residuals_are_put_back_to_the_frames_points_and_axes_that_they_are_of():
+    """Of two takes of other lengths, with a point that is not seen for a while: what is left of every judged point."""
+    takes = [a_take(seconds=5.0), a_take(noise=0.0, seconds=4.0)]
+    takes[1].points[20:40, 12] = np.nan
+    observer = Observer([prepare(take) for take in takes], SI, (), frequency=0.0, resolution=COARSE)
+    vector = truth_vector()[None]
+    residual = observer.residuals(vector, observer.off[None])[0]
+    simulated = observer.trajectories(vector, observer.off[None])
+    grids = observer.by_place(observer.layout.metres(residual))
+    for recording, points, grid in zip(observer.recordings, simulated, grids, strict=True):
+        is_there = np.isfinite(grid)
+        assert is_there[:, recording.judged].mean() > 0.9
+        assert not is_there[:, ~recording.judged].any()
+        assert grid[is_there] == pytest.approx((recording.points - points[0])[is_there], abs=1e-9)
+    assert not np.isfinite(grids[1][20:40, 12]).any()
+
+
 def test_places_are_within_bounds_and_the_initial_parameters_come_first():
     places = scattered(Observer([prepare(a_take())], SI, (), frequency=0.0, resolution=COARSE), 0)
     assert ((places >= SI.minimum) & (places <= SI.maximum)).all()

@@ -41,11 +41,8 @@ def test_frames_that_are_not_seen_change_nothing_but_the_spread():
 
 
 def test_each_take_counts_by_its_own_time():
-    """Two takes in any order of their numbers: 15 series each, one white, one with a time of nine frames."""
+    """15 series each, as five points' axes: one take is white, one has a time of nine frames and begins unseen."""
     rows = [np.random.default_rng(3).normal(size=(15, 1000)), autoregression(0.8, (15, 1000))]
-    series, frame = (a.ravel() for a in np.indices(rows[0].shape))
-    numbers = np.concatenate([r.ravel() for r in rows])
-    take = np.repeat([0, 1], rows[0].size)
-    mixed = np.random.default_rng(4).permutation(len(numbers))
-    found = independent(numbers[mixed], take[mixed], np.tile(series, 2)[mixed], np.tile(frame + 7, 2)[mixed])
+    white, slow = (np.moveaxis(r.reshape(5, 3, 1000), -1, 0) for r in rows)
+    found = independent([white, np.concatenate([np.full((7, 5, 3), np.nan), slow])])
     assert found == pytest.approx(15_000 + 15_000 / 9, rel=0.05)

@@ -92,7 +92,7 @@ def main(arguments: list[str] | None = None) -> list[FitResult]:
             told = "; ".join(
                 f"{c.name} {c.fitted:.3g}{'' if c.is_identified else ' (untold)'}" for c in found.combinations
             )
-            print(f"{'':16} {told}", flush=True)
+            print(f"{'':16} {found.simulations} simulations; {told}", flush=True)
     return results
 
 

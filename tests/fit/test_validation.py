@@ -46,9 +46,7 @@ def test_a_sample_cut_on_the_bias_is_pulled_as_a_net_of_threads_says():
     softer by 2 % more, where they were harder by 17 % as long as threads had twelve samples to an element.
     """
     soft = bias_extension_error(Resolution(spacing=0.05), 200.0)
-    assert soft == pytest.approx(
-        -0.088, abs=0.005
-    )  # a static solution in double precision on 24 elements of its length: -8.8 %
+    assert -0.09 < soft < -0.083
     coarse, fine = (bias_extension_error(Resolution(spacing=s), 2000.0) for s in (0.1, 0.05))
     assert -0.05 < fine < -0.02
     assert abs(coarse - fine) < 0.03

@@ -237,3 +237,17 @@ def test_intervals_of_a_search_that_stopped_short_reach_as_far_as_the_least_squa
     noise -= noise.mean()
     found = block_intervals(line, np.array([0.5]), noise - 20.0, np.full((60, 1), 100.0), np.repeat(np.arange(12), 5))
     assert found.ends[0, 1] > 0.7 > 0.5 > found.ends[0, 0]
+
+
+def test_deviations_known_in_another_way_widen_an_interval_and_never_add_to_it():
+    """Two parameters told alike: of the first twice as much is known in another way, of the second half as much."""
+    line = BoundedSpace(minimum=np.zeros(2), maximum=np.ones(2), is_log=np.zeros(2, bool))
+    random = np.random.default_rng(3)
+    noise, jacobian, block = random.normal(size=60), 50 * random.normal(size=(60, 2)), np.repeat(np.arange(12), 5)
+    middle = np.array([0.5, 0.5])
+    alone = block_intervals(line, middle, noise, jacobian, block)
+    own = np.sqrt(np.diag(alone.covariance))
+    wider = block_intervals(line, middle, noise, jacobian, block, spread=own * [2.0, 0.5])
+    assert np.sqrt(np.diag(wider.covariance)) == pytest.approx(own * [2.0, 1.0])
+    assert wider.ends[1] == pytest.approx(alone.ends[1])
+    assert np.ptp(wider.ends[0]) > 1.3 * np.ptp(alone.ends[0])

@@ -113,6 +113,7 @@ def fit_command(
     from fit.parameterisations import find_method
     from fit.reporting import write_fit_report
     from fit.request import request_of
+    from fit.search.choice import OBSERVED
     from formats.results import save_fit_result
 
     chosen = find_method(method)
@@ -130,7 +131,8 @@ def fit_command(
 
     def show(done: int, total: int, best: float) -> None:
         error = f"mean error {1e3 * best:.1f} mm" if chosen.is_in_metres else f"error E/N {best:.3f}"
-        progress.show(done / total, f"{done}/{total}, {error}")
+        count = f"step {done} of at most {total}" if search in OBSERVED else f"{done}/{total}"
+        progress.show(done / total, f"{count}, {error}")
 
     try:
         with alone(out, "fit"):

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
-COST = {4: 1.0, 8: 1.07, 16: 1.4}  # of a group by its lanes: processors add up to eight numbers as fast as one
+COST = {1: 1.0, 8: 1.15, 16: 1.5}  # of a group by its lanes: processors add eight numbers about as fast as one
 TASKS = 8  # per processor and call: a call cannot be interrupted
 MOST_NUMBERS = 2**28  # single numbers in a call, 1 GB: calls are shorter and lanes fewer than that, where they can be
 FRAME_COPIES, HANDLE_COPIES = 2, 3  # of what comes back; of handles, in double precision first

@@ -170,18 +170,26 @@ def test_a_narrow_box_tells_nothing_that_the_points_do_not():
 
 
 @pytest.mark.parametrize(
-    ("search", "is_there", "sentence"),
+    ("search", "shown"),
     [
-        ("least-squares", False, "Interrupted; nothing is kept."),
-        ("least-squares", True, "the search is kept in out/fit.partial.json. The same command goes on."),
-        ("annealing", False, "Interrupted; nothing is kept."),
-        ("annealing", True, "the search is kept in out/fit.partial.json. The same command goes on."),
+        ("least-squares", "least-squares: 10 %, step 13 of at most 130, mean error 9.0 mm"),
+        ("annealing", "annealing: 10 %, 13/130, mean error 9.0 mm"),
+    ],
+)
+@pytest.mark.parametrize(
+    ("is_there", "sentence"),
+    [
+        (False, "Interrupted; nothing is kept."),
+        (True, "the search is kept in out/fit.partial.json. The same command goes on."),
     ],
 )
 def test_what_is_promised_after_an_interruption_is_there(
-    monkeypatch, tmp_path, capsys, search, is_there, sentence
+    monkeypatch, tmp_path, capsys, search, shown, is_there, sentence
 ):  # fmt: skip
+    """And so is what was shown before it."""
+
     def interrupt(*words, **options):
+        options["progress"](13, 130, 0.009)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(calibration, "calibrate", interrupt)
@@ -192,7 +200,8 @@ def test_what_is_promised_after_an_interruption_is_there(
         (tmp_path / "out/fit.partial.json").write_text("{}")
     with pytest.raises(typer.Exit):
         fit_command([take], search=search, out=tmp_path.relative_to(tmp_path) / "out")
-    assert sentence in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert shown in told and sentence in told
     assert (tmp_path / "out/fit.partial.json").exists() == is_there
 
 

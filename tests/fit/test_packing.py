@@ -26,7 +26,7 @@ def test_results_do_not_depend_on_company_lanes_or_threads():
     assert np.array_equal(together[4], alone[0])
 
 
-@pytest.mark.parametrize("effect", ["hem", "air_drag", "bending_hysteresis", "stretch_viscosity"])
+@pytest.mark.parametrize("effect", ["hem", "air_drag", "bending_hysteresis", "stretch_viscosity", "self_contact"])
 def test_kernels_of_all_widths_round_alike(effect, monkeypatch):
     """Sixteen candidates at most go side by side, in vectors of every width that this processor is trusted with."""
     garment, time = sheet(grid=5), np.arange(0, 3, 1 / 30)
@@ -97,14 +97,14 @@ def test_candidates_of_several_recordings_share_the_lanes_of_a_task():
 
 
 def test_calls_are_cut_and_lanes_are_fewer_where_memory_would_run_short(monkeypatch):
-    """Five tasks of eight candidates in one call, in three of two, one for each processor, or ten of four lanes."""
+    """Five tasks of eight candidates in one call, in three of two, one for each processor, or in forty of one lane."""
     garment, time = sheet(), np.arange(30) / 30
     simulator = Simulator(prepare(take_of(garment, time, np.zeros((30, 3)), hung(garment, time))))
     groups = simulator.groups(np.repeat(material(garment), 40, axis=0), None, shapes=False)[1]
 
     def planned(most, is_pulled=True):
         monkeypatch.setattr(packing, "MOST_NUMBERS", most)
-        lanes, calls = packing.plan(groups, 2, (4, 8), is_pulled=is_pulled)
+        lanes, calls = packing.plan(groups, 2, (1, 8), is_pulled=is_pulled)
         return lanes, [len(tasks) for tasks in calls]
 
     pulled = packing.pack(groups, 8)[0].numbers(is_pulled=True)
@@ -112,6 +112,6 @@ def test_calls_are_cut_and_lanes_are_fewer_where_memory_would_run_short(monkeypa
     assert pulled > free > 0
     assert planned(5 * 8 * pulled * 2) == (8, [5])
     assert planned(2 * 8 * pulled) == (8, [2, 2, 1])
-    assert planned(8 * pulled) == (4, [2, 2, 2, 2, 2])
-    assert planned(1) == (4, [2, 2, 2, 2, 2])
+    assert planned(8 * pulled) == (1, [8, 8, 8, 8, 8])
+    assert planned(1) == (1, [2] * 20)
     assert planned(4 * 8 * free, is_pulled=False) == (8, [4, 1])

@@ -4,9 +4,11 @@ Without arguments: the four synthetic swatches, mesh 21 mm. With takes recorded 
 (each NAME.mcap beside its NAME.truth.npz): these, mesh 50 mm, and how far the tracked points are from the true ones.
 The other cloth's diagonals pull too when it is stretched, so its membrane stiffness counts with its shear stiffness
 added. With --causes: where these fabrics' distances come from, each by two motions that differ in one thing alone; mean
-distance of the markers below the top row over the whole take, and over its first half second.
-With --air-drag the swatches are swung in air, and our cloth is told that too.
-Run: python benchmarks/true_parameters.py [--air-drag 1.2] [--causes FABRIC ...] [TAKE.mcap ...]
+distance of the markers below the top row over the whole take, and over its first half second. With --near: how far
+cloths are whose parameters are the true ones but for one that is a third smaller or half larger, and the markers of
+their top row alone, which hangs slack between the two held corners.
+With --air-drag the swatches are swung in air, as given takes were, and our cloth is told that too.
+Run: python benchmarks/true_parameters.py [--air-drag 1.2] [--causes FABRIC ...] [--near FABRIC ...] [TAKE.mcap ...]
 """
 
 from __future__ import annotations
@@ -49,6 +51,8 @@ from formats.take import Take
 Floats = NDArray[np.float64]
 
 TIME = np.arange(FRAMES) / FPS
+VARIED = ("stretch_stiffness", "shear_stiffness", "bending_stiffness", "velocity_damping")
+FACTORS = (2 / 3, 3 / 2)
 
 
 def true_material(take: Take, physics: ClothPhysics) -> mat.Material:
@@ -65,10 +69,45 @@ def true_material(take: Take, physics: ClothPhysics) -> mat.Material:
 
 def distance_at_truth(take: Take, physics: ClothPhysics, spacing: float, air_drag: float = 0.0) -> tuple[float, float]:
     """Return mean and maximum over the frames of the mean distance of the points [m]."""
-    recording, row = prepare(take), mat.as_rows([true_material(take, physics)])
-    simulator = Simulator(recording, find_effects(["air_drag"]), resolution=Resolution(spacing=spacing))
-    points = simulator.run(row, np.array([[air_drag]])).points[0]
-    return mean_and_maximum(objective.per_frame(recording.points, points))
+    points = simulated(take, [true_material(take, physics)], spacing, air_drag)[0]
+    return mean_and_maximum(objective.per_frame(prepare(take).points, points))
+
+
+def simulated(take: Take, materials: Sequence[mat.Material], spacing: float, air_drag: float) -> Floats:
+    """Return what our cloth's points do [m], (materials, frames, points, 3)."""
+    simulator = Simulator(prepare(take), find_effects(["air_drag"]), resolution=Resolution(spacing=spacing))
+    return simulator.run(mat.as_rows(materials), np.full((len(materials), 1), air_drag)).points
+
+
+def synthetic_take(folder: Path, fabric: str, motion: str, air_drag: float) -> Take:
+    """Return the take of a synthetic swatch."""
+    csv, _, garment = make_swatch_take(folder, fabric=fabric, motion=motion, air_drag=air_drag)
+    return import_marker_take(csv, load_garment(garment))
+
+
+def near(take: Take, physics: ClothPhysics, air_drag: float) -> dict[str, tuple[float, float]]:
+    """Return mean distances [m], of all markers and of the top row's, by what of the true parameters is changed."""
+    true = true_material(take, physics)
+    changed = {"true": true} | {
+        f"{name} x {factor:.2f}": dataclasses.replace(true, **{name: factor * getattr(true, name)})
+        for name in VARIED
+        for factor in FACTORS
+    }
+    seen = prepare(take).points
+    apart = np.linalg.norm(simulated(take, list(changed.values()), SPACING, air_drag) - seen, axis=3)
+    return {
+        name: (float(np.nanmean(one)), float(np.nanmean(one[:, :MARKERS])))
+        for name, one in zip(changed, apart, strict=True)
+    }
+
+
+def print_near(folder: Path, fabrics: Sequence[str], air_drag: float) -> None:
+    """Print these distances of every motion of some fabrics."""
+    for fabric in fabrics:
+        for motion in MOTIONS:
+            take = synthetic_take(folder, fabric, motion, air_drag)
+            for name, (whole, top) in near(take, FABRICS[fabric].physics, air_drag).items():
+                print(f"{take.take_id:28} {name:28} {1e3 * whole:6.1f} mm, top row {1e3 * top:6.1f}", flush=True)
 
 
 def swatch_take(folder: Path, fabric: str, nodes: Floats, seed: int = 1) -> Take:
@@ -127,8 +166,10 @@ def mean_and_maximum(by_frame: NDArray[np.float64]) -> tuple[float, float]:
     return float(np.nanmean(by_frame)), float(np.nanmax(by_frame))
 
 
-def main(takes: Sequence[str], causes_of: Sequence[str] = (), air_drag: float = 0.0) -> None:
-    """Print a line a take, in millimetres, or the causes."""
+def main(
+    takes: Sequence[str], causes_of: Sequence[str] = (), air_drag: float = 0.0, near_to: Sequence[str] = ()
+) -> None:
+    """Print a line a take, in millimetres, or the causes, or what cloths nearby do."""
     for name in map(Path, takes):
         take = read_take(name)
         with np.load(name.with_suffix(".truth.npz")) as truth:
@@ -136,17 +177,18 @@ def main(takes: Sequence[str], causes_of: Sequence[str] = (), air_drag: float = 
             there = np.stack([np.interp(take.time, truth["time"], column) for column in path.T], 1)
         seen = np.where(take.points_valid[..., None], take.points, np.nan)
         tracked = mean_and_maximum(objective.per_frame(seen, there.reshape(seen.shape)))
-        found = distance_at_truth(take, PHYSICS.get(take.garment.kind, ClothPhysics()), 0.05)
+        found = distance_at_truth(take, PHYSICS.get(take.garment.kind, ClothPhysics()), 0.05, air_drag)
         print(
             f"{name.name:28} {1e3 * found[0]:6.1f} mm, maximum {1e3 * found[1]:6.1f}; tracking {1e3 * tracked[0]:.1f}"
         )
     with tempfile.TemporaryDirectory() as folder:
         if causes_of:
             print_causes(Path(folder), causes_of)
-        for fabric in FABRICS if not (takes or causes_of) else ():
+        if near_to:
+            print_near(Path(folder), near_to, air_drag)
+        for fabric in FABRICS if not (takes or causes_of or near_to) else ():
             for motion in MOTIONS:
-                csv, _, garment = make_swatch_take(Path(folder), fabric=fabric, motion=motion, air_drag=air_drag)
-                take = import_marker_take(csv, load_garment(garment))
+                take = synthetic_take(Path(folder), fabric, motion, air_drag)
                 found = distance_at_truth(take, FABRICS[fabric].physics, SPACING, air_drag)
                 print(f"{take.take_id:28} {1e3 * found[0]:6.1f} mm, maximum {1e3 * found[1]:6.1f}", flush=True)
 
@@ -157,6 +199,9 @@ if __name__ == "__main__":
     parser.add_argument(
         "--causes", nargs="+", choices=FABRICS, default=[], metavar="FABRIC", help="where theirs come from"
     )
-    parser.add_argument("--air-drag", type=float, default=0.0, help="drag coefficient of the synthetic swatches' air")
+    parser.add_argument(
+        "--near", nargs="+", choices=FABRICS, default=[], metavar="FABRIC", help="what cloths do that are nearly true"
+    )
+    parser.add_argument("--air-drag", type=float, default=0.0, help="drag coefficient of the recordings' air")
     chosen = parser.parse_args()
-    main(chosen.takes, chosen.causes, chosen.air_drag)
+    main(chosen.takes, chosen.causes, chosen.air_drag, chosen.near)

@@ -31,8 +31,9 @@ from fit.recording import Recording
 
 Floats = NDArray[np.float64]
 
-# Frames a second that Blender simulates; the recording's instants are interpolated. Measured with 5.0.1: its cloth
-# advances by 1/30 s a frame whatever the scene's frame rate is (24 to 60 tried), so no other rate keeps time.
+# Frames a second that Blender simulates; the recording's instants are interpolated. Measured with 5.0.1, and so tested
+# with 5.2.3: its cloth advances by 1/30 s a frame whatever the scene's frame rate is (24 to 60 tried), so no other rate
+# keeps time.
 FPS = 30
 LEAD, SETTLE = 0.5, 1.5  # s to reach the first held ends, and to come to rest
 SHEAR_SHARE = 0.1

@@ -201,7 +201,8 @@ def test_what_is_promised_after_an_interruption_is_there(
     with pytest.raises(typer.Exit):
         fit_command([take], search=search, out=tmp_path.relative_to(tmp_path) / "out")
     told = capsys.readouterr().err
-    assert shown in told and sentence in told
+    assert shown in told
+    assert sentence in told
     assert (tmp_path / "out/fit.partial.json").exists() == is_there
 
 

@@ -8,7 +8,8 @@
        shear    t = (S + tau dS/dt) area G,  S = u.w;  t w to the samples across, t u to those down
        rates    dE/dt, dS/dt: differences between two steps, over the step
        bending  B (kappa + tau dkappa/dt), both from `ahead`: stencils at nodes and, mixed, the slopes across
-       step     v <- ((1 - c dt/2) v + dt (f/m + g)) / (1 + c dt/2);  x <- x + dt v
+       step     v <- ((1 - c dt/2) v + dt (f/m + g)) / (1 + c dt/2);  x <- x + dt v, without the kernel's compensation
+                for rounding, which -ffast-math would take out
 
    Fibres, shear and bends within elements go by lines of four nodes, from sums and differences of both ends, as in
    fit/cloth/lines.py. Sources of all these: there, fit/cloth/rollout.py, fit/cloth/forces.py. */
@@ -250,19 +251,21 @@ INLINE void kick_and_drift(const struct task *t, vec rate)
     }
 }
 
-/* Held nodes moved freely with the rest; put them where their handles are, with the speed that takes. */
-INLINE void hold(const struct task *t, int row)
+/* Held nodes moved freely with the rest; put them where their handles are, with the handles' speed. */
+INLINE void hold(const struct task *t, int row, int last_row)
 {
-    const float dt = t->time_step;
-    const vec *path = t->path + 3 * t->handles * row;
+    const float per_second = 1.0f / t->time_step;
+    const vec *path = t->path + 3 * t->handles * row, *last = t->path + 3 * t->handles * last_row;
     for (int h = 0; h < t->held_nodes; h++) {
         const float *shares = t->shares + t->handles * h;
         vec *x = t->x[t->held[h]], *v = t->v[t->held[h]], *ahead = t->ahead[t->held[h]];
         for (int c = 0; c < 3; c++) {
-            vec place = shares[0] * path[c];
-            for (int k = 1; k < t->handles; k++)
+            vec place = shares[0] * path[c], before = shares[0] * last[c];
+            for (int k = 1; k < t->handles; k++) {
                 place += shares[k] * path[3 * k + c];
-            v[c] = (place - (x[c] - dt * v[c])) * (1.0f / dt);
+                before += shares[k] * last[3 * k + c];
+            }
+            v[c] = (place - before) * per_second;
             x[c] = place;
             ahead[c] = place + t->material[7] * v[c];
         }
@@ -294,7 +297,7 @@ void rollout(const struct task *t)
                 rate = at_least(rate, t->settle_damping);
             resist(t, step > -t->settle_steps ? 1.0f / t->time_step : 0.0f);
             kick_and_drift(t, rate);
-            hold(t, step < 0 ? 0 : step + 1);
+            hold(t, step < 0 ? 0 : step + 1, step < 0 ? 0 : step);
         }
         see(t, frame);
     }

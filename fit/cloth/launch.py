@@ -57,7 +57,8 @@ def _call(tasks: list[Task], lanes: int, observer_hz: float) -> None:
     rows = [(g.candidates.materials[k], g.candidates.amplitudes[k]) for g, k in every]
     numbers = [g.simulator.kernel_rows(*r) for (g, _), r in zip(every, rows, strict=True)]
     masses = [first.masses(m, a) for pair in rows for m, a in zip(*pair, strict=True)]
-    state = [_in_lanes(start, lanes), *(_zeros((count, nodes, 3, lanes)) for _ in range(2))]
+    places = _in_lanes(start, lanes)
+    speeds, forces = (_zeros(places.shape) for _ in range(2))
     out = _zeros((count, frames, points, 3, lanes))
     whole = _zeros((count, frames if keeps else 1, nodes, 3, lanes))
     omega = 2 * np.pi * observer_hz
@@ -71,11 +72,12 @@ def _call(tasks: list[Task], lanes: int, observer_hz: float) -> None:
         is_crossed=mesh.is_crossed,
         with_bends=with_bends, with_added_mass=with_added, with_viscosity=is_viscous, with_contact=touches,
     )  # fmt: skip
-    x, v = _flat(state[0]), _flat(state[1])
-    ahead = v if with_bends else _flat(_in_lanes(start, lanes))
+    x, v = _zeros((2 * 3 * count * nodes, lanes)), _flat(speeds)  # behind the places, what rounding loses of them
+    x[: len(v)] = _flat(places)
+    ahead = v if with_bends else _flat(places)
     with runtime.vectors_kept():
         kernel(
-            x, v, ahead, _flat(state[2]), _zeros((count, points, 3, lanes)),
+            x, v, ahead, _flat(forces), _zeros((count, points, 3, lanes)),
             *first.membrane_arguments,
             *(_zeros((size * count * fibres, lanes)) for size in (3, 3, 1)),
             _zeros((count * shears * strains, lanes)), _zeros((3 * count * fibres, lanes)),
@@ -97,7 +99,7 @@ def _call(tasks: list[Task], lanes: int, observer_hz: float) -> None:
             np.array([t.dt for t in tasks], np.float32), support.settle_damping, omega**2, 2 * omega,
             out, whole,
         )  # fmt: skip
-    _hand_back(courses, _from_lanes(out), _from_lanes(whole), _from_lanes(state[2]), lanes)
+    _hand_back(courses, _from_lanes(out), _from_lanes(whole), _from_lanes(forces), lanes)
 
 
 def _contact(tasks: list[Task], amplitudes: Floats, nodes: int, lanes: int) -> list[Singles | Integers]:

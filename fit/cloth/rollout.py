@@ -5,6 +5,8 @@ section I.3), for node positions x [m] and velocities v [m/s]:
 
     v <- ((1 - c dt/2) v + dt (f/m + g + pull)) / (1 + c dt/2)        x <- x + dt v
 
+What rounding loses of x + dt v is kept, behind the places in x, and added to the next step's dt v (compensated
+summation; Hairer, Lubich & Wanner, section VIII.5): short steps far from the origin would else stand still.
 f is the sum of
     what the cloth resists with: membrane, St. Venant-Kirchhoff, orthotropic, no Poisson coupling (fit.cloth.forces);
                plate bending (fit.cloth.moments); damping of both
@@ -131,25 +133,29 @@ def make_rollout(
     def hold(
         home,
         row,
+        last_row,
+        lost,
         x: ti.template(),
         v: ti.template(),
         ahead: ti.template(),
         held: ti.template(),
         shares: ti.template(),
         path: ti.template(),
-        dt,
         per_second,
         bend_time,
     ):
-        """Put held nodes, which moved freely with the rest, where their handles are, with the speed that takes."""
+        """Put held nodes, which moved freely with the rest, where their handles are, with the handles' speed."""
         for h in range(held.shape[0]):
             i = within(home + held[h])
             for c in ti.static(range(3)):
                 place = shares[h, 0] * path[row, c]
                 for k in ti.static(range(1, handles)):
                     place = place + shares[h, k] * path[row, c + 3 * k]
-                speed = (place - (x[i + c] - dt * v[i + c])) * per_second
-                v[i + c], x[i + c] = speed, place
+                before = shares[h, 0] * path[last_row, c]
+                for k in ti.static(range(1, handles)):
+                    before = before + shares[h, k] * path[last_row, c + 3 * k]
+                speed = (place - before) * per_second
+                v[i + c], x[i + c], x[within(lost + i) + c] = speed, place, vec(0.0)
                 if ti.static(not with_bends):
                     ahead[i + c] = place + bend_time * speed
 
@@ -221,6 +227,7 @@ def make_rollout(
         shapes: lanes_4d,
     ):
         groups, nodes = time_step.shape[0], pull_points.shape[0]
+        lost = 3 * nodes * groups
         fibre_count, bend_count = fibre_area.shape[0], bend_centre.shape[0]
         for task in range(groups * TASK):
             if task % TASK == 0:
@@ -332,7 +339,10 @@ def make_rollout(
                                 a1 = a1 + push * (wp * pull[b, p, 1] + wq * pull[b, q, 1] + wr * pull[b, r, 1])
                                 a2 = a2 + push * (wp * pull[b, p, 2] + wq * pull[b, q, 2] + wr * pull[b, r, 2])
                             s0, s1, s2 = keep * v[j] + a0, keep * v[j + 1] + a1, keep * v[j + 2] + a2
-                            y0, y1, y2 = x[j] + dt * s0, x[j + 1] + dt * s1, x[j + 2] + dt * s2
+                            x0, x1, x2, n = x[j], x[j + 1], x[j + 2], within(lost + j)
+                            d0, d1, d2 = dt * s0 + x[n], dt * s1 + x[n + 1], dt * s2 + x[n + 2]
+                            y0, y1, y2 = x0 + d0, x1 + d1, x2 + d2
+                            x[n], x[n + 1], x[n + 2] = d0 - (y0 - x0), d1 - (y1 - x1), d2 - (y2 - x2)
                             v[j], v[j + 1], v[j + 2] = s0, s1, s2
                             x[j], x[j + 1], x[j + 2] = y0, y1, y2
                             if ti.static(not with_bends):
@@ -342,8 +352,8 @@ def make_rollout(
                             if step + 1 < last_step:  # the last forces are handed back
                                 f[j], f[j + 1], f[j + 2] = zero, zero, zero
                         if ti.static(handles > 0):
-                            row = first_path + ti.max(step + 1, 0)
-                            hold(home, row, x, v, ahead, held, shares, path, dt, 1.0 / dt, bend_time)
+                            row, last_row = first_path + ti.max(step + 1, 0), first_path + now
+                            hold(home, row, last_row, lost, x, v, ahead, held, shares, path, 1.0 / dt, bend_time)
                         step += 1
                     lag = frame_lag[b, frame]
                     for p in range(pull.shape[1]):

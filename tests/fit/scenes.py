@@ -88,7 +88,7 @@ def simulate_take(garment, time, displacement, materials, *, effects=(), amplitu
     recording = prepare(take_of(garment, time, displacement, name=name))
     simulator = Simulator(recording, effects, resolution=resolution or Resolution())
     # Settling is drawn to the first observed shape, which does not exist yet: aim it at the hanging sheet.
-    recording = recording.with_points(hung(garment, time))
+    recording = recording.with_points(hung(garment, time) + displacement[:1, None])
     simulator = Simulator(recording, effects, resolution=resolution or Resolution())
     points = simulator.run(materials, amplitudes).points[0]
     points = points + np.random.default_rng(seed).normal(0, noise, points.shape) if noise else points

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.validation import CARD, CASES, bending_modes, ring
+from benchmarks.validation import CARD, CASES, bending_damping_error, bending_modes, ring
 from benchmarks.validation_clamped import bias_extension_error, elastica
 from benchmarks.validation_energy import energy_drift
 from fit.cloth.simulator import Resolution
@@ -21,6 +21,11 @@ def test_cloth_without_bending_is_far_from_how_card_swings():
     """The second swing tells stiffness: a case that limp cloth kept to as well would check nothing."""
     limp, _ = ring(Resolution(spacing=0.05), 2, modes=bending_modes(CARD), seconds=3.0, amplitude=0.0005)
     assert limp < 0.95 * bending_modes(CARD)[1]
+
+
+def test_short_steps_far_from_the_origin_lose_nothing_by_rounding():
+    """Steps of card are microseconds, and 1.5 m away its ring-down moves by less in one than places are told apart."""
+    assert abs(bending_damping_error(Resolution(spacing=0.05, step_share=0.25))) < 0.005
 
 
 def test_the_elastica_goes_from_a_beam_to_a_rope():

@@ -9,8 +9,8 @@ round. Calls are one call of the C against one of the kernel; whole runs are `Si
 arrays and takes the results apart.
 
 Both settle; the kernel also works out a pull in the first fifth of settling, of zero here since no point is seen, which
-the C leaves out: it costs the kernel less than 1 %. The kernel keeps account of what rounding loses of a step, too, which
-costs it a few per cent; -ffast-math would take that out of the C. Without gcc nothing is measured.
+the C leaves out: it costs the kernel less than 1 %. The kernel keeps account of what rounding loses of a step, which
+costs it a few per cent and which -ffast-math would take out of the C. Without gcc nothing is measured.
 """
 
 from __future__ import annotations

@@ -130,6 +130,14 @@ def make_rollout(
                     pull[b, p, c] = pull[b, p, c] - w * (gain * x[i + c] + damping * v[i + c])
 
     @ti.func
+    def handled(h, row, c, shares: ti.template(), path: ti.template()):
+        """Where the handles put a held node at a step, one coordinate."""
+        place = shares[h, 0] * path[row, c]
+        for k in ti.static(range(1, handles)):
+            place = place + shares[h, k] * path[row, c + 3 * k]
+        return place
+
+    @ti.func
     def hold(
         home,
         row,
@@ -148,13 +156,8 @@ def make_rollout(
         for h in range(held.shape[0]):
             i = within(home + held[h])
             for c in ti.static(range(3)):
-                place = shares[h, 0] * path[row, c]
-                for k in ti.static(range(1, handles)):
-                    place = place + shares[h, k] * path[row, c + 3 * k]
-                before = shares[h, 0] * path[last_row, c]
-                for k in ti.static(range(1, handles)):
-                    before = before + shares[h, k] * path[last_row, c + 3 * k]
-                speed = (place - before) * per_second
+                place = handled(h, row, c, shares, path)
+                speed = (place - handled(h, last_row, c, shares, path)) * per_second
                 v[i + c], x[i + c], x[within(lost + i) + c] = speed, place, vec(0.0)
                 if ti.static(not with_bends):
                     ahead[i + c] = place + bend_time * speed

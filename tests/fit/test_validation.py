@@ -24,7 +24,7 @@ def test_cloth_without_bending_is_far_from_how_card_swings():
 
 
 def test_short_steps_far_from_the_origin_lose_nothing_by_rounding():
-    """Steps of card are microseconds, and 1.5 m away its ring-down moves by less in one than places are told apart."""
+    """In a step of 16 us the ring-down of card moves by hardly more than places 1.5 m away are told apart."""
     assert abs(bending_damping_error(Resolution(spacing=0.05, step_share=0.25))) < 0.005
 
 

@@ -131,7 +131,7 @@ def synthesise_swatch(
     fabric: Annotated[
         str, typer.Option("--fabric", help="What is swung: silk, denim, cotton or polyester-rayon.")
     ] = "cotton",
-    motion: Annotated[str, typer.Option("--motion", help="How it is swung: swing or other.")] = "swing",
+    motion: Annotated[str, typer.Option("--motion", help="How it is swung: swing, other or slow.")] = "swing",
     air_drag: Annotated[float, typer.Option("--air-drag", min=0.0, help="Drag coefficient of the still air.")] = 0.0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the markers' noise and gaps.")] = 1,
     overwrite: Annotated[

@@ -7,7 +7,15 @@ import pytest
 
 from firmware_host.errors import SensorAddressError
 from firmware_host.synthetic import swatch as synthetic
-from firmware_host.synthetic.swatch import FABRICS, HELD_APART, MARKER_NOISE, make_swatch_take, measured, swung_markers
+from firmware_host.synthetic.swatch import (
+    FABRICS,
+    HELD_APART,
+    MARKER_NOISE,
+    MOTIONS,
+    make_swatch_take,
+    measured,
+    swung_markers,
+)
 from formats.descriptions import load_garment
 from formats.errors import OutputError
 from formats.importers.swatch_mocap import import_marker_take
@@ -33,6 +41,18 @@ def test_gravity_pulls_towards_minus_z_and_the_swing_goes_through_the_cloth(mark
     assert markers[0, 76, 2] < -0.45
     assert np.ptp(markers[:, 0, 1]) > 0.02
     assert np.ptp(markers[:, 0, 0]) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_every_motion_begins_at_rest_at_one_place_and_is_another_swing_of_a_hand():
+    """Corners of the same cloth: in the first 8 ms by under a tenth of a millimetre, up to 1 m/s later."""
+    time = np.arange(240) / 120
+    corners = [swung_markers(swatch(0.055), time, m, FABRICS["polyester-rayon"], cells=1)[:, 0, 1] for m in MOTIONS]
+    for one in corners:
+        assert one[0] == pytest.approx(corners[0][0])
+        assert abs(one[1] - one[0]) < 1e-4
+        assert 0.2 < np.abs(np.gradient(one, time)).max() < 1.0
+    for k, one in enumerate(corners):
+        assert all(np.sqrt(np.mean((one - other) ** 2)) > 0.02 for other in corners[:k])
 
 
 def test_markers_are_hardly_further_apart_than_on_the_flat_swatch(markers):

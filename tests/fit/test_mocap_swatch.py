@@ -158,3 +158,14 @@ def test_the_benchmark_runs_and_a_short_search_already_lowers_the_error():
     )
     assert result.objective.after < result.objective.before
     assert result.error.held_out_after.mean_m != result.error.held_out_before.mean_m
+
+
+@pytest.mark.slow
+def test_the_benchmark_fits_to_several_motions_and_judges_on_the_one_left():
+    from benchmarks import mocap_swatch
+
+    (result,) = mocap_swatch.main(
+        ["--fabric", "polyester-rayon", "--iterations", "16", "--spacing", "0.0625", "--training", "swing", "slow"]
+    )
+    assert len(result.take_ids) == 2
+    assert not set(result.take_ids) & set(result.held_out_ids)

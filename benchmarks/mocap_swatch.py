@@ -35,8 +35,7 @@ HELD_OUT = "other"
 
 def fit_one(
     fabric: str, folder: Path, *, method: str, spacing: float, iterations: int, seed: int, air_drag: float,
-    length_unit: float = 1.0, effects: Sequence[str] = (), search: str = "annealing",
-    training: Sequence[str] = ("swing",),
+    training: Sequence[str], length_unit: float = 1.0, effects: Sequence[str] = (), search: str = "annealing",
 ) -> FitResult:  # fmt: skip
     """Make the takes of one fabric and fit all but the last, which is of the motion HELD_OUT."""
     takes = []

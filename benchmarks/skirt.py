@@ -18,6 +18,8 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hangtime` does, or ends depend on the number of processors
 
+import numpy as np
+
 from fit.calibration import calibrate
 from fit.parameterisations import find_method
 from fit.request import request_of
@@ -37,7 +39,7 @@ def take_of(motion: str, folder: Path, *, effect: str, seed: int) -> Take:
         sensor = [str(made), "--name", motion, "--motion", motion, "--effect", effect, "--seed", str(seed)]
         files = ["--sensor", f"{made}/{motion}.oni", "--rig", f"{made}/rig.toml", "--garment", f"{made}/garment.toml"]
         for part in (["sensor", "synthesise", *sensor, "--overwrite"], ["record", *files, "--out", str(path)]):
-            subprocess.run([command, *part], check=True, capture_output=True)
+            subprocess.run([command, *part], check=True, stdout=subprocess.DEVNULL)
     return read_take(path)
 
 
@@ -89,9 +91,8 @@ def main(arguments: list[str] | None = None) -> list[FitResult]:
             )  # fmt: skip
             results.append(calibrate([takes[m] for m in MOTIONS if m != held_out], [takes[held_out]], request))
             print(f"{held_out:9} {described(falls(results[-1]))}", flush=True)
-    every = [falls(r) for r in results]
-    together = [(sum(b for b, _ in column), sum(a for _, a in column)) for column in zip(*every, strict=True)]
-    print(f"{'together':9} {described([(b / len(every), a / len(every)) for b, a in together])}")
+    together = np.mean([falls(r) for r in results], axis=0)
+    print(f"{'together':9} {described(together.tolist())}")
     return results
 
 

@@ -28,7 +28,6 @@ from firmware_host.synthetic.swatch import (
     FABRICS,
     FPS,
     FRAMES,
-    MOTIONS,
     make_swatch_take,
     measured,
     swung_markers,
@@ -51,6 +50,7 @@ from formats.take import Take
 Floats = NDArray[np.float64]
 
 TIME = np.arange(FRAMES) / FPS
+COMPARED = ("swing", "other")  # the motions that the tables are of
 VARIED = ("stretch_stiffness", "shear_stiffness", "bending_stiffness", "velocity_damping")
 FACTORS = (2 / 3, 3 / 2)
 
@@ -104,7 +104,7 @@ def near(take: Take, physics: ClothPhysics, air_drag: float) -> dict[str, tuple[
 def print_near(folder: Path, fabrics: Sequence[str], air_drag: float) -> None:
     """Print these distances of every motion of some fabrics."""
     for fabric in fabrics:
-        for motion in MOTIONS:
+        for motion in COMPARED:
             take = synthetic_take(folder, fabric, motion, air_drag)
             for name, (whole, top) in near(take, FABRICS[fabric].physics, air_drag).items():
                 print(f"{take.take_id:28} {name:28} {1e3 * whole:6.1f} mm, top row {1e3 * top:6.1f}", flush=True)
@@ -153,7 +153,7 @@ def causes(folder: Path, fabric: str, motion: str) -> dict[str, tuple[float, flo
 
 def print_causes(folder: Path, fabrics: Sequence[str]) -> None:
     """Print the causes of every motion of some fabrics, and their means."""
-    cases = {f"{f}-{m}": causes(folder, f, m) for f in fabrics for m in MOTIONS}
+    cases = {f"{f}-{m}": causes(folder, f, m) for f in fabrics for m in COMPARED}
     print(f"mm, whole take (first half second), of {', '.join(cases)}")
     for name in next(iter(cases.values())):
         rows = 1e3 * np.array([case[name] for case in cases.values()])
@@ -187,7 +187,7 @@ def main(
         if near_to:
             print_near(Path(folder), near_to, air_drag)
         for fabric in FABRICS if not (takes or causes_of or near_to) else ():
-            for motion in MOTIONS:
+            for motion in COMPARED:
                 take = synthetic_take(Path(folder), fabric, motion, air_drag)
                 found = distance_at_truth(take, FABRICS[fabric].physics, SPACING, air_drag)
                 print(f"{take.take_id:28} {1e3 * found[0]:6.1f} mm, maximum {1e3 * found[1]:6.1f}", flush=True)

@@ -19,7 +19,6 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk, Message
 from mcap.stream_reader import breakup_chunk
 from mcap.writer import CompressionType, IndexType, Writer
-from numpy.typing import NDArray
 
 from formats.blocks import LATEST, TIME_STEP, Frame, decode_block, encode_block
 from formats.descriptions import check_garment, check_rig
@@ -30,8 +29,6 @@ from formats.surface import SurfaceScan, decode_scan, encode_scan
 from formats.take import Take
 from formats.unfinished import UnfinishedFile, not_utf8
 from formats.whole_files import make_folders
-
-Floats = NDArray[np.float64]
 
 VERSION = 1
 PROFILE = f"hangtime-take/{VERSION}"

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.arrays import Booleans, Floats
 from formats.columns import pack, pack_flags, unpack, unpack_flags
-
-Floats = NDArray[np.float64]
 
 POSITION_STEP = 1e-4  # m: a twentieth of the best depth sensor's noise
 TIME_STEP = 1e-6  # s
@@ -31,15 +30,15 @@ class Frame:
     time: float
     markers: Floats
     held: Floats
-    held_valid: NDArray[np.bool_]
+    held_valid: Booleans
     held_sd: Floats
     points: Floats
-    points_valid: NDArray[np.bool_]
+    points_valid: Booleans
     points_sd: Floats
     state: int = 0
     pitch: float = float("nan")
     pitch_sd: float = float("nan")
-    points_hidden: NDArray[np.bool_] | None = None
+    points_hidden: Booleans | None = None
     quality: float = float("nan")
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from formats.arrays import Booleans, Floats
 
 LARGEST = 2**30  # quantised: 107 km in steps of 0.1 mm, far beyond any sensor
 
@@ -53,7 +53,7 @@ def pack_flags(flags: NDArray[Any]) -> bytes:
     return np.packbits(np.asarray(flags, bool).T.ravel()).tobytes()
 
 
-def unpack_flags(raw: bytes, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+def unpack_flags(raw: bytes, shape: tuple[int, ...]) -> Booleans:
     """Unpack booleans to `shape`, (frames, ...).
 
     Raises:

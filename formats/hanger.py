@@ -9,12 +9,10 @@ Source: Gram-Schmidt; the definition is that of `formats.rig.Hanger`.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from formats.arrays import Floats
 from formats.errors import DescriptionError
 from formats.rig import Rig
-
-Floats = NDArray[np.float64]
 
 
 def held_ends(markers: Floats, rig: Rig) -> Floats:

@@ -11,11 +11,8 @@ The way with more than LARGEST of the sum names the motion, else it is `mixed`.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from formats.take import Take
-
-Floats = NDArray[np.float64]
 
 STILL = 0.004  # m, root mean square: sensors' noise is 1 to 3 mm
 LARGEST = 0.7

@@ -11,11 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from formats.arrays import Floats
 from formats.columns import pack, pack_flags, unpack, unpack_flags
-
-Floats = NDArray[np.float64]
 
 STEP = 1e-4  # m, as the other positions of a take
 TIME_STEP = 1e-6  # s

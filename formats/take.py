@@ -7,13 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.arrays import Booleans, Floats
 from formats.garment import Garment
 from formats.rig import Rig
 from formats.surface import SurfaceScan
-
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
-
 
 LONGEST_GAP = 0.5  # s between two sights of the hanger that its path can be led across: half a swing
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from formats.arrays import Floats
 from formats.errors import TakeError
 
 SLOWEST = 1.0  # s between frames: no swing shows at that pace, and milliseconds up to 1000 frames a second lie beyond
 
 
-def check_seconds(time: NDArray[np.float64], path: Path) -> None:
+def check_seconds(time: Floats, path: Path) -> None:
     """Refuse times that increase, (frames,), but cannot be seconds.
 
     Raises:

@@ -19,12 +19,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from formats.arrays import Floats
 from formats.errors import TakeError
 from formats.whole_files import write_whole
-
-Floats = NDArray[np.float64]
 
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 AXES = ("_x_m", "_y_m", "_z_m")

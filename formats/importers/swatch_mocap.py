@@ -13,16 +13,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from formats.arrays import Floats
 from formats.errors import TakeError
 from formats.garment import Garment
 from formats.importers.frame_times import check_seconds
 from formats.importers.marker_tracks import MarkerTracks, read_marker_tracks
 from formats.rig import Rig, Vector
 from formats.take import FrameState, Take
-
-Floats = NDArray[np.float64]
 
 MARKER_SD = 3e-4  # m, stated by us: optical systems with a dozen cameras keep 0.1 to 0.5 mm
 ON_CORNER = 2e-3  # m by which a marker may miss the corner of the outline

@@ -15,7 +15,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.parameterisations import KINECT_SKIRT
+from fit.methods import KINECT_SKIRT
 from fit.search.annealing import Annealing, AnnealingSettings, SearchBox
 
 Floats = NDArray[np.float64]

@@ -15,7 +15,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from tests.capture.test_following import READ, tracked
+from tests.capture.hanger.test_following import READ, tracked
 
 FRAMES = 16
 SWINGS = [(speed, exposure) for exposure in (0.008, 0.016, 0.033) for speed in (0.5, 1.0, 1.5, 2.0)]

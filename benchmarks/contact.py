@@ -25,10 +25,11 @@ from scipy.spatial import cKDTree
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from fit.cloth.contact import Contact, Surface, half_space, surface_of
+from fit.cloth.contact import Contact, Surface, surface_of
 from fit.cloth.simulator import Simulator
 from fit.cloth.support import Clamp, clamps
-from fit.recording import prepare
+from fit.recordings.bodies import half_space
+from fit.recordings.recording import prepare
 from formats.garment import Garment
 from tests.fit.scenes import hung, material, sheet, swing, take_of
 

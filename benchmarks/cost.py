@@ -29,10 +29,10 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.validation_clamped import UPRIGHT, square, still
-from fit.cloth.simulator import Resolution as Mesh
+from fit.cloth.model import Resolution as Mesh
 from fit.cloth.simulator import Simulator
 from fit.cloth.support import Clamp, clamps
-from fit.recording import prepare
+from fit.recordings.recording import prepare
 from tests.fit.scenes import material, take_of
 
 Floats = NDArray[np.float64]

@@ -109,12 +109,12 @@ def publish(path: Path, seconds: float) -> None:
 
 def record_it(path: Path, out: Path, is_ordinary: bool) -> None:
     """Record from the board and say how much memory that took, and when."""
-    from capture.frame_queue import QueuedSensor
-    from capture.precedence import Precedence
-    from capture.recording import record
+    from capture.recording.frame_queue import QueuedSensor
+    from capture.recording.precedence import Precedence
+    from capture.recording.session import record
     from firmware_host.depth_sensor import DepthSensor, SensorFrame, SensorInfo
     from formats.rig import Rig, Sensor
-    from tests.capture.towel import GARMENT, HANGER
+    from tests.capture.garment.towel import GARMENT, HANGER
 
     camera = Sensor(width=WIDTH, height=HEIGHT, fx=575.8, fy=575.8, cx=319.5, cy=239.5)
 

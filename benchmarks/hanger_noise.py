@@ -3,8 +3,9 @@
 Run: python benchmarks/hanger_noise.py [CASES]. Cases of the blind generator without any effect, each made twice from
 the same seed, with and without noise: the tool's cloth, with the generator's stiffnesses, is driven by the true path
 and by the noisy one, smoothed by a cubic spline with its cut-off at 6 Hz and by the path's own spline
-(`fit.smoothing`). Printed is by how much the points are off, root mean square over the training takes [mm], beside the
-deviation of the markers' noise, which is white: what is left of it lies below the cut-off, where hands move too.
+(`fit.recordings.smoothing`). Printed is by how much the points are off, root mean square over the training takes [mm],
+beside the deviation of the markers' noise, which is white: what is left of it lies below the cut-off, where hands move
+too.
 """
 
 from __future__ import annotations
@@ -23,10 +24,10 @@ from benchmarks.refits import true_vector
 from fit.blind.cases import Truth, draw_truth, make_takes
 from fit.blind.sensing import HELD_SHARE
 from fit.gap.diagnosis import fine_enough
-from fit.gap.observer import Observer
-from fit.parameterisations import SI
-from fit.recording import Recording, prepare
-from fit.smoothing import smoothing_spline
+from fit.methods import SI
+from fit.observer.residuals import Observer
+from fit.recordings.recording import Recording, prepare
+from fit.recordings.smoothing import smoothing_spline
 
 Floats = NDArray[np.float64]
 SEED = 77

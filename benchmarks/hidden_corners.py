@@ -1,4 +1,4 @@
-"""Fit the coefficients of `capture.folding` to the development sets, and say how good they are on cloths left out.
+"""Fit the coefficients of `capture.garment.folding` to the development sets, and judge them on cloths left out.
 
 Run: python benchmarks/hidden_corners.py [--keep FOLDER] [--sets development development-2 ...]. Half a minute a scene,
 6 scenes a set, to draw them; a few seconds a scene once they are kept (50 MB each).
@@ -23,9 +23,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.tracking_scenes import FIRST, LAST, SEEDS, Scene, scenes
-from capture.depth_surface import CorrelationMeter
-from capture.folding import TRACES, Belief, Weights
-from capture.garment_tracker import SilhouetteTracker
+from capture.depth.surface import CorrelationMeter
+from capture.garment.folding import TRACES, Belief, Weights
+from capture.garment.tracker import SilhouetteTracker
 from firmware_host.synthetic.depth_noise import spoil
 from firmware_host.synthetic.garments import GARMENTS
 from firmware_host.synthetic.render import View

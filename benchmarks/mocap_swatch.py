@@ -1,9 +1,9 @@
 """The motion capture method on four synthetic fabrics: manual against optimised, on the takes fitted and on another
 motion.
 
-The cloth of the recordings is not the fitter's (`firmware_host.synthetic.cloth`), the start is `fit.fabrics`. Cotton
-is the fabric that choices were made on; read the other three. Run: python benchmarks/mocap_swatch.py [--fabric silk
-...] [--air-drag 1.2] [--method mocap-swatch] [--effect air_drag ...] [--search annealing] [--spacing 0.0208]
+The cloth of the recordings is not the fitter's (`firmware_host.synthetic.cloth`), the start is `fit.methods.fabrics`.
+Cotton is the fabric that choices were made on; read the other three. Run: python benchmarks/mocap_swatch.py [--fabric
+silk ...] [--air-drag 1.2] [--method mocap-swatch] [--effect air_drag ...] [--search annealing] [--spacing 0.0208]
 [--length-unit 1.0] [--iterations 350] [--seed 0] [--training swing slow]
 """
 
@@ -18,13 +18,13 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hangtime` does, or ends depend on the number of processors
 
-import fit.swatch_error
+import fit.methods.swatch_error
 from firmware_host.synthetic.swatch import MOTIONS, make_swatch_take
-from fit.calibration import calibrate
-from fit.fabrics import find_fabric
-from fit.parameterisations import find_method
-from fit.parameterisations.mocap_swatch import SPACING
-from fit.request import request_of
+from fit.identification.calibrate import calibrate
+from fit.identification.request import request_of
+from fit.methods import find_method
+from fit.methods.fabrics import find_fabric
+from fit.methods.mocap_swatch import SPACING
 from formats.descriptions import load_garment
 from formats.importers.swatch_mocap import import_marker_take
 from formats.results import FitResult
@@ -45,7 +45,7 @@ def fit_one(
     chosen = find_method(method)
     chosen = chosen.starting_from(find_fabric(fabric).start, fabric)
     # In units of L metres E is x/L, v/L, kappa L; divided by 1/L only the curvature's factor changes.
-    fit.swatch_error.GAMMA = 2.0 * length_unit**2
+    fit.methods.swatch_error.GAMMA = 2.0 * length_unit**2
     chosen = dataclasses.replace(chosen, gamma=chosen.gamma if length_unit == 1.0 else 1e5)
     request = request_of(chosen, list(effects), iterations=iterations, seed=seed, spacing=spacing, search=search)
     return calibrate(takes[:-1], takes[-1:], request)

@@ -72,8 +72,9 @@ def path() -> np.ndarray:
 
 def ours() -> Iterator[tuple[str, Run]]:
     """Our own cloth: sixteen candidates in lanes."""
-    from fit.cloth.simulator import Resolution, Simulator
-    from fit.recording import prepare
+    from fit.cloth.model import Resolution
+    from fit.cloth.simulator import Simulator
+    from fit.recordings.recording import prepare
     from tests.fit.scenes import hung as hung_points
     from tests.fit.scenes import material, sheet, take_of
 

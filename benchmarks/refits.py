@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 
 from fit.blind.cases import Truth, draw_truth, make_takes, rounds
 from fit.blind.foreign.engines import OWN
+from fit.cloth.effect import amplitudes_of
 from fit.effects import LIBRARY
-from fit.effects.base import amplitudes_of
 from fit.gap.diagnosis import diagnose
 from fit.gap.fitting import Task, fit
-from fit.gap.observer import Observer
-from fit.parameterisations import SI
-from fit.recording import prepare
+from fit.methods import SI
+from fit.observer.residuals import Observer
+from fit.recordings.recording import prepare
 
 Floats = NDArray[np.float64]
 NEARLY = 1.05  # times the cost from the truth: the same valley

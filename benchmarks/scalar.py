@@ -40,7 +40,7 @@ from fit import runtime
 from fit.cloth import lines, rollout
 from fit.cloth.lines import IN_LINES
 from fit.cloth.simulator import Simulator
-from fit.recording import prepare
+from fit.recordings.recording import prepare
 from tests.fit.scenes import hung, material, sheet, swing, take_of
 
 Floats = NDArray[np.float64]

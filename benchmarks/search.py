@@ -27,18 +27,18 @@ from scipy.special import erf
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from fit.calibration import Model, calibrate
+from fit.cloth.effect import Effect
 from fit.cloth.mesh import build_mesh
-from fit.cloth.simulator import Resolution
+from fit.cloth.model import Resolution
 from fit.effects import find_effects
-from fit.effects.base import Effect
-from fit.parameterisations import SI
-from fit.recording import prepare
-from fit.request import Request
+from fit.identification.calibrate import Model, calibrate
+from fit.identification.observed import TRIALS, ObservedSearch, begin_observed
+from fit.identification.request import Request
+from fit.methods import SI
+from fit.recordings.recording import prepare
 from fit.search.annealing import AnnealingSettings
 from fit.search.choice import CHAINS, OBSERVED, SEARCHES
 from fit.search.intervals import PRIOR_SD
-from fit.search.observed import TRIALS, ObservedSearch, begin_observed
 from formats.take import Take
 from tests.fit.scenes import sheet, simulate_take, swing
 

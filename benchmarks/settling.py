@@ -19,11 +19,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.cloth.simulator import Resolution, Simulator
+from fit.cloth.model import Resolution
+from fit.cloth.simulator import Simulator
 from fit.cloth.support import SETTLE_TIME
 from fit.effects.clip_slack import ClipSlack
-from fit.parameterisations.physical_units import SI
-from fit.recording import prepare
+from fit.methods.physical_units import SI
+from fit.recordings.recording import prepare
 from tests.fit.scenes import hung, sheet, take_of
 
 Floats = NDArray[np.float64]

@@ -20,9 +20,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hangtime` does, or end
 
 import numpy as np
 
-from fit.calibration import calibrate
-from fit.parameterisations import find_method
-from fit.request import request_of
+from fit.identification.calibrate import calibrate
+from fit.identification.request import request_of
+from fit.methods import find_method
 from formats.archive import read_take
 from formats.results import FitResult
 from formats.take import Take

@@ -20,13 +20,14 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from fit.calibration import calibrate
 from fit.cloth import material as mat
-from fit.cloth.simulator import Resolution, Simulator, run_together
+from fit.cloth.model import Resolution
+from fit.cloth.simulator import Simulator, run_together
 from fit.effects import find_effects
-from fit.parameterisations import KINECT_SKIRT
-from fit.recording import Recording, prepare
-from fit.request import request_of
+from fit.identification.calibrate import calibrate
+from fit.identification.request import request_of
+from fit.methods import KINECT_SKIRT
+from fit.recordings.recording import Recording, prepare
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 
 Floats = NDArray[np.float64]

@@ -26,7 +26,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.tracking_scenes import SEEDS, Scene, Shown, ShownSensor, scenes, show
-from capture.recording import record
+from capture.recording.session import record
 from firmware_host.synthetic.garments import GARMENTS
 from firmware_host.synthetic.motion import START
 from firmware_host.synthetic.scene import RIG

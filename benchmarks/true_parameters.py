@@ -33,13 +33,14 @@ from firmware_host.synthetic.swatch import (
     swung_markers,
 )
 from firmware_host.synthetic.world import PHYSICS
-from fit import objective
 from fit.cloth import material as mat
-from fit.cloth.simulator import Resolution, Simulator
+from fit.cloth.model import Resolution
+from fit.cloth.simulator import Simulator
 from fit.cloth.support import Supporting, hanger
 from fit.effects import find_effects
-from fit.parameterisations.mocap_swatch import SPACING
-from fit.recording import Recording, prepare
+from fit.methods import distance as objective
+from fit.methods.mocap_swatch import SPACING
+from fit.recordings.recording import Recording, prepare
 from formats.archive import read_take
 from formats.descriptions import load_garment
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv

@@ -40,7 +40,7 @@ from benchmarks.validation_clamped import (
     shear_frame_error,
 )
 from benchmarks.validation_energy import DENSITY, LENGTH, WIDTH, energy_drift
-from fit.cloth.simulator import Resolution
+from fit.cloth.model import Resolution
 from fit.cloth.support import GRAVITY
 from tests.fit.scenes import material, sheet, simulate_take, swing
 

@@ -24,10 +24,11 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_bvp
 from scipy.optimize import brentq
 
-from fit.cloth.simulator import Resolution, Rollouts, Simulator
+from fit.cloth.model import Resolution, Rollouts
+from fit.cloth.simulator import Simulator
 from fit.cloth.support import GRAVITY, Clamp, Supporting, clamps
 from fit.effects.air_drag import AIR_DENSITY, AirDrag
-from fit.recording import Curve, prepare
+from fit.recordings.recording import Curve, prepare
 from formats.garment import Garment
 from tests.fit.scenes import material, sheet, take_of
 

@@ -13,9 +13,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.cloth.simulator import Resolution, Simulator
+from fit.cloth.model import Resolution
+from fit.cloth.simulator import Simulator
 from fit.cloth.support import GRAVITY
-from fit.recording import prepare
+from fit.recordings.recording import prepare
 from tests.fit.scenes import hung, material, sheet, swing, take_of
 
 LENGTH, WIDTH, DENSITY = 0.45, 0.4, 0.2  # m, m, kg/m^2: the sheet of `validation.py` too

@@ -49,7 +49,7 @@ def print_command(
     Any browser prints it; choose 100 %, not "fit to page", and measure both bars before cutting.
     """
     from capture.errors import UntrackableError
-    from capture.marker_sheet import write_sheet
+    from capture.hanger.marker_sheet import write_sheet
     from formats.descriptions import load_rig
     from formats.outputs import refuse_to_replace
 
@@ -103,9 +103,9 @@ def calibrate_command(
     and so does a sensor's accelerometer. A marker in each clip, its black upper edge where the clip holds, gives the
     ends of the held edge. What is not in view stays as it was. Without --out nothing is written.
     """
-    from capture.calibration_accelerometer import connected_accelerometer
-    from capture.calibration_report import lines
-    from capture.calibration_session import calibrate
+    from capture.calibration.accelerometer import connected_accelerometer
+    from capture.calibration.report import lines
+    from capture.calibration.session import calibrate
     from capture.errors import CalibrationError
     from firmware_host.errors import FirmwareError
     from firmware_host.opening import open_sensor
@@ -219,12 +219,12 @@ def record_command(
 
     import numpy as np
 
-    from capture.condition import Condition
-    from capture.condition_lamp import show_condition
-    from capture.frame_queue import QueuedSensor
-    from capture.precedence import Precedence
-    from capture.recording import ScanPlan, record
-    from capture.stop_signals import stopped_like_ctrl_c
+    from capture.recording.condition import Condition
+    from capture.recording.condition_lamp import show_condition
+    from capture.recording.frame_queue import QueuedSensor
+    from capture.recording.precedence import Precedence
+    from capture.recording.session import ScanPlan, record
+    from capture.recording.stop_signals import stopped_like_ctrl_c
     from firmware_host.errors import LampError
     from firmware_host.lamp import StatusLamp
     from firmware_host.opening import names_live_sensor, open_sensor

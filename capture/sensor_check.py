@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.colour_dots import DotTracker
-from capture.marker_detection import marker_dictionary
+from capture.hanger.colour_dots import DotTracker
+from capture.hanger.marker_detection import marker_dictionary
 from firmware_host.doctor.checks import Check, Examination, Finding, ok, problem, skipped
 from formats.rig import Rig
 

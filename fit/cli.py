@@ -10,7 +10,7 @@ import typer
 
 from fit.batch.cli import add_commands as add_batch_commands
 from fit.blind.cli import add_commands as add_blind_commands
-from formats.terminal import is_watched, say
+from formats.terminal import ProgressLine, say
 
 if TYPE_CHECKING:
     from formats.take import Take
@@ -107,12 +107,12 @@ def fit_command(
     Writes DIR/fit.json and DIR/report.html. Interrupt with Ctrl-C at any time; the same command goes on where it was
     (least squares at the last of their looks and descents that was done).
     """
-    from fit.calibration import calibrate
-    from fit.fabrics import find_fabric
     from fit.folders import alone, make_folder, set_aside_other_takes
-    from fit.parameterisations import find_method
-    from fit.reporting import write_fit_report
-    from fit.request import request_of
+    from fit.identification.calibrate import calibrate
+    from fit.identification.request import request_of
+    from fit.methods import find_method
+    from fit.methods.fabrics import find_fabric
+    from fit.report.gather import write_fit_report
     from fit.search.choice import OBSERVED
     from formats.results import save_fit_result
 
@@ -158,7 +158,7 @@ def fabric_command(
     fit_file: Annotated[Path, typer.Argument(metavar="FIT.json", help="A result of `hangtime fit`.")],
 ) -> None:
     """Test the fitted fabric virtually: tension, shear and bending in KES units, beside fabrics measured elsewhere."""
-    from fit.fabric_sheet import sheet_of
+    from fit.virtual_tests.sheet import sheet_of
     from formats.results import load_fit_result
 
     typer.echo(sheet_of(load_fit_result(fit_file)))
@@ -203,15 +203,15 @@ def diagnose_command(
     Fits the base model and every effect of the library to the takes and judges them on the held-out ones. Writes
     DIR/diagnosis.json and DIR/report.html. Interrupt with Ctrl-C at any time; the same command goes on where it was.
     """
-    from fit.cloth.simulator import Resolution
+    from fit.cloth.effect import parameter_names
+    from fit.cloth.model import Resolution
     from fit.effects import find_effects, library_without
-    from fit.effects.base import parameter_names
     from fit.errors import FitError
     from fit.folders import alone, make_folder, set_aside_other_takes
     from fit.gap.diagnosis import diagnose, ready
-    from fit.parameterisations import base_model_of, find_method
-    from fit.reporting import write_diagnosis_report
-    from fit.takes import is_of
+    from fit.methods import base_model_of, find_method
+    from fit.recordings.selection import is_of
+    from fit.report.gather import write_diagnosis_report
     from formats.results import load_fit_result, save_diagnosis
 
     training, testing = _read(takes, held_out, held_out_motion)
@@ -274,7 +274,7 @@ def diagnose_command(
 
 def _read(takes: list[Path], held_out: list[Path], motions: list[str]):  # type: ignore[no-untyped-def]
     """Takes to fit to and takes to judge on, by name or by motion."""
-    from fit.held_out import split_by_motion
+    from fit.recordings.selection import split_by_motion
     from formats.archive import read_take
 
     training, moving = split_by_motion([read_take(p) for p in takes], motions)
@@ -294,30 +294,6 @@ def _added_line(finding) -> str:  # type: ignore[no-untyped-def]
         return f"{finding.id}: {finding.note}"
     closed = f"closes {100 * finding.closure.value:.0f} % of the gap" if finding.closure else "there is no gap to close"
     return f"With {finding.id} at {finding.amplitude:.3g} {finding.unit}: {closed} (p = {finding.p_value:.3f})."
-
-
-class ProgressLine:
-    """One line on a terminal that shows how far a long job is; a few whole lines where output is not a terminal."""
-
-    def __init__(self, title: str) -> None:
-        self._title = title
-        self._is_terminal = is_watched()
-        self._last = -1.0
-
-    def show(self, share: float, text: str) -> None:
-        """Show the share done, 0 to 1, and a few words."""
-        if self._is_terminal:
-            filled = round(24 * share)
-            bar = "#" * filled + "." * (24 - filled)
-            say(f"\r{self._title} [{bar}] {100 * share:3.0f} %  {text[:60]:<60}", end="")
-        elif share >= self._last + 0.1:
-            say(f"{self._title}: {100 * share:.0f} %, {text}")
-            self._last = share
-
-    def end(self) -> None:
-        """Leave the line."""
-        if self._is_terminal:
-            say("")
 
 
 def _table(result) -> str:  # type: ignore[no-untyped-def]

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from fit.errors import FitError
-from fit.takes import is_of
+from fit.recordings.selection import is_of
 from formats.errors import ResultError
 from formats.results import load_diagnosis, load_fit_result
 from formats.take import Take

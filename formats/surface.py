@@ -2,7 +2,7 @@
 
 Neither are material points: an untextured garment does not show which thread is where. Cell (i, j) of the grid lies at
 fixed fractions of the way along the silhouette's sides, and contour place k at a fixed fraction of the way around it
-(`capture.surface_scan`); what is fixed on the cloth only follows that as far as the silhouette does.
+(`capture.garment.surface_scan`); what is fixed on the cloth only follows that as far as the silhouette does.
 """
 
 from __future__ import annotations

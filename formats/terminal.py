@@ -31,3 +31,27 @@ def take_streams() -> None:
     sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="surrogateescape")
+
+
+class ProgressLine:
+    """One line on a terminal that shows how far a long job is; a few whole lines where output is not a terminal."""
+
+    def __init__(self, title: str) -> None:
+        self._title = title
+        self._is_terminal = is_watched()
+        self._last = -1.0
+
+    def show(self, share: float, text: str) -> None:
+        """Show the share done, 0 to 1, and a few words."""
+        if self._is_terminal:
+            filled = round(24 * share)
+            bar = "#" * filled + "." * (24 - filled)
+            say(f"\r{self._title} [{bar}] {100 * share:3.0f} %  {text[:60]:<60}", end="")
+        elif share >= self._last + 0.1:
+            say(f"{self._title}: {100 * share:.0f} %, {text}")
+            self._last = share
+
+    def end(self) -> None:
+        """Leave the line."""
+        if self._is_terminal:
+            say("")

@@ -27,7 +27,7 @@ FOLDERS = (*PACKAGES, "docs", "benchmarks", "scripts", "systemd", "tests")
 TEXTS = [
     path
     for path in [*ROOT.glob("*.*"), ROOT / ".ci/run", *(p for folder in FOLDERS for p in (ROOT / folder).rglob("*"))]
-    if path.is_file() and path.suffix in SUFFIXES
+    if path.is_file() and path.suffix in SUFFIXES and path.name != ".git"
     if not any(part == "__pycache__" or part.endswith("_cache") for part in path.parts)
 ]
 
@@ -74,7 +74,9 @@ def test_ruff_refuses_each_import_that_a_package_may_not_have(package: str) -> N
     for guarded in [*sorted(GUARDED - MAY_IMPORT[package]), "typer"]:
         said = ruff_on(f"{package}/example.py", f"import {guarded}")
         assert "TID251" in said, f"{package} may import {guarded}: {said}"
-    foreign = "from capture.markers import find_markers" if package == "fit" else "from fit.cloth import mesh"
+    foreign = (
+        "from capture.hanger.fiducial_tracker import find_markers" if package == "fit" else "from fit.cloth import mesh"
+    )
     assert "TID251" in ruff_on(f"{package}/deeper/example.py", foreign)
 
 

@@ -1,15 +1,10 @@
-"""What a check is, in which order checks run, and which are skipped because an earlier one failed.
-
-Another package adds checks through the entry point group `hangtime.sensor_checks`: each entry names a `Check`. They
-come after the built-in ones, in the order of their names.
-"""
+"""A check of the sensor doctor, its finding, and the examination that all checks share."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
-from importlib.metadata import entry_points
 from types import TracebackType
 from typing import Self
 
@@ -17,10 +12,8 @@ import numpy as np
 
 from firmware_host.depth_sensor import DepthSensor, SensorFrame, SensorInfo
 from firmware_host.usb_control.devices import UsbDevice
-from formats.errors import HangtimeError
 from formats.rig import Rig
 
-GROUP = "hangtime.sensor_checks"
 KEPT_EVERY = 0.5  # s between the frames that a sample keeps for later checks
 
 
@@ -124,45 +117,3 @@ class Check:
     look: Callable[[Examination], Finding]
     needs: tuple[str, ...] = ()
     is_for_recordings: bool = False
-
-
-def all_checks(is_recording: bool) -> list[Check]:
-    """Return the checks that apply, in their order."""
-    from firmware_host.doctor.stream_checks import STREAM_CHECKS
-    from firmware_host.doctor.usb_checks import USB_CHECKS
-
-    found = [*USB_CHECKS, *STREAM_CHECKS, *contributed()]
-    return [check for check in found if check.is_for_recordings or not is_recording]
-
-
-def contributed() -> list[Check]:
-    """Return the checks of other packages; one whose libraries are absent becomes a line that says so."""
-    checks = []
-    for entry in sorted(entry_points(group=GROUP), key=lambda e: e.name):
-        try:
-            check = entry.load()
-        except ModuleNotFoundError as error:
-            finding = skipped(f"{error.name} is not installed")
-            check = Check(name=entry.name, look=lambda _, said=finding: said, is_for_recordings=True)  # type: ignore[misc]
-        checks.append(check)
-    return checks
-
-
-def examine(checks: Sequence[Check], examination: Examination) -> Iterator[tuple[Check, Finding]]:
-    """Run the checks one by one and yield each with its finding.
-
-    An error of ours inside a check is its finding; any other error is a fault of the program and passes through.
-    """
-    failed: set[str] = set()
-    for check in checks:
-        missing = [name for name in check.needs if name in failed]
-        if missing:
-            finding = skipped(f"waits for `{missing[0]}`")
-        else:
-            try:
-                finding = check.look(examination)
-            except HangtimeError as error:
-                finding = Finding(Verdict.PROBLEM, str(error))
-        if finding.verdict is not Verdict.OK:
-            failed.add(check.name)
-        yield check, finding

@@ -28,7 +28,8 @@ def doctor(
 
     Exit code 0 only when every line is ok, 1 when one is not.
     """
-    from firmware_host.doctor.checks import Examination, Verdict, all_checks, examine
+    from firmware_host.doctor.checks import Examination, Verdict
+    from firmware_host.doctor.doctor import all_checks, examine
     from firmware_host.errors import RecordingError
     from formats.descriptions import load_rig
 

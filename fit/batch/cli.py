@@ -115,7 +115,7 @@ def batch_command(
     from fit.batch.runner import run, survey
     from fit.batch.store import open_store
     from fit.batch.summary import rows_of, sentence_of, write_summary
-    from fit.cli import ProgressLine
+    from formats.terminal import ProgressLine
 
     plan = Plan(
         method=method, effects=tuple(effect), bounds=tuple(bounds), iterations=iterations, gamma=gamma, search=search,

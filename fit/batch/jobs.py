@@ -2,7 +2,7 @@
 
     key = sha256( sha256(take's bytes) | method, effects, bounds, search ... | physics )
 
-A take's bytes hold its garment and rig; the physics is `fit.physics.physics_version`. So a result is found again
+A take's bytes hold its garment and rig; the physics is `fit.provenance.physics_version`. So a result is found again
 exactly as long as it would come out the same.
 """
 
@@ -12,9 +12,9 @@ import hashlib
 import json
 from dataclasses import asdict, dataclass
 
-from fit.fabrics import find_fabric
-from fit.parameterisations import find_method
-from fit.request import Request, request_of
+from fit.identification.request import Request, request_of
+from fit.methods import find_method
+from fit.methods.fabrics import find_fabric
 
 
 @dataclass(frozen=True, kw_only=True)

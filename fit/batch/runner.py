@@ -21,7 +21,7 @@ from fit.batch.jobs import Job, Outcome, Plan, digest_of, failure_name, key_of, 
 from fit.batch.store import Store
 from fit.batch.worker import RETRY, run_job
 from fit.errors import BatchError, UnreachableError
-from fit.physics import physics_version
+from fit.provenance import physics_version
 
 POLL = 0.25  # s
 FRUITLESS = 10  # connections in a row without a single outcome, after which something else is wrong

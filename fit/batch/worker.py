@@ -12,7 +12,7 @@ from fit import runtime
 from fit.batch.jobs import Job, Outcome, digest_of, failure_name, result_name, search_name
 from fit.batch.store import Store, open_store
 from fit.errors import BatchError, FitError, UnreachableError
-from fit.physics import physics_version
+from fit.provenance import physics_version
 from formats.errors import HangtimeError
 
 RETRY = 2.0  # s between attempts to reach a bucket, each of which takes the library seconds to minutes
@@ -85,7 +85,7 @@ def _fit(job: Job, content: bytes, results: Store) -> bytes:
 
     Nothing is written on the way but an unfinished search: what a killed worker had in a folder of its own would stay.
     """
-    from fit.calibration import calibrate
+    from fit.identification.calibrate import calibrate
     from formats.archive import take_of
     from formats.results import result_bytes
 

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit import runtime
-from fit.cloth import spectral
-from fit.cloth.contact import Contact, Surface
-from fit.cloth.lines import BETWEEN, bends_by_line, fibre_family, twist_scales
-from fit.cloth.mesh import ClothMesh, Integers
-from fit.cloth.packing import Course, Group, Task, plan
-from fit.effects.stretch_viscosity import RELAXATION_TIME
+from fit.cloth.kernel_arguments import contact_arguments, single, some, zeros
+from fit.cloth.material import RELAXATION_TIME
+from fit.cloth.mesh import Integers
+from fit.cloth.model import Group
+from fit.cloth.packing import Course, Task, plan
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -32,7 +31,7 @@ def _call(tasks: list[Task], lanes: int, observer_hz: float) -> None:
     """Run one kernel on tasks of at most `lanes` members."""
     from fit.cloth.rollout import make_rollout
 
-    first, (has_effects, is_viscous, touches) = tasks[0].parts[0].simulator, tasks[0].parts[0].kernel
+    first, (has_effects, is_viscous, touches) = tasks[0].parts[0].model, tasks[0].parts[0].kernel
     mesh, support = first.mesh, first.support
     filled = [task.filled(lanes) for task in tasks]
     every = [pair for parts in filled for pair in parts]
@@ -55,12 +54,12 @@ def _call(tasks: list[Task], lanes: int, observer_hz: float) -> None:
     needs_normals = bool(faces) or with_bends or with_added
     start = np.concatenate([c.start for c in courses])
     rows = [(g.candidates.materials[k], g.candidates.amplitudes[k]) for g, k in every]
-    numbers = [g.simulator.kernel_rows(*r) for (g, _), r in zip(every, rows, strict=True)]
+    numbers = [g.model.kernel_rows(*r) for (g, _), r in zip(every, rows, strict=True)]
     masses = [first.masses(m, a) for pair in rows for m, a in zip(*pair, strict=True)]
     places = _in_lanes(start, lanes)
-    speeds, forces = (_zeros(places.shape) for _ in range(2))
-    out = _zeros((count, frames, points, 3, lanes))
-    whole = _zeros((count, frames if keeps else 1, nodes, 3, lanes))
+    speeds, forces = (zeros(places.shape) for _ in range(2))
+    out = zeros((count, frames, points, 3, lanes))
+    whole = zeros((count, frames if keeps else 1, nodes, 3, lanes))
     omega = 2 * np.pi * observer_hz
     settle = np.array([round(support.settle_time / t.dt) for t in tasks], np.int32)
     recorded = np.array([len(c.steps) for c in courses], np.int32)
@@ -72,25 +71,25 @@ def _call(tasks: list[Task], lanes: int, observer_hz: float) -> None:
         is_crossed=mesh.is_crossed,
         with_bends=with_bends, with_added_mass=with_added, with_viscosity=is_viscous, with_contact=touches,
     )  # fmt: skip
-    x, v = _zeros((2 * 3 * count * nodes, lanes)), _flat(speeds)  # behind the places, what rounding loses of them
+    x, v = zeros((2 * 3 * count * nodes, lanes)), _flat(speeds)  # behind the places, what rounding loses of them
     x[: len(v)] = _flat(places)
     ahead = v if with_bends else _flat(places)
     with runtime.vectors_kept():
         kernel(
-            x, v, ahead, _flat(forces), _zeros((count, points, 3, lanes)),
+            x, v, ahead, _flat(forces), zeros((count, points, 3, lanes)),
             *first.membrane_arguments,
-            *(_zeros((size * count * fibres, lanes)) for size in (3, 3, 1)),
-            _zeros((count * shears * strains, lanes)), _zeros((3 * count * fibres, lanes)),
-            *(_zeros((size * count if is_viscous else 1, lanes)) for size in (fibres, shears * strains)),
+            *(zeros((size * count * fibres, lanes)) for size in (3, 3, 1)),
+            zeros((count * shears * strains, lanes)), zeros((3 * count * fibres, lanes)),
+            *(zeros((size * count if is_viscous else 1, lanes)) for size in (fibres, shears * strains)),
             np.exp(-np.array([t.dt for t in tasks]) / RELAXATION_TIME).astype(np.float32),
             *first.bending_arguments,
-            *(_zeros((size * count * nodes if needs_normals else 1, lanes)) for size in (3, 1)),
-            _flat(_in_lanes(rest, lanes)), _zeros((count * bends if with_bends else 1, lanes)),
+            *(zeros((size * count * nodes if needs_normals else 1, lanes)) for size in (3, 1)),
+            _flat(_in_lanes(rest, lanes)), zeros((count * bends if with_bends else 1, lanes)),
             _flat(_in_lanes(added, lanes)),
             *_contact(tasks, amplitudes, nodes, lanes),
-            3 * _some(support.nodes), _single(_some(support.shares)), path,
-            mesh.points.first, 3 * mesh.points.nodes, _single(mesh.points.weights),
-            mesh.pull_points, _single(mesh.pull_weights),
+            3 * some(support.nodes), single(some(support.shares)), path,
+            mesh.points.first, 3 * mesh.points.nodes, single(mesh.points.weights),
+            mesh.pull_points, single(mesh.pull_weights),
             targets, trust,
             _in_lanes(np.concatenate(numbers), lanes),
             _flat(_in_lanes(1.0 / np.stack(masses), lanes)),
@@ -105,40 +104,11 @@ def _call(tasks: list[Task], lanes: int, observer_hz: float) -> None:
 def _contact(tasks: list[Task], amplitudes: Floats, nodes: int, lanes: int) -> list[Singles | Integers]:
     """What the kernel wants to know of contact; next to nothing where nothing touches."""
     group = tasks[0].parts[0]
-    first = group.simulator
+    first = group.model
     if not group.touches:
-        memory = _zeros((1, lanes))
+        memory = zeros((1, lanes))
         return [np.zeros(1, np.int32), memory, memory.reshape(-1)]
     return contact_arguments(first.surface, first.contact, first.thickness(amplitudes).reshape(-1, lanes), nodes)
-
-
-def contact_arguments(surface: Surface, contact: Contact, thickness: Floats, nodes: int) -> list[Singles | Integers]:
-    """What the kernel wants to know of contact and the memory it works in, in the order of `fit.cloth.nearby`.
-
-    thickness [m], (groups, lanes): distances at which layers are kept apart
-    """
-    from fit.cloth.nearby import COUNTS, PANEL, SPOT
-
-    samples, quads, bodies = len(surface.area), len(surface.quads), contact.bodies
-    groups, lanes = thickness.shape
-    most = (int(surface.may_meet.sum()) if thickness.any() else 0) + samples * len(bodies)
-    numbers = np.concatenate(
-        [
-            surface.samples.weights[:, 0], surface.area, surface.reach, surface.windows.ravel(),
-            *(body.row() for body in bodies),
-            [surface.carried, contact.friction, contact.clearance], thickness.max(1),
-        ]
-    )  # fmt: skip
-    front = -(-len(numbers) // lanes)
-    memory = _zeros((front + groups * (SPOT * samples + PANEL * quads + 6 * nodes + 1), lanes))
-    alone = memory.reshape(-1)
-    alone[: len(numbers)] = numbers
-    sizes = np.array([samples, quads, len(bodies), most, front])
-    known = np.concatenate([sizes, 3 * surface.samples.nodes, SPOT * surface.quads.ravel(), surface.words()])
-    # Room for every pair there is, hardly any of which is ever touched.
-    whole = np.zeros(len(known) + groups * (COUNTS + 2 * (samples + quads + most)), np.int32)
-    whole[: len(known)] = known
-    return [whole, memory, alone]
 
 
 def _stacked(courses: list[Course], lanes: int) -> tuple[Singles, Singles, Integers]:
@@ -149,7 +119,7 @@ def _stacked(courses: list[Course], lanes: int) -> tuple[Singles, Singles, Integ
     samples = [max(len(places) for places, _, _ in c.targets) for c in courses]
     points = courses[0].targets[0][1].shape[1]
     firsts = np.cumsum([0, *samples]).astype(np.int32)
-    targets, trust = _zeros((firsts[-1], points, 6, lanes)), _zeros((firsts[-1], points, lanes))
+    targets, trust = zeros((firsts[-1], points, 6, lanes)), zeros((firsts[-1], points, lanes))
     for course, first in zip(courses, firsts, strict=False):
         lane = 0
         for places, believed, count in course.targets:
@@ -172,7 +142,7 @@ def _hand_back(courses: list[Course], seen: Singles, kept: Singles, forces: Sing
         lane = number * lanes
         for part in course.task.parts:
             candidates, mine = part.candidates, slice(lane, lane + len(part.members))
-            frames = np.searchsorted(course.time, part.simulator.recording.time)
+            frames = np.searchsorted(course.time, part.model.recording.time)
             candidates.seen[part.members] = seen[mine][:, frames]
             if candidates.kept is not None:
                 candidates.kept[part.members, :-1] = kept[mine][:, frames]
@@ -184,7 +154,7 @@ def _joined(courses: list[Course], lanes: int) -> tuple[Singles, Integers]:
     """Handles of all tasks, (all steps, 3 handles, lanes), and where each task's steps begin."""
     firsts = np.cumsum([0, *(len(c.paths[0]) for c in courses)]).astype(np.int32)
     handles = courses[0].paths[0].shape[1]
-    joined = _zeros((int(firsts[-1]), max(handles, 1), lanes))
+    joined = zeros((int(firsts[-1]), max(handles, 1), lanes))
     for course, first in zip(courses, firsts, strict=False):
         lane = 0
         for way in course.paths:
@@ -193,14 +163,10 @@ def _joined(courses: list[Course], lanes: int) -> tuple[Singles, Integers]:
     return joined, firsts[:-1]
 
 
-def _zeros(shape: tuple[int, ...]) -> Singles:
-    return runtime.aligned_zeros(shape, np.float32)
-
-
 def _in_lanes(values: Floats, lanes: int) -> Singles:
     """(candidates, ...) -> (groups, ..., lanes), contiguous."""
     grouped = np.moveaxis(np.asarray(values, np.float32).reshape(-1, lanes, *values.shape[1:]), 1, -1)
-    placed = _zeros(grouped.shape)
+    placed = zeros(grouped.shape)
     placed[...] = grouped
     return placed
 
@@ -214,36 +180,3 @@ def _from_lanes(values: Singles) -> Singles:
     """(groups, ..., lanes) -> (candidates, ...)."""
     moved = np.moveaxis(values, -1, 1)
     return moved.reshape(-1, *moved.shape[2:])
-
-
-def _some(values: Numbers) -> Numbers:
-    """The same, or a single zero of as many dimensions in place of nothing, which Taichi cannot take."""
-    return values if values.size else np.zeros_like(values, shape=[max(n, 1) for n in values.shape])
-
-
-def _single(values: Floats) -> Singles:
-    return np.ascontiguousarray(values, np.float32)
-
-
-def membrane_arguments(mesh: ClothMesh) -> list[Singles | Integers | int]:
-    """What the kernel wants to know of the membrane, in its order."""
-    families = [fibre_family(mesh, k) for k in range(2)]
-    return [
-        3 * np.concatenate([nodes for _, nodes, _ in families]), np.concatenate([w for _, _, w in families]),
-        len(families[0][1]), _single(mesh.fibres.area), mesh.fibres_across,
-        3 * mesh.shear_across.ravel(), 3 * mesh.shear_down.ravel(), BETWEEN,
-        _single(mesh.shear_area),
-    ]  # fmt: skip
-
-
-def bending_arguments(mesh: ClothMesh) -> list[Singles | Integers]:
-    """What the kernel wants to know of bending and of normals, in its order."""
-    bends, plain = mesh.bends, len(mesh.bends.stencils)
-    root = _single(np.sqrt(bends.area))
-    basis = np.vstack([spectral.slopes(spectral.NODES), spectral.WEIGHTS])
-    return [
-        bends.stencils.first, 3 * bends.stencils.nodes, bends_by_line(mesh)[1],
-        bends.kind[:plain], 3 * bends.centre[:plain], root[:plain], bends.counts[bends.counts > 0],
-        _some(twist_scales(mesh)), 3 * _some(bends.centre[plain:]), _some(root[plain:]),
-        3 * mesh.cells, _single(basis),
-    ]  # fmt: skip

@@ -7,6 +7,11 @@ from dataclasses import astuple, dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+RELAXATION_TIME = 2e-3  # s: theta of viscous stretch (`fit.effects.stretch_viscosity`)
+REFERENCE_CURVATURE = (
+    5.0  # 1/m: a friction loop closes within a fifth of KES's 100 1/m (`fit.effects.bending_hysteresis`)
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Material:

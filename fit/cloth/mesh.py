@@ -23,6 +23,7 @@ from fit.cloth.elements import (
 )
 from fit.cloth.quads import distance_to, quadrilaterals
 from fit.errors import FitError
+from fit.recordings.held_edge import place_along
 from formats.garment import Garment
 
 Floats = NDArray[np.float64]
@@ -191,15 +192,6 @@ def _sewn(garment: Garment, front: Elements) -> _Laid:
         np.radians(garment.grain_degrees),
     )
     return _Laid(elements, free_bends(front, layers), layers)
-
-
-def place_along(places: Floats, ends: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Share of the way from one end to the other, (n,), and whether each place is on it."""
-    way = ends[1] - ends[0]
-    share = (places - ends[0]) @ way / (way @ way)
-    aside = np.linalg.norm(places - ends[0] - share[:, None] * way, axis=1)
-    near = 1e-6 * float(np.linalg.norm(way))
-    return share, (aside < near) & (share > -1e-6) & (share < 1 + 1e-6)
 
 
 def _held(garment: Garment, rest: Floats) -> tuple[NDArray[np.int64], Floats]:

@@ -14,8 +14,8 @@ import taichi as ti
 from fit.cloth.bends import PIECE, ROW_BEND, TWIST
 from fit.cloth.lanes import decay, magnitude, within
 from fit.cloth.lines import IN_LINES
+from fit.cloth.material import REFERENCE_CURVATURE
 from fit.cloth.stencils import line_curvatures, push, push_pair, stencil, weighted
-from fit.effects.bending_hysteresis import REFERENCE_CURVATURE
 
 
 @ti.func

@@ -11,13 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from fit.cloth.simulator import Simulator
+from fit.cloth.model import Group
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -26,49 +24,6 @@ COST = {1: 1.0, 8: 1.15, 16: 1.5}  # of a group by its lanes: processors add eig
 TASKS = 8  # per processor and call: a call cannot be interrupted
 MOST_NUMBERS = 2**28  # single numbers in a call, 1 GB: calls are shorter and lanes fewer than that, where they can be
 FRAME_COPIES, HANDLE_COPIES = 2, 3  # of what comes back; of handles, in double precision first
-
-
-@dataclass(frozen=True, eq=False)
-class Candidates:
-    """Candidates on one recording and what becomes of them.
-
-    materials, (candidates, parameters), with what effects change in them; amplitudes, (candidates, components)
-    seen [m], (candidates, frames, points, 3), and kept, (candidates, frames + 1, nodes, 3) or None: where results go,
-    the places of the nodes [m] and, in the last row, the last forces on them [N]
-    """
-
-    materials: Floats
-    amplitudes: Floats
-    seen: Floats
-    kept: Singles | None
-
-
-@dataclass(frozen=True, eq=False)
-class Group:
-    """Candidates with the same step and the same kernel; members are indices, (n,)."""
-
-    simulator: Simulator
-    candidates: Candidates
-    members: NDArray[np.int64]
-    half_octaves: int
-    has_effects: bool
-    is_viscous: bool
-    touches: bool
-
-    @property
-    def kernel(self) -> tuple[bool, bool, bool]:
-        """What decides which kernel simulates them."""
-        return self.has_effects, self.is_viscous, self.touches
-
-    @property
-    def dt(self) -> float:
-        """Time step [s]."""
-        return self.simulator.step(self.half_octaves)
-
-    @property
-    def steps(self) -> float:
-        """Steps from the beginning of settling to the last frame."""
-        return (self.simulator.recording.duration + self.simulator.support.settle_time) / self.dt
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,11 +47,11 @@ class Task:
 
     def numbers(self, *, is_pulled: bool) -> int:
         """Single numbers that each lane needs, about: frames, and copies of them, handles and targets."""
-        first = self.parts[0].simulator
+        first = self.parts[0].model
         points = first.recording.points.shape[1]
         handles = 3 * HANDLE_COPIES * first.support.handles * self.steps
-        frames = 3 * FRAME_COPIES * points * sum(len(part.simulator.recording.time) for part in self.parts)
-        sizes = [part.simulator.observer_targets(part.half_octaves)[:2] for part in self.parts] if is_pulled else []
+        frames = 3 * FRAME_COPIES * points * sum(len(part.model.recording.time) for part in self.parts)
+        sizes = [part.model.observer_targets(part.half_octaves)[:2] for part in self.parts] if is_pulled else []
         return int(handles + frames + max((places.size + trust.size for places, trust in sizes), default=0))
 
     def filled(self, lanes: int) -> list[tuple[Group, NDArray[np.int64]]]:
@@ -166,16 +121,16 @@ class Course:
 
     def __init__(self, task: Task, parts: list[tuple[Group, NDArray[np.int64]]], is_pulled: bool) -> None:
         self.task = task
-        self.time = np.unique(np.concatenate([part.simulator.recording.time for part in task.parts]))
+        self.time = np.unique(np.concatenate([part.model.recording.time for part in task.parts]))
         whole = np.floor(self.time / task.dt + 1e-9).astype(np.int32)
         self.steps, self.lags = whole, (self.time - whole * task.dt).astype(np.float32)
-        self.paths = [g.simulator.paths(g.candidates.amplitudes[k], int(whole[-1]) + 3, task.dt) for g, k in parts]
-        starts = [g.simulator.support.start(way[0].T) for (g, _), way in zip(parts, self.paths, strict=True)]
+        self.paths = [g.model.paths(g.candidates.amplitudes[k], int(whole[-1]) + 3, task.dt) for g, k in parts]
+        starts = [g.model.support.start(way[0].T) for (g, _), way in zip(parts, self.paths, strict=True)]
         self.start = np.concatenate(starts)
         # Where nothing pulls but the settling, two are asked for: where the points begin, and the one after it.
         asked = slice(None if is_pulled else 2)
         self.targets = []
         for group, members in parts:
-            places, trust, self.every = group.simulator.observer_targets(group.half_octaves)
-            aimed = group.simulator.aimed(places[asked], group.candidates.amplitudes[members])
+            places, trust, self.every = group.model.observer_targets(group.half_octaves)
+            aimed = group.model.aimed(places[asked], group.candidates.amplitudes[members])
             self.targets.append((aimed, trust[asked], len(members)))

@@ -13,8 +13,8 @@ f is the sum of
     effects    forces on the surface around each node from the chosen effects (fit.effects); mass m_a that is added to
                the normal motion, (m + m_a n n') a = F, so a = (F - n (n.F) m_a/(m + m_a)) / m
     contact    with itself and with bodies (fit.cloth.contact)
-pull is the observer's (fit.gap.observer): w^2 (y - x) + 2 zeta w (ydot - v), spread from the tracked points. While the
-cloth settles (fit.cloth.support), c is at least the settling's, and the pull that of its beginning.
+pull is the observer's (fit.observer.residuals): w^2 (y - x) + 2 zeta w (ydot - v), spread from the tracked points.
+While the cloth settles (fit.cloth.support), c is at least the settling's, and the pull that of its beginning.
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations of kernels.

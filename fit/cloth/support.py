@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 
 from fit.cloth.mesh import ClothMesh, Integers
 from fit.errors import FitError
-from fit.recording import LONGEST_BRIDGE, Curve, Recording
+from fit.recordings.recording import LONGEST_BRIDGE, Curve, Recording
 
 Floats = NDArray[np.float64]
 

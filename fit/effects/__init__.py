@@ -1,11 +1,11 @@
 """The library of effects. A new effect is one file and one line in `LIBRARY`."""
 
+from fit.cloth.effect import Effect
 from fit.effects.added_mass import AddedMass
 from fit.effects.air_drag import AirDrag
 from fit.effects.air_lift import AirLift
 from fit.effects.anisotropy import Anisotropy
 from fit.effects.attachment_offset import AttachmentOffset
-from fit.effects.base import Effect
 from fit.effects.bending_hysteresis import BendingHysteresis
 from fit.effects.bending_viscosity import BendingViscosity
 from fit.effects.clip_slack import ClipSlack

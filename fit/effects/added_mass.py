@@ -13,8 +13,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from fit.cloth.effect import Effect, Floats
 from fit.cloth.mesh import ClothMesh
-from fit.effects.base import Effect, Floats
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,8 @@ from typing import ClassVar
 
 import taichi as ti
 
+from fit.cloth.effect import Effect
 from fit.cloth.lanes import magnitude
-from fit.effects.base import Effect
 
 AIR_DENSITY = 1.204  # kg/m^3, dry air at 20 degC and 101.325 kPa
 

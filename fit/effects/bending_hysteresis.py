@@ -11,9 +11,7 @@ P. R. Dahl, "A solid friction model" (1968). KES: 2HB of apparel is 1e-4 to 1e-3
 from dataclasses import dataclass
 from typing import ClassVar
 
-from fit.effects.base import Effect, Floats
-
-REFERENCE_CURVATURE = 5.0  # 1/m: the loop closes within a fifth of KES's 100 1/m
+from fit.cloth.effect import Effect, Floats
 
 
 @dataclass(frozen=True)

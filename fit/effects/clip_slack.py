@@ -11,9 +11,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from fit.cloth.effect import Curve, Effect, Floats
 from fit.effects.attachment_offset import hanger_axes
-from fit.effects.base import Curve, Effect, Floats
-from fit.recording import Recording
+from fit.recordings.recording import Recording
 
 
 @dataclass(frozen=True)

@@ -2,11 +2,11 @@
 
     held_k(t) = measured_k(t) - d_k h((t - t0) / 100 ms + 1/2) z,     h a smooth step from 0 to 1
 
-t0 is when tracked points on the held edge drop, or else just after the hanger's hardest jerk (`fit.held_edge`). A step
-in 50 ms shakes the cloth so sharply that fits make it too small where the true one takes another course.
-What of a slip this law does not tell (when, how long, a little sideways) turns the held edge: d at one end of an edge
-of 0.3 m turns it by d / 0.3 m, of which a third passes for a rotation of the hanger.
-Source: kinematics; slips of 0.5 to 10 mm are what clips allow.
+t0 is when tracked points on the held edge drop, or else just after the hanger's hardest jerk
+(`fit.recordings.held_edge`). A step in 50 ms shakes the cloth so sharply that fits make it too small where the true one
+takes another course. What of a slip this law does not tell (when, how long, a little sideways) turns the held edge: d
+at one end of an edge of 0.3 m turns it by d / 0.3 m, of which a third passes for a rotation of the hanger. Source:
+kinematics; slips of 0.5 to 10 mm are what clips allow.
 """
 
 from dataclasses import dataclass
@@ -14,8 +14,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from fit.effects.base import Curve, Effect, Floats
-from fit.recording import Recording
+from fit.cloth.effect import Curve, Effect, Floats
+from fit.recordings.recording import Recording
 
 DURATION = 0.1  # s that a slip takes
 

@@ -13,8 +13,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from fit.effects.base import Effect, Floats
-from fit.recording import Recording
+from fit.cloth.effect import Effect, Floats
+from fit.recordings.recording import Recording
 
 NEAR = 0.12  # of the garment's smaller side: points nearer to a corner of the outline than this sit at it
 

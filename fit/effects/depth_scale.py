@@ -13,8 +13,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from fit.effects.base import Curve, Effect, Floats
-from fit.recording import Recording
+from fit.cloth.effect import Curve, Effect, Floats
+from fit.recordings.recording import Recording
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,8 @@ from typing import ClassVar
 
 import taichi as ti
 
+from fit.cloth.effect import Effect
 from fit.effects.air_drag import AIR_DENSITY
-from fit.effects.base import Effect
 
 PLATE = 1.2  # 1, drag coefficient of a plate across the flow
 

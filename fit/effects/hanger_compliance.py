@@ -13,8 +13,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from fit.effects.base import Curve, Effect, Floats
-from fit.recording import Recording
+from fit.cloth.effect import Curve, Effect, Floats
+from fit.recordings.recording import Recording
 
 DAMPING = 0.1  # 1, share of critical damping of a rod in a hand
 GRID = 1e-3  # s

@@ -11,8 +11,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from fit.cloth.effect import Effect, Floats
 from fit.cloth.mesh import ClothMesh
-from fit.effects.base import Effect, Floats
 
 LEAST_SHARE = 0.1  # of its mass that every node keeps
 

@@ -13,7 +13,7 @@ Source: R. Bridson, R. Fedkiw, J. Anderson, "Robust treatment of collisions, con
 from dataclasses import dataclass
 from typing import ClassVar
 
-from fit.effects.base import Effect, Floats
+from fit.cloth.effect import Effect, Floats
 
 
 @dataclass(frozen=True)

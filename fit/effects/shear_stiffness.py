@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from fit.cloth import material as mat
-from fit.effects.base import Effect, Floats
+from fit.cloth.effect import Effect, Floats
 
 
 @dataclass(frozen=True)

@@ -25,9 +25,7 @@ from typing import ClassVar
 import numpy as np
 
 from fit.cloth import material as mat
-from fit.effects.base import Effect, Floats
-
-RELAXATION_TIME = 2e-3  # s: theta
+from fit.cloth.effect import Effect, Floats
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ was tau earlier. Noisy data are never shifted. Source: RGBench corrects a camera
 from dataclasses import dataclass
 from typing import ClassVar
 
-from fit.effects.base import Curve, Effect, Floats
-from fit.recording import Recording
+from fit.cloth.effect import Curve, Effect, Floats
+from fit.recordings.recording import Recording
 
 
 @dataclass(frozen=True)

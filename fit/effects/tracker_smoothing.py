@@ -15,8 +15,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from fit.effects.base import Effect, Floats
-from fit.recording import Recording
+from fit.cloth.effect import Effect, Floats
+from fit.recordings.recording import Recording
 
 ACROSS = 0.7  # cosine below which a pair of neighbours lies across another: more than 45 degrees from it
 FARTHEST = 2.0  # times as far as the nearest pair, within which one across it is a neighbour

@@ -1,7 +1,7 @@
 """Blender's own cloth as an engine of the Kinect-skirt method, in a process of its own.
 
 The six parameters are handed to Blender's cloth settings as they are (mass per vertex, stiffness and damping of
-tension and compression, bending stiffness, air), shear a tenth of tension as in `fit.parameterisations.kinect_skirt`.
+tension and compression, bending stiffness, air), shear a tenth of tension as in `fit.methods.kinect_skirt`.
 Velocity, the share of each velocity kept per frame of 1/25 s, is no setting of today's Blender; a drag of the same
 rate stands for it. Blender's drag is 0.01 Air on each vertex, so its rate is
 
@@ -21,13 +21,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.cloth.simulator import Resolution
-from fit.effects.base import Effect
+from fit.cloth.effect import Effect
+from fit.cloth.model import Resolution
 from fit.engines.plain_grid import PlainGrid, plain_grid
 from fit.errors import FitError
 from fit.foreign.process import BLENDER, ForeignProcess
-from fit.parameterisations.base import Parameterisation
-from fit.recording import Recording
+from fit.methods.method import Parameterisation
+from fit.recordings.recording import Recording
 
 Floats = NDArray[np.float64]
 

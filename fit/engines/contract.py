@@ -12,10 +12,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.cloth.simulator import Resolution, Simulator
-from fit.effects.base import Effect
-from fit.parameterisations import Parameterisation
-from fit.recording import Recording
+from fit.cloth.effect import Effect
+from fit.cloth.model import Resolution
+from fit.cloth.simulator import Simulator
+from fit.methods import Parameterisation
+from fit.recordings.recording import Recording
 
 Floats = NDArray[np.float64]
 
@@ -40,7 +41,7 @@ EngineMaker = Callable[[Recording, Parameterisation, tuple[Effect, ...], Resolut
 
 
 class OwnEngine:
-    """Hangtime's own cloth behind the contract; its version is that of the physics (`fit.physics`)."""
+    """Hangtime's own cloth behind the contract; its version is that of the physics (`fit.provenance`)."""
 
     version = ""
 

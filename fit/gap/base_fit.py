@@ -17,11 +17,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.cloth.simulator import Resolution
+from fit.cloth.model import Resolution
 from fit.gap import gates
 from fit.gap.checkpoint import Checkpoint
 from fit.gap.fitting import Fitted, Problem, Task, fit
-from fit.gap.observer import Observer
+from fit.observer.residuals import Observer
 from fit.search import looks, valleys
 from formats.results import Gate
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from fit.errors import FitError
 from fit.gap.fitting import Fitted, Pinned
-from fit.physics import other_than
+from fit.provenance import other_than
 from formats.whole_files import write_whole
 
 Floats = NDArray[np.float64]

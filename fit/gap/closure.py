@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.gap.edge import EdgeErrors
-from fit.gap.observer import Observer
+from fit.observer.edge import EdgeErrors
+from fit.observer.residuals import Observer
 
 Floats = NDArray[np.float64]
 

@@ -10,30 +10,30 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.cloth.simulator import Resolution
+from fit.cloth.effect import Effect
+from fit.cloth.model import Resolution
 from fit.effects import LIBRARY
-from fit.effects.base import Effect
 from fit.gap import edge_driven
 from fit.gap import findings as described
 from fit.gap import gates as gate
 from fit.gap.base_fit import fit_base
 from fit.gap.checkpoint import Checkpoint, Key
 from fit.gap.closure import bootstrap_picks, closure, exceeds
-from fit.gap.edge import is_edge_explained
 from fit.gap.fitting import Fitted
 from fit.gap.floor import noise_floor
 from fit.gap.missing_force import find_missing_force
 from fit.gap.next_experiment import propose
 from fit.gap.numerics import refine
-from fit.gap.observer import Observer
 from fit.gap.rounds import Rounds
 from fit.gap.verdict import decide, passing_effects
 from fit.gap.where import find_where
-from fit.geometry import check_geometry
-from fit.parameterisations import SI, Parameterisation
-from fit.physics import physics_version
-from fit.recording import Recording, prepare_together
-from fit.takes import check_together, content_of
+from fit.methods import SI, Parameterisation
+from fit.observer.edge import is_edge_explained
+from fit.observer.residuals import Observer
+from fit.provenance import physics_version
+from fit.recordings.geometry import check_geometry
+from fit.recordings.recording import Recording, prepare_together
+from fit.recordings.selection import check_together, content_of
 from formats.results import Cost, Diagnosis
 from formats.take import Take
 

@@ -5,9 +5,10 @@ least squares over the tracked points of the edge, per frame,
 
     min_e  sum_p |y_p - (1 - f_p) e_0 - f_p e_1|^2,
 
-and through the ends a path like the hanger's own (`fit.recording`), with the cut-off that its noise asks for. Driven by
-it, and with the fabric fitted again, a model knows of everything that is wrong between hanger and edge, in the library
-or not: what it leaves lies in the cloth, the air or the points. It names no cause: effects are told by their laws.
+and through the ends a path like the hanger's own (`fit.recordings.recording`), with the cut-off that its noise asks
+for. Driven by it, and with the fabric fitted again, a model knows of everything that is wrong between hanger and edge,
+in the library or not: what it leaves lies in the cloth, the air or the points. It names no cause: effects are told by
+their laws.
 """
 
 from __future__ import annotations
@@ -18,15 +19,15 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.cloth.mesh import place_along
 from fit.errors import DriveError
 from fit.gap.checkpoint import Checkpoint
 from fit.gap.evidence import Evidence
 from fit.gap.fitting import Fitted, Task, fit
 from fit.gap.hypotheses import Hypothesis, judged
-from fit.gap.observer import Observer
-from fit.recording import Recording, check_path
-from fit.smoothing import best_cut_off
+from fit.observer.residuals import Observer
+from fit.recordings.held_edge import place_along
+from fit.recordings.recording import Recording, check_path
+from fit.recordings.smoothing import best_cut_off
 from formats.take import LONGEST_GAP
 
 Floats = NDArray[np.float64]

@@ -1,7 +1,7 @@
 """Sizes of effects that the held edge alone tells, and of what can be seen there at all.
 
-A simulated edge is where hanger and effects put it, whatever the cloth (`fit.gap.edge`). With the edge's residual r and
-its change S per unit of the amplitudes of all effects in a fit that move it, what it says of them alone is
+A simulated edge is where hanger and effects put it, whatever the cloth (`fit.observer.edge`). With the edge's residual
+r and its change S per unit of the amplitudes of all effects in a fit that move it, what it says of them alone is
 
     delta = -(S'S)^-1 S'r,   cov = I^-1,   I = S'S over what varies / SLOW + S'S over what is off constantly / takes
 
@@ -25,10 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.gap.closure import DIRECTIONS
-from fit.gap.edge import is_seen_on_edge
 from fit.gap.fitting import PRIOR_AMPLITUDE, Fitted, Pinned, Problem
-from fit.gap.observer import Observer
 from fit.gap.screening import Screened
+from fit.observer.edge import is_seen_on_edge
+from fit.observer.residuals import Observer
 
 Floats = NDArray[np.float64]
 

@@ -17,11 +17,11 @@ from fit.gap.closure import (
     exceeds,
     solver_draws,
 )
-from fit.gap.edge import LEAST_BY_LAW, is_edge_explained, is_seen_on_edge, is_told_by_edge
 from fit.gap.fitting import NORMAL_95, Fitted, amplitude_of
 from fit.gap.hypotheses import Hypothesis
-from fit.gap.observer import Observer
 from fit.gap.screening import GROUP_COSINE, Screened
+from fit.observer.edge import LEAST_BY_LAW, is_edge_explained, is_seen_on_edge, is_told_by_edge
+from fit.observer.residuals import Observer
 from formats.results import Figure, Gate
 
 Floats = NDArray[np.float64]

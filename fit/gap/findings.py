@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.effects.base import Effect, size_of
+from fit.cloth.effect import Effect, size_of
 from fit.gap.closure import SIGNIFICANT_GAP
 from fit.gap.edge_fit import detectable_on_edge
 from fit.gap.evidence import STUDENT_95, Evidence
 from fit.gap.fitting import NORMAL_95, Fitted
 from fit.gap.hypotheses import Hypothesis
-from fit.gap.observer import Observer, has_static
 from fit.gap.probabilities import probabilities
 from fit.gap.screening import groups
 from fit.gap.verdict import mesh_share
-from fit.parameterisations import Parameterisation
+from fit.methods import Parameterisation
+from fit.observer.residuals import Observer, has_static
 from formats.results import EffectFinding, Figure, FitParameter, Gap
 
 LISTED = 3  # effects that were left out, in a sentence

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.effects.base import size_of
-from fit.gap.observer import Observer
+from fit.cloth.effect import size_of
+from fit.observer.residuals import Observer
 from fit.search.least_squares import (
     BoundedSpace,
     LeastSquaresResult,

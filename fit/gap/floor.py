@@ -27,9 +27,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.effects.tracker_smoothing import opposite_neighbours
-from fit.gap.noise import held_noise, point_noise
-from fit.gap.observer import Observer, residuals_together
-from fit.recording import Recording
+from fit.observer.residuals import Observer, residuals_together
+from fit.recordings.noise import held_noise, point_noise
+from fit.recordings.recording import Recording
 
 Floats = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from fit.effects.attachment_offset import hanger_axes
 from fit.gap.fitting import Fitted
-from fit.gap.observer import Observer
-from fit.impossible_points import MOST_LEFT_OUT, describe_impossible
-from fit.recording import Recording
+from fit.observer.residuals import Observer
+from fit.recordings.impossible_points import MOST_LEFT_OUT, describe_impossible
+from fit.recordings.recording import Recording
 from formats.results import Gate
 
 Floats = NDArray[np.float64]

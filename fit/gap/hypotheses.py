@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from fit.gap.closure import BlockErrors, block_errors
 from fit.gap.edge_fit import beside_another
 from fit.gap.fitting import Fitted, Problem, Task
-from fit.gap.observer import Observer
 from fit.gap.screening import Screened, with_amplitude
+from fit.observer.residuals import Observer
 
 Floats = NDArray[np.float64]
 

@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.cloth.simulator import Simulator
-from fit.gap.observer import Observer
-from fit.smoothing import low_pass
+from fit.observer.residuals import Observer
+from fit.recordings.smoothing import low_pass
 from formats.results import ForceAt, MissingForce
 
 Floats = NDArray[np.float64]

@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 
 from fit.gap.fitting import Fitted, Problem
 from fit.gap.hypotheses import Hypothesis
-from fit.gap.observer import Observer, residuals_together
 from fit.gap.screening import with_amplitude
-from fit.held_edge import HeldEdge
-from fit.recording import Recording
+from fit.observer.residuals import Observer, residuals_together
+from fit.recordings.held_edge import HeldEdge
+from fit.recordings.recording import Recording
 from formats.results import NextExperiment
 
 Floats = NDArray[np.float64]

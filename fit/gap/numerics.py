@@ -18,10 +18,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fit.cloth.simulator import Resolution
+from fit.cloth.model import Resolution
 from fit.gap.closure import BlockErrors, block_errors
 from fit.gap.fitting import Fitted, Problem
-from fit.gap.observer import Observer
+from fit.observer.residuals import Observer
 
 REFINEMENT = 1.5  # of the mesh spacing, as asked for
 LEAST_REFINEMENT = 1.3  # as it is: where whole elements make it less, a finer mesh is asked for

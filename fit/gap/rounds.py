@@ -13,7 +13,6 @@ from fit.gap import gates as gate
 from fit.gap.base_fit import across_valleys, middle
 from fit.gap.checkpoint import Checkpoint
 from fit.gap.closure import gain_p_value
-from fit.gap.edge import is_edge_explained, is_told_by_edge
 from fit.gap.edge_fit import disputed, leads, trust_in_edge
 from fit.gap.evidence import (
     Evidence,
@@ -31,9 +30,10 @@ from fit.gap.evidence import (
 from fit.gap.fitting import Fitted, Task, fit
 from fit.gap.hypotheses import POLISHING, Hypothesis, further, judged, polishing, refits, shortlist
 from fit.gap.numerics import Refined
-from fit.gap.observer import Observer
 from fit.gap.screening import GROUP_COSINE, Screened, ended_at, screen, with_amplitude
 from fit.gap.verdict import LEVEL, MESH_SHARE, Verdict, is_brought, may_be_added
+from fit.observer.edge import is_edge_explained, is_told_by_edge
+from fit.observer.residuals import Observer
 from formats.results import Gate
 
 Progress = Callable[[str, float], None]

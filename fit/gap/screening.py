@@ -29,10 +29,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.effects.base import Effect
+from fit.cloth.effect import Effect
 from fit.gap.closure import TIE
 from fit.gap.fitting import Fitted, Problem
-from fit.gap.observer import Observer
+from fit.observer.residuals import Observer
 
 Floats = NDArray[np.float64]
 

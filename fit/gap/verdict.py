@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fit.effects.base import Effect
-from fit.gap.edge import is_edge_explained
+from fit.cloth.effect import Effect
 from fit.gap.evidence import (
     NEAR,
     NEAR_TWIN,
@@ -23,8 +22,9 @@ from fit.gap.evidence import (
 )
 from fit.gap.fitting import amplitude_of
 from fit.gap.hypotheses import Hypothesis
-from fit.gap.observer import Observer
 from fit.gap.probabilities import probabilities
+from fit.observer.edge import is_edge_explained
+from fit.observer.residuals import Observer
 from formats.results import Figure, place_of
 
 LEVEL = 0.05  # family-wise

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.gap.observer import Observer
+from fit.observer.residuals import Observer
 from formats.results import VertexResidual, Where, WhereBin
 
 Floats = NDArray[np.float64]

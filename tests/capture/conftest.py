@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.capture.garment.towel_scenes import hung
 from tests.capture.stage import pictures
-from tests.capture.towel_scenes import hung
 
 
 @pytest.fixture(scope="module")

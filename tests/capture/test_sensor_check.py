@@ -18,9 +18,9 @@ from firmware_host.doctor.checks import Examination, StreamSample, Verdict
 from firmware_host.oni_writer import OniWriter
 from formats.command import app, gather_commands
 from formats.rig import Hanger, Rig, Sensor
+from tests.capture.hanger.test_colour_dots import RIG as DOT_RIG
+from tests.capture.hanger.test_colour_dots import dots as drawn_dots
 from tests.capture.stage import CAMERA, pictures
-from tests.capture.test_colour_dots import RIG as DOT_RIG
-from tests.capture.test_colour_dots import dots as drawn_dots
 
 SENSOR = Sensor(width=320, height=240, fx=288.0, fy=288.0, cx=159.5, cy=119.5)
 

@@ -11,7 +11,7 @@ import pytest
 from benchmarks.tracking import figures, measure
 from benchmarks.tracking_scenes import SEEDS, Scene, Shown, scenes
 from firmware_host.synthetic.world import FIRST_STAMP
-from tests.capture.garment_scenes import hung
+from tests.capture.garment.garment_scenes import hung
 
 FRAMES = 12
 

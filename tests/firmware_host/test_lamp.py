@@ -8,8 +8,8 @@ import sys
 
 import pytest
 
-from capture.condition import Condition
-from capture.condition_lamp import show_condition
+from capture.recording.condition import Condition
+from capture.recording.condition_lamp import show_condition
 from firmware_host.errors import LampError
 from firmware_host.lamp import StatusLamp
 

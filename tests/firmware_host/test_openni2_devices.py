@@ -9,7 +9,8 @@ import pytest
 
 from firmware_host import openni2_library
 from firmware_host.doctor import stream_checks
-from firmware_host.doctor.checks import Check, Examination, examine
+from firmware_host.doctor.checks import Check, Examination
+from firmware_host.doctor.doctor import examine
 from firmware_host.errors import SensorStalledError, SensorUnavailableError
 from firmware_host.openni2_sensor import OpenNI2Sensor
 from firmware_host.usb_control.devices import UsbDevice

@@ -13,8 +13,9 @@ from typer.testing import CliRunner
 
 from firmware_host import openni2_library
 from firmware_host.depth_sensor import DepthSensor, SensorFrame, SensorInfo
-from firmware_host.doctor import checks, stream_checks, usb_checks
-from firmware_host.doctor.checks import Check, Examination, StreamSample, Verdict, examine, ok, problem, skipped
+from firmware_host.doctor import checks, doctor, stream_checks, usb_checks
+from firmware_host.doctor.checks import Check, Examination, StreamSample, Verdict, ok, problem, skipped
+from firmware_host.doctor.doctor import examine
 from firmware_host.errors import RecordingError, SensorUnavailableError
 from firmware_host.oni_writer import OniWriter
 from formats.command import app, gather_commands
@@ -82,19 +83,19 @@ def test_an_error_of_ours_is_a_finding_and_a_fault_of_the_program_is_not() -> No
 
 
 def test_the_checks_come_in_the_order_of_what_depends_on_what() -> None:
-    names = [check.name for check in checks.all_checks(is_recording=False)]
+    names = [check.name for check in doctor.all_checks(is_recording=False)]
     assert names == [
         "device", "permission", "speed and power", "firmware", "driver", "streams", "frame rate", "depth", "markers",
     ]  # fmt: skip
-    assert [check.name for check in checks.all_checks(is_recording=True)] == names[5:]
+    assert [check.name for check in doctor.all_checks(is_recording=True)] == names[5:]
 
 
 def test_a_check_whose_library_is_absent_is_a_line_that_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     def load() -> Check:
         raise ModuleNotFoundError("no cv2", name="cv2")
 
-    monkeypatch.setattr(checks, "entry_points", lambda group: [SimpleNamespace(name="markers", load=load)])
-    ((check, finding),) = examine(checks.contributed(), Examination())
+    monkeypatch.setattr(doctor, "entry_points", lambda group: [SimpleNamespace(name="markers", load=load)])
+    ((check, finding),) = examine(doctor.contributed(), Examination())
     assert (check.name, finding) == ("markers", skipped("cv2 is not installed"))
 
 

@@ -10,7 +10,7 @@ import pytest
 from firmware_host.synthetic.scene import CAMERA
 from firmware_host.synthetic.surroundings import Panel, plain
 from firmware_host.synthetic.visibility import NEIGHBOURHOOD, _as_noise_shows
-from tests.capture.garment_scenes import hung
+from tests.capture.garment.garment_scenes import hung
 
 CENTRE = 4
 

@@ -7,8 +7,9 @@ import dataclasses
 import numpy as np
 
 from fit.cloth import material as mat
-from fit.cloth.simulator import Resolution, Simulator
-from fit.recording import Recording, prepare
+from fit.cloth.model import Resolution
+from fit.cloth.simulator import Simulator
+from fit.recordings.recording import Recording, prepare
 from formats.garment import Garment, TrackedPoint
 from formats.rig import Rig
 from formats.take import Take

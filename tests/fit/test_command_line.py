@@ -12,20 +12,20 @@ import msgspec
 import numpy as np
 import pytest
 
-from fit import reporting
-from fit.calibration import calibrate
-from fit.cloth.simulator import Resolution
+from fit.cloth.model import Resolution
 from fit.effects import LIBRARY, find_effects
 from fit.errors import FitError
-from fit.fabric_sheet import sheet_of
 from fit.folders import alone
 from fit.gap.diagnosis import diagnose
-from fit.parameterisations import KINECT_SKIRT, LEAN, SI, find_method
-from fit.request import Request, request_of
+from fit.identification.calibrate import calibrate
+from fit.identification.request import Request, request_of
+from fit.methods import KINECT_SKIRT, LEAN, SI, find_method
+from fit.report import gather as reporting
+from fit.virtual_tests.sheet import sheet_of
 from formats.archive import read_take, write_take
 from formats.results import load_diagnosis, load_fit_result, save_fit_result
+from tests.fit.recordings.test_geometry import scaled
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
-from tests.fit.test_geometry import scaled
 
 FRAME = 1 / 30
 

@@ -127,7 +127,8 @@ def test_help_lists_every_command_where_their_libraries_are_not_installed():
 
 
 def test_a_module_of_our_own_that_is_missing_is_a_fault_of_the_program():
-    done = run("import sys; sys.modules['capture.markers'] = None\nfrom formats.command import main; main()",
+    done = run("import sys; sys.modules['capture.hanger.fiducial_tracker'] = None\n"
+               "from formats.command import main; main()",
                "record", "--sensor=synthetic:swing", "--rig=r", "--garment=g", "--out=a.mcap")  # fmt: skip
     assert done.returncode == 1
-    assert "ModuleNotFoundError: import of capture.markers halted" in done.stderr
+    assert "ModuleNotFoundError: import of capture.hanger.fiducial_tracker halted" in done.stderr

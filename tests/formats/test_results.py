@@ -20,7 +20,7 @@ from formats.results import (
     save_fit_result,
     schema_of,
 )
-from tests.fit.report_scene import diagnosis, fit_result
+from tests.fit.report.report_scene import diagnosis, fit_result
 
 SCHEMA_FOLDER = Path(formats.__file__).parent / "schemas"
 

@@ -1,0 +1,102 @@
+"""Watch a sensor until what hangs before it is still, and keep what the still frames show of every marker."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.errors import CalibrationError
+from capture.hanger.marker_detection import MarkerDetector
+from firmware_host.depth_sensor import MOST_FRAMES, DepthSensor
+
+Floats = NDArray[np.float64]
+
+STILL = 0.7  # px that a marker may stray within still frames: 2 mm at 1.6 m, five times its reading noise
+FEWEST_STILL = 15  # frames, half a second: less can be the turning point of a swing
+MOST_KEPT = 90  # frames; three seconds, after which the noise that averages out is small beside what does not
+
+
+@dataclass(frozen=True)
+class StillFrames:
+    """Markers in frames during which nothing moved.
+
+    corners [px], (frames, ids, 4, 2), in the detector's order, NaN where not found; depth [mm], one (H, W) a frame;
+    seen: frames that were looked at
+    """
+
+    corners: Floats
+    depth: list[NDArray[np.uint16]]
+    seen: int
+
+    def sees(self, row: int) -> bool:
+        """Whether a marker was found in half of the frames or more."""
+        return float(np.isfinite(self.corners[:, row, 0, 0]).mean()) >= 0.5
+
+
+def watch(sensor: DepthSensor, detector: MarkerDetector, seconds: float) -> StillFrames:
+    """Return the end of the longest still part of the next seconds [s] of a sensor.
+
+    Raises:
+        CalibrationError: no marker was seen, or everything moved all the time.
+    """
+    run = StillRun()
+    recent: deque[tuple[Floats, NDArray[np.uint16]]] = deque(maxlen=MOST_KEPT)
+    best: list[tuple[Floats, NDArray[np.uint16]]] = []
+    first: float | None = None
+    seen = longest = 0
+    most = MOST_FRAMES * seconds * sensor.info.fps
+    for number, frame in enumerate(sensor.frames()):
+        first = frame.time_s if first is None else first
+        if frame.time_s - first > seconds or number >= most:
+            break
+        if frame.colour is None or frame.depth.shape != frame.colour.shape[:2]:
+            continue
+        seen += 1
+        found = detector.in_picture(frame.colour)
+        if np.isnan(found[:, 0, 0]).all():
+            continue  # without any marker a frame says nothing, and would pass for a still one
+        for row in np.flatnonzero(np.isfinite(found[:, 0, 0])):
+            found[row] = detector.refined(frame.colour, int(row), found[row])
+        recent.append((found, frame.depth))
+        length = run.add(found)
+        if length > longest:
+            longest, best = length, list(recent)[-length:]
+    where = sensor.info.uri
+    if not recent:
+        raise CalibrationError(
+            f"none of the markers {', '.join(map(str, detector.ids))} was seen in {seen} frames", where=where,
+            advice="hang the hanger 1.2 to 2.5 m before the sensor, markers towards it, in even light",
+        )  # fmt: skip
+    if longest < FEWEST_STILL:
+        raise CalibrationError(
+            f"nothing hung still for {FEWEST_STILL} frames", where=where,
+            advice="put the hanger on a hook, let it and the plumb line come to rest, and do not touch them",
+        )  # fmt: skip
+    return StillFrames(np.stack([corners for corners, _ in best]), [depth for _, depth in best], seen=seen)
+
+
+class StillRun:
+    """The frames up to the newest in which no marker strays."""
+
+    def __init__(self) -> None:
+        self._centres: list[Floats] = []
+
+    def add(self, corners: Floats) -> int:
+        """Take in a frame's corners [px], (ids, 4, 2), NaN where not found; return how many frames are still.
+
+        A frame in which a marker is not found says nothing of it.
+        """
+        self._centres.append(corners.mean(1))
+        while _stray(np.stack(self._centres)) > STILL:
+            del self._centres[0]
+        return len(self._centres)
+
+
+def _stray(centres: Floats) -> float:
+    """Return how far [px] the centres, (frames, ids, 2), get from one another along an axis."""
+    low = np.where(np.isnan(centres), np.inf, centres).min(0)
+    high = np.where(np.isnan(centres), -np.inf, centres).max(0)
+    return float(np.max(high - low, initial=0.0))

@@ -1,0 +1,1 @@
+"""Turn depth pixels into metric surfaces: scale, offset and interpolation."""

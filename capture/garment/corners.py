@@ -1,0 +1,216 @@
+"""Find the corners that are tracked on the outline of a garment: one strategy per kind of garment.
+
+Panels (skirts, swatches): Harris corners (Harris and Stephens, "A combined corner and edge detector", 1988), of which
+the extremes along x and y after a turn by 45 degrees are the four wanted,
+
+    top left = min(x + y)    top right = max(x - y)    bottom right = max(x + y)    bottom left = min(x - y)
+
+T-shirts: the top corners are the leftmost and the rightmost place, the tips of the sleeves; below as on a panel.
+Source of both: "Estimating the clothes characteristics with the image and depth sensors for developing virtual
+fitting room", section 2.
+
+A Harris corner of a ragged edge is good to some pixels. It is refined by the crossing of straight lines fitted to
+the two sides next to it; the top side's line is the held edge itself, known from the markers. The fitted lines run
+through the centres of the outermost pixels and are moved outwards by half a pixel to the rim of these pixels.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.depth.surface import LATERAL_SD
+from capture.garment.silhouette import Silhouette
+
+Floats = NDArray[np.float64]
+
+HARRIS_BLOCK = 5  # double px, structure tensor window: ragged edges average out, a panel's corner does not
+HARRIS_K = 0.04  # Harris and Stephens' usual constant
+STRONG_CORNER = 0.2  # of the strongest Harris response on the outline
+FAR_OUT = 8.0  # px along x + y or x - y
+SKIPPED_ARM = 3.0  # px next to a corner that are rounded off by missing pixels
+LONGEST_ARM = 45.0  # px of a side that may be taken for straight
+STRAIGHT = 0.6  # of a side: what is beyond belongs to the next corner
+SHORTEST_ARM = 8  # outline pixels; fewer do not make a line
+FARTHEST_REFINEMENT = 10.0  # px between a Harris corner and the crossing that replaces it
+FLATTEST_CROSSING = 0.34  # sine of 20 degrees
+CURL_SD = 0.5  # px, a side is not quite straight near its end
+HELD_SD = 0.3  # px, the held edge is a rigid step from the markers, and a bar's rim is as ragged as any
+HARRIS_SD = 2.5  # px, of an unrefined Harris corner on a ragged edge
+
+
+@dataclass(frozen=True)
+class CornersInView:
+    """Corners [px of the image], (4, 2), top left, top right, bottom right, bottom left, and their sd [px], (4, 2).
+
+    NaN where there is none.
+    """
+
+    pixels: Floats
+    sd: Floats
+
+
+class CornerFinder(Protocol):
+    """Knows where on the outline the four corners of a kind of garment are; tips: which of them are of sleeves."""
+
+    tips: tuple[int, ...]
+
+    def flat_corners(self, outline: Floats) -> Floats:
+        """Return the four corners [m], (4, 2), of a flat garment's outline [m], (n, 2), y up, by the same rule."""
+        ...
+
+    def find(self, silhouette: Silhouette, held: Floats, sides: Floats) -> CornersInView:
+        """Find them on a silhouette.
+
+        held [px of the image], (2, 2): the ends of the held edge, left first; sides [px], (4, 2): how long the flat
+        garment's sides before and after each corner, going clockwise, look at the garment's distance.
+        """
+        ...
+
+
+class PanelCorners:
+    """The extremes of the Harris corners after a turn by 45 degrees; the held edge is the top side."""
+
+    tips: tuple[int, ...] = ()
+
+    def flat_corners(self, outline: Floats) -> Floats:
+        """See `CornerFinder.flat_corners`."""
+        x, y = outline[:, 0], -outline[:, 1]
+        return outline[[(x + y).argmin(), (x - y).argmax(), (x + y).argmax(), (x - y).argmin()]]
+
+    def find(self, silhouette: Silhouette, held: Floats, sides: Floats) -> CornersInView:
+        """See `CornerFinder.find`."""
+        x, y = silhouette.outline.T
+        strong = _strong_corners(silhouette)
+        if strong.size < 4:
+            return _none()
+        starts = [_extreme(value, strong) for value in (-x - y, x - y, x + y, y - x)]
+        return _refine(silhouette, starts, held, sides)
+
+
+class ShirtCorners:
+    """The leftmost and the rightmost place are the tips of the sleeves; below as on a panel."""
+
+    tips: tuple[int, ...] = (0, 1)
+
+    def flat_corners(self, outline: Floats) -> Floats:
+        """See `CornerFinder.flat_corners`."""
+        x, y = outline[:, 0], -outline[:, 1]
+        return outline[[x.argmin(), x.argmax(), (x + y).argmax(), (x - y).argmin()]]
+
+    def find(self, silhouette: Silhouette, held: Floats, sides: Floats) -> CornersInView:
+        """See `CornerFinder.find`."""
+        x, y = silhouette.outline.T
+        strong = _strong_corners(silhouette)
+        if strong.size < 2:
+            return _none()
+        starts = [int(x.argmin()), int(x.argmax()), _extreme(x + y, strong), _extreme(y - x, strong)]
+        return _refine(silhouette, starts, None, sides)
+
+
+def _extreme(value: Floats, strong: NDArray[np.intp]) -> int:
+    """Return the place with the largest value [px], (outline,): a Harris corner, unless another is farther out by far.
+
+    A corner that is bent away looks round and is no Harris corner.
+    """
+    best, anywhere = int(strong[value[strong].argmax()]), int(value.argmax())
+    return anywhere if value[anywhere] > value[best] + FAR_OUT else best
+
+
+def _none() -> CornersInView:
+    return CornersInView(np.full((4, 2), np.nan), np.full((4, 2), np.nan))
+
+
+def _strong_corners(silhouette: Silhouette) -> NDArray[np.intp]:
+    """Return the places on the outline of the silhouette's Harris corners; at half the resolution, which is faster."""
+    mask = cv2.resize(silhouette.mask, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    rim = HARRIS_BLOCK
+    padded = cv2.copyMakeBorder(mask, rim, rim, rim, rim, cv2.BORDER_CONSTANT, value=0)
+    response = cv2.cornerHarris(padded, HARRIS_BLOCK, 3, HARRIS_K)
+    x, y = (silhouette.outline.astype(int) // 2 + rim).T
+    strength = response[np.minimum(y, response.shape[0] - 1), np.minimum(x, response.shape[1] - 1)]
+    return np.flatnonzero(strength > STRONG_CORNER * strength.max())
+
+
+def _refine(silhouette: Silhouette, starts: list[int], held: Floats | None, sides: Floats) -> CornersInView:
+    """Refine four places on the outline; the held edge is the line of the top side, where it is one."""
+    if len(set(starts)) < 4:
+        return _none()
+    corners, sd = np.full((4, 2), np.nan), np.full((4, 2), np.nan)
+    outline = silhouette.outline
+    middle = outline.mean(0)
+    offset = np.array([silhouette.window.left, silhouette.window.top], dtype=np.float64)
+    top = None if held is None else _line_through(held - offset)
+    for i in range(4):
+        lines: list[tuple[Floats, float] | None] = []
+        for neighbour, side in (((i - 1) % 4, sides[i, 0]), ((i + 1) % 4, sides[i, 1])):
+            if top is not None and {i, neighbour} == {0, 1}:
+                lines.append((top, HELD_SD))
+            else:
+                lines.append(
+                    _side_line(outline, starts[i], starts[neighbour], middle, min(LONGEST_ARM, STRAIGHT * side))
+                )
+        corners[i], sd[i] = _refined(outline[starts[i]], lines)
+    return CornersInView(corners + offset, sd)
+
+
+def _side_line(outline: Floats, start: int, end: int, middle: Floats, longest: float) -> tuple[Floats, float] | None:
+    """Fit a line to the outline next to `start` towards `end`, up to `longest` [px]; return it and its sd [px]."""
+    n = len(outline)
+    forward, backward = (end - start) % n, (start - end) % n
+    step, length = (1, forward) if forward <= backward else (-1, backward)
+    (x0, y0), (x1, y1) = outline[start].tolist(), outline[end].tolist()
+    longest = min(longest, STRAIGHT * math.hypot(x1 - x0, y1 - y0))
+    # A ragged outline takes up to two pixels for one of its length.
+    way = outline.take(start + step * np.arange(min(length, int(2 * longest)) + 1), axis=0, mode="wrap")
+    x, y = way[:, 0] - x0, way[:, 1] - y0
+    far = np.hypot(x, y)
+    arm = (far >= SKIPPED_ARM) & (far <= longest)
+    for _ in range(2):
+        x, y = x[arm], y[arm]
+        if x.size < SHORTEST_ARM:
+            return None
+        middle_x, middle_y = float(x.sum()) / x.size, float(y.sum()) / x.size
+        away_x, away_y = x - middle_x, y - middle_y
+        # The direction of least scatter of a 2 x 2 covariance.
+        turn = math.atan2(2.0 * float(away_x @ away_y), float(away_x @ away_x - away_y @ away_y))
+        a, b = math.cos(0.5 * (turn + math.pi)), math.sin(0.5 * (turn + math.pi))
+        off = np.abs(a * away_x + b * away_y)
+        scatter = max(LATERAL_SD, 1.5 * float(np.partition(off, off.size // 2)[off.size // 2]))
+        arm = off < 2.5 * scatter
+    middle_x, middle_y = middle_x + x0, middle_y + y0
+    if a * (middle_x - middle[0]) + b * (middle_y - middle[1]) < 0.0:
+        a, b = -a, -b
+    line = np.array([a, b, -(a * middle_x + b * middle_y) - 0.5])
+    return line, math.hypot(2.0 * scatter / math.sqrt(np.count_nonzero(arm)), CURL_SD)
+
+
+def _line_through(ends: Floats) -> Floats:
+    """Return the line (a, b, c), a x + b y + c = 0 with a unit normal, through two places."""
+    along = ends[1] - ends[0]
+    normal = np.array([-along[1], along[0]]) / max(float(np.linalg.norm(along)), 1e-9)
+    return np.array([normal[0], normal[1], -(normal @ ends[0])])
+
+
+def _refined(start: Floats, lines: list[tuple[Floats, float] | None]) -> tuple[Floats, Floats]:
+    """Return the crossing of two lines, or the Harris corner where they make none near it, with the sd [px], (2,).
+
+    With the lines' unit normals as rows of N and deviations s across them its covariance is N^-1 diag(s^2) N^-T.
+    """
+    first, second = lines
+    unrefined = np.full(2, HARRIS_SD)
+    if first is None or second is None:
+        return start, unrefined
+    (a, sd_a), (b, sd_b) = first, second
+    sine = float(a[0] * b[1] - a[1] * b[0])
+    if abs(sine) < FLATTEST_CROSSING:
+        return start, unrefined
+    crossing = np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2]]) / sine
+    if np.linalg.norm(crossing - start) > FARTHEST_REFINEMENT:
+        return start, unrefined
+    return crossing, np.hypot([b[1], b[0]] * np.array(sd_a), [a[1], a[0]] * np.array(sd_b)) / abs(sine)

@@ -1,0 +1,114 @@
+"""How far a corner of the garment lies beyond the cloth that is seen, told by ways along the cloth.
+
+Cloth hardly stretches, so a place q on it is as far from the two held ends, and from every corner that was found, along
+the seen surface as on the flat garment. The corner i, which on the flat garment is D_ai away from such an anchor a, is
+
+    beyond_i = min over q of sqrt(mean over a of (d_a(q) - D_ai)^2)        [m]
+
+beyond the nearest place q of the cloth that is seen: nearly 0 for a corner in view, wherever the outline has it, and
+the depth of the fold for one that is folded away. Only places near the rim of the silhouette are looked at, pixel by
+pixel: there cloth that turns away steeply is lost in the block means of `capture.garment.geodesic`. A pixel's way leads
+over the nearest nodes,
+
+    d_a(q) = min over nodes n near q of d_a(n) + |q - n|
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.garment.geodesic import geodesic_distances
+from capture.garment.silhouette import Silhouette
+from formats.rig import Sensor
+
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+RIM = 6  # px inwards from the outline: two fifths of a node's block at 1.6 m
+STRIDE = 2  # every so many pixels along both axes
+NEAR = 2  # nodes to every side whose ways are taken on to a pixel
+RIM_KERNEL = np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8)
+NOWHERE = 9.0  # m, more than any garment: no way leads to any place
+
+
+@dataclass(frozen=True)
+class SeenWays:
+    """The seen surface and the ways along it.
+
+    surface [m], (rows, columns, 3): a node every `cell` pixels; held [m], (2, 3): ends of the held edge;
+    from_corners [m], (4, rows, columns): from the corners to the nodes; found, (4,): the corners that can be trusted
+    """
+
+    surface: Floats
+    cell: int
+    held: Floats
+    from_corners: NDArray[np.float32]
+    found: Booleans
+
+
+@dataclass(frozen=True)
+class Beyond:
+    """How far each corner lies beyond the seen cloth [m], (4,), by the held ends alone and by all that can be trusted.
+
+    pixels [px of the image], (4, 2): where the seen cloth comes nearest to it by the held ends; places [m], (4, 3): the
+    same by all that can be trusted; NaN where none is seen
+    """
+
+    by_ends: Floats
+    by_all: Floats
+    pixels: Floats
+    places: Floats
+
+
+def beyond_the_seen(
+    silhouette: Silhouette, ways: SeenWays, from_ends: Floats, distances: Floats, sensor: Sensor
+) -> Beyond:
+    """Return how far each corner lies beyond the visible cloth.
+
+    from_ends [m], (2, 4): ways from the held ends to the corners on the flat garment; distances [m], (4, 4): between
+    the corners there.
+    """
+    places, rows, columns = _rim_places(silhouette, sensor)
+    if places.size == 0 or min(ways.surface.shape[:2]) == 0:
+        return Beyond(np.full(4, NOWHERE), np.full(4, NOWHERE), np.full((4, 2), np.nan), np.full((4, 3), np.nan))
+    maps = np.concatenate([geodesic_distances(ways.surface, ways.held)[0], ways.from_corners[ways.found]])
+    wanted = np.concatenate([from_ends, distances[ways.found]])
+    reached = _ways_to(places, rows, columns, maps, ways)
+    squares = np.minimum((reached[:, None] - wanted[:, :, None]) ** 2, NOWHERE**2)
+    by_ends = np.sqrt(squares[:2].mean(0))
+    # A corner that is found is no anchor of its own.
+    own = np.zeros(wanted.shape)
+    own[2 + np.arange(np.count_nonzero(ways.found)), np.flatnonzero(ways.found)] = 1.0
+    by_all = np.sqrt((squares * (1.0 - own)[:, :, None]).sum(0) / (1.0 - own).sum(0)[:, None])
+    nearest = by_ends.argmin(1)
+    pixels = np.stack([columns[nearest] + silhouette.window.left, rows[nearest] + silhouette.window.top], axis=1)
+    return Beyond(by_ends.min(1), by_all.min(1), pixels.astype(np.float64), places[by_all.argmin(1)])
+
+
+def _ways_to(
+    places: Floats, rows: NDArray[np.intp], columns: NDArray[np.intp], maps: NDArray[np.float32], ways: SeenWays
+) -> Floats:
+    """Return the ways [m], (maps, places), to places between the nodes; `NOWHERE` where none leads."""
+    steps = np.arange(-NEAR, NEAR + 1)
+    down, across = (part.reshape(-1, 1) for part in np.meshgrid(steps, steps, indexing="ij"))
+    node_rows = np.clip(rows // ways.cell + down, 0, ways.surface.shape[0] - 1)
+    node_columns = np.clip(columns // ways.cell + across, 0, ways.surface.shape[1] - 1)
+    last = np.sqrt(((ways.surface[node_rows, node_columns] - places) ** 2).sum(-1)).astype(np.float32)
+    last[~np.isfinite(last)] = NOWHERE
+    return np.asarray(np.minimum((maps[:, node_rows, node_columns] + last).min(1), NOWHERE), np.float64)
+
+
+def _rim_places(silhouette: Silhouette, sensor: Sensor) -> tuple[Floats, NDArray[np.intp], NDArray[np.intp]]:
+    """Return cloth near the rim [m], (places, 3), and its rows and columns [px of the window]."""
+    inner = cv2.erode(silhouette.mask, RIM_KERNEL, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    part = (slice(None, None, STRIDE), slice(None, None, STRIDE))
+    rows, columns = np.nonzero((silhouette.depth[part] > 0) & (inner[part] == 0))
+    rows, columns = STRIDE * rows, STRIDE * columns
+    z = silhouette.depth[rows, columns].astype(np.float64)
+    x = z * (columns + silhouette.window.left - sensor.cx) / sensor.fx
+    y = z * (rows + silhouette.window.top - sensor.cy) / sensor.fy
+    return np.stack([x, y, z], axis=-1), rows, columns

@@ -1,0 +1,77 @@
+"""Tell whether a tracked corner is hidden: by something in front, by the picture's border, or by a fold.
+
+In front    around a place at the rim, `NEARER_PIXELS` or more outside the garment are nearer than it by a jump, and by
+            more than the cloth that is missing there, since that may be folded forwards: the rim is then that of
+            another thing, and the garment goes on behind it.
+Outside     the place lies at the picture's border.
+Folded      cloth hardly stretches, so two corners are as far apart along the seen surface as on the flat garment,
+
+                deficit_ij = (1 - tolerance) D_ij - d_ij        [m], of `capture.garment.flat_garment` and
+                `capture.garment.geodesic`
+
+            A deficit says that cloth is missing between the two. The corner with most of it is dropped, and the rest
+            are looked at again. Whether a dropped corner is hidden as well says `capture.garment.folding`: it may also
+            be in view, but not where the outline has a corner.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.garment.silhouette import Silhouette
+
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+LOOK_AROUND = 12  # px: wider than the missing pixels beside a near thing (43 px m (1 / 1.25 m - 1 / 1.6 m) = 8 px)
+NEARER_PIXELS = 20
+BORDER = 3  # px
+COVERED = 0.025  # of the longest distance on the flat garment, missing at a corner beside a nearer thing
+SHORT = 0.025  # of the distance on the flat garment: geodesics of the seen surface scatter by 1.5 %
+SHORT_MORE = 0.008  # m, the corners' own errors
+LONG = 0.10  # of the distance on the flat garment: a longer way goes around a fold or over another thing
+
+
+def is_behind_something(silhouette: Silhouette, pixel: Floats, z: float, jump: float) -> bool:
+    """Return whether something that is not the garment, nearer than `z` [m] by a jump [m], lies beside a pixel."""
+    around = _around(silhouette, pixel, LOOK_AROUND)
+    raw = silhouette.raw[around]
+    nearer = (raw > 0) & (raw < 1e3 * (z - jump)) & (silhouette.mask[around] == 0)
+    return int(np.count_nonzero(nearer)) >= NEARER_PIXELS
+
+
+def _around(silhouette: Silhouette, pixel: Floats, reach: int) -> tuple[slice, slice]:
+    u, v = int(pixel[0]) - silhouette.window.left, int(pixel[1]) - silhouette.window.top
+    return slice(max(0, v - reach), max(0, v + reach + 1)), slice(max(0, u - reach), max(0, u + reach + 1))
+
+
+def is_at_border(pixel: Floats, shape: tuple[int, ...]) -> bool:
+    """Return whether a pixel lies at the border of a picture (height, width)."""
+    return not (BORDER <= pixel[0] <= shape[1] - 1 - BORDER and BORDER <= pixel[1] <= shape[0] - 1 - BORDER)
+
+
+def folded_away(seen: Floats, flat: Floats, trusted: Booleans) -> tuple[Booleans, Booleans]:
+    """Return which of the corners are hidden by a fold and which are somewhere else than they should be, (k,) each.
+
+    seen, flat [m], (k, k): distances along the cloth, NaN where a corner was not found, infinite where no way leads;
+    trusted: corners that are where they should be for another reason, so that the others are to blame.
+    """
+    deficit = np.where(np.isfinite(seen), (1.0 - SHORT) * flat - SHORT_MORE - seen, 0.0)
+    excess = np.where(np.isnan(seen), 0.0, seen - (1.0 + LONG) * flat - SHORT_MORE)
+    folded = _blamed(np.maximum(deficit, 0.0), trusted)
+    wrong = _blamed(np.minimum(np.maximum(excess, 0.0), 1.0), trusted | folded)
+    return folded, wrong & ~folded
+
+
+def _blamed(amount: Floats, trusted: Booleans) -> Booleans:
+    """Return the fewest members that explain all amounts between pairs, worst first; never the trusted ones."""
+    left = amount.copy()
+    blamed = np.zeros(len(left), bool)
+    while True:
+        score = np.where(trusted | blamed, -1.0, left.sum(1))
+        worst = int(score.argmax())
+        if score[worst] <= 0.0:
+            return blamed
+        blamed[worst] = True
+        left[worst] = left[:, worst] = 0.0

@@ -1,0 +1,79 @@
+"""What of the garment peeks out behind its rim beside one place: there a corner that is folded away may be in view.
+
+    peeking [m^2]   things off the silhouette, cut away from it by a jump in depth, that can be the garment's
+
+around the place, as far as the missing cloth reaches. What can be the garment's lies below the held edge and no farther
+from either of its ends than the corner on the flat garment.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.garment.silhouette import Silhouette
+from formats.rig import Sensor
+
+Floats = NDArray[np.float64]
+
+FARTHEST, MORE = 0.25, 0.03  # m: missing cloth that is looked for, and what its measure may be short of
+DEEPER = 1.5  # of that, in depth: the fold need not lie where it is looked for
+LEAST_AROUND, MOST_AROUND = 6, 90  # px
+BELOW = 0.04  # m below the held edge: above are bar, plates and hand
+STRETCH, SLACK = 1.03, 0.02  # of a way on the flat garment, and m: the farthest that cloth can be from a held end
+FEWEST_NEIGHBOURS = 4 / 9  # of 3 x 3 pixels off the silhouette; fewer are noise of the rim
+DEPTH_AROUND = 4  # px whose median is the depth of a place
+
+
+def peeking_area(
+    silhouette: Silhouette, pixel: Floats, missing: float, held: Floats, ways: Floats, sensor: Sensor
+) -> float:
+    """Return the area [m^2] of what peeks out around a place on the outline.
+
+    pixel [px of the image], (2,); missing [m]: how much cloth is; held [m], (2, 3): ends of the held edge; ways [m],
+    (2,): from these to the corner on the flat garment.
+    """
+    u, v = int(pixel[0]) - silhouette.window.left, int(pixel[1]) - silhouette.window.top
+    z = _depth_around(silhouette, u, v, float(held[:, 2].mean()))
+    reach = min(missing, FARTHEST) + MORE
+    far = int(np.clip(reach * sensor.fx / z, LEAST_AROUND, MOST_AROUND))
+    around = slice(max(0, v - far), max(0, v + far + 1)), slice(max(0, u - far), max(0, u + far + 1))
+    raw = silhouette.raw[around]
+    if raw.size == 0:
+        return 0.0
+    rows, columns = np.arange(raw.shape[0])[:, None], np.arange(raw.shape[1])
+    off = cv2.inRange(raw, max(1, int(1e3 * (z - DEEPER * reach))), int(1e3 * (z + DEEPER * reach))) > 0
+    off &= (rows + (around[0].start - v)) ** 2 + (columns + (around[1].start - u)) ** 2 <= far**2
+    window = silhouette.window
+    first = np.array([around[1].start + window.left, around[0].start + window.top], float)
+    off &= _below(first, rows, columns, held, sensor, z) & (silhouette.depth[around] == 0)
+    off &= cv2.blur(off.astype(np.float32), (3, 3), borderType=cv2.BORDER_CONSTANT) > FEWEST_NEIGHBOURS - 0.01
+    return _count_within(raw, off, first, held, ways, sensor) * z**2 / (sensor.fx * sensor.fy)
+
+
+def _depth_around(silhouette: Silhouette, u: int, v: int, otherwise: float) -> float:
+    near = slice(max(0, v - DEPTH_AROUND), max(0, v + DEPTH_AROUND + 1))
+    depth = silhouette.depth[near, max(0, u - DEPTH_AROUND) : max(0, u + DEPTH_AROUND + 1)]
+    depth = depth[depth > 0]
+    return float(np.median(depth)) if depth.size else otherwise
+
+
+def _below(
+    first: Floats, rows: NDArray[np.intp], columns: NDArray[np.intp], held: Floats, sensor: Sensor, z: float
+) -> NDArray[np.bool_]:
+    """Mark what lies below the held edge; first [px of the image], (2,): the patch's first column and row."""
+    (x0, y0), (x1, y1) = held[:, :2] / held[:, 2:] * [sensor.fx, sensor.fy] + [sensor.cx, sensor.cy]
+    slope = (y1 - y0) / (x1 - x0) if abs(x1 - x0) > 1e-6 else 0.0
+    return np.asarray(rows + first[1] > y0 + slope * (columns + first[0] - x0) + BELOW * sensor.fx / z)
+
+
+def _count_within(
+    raw: NDArray[np.uint16], chosen: NDArray[np.bool_], first: Floats, held: Floats, ways: Floats, sensor: Sensor
+) -> int:
+    """Count of the chosen pixels those that are no farther from the held ends than the corner can be."""
+    rows, columns = np.nonzero(chosen)
+    z = raw[rows, columns] * 1e-3
+    x, y = z * (columns + first[0] - sensor.cx) / sensor.fx, z * (rows + first[1] - sensor.cy) / sensor.fy
+    away = np.sqrt(((np.stack([x, y, z], axis=1)[:, None] - held) ** 2).sum(-1))
+    return int(np.count_nonzero((away < STRETCH * ways + SLACK).all(1)))

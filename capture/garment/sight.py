@@ -1,0 +1,84 @@
+"""Follow the tracked points of a garment: what a frame shows of it, and which way of finding its corners it needs.
+
+A garment file's `kind` chooses a `CornerFinder` (`capture.garment.corners`), listed in `FINDERS`; a further kind of
+garment is one class there and one line here. What is done with the corners is the same for all:
+`capture.garment.tracker`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.garment.corners import CornerFinder, PanelCorners, ShirtCorners
+from formats.surface import SurfaceScan
+
+Floats = NDArray[np.float64]
+
+WELL_KNOWN = 8e-3  # m, the error that is wanted of a corner
+FINDERS: dict[str, type[CornerFinder]] = {"skirt": PanelCorners, "swatch": PanelCorners, "t-shirt": ShirtCorners}
+
+
+@dataclass(frozen=True, kw_only=True)
+class GarmentSight:
+    """What one frame shows of the garment, in the order of `garment.points`; NaN where not seen.
+
+    points [m], (points, 3), sensor frame; sd [m], (points, 3)
+    valid, (points,): seen and placed; hidden, (points,): something in front, a fold or the picture's border hides it
+    (neither: it was not found, or what was found is not plausible)
+    pixels [px], (points, 2); outline [px], (n, 2): the silhouette, empty where the garment was not found
+    quality, 0 to 1: the mean over the points of how well each is known, times the share of the silhouette that has
+    depth; a point counts min(1, `WELL_KNOWN` / |sd|), and 0 where it is not valid
+    """
+
+    points: Floats
+    sd: Floats
+    valid: NDArray[np.bool_]
+    hidden: NDArray[np.bool_]
+    pixels: Floats
+    outline: Floats
+    quality: float = 0.0
+
+    @property
+    def is_found(self) -> bool:
+        """The garment's silhouette was found, whatever became of its points."""
+        return len(self.outline) > 0
+
+
+class GarmentTracker(Protocol):
+    """Follows one garment through a recording."""
+
+    def track(self, depth: NDArray[np.uint16], held: Floats, time: float) -> GarmentSight:
+        """Find the garment's points in one frame.
+
+        depth [mm], (H, W), 0 where missing; held [m], (2, 3): ends of the held edge, left first, sensor frame;
+        time [s], increasing.
+        """
+        ...
+
+    def scan(self, time: float, *, grid: int, contour: int) -> SurfaceScan | None:
+        """Scan the surface seen in the last tracked frame; None where the garment was not found in it."""
+        ...
+
+
+def frame_quality(valid: NDArray[np.bool_], sd: Floats, filled: float) -> float:
+    """Return a frame's quality, see `GarmentSight`; sd [m], (points, 3); filled: share of pixels with depth."""
+    known = np.zeros(len(valid))
+    known[valid] = np.minimum(1.0, WELL_KNOWN / np.maximum(np.linalg.norm(sd[valid], axis=1), 1e-9))
+    return float(known.mean() * filled) if len(valid) else 0.0
+
+
+def nothing_found(points: int) -> GarmentSight:
+    """Return the sight of a frame in which the garment was not found."""
+    nowhere = np.full((points, 3), np.nan)
+    return GarmentSight(
+        points=nowhere,
+        sd=nowhere.copy(),
+        valid=np.zeros(points, dtype=bool),
+        hidden=np.zeros(points, dtype=bool),
+        pixels=np.full((points, 2), np.nan),
+        outline=np.empty((0, 2)),
+    )

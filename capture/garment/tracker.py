@@ -1,0 +1,299 @@
+"""Follow a garment's four corners and its centre through a recording.
+
+    held edge -> silhouette -> corners in the picture -> corners in metres -> which of them are hidden -> centre
+
+One `SilhouetteTracker` for all garments; the kinds differ in where their corners are (`capture.garment.corners`).
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.depth.surface import CorrelationMeter, pixel_sd
+from capture.errors import UntrackableError
+from capture.garment.coverage import Beyond, SeenWays, beyond_the_seen
+from capture.garment.flat_garment import CENTRE, flat_garment
+from capture.garment.folding import THRESHOLD, TRACES, Belief, traces
+from capture.garment.geodesic import farthest_place, geodesic_distances
+from capture.garment.occlusion import COVERED, folded_away, is_at_border, is_behind_something
+from capture.garment.peeking import peeking_area
+from capture.garment.placing import Placer, project
+from capture.garment.plausibility import MotionGate
+from capture.garment.sight import FINDERS, GarmentSight, GarmentTracker, frame_quality, nothing_found
+from capture.garment.silhouette import Silhouette, Window, cut_out
+from capture.garment.slant import LEVEL, rim_slant
+from capture.garment.surface_scan import scan_surface
+from formats.garment import Garment
+from formats.rig import Rig, Sensor
+from formats.surface import SurfaceScan
+
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+SLACK = 1.08  # of the garment's reach from the held edge: stretch and the markers' tolerance
+GROWTH = 3.0  # m/s, how fast the hem may leave the window of the frame before
+LONGEST_TRUST = 0.2  # s, after which the window of the last sighting says nothing
+SMALLEST_SHARE = 0.25  # of the flat garment's area in view; a smaller piece is not the garment
+LARGEST_SHARE = 1.5  # of its area: 1.02 at most on the development sets, 3 to 5 in one piece with a wall behind
+JUMP, JUMP_NOISE = 0.03, 6.0  # m and pixel noises in depth between neighbours that are two surfaces
+NEAREST_HANGER = 0.1  # m; nearer is no place of a hanger but an error
+HELD_MATCH = 0.03  # m, a held corner this far from the held edge's end is not that corner
+HELD_SLACK = 0.006  # m along each axis that a held corner and the held edge's end differ by, from noise alone
+BY_WAYS = 0.020  # m: a corner in doubt no farther beyond the seen cloth is where that comes nearest to it
+BY_WAYS_SD = 0.0055  # of the distance, along each axis: rms on the development sets' hard swings
+CELL = 0.028  # m, of the grid for geodesics
+CORNER_SLACK = 0.02  # of a distance between corners: it is no worse measured than that
+CORNER_SHARE = 0.5  # of what is beyond, for each of the two: z is then 1 on the development set
+CENTRE_SHARE = 0.3  # of what the distances between the corners are off by (rms): the development set's z is then 1
+CENTRE_SD = 0.1  # grid steps across the view: rms 1.7 mm against a drawn skirt, with corners off by as much
+
+
+def garment_tracker(garment: Garment, rig: Rig, correlation: CorrelationMeter | None = None) -> GarmentTracker:
+    """Return the tracker for this kind of garment.
+
+    Raises:
+        UntrackableError: the kind has no strategy yet, a point cannot be found by it, or the rig has no sensor.
+    """
+    if garment.kind not in FINDERS:
+        raise UntrackableError(
+            f"garments of kind {garment.kind!r} cannot be tracked yet",
+            where=garment.name,
+            advice="use one of " + ", ".join(sorted(FINDERS)),
+        )
+    return SilhouetteTracker(garment, rig, correlation or CorrelationMeter())
+
+
+class SilhouetteTracker:
+    """Follows a garment that hangs from its held edge by the corners of its silhouette and its centre."""
+
+    def __init__(self, garment: Garment, rig: Rig, correlation: CorrelationMeter) -> None:
+        if rig.sensor is None:
+            raise UntrackableError("it has no sensor section", where=rig.name, advice="add the sensor's intrinsics")
+        self.sensor: Sensor = rig.sensor
+        self.correlation = correlation
+        self.finder = FINDERS[garment.kind]()
+        outline = np.array(garment.outline_m)
+        corners = self.finder.flat_corners(outline)
+        self.flat = flat_garment(garment, corners)
+        self.held_corners = [
+            next((e for e in (0, 1) if np.linalg.norm(corners[i] - outline[e]) < HELD_MATCH), None) for i in range(4)
+        ]
+        self._gate = MotionGate(len(self.flat.roles))
+        self._last: tuple[float, Window] | None = None
+        self._seen: tuple[Silhouette, Floats] | None = None
+        self._belief = Belief()
+        self.traces = np.full((4, len(TRACES)), np.nan)  # of the last frame's corners in doubt, others NaN
+
+    def track(self, depth: NDArray[np.uint16], held: Floats, time: float) -> GarmentSight:
+        """Find the corners and the centre in one frame; see `GarmentTracker.track`."""
+        roles = self.flat.roles
+        silhouette = self._silhouette(depth, held, time)
+        self._seen = None
+        self.traces = np.full((4, len(TRACES)), np.nan)
+        if silhouette is None:
+            self._last = None
+            return nothing_found(len(roles))
+        self._last = (time, silhouette.window)
+        sides = self.flat.sides * self.sensor.fx / float(held[:, 2].mean())
+        view = self.finder.find(silhouette, project(held, self.sensor), sides)
+        placer = Placer(silhouette, self.sensor, self.correlation)
+        places, sd = np.full((5, 3), np.nan), np.full((5, 3), np.nan)
+        pixels = np.vstack([view.pixels, np.full((1, 2), np.nan)])
+        for i in range(4):
+            places[i], sd[i] = placer.place(view.pixels[i], view.sd[i])
+        is_held = self._match_held(places, sd, held)
+        surface, cell = self._surface(silhouette)
+        missing = ~np.isfinite(places[:4, 0])
+        distances, along = self._ways_between(surface, places)
+        hidden = np.zeros(5, bool)
+        folded, wrong = folded_away(along, self.flat.distances, is_held)
+        dropped = folded | wrong
+        beyond: Beyond | None = None
+        if (dropped | missing).any():
+            ways = SeenWays(surface, cell, held, distances, ~(dropped | missing))
+            beyond = beyond_the_seen(silhouette, ways, self.flat.from_ends, self.flat.distances, self.sensor)
+            for i in np.flatnonzero(dropped | missing).tolist():
+                self.traces[i] = self._traces(silhouette, i, view.pixels[i], beyond, held)
+        hidden[:4] = self._hidden(silhouette, depth.shape, pixels, places, along, dropped, time)
+        if beyond is not None:
+            hidden[:4] |= (dropped | missing) & self._covered(silhouette, beyond)
+        places[:4][hidden[:4] | dropped] = np.nan
+        by_ways = np.zeros(4, bool) if beyond is None else ~hidden[:4] & (beyond.by_all < BY_WAYS) & (dropped | missing)
+        if beyond is not None and by_ways.any():
+            places[:4][by_ways], sd[:4][by_ways] = beyond.places[by_ways], BY_WAYS_SD * beyond.places[by_ways, 2:]
+            pixels[:4][by_ways] = project(beyond.places[by_ways], self.sensor)
+            distances, along = self._ways_between(surface, places)
+        sd[:4] = np.hypot(sd[:4], self._mismatch(places, is_held, along)[:, None])
+        if np.isfinite(places[:4, 0]).all():
+            mismatch = np.abs(along - self.flat.distances)
+            off = float(np.sqrt((mismatch**2).sum() / 12.0))
+            pixels[CENTRE], centre_sd = self._centre(silhouette, distances, cell)
+            centre_sd = float(np.hypot(centre_sd, CENTRE_SHARE * off * self.sensor.fx / float(held[:, 2].mean())))
+            places[CENTRE], sd[CENTRE] = placer.place(pixels[CENTRE], np.full(2, centre_sd))
+        points, sd, pixels = places[roles], sd[roles], pixels[roles]
+        valid, sd = self._gate.admit(points, sd, time)
+        points[~valid] = np.nan
+        sd[~valid] = np.nan
+        self._seen = silhouette, np.where(np.isfinite(places[:4, :1]), pixels[:4], np.nan)
+        filled = np.count_nonzero(silhouette.depth) / np.count_nonzero(silhouette.mask)
+        offset = [silhouette.window.left, silhouette.window.top]
+        return GarmentSight(
+            points=points, sd=sd, valid=valid, hidden=hidden[roles] & ~valid, pixels=pixels,
+            outline=silhouette.outline + offset, quality=frame_quality(valid, sd, filled),
+        )  # fmt: skip
+
+    def scan(self, time: float, *, grid: int, contour: int) -> SurfaceScan | None:
+        """Scan the surface seen in the last tracked frame; see `GarmentTracker.scan`."""
+        if self._seen is None:
+            return None
+        silhouette, corners = self._seen
+        return scan_surface(silhouette, corners, self.sensor, time, grid=grid, contour=contour)
+
+    @staticmethod
+    def _ways_between(surface: Floats, places: Floats) -> tuple[NDArray[np.float32], Floats]:
+        """Return the ways from the four corners to the nodes and to each other, NaN where one has no place."""
+        distances, along = geodesic_distances(surface, places[:4])
+        missing = ~np.isfinite(places[:4, 0])
+        along[missing] = along[:, missing] = np.nan
+        return distances, along
+
+    def _traces(self, silhouette: Silhouette, i: int, pixel: Floats, beyond: Beyond, held: Floats) -> Floats:
+        """Return what speaks for and against a fold that hides corner i, see `capture.garment.folding`."""
+
+        def peeking(at: Floats) -> float:
+            return peeking_area(silhouette, at, missing, held, self.flat.from_ends[:, i], self.sensor)
+
+        missing, place = float(beyond.by_all[i]), beyond.places[i]
+        nearest = peeking(beyond.pixels[i]) if np.isfinite(beyond.pixels[i, 0]) else 0.0
+        outline = peeking(pixel) if np.isfinite(pixel[0]) else nearest
+        slant = LEVEL
+        if np.isfinite(place[0]):
+            slant = rim_slant(silhouette, project(place, self.sensor), float(place[2]), self.sensor)
+        return traces(float(beyond.by_ends[i]), outline, nearest, slant, is_tip=i in self.finder.tips)
+
+    def _hidden(
+        self, silhouette: Silhouette, shape: tuple[int, ...], pixels: Floats, places: Floats, along: Floats,
+        dropped: Booleans, time: float,
+    ) -> Booleans:  # fmt: skip
+        """Return which corners are hidden, (4,); dropped, (4,): not where they should be."""
+        flat = self.flat.distances
+        hidden = self._belief.update(self.traces, time) > THRESHOLD
+        for i in np.flatnonzero(np.isfinite(places[:4, 2])):
+            if is_at_border(pixels[i], shape):
+                hidden[i] = True
+                continue
+            lost = float(np.nanmax(np.where(np.isfinite(along[i]), flat[i] - along[i], 0.0)))
+            if self._ends_at_a_nearer_thing(silhouette, places[i], max(lost, 0.0)):
+                hidden[i] = dropped[i] or lost > COVERED * flat[i].max()
+        return np.asarray(hidden)
+
+    def _covered(self, silhouette: Silhouette, beyond: Beyond) -> Booleans:
+        """Return which corners are missed where the cloth that comes nearest to them ends at a nearer thing, (4,)."""
+        covered = beyond.by_all > COVERED * self.flat.distances.max(1)
+        for i in np.flatnonzero(covered):
+            covered[i] = self._ends_at_a_nearer_thing(silhouette, beyond.places[i], float(beyond.by_all[i]))
+        return np.asarray(covered)
+
+    def _ends_at_a_nearer_thing(self, silhouette: Silhouette, place: Floats, lost: float) -> bool:
+        """Return whether beside a place [m] is a thing that is nearer than so much lost cloth [m] can be."""
+        z = float(place[2])
+        return np.isfinite(z) and is_behind_something(silhouette, project(place, self.sensor), z, self._jump(z) + lost)
+
+    def _mismatch(self, places: Floats, is_held: Booleans, along: Floats) -> Floats:
+        """Return what each corner may be off by [m], (4,), since its distances to the others are not the flat ones."""
+        flat, placed = self.flat.distances, np.isfinite(places[:4, 0])
+        off = np.where(placed[:, None] & placed & np.isfinite(along), np.abs(along - flat), 0.0)
+        return np.where(is_held, 0.0, CORNER_SHARE * np.maximum(off - CORNER_SLACK * flat, 0.0).max(1))
+
+    def _match_held(self, places: Floats, sd: Floats, held: Floats) -> Booleans:
+        """Return which corners are ends of the held edge; take away those that should be but are elsewhere.
+
+        One that is a little off may be the bar's end, not the cloth's: it may be off by as much as that.
+        """
+        is_held = np.zeros(4, bool)
+        for i, end in enumerate(self.held_corners):
+            if end is not None and np.isfinite(places[i, 0]):
+                apart = places[i] - held[end]
+                is_held[i] = np.linalg.norm(apart) < HELD_MATCH
+                if is_held[i]:
+                    sd[i] = np.hypot(sd[i], np.maximum(np.abs(apart) - HELD_SLACK, 0.0))
+                else:
+                    places[i] = np.nan
+        return is_held
+
+    def _jump(self, z: float) -> float:
+        return JUMP + JUMP_NOISE * pixel_sd(z, self.sensor.fx)
+
+    def _silhouette(self, depth: NDArray[np.uint16], held: Floats, time: float) -> Silhouette | None:
+        if not np.isfinite(held).all() or held[:, 2].min() <= NEAREST_HANGER:
+            return None
+        middle = float(held[:, 2].mean())
+        window = self._window(depth.shape, held, middle)
+        near = self._recent_window(window, middle, time)
+        reach = SLACK * self.flat.reach
+        limits = {"nearest": middle - reach, "farthest": middle + reach, "jump": self._jump(middle)}
+        held_px = project(held, self.sensor)
+        found = cut_out(depth, near, held_px, **limits) if near is not None else None
+        if (found is None or found.touches_rim) and not window.is_empty:
+            found = cut_out(depth, window, held_px, **limits)
+        if found is None:
+            return None
+        pixel = 1.0 / (self.sensor.fx * self.sensor.fy)
+        area = float(np.count_nonzero(found.mask)) * middle**2 * pixel
+        across = cv2.norm(found.depth, cv2.NORM_L2SQR) * pixel  # what the seen surface would be if it faced the sensor
+        is_garment = area > SMALLEST_SHARE * self.flat.area and across < LARGEST_SHARE * self.flat.area
+        return found if is_garment else None
+
+    def _window(self, shape: tuple[int, ...], held: Floats, middle: float) -> Window:
+        """Return the window that the garment cannot leave, however it swings."""
+        ends = project(held, self.sensor)
+        low, high = ends.min(0), ends.max(0)
+        reach = SLACK * self.flat.reach
+        pixels = reach * self.sensor.fx / max(middle - 0.7 * reach, 0.3)
+        return Window(
+            max(0, int(low[0] - pixels)),
+            max(0, int(low[1]) - 2),
+            min(shape[1], int(high[0] + pixels) + 1),
+            min(shape[0], int(high[1] + pixels) + 1),
+        )
+
+    def _recent_window(self, widest: Window, middle: float, time: float) -> Window | None:
+        """Return the last sighting's window, grown by what the hem can have moved since."""
+        if self._last is None or time - self._last[0] > LONGEST_TRUST:
+            return None
+        last = self._last[1]
+        grown = int(GROWTH * (time - self._last[0]) * self.sensor.fx / middle) + 4
+        window = Window(
+            max(widest.left, last.left - grown),
+            widest.top,
+            min(widest.right, last.right + grown),
+            min(widest.bottom, last.bottom + grown),
+        )
+        return None if window.is_empty else window
+
+    def _surface(self, silhouette: Silhouette) -> tuple[Floats, int]:
+        """Return the seen surface as a grid [m], (rows, columns, 3), NaN where there is none, and its step [px]."""
+        window, s = silhouette.window, self.sensor
+        middle = float(silhouette.depth[silhouette.depth > 0].mean())
+        cell = max(3, round(CELL * s.fx / middle))
+        rows, columns = silhouette.mask.shape[0] // cell, silhouette.mask.shape[1] // cell
+        part = silhouette.depth[: rows * cell, : columns * cell]
+        size = (columns, rows)
+        filled = cv2.resize((part > 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)
+        total = cv2.resize(part, size, interpolation=cv2.INTER_AREA)
+        z = np.where(filled > 0.4, total / np.maximum(filled, 1e-6), np.nan).astype(np.float64)
+        u = window.left + (np.arange(columns) + 0.5) * cell - 0.5
+        v = window.top + (np.arange(rows) + 0.5) * cell - 0.5
+        return np.stack([z * ((u - s.cx) / s.fx)[None], z * ((v - s.cy) / s.fy)[:, None], z], axis=-1), cell
+
+    def _centre(self, silhouette: Silhouette, distances: NDArray[np.float32], cell: int) -> tuple[Floats, float]:
+        """Return the centre's pixel in the image and its standard deviation [px]."""
+        place = farthest_place(distances)
+        if place is None:
+            return np.full(2, np.nan), float("nan")
+        row, column = place
+        window = silhouette.window
+        pixel = np.array([window.left + (column + 0.5) * cell - 0.5, window.top + (row + 0.5) * cell - 0.5])
+        return pixel, CENTRE_SD * cell

@@ -1,0 +1,29 @@
+"""Which tracker follows a hanger: its markers decide."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.errors import UntrackableError
+from capture.hanger.colour_dots import DotTracker
+from capture.hanger.fiducial_tracker import HangerTracker, MarkerTracker, hanger_and_sensor
+from formats.rig import Rig
+
+
+def hanger_tracker(rig: Rig, picks: NDArray[np.float64] | None = None) -> HangerTracker:
+    """Return the tracker for a rig's hanger; picks [px], (2, 2): where its dots are in the first frame.
+
+    Raises:
+        UntrackableError: the rig lacks a section, or there is nothing to pick.
+    """
+    hanger, _ = hanger_and_sensor(rig)
+    if hanger.marker == "dot":
+        return DotTracker(rig, picks)
+    if picks is not None:
+        raise UntrackableError(
+            "fiducial markers are found by themselves",
+            where="--pick",
+            advice="leave it out, or describe dots in the rig",
+        )
+    return MarkerTracker(rig)

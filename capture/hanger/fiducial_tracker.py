@@ -1,0 +1,226 @@
+"""Follow the hanger's two fiducial markers from frame to frame and place them in metres.
+
+A marker's centre is where the diagonals of its four sub-pixel corners meet; its depth is that of its plate
+(`capture.hanger.marker_plates`). The known distance between the markers is a check. Ids are read anew in every frame,
+so markers cannot be swapped; where blur or a finger hides the id for a moment, the marker's looks are followed
+(`capture.hanger.marker_following`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.depth.surface import CorrelationMeter
+from capture.errors import UntrackableError
+from capture.hanger.marker_detection import MarkerDetector, diagonal_crossing, quad_side
+from capture.hanger.marker_following import LONGEST_FOLLOWED, Followed, Keepsake, follow, keep
+from capture.hanger.marker_plates import PlatePlacer
+from capture.hanger.pose import PlateSlope, hanger_pitch
+from formats.rig import Calibration, Hanger, Rig, Sensor
+
+Floats = NDArray[np.float64]
+
+HARDEST_HAND = 40.0  # m/s^2, acceleration of a hand-held hanger that a search window must allow for
+LONGEST_GUESS = 0.3  # s, after this long a loss the whole picture is searched
+DISTANCE_TOLERANCE = 0.05  # of the marker distance; wider than a sensor's depth scale error (1-2 %)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HangerSight:
+    """What one frame shows of the hanger; row 0 is the rig's first marker id, NaN where it was not found.
+
+    corners [px], (2, 4, 2): sub-pixel corners, clockwise from the pattern's top left
+    centres [px], (2, 2); sides [px], (2,); ranges [m], (2,): distance by the marker's size alone
+    positions [m], (2, 3), sensor frame; sd [m], (2, 3) per axis; valid, (2,)
+    distance_m: between the two markers, NaN unless both were placed (also where the check failed)
+    pitch, pitch_sd [rad]: turn about the line between the markers (`capture.hanger.pose`), NaN where it is not seen
+    """
+
+    corners: Floats
+    centres: Floats
+    sides: Floats
+    ranges: Floats
+    positions: Floats
+    sd: Floats
+    valid: NDArray[np.bool_]
+    distance_m: float
+    pitch: float = float("nan")
+    pitch_sd: float = float("nan")
+
+    @property
+    def is_found(self) -> bool:
+        """Both markers are identified and placed."""
+        return bool(self.valid.all())
+
+
+class HangerTracker(Protocol):
+    """Follows a hanger's two markers through a recording; its plates tell how the depth noise is correlated."""
+
+    correlation: CorrelationMeter
+
+    def track(self, colour: NDArray[np.uint8], depth: NDArray[np.uint16], time: float) -> HangerSight:
+        """Find both markers in one frame.
+
+        colour RGB, (H, W, 3); depth [mm], (H, W), registered to colour, 0 where missing; time [s], increasing.
+        """
+        ...
+
+
+def nothing_seen() -> HangerSight:
+    """Return the sight of a frame without any marker."""
+    return HangerSight(
+        corners=np.full((2, 4, 2), np.nan),
+        centres=np.full((2, 2), np.nan),
+        sides=np.full(2, np.nan),
+        ranges=np.full(2, np.nan),
+        positions=np.full((2, 3), np.nan),
+        sd=np.full((2, 3), np.nan),
+        valid=np.zeros(2, dtype=bool),
+        distance_m=float("nan"),
+    )
+
+
+def hanger_and_sensor(rig: Rig) -> tuple[Hanger, Sensor]:
+    """Return what a rig says of hanger and sensor.
+
+    Raises:
+        UntrackableError: it lacks one of them.
+    """
+    if rig.hanger is None or rig.sensor is None:
+        raise UntrackableError(
+            "it has no hanger or no sensor section, so there is nothing to look for",
+            where="rig",
+            advice="describe both as in docs/file-formats.md",
+        )
+    return rig.hanger, rig.sensor
+
+
+class MarkerTracker:
+    """Follows the two markers from frame to frame; the first frame needs no help."""
+
+    def __init__(self, rig: Rig) -> None:
+        self.rig = rig
+        self.hanger, self.sensor = hanger_and_sensor(rig)
+        self._detector = MarkerDetector(self.hanger.dictionary, self.hanger.ids)
+        offset = (rig.calibration or Calibration()).depth_offset_px
+        self._placer = PlatePlacer(self.sensor, self.hanger.marker_size_m, offset)
+        self.correlation = self._placer.correlation
+        self._tracks: list[ImageTrack | None] = [None, None]
+        self._kept: list[Keepsake | None] = [None, None]
+
+    def track(self, colour: NDArray[np.uint8], depth: NDArray[np.uint16], time: float) -> HangerSight:
+        """Find both markers in one frame.
+
+        colour RGB, (H, W, 3); depth [mm], (H, W), registered to colour, 0 where missing;
+        time [s], increasing.
+        """
+        corners = self._find_corners(colour, time)
+        followed: list[Followed | None] = [None, None]
+        slopes: list[PlateSlope | None] = [None, None]
+        for row in range(2):
+            if np.isfinite(corners[row]).all():
+                self._kept[row] = keep(colour, corners[row], time)
+            else:
+                found = followed[row] = self._follow(colour, row, time)
+                corners[row] = np.nan if found is None else found.corners
+        centres = np.stack([diagonal_crossing(quad) for quad in corners])
+        positions = np.full((2, 3), np.nan)
+        sd = np.full((2, 3), np.nan)
+        for row in range(2):
+            if not np.isfinite(centres[row, 0]):
+                continue
+            part = followed[row]
+            if part is None:
+                placed = self._placer.place(corners[row], centres[row], depth)
+            else:
+                placed = self._placer.place(
+                    corners[row], centres[row], depth, in_view=part.in_view, centre_sd=part.centre_sd
+                )
+            positions[row], sd[row], slopes[row] = placed
+            if part is not None and np.isnan(
+                positions[row, 0]
+            ):  # no marker of this size can be where it was followed to
+                corners[row] = centres[row] = np.nan
+                continue
+            self._tracks[row] = ImageTrack.after(self._tracks[row], time, centres[row], quad_side(corners[row]))
+        sides = np.array([quad_side(quad) for quad in corners])
+        ranges = np.array([self._placer.range_by_size(side) for side in sides])
+        distance = check_distance(
+            positions, sd, self.hanger, doubtful=np.array([part is not None for part in followed])
+        )
+        pitch, pitch_sd = hanger_pitch(positions, slopes, self.rig)
+        return HangerSight(
+            corners=corners, centres=centres, sides=sides, ranges=ranges, positions=positions, sd=sd,
+            valid=np.isfinite(positions[:, 2]), distance_m=distance, pitch=pitch, pitch_sd=pitch_sd,
+        )  # fmt: skip
+
+    def _find_corners(self, colour: NDArray[np.uint8], time: float) -> Floats:
+        corners = np.full((2, 4, 2), np.nan)
+        for row in range(2):
+            track = self._tracks[row]
+            if track is not None and time - track.time <= LONGEST_GUESS:
+                window = track.window(time, self._pixels_per_metre(track))
+                corners[row] = self._detector.in_window(colour, row, *window)
+        known = [track is not None and time - track.time <= LONGEST_GUESS for track in self._tracks]
+        if all(known):
+            return corners
+        coarse = self._detector.in_picture(colour)
+        for row in range(2):
+            if not known[row] and np.isfinite(coarse[row]).all():
+                corners[row] = self._detector.refined(colour, row, coarse[row])
+        return corners
+
+    def _follow(self, colour: NDArray[np.uint8], row: int, time: float) -> Followed | None:
+        """Look for a marker that was read a short time ago by how it looked."""
+        kept, track = self._kept[row], self._tracks[row]
+        if kept is None or track is None or time - kept.time > LONGEST_FOLLOWED or time - track.time > LONGEST_GUESS:
+            return None
+        expected, reach, side = track.window(time, self._pixels_per_metre(track))
+        return follow(colour, kept, expected, reach - 0.7 * side, track.velocity * (time - track.time))
+
+    def _pixels_per_metre(self, track: ImageTrack) -> float:
+        return track.side / self.hanger.marker_size_m
+
+
+def check_distance(
+    positions: Floats, sd: Floats, hanger: Hanger, doubtful: NDArray[np.bool_] | None = None
+) -> float:  # fmt: skip
+    """Return how far apart [m] two markers are; where that is not what the rig says, make both NaN.
+
+    positions, sd [m], (2, 3); NaN where not placed; doubtful, (2,): if one is and the other is not, only that one goes.
+    """
+    distance = float(np.linalg.norm(positions[1] - positions[0]))
+    allowed = DISTANCE_TOLERANCE * hanger.marker_distance_m + 4.0 * float(np.sqrt((sd**2).sum()))
+    if abs(distance - hanger.marker_distance_m) > allowed:
+        wrong = doubtful if doubtful is not None and doubtful.any() else np.ones(2, dtype=bool)
+        positions[wrong] = np.nan
+        sd[wrong] = np.nan
+    return distance
+
+
+@dataclass(frozen=True)
+class ImageTrack:
+    """Where a marker was last read: centre [px], velocity [px/s], side [px]."""
+
+    time: float
+    centre: Floats
+    velocity: Floats
+    side: float
+
+    @classmethod
+    def after(cls, before: Self | None, time: float, centre: Floats, side: float) -> Self:
+        """Return the track that goes on from an earlier one."""
+        velocity = np.zeros(2)
+        if before is not None and 0.0 < time - before.time <= LONGEST_GUESS:
+            velocity = (centre - before.centre) / (time - before.time)
+        return cls(time, centre, velocity, side)
+
+    def window(self, time: float, pixels_per_metre: float) -> tuple[Floats, float, float]:
+        """Return centre, half width and marker side [px] of the window to search at `time`."""
+        gone = time - self.time
+        reach = 1.2 * self.side + 0.5 * HARDEST_HAND * gone**2 * pixels_per_metre
+        return self.centre + self.velocity * gone, reach, self.side

@@ -1,0 +1,216 @@
+"""Follow a marker whose id cannot be read for some frames, because it is blurred or partly covered.
+
+The marker's picture when it was last read is looked for again, in two ways:
+
+    blurred    the picture, blurred along the marker's velocity by some shares of its way per frame, is moved over the
+               window; where the normalised correlation is largest is the marker, to a fraction of a pixel by a parabola
+    covered    points of the picture are followed one by one (pyramidal Lucas-Kanade, there and back again); those that
+               agree on one turn, scale and shift (RANSAC) are the part that is not covered
+
+The picture is never renewed by what was followed, so errors do not add up; after `LONGEST_FOLLOWED` without a reading
+of the id the marker is lost. Whoever uses a followed marker checks its size against its depth and its distance to the
+other one. Sources: J. P. Lewis, "Fast normalized cross-correlation" (1995); B. D. Lucas, T. Kanade, IJCAI 1981; there
+and back: Z. Kalal, K. Mikolajczyk, J. Matas, ICPR 2010; M. A. Fischler, R. C. Bolles, Comm. ACM 24 (1981).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.hanger.marker_detection import quad_side
+
+Floats = NDArray[np.float64]
+Picture = NDArray[np.float32]
+
+LONGEST_FOLLOWED = 0.5  # s since the id was read; in it a hand turns a hanger by some degrees, which a picture survives
+MARGIN = 0.15  # of the marker's side, kept around it: its white rim
+BLURS = (0.0, 0.125, 0.25, 0.5, 0.75)  # of the way per frame: exposures of up to 25 ms at 30 frames a second
+SURE = 0.8  # correlation from which a marker is whole and in its place
+POINTS = 7  # a side, of the grid that is followed
+BACK = 0.5  # px, how exactly a point must come back
+FEWEST = 12  # points of 49 that must agree: a quarter of the marker
+AGREE = 0.7  # px
+ALIKE = 0.6  # correlation of the part in view with the picture: a hand's plain skin has points that agree, but not this
+LEAST_IN_VIEW = 0.15  # of the marker's area, spanned by points that agree
+FLOW: dict[str, Any] = {"winSize": (9, 9), "maxLevel": 1, "flags": cv2.OPTFLOW_USE_INITIAL_FLOW}
+TURNED, SCALED = 0.25, 0.12  # rad and share; more is not what happens in half a second
+BLURRED_SD, COVERED_SD = (
+    0.25,
+    0.45,
+)  # px, of a followed centre against drawn markers (`tests/capture/hanger/test_following.py`)
+
+
+@dataclass(frozen=True)
+class Followed:
+    """A marker found without its id: corners [px], (4, 2), the part in view [px], (n, 2), sd of the centre [px]."""
+
+    corners: Floats
+    in_view: Floats
+    centre_sd: float
+
+
+@dataclass(frozen=True)
+class Keepsake:
+    """A marker as it was when its id was read.
+
+    time [s]; corners [px], (4, 2); colour, (h, w, 3), its upper left corner `origin` [px], (2,) in the whole picture
+    """
+
+    time: float
+    corners: Floats
+    colour: NDArray[np.uint8]
+    origin: Floats
+
+    @cached_property
+    def picture(self) -> Picture:
+        """The picture in grey, (h, w); worked out when the marker has to be followed, which is seldom."""
+        return _grey(self.colour)
+
+
+def keep(colour: NDArray[np.uint8], corners: Floats, time: float) -> Keepsake | None:
+    """Return what to remember of a marker with corners [px], (4, 2), or None where the picture cuts it off."""
+    margin = MARGIN * quad_side(corners)
+    left, top = np.floor(corners.min(0) - margin).astype(int)
+    right, bottom = np.ceil(corners.max(0) + margin).astype(int) + 1
+    height, width = colour.shape[:2]
+    if left < 0 or top < 0 or right > width or bottom > height:
+        return None
+    return Keepsake(time, corners, colour[top:bottom, left:right].copy(), np.array([left, top], float))
+
+
+def follow(
+    colour: NDArray[np.uint8], kept: Keepsake, expected: Floats, reach: float, step: Floats
+) -> Followed | None:  # fmt: skip
+    """Return where a marker that was kept is now, or None where that cannot be said.
+
+    colour RGB, (H, W, 3); expected [px], (2,): where its centre should be; reach [px]: how far from there it may be;
+    step [px], (2,): its way from one frame to the next, along which it is blurred
+    """
+    height, width = kept.picture.shape
+    start = kept.origin + expected - kept.corners.mean(0)
+    slack = int(np.ceil(reach))
+    left, top = np.maximum(np.rint(start).astype(int) - slack, 0)
+    right = min(colour.shape[1], round(start[0]) + width + slack)
+    bottom = min(colour.shape[0], round(start[1]) + height + slack)
+    if right - left < width + 3 or bottom - top < height + 3:
+        return None
+    window = _grey(colour[top:bottom, left:right])
+    best, place, picture = -1.0, np.zeros(2), kept.picture
+    for share in BLURS:
+        blurred = _blurred(kept.picture, share * step)
+        score, at = _best_place(window, blurred)
+        if score > best:
+            best, place, picture = score, at, blurred
+    corner = np.array([left, top], float)
+    shift = place + corner - kept.origin
+    if best >= SURE:
+        moved = kept.corners + shift
+        return Followed(moved, moved, BLURRED_SD)
+    return _follow_points(window, corner, kept, picture, [shift, start - kept.origin])
+
+
+def _best_place(window: Picture, picture: Picture) -> tuple[float, Floats]:
+    """Return the largest correlation and where [px], (2,), the picture's corner lies in the window."""
+    scores = cv2.matchTemplate(window, picture, cv2.TM_CCOEFF_NORMED)
+    _, best, _, (x, y) = cv2.minMaxLoc(scores)
+    fine = [
+        value + _peak(scores[y, x - 1 : x + 2] if axis == 0 else scores[y - 1 : y + 2, x])
+        for axis, value in enumerate((x, y))
+    ]
+    return float(best), np.array(fine)
+
+
+def _peak(three: NDArray[np.float32]) -> float:
+    """Return where the parabola through three neighbouring values has its top, from the middle one."""
+    if three.size < 3:
+        return 0.0
+    before, middle, after = (float(value) for value in three)
+    bend = before - 2.0 * middle + after
+    return 0.0 if bend >= 0.0 else float(np.clip(0.5 * (before - after) / bend, -0.5, 0.5))
+
+
+def _follow_points(
+    window: Picture, origin: Floats, kept: Keepsake, picture: Picture, shifts: list[Floats]
+) -> Followed | None:
+    """Follow points of the picture into the window from the first of some shifts [px] that works."""
+    share = (np.arange(POINTS) + 0.5) / POINTS
+    across, down = np.meshgrid(share, share)
+    a, b, _, d = kept.corners
+    grid = a + across.reshape(-1, 1) * (b - a) + down.reshape(-1, 1) * (d - a)
+    side = quad_side(kept.corners)
+    height, width = picture.shape
+    for shift in shifts:
+        x, y = np.clip(np.rint(kept.origin + shift - origin), 0, np.subtract(window.shape[::-1], picture.shape[::-1]))
+        laid = np.full_like(window, picture.mean())
+        laid[int(y) : int(y) + height, int(x) : int(x) + width] = picture
+        source = grid - kept.origin + [x, y]
+        target, true = _there_and_back(laid, window, source)
+        if np.count_nonzero(true) < FEWEST:
+            continue
+        turn, agreed = cv2.estimateAffinePartial2D(
+            grid[true], target[true] + origin, method=cv2.RANSAC, ransacReprojThreshold=AGREE
+        )
+        if turn is None or np.count_nonzero(agreed) < FEWEST:
+            continue
+        scale, angle = float(np.hypot(turn[0, 0], turn[1, 0])), float(np.arctan2(turn[1, 0], turn[0, 0]))
+        if abs(scale - 1.0) > SCALED or abs(angle) > TURNED:
+            continue
+        in_view = target[true][agreed[:, 0] > 0] + origin
+        hull = cv2.convexHull(in_view.astype(np.float32))[:, 0].astype(np.float64)
+        if cv2.contourArea(hull.astype(np.float32)) < LEAST_IN_VIEW * side**2:
+            continue
+        if _likeness(window, picture, turn, kept.origin, origin, hull) >= ALIKE:
+            return Followed(kept.corners @ turn[:, :2].T + turn[:, 2], hull, COVERED_SD)
+    return None
+
+
+def _there_and_back(first: Picture, second: Picture, points: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return where points [px], (n, 2), of the first picture are in the second, and which of them come back."""
+    one, other = (np.clip(part, 0, 255).astype(np.uint8) for part in (first, second))
+    start = points.astype(np.float32)[:, None]
+    there, seen, _ = cv2.calcOpticalFlowPyrLK(one, other, start, start.copy(), **FLOW)
+    back, returned, _ = cv2.calcOpticalFlowPyrLK(other, one, there, start.copy(), **FLOW)
+    true = (seen[:, 0] > 0) & (returned[:, 0] > 0) & (np.linalg.norm((back - start)[:, 0], axis=1) < BACK)
+    return there[:, 0].astype(np.float64), true
+
+
+def _likeness(
+    window: Picture, picture: Picture, turn: Floats, picture_origin: Floats, window_origin: Floats, hull: Floats
+) -> float:
+    """Return the correlation of window and turned picture within a hull [px of the whole picture], (n, 2)."""
+    moved = turn.copy()
+    moved[:, 2] = turn[:, :2] @ picture_origin + turn[:, 2] - window_origin
+    laid = cv2.warpAffine(picture, moved, window.shape[::-1], borderMode=cv2.BORDER_REPLICATE)
+    mask = np.zeros(window.shape, np.uint8)
+    cv2.fillConvexPoly(mask, np.rint(hull - window_origin).astype(np.int32), 1)
+    seen, expected = window[mask > 0], laid[mask > 0]
+    if seen.std() < 1.0 or expected.std() < 1.0:
+        return 0.0
+    return float(np.corrcoef(seen, expected)[0, 1])
+
+
+def _blurred(picture: Picture, way: Floats) -> Picture:
+    """Return the picture averaged along a way [px], (2,), the middle staying where it is."""
+    length = float(np.linalg.norm(way))
+    if length < 0.5:
+        return picture
+    half = int(np.ceil(length / 2)) + 1
+    kernel = np.zeros((2 * half + 1, 2 * half + 1), np.float32)
+    for part in (np.arange(8 * half) + 0.5) / (8 * half) - 0.5:
+        x, y = half + part * way
+        i, j = int(np.floor(x)), int(np.floor(y))
+        u, v = x - i, y - j
+        for di, dj, weight in ((0, 0, (1 - u) * (1 - v)), (1, 0, u * (1 - v)), (0, 1, (1 - u) * v), (1, 1, u * v)):
+            if j + dj < len(kernel) and i + di < len(kernel):
+                kernel[j + dj, i + di] += np.float32(weight)
+    return np.asarray(cv2.filter2D(picture, -1, kernel / kernel.sum(), borderType=cv2.BORDER_REPLICATE))
+
+
+def _grey(colour: NDArray[np.uint8]) -> Picture:
+    return np.asarray(cv2.cvtColor(np.ascontiguousarray(colour), cv2.COLOR_RGB2GRAY), np.float32)

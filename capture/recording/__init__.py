@@ -1,0 +1,1 @@
+"""Record a take from a sensor: frames in order, tracking, gaps and faults, the state that the lamp shows."""

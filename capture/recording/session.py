@@ -1,0 +1,304 @@
+"""Track a sensor's frames and keep what was seen as a take."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.errors import CaptureError, HangerGapError, NoMarkersError, UntrackableError
+from capture.garment.sight import GarmentSight
+from capture.hanger.fiducial_tracker import HangerSight
+from capture.recording.condition import Condition, ConditionWatch, condition_of
+from capture.recording.frame_clock import FrameClock
+from capture.recording.hanger_gaps import HangerGaps
+from capture.recording.stop_signals import StopRequest, stopped_like_ctrl_c
+from capture.recording.tracking import FrameTracker
+from firmware_host.depth_sensor import DepthSensor, SensorFrame
+from firmware_host.errors import SensorError
+from formats.archive import TakeWriter
+from formats.errors import HangtimeError, OutputError, TakeError
+from formats.garment import Garment
+from formats.rig import Hanger, Rig
+from formats.take import LONGEST_GAP, FrameState
+
+Floats = NDArray[np.float64]
+Watcher = Callable[[SensorFrame, HangerSight, GarmentSight], None]
+Progress = Callable[[int, int | None, float], None]
+Announce = Callable[[float, Condition], None]
+
+LEAST_ROOM = 8_000_000  # bytes on the disk: below, a take is ended while there is room to end it whole
+LOOK_FOR_ROOM = 1.0  # s from one look at the disk to the next; a take with scans grows by 20 kB in it
+SCAN_TOLERANCE = 1e-3  # s: frames come a little early or late
+FEWEST_HANGERS = 10  # frames with both markers; fewer are no recording of a hanger
+HARDLY_EVER = 0.1  # of the frames with both markers; fewer are most likely not what somebody wanted to record
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScanPlan:
+    """How often the visible surface is kept, in scans a second, and with how many places.
+
+    grid: along each side of the grid; contour: around the silhouette
+    """
+
+    rate: float = 5.0
+    grid: int = 12
+    contour: int = 96
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordingReport:
+    """What was recorded: frames, in how many the hanger and each point were seen, in how many each condition held.
+
+    failure: what ended the recording after the last frame, a sensor that failed or a disk that is nearly full; None
+    where it ended as it should
+    doubt: that the hanger was hardly ever seen, or not for too long, and what to do; the take was kept all the same
+    """
+
+    path: Path
+    frames: int
+    with_hanger: int
+    point_share: Floats
+    conditions: dict[Condition, int]
+    is_interrupted: bool
+    failure: HangtimeError | None
+    doubt: CaptureError | None
+
+
+def record(
+    sensor: DepthSensor,
+    rig: Rig,
+    garment: Garment,
+    out: Path,
+    *,
+    take_id: str,
+    created: str,
+    seconds: float | None = None,
+    progress: Progress = lambda frames, total, seen: None,
+    watch: Watcher | None = None,
+    announce: Announce = lambda time, condition: None,
+    picks: Floats | None = None,
+    scans: ScanPlan | None = None,
+    overwrite: bool = True,
+    stop: StopRequest | None = None,
+) -> RecordingReport:
+    """Track every frame of a sensor and write a take.
+
+    Ctrl-C, a sensor that fails or a disk that is nearly full ends the take cleanly.
+
+    announce: told the time [s] since the beginning and the condition, whenever it changes for good; picks [px],
+    (2, 2): where the hanger's dots are in the first frame, left one first; scans: None for none of the surface;
+    overwrite: whether a take of this name, or what was left of one, may be replaced; stop: who may end it, asked once
+    a frame and while the sensor is waited for; None: the signals of `capture.recording.stop_signals`
+
+    Raises:
+        UntrackableError: the sensor's image is not the one that the rig describes, or the garment cannot be followed.
+        NoMarkersError: the hanger was hardly ever seen; no take is left behind.
+        SensorError: the sensor failed before the hanger was seen; no take is left behind.
+        OutputError: the take cannot be written, or no further; what is on the disk by then is kept and named.
+    """
+    if out.is_dir():
+        raise OutputError("is a folder", where=out, advice="give the name of a file in it")
+    _check_rig(sensor, rig)
+    tracker, clock = FrameTracker(rig, garment, picks), FrameClock(sensor.info.fps)
+    is_live = sensor.info.is_live
+    conditions, gaps = ConditionWatch(), HangerGaps()
+    cv2.setNumThreads(1)
+    frames = with_hanger = 0
+    seen = np.zeros(len(garment.points))
+    first = 0.0
+    is_interrupted = False
+    failure: HangtimeError | None = None
+    next_scan = next_look = -np.inf
+
+    def tell(time: float, condition: Condition) -> None:
+        if conditions.add(time, condition) is not None:
+            announce(time, condition)
+
+    with ExitStack() as opened:
+        if stop is None:
+            stop = opened.enter_context(stopped_like_ctrl_c())
+        opened.enter_context(stop.held())  # an interrupt in the middle of a write would spoil it
+        try:
+            writer = TakeWriter(
+                out, take_id=take_id, created=created, rig=rig, garment=garment, source=sensor.info.uri,
+                overwrite=overwrite,
+            )  # fmt: skip
+        except OSError as error:
+            advice = "choose another folder"
+            raise OutputError(f"cannot be written ({error.strerror})", where=out, advice=advice) from error
+        try:
+            for came in _frames(sensor, stop):
+                host_time = came.host_time_s if is_live else None
+                time = clock.place(came.time_s, dropped=came.dropped_before, host_time=host_time)
+                if time is None:
+                    tell(clock.now - first, Condition.CLOCK)
+                    if seconds is not None and clock.now - first >= seconds:
+                        break
+                    continue
+                frame = dataclasses.replace(came, dropped_before=clock.dropped)
+                first = time if frames == 0 else first
+                sight = tracker.track(frame, time)
+                hanger, cloth, state, _ = sight
+                state |= FrameState.CLOCK_JUMPED if clock.has_jumped else 0
+                scan = None
+                if scans is not None and cloth.is_found and time >= next_scan:
+                    scan = tracker.scan(time, grid=scans.grid, contour=scans.contour)
+                    next_scan = next_scan if scan is None else time + 1.0 / scans.rate - SCAN_TOLERANCE
+                try:
+                    writer.append(tracker.as_frame(time, sight._replace(state=state)))
+                    if scan is not None:
+                        writer.append_scan(scan)
+                except OSError as error:
+                    raise _broken_off(writer, with_hanger, f"writing failed ({error.strerror})") from error
+                frames += 1
+                with_hanger += hanger.is_found
+                if hanger.is_found:
+                    gaps.add(time - first)
+                seen += cloth.valid
+                tell(time - first, condition_of(state, are_read=bool(np.isfinite(hanger.centres).all())))
+                if watch is not None:
+                    watch(frame, hanger, cloth)
+                progress(frames, sensor.info.frame_count, with_hanger / frames)
+                if seconds is not None and time - first >= seconds:
+                    break
+                if time >= next_look:
+                    next_look = time + LOOK_FOR_ROOM
+                    failure = _lack_of_room(out)
+                    if failure is not None:
+                        break
+        except KeyboardInterrupt:
+            is_interrupted = True
+        except SensorError as error:
+            failure = error
+        except OutputError:
+            raise
+        except BaseException as error:
+            broken = _broken_off(writer, with_hanger, f"recording broke off: {error}")
+            if not writer.partial.exists():
+                raise
+            if isinstance(error, HangtimeError):
+                raise broken from error
+            error.add_note(str(broken))
+            raise
+        if with_hanger < FEWEST_HANGERS:
+            writer.discard()
+            raise failure or _no_markers(sensor.info.uri, rig, frames, with_hanger, conditions.worst)
+        _finish(writer, with_hanger)
+    doubt: CaptureError | None = None
+    if with_hanger < HARDLY_EVER * frames:
+        doubt = _no_markers(out, rig, frames, with_hanger, conditions.worst, kept=True)
+    elif gaps.count:
+        doubt = _gap(out, gaps)
+    return RecordingReport(
+        path=out,
+        frames=frames,
+        with_hanger=with_hanger,
+        point_share=seen / max(frames, 1),
+        conditions=dict(conditions.frames),
+        is_interrupted=is_interrupted,
+        failure=failure,
+        doubt=doubt,
+    )
+
+
+def _frames(sensor: DepthSensor, stop: StopRequest) -> Iterator[SensorFrame]:
+    """Yield a sensor's frames; only while it is waited for may somebody end it at once."""
+    while True:
+        with stop.released():
+            frame = sensor.read()
+        if frame is None:
+            return
+        yield frame
+
+
+def _finish(writer: TakeWriter, with_hanger: int) -> None:
+    try:
+        writer.finish()
+    except OutputError as error:
+        writer.keep()
+        advice = f"what was recorded is kept as {writer.partial.name}; give it another name"
+        raise OutputError("has come there meanwhile", where=writer.path, advice=advice) from error
+    except (OSError, TakeError) as error:
+        raise _broken_off(writer, with_hanger, f"the take could not be finished: {error}") from error
+
+
+def _lack_of_room(out: Path) -> OutputError | None:
+    """Return the error of a disk that is nearly full or does not say, None where a take can go on."""
+    try:
+        room = shutil.disk_usage(out.parent).free
+    except OSError as error:
+        return OutputError(
+            f"the disk does not say how much room it has ({error.strerror}), so the recording was ended",
+            where=out.parent, advice="check the folder",
+        )  # fmt: skip
+    if room >= LEAST_ROOM:
+        return None
+    return OutputError(
+        f"only {room / 1e6:.1f} MB are left on the disk, so the recording was ended",
+        where=out, advice=f"make room for {LEAST_ROOM / 1e6:.0f} MB or more, or record to another disk",
+    )  # fmt: skip
+
+
+def _broken_off(writer: TakeWriter, with_hanger: int, what: str) -> OutputError:
+    """Close a take that cannot go on; keep it if it shows the hanger and can be read."""
+    if with_hanger < FEWEST_HANGERS or not writer.is_readable:
+        writer.discard()
+        return OutputError(what, where=writer.path, advice="make room on the disk")
+    writer.keep()
+    return OutputError(
+        what, where=writer.partial, advice="what was recorded until then can be read with `hangtime takes show`"
+    )
+
+
+def _no_markers(
+    where: object, rig: Rig, frames: int, with_hanger: int, worst: Condition, *, kept: bool = False
+) -> NoMarkersError:
+    what = f"both hanger markers were seen together in {with_hanger} of {frames} frames; "
+    what += "the take was kept, but hardly any motion can be fitted to it" if kept else "no take was kept"
+    advice = worst.value.advice or "record longer"
+    if kept:
+        advice = f"record it again: {advice}"
+    if worst in (Condition.NO_MARKERS, Condition.ONE_MARKER, Condition.MISFIT) and rig.hanger is not None:
+        advice += f" (the rig says {_markers_of(rig.hanger)})"
+    elif worst is not Condition.GOOD:
+        what += f", mostly because: {worst.value.words}"
+    return NoMarkersError(what, where=where, advice=advice)
+
+
+def _gap(where: Path, gaps: HangerGaps) -> HangerGapError:
+    others = f", in all {gaps.count} times for over {LONGEST_GAP:g} s" if gaps.count > 1 else ""
+    return HangerGapError(
+        f"the two hanger markers were not seen together for {gaps.longest:.1f} s from {gaps.begins:.1f} s on{others}; "
+        "the take was kept, but the hanger's path is lost there and nothing can be fitted to it",
+        where=where, advice="record it again with both markers in view from beginning to end",
+    )  # fmt: skip
+
+
+def _markers_of(hanger: Hanger) -> str:
+    if hanger.marker == "dot":
+        return f"two dots of {1e3 * hanger.marker_size_m:g} mm, {1e3 * hanger.marker_distance_m:g} mm apart"
+    size, distance = 1e3 * hanger.marker_size_m, 1e3 * hanger.marker_distance_m
+    return f"markers {hanger.ids[0]} and {hanger.ids[1]} of {hanger.dictionary}, {size:g} mm, {distance:g} mm apart"
+
+
+def _check_rig(sensor: DepthSensor, rig: Rig) -> None:
+    if rig.sensor is None or rig.hanger is None:
+        raise UntrackableError(
+            "the rig has no [sensor] or no [hanger]", where=rig.name, advice="add it, see docs/file-formats.md"
+        )
+    info = sensor.info
+    if (info.width, info.height) != (rig.sensor.width, rig.sensor.height):
+        raise UntrackableError(
+            f"the sensor gives {info.width} x {info.height} pixels, the rig says "
+            f"{rig.sensor.width} x {rig.sensor.height}",
+            where=rig.name,
+            advice="set the rig's [sensor] to this sensor",
+        )

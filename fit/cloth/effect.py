@@ -1,0 +1,150 @@
+"""What an effect is: a piece of physics or measurement that the base model leaves out and that can be switched on.
+
+An effect has one amplitude, or one per direction (its `components`); all at 0 is exactly off. It acts through hooks,
+each with a do-nothing default, so that the step and the observer know no effect by name:
+
+    cloth        `material`, `node_mass`, `rest_curvature`, `friction_moment`, `contact_thickness`
+    air          `face_force` (inside the kernel), `added_mass`
+    boundary     `drive`: the path of the held ends
+    measurement  `drive`, and `observe`: what a tracker makes of the simulated points; `unobserved`: where those would
+                 have to be, for an observer that pulls to the tracked ones
+
+A measurement effect acts on the simulated side; noisy data are never transformed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.cloth.mesh import ClothMesh
+
+if TYPE_CHECKING:
+    from fit.recordings.recording import Recording
+
+Floats = NDArray[np.float64]
+Curve = Callable[[Floats], Floats]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One unmodelled effect: name, unit, physical range, typical size and hooks.
+
+    `low`, `high` and `typical` hold for each component; an effect of several components has the length of its
+    amplitude vector as its size. `law_spread` is the relative deviation by which sound laws of one effect differ: drag
+    that varies with the angle, masses in another place; 0 where there is only one. `in_base` names the parameter of
+    the base model that is the same physics, if any; an effect that `goes_beyond_base` reaches farther than that
+    parameter's range, and is one where a fit ends at the top of it. `brings` names other effects that a sound law of
+    this one holds as well, with how much of them each unit of it brings at most: only what is beyond that is an effect
+    beside this one.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    acts_on: ClassVar[str]  # "cloth", "boundary", "air" or "measurement"
+    unit: ClassVar[str]
+    low: ClassVar[float]
+    high: ClassVar[float]
+    typical: ClassVar[float]
+    law_spread: ClassVar[float] = 0.08
+    probes: ClassVar[tuple[float, ...]] = ()  # further sizes at which an effect of one component is looked for
+    components: ClassVar[tuple[str, ...]] = ("",)
+    in_base: ClassVar[str] = ""
+    goes_beyond_base: ClassVar[bool] = False
+    brings: ClassVar[tuple[tuple[str, float], ...]] = ()
+    # Sound solvers differ by as much: beside another effect it is named only where it passes by itself.
+    differs_by_solver: ClassVar[bool] = False
+    face_force: ClassVar[Callable[..., Any] | None] = None
+    bends: ClassVar[bool] = False  # whether `rest_curvature` or `friction_moment` does anything
+    adds_mass: ClassVar[bool] = False  # whether `added_mass` does anything
+    touches: ClassVar[bool] = False  # whether `contact_thickness` does anything
+    no_size: ClassVar[float] = 0.0  # an amplitude too small to do anything but shorten the step, if it does that
+
+    def material(self, row: Floats, amplitude: Floats) -> Floats:
+        """Return the material row (`fit.cloth.material.NAMES`) with this effect."""
+        return row
+
+    def node_mass(self, mass: Floats, mesh: ClothMesh, amplitude: Floats) -> Floats:
+        """Return the nodes' masses [kg], (nodes,), with this effect."""
+        return mass
+
+    def rest_curvature(self, mesh: ClothMesh, amplitude: Floats) -> Floats | float:
+        """Return the curvature at which each bend rests [1/m], (bends,), positive towards the outer normal."""
+        return 0.0
+
+    def friction_moment(self, amplitude: Floats) -> float:
+        """Return the largest frictional moment per width [N]."""
+        return 0.0
+
+    def contact_thickness(self, amplitude: Floats) -> float:
+        """Return the distance at which layers of the cloth are kept apart [m]."""
+        return 0.0
+
+    def added_mass(self, mesh: ClothMesh, amplitude: Floats) -> Floats | float:
+        """Return the mass that moves along with each node's normal motion [kg], (nodes,)."""
+        return 0.0
+
+    def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:
+        """Return the path of the held ends, (n,) instants [s] -> (n, 6) [m], with this effect."""
+        return path
+
+    def observe(self, points: Floats, recording: Recording, amplitude: Floats) -> Floats:
+        """Return what the tracker makes of the simulated points [m], (frames, points, 3)."""
+        return points
+
+    def unobserved(self, targets: Floats, recording: Recording, amplitude: Floats) -> Floats:
+        """Return targets of an observer [m, m/s], (samples, points, 6), without what a tracker has made of them.
+
+        With a perfect model and no noise the pull to them is zero, or nearly so.
+        """
+        return targets
+
+    def regions(self, amplitude: Floats) -> tuple[str, ...]:
+        """Return the regions of the cloth that a local effect of this size acts in, as `fit.gap.where` names them."""
+        return ()
+
+    @property
+    def is_one_sided(self) -> bool:
+        """Whether physics allows only amplitudes of one sign."""
+        return self.low >= 0.0
+
+    @property
+    def moves_edge(self) -> bool:
+        """Whether it may move the tracked held edge against where the hanger's markers put it."""
+        return type(self).drive is not Effect.drive or type(self).observe is not Effect.observe
+
+    @property
+    def in_kernel(self) -> bool:
+        """Whether the effect needs the kernel with effects; others run in the plain one."""
+        return self.face_force is not None or self.bends or self.adds_mass
+
+
+def size_of(amplitude: Floats) -> float:
+    """Return one number for an effect's amplitude: itself, or the length of its vector."""
+    return float(amplitude[0]) if len(amplitude) == 1 else float(np.linalg.norm(amplitude))
+
+
+def columns_of(effects: tuple[Effect, ...]) -> list[slice]:
+    """Return which columns of a row of amplitudes belong to each effect."""
+    ends = np.cumsum([0, *(len(e.components) for e in effects)])
+    return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+
+
+def parameter_names(effect: Effect) -> tuple[str, ...]:
+    """Return what its amplitudes are called where they are fitted: its name, with a component's after a dot."""
+    return tuple(f"{effect.name}.{component}" if component else effect.name for component in effect.components)
+
+
+def amplitudes_of(effects: tuple[Effect, ...], **chosen: float | tuple[float, ...]) -> Floats:
+    """Return a row of amplitudes, (components,), zero but for the effects named."""
+    columns = columns_of(effects)
+    row = np.zeros(columns[-1].stop if columns else 0)
+    for name, amplitude in chosen.items():
+        where = next(c for e, c in zip(effects, columns, strict=True) if e.name == name)
+        row[where] = amplitude
+    return row

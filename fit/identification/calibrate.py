@@ -1,0 +1,360 @@
+"""Fit a parameterisation to takes: the loop around every search, and what is told of its result.
+
+Searches that ask and are told (`fit.search.choice`) get free rollouts: each candidate is simulated from the settled
+first shape through the whole take without any pull, and its distance is the mean of the method's objective
+(`fit.methods.distance`: D; `fit.methods.swatch_error`: E) over the takes. Least squares (`fit.identification.observed`)
+sees the points' residuals instead. Whatever the search, errors are told of free rollouts.
+
+Intervals are of the linearised model about the result, by the jackknife over half seconds (`fit.search.intervals`),
+from differences of a twentieth of the box, wider than the ripples that folds make; those of tempering are of its draws.
+"""
+
+from __future__ import annotations
+
+import functools
+import time as clock
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.cloth.effect import columns_of
+from fit.cloth.material import NAMES
+from fit.engines import OWN, find_engine
+from fit.errors import BlowUpError
+from fit.identification.combinations import describe_combinations
+from fit.identification.observed import begin_observed
+from fit.identification.request import Request
+from fit.identification.saved_search import SavedSearch
+from fit.methods import distance as objective
+from fit.provenance import physics_version
+from fit.recordings.geometry import check_geometry
+from fit.recordings.impossible_points import describe_impossible
+from fit.recordings.recording import Recording, prepare_together
+from fit.recordings.selection import check_together, content_of
+from fit.search.choice import OBSERVED, begin, has_short_intervals
+from fit.search.intervals import Intervals, block_intervals, check_blocks, draw_intervals
+from fit.search.least_squares import DIFFERENCE
+from fit.search.steps import Step
+from fit.search.tempering import FEWEST_DRAWS, Tempering
+from formats.results import ErrorFigure, FitParameter, FitResult, ObjectiveFigure
+from formats.results import FitError as FitErrors
+from formats.take import Take
+
+Floats = NDArray[np.float64]
+Progress = Callable[[int, int, float], None]
+
+BLOCK = 0.5  # s: distances further apart count as independent
+CHECKPOINT_EVERY = 10.0  # s
+TOO_SHORT = (
+    "Warning: 90 % intervals of this search are too short, and what it calls told may not be: it knows of one valley "
+    "only. Where they matter, use --search least-squares."
+)
+LAYERED = (
+    "Sleeves and hems are layers sewn together, stiffer than any fabric; where the simulated ones hang down, "
+    "try --method si-sewn."
+)
+
+
+class Model:
+    """Simulators of some takes for vectors of a request's parameters; is_fitted: whether they are fitted to."""
+
+    def __init__(self, recordings: list[Recording], request: Request, *, is_fitted: bool = True) -> None:
+        self.recordings, self.request = recordings, request
+        for recording in recordings:
+            check_geometry(recording)
+        # The method's own error refuses takes that it cannot be taken of before anything is simulated.
+        self.objectives = [request.method.objective(r) for r in recordings] if is_fitted else []
+        make = find_engine(request.engine)
+        self.engines = [make(r, request.method, request.effects, request.resolution) for r in recordings]
+
+    @property
+    def weighed_density(self) -> float:
+        """Mean over the takes of the garment's weight per area [kg/m^2]."""
+        return float(np.mean([r.garment.areal_density for r in self.recordings]))
+
+    def material(self, vector: Floats) -> dict[str, float]:
+        """SI material of one vector, at the mean weighed density, with the effects that change the cloth."""
+        return dict(zip(NAMES, self.material_rows(vector[None])[0].tolist(), strict=True))
+
+    def material_rows(self, vectors: Floats) -> Floats:
+        """The same for many vectors, (candidates, parameters), as rows in the order of `NAMES`."""
+        count = len(self.request.method.parameters)
+        rows = self.request.method.to_materials(vectors[:, :count], self.weighed_density).copy()
+        for effect, columns in zip(self.request.effects, columns_of(self.request.effects), strict=True):
+            if effect.acts_on == "measurement":
+                continue  # a clock's rate scales what the solver is told and is no property of the cloth
+            for k, amplitude in enumerate(vectors[:, count:][:, columns]):
+                if amplitude.any():
+                    rows[k] = effect.material(rows[k], amplitude)
+        return rows
+
+    def points(self, vectors: Floats) -> list[Floats]:
+        """Simulated points per take, each (candidates, frames, points, 3) [m]."""
+        return [engine.points(vectors) for engine in self.engines]
+
+    def distances(self, vectors: Floats) -> Floats:
+        """Mean over the takes of the method's objective, (candidates,); infinite where a simulation blew up."""
+        return self.distances_of(self.points(vectors))
+
+    def distances_of(self, points: list[Floats]) -> Floats:
+        """The same of simulated points [m], (candidates, frames, points, 3) a take."""
+        by_take = [objective.total(o, p) for o, p in zip(self.objectives, points, strict=True)]
+        return np.asarray(np.mean(by_take, axis=0))
+
+    @functools.cached_property
+    def error_before(self) -> ErrorFigure:
+        """Mean distance of the points with the initial parameters.
+
+        Raises:
+            BlowUpError: a take whose simulation does not stay finite.
+        """
+        return self.error(np.array([p.initial for p in self.request.parameters]))
+
+    def objective_figure(self, initial: Floats, fitted: Floats) -> ObjectiveFigure:
+        """The objective and its parts before and after."""
+        both = self.points(np.stack([initial, fitted]))
+        parts = np.mean([o.terms(p) for o, p in zip(self.objectives, both, strict=True)], axis=0)
+        first = self.objectives[0]
+        return ObjectiveFigure(
+            name=first.name, unit=first.unit, before=float(parts[0].sum()), after=float(parts[1].sum()),
+            parts={name: (float(parts[0, k]), float(parts[1, k])) for k, name in enumerate(first.parts)},
+        )  # fmt: skip
+
+    def error(self, vector: Floats) -> ErrorFigure:
+        """Mean distance of the points per frame of all takes, one after the other, for one vector.
+
+        Raises:
+            BlowUpError: a take whose simulation does not stay finite.
+        """
+        by_frame, time, start = [], [], 0.0
+        for recording, points in zip(self.recordings, self.points(vector[None]), strict=True):
+            errors = objective.per_frame(recording.points, points[0])
+            seen = np.isfinite(recording.points).all(-1).any(-1)
+            if not np.isfinite(errors[seen]).all():
+                raise BlowUpError(
+                    "the simulation of this take blew up",
+                    where=recording.take_id,
+                    advice="use a coarser mesh (--spacing)",
+                )
+            by_frame.append(errors[seen])
+            time.append(recording.time[seen] + start)
+            start = float(time[-1][-1]) + 1.0
+        joined = np.concatenate(by_frame)
+        return ErrorFigure(
+            mean_m=float(joined.mean()), max_m=float(joined.max()), per_frame_m=joined.tolist(),
+            time_s=np.concatenate(time).tolist(),
+        )  # fmt: skip
+
+
+def calibrate(
+    training: list[Take],
+    held_out: list[Take],
+    request: Request,
+    *,
+    checkpoint: Path | None = None,
+    progress: Progress = lambda done, total, best: None,
+) -> FitResult:
+    """Fit the request's parameters to the training takes and report errors before and after.
+
+    With a checkpoint file the search is saved every ten seconds, when interrupted and at its end, and goes on from
+    there; remove the file once the result is kept. Of least squares every finished look and descent is saved.
+
+    Raises:
+        FitError: no take, takes of different garments, one that is given twice or cannot be simulated, or a saved
+            search that cannot be continued.
+        BlowUpError: a take cannot be simulated with the initial or the fitted parameters.
+    """
+    check_together(training, held_out)
+    train, test = prepare_together(training, held_out)
+    model = Model(train, request)
+    check_blocks(np.concatenate(_half_seconds(model.recordings)))
+    saved = SavedSearch(checkpoint, _key(training, model))
+    saved.read()  # one that cannot be continued is refused before anything is simulated
+    judge = Model(test, request, is_fitted=False) if test else None
+    if judge is not None:
+        _ = judge.error_before  # a take that blows up is refused before the search
+    run = _least_squares if request.search in OBSERVED else _ask_and_tell
+    found = run(model, request, saved, progress)
+    return _result(training, held_out, request, model, judge, found, saved.seconds)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What a search ended with; simulations count each take."""
+
+    vector: Floats
+    intervals: Intervals
+    history: list[float]
+    simulations: int
+    non_finite: int = 0
+
+
+def _ask_and_tell(model: Model, request: Request, saved: SavedSearch, progress: Progress) -> _Found:
+    blocks = sum(r.duration for r in model.recordings) / BLOCK
+    initial = np.array([p.initial for p in request.parameters])
+    steps = np.array([p.interval for p in request.parameters])
+    search = begin(request.search, initial, steps, request.space, request.settings, request.seed, numbers=blocks)
+    if (state := saved.read()) is not None:
+        with saved.continuing():
+            search.restore(state)
+    last = clock.monotonic()
+    try:
+        while not search.is_finished:
+            candidates = search.ask(request.width)
+            distances = model.distances(candidates)
+            if not search.is_started and not np.isfinite(distances[0]):
+                raise BlowUpError(
+                    "the simulation of the initial parameters blew up",
+                    where=model.recordings[0].take_id,
+                    advice="use a coarser mesh (--spacing) or check the garment's weight",
+                )
+            search.tell(candidates, distances)
+            progress(search.iteration, request.settings.iterations, search.best_distance)
+            if clock.monotonic() - last > CHECKPOINT_EVERY:
+                saved.save(search.state())
+                last = clock.monotonic()
+    except KeyboardInterrupt:
+        saved.save(search.state())
+        raise
+    saved.save(search.state())  # what follows simulates again and may fail
+    if isinstance(search, Tempering) and len(search.draws) >= FEWEST_DRAWS:
+        intervals = draw_intervals(request.space, search.draws)
+    else:
+        intervals = _intervals(model, search.best)
+    takes, history = len(model.recordings), [float(v) for v in search.best_history]
+    return _Found(search.best, intervals, history, search.evaluations * takes, search.non_finite)
+
+
+def _least_squares(model: Model, request: Request, saved: SavedSearch, progress: Progress) -> _Found:
+    """Least squares; what is kept are its looks and descents, and the distances on the way."""
+    search, settings = begin_observed(
+        request.search, model.recordings, request.method, request.effects, request.space, request.resolution,
+        request.seed, model.distances_of,
+    )  # fmt: skip
+    initial = np.array([p.initial for p in request.parameters])
+    steps: list[Step] = []
+    if (state := saved.read()) is not None:
+        with saved.continuing():
+            steps = [Step.from_state(one) for one in state["steps"]]
+            history = [float(value) for value in state["history"]]
+            extra = int(state["extra"])
+    if not steps:
+        history, extra = [float(model.distances(initial[None])[0])], 1
+
+    def show(step: Step) -> None:
+        nonlocal extra
+        steps.append(step)
+        distances = list(step.distances)
+        if not distances:  # of rollouts that were not free
+            distances, extra = [float(model.distances(step.vector[None])[0])], extra + 1
+        history.extend(float(d) for d in np.minimum.accumulate([history[-1], *distances])[1:])
+        saved.save({"steps": [one.state() for one in steps], "history": history, "extra": extra})
+        progress(len(steps), settings.steps, history[-1])
+
+    found = search.run(initial, settings, show, tuple(steps))
+    simulations = found.simulations + extra * len(model.recordings)
+    return _Found(found.vector, found.intervals, history, simulations)
+
+
+def _key(training: list[Take], model: Model) -> dict[str, object]:
+    request = model.request
+    return {
+        "takes": [content_of(t) for t in training], "method": request.method.name, "seed": request.seed,
+        "search": request.search,
+        "effects": [e.name for e in request.effects], "spacing": request.resolution.spacing,
+        "bounds": [list(b) for b in request.bounds], "initial": [p.initial for p in request.parameters],
+        "engine": request.engine, "engine_version": model.engines[0].version, "physics": physics_version(),
+    }  # fmt: skip
+
+
+def _result(
+    training: list[Take], held_out: list[Take], request: Request, model: Model, judge: Model | None,
+    found: _Found, seconds: float,
+) -> FitResult:  # fmt: skip
+    best, intervals = found.vector, found.intervals
+    initial = np.array([p.initial for p in request.parameters])
+    reach = request.space.slope(best)
+    described = [
+        FitParameter(
+            name=p.name, unit=p.unit, initial=p.initial, fitted=float(best[k]), minimum=p.minimum, maximum=p.maximum,
+            interval_low=float(intervals.ends[k, 0]), interval_high=float(intervals.ends[k, 1]),
+            is_identified=bool(intervals.is_told[k]) and p.name not in request.method.degenerate, note=p.meaning,
+        )
+        for k, p in enumerate(request.parameters)
+    ]  # fmt: skip
+    is_own = request.engine == OWN
+    notes = [request.method.not_identified] if request.method.not_identified else []
+    notes += [o.remark for o in model.objectives if o.remark]
+    if impossible := max(r.impossible for r in [*model.recordings, *(judge.recordings if judge else [])]):
+        notes.append(f"Warning: {describe_impossible(impossible)}")
+    if training[0].garment.kind == "t-shirt" and not request.method.knows_layers:
+        notes.append(LAYERED)
+    if not is_own:
+        notes.append(f"Simulated by {request.engine}; its numbers have no SI values, so no combinations are given.")
+    if request.search in ("annealing", "restarts"):
+        unit = {"m": "metre"}.get(model.objectives[0].unit, f"unit of {model.objectives[0].name}")
+        notes.append(f"gamma = {request.settings.gamma:g} per {unit} is our choice; the paper gives none.")
+    if request.search in OBSERVED and model.objectives[0].name != "D":
+        notes.append(f"{request.search} brings the points nearer; {model.objectives[0].name} is told, not minimised.")
+    if has_short_intervals(request.search, request.settings.iterations):
+        notes.append(TOO_SHORT)
+    if found.non_finite:
+        notes.append(f"{found.non_finite} candidates blew up and were rejected.")
+    return FitResult(
+        format="hangtime-fit/1",
+        created=datetime.now(UTC).isoformat(timespec="seconds"),
+        take_ids=[t.take_id for t in training],
+        held_out_ids=[t.take_id for t in held_out],
+        method=request.method.name,
+        engine=request.engine,
+        take_contents=[content_of(t) for t in training],
+        search=request.search,
+        seed=request.seed,
+        parameters=described,
+        error=FitErrors(
+            train_before=model.error_before,
+            train_after=model.error(best),
+            held_out_before=judge.error_before if judge else None,
+            held_out_after=judge.error(best) if judge else None,
+        ),
+        effects={
+            p.name: float(best[k]) for k, p in enumerate(request.parameters) if k >= len(request.method.parameters)
+        },
+        history=found.history,
+        simulations=found.simulations,
+        seconds=seconds,
+        notes=notes,
+        material=model.material(best) if is_own else {},
+        layers=training[0].garment.layers,
+        objective=model.objective_figure(initial, best),
+        combinations=(describe_combinations(model.material_rows, initial, best, reach, intervals) if is_own else []),
+    )
+
+
+def _intervals(model: Model, best: Floats) -> Intervals:
+    """Intervals about the end of a search that knows no residuals, from one more batch of free rollouts."""
+    space = model.request.space
+    unit = space.to_unit(best)
+    step = np.where(unit + DIFFERENCE <= 1, DIFFERENCE, -DIFFERENCE)
+    candidates = space.from_unit(np.concatenate([unit[None], unit + np.diag(step)]))
+    residuals, block = [], _half_seconds(model.recordings)
+    for recording, points in zip(model.recordings, model.points(candidates), strict=True):
+        residuals.append((recording.points - points)[:, recording.valid].reshape(len(candidates), -1))
+    stacked = np.concatenate(residuals, axis=1)
+    jacobian = np.nan_to_num((stacked[1:] - stacked[0]) / step[:, None]).T
+    deviation = float(np.sqrt(np.mean(stacked[0] ** 2)))
+    return block_intervals(space, best, stacked[0] / deviation, jacobian / deviation, np.concatenate(block))
+
+
+def _half_seconds(recordings: list[Recording]) -> list[NDArray[np.int64]]:
+    """Per recording the block to which each of its numbers belongs; no two recordings share one."""
+    found, first = [], 0
+    for recording in recordings:
+        half_second = (recording.time / BLOCK).astype(np.int64) + first
+        found.append(np.repeat(half_second[np.nonzero(recording.valid)[0]], 3))
+        first = int(half_second[-1]) + 1
+    return found

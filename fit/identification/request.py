@@ -1,0 +1,176 @@
+"""What to fit and how: the parameters of a method and of effects, their bounds, and the search."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fit.cloth.effect import Effect, parameter_names
+from fit.cloth.model import Resolution
+from fit.effects import find_effects
+from fit.engines import OWN, find_engine
+from fit.errors import FitError
+from fit.methods import Parameter, Parameterisation
+from fit.search.annealing import AnnealingSettings
+from fit.search.choice import OBSERVED, check_search
+from fit.search.least_squares import BoundedSpace
+
+SIDE_BY_SIDE = 16  # candidates a batch
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """What to fit and how."""
+
+    method: Parameterisation
+    effects: tuple[Effect, ...] = ()
+    search: str = "annealing"
+    settings: AnnealingSettings = field(default_factory=AnnealingSettings)
+    seed: int = 0
+    width: int = SIDE_BY_SIDE
+    resolution: Resolution = field(default_factory=Resolution)
+    engine: str = OWN  # the simulator, `fit.engines`
+    bounds: tuple[tuple[str, float, float], ...] = ()  # name, low, high: narrower than the parameter's own
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The method's parameters and one for each component of each effect, within the request's bounds."""
+        narrowed = {name: (low, high) for name, low, high in self.bounds}
+        return tuple(
+            replace(p, minimum=low, maximum=high, initial=min(max(p.initial, low), high))
+            for p in self._all_parameters
+            for low, high in [narrowed.get(p.name, (p.minimum, p.maximum))]
+        )
+
+    @property
+    def space(self) -> BoundedSpace:
+        """The box of the parameters, and which of them have a log scale."""
+        return BoundedSpace(
+            minimum=np.array([p.minimum for p in self.parameters]),
+            maximum=np.array([p.maximum for p in self.parameters]),
+            is_log=np.array([p.is_log for p in self.parameters]),
+        )
+
+    @property
+    def _all_parameters(self) -> tuple[Parameter, ...]:
+        extra = tuple(
+            Parameter(
+                name=name,
+                unit=e.unit,
+                initial=0.0,
+                minimum=e.low,
+                maximum=e.high,
+                interval=e.typical,
+                meaning=e.title,
+            )
+            for e in self.effects
+            for name in parameter_names(e)
+        )
+        return self.method.parameters + extra
+
+
+def request_of(
+    method: Parameterisation,
+    effects: list[str],
+    *,
+    iterations: int,
+    seed: int,
+    spacing: float,
+    gamma: float | None = None,
+    bounds: list[str] | None = None,
+    engine: str = OWN,
+    search: str = "annealing",
+) -> Request:
+    """Gather a request from plain values; bounds as NAME=LOW:HIGH.
+
+    Raises:
+        FitError: an unknown effect, engine or search; an effect twice or one that the method has; a gamma that is not
+            above 0; a spacing that is not above 0; bounds that are crossed, malformed, given twice, of no parameter or
+            beyond its range.
+    """
+    if check_search(search) in OBSERVED and engine != OWN:
+        raise FitError(
+            f"{search} simulates with our own cloth only, not with {engine}", where="--search",
+            advice="choose another search or leave out --engine",
+        )  # fmt: skip
+    if search == "tempering" and not method.is_in_metres:
+        raise FitError(
+            f"tempering draws by how likely distances are, which the error of {method.name} is not", where="--search",
+            advice="choose another search, or a method that minimises distances: si, kinect-skirt",
+        )  # fmt: skip
+    settings = AnnealingSettings(gamma=method.gamma if gamma is None else gamma).lasting(iterations)
+    request = Request(
+        method=method,
+        effects=find_effects(effects),
+        search=search,
+        settings=settings,
+        seed=seed,
+        resolution=Resolution(spacing=spacing),
+        engine=engine,
+        width=SIDE_BY_SIDE if engine == OWN else 1,  # speculation pays only where candidates share a batch
+    )
+    find_engine(engine)
+    _check_effects(method, request.effects)
+    _check_gamma(request.settings.gamma)
+    _check_spacing(spacing)
+    known = {p.name: p for p in request.parameters}
+    read = tuple(_read_bounds(text, known) for text in bounds or [])
+    names = [name for name, _, _ in read]
+    if twice := [name for name in known if names.count(name) > 1]:
+        raise FitError(f"{twice[0]} is given twice", where="--bounds", advice="give each parameter's bounds once")
+    return replace(request, bounds=read)
+
+
+def _check_effects(method: Parameterisation, effects: tuple[Effect, ...]) -> None:
+    names, own = [e.name for e in effects], {p.name for p in method.parameters}
+    for effect in effects:
+        if names.count(effect.name) > 1:
+            raise FitError(f"{effect.name} is named twice", where="--effect", advice="name every effect once")
+        if effect.in_base in own and not effect.goes_beyond_base:
+            raise FitError(
+                f"the method {method.name} has {effect.in_base} as a parameter already",
+                where="--effect",
+                advice=f"leave {effect.name} out; --bounds {effect.in_base}=LOW:HIGH narrows it",
+            )
+
+
+def _check_spacing(spacing: float) -> None:
+    if not (math.isfinite(spacing) and spacing > 0.0):
+        raise FitError(f"the mesh spacing is {spacing:g} m", where="--spacing", advice="give metres, for example 0.05")
+
+
+def _check_gamma(gamma: float) -> None:
+    if not (math.isfinite(gamma) and gamma > 0.0):
+        raise FitError(f"gamma is {gamma:g}", where="--gamma", advice="give a number above 0, for example 1e5")
+
+
+def _read_bounds(text: str, known: dict[str, Parameter]) -> tuple[str, float, float]:
+    name, _, span = text.partition("=")
+    low_text, _, high_text = span.partition(":")
+    if name not in known:
+        raise FitError(
+            f"there is no parameter named {name!r}", where="--bounds", advice=f"known parameters: {', '.join(known)}"
+        )
+    try:
+        low, high = float(low_text), float(high_text)
+    except ValueError:
+        raise FitError(
+            f"{text!r} is not NAME=LOW:HIGH", where="--bounds", advice=f"for example {name}={known[name].minimum:g}:"
+            f"{known[name].maximum:g}",
+        ) from None  # fmt: skip
+    parameter = known[name]
+    if not low < high:
+        raise FitError(
+            f"the lower bound of {name}, {low:g}, is not below its upper bound, {high:g}",
+            where="--bounds",
+            advice="give the smaller number first",
+        )
+    if not (parameter.minimum <= low and high <= parameter.maximum):
+        raise FitError(
+            f"{low:g} to {high:g} leaves the range of {name}",
+            where="--bounds",
+            advice=f"stay within {parameter.minimum:g} to {parameter.maximum:g} {parameter.unit}",
+        )
+    return name, low, high

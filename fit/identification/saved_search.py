@@ -1,0 +1,67 @@
+"""A search that is saved while it runs, so that the same command goes on with it after an interruption."""
+
+from __future__ import annotations
+
+import json
+import time as clock
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from fit.errors import FitError
+from fit.provenance import other_than
+from formats.whole_files import write_whole
+
+
+class SavedSearch:
+    """The file of a search, with the key of what it is a search for; without a path nothing is saved."""
+
+    def __init__(self, path: Path | None, key: dict[str, object]) -> None:
+        self._path, self._key = path, key
+        self._started, self._before = clock.monotonic(), 0.0
+
+    @property
+    def seconds(self) -> float:
+        """Time spent on the search, that before an interruption included, as far as it was saved [s]."""
+        return self._before + clock.monotonic() - self._started
+
+    def read(self) -> dict[str, Any] | None:
+        """Return the saved state, or None where there is none.
+
+        Raises:
+            FitError: the file cannot be read, or is of another search.
+        """
+        if self._path is None or not self._path.exists():
+            return None
+        try:
+            saved = json.loads(self._path.read_text())
+            state, key, before = saved["search"], saved["key"], float(saved.get("seconds", 0.0))
+        except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
+            raise FitError(
+                "the saved search cannot be read", where=self._path, advice="delete it to start anew"
+            ) from error
+        if (other := other_than(key, self._key)) is not None:
+            raise FitError(
+                f"the saved search is of {other}", where=self._path, advice="delete it or choose another --out"
+            )
+        self._before = before
+        return state  # type: ignore[no-any-return]
+
+    def save(self, state: dict[str, Any]) -> None:
+        """Write the state, whole or not at all."""
+        if self._path is not None:
+            whole = {"key": self._key, "seconds": self.seconds, "search": state}
+            write_whole(self._path, json.dumps(whole).encode())
+
+    @contextmanager
+    def continuing(self) -> Iterator[None]:
+        """Say which file it is that a search cannot go on from."""
+        try:
+            yield
+        except (FitError, LookupError, TypeError, ValueError, AttributeError) as error:
+            raise FitError(
+                "the saved search cannot be continued here (other settings, libraries or processor)",
+                where=self._path,
+                advice="delete it to start anew",
+            ) from error

@@ -1,0 +1,335 @@
+"""One run of least squares on the points' residuals: trials, and what their ends say of each other.
+
+A trial looks at many places, the start and scattered ones, then those that an emulator of the residuals proposes
+(`fit.search.looks`). From the best of them Levenberg-Marquardt goes down by chords (`fit.search.least_squares`), with
+differences wide enough to step over the ripples that folds make, and again from the best places across the valleys
+about its end (`fit.search.valleys`). Where the best end misses by more than the stated noise, another trial begins from
+other scattered places, until two of them agree in their cost or there have been as many as allowed: the first emulator
+may have gone for a wrong valley, and two that know nothing of each other seldom go for the same one. What is best then
+goes on down with finer differences, as far as it goes: wide ones stop on the slopes of the last valley.
+
+Without looks there is one trial, whose descents begin at the start and at scattered places, and nothing finer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.errors import BlowUpError
+from fit.search import looks as looking
+from fit.search import valleys
+from fit.search.correlation import independent
+from fit.search.emulator import Emulator
+from fit.search.intervals import PRIOR_SD, Intervals, block_intervals
+from fit.search.least_squares import LeastSquaresResult, LeastSquaresSettings, Prior, minimise
+from fit.search.posterior import draw
+from fit.search.steps import Step
+
+if TYPE_CHECKING:
+    from fit.identification.observed import ObservedSearch
+
+Floats = NDArray[np.float64]
+
+RIPPLE_TIME = 2.0  # s that a ripple lasts, which descents end in
+ROUNDS = 3  # times at most that one looks across valleys
+WORTH = 0.005  # of the cost, by which that must lower it to go on, and within which two trials agree
+NEXT_SEED = 7919  # added for another trial: far from the seeds that a user would count up
+COARSE = LeastSquaresSettings(is_chord=True, renewals=0, cost_tolerance=2e-3, step_tolerance=1e-3)
+FINE = LeastSquaresSettings(
+    is_chord=True, renewals=1, cost_tolerance=1e-4, step_tolerance=1e-3, step=0.02, max_iterations=8
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObservedSettings:
+    """How a search is run.
+
+    looks: candidates that are looked at before one descent from the best of them, none or SCATTERED and more; trials:
+    times at most that this is done, as long as what is left is more than noise and no two agree; starts: of descents
+    where nothing is looked at; pulls: [Hz] that each goes down under in turn; iterations: under each pull;
+    width: of a batch; seed: of the scattered places
+    """
+
+    looks: int = 0
+    trials: int = 1
+    starts: int = 4
+    pulls: tuple[float, ...] = (0.0,)
+    iterations: int = 6
+    width: int = 4
+    seed: int = 0
+
+    @property
+    def steps(self) -> int:
+        """Looks and descents there are at most."""
+        if not self.looks:
+            return self.starts * len(self.pulls)
+        proposed = math.ceil(max(self.looks - looking.SCATTERED, 0) / len(looking.CAUTIONS))
+        return self.trials * (1 + proposed + len(self.pulls) + ROUNDS * (1 + valleys.HOPPED)) + 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Observed:
+    """Where it ended.
+
+    vector, (parameters,); ends: per descent its cost and vector; path: looks and descents, in turn; simulations: of all
+    recordings, those for the intervals included.
+    """
+
+    vector: Floats
+    intervals: Intervals
+    ends: list[tuple[float, Floats]]
+    simulations: int
+    path: list[Step] = field(repr=False)
+
+
+Progress = Callable[[Step], None]
+
+
+def is_settled(costs: Sequence[float], noise: float) -> bool:
+    """Return whether another trial is not worth it, by the costs that trials ended at.
+
+    noise: what it alone may leave of the cost; it explains the best, or the best two agree.
+    """
+    best, *others = sorted(costs)
+    return best <= noise or (bool(others) and others[0] <= (1 + WORTH) * best)
+
+
+class Run:
+    """What a search has looked at, and the best of it."""
+
+    def __init__(
+        self, search: ObservedSearch, start: Floats, settings: ObservedSettings, progress: Progress,
+        known: Sequence[Step],
+    ) -> None:  # fmt: skip
+        self.search, self.start, self.settings, self.progress = search, start, settings, progress
+        self.waiting, self.path = list(known), list[Step]()
+        self.prior = Prior(mean=start, precision=np.diag((PRIOR_SD * search.space.scale) ** -2))
+        self.unit = search.space.to_unit(start)
+        self.units = np.zeros((0, len(start)))  # that were looked at
+        self.first = 0  # place that this trial looked at
+        self.residuals: Floats | None = None
+        self.costs = np.zeros(0)
+        self.best: tuple[float, float] = (np.inf, np.inf)  # least cost, and D there
+        self.least: list[float] = []  # cost that each trial has ended at
+        self.distances: list[float] = []  # since the last step
+        self.before = search.free.simulations
+
+    def run(self) -> Observed:
+        """Look and go down, again if it is worth it, then as far as it goes; return that end with its intervals."""
+        ends = self._try()
+        while len(self.least) < self.settings.trials and not is_settled(self.least, self._noise()):
+            self.first = len(self.units)
+            ends += self._try()
+        end, best = min(ends, key=lambda pair: pair[0].cost)
+        manner = FINE if self.settings.looks else COARSE
+        if manner is FINE:
+            end, best = self._descend(self.settings.pulls[-1], end.vector, manner)
+            ends.append((end, best))
+        best = best or self._again(end, manner)
+        return Observed(
+            vector=best.parameters, intervals=self._intervals(best, [one for one, _ in ends]),
+            ends=[(one.cost, one.vector) for one, _ in ends], simulations=self._simulations(), path=self.path,
+        )  # fmt: skip
+
+    def _noise(self) -> float:
+        """What noise alone may leave of the cost of n numbers: chi square's mean n and its deviation sqrt(2 n)."""
+        count = self.residuals.shape[1] if self.residuals is not None else np.inf
+        return float(count + np.sqrt(2 * count))
+
+    def _try(self) -> list[tuple[Step, LeastSquaresResult | None]]:
+        """Look, go down from the best places and across valleys, and return where that ended."""
+        if self.settings.looks:
+            self._look()
+        ends: list[tuple[Step, LeastSquaresResult | None]] = []
+        for number, place in enumerate(self._starts()):
+            for pull in self.settings.pulls:
+                descent, found = self._descend(pull, place)
+                if not (number or self.least) and not np.isfinite(descent.cost):
+                    raise self._blown_up()
+                place = descent.vector
+                if not np.isfinite(descent.cost):
+                    break  # a scattered start that cannot be simulated is no loss
+            else:
+                ends.append((descent, found))
+        for _ in range(ROUNDS if self.settings.looks and ends else 0):
+            before, found = min(ends, key=lambda pair: pair[0].cost)
+            ends += (beyond := self._across(before, found))
+            if all(end.cost > (1 - WORTH) * before.cost for end, _ in beyond):
+                break
+        self.least.append(min((end.cost for end, _ in ends), default=np.inf))
+        return ends
+
+    def _look(self) -> None:
+        """Look at scattered places, then at what is proposed, as often as the settings say."""
+        space, looks = self.search.space, self.settings.looks
+        while len(self.units) - self.first < looks:
+            if self.waiting and self.waiting[0].is_look:
+                vectors, known = self.waiting[0].vectors, self.waiting.pop(0)
+            else:
+                known = None
+                units = self._next_units()[: looks - (len(self.units) - self.first)]
+                if not len(units):
+                    break
+                vectors = space.from_unit(units)
+            self._look_at(vectors)
+            self._looked(vectors, known)
+
+    def _look_at(self, vectors: Floats) -> Floats:
+        """Simulate places, (candidates, parameters), remember them and return their costs, (candidates,)."""
+        residuals = self._simulate(vectors, 0.0)
+        if self.residuals is None and not np.isfinite(residuals[0]).all():
+            raise self._blown_up()
+        costs = self._costs(vectors, residuals)
+        self.units = np.concatenate([self.units, self.search.space.to_unit(vectors)])
+        self.residuals = residuals if self.residuals is None else np.concatenate([self.residuals, residuals])
+        self.costs = np.append(self.costs, costs)
+        return costs
+
+    def _looked(self, vectors: Floats, known: Step | None) -> None:
+        least = int(np.argmin(self.costs))
+        best = self.search.space.from_unit(self.units[least])
+        self._take(
+            known
+            or Step(
+                is_look=True, vector=best, cost=float(self.costs[least]), vectors=vectors,
+                simulations=self._simulations(), distances=tuple(self.distances), slopes_at=best,
+            ),
+            is_known=known is not None,
+        )  # fmt: skip
+
+    def _across(self, step: Step, found: LeastSquaresResult | None) -> list[tuple[Step, LeastSquaresResult | None]]:
+        """Look across the valleys about an end, and go down from the best places there."""
+        space, pull = self.search.space, self.settings.pulls[-1]
+        known = self.waiting.pop(0) if self.waiting else None
+        found = found or self._again(step, COARSE)
+        judged: list[Floats] = []
+
+        def judge(units: Floats) -> Floats:
+            judged.append(space.from_unit(units))
+            return self._look_at(judged[-1])
+
+        precision = np.eye(len(self.unit)) / PRIOR_SD**2
+        end, slopes = space.to_unit(found.parameters), found.jacobian * space.scale
+        units = valleys.across(end, slopes, precision, found.cost, self.search.count, judge)
+        if not judged:
+            return []
+        self._looked(judged[0], known)
+        ends = [self._descend(pull, start) for start in space.from_unit(units)]
+        return [end for end in ends if np.isfinite(end[0].cost)]
+
+    def _next_units(self) -> Floats:
+        seed = self.settings.seed + len(self.least) * NEXT_SEED
+        if self.residuals is None:
+            return looking.scatter(self.unit, seed)
+        if len(self.units) == self.first:
+            return looking.spread(len(self.unit), looking.SCATTERED, seed)
+        return looking.propose(self.units[self.first :], self.residuals[self.first :], self.unit, seed)
+
+    def _starts(self) -> list[Floats]:
+        """Where descents begin: the best place looked at, or the start and scattered places."""
+        space = self.search.space
+        if self.settings.looks:
+            return [space.from_unit(self.units[self.first + int(np.argmin(self.costs[self.first :]))])]
+        return [self.start, *space.from_unit(looking.scatter(self.unit, self.settings.seed)[1 : self.settings.starts])]
+
+    def _descend(
+        self, pull: float, start: Floats, manner: LeastSquaresSettings | None = None
+    ) -> tuple[Step, LeastSquaresResult | None]:
+        """Go down from a start in some manner, or take the known descent; its result is not kept."""
+        if self.waiting:
+            known = self.waiting.pop(0)
+            self.best = min(self.best, (known.cost, known.distances[-1] if known.distances else np.inf))
+            self._take(known, is_known=True)
+            return known, None
+        found = None
+        with suppress(BlowUpError):
+            found = self._minimise(pull, start, manner or replace(COARSE, max_iterations=self.settings.iterations))
+        step = Step(
+            is_look=False, vector=found.parameters if found else start, cost=found.cost if found else np.inf,
+            vectors=np.zeros((0, len(start))), simulations=self._simulations(), distances=tuple(self.distances),
+            slopes_at=found.slopes_at if found else start,
+        )  # fmt: skip
+        self._take(step, is_known=False)
+        return step, found
+
+    def _again(self, end: Step, manner: LeastSquaresSettings) -> LeastSquaresResult:
+        """Return what a descent of an interrupted search had found; what it takes to know it again does not count."""
+        counted, pull = self.search.free.simulations, self.settings.pulls[-1]
+        manner = replace(manner, max_iterations=0)
+        found = self._minimise(pull, end.vector, manner)
+        if not np.array_equal(end.slopes_at, end.vector):
+            slopes = self._minimise(pull, end.slopes_at, manner).jacobian
+            found = replace(found, jacobian=slopes, slopes_at=end.slopes_at)
+        self.before += self.search.free.simulations - counted
+        self.distances = []
+        return found
+
+    def _minimise(self, pull: float, start: Floats, manner: LeastSquaresSettings) -> LeastSquaresResult:
+        return minimise(
+            lambda vectors: self._simulate(vectors, pull), start, self.search.space, prior=self.prior,
+            settings=replace(manner, width=self.settings.width),
+        )  # fmt: skip
+
+    def _simulate(self, vectors: Floats, pull: float) -> Floats:
+        """Residuals, (candidates, numbers); what D became is noted."""
+        residuals, distances = self.search.simulate(vectors, pull)
+        for cost, distance in zip(self._costs(vectors, residuals), distances, strict=False):
+            self.best = min(self.best, (float(cost), float(distance)))
+            self.distances.append(self.best[1])
+        return residuals
+
+    def _costs(self, vectors: Floats, residuals: Floats) -> Floats:
+        costs = (residuals**2).sum(1) + looking.prior_cost(self.search.space.to_unit(vectors), self.unit)
+        return np.where(np.isfinite(costs), costs, np.inf)
+
+    def _take(self, step: Step, *, is_known: bool) -> None:
+        self.path.append(step)
+        self.distances = []
+        if is_known:  # what was counted then counts, not what it took to know it again
+            self.before = self.search.free.simulations - step.simulations
+        else:
+            self.progress(step)
+
+    def _simulations(self) -> int:
+        return self.search.free.simulations - self.before
+
+    def _blown_up(self) -> BlowUpError:
+        return BlowUpError(
+            "the simulation of the initial parameters blew up",
+            where=self.search.free.recordings[0].take_id,
+            advice="use a coarser mesh (--spacing) or check the garment's weight",
+        )
+
+    def _intervals(self, best: LeastSquaresResult, ends: list[Step]) -> Intervals:
+        """Return intervals in the best valley, as far at least as what else would fit."""
+        space, observer = self.search.space, self.search.free
+        unit = space.to_unit(best.parameters)
+        between, spread = np.zeros((len(unit), len(unit))), np.zeros(len(unit))
+        is_sound = np.isfinite(self.costs)
+        if self.residuals is not None and is_sound.sum() > looking.fewest(len(unit)):
+            told = self.residuals[is_sound]
+            emulator = Emulator(self.units[is_sound], told @ told.T)
+            places = self.units[np.argsort(self.costs, kind="stable")][: is_sound.sum() // 2]
+
+            def cost(units: Floats) -> Floats:
+                return emulator.costs(units, 1.0)[0] + looking.prior_cost(units, self.unit)
+
+            pieces = independent(observer.by_place(best.residuals[observer.layout.is_judged]))
+            apart = draw(cost, places, pieces, self.settings.seed) - unit
+            spread = np.sqrt((apart**2).mean(0))
+        else:
+            duration = sum(recording.duration for recording in observer.recordings)
+            apart = np.stack([space.to_unit(end.vector) for end in ends]) - unit
+            weights = (np.array([end.cost for end in ends]) / best.cost) ** (-0.5 * duration / RIPPLE_TIME)
+            between = (weights[:, None] * apart).T @ apart / weights.sum()
+        return block_intervals(
+            space, best.parameters, best.residuals, best.jacobian * space.scale, observer.layout.block,
+            between=between, spread=spread,
+        )  # fmt: skip

@@ -1,0 +1,45 @@
+"""Named parameter vectors: which there are, and how to find one. One file per method."""
+
+from __future__ import annotations
+
+from fit.errors import FitError
+from fit.methods.kinect_skirt import KINECT_SKIRT, KINECT_SKIRT_WEIGHED
+from fit.methods.method import Parameter, Parameterisation
+from fit.methods.mocap_swatch import MOCAP_SWATCH, MOCAP_SWATCH_WEIGHED
+from fit.methods.physical_units import LEAN, SI, SI_SEWN
+from formats.garment import Garment
+
+__all__ = [
+    "KINECT_SKIRT",
+    "KINECT_SKIRT_WEIGHED",
+    "LEAN",
+    "METHODS",
+    "MOCAP_SWATCH",
+    "MOCAP_SWATCH_WEIGHED",
+    "SI",
+    "SI_SEWN",
+    "Parameter",
+    "Parameterisation",
+    "base_model_of",
+    "find_method",
+]
+
+METHODS = {
+    p.name: p for p in (KINECT_SKIRT, KINECT_SKIRT_WEIGHED, MOCAP_SWATCH, MOCAP_SWATCH_WEIGHED, SI, SI_SEWN, LEAN)
+}
+
+
+def find_method(name: str) -> Parameterisation:
+    """Return the parameterisation of this name.
+
+    Raises:
+        FitError: there is none.
+    """
+    if name not in METHODS:
+        raise FitError(f"there is no method named {name!r}", advice=f"known methods: {', '.join(METHODS)}")
+    return METHODS[name]
+
+
+def base_model_of(garment: Garment) -> Parameterisation:
+    """Return what a garment is diagnosed with by default: sleeves and hems are layers sewn together."""
+    return SI_SEWN if garment.kind == "t-shirt" else SI

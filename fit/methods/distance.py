@@ -1,0 +1,80 @@
+"""What a fit minimises, and the first of it: the distance D of the trajectories of the tracked points.
+
+    D(R, S) = 1/N sum_n 1/M sum_i |r_in - s_in|        [m]
+
+N frames, M points; invalid points are left out of their frame's mean, frames without any are left out of the mean.
+Source: "Estimating the clothes characteristics with the image and depth sensors ...", eq. 1.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.recordings.recording import Recording
+
+Floats = NDArray[np.float64]
+
+
+class Objective(Protocol):
+    """An error of simulated points against one recording, made for that recording before anything is simulated."""
+
+    name: ClassVar[str]
+    unit: ClassVar[str]
+    parts: ClassVar[tuple[str, ...]]
+    remark: str  # what speaks against this objective on this recording, or nothing
+
+    def terms(self, simulated: Floats) -> Floats:
+        """Return the error's parts, (candidates, parts), of simulated points [m], (candidates, frames, points, 3)."""
+        ...
+
+
+def total(objective: Objective, simulated: Floats) -> Floats:
+    """Return the sum of an objective's parts, (candidates,); infinite for a simulation that blew up."""
+    with np.errstate(invalid="ignore"):
+        whole = objective.terms(simulated).sum(1)
+    return np.where(np.isfinite(whole), whole, np.inf)
+
+
+class TrajectoryDistance:
+    """D of eq. 1 against one recording."""
+
+    name: ClassVar[str] = "D"
+    unit: ClassVar[str] = "m"
+    parts: ClassVar[tuple[str, ...]] = ("distance",)
+
+    def __init__(self, recording: Recording) -> None:
+        self._real = recording.points
+        self.remark = ""
+
+    def terms(self, simulated: Floats) -> Floats:
+        """Return D [m], (candidates, 1)."""
+        return distance(self._real, simulated)[:, None]
+
+
+def distances(real: Floats, simulated: Floats) -> Floats:
+    """Distance of each point in each frame [m].
+
+    real, (frames, points, 3), NaN where not seen; simulated, (..., frames, points, 3) -> (..., frames, points).
+    """
+    return np.asarray(np.linalg.norm(simulated - real, axis=-1))
+
+
+def per_frame(real: Floats, simulated: Floats) -> Floats:
+    """Mean distance over the seen points of each frame [m], (..., frames); NaN for frames without any."""
+    apart = distances(real, simulated)
+    seen = np.isfinite(real).all(-1)
+    count = seen.sum(-1)
+    total = np.where(seen, apart, 0.0).sum(-1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.where(count > 0, total / count, np.nan))
+
+
+def distance(real: Floats, simulated: Floats) -> Floats:
+    """D of eq. 1 [m], (...,); infinite for a simulation that blew up."""
+    by_frame = per_frame(real, simulated)
+    seen = np.isfinite(real).all(-1).any(-1)
+    mean = by_frame[..., seen].mean(-1)
+    return np.asarray(np.where(np.isfinite(mean), mean, np.inf))

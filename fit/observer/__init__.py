@@ -1,0 +1,1 @@
+"""Compare simulated cloth with takes: residuals of points and of the held edge, free or pulled to the points."""

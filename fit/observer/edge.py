@@ -1,0 +1,156 @@
+"""What the tracked points on the held edge say of the boundary and of the measurement, against simulated ones.
+
+A simulated edge is where hanger and effects put it, whatever the cloth: it moves with no parameter of the cloth. In
+each frame, by least squares over its points at places s_p from their middle, displacements d_p = y_p - x_p are
+
+    d_p = m + s_p q,   four numbers: m (3), and the stretch q . b along the bar b, times the rms of s_p
+
+Turning is left out: `hanger_rotation` takes its course from it (`fit.recordings.held_edge`). Like the cloth's residuals
+the numbers are split in what varies, known by the noise of points and path, and the mean over a take, known as well as
+the points' own offsets (`Recording.offset_sd`):
+
+    dynamic  (d - mean d) / sqrt(sigma^2 + path^2)
+    static  mean d / sqrt(offset^2 + ends^2 + (sigma^2 + path^2) / n)
+
+with the error `ends` of where the rig says that the held ends are on the hanger, where it states one.
+
+The path's noise is what its spline leaves of white noise. A steady spline of cut-off f_c at n frames a second keeps of
+its variance (2 / n) integral df / (1 + (f / f_c)^6)^2 = (5 pi / 9) f_c / n (`fit.recordings.smoothing`).
+Slow noise, a third of the white one and lasting a third of a second, makes four times the scores that white noise
+makes, and a tenth more of squares: of what varies, fifteen of such variances are certain. A marker's own offset is the
+same in all takes, so that what is off constantly counts once, as the mean over takes of a sum of four squares, chi^2(4)
+where nothing is off: 25 is exceeded once in 20000 times. Both are added in multiples of what is certain (`shown`).
+Source: the integral: I. S. Gradshteyn & I. M. Ryzhik, "Table of Integrals, Series, and Products" (2007), 3.241.5.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.recordings.noise import held_noise, point_noise
+from fit.recordings.recording import Recording
+
+Floats = NDArray[np.float64]
+
+KEPT = 5 * np.pi / 9  # of the variance of white noise, per cut-off over rate
+FEWEST_POINTS = 2  # of which one stretch can be told
+NUMBERS = 4  # of a frame: three of the middle, one of the stretch
+MOVING_CERTAIN, RESTING_CERTAIN = 60.0, 25.0  # squared deviations, of what varies and of what is off constantly
+MOVING_NOISE = 1.15  # of its count, that noise makes of what varies
+MOST_REMOVED = 0.5  # of what the held edge shows beyond its noise, that an effect which is seen there removes
+LEAST_BY_LAW = 0.05  # of what is off without either of two effects, that a sound law may leave of it
+
+
+@dataclass(frozen=True)
+class EdgeErrors:
+    """What a model leaves at the held edges of some takes, in squared deviations.
+
+    moving: of what varies, the sum of its `count` squares; resting: of what is off constantly, the mean over takes
+    mm: root mean square over frames of the four numbers together [mm]
+    """
+
+    moving: float = 0.0
+    count: int = 0
+    resting: float = 0.0
+    mm: float = 0.0
+
+    @property
+    def shown(self) -> float:
+        """Both together, in multiples of what is certain; only differences of models mean something."""
+        return self.moving / MOVING_CERTAIN + self.resting / RESTING_CERTAIN
+
+    @property
+    def beyond_noise(self) -> float:
+        """What no noise explains, in multiples of what is certain."""
+        moving = max(self.moving - MOVING_NOISE * self.count, 0.0)
+        return moving / MOVING_CERTAIN + max(self.resting - NUMBERS, 0.0) / RESTING_CERTAIN
+
+
+def is_seen_on_edge(before: EdgeErrors, after: EdgeErrors, by_law: float = 0.0) -> bool:
+    """Whether an effect brings the held edge most of the way to where it was tracked.
+
+    by_law: what laws of effects before may leave there, in multiples of what is certain; it must remove more
+    """
+    is_enough = before.shown - after.shown > max(1.0, by_law)
+    return is_enough and after.beyond_noise <= (1 - MOST_REMOVED) * before.beyond_noise
+
+
+def is_told_by_edge(one: EdgeErrors, other: EdgeErrors, without: EdgeErrors) -> bool:
+    """Whether the held edge tells that it is the other model's effect and not this one's; without: with neither."""
+    return one.shown - other.shown > max(1.0, LEAST_BY_LAW * (without.shown - other.shown))
+
+
+def is_edge_explained(errors: EdgeErrors, by_law: float = 0.0) -> bool:
+    """Whether the held edge lies where a model puts it, as far as noise and laws let anyone know."""
+    return errors.beyond_noise <= max(1.0, by_law)
+
+
+def edge_errors(take: NDArray[np.int64], frame: NDArray[np.int64], whitened: Floats, sd: Floats) -> EdgeErrors:
+    """Gather what is left at held edges; all arrays (numbers,), `frame` -1 for means over a take, sd in metres."""
+    if not len(whitened):
+        return EdgeErrors()
+    still = frame < 0
+    takes = np.unique(take)
+    apart = whitened * sd
+    squares, frames = 0.0, 0
+    for k in takes:
+        moving = apart[(take == k) & ~still].reshape(-1, NUMBERS)
+        squares += float(((moving + apart[(take == k) & still]) ** 2).sum())
+        frames += len(moving)
+    return EdgeErrors(
+        moving=float((whitened[~still] ** 2).sum()), count=int((~still).sum()),
+        resting=float((whitened[still] ** 2).sum()) / len(takes), mm=1e3 * float(np.sqrt(squares / max(frames, 1))),
+    )  # fmt: skip
+
+
+class EdgeResiduals:
+    """Residuals of one recording's held edge; none where it is not tracked or its points are judged like the others.
+
+    frame, (frames,): indices of the frames that count; sd [m], (frames, NUMBERS), of the numbers; static_sd [m] of
+    their means, (NUMBERS,) or, where no frame counts, (0,)
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        on_edge = np.flatnonzero(~recording.judged)
+        across = np.array([recording.garment.points[k].at_m[0] for k in on_edge])
+        arm = across - across.mean() if len(across) else across
+        seen = recording.valid[:, on_edge]
+        weight = seen.astype(float)
+        count, first, second = weight.sum(1), weight @ arm, weight @ arm**2
+        determinant = count * second - first**2
+        spread = float((arm**2).sum())
+        self.frame = np.flatnonzero((count >= FEWEST_POINTS) & (determinant > 0.1 * count * spread))
+        weight, determinant = weight[self.frame], determinant[self.frame, None]
+        self._points = on_edge
+        self._middle = weight * (second[self.frame, None] - first[self.frame, None] * arm) / determinant
+        self._slope = weight * (count[self.frame, None] * arm - first[self.frame, None]) / determinant
+        self._arm = float(np.sqrt(spread / max(len(arm), 1)))
+        held = recording.held(recording.time[self.frame]).reshape(-1, 2, 3)
+        self._bar = held[:, 1] - held[:, 0]
+        self._bar /= np.linalg.norm(self._bar, axis=1, keepdims=True)
+        self._measured = np.nan_to_num(recording.points[self.frame][:, on_edge])
+        rate = (len(recording.time) - 1) / recording.duration
+        path = float(np.sqrt((held_noise(recording) ** 2).mean() * KEPT * recording.held_cut_off / rate / 2))
+        squared = point_noise(recording)[on_edge] ** 2
+        weights = np.stack([*[self._middle] * 3, self._arm * self._slope], 1)
+        self.sd = np.sqrt(weights**2 @ squared + path**2)
+        offsets = recording.offset_sd * np.linalg.norm(weights.sum(0) / max(len(weights), 1), axis=1)
+        width = float(np.linalg.norm(held[:, 1] - held[:, 0], axis=1).mean()) if len(held) else 1.0
+        # Of two ends that are off independently the middle is by e / sqrt(2), their distance by sqrt(2) e.
+        ends = recording.held_error * np.array([*[np.sqrt(0.5)] * 3, np.sqrt(2.0) * self._arm / width])
+        static = np.sqrt(offsets**2 + ends**2 + (self.sd**2).sum(0) / max(len(weights), 1) ** 2)
+        self.static_sd = static if len(weights) else np.zeros(0)
+
+    def of(self, simulated: Floats) -> tuple[Floats, Floats]:
+        """Return dynamic and static residuals, (candidates, 4 frames) and (candidates, 4), of (..., points, 3) [m]."""
+        if not len(self.frame):
+            return np.zeros((len(simulated), 0)), np.zeros((len(simulated), 0))
+        apart = self._measured - simulated[:, self.frame][:, :, self._points]
+        middle = np.einsum("fp,cfpx->cfx", self._middle, apart)
+        stretch = self._arm * np.einsum("fp,cfpx,fx->cf", self._slope, apart, self._bar)
+        numbers = np.concatenate([middle, stretch[..., None]], 2)
+        mean = numbers.mean(1)
+        return ((numbers - mean[:, None]) / self.sd).reshape(len(simulated), -1), mean / self.static_sd

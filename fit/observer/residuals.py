@@ -1,0 +1,301 @@
+"""Residuals of the simulator run as an observer: weakly pulled to the measured points, so that chaos cannot grow.
+
+    pull = w^2 (y - x) + 2 zeta w (ydot - v),   w = 2 pi f, zeta = 1        [m/s^2]
+
+With a perfect model and no noise the pull is zero; what it needs is the missing force. f = 0 is a free rollout.
+Residuals are y - x at the frames, of the points that are not on the held edge, in two parts: what varies about each
+point's mean over a take, divided by the noise, and the mean itself, divided by how well it is known:
+
+    dynamic  (r - mean r) / sigma          static  mean r / sqrt(offset^2 + sigma^2 / n)
+
+Points on the held edge measure the boundary and the measurement itself. They are not judged, but where effects are
+looked for they are evidence: a third part of the residual (`fit.observer.edge`).
+Points of a silhouette sit a few millimetres beside the material points that they stand for, constantly: for garments
+whose points are found in a silhouette (skirts, T-shirts) the static part says nothing of the cloth and is left out.
+Source: D. G. Luenberger, "An introduction to observers", IEEE TAC 16 (1971); synchronisation of chaotic models,
+H. D. I. Abarbanel et al., "Dynamical state and parameter estimation", SIAM J. Appl. Dyn. Syst. 8 (2009).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.cloth.effect import Effect, columns_of
+from fit.cloth.model import Resolution
+from fit.cloth.simulator import Simulator, run_together
+from fit.errors import FitError
+from fit.methods import Parameterisation
+from fit.observer.edge import NUMBERS, EdgeErrors, EdgeResiduals, edge_errors
+from fit.recordings.recording import Recording
+
+Floats = NDArray[np.float64]
+
+BLOCK = 0.5  # s: residuals further apart than half a swing count as independent
+LOST = 1e3  # standard deviations that a candidate is charged per number when it blew up
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where each number of a stacked residual vector comes from; all arrays (numbers,).
+
+    sd [m] turns a number back into metres; is_judged marks what varies of the judged points, which comes first: not
+    means over a take, whose frame is -1, nor the held edge, marked by is_edge, whose point and axis are -1
+    static_of: for a number that is judged the place of its point's mean, or -1
+    """
+
+    take: NDArray[np.int64]
+    block: NDArray[np.int64]
+    frame: NDArray[np.int64]
+    point: NDArray[np.int64]
+    axis: NDArray[np.int64]
+    sd: Floats
+    is_judged: NDArray[np.bool_]
+    is_edge: NDArray[np.bool_]
+    static_of: NDArray[np.int64]
+
+    def metres(self, residuals: Floats) -> Floats:
+        """Return y - x [m] of every number that is judged, (..., judged), from whitened residuals, (..., numbers)."""
+        whole = residuals * self.sd
+        moving = whole[..., self.is_judged]
+        at = self.static_of[self.is_judged]
+        return np.asarray(np.where(at >= 0, moving + whole[..., at], moving))
+
+    def moving(self, values: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the entries of one of the arrays above that belong to numbers that are judged."""
+        return values[self.is_judged]
+
+
+Asked = tuple["Observer", Floats, Floats]  # an observer, base parameters (candidates, parameters), and amplitudes
+
+
+class Observer:
+    """Evaluate the residuals of many candidates on one or more recordings."""
+
+    def __init__(
+        self,
+        recordings: list[Recording],
+        parameterisation: Parameterisation,
+        effects: tuple[Effect, ...],
+        *,
+        frequency: float,
+        resolution: Resolution | None = None,
+    ) -> None:
+        self.recordings, self.parameterisation, self.effects = recordings, parameterisation, effects
+        self.frequency = frequency
+        self.resolution = resolution or Resolution()
+        self._simulators = [Simulator(r, effects, resolution=self.resolution) for r in recordings]
+        self.densities = [
+            r.garment.mass_kg / float(s.mesh.area) for r, s in zip(recordings, self._simulators, strict=True)
+        ]
+        self.columns = columns_of(effects)
+        self._edges = {k: EdgeResiduals(r) for k, r in enumerate(recordings) if effects and has_static(r)}
+        self.layout = _layout(recordings, self._edges)
+        self.mesh = self._simulators[0].mesh
+        self._others: list[Observer] = []
+
+    @property
+    def simulations(self) -> int:
+        """Simulations run so far, by observers that were made from this one as well."""
+        return sum(s.simulations for s in self._simulators) + sum(o.simulations for o in self._others)
+
+    def with_frequency(self, frequency: float) -> Observer:
+        """Return the same observer at another frequency [Hz]; simulators are shared."""
+        other = object.__new__(Observer)
+        other.__dict__.update(self.__dict__)
+        other.frequency = frequency
+        return other
+
+    def at_resolution(self, resolution: Resolution) -> Observer:
+        """Return an observer of the same recordings and pull on another mesh."""
+        return self._another(self.recordings, resolution)
+
+    def of(self, recordings: list[Recording]) -> Observer:
+        """Return an observer of other recordings under the same pull and on the same mesh."""
+        return self._another(recordings, self.resolution)
+
+    def _another(self, recordings: list[Recording], resolution: Resolution) -> Observer:
+        other = Observer(
+            recordings, self.parameterisation, self.effects, frequency=self.frequency, resolution=resolution
+        )
+        self._others.append(other)
+        return other
+
+    def trajectories(self, vectors: Floats, amplitudes: Floats, *, frequency: float | None = None) -> list[Floats]:
+        """Simulated points per recording, each (candidates, frames, points, 3) [m]."""
+        return trajectories_together([(self, vectors, amplitudes)], frequency=frequency)[0]
+
+    @property
+    def off(self) -> Floats:
+        """Amplitudes of no effect, (components,)."""
+        return np.zeros(self.columns[-1].stop if self.columns else 0)
+
+    def residuals(self, vectors: Floats, amplitudes: Floats) -> Floats:
+        """Whitened residuals, (candidates, numbers), in the order of `layout`."""
+        return residuals_together([(self, vectors, amplitudes)])[0]
+
+    def asked(self, vectors: Floats, amplitudes: Floats) -> tuple[list[Simulator], list[Floats], list[Floats]]:
+        """Simulators, material rows and amplitudes of candidates on every recording."""
+        materials = [self.parameterisation.to_materials(vectors, rho) for rho in self.densities]
+        return self._simulators, materials, [amplitudes] * len(materials)
+
+    def residuals_of(self, points: list[Floats]) -> Floats:
+        """Whitened residuals of simulated points [m], (candidates, frames, points, 3) a take."""
+        moving, static, candidates = [], [], len(points[0])
+        for recording, simulated in zip(self.recordings, points, strict=True):
+            seen = recording.counted
+            apart = np.where(seen[..., None], recording.points - simulated, 0.0)
+            count = np.maximum(seen.sum(0), 1)[:, None]
+            mean = apart.sum(1) / count
+            scaled = (apart - mean[:, None]) / _deviations(recording)[:, None]
+            moving.append(scaled[:, seen].reshape(candidates, -1))
+            if has_static(recording):
+                chosen = recording.judged & seen.any(0)
+                known = mean / np.sqrt(recording.offset_sd**2 + _deviations(recording)[:, None] ** 2 / count)
+                static.append(known[:, chosen].reshape(candidates, -1))
+        edges = [part for k, edge in self._edges.items() for part in edge.of(points[k])]
+        whole = np.concatenate([*moving, *static, *edges], axis=1)
+        return np.where(np.isfinite(whole), np.clip(whole, -LOST, LOST), LOST)
+
+    def sound_residuals_of(self, points: list[Floats]) -> Floats:
+        """The same, not finite where a simulation blew up."""
+        is_sound = np.all([np.isfinite(p).reshape(len(p), -1).all(1) for p in points], axis=0)
+        return np.where(is_sound[:, None], self.residuals_of(points), np.nan)
+
+    def by_place(self, values: Floats) -> list[Floats]:
+        """Return per take what belongs to numbers that are judged, (judged,), as (frames, points, 3), nan elsewhere."""
+        take, frame, point, axis = (
+            self.layout.moving(a) for a in (self.layout.take, self.layout.frame, self.layout.point, self.layout.axis)
+        )
+        grids = []
+        for number, recording in enumerate(self.recordings):
+            mine = take == number
+            grid = np.full(recording.points.shape, np.nan)
+            grid[frame[mine], point[mine], axis[mine]] = values[mine]
+            grids.append(grid)
+        return grids
+
+    def edge_errors(self, residual: Floats) -> EdgeErrors:
+        """What a model leaves at the held edges, of a whitened residual, (numbers,)."""
+        layout = self.layout
+        chosen = layout.is_edge
+        return edge_errors(layout.take[chosen], layout.frame[chosen], residual[chosen], layout.sd[chosen])
+
+    def in_mm(self, residuals: Floats) -> Floats:
+        """Root mean square distance of a point [mm] from whitened residuals, (..., numbers) -> (...,)."""
+        return np.asarray(1e3 * np.sqrt(3 * (self.layout.metres(residuals) ** 2).mean(-1)))
+
+
+def trajectories_together(asked: Sequence[Asked], *, frequency: float | None = None) -> list[list[Floats]]:
+    """Return what `Observer.trajectories` returns of each observer, candidates of all of them simulated side by side.
+
+    Those of one garment and one mesh share calls of the kernel.
+    frequency [Hz]: of the pull, in the place of the observers' own
+
+    Raises:
+        FitError: the observers pull differently.
+    """
+    own = {observer.frequency for observer, _, _ in asked}
+    if frequency is None and len(own) != 1:
+        raise FitError(f"observers with pulls of {sorted(own)} Hz cannot be simulated side by side")
+    simulators: list[Simulator] = []
+    materials: list[Floats] = []
+    amplitudes: list[Floats | None] = []
+    for observer, vectors, sizes in asked:
+        own_simulators, own_materials, own_amplitudes = observer.asked(vectors, sizes)
+        simulators += own_simulators
+        materials += own_materials
+        amplitudes += own_amplitudes
+    hertz = own.pop() if frequency is None else frequency
+    found = iter(run_together(simulators, materials, amplitudes, observer_hz=hertz))
+    return [[next(found).points for _ in observer.recordings] for observer, _, _ in asked]
+
+
+def residuals_together(asked: Sequence[Asked]) -> list[Floats]:
+    """Return what `Observer.residuals` returns of each observer, simulated as by `trajectories_together`."""
+    points = trajectories_together(asked)
+    return [observer.residuals_of(seen) for (observer, _, _), seen in zip(asked, points, strict=True)]
+
+
+def has_static(recording: Recording) -> bool:
+    """Whether the points are material points, whose constant offset from the simulation is an error of the model."""
+    return recording.garment.kind == "swatch"
+
+
+def _deviations(recording: Recording) -> Floats:
+    """Standard deviation per point [m], never below a tenth of a millimetre."""
+    return np.maximum(recording.point_sd, 1e-4)
+
+
+def _layout(recordings: list[Recording], edges: dict[int, EdgeResiduals]) -> Layout:
+    columns: list[list[NDArray[np.int64]]] = [[], [], [], [], []]
+    still: list[list[NDArray[np.int64]]] = [[], [], [], [], []]
+    deviations, still_deviations, static_of = [], [], []
+    first_block, first_static, first = 0, 0, []
+    for number, recording in enumerate(recordings):
+        seen = recording.counted
+        frame, point = np.nonzero(seen)
+        frame, point = np.repeat(frame, 3), np.repeat(point, 3)
+        block = (recording.time[frame] / BLOCK).astype(np.int64) + first_block
+        first.append(first_block)
+        first_block = int(block.max(initial=first_block)) + 1
+        axis = np.tile(np.arange(3), len(frame) // 3)
+        for column, values in zip(columns, (np.full(len(frame), number), block, frame, point, axis), strict=True):
+            column.append(values)
+        deviations.append(_deviations(recording)[point])
+        chosen = np.flatnonzero(recording.judged & seen.any(0)) if has_static(recording) else np.zeros(0, np.int64)
+        place = np.full(seen.shape[1], -1)
+        place[chosen] = first_static + 3 * np.arange(len(chosen))
+        static_of.append(np.where(place[point] >= 0, place[point] + axis, -1))
+        first_static += 3 * len(chosen)
+        third = _thirds(recording)[np.repeat(chosen, 3)]
+        ones = np.ones(3 * len(chosen), np.int64)
+        rows = (number * ones, third + 3 * number, -ones, np.repeat(chosen, 3), np.tile(np.arange(3), len(chosen)))
+        for column, one in zip(still, rows, strict=True):
+            column.append(one)
+        count = np.maximum(seen.sum(0), 1)
+        known = np.sqrt(recording.offset_sd**2 + _deviations(recording) ** 2 / count)
+        still_deviations.append(np.repeat(known[chosen], 3))
+    moving = [np.concatenate(c) for c in columns]
+    static = [np.concatenate(c) for c in still]
+    static[1] = static[1] + first_block
+    count = len(moving[0])
+    at = np.concatenate(static_of)
+    known = int(np.append(moving[1], static[1]).max(initial=0)) + 1
+    aside = [_edge_rows(k, recordings[k], edge, first[k], known + k) for k, edge in edges.items()]
+    every = [moving, static, *(rows for rows, _ in aside)]
+    take, block, frame, point, axis = (np.concatenate(parts) for parts in zip(*every, strict=True))
+    return Layout(
+        take, block, frame, point, axis,
+        sd=np.concatenate([*deviations, *still_deviations, *(sd for _, sd in aside)]),
+        is_judged=np.arange(len(take)) < count,
+        is_edge=np.arange(len(take)) >= count + len(static[0]),
+        static_of=np.concatenate([np.where(at >= 0, at + count, -1), np.full(len(take) - count, -1)]),
+    )  # fmt: skip
+
+
+def _edge_rows(
+    number: int, recording: Recording, edge: EdgeResiduals, first_block: int, block_of_means: int
+) -> tuple[list[NDArray[np.int64]], Floats]:
+    """Where the numbers of one held edge come from, in the order of `Layout`, and their deviations [m]."""
+    frame = np.repeat(edge.frame, NUMBERS)
+    means = len(edge.static_sd)
+    last = first_block + int(recording.time[recording.counted.any(1)].max(initial=0.0) / BLOCK)
+    block = np.minimum((recording.time[frame] / BLOCK).astype(np.int64) + first_block, last)
+    count = len(frame) + means
+    nowhere = np.full(count, -1)
+    rows = [
+        np.full(count, number), np.append(block, np.full(means, block_of_means)),
+        np.append(frame, np.full(means, -1)), nowhere, nowhere,
+    ]  # fmt: skip
+    return rows, np.append(edge.sd, edge.static_sd)
+
+
+def _thirds(recording: Recording) -> NDArray[np.int64]:
+    """Top, middle or bottom third of the garment, (points,)."""
+    height = np.array([p.at_m[1] for p in recording.garment.points])
+    down = 3 * (height.max() - height) / max(float(np.ptp(height)), 1e-9)
+    return np.asarray(np.clip(down, 0, 2), np.int64)

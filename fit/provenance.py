@@ -1,0 +1,62 @@
+"""What a result depends on besides takes and options: the source text and the libraries behind it, as one digest.
+
+Counted is every module of `fit` and `formats` that has a part in a result (all but `WITHOUT_PART`), and the versions of
+`LIBRARIES`. A comment changed there costs the time of a fit and never keeps or goes on from a stale one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+import fit as fit_package
+import formats as formats_package
+
+# What only shows or hands out results, or brings takes in; everything else in `fit` and `formats` may change them.
+WITHOUT_PART = (
+    "fit/batch", "fit/blind", "fit/report", "fit/cli.py", "fit/folders.py",
+    "formats/cli.py", "formats/command.py", "formats/importers", "formats/terminal.py",
+)  # fmt: skip
+LIBRARIES = ("cmaes", "numpy", "scipy", "taichi")
+
+
+@cache
+def physics_version() -> str:
+    """Return the digest of the source text and the libraries that results depend on."""
+    whole = hashlib.sha256()
+    for package in (fit_package, formats_package):
+        top = Path(str(package.__file__)).parent
+        for path in sorted(top.rglob("*.py")):
+            name = f"{top.name}/{path.relative_to(top).as_posix()}"
+            if has_part(name):
+                content = path.read_bytes()
+                whole.update(f"{name} {len(content)}\n".encode() + content)
+    for library in LIBRARIES:
+        whole.update(f"{library} {_installed(library)}\n".encode())
+    return whole.hexdigest()
+
+
+def has_part(name: str) -> bool:
+    """Return whether results may depend on a source file, named from its package on: `fit/recordings/geometry.py`."""
+    return "/".join(name.split("/")[:2]) not in WITHOUT_PART
+
+
+def other_than(kept: object, key: Mapping[str, object]) -> str | None:
+    """Say of what other kind some kept work is that was begun under the key `kept`; None where it is of this one.
+
+    key: what it would have to be of, its `physics` among that
+    """
+    if kept == key:
+        return None
+    is_same = isinstance(kept, dict) and {**kept, "physics": None} == {**key, "physics": None}
+    return "another version of Hangtime or of its libraries" if is_same else "other takes or options"
+
+
+def _installed(library: str) -> str:
+    try:
+        return metadata.version(library)
+    except metadata.PackageNotFoundError:
+        return "absent"

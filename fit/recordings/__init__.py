@@ -1,0 +1,1 @@
+"""Make takes ready for simulation: held edge, smoothing, noise, impossible points, fitted and held-out takes."""

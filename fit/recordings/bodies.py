@@ -1,0 +1,103 @@
+"""Bodies that stand still in the room and that cloth may touch: spheres, capsules, half-spaces and boxes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.errors import FitError
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Body:
+    """A box with rounded edges that stands still: sphere, capsule, half-space and box are all of its kind.
+
+    centre [m], world frame; axes, (3, 3): unit vectors along its sides; half_size [m], (3,), before rounding by radius
+    """
+
+    centre: tuple[float, float, float]
+    axes: tuple[tuple[float, float, float], ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    half_size: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    radius: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Raise FitError for what is no body."""
+        sizes = (*self.half_size, self.radius)
+        axes = np.array(self.axes, float)
+        if not (np.isfinite((*self.centre, *sizes)).all() and min(sizes) >= 0 and max(sizes) > 0):
+            raise FitError(f"a body of half sizes {self.half_size} m and radius {self.radius} m has no inside")
+        if axes.shape != (3, 3) or not np.allclose(axes @ axes.T, np.eye(3), atol=1e-6):
+            raise FitError("a body's axes are not three unit vectors square to each other")
+
+    def row(self) -> Floats:
+        """Return centre, axes, half sizes and radius, (16,)."""
+        return np.concatenate([self.centre, np.ravel(self.axes), self.half_size, [self.radius]])
+
+    @property
+    def thickness(self) -> float:
+        """Its smallest width [m]."""
+        return 2 * (min(self.half_size) + self.radius)
+
+    def distance(self, places: Floats) -> Floats:
+        """Distances [m] of places (..., 3) from its surface, negative inside: what the kernel computes."""
+        beyond = np.abs((places - np.array(self.centre)) @ np.array(self.axes).T) - np.array(self.half_size)
+        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1)
+        return np.asarray(outside + np.minimum(beyond.max(-1), 0.0) - self.radius)
+
+
+def sphere(centre: tuple[float, float, float], radius: float) -> Body:
+    """Return a sphere [m]."""
+    return Body(centre=centre, radius=radius)
+
+
+def capsule(start: tuple[float, float, float], end: tuple[float, float, float], radius: float) -> Body:
+    """Return all that is within a radius of the straight way from start to end [m].
+
+    Raises:
+        FitError: start and end are the same place.
+    """
+    way = np.subtract(end, start)
+    length = float(np.linalg.norm(way))
+    if not length > 0:
+        raise FitError("a capsule that ends where it starts is a sphere", advice="use sphere(centre, radius)")
+    centre = np.add(start, end) / 2
+    return Body(centre=_triple(centre), axes=_square_to(way / length), half_size=(0.0, 0.0, length / 2), radius=radius)
+
+
+def half_space(place: tuple[float, float, float], normal: tuple[float, float, float]) -> Body:
+    """Return everything behind a plane through a place [m]; the normal points to where the cloth is.
+
+    Raises:
+        FitError: the normal has no length.
+    """
+    length = float(np.linalg.norm(normal))
+    if not length > 0:
+        raise FitError(f"a plane's normal {normal} has no direction")
+    unit = np.array(normal) / length
+    half = HALF_SPACE
+    return Body(centre=_triple(np.array(place) - half * unit), axes=_square_to(unit), half_size=(half, half, half))
+
+
+def box(centre: tuple[float, float, float], half_size: tuple[float, float, float], *, radius: float = 0.0) -> Body:
+    """Return a box along the world's axes [m], its edges rounded by a radius beyond the half sizes."""
+    return Body(centre=centre, half_size=half_size, radius=radius)
+
+
+HALF_SPACE = 50.0  # m that a half-space reaches: single precision still tells micrometres there
+
+
+def _triple(values: Floats) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in values)
+    return x, y, z
+
+
+def _square_to(axis: Floats) -> tuple[tuple[float, float, float], ...]:
+    """Three axes, the last one given."""
+    other = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    first = np.cross(other, axis)
+    first /= np.linalg.norm(first)
+    return _triple(first), _triple(np.cross(axis, first)), _triple(axis)

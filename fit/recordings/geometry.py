@@ -1,0 +1,46 @@
+"""Whether a take's geometry is possible at all, before anything is simulated: cloth hardly stretches.
+
+No point of the cloth is further from a held end than along the flat cloth, but for stretch and measurement. Further, in
+the median over the frames, means a wrong unit, garment, naming of points, or the held ends exchanged.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fit.errors import FitError
+from fit.recordings.impossible_points import LONGEST_STRETCH
+from fit.recordings.recording import Recording
+
+SLACK = 0.06  # m, held ends and points are measured by different means: 26 mm in the median on the worst real takes
+SHORTEST_EDGE = 0.25  # of the held edge: held ends closer than that are a wrong unit, not slack
+
+
+def check_geometry(recording: Recording) -> None:
+    """Refuse a take whose points cannot belong to its garment.
+
+    Raises:
+        FitError: held ends or a point further apart than the cloth is long, or held ends hardly apart at all.
+    """
+    outline = np.asarray(recording.garment.outline_m, float)
+    held = recording.held(recording.time).reshape(-1, 2, 3)
+    edge = float(np.linalg.norm(outline[1] - outline[0]))
+    apart = float(np.median(np.linalg.norm(held[:, 1] - held[:, 0], axis=1)))
+    if not SHORTEST_EDGE * edge <= apart <= LONGEST_STRETCH * edge + SLACK:
+        raise FitError(
+            f"the held ends are {1e3 * apart:.0f} mm apart, the garment's held edge is {1e3 * edge:.0f} mm long",
+            where=recording.take_id,
+            advice="check the garment's outline, the rig's held_m and their unit",
+        )
+    for k, point in enumerate(recording.garment.points):
+        seen = recording.valid[:, k]
+        for end in range(2):
+            flat = float(np.linalg.norm(np.asarray(point.at_m) - outline[end]))
+            away = np.linalg.norm(recording.points[seen, k] - held[seen, end], axis=1)
+            if seen.any() and np.median(away) > LONGEST_STRETCH * flat + SLACK:
+                raise FitError(
+                    f"the point {point.name!r} is {1e3 * np.median(away):.0f} mm from the {('left', 'right')[end]} "
+                    f"held end, on the flat garment {1e3 * flat:.0f} mm",
+                    where=recording.take_id,
+                    advice="check the garment's points, their names and unit, and which held end is the left one",
+                )

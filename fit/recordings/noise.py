@@ -1,0 +1,41 @@
+"""White noise of a recording: of its points and of its hanger's path, the larger of what is stated and what shows."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.recordings.recording import Recording
+from fit.recordings.smoothing import noise_of
+
+Floats = NDArray[np.float64]
+
+SLOWEST_RATE = 20.0  # frames/s: below, swings themselves show in sixth differences
+
+
+def point_noise(recording: Recording) -> Floats:
+    """Standard deviation per axis of each point [m], (points,)."""
+    if _is_slow(recording):
+        return recording.point_sd
+    seen = [_white(recording.points[recording.valid[:, k], k]) for k in range(recording.points.shape[1])]
+    return np.asarray(np.maximum(recording.point_sd, seen))
+
+
+def held_noise(recording: Recording) -> Floats:
+    """Standard deviation of each coordinate of the held edge's ends [m], (6,): depth is noisier than the rest."""
+    if _is_slow(recording):
+        return np.full(6, recording.held_sd)
+    seen = recording.held_seen[np.isfinite(recording.held_seen[:, 0])]
+    return np.array([_white(column[:, None]) for column in seen.T])
+
+
+def _is_slow(recording: Recording) -> bool:
+    """Whether frames are so far apart that motion shows in their sixth differences."""
+    return (len(recording.time) - 1) / recording.duration < SLOWEST_RATE
+
+
+def _white(columns: Floats) -> float:
+    """Deviation of white noise in columns, (frames, n), root mean square; 0 where there are too few frames."""
+    if len(columns) <= 10:
+        return 0.0
+    return float(np.sqrt(np.mean([noise_of(column) ** 2 for column in columns.T])))

@@ -1,0 +1,78 @@
+"""Which takes are fitted to and which are held out: one garment, none twice, each known by its content."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Collection
+
+import msgspec
+import numpy as np
+
+from fit.errors import FitError
+from formats.motion import KINDS, kind_of
+from formats.results import Diagnosis, FitResult
+from formats.take import Take
+
+
+def content_of(take: Take) -> str:
+    """Return the sha256, in hexadecimal, of all that a fit sees of a take: two recordings may have one name."""
+    whole = hashlib.sha256(msgspec.json.encode([take.take_id, take.rig, take.garment]))
+    arrays = (take.time, take.held, take.held_valid, take.held_sd, take.points, take.points_valid, take.points_sd)
+    for array in arrays:
+        whole.update(np.ascontiguousarray(array).tobytes())
+    return whole.hexdigest()
+
+
+def is_of(result: FitResult | Diagnosis, takes: list[Take]) -> bool:
+    """Return whether a result is of these takes; by their names alone where it is so old that it says no more."""
+    if not result.take_contents:
+        return result.take_ids == [take.take_id for take in takes]
+    return result.take_contents == [content_of(take) for take in takes]
+
+
+def check_together(training: list[Take], held_out: list[Take]) -> None:
+    """Check that takes can be fitted to, and judged on, together.
+
+    Raises:
+        FitError: no take, takes of different garments, or one that is given twice.
+    """
+    if not training:
+        raise FitError("no take was given", advice="name at least one take archive")
+    every = training + held_out
+    for take in every[1:]:
+        if take.garment != every[0].garment:
+            raise FitError(
+                f"takes of different garments: {every[0].garment.name!r} and {take.garment.name!r}",
+                where=take.take_id,
+                advice="fit and diagnose one garment at a time",
+            )
+    seen: dict[str, int] = {}
+    for place, take in enumerate(every):
+        before = seen.setdefault(content_of(take), place)
+        if before != place:
+            is_shared = before < len(training) <= place
+            raise FitError(
+                "this take is both fitted to and held out" if is_shared else "this take is given twice",
+                where=take.take_id,
+                advice="judge on takes that are not fitted to" if is_shared else "name every take once",
+            )
+
+
+def split_by_motion(takes: list[Take], kinds: Collection[str]) -> tuple[list[Take], list[Take]]:
+    """Return the takes to fit to and those of the given kinds of motion (`formats.motion.KINDS`), in their order.
+
+    Raises:
+        FitError: an unknown kind, a kind that no take is of, or nothing left to fit to.
+    """
+    for kind in kinds:
+        if kind not in KINDS:
+            raise FitError(f"there is no kind of motion named {kind!r}", advice=f"choose among {', '.join(KINDS)}")
+    by_take = [kind_of(take) for take in takes]
+    there = ", ".join(f"{take.take_id} {kind}" for take, kind in zip(takes, by_take, strict=True))
+    for kind in kinds:
+        if kind not in by_take:
+            raise FitError(f"no take moves {kind!r}", advice=f"the takes move like this: {there}")
+    if kinds and set(by_take) <= set(kinds):
+        raise FitError("every take is held out and none is left to fit to", advice=f"the takes move like this: {there}")
+    both = list(zip(takes, by_take, strict=True))
+    return [t for t, kind in both if kind not in kinds], [t for t, kind in both if kind in kinds]

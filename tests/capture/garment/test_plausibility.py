@@ -1,0 +1,65 @@
+"""Which sightings of a point are believed, and how well."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from capture.garment.plausibility import UNSETTLED_SD, MotionGate
+
+SD = np.full((1, 3), 0.002)
+PERIOD = 1 / 30
+
+
+def at(x):
+    return np.array([[x, 0.0, 1.6]])
+
+
+def test_a_point_that_was_never_lost_counts_at_once_and_with_its_own_deviation():
+    gate = MotionGate(1)
+    for k in range(5):
+        valid, sd = gate.admit(at(0.05 * k), SD, k * PERIOD)  # 1.5 m/s
+        assert valid.all()
+        np.testing.assert_array_equal(sd, SD)
+
+
+def test_a_leap_is_refused_and_not_remembered():
+    """60 m/s^2 dt^2 are 67 mm a frame; four deviations of 3.5 mm are 14 mm; 100 mm are a leap."""
+    gate = MotionGate(1)
+    for k in range(3):
+        gate.admit(at(0.0), SD, k * PERIOD)
+    assert not gate.admit(at(0.1), SD, 3 * PERIOD)[0].any()
+    assert gate.admit(at(0.0), SD, 4 * PERIOD)[0].all()
+
+
+@pytest.mark.parametrize(("acceleration", "is_believed"), [(55.0, True), (85.0, False)])
+def test_an_evenly_accelerated_point_is_followed_up_to_the_hardest_whip(acceleration, is_believed):
+    """Its second difference is a dt^2: 61 mm at 55 m/s^2, and 94 at 85; the limit is 67 + 14 mm."""
+    gate = MotionGate(1)
+    believed = [gate.admit(at(0.5 * acceleration * (k * PERIOD) ** 2), SD, k * PERIOD)[0].all() for k in range(4)]
+    assert all(believed) == is_believed
+
+
+def test_a_point_that_comes_back_counts_from_its_second_sighting_even_when_it_is_fast():
+    gate = MotionGate(1)
+    gate.admit(at(0.0), SD, 0.0)
+    gate.admit(at(np.nan), SD, 0.5 - PERIOD)
+    back = [gate.admit(at(0.5 + 5.0 * k * PERIOD), SD, 0.5 + k * PERIOD) for k in range(4)]
+    assert [bool(valid[0]) for valid, _ in back] == [False, True, True, True]
+    unsettled = float(np.hypot(SD[0, 0], UNSETTLED_SD))
+    assert [sd[0, 0] for _, sd in back[1:]] == pytest.approx([unsettled, unsettled, SD[0, 0]])
+
+
+def test_a_fold_that_looks_like_a_corner_for_one_frame_is_never_believed():
+    gate = MotionGate(1)
+    gate.admit(at(0.0), SD, 0.0)
+    gate.admit(at(np.nan), SD, 0.5 - PERIOD)
+    assert not gate.admit(at(0.3), SD, 0.5)[0].any()
+    assert not gate.admit(at(np.nan), SD, 0.5 + PERIOD)[0].any()
+    assert not gate.admit(at(0.0), SD, 0.5 + 2 * PERIOD)[0].any()
+    assert gate.admit(at(0.0), SD, 0.5 + 3 * PERIOD)[0].all()
+
+
+def test_ten_frames_a_second_are_followed_as_well():
+    gate = MotionGate(1)
+    assert all(gate.admit(at(0.02 * k), SD, 0.1 * k)[0].all() for k in range(5))

@@ -1,0 +1,144 @@
+"""Fiducials through blur and cover, against drawn scenes of known truth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from capture.hanger.fiducial_tracker import MarkerTracker
+from capture.hanger.marker_detection import MarkerDetector
+from capture.hanger.marker_following import BLURRED_SD, _best_place, _blurred, follow, keep
+from tests.capture.recording.test_conditions import RIG
+from tests.capture.stage import CAMERA, marker_plate, pictures, plain_plate
+
+MIDDLE = np.array([0.0, -0.2, 1.6])
+SIDES = np.array([[-0.15, 0.0, 0.0], [0.15, 0.0, 0.0]])
+REACH = 0.12  # m, of the swing to and fro along x
+FINGER = (205, 160, 140)
+READ = 4  # frames in which the marker is not covered yet, so that its id is read
+
+
+def plates(middle, cover):
+    """Both markers, and a finger in front of the left one: offset from its centre and size [m]."""
+    shown = [marker_plate(i, middle + SIDES[i]) for i in range(2)]
+    if cover is not None:
+        shown.append(plain_plate(middle + SIDES[0] + np.array(cover[0]), cover[1], FINGER))
+    return shown
+
+
+def tracked(speed, exposure, cover=None, frames=12, rate=30):
+    """Errors [m] and deviations [m], (frames, 2, 3), NaN where lost, and how many markers were read by their ids.
+
+    speed [m/s] at most; exposure [s]
+    """
+    rng = np.random.default_rng(3)
+    tracker, reader = MarkerTracker(RIG), MarkerDetector("DICT_4X4_50", (0, 1))
+    errors, deviations, read = [], [], 0
+    for k in range(frames):
+
+        def at(time):
+            return MIDDLE + np.array([REACH * np.sin(speed / REACH * time), 0.0, 0.0])
+
+        def shown(time, cover=cover if k >= READ else None):
+            return plates(at(time), cover)
+
+        instants = [k / rate + exposure * part for part in (-0.5, -0.25, 0.0, 0.25, 0.5)]
+        depth, colour = pictures(shown(k / rate), rng, exposures=[shown(time) for time in instants])
+        sight = tracker.track(colour, depth, k / rate)
+        if k >= READ:
+            errors.append(sight.positions - at(k / rate) - SIDES)
+            deviations.append(sight.sd)
+            read += int(np.isfinite(reader.in_picture(colour)[:, 0, 0]).sum())
+    return np.array(errors), np.array(deviations), read
+
+
+@pytest.mark.parametrize(("speed", "exposure"), [(2.0, 0.008), (1.0, 0.016)])
+def test_markers_too_blurred_to_be_read_are_followed_to_two_millimetres(speed, exposure):
+    """16 mm of way while the picture is taken: 6 px of a marker whose bits are 3.6 px."""
+    errors, deviations, read = tracked(speed, exposure)
+    assert read <= 10  # of 16
+    assert np.isfinite(errors).all()
+    assert np.sqrt((errors**2).mean()) < 2e-3
+    assert np.sqrt(((errors / deviations) ** 2).mean()) < 2.0
+
+
+@pytest.mark.parametrize(
+    "cover",
+    [((-0.02, 0.0, -0.03), (0.03, 0.09)), ((0.0, 0.03, -0.03), (0.09, 0.03))],
+    ids=["left third", "lower third"],
+)
+def test_a_marker_behind_a_finger_is_followed_to_six_millimetres(cover):
+    errors, deviations, read = tracked(0.3, 0.008, cover)
+    assert read <= 8  # only the right marker
+    assert np.isfinite(errors).all()
+    assert np.sqrt((errors**2).mean()) < 6e-3
+    assert np.sqrt(((errors / deviations) ** 2).mean()) < 2.0
+
+
+def test_a_marker_behind_a_hand_is_lost_and_not_guessed():
+    errors, _, _ = tracked(0.0, 0.008, ((0.0, 0.0, -0.05), (0.12, 0.12)), frames=8)
+    assert np.isnan(errors[:, 0]).all()
+    assert np.isfinite(errors[:, 1]).all()
+
+
+def test_half_a_second_after_its_id_was_read_a_covered_marker_is_lost():
+    errors, _, _ = tracked(0.0, 0.008, ((-0.02, 0.0, -0.03), (0.03, 0.09)), frames=READ + 8, rate=10)
+    seen = np.isfinite(errors[:, 0, 0])
+    # The id was last read in frame 3, at 0.3 s; five frames follow until 0.8 s.
+    assert seen[:4].all()
+    assert not seen[5:].any()
+
+
+def test_a_marker_moved_by_a_known_way_is_found_there():
+    """Shifted by 5.5 and -3 px and blurred over 6 px along x: found to a quarter of a pixel."""
+    rng = np.random.default_rng(4)
+    z = MIDDLE[2]
+    moved = np.array([5.5, -3.0, 0.0]) * z / CAMERA.fx
+    blur = np.array([6.0, 0.0, 0.0]) * z / CAMERA.fx
+    _, first = pictures(plates(MIDDLE, None), rng)
+    instants = [plates(MIDDLE + moved + part * blur, None) for part in np.linspace(-0.5, 0.5, 7)]
+    _, second = pictures(plates(MIDDLE + moved, None), rng, exposures=instants)
+    quad = MarkerDetector("DICT_4X4_50", (0, 1)).in_picture(first)[0]
+    kept = keep(first, quad, 0.0)
+    found = follow(second, kept, quad.mean(0), 12.0, np.array([12.0, 0.0]))
+    assert found.corners.mean(0) - quad.mean(0) == pytest.approx([5.5, -3.0], abs=0.25)
+    assert found.centre_sd == BLURRED_SD
+
+
+def test_blur_keeps_a_bright_spots_middle_and_sum():
+    picture = np.zeros((21, 21), np.float32)
+    picture[10, 10] = 100.0
+    blurred = _blurred(picture, np.array([6.0, 2.0]))
+    v, u = np.mgrid[0:21, 0:21]
+    assert blurred.sum() == pytest.approx(100.0, rel=1e-4)
+    assert [(blurred * u).sum() / 100, (blurred * v).sum() / 100] == pytest.approx([10, 10], abs=0.05)
+    # Evenly spread over a length of 6, the variance along u is 6^2 / 12 = 3, and 1/6 for whole pixels.
+    assert (blurred * (u - 10) ** 2).sum() / 100 == pytest.approx(3.17, abs=0.1)
+
+
+def test_the_best_place_is_found_between_pixels():
+    """A smooth hill moved by 0.3 px right and 0.4 px down of where it was cut out."""
+    v, u = np.mgrid[0:40, 0:40].astype(np.float32)
+
+    def hill(x, y):
+        return np.exp(-((u - x) ** 2 + (v - y) ** 2) / 18.0).astype(np.float32)
+
+    score, place = _best_place(hill(20.3, 18.4), hill(20.0, 18.0)[8:29, 10:31])
+    assert score > 0.99
+    assert place == pytest.approx([10.3, 8.4], abs=0.05)
+
+
+def test_ids_of_moving_markers_are_read_where_they_are_looked_for():
+    """Swung at 1.5 m/s with 8 ms of exposure, up to 4.3 px of way: of 16, with OpenCV's own squares 8 are read."""
+    rng, detector, read = np.random.default_rng(4), MarkerDetector("DICT_4X4_50", (0, 1)), 0
+    for k in range(8):
+        instants = [k / 30 + 0.008 * part for part in (-0.5, -0.25, 0.0, 0.25, 0.5)]
+        middles = [MIDDLE + np.array([REACH * np.sin(1.5 / REACH * time), 0.0, 0.0]) for time in instants]
+        _, colour = pictures(plates(middles[2], None), rng, exposures=[plates(middle, None) for middle in middles])
+        for row in range(2):
+            at = middles[2] + SIDES[row]
+            centre = at[:2] / at[2] * CAMERA.fx + [CAMERA.cx, CAMERA.cy]
+            side = CAMERA.fx * 0.06 / at[2]
+            corners = detector.in_window(colour, row, centre, 1.6 * side, side)
+            read += bool(np.isfinite(corners).all() and np.linalg.norm(corners.mean(0) - centre) < 1.0)
+    assert read >= 11

@@ -1,0 +1,103 @@
+"""The printed page of markers: OpenCV finds on it what was asked for, at the size that was asked for."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from xml.etree import ElementTree
+
+import cv2
+import numpy as np
+import pytest
+
+from capture.errors import UntrackableError
+from capture.hanger.marker_sheet import PAGE, draw_sheet, write_sheet
+from formats.errors import OutputError
+
+PER_MM = 6  # pixels
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def drawn(page):
+    """The page's rectangles as an image, later ones over earlier ones."""
+    image = np.full((round(PAGE[1] * PER_MM), round(PAGE[0] * PER_MM)), 255, np.uint8)
+
+    def paint(element, fill):
+        fill = element.get("fill", fill)
+        if element.tag == SVG + "rect" and element.get("x") is not None:
+            left, top, width, height = (float(element.get(k)) for k in ("x", "y", "width", "height"))
+            rows = slice(round(top * PER_MM), round((top + height) * PER_MM))
+            image[rows, round(left * PER_MM) : round((left + width) * PER_MM)] = 0 if fill == "#000" else 255
+        for inner in element:
+            paint(inner, fill)
+
+    paint(ElementTree.fromstring(page), "#000")
+    return image
+
+
+@pytest.mark.parametrize(("dictionary", "ids"), [("DICT_4X4_50", [0, 1]), ("DICT_6X6_250", [7, 200, 31])])
+def test_every_marker_is_found_on_the_page_at_its_size(dictionary, ids):
+    """60 mm from black edge to black edge, within a pixel of a sixth of a millimetre."""
+    detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary)))
+    corners, found, _ = detector.detectMarkers(drawn(draw_sheet(dictionary, ids, 0.06)))
+    assert sorted(found.ravel().tolist()) == sorted(ids)
+    for corner in corners:
+        sides = np.linalg.norm(corner[0] - np.roll(corner[0], 1, axis=0), axis=1) / PER_MM
+        assert sides == pytest.approx(np.full(4, 60.0), abs=0.4)
+
+
+def test_both_scale_bars_are_a_hundred_millimetres():
+    lines = ElementTree.fromstring(draw_sheet("DICT_4X4_50", [0, 1], 0.05)).iter(SVG + "line")
+    lengths = [
+        abs(float(x.get("x2")) - float(x.get("x1"))) + abs(float(x.get("y2")) - float(x.get("y1"))) for x in lines
+    ]
+    assert lengths.count(100.0) == 2
+
+
+@pytest.mark.parametrize(
+    ("ids", "size", "sentence"),
+    [
+        ([0, 50], 0.05, "there is no marker 50 in DICT_4X4_50"),
+        ([3, 3], 0.05, "the same id is asked for twice"),
+        ([0, 1, 2, 3, 4], 0.12, "5 markers of 120 mm do not fit"),
+        ([0], 0.0, "--size: 0 m is no size of a marker"),
+        ([0], -0.05, "--size: -0.05 m is no size of a marker"),
+        ([0], float("nan"), "--size: nan m is no size of a marker"),
+        ([0], float("inf"), "--size: inf m is no size of a marker"),
+    ],
+)
+def test_a_page_that_cannot_be_made_says_why(ids, size, sentence):
+    with pytest.raises(UntrackableError, match=sentence):
+        draw_sheet("DICT_4X4_50", ids, size)
+
+
+def test_only_svg_is_written(tmp_path):
+    with pytest.raises(OutputError, match="written as SVG"):
+        write_sheet(tmp_path / "markers.png", "DICT_4X4_50", [0, 1], 0.05)
+
+
+def test_the_command_draws_the_markers_of_the_dictionary_at_the_size_that_it_is_told(tmp_path):
+    words = ["--dictionary", "DICT_6X6_250", "--ids", "7,200", "--size", "0.08", "--out", "m.svg"]
+    command = [sys.executable, "-m", "formats.command", "markers", "print", *words]
+    subprocess.run(command, check=True, cwd=tmp_path, stdout=subprocess.DEVNULL)
+    assert (tmp_path / "m.svg").read_text() == draw_sheet("DICT_6X6_250", [7, 200], 0.08)
+
+
+def test_the_command_writes_the_rigs_markers(tmp_path):
+    rig = tmp_path / "rig.toml"
+    rig.write_text(
+        'format = "hangtime-rig/1"\nname = "bench"\ngravity = [0.0, 1.0, 0.0]\n\n'
+        '[hanger]\ndictionary = "DICT_5X5_100"\n'
+        "ids = [4, 9]\nmarker_size_m = 0.04\nmarker_distance_m = 0.3\n"
+        "held_m = [[-0.2, 0.05, 0.0], [0.2, 0.05, 0.0]]\n"
+    )
+    words = [sys.executable, "-m", "formats.command", "markers", "print", "--rig", str(rig), "--out", "m.svg"]
+    done = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "2 markers of 40 mm" in done.stdout
+    assert "DICT_5X5_100, 40 mm" in (tmp_path / "m.svg").read_text()
+    done = subprocess.run([*words, "--ids", "2,3,5", "--overwrite"], capture_output=True, text=True, cwd=tmp_path)
+    assert "3 markers of 40 mm" in done.stdout
+    rig.write_text(rig.read_text().replace("[hanger]", '[hanger]\nmarker = "dot"'))
+    done = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
+    assert "its hanger has dots, not markers" in done.stderr

@@ -1,0 +1,258 @@
+"""From a sensor to a take, against the truth of the synthetic world."""
+
+from __future__ import annotations
+
+import resource
+
+import cv2
+import numpy as np
+import pytest
+
+from capture.errors import NoMarkersError, UntrackableError
+from capture.recording.session import ScanPlan, record
+from firmware_host.depth_sensor import DepthSensor, SensorFrame
+from firmware_host.synthetic.scene import CAMERA, MARKER_BITS, RIG, demo_garment
+from firmware_host.synthetic.sensor import SyntheticSensor
+from firmware_host.synthetic.world import FIRST_STAMP, make_world
+from formats.archive import read_take
+from formats.errors import OutputError
+from formats.take import FrameState
+
+
+@pytest.fixture(scope="module")
+def world():
+    """Four seconds: still, swung, stopped."""
+    return make_world(motion="swing", effect="air_drag", amplitude=None, seconds=4.0, seed=3)
+
+
+class Every(DepthSensor):
+    """Every so many frames of a world, changed by a function: a sensor that misbehaves."""
+
+    def __init__(self, world, step, change=lambda frame: frame):
+        self._inner, self._step, self._change = SyntheticSensor(world, "test"), step, change
+
+    @property
+    def info(self):
+        return self._inner.info
+
+    def read(self, timeout_s=1.0):
+        while True:
+            frame = self._inner.read()
+            if frame is None:
+                return None
+            if frame.index % self._step == 0:
+                return self._change(frame)
+
+    def close(self):
+        self._inner.close()
+
+
+def changed(frame, **changes):
+    fields = {
+        name: getattr(frame, name) for name in ("index", "time_s", "host_time_s", "depth", "colour", "dropped_before")
+    }
+    return SensorFrame(**(fields | changes))
+
+
+def recorded(sensor, path, **options):
+    return record(sensor, RIG, demo_garment(), path, take_id="t", created="2026-01-01T00:00:00Z", **options)
+
+
+@pytest.fixture(scope="module")
+def take(world, tmp_path_factory):
+    path = tmp_path_factory.mktemp("take") / "t.mcap"
+    with Every(world, 3) as sensor:
+        recorded(sensor, path)
+    return read_take(path)
+
+
+def errors_mm(take, world, seen, truth):
+    frames = np.searchsorted(world.time + FIRST_STAMP, take.time - 1e-5)
+    return 1e3 * np.linalg.norm(seen - truth[frames], axis=-1)
+
+
+def test_every_frame_shows_the_hanger(take):
+    assert take.held_valid.all()
+    assert (take.state == 0).all()
+
+
+def test_markers_are_placed_to_two_millimetres_still_and_five_moving(take, world):
+    apart = errors_mm(take, world, take.markers, world.hanger.markers)
+    still = take.time < 0.9
+    assert np.sqrt((apart[still] ** 2).mean()) < 2.0
+    assert np.sqrt((apart[~still] ** 2).mean()) < 5.0
+
+
+def test_corners_are_placed_to_eight_millimetres_in_the_median(take, world):
+    assert np.nanmedian(errors_mm(take, world, take.points, world.points)[:, :4]) < 8.0
+
+
+def test_the_centre_is_placed_to_nine_millimetres_on_average(take, world):
+    """The paper reports 19 mm."""
+    assert np.nanmean(errors_mm(take, world, take.points, world.points)[:, 4]) < 9.0
+
+
+def test_points_are_seen_in_nearly_every_frame(take):
+    assert take.points_valid.mean() > 0.95
+
+
+def test_the_worlds_markers_are_opencvs():
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    for marker, bits in MARKER_BITS.items():
+        picture = cv2.aruco.generateImageMarker(dictionary, marker, 6)
+        assert np.array_equal(picture[1:5, 1:5] > 127, np.array(bits) > 0)
+
+
+def test_a_recording_without_markers_leaves_no_take(world, tmp_path):
+    with (
+        Every(world, 10, lambda f: changed(f, colour=np.full_like(f.colour, 90))) as sensor,
+        pytest.raises(NoMarkersError, match="seen together in 0 of 12 frames"),
+    ):
+        recorded(sensor, tmp_path / "t.mcap")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_keeps_what_was_recorded_until_then(world, tmp_path):
+    """Ten frames a second, no room left after the 25th: the two blocks of a second before can be read."""
+    partial = tmp_path / "t.mcap.partial"
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def fill(frames, total, seen):
+        if frames == 25:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (partial.stat().st_size, limits[1]))
+
+    try:
+        with Every(world, 3) as sensor, pytest.raises(OutputError, match=r"partial: .* `hangtime takes show`"):
+            recorded(sensor, tmp_path / "t.mcap", progress=fill)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    take = read_take(partial)
+    assert 20 <= len(take.time) <= 25
+    assert take.held_valid.all()
+
+
+def test_a_disk_that_is_nearly_full_ends_the_take_whole(world, tmp_path, monkeypatch):
+    """Ten frames a second; from the 25th on, all the disk's room is too little; it is looked at every second."""
+
+    def fill(frames, total, seen):
+        if frames == 25:
+            monkeypatch.setattr("capture.recording.session.LEAST_ROOM", 1 << 62)
+
+    with Every(world, 3) as sensor:
+        report = recorded(sensor, tmp_path / "t.mcap", progress=fill)
+    assert isinstance(report.failure, OutputError)
+    assert "MB are left on the disk" in str(report.failure)
+    take = read_take(tmp_path / "t.mcap")
+    assert take.is_complete
+    assert 25 <= len(take.time) == report.frames <= 36
+
+
+def test_an_error_in_a_frame_keeps_the_frames_before_it(world, tmp_path):
+    def fail(frame):
+        if frame.index == 60:
+            raise RuntimeError("a bug")
+        return frame
+
+    with Every(world, 3, fail) as sensor, pytest.raises(RuntimeError, match="a bug") as raised:
+        recorded(sensor, tmp_path / "t.mcap")
+    assert "t.mcap.partial: recording broke off" in raised.value.__notes__[0]
+    assert len(read_take(tmp_path / "t.mcap.partial").time) >= 11
+
+
+def test_who_watches_and_fails_is_not_taken_for_the_disk(world, tmp_path):
+    def fail(frames, total, seen):
+        if frames == 25:
+            raise BrokenPipeError("nobody reads")
+
+    with Every(world, 3) as sensor, pytest.raises(BrokenPipeError, match="nobody reads") as raised:
+        recorded(sensor, tmp_path / "t.mcap", progress=fail)
+    assert "t.mcap.partial: recording broke off" in raised.value.__notes__[0]
+
+
+def test_a_folder_that_goes_away_ends_the_recording_with_its_name(world, tmp_path):
+    (tmp_path / "disk").mkdir()
+
+    def take_away(frames, total, seen):
+        if frames == 15:
+            (tmp_path / "disk").rename(tmp_path / "elsewhere")
+
+    with Every(world, 3) as sensor, pytest.raises(OutputError, match="the take could not be finished"):
+        recorded(sensor, tmp_path / "disk/t.mcap", progress=take_away)
+
+
+def test_a_take_that_has_come_there_meanwhile_stays_and_this_one_is_kept_beside_it(world, tmp_path):
+    path = tmp_path / "t.mcap"
+
+    def comes(frame):
+        path.write_bytes(b"another take")
+        return frame
+
+    with Every(world, 4, comes) as sensor, pytest.raises(OutputError, match="has come there meanwhile") as caught:
+        recorded(sensor, path, overwrite=False)
+    assert "t.mcap.partial" in caught.value.advice
+    assert path.read_bytes() == b"another take"
+    assert len(read_take(tmp_path / "t.mcap.partial").time) > 20
+    with Every(world, 20) as sensor, pytest.raises(OutputError, match="is already there"):
+        recorded(sensor, path, overwrite=False)
+
+
+def test_a_folder_is_not_replaced_by_a_take(world, tmp_path):
+    with Every(world, 10) as sensor, pytest.raises(OutputError, match="is a folder"):
+        recorded(sensor, tmp_path)
+
+
+def test_lost_depth_lost_colour_and_a_clock_that_jumps_are_told_frame_by_frame(world, tmp_path):
+    def spoil(frame):
+        if frame.index == 30:
+            return changed(frame, depth=np.zeros_like(frame.depth))
+        if frame.index == 36:
+            return changed(frame, colour=None)
+        if frame.index == 42:
+            return changed(frame, time_s=0.5)
+        return frame
+
+    with Every(world, 6, spoil) as sensor:
+        recorded(sensor, tmp_path / "t.mcap")
+    take = read_take(tmp_path / "t.mcap")
+    state = {round(30 * (t - FIRST_STAMP)): s for t, s in zip(take.time, take.state, strict=True)}
+    assert state[30] & FrameState.DEPTH_MISSING
+    assert state[36] & FrameState.COLOUR_MISSING
+    assert 42 not in state
+    assert state[48] & FrameState.CLOCK_JUMPED
+    assert not take.points_valid[list(state).index(30)].any()
+
+
+def test_a_person_in_front_costs_quality_and_delays_a_scan(world, tmp_path):
+    def spoil(frame):
+        if frame.index == 30:  # from below the markers down
+            depth = frame.depth.copy()
+            depth[175:] = 800
+            return changed(frame, depth=depth)
+        if frame.index == 42:  # a sensor blind below 0.5 m, with everything nearer than that
+            return changed(frame, depth=np.zeros_like(frame.depth))
+        return frame
+
+    with Every(world, 6, spoil) as sensor:
+        recorded(sensor, tmp_path / "t.mcap", scans=ScanPlan(rate=2.5, grid=6, contour=24))
+    take = read_take(tmp_path / "t.mcap")
+    number = np.rint(30 * (take.time - FIRST_STAMP)).astype(int)
+    covered = int(np.flatnonzero(number == 30)[0])
+    assert take.state[covered] == FrameState.VIEW_BLOCKED | FrameState.GARMENT_LOST
+    assert take.quality[covered] == 0.0
+    blind = int(np.flatnonzero(number == 42)[0])
+    assert take.state[blind] & FrameState.DEPTH_MISSING
+    others = np.setdiff1d(np.arange(len(number)), [covered, blind])
+    assert (take.state[others] == 0).all()
+    assert np.median(take.quality[others]) > 0.7
+    # Frames come at 5 a second, so that 2.5 scans a second are every other one; a lost garment delays one.
+    assert [round(30 * (scan.time - FIRST_STAMP)) for scan in take.scans][:4] == [0, 12, 24, 36]
+    assert take.scans[0].grid.shape == (6, 6, 3)
+    assert np.isfinite(take.scans[0].contour).all(1).mean() > 0.9
+
+
+def test_a_sensor_of_another_size_than_the_rig_says_is_refused(world, tmp_path):
+    import msgspec
+
+    small = msgspec.structs.replace(RIG, sensor=msgspec.structs.replace(CAMERA, width=320, height=240))
+    with Every(world, 10) as sensor, pytest.raises(UntrackableError, match="640 x 480 pixels, the rig says 320 x 240"):
+        record(sensor, small, demo_garment(), tmp_path / "t.mcap", take_id="t", created="now")

@@ -1,0 +1,167 @@
+"""What cannot be reached for a while: a bucket, a network, workers. It costs time and no take."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+
+import pytest
+
+from fit.batch import runner, worker
+from fit.batch.cli import SOME_NOT_FITTED
+from fit.batch.cluster import Workers
+from fit.batch.jobs import Outcome, Plan
+from fit.batch.runner import Outage, Survey, run, survey
+from fit.batch.store import Bucket, Folder, open_store
+from fit.batch.summary import rows_of
+from fit.errors import UnreachableError
+from tests.fit.batch.night import (
+    PROGRAMS,
+    SHORT,
+    free_port,
+    is_listening,
+    keys_for,
+    make_takes,
+    running,
+    said,
+    scheduler_at,
+    serving,
+    start,
+    wait_for,
+)
+
+
+@pytest.fixture(scope="module")
+def takes(tmp_path_factory):
+    return make_takes(tmp_path_factory.mktemp("takes"), 1)
+
+
+# --- workers ------------------------------------------------------------------------------------
+
+
+def test_a_scheduler_that_has_no_workers_is_not_waited_for_without_end(takes, tmp_path, monkeypatch):
+    """One second of patience, and none for workers to start."""
+    monkeypatch.setattr(runner, "ARRIVAL", 0.0)
+    monkeypatch.setattr(runner, "LOOK", 0.2)
+    port = free_port()
+    found = survey(open_store(str(takes)), open_store(str(tmp_path)), Plan())
+    with running(*scheduler_at(port)):
+        wait_for(lambda: is_listening(port))
+        with pytest.raises(UnreachableError, match=r"have been no workers .* start workers") as told:
+            run(found, Workers(scheduler=f"tcp://127.0.0.1:{port}", patience=1.0))
+    assert told.value.exit_code == 75
+    assert len(found.waiting) == 1
+
+
+def test_workers_that_start_after_the_batch_are_waited_for_without_any_patience(takes, tmp_path):
+    port = free_port()
+    address = f"tcp://127.0.0.1:{port}"
+    with running(*scheduler_at(port)):
+        wait_for(lambda: is_listening(port))
+        words = ("batch", takes, "--out", "out", "--scheduler", address, "--patience", 0, *SHORT)
+        process = start(*words, folder=tmp_path)
+        wait_for(lambda: "Dashboard: " in said(tmp_path))
+        with running(PROGRAMS / "dask", "worker", address, "--nthreads", 1, "--no-dashboard", "--no-nanny"):
+            assert process.wait(120) == 0, said(tmp_path)
+
+
+@pytest.mark.slow
+def test_a_batch_stops_at_its_time_of_the_day(takes, tmp_path):
+    """The minute after the next, with nobody who works; the wait is up to two minutes long."""
+    port = free_port()
+    until = time.strftime("%H:%M", time.localtime(time.time() + 70))
+    with running(*scheduler_at(port)):
+        wait_for(lambda: is_listening(port))
+        words = ("batch", takes, "--out", "out", "--scheduler", f"tcp://127.0.0.1:{port}", "--until", until, *SHORT)
+        process = start(*words, folder=tmp_path)
+        assert process.wait(180) == SOME_NOT_FITTED, said(tmp_path)
+    assert "1 take: 1 waiting." in said(tmp_path)
+    assert time.strftime("%H:%M") == until
+
+
+# --- buckets ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("minutes", "status"), [(None, 75), (20, 75), (10, SOME_NOT_FITTED)], ids=["no-end", "in-time", "too-late"]
+)
+def test_a_bucket_that_cannot_be_reached_may_be_tried_again_where_that_is_before_the_end(tmp_path, minutes, status):
+    """Nobody listens there: no network yet, and not wrong options. The second try is a quarter of an hour later."""
+    until = () if minutes is None else ("--until", time.strftime("%H:%M", time.localtime(time.time() + 60 * minutes)))
+    process = start(
+        "batch", "s3://takes", "--out", "out", *until, folder=tmp_path, AWS_ENDPOINT_URL="http://127.0.0.1:9",
+        AWS_ALLOW_HTTP="true", AWS_ACCESS_KEY_ID="a", AWS_SECRET_ACCESS_KEY="b", AWS_REGION="r",
+    )  # fmt: skip
+    assert process.wait(120) == status, said(tmp_path)
+    assert "cannot be listed" in said(tmp_path)
+    assert "Traceback" not in said(tmp_path)
+
+
+class Listed(Bucket):
+    """A bucket whose network goes once its takes are listed."""
+
+    def names(self, below, suffix):
+        return ["a.mcap", "b.mcap"] if suffix == ".mcap" else []
+
+
+def test_a_network_that_is_lost_while_takes_are_looked_at_is_no_fault_of_theirs(tmp_path, monkeypatch):
+    for name, value in keys_for(free_port()).items():
+        monkeypatch.setenv(name, value)
+    with pytest.raises(UnreachableError, match=r"a\.mcap: cannot be read"):
+        survey(Listed("s3://takes"), open_store(str(tmp_path)), Plan())
+
+
+@pytest.mark.parametrize("is_back", [True, False], ids=["back", "gone"])
+def test_a_bucket_that_workers_lose_is_waited_for_and_costs_no_take(tmp_path, is_back):
+    """Takes in a bucket, results in a folder; the server goes before a worker has read its take."""
+    root, port = tmp_path / "s3", free_port()
+    (root / "takes").mkdir(parents=True)
+    make_takes(root / "takes", 1)
+    words = ("batch", "s3://takes", "--out", "out", "--workers", 1, "--dashboard-port", 0, *SHORT)
+    patience = 10 if is_back else 0.05
+    with serving(root, port):
+        process = start(*words, "--patience", patience, folder=tmp_path, **keys_for(port))
+        wait_for(lambda: "1 takes, 1 to fit." in said(tmp_path))
+    wait_for(lambda: "Waiting for it to come back." in said(tmp_path))
+    with serving(root, port) if is_back else contextlib.nullcontext():
+        assert process.wait(120) == (0 if is_back else 75), said(tmp_path)
+    assert "swing0.mcap: cannot be read" in said(tmp_path)
+    assert "Traceback" not in said(tmp_path)
+    assert not (tmp_path / "out/failed").exists()
+    assert ("1 fitted" if is_back else "1 waiting") in (tmp_path / "out/summary.html").read_text()
+
+
+def test_results_that_cannot_be_read_back_now_are_not_taken_for_broken(tmp_path, monkeypatch):
+    for name, value in keys_for(free_port()).items():
+        monkeypatch.setenv(name, value)
+    found = Survey(keys={"a.mcap": "k"}, outcomes={"k": Outcome(key="k", state="known")})
+    with pytest.raises(UnreachableError, match=r"k\.json: cannot be read"):
+        rows_of(found, open_store("s3://takes"))
+
+
+class GoneTwice(Folder):
+    """A folder that is not reached the first two times that something is written to it."""
+
+    def __init__(self, root):
+        super().__init__(root)
+        self.attempts = 0
+
+    def write(self, name, content):
+        self.attempts += 1
+        if self.attempts <= 2:
+            raise UnreachableError("cannot be written", where=name)
+        super().write(name, content)
+
+
+def test_a_finished_fit_waits_for_a_bucket_that_is_gone_as_long_as_patience_lasts(tmp_path, monkeypatch):
+    monkeypatch.setattr(worker, "RETRY", 0.0)
+    worker._write_patiently(GoneTwice(tmp_path), "fits/a.json", b"{}", patience=60.0)
+    assert (tmp_path / "fits/a.json").read_bytes() == b"{}"
+    with pytest.raises(UnreachableError):
+        worker._write_patiently(GoneTwice(tmp_path), "fits/b.json", b"{}", patience=0.0)
+
+
+def test_an_outage_lasts_from_its_first_word_to_its_last_and_five_minutes_of_silence_end_it():
+    outage = Outage()
+    assert [outage.goes_on(now) for now in (1000.0, 1200.0, 1499.0)] == [(True, 0.0), (False, 200.0), (False, 499.0)]
+    assert outage.goes_on(1800.0) == (True, 0.0)

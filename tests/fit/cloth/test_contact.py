@@ -1,0 +1,384 @@
+"""Contact of the cloth with itself and with bodies, against numbers worked by hand."""
+
+# No `from __future__ import annotations` here: Taichi reads the annotations of kernels.
+
+import functools
+
+import numpy as np
+import pytest
+
+from benchmarks.contact import crossings, height_of_upper_layer, swung, turned_over
+from fit import runtime
+from fit.cloth.contact import DAMPING, OMEGA, Contact, surface_of
+from fit.cloth.kernel_arguments import contact_arguments, zeros
+from fit.cloth.mesh import build_mesh
+from fit.cloth.simulator import Simulator
+from fit.cloth.support import clamps
+from fit.errors import FitError
+from fit.recordings.bodies import box, capsule, half_space, sphere
+from fit.recordings.recording import prepare
+from tests.fit.scenes import material, sheet, take_of
+
+DENSITY = 0.2  # kg/m^2
+STIFFNESS = DENSITY * OMEGA**2 / 2  # Pa/m
+LANES = 4
+SIDE = 0.3  # m
+GRAVITY = 9.80665  # m/s^2
+LEVEL = np.array([0.0, 0.15, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0])  # the sheet's middle above the origin
+
+
+@pytest.fixture(scope="module")
+def cloth():
+    """A sheet of 0.3 m x 0.3 m, two elements a side, with samples 30 mm apart."""
+    mesh = build_mesh(sheet(width=SIDE, height=SIDE), 0.05)
+    return mesh, surface_of(mesh, 0.03)
+
+
+@functools.cache
+def kernel():
+    """Contact alone, on one group of lanes."""
+    runtime.start()
+    import taichi as ti
+
+    from fit.cloth.touching import touching
+
+    vectors = ti.types.ndarray(dtype=ti.types.vector(LANES, ti.f32), ndim=1)
+    whole, numbers = ti.types.ndarray(dtype=ti.i32, ndim=1), ti.types.ndarray(dtype=ti.f32, ndim=1)
+
+    @ti.kernel
+    def evaluate(
+        x: vectors, v: vectors, f: vectors, w: whole, memory: vectors, alone: numbers, chosen: vectors,
+        nodes: ti.i32,
+    ):  # fmt: skip
+        for task in range(512):
+            if task == 0:
+                touching(0, 0, nodes, 1, x, v, f, w, memory, alone, chosen[0], chosen[1], LANES)
+
+    return evaluate
+
+
+def pushed(cloth, contact, places, speeds=None):
+    """Forces of contact on the nodes [N], (nodes, 3), as the kernel computes them."""
+
+    def lanes(values):
+        made = zeros((np.size(values), LANES))
+        made[...] = np.ravel(values)[:, None]
+        return made
+
+    evaluate = kernel()
+    mesh, surface = cloth
+    still = np.zeros_like(places)
+    f = lanes(still)
+    arguments = contact_arguments(surface, contact, np.full((1, LANES), contact.thickness), len(mesh.rest))
+    with runtime.vectors_kept():
+        evaluate(
+            lanes(places), lanes(still if speeds is None else speeds), f, *arguments,
+            lanes([contact.thickness, DENSITY]), len(mesh.rest),
+        )  # fmt: skip
+    assert (f == f[:, :1]).all()
+    return f[:, 0].reshape(-1, 3).astype(float)
+
+
+# Rows of samples [m] from the fold, and how wide each counts: weights of six places that integrate cubics.
+ROWS, WIDTHS = np.array([0.06, 0.09, 0.12, 0.15]), np.array([0.031786, 0.031786, 0.030446, 0.012768])
+
+
+def folded(mesh, gap):
+    """The lower half of the sheet folded up behind the upper one like a book that is open by `gap` [m] at its end.
+
+    Returns the nodes' places, z being the distance from the fold, and which of them are of the lower half.
+    """
+    below = mesh.rest[:, 1] + SIDE / 2
+    is_back = below < -1e-9
+    return np.stack([mesh.rest[:, 0], np.where(is_back, -2 * gap / SIDE * below, 0.0), np.abs(below)], 1), is_back
+
+
+def torque_by_hand(pressure):
+    """Torque about the fold [N m] of the pressure [Pa] at each of `ROWS`, the rows that meet the other layer's."""
+    return SIDE * float((WIDTHS * ROWS * pressure).sum())
+
+
+def test_samples_carry_linear_fields_and_stand_for_the_whole_area(cloth):
+    mesh, surface = cloth
+    found = surface.samples.apply(np.column_stack([mesh.rest, mesh.rest @ [2.0, 3.0] + 1.0]))
+    assert len(surface.area) == 11 * 11
+    assert found[:, 2] == pytest.approx(found[:, :2] @ [2.0, 3.0] + 1.0)
+    assert surface.area.sum() == pytest.approx(SIDE**2)
+
+
+def test_layers_share_their_samples_on_a_seam():
+    """A tube of 0.3 m: 11 x 11 samples each side, less the eleven on either seam that both have."""
+    import msgspec
+
+    tube = msgspec.structs.replace(sheet(width=SIDE, height=SIDE), format="hangtime-garment/2", seams=((1, 2), (3, 0)))
+    surface = surface_of(build_mesh(tube, 0.05), 0.03)
+    assert len(surface.area) == 2 * 121 - 22
+    assert surface.area.sum() == pytest.approx(2 * SIDE**2)
+
+
+def test_two_layers_push_each_other_apart_by_stiffness_times_overlap(cloth):
+    """Kept 5 mm apart, open by 3 mm at the end: 100 kPa/m x 2 mm = 200 Pa there, 380 Pa in the second row of samples.
+
+    The first row is too near along the cloth. Torque about the fold: 0.3 m x (31.8 mm (60 x 380 + 90 x 320) +
+    30.4 mm x 120 x 260 + 12.8 mm x 150 x 200) mm Pa = 0.892 N m.
+    """
+    mesh, _ = cloth
+    places, is_back = folded(mesh, 0.003)
+    force = pushed(cloth, Contact(thickness=0.005), places)
+    by_hand = torque_by_hand(STIFFNESS * (0.005 - 0.02 * ROWS))
+    assert by_hand == pytest.approx(0.892, rel=1e-3)
+    assert force[is_back, 1] @ places[is_back, 2] == pytest.approx(by_hand, rel=1e-3)
+    assert force[~is_back, 1] @ places[~is_back, 2] == pytest.approx(-by_hand, rel=1e-3)
+
+
+def test_layers_farther_apart_than_their_thickness_do_not_touch(cloth):
+    mesh, _ = cloth
+    assert not pushed(cloth, Contact(thickness=0.005), folded(mesh, 0.013)[0]).any()
+
+
+def crumpled(mesh, rng):
+    """A fold whose layers are bent and within reach of each other here and there, moving at random."""
+    places, is_back = folded(mesh, 0.004)
+    x, z = places[:, 0] / SIDE, places[:, 2] / SIDE
+    bumps = rng.normal(size=(2, 3)) * 0.004
+    for layer, bump in enumerate(bumps):
+        chosen = is_back == bool(layer)
+        places[chosen, 1] += (bump[0] * np.sin(5 * x) + bump[1] * np.cos(4 * z) + bump[2] * x * z)[chosen]
+    return places, rng.normal(size=places.shape) * 0.3
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_contact_neither_pushes_nor_turns_the_cloth_as_a_whole(cloth, friction):
+    """Momentum stands to single precision; friction acts a thickness apart, so its torque is only nearly none."""
+    mesh, _ = cloth
+    places, speeds = crumpled(mesh, np.random.default_rng(3))
+    force = pushed(cloth, Contact(thickness=0.006, friction=friction), places, speeds)
+    size = np.abs(force).sum()
+    assert size > 1.0
+    assert np.abs(force.sum(0)).max() < 1e-5 * size
+    torque = np.cross(places, force)
+    assert np.abs(torque.sum(0)).max() < (1e-5 if friction == 0.0 else 2e-2) * size * SIDE
+
+
+def stored(surface, places, thickness):
+    """Energy of contact by its definition [J], in plain numpy."""
+    y = surface.samples.apply(places)
+    a, b, c, d = (y[surface.quads[:, k]] for k in range(4))
+    one, two = (b - a + d - c) / 2, (c - a + d - b) / 2
+    normal = np.cross(one, two)
+    square = (normal**2).sum(1)
+    away = y[:, None] - ((a + b + c + d) / 4)[None]
+    gap = np.abs(np.einsum("sqc,qc->sq", away, normal / np.sqrt(square)[:, None]))
+    first = np.einsum("sqc,qc->sq", away, np.cross(two, normal) / square[:, None])
+    second = np.einsum("sqc,qc->sq", away, np.cross(normal, one) / square[:, None])
+    ends = surface.windows
+    share = np.clip(2 * np.minimum(ends[:, 2] - first, ends[:, 3] + first), 0, 1)
+    share = share * np.clip(2 * np.minimum(ends[:, 0] - second, ends[:, 1] + second), 0, 1)
+    overlap = np.clip(thickness - gap, 0, None) * surface.may_meet
+    return float((surface.area[:, None] * share * STIFFNESS * overlap**2).sum() / 4)
+
+
+def test_forces_are_the_slope_of_the_energy(cloth):
+    """Along smooth displacements; what the moving windows would add is left out, a few per cent of bumps as steep."""
+    mesh, surface = cloth
+    places, _ = crumpled(mesh, np.random.default_rng(3))
+    force = pushed(cloth, Contact(thickness=0.006), places)
+    step = 1e-6
+    for seed in range(5):
+        moved = np.random.default_rng(seed).normal(size=(3, 3))
+        way = places @ moved + np.sin(9 * places @ moved)
+        slope = stored(surface, places + step * way, 0.006) - stored(surface, places - step * way, 0.006)
+        assert (force * way).sum() == pytest.approx(-slope / (2 * step), rel=0.05, abs=0.02 * np.abs(force).sum())
+
+
+def test_what_moves_apart_is_damped_but_never_held_back(cloth):
+    """Closing at 10 cm/s at its end adds c x 10 cm/s = 6 Pa there; opening at 37 m/s leaves nothing."""
+    mesh, _ = cloth
+    places, is_back = folded(mesh, 0.003)
+    speeds = np.zeros_like(places)
+    still = pushed(cloth, Contact(thickness=0.005), places)
+    speeds[is_back, 1] = -0.1 * places[is_back, 2] / 0.15
+    nearing = pushed(cloth, Contact(thickness=0.005), places, speeds) - still
+    by_hand = torque_by_hand(DAMPING * OMEGA * DENSITY * 0.1 * ROWS / 0.15)
+    assert nearing[is_back, 1] @ places[is_back, 2] == pytest.approx(by_hand, rel=1e-3)
+    speeds[is_back, 1] = 250.0 * places[is_back, 2]
+    assert not pushed(cloth, Contact(thickness=0.005), places, speeds).any()
+
+
+def test_friction_is_bounded_by_its_coefficient(cloth):
+    """Sliding with a coefficient of 0.4 at up to 20 m/s: 0.4 of the pressure against the motion."""
+    mesh, _ = cloth
+    places, is_back = folded(mesh, 0.003)
+    speeds = np.zeros_like(places)
+    speeds[is_back, 0] = 20.0 * places[is_back, 2] / 0.15
+    force = pushed(cloth, Contact(thickness=0.005, friction=0.4), places, speeds)
+    ratio = force[is_back, 0] @ places[is_back, 2] / (force[is_back, 1] @ places[is_back, 2])
+    assert ratio == pytest.approx(-0.4, rel=1e-3)
+
+
+BODIES = {
+    "sphere": (sphere((0.0, 0.0, 0.0), 0.1), (0.0, 0.0, 0.3), 0.2),
+    "capsule, beside": (capsule((0.0, -0.2, 0.0), (0.0, 0.2, 0.0), 0.1), (0.3, 0.1, 0.0), 0.2),
+    "capsule, beyond": (capsule((0.0, -0.2, 0.0), (0.0, 0.2, 0.0), 0.1), (0.0, 0.7, 0.0), 0.4),
+    "half-space": (half_space((0.0, 0.0, 1.0), (0.0, 0.0, 2.0)), (5.0, 3.0, 1.5), 0.5),
+    "half-space, within": (half_space((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)), (-0.2, 3.0, 9.0), -0.2),
+    "box": (box((0.0, 0.0, 0.0), (0.1, 0.2, 0.3)), (0.4, 0.0, 0.7), 0.5),
+    "box, within": (box((0.0, 0.0, 0.0), (0.1, 0.2, 0.3), radius=0.05), (0.04, 0.0, 0.0), -0.11),
+}
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_distance_from_a_body(name):
+    body, place, distance = BODIES[name]
+    assert body.distance(np.array(place)) == pytest.approx(distance, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_a_body_pushes_straight_out_by_its_stiffness_times_overlap(name, cloth):
+    """Clearance 30 mm, a sheet shrunk to a point 10 mm from the surface: 2 k x 20 mm x 0.09 m^2 = 360 N outwards."""
+    body, place, _ = BODIES[name]
+    mesh, _ = cloth
+    step = 1e-5
+    out = np.array([body.distance(place + step * e) - body.distance(place - step * e) for e in np.eye(3)]) / (2 * step)
+    at = np.array(place) + (0.01 - body.distance(np.array(place))) * out
+    places = at + 1e-6 * np.column_stack([mesh.rest, 0 * mesh.rest[:, 0]])
+    force = pushed(cloth, Contact(bodies=(body,), clearance=0.03), places)
+    # Single precision in the half-space, whose middle is 50 m away, is 4 um of 20 mm.
+    assert force.sum(0) == pytest.approx(2 * STIFFNESS * 0.02 * SIDE**2 * out, rel=2e-3, abs=2e-3 * 360)
+
+
+def dropped(contact, seconds=1.0, *, rate=30, gravity=GRAVITY, **changes):
+    """A level sheet of 18 g that nothing holds: the simulator and what it did."""
+    garment = sheet(width=SIDE, height=SIDE, mass=DENSITY * SIDE**2)
+    time = np.arange(0, seconds, 1 / rate)
+    recording = prepare(take_of(garment, time, np.zeros((len(time), 3))))
+    simulator = Simulator(recording, support=clamps(start=LEVEL, gravity=gravity), contact=contact)
+    return simulator, simulator.run(material(garment, **changes), shapes=True)
+
+
+FLOOR = half_space((0.0, 0.0, -0.05), (0.0, 0.0, 1.0))
+
+
+def test_a_sheet_on_a_floor_lies_a_clearance_above_it_and_weighs_what_it_weighs():
+    """-50 mm + 2 mm - g / omega^2 = -48.01 mm; 18 g are 0.1765 N."""
+    ended = [dropped(Contact(bodies=(FLOOR,)), velocity_damping=20.0, seconds=s)[1] for s in (1.5, 1.75, 2, 2.25, 2.5)]
+    assert ended[-1].shapes[0, -1, :, 2] == pytest.approx(-0.048 - GRAVITY / OMEGA**2, abs=5e-5)
+    # A weight that hardly presses is hardly damped: at any one instant it still trembles, by under a micrometre.
+    weight = np.mean([rollouts.forces[0].sum(0) for rollouts in ended], 0)
+    assert weight == pytest.approx([0, 0, 0.018 * GRAVITY], abs=0.04 * 0.1765)
+
+
+def test_a_sheet_bounces_off_a_floor_as_the_law_of_contact_says():
+    """One mass on the law, in steps of a microsecond: it comes back to 32 % of its height.
+
+    Damping that acted from the first touch to the last would leave exp(-2 pi zeta / sqrt(1 - zeta^2)) = 14 %.
+    """
+    _, rollouts = dropped(Contact(bodies=(FLOOR,)), velocity_damping=0.0, seconds=0.3, rate=240)
+    height = rollouts.shapes[0, :, :, 2].mean(1) + 0.048
+    landed = int(np.argmin(height))
+    z, speed, highest = 0.048, 0.0, 0.0
+    for _ in range(300_000):
+        overlap = max(-z, 0.0)
+        push = OMEGA**2 * overlap - min(4 * overlap / 0.002, 1) * 2 * DAMPING * OMEGA * speed
+        speed += 1e-6 * (max(push, 0.0) - GRAVITY)
+        z += 1e-6 * speed
+        highest = max(highest, z) if speed > 0 else highest
+    assert highest / 0.048 == pytest.approx(0.318, abs=0.002)
+    # The sheet's step is a quarter of 1 / omega.
+    assert height[landed:].max() == pytest.approx(highest, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    "body", [sphere((0.0, 0.0, -0.13), 0.12), capsule((-0.3, 0.0, -0.07), (0.3, 0.0, -0.07), 0.06)],
+    ids=["sphere", "cylinder"],
+)  # fmt: skip
+def test_a_sheet_hangs_over_a_body_that_carries_its_weight(body):
+    """No part of it is inside; what the body gives is 0.1765 N, straight up."""
+    simulator, rollouts = dropped(
+        Contact(bodies=(body,), thickness=0.004, friction=0.6), velocity_damping=8.0, seconds=1.5
+    )
+    distance = body.distance(simulator.surface.samples.apply(rollouts.shapes[0, -1].astype(float)))
+    assert distance.min() == pytest.approx(0.002, abs=2e-4)
+    assert distance.max() > 0.015
+    # It still creeps into its last place.
+    assert rollouts.forces[0].sum(0) == pytest.approx([0, 0, 0.018 * GRAVITY], abs=0.04 * 0.1765)
+
+
+def test_a_sheet_that_is_folded_lies_on_itself_and_how_thick_it_is_hardly_matters():
+    """Without contact the upper half lies on the floor, within the lower one; with it, as high as it is thick.
+
+    3 and 6 mm in place of 5 move the nodes by less than those 2 and 1 mm.
+    """
+    simulator, through = turned_over(0.0)
+    assert height_of_upper_layer(simulator, through[-1]) == pytest.approx(0.0, abs=1e-4)
+    known = {d: turned_over(d)[1][-1] for d in (0.003, 0.005, 0.006)}
+    for thickness, shape in known.items():
+        # The row meets the other layer up to a few tenths of a millimetre away from where it is told.
+        assert height_of_upper_layer(simulator, shape) == pytest.approx(thickness, abs=6e-4)
+        moved = float(np.sqrt(((shape - known[0.005]) ** 2).sum(1).mean()))
+        assert moved <= abs(thickness - 0.005)
+
+
+def test_front_and_back_of_a_swung_skirt_do_not_pass_through_each_other():
+    """Without contact they do in most pictures."""
+    passed = []
+    for thickness in (0.0, 0.005):
+        simulator, row = swung("tube", thickness, 1.5)
+        shapes = simulator.run(row, shapes=True).shapes[0].astype(float)
+        passed.append([crossings(simulator.surface, shape) for shape in shapes[::3]])
+    assert np.mean(np.array(passed[0]) > 0) > 0.5
+    assert passed[1] == [0] * 15
+
+
+def test_layers_that_hit_each_other_make_no_energy():
+    """A sheet falls over a rod without friction or damping: kinetic and potential energy never exceed the first."""
+    rod = capsule((-0.5, 0.0, -0.03), (0.5, 0.0, -0.03), 0.02)
+    rate = 240
+    simulator, rollouts = dropped(
+        Contact(thickness=0.005, bodies=(rod,), spacing=0.03), seconds=0.6, rate=rate, velocity_damping=0.0,
+        bending_damping_time=0.0,
+    )  # fmt: skip
+    shapes = rollouts.shapes[0].astype(float)
+    mass = DENSITY * simulator.mesh.node_area
+    speed = np.diff(shapes, axis=0) * rate
+    kinetic = 0.5 * (mass * (speed**2).sum(2)).sum(1)
+    height = (shapes[1:, :, 2] + shapes[:-1, :, 2]) / 2
+    energy = kinetic + GRAVITY * (mass * height).sum(1)
+    assert kinetic.max() > 0.01
+    assert energy.max() < 1e-4  # it starts at rest at height 0
+
+
+def test_a_candidate_in_contact_does_not_depend_on_its_company():
+    """Alone, or beside eleven others that are thicker or heavier: the same to the last bit."""
+    from fit.effects import find_effects
+
+    rod = capsule((-0.5, 0.0, -0.03), (0.5, 0.0, -0.03), 0.02)
+    garment = sheet(width=SIDE, height=SIDE, mass=DENSITY * SIDE**2)
+    time = np.arange(0, 0.7, 1 / 30)
+    recording = prepare(take_of(garment, time, np.zeros((len(time), 3))))
+    contact = Contact(bodies=(rod,), spacing=0.03)
+    simulator = Simulator(recording, find_effects(["self_contact"]), support=clamps(start=LEVEL), contact=contact)
+    row = material(garment)
+    others = np.concatenate([row, np.repeat(material(garment, areal_density=0.25), 11, 0)])
+    amplitudes = np.linspace(0.004, 0.015, 12)[:, None]
+    alone = simulator.run(row, amplitudes[:1], shapes=True).shapes[0]
+    assert (simulator.run(others, amplitudes, shapes=True).shapes[0] == alone).all()
+    assert np.abs(simulator.run(row, np.zeros((1, 1)), shapes=True).shapes[0] - alone).max() > 0.005
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: Contact(thickness=-0.001), "thickness of -0.001"),
+        (lambda: Contact(friction=float("nan")), "friction of nan"),
+        (lambda: Contact(bodies=(sphere((0, 0, 0), 0.01),)), "slips through between samples"),
+        (lambda: Contact(spacing=1.0), "not between 0.005 and 0.1"),
+        (lambda: sphere((0, 0, 0), 0.0), "has no inside"),
+        (lambda: sphere((0, 0, float("inf")), 1.0), "has no inside"),
+        (lambda: capsule((0, 0, 0), (0, 0, 0), 0.1), "is a sphere"),
+        (lambda: half_space((0, 0, 0), (0, 0, 0)), "has no direction"),
+    ],
+)
+def test_what_cannot_touch_is_refused(make, says):
+    with pytest.raises(FitError, match=says):
+        make()

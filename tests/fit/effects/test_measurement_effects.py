@@ -1,0 +1,129 @@
+"""Every effect of the measurement against a number worked by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from fit.cloth.effect import Effect, amplitudes_of
+from fit.effects import LIBRARY
+from fit.effects.tracker_smoothing import opposite_neighbours
+from fit.recordings.recording import prepare
+from tests.fit.effects.test_effects import FRAME, driven, effect, observed
+from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
+
+
+def test_time_offset_and_drift_read_the_path_earlier():
+    """20 ms late; or, at 3 s, 15 ms late with a clock that loses 0.5 %."""
+
+    def ramp(t):
+        return np.stack([0 * t, 0.1 * t, 0 * t], 1)
+
+    _, before, late = driven("time_offset", 0.02, ramp)
+    assert (before - late)[50, 0, 1] == pytest.approx(0.1 * 0.02, rel=1e-3)
+    instants, before, drifting = driven("clock_drift", 0.005, ramp)
+    assert (before - drifting)[75, 0, 1] == pytest.approx(0.1 * 0.005 * instants[75], rel=1e-2)
+
+
+def test_cloth_on_a_drifting_clock_swings_slower(monkeypatch):
+    """On a clock that is 2 % slow, points are where they were 2 % earlier, to 0.1 mm; the path alone misses by 11."""
+    garment = sheet(width=0.3, height=0.35, mass=0.02, grid=5)
+    time = np.arange(0, 4, FRAME / 2)
+    row = material(garment, velocity_damping=0.5)
+
+    def points(drift):
+        amplitudes = amplitudes_of(LIBRARY, clock_drift=drift)[None]
+        return simulate_take(garment, time, swing(time), row, effects=LIBRARY, amplitudes=amplitudes).points
+
+    true = points(0.0)
+    earlier = CubicSpline(time, true)(0.98 * time)
+    assert np.abs(points(0.02) - earlier).max() < 1e-4
+    monkeypatch.setattr(type(effect("clock_drift")), "material", Effect.material)
+    assert np.sqrt(((points(0.02) - earlier) ** 2).mean()) == pytest.approx(0.011, rel=0.1)
+
+
+def test_depth_scale_lengthens_every_distance_from_the_sensor():
+    points = np.tile([0.1, 1.5, -0.3], (40, 25, 1))
+    assert observed("depth_scale", (0.01, 0.0), points)[0, 0] == pytest.approx([0.101, 1.515, -0.303])
+    _, before, after = driven("depth_scale", (0.0, 0.02))
+    assert after == pytest.approx(before / 1.02)
+
+
+def test_a_lagging_tracker_trails_by_its_time_constant_times_the_speed():
+    """1 m/s behind 30 ms: 30 mm, after a few time constants."""
+    ramp = np.zeros((60, 25, 3))
+    ramp[:, :, 0] = (np.arange(60) * FRAME)[:, None]
+    lagging = observed("filter_lag", 0.03, ramp)
+    # The simulated cloth is late already: ahead by 30 mm, and behind by as much once the start is forgotten.
+    assert (ramp - lagging)[20:, 0, 0] == pytest.approx(0.0, abs=1e-6)
+    assert (lagging - ramp)[0, 0, 0] == pytest.approx(0.03)
+
+
+def test_a_lag_has_the_cloth_follow_a_path_that_is_as_late():
+    late = [driven(name, 0.03, lambda time: swing(time)) for name in ("filter_lag", "time_offset")]
+    assert late[0][2] == pytest.approx(late[1][2])
+    assert np.abs(late[0][2] - late[0][1]).max() > 0.005
+
+
+def test_behind_a_lag_swings_are_late_and_smaller():
+    """At 2 Hz and 30 ms: a gain of 1 / sqrt(1 + (w tau)^2) = 0.936 and w tau - atan(w tau) ahead of the late cloth."""
+    time, turns, tau = np.arange(0, 4, FRAME), 2 * np.pi * 2.0, 0.03
+    late = np.sin(turns * (time - tau))[:, None, None] * np.ones((1, 25, 3))
+    lagging = observed("filter_lag", tau, late)[:, 0, 0]
+    gain, phase = 1 / np.hypot(1, turns * tau), np.arctan(turns * tau)
+    assert lagging[20:-3] == pytest.approx(gain * np.sin(turns * time - phase)[20:-3], abs=0.02)
+
+
+def test_an_eroded_corner_is_seen_nearer_to_the_middle():
+    flat = hung(sheet(grid=5), np.zeros(40))
+    moved = observed("corner_erosion", (0.01, 0.0), flat) - flat
+    assert np.linalg.norm(moved[0, 24]) == pytest.approx(0.01)  # bottom right
+    assert moved[0, 12] == pytest.approx([0, 0, 0])
+    assert moved[0, 0] == pytest.approx([0, 0, 0])  # held corners keep their place
+    border = observed("corner_erosion", (0.0, 0.01), flat) - flat
+    assert abs(border[0, 14, 0]) == pytest.approx(0.01)  # middle of the right border, half a width from the middle
+
+
+def test_ironing_leaves_flat_cloth_and_lowers_a_bump():
+    flat = hung(sheet(grid=5), np.zeros(40))
+    assert observed("tracker_smoothing", 0.4, flat) == pytest.approx(flat)
+    bumpy = flat.copy()
+    bumpy[:, 12, 1] += 0.01
+    assert observed("tracker_smoothing", 0.4, bumpy)[0, 12, 1] == pytest.approx(0.006)
+
+
+def test_a_point_that_nobody_saw_is_not_ironed_back_into_its_neighbours():
+    """Its target is the origin, 1.5 m away: the pull on its neighbours takes no part of it."""
+    time = np.arange(0, 2, FRAME)
+    garment = sheet(grid=5)
+    points = hung(garment, time) + np.array([0.0, 1.5, 0.0])
+    blind = points.copy()
+    blind[:, 12] = np.nan
+    aims = []
+    for seen in (points, blind):
+        recording = prepare(take_of(garment, time, np.tile([0.0, 1.5, 0.0], (len(time), 1)), seen))
+        targets, _ = recording.targets(time)
+        aims.append(effect("tracker_smoothing").unobserved(targets, recording, np.array([0.4])))
+    others = np.arange(25) != 12
+    assert aims[1][:, others] == pytest.approx(aims[0][:, others], abs=1e-6)  # flat cloth has no wrinkles
+
+
+@pytest.mark.parametrize("pitch", [(0.075, 0.075), (0.075, 0.0763), (0.04, 0.053), (0.075, 0.05)])
+def test_inner_points_of_any_grid_have_four_neighbours(pitch):
+    """Nine columns and five rows: columns' and rows' folds shrink alike, whatever the pitches."""
+    across, down = np.meshgrid(np.arange(9), np.arange(5))
+    places = np.stack([across.ravel(), -down.ravel()], 1) * np.array(pitch)
+    mixing = opposite_neighbours(places)
+    inner = np.flatnonzero((across % 8 > 0).ravel() & (down % 4 > 0).ravel())
+    assert (np.count_nonzero(mixing[inner], axis=1) == 4).all()
+    assert mixing[inner].max() == pytest.approx(0.25)
+    border = np.flatnonzero((across % 8 > 0).ravel() & (down == 0).ravel())
+    assert (np.count_nonzero(mixing[border], axis=1) == 2).all()
+
+
+def test_corners_have_no_opposite_neighbours():
+    places = np.array([(x, y) for y in (0, 1, 2) for x in (0, 1, 2)], float)
+    mixing = opposite_neighbours(places)
+    assert mixing[0, 0] == 1.0
+    assert mixing[4] == pytest.approx([0, 0.25, 0, 0.25, 0, 0.25, 0, 0.25, 0])

@@ -1,0 +1,114 @@
+"""The cloth held where its edge was tracked: the path found, and the gap that lies between hanger and edge."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import msgspec
+import numpy as np
+import pytest
+
+from fit.cloth.model import Resolution
+from fit.effects import find_effects
+from fit.gap.diagnosis import diagnose
+from fit.gap.edge_driven import driven_by_edge, sentence
+from fit.recordings.recording import prepare
+from fit.report import answer, charts
+from tests.fit.gap.verdict_scene import evidence_of, hypothesis
+from tests.fit.report.report_scene import diagnosis
+from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
+
+TIME = np.arange(0, 3, 1 / 30)
+ASTRAY = np.stack([0.02 * np.sin(2 * TIME), 0.015 * np.cos(3.1 * TIME), -0.01 * np.sin(TIME + 1)], 1)
+
+
+def a_take(*, grid=5, change=lambda points: points, noise=0.0):
+    """A flat sheet whose edge, with everything else, moves beside the hanger, its right end 5 mm higher."""
+    garment, path = sheet(grid=grid), swing(TIME)
+    share = np.array([p.at_m[0] for p in garment.points]) / np.ptp([x for x, _ in garment.outline_m])
+    points = hung(garment, TIME) + (path + ASTRAY)[:, None]
+    points[..., 2] += 0.005 * (share + 0.5)
+    points = points + np.random.default_rng(0).normal(0, noise, points.shape) if noise else points
+    return take_of(garment, TIME, path, change(points))
+
+
+def test_the_held_ends_are_where_the_tracked_edge_says():
+    recording = prepare(a_take(noise=0.001))
+    driven = driven_by_edge(recording)
+    apart = (driven.held(TIME) - recording.held(TIME)).reshape(-1, 2, 3)
+    expected = np.stack([ASTRAY, ASTRAY + np.array([0.0, 0.0, 0.005])], 1)
+    # Five points of 1 mm tell an end to 0.77 mm in a frame; the path is smooth.
+    assert np.sqrt(((apart - expected) ** 2).mean()) < 0.0006
+    assert driven.points is recording.points
+
+
+def test_frames_that_show_too_little_of_the_edge_are_bridged():
+    def hide(points):
+        points[20:26, 1:5] = np.nan  # one point of the edge is left
+        points[40:50, :5] = np.nan
+        return points
+
+    recording = prepare(a_take(change=hide))
+    apart = (driven_by_edge(recording).held(TIME) - recording.held(TIME)).reshape(-1, 2, 3)[:, 0]
+    assert np.abs(apart - ASTRAY).max() < 0.002
+
+
+@pytest.mark.parametrize("gone", [slice(30, 50), slice(10, 90), slice(0, 20), slice(70, 90)])
+def test_an_edge_that_is_lost_for_long_tells_no_path(gone):
+    def hide(points):
+        points[gone, :5] = np.nan
+        return points
+
+    assert driven_by_edge(prepare(a_take(change=hide))) is None
+
+
+def test_cloth_that_two_clips_hold_has_no_edge_to_be_driven_by():
+    take = a_take()
+    clipped = msgspec.structs.replace(take.garment, held="corners")
+    assert driven_by_edge(prepare(dataclasses.replace(take, garment=clipped))) is None
+
+
+def a_swung_take(name, astray, hz):
+    """A take of our own cloth whose hanger is said to be elsewhere than it was."""
+    garment = sheet(grid=5)
+    row = material(garment, velocity_damping=1.5, bending_stiffness=3e-5, shear_stiffness=40.0)
+    true = swing(TIME, amplitude=0.05, hz=hz, stop=2.0)
+    take = simulate_take(garment, TIME, true + astray, row, noise=0.0005, resolution=Resolution(spacing=0.1), name=name)
+    return dataclasses.replace(take, held=take.held - astray[:, None])
+
+
+def test_a_hanger_that_is_said_to_be_elsewhere_is_told_as_such():
+    takes = [a_swung_take(f"take{k}", ASTRAY * (1 - 2 * k), 0.7 + 0.3 * k) for k in range(2)]
+    options = {"effects": find_effects(["hem", "air_drag"]), "resolution": Resolution(spacing=0.1)}
+    found = diagnose(takes[:1], takes[1:], **options).diagnosis
+    assert found.verdict == "unknown"
+    assert found.gap.base_mm.value > 10.0
+    assert found.gap.held_by_edge_mm.value < 3.0
+    assert found.gap.closure_held_by_edge.value > 0.95
+    assert "of the gap [" in found.sentence
+    assert "lies between hanger and edge. Not looked for, as asked: shear stiffness, " in found.sentence
+    assert found.sentence.endswith(" and 21 more.")
+
+
+@pytest.mark.parametrize(("left", "said"), [
+    (7.0, "7.0 mm: 80 % of the gap [79 to 80 %] lies between hanger and edge."),
+    (12.0, "12.0 mm: the gap does not lie between hanger and edge."),
+])  # fmt: skip
+def test_the_sentence_says_how_much_of_the_gap_lies_between_hanger_and_edge(left, said):
+    """144 - 49 of 144 - 25 mm^2."""
+    assert sentence(evidence_of({}), hypothesis((), left)) == f" Held where its edge was tracked, it misses by {said}"
+    assert sentence(evidence_of({}), None) == ""
+
+
+def test_the_report_shows_the_figure_beside_the_gap():
+    made_up = diagnosis()
+    figure = msgspec.structs.replace(made_up.gap.base_mm, value=7.0)
+    share = msgspec.structs.replace(made_up.gap.base_mm, value=0.8)
+    gap = msgspec.structs.replace(made_up.gap, held_by_edge_mm=figure, closure_held_by_edge=share)
+    assert "held where its edge was tracked" not in answer.verdict(None, made_up)
+    page = answer.verdict(None, msgspec.structs.replace(made_up, gap=gap))
+    assert "held where its edge was tracked" in page
+    assert "7.0 mm" in page
+    assert "80 % of the gap closed" in page
+    assert "held by its tracked edge" not in charts.gap_bars(made_up.gap, "x")
+    assert "held by its tracked edge</span>" in charts.gap_bars(gap, "x")

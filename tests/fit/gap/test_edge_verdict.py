@@ -1,0 +1,210 @@
+"""Verdicts that rest on what the held edge shows, on figures made up so that each rule can be worked by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import msgspec
+import pytest
+
+from fit.effects import LIBRARY
+from fit.gap.evidence import edge_left_by_law
+from fit.gap.probabilities import probabilities
+from fit.gap.verdict import decide, passing_effects
+from fit.observer.edge import is_seen_on_edge
+from tests.fit.gap.verdict_scene import CHAOTIC, COARSE, STILL, evidence_of, hypothesis, with_edge
+
+NAMES = [e.name for e in LIBRARY]
+SLACK = NAMES.index("clip_slack")
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "is_seen"),
+    [
+        (1300, 1150, True),  # all of the 150 beyond noise of 1150
+        (1300, 1230, False),  # 70 of them
+        (1300, 1220, True),  # 80
+        (1200, 1145, False),  # 55: slow noise may do that
+        (900, 820, True),  # 80, of takes that state too much noise
+    ],
+)
+def test_an_effect_is_seen_on_the_held_edge_where_it_removes_most_of_what_is_off_there(before, after, is_seen):
+    one, other = (with_edge(hypothesis((), 6.0), squares).errors.edge for squares in (before, after))
+    assert is_seen_on_edge(one, other) == is_seen
+    assert not is_seen_on_edge(one, other, 151.0 / 60.0)
+
+
+@pytest.mark.parametrize(("name", "left"), [("time_offset", 0.0), ("depth_scale", 0.96), ("air_lift", 0.0)])
+def test_laws_of_what_moves_the_held_edge_may_leave_some_of_what_it_shows(name, left):
+    """A depth scale, good to 8 %, the square of three times that of 1000 is 57.6, 60 are certain; air moves no edge."""
+    base = with_edge(hypothesis((), 12.0), 2150)
+    observer = evidence_of({}).observer
+    assert edge_left_by_law(observer, base, hypothesis((name,), 6.0)) == pytest.approx(left)
+    beside = hypothesis((name, "time_offset"), 6.0)
+    assert edge_left_by_law(observer, base, beside) == pytest.approx(left)
+
+
+def draught_and_slack(mm, *, without, with_slack):
+    """A draught that leaves 8 mm, and slack clips beside it that leave `mm`; squared deviations of the held edge."""
+    evidence = evidence_of({"draught": 8.0}, joint=[(("draught", "clip_slack"), mm)])
+    (draught,), ((both, p_value),) = evidence.singles, evidence.joint
+    return dataclasses.replace(
+        evidence, base=with_edge(evidence.base, without),
+        singles={draught: with_edge(evidence.singles[draught], without)},
+        joint=[(with_edge(both, with_slack), p_value)],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("squares", "verdict"), [(1150, "several"), (1900, "effect")])
+def test_a_further_effect_that_the_held_edge_shows_is_named_though_it_closes_little(squares, verdict):
+    """Beside a draught that leaves 8 mm clips closer together close 3 mm^2 of 119, and 39 are left."""
+    evidence = draught_and_slack(7.8, without=2000, with_slack=squares)
+    found = decide(evidence, LIBRARY)
+    assert found.verdict == verdict
+    both = evidence.joint[0][0]
+    likely = probabilities(evidence, both)
+    assert (likely.get(both.effects[1], 0.0) > 0.5) == (verdict == "several")
+
+
+@pytest.mark.parametrize(("squares", "verdict"), [(1250, "effect"), (1270, "unknown")])
+def test_an_effect_that_puts_the_held_edge_surely_off_is_contradicted_by_itself(squares, verdict):
+    """The edge is where it was tracked without it, to 1200; 60 more are certain."""
+    evidence = evidence_of({"clip_slack": 6.0})
+    singles = {k: with_edge(one, squares) for k, one in evidence.singles.items()}
+    evidence = dataclasses.replace(evidence, base=with_edge(evidence.base, 1200), singles=singles)
+    assert decide(evidence, LIBRARY).verdict == verdict
+
+
+@pytest.mark.parametrize(("squares", "verdict"), [(1250, "several"), (1270, "effect")])
+def test_nor_is_it_added_to_another(squares, verdict):
+    """Beside a draught that leaves 8 mm clips closer together close 28 mm^2 of 119, of which 39 are left."""
+    evidence = draught_and_slack(6.0, without=1200, with_slack=squares)
+    assert decide(evidence, LIBRARY).verdict == verdict
+
+
+@pytest.mark.parametrize(("squares", "verdict", "named"), [
+    ((1100, 1120), "ambiguous", ["attachment_offset", "depth_scale"]), ((1200, 1100), "effect", ["depth_scale"]),
+])  # fmt: skip
+def test_what_the_held_edge_contradicts_is_neither_named_nor_a_rival(squares, verdict, named):
+    """Both close 91 %, the offset a little more."""
+    evidence = evidence_of({"attachment_offset": 5.98, "depth_scale": 6.0, "hem": 11.5})
+    evidence = dataclasses.replace(evidence, base=with_edge(evidence.base, 2000))
+    names = [e.name for e in LIBRARY]
+    for name, edge in zip(("attachment_offset", "depth_scale"), squares, strict=True):
+        evidence.singles[names.index(name)] = with_edge(evidence.singles[names.index(name)], edge)
+    found = decide(evidence, LIBRARY)
+    assert (found.verdict, found.named) == (verdict, named)
+    assert (probabilities(evidence, None)[names.index("attachment_offset")] > 0) == (verdict == "ambiguous")
+    # Where the edge is off by 4000 without either, laws may leave a twentieth of that, 145 or 150: nothing is told.
+    far = dataclasses.replace(evidence, base=with_edge(evidence.base, 4100))
+    assert decide(far, LIBRARY).verdict == "ambiguous"
+    # What closes little contradicts nothing, wherever it puts the edge.
+    hem = names.index("hem")
+    evidence = dataclasses.replace(evidence, singles={**evidence.singles, hem: with_edge(evidence.singles[hem], 500)})
+    assert decide(evidence, LIBRARY).named == named
+
+
+@pytest.mark.parametrize(("squares", "twins"), [(1180, {"time_offset": ["filter_lag"]}), (1400, {})])
+def test_a_twin_that_the_held_edge_contradicts_is_not_told(squares, twins):
+    pair = with_edge(hypothesis(("air_drag", "filter_lag"), 5.6), squares)
+    evidence = evidence_of({"air_drag": 9.0}, joint=[(("air_drag", "time_offset"), 5.5)], instead=[pair])
+    (drag,), ((both, p_value),) = evidence.singles, evidence.joint
+    evidence = dataclasses.replace(
+        evidence, singles={drag: with_edge(evidence.singles[drag], 4000)}, joint=[(with_edge(both, 1100), p_value)]
+    )
+    assert decide(evidence, LIBRARY).alternatives == twins
+
+
+@pytest.mark.parametrize(("name", "verdict"), [("depth_scale", "effect"), ("time_offset", "several")])
+def test_what_a_law_may_leave_on_the_held_edge_needs_no_further_effect(name, verdict):
+    """Of 18850 a late clock or a depth scale leaves 300, 1.6 %; an offset closes them, and 3 mm^2 of 119."""
+    evidence = evidence_of({name: 6.0}, joint=[((name, "attachment_offset"), 5.8)])
+    (first,), ((both, p_value),) = evidence.singles, evidence.joint
+    evidence = dataclasses.replace(
+        evidence, base=with_edge(evidence.base, 20000), singles={first: with_edge(evidence.singles[first], 1450)},
+        joint=[(with_edge(both, 1150), p_value)],
+    )  # fmt: skip
+    assert decide(evidence, LIBRARY).verdict == verdict
+    likely = probabilities(evidence, evidence.joint[0][0])[both.effects[1]]
+    assert (likely > 0.5) == (verdict == "several")
+
+
+def told(closed_mm, *, base=12.0, before=(900, 100.0), after=(900, 2.0), other=None):
+    """Evidence where the edge is off constantly without slack and not with it; `other`: {name: mm} beside it."""
+    evidence = evidence_of({"clip_slack": closed_mm, **(other or {})}, base=base)
+    singles = {k: with_edge(h, *(after if k == SLACK else before)) for k, h in evidence.singles.items()}
+    return dataclasses.replace(evidence, base=with_edge(evidence.base, *before), singles=singles)
+
+
+@pytest.mark.parametrize(
+    ("evidence", "verdict"),
+    [
+        (told(10.5), "effect"),  # it closes 28 % of the gap, more is left than laws leave
+        (told(11.9), "effect"),  # 2 %
+        (told(14.0), "unknown"),  # the cloth is surely worse off
+        (told(5.05, base=5.1), "effect"),  # there is no gap
+        (told(5.05, base=5.1, after=(900, 90.0)), "none"),
+        (told(11.9, after=(900, 40.0)), "unknown"),  # the edge is not where the effect has it: 36 beyond chance
+        (told(11.9, before=(900, 20.0)), "unknown"),  # 18 less are not certain
+    ],
+)
+def test_what_the_held_edge_tells_is_named_whatever_the_cloth_does(evidence, verdict):
+    found = decide(evidence, LIBRARY)
+    assert (found.verdict, found.named) == (verdict, ["clip_slack"] if verdict == "effect" else [])
+    assert (probabilities(evidence, None)[SLACK] > 0.8) == (verdict == "effect")
+
+
+def test_the_sentence_says_what_the_edge_tells_and_what_no_effect_explains():
+    """0.02 sqrt(900) = 0.6 mm vary, and 100 or 2 squared deviations more stand for 1 or 0.02 mm."""
+    sentence = decide(told(10.5), LIBRARY).sentence
+    assert (
+        "The held edge tells of it: the model has that edge 1.6 mm off without it, 0.6 mm with it, noise included."
+        in sentence
+    )
+    assert "The rest of the gap, 72 %, no effect in the library explains." in sentence
+    assert "The rest" not in decide(told(5.3), LIBRARY).sentence
+    small = decide(told(5.05, base=5.1), LIBRARY).sentence
+    assert "it misses by 5.0 mm. The held edge" in small
+
+
+@pytest.mark.parametrize(("base", "verdict"), [(5.1, "none"), (12.0, "unknown")])
+def test_an_edge_that_nothing_puts_right_is_told_of(base, verdict):
+    found = decide(told(base - 0.1, base=base, after=(900, 90.0)), LIBRARY)
+    assert found.verdict == verdict
+    assert found.sentence.endswith("It has the held edge 1.6 mm off, beyond noise.")
+    quiet = decide(told(base - 0.1, base=base, before=(900, 20.0), after=(900, 20.0)), LIBRARY)
+    assert "edge" not in quiet.sentence
+
+
+def test_an_effect_that_leaves_the_edge_off_is_not_named_in_the_place_of_one_that_it_tells_of():
+    """Drag closes 60 % of the cloth's gap; both together are `several` if either needs the other."""
+    evidence = told(10.5, other={"air_drag": 8.0})
+    assert [NAMES[k] for k in passing_effects(evidence)] == ["clip_slack", "air_drag"]  # a rival, were it not told
+    assert decide(evidence, LIBRARY).named == ["clip_slack"]
+    for left, verdict in ((6.0, "several"), (10.2, "effect")):
+        both = with_edge(hypothesis(("air_drag", "clip_slack"), left, seed=9), 900, 2.0)
+        assert decide(dataclasses.replace(evidence, joint=[(both, 0.001)]), LIBRARY).verdict == verdict
+
+
+def test_a_base_fit_or_a_mesh_that_is_not_settled_does_not_hide_what_the_edge_tells():
+    for gate in (COARSE, msgspec.structs.replace(COARSE, name="base fit")):
+        assert decide(dataclasses.replace(told(10.5), gates=[gate]), LIBRARY).verdict == "effect"
+
+
+@pytest.mark.parametrize(("with_slack", "verdict"), [(8.1, "several"), (8.6, "effect")])
+def test_what_the_held_edge_shows_is_named_beside_another_though_the_cloth_gains_nothing(with_slack, verdict):
+    """A draught leaves 8 mm; clips closer together put the edge right, and half a millimetre more is surely worse."""
+    evidence = draught_and_slack(with_slack, without=2000, with_slack=1150)
+    assert decide(evidence, LIBRARY).verdict == verdict
+
+
+@pytest.mark.parametrize(("after", "verdict"), [((900, 2.0), "effect"), ((900, 90.0), "inconclusive")])
+def test_chaotic_cloth_does_not_hide_what_the_held_edge_tells(after, verdict):
+    """Drag closes more of the gap, which in takes that nobody can predict says nothing."""
+    evidence = told(11.0, after=after, other={"air_drag": 6.0})
+    evidence = dataclasses.replace(evidence, gates=[*evidence.gates, CHAOTIC])
+    found = decide(evidence, LIBRARY)
+    assert (found.verdict, found.named) == (verdict, ["clip_slack"] if verdict == "effect" else [])
+    assert ("it is not predictable" in found.sentence) == (verdict == "effect")
+    still = dataclasses.replace(evidence, gates=[*evidence.gates, STILL])
+    assert decide(still, LIBRARY).verdict == "inconclusive"

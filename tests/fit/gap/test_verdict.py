@@ -1,0 +1,241 @@
+"""The verdict and its probabilities, on figures made up so that each rule can be worked by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fit.cloth.effect import amplitudes_of
+from fit.effects import LIBRARY, find_effects
+from fit.gap.closure import closure
+from fit.gap.numerics import Refined
+from fit.gap.probabilities import LEFT, LEFT_WIDTH, ODDS, probabilities
+from fit.gap.rounds import Rounds
+from fit.gap.verdict import decide
+from tests.fit.gap.verdict_scene import COARSE, STILL, errors, evidence_of, hypothesis
+
+
+@pytest.mark.parametrize(
+    ("given", "verdict", "named"),
+    [
+        # 12 mm without, 6 with, floor 5: (144 - 36) / (144 - 25) = 91 % of the gap.
+        ({"singles": {"air_drag": 6.0, "hem": 11.5}}, "effect", ["air_drag"]),
+        ({"singles": {"air_drag": 11.9}}, "unknown", []),
+        # 10.2 mm: a third of the gap, significant and yet not the cause.
+        ({"singles": {"air_drag": 10.2}}, "unknown", []),
+        ({"singles": {"air_drag": 6.0, "hem": 6.02}}, "ambiguous", ["air_drag", "hem"]),
+        # A finer mesh closes 60 %: more than 44 % with drag, less than 91 %.
+        ({"singles": {"air_drag": 9.6}, "gate_list": [COARSE]}, "numerics", []),
+        ({"singles": {"air_drag": 6.0}, "gate_list": [COARSE]}, "effect", ["air_drag"]),
+        ({"singles": {"air_drag": 6.0}, "gate_list": [STILL]}, "inconclusive", []),
+        ({"singles": {"air_drag": 5.0}, "base": 5.3}, "none", []),
+        # Drag of 3.0, the end of its range: no such air.
+        ({"singles": {"air_drag": 6.0}, "sizes": 2.5}, "unknown", []),
+        ({"singles": {"air_drag": 9.0}, "joint": [(("air_drag", "hem"), 5.5)]}, "several", ["air_drag", "hem"]),
+        ({"singles": {"air_lift": 9.0}, "joint": [(("air_lift", "hem"), 5.5)], "joint_p": 0.3}, "effect", ["air_lift"]),
+        # Of 119 mm^2 7 may be left by laws of drag that are good to 8 %, 24^2 %, beside 30 of noise and 2 of mesh: 39.
+        ({"singles": {"air_drag": 6.2}}, "effect", ["air_drag"]),
+        ({"singles": {"air_drag": 6.3}}, "unknown", []),
+        ({"singles": {"air_lift": 8.0}}, "effect", ["air_lift"]),
+        # A twentieth, 6, whatever is known of the clock.
+        ({"singles": {"time_offset": 6.1}}, "effect", ["time_offset"]),
+        ({"singles": {"time_offset": 6.2}}, "unknown", []),
+        ({"singles": {"air_drag": 9.0}, "joint": [(("air_drag", "time_offset"), 6.3)]}, "unknown", []),
+        # Alone drag closes 19 % and the hem 10 %, together 91 %, or 40 %.
+        (
+            {"singles": {"air_drag": 11.0, "hem": 11.5}, "joint": [(("air_drag", "hem"), 6.0)]},
+            "several",
+            ["air_drag", "hem"],
+        ),
+        ({"singles": {"air_drag": 11.0, "hem": 11.5}, "joint": [(("air_drag", "hem"), 9.8)]}, "unknown", []),
+        # With drag 0.6 mm^2 are left beyond the noise, less than the 1 mm^2 of mesh and solver: nothing needs a hem.
+        ({"singles": {"air_drag": 5.06}, "base": 6.0, "joint": [(("air_drag", "hem"), 5.0)]}, "effect", ["air_drag"]),
+        # The hem closes 12 % of the gap, but 14 of the 56 mm^2 that lift leaves beyond the noise: a quarter.
+        ({"singles": {"air_lift": 9.0}, "joint": [(("air_lift", "hem"), 8.2)]}, "effect", ["air_lift"]),
+    ],
+)
+def test_the_verdict_follows_the_rules(given, verdict, named):
+    found = decide(evidence_of(**given), LIBRARY)
+    assert (found.verdict, found.named) == (verdict, named), found.sentence
+
+
+def test_a_floor_that_a_model_falls_below_is_that_models_error():
+    search = object.__new__(Rounds)
+    search.observer, search.screened, search.instead = None, None, []
+    search.base, search.joint = hypothesis((), 12.0), [(hypothesis(("air_drag", "hem"), 4.5), 0.01)]
+    search.singles = {0: hypothesis(("air_drag",), 6.0)}
+    for seeming, floor, is_most in ((4.0, 4.0, False), (5.0, 4.5, True)):
+        found = search.evidence(
+            (seeming, 0.1), Refined(errors(12.0), 1.5, 0.5, 1.0), np.zeros((1, 1), int), [], is_held_out=True
+        )
+        assert (found.floor_mm, found.is_floor_most) == (pytest.approx(floor), is_most)
+
+
+def test_twins_of_one_of_two_effects_share_its_probability():
+    """Both leave 5.5 mm beside the drag, in other half-seconds: each is the better one in about half of the draws."""
+    pair = hypothesis(("air_drag", "filter_lag"), 5.5, seed=4)
+    evidence = evidence_of({"air_drag": 9.5}, joint=[(("air_drag", "time_offset"), 5.5)], instead=[pair])
+    together = evidence.joint[0][0]
+    offset, lag, drag = (probability_of(n, evidence, together) for n in ("time_offset", "filter_lag", "air_drag"))
+    assert 0.25 < offset < 0.75
+    assert offset + lag == pytest.approx(drag, abs=1e-9)
+    assert drag > 0.9
+
+
+def test_takes_are_predictable_where_the_model_with_an_effect_is(monkeypatch):
+    """Without its rotation of the hanger a base fit makes limp cloth of stiff one, which no simulation can follow."""
+    search = object.__new__(Rounds)
+    search.observer = None
+    base, single = hypothesis((), 12.0), hypothesis(("hanger_rotation",), 6.0)
+    worse = dataclasses.replace(base.fitted, vector=base.fitted.vector / 30, residual=np.array([9.0, 0.0, 0.0]))
+    search.base, search.singles = dataclasses.replace(base, fitted=worse), {single.effects[0]: single}
+    monkeypatch.setattr("fit.gap.gates.predictability_gate", lambda observer, vector, amplitudes: (vector, amplitudes))
+    vector, amplitudes = search.predictability()
+    assert vector is single.fitted.vector
+    assert amplitudes is single.fitted.amplitudes
+
+
+def test_what_is_stopped_by_the_end_of_its_range_is_no_rival():
+    """A tilt of 0.06 rad, which no rig has, closes 91 %; a draught that closes 76 % is named all the same."""
+    evidence = evidence_of({"gravity_tilt": 6.0, "draught": 7.3})
+    tilt = [e.name for e in LIBRARY].index("gravity_tilt")
+    stopped = dataclasses.replace(
+        evidence.singles[tilt].fitted, amplitudes=amplitudes_of(LIBRARY, gravity_tilt=(0.06, 0.0))
+    )
+    singles = {**evidence.singles, tilt: dataclasses.replace(evidence.singles[tilt], fitted=stopped)}
+    evidence = dataclasses.replace(evidence, singles=singles)
+    found = decide(evidence, LIBRARY)
+    assert (found.verdict, found.named) == ("effect", ["draught"])
+    assert probability_of("gravity_tilt", evidence) == 0.0
+    assert probability_of("draught", evidence) > 0.6
+
+
+def test_noise_that_a_model_falls_below_is_said_to_be_at_most_that():
+    for is_most, told in ((False, "noise alone is 5.0 mm"), (True, "noise alone is at most 5.0 mm")):
+        evidence = dataclasses.replace(evidence_of({"air_drag": 5.0}), is_floor_most=is_most)
+        assert told in decide(evidence, LIBRARY).sentence
+
+
+@pytest.mark.parametrize(
+    ("name", "verdict"), [("air_drag", "effect"), ("stretch_viscosity", "unknown"), ("anisotropy", "unknown")]
+)
+def test_what_solvers_differ_by_must_remove_more_than_they_may_be_wrong_by(name, verdict):
+    """(12^2 - 6^2) mm^2 = 108 is more than half of 9^2 = 81, and less than three times it."""
+    evidence = dataclasses.replace(evidence_of({name: 6.0}), numerics_mm=9.0)
+    assert decide(evidence, LIBRARY).verdict == verdict
+
+
+@pytest.mark.parametrize(("share", "verdict"), [(0.45, "unknown"), (0.55, "effect")])
+def test_what_is_named_is_worth_naming_in_half_of_the_draws(share, verdict):
+    evidence = evidence_of({"air_drag": 6.0})
+    drag = next(iter(evidence.singles))
+    evidence.__dict__["worth_naming"] = {drag: np.arange(400) < 400 * share}
+    assert decide(evidence, LIBRARY).verdict == verdict
+
+
+def probability_of(name, evidence, several=None):
+    return probabilities(evidence, several)[[e.name for e in LIBRARY].index(name)]
+
+
+def test_an_effect_that_leaves_much_is_less_probable():
+    """With d mm it leaves (d^2 - 26) / 119 of the gap: 1 / (1 + exp((left - LEFT) / LEFT_WIDTH)), odds times ODDS."""
+    for mm in (5.0, 8.0, 8.6, 9.2):
+        left = (mm**2 - 26) / 119
+        share = 1 / (1 + np.exp((left - LEFT) / LEFT_WIDTH))
+        expected = ODDS * share / (1 - share + ODDS * share)
+        assert probability_of("air_lift", evidence_of({"air_lift": mm})) == pytest.approx(expected, abs=0.08)
+
+
+def test_an_effect_that_leaves_more_than_its_laws_would_is_not_probable():
+    """With 7 mm 24 of 119 mm^2 are left: as a cause of some law four in five, as a drag hardly."""
+    assert probability_of("air_lift", evidence_of({"air_lift": 7.0})) > 0.7
+    assert probability_of("air_drag", evidence_of({"air_drag": 7.0})) < 0.1
+    evidence = evidence_of({"air_drag": 9.0}, joint=[(("air_drag", "time_offset"), 7.0)])
+    assert probability_of("air_drag", evidence, evidence.joint[0][0]) < 0.1
+
+
+def test_effects_that_are_needed_together_are_as_probable_as_their_sum_is():
+    """9.5 mm with drag alone, 5.5 with a hem as well: nearly nothing is left. With 9.4 the hem adds nothing."""
+    for joint, likely in ((5.5, 1.0), (9.4, 0.0)):
+        evidence = evidence_of({"air_drag": 9.5, "hem": 11.9}, joint=[(("air_drag", "hem"), joint)])
+        together = evidence.joint[0][0]
+        assert probability_of("hem", evidence, together) == pytest.approx(likely, abs=0.1)
+        assert probability_of("hem", evidence) == pytest.approx(0.0, abs=0.02)
+
+
+@pytest.mark.parametrize(("error", "verdict"), [(np.inf, "effect"), (0.1, "effect"), (0.01, "unknown")])
+def test_what_a_cause_leaves_beyond_its_law_is_noise_only_as_far_as_the_noise_is_uncertain(error, verdict):
+    """Of 119 mm^2 drag may leave 6.9, and the mesh 2; left are 10.5: with noise of 5.2 mm for 5 that is enough."""
+    evidence = dataclasses.replace(evidence_of({"air_drag": np.sqrt(35.5)}), floor_error_mm=error)
+    assert decide(evidence, LIBRARY).verdict == verdict
+
+
+def test_an_interval_holds_what_laws_differ_by_unless_the_effect_is_one_of_measurement():
+    """90 % of a deviation of 5 % and, for drag, of a law that is good to 8 %: 1.645 hypot(0.05, 0.08) = 0.155."""
+    evidence = evidence_of({"air_drag": 6.0, "time_offset": 7.0})
+    for name, half in (("air_drag", 0.1552), ("time_offset", 0.0823)):
+        effect = find_effects([name])[0]
+        size, (low, high) = evidence.amplitude([e.name for e in LIBRARY].index(name))
+        assert size == pytest.approx(effect.typical)
+        assert (high - low) / 2 == pytest.approx(half * effect.typical, rel=0.02)
+
+
+def test_the_sentence_says_where_a_local_effect_acts():
+    sentence = decide(evidence_of({"hem": 6.0}), LIBRARY).sentence
+    assert "With a heavier hem (0.01 kg/m [0.00" in sentence
+    assert "along the bottom) it misses by 6.0 mm" in sentence
+    assert " at the " not in decide(evidence_of({"air_drag": 6.0}), LIBRARY).sentence
+
+
+@pytest.mark.parametrize("given", [{"singles": {"air_drag": 7.0}}, {"singles": {"air_lift": 10.3}}])
+def test_what_comes_nearest_and_leaves_too_much_is_told_with_what_it_leaves(given):
+    """Drag leaves 24 of 119 mm^2, more than its laws would; lift 81, more than any cause."""
+    found = decide(evidence_of(**given), LIBRARY)
+    left = {
+        "air_drag": "air drag comes nearest, and leaves 20 %",
+        "air_lift": "air lift comes nearest, and leaves 68 %",
+    }
+    assert found.verdict == "unknown"
+    assert left[next(iter(given["singles"]))] in found.sentence, found.sentence
+    assert "more than it would as the cause" in found.sentence
+
+
+@pytest.mark.parametrize(("mesh", "verdict"), [(6.0, "unknown"), (8.0, "numerics")])
+def test_a_gap_that_nothing_explains_and_that_may_mostly_be_the_meshs_own_error_asks_for_a_finer_one(mesh, verdict):
+    """A gap of 12^2 - 5^2 = 119 mm^2, half of it is 7.7^2; of 8 mm the mesh's own 8 are above noise of 5."""
+    made_up = dataclasses.replace(evidence_of({"air_drag": 11.9}), mesh_mm=mesh, numerics_mm=mesh)
+    found = decide(made_up, LIBRARY)
+    assert (found.verdict, found.named) == (verdict, [])
+    assert ("wrong by 8.0 mm, and most of the gap" in found.sentence) == (verdict == "numerics")
+
+
+@pytest.mark.parametrize(
+    ("mesh", "numerics", "verdict"),
+    [
+        # A gap of 12 mm over noise of 5 mm, all within what mesh and solver may be wrong by.
+        (20.0, 20.1, "numerics"),
+        (6.9, 20.0, "none"),  # the solver's share, 18.8 mm, is the greater part: no mesh mends it
+        (0.0, 20.0, "none"),
+    ],
+)
+def test_a_gap_within_a_coarse_meshs_own_error_is_no_proof_of_none(mesh, numerics, verdict):
+    made_up = dataclasses.replace(evidence_of({}), mesh_mm=mesh, numerics_mm=numerics)
+    found = decide(made_up, LIBRARY)
+    assert found.verdict == verdict
+    assert f"Mesh and solver may be wrong by {numerics:.1f} mm".lower() in found.sentence.lower()
+
+
+def test_where_there_is_no_gap_the_mesh_hides_none():
+    made_up = dataclasses.replace(evidence_of({}, base=5.0), mesh_mm=20.0, numerics_mm=20.0)
+    assert decide(made_up, LIBRARY).verdict == "none"
+
+
+def test_no_more_than_the_whole_gap_is_closed():
+    """What is left is the noise's 5 mm on average, and less in half of the draws of half-seconds."""
+    evidence = evidence_of({"air_drag": 5.0})
+    (found,) = evidence.singles.values()
+    assert closure(evidence.base.errors, found.errors, 5.0, evidence.picks)[1][1] > 1.0
+    assert evidence.closure_of(found).value == pytest.approx(1.0)
+    assert evidence.closure_of(found).interval[1] == pytest.approx(1.0)

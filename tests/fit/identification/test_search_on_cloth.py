@@ -1,0 +1,269 @@
+"""What the searches do on cloth: least squares by looks, descents and short windows; fits that are interrupted."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+import pytest
+
+from benchmarks import search as benchmark
+from fit.cloth.model import Resolution
+from fit.errors import BlowUpError
+from fit.identification.calibrate import Model, calibrate
+from fit.identification.observed import CATCHING, SHORT_WINDOWS, ObservedSearch, begin_observed
+from fit.identification.request import request_of
+from fit.identification.trials import ObservedSettings, is_settled
+from fit.methods import KINECT_SKIRT, SI
+from fit.observer.residuals import Observer
+from fit.recordings.recording import prepare
+from formats.archive import write_take
+from tests.fit.scenes import material, sheet, simulate_take, swing
+from tests.fit.test_command_line import hangtime
+
+MESH = 0.09  # m
+
+
+@pytest.fixture(scope="module")
+def swung():
+    """Median fabric with linear damping of 3 /s; 2 mm of noise; five seconds of which one and a half are still."""
+    time = np.arange(0, 5, 1 / 30)
+    path = swing(time, amplitude=0.05, hz=0.7, stop=3.5)
+    garment = sheet()
+    row = material(garment, velocity_damping=3.0)
+    return simulate_take(garment, time, path, row, noise=0.002, seed=2, resolution=Resolution(spacing=MESH))
+
+
+def test_least_squares_find_a_damping_of_3_within_5_percent_and_say_so(swung):
+    request = request_of(SI, [], iterations=1, seed=1, spacing=MESH, search="least-squares")
+    result = calibrate([swung], [], request)
+    damping = next(p for p in result.parameters if p.name == "velocity_damping")
+    assert damping.fitted == pytest.approx(3.0, rel=0.05)
+    assert damping.interval_low < 3.0 < damping.interval_high
+    assert damping.is_identified
+    assert result.search == "least-squares"
+    assert result.history == sorted(result.history, reverse=True)
+    assert result.error.train_after.mean_m < 0.0036  # 3.2 mm is the mean length of such noise
+    assert result.simulations < 200
+
+
+def test_short_windows_find_the_same_damping(swung):
+    request = request_of(SI, [], iterations=1, seed=1, spacing=MESH, search="short-windows")
+    result = calibrate([swung], [], request)
+    assert result.search == "short-windows"
+    assert next(p for p in result.parameters if p.name == "velocity_damping").fitted == pytest.approx(3.0, rel=0.1)
+
+
+def test_between_short_windows_a_pull_catches_the_cloth_and_nothing_counts(swung):
+    """Two seconds free, half a second caught. With a wrong damping the windows begin anew near the points."""
+    recording = prepare(swung)
+    cut = dataclasses.replace(recording, windows=SHORT_WINDOWS)
+    time = np.array([0.0, 1.99, 2.01, 2.49, 2.51, 4.49, 4.51])
+    assert SHORT_WINDOWS.is_free(time).tolist() == [True, True, False, False, True, True, False]
+    assert (cut.targets(time)[1] > 0).any(1).tolist() == [False, False, True, True, False, False, True]
+    assert not cut.counted[(cut.time > 2.01) & (cut.time < 2.49)].any()
+    wrong = np.array([*SI.initial[:4], 0.5])
+
+    def late_error(windows, frequency):
+        chosen = dataclasses.replace(recording, windows=windows)
+        observer = Observer([chosen], SI, (), frequency=frequency, resolution=Resolution(spacing=MESH))
+        apart = chosen.points - observer.trajectories(wrong[None], observer.off[None])[0][0]
+        late = (chosen.time > 2.5) & (chosen.time < 3.0)
+        return np.sqrt(np.nanmean(apart[late][:, chosen.judged] ** 2))
+
+    assert late_error(SHORT_WINDOWS, CATCHING) < 0.5 * late_error(None, 0.0)
+
+
+def test_a_pulled_descent_before_the_free_one_ends_in_the_same_damping(swung):
+    request = request_of(SI, [], iterations=1, seed=1, spacing=MESH)
+    search = ObservedSearch([prepare(swung)], SI, (), request.space, request.resolution)
+    found = search.run(SI.initial, ObservedSettings(starts=1, pulls=(1.0, 0.0)))
+    assert len(found.path) == 2
+    assert found.vector[4] == pytest.approx(3.0, rel=0.05)
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(swung):
+    """What a request ends with, and the steps it tells of on the way, by the search's name; run once each."""
+
+    @functools.cache
+    def run(name):
+        request = request_of(KINECT_SKIRT, [], iterations=1, seed=3, spacing=0.1, search=name)
+        steps = []
+        whole = calibrate([swung], [], request, progress=lambda done, total, best: steps.append((done, total)))
+        return request, whole, steps
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("name", "stop"),
+    [
+        ("least-squares", 5),
+        ("least-squares", 34),
+        ("least-squares", 35),
+        ("least-squares", 60),
+        ("least-squares", -1),
+        ("short-windows", 2),
+    ],
+)
+def test_interrupted_least_squares_go_on_at_the_last_step_that_was_done(swung, uninterrupted, tmp_path, name, stop):
+    """16 looks and 32 times two make 33 steps, then there are descents, and looks across valleys after the 34th.
+
+    These six parameters cannot follow the take to its noise: by the 60th step one looks for the second time. The step
+    after the last but one goes on from the best end.
+    """
+    request, whole, steps = uninterrupted(name)
+    assert len(steps) > stop
+    stop %= len(steps)
+    file = tmp_path / "search.json"
+
+    def interrupt(done, total, best):
+        if done == stop:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        calibrate([swung], [], request, checkpoint=file, progress=interrupt)
+    ends = []
+    result = calibrate(
+        [swung], [], request, checkpoint=file, progress=lambda done, total, best: ends.append((done, total))
+    )
+    assert ends == steps[stop:]
+    assert result.history == whole.history
+    assert result.simulations == whole.simulations
+    for again, before in zip(result.parameters, whole.parameters, strict=True):
+        assert again.fitted == pytest.approx(before.fitted, rel=1e-12)
+        assert again.interval_high == pytest.approx(before.interval_high, rel=1e-9)
+    # Interrupted once more when all is done: only the Jacobian of the end is made again.
+    ends.clear()
+    done = calibrate([swung], [], request, checkpoint=file, progress=lambda *words: ends.append(words))
+    assert not ends
+    assert done.history == whole.history
+    assert [p.fitted for p in done.parameters] == pytest.approx([p.fitted for p in whole.parameters], rel=1e-12)
+
+
+def test_least_squares_know_the_distance_of_every_candidate(swung):
+    """It is that of the free rollouts that the result is told of, with an effect on as well."""
+    request = request_of(SI, ["air_drag"], iterations=1, seed=1, spacing=MESH, search="least-squares")
+    model = Model([prepare(swung)], request)
+    search, settings = begin_observed(
+        "least-squares", model.recordings, SI, request.effects, request.space, request.resolution, 1, model.distances_of
+    )
+    vectors = request.space.from_unit(np.random.default_rng(0).random((3, len(request.parameters))))
+    assert search.simulate(vectors, 0.0)[1] == pytest.approx(model.distances(vectors), rel=1e-12)
+    initial = np.array([p.initial for p in request.parameters])
+    found = search.run(initial, dataclasses.replace(settings, looks=20, trials=1, iterations=2))
+    distances = [d for step in found.path for d in step.distances]
+    assert len(distances) == found.path[-1].simulations  # one take: one each
+    assert [step.is_look for step in found.path[:5]] == [True, True, True, False, True]
+    assert distances[0] == pytest.approx(float(model.distances(initial[None])[0]), rel=1e-12)
+    looked = found.path[2]
+    assert looked.distances[-1] == pytest.approx(float(model.distances(looked.vector[None])[0]), rel=1e-12)
+    assert found.ends[0][0] <= min(step.cost for step in found.path if step.is_look)
+
+
+def test_a_fit_that_misses_by_more_than_the_noise_is_begun_from_elsewhere_until_two_agree(swung):
+    """Of the same points, stated to be known to 2 mm, which they are, and to 0.2 mm."""
+    request = request_of(SI, [], iterations=1, seed=1, spacing=MESH)
+    surer = dataclasses.replace(swung, points_sd=0.1 * swung.points_sd)
+    settings = ObservedSettings(looks=40, trials=6)
+    trials = {}
+    for name, take in (("noise", swung), ("more", surer)):
+        search = ObservedSearch([prepare(take)], SI, (), request.space, request.resolution)
+        found = search.run(SI.initial, settings)
+        firsts = [k for k, step in enumerate(found.path) if len(step.vectors) == 16]
+        parts = [found.path[a:b] for a, b in zip(firsts, [*firsts[1:], -1], strict=True)]
+        trials[name] = [(part[0].vectors, min(s.cost for s in part if not s.is_look)) for part in parts]
+        assert found.vector[4] == pytest.approx(3.0, rel=0.05)
+        assert len(found.path) <= settings.steps
+    assert len(trials["noise"]) == 1
+    assert 2 <= len(trials["more"]) < 6
+    (first, _), (second, _), *_ = trials["more"]
+    assert first == pytest.approx(trials["noise"][0][0])
+    apart = np.abs(request.space.to_unit(first)[:, None] - request.space.to_unit(second)).max(2)
+    assert apart.min() > 1e-3
+    best, runner_up, *_ = sorted(cost for _, cost in trials["more"])
+    assert runner_up < 1.005 * best
+
+
+def test_trials_end_with_noise_or_with_two_that_agree():
+    assert is_settled([1020.0], 1045.0)
+    assert not is_settled([1050.0], 1045.0)
+    assert not is_settled([2000.0, 1500.0, 1990.0], 1045.0)  # the two that agree are not the best
+    assert is_settled([2000.0, 1500.0, 1507.0], 1045.0)
+
+
+def test_the_best_end_is_followed_by_finer_differences_to_where_no_descent_stops_short(swung):
+    """One iteration a descent leaves chi square 0.3 and more above the least; a deviation of one parameter makes 1."""
+    request = request_of(SI, [], iterations=1, seed=1, spacing=MESH)
+    last = []
+    for iterations in (1, 2):
+        search = ObservedSearch([prepare(swung)], SI, (), request.space, request.resolution)
+        found = search.run(SI.initial, ObservedSettings(looks=20, iterations=iterations))
+        *coarse, fine = (step.cost for step in found.path if not step.is_look)
+        assert fine == min(cost for cost, _ in found.ends) < min(coarse) - 0.1
+        assert np.array_equal(found.vector, found.path[-1].vector)
+        last.append(fine)
+    assert last[0] == pytest.approx(last[1], abs=0.05)
+
+
+def test_a_first_candidate_that_blows_up_is_refused_and_later_ones_are_not(swung):
+    request = request_of(SI, [], iterations=1, seed=1, spacing=MESH)
+    settings = ObservedSettings(looks=20, starts=1, iterations=1)
+
+    def broken(search, is_broken):
+        simulate = search.simulate
+
+        def simulated(vectors, pull):
+            residuals, distances = simulate(vectors, pull)
+            return np.where(is_broken(vectors)[:, None], np.nan, residuals), distances
+
+        search.simulate = simulated
+        return search
+
+    def begun_anew():
+        return ObservedSearch([prepare(swung)], SI, (), request.space, request.resolution)
+
+    with pytest.raises(BlowUpError, match="initial parameters"):
+        broken(begun_anew(), lambda vectors: vectors[:, 4] > 0.0).run(SI.initial, settings)
+    found = broken(begun_anew(), lambda vectors: vectors[:, 0] > 1.2 * SI.initial[0]).run(SI.initial, settings)
+    assert found.vector[0] <= 1.2 * SI.initial[0]
+    # Where next to nothing can be simulated, the descent begins at once.
+    found = broken(begun_anew(), lambda v: np.abs(v - SI.initial).max(1) > 0.3 * SI.initial[0]).run(
+        SI.initial, settings
+    )
+    assert [step.is_look for step in found.path][:2] == [True, False]
+
+
+@pytest.mark.parametrize("name", ["annealing", "restarts", "tempering", "cma-es"])
+def test_an_interrupted_fit_by_any_search_goes_on_to_the_same_end(swung, tmp_path, name):
+    request = request_of(KINECT_SKIRT, [], iterations=30, seed=3, spacing=0.1, search=name)
+    whole = calibrate([swung], [], request)
+    calls = 0
+
+    def interrupt(done, total, best):
+        nonlocal calls
+        calls += 1
+        if calls == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        calibrate([swung], [], request, checkpoint=tmp_path / "c.json", progress=interrupt)
+    resumed = calibrate([swung], [], request, checkpoint=tmp_path / "c.json")
+    assert resumed.history == whole.history
+    assert resumed.parameters == whole.parameters
+    assert whole.history[-1] < whole.history[0]
+
+
+def test_the_command_line_names_the_searches_there_are(tmp_path, swung):
+    write_take(tmp_path / "a.mcap", swung)
+    done = hangtime("fit", "a.mcap", "--search", "guess", folder=tmp_path)
+    assert done.returncode == 2
+    assert "known searches: annealing, restarts, tempering, cma-es, least-squares" in done.stderr
+
+
+def test_the_benchmark_still_runs(capsys):
+    runs = benchmark.main(truths=1, budget=12, only=["cma-es"])
+    assert runs["cma-es"][0].history.shape == (12,)
+    assert "velocity_damping" in capsys.readouterr().out

@@ -1,0 +1,170 @@
+"""The held edge as evidence: what its tracked points say of the boundary and of the measurement."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import msgspec
+import numpy as np
+import pytest
+
+from fit.effects import LIBRARY
+from fit.gap.closure import block_errors
+from fit.gap.findings import notes
+from fit.gap.gates import predictability_gate
+from fit.methods import SI
+from fit.observer.edge import KEPT, NUMBERS, EdgeResiduals
+from fit.observer.residuals import BLOCK, Observer
+from fit.recordings.recording import MARKER_OFFSET, SILHOUETTE_OFFSET, prepare
+from fit.recordings.smoothing import steady_spline
+from formats.rig import Calibration, Sensor
+from tests.fit.scenes import hung, sheet, swing, take_of
+
+RATE, NOISE = 30.0, 1e-3
+TIME = np.arange(0, 4, 1 / RATE)
+
+
+def a_recording(grid=5, *, change=None, noise=NOISE, held_noise=0.0, seed=0):
+    """A flat sheet that moves with its hanger, or whose points are changed, (frames, points, 3)."""
+    garment, path = sheet(grid=grid), swing(TIME, sideways=0.02)
+    points = hung(garment, TIME) + path[:, None]
+    rng = np.random.default_rng(seed)
+    take = take_of(garment, TIME, path, points if change is None else change(points), sd=noise)
+    take = dataclasses.replace(take, points=take.points + noise * rng.normal(size=points.shape))
+    return prepare(dataclasses.replace(take, held=take.held + held_noise * rng.normal(size=take.held.shape))), points
+
+
+def numbers_of(recording, points):
+    dynamic, static = EdgeResiduals(recording).of(points[None])
+    return dynamic[0].reshape(-1, NUMBERS), static[0]
+
+
+def test_a_steady_spline_keeps_the_share_of_white_noise_that_the_edge_counts_on():
+    noise = np.random.default_rng(0).normal(size=(3000, 20))
+    time = np.arange(len(noise)) / RATE
+    for cut_off in (3.0, 5.0):
+        left = steady_spline(time, noise, cut_off)(time).var()
+        assert left == pytest.approx(KEPT * cut_off / RATE, rel=0.05)
+
+
+@pytest.mark.parametrize("grid", [None, 5])
+@pytest.mark.parametrize("held_noise", [0.0, 1e-3])
+def test_the_numbers_of_an_edge_that_is_where_it_should_be_are_standard_normal(grid, held_noise):
+    """The path is as uncertain as its noise makes it, on which the simulated edge lies."""
+    found = []
+    for seed in range(10):
+        recording, points = a_recording(grid, held_noise=held_noise, seed=seed)
+        measured = recording.held(recording.time).reshape(-1, 2, 3).mean(1)
+        true = swing(TIME, sideways=0.02)
+        dynamic, static = numbers_of(recording, points + (measured - true)[:, None])
+        found.append((dynamic**2).mean(0))
+        assert (np.abs(static) < 1.5).all()  # white noise is nothing beside a marker's own offset
+    assert np.mean(found) == pytest.approx(1.0, rel=0.15)
+
+
+def test_what_moves_the_edge_or_stretches_it_shows_and_what_turns_it_does_not():
+    """3 mm of swing to the right, an edge that is 2 % too long, a roll of 0.05 rad about its middle."""
+    wave = np.sin(2 * np.pi * TIME)[:, None]
+
+    def moved(points):
+        return points + 0.003 * wave[..., None] * [1.0, 0.0, 0.0]
+
+    def longer(points):
+        return points * [1.02, 1.0, 1.0]
+
+    def rolled(points):
+        turned = points.copy()
+        turned[..., 2] += 0.05 * wave * hung(sheet(grid=5), TIME)[..., 0]
+        return turned
+
+    found = {}
+    for change in (moved, longer, rolled):
+        recording, points = a_recording(change=change, noise=1e-5)
+        dynamic, static = numbers_of(recording, points)
+        edge = EdgeResiduals(recording)
+        found[change] = (dynamic * edge.sd).std(0), static * edge.static_sd
+        assert (dynamic * edge.sd).mean(0) == pytest.approx(0.0, abs=1e-9)
+    assert found[moved][0][0] == pytest.approx(0.003 / np.sqrt(2), rel=0.02)
+    assert found[moved][0][1:] == pytest.approx(0.0, abs=5e-5)
+    arm = 0.4 * np.sqrt(1 / 8)  # rms of five even places along 0.4 m
+    assert found[longer][1][3] == pytest.approx(0.02 * arm, rel=0.02)
+    assert found[rolled][0] == pytest.approx(0.0, abs=5e-5)
+
+
+def test_points_that_are_missing_on_one_side_do_not_pass_for_a_moved_edge():
+    def longer(points):
+        points = points * [1.02, 1.0, 1.0]
+        points[::2, :2] = np.nan
+        points[5, 1:5] = points[7, 2:5] = np.nan  # one point of the edge is left, or two side by side
+        return points
+
+    recording, points = a_recording(change=longer, noise=1e-6)
+    edge = EdgeResiduals(recording)
+    assert sorted(set(range(len(TIME))) - set(edge.frame)) == [5, 7]
+    _, static = edge.of(points[None])
+    assert static[0, :3] * edge.static_sd[:3] == pytest.approx(0.0, abs=1e-4)
+    assert static[0, 3] * edge.static_sd[3] == pytest.approx(0.02 * 0.4 * np.sqrt(1 / 8), rel=0.05)
+
+
+def test_a_constant_offset_counts_as_a_markers_own():
+    """Of five markers glued 1 mm beside their places on average, the middle is known to 0.45 mm."""
+    recording, _ = a_recording(noise=1e-6)
+    assert EdgeResiduals(recording).static_sd[:3] == pytest.approx(MARKER_OFFSET / np.sqrt(5), rel=0.01)
+
+
+def test_a_silhouettes_corners_may_be_further_beside_the_cloth_than_markers_on_it():
+    garment, path = sheet(grid=5), swing(TIME)
+    take = take_of(garment, TIME, path, hung(garment, TIME) + path[:, None], sd=1e-5)
+    camera = Sensor(width=640, height=480, fx=575.0, fy=575.0, cx=320.0, cy=240.0)
+    tracked = dataclasses.replace(take, rig=msgspec.structs.replace(take.rig, sensor=camera))
+    marked, seen = prepare(take), prepare(tracked)
+    assert (marked.offset_sd, seen.offset_sd) == (MARKER_OFFSET, SILHOUETTE_OFFSET) == (0.001, 0.002)
+    assert EdgeResiduals(seen).static_sd == pytest.approx(2 * EdgeResiduals(marked).static_sd, rel=0.01)
+    layouts = [Observer([one], SI, (), frequency=0.0).layout for one in (marked, seen)]
+    still = [layout.sd[(layout.frame < 0) & ~layout.is_edge] for layout in layouts]
+    assert len(still[0])
+    assert still[1] == pytest.approx(2 * still[0], rel=0.05)
+
+
+def test_a_calibration_that_knows_the_held_ends_badly_lets_the_edge_be_off_by_as_much():
+    """Ends known to 2 mm over the axes: the middle to 1.41, the length to 2.83, times 0.354 at five places."""
+    recording, _ = a_recording(noise=1e-6)
+    time = recording.time
+    take = take_of(recording.garment, time, swing(time), hung(recording.garment, time))
+    calibration = Calibration(held_sd_m=((0.001, 0.002, 0.0), (0.002, 0.003, np.sqrt(6e-6))))
+    known = prepare(dataclasses.replace(take, rig=msgspec.structs.replace(take.rig, calibration=calibration)))
+    assert known.held_error == pytest.approx(0.002)
+    own = MARKER_OFFSET / np.sqrt(5)
+    expected = np.hypot([0.002 / np.sqrt(2)] * 3 + [0.002 * np.sqrt(2) * np.sqrt(1 / 8)], own)
+    assert EdgeResiduals(known).static_sd == pytest.approx(expected, rel=0.02)
+    assert prepare(take).held_error == 0.0
+
+
+def test_the_edge_is_evidence_beside_the_judged_points_and_never_an_error_of_theirs():
+    recording, _ = a_recording()
+    observers = [Observer([recording], SI, effects, frequency=0.0) for effects in ((), LIBRARY)]
+    alone, beside = (o.residuals(SI.initial[None], o.off[None])[0] for o in observers)
+    count = len(alone)
+    assert len(beside) == count + NUMBERS * (len(TIME) + 1)
+    assert beside[:count] == pytest.approx(alone)
+    aside = beside.copy()
+    aside[count:] += 100.0
+    assert observers[1].in_mm(aside) == observers[1].in_mm(beside) == pytest.approx(observers[0].in_mm(alone))
+    layout = observers[1].layout
+    assert (layout.block[count:-NUMBERS] == np.repeat((TIME / BLOCK).astype(int), NUMBERS)).all()
+    assert layout.block[-NUMBERS:].min() > layout.block[:-NUMBERS].max()
+    errors = block_errors(observers[1], beside)
+    moving, still = beside[count:-NUMBERS], beside[-NUMBERS:]
+    assert (errors.edge.moving, errors.edge.count) == (pytest.approx((moving**2).sum()), len(moving))
+    assert errors.edge.resting == pytest.approx((still**2).sum())
+    limits = [predictability_gate(o, SI.initial, o.off).limit for o in observers]
+    assert limits[0] == pytest.approx(limits[1])
+
+
+def test_the_outline_of_a_skirt_says_nothing_of_how_its_edge_is_held():
+    recording, _ = a_recording()
+    skirt = dataclasses.replace(recording, garment=msgspec.structs.replace(recording.garment, kind="skirt_panel"))
+    swatch, outline = (Observer([r], SI, LIBRARY, frequency=0.0) for r in (recording, skirt))
+    assert outline.layout.is_judged.all()
+    assert not swatch.layout.is_judged.all()
+    assert ["silhouette" in " ".join(notes(1, 1, o, is_predictable=True)) for o in (swatch, outline)] == [False, True]

@@ -1,0 +1,111 @@
+"""Points that are where their cloth cannot be, and a hanger that moves as no hand can."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fit.errors import DriveError
+from fit.gap.gates import data_gates
+from fit.recordings.impossible_points import find_impossible
+from fit.recordings.recording import prepare
+from tests.fit.scenes import hung, sheet, swing, take_of
+
+TIME = np.arange(0, 4, 1 / 60)  # s, 240 frames
+GRID = 9  # points a side of 400 mm x 450 mm: 50 mm and 56 mm apart
+
+
+def a_take(change=lambda points: None, *, sd=0.002):
+    """A swung sheet with 81 points, 2 mm of noise, and a change of where they are."""
+    garment, path = sheet(grid=GRID), swing(TIME)
+    points = hung(garment, TIME) + path[:, None]
+    points += np.random.default_rng(0).normal(0, sd, points.shape)
+    change(points)
+    return take_of(garment, TIME, path, points, sd=sd)
+
+
+def left_out(take):
+    """Frame and point of every sighting that is left out."""
+    return {(int(f), int(k)) for f, k in np.argwhere(take.points_valid & ~prepare(take).valid)}
+
+
+def hygiene(take):
+    return next(g for g in data_gates([prepare(take)], []) if g.name == "impossible points")
+
+
+def test_points_within_the_reach_of_the_cloth_are_all_kept():
+    """Stretched by a fifth, with gaps: apparel may do that."""
+    garment = sheet(grid=GRID)
+    stretched = hung(garment, TIME) * [1.0, 1.0, 1.2]
+    valid = np.random.default_rng(1).uniform(size=stretched.shape[:2]) > 0.1
+    take = take_of(garment, TIME, swing(TIME), stretched + swing(TIME)[:, None], sd=0.002)
+    take = dataclasses.replace(take, points_valid=valid)
+    assert left_out(take) == set()
+    assert prepare(take).impossible == 0.0
+    assert hygiene(take).sentence == "No point is further from the others than the cloth reaches."
+
+
+def test_two_markers_that_are_taken_for_each_other_are_left_out_and_no_other():
+    """Neighbours 50 mm apart, for ten frames: each is 100 mm from its outer neighbour, 62 + 5 + 17 mm are possible."""
+
+    def swap(points):
+        points[100:110, [40, 41]] = points[100:110, [41, 40]]
+
+    take = a_take(swap)
+    assert left_out(take) == {(f, k) for f in range(100, 110) for k in (40, 41)}
+    assert hygiene(take).passed
+    assert hygiene(take).figure == pytest.approx(100 * 20 / (240 * 81))
+    assert "They are left out." in hygiene(take).sentence
+
+
+def test_a_marker_that_jumps_out_of_the_cloth_is_left_out():
+    def jump(points):
+        points[50, 80] += [0.0, 0.3, 0.0]
+
+    assert left_out(a_take(jump)) == {(50, 80)}
+
+
+def test_a_take_with_many_impossible_points_is_not_diagnosed():
+    """A tenth of the points is elsewhere by half a metre at random: of another marker set, which nothing repairs."""
+
+    def scatter(points):
+        wrong = np.random.default_rng(2).uniform(size=points.shape[:2]) < 0.1
+        points[wrong] += np.random.default_rng(3).normal(0, 0.5, (wrong.sum(), 3))
+
+    take = a_take(scatter)
+    assert left_out(take) == set()
+    assert not hygiene(take).passed
+    assert hygiene(take).figure == pytest.approx(10, abs=1.5)
+    assert "check the markers' names" in hygiene(take).sentence
+
+
+def test_the_reach_grows_with_the_noise_of_both_points():
+    """100 mm apart on the cloth: 130 mm is what stretch and glue allow, and 6 sqrt(2) deviations more."""
+    places, seen = np.array([[0.0, 0.0], [0.1, 0.0]]), np.ones((1, 2), bool)
+    points = np.array([[[0.0, 0.0, 0.0], [0.142, 0.0, 0.0]]])
+    assert find_impossible(points, seen, np.full((1, 2, 3), 1.3e-3), places).all()  # 130 + 11 mm
+    assert not find_impossible(points, seen, np.full((1, 2, 3), 1.5e-3), places).any()  # 130 + 12.7 mm
+    seen[0, 1] = False
+    assert not find_impossible(points, seen, np.full((1, 2, 3), 1e-4), places).any()
+
+
+@pytest.mark.parametrize("frames", [1, 20, 140], ids=["one frame", "a third of a second", "to the end"])
+def test_a_hanger_that_jumps_slower_than_a_marker_lost_in_the_room_is_refused(frames):
+    """80 mm from one frame to the next are 4.8 m/s, which a hand may reach, and 288 m/s2, which it cannot."""
+    take = a_take()
+    take.held[100 : 100 + frames, :, 0] += 0.08
+    with pytest.raises(DriveError, match=r"the hanger jumps at 1\.\d+ s \(\d{3} m/s2\); no hand moves like that"):
+        prepare(take)
+
+
+def test_a_hard_swing_seen_with_noise_is_no_jump():
+    """40 m/s2 at 2 Hz and 0.25 m, frames 5 to 25 ms apart, 2 mm of noise on the held ends though 0.1 mm are stated."""
+    rng = np.random.default_rng(4)
+    time = np.cumsum(rng.uniform(0.005, 0.025, 300))
+    garment = sheet(grid=GRID)
+    path = swing(time, amplitude=0.25, hz=2.0)
+    take = take_of(garment, time, path, hung(garment, time) + path[:, None])
+    take.held[...] += rng.normal(0, 0.002, take.held.shape)
+    assert prepare(take).duration == pytest.approx(time[-1] - time[0])

@@ -1,0 +1,140 @@
+"""Takes that are fitted to and judged on together, and kept work that is of these takes and not of others so named."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import msgspec
+import numpy as np
+import pytest
+
+from fit.cloth.model import Resolution
+from fit.effects import find_effects
+from fit.errors import FitError
+from fit.folders import alone, set_aside_other_takes
+from fit.gap.diagnosis import diagnose
+from fit.identification.calibrate import calibrate
+from fit.identification.request import request_of
+from fit.methods import SI
+from fit.recordings.selection import check_together, content_of, is_of
+from formats.archive import read_take, write_take
+from formats.results import save_diagnosis, save_fit_result
+from tests.fit.blind.blind_answers import diagnosis
+from tests.fit.scenes import material, sheet, simulate_take, swing
+
+COARSE = Resolution(spacing=0.15)
+
+
+def a_take(name="a", hz=0.7, garment=None):
+    garment, time = garment or sheet(), np.arange(0, 2, 1 / 30)
+    row = material(garment, velocity_damping=2.0)
+    return simulate_take(garment, time, swing(time, hz=hz), row, noise=0.001, name=name, resolution=COARSE)
+
+
+def asked(search="annealing"):
+    return request_of(SI, [], iterations=60, seed=1, spacing=0.15, search=search)
+
+
+def stop_after(count):
+    told = []
+
+    def progress(*_):
+        told.append(1)
+        if len(told) == count:
+            raise KeyboardInterrupt
+
+    return progress
+
+
+def test_content_is_of_what_a_fit_sees_and_outlives_the_archive(tmp_path):
+    take = read_take(write_take(tmp_path / "a.mcap", a_take()))
+    assert content_of(take) == content_of(read_take(tmp_path / "a.mcap"))
+    lighter = msgspec.structs.replace(take.garment, mass_kg=0.03)
+    tilted = msgspec.structs.replace(take.rig, gravity=(0.0, 0.1, -0.995))
+    moved = take.points + 1e-3
+    for change in ({"points": moved}, {"garment": lighter}, {"rig": tilted}, {"points_sd": 2 * take.points_sd}):
+        assert content_of(dataclasses.replace(take, **change)) != content_of(take)
+
+
+@pytest.mark.parametrize(
+    ("training", "held_out", "sentence"),
+    [
+        ([], ["a"], "no take was given"),
+        (["a", "a"], [], "this take is given twice"),
+        (["a", "b"], ["b"], "this take is both fitted to and held out"),
+        (["a"], ["b", "b"], "this take is given twice"),
+        (["a", "heavy"], [], "takes of different garments"),
+        (["a"], ["heavy"], "takes of different garments"),
+    ],
+)
+def test_what_cannot_be_used_together_is_refused(training, held_out, sentence):
+    known = {"a": a_take("a"), "b": a_take("b", hz=0.9), "heavy": a_take("heavy", garment=sheet(mass=0.08))}
+    with pytest.raises(FitError, match=sentence):
+        check_together([known[k] for k in training], [known[k] for k in held_out])
+
+
+def test_two_recordings_of_one_name_may_stand_together():
+    check_together([a_take("a"), a_take("a", hz=0.9)], [])
+
+
+def test_a_search_does_not_go_on_with_another_recording_of_the_same_name(tmp_path):
+    file = tmp_path / "c.json"
+    with pytest.raises(KeyboardInterrupt):
+        calibrate([a_take()], [], asked(), checkpoint=file, progress=stop_after(2))
+    with pytest.raises(FitError, match="the saved search is of other takes"):
+        calibrate([a_take(hz=0.9)], [], asked(), checkpoint=file)
+
+
+@pytest.mark.parametrize("anew", [0, 1])
+def test_a_diagnosis_does_not_go_on_with_another_recording_of_the_same_name(tmp_path, anew):
+    options = {"effects": find_effects(["hem"]), "resolution": COARSE, "checkpoint": tmp_path / "kept"}
+
+    def interrupt(stage, share):
+        if stage.startswith("base fit"):
+            raise KeyboardInterrupt
+
+    takes = [a_take("a"), a_take("b", hz=0.9)]
+    with pytest.raises(KeyboardInterrupt):
+        diagnose(takes[:1], takes[1:], progress=interrupt, **options)
+    takes[anew] = a_take("ab"[anew], hz=1.1)
+    with pytest.raises(FitError, match="of other takes"):
+        diagnose(takes[:1], takes[1:], **options)
+
+
+def test_a_fit_is_of_takes_by_what_they_hold_and_an_old_one_by_their_names():
+    result = calibrate([a_take()], [], request_of(SI, [], iterations=2, seed=1, spacing=0.15))
+    assert is_of(result, [a_take()])
+    assert not is_of(result, [a_take(hz=0.9)])
+    old = msgspec.structs.replace(result, take_contents=[])
+    assert is_of(old, [a_take(hz=0.9)])
+    assert not is_of(old, [a_take("b")])
+
+
+def test_results_of_other_takes_get_a_number_and_those_of_the_same_are_replaced(tmp_path):
+    """The other one has the same name: what tells it apart is what it holds. Old diagnoses know names alone."""
+    fit, diagnosed, report = (tmp_path / name for name in ("fit.json", "diagnosis.json", "report.html"))
+    save_fit_result(fit, calibrate([a_take()], [], request_of(SI, [], iterations=2, seed=1, spacing=0.15)))
+    of_a = msgspec.structs.replace(diagnosis("none", [], []), take_ids=["a"])
+    save_diagnosis(diagnosed, msgspec.structs.replace(of_a, take_contents=[content_of(a_take())]))
+    report.write_text("one")
+    for path in (fit, diagnosed, tmp_path / "gone.json"):
+        assert set_aside_other_takes(path, [a_take()]) == ""
+    said = set_aside_other_takes(fit, [a_take(hz=0.9)])
+    assert said == f"{fit} is of other takes (a): kept as fit.1.json, with its report."
+    assert {p.name for p in tmp_path.iterdir()} == {"fit.1.json", "report.1.html", "diagnosis.json"}
+    report.write_text("two")
+    assert "kept as diagnosis.2.json" in set_aside_other_takes(diagnosed, [a_take(hz=0.9)])
+    assert (tmp_path / "report.2.html").read_text() == "two"
+    save_diagnosis(diagnosed, of_a)
+    assert set_aside_other_takes(diagnosed, [a_take(hz=0.9)]) == ""
+    assert "kept as diagnosis.3.json" in set_aside_other_takes(diagnosed, [a_take("b")])
+    fit.write_text("{}")
+    assert "is not known to be of these takes" in set_aside_other_takes(fit, [a_take()])
+
+
+def test_a_folder_is_one_commands_at_a_time(tmp_path):
+    again = alone(tmp_path, "diagnose")
+    with alone(tmp_path, "diagnose"), pytest.raises(FitError, match="another `hangtime diagnose` writes here"), again:
+        pass
+    with alone(tmp_path, "diagnose"):
+        assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,161 @@
+"""Virtual fabric tests: by hand, and against the solver's own cloth."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import msgspec
+import numpy as np
+import pytest
+
+from fit.cloth import material as mat
+from fit.cloth.mesh import build_mesh
+from fit.cloth.model import Resolution
+from fit.cloth.simulator import Simulator
+from fit.errors import FitError
+from fit.identification.calibrate import calibrate
+from fit.identification.request import request_of
+from fit.methods import LEAN
+from fit.recordings.recording import prepare
+from fit.virtual_tests.fabric_ranges import TEN, range_of_ten, share_below
+from fit.virtual_tests.kes import BENDING, HYSTERESIS, SHEAR, TENSION, make_sheet, shear_test, stretch_test, tension
+from fit.virtual_tests.sheet import sheet_of
+from tests.fit.report.report_scene import fit_result
+from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
+
+MEDIAN = dict(zip(mat.NAMES, mat.as_rows([mat.Material()])[0].tolist(), strict=True))
+
+
+def test_units_by_hand():
+    """1 gf is 9.80665 mN: 0.980665 N/m per cm, 9.80665e-5 N m as gf cm^2/cm, 56.19 N/m per radian as gf/(cm degree)."""
+    units = [TENSION, BENDING, SHEAR, HYSTERESIS]
+    assert units == pytest.approx([0.980665, 9.80665e-5, 56.188, 9.80665e-3], rel=1e-5)
+
+
+def test_the_median_fabric_on_the_tester_by_hand():
+    """B = 1.4e-5 / 9.80665e-5 = 0.1428, G = 30 x 0.99859 / 56.188 = 0.5332, W = 20 mg/cm^2, slope 300 / 0.980665."""
+    found = make_sheet(MEDIAN, friction_moment=2e-4)
+    assert found.warp.bending == pytest.approx(0.14276, rel=1e-4)
+    assert found.shear == pytest.approx(0.5332, rel=1e-4)
+    assert found.weight == pytest.approx(20.0)
+    assert found.weft.first_slope == pytest.approx(305.9, rel=1e-4)
+    assert found.warp.bending_hysteresis == pytest.approx(2 * 2e-4 / 9.80665e-3, rel=1e-6)
+
+
+def test_tension_by_hand():
+    """lambda = 1.1: E = 0.105, force 1.1 x 300 x 0.105 = 34.65 N/m, energy 300 x 0.105^2 / 2 = 1.65375 J/m^2."""
+    assert tension(0.1, 300.0) == pytest.approx(34.65)
+    assert tension(0.1, 300.0, 40.0) == pytest.approx(34.65 * (1 + 40 * 0.105))
+    extension, energy = stretch_test(300.0, load=34.65)
+    assert extension == pytest.approx(0.1)
+    assert energy == pytest.approx(1.65375)
+
+
+def test_the_stored_energy_is_the_area_under_the_curve():
+    extension, energy = stretch_test(500.0, 30.0)
+    grid = np.linspace(0, extension, 20001)
+    assert energy == pytest.approx(np.trapezoid([tension(e, 500.0, 30.0) for e in grid], grid), rel=1e-6)
+
+
+def test_linear_cloth_is_nearly_linear_at_small_loads():
+    """A thousandth of the stiffness stretches by a thousandth, and LT = 1 but for 3/4 of that."""
+    extension, energy = stretch_test(1000.0, load=1.0)
+    assert extension == pytest.approx(1e-3, rel=2e-3)
+    assert energy / (0.5 * 1.0 * extension) == pytest.approx(1.0, rel=1e-3)
+
+
+def test_warp_over_weft_is_the_anisotropys_exponential():
+    found = make_sheet(MEDIAN | {"bending_ratio": np.log(4.0), "stretch_ratio": np.log(9.0)})
+    assert found.warp.bending / found.weft.bending == pytest.approx(4.0)
+    assert found.warp.first_slope / found.weft.first_slope == pytest.approx(9.0)
+
+
+def settled(garment, row, spacing):
+    """Points of a sheet that hangs still, after five seconds of strong damping."""
+    time = np.arange(0, 5, 1 / 10)
+    recording = prepare(take_of(garment, time, np.zeros((len(time), 3)), hung(garment, time)))
+    return Simulator(recording, resolution=Resolution(spacing=spacing)).run(row).points[0, -1]
+
+
+@pytest.mark.parametrize("stiffening", [0.0, 5.0])
+def test_the_solvers_sheet_stretches_as_the_virtual_test_says(stiffening):
+    """A sheet of 2 kg/m^2 and 0.45 m hangs from its edge: at z above the bottom it carries rho g z.
+
+    Its lowest point sinks by the integral of the virtual test's extension over these loads, up to 8.8 N/m at 60 N/m.
+    """
+    garment = sheet(width=0.2, height=0.45, mass=0.18)
+    row = material(garment, stretch_stiffness=60.0, velocity_damping=8.0)
+    row[0, mat.STIFFENING] = stiffening
+    loads = 2.0 * 9.80665 * (np.arange(300) + 0.5) / 300 * 0.45
+    expected = 0.45 / 300 * sum(stretch_test(60.0, stiffening, load)[0] for load in loads)
+    sunk = -settled(garment, row, 0.05)[2:4, 2].mean() - 0.45
+    assert expected > 0.015
+    # What is left is single precision and the last of the settling.
+    assert sunk == pytest.approx(expected, rel=1e-3)
+
+
+def test_the_solvers_sheet_shears_as_the_virtual_test_says():
+    """A wide sheet of 8 N/m shear stiffness, gravity tilted sideways by 0.3 rad: gamma = rho g sin(0.3) z / G.
+
+    Its bottom moves rho g sin(0.3) H^2 / (2 G) = 0.2 x 2.898 x 0.01 / 16 = 0.362 mm sideways; the sheet's own pull down
+    stiffens it by rho g z / G, 1.2 % on average over the height.
+    """
+    garment = sheet(width=0.8, height=0.1, mass=0.016)
+    row = material(garment, shear_stiffness=8.0, stretch_stiffness=800.0, velocity_damping=8.0)
+    row[0, mat.TILT_X] = 0.3
+    place = settled(garment, row, 0.033)
+    expected = 0.2 * 9.80665 * np.sin(0.3) * 0.1**2 / 2 / shear_test(8.0)
+    # 2 %: the free sides, and that stiffening.
+    assert place[2:4, 0].mean() == pytest.approx(expected, rel=0.02)
+
+
+def test_the_solvers_bends_store_what_the_virtual_test_says():
+    """Energies of a mesh rolled to 1.5 and to 0.5 per cm: (2 / area) (W_2 - W_1) / (K_2^2 - K_1^2) = B, here 1 N m."""
+    mesh = build_mesh(sheet(width=0.02, height=0.02), 0.0005)
+
+    def energy(curvature):
+        angle = curvature * mesh.rest[:, 0]
+        rolled = np.stack([np.sin(angle) / curvature, mesh.rest[:, 1], (1 - np.cos(angle)) / curvature], 1)
+        return 0.5 * (mesh.bends.stencils.apply(rolled) ** 2).sum()
+
+    slope = 2 * (energy(150.0) - energy(50.0)) / (150.0**2 - 50.0**2) / 4e-4
+    # The outermost nodes, 1/12 of an element on either side of thirteen, store nothing.
+    assert slope == pytest.approx(1 - 2 / 12 / 13, rel=0.005)
+
+
+def test_the_ten_fabrics_in_kes_units():
+    """Denim: 32.4 mg/cm^2, shear 53.4 / 4 / 56.188 = 0.2376; the lightest of the ten has 11.3 mg/cm^2."""
+    assert len(TEN) == 10
+    assert range_of_ten("weight") == pytest.approx((11.3, 32.4))
+    assert range_of_ten("shear")[1] == pytest.approx(104.8 / 4 / 56.188, rel=1e-4)
+
+
+def test_a_median_fabric_is_above_half_of_618():
+    assert share_below("weight", 19.7) == "more than 50 % of them"
+    assert share_below("bending warp", 0.001) == "less than 95 % of them"
+
+
+def test_the_sheet_of_a_real_fit_says_what_motion_cannot_tell():
+    garment = sheet()
+    time = np.arange(0, 2, 1 / 30)
+    take = simulate_take(garment, time, swing(time), material(garment))
+    result = calibrate([take], [], request_of(LEAN, [], iterations=3, seed=0, spacing=0.1))
+    text = sheet_of(result)
+    fitted = {p.name: p.fitted for p in result.parameters}
+    assert result.material["bending_stiffness"] == pytest.approx(fitted["bending_stiffness"])
+    assert f"{fitted['bending_stiffness'] / 9.80665e-5:.3g}" in text
+    assert "W, weight                     mg/cm2               20 " in text
+    assert "The weight was fitted" not in text
+    assert "layers" not in text
+    double = dataclasses.replace(take, garment=msgspec.structs.replace(garment, layers=2))
+    twice = calibrate([double], [], request_of(LEAN, [], iterations=3, seed=0, spacing=0.1))
+    assert twice.material == result.material
+    text = sheet_of(twice)
+    assert f"{fitted['bending_stiffness'] / 2 / 9.80665e-5:.3g}" in text
+    assert "W, weight                     mg/cm2               10 " in text
+    assert "The garment is 2 layers, fitted as one" in text
+
+
+def test_a_result_without_its_material_is_refused():
+    with pytest.raises(FitError, match="does not hold its material"):
+        sheet_of(fit_result())

@@ -6,6 +6,8 @@ HangtimeError
         +-- NoMarkersError      a whole recording in which the hanger was never seen
         +-- HangerGapError      a recording in which the hanger was out of view for too long in between
         +-- CalibrationError    the rig cannot be measured from what the sensor saw
+        +-- SpoolError          the appliance's folder of takes cannot be used as asked
+        +-- SyncError           takes cannot be brought to the server as asked
 """
 
 from __future__ import annotations
@@ -31,3 +33,11 @@ class HangerGapError(CaptureError):
 
 class CalibrationError(CaptureError):
     """A rig that cannot be measured from what the sensor saw."""
+
+
+class SpoolError(CaptureError):
+    """A folder of takes that cannot be used as asked."""
+
+
+class SyncError(CaptureError):
+    """A server, a setting or a credential with which takes cannot be brought away as asked."""

@@ -13,7 +13,7 @@ Each peer runs in a Python that a variable names, HANGTIME_MUJOCO_PYTHON and the
 BLENDER; one that is not there is skipped and said to be. Newton's steps are recorded as a graph and replayed, without
 Python in between (`peer_workers/newton_solvers_worker.py`). What differs as an engine has nothing else: pypbd and
 PyBullet have no damping but their solvers' and springs'; Blender's cloth has 8 N/m and 0.3 kg a vertex, as its solver
-stops early and the sheet floats where it is stiffer or lighter (docs/blind-check.md).
+stops early and the sheet floats where it is stiffer or lighter (docs/reference/blind-check.md).
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from capture.hanger.marker_detection import marker_dictionary
 from firmware_host.doctor.checks import Check, Examination, Finding, ok, problem, skipped
 from formats.rig import Rig
 
-USUAL_DICTIONARY = "DICT_4X4_50"  # of the rig that `hangtime sensor synthesise` writes and docs/recording.md prints
+USUAL_DICTIONARY = "DICT_4X4_50"  # of the rig that `hangtime sensor synthesise` writes
 USUAL_IDS = (0, 1)
 LEAST_SEEN = 0.5  # of the frames looked at; tracking searches finer and bridges gaps, a hidden marker is hidden longer
 ENLARGEMENT = 2  # markers of 6 cm at 2 m are 17 px at 640 px; twice that is found more surely
@@ -23,7 +23,7 @@ def markers_visible(examination: Examination) -> Finding:
     if examination.rig is not None:
         hanger = examination.rig.hanger
         if hanger is None:
-            return problem("the rig has no hanger section", "describe it as in docs/file-formats.md")
+            return problem("the rig has no hanger section", "describe it as in docs/reference/file-formats.md")
         if hanger.marker == "dot":
             return _dots_visible(examination, examination.rig)
         dictionary, ids = hanger.dictionary, hanger.ids
@@ -49,7 +49,7 @@ def markers_visible(examination: Examination) -> Finding:
 def _dots_visible(examination: Examination, rig: Rig) -> Finding:
     frames = [] if examination.sample is None else examination.sample.frames
     if rig.sensor is None:
-        return problem("the rig has no sensor section", "describe it as in docs/file-formats.md")
+        return problem("the rig has no sensor section", "describe it as in docs/reference/file-formats.md")
     size = rig.sensor.height, rig.sensor.width
     sights = [
         DotTracker(rig).track(frame.colour, frame.depth, frame.time_s)

@@ -102,5 +102,5 @@ class StatusLamp:
         except OSError as error:
             raise LampError(
                 f"cannot be changed ({error.strerror})", where=self._folder / name,
-                advice="let this user write the LED's files, or run as root; see docs/recording.md",
+                advice="let this user write the LED's files, or run as root; see docs/reference/recording.md",
             ) from error  # fmt: skip

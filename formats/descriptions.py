@@ -94,7 +94,7 @@ def _load(path: Path, kind: type[Description]) -> Description:
         return msgspec.convert(plain, kind)
     except msgspec.ValidationError as error:
         raise DescriptionError(
-            _named(str(error), plain, kind), where=path, advice="see docs/file-formats.md"
+            _named(str(error), plain, kind), where=path, advice="see docs/reference/file-formats.md"
         ) from error
 
 
@@ -129,7 +129,7 @@ def check_garment(garment: Garment, where: object) -> None:
     """
 
     def refuse(what: str) -> None:
-        raise DescriptionError(what, where=where, advice="see docs/file-formats.md")
+        raise DescriptionError(what, where=where, advice="see docs/reference/file-formats.md")
 
     _refuse_what_is_not_finite(garment, refuse)
     if not 0 < garment.mass_kg < HEAVIEST:
@@ -297,7 +297,7 @@ def check_rig(rig: Rig, where: object) -> None:
     """
 
     def refuse(what: str) -> None:
-        raise DescriptionError(what, where=where, advice="see docs/file-formats.md")
+        raise DescriptionError(what, where=where, advice="see docs/reference/file-formats.md")
 
     _refuse_what_is_not_finite(rig, refuse)
     length = float(np.linalg.norm(rig.gravity))

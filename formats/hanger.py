@@ -22,7 +22,9 @@ def held_ends(markers: Floats, rig: Rig) -> Floats:
         DescriptionError: the rig has no hanger.
     """
     if rig.hanger is None:
-        raise DescriptionError("the rig has no [hanger]", where=rig.name, advice="add one, see docs/file-formats.md")
+        raise DescriptionError(
+            "the rig has no [hanger]", where=rig.name, advice="add one, see docs/reference/file-formats.md"
+        )
     offsets = np.asarray(rig.hanger.held_m, float)
     middle = markers.mean(-2)
     return np.asarray(middle[..., None, :] + np.einsum("...ij,kj->...ki", hanger_frame(markers, rig), offsets))

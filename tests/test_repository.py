@@ -242,13 +242,6 @@ def test_every_option_in_a_sentence_is_one_of_a_command_a_script_or_a_benchmark(
     assert unknown == []
 
 
-def test_every_option_of_a_command_is_in_a_text() -> None:
-    command.gather_commands()
-    texts = "".join(path.read_text() for path in TEXTS if path.suffix == ".md" and path.name != "CHANGELOG.md")
-    named = set(OPTION.findall(texts))
-    assert sorted(options_of(get_command(command.app)) - named - {"--help"}) == []
-
-
 # --- scripts ------------------------------------------------------------------------------------
 
 

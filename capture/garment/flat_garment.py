@@ -96,7 +96,7 @@ def _roles(garment: Garment, corners: Floats) -> list[int]:
             raise UntrackableError(
                 f"the point {point.name!r} is neither one of the four corners of this kind of garment nor the centre",
                 where=garment.name,
-                advice="track the corners that docs/file-formats.md names and the point 'centre'",
+                advice="track the corners that docs/reference/file-formats.md names and the point 'centre'",
             )
     return roles
 

@@ -94,7 +94,7 @@ def hanger_and_sensor(rig: Rig) -> tuple[Hanger, Sensor]:
         raise UntrackableError(
             "it has no hanger or no sensor section, so there is nothing to look for",
             where="rig",
-            advice="describe both as in docs/file-formats.md",
+            advice="describe both as in docs/reference/file-formats.md",
         )
     return rig.hanger, rig.sensor
 

@@ -292,7 +292,9 @@ def _markers_of(hanger: Hanger) -> str:
 def _check_rig(sensor: DepthSensor, rig: Rig) -> None:
     if rig.sensor is None or rig.hanger is None:
         raise UntrackableError(
-            "the rig has no [sensor] or no [hanger]", where=rig.name, advice="add it, see docs/file-formats.md"
+            "the rig has no [sensor] or no [hanger]",
+            where=rig.name,
+            advice="add it, see docs/reference/file-formats.md",
         )
     info = sensor.info
     if (info.width, info.height) != (rig.sensor.width, rig.sensor.height):

@@ -138,7 +138,7 @@ def choose(
     if not chosen:
         raise FirmwareUnsupportedError(
             f"Hangtime cannot ask it for {what}", where=devices[0].where,
-            advice="docs/sensor.md says what works with which sensor",
+            advice="docs/reference/sensors.md says what works with which sensor",
         )  # fmt: skip
     return chosen
 

@@ -86,7 +86,8 @@ def make_command(
 ) -> None:  # fmt: skip
     """Simulate cases with withheld effects and seal their labels.
 
-    Other engines than the own generator run in a Python of their own and plant less: docs/blind-check.md says what.
+    Other engines than the own generator run in a Python of their own and plant less: see
+    docs/reference/blind-check.md.
     With --real nothing is simulated: --nulls untouched and --cases planted copies of real takes are made.
     Sets that differ in --noise, --missing or --rate alone hold the same cloths, motions and effects: a ladder.
 

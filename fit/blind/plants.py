@@ -9,7 +9,7 @@ of several components has the length of their vector as its amplitude. How each 
 
 Typical sizes and ranges: S. Kawabata's KES figures for apparel (2HB 1e-4 to 1e-3 N), H. Wang et al., "Data-driven
 elastic models for cloth" (SIGGRAPH 2011), S. F. Hoerner, "Fluid-Dynamic Drag" (1965), K. Khoshelham & S. Oude Elberink,
-Sensors 12 (2012); docs/blind-check.md has the table. Self-contact is not generated. Shear stiffness is not an
+Sensors 12 (2012); docs/reference/blind-check.md has the table. Self-contact is not generated. Shear stiffness is not an
 effect to the default base model, which has it, and a clamped sheet shears by about a degree: its stiffening cannot be
 seen.
 """

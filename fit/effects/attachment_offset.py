@@ -1,6 +1,8 @@
 """Attachment offset: the cloth hangs from another place of the hanger than the rig says.
 
-    held_k(t) = measured_k(t) + R(t) d,     R = [x y z] of the hanger's frame (`formats.hanger`)
+    held_k(t) = measured_k(t) + R(t) d
+
+with the axes of the hanger's frame as the columns of R (`formats.hanger`).
 
 Source: rigid-body kinematics; offsets of a few millimetres to centimetres are what a tape measure gives.
 """

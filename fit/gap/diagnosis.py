@@ -1,4 +1,4 @@
-"""The whole diagnosis, in the order of `docs/diagnosis.md`: gates, base fit, floor, screening, refits, verdict."""
+"""The whole diagnosis: gates, base fit, floor, screening, refits, verdict, as in `docs/reference/diagnosis.md`."""
 
 from __future__ import annotations
 
@@ -173,7 +173,8 @@ def ready(training: list[Take], held_out: list[Take]) -> Prepared:
 def fine_enough(recording: Recording) -> Resolution:
     """Return the mesh that a diagnosis needs: a ninth of the garment's smaller side.
 
-    On cloth of an independent simulator without any effect this leaves errors at the noise (`docs/blind-check.md`).
+    On cloth of an independent simulator without any effect this leaves errors at the noise
+    (`docs/reference/blind-check.md`).
     """
     side = float(np.ptp(np.array(recording.garment.outline_m), axis=0).min())
     return Resolution(spacing=float(np.clip(round(side / CELLS, 3), FINEST, COARSEST)))

@@ -161,7 +161,7 @@ def notes(training: int, held_out: int, observer: Observer, *, is_predictable: b
         "Errors are root mean square distances of the tracked points that are not on the held edge; those on it tell "
         "how the cloth is held and timed.",
         "Probabilities are shares of draws, of held-out half-seconds and of what mesh and solver may be wrong by, in "
-        "which an effect is best and worth naming; docs/blind-check.md says how far they hold.",
+        "which an effect is best and worth naming; docs/reference/blind-check.md says how far they hold.",
     ]
     if not any(map(has_static, observer.recordings)):
         said.append(

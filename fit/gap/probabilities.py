@@ -2,8 +2,9 @@
 
 Drawn are blocks of the held-out takes, what mesh and solver may be wrong by (`fit.gap.closure.solver_draws`), and how
 much of the gap a true cause may leave unexplained beyond noise, mesh and solver: the library's laws are not nature's.
-That limit is logistic about LEFT with a width of LEFT_WIDTH: on cases whose truth was known (`docs/blind-check.md`)
-nearly all that left less than a tenth was the cause, and about half of what left a fifth to three fifths. What sound
+That limit is logistic about LEFT with a width of LEFT_WIDTH: on cases whose truth was known (`docs/notebook/blind-
+looks.md`) nearly all that left less than a tenth was the cause, and about half of what left a fifth to three fifths.
+What sound
 laws of an effect leave is a second limit (`Evidence.most_by_law`). In a draw an effect is at work if it leaves the
 least error, is worth naming and leaves no more than both. Several effects are at work together where they leave no
 more than the limits and the last of them was worth adding; they share that probability, and each of them may be at work

@@ -28,7 +28,7 @@ SHAPES: dict[str, tuple[int, ...]] = {
 MEDIAN_DENSITY = 0.197  # kg/m^2, median of 618 fabrics, ClothDrapeTester (SIGGRAPH Asia 2022)
 POINT_SD = (0.0028, 0.0019, 0.0028)  # m, static noise measured on these recordings
 HELD_SD = 0.002  # m, stated by us: the robot's pose is better than the fitted offset to the corners
-WHAT_TO_GIVE = "only swung-cloth .npz files can be imported, see docs/file-formats.md"
+WHAT_TO_GIVE = "only swung-cloth .npz files can be imported, see docs/reference/file-formats.md"
 
 
 def import_swung_cloth(path: Path) -> Take:

@@ -203,7 +203,7 @@ def test_a_centre_is_not_refused_where_another_place_is_as_far_from_the_corners(
 
 
 def test_the_garment_and_the_rig_in_the_text_on_files_can_be_copied(tmp_path):
-    text = (Path(__file__).parents[3] / "docs/file-formats.md").read_text()
+    text = (Path(__file__).parents[3] / "docs/reference/file-formats.md").read_text()
     blocks = {
         block.split("/")[0]: block for block in re.findall(r'```toml\nformat = "hangtime-(.*?)```', text, re.DOTALL)
     }

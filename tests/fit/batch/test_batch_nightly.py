@@ -111,7 +111,7 @@ def test_the_command_knows_when_the_service_tries_again():
 
 
 def test_the_file_of_keys_is_made_as_printed_and_nobody_else_may_read_it(home):
-    text = (ROOT / "docs/batch.md").read_text()
+    text = (ROOT / "docs/how-to/fit-over-night.md").read_text()
     (line,) = re.findall(r"```sh\n(.*batch\.env.*)\n```", text)
     subprocess.run(["sh", "-c", line], env={"PATH": os.environ["PATH"], "HOME": str(home)}, check=True)
     unit = RawConfigParser(strict=False)
@@ -141,7 +141,7 @@ def test_a_night_with_takes_that_do_not_fit_is_a_success_and_a_crash_is_not(home
 @pytest.mark.slow
 def test_the_slurm_recipe_as_printed_fits_two_takes(tmp_path):
     """`srun` starts what it is given, `hostname` says the loopback interface; all else is real."""
-    (script,) = re.findall(r"```bash\n(.*?)```", (ROOT / "docs/batch.md").read_text(), re.DOTALL)
+    (script,) = re.findall(r"```bash\n(.*?)```", (ROOT / "docs/how-to/fit-over-night.md").read_text(), re.DOTALL)
     (tmp_path / "bin").mkdir()
     for name, text in {"srun": 'exec "$@"', "hostname": "echo 127.0.0.1"}.items():
         (tmp_path / "bin" / name).write_text(f"#!/bin/sh\n{text}\n")

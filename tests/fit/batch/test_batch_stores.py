@@ -73,7 +73,7 @@ def test_a_wrong_key_is_one_sentence(server, monkeypatch):
 
 
 def test_the_variables_of_the_printed_file_are_all_that_opens_a_bucket(server, monkeypatch):
-    (block,) = re.findall(r"```ini\n(.*?)```", (ROOT / "docs/batch.md").read_text(), re.DOTALL)
+    (block,) = re.findall(r"```ini\n(.*?)```", (ROOT / "docs/how-to/fit-over-night.md").read_text(), re.DOTALL)
     names = set(re.findall(r"\bAWS_[A-Z_]+(?==)", block))
     values = {name: os.environ[name] for name in names}
     for name in [name for name in os.environ if name.startswith("AWS_")]:

@@ -95,6 +95,42 @@ def test_every_module_imports_only_what_its_package_may(module: Path) -> None:
         assert "typer" not in imports(module)
 
 
+def lint_imports(folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run import-linter with the rules of pyproject.toml on the packages of a folder."""
+    linter = Path(sys.executable).with_name("lint-imports")
+    there = {**os.environ, "PYTHONPATH": str(folder)}
+    return subprocess.run([linter, "--no-cache"], cwd=folder, env=there, capture_output=True, text=True, check=False)
+
+
+def test_every_room_imports_only_from_rooms_below_it() -> None:
+    done = lint_imports(ROOT)
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize(
+    ("module", "statement", "broken"),
+    [
+        ("fit/cloth/model.py", "from fit.gap import verdict", "Rooms of fit BROKEN"),
+        ("fit/cloth/model.py", "from fit.cloth import launch", "A cloth's model never runs BROKEN"),
+        ("fit/observer/edge.py", "from fit.observer import residuals", "No circles between modules of one room BROKEN"),
+        ("capture/hanger/pose.py", "from capture.recording import session", "Rooms of capture BROKEN"),
+        ("firmware_host/lamp.py", "from firmware_host import opening", "Rooms of firmware_host BROKEN"),
+        ("fit/stray.py", "", "Rooms of fit BROKEN"),
+    ],
+)
+def test_an_import_against_the_rules_of_the_rooms_is_refused(
+    module: str, statement: str, broken: str, tmp_path: Path
+) -> None:
+    for package in PACKAGES:
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    path = tmp_path / module
+    path.write_text((path.read_text() if path.exists() else '"""Stray."""\n') + f"\n{statement}\n")
+    done = lint_imports(tmp_path)
+    assert done.returncode == 1
+    assert broken in done.stdout
+
+
 def test_help_loads_none_of_the_four_heavy_libraries() -> None:
     code = """
         import sys

@@ -24,17 +24,16 @@ deviation. These rules were set on takes apart from those that published figures
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fit.cloth.effect import Effect
 from fit.cloth.model import Resolution
+from fit.identification.problem import Distances, ObservedProblem
 from fit.identification.trials import Observed, ObservedSettings, Progress, Run
 from fit.methods import Parameterisation
-from fit.observer.residuals import Observer
 from fit.recordings.recording import Recording, Windows
 from fit.search.intervals import check_blocks
 from fit.search.least_squares import BoundedSpace
@@ -47,33 +46,9 @@ CATCHING = 3.0  # Hz of the pull between short windows
 LOOKS = 80  # candidates looked at: what more of them find is little
 TRIALS = 3  # times at most that one begins: a wrong valley is mostly left by the second, or told by the third
 
-Distances = Callable[[list[Floats]], Floats]
 
-
-class ObservedSearch:
+class ObservedSearch(ObservedProblem):
     """The search on some recordings for the parameters of a method and the amplitudes of some effects."""
-
-    def __init__(
-        self,
-        recordings: list[Recording],
-        method: Parameterisation,
-        effects: tuple[Effect, ...],
-        space: BoundedSpace,
-        resolution: Resolution,
-        *,
-        windows: Windows | None = None,
-        distances: Distances | None = None,
-    ) -> None:
-        """Prepare it.
-
-        windows: between which alone the pulls of the settings act; distances: what D [m], (candidates,), of simulated
-        points, (candidates, frames, points, 3) [m] a take, is; it is asked of free rollouts.
-        """
-        cut = [dataclasses.replace(recording, windows=windows) for recording in recordings]
-        self.free = Observer(cut, method, effects, frequency=0.0, resolution=resolution)
-        self.space = space
-        self.count = len(method.parameters)
-        self._distances = distances
 
     def run(
         self,
@@ -93,14 +68,6 @@ class ObservedSearch:
         """
         check_blocks(self.free.layout.block)
         return Run(self, start, settings or ObservedSettings(), progress, known).run()
-
-    def simulate(self, vectors: Floats, pull: float) -> tuple[Floats, Floats]:
-        """Return residuals, (candidates, numbers), not finite where it blew up, and D [m], (candidates,) or nothing."""
-        observer = self.free.with_frequency(pull)
-        points = observer.trajectories(vectors[:, : self.count], vectors[:, self.count :])
-        residuals = observer.sound_residuals_of(points)
-        is_free = pull == 0 and self._distances is not None
-        return residuals, self._distances(points) if is_free and self._distances else np.zeros(0)
 
 
 def begin_observed(

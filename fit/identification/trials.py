@@ -17,12 +17,12 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fit.errors import BlowUpError
+from fit.identification.problem import ObservedProblem
 from fit.search import looks as looking
 from fit.search import valleys
 from fit.search.correlation import independent
@@ -31,9 +31,6 @@ from fit.search.intervals import PRIOR_SD, Intervals, block_intervals
 from fit.search.least_squares import LeastSquaresResult, LeastSquaresSettings, Prior, minimise
 from fit.search.posterior import draw
 from fit.search.steps import Step
-
-if TYPE_CHECKING:
-    from fit.identification.observed import ObservedSearch
 
 Floats = NDArray[np.float64]
 
@@ -105,7 +102,7 @@ class Run:
     """What a search has looked at, and the best of it."""
 
     def __init__(
-        self, search: ObservedSearch, start: Floats, settings: ObservedSettings, progress: Progress,
+        self, search: ObservedProblem, start: Floats, settings: ObservedSettings, progress: Progress,
         known: Sequence[Step],
     ) -> None:  # fmt: skip
         self.search, self.start, self.settings, self.progress = search, start, settings, progress

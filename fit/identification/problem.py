@@ -1,0 +1,53 @@
+"""The residuals of takes as a function of parameters: the problem that least squares on points solve."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.cloth.effect import Effect
+from fit.cloth.model import Resolution
+from fit.methods import Parameterisation
+from fit.observer.residuals import Observer
+from fit.recordings.recording import Recording, Windows
+from fit.search.least_squares import BoundedSpace
+
+Floats = NDArray[np.float64]
+Distances = Callable[[list[Floats]], Floats]
+
+
+class ObservedProblem:
+    """Residuals of some recordings by the parameters of a method and the amplitudes of some effects."""
+
+    def __init__(
+        self,
+        recordings: list[Recording],
+        method: Parameterisation,
+        effects: tuple[Effect, ...],
+        space: BoundedSpace,
+        resolution: Resolution,
+        *,
+        windows: Windows | None = None,
+        distances: Distances | None = None,
+    ) -> None:
+        """Prepare it.
+
+        windows: between which alone the pulls of the settings act; distances: what D [m], (candidates,), of simulated
+        points, (candidates, frames, points, 3) [m] a take, is; it is asked of free rollouts.
+        """
+        cut = [dataclasses.replace(recording, windows=windows) for recording in recordings]
+        self.free = Observer(cut, method, effects, frequency=0.0, resolution=resolution)
+        self.space = space
+        self.count = len(method.parameters)
+        self._distances = distances
+
+    def simulate(self, vectors: Floats, pull: float) -> tuple[Floats, Floats]:
+        """Return residuals, (candidates, numbers), not finite where it blew up, and D [m], (candidates,) or nothing."""
+        observer = self.free.with_frequency(pull)
+        points = observer.trajectories(vectors[:, : self.count], vectors[:, self.count :])
+        residuals = observer.sound_residuals_of(points)
+        is_free = pull == 0 and self._distances is not None
+        return residuals, self._distances(points) if is_free and self._distances else np.zeros(0)

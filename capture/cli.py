@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from capture.appliance.cli import add_commands as add_appliance_commands
 from formats.terminal import is_watched, say
 
 CLEAR_LINE = "\r\x1b[K"  # ECMA-48: carriage return, erase to the end of the line
@@ -19,6 +20,7 @@ NOT_FIRST = (
 
 def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
+    add_appliance_commands(app)
     app.command("record", short_help="Track hanger and garment and keep them as a take.")(record_command)
     app.command("calibrate", short_help="Measure gravity, depth and clips of a rig.")(calibrate_command)
     markers = typer.Typer(no_args_is_help=True, help="The hanger's fiducial markers.")
@@ -222,8 +224,9 @@ def record_command(
     from capture.recording.condition import Condition
     from capture.recording.condition_lamp import show_condition
     from capture.recording.frame_queue import QueuedSensor
+    from capture.recording.frame_reader import ScanPlan
     from capture.recording.precedence import Precedence
-    from capture.recording.session import ScanPlan, record
+    from capture.recording.session import record
     from capture.recording.stop_signals import stopped_like_ctrl_c
     from firmware_host.errors import LampError
     from firmware_host.lamp import StatusLamp

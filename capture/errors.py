@@ -6,6 +6,7 @@ HangtimeError
         +-- NoMarkersError      a whole recording in which the hanger was never seen
         +-- HangerGapError      a recording in which the hanger was out of view for too long in between
         +-- CalibrationError    the rig cannot be measured from what the sensor saw
+        +-- ControlError        the daemon cannot be asked, or cannot listen
         +-- SpoolError          the appliance's folder of takes cannot be used as asked
         +-- SyncError           takes cannot be brought to the server as asked
 """
@@ -33,6 +34,10 @@ class HangerGapError(CaptureError):
 
 class CalibrationError(CaptureError):
     """A rig that cannot be measured from what the sensor saw."""
+
+
+class ControlError(CaptureError):
+    """A daemon that is not there, may not be asked, does not answer or cannot listen."""
 
 
 class SpoolError(CaptureError):

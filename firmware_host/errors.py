@@ -15,6 +15,7 @@ HangtimeError
               +-- FirmwareRefusalError     an answer that says no
               +-- FirmwareUnsupportedError this device or firmware has no such thing
   +-- LampError   this machine's status lamp is not there or may not be changed
+  +-- ButtonError   this machine's button is not there or cannot be read
 """
 
 from __future__ import annotations
@@ -24,6 +25,10 @@ from formats.errors import HangtimeError
 
 class LampError(HangtimeError):
     """A LED that is not there, cannot blink or may not be changed."""
+
+
+class ButtonError(HangtimeError):
+    """A button that is not there, was unplugged or may not be read."""
 
 
 class SensorError(HangtimeError):

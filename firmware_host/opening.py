@@ -7,14 +7,19 @@ from pathlib import Path
 from firmware_host.depth_sensor import DepthSensor
 from firmware_host.errors import SensorUnavailableError
 
-FORMS = "a path to an .oni file, openni2: (the connected device) or synthetic:MOTION?effect=NAME&seconds=8&seed=1"
+FORMS = (
+    "a path to an .oni file, openni2: (the connected device), synthetic:MOTION?effect=NAME&seconds=8&seed=1, "
+    "or live:FILE.oni (a recording played as a live sensor, again and again)"
+)
+PLAYED = "live:"
+CORD = "?cord="  # after a recording that is played live: a file that may say "silent" or "unplugged"
 
 LIVE = ("openni2:", "openni2")
 
 
 def names_live_sensor(uri: str) -> bool:
     """Say whether a name is that of a connected device."""
-    return uri in LIVE
+    return uri in LIVE or uri.startswith(PLAYED)
 
 
 def open_sensor(uri: str) -> DepthSensor:
@@ -29,6 +34,11 @@ def open_sensor(uri: str) -> DepthSensor:
         return SyntheticSensor.from_uri(uri)
     from firmware_host.openni2_sensor import OpenNI2Sensor
 
+    if uri.startswith(PLAYED):
+        from firmware_host.paced import PacedSensor
+
+        recording, _, cord = uri.removeprefix(PLAYED).partition(CORD)
+        return PacedSensor(lambda: open_sensor(recording), uri, Path(cord) if cord else None)
     if names_live_sensor(uri):
         return OpenNI2Sensor()
     if "://" in uri:

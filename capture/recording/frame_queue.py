@@ -82,6 +82,11 @@ class QueuedSensor(DepthSensor):
                 return None
         return found.unpacked(self._unpack)
 
+    def has_more(self, timeout_s: float) -> bool:
+        """Wait for so long [s] and return whether `read` would answer at once."""
+        with self._changed:
+            return self._changed.wait_for(lambda: bool(self._waiting) or self._has_ended, timeout_s)
+
     def close(self) -> None:
         """Stop fetching and wait for the thread; closing twice is allowed."""
         self._stop.set()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -16,18 +15,18 @@ from numpy.typing import NDArray
 from capture.errors import CaptureError, HangerGapError, NoMarkersError, UntrackableError
 from capture.garment.sight import GarmentSight
 from capture.hanger.fiducial_tracker import HangerSight
-from capture.recording.condition import Condition, ConditionWatch, condition_of
-from capture.recording.frame_clock import FrameClock
+from capture.recording.condition import Condition
+from capture.recording.frame_reader import FrameReader, ScanPlan
 from capture.recording.hanger_gaps import HangerGaps
 from capture.recording.stop_signals import StopRequest, stopped_like_ctrl_c
-from capture.recording.tracking import FrameTracker
+from capture.recording.tally import Tally
 from firmware_host.depth_sensor import DepthSensor, SensorFrame
 from firmware_host.errors import SensorError
 from formats.archive import TakeWriter
 from formats.errors import HangtimeError, OutputError, TakeError
 from formats.garment import Garment
 from formats.rig import Hanger, Rig
-from formats.take import LONGEST_GAP, FrameState
+from formats.take import LONGEST_GAP
 
 Floats = NDArray[np.float64]
 Watcher = Callable[[SensorFrame, HangerSight, GarmentSight], None]
@@ -36,21 +35,8 @@ Announce = Callable[[float, Condition], None]
 
 LEAST_ROOM = 8_000_000  # bytes on the disk: below, a take is ended while there is room to end it whole
 LOOK_FOR_ROOM = 1.0  # s from one look at the disk to the next; a take with scans grows by 20 kB in it
-SCAN_TOLERANCE = 1e-3  # s: frames come a little early or late
 FEWEST_HANGERS = 10  # frames with both markers; fewer are no recording of a hanger
 HARDLY_EVER = 0.1  # of the frames with both markers; fewer are most likely not what somebody wanted to record
-
-
-@dataclass(frozen=True, kw_only=True)
-class ScanPlan:
-    """How often the visible surface is kept, in scans a second, and with how many places.
-
-    grid: along each side of the grid; contour: around the silhouette
-    """
-
-    rate: float = 5.0
-    grid: int = 12
-    contour: int = 96
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,20 +93,16 @@ def record(
     if out.is_dir():
         raise OutputError("is a folder", where=out, advice="give the name of a file in it")
     _check_rig(sensor, rig)
-    tracker, clock = FrameTracker(rig, garment, picks), FrameClock(sensor.info.fps)
-    is_live = sensor.info.is_live
-    conditions, gaps = ConditionWatch(), HangerGaps()
+    reader = FrameReader(sensor.info, rig, garment, picks=picks, scans=scans)
+    tally = Tally(len(garment.points))
     cv2.setNumThreads(1)
-    frames = with_hanger = 0
-    seen = np.zeros(len(garment.points))
-    first = 0.0
     is_interrupted = False
     failure: HangtimeError | None = None
-    next_scan = next_look = -np.inf
+    next_look = -np.inf
 
-    def tell(time: float, condition: Condition) -> None:
-        if conditions.add(time, condition) is not None:
-            announce(time, condition)
+    def tell(changed: Condition | None) -> None:
+        if changed is not None:
+            announce(reader.now - tally.first, changed)
 
     with ExitStack() as opened:
         if stop is None:
@@ -136,41 +118,26 @@ def record(
             raise OutputError(f"cannot be written ({error.strerror})", where=out, advice=advice) from error
         try:
             for came in _frames(sensor, stop):
-                host_time = came.host_time_s if is_live else None
-                time = clock.place(came.time_s, dropped=came.dropped_before, host_time=host_time)
-                if time is None:
-                    tell(clock.now - first, Condition.CLOCK)
-                    if seconds is not None and clock.now - first >= seconds:
+                seen = reader.read(came)
+                if seen is None:
+                    tell(tally.add_unplaced(reader.now))
+                    if seconds is not None and reader.now - tally.first >= seconds:
                         break
                     continue
-                frame = dataclasses.replace(came, dropped_before=clock.dropped)
-                first = time if frames == 0 else first
-                sight = tracker.track(frame, time)
-                hanger, cloth, state, _ = sight
-                state |= FrameState.CLOCK_JUMPED if clock.has_jumped else 0
-                scan = None
-                if scans is not None and cloth.is_found and time >= next_scan:
-                    scan = tracker.scan(time, grid=scans.grid, contour=scans.contour)
-                    next_scan = next_scan if scan is None else time + 1.0 / scans.rate - SCAN_TOLERANCE
                 try:
-                    writer.append(tracker.as_frame(time, sight._replace(state=state)))
-                    if scan is not None:
-                        writer.append_scan(scan)
+                    writer.append(seen.frame)
+                    if seen.scan is not None:
+                        writer.append_scan(seen.scan)
                 except OSError as error:
-                    raise _broken_off(writer, with_hanger, f"writing failed ({error.strerror})") from error
-                frames += 1
-                with_hanger += hanger.is_found
-                if hanger.is_found:
-                    gaps.add(time - first)
-                seen += cloth.valid
-                tell(time - first, condition_of(state, are_read=bool(np.isfinite(hanger.centres).all())))
-                if watch is not None:
-                    watch(frame, hanger, cloth)
-                progress(frames, sensor.info.frame_count, with_hanger / frames)
-                if seconds is not None and time - first >= seconds:
+                    raise _broken_off(writer, tally.with_hanger, f"writing failed ({error.strerror})") from error
+                tell(tally.add(seen))
+                if watch is not None and reader.frame is not None and reader.sight is not None:
+                    watch(reader.frame, reader.sight.hanger, reader.sight.cloth)
+                progress(tally.frames, sensor.info.frame_count, tally.with_hanger / tally.frames)
+                if seconds is not None and tally.seconds >= seconds:
                     break
-                if time >= next_look:
-                    next_look = time + LOOK_FOR_ROOM
+                if seen.time >= next_look:
+                    next_look = seen.time + LOOK_FOR_ROOM
                     failure = _lack_of_room(out)
                     if failure is not None:
                         break
@@ -181,28 +148,28 @@ def record(
         except OutputError:
             raise
         except BaseException as error:
-            broken = _broken_off(writer, with_hanger, f"recording broke off: {error}")
+            broken = _broken_off(writer, tally.with_hanger, f"recording broke off: {error}")
             if not writer.partial.exists():
                 raise
             if isinstance(error, HangtimeError):
                 raise broken from error
             error.add_note(str(broken))
             raise
-        if with_hanger < FEWEST_HANGERS:
+        if tally.with_hanger < FEWEST_HANGERS:
             writer.discard()
-            raise failure or _no_markers(sensor.info.uri, rig, frames, with_hanger, conditions.worst)
-        _finish(writer, with_hanger)
+            raise failure or _no_markers(sensor.info.uri, rig, tally)
+        _finish(writer, tally.with_hanger)
     doubt: CaptureError | None = None
-    if with_hanger < HARDLY_EVER * frames:
-        doubt = _no_markers(out, rig, frames, with_hanger, conditions.worst, kept=True)
-    elif gaps.count:
-        doubt = _gap(out, gaps)
+    if tally.with_hanger < HARDLY_EVER * tally.frames:
+        doubt = _no_markers(out, rig, tally, kept=True)
+    elif tally.hanger_gaps.count:
+        doubt = _gap(out, tally.hanger_gaps)
     return RecordingReport(
         path=out,
-        frames=frames,
-        with_hanger=with_hanger,
-        point_share=seen / max(frames, 1),
-        conditions=dict(conditions.frames),
+        frames=tally.frames,
+        with_hanger=tally.with_hanger,
+        point_share=tally.points_seen / max(tally.frames, 1),
+        conditions=dict(tally.conditions.frames),
         is_interrupted=is_interrupted,
         failure=failure,
         doubt=doubt,
@@ -258,10 +225,9 @@ def _broken_off(writer: TakeWriter, with_hanger: int, what: str) -> OutputError:
     )
 
 
-def _no_markers(
-    where: object, rig: Rig, frames: int, with_hanger: int, worst: Condition, *, kept: bool = False
-) -> NoMarkersError:
-    what = f"both hanger markers were seen together in {with_hanger} of {frames} frames; "
+def _no_markers(where: object, rig: Rig, tally: Tally, *, kept: bool = False) -> NoMarkersError:
+    worst = tally.conditions.worst
+    what = f"both hanger markers were seen together in {tally.with_hanger} of {tally.frames} frames; "
     what += "the take was kept, but hardly any motion can be fitted to it" if kept else "no take was kept"
     advice = worst.value.advice or "record longer"
     if kept:

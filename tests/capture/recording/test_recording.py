@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from capture.errors import NoMarkersError, UntrackableError
-from capture.recording.session import ScanPlan, record
+from capture.recording.frame_reader import ScanPlan
+from capture.recording.session import record
 from firmware_host.depth_sensor import DepthSensor, SensorFrame
 from firmware_host.synthetic.scene import CAMERA, MARKER_BITS, RIG, demo_garment
 from firmware_host.synthetic.sensor import SyntheticSensor

@@ -1,0 +1,101 @@
+"""`hangtime daemon`, `start`, `stop`, `status` and `watch`: the appliance's commands."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+CONFIG = Annotated[Path, typer.Option("--config", metavar="FILE.toml", help="The appliance's configuration.")]
+SOCKET = Annotated[
+    Path, typer.Option("--socket", metavar="PATH", envvar="HANGTIME_SOCKET", help="Where the daemon listens.")
+]
+DEFAULT_CONFIG, DEFAULT_SOCKET = Path("/etc/hangtime/appliance.toml"), Path("/run/hangtime/control.sock")
+
+
+def add_commands(app: typer.Typer) -> None:
+    """Add the appliance's commands to the `hangtime` command."""
+    app.command("daemon", short_help="Be the appliance: record at the press of a button.")(daemon_command)
+    app.command("start", short_help="Let the appliance begin a take.")(start_command)
+    app.command("stop", short_help="Let the appliance end its take.")(stop_command)
+    app.command("status", short_help="Say how the appliance is, and what to do.")(status_command)
+    app.command("watch", short_help="Say how the appliance is at every change.")(watch_command)
+
+
+def daemon_command(config: CONFIG = DEFAULT_CONFIG) -> None:
+    """Be the appliance: wait for the hanger, record at the press of a button, keep every take.
+
+    The process is replaced by one that holds no command line: `python -m capture.appliance`.
+    """
+    os.execv(sys.executable, [sys.executable, "-m", "capture.appliance", "--config", str(config)])
+
+
+def start_command(socket: SOCKET = DEFAULT_SOCKET) -> None:
+    """Let the appliance begin a take, with the seconds before this command."""
+    _do(socket, "start")
+    typer.echo("recording")
+
+
+def stop_command(socket: SOCKET = DEFAULT_SOCKET) -> None:
+    """Let the appliance end its take and keep it."""
+    _do(socket, "stop")
+    typer.echo("saving")
+
+
+def status_command(
+    socket: SOCKET = DEFAULT_SOCKET,
+    as_json: Annotated[bool, typer.Option("--json", help="Print it for programs.")] = False,
+    preview: Annotated[
+        Path | None, typer.Option("--preview", metavar="FILE.png", help="Also write what the sensor sees.")
+    ] = None,
+) -> None:
+    """Say how the appliance is: each fault in one sentence with what to do next, and what it has counted.
+
+    Exits with 1 while nothing can be recorded.
+    """
+    from capture.appliance.control import ask, picture_in
+    from capture.appliance.status import lines
+    from formats.whole_files import write_whole
+
+    told = ask(socket, "status")
+    seen = ask(socket, "preview")
+    told["sees"] = seen["line"]
+    typer.echo(json.dumps(told, indent=2) if as_json else "\n".join([*lines(told), f"sees: {seen['line']}"]))
+    if preview is not None:
+        write_whole(preview, picture_in(seen))
+    if told["state"] == "fault":
+        raise typer.Exit(1)
+
+
+def watch_command(
+    socket: SOCKET = DEFAULT_SOCKET,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one object a line, for programs.")] = False,
+) -> None:
+    """Say how the appliance is at every change, until Ctrl-C."""
+    from capture.appliance.control import listen
+
+    for told in listen(socket, "watch"):
+        typer.echo(json.dumps(told) if as_json else _in_one_line(told))
+
+
+def _in_one_line(told: dict[str, Any]) -> str:
+    faults = "".join(f" ! {fault['sentence']}; {fault['advice']}" for fault in told["faults"])
+    return f"{told['state']}: {told['condition']}; lamp: {told['lamp']}{faults}"
+
+
+def _do(socket: Path, do: str) -> None:
+    """Ask the daemon to do something.
+
+    Raises:
+        ControlError: it does not.
+    """
+    from capture.appliance.control import ask
+    from capture.errors import ControlError
+
+    told = ask(socket, do)
+    if not told["ok"]:
+        raise ControlError(told["what"], advice=told["advice"])

@@ -1,0 +1,203 @@
+"""The appliance's configuration: one TOML file, and the last one that held.
+
+A configuration is the file, the rig and the garment that it names. Whatever held is copied beside the spool; one that
+does not hold leaves that copy in force, and `hangtime status` says why.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+from msgspec import Meta
+
+from formats.descriptions import check_garment, check_rig, load_garment, load_rig
+from formats.errors import DescriptionError, HangtimeError
+from formats.garment import Garment
+from formats.rig import Rig
+from formats.whole_files import make_folders, write_whole
+
+DEFAULT = Path("/etc/hangtime/appliance.toml")
+LAST_GOOD = "last-good.json"  # in the spool
+
+
+class Part(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A table of the file; an unknown name in it is refused."""
+
+
+class SensorPart(Part, frozen=True, kw_only=True):
+    """`[sensor]`: which sensor, and before what."""
+
+    rig: Annotated[Path, Meta(description="the rig description; a relative path starts at the file's folder")]
+    garment: Annotated[Path, Meta(description="the garment description")]
+    address: Annotated[
+        str, Meta(min_length=1, description="`openni2:` for the connected device; `live:FILE.oni` for none")
+    ] = "openni2:"
+
+
+class RecordingPart(Part, frozen=True, kw_only=True):
+    """`[recording]`: how long, and what of the surface."""
+
+    pre_roll_s: Annotated[
+        float, Meta(ge=0.0, le=10.0, description="seconds before the press that belong to the take")
+    ] = 2.0
+    longest_s: Annotated[
+        float, Meta(ge=5.0, le=3600.0, description="seconds after the press at which a take ends by itself")
+    ] = 120.0
+    scan_rate_hz: Annotated[float, Meta(ge=0.0, le=60.0, description="surface scans a second; 0 for none")] = 0.0
+    scan_points: Annotated[int, Meta(ge=3, le=64, description="a scan's grid has so many places a side")] = 12
+
+
+class ButtonPart(Part, frozen=True, kw_only=True):
+    """`[button]`: where presses come from."""
+
+    device: Annotated[
+        str,
+        Meta(
+            description="input device by path (`/dev/input/event0`) or name (`gpio-keys`), `gpio:/dev/gpiochip0:17`, "
+            "a named pipe of input events, or empty for no button"
+        ),
+    ] = ""
+
+
+class LampPart(Part, frozen=True, kw_only=True):
+    """`[lamp]`: which LEDs show how it goes."""
+
+    led: Annotated[str, Meta(description="name of the LED in the folder of LEDs; empty for none")] = ""
+    fault_led: Annotated[str, Meta(description="a second, red LED for faults; empty: `led` shows them too")] = ""
+    leds: Annotated[Path, Meta(description="the folder of LEDs")] = Path("/sys/class/leds")
+
+
+class ControlPart(Part, frozen=True, kw_only=True):
+    """`[control]`: who may start and stop."""
+
+    socket: Annotated[Path, Meta(description="the Unix socket that `hangtime start|stop|status|watch` speak to")] = (
+        Path("/run/hangtime/control.sock")
+    )
+    group: Annotated[str, Meta(description="the group that may use the socket; empty: the daemon's own")] = ""
+
+
+class SpoolPart(Part, frozen=True, kw_only=True):
+    """`[spool]`: where takes lie until they are on the server."""
+
+    folder: Annotated[Path, Meta(description="the folder of the takes")] = Path("/var/lib/hangtime/takes")
+    least_free_mb: Annotated[int, Meta(ge=10, description="room on the disk [MB] below which no take begins")] = 50
+    slowest_s: Annotated[
+        float, Meta(ge=1.0, le=4.0, description="seconds that the disk may be behind before a take is ended")
+    ] = 3.0
+
+
+class PowerPart(Part, frozen=True, kw_only=True):
+    """`[power]`: the board's own voltage."""
+
+    alarm: Annotated[
+        Path | None,
+        Meta(description="file that says 1 after too low a voltage; left out: a Raspberry Pi's is found by itself"),
+    ] = None
+
+
+class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """All tables of the file. `sync` belongs to `hangtime sync`, which checks it itself."""
+
+    sensor: SensorPart
+    recording: RecordingPart = RecordingPart()
+    button: ButtonPart = ButtonPart()
+    lamp: LampPart = LampPart()
+    control: ControlPart = ControlPart()
+    spool: SpoolPart = SpoolPart()
+    power: PowerPart = PowerPart()
+    sync: dict[str, Any] = {}
+
+
+@dataclass(frozen=True)
+class InForce:
+    """A configuration with its rig and garment; `refused` is why the file was not taken, None where it was."""
+
+    config: Config
+    rig: Rig
+    garment: Garment
+    refused: HangtimeError | None = None
+
+
+def load(path: Path) -> InForce:
+    """Read a configuration, its rig and its garment.
+
+    Raises:
+        DescriptionError: one of the three is missing or does not hold.
+    """
+    try:
+        plain = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not a text file"
+        raise DescriptionError(f"cannot be read ({reason})", where=path, advice="check the path") from error
+    except tomllib.TOMLDecodeError as error:
+        raise DescriptionError(f"is not valid TOML: {error}", where=path, advice="mend that line") from error
+    try:
+        config = _converted(plain, path.parent)
+    except msgspec.ValidationError as error:
+        raise DescriptionError(str(error), where=path, advice="see docs/reference/appliance.md") from error
+    return InForce(config, load_rig(config.sensor.rig), load_garment(config.sensor.garment))
+
+
+def load_or_last_good(path: Path) -> InForce:
+    """Read a configuration and keep it as the last good one; where it does not hold, return the last good one.
+
+    Raises:
+        DescriptionError: the file does not hold and there is no earlier one.
+    """
+    try:
+        found = load(path)
+    except DescriptionError as refused:
+        return _last_good(refused, _told_spool(path))
+    _keep(found)
+    return found
+
+
+def _converted(plain: object, folder: Path) -> Config:
+    def path_from(kind: type, value: object) -> object:
+        if kind is not Path or not isinstance(value, str) or not value:
+            raise ValueError("a path must be a text that is not empty")
+        return folder / value
+
+    return msgspec.convert(plain, Config, dec_hook=path_from)
+
+
+def _keep(found: InForce) -> None:
+    """Copy what holds beside the takes; a disk that is full keeps the copy before."""
+    file = found.config.spool.folder / LAST_GOOD
+    content = msgspec.json.encode(
+        {"config": found.config, "rig": found.rig, "garment": found.garment}, enc_hook=lambda path: str(path)
+    )
+    try:
+        if not file.is_file() or file.read_bytes() != content:
+            make_folders(file.parent)
+            write_whole(file, content)
+    except OSError:
+        return
+
+
+def _last_good(refused: DescriptionError, spools: list[Path]) -> InForce:
+    for spool in spools:
+        file = spool / LAST_GOOD
+        try:
+            whole = msgspec.json.decode(file.read_bytes(), type=dict[str, Any])
+            config = _converted(whole["config"], file.parent)
+            rig, garment = msgspec.convert(whole["rig"], Rig), msgspec.convert(whole["garment"], Garment)
+            check_rig(rig, file)
+            check_garment(garment, file)
+        except (OSError, msgspec.MsgspecError, KeyError, DescriptionError):
+            continue
+        return InForce(config, rig, garment, refused)
+    raise refused
+
+
+def _told_spool(path: Path) -> list[Path]:
+    """Return where the last good configuration may lie: in the file's own spool, or the usual."""
+    usual = [SpoolPart().folder]
+    try:
+        return [path.parent / tomllib.loads(path.read_text())["spool"]["folder"], *usual]
+    except (OSError, ValueError, KeyError, TypeError):
+        return usual

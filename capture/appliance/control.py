@@ -1,0 +1,207 @@
+"""The Unix socket by which `hangtime start|stop|status|watch|preview` speak with the daemon.
+
+One line of JSON asks, `{"do": "status"}`; one line answers. `watch` answers with a line at every change until the asker
+hangs up. Who may ask is a question of the socket's group. The daemon's side never waits: it is asked once per frame.
+"""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import grp
+import json
+import os
+import shutil
+import socket
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from capture.errors import ControlError
+
+LONGEST_QUESTION = 4096  # bytes
+MOST_ASKERS = 16  # at once; further ones wait in the kernel
+PATIENCE = 10.0  # s that an asker waits for an answer: a daemon that records answers within one frame
+MODE = 0o660
+
+Answer = Callable[[dict[str, Any]], dict[str, Any]]
+
+
+class ControlServer:
+    """The daemon's end of the socket."""
+
+    def __init__(self, path: Path, group: str = "") -> None:
+        """Listen at a path, in the place of a socket that a dead daemon left.
+
+        Raises:
+            ControlError: the path cannot be used, another daemon listens there, or there is no such group.
+        """
+        self._path = path
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            _remove_left_over(path)
+            before = os.umask(0o777 & ~MODE)
+            try:
+                self._socket.bind(str(path))
+            finally:
+                os.umask(before)
+            if group:
+                shutil.chown(path, group=grp.getgrnam(group).gr_gid)
+            self._socket.listen(MOST_ASKERS)
+        except KeyError as error:
+            self.close()
+            raise ControlError(f"there is no group {group!r}", where=path, advice="see systemd/README.md") from error
+        except OSError as error:
+            self._socket.close()
+            reason = error.strerror or str(error)
+            raise ControlError(
+                f"the socket cannot be made ({reason})", where=path, advice="check its folder"
+            ) from error
+        self._askers: dict[socket.socket, bytes] = {}
+        self._watchers: list[socket.socket] = []
+
+    def serve(self, answer: Answer) -> None:
+        """Answer whoever has asked by now; `answer` gets the question and returns the answer."""
+        while len(self._askers) < MOST_ASKERS:
+            try:
+                asker, _ = self._socket.accept()
+            except OSError:
+                break
+            asker.setblocking(False)
+            self._askers[asker] = b""
+        for asker in list(self._askers):
+            self._hear(asker, answer)
+
+    def tell(self, news: dict[str, Any]) -> None:
+        """Tell everybody who watches."""
+        for watcher in list(self._watchers):
+            if not _send(watcher, news):
+                self._watchers.remove(watcher)
+                watcher.close()
+
+    @property
+    def is_watched(self) -> bool:
+        """Whether anybody watches."""
+        return bool(self._watchers)
+
+    def close(self) -> None:
+        """Stop listening and hang up."""
+        for asker in [*getattr(self, "_askers", ()), *getattr(self, "_watchers", ())]:
+            asker.close()
+        self._socket.close()
+        with contextlib.suppress(OSError):
+            self._path.unlink()
+
+    def _hear(self, asker: socket.socket, answer: Answer) -> None:
+        try:
+            heard = asker.recv(LONGEST_QUESTION)
+        except BlockingIOError:
+            return
+        except OSError:
+            heard = b""
+        said = self._askers[asker] + heard
+        if heard and b"\n" not in said and len(said) < LONGEST_QUESTION:
+            self._askers[asker] = said
+            return
+        del self._askers[asker]
+        if b"\n" not in said:
+            asker.close()
+            return
+        try:
+            question = json.loads(said.partition(b"\n")[0])
+            if not isinstance(question, dict):
+                raise ValueError
+        except ValueError:
+            question = {}
+        if question.get("do") == "watch":
+            if _send(asker, answer({"do": "status"})):
+                self._watchers.append(asker)
+                return
+        else:
+            _send(asker, answer(question))
+        asker.close()
+
+
+def ask(path: Path, do: str) -> dict[str, Any]:
+    """Ask the daemon and return its answer.
+
+    Raises:
+        ControlError: no daemon listens there, this user may not ask, or it does not answer.
+    """
+    return next(listen(path, do))
+
+
+def listen(path: Path, do: str) -> Iterator[dict[str, Any]]:
+    """Ask the daemon and yield its answers, one unless `do` is "watch".
+
+    Raises:
+        ControlError: as `ask`.
+    """
+    with _connected(path) as connection:
+        connection.sendall(json.dumps({"do": do}).encode() + b"\n")
+        with connection.makefile("rb") as answers:
+            connection.settimeout(PATIENCE)
+            count = 0
+            while True:
+                try:
+                    line = answers.readline()
+                except TimeoutError:
+                    raise ControlError(
+                        f"the daemon has not answered for {PATIENCE:g} s", where=path,
+                        advice="see `systemctl status hangtime` and its journal",
+                    ) from None  # fmt: skip
+                if not line:
+                    if count == 0 or do == "watch":
+                        raise ControlError("the daemon hung up", where=path, advice="see `systemctl status hangtime`")
+                    return
+                count += 1
+                connection.settimeout(None if do == "watch" else PATIENCE)
+                yield json.loads(line)
+
+
+def picture_in(answer: dict[str, Any]) -> bytes:
+    """Return the picture of an answer to "preview"."""
+    return base64.b64decode(answer["png"])
+
+
+def _connected(path: Path) -> socket.socket:
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    connection.settimeout(PATIENCE)
+    try:
+        connection.connect(str(path))
+    except OSError as error:
+        connection.close()
+        if isinstance(error, PermissionError):
+            what, advice = "this user may not speak to the daemon", "join the group of the socket and log in again"
+        else:
+            what, advice = "no daemon listens here", "start it: `systemctl start hangtime`, or `hangtime daemon`"
+        raise ControlError(what, where=path, advice=advice) from error
+    return connection
+
+
+def _send(to: socket.socket, answer: dict[str, Any]) -> bool:
+    """Send a line at once; return whether it went. Who does not read is not waited for."""
+    try:
+        to.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 21)  # a picture fits
+        line = json.dumps(answer).encode() + b"\n"
+        return to.send(line) == len(line)
+    except OSError:
+        return False
+
+
+def _remove_left_over(path: Path) -> None:
+    """Remove a socket that nobody listens at.
+
+    Raises:
+        ControlError: somebody does.
+    """
+    if not path.is_socket():
+        return
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as trial:
+        try:
+            trial.connect(str(path))
+        except OSError:
+            path.unlink()
+            return
+    raise ControlError("another daemon listens here", where=path, advice="stop it first: `systemctl stop hangtime`")

@@ -1,0 +1,250 @@
+"""The thread that writes: takes, salvage and looks at the disk, so that a disk that hangs never holds up the frames.
+
+Whoever gives it work can always ask how far behind it is: the age of the oldest work that is not on the disk yet.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import shutil
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from capture.appliance.retention import Retention
+from capture.appliance.spool import KeptTake, RunningTake, Spool
+from capture.recording.frame_reader import Seen
+from capture.recording.judgement import Finding, judge
+from formats.archive import TakeWriter, read_take
+from formats.errors import HangtimeError, OutputError
+from formats.garment import Garment
+from formats.rig import Rig
+from formats.whole_files import make_writable
+
+LEAST_ROOM = 8_000_000  # bytes: below, a take is ended while there is room to end it whole
+COUNT_EVERY = 10.0  # s from one count of the takes to the next: sync's receipts come meanwhile
+
+
+@dataclass(frozen=True, kw_only=True)
+class TakePlan:
+    """What is known of a take when it begins: `created` is the wall clock at its first frame, ISO 8601."""
+
+    rig: Rig
+    garment: Garment
+    source: str
+    created: str
+    notes: dict[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DiskNews:
+    """What the disk thread has found out.
+
+    room: bytes free; kept: a take that has its name; findings: what a fitter would find in it
+    failure: why a take ended, or why the spool cannot be used; is_over: the take that ran is done with
+    salvaged: takes that a crash had left; counts: takes in the spool, and those of them that wait for the server
+    """
+
+    room: int | None = None
+    kept: KeptTake | None = None
+    findings: tuple[Finding, ...] = ()
+    failure: HangtimeError | None = None
+    is_over: bool = False
+    salvaged: tuple[KeptTake, ...] = ()
+    is_sound: bool = False
+    counts: tuple[int, int] | None = None
+
+
+@dataclass
+class _Work:
+    do: Callable[[], None]
+    asked_at: float
+
+
+@dataclass
+class _Running:
+    running: RunningTake
+    writer: TakeWriter
+    frames: int = 0
+    failure: HangtimeError | None = None
+    facts: dict[str, Any] = field(default_factory=dict)
+
+
+class Disk:
+    """One folder of takes and the thread that writes into it."""
+
+    def __init__(self, folder: Path, *, least_free: int, retention: Retention, clock: Callable[[], float]) -> None:
+        self._spool, self._folder = Spool(folder), folder
+        self._least_free, self._retention, self._clock = least_free, retention, clock
+        self._work: queue.SimpleQueue[_Work | None] = queue.SimpleQueue()
+        self._news: queue.SimpleQueue[DiskNews] = queue.SimpleQueue()
+        self._busy_since: float | None = None
+        self._pending = 0
+        self._counted_at = -float("inf")
+        self._lock = threading.Lock()
+        self._take: _Running | None = None
+        self._thread = threading.Thread(target=self._run, name="disk", daemon=True)
+
+    def start(self) -> None:
+        """Begin to work."""
+        self._thread.start()
+
+    def close(self, timeout_s: float) -> None:
+        """Finish what is to be done, as far as that takes no longer."""
+        self._work.put(None)
+        if self._thread.is_alive():
+            self._thread.join(timeout_s)
+        if not self._thread.is_alive():
+            self._spool.close()
+
+    def behind(self, now: float) -> float:
+        """Return the age [s] of the work that the thread is at, 0 where it has none."""
+        since = self._busy_since
+        return 0.0 if since is None else max(now - since, 0.0)
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether everything is done."""
+        with self._lock:
+            return self._pending == 0
+
+    def news(self) -> list[DiskNews]:
+        """Return what was found out since the last call."""
+        found = []
+        while True:
+            try:
+                found.append(self._news.get_nowait())
+            except queue.Empty:
+                return found
+
+    def salvage(self) -> None:
+        """Try the folder, keep what a crash left and tell whether the spool is sound."""
+        self._put(self._do_salvage)
+
+    def look(self) -> None:
+        """Look how much room there is."""
+        self._put(self._do_look)
+
+    def begin(self, plan: TakePlan) -> None:
+        """Begin a take."""
+        self._put(lambda: self._do_begin(plan))
+
+    def add(self, seen: Seen) -> None:
+        """Add a frame to the take that runs."""
+        self._put(lambda: self._do_add(seen))
+
+    def end(self, facts: dict[str, Any], *, is_worth_keeping: bool) -> None:
+        """Finish the take that runs and keep it, with its facts; or remove it."""
+        self._put(lambda: self._do_end(facts, is_worth_keeping))
+
+    # --- in the thread -------------------------------------------------------------------------------
+
+    def _put(self, do: Callable[[], None]) -> None:
+        with self._lock:
+            self._pending += 1
+        self._work.put(_Work(do, self._clock()))
+
+    def _run(self) -> None:
+        while (work := self._work.get()) is not None:
+            self._busy_since = work.asked_at
+            try:
+                work.do()
+            except (OSError, HangtimeError) as error:
+                self._news.put(DiskNews(failure=_named(error, self._folder)))
+            finally:
+                self._busy_since = None
+                with self._lock:
+                    self._pending -= 1
+
+    def _do_look(self) -> None:
+        usage = shutil.disk_usage(self._folder)
+        if os.statvfs(self._folder).f_flag & os.ST_RDONLY:
+            raise OutputError("the disk is read-only", where=self._folder, advice="replace the card: it is worn out")
+        if usage.free < self._least_free and self._take is None:
+            room = self._spool.make_room(self._retention, now=datetime.now(UTC), need=self._least_free)
+            usage = shutil.disk_usage(self._folder)
+            if room.left and usage.free >= self._least_free:
+                self._news.put(DiskNews(room=usage.free))
+                return
+        self._news.put(DiskNews(room=usage.free))
+        if self._clock() - self._counted_at >= COUNT_EVERY and self._take is None:
+            self._count()
+
+    def _count(self) -> None:
+        self._counted_at = self._clock()
+        takes = self._spool.takes()
+        self._news.put(DiskNews(counts=(len(takes), sum(take.receipt is None for take in takes))))
+
+    def _do_salvage(self) -> None:
+        make_writable(self._folder)
+        salvaged = self._spool.salvage()
+        self._news.put(DiskNews(salvaged=tuple(salvaged), is_sound=True))
+        self._count()
+        self._do_look()
+
+    def _do_begin(self, plan: TakePlan) -> None:
+        running = self._spool.begin()
+        notes = {"sequence": str(running.sequence), **plan.notes}
+        try:
+            writer = TakeWriter(
+                running.partial, take_id=running.stem, created=plan.created, rig=plan.rig, garment=plan.garment,
+                source=plan.source, notes=notes, overwrite=False,
+            )  # fmt: skip
+        except OSError as error:
+            raise _named(error, self._folder) from error
+        self._take = _Running(running, writer)
+
+    def _do_add(self, seen: Seen) -> None:
+        take = self._take
+        if take is None or take.failure is not None:
+            return
+        try:
+            take.writer.append(seen.frame)
+            if seen.scan is not None:
+                take.writer.append_scan(seen.scan)
+            take.frames += 1
+        except (OSError, HangtimeError) as error:
+            take.failure = _named(error, self._folder)
+            take.writer.keep()
+            self._news.put(DiskNews(failure=take.failure))
+
+    def _do_end(self, facts: dict[str, Any], is_worth_keeping: bool) -> None:
+        take, self._take = self._take, None
+        if take is None:
+            self._news.put(DiskNews(is_over=True))
+            return
+        try:
+            kept, findings = self._kept(take, facts) if is_worth_keeping else (None, ())
+            if not is_worth_keeping:
+                take.writer.discard()
+            self._news.put(DiskNews(is_over=True, kept=kept, findings=findings))
+            self._count()
+        except (OSError, HangtimeError) as error:
+            take.writer.keep()
+            self._news.put(DiskNews(is_over=True, failure=_named(error, self._folder)))
+
+    def _kept(self, take: _Running, facts: dict[str, Any]) -> tuple[KeptTake, tuple[Finding, ...]]:
+        findings: tuple[Finding, ...] = ()
+        if take.failure is None:
+            take.writer.finish()
+            findings = judge(read_take(take.running.partial))
+            facts = facts | {"findings": [finding.as_fact() for finding in findings]}
+        else:
+            facts = facts | {"ended_by": str(take.failure)}
+        return self._spool.keep(take.running, facts), findings
+
+
+def _named(error: Exception, folder: Path) -> HangtimeError:
+    """Return the error of a disk by its true cause."""
+    if isinstance(error, HangtimeError):
+        return error
+    reason = getattr(error, "strerror", None) or str(error)
+    advice = {
+        28: "make room, or let `hangtime sync` send takes away", 27: "make room on the disk",
+        122: "make room in the quota", 30: "replace the card: it is worn out", 5: "replace the card: it fails",
+    }.get(getattr(error, "errno", None) or 0, "check the disk")  # fmt: skip
+    return OutputError(f"the disk cannot be written ({reason})", where=folder, advice=advice)

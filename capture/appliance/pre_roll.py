@@ -1,0 +1,45 @@
+"""The last seconds before a press, counted in seconds: frames come 15 or 60 times a second, and not evenly."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Generic, Protocol, TypeVar
+
+
+class Timed(Protocol):
+    """What has a time in the take [s], which increases."""
+
+    @property
+    def time(self) -> float:
+        """The time [s]."""
+
+
+T = TypeVar("T", bound=Timed)
+
+
+class PreRoll(Generic[T]):
+    """Holds what is at most so many seconds older than the newest; one older entry stays so that no second is short."""
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
+        self._held: deque[T] = deque()
+
+    def add(self, entry: T) -> None:
+        """Hold an entry and let go of those that are too old."""
+        self._held.append(entry)
+        while len(self._held) > 1 and entry.time - self._held[1].time >= self._seconds:
+            self._held.popleft()
+
+    def take(self) -> list[T]:
+        """Give everything away, the oldest first."""
+        given = list(self._held)
+        self._held.clear()
+        return given
+
+    @property
+    def span(self) -> float:
+        """The seconds from the oldest entry to the newest."""
+        return self._held[-1].time - self._held[0].time if self._held else 0.0
+
+    def __len__(self) -> int:
+        return len(self._held)

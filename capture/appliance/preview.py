@@ -1,0 +1,61 @@
+"""What the sensor sees, as one line of text and as a small picture, for whoever sets the appliance up."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import cv2
+import numpy as np
+
+from capture.recording.condition import condition_of
+from capture.recording.tracking import Tracked
+from firmware_host.depth_sensor import SensorFrame
+
+WIDTH = 320  # px of the picture
+MARKER, POINT, LINE = (0, 200, 0), (255, 160, 0), (0, 120, 255)  # RGB
+
+
+class Preview:
+    """The last frame that was looked at, and what was seen in it."""
+
+    def __init__(self) -> None:
+        self._frame: SensorFrame | None = None
+        self._sight: Tracked | None = None
+
+    def keep(self, frame: SensorFrame, sight: Tracked) -> None:
+        """Keep a frame until the next."""
+        self._frame, self._sight = frame, sight
+
+    def answer(self) -> dict[str, Any]:
+        """Return the line and the picture, base64; no picture where nothing was seen yet."""
+        if self._frame is None or self._sight is None:
+            return {"line": "no frame yet", "png": ""}
+        return {"line": self._line(self._sight), "png": base64.b64encode(_png(self._frame, self._sight)).decode()}
+
+    @staticmethod
+    def _line(sight: Tracked) -> str:
+        condition = condition_of(sight.state, are_read=bool(np.isfinite(sight.hanger.centres).all()))
+        said = condition.value
+        if not sight.hanger.is_found:
+            return f"{said.words}; {said.advice}"
+        away = float(sight.hanger.positions[:, 2].mean())
+        points = f"{int(sight.cloth.valid.sum())} of {len(sight.cloth.valid)} points"
+        return f"{said.words}: hanger {away:.2f} m away, {points}" + (f"; {said.advice}" if said.advice else "")
+
+
+def _png(frame: SensorFrame, sight: Tracked) -> bytes:
+    if frame.colour is not None:
+        picture = frame.colour.copy()
+    else:
+        picture = cv2.cvtColor(np.clip(frame.depth // 16, 0, 255).astype(np.uint8), cv2.COLOR_GRAY2RGB)
+    for corners in sight.hanger.corners[np.isfinite(sight.hanger.corners).all((1, 2))]:
+        cv2.polylines(picture, [np.rint(corners).astype(np.int32)], True, MARKER, 2)
+    if len(sight.cloth.outline):
+        cv2.polylines(picture, [np.rint(sight.cloth.outline).astype(np.int32)], True, LINE, 1)
+    for pixel in sight.cloth.pixels[sight.cloth.valid]:
+        cv2.circle(picture, tuple(int(v) for v in np.rint(pixel)), 5, POINT, 2)
+    height = round(picture.shape[0] * WIDTH / picture.shape[1])
+    small = cv2.resize(picture, (WIDTH, height), interpolation=cv2.INTER_AREA)
+    done, content = cv2.imencode(".png", cv2.cvtColor(small, cv2.COLOR_RGB2BGR))
+    return content.tobytes() if done else b""

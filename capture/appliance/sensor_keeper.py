@@ -1,0 +1,114 @@
+"""Keeps the sensor open: opens it in a thread of its own, tries again where that fails, and tells when it is silent."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from capture.recording.frame_queue import QueuedSensor
+from capture.recording.precedence import Precedence
+from firmware_host.depth_sensor import DepthSensor, SensorFrame, SensorInfo
+from firmware_host.errors import SensorError, SensorStalledError, SensorUnavailableError
+from formats.errors import HangtimeError
+from formats.rig import Rig
+
+RETRY = 2.0  # s from one try to open the sensor to the next: a USB reset takes about as long
+SILENT = 0.9  # s without a frame after which a sensor is named silent: within a second of the last frame
+
+
+class SensorKeeper:
+    """The appliance's sensor, open or not."""
+
+    def __init__(self, open_sensor: Callable[[], DepthSensor], rig: Rig, clock: Callable[[], float]) -> None:
+        self._open, self._rig, self._clock = open_sensor, rig, clock
+        self._queue: QueuedSensor | None = None
+        self._inner: DepthSensor | None = None
+        self._opening: threading.Thread | None = None
+        self._opened: DepthSensor | None = None
+        self._failed: HangtimeError | None = None
+        self._last_try = -float("inf")
+        self._last_frame = -float("inf")
+        self._precedence = Precedence()
+        self.error: HangtimeError | None = None  # why it is not open, None while it is or nobody knows yet
+
+    @property
+    def info(self) -> SensorInfo | None:
+        """What the open sensor is, None where none is open."""
+        return None if self._queue is None else self._queue.info
+
+    @property
+    def left_out(self) -> int:
+        """Frames for which the queue had no room."""
+        return 0 if self._queue is None else self._queue.left_out
+
+    def silent_s(self, now: float) -> float | None:
+        """Return since when there has been no frame [s], where that is too long; None where all is well."""
+        silent = now - self._last_frame
+        return silent if self._queue is not None and silent > SILENT else None
+
+    def next_frame(self, wait_s: float) -> SensorFrame | None:
+        """Return the next frame, None where none came in this time or no sensor is open."""
+        if self._queue is None:
+            self._keep_opening(wait_s)
+            return None
+        if not self._queue.has_more(wait_s):
+            return None
+        try:
+            frame = self._queue.read()
+            if frame is None:
+                raise SensorStalledError("it has come to its end", where=self._queue.info.uri, advice="replug it")
+        except SensorError as error:
+            self.error = error
+            self._let_go()
+            return None
+        self._last_frame = self._clock()
+        return frame
+
+    def close(self) -> None:
+        """Close the sensor."""
+        self._let_go()
+        if self._opening is not None:
+            self._opening.join(RETRY)
+        if self._opened is not None:
+            self._opened.close()
+
+    def _let_go(self) -> None:
+        if self._queue is not None and self._inner is not None:
+            self._queue.close()
+            self._inner.close()
+        self._queue = self._inner = None
+
+    def _keep_opening(self, wait_s: float) -> None:
+        if self._opening is None:
+            if self._clock() - self._last_try >= RETRY:
+                self._last_try = self._clock()
+                self._opening = threading.Thread(target=self._try_to_open, name="opening", daemon=True)
+                self._opening.start()
+            else:
+                threading.Event().wait(wait_s)
+                return
+        self._opening.join(wait_s)
+        if self._opening.is_alive():
+            return
+        self._opening = None
+        if self._opened is None:
+            self.error = self._failed
+            return
+        self._inner, self._opened, self.error = self._opened, None, None
+        self._last_frame = self._clock()
+        with self._precedence:  # the thread that fetches comes first; this one tracks, behind it
+            self._queue = QueuedSensor(self._inner).__enter__()
+
+    def _try_to_open(self) -> None:
+        try:
+            sensor = self._open()
+            info, camera = sensor.info, self._rig.sensor
+            if camera is not None and (info.width, info.height) != (camera.width, camera.height):
+                sensor.close()
+                raise SensorUnavailableError(
+                    f"the sensor gives {info.width} x {info.height} pixels, the rig says "
+                    f"{camera.width} x {camera.height}", where=self._rig.name, advice="set the rig's [sensor] to it",
+                )  # fmt: skip
+            self._opened, self._failed = sensor, None
+        except HangtimeError as error:
+            self._failed = error

@@ -1,0 +1,100 @@
+"""The one table of what the lamp shows, in the order in which it is looked up: the first line that holds is shown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from capture.appliance.states import State
+from firmware_host.errors import LampError
+from firmware_host.lamp import StatusLamp
+
+
+@dataclass(frozen=True)
+class Light:
+    """A rhythm: milliseconds of light and of dark; no dark is steady light. Faults are red where there are two LEDs."""
+
+    name: str
+    meaning: str
+    light_ms: int
+    dark_ms: int
+    is_red: bool = False
+
+    @property
+    def rhythm(self) -> str:
+        """Return it in words."""
+        if not self.dark_ms:
+            return "steady"
+        return f"{self.light_ms} ms light, {self.dark_ms} ms dark"
+
+
+FAULT = Light("fault", "nothing can be recorded; `hangtime status` says why", 125, 125, is_red=True)
+LOST = Light("tracking lost", "recording, but hanger or garment is not seen", 500, 500, is_red=True)
+BEHIND = Light("behind", "recording, but the last two seconds are not on the disk yet", 250, 1000)
+RECORDING = Light("recording", "recording; all but the last two seconds is on the disk", 1000, 0)
+SAVING = Light("saving", "the end of the take is being put on the disk", 250, 250)
+DOUBT = Light("look", "the last take has a flaw, or something needs a look: `hangtime status`", 60, 940, is_red=True)
+KEPT = Light("kept", "the take is on the disk under its name; shown for three seconds", 3000, 0)
+ARMED = Light("armed", "hanger in view: press", 1500, 500)
+SYNCING = Light("syncing", "takes are on their way to the server", 60, 440)
+READY = Light("ready", "waiting for the hanger", 60, 2940)
+STARTING = Light("starting", "the sensor is being opened", 60, 60)
+LIGHTS = (FAULT, LOST, BEHIND, RECORDING, SAVING, KEPT, DOUBT, ARMED, SYNCING, READY, STARTING)
+
+BEHIND_S = 2.0  # s: what may be lost of a running take
+KEPT_S = 3.0  # s for which a kept take is shown
+
+
+def light_of(state: State, *, is_tracking: bool, behind_s: float, kept_ago_s: float, has_complaint: bool) -> Light:
+    """Return what the lamp shows.
+
+    is_tracking: hanger and garment are seen; behind_s: age of the oldest frame that is not on the disk; kept_ago_s:
+    since a take was kept; has_complaint: a fault that does not keep anybody from recording, or a flaw of the last take
+    """
+    if state is State.RECORDING:
+        if not is_tracking:
+            return LOST
+        return BEHIND if behind_s > BEHIND_S else RECORDING
+    if state is State.FAULT:
+        return FAULT
+    if state in (State.STARTING, State.SAVING):
+        return {State.STARTING: STARTING, State.SAVING: SAVING}[state]
+    if kept_ago_s < KEPT_S:
+        return KEPT
+    if has_complaint:
+        return DOUBT
+    return {State.ARMED: ARMED, State.SYNCING: SYNCING, State.READY: READY}[state]
+
+
+class Lamps:
+    """One LED, or a green and a red one; written to only when something changes."""
+
+    def __init__(self, lamp: StatusLamp | None, red: StatusLamp | None = None) -> None:
+        self._lamp, self._red = lamp, red
+        self._shown: Light | None = None
+
+    def show(self, light: Light) -> None:
+        """Show a light.
+
+        Raises:
+            LampError: an LED went away or may not be changed; nothing is shown any more.
+        """
+        if light is self._shown or self._lamp is None:
+            return
+        self._shown = light
+        chosen, other = (self._lamp, self._red) if self._red is None or not light.is_red else (self._red, self._lamp)
+        try:
+            if other is not None:
+                other.dark()
+            if light.dark_ms:
+                chosen.blink(light.light_ms, light.dark_ms)
+            else:
+                chosen.steady()
+        except LampError:
+            self._lamp = self._red = None
+            raise
+
+    def close(self) -> None:
+        """Give the LEDs back."""
+        for lamp in (self._lamp, self._red):
+            if lamp is not None:
+                lamp.__exit__(None, None, None)

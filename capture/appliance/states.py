@@ -1,0 +1,86 @@
+"""The one table of the appliance's states: which event leads from which state to which.
+
+An event that the table does not name for a state changes nothing. `diagram` draws the table for the documentation.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+
+
+class State(Enum):
+    """What the appliance is doing; each value is what people are told."""
+
+    STARTING = "starting: the sensor is being opened"
+    READY = "ready: waiting for the hanger to come into view"
+    ARMED = "armed: the hanger is in view and the last seconds before a press are held"
+    RECORDING = "recording"
+    SAVING = "saving: the end of the take is being put on the disk"
+    SYNCING = "syncing: takes are on their way to the server"
+    FAULT = "fault: nothing can be recorded until it is mended"
+
+
+class Event(Enum):
+    """What leads from one state to another."""
+
+    SOUND = "sensor and spool are sound"
+    FAULTY = "sensor or spool fails"
+    HANGER_SEEN = "hanger comes into view"
+    HANGER_GONE = "hanger is out of view for a while"
+    START = "button or `hangtime start`"
+    STOP = "button, `hangtime stop`, longest take, or shutdown"
+    SAVED = "the take is kept, or nothing of it could be"
+    SYNC_BEGAN = "sync begins to send"
+    SYNC_ENDED = "sync has ended"
+
+
+S, E = State, Event
+TRANSITIONS: dict[tuple[State, Event], State] = {
+    (S.STARTING, E.SOUND): S.READY,
+    (S.STARTING, E.FAULTY): S.FAULT,
+    (S.READY, E.HANGER_SEEN): S.ARMED,
+    (S.READY, E.START): S.RECORDING,
+    (S.READY, E.SYNC_BEGAN): S.SYNCING,
+    (S.READY, E.FAULTY): S.FAULT,
+    (S.SYNCING, E.SYNC_ENDED): S.READY,
+    (S.SYNCING, E.HANGER_SEEN): S.ARMED,
+    (S.SYNCING, E.START): S.RECORDING,
+    (S.SYNCING, E.FAULTY): S.FAULT,
+    (S.ARMED, E.HANGER_GONE): S.READY,
+    (S.ARMED, E.START): S.RECORDING,
+    (S.ARMED, E.FAULTY): S.FAULT,
+    (S.RECORDING, E.STOP): S.SAVING,
+    (S.RECORDING, E.FAULTY): S.SAVING,
+    (S.SAVING, E.SAVED): S.READY,
+    (S.FAULT, E.SOUND): S.READY,
+}
+
+
+class StateMachine:
+    """Where the appliance is in the table."""
+
+    def __init__(self) -> None:
+        self.state = State.STARTING
+
+    def take(self, event: Event) -> bool:
+        """Follow an event; return whether the table leads anywhere from here."""
+        after = TRANSITIONS.get((self.state, event))
+        if after is None:
+            return False
+        self.state = after
+        return True
+
+    @property
+    def may_record(self) -> bool:
+        """Whether a press would begin a take."""
+        return (self.state, Event.START) in TRANSITIONS
+
+
+def diagram() -> str:
+    """Return the table as a Mermaid state diagram."""
+    lines = ["stateDiagram-v2", "    [*] --> starting"]
+    lines += [
+        f"    {before.name.lower()} --> {after.name.lower()}: {event.value}"
+        for (before, event), after in TRANSITIONS.items()
+    ]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,88 @@
+"""What `hangtime status` says: one dictionary for programs, and the same in a few lines for people."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from capture.appliance.config import InForce
+from capture.appliance.faults import FaultBook
+from capture.appliance.showing import Light
+from capture.appliance.states import State
+from capture.appliance.wall_clock import wall_time
+from capture.recording.condition import Condition
+
+
+@dataclass
+class Counts:
+    """What the daemon has counted since it was started.
+
+    last_take: what became of the last take; findings: what a fitter would find in it
+    """
+
+    begun_s: float
+    frames: int = 0
+    dropped: int = 0
+    gaps: int = 0
+    takes: int = 0
+    waiting: int = 0
+    salvaged: int = 0
+    bytes_kept: int = 0
+    free_bytes: int = 0
+    last_take: dict[str, Any] | None = None
+
+
+def report(
+    *, state: State, faults: FaultBook, counts: Counts, now: float, light: Light, running: dict[str, Any] | None,
+    condition: Condition, pre_roll_s: float, behind_s: float, sync: dict[str, Any], config: InForce,
+) -> dict[str, Any]:  # fmt: skip
+    """Return the state of the appliance; times in seconds."""
+    clock = wall_time()
+    try:
+        release = version("hangtime")
+    except PackageNotFoundError:
+        release = "unknown"
+    return {
+        "state": state.name.lower(), "says": state.value, "lamp": light.name, "lamp_means": light.meaning,
+        "condition": condition.value.words,
+        "faults": [
+            {"name": fault.name, "sentence": fault.sentence, "advice": fault.advice, "blocks": fault.blocks,
+             "for_s": round(now - fault.since_s, 1)}
+            for fault in faults.all
+        ],
+        "recording": running, "pre_roll_s": round(pre_roll_s, 3), "disk_behind_s": round(behind_s, 3),
+        "frames": counts.frames, "dropped": counts.dropped, "gaps": counts.gaps,
+        "takes": counts.takes, "waiting": counts.waiting, "salvaged": counts.salvaged,
+        "bytes_kept": counts.bytes_kept, "free_bytes": counts.free_bytes, "last_take": counts.last_take,
+        "sync": sync, "last_sync": sync.get("last_sync"), "last_proof": sync.get("last_proof"),
+        "clock": {"utc": clock.utc, "source": clock.source, "uncertainty_s": clock.uncertainty_s},
+        "running_s": round(now - counts.begun_s, 1), "sensor": config.config.sensor.address,
+        "garment": config.garment.name, "version": release,
+    }  # fmt: skip
+
+
+def lines(told: dict[str, Any]) -> list[str]:
+    """Return a report in words: the state, each fault with what to do next, and what was counted."""
+    said = [told["says"]]
+    running = told["recording"]
+    if running:
+        said[0] += f" for {running['seconds']:.1f} s: {running['frames']} frames, {running['dropped']} lost; "
+        said[0] += running["condition"]
+    said += [f"! {fault['sentence']}; {fault['advice']}" for fault in told["faults"]]
+    last = told["last_take"]
+    if last:
+        said.append(f"last take: {last['kept'] or 'not kept'}")
+        said += [f"! {finding['words']}; {finding['advice']}" for finding in last["findings"]]
+    said.append(
+        f"since the start: {told['frames']} frames, {told['dropped']} lost in {told['gaps']} gaps; "
+        f"{told['bytes_kept'] / 1e6:.1f} MB kept, {told['free_bytes'] / 1e9:.1f} GB free"
+    )
+    salvaged = f", {told['salvaged']} of them salvaged after a crash" if told["salvaged"] else ""
+    said.append(f"takes: {told['takes']}, {told['waiting']} of them wait for the server{salvaged}")
+    said.append(f"last sync: {told['last_sync'] or 'never'}; last proof: {told['last_proof'] or 'never'}")
+    clock = told["clock"]
+    off = "" if clock["uncertainty_s"] is None else f", off by {clock['uncertainty_s']:.3f} s at most"
+    set_by = {"NTP": "set by the network", "RTC": "from the board's battery clock", "none": "set by nobody"}
+    said.append(f"clock: {clock['utc']}, {set_by[clock['source']]}{off}")
+    return said

@@ -1,0 +1,184 @@
+"""Is it a recording at all? Tell of a finished take whether a fitter can use it, while it can still be made again.
+
+Every finding is a sentence and a next action. A grave one says that nothing can be fitted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from formats.arrays import Floats
+from formats.take import LONGEST_GAP, Take
+
+SHORTEST = 2.5  # s: a shorter take is not diagnosed, see the reference of the diagnosis
+FEWEST_HANGERS = 10  # frames with both markers; fewer are no recording of a hanger
+HARDLY_EVER = 0.1  # of the frames
+HARDLY_MOVED = 0.03  # m that the hanger goes to and fro at most: the synthetic world's gentlest motion goes 0.14 m
+DISTANCE_OFF = 0.03  # of the markers' distance: an uncalibrated sensor's depth is off by 1 to 2 %
+SMALLER, LARGER = 0.85, 1.10  # of a distance on the flat garment; the synthetic skirt's are 0.96 to 1.01 at rest
+RIGHT_MOST = 95  # percentile of a distance over the take: cloth folds, which shortens it, and never stretches by 10 %
+ENOUGH = 10  # frames that both points of a distance must be seen in
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """Something about a take that a person can mend by recording again.
+
+    name: for programs; is_grave: nothing can be fitted to the take
+    """
+
+    name: str
+    words: str
+    advice: str
+    is_grave: bool = False
+
+    def as_fact(self) -> dict[str, str | bool]:
+        """Return it for a file of facts."""
+        return {"name": self.name, "words": self.words, "advice": self.advice, "is_grave": self.is_grave}
+
+
+def judge(take: Take) -> tuple[Finding, ...]:
+    """Return what a fitter would find wrong with a take, the grave findings first; nothing where all is well."""
+    has_hanger = np.isfinite(take.markers).all((1, 2))
+    if has_hanger.sum() < max(FEWEST_HANGERS, HARDLY_EVER * len(take.time)):
+        return (
+            Finding(
+                name="hanger_hardly_seen", is_grave=True,
+                words=f"both hanger markers were seen together in {has_hanger.sum()} of {len(take.time)} frames",
+                advice="turn both markers to the sensor and record again",
+            ),
+        )  # fmt: skip
+    found = [*_hanger_gaps(take, has_hanger), *_length(take), *_markers(take, has_hanger)]
+    found += [*_motion(take, has_hanger), *_points(take), *_size(take)]
+    return tuple(sorted(found, key=lambda one: not one.is_grave))
+
+
+def _hanger_gaps(take: Take, has_hanger: np.ndarray) -> list[Finding]:  # type: ignore[type-arg]
+    times = take.time[has_hanger]
+    steps = np.diff(times)
+    if not len(steps) or steps.max() <= LONGEST_GAP:
+        return []
+    begins, count = times[int(np.argmax(steps))] - take.time[0], int((steps > LONGEST_GAP).sum())
+    others = f", in all {count} times for over {LONGEST_GAP:g} s" if count > 1 else ""
+    return [
+        Finding(
+            name="hanger_lost", is_grave=True,
+            words=f"the hanger was not seen for {steps.max():.1f} s from {begins:.1f} s on{others}",
+            advice="record again with both markers in view from beginning to end",
+        )
+    ]  # fmt: skip
+
+
+def _length(take: Take) -> list[Finding]:
+    seconds = float(take.time[-1] - take.time[0])
+    if seconds >= SHORTEST:
+        return []
+    return [
+        Finding(
+            name="too_short", words=f"the take lasts {seconds:.1f} s, and none below {SHORTEST:g} s is diagnosed",
+            advice="swing for five seconds or more, then hold still until the cloth hangs",
+        )
+    ]  # fmt: skip
+
+
+def _markers(take: Take, has_hanger: np.ndarray) -> list[Finding]:  # type: ignore[type-arg]
+    if take.rig.hanger is None:
+        return []
+    apart = take.markers[has_hanger, 1] - take.markers[has_hanger, 0]
+    found = []
+    if np.median(apart[:, 0]) < 0:
+        found.append(
+            Finding(
+                name="markers_swapped", is_grave=True,
+                words="the hanger's first marker is on the right as the sensor sees it, not on the left",
+                advice="turn the hanger's front to the sensor, or exchange the two markers' numbers in the rig",
+            )
+        )  # fmt: skip
+    told, measured = take.rig.hanger.marker_distance_m, float(np.median(np.linalg.norm(apart, axis=1)))
+    if abs(measured / told - 1) > DISTANCE_OFF:
+        found.append(
+            Finding(
+                name="markers_wrong_distance",
+                words=f"the markers are {1e3 * measured:.0f} mm apart as the sensor sees them, "
+                f"{1e3 * told:.0f} mm as the rig says",
+                advice="measure marker_distance_m again, centre to centre, or run `hangtime calibrate`",
+            )
+        )
+    return found
+
+
+def _motion(take: Take, has_hanger: np.ndarray) -> list[Finding]:  # type: ignore[type-arg]
+    middle = take.markers[has_hanger].mean(1)
+    low, high = np.percentile(middle, [1, 99], axis=0)  # noise of single frames is no motion
+    reach = float(np.linalg.norm(high - low))
+    if reach >= HARDLY_MOVED:
+        return []
+    return [
+        Finding(
+            name="hardly_moved", is_grave=True,
+            words=f"the hanger moved by {1e3 * reach:.0f} mm at most, which tells nothing of the cloth",
+            advice="swing it to and fro by the width of a hand or more",
+        )
+    ]  # fmt: skip
+
+
+def _points(take: Take) -> list[Finding]:
+    names = take.garment.point_names
+    never = [name for name, valid in zip(names, take.points_valid.any(0), strict=True) if not valid]
+    if not never:
+        return []
+    if len(never) == len(names):
+        return [
+            Finding(
+                name="garment_never_seen", words="no point of the garment was ever seen", is_grave=True,
+                advice="let it hang free below the hanger, 8 cm or more before any wall",
+            )
+        ]  # fmt: skip
+    return [
+        Finding(
+            name="points_never_seen",
+            words=f"{', '.join(never)} {'was' if len(never) == 1 else 'were'} never seen",
+            advice="bring the whole garment into view, with nothing before it",
+        )
+    ]
+
+
+def _size(take: Take) -> list[Finding]:
+    """Compare the largest distances between points with those on the flat garment.
+
+    Cloth that hangs is nearly as long as on the table, and in a swing it is never longer by much.
+    """
+    flat = np.array([point.at_m for point in take.garment.points])
+    worst: tuple[float, float, str, str] | None = None
+    for first, second in _pairs(flat, take.garment.outline_m):
+        both = take.points_valid[:, first] & take.points_valid[:, second]
+        if both.sum() < ENOUGH:
+            continue
+        apart = np.linalg.norm(take.points[both, first] - take.points[both, second], axis=1)
+        told, seen = float(np.linalg.norm(flat[first] - flat[second])), float(np.percentile(apart, RIGHT_MOST))
+        if worst is None or abs(seen / told - 1) > abs(worst[0] / worst[1] - 1):
+            worst = seen, told, take.garment.point_names[first], take.garment.point_names[second]
+    if worst is None or SMALLER <= worst[0] / worst[1] <= LARGER:
+        return []
+    seen, told, one, other = worst
+    size = "smaller" if seen < told else "larger"
+    return [
+        Finding(
+            name=f"garment_{size}",
+            words=f"the garment is {size} than described: {one} and {other} are at most {100 * seen:.0f} cm apart, "
+            f"{100 * told:.0f} cm in its file",
+            advice="measure it again, or choose the file of the garment that hangs there",
+        )
+    ]
+
+
+def _pairs(flat: Floats, outline: tuple[tuple[float, float], ...]) -> list[tuple[int, int]]:
+    """Return the pairs of points that are neighbours along the outline: straight cloth lies between them."""
+    corners = [int(np.argmin(np.linalg.norm(flat - corner, axis=1))) for corner in outline]
+    is_point = [np.linalg.norm(flat[at] - corner) < 1e-6 for at, corner in zip(corners, outline, strict=True)]
+    around = [at for at, is_one in zip(corners, is_point, strict=True) if is_one]
+    if len(around) != len(outline):
+        return []
+    return [(one, other) for one, other in zip(around, around[1:] + around[:1], strict=True)]

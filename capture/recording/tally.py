@@ -1,0 +1,41 @@
+"""What a recording came to so far: frames, sights of the hanger and of each point, gaps, conditions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from capture.recording.condition import Condition, ConditionWatch
+from capture.recording.frame_reader import Seen
+from capture.recording.hanger_gaps import HangerGaps
+
+
+class Tally:
+    """Counts the frames of one recording; times are told from its first frame on."""
+
+    def __init__(self, points: int) -> None:
+        self.frames = self.with_hanger = self.dropped = self.frame_gaps = 0
+        self.points_seen = np.zeros(points)
+        self.conditions, self.hanger_gaps = ConditionWatch(), HangerGaps()
+        self.first = self.last = 0.0
+
+    def add(self, seen: Seen) -> Condition | None:
+        """Count a frame; return the condition to announce, None where it is the same as before."""
+        self.first = seen.time if self.frames == 0 else self.first
+        self.last = seen.time
+        self.frames += 1
+        self.with_hanger += seen.has_hanger
+        self.dropped += seen.dropped
+        self.frame_gaps += seen.dropped > 0
+        if seen.has_hanger:
+            self.hanger_gaps.add(seen.time - self.first)
+        self.points_seen += seen.frame.points_valid
+        return self.conditions.add(seen.time - self.first, seen.condition)
+
+    def add_unplaced(self, now: float) -> Condition | None:
+        """Count a frame whose time could not be placed, at a time [s] of the sensor's clock."""
+        return self.conditions.add(now - self.first, Condition.CLOCK)
+
+    @property
+    def seconds(self) -> float:
+        """From the first frame to the last [s]."""
+        return self.last - self.first

@@ -1,0 +1,239 @@
+"""The appliance's button: where its changes come from, and which of them are presses.
+
+The kernel shows a button at a GPIO as an input device (device tree overlay `gpio-key`), which is read with evdev;
+where there is no such overlay, the line itself is asked through gpiod. A named pipe that carries the kernel's
+`struct input_event` stands in for a button where there is none. Source: Linux, Documentation/input/input.rst and
+include/uapi/linux/input.h.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+import struct
+from abc import ABC, abstractmethod
+from datetime import timedelta
+from pathlib import Path
+
+from firmware_host.errors import ButtonError
+
+EVENT = struct.Struct("llHHi")  # struct input_event: seconds, microseconds, type, code, value
+KEY = 1  # EV_KEY
+UP, DOWN = 0, 1  # values of a key's event; 2 is the keyboard's own repetition
+SETTLE = 0.03  # s after a change in which contacts bounce
+AGAIN = 0.5  # s after a press in which a further one is the same person's impatience
+STUCK = 10.0  # s that nobody holds a button for
+AT_ONCE = 64  # events of one reading of a pipe
+
+
+class ButtonContact(ABC):
+    """Where a button's changes come from."""
+
+    @abstractmethod
+    def changes(self) -> list[bool]:
+        """Return the changes since the last call, True where it went down; never wait.
+
+        Raises:
+            ButtonError: the button is gone.
+        """
+
+    @abstractmethod
+    def is_down(self) -> bool:
+        """Whether it is down right now, as far as can be asked."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let go of it."""
+
+
+class PipedContact(ButtonContact):
+    """Changes from a named pipe of `struct input_event`; a writer may come and go."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            self._handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        except OSError as error:
+            raise _gone(path, error) from error
+        self._rest = b""
+
+    def changes(self) -> list[bool]:
+        """Return the changes since the last call."""
+        try:
+            content = self._rest + os.read(self._handle, AT_ONCE * EVENT.size)
+        except BlockingIOError:
+            return []
+        except OSError as error:
+            raise _gone(self._path, error) from error
+        if not content and not self._path.exists():
+            raise ButtonError("the button is gone", where=self._path, advice="plug it in again")
+        whole = len(content) - len(content) % EVENT.size
+        self._rest = content[whole:]
+        events = EVENT.iter_unpack(content[:whole])
+        return [value == DOWN for _, _, kind, _, value in events if kind == KEY and value in (UP, DOWN)]
+
+    def is_down(self) -> bool:
+        """A pipe does not say."""
+        return False
+
+    def close(self) -> None:
+        """Close the pipe."""
+        os.close(self._handle)
+
+
+class KeyContact(ButtonContact):
+    """Changes of any key of a Linux input device."""
+
+    def __init__(self, name: str) -> None:
+        """Open it.
+
+        name: its path, or the name that the kernel gives the device, such as "gpio-keys"
+
+        Raises:
+            ButtonError: there is none, or this user may not read it.
+        """
+        import evdev
+
+        try:
+            if name.startswith("/"):
+                self._device = evdev.InputDevice(name)
+            else:
+                self._device = _named(name, [evdev.InputDevice(path) for path in evdev.list_devices()])
+        except OSError as error:
+            raise _gone(Path(name), error) from error
+        os.set_blocking(self._device.fd, False)
+
+    def changes(self) -> list[bool]:
+        """Return the changes since the last call."""
+        try:
+            events = [event for event in self._device.read() if event.type == KEY]
+            return [event.value == DOWN for event in events if event.value in (UP, DOWN)]
+        except BlockingIOError:
+            return []
+        except OSError as error:
+            raise _gone(Path(self._device.path), error) from error
+
+    def is_down(self) -> bool:
+        """Whether any key of the device is down."""
+        try:
+            return bool(self._device.active_keys())
+        except OSError:
+            return False
+
+    def close(self) -> None:
+        """Close the device."""
+        self._device.close()
+
+
+class LineContact(ButtonContact):
+    """Changes of a GPIO line whose button leads it to ground. Tried on no hardware."""
+
+    def __init__(self, chip: str, line: int) -> None:
+        """Ask the kernel for the line.
+
+        Raises:
+            ButtonError: there is no such line, another program holds it, or this user may not have it.
+        """
+        import gpiod
+        from gpiod.line import Bias, Direction, Edge, Value
+
+        self._line, self._active, self._where = line, Value.ACTIVE, f"{chip}:{line}"
+        self._rising = gpiod.EdgeEvent.Type.RISING_EDGE
+        settings = gpiod.LineSettings(
+            direction=Direction.INPUT, edge_detection=Edge.BOTH, bias=Bias.PULL_UP, active_low=True,
+            debounce_period=timedelta(milliseconds=5),
+        )  # fmt: skip
+        try:
+            self._request = gpiod.request_lines(chip, consumer="hangtime", config={line: settings})
+        except OSError as error:
+            raise _gone(Path(chip), error) from error
+
+    def changes(self) -> list[bool]:
+        """Return the changes since the last call."""
+        try:
+            if not self._request.wait_edge_events(timedelta(0)):
+                return []
+            return [event.event_type == self._rising for event in self._request.read_edge_events()]
+        except OSError as error:
+            raise ButtonError(
+                f"cannot be read ({error.strerror})", where=self._where, advice="check its wires"
+            ) from error
+
+    def is_down(self) -> bool:
+        """Whether the line is at ground."""
+        return bool(self._request.get_value(self._line) == self._active)
+
+    def close(self) -> None:
+        """Give the line back."""
+        self._request.release()
+
+
+def open_contact(name: str) -> ButtonContact:
+    """Open a button by its name: a path, an input device's name, or gpio:CHIP:LINE.
+
+    Raises:
+        ButtonError: there is none of this name.
+    """
+    if name.startswith("gpio:"):
+        chip, _, line = name.removeprefix("gpio:").rpartition(":")
+        if not chip or not line.isdecimal():
+            raise ButtonError("is no line of a GPIO chip", where=name, advice="write gpio:/dev/gpiochip0:17")
+        return LineContact(chip, int(line))
+    try:
+        if name.startswith("/") and stat.S_ISFIFO(os.stat(name).st_mode):
+            return PipedContact(Path(name))
+    except OSError as error:
+        raise _gone(Path(name), error) from error
+    return KeyContact(name)
+
+
+class Presses:
+    """Which changes are presses: contacts bounce, people press twice, and a button may be stuck.
+
+    A press counts when the button goes down, at once. What follows within `SETTLE` is bounce; a press within `AGAIN`
+    of the one before is not one.
+    """
+
+    def __init__(self, *, is_down: bool = False) -> None:
+        """Begin; is_down: it is held already, which is no press."""
+        self._level = self._raw = is_down
+        self._changed_at = -float("inf")
+        self._pressed_at = -float("inf")
+        self._down_since = 0.0 if is_down else None
+        self._is_new = is_down
+        self.is_stuck = False
+
+    def take(self, changes: list[bool], now: float) -> int:
+        """Take in the changes since the last call and return how many presses there were; now [s], monotonic."""
+        if self._is_new:
+            self._down_since, self._is_new = now, False
+        presses = 0
+        for raw in changes:
+            self._raw = raw
+            presses += self._settled(now)
+        presses += self._settled(now)
+        self.is_stuck = self._down_since is not None and now - self._down_since >= STUCK
+        return presses
+
+    def _settled(self, now: float) -> int:
+        if self._raw == self._level or now - self._changed_at < SETTLE:
+            return 0
+        self._level, self._changed_at = self._raw, now
+        self._down_since = now if self._level else None
+        if not self._level or now - self._pressed_at < AGAIN:
+            return 0
+        self._pressed_at = now
+        return 1
+
+
+def _named(name: str, devices: list) -> object:  # type: ignore[type-arg]
+    for device in devices:
+        if device.name == name:
+            return device
+    there = ", ".join(sorted(device.name for device in devices)) or "none"
+    raise ButtonError(f"there is no input device {name!r}", where="/dev/input", advice=f"there are: {there}")
+
+
+def _gone(path: Path, error: OSError) -> ButtonError:
+    reason = (error.strerror or str(error)).lower()
+    return ButtonError(f"the button cannot be read ({reason})", where=path, advice="check its wires and its overlay")

@@ -1,0 +1,101 @@
+"""A recording played as a live sensor: at its own pace, again and again, for trying an appliance without hardware.
+
+As with a sensor, a frame that is not fetched in its time is gone, and is counted in the next one's `dropped_before`.
+A file that stands for the cord can make it silent or unplug it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from firmware_host.depth_sensor import STALL_TIMEOUT, DepthSensor, SensorFrame, SensorInfo
+from firmware_host.errors import SensorStalledError, SensorUnavailableError
+
+SILENT, UNPLUGGED = "silent", "unplugged"  # what the file may say
+LOOK = 0.01  # s from one look at the file to the next
+
+
+class PacedSensor(DepthSensor):
+    """A finite sensor's frames as they would come from a live one."""
+
+    def __init__(self, reopen: Callable[[], DepthSensor], uri: str, cord: Path | None = None) -> None:
+        """Begin to play.
+
+        reopen: opens the recording at its beginning; cord: a file that may say "silent" or "unplugged"
+
+        Raises:
+            SensorUnavailableError: the cord is unplugged.
+        """
+        self._reopen, self._uri, self._cord = reopen, uri, cord
+        self._is_closed = False
+        if self._said() == UNPLUGGED:
+            raise SensorUnavailableError("no depth sensor is connected", where=uri, advice="plug it in")
+        self._inner = reopen()
+        self._began = time.monotonic()
+        self._number = 0  # of the next frame, from 0
+
+    @property
+    def info(self) -> SensorInfo:
+        """What the recording says, as a live sensor."""
+        return dataclasses.replace(self._inner.info, is_live=True, frame_count=None, uri=self._uri)
+
+    def read(self, timeout_s: float = STALL_TIMEOUT) -> SensorFrame | None:
+        """Return the next frame when its time has come.
+
+        Raises:
+            SensorStalledError: the cord has been silent for `timeout_s` seconds, or is unplugged.
+        """
+        interval = 1.0 / self._inner.info.fps
+        waited_since = time.monotonic()
+        while not self._is_closed:
+            now = time.monotonic()
+            said = self._said()
+            if said == UNPLUGGED:
+                raise SensorStalledError("the sensor was unplugged", where=self._uri, advice="plug it in again")
+            if said == SILENT:
+                if now - waited_since >= timeout_s:
+                    raise SensorStalledError(f"no frame for {timeout_s:g} s", where=self._uri, advice="replug it")
+                time.sleep(LOOK)
+                continue
+            due = int((now - self._began) / interval)  # frames that have come by now
+            if due < self._number:
+                time.sleep(
+                    min(self._began + self._number * interval - now, LOOK)
+                    if self._cord
+                    else max(self._began + self._number * interval - now, 0.0)
+                )
+                continue
+            missed = due - self._number
+            frame = self._advance(missed + 1)
+            self._number = due + 1
+            return dataclasses.replace(
+                frame, index=due, time_s=(due + 1) * interval, host_time_s=time.monotonic(), dropped_before=missed
+            )
+        return None
+
+    def _advance(self, steps: int) -> SensorFrame:
+        """Return the frame so many steps on; the recording begins again at its end."""
+        frame = None
+        for _ in range(steps):
+            frame = self._inner.read()
+            if frame is None:
+                self._inner.close()
+                self._inner = self._reopen()
+                frame = self._inner.read()
+        if frame is None:
+            raise SensorUnavailableError("the recording holds no frame", where=self._uri, advice="give another one")
+        return frame
+
+    def _said(self) -> str:
+        try:
+            return "" if self._cord is None else self._cord.read_text().strip()
+        except OSError:
+            return ""
+
+    def close(self) -> None:
+        """End the sensor."""
+        self._is_closed = True
+        self._inner.close()

@@ -107,30 +107,26 @@ def fit_command(
     Writes DIR/fit.json and DIR/report.html. Interrupt with Ctrl-C at any time; the same command goes on where it was
     (least squares at the last of their looks and descents that was done).
     """
+    from fit.api.shown import fit_tables
+    from fit.api.tables import as_text
     from fit.folders import alone, make_folder, set_aside_other_takes
     from fit.identification.calibrate import calibrate
-    from fit.identification.request import request_of
-    from fit.methods import find_method
-    from fit.methods.fabrics import find_fabric
+    from fit.identification.request import Plan
     from fit.report.gather import write_fit_report
     from fit.search.choice import OBSERVED
     from formats.results import save_fit_result
 
-    chosen = find_method(method)
-    if fabric is not None:
-        chosen = chosen.starting_from(find_fabric(fabric).start, f"the fabric {fabric}")
-    spacing = chosen.spacing if spacing is None else spacing
-    request = request_of(
-        chosen, effect, iterations=iterations, seed=seed, spacing=spacing, gamma=gamma, bounds=bounds, engine=engine,
-        search=search,
-    )  # fmt: skip
+    request = Plan(
+        method=method, effects=tuple(effect), bounds=tuple(bounds), search=search, iterations=iterations, gamma=gamma,
+        spacing=spacing, seed=seed, fabric=fabric, engine=engine,
+    ).request()  # fmt: skip
     training, testing = _read(takes, held_out, held_out_motion)
     make_folder(out, "fit.json", "fit.partial.json", "report.html")
     progress = ProgressLine(search)
     checkpoint = out / "fit.partial.json"
 
     def show(done: int, total: int, best: float) -> None:
-        error = f"mean error {1e3 * best:.1f} mm" if chosen.is_in_metres else f"error E/N {best:.3f}"
+        error = f"mean error {1e3 * best:.1f} mm" if request.method.is_in_metres else f"error E/N {best:.3f}"
         count = f"step {done} of at most {total}" if search in OBSERVED else f"{done}/{total}"
         progress.show(done / total, f"{count}, {error}")
 
@@ -150,7 +146,7 @@ def fit_command(
         raise typer.Exit(130) from None
     if aside:
         say(aside)
-    typer.echo(_table(result))
+    typer.echo(as_text(fit_tables(result)))
     typer.echo(f"Fit result: {out / 'fit.json'}\nReport:     {report}")
 
 
@@ -203,9 +199,12 @@ def diagnose_command(
     Fits the base model and every effect of the library to the takes and judges them on the held-out ones. Writes
     DIR/diagnosis.json and DIR/report.html. Interrupt with Ctrl-C at any time; the same command goes on where it was.
     """
+    from fit.api.calls import library_of
+    from fit.api.shown import diagnosis_tables
+    from fit.api.tables import as_text
     from fit.cloth.effect import parameter_names
     from fit.cloth.model import Resolution
-    from fit.effects import find_effects, library_without
+    from fit.effects import find_effects
     from fit.errors import FitError
     from fit.folders import alone, make_folder, set_aside_other_takes
     from fit.gap.diagnosis import diagnose, ready
@@ -228,9 +227,7 @@ def diagnose_command(
             advice="leave out --without, or diagnose into another --out",
         )  # fmt: skip
     base = find_method(model) if model else base_model_of(training[0].garment)
-    added, library = find_effects(add), library_without(without)
-    if both := sorted({*add} & {*without}):
-        raise FitError(f"{both[0]} is to be added and left out", where="--without", advice="give one of the two")
+    library = library_of(add, without)
     prepared = ready(training, testing)
     make_folder(out, "diagnosis.json", "report.html")
     progress = ProgressLine("diagnosis")
@@ -242,7 +239,7 @@ def diagnose_command(
                 testing,
                 effects=library,
                 model=base,
-                added=tuple(e.name for e in added),
+                added=tuple(add),
                 checkpoint=out / "diagnosis.partial",
                 resolution=resolution,
                 seed=seed,
@@ -263,22 +260,15 @@ def diagnose_command(
         raise typer.Exit(130) from None
     if aside:
         say(aside)
-    typer.echo(f"Verdict: {findings.diagnosis.verdict}\n{findings.diagnosis.sentence}")
-    for finding in findings.diagnosis.effects:
-        if finding.id in add:
-            typer.echo(_added_line(finding))
-    if findings.diagnosis.next_experiment is not None:
-        typer.echo(findings.diagnosis.next_experiment.sentence)
+    typer.echo(as_text(diagnosis_tables(findings.diagnosis, tuple(add))))
     typer.echo(f"Diagnosis: {out / 'diagnosis.json'}\nReport:    {report}")
 
 
-def _read(takes: list[Path], held_out: list[Path], motions: list[str]):  # type: ignore[no-untyped-def]
+def _read(takes: list[Path], held_out: list[Path], motions: list[str]) -> tuple[list[Take], list[Take]]:
     """Takes to fit to and takes to judge on, by name or by motion."""
-    from fit.recordings.selection import split_by_motion
-    from formats.archive import read_take
+    from fit.api.calls import sorted_out
 
-    training, moving = split_by_motion([read_take(p) for p in takes], motions)
-    testing = moving + [read_take(p) for p in held_out]
+    training, testing = sorted_out(takes, held_out, motions)
     judging = f"judging on {_listed(testing)}" if testing else "judging on the same, as none is held out"
     say(f"Fitting to {_listed(training)}; {judging}.")
     return training, testing
@@ -286,45 +276,3 @@ def _read(takes: list[Path], held_out: list[Path], motions: list[str]):  # type:
 
 def _listed(takes: list[Take]) -> str:
     return ", ".join(t.take_id for t in takes)
-
-
-def _added_line(finding) -> str:  # type: ignore[no-untyped-def]
-    """What adding one effect by hand does, for a terminal."""
-    if not finding.tested:
-        return f"{finding.id}: {finding.note}"
-    closed = f"closes {100 * finding.closure.value:.0f} % of the gap" if finding.closure else "there is no gap to close"
-    return f"With {finding.id} at {finding.amplitude:.3g} {finding.unit}: {closed} (p = {finding.p_value:.3f})."
-
-
-def _table(result) -> str:  # type: ignore[no-untyped-def]
-    """The fitted parameters and errors, for a terminal."""
-    lines = [f"{'parameter':<22}{'initial':>12}{'fitted':>12}   90 % interval"]
-    for p in result.parameters:
-        interval = f"{p.interval_low:.3g} to {p.interval_high:.3g}" if p.interval_low is not None else ""
-        told = "" if p.is_identified in (True, None) else "  (the data cannot tell)"
-        lines.append(f"{p.name + ' [' + p.unit + ']':<22}{p.initial:>12.4g}{p.fitted:>12.4g}   {interval}{told}")
-    pairs = [("training", result.error.train_before, result.error.train_after)]
-    if result.error.held_out_before and result.error.held_out_after:
-        pairs.append(("held out", result.error.held_out_before, result.error.held_out_after))
-    lines.append(f"{'error':<22}{'before':>12}{'after':>12}")
-    for name, before, after in pairs:
-        lines.append(f"{'mean, ' + name:<22}{1e3 * before.mean_m:>9.1f} mm{1e3 * after.mean_m:>9.1f} mm")
-        lines.append(f"{'largest, ' + name:<22}{1e3 * before.max_m:>9.1f} mm{1e3 * after.max_m:>9.1f} mm")
-    return "\n".join([*lines, *_further_lines(result)])
-
-
-def _further_lines(result) -> list[str]:  # type: ignore[no-untyped-def]
-    """The objective with its parts and what motion can tell, for a terminal."""
-    lines = []
-    if result.objective is not None and len(result.objective.parts) > 1:
-        whole = result.objective
-        lines.append(f"{whole.name + ', training':<22}{whole.before:>12.4g}{whole.after:>12.4g}")
-        lines += [f"{'  ' + name:<22}{before:>12.4g}{after:>12.4g}" for name, (before, after) in whole.parts.items()]
-    if result.combinations:
-        lines.append(f"{'what motion tells':<30}{'before':>11}{'after':>11}   90 % interval")
-    lines += [note for note in result.notes if note.startswith("Warning:")]
-    for c in result.combinations:
-        told = "" if c.is_identified else "  (the data cannot tell)"
-        span = f"{c.interval_low:.3g} to {c.interval_high:.3g} {c.unit}"
-        lines.append(f"{c.name:<30}{c.initial:>11.3g}{c.fitted:>11.3g}   {span}{told}")
-    return lines

@@ -17,7 +17,7 @@ import formats as formats_package
 
 # What only shows or hands out results, or brings takes in; everything else in `fit` and `formats` may change them.
 WITHOUT_PART = (
-    "fit/batch", "fit/blind", "fit/report", "fit/cli.py", "fit/folders.py",
+    "fit/api", "fit/batch", "fit/blind", "fit/report", "fit/cli.py", "fit/folders.py",
     "formats/cli.py", "formats/command.py", "formats/importers", "formats/terminal.py",
 )  # fmt: skip
 LIBRARIES = ("cmaes", "numpy", "scipy", "taichi")

@@ -1,4 +1,4 @@
-"""The one place where Taichi is started."""
+"""The one place where Taichi is started, and where libraries are told how many threads to use."""
 
 from __future__ import annotations
 
@@ -28,6 +28,21 @@ def available_threads() -> int:
     allowed = len(os.sched_getaffinity(0))
     wanted = os.environ.get("HANGTIME_THREADS", "")
     return min(int(wanted), allowed) if wanted.isdigit() and int(wanted) > 0 else allowed
+
+
+@contextlib.contextmanager
+def one_thread_of_algebra() -> Iterator[None]:
+    """Let linear algebra use one thread inside, whoever calls; afterwards the caller's own number holds again.
+
+    Sums that are split over threads are rounded differently. Where the takes do not identify a parameter, that last
+    bit decides which of many equally good values a search ends at. So a result must not depend on the number of
+    processors, nor on whether the command line, a notebook or a worker of a cluster asks for it.
+    """
+    import scipy.linalg  # noqa: F401 - it brings a BLAS of its own, which must be loaded before it can be told
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1, user_api="blas"):
+        yield
 
 
 @functools.cache

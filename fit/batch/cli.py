@@ -111,10 +111,10 @@ def batch_command(
     """
     from fit.batch.cluster import Workers
     from fit.batch.ending import ending_of
-    from fit.batch.jobs import Plan
     from fit.batch.runner import run, survey
     from fit.batch.store import open_store
     from fit.batch.summary import rows_of, sentence_of, write_summary
+    from fit.identification.request import Plan
     from formats.terminal import ProgressLine
 
     plan = Plan(

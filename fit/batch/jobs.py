@@ -1,4 +1,4 @@
-"""What is to be fitted, how, and the key under which its result is kept.
+"""Name the jobs of a batch, and the key under which each result is kept.
 
     key = sha256( sha256(take's bytes) | method, effects, bounds, search ... | physics )
 
@@ -12,39 +12,7 @@ import hashlib
 import json
 from dataclasses import asdict, dataclass
 
-from fit.identification.request import Request, request_of
-from fit.methods import find_method
-from fit.methods.fabrics import find_fabric
-
-
-@dataclass(frozen=True, kw_only=True)
-class Plan:
-    """How every take is fitted; the options of `hangtime fit`."""
-
-    method: str = "kinect-skirt"
-    effects: tuple[str, ...] = ()
-    bounds: tuple[str, ...] = ()
-    search: str = "annealing"
-    iterations: int = 350
-    gamma: float | None = None
-    spacing: float | None = None  # m; the method's own where None
-    seed: int = 0
-    fabric: str | None = None
-
-    def request(self) -> Request:
-        """Return the request for the fitter.
-
-        Raises:
-            FitError: an unknown method, fabric, effect or search, or bounds that do not hold.
-        """
-        method = find_method(self.method)
-        if self.fabric is not None:
-            method = method.starting_from(find_fabric(self.fabric).start, f"the fabric {self.fabric}")
-        return request_of(
-            method, list(self.effects), iterations=self.iterations, seed=self.seed, gamma=self.gamma,
-            spacing=method.spacing if self.spacing is None else self.spacing, bounds=list(self.bounds),
-            search=self.search,
-        )  # fmt: skip
+from fit.identification.request import Plan
 
 
 @dataclass(frozen=True, kw_only=True)

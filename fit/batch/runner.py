@@ -17,10 +17,11 @@ from typing import Any
 
 from fit.batch.cluster import Workers, connect, has_workers
 from fit.batch.ending import Ending
-from fit.batch.jobs import Job, Outcome, Plan, digest_of, failure_name, key_of, result_name
+from fit.batch.jobs import Job, Outcome, digest_of, failure_name, key_of, result_name
 from fit.batch.store import Store
 from fit.batch.worker import RETRY, run_job
 from fit.errors import BatchError, UnreachableError
+from fit.identification.request import Plan
 from fit.provenance import physics_version
 
 POLL = 0.25  # s

@@ -12,10 +12,11 @@ from datetime import UTC, datetime
 from importlib import resources
 from pathlib import Path
 
-from fit.batch.jobs import Plan, result_name
+from fit.batch.jobs import result_name
 from fit.batch.runner import Survey
 from fit.batch.store import Store
 from fit.errors import BatchError, UnreachableError
+from fit.identification.request import Plan
 from fit.report.text import MISSING, escaped, interval, millimetres, number, unit_of, words
 from fit.search.choice import OBSERVED, has_short_intervals
 from formats.errors import ResultError

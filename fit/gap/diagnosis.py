@@ -34,6 +34,7 @@ from fit.provenance import physics_version
 from fit.recordings.geometry import check_geometry
 from fit.recordings.recording import Recording, prepare_together
 from fit.recordings.selection import check_together, content_of
+from fit.runtime import one_thread_of_algebra
 from formats.results import Cost, Diagnosis
 from formats.take import Take
 
@@ -58,6 +59,7 @@ class Findings:
     frequency: float  # Hz, of the observer's pull
 
 
+@one_thread_of_algebra()
 def diagnose(
     training: list[Take],
     held_out: list[Take],

@@ -35,6 +35,7 @@ from fit.recordings.geometry import check_geometry
 from fit.recordings.impossible_points import describe_impossible
 from fit.recordings.recording import Recording, prepare_together
 from fit.recordings.selection import check_together, content_of
+from fit.runtime import one_thread_of_algebra
 from fit.search.choice import OBSERVED, begin, has_short_intervals
 from fit.search.intervals import Intervals, block_intervals, check_blocks, draw_intervals
 from fit.search.least_squares import DIFFERENCE
@@ -52,6 +53,10 @@ CHECKPOINT_EVERY = 10.0  # s
 TOO_SHORT = (
     "Warning: 90 % intervals of this search are too short, and what it calls told may not be: it knows of one valley "
     "only. Where they matter, use --search least-squares."
+)
+NOT_IDENTIFIED = (
+    "Not identified: {names}. Read the 90 % interval of each. The fitted value is one of many that follow the takes "
+    "equally well, and rounding may decide which."
 )
 LAYERED = (
     "Sleeves and hems are layers sewn together, stiffer than any fabric; where the simulated ones hang down, "
@@ -130,9 +135,17 @@ class Model:
         Raises:
             BlowUpError: a take whose simulation does not stay finite.
         """
-        by_frame, time, start = [], [], 0.0
-        for recording, points in zip(self.recordings, self.points(vector[None]), strict=True):
-            errors = objective.per_frame(recording.points, points[0])
+        return self.errors_of([points[0] for points in self.points(vector[None])])[0]
+
+    def errors_of(self, points: list[Floats]) -> tuple[ErrorFigure, list[ErrorFigure]]:
+        """Return the same of simulated points [m], (frames, points, 3) a take, and the error of each take by itself.
+
+        Raises:
+            BlowUpError: a take whose simulation does not stay finite.
+        """
+        by_take, start = [], 0.0
+        for recording, simulated in zip(self.recordings, points, strict=True):
+            errors = objective.per_frame(recording.points, simulated)
             seen = np.isfinite(recording.points).all(-1).any(-1)
             if not np.isfinite(errors[seen]).all():
                 raise BlowUpError(
@@ -140,16 +153,20 @@ class Model:
                     where=recording.take_id,
                     advice="use a coarser mesh (--spacing)",
                 )
-            by_frame.append(errors[seen])
-            time.append(recording.time[seen] + start)
-            start = float(time[-1][-1]) + 1.0
-        joined = np.concatenate(by_frame)
-        return ErrorFigure(
-            mean_m=float(joined.mean()), max_m=float(joined.max()), per_frame_m=joined.tolist(),
-            time_s=np.concatenate(time).tolist(),
-        )  # fmt: skip
+            by_take.append((errors[seen], recording.time[seen] + start))
+            start = float(by_take[-1][1][-1]) + 1.0
+        joined = tuple(np.concatenate(part) for part in zip(*by_take, strict=True))
+        return _error_figure(*joined), [_error_figure(*one) for one in by_take]
 
 
+def _error_figure(by_frame: Floats, time: Floats) -> ErrorFigure:
+    return ErrorFigure(
+        mean_m=float(by_frame.mean()), max_m=float(by_frame.max()), per_frame_m=by_frame.tolist(),
+        time_s=time.tolist(),
+    )  # fmt: skip
+
+
+@one_thread_of_algebra()
 def calibrate(
     training: list[Take],
     held_out: list[Take],
@@ -278,11 +295,14 @@ def _result(
     best, intervals = found.vector, found.intervals
     initial = np.array([p.initial for p in request.parameters])
     reach = request.space.slope(best)
+    is_identified = [
+        bool(intervals.is_told[k]) and p.name not in request.method.degenerate for k, p in enumerate(request.parameters)
+    ]
     described = [
         FitParameter(
             name=p.name, unit=p.unit, initial=p.initial, fitted=float(best[k]), minimum=p.minimum, maximum=p.maximum,
             interval_low=float(intervals.ends[k, 0]), interval_high=float(intervals.ends[k, 1]),
-            is_identified=bool(intervals.is_told[k]) and p.name not in request.method.degenerate, note=p.meaning,
+            is_identified=is_identified[k], note=p.meaning,
         )
         for k, p in enumerate(request.parameters)
     ]  # fmt: skip
@@ -302,6 +322,8 @@ def _result(
         notes.append(f"{request.search} brings the points nearer; {model.objectives[0].name} is told, not minimised.")
     if has_short_intervals(request.search, request.settings.iterations):
         notes.append(TOO_SHORT)
+    if free := [p.name for p, is_known in zip(request.parameters, is_identified, strict=True) if not is_known]:
+        notes.append(NOT_IDENTIFIED.format(names=", ".join(free)))
     if found.non_finite:
         notes.append(f"{found.non_finite} candidates blew up and were rejected.")
     return FitResult(

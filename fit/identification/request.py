@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypedDict
 
 import numpy as np
 
@@ -12,7 +14,8 @@ from fit.cloth.model import Resolution
 from fit.effects import find_effects
 from fit.engines import OWN, find_engine
 from fit.errors import FitError
-from fit.methods import Parameter, Parameterisation
+from fit.methods import Parameter, Parameterisation, find_method
+from fit.methods.fabrics import find_fabric
 from fit.search.annealing import AnnealingSettings
 from fit.search.choice import OBSERVED, check_search
 from fit.search.least_squares import BoundedSpace
@@ -69,6 +72,58 @@ class Request:
             for name in parameter_names(e)
         )
         return self.method.parameters + extra
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """The options of `hangtime fit`, as plain values that a worker or a notebook can hand on."""
+
+    method: str = "kinect-skirt"
+    effects: tuple[str, ...] = ()
+    bounds: tuple[str, ...] = ()  # NAME=LOW:HIGH
+    search: str = "annealing"
+    iterations: int = 350
+    gamma: float | None = None  # the method's own where None
+    spacing: float | None = None  # m; the method's own where None
+    seed: int = 0
+    fabric: str | None = None
+    engine: str = OWN
+
+    def request(self) -> Request:
+        """Return the request for the fitter.
+
+        Raises:
+            FitError: an unknown method, fabric, effect, engine or search, or bounds that do not hold.
+        """
+        method = find_method(self.method)
+        if self.fabric is not None:
+            method = method.starting_from(find_fabric(self.fabric).start, f"the fabric {self.fabric}")
+        return request_of(
+            method, list(self.effects), iterations=self.iterations, seed=self.seed, gamma=self.gamma,
+            spacing=method.spacing if self.spacing is None else self.spacing, bounds=list(self.bounds),
+            engine=self.engine, search=self.search,
+        )  # fmt: skip
+
+
+class PlanOptions(TypedDict, total=False):
+    """The fields of a `Plan`, as keyword arguments of `hangtime.fit` and `hangtime.simulate`."""
+
+    method: str
+    effects: Sequence[str]
+    bounds: Sequence[str]
+    search: str
+    iterations: int
+    gamma: float | None
+    spacing: float | None
+    seed: int
+    fabric: str | None
+    engine: str
+
+
+def plan_of(options: PlanOptions) -> Plan:
+    """Return the plan of these options, defaults where they say nothing."""
+    listed = {"effects": tuple(options.get("effects", ())), "bounds": tuple(options.get("bounds", ()))}
+    return Plan(**{**options, **listed})  # type: ignore[arg-type]
 
 
 def request_of(

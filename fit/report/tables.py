@@ -44,16 +44,16 @@ def _parameter_row(row: FitParameter) -> str:
         marks += f'<i class="within" style="left:{left:.1f}%;width:{max(right - left, 0):.1f}%"></i>'
     marks += f'<i class="from" style="left:{place(row.initial):.1f}%"></i>'
     marks += f'<i class="to" style="left:{place(row.fitted):.1f}%"></i>'
-    remark = row.note
-    if row.is_identified is False:
-        remark = f"Not identified. {remark}".strip()
+    remark, fitted = row.note, f"<b>{number(row.fitted)}</b>{unit}"
+    if row.is_identified is False:  # rounding chooses one of many values that fit equally well: the interval says more
+        remark, fitted = f"Not identified. {remark}".strip(), MISSING
     span = (
         f'<span class="span" aria-hidden="true">{marks}</span>'
         f"<small>{number(row.minimum)} to {number(row.maximum)}{unit}{' (log)' if is_log else ''}</small>"
     )
     return (
         f'<tr><th scope="row">{words(row.name)}</th><td class="number">{number(row.initial)}</td>'
-        f'<td class="number"><b>{number(row.fitted)}</b>{unit}</td><td class="number">{interval(ends) or MISSING}</td>'
+        f'<td class="number">{fitted}</td><td class="number">{interval(ends) or MISSING}</td>'
         f'<td>{span}</td><td><span class="note">{escaped(remark)}</span></td></tr>'
     )
 

@@ -14,13 +14,14 @@ import pytest
 
 from fit import runtime
 from fit.batch.cli import SOME_NOT_FITTED
-from fit.batch.jobs import Job, Plan, digest_of, failure_name, key_of, search_name
+from fit.batch.jobs import Job, digest_of, failure_name, key_of, search_name
 from fit.batch.runner import survey
 from fit.batch.store import open_store
 from fit.batch.summary import rows_of
 from fit.batch.worker import run_job
 from fit.errors import FitError
 from fit.identification.calibrate import calibrate
+from fit.identification.request import Plan
 from fit.provenance import physics_version
 from formats.archive import read_take
 from formats.results import load_fit_result

@@ -22,8 +22,8 @@ import pytest
 
 from fit.batch.cli import NEXT_TRY
 from fit.batch.ending import ending_of
-from fit.batch.jobs import Plan
 from fit.batch.summary import Row, as_csv, as_html, sentence_of
+from fit.identification.request import Plan
 from fit.search.least_squares import BoundedSpace
 from fit.search.tempering import FEWEST_DRAWS, Tempering
 from tests.fit.batch.night import PROGRAMS, make_takes

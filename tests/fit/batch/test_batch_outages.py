@@ -10,11 +10,12 @@ import pytest
 from fit.batch import runner, worker
 from fit.batch.cli import SOME_NOT_FITTED
 from fit.batch.cluster import Workers
-from fit.batch.jobs import Outcome, Plan
+from fit.batch.jobs import Outcome
 from fit.batch.runner import Outage, Survey, run, survey
 from fit.batch.store import Bucket, Folder, open_store
 from fit.batch.summary import rows_of
 from fit.errors import UnreachableError
+from fit.identification.request import Plan
 from tests.fit.batch.night import (
     PROGRAMS,
     SHORT,

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from fit.batch.jobs import Plan
 from fit.batch.runner import survey
 from fit.batch.store import Bucket, Folder, open_store
 from fit.batch.summary import rows_of, write_summary
 from fit.batch.worker import run_job
 from fit.errors import BatchError
+from fit.identification.request import Plan
 from tests.fit.batch.night import free_port, keys_for, kill, make_takes, serving
 
 ROOT = Path(__file__).parents[3]

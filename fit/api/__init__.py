@@ -1,0 +1,1 @@
+"""The calls behind `import hangtime`, and the results that they return."""

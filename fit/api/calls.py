@@ -1,0 +1,227 @@
+"""The five calls of the Python interface: load, fit, diagnose, simulate, report.
+
+Each does what the command of its name does, with the same code, the same defaults and one thread of linear algebra, so
+that the numbers are the command's to the last digit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Unpack
+
+from fit.api.results import DiagnosisOutcome, FitOutcome, SimulatedTake, Simulation
+from fit.errors import FitError
+from formats.archive import read_take
+from formats.errors import ResultError
+from formats.results import load_diagnosis, load_fit_result
+from formats.take import Take
+
+if TYPE_CHECKING:
+    from fit.cloth.effect import Effect
+    from fit.identification.request import PlanOptions
+
+OneTake = Take | Path | str
+Takes = OneTake | Sequence[OneTake]
+
+
+def load(path: Path | str) -> Take | FitOutcome | DiagnosisOutcome:
+    """Return the take of an archive (`.mcap`), or the result that a `fit.json` or `diagnosis.json` holds.
+
+    Raises:
+        HangtimeError: the file cannot be read, or is neither.
+    """
+    path = Path(path)
+    if path.suffix != ".json":
+        return read_take(path)
+    try:
+        return FitOutcome(result=load_fit_result(path))
+    except ResultError as no_fit:
+        try:
+            return DiagnosisOutcome(result=load_diagnosis(path))
+        except ResultError:
+            raise no_fit from None
+
+
+def fit(
+    takes: Takes,
+    *,
+    held_out: Takes = (),
+    held_out_motion: Sequence[str] = (),
+    checkpoint: Path | str | None = None,
+    progress: Callable[[int, int, float], None] = lambda done, total, best: None,
+    **options: Unpack[PlanOptions],
+) -> FitOutcome:
+    """Find the cloth parameters that make the simulation follow the takes, as `hangtime fit` does.
+
+    takes, held_out: takes or paths of archives, one or several; held_out_motion: kinds of motion to judge on;
+    checkpoint: a file that an interrupted search goes on from; progress: is told steps done, steps in all and the least
+    error so far. Options: method, effects, bounds, search, iterations, gamma, spacing, seed, fabric, engine, with the
+    command's meanings and defaults (`fit.identification.request.Plan`).
+
+    Raises:
+        FitError: the request or the takes cannot be fitted.
+    """
+    from fit.identification.calibrate import calibrate
+    from fit.identification.request import plan_of
+
+    training, testing = sorted_out(takes, held_out, held_out_motion)
+    request = plan_of(options).request()
+    result = calibrate(
+        training, testing, request, checkpoint=Path(checkpoint) if checkpoint is not None else None, progress=progress
+    )
+    return FitOutcome(result=result, training=tuple(training), held_out=tuple(testing), request=request)
+
+
+def diagnose(
+    takes: Takes,
+    *,
+    held_out: Takes = (),
+    held_out_motion: Sequence[str] = (),
+    model: str | None = None,
+    add: Sequence[str] = (),
+    without: Sequence[str] = (),
+    spacing: float | None = None,
+    seed: int = 0,
+    checkpoint: Path | str | None = None,
+    progress: Callable[[str, float], None] = lambda stage, share: None,
+) -> DiagnosisOutcome:
+    """Say where the simulation misses and which unmodelled effect causes it, as `hangtime diagnose` does.
+
+    takes, held_out, held_out_motion: as for `fit`; model: the base model, by its method's name; add: effects to refit
+    whatever the screening says; without: effects to leave out of the library; spacing: of the mesh [m];
+    checkpoint: a folder in which finished fits are kept.
+
+    Raises:
+        FitError: the takes cannot be diagnosed, or there is no such model or effect.
+    """
+    from fit.cloth.model import Resolution
+    from fit.gap.diagnosis import diagnose as find_gap
+    from fit.methods import base_model_of, find_method
+
+    training, testing = sorted_out(takes, held_out, held_out_motion)
+    library = library_of(add, without)
+    findings = find_gap(
+        training, testing,
+        effects=library,
+        model=find_method(model) if model else base_model_of(training[0].garment),
+        added=tuple(add),
+        checkpoint=Path(checkpoint) if checkpoint is not None else None,
+        resolution=Resolution(spacing=spacing) if spacing is not None else None,
+        seed=seed,
+        progress=progress,
+    )  # fmt: skip
+    return DiagnosisOutcome(
+        result=findings.diagnosis, training=tuple(training), held_out=tuple(testing), findings=findings,
+        added=tuple(add),
+    )  # fmt: skip
+
+
+def simulate(
+    takes: Takes,
+    parameters: FitOutcome | Mapping[str, float] | None = None,
+    **options: Unpack[PlanOptions],
+) -> Simulation:
+    """Simulate the cloth of takes from their first shape on, driven by the recorded hanger.
+
+    parameters: a fit, whose method, mesh and values are used; or values by name over the method's initial ones;
+    options: as for `fit`, of which method, effects, spacing, fabric and engine count here.
+
+    Raises:
+        FitError: unknown names, values outside the ranges, or takes that cannot be simulated.
+    """
+    import numpy as np
+
+    from fit.identification.calibrate import Model
+    from fit.identification.request import plan_of
+    from fit.recordings.recording import prepare_together
+    from fit.runtime import one_thread_of_algebra
+
+    read, _ = sorted_out(takes)
+    own = parameters.request if isinstance(parameters, FitOutcome) else None
+    request = own if own is not None and not options else plan_of(options).request()
+    given = parameters.values if isinstance(parameters, FitOutcome) else dict(parameters or {})
+    if unknown := sorted(given.keys() - {p.name for p in request.parameters}):
+        raise FitError(
+            f"there is no parameter named {unknown[0]!r}", where="simulate",
+            advice=f"known parameters: {', '.join(p.name for p in request.parameters)}",
+        )  # fmt: skip
+    values = {p.name: float(given.get(p.name, p.initial)) for p in request.parameters}
+    for p in request.parameters:
+        if not p.minimum <= values[p.name] <= p.maximum:
+            raise FitError(
+                f"{p.name} = {values[p.name]:g} is outside its range", where="simulate",
+                advice=f"stay within {p.minimum:g} to {p.maximum:g} {p.unit}",
+            )  # fmt: skip
+    with one_thread_of_algebra():
+        recordings, _ = prepare_together(read)
+        model = Model(recordings, request, is_fitted=False)
+        vector = np.array(list(values.values()))
+        points = model.points(vector[None])
+        whole, by_take = model.errors_of([p[0] for p in points])
+    shown = tuple(
+        SimulatedTake(
+            take_id=r.take_id, point_names=tuple(p.name for p in r.garment.points), time=r.time, real=r.points,
+            simulated=p[0], valid=r.valid,
+        )
+        for r, p in zip(recordings, points, strict=True)
+    )  # fmt: skip
+    return Simulation(takes=shown, values=values, error=whole, by_take=tuple(by_take))
+
+
+def report(outcome: FitOutcome | DiagnosisOutcome, path: Path | str, *, fit: FitOutcome | None = None) -> Path:
+    """Write the report of a fit or a diagnosis as one HTML file, and return its path.
+
+    fit: shown in the report of a diagnosis, where it is of the same takes.
+
+    Raises:
+        FitError: the outcome was loaded from a file and holds no takes, or the report cannot be written.
+    """
+    from fit.report.gather import write_diagnosis_report, write_fit_report
+    from fit.runtime import one_thread_of_algebra
+
+    path, training, testing = Path(path), list(outcome.training), list(outcome.held_out)
+    with one_thread_of_algebra():
+        if isinstance(outcome, FitOutcome) and outcome.request is not None:
+            return write_fit_report(path, outcome.result, training, testing, outcome.request)
+        if isinstance(outcome, DiagnosisOutcome) and outcome.findings is not None:
+            shown = fit.result if fit is not None else None
+            resolution = outcome.findings.resolution
+            return write_diagnosis_report(path, outcome.findings, shown, training, testing, resolution)
+    raise FitError(
+        "a result that was loaded from a file holds no takes to draw", where=path,
+        advice="fit or diagnose the takes again, then write the report",
+    )  # fmt: skip
+
+
+def library_of(add: Sequence[str], without: Sequence[str]) -> tuple[Effect, ...]:
+    """Return the effects to look for.
+
+    Raises:
+        FitError: an unknown effect, or one that is both added and left out.
+    """
+    from fit.effects import find_effects, library_without
+
+    find_effects(list(add))
+    if both := sorted({*add} & {*without}):
+        raise FitError(f"{both[0]} is to be added and left out", where="--without", advice="give one of the two")
+    return library_without(list(without))
+
+
+def sorted_out(
+    takes: Takes, held_out: Takes = (), held_out_motion: Sequence[str] = ()
+) -> tuple[list[Take], list[Take]]:
+    """Return the takes to fit to and the takes to judge on, read where a path is given.
+
+    Raises:
+        HangtimeError: an archive cannot be read, or no take moves in a kind that is to be held out.
+    """
+    from fit.recordings.selection import split_by_motion
+
+    training, moving = split_by_motion(_each(takes), list(held_out_motion))
+    return training, moving + _each(held_out)
+
+
+def _each(takes: Takes) -> list[Take]:
+    every = [takes] if isinstance(takes, Take | Path | str) else list(takes)
+    return [take if isinstance(take, Take) else read_take(Path(take)) for take in every]

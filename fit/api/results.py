@@ -1,0 +1,183 @@
+"""What the calls return: results that print as tables and turn into dictionaries and CSV without pandas."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from fit.api.shown import diagnosis_tables, effect_table, error_row, fit_tables
+from fit.api.tables import Table, as_csv, as_html, as_text
+from formats.arrays import Booleans, Floats
+from formats.outputs import write_text
+from formats.results import Diagnosis, ErrorFigure, FitResult, save_diagnosis, save_fit_result
+from formats.take import Take
+
+if TYPE_CHECKING:
+    from fit.gap.diagnosis import Findings
+    from fit.identification.request import Request
+
+
+class _Shown:
+    """Show tables in a terminal and in a notebook."""
+
+    def _tables(self) -> list[Table]:
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        return as_text(self._tables())
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        return as_html(self._tables())
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class FitOutcome(_Shown):
+    """A fit: the result as `hangtime fit` writes it, and the takes and the request that it is of.
+
+    training, held_out and request are absent where the result was loaded from a file
+    """
+
+    result: FitResult
+    training: tuple[Take, ...] = ()
+    held_out: tuple[Take, ...] = ()
+    request: Request | None = None
+
+    @cached_property
+    def values(self) -> dict[str, float]:
+        """Fitted values by name, in the units of the result; `simulate` takes them."""
+        return {p.name: p.fitted for p in self.result.parameters}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the whole result as plain Python values, as `fit.json` holds them."""
+        return dict(msgspec.to_builtins(self.result))
+
+    def to_csv(self, path: Path | str | None = None) -> str:
+        """Return one row a parameter as CSV, and write it where a path is given.
+
+        A parameter that is not identified has no fitted value, only its interval.
+        """
+        heads = ("parameter", "unit", "initial", "fitted", "interval_low", "interval_high", "is_identified")
+        rows = [
+            (
+                p.name, p.unit, p.initial, None if p.is_identified is False else p.fitted, p.interval_low,
+                p.interval_high, p.is_identified,
+            )
+            for p in self.result.parameters
+        ]  # fmt: skip
+        return _csv(heads, rows, path)
+
+    def save(self, path: Path | str) -> Path:
+        """Write the result as `fit.json` is written: whole or not at all."""
+        save_fit_result(Path(path), self.result)
+        return Path(path)
+
+    def _tables(self) -> list[Table]:
+        return fit_tables(self.result)
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class DiagnosisOutcome(_Shown):
+    """A diagnosis: the result as `hangtime diagnose` writes it, and the takes and fits that it rests on.
+
+    training, held_out and findings are absent where the diagnosis was loaded from a file
+    """
+
+    result: Diagnosis
+    training: tuple[Take, ...] = ()
+    held_out: tuple[Take, ...] = ()
+    findings: Findings | None = None
+    added: tuple[str, ...] = ()
+
+    @property
+    def verdict(self) -> str:
+        """The verdict: none, effect, ambiguous, several, unknown, numerics or inconclusive."""
+        return self.result.verdict
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the whole diagnosis as plain Python values, as `diagnosis.json` holds them."""
+        return dict(msgspec.to_builtins(self.result))
+
+    def to_csv(self, path: Path | str | None = None) -> str:
+        """Return one row an effect of the library as CSV, and write it where a path is given."""
+        heads = ("effect", "is_tested", "is_named", "probability", "amplitude", "unit", "closure", "p_value")
+        rows = [
+            (
+                e.id, e.tested, e.id in self.result.named, e.probability, e.amplitude, e.unit,
+                e.closure.value if e.closure is not None else None, e.p_value,
+            )
+            for e in self.result.effects
+        ]  # fmt: skip
+        return _csv(heads, rows, path)
+
+    def save(self, path: Path | str) -> Path:
+        """Write the diagnosis as `diagnosis.json` is written: whole or not at all."""
+        save_diagnosis(Path(path), self.result)
+        return Path(path)
+
+    def _tables(self) -> list[Table]:
+        return [*diagnosis_tables(self.result, self.added), effect_table(self.result)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulatedTake:
+    """One take beside its simulation, in the world frame (z against gravity).
+
+    time [s], (frames,); real, simulated [m], (frames, points, 3), real NaN where not seen
+    """
+
+    take_id: str
+    point_names: tuple[str, ...]
+    time: Floats
+    real: Floats
+    simulated: Floats
+    valid: Booleans
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Simulation(_Shown):
+    """Takes simulated with one set of parameters, and the distance to what was recorded."""
+
+    takes: tuple[SimulatedTake, ...]
+    values: dict[str, float]
+    error: ErrorFigure = field(repr=False)
+    by_take: tuple[ErrorFigure, ...] = field(repr=False)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return parameters and errors as plain Python values."""
+        errors = {t.take_id: msgspec.to_builtins(e) for t, e in zip(self.takes, self.by_take, strict=True)}
+        return {"parameters": dict(self.values), "error": msgspec.to_builtins(self.error), "takes": errors}
+
+    def to_csv(self, path: Path | str | None = None) -> str:
+        """Return one row a point and frame as CSV, places in metres, and write it where a path is given."""
+        heads = ("take", "time_s", "point", "x", "y", "z", "real_x", "real_y", "real_z")
+        rows = (
+            (
+                take.take_id, float(take.time[n]), name, *take.simulated[n, k].tolist(),
+                *(take.real[n, k].tolist() if take.valid[n, k] else (None, None, None)),
+            )
+            for take in self.takes
+            for n in range(len(take.time))
+            for k, name in enumerate(take.point_names)
+        )  # fmt: skip
+        return _csv(heads, rows, path)
+
+    def _tables(self) -> list[Table]:
+        rows = [error_row(t.take_id, e) for t, e in zip(self.takes, self.by_take, strict=True)]
+        values = tuple((name, f"{value:.4g}") for name, value in self.values.items())
+        return [
+            Table(heads=("take", "mean error", "largest"), rows=(*rows, error_row("all", self.error))),
+            Table(heads=("parameter", "value"), rows=values, right=(1,)),
+        ]
+
+
+def _csv(heads: tuple[str, ...], rows: Any, path: Path | str | None) -> str:
+    text = as_csv(heads, rows)
+    if path is not None:
+        write_text(Path(path), text)
+    return text

@@ -1,0 +1,103 @@
+"""Turn results into tables: the same rows in the terminal, in a notebook and from the command line.
+
+A parameter that the takes do not identify has an interval and no value. Many values fit such takes equally well, and
+rounding decides at which of them a search ends.
+"""
+
+from __future__ import annotations
+
+from fit.api.tables import NOT_IDENTIFIED, Table
+from formats.results import Combination, Diagnosis, EffectFinding, ErrorFigure, FitParameter, FitResult
+
+
+def fit_tables(result: FitResult) -> list[Table]:
+    """Return the parameters, the errors, the parts of the objective, and the combinations that motion identifies."""
+    tables = [parameter_table(result.parameters), _error_table(result)]
+    if result.objective is not None and len(result.objective.parts) > 1:
+        whole = result.objective
+        parts = [(f"{whole.name}, training", (whole.before, whole.after))]
+        parts += [(f"  {name}", figures) for name, figures in whole.parts.items()]
+        tables.append(
+            Table(
+                heads=("objective", "before", "after"),
+                rows=tuple((name, f"{before:.4g}", f"{after:.4g}") for name, (before, after) in parts),
+            )
+        )
+    warnings = tuple(note for note in result.notes if note.startswith("Warning:"))
+    if result.combinations:
+        heads = ("identified by motion", "before", "after", "90 % interval", "")
+        rows = tuple(_combination_row(c) for c in result.combinations)
+        tables.append(Table(heads=heads, rows=rows))
+    if warnings:
+        tables[1] = Table(heads=tables[1].heads, rows=tables[1].rows, remarks=warnings)
+    return tables
+
+
+def diagnosis_tables(diagnosis: Diagnosis, added: tuple[str, ...] = ()) -> list[Table]:
+    """Return the verdict with its sentence, the gap, the effects that were looked at, and the next recording.
+
+    added: effects that the caller asked to see, whatever the verdict names
+    """
+    remarks = [f"Verdict: {diagnosis.verdict}", diagnosis.sentence]
+    remarks += [_added_line(finding) for finding in diagnosis.effects if finding.id in added]
+    if diagnosis.next_experiment is not None:
+        remarks.append(diagnosis.next_experiment.sentence)
+    return [Table(remarks=tuple(remarks))]
+
+
+def effect_table(diagnosis: Diagnosis) -> Table:
+    """Return the effects that were tested, the most probable first."""
+    tested = sorted((e for e in diagnosis.effects if e.tested), key=lambda e: -(e.probability or 0.0))
+    rows = []
+    for effect in tested:
+        closed = f"{100 * effect.closure.value:.0f} %" if effect.closure is not None else ""
+        chance = f"{100 * effect.probability:.0f} %" if effect.probability is not None else ""
+        named = "named" if effect.id in diagnosis.named else ""
+        rows.append((effect.id, chance, f"{effect.amplitude:.3g} {effect.unit}".strip(), closed, named))
+    return Table(heads=("effect", "probability", "amplitude", "gap closed", ""), rows=tuple(rows), right=(1, 2, 3))
+
+
+def parameter_table(parameters: list[FitParameter]) -> Table:
+    """Return initial and fitted values with 90 % intervals; an interval alone where a parameter is not identified."""
+    rows = []
+    for p in parameters:
+        is_known = p.is_identified in (True, None)
+        ends = f"{p.interval_low:.3g} to {p.interval_high:.3g}" if p.interval_low is not None else ""
+        fitted = f"{p.fitted:.4g}" if is_known else "-"
+        rows.append((f"{p.name} [{p.unit}]", f"{p.initial:.4g}", fitted, ends, "" if is_known else NOT_IDENTIFIED))
+    return Table(heads=("parameter", "initial", "fitted", "90 % interval", ""), rows=tuple(rows))
+
+
+def _error_table(result: FitResult) -> Table:
+    pairs = [("training", result.error.train_before, result.error.train_after)]
+    if result.error.held_out_before is not None and result.error.held_out_after is not None:
+        pairs.append(("held out", result.error.held_out_before, result.error.held_out_after))
+    rows = []
+    for name, before, after in pairs:
+        rows.append((f"mean, {name}", millimetres(before.mean_m), millimetres(after.mean_m)))
+        rows.append((f"largest, {name}", millimetres(before.max_m), millimetres(after.max_m)))
+    return Table(heads=("error", "before", "after"), rows=tuple(rows))
+
+
+def error_row(name: str, error: ErrorFigure) -> tuple[str, str, str]:
+    """Return a name with the mean and the largest error."""
+    return name, millimetres(error.mean_m), millimetres(error.max_m)
+
+
+def millimetres(metres: float) -> str:
+    """Return a length [m] in millimetres with one decimal."""
+    return f"{1e3 * metres:.1f} mm"
+
+
+def _combination_row(c: Combination) -> tuple[str, ...]:
+    after = f"{c.fitted:.3g}" if c.is_identified else "-"
+    span = f"{c.interval_low:.3g} to {c.interval_high:.3g} {c.unit}"
+    return c.name, f"{c.initial:.3g}", after, span, "" if c.is_identified else NOT_IDENTIFIED
+
+
+def _added_line(finding: EffectFinding) -> str:
+    if not finding.tested:
+        return f"{finding.id}: {finding.note}"
+    closed = f"closes {100 * finding.closure.value:.0f} % of the gap" if finding.closure else "there is no gap to close"
+    p_value = f" (p = {finding.p_value:.3f})" if finding.p_value is not None else ""
+    return f"With {finding.id} at {finding.amplitude:.3g} {finding.unit}: {closed}{p_value}."

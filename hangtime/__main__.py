@@ -1,0 +1,5 @@
+"""Run the `hangtime` command: `python -m hangtime`."""
+
+from formats.command import main
+
+main()

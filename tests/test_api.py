@@ -1,0 +1,221 @@
+"""`import hangtime` gives the numbers of the commands to the last digit, and its tutorial runs."""
+
+from __future__ import annotations
+
+import ast
+import csv
+import dataclasses
+import io
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
+
+import hangtime
+from formats.archive import write_take
+from formats.results import load_diagnosis, load_fit_result
+from tests.fit.scenes import material, sheet, simulate_take, swing
+
+ROOT = Path(__file__).parents[1]
+TUTORIAL = ROOT / "docs/tutorial/python.md"
+QUICK = {"method": "si", "iterations": 12, "spacing": 0.1, "seed": 3}
+
+
+@pytest.fixture(scope="module")
+def takes(tmp_path_factory):
+    """A folder `demo` with three takes of a swatch: face-on, faster, and with a sideways swing."""
+    folder = tmp_path_factory.mktemp("api") / "demo"
+    folder.mkdir()
+    time, garment = np.arange(0, 2.5, 1 / 30), sheet()
+    for name, hz, sideways in (("gentle", 0.7, 0.0), ("mixed", 0.9, 0.02), ("swing", 0.8, 0.05)):
+        path = swing(time, amplitude=0.06, hz=hz, sideways=sideways)
+        row = material(garment, velocity_damping=3.0)
+        write_take(folder / f"{name}.mcap", simulate_take(garment, time, path, row, noise=0.002, seed=5, name=name))
+    return folder
+
+
+def command(*words, folder):
+    done = subprocess.run(
+        [sys.executable, "-m", "hangtime", *map(str, words)], capture_output=True, text=True, cwd=folder, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def fitted(takes):
+    return hangtime.fit(takes / "gentle.mcap", held_out=[takes / "swing.mcap"], **QUICK)
+
+
+def without_time(result):
+    """A result but for when it was made and how long it took."""
+    return msgspec.structs.replace(result, created="", **({"seconds": 0.0} if hasattr(result, "seconds") else {}))
+
+
+def test_a_fit_is_the_commands_to_the_last_digit(takes, fitted, tmp_path):
+    """The command runs in a process of its own; here linear algebra may use as many threads as there are."""
+    words = ("--method", "si", "--iterations", 12, "--spacing", 0.1, "--seed", 3, "--out", "out")
+    said = command("fit", takes / "gentle.mcap", "--held-out", takes / "swing.mcap", *words, folder=tmp_path)
+    assert without_time(fitted.result) == without_time(load_fit_result(tmp_path / "out/fit.json"))
+    assert said.startswith(str(fitted))
+
+
+def test_a_simulation_with_a_fit_has_its_errors_to_the_last_digit(takes, fitted):
+    held_out = hangtime.simulate(takes / "swing.mcap", fitted)
+    assert held_out.error == fitted.result.error.held_out_after
+    start = hangtime.simulate(hangtime.load(takes / "gentle.mcap"), method="si", spacing=0.1)
+    assert start.error == fitted.result.error.train_before
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_linear_algebra_has_one_thread_in_a_fit_and_the_callers_number_after_it(takes, monkeypatch, threads):
+    from fit.identification import calibrate as fitting
+
+    import scipy.linalg  # noqa: F401  isort: skip - brings its own library, whose threads count as well
+
+    seen, own = [], fitting.block_intervals
+
+    def look(*words, **options):
+        seen.extend(one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas")
+        return own(*words, **options)
+
+    monkeypatch.setattr(fitting, "block_intervals", look)
+    with threadpool_limits(limits=threads, user_api="blas"):
+        hangtime.fit(takes / "gentle.mcap", method="lean", iterations=1, spacing=0.2)
+        after = {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
+    assert set(seen) == {1}
+    assert len(seen) >= 1
+    assert after == {threads}
+
+
+def test_a_parameter_that_is_not_identified_is_shown_as_an_interval_and_never_as_a_number(fitted):
+    free = dataclasses.replace(fitted, result=with_first(fitted.result, is_identified=False, fitted=123.456789))
+    shown = f"{free.result.parameters[0].interval_low:.3g} to {free.result.parameters[0].interval_high:.3g}"
+    for text in (str(free), free._repr_html_(), free.to_csv()):
+        assert "123.4" not in text
+    assert f"-  {shown}" in re.sub(r" {2,}", "  ", str(free))
+    assert "not identified" in str(free)
+    row = next(csv.DictReader(io.StringIO(free.to_csv())))
+    assert (row["fitted"], row["is_identified"]) == ("", "False")
+
+
+def test_a_parameter_that_is_identified_is_shown_with_its_value(fitted):
+    known = dataclasses.replace(fitted, result=with_first(fitted.result, is_identified=True, fitted=123.456789))
+    assert "123.5" in str(known)
+    assert "123.5" in known._repr_html_()
+    assert next(csv.DictReader(io.StringIO(known.to_csv())))["fitted"] == "123.456789"
+
+
+def with_first(result, **changes):
+    first, *others = result.parameters
+    return msgspec.structs.replace(result, parameters=[msgspec.structs.replace(first, **changes), *others])
+
+
+def test_the_result_file_says_which_parameters_are_not_identified(fitted):
+    free = [p.name for p in fitted.result.parameters if not p.is_identified]
+    assert free  # 12 steps on 2.5 s of one take never identify all five
+    (note,) = (note for note in fitted.result.notes if note.startswith("Not identified: "))
+    assert note.startswith(f"Not identified: {', '.join(free)}. Read the 90 % interval of each.")
+
+
+def test_a_table_in_a_notebook_shows_a_name_as_text_and_not_as_html(fitted):
+    named = dataclasses.replace(fitted, result=with_first(fitted.result, name="<b>stretch</b>"))
+    assert "&lt;b&gt;stretch&lt;/b&gt;" in named._repr_html_()
+    assert "<b>" not in named._repr_html_()
+
+
+def test_a_result_is_the_same_after_its_file(fitted, tmp_path):
+    assert hangtime.load(fitted.save(tmp_path / "fit.json")).result == fitted.result
+    assert json.loads((tmp_path / "fit.json").read_text()) == json.loads(json.dumps(fitted.to_dict()))
+
+
+def test_places_of_a_simulation_are_written_point_by_point(takes, fitted, tmp_path):
+    """75 frames of five points; the first row is the first frame's first point."""
+    simulation = hangtime.simulate(takes / "swing.mcap", fitted)
+    rows = list(csv.DictReader(io.StringIO(simulation.to_csv(tmp_path / "places.csv"))))
+    assert len(rows) == 75 * 5
+    assert [float(rows[0][axis]) for axis in "xyz"] == simulation.takes[0].simulated[0, 0].tolist()
+    assert (tmp_path / "places.csv").read_text() == simulation.to_csv()
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ({"bend": 1.0}, "there is no parameter named 'bend'; known parameters: stretch_stiffness,"),
+        ({"shear_stiffness": 1e4}, r"shear_stiffness = 10000 is outside its range; stay within 10 to 220 N/m"),
+    ],
+)
+def test_values_that_cannot_be_simulated_are_refused_with_what_to_do(takes, given, sentence):
+    with pytest.raises(hangtime.HangtimeError, match=sentence):
+        hangtime.simulate(takes / "swing.mcap", given, method="si")
+
+
+def test_a_loaded_result_cannot_draw_takes_that_it_does_not_hold(fitted, tmp_path):
+    loaded = hangtime.load(fitted.save(tmp_path / "fit.json"))
+    with pytest.raises(hangtime.HangtimeError, match="holds no takes to draw; fit or diagnose the takes again"):
+        hangtime.report(loaded, tmp_path / "report.html")
+
+
+def test_a_file_that_is_no_result_is_named(tmp_path):
+    (tmp_path / "other.json").write_text("{}")
+    with pytest.raises(hangtime.HangtimeError, match=r"other\.json: is not a FitResult"):
+        hangtime.load(tmp_path / "other.json")
+
+
+def test_the_package_holds_names_only():
+    """Its statements are imports, a docstring and `__all__`."""
+    for node in ast.parse(Path(hangtime.__file__).read_text()).body:
+        assert isinstance(node, ast.ImportFrom | ast.Expr | ast.Assign)
+    assert sorted(hangtime.__all__) == [name for name in sorted(hangtime.__all__) if hasattr(hangtime, name)]
+
+
+def test_importing_it_loads_neither_taichi_nor_scipy():
+    """It starts as quickly as a script that only reads takes."""
+    code = "import sys, hangtime; print(sorted({'taichi', 'scipy'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout.strip() == "[]"
+
+
+def blocks(*, diagnosis):
+    """The tutorial's Python, with or without its section about the diagnosis, which takes minutes."""
+    sections = re.split(r"^## ", TUTORIAL.read_text(), flags=re.MULTILINE)
+    chosen = [s for s in sections if diagnosis or not s.startswith("Diagnose")]
+    return re.findall(r"^```python\n(.*?)^```", "".join(chosen), flags=re.MULTILINE | re.DOTALL)
+
+
+def test_the_tutorial_runs_as_it_is_printed(takes, tmp_path, monkeypatch, capsys):
+    (tmp_path / "demo").symlink_to(takes)
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    found = blocks(diagnosis=False)
+    assert len(found) == 7
+    for block in found:
+        exec(compile(block, str(TUTORIAL), "exec"), names)
+    said = capsys.readouterr().out
+    assert "stretch_stiffness [N/m]" in said
+    assert "no-such-take.mcap" in said
+    assert (tmp_path / "report.html").read_text().startswith("<!doctype html>")
+
+
+@pytest.mark.slow
+def test_the_tutorials_diagnosis_is_the_commands_to_the_last_digit(takes, tmp_path, monkeypatch, capsys):
+    (tmp_path / "demo").symlink_to(takes)
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    for block in blocks(diagnosis=True):
+        exec(compile(block, str(TUTORIAL), "exec"), names)
+    paths = [takes / f"{name}.mcap" for name in ("gentle", "mixed")]
+    said = command("diagnose", *paths, "--held-out", takes / "swing.mcap", "--out", "out", folder=tmp_path)
+    kept = load_diagnosis(tmp_path / "out/diagnosis.json")
+    mine = names["found"].result
+    apart = {"cost": msgspec.structs.replace(kept.cost, seconds=0.0), "created": ""}
+    assert msgspec.structs.replace(mine, **apart) == msgspec.structs.replace(kept, **apart)
+    assert mine.cost.simulations == kept.cost.simulations
+    assert said.splitlines()[0] == f"Verdict: {mine.verdict}"
+    assert (tmp_path / "diagnosis.html").exists()

@@ -113,6 +113,105 @@ def test_a_plain_equation_becomes_mathml_with_a_fraction_a_root_and_a_greek_lett
         assert element in mathml
 
 
+# --- the architecture ---------------------------------------------------------------------------
+
+
+def modules_of_the_architecture() -> set[str]:
+    """Modules named in the tables of the architecture page, as paths without `.py`."""
+    found, room = set(), ""
+    for line in (DOCS / "architecture.md").read_text().splitlines():
+        if heading := re.match(r"#{2,3} ([\w/]+)(?::| and |$)", line):
+            room = heading[1] if " and " not in line else heading[1].split("/")[0]
+        elif line.startswith("#"):
+            room = ""
+        elif line.startswith("| ") and (row := re.match(r"\| `([\w/]+)` \|", line)):
+            found |= {f"{room}/{row[1]}"} if room else set()
+        elif line.startswith("| ") and room == "fit/effects":
+            found |= {f"{room}/{name}" for name in re.findall(r"`(\w+)`", line)}
+    return found
+
+
+def test_the_architecture_page_names_every_module_of_every_room_and_no_other() -> None:
+    packages = ("formats", "firmware_host", "capture", "fit")
+    modules = {
+        name_of(path.with_suffix(""))
+        for package in packages
+        for path in (ROOT / package).rglob("*.py")
+        if path.name != "__init__.py"
+    }
+    named = {name for name in modules_of_the_architecture() if name.split("/")[0] in packages}
+    assert sorted(modules - named) == []
+    assert sorted(named - modules) == []
+
+
+# --- sentences ----------------------------------------------------------------------------------
+
+# The notebook (docs/notebook, docs/decisions, CHANGELOG.md) is a record of its days and is not measured; nor is the
+# text that other files own and these pages only show (formats/SPEC.md, systemd/README.md, the help texts).
+GUIDE = [
+    page
+    for page in PAGES
+    if not {"notebook", "decisions", "systemd"} & set(page.relative_to(ROOT).parts) and page.name != "CHANGELOG.md"
+]
+LONGEST_SENTENCE = 25  # words
+LONGEST_MEAN = 16  # words; plain English guides ask for 15 to 20
+LONGEST_LINE = 100  # characters of prose; tables and lines that a link makes longer are left out
+END = re.compile(r"(?<=[.!?])[\"*)]*\s+(?=[A-Z\d`*(\[\"“])")
+
+
+def blocks_of(text: str) -> list[str]:
+    """Paragraphs, list items and table cells of a page, without code blocks, headings and comments."""
+    text = re.sub(r"^```.*?^```|<!--.*?-->", "", text, flags=re.DOTALL | re.MULTILINE)
+    blocks: list[str] = [""]
+    for line in text.splitlines():
+        if line.startswith("|"):
+            blocks += [cell.strip() for cell in re.split(r"(?<!\\)\|", line)] + [""]
+        elif not line.strip() or line.startswith("#"):
+            blocks.append("")
+        elif re.match(r"\s*(?:[-*]|\d+\.) ", line):
+            blocks.append(re.sub(r"^\s*(?:[-*]|\d+\.) ", "", line))
+        else:
+            blocks[-1] += " " + line.strip()
+    return [block.strip() for block in blocks if block.strip()]
+
+
+def sentences_of(text: str) -> list[str]:
+    """Sentences of a page; a piece of code and an equation count as one word each."""
+    found = []
+    for block in blocks_of(text):
+        plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", re.sub(r"`[^`]*`|\$[^$]+\$", "Code", block))
+        found += [sentence.strip() for sentence in END.split(plain)]
+    return [sentence for sentence in found if re.search(r"[A-Za-z]{2}", sentence)]
+
+
+def words_of(sentence: str) -> int:
+    return sum(bool(re.search(r"\w", word)) for word in sentence.split())
+
+
+@pytest.mark.parametrize("page", GUIDE, ids=name_of)
+def test_no_sentence_of_a_guide_page_is_longer_than_25_words_and_their_mean_is_16_at_most(page: Path) -> None:
+    sentences = sentences_of(page.read_text())
+    assert [sentence for sentence in sentences if words_of(sentence) > LONGEST_SENTENCE] == []
+    lengths = [words_of(sentence) for sentence in sentences]
+    assert sum(lengths) <= LONGEST_MEAN * len(lengths)
+
+
+@pytest.mark.parametrize("page", GUIDE, ids=name_of)
+def test_no_line_of_prose_is_longer_than_100_characters(page: Path) -> None:
+    text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
+    long = [line for line in text.splitlines() if len(line) > LONGEST_LINE and not line.startswith("|")]
+    assert [line for line in long if not re.search(r"\]\([^)]{30,}\)", line)] == []
+
+
+def test_a_sentence_of_26_words_is_found_across_a_link_a_piece_of_code_and_an_abbreviation() -> None:
+    text = (
+        "One "
+        + "[word](page.md) " * 20
+        + "`some code` at 1.2 mm and then.\n\n| cell | Two words. Three more words. |\n"
+    )
+    assert [words_of(sentence) for sentence in sentences_of(text)] == [27, 1, 2, 3]
+
+
 # --- the build ----------------------------------------------------------------------------------
 
 

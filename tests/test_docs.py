@@ -173,12 +173,12 @@ END = re.compile(r"(?<=[.!?])[\"*)]*\s+(?=[A-Z\d`*(\[\"“])")
 
 
 def blocks_of(text: str) -> list[str]:
-    """Paragraphs, list items and table cells of a page, without code blocks, headings and comments."""
+    """Paragraphs, list items and table cells of a page; a cell of figures parts them with semicolons."""
     text = re.sub(r"^```.*?^```|<!--.*?-->", "", text, flags=re.DOTALL | re.MULTILINE)
     blocks: list[str] = [""]
     for line in text.splitlines():
         if line.startswith("|"):
-            blocks += [cell.strip() for cell in re.split(r"(?<!\\)\|", line)] + [""]
+            blocks += [part for cell in re.split(r"(?<!\\)\|", line) for part in cell.split("; ")] + [""]
         elif not line.strip() or line.startswith("#"):
             blocks.append("")
         elif re.match(r"\s*(?:[-*]|\d+\.) ", line):

@@ -1,0 +1,209 @@
+"""Every `hangtime` command of a page parses, and runs where that takes no device, bucket or foreign program."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+
+from docs.generator.commands import every_command, whole_command
+from formats import command
+from formats.archive import write_take
+from tests.fit.scenes import material, sheet, simulate_take, swing
+from tests.test_docs import DOCS, GUIDE, name_of
+
+SHORT = " --iterations 8 --spacing 0.1"
+OVERWRITE = (r"$", " --overwrite")
+
+
+@dataclass(frozen=True)
+class Rule:
+    """How commands that match are tried: run (`quick` or `slow`, made smaller by changes), or parsed, and why."""
+
+    pattern: str
+    how: str
+    changes: tuple[tuple[str, str], ...] = ()
+    why: str = ""
+
+
+def parsed(pattern: str, why: str) -> Rule:
+    return Rule(pattern, "parsed", why=why)
+
+
+# The first rule that matches counts. A command in capitals or dots is a form to fill in.
+RULES = (
+    parsed(r".*(?:\b(?:FILE|DIR|SOURCE|TAKE|KEY|NAME|STRUCK)\b|\.\.\.)", "a form to fill in"),
+    parsed(r"\S*hangtime (?:daemon|start|stop|status|watch|preview|sync)\b", "the appliance's tests run these"),
+    parsed(r".*s3://", "needs a bucket; tests/fit/batch/test_batch_stores.py runs one"),
+    parsed(r".*--engine blender", "needs Blender"),
+    parsed(r"HANGTIME_MUJOCO_PYTHON=", "needs MuJoCo"),
+    parsed(r".*(?:swung-cloth/|--real takes)", "needs real recordings"),
+    parsed(r"hangtime blind (?:run|score|strike|report)", "the blind check's tests run these, a case at a time"),
+    parsed(r"hangtime sensor (?:list|info|log|led|reset)|hangtime sensor doctor(?! synthetic)", "needs a device"),
+    Rule(r"hangtime (?:takes (?:show|verify)|fabric|markers print|swatch) ", "quick"),
+    Rule(r"hangtime import (?!demo-swatch)", "quick"),
+    Rule(r"hangtime (?:sensor synthesise-swatch|import) ", "slow"),  # the second needs what the first makes
+    Rule(r"hangtime sensor doctor synthetic:", "slow"),
+    Rule(r"hangtime calibrate ", "slow", (("openni2:", "'synthetic:gentle?seconds=3'"),)),
+    Rule(r"hangtime record .*--out swing", "slow", (("openni2:", "'synthetic:swing?seconds=3'"), OVERWRITE)),
+    Rule(r"hangtime record .*--out gentle", "slow", (("openni2:", "'synthetic:gentle?seconds=3'"), OVERWRITE)),
+    Rule(r"hangtime record .*--out other", "slow", (("openni2:", "'synthetic:twist?seconds=3'"), OVERWRITE)),
+    Rule(r"hangtime fit .*--method mocap-swatch", "slow", ((r"$", " --iterations 4 --spacing 0.1"),)),
+    Rule(r"hangtime fit ", "slow", ((r"$", SHORT),)),
+    Rule(r"hangtime diagnose ", "slow", ((r"$", " --spacing 0.15"),)),
+    Rule(r"hangtime batch takes ", "slow", (("batch takes", "batch demo"), (r"$", f"{SHORT} --workers 1"))),
+    Rule(
+        r"hangtime blind make set --cases", "slow",
+        ((r"--cases \d+", "--cases 1"), (r"--nulls \d+", "--nulls 0"), (r"--pairs \d+", "--pairs 0"),
+         (r"--unknowns \d+", "--unknowns 0"), (r"$", " --side 0.04")),
+    ),
+)  # fmt: skip
+
+
+def shown_commands() -> list[tuple[str, str]]:
+    """The `hangtime` lines of the shell blocks of every guide page, as (page, command)."""
+    found = []
+    for page in GUIDE:
+        for block in re.findall(r"^ *```sh\n(.*?)^ *```", page.read_text(), re.DOTALL | re.MULTILINE):
+            for line in block.replace("\\\n", " ").splitlines():
+                text = " ".join(line.split(" # ")[0].split())
+                if re.match(r"(?:\w+=\S+ )*(?:\S*/)?hangtime ", text):
+                    found.append((name_of(page), text))
+    return found
+
+
+def rule_of(text: str) -> Rule:
+    return next(rule for rule in RULES if re.match(rule.pattern, text))
+
+
+def words_of_command(text: str) -> list[str]:
+    """The words after `hangtime`."""
+    return shlex.split(re.sub(r"^(?:\w+=\S+ )*\S*hangtime ", "", text))
+
+
+# --- parsing ------------------------------------------------------------------------------------
+
+
+def check_syntax(words: list[str]) -> None:
+    """Parse as the command line does, but without asking whether files exist.
+
+    Raises:
+        AssertionError: there is no such command, or a required argument is missing.
+        Exception: the parser's own, of an unknown option or a missing value.
+    """
+    known = {tuple(name.split()[1:]): (name, part) for name, part in every_command(whole_command())}
+    path = next((path for path in known if tuple(words[: len(path)]) == path), None)
+    assert path is not None, f"no such command: {words}"
+    name, part = known[path]
+    context = typer.Context(part, info_name=name)
+    options, _, _ = part.make_parser(context).parse_args(list(words[len(path) :]))
+    if "help" not in options:
+        missing = [p.name for p in part.params if p.required and not options.get(p.name)]
+        assert missing == [], f"{words} lacks {missing}"
+
+
+def test_every_command_of_a_page_parses_with_its_options_and_its_required_arguments() -> None:
+    shown = shown_commands()
+    assert len(shown) > 50
+    for page, text in shown:
+        try:
+            check_syntax(words_of_command(text))
+        except Exception as error:  # the parser has several, and each of them is a fault of the page
+            pytest.fail(f"{page}: {text}: {error}")
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["hangtime fit a.mcap --no-such-option", "hangtime fit --out x", "hangtime fits a.mcap", "hangtime fit a --seed"],
+)
+def test_a_command_with_one_fault_does_not_parse(text: str) -> None:
+    with pytest.raises(Exception, match=r"no-such-option|lacks|no such command|requires an argument"):
+        check_syntax(words_of_command(text))
+
+
+def test_every_command_of_a_page_has_a_rule() -> None:
+    assert [(page, text) for page, text in shown_commands() if not any(re.match(r.pattern, text) for r in RULES)] == []
+
+
+# --- running ------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with what the pages' commands read: descriptions, simulated takes, a fit, marker paths."""
+    folder = tmp_path_factory.mktemp("workshop")
+    text = (DOCS / "reference/file-formats.md").read_text()
+    for name in ("garment", "rig"):
+        (block,) = re.findall(rf'```toml\n(format = "hangtime-{name}/1".*?)```', text, re.DOTALL)
+        (folder / f"{name}.toml").write_text(block)
+    (folder / "demo").mkdir()
+    time, garment = np.arange(0, 2.6, 1 / 30), sheet()
+    for k, name in enumerate(("swing", "gentle", "other", "mixed", "face-on", "sideways", "twist")):
+        path = swing(time, amplitude=0.06, hz=0.6 + 0.05 * k)
+        take = simulate_take(
+            garment, time, path, material(garment, velocity_damping=3.0), noise=0.002, seed=k, name=name
+        )
+        write_take(folder / f"{name}.mcap", take)
+        if name in ("swing", "gentle", "mixed"):
+            write_take(folder / "demo" / f"{name}.mcap", take)
+    for name, hz in (("swing", 0.7), ("other", 0.9)):
+        (folder / f"{name}.csv").write_text(marker_paths(time, hz))
+    for out in ("results", "demo"):
+        run(folder, f"hangtime fit swing.mcap --method si --iterations 4 --spacing 0.15 --out {out}")
+    return folder
+
+
+def marker_paths(time: np.ndarray, hz: float) -> str:
+    """CSV of the 81 markers of a swatch of half a metre that swings as a board."""
+    places = {(row, column): (column / 16 - 0.25, -row / 16) for row in range(9) for column in range(9)}
+    names = [f"row{row + 1}_column{column + 1}_{axis}_m" for row, column in places for axis in "xyz"]
+    lines = [",".join(["time_s", *names])]
+    for t in time:
+        shift = 0.05 * np.sin(2 * np.pi * hz * t)
+        lines.append(",".join(f"{v:.5f}" for v in [t, *(v for x, z in places.values() for v in (x, shift, z))]))
+    return "\n".join(lines) + "\n"
+
+
+def run(folder: Path, text: str) -> None:
+    """Run a command in this process, in a folder; it must end with 0."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setattr(sys, "argv", ["hangtime", *words_of_command(text)])
+        with pytest.raises(SystemExit) as ended:
+            command.main()
+    assert ended.value.code in (0, None), text
+
+
+def runnable(how: tuple[str, ...]) -> dict[str, list[str]]:
+    """The commands of each page that run, in the page's order, with what makes them smaller."""
+    found: dict[str, list[str]] = {}
+    for page, text in shown_commands():
+        rule = next((rule for rule in RULES if re.match(rule.pattern, text)), None)
+        if rule is not None and rule.how in how:
+            small = text
+            for before, after in rule.changes:
+                small = re.sub(before, after, small)
+            found.setdefault(page, []).append(small)
+    return found
+
+
+@pytest.mark.parametrize("page", runnable(("quick",)))
+def test_the_quick_commands_of_a_page_run_in_its_order(page: str, workshop: Path, tmp_path: Path) -> None:
+    shutil.copytree(workshop, tmp_path / "shop")
+    for text in runnable(("quick",))[page]:
+        run(tmp_path / "shop", text)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", sorted(set(runnable(("slow",)))))
+def test_all_commands_of_a_page_run_in_its_order_on_small_inputs(page: str, workshop: Path, tmp_path: Path) -> None:
+    shutil.copytree(workshop, tmp_path / "shop")
+    for text in runnable(("quick", "slow"))[page]:
+        run(tmp_path / "shop", text)

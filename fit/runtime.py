@@ -1,4 +1,7 @@
-"""The one place where Taichi is started, and where libraries are told how many threads to use."""
+"""Start Taichi, say how many threads libraries use, and read the variables that change how simulations run.
+
+HANGTIME_THREADS=N lowers the number of processors. HANGTIME_JITTER=SEED moves every simulation by a rounding error.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,9 @@ import functools
 import io
 import os
 import shutil
+import struct
 import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,9 +22,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.errors import FitError
+from formats.arrays import Floats
 
+JITTER = "HANGTIME_JITTER"  # names the variable that `jittered` reads
+JITTER_SIZE = 1e-7  # standard deviation, of the cloth's size: about half a unit in the last place of single precision
 ALIGNMENT = 64  # bytes of the longest vectors: sixteen single numbers, or eight double ones
 CACHE = "TI_OFFLINE_CACHE_FILE_PATH"  # Taichi's own variable
+INDEX, LOCK = "ticache.tcb", "ticache.lock"  # Taichi's names for files of its cache
+INDEX_VERSION = (1, 7, 4)  # of Taichi, whose index `is_sound_index` knows
+STALE_LOCK = 60.0  # s; Taichi holds its lock for milliseconds, and gives up after 0.2 s
 _started: dict[str, int] = {}
 
 
@@ -43,6 +54,29 @@ def one_thread_of_algebra() -> Iterator[None]:
 
     with threadpool_limits(limits=1, user_api="blas"):
         yield
+
+
+def jittered(places: Floats) -> Floats:
+    """Return initial positions [m], (..., nodes, 3), moved by a rounding error where HANGTIME_JITTER=SEED asks for it.
+
+    Another processor or another compiler rounds differently. The tests must pass there too, so they are also run with
+    this switch on. A seed moves node i of every candidate by the same vector: results still do not depend on which
+    other candidates share a batch.
+
+    Raises:
+        FitError: the variable holds something else than a whole number.
+    """
+    told = os.environ.get(JITTER, "")
+    if not told:
+        return places
+    if not told.isdecimal():
+        raise FitError(
+            f"{JITTER} is {told!r}, not a whole number",
+            advice=f"set it to a seed such as {JITTER}=1, or unset it",
+        )
+    nodes = places.reshape(-1, places.shape[-2], 3)[0]
+    size = float(np.linalg.norm(np.ptp(nodes, axis=0)))
+    return places + np.random.default_rng(int(told)).normal(0.0, JITTER_SIZE * size, nodes.shape)
 
 
 @functools.cache
@@ -95,6 +129,7 @@ def _other_cache(ti: Any) -> dict[str, str]:
     try:
         own.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=own):
+            mend_cache(own)
             return {}
     except OSError:
         os.environ.pop(CACHE, None)  # Taichi would warn that it is overridden
@@ -112,6 +147,59 @@ def _other_cache(ti: Any) -> dict[str, str]:
 
     atexit.register(forget)
     return {"offline_cache_file_path": folder}
+
+
+def mend_cache(folder: Path) -> None:
+    """Set a damaged index of compiled kernels aside, and remove the lock that a killed process left behind.
+
+    Taichi 1.7.4 believes every length in its index: a damaged one ends the process, or asks for more memory than there
+    is. A lock that is left behind makes every process compile all of its kernels anew. The index is kept beside the
+    new one as `ticache.tcb.damaged`.
+
+    Raises:
+        OSError: a file cannot be read, renamed or removed.
+    """
+    index, lock = folder / INDEX, folder / LOCK
+    with contextlib.suppress(FileNotFoundError):
+        if time.time() - lock.stat().st_mtime > STALE_LOCK:
+            lock.unlink()
+    for patience in (0.05, 0.1, 0.0):  # s: another process may be writing it
+        try:
+            if lock.exists() or is_sound_index(index.read_bytes()):
+                return
+        except FileNotFoundError:
+            return
+        time.sleep(patience)
+    with contextlib.suppress(FileNotFoundError):
+        index.rename(index.with_name(INDEX + ".damaged"))
+
+
+def is_sound_index(held: bytes) -> bool:
+    """Whether an index of compiled kernels is whole: a header, then an entry for each kernel.
+
+    header: length of the file, version of Taichi, size of all kernels, number of entries
+    entry: the kernel's name twice, each after its length, then size and two dates
+    Taichi itself throws away the index of another version.
+    """
+    header = struct.Struct("<q3HQQ")
+    if len(held) < header.size:
+        return False
+    length, *version, _, count = header.unpack_from(held)
+    if tuple(version) != INDEX_VERSION:
+        return True
+    at = header.size
+    for _ in range(min(count, len(held))):
+        names = []
+        for _ in range(2):
+            end = at + 8 + int.from_bytes(held[at : at + 8], "little")
+            names.append(held[at + 8 : end])
+            if end > len(held):
+                return False
+            at = end
+        if names[0] != names[1]:
+            return False
+        at += 24
+    return at == length == len(held)
 
 
 def _read_kernels_quickly() -> None:

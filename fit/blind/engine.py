@@ -152,7 +152,7 @@ class Engine:
         samples = round(duration * SAMPLES) + 1
         steps = (samples - 1) * every
         path = resample(ends, duration, np.linspace(0.0, steps * dt, steps + 1))
-        x = hung(path[:, 0], sheet)
+        x = runtime.jittered(hung(path[:, 0], sheet))
         numbers = self.numbers()
         bob = np.zeros((takes, 2, 3))
         bob[:, 0] = x[:, int(numbers["bob_node"])] - [0.0, 0.0, self.cloth.bob_length]

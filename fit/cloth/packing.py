@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fit import runtime
 from fit.cloth.model import Group
 
 Floats = NDArray[np.float64]
@@ -126,7 +127,7 @@ class Course:
         self.steps, self.lags = whole, (self.time - whole * task.dt).astype(np.float32)
         self.paths = [g.model.paths(g.candidates.amplitudes[k], int(whole[-1]) + 3, task.dt) for g, k in parts]
         starts = [g.model.support.start(way[0].T) for (g, _), way in zip(parts, self.paths, strict=True)]
-        self.start = np.concatenate(starts)
+        self.start = runtime.jittered(np.concatenate(starts))
         # Where nothing pulls but the settling, two are asked for: where the points begin, and the one after it.
         asked = slice(None if is_pulled else 2)
         self.targets = []

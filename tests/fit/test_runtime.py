@@ -7,10 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import taichi as ti
 
 from fit import runtime
+from fit.errors import FitError
 
 
 def test_an_error_in_a_kernel_still_names_its_file_and_line():
@@ -66,3 +68,72 @@ def test_without_a_home_kernels_run_all_the_same_and_nothing_is_left(tmp_path, h
     )  # fmt: skip
     assert (done.returncode, done.stdout, done.stderr) == (0, "14\n", "")
     assert list(tmp_path.iterdir()) == [script]
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    """A folder with the compiled kernel of SQUARES, the script, and how to run it there."""
+    folder = tmp_path_factory.mktemp("cache")
+    script = folder / "squares.py"
+    script.write_text(SQUARES)
+
+    def run():
+        return subprocess.run(
+            [sys.executable, script], capture_output=True, text=True,
+            env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2]), runtime.CACHE: str(folder / "kernels")},
+        )  # fmt: skip
+
+    done = run()
+    assert (done.returncode, done.stdout) == (0, "14\n"), done.stderr
+    return folder / "kernels", run
+
+
+def test_a_damaged_cache_and_a_lock_left_behind_stop_no_fit(cache):
+    """With byte 35 set to 255 a name is 2^40 characters long, and Taichi alone ends for want of memory."""
+    folder, run = cache
+    index, lock = folder / runtime.INDEX, folder / runtime.LOCK
+    whole = index.read_bytes()
+    index.write_bytes(whole[:35] + b"\xff" + whole[36:])
+    lock.touch()
+    os.utime(lock, (0, 0))
+    done = run()
+    assert (done.returncode, done.stdout, done.stderr) == (0, "14\n", "")
+    assert not lock.exists()
+    assert index.with_name("ticache.tcb.damaged").read_bytes()[35] == 255
+    assert runtime.is_sound_index(index.read_bytes())
+
+
+def test_an_index_is_sound_only_as_a_whole(cache):
+    folder, _ = cache
+    whole = (folder / runtime.INDEX).read_bytes()
+    assert runtime.is_sound_index(whole)
+    assert [cut for cut in range(len(whole)) if runtime.is_sound_index(whole[:cut])] == []
+    assert not runtime.is_sound_index(whole + b"\0")
+    for at in (0, 25, 30, 35, 60, 105, 110):  # lengths and names: of these Taichi survives but 0 and 60
+        assert not runtime.is_sound_index(whole[:at] + b"\xff" + whole[at + 1 :]), at
+
+
+def test_a_lock_that_another_process_holds_is_left_alone(tmp_path):
+    (tmp_path / runtime.LOCK).touch()
+    (tmp_path / runtime.INDEX).write_bytes(b"being written")
+    runtime.mend_cache(tmp_path)
+    assert sorted(file.name for file in tmp_path.iterdir()) == [runtime.LOCK, runtime.INDEX]
+
+
+def test_jitter_moves_a_cloth_by_rounding_alone_and_every_candidate_alike(monkeypatch):
+    """1e-7 of a diagonal of 5 m, in three directions of 1000 nodes: 0.5 um each, give or take 3 %."""
+    nodes = np.random.default_rng(0).random((1000, 3)) * [3.0, 4.0, 0.0]
+    nodes[:2] = [[0, 0, 0], [3, 4, 0]]
+    places = np.stack([nodes, nodes + 1.0])
+    monkeypatch.delenv(runtime.JITTER, raising=False)
+    assert runtime.jittered(places) is places
+    monkeypatch.setenv(runtime.JITTER, "7")
+    moved = runtime.jittered(places) - places
+    assert moved.std() == pytest.approx(5e-7, rel=0.06)  # four deviations
+    assert moved[0] == pytest.approx(moved[1], abs=1e-14)
+    assert np.array_equal(runtime.jittered(places), places + moved)
+    monkeypatch.setenv(runtime.JITTER, "8")
+    assert not np.allclose(runtime.jittered(places) - places, moved, atol=1e-9)
+    monkeypatch.setenv(runtime.JITTER, "-1")
+    with pytest.raises(FitError, match="HANGTIME_JITTER is '-1', not a whole number"):
+        runtime.jittered(places)

@@ -18,7 +18,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import ctypes
-import inspect
 import os
 import shutil
 import subprocess
@@ -38,6 +37,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from fit import runtime
 from fit.cloth import lines, rollout
+from fit.cloth.bundles import Kind
 from fit.cloth.lines import IN_LINES
 from fit.cloth.simulator import Simulator
 from fit.recordings.recording import prepare
@@ -94,7 +94,7 @@ class Call:
     """One call of the kernel: what it was made with, and its arguments by their names."""
 
     kernel: Callable[..., None]
-    made_with: dict[str, Any]
+    made_with: Kind
     arguments: dict[str, Any]
     start: Singles
 
@@ -102,7 +102,7 @@ class Call:
         """Run the kernel once more from the start."""
         self.begin()
         with runtime.vectors_kept():
-            self.kernel(*self.arguments.values())
+            self.kernel(**self.arguments)
 
     def begin(self) -> None:
         """Put the nodes back where they were, at rest, and forget what was seen."""
@@ -135,10 +135,10 @@ class InC:
         """
         given, made = call.arguments, call.made_with
         unknown = (
-            len(given["time_step"]) != 1 or made["face_forces"] or made["with_bends"] or made["with_added_mass"]
-            or made["with_viscosity"]
-            or given["gain"] or made["fibre_nodes"] != (IN_LINES, IN_LINES) or not made["handles"]
-            or not set(made["bend_lengths"]) <= {IN_LINES, MANY} or not made["with_twist"]
+            len(given["time_step"]) != 1 or made.face_forces or made.with_bends or made.with_added_mass
+            or made.with_viscosity
+            or given["gain"] or made.fibre_nodes != (IN_LINES, IN_LINES) or not made.handles
+            or not set(made.bend_lengths) <= {IN_LINES, MANY} or not made.with_twist
         )  # fmt: skip
         if unknown:
             raise ValueError("rollout.c knows one group of plain, held panels whose threads run along the mesh")
@@ -150,12 +150,12 @@ class InC:
         for name, array in arrays.items():
             if not array.flags.c_contiguous or array.dtype not in (np.float32, np.int32):
                 raise ValueError(f"{name} is not a contiguous array of single numbers")
-        bends = dict(zip(made["bend_lengths"], given["bend_counts"].tolist(), strict=True))
+        bends = dict(zip(made.bend_lengths, given["bend_counts"].tolist(), strict=True))
         counts = {
             "nodes": len(given["inverse_mass"]), "fibres_across": given["fibres_across"],
             "fibres": len(given["fibre_area"]),
             "shears": len(given["shear_area"]), "few_bends": bends.get(IN_LINES, 0), "many_bends": bends.get(MANY, 0),
-            "twists": len(given["twist_root"]), "held_nodes": len(given["held"]), "handles": made["handles"],
+            "twists": len(given["twist_root"]), "held_nodes": len(given["held"]), "handles": made.handles,
             "points": given["pull"].shape[1], "point_kinds": given["point_weights"].shape[1],
             "frames": int(given["counts"][0, 0]), "settle_steps": int(given["counts"][0, 1]),
         }  # fmt: skip
@@ -177,15 +177,12 @@ def heard() -> Iterator[list[Call]]:
     calls: list[Call] = []
     make = rollout.make_rollout
 
-    def make_heard(lanes: int, face_forces: tuple, **options: Any) -> Callable[..., None]:
-        kernel = make(lanes, face_forces, **options)
-        names = tuple(inspect.signature(kernel).parameters)
+    def make_heard(kind: Kind) -> Callable[..., None]:
+        kernel = make(kind)
 
-        def hear(*arguments: Any) -> None:
-            named = dict(zip(names, arguments, strict=True))
-            made_with = {"lanes": lanes, "face_forces": face_forces, **options}
-            calls.append(Call(kernel, made_with, named, named["x"].copy()))
-            kernel(*arguments)
+        def hear(**arguments: Any) -> None:
+            calls.append(Call(kernel, kind, arguments, arguments["x"].copy()))
+            kernel(**arguments)
 
         return hear
 
@@ -276,7 +273,7 @@ def measure(compiler: str, seconds: float, rounds: int) -> tuple[Cost, float]:
         expected, expected_alone = many.seen, alone.seen
         scalar = [InC(many.lane(0), build(compiler, Path(folder), 1, flags)) for flags in FURTHER]
         lanes = [InC(many, build(compiler, Path(folder), LANES, flags)) for flags in FURTHER]
-        narrow = InC(alone, build(compiler, Path(folder), alone.made_with["lanes"]))
+        narrow = InC(alone, build(compiler, Path(folder), alone.made_with.lanes))
         furthest = max(distance(way, expected) for way in scalar + lanes)
         furthest = max(furthest, distance(narrow, expected_alone))
         ways = [way.run for way in (*scalar, *lanes, narrow, many, alone)]

@@ -10,7 +10,7 @@ those of shear, from the same Fu and Fv (`fit.cloth.elements`).
 The force on a node is minus the sum of stress times the weight with which the node enters its sample.
 
 Rates of strain are differences between steps, d/dt = (E_n - E_n-1) / dt, the mean over the step that led here.
-Arrays are those of `fit.cloth.stencils`: the group's first node is at home, its first fibre sample at place.
+Arrays lie as `fit.cloth.stencils` says, in bundles of `fit.cloth.bundles`; `Place` says where a group's begin.
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations of functions.
@@ -33,15 +33,13 @@ from fit.cloth.stencils import (
 
 
 @ti.func
-def lagging(
-    strain, e, strains: ti.template(), delay, with_viscosity: ti.template(), lags: ti.template(), kept, gain
-):  # fmt: skip
-    """What rates of strain add to it; delay: damping time over step; viscosity is `fit.effects.stretch_viscosity`."""
+def lagging(strain, e, strains: ti.template(), lags: ti.template(), law: ti.template(), with_viscosity: ti.template()):
+    """Return what the rate of strain adds to the strain; viscosity is that of `fit.effects.stretch_viscosity`."""
     change = strain - strains[e]
     strains[e] = strain
-    late = delay * change
+    late = law.delay * change
     if ti.static(with_viscosity):
-        lag = kept * lags[e] + gain * change
+        lag = law.kept * lags[e] + law.lag_gain * change
         lags[e] = lag
         late = late + lag
     return late
@@ -49,288 +47,191 @@ def lagging(
 
 @ti.func
 def tautness(
-    u0,
-    u1,
-    u2,
-    e,
-    strains: ti.template(),
-    area,
-    stiffness,
-    delay,
-    stiffening,
+    u0, u1, u2, e, strains: ti.template(), lags: ti.template(), area, stiffness, law: ti.template(),
     with_viscosity: ti.template(),
-    lags: ti.template(),
-    kept,
-    gain,
-):
-    """Tension times area of threads whose slope is u."""
+):  # fmt: skip
+    """Return tension times area of threads whose slope is u."""
     strain = 0.5 * (u0 * u0 + u1 * u1 + u2 * u2 - 1.0)
-    late = lagging(strain, e, strains, delay, with_viscosity, lags, kept, gain)
-    return (strain + stiffening * magnitude(strain) * strain + late) * (area * stiffness)
+    late = lagging(strain, e, strains, lags, law, with_viscosity)
+    return (strain + law.stiffening * magnitude(strain) * strain + late) * (area * stiffness)
 
 
 @ti.func
 def tighten(
-    e,
-    k,
-    u: ti.template(),
-    slopes: ti.template(),
-    strains: ti.template(),
-    stress: ti.template(),
-    area,
-    stiffness,
-    delay,
-    stiffening,
-    with_viscosity: ti.template(),
-    lags: ti.template(),
-    kept,
-    gain,
+    e, k, u: ti.template(), memory: ti.template(), area, stiffness, law: ti.template(), with_viscosity: ti.template()
 ):
-    """Stress of one fibre sample from its slope."""
+    """Keep slope u and stress of fibre sample e, whose numbers begin at k."""
     tension = tautness(
-        u[0], u[1], u[2], e, strains, area, stiffness, delay, stiffening, with_viscosity, lags, kept, gain
+        u[0], u[1], u[2], e, memory.strains, memory.fibre_lags, area, stiffness, law, with_viscosity
     )  # fmt: skip
-    slopes[k], slopes[k + 1], slopes[k + 2] = u[0], u[1], u[2]
-    stress[k], stress[k + 1], stress[k + 2] = tension * u[0], tension * u[1], tension * u[2]
+    memory.slopes[k], memory.slopes[k + 1], memory.slopes[k + 2] = u[0], u[1], u[2]
+    memory.stress[k], memory.stress[k + 1], memory.stress[k + 2] = tension * u[0], tension * u[1], tension * u[2]
 
 
 @ti.func
 def fibres(
-    home,
-    first,
-    start,
-    end,
-    entry,
-    x: ti.template(),
-    ahead: ti.template(),
-    slopes: ti.template(),
-    slopes_ahead: ti.template(),
-    strains: ti.template(),
-    stress: ti.template(),
+    place: ti.template(),
+    family: ti.template(),
     nodes: ti.template(),
-    weights: ti.template(),
-    area: ti.template(),
+    cloth: ti.template(),
+    memory: ti.template(),
     stiffness,
-    delay,
-    stiffening,
-    count: ti.template(),
+    law: ti.template(),
+    kind: ti.template(),
     with_ahead: ti.template(),
-    with_viscosity: ti.template(),
-    lags: ti.template(),
-    kept,
-    gain,
 ):
-    """Slopes and stress of one family of fibres; first: the group's first sample; entry: where its stencils begin.
+    """Find slopes and stress of one family of fibres; with_ahead: the slopes of `ahead` too.
 
-    count: nodes of a sample, or `IN_LINES`, where three samples share four nodes
+    Bundles, of `fit.cloth.bundles`: Place, Family, Motion, Membrane, Strains, Law, Kind. Of a family that goes
+    `IN_LINES` three samples share four nodes.
     """
-    if ti.static(count == IN_LINES):
-        for line in range((end - start) // 3):
-            e = within(start + 3 * line)
-            k = within(3 * (first + e))
-            at, w = line_stencil(home, entry, line, nodes, weights)
-            u = line_slopes(x, at, w)
+    if ti.static(family.count == IN_LINES):
+        for line in range((family.end - family.start) // 3):
+            e = within(family.start + 3 * line)
+            k = within(3 * (place.first_fibre + e))
+            at, w = line_stencil(place.home, family.entry, line, cloth.fibre_at, cloth.fibre_weights)
+            u = line_slopes(nodes.x, at, w)
             if ti.static(with_ahead):
-                a = line_slopes(ahead, at, w)
+                a = line_slopes(nodes.ahead, at, w)
                 for g in ti.static(range(3)):
                     for c in ti.static(range(3)):
-                        slopes_ahead[k + 3 * g + c] = a[g][c]
+                        memory.slopes_ahead[k + 3 * g + c] = a[g][c]
             for g in ti.static(range(3)):
                 tighten(
-                    first + e + g, k + 3 * g, u[g], slopes, strains, stress, area[e + g],
-                    stiffness, delay, stiffening, with_viscosity, lags, kept, gain,
+                    place.first_fibre + e + g, k + 3 * g, u[g], memory, cloth.fibre_area[e + g], stiffness, law,
+                    kind.with_viscosity,
                 )  # fmt: skip
     else:
-        for e in range(start, end):
-            k = within(3 * (first + e))
-            at, w = stencil(home, within(entry + count * (e - start)), nodes, weights, count)
-            u = weighted(x, at, w)
+        for e in range(family.start, family.end):
+            k = within(3 * (place.first_fibre + e))
+            begin = within(family.entry + family.count * (e - family.start))
+            at, w = stencil(place.home, begin, cloth.fibre_at, cloth.fibre_weights, family.count)
+            u = weighted(nodes.x, at, w)
             if ti.static(with_ahead):
-                slopes_ahead[k], slopes_ahead[k + 1], slopes_ahead[k + 2] = weighted(ahead, at, w)
-            tighten(
-                first + e, k, u, slopes, strains, stress, area[e],
-                stiffness, delay, stiffening, with_viscosity, lags, kept, gain,
-            )  # fmt: skip
+                memory.slopes_ahead[k], memory.slopes_ahead[k + 1], memory.slopes_ahead[k + 2] = weighted(
+                    nodes.ahead, at, w
+                )
+            tighten(place.first_fibre + e, k, u, memory, cloth.fibre_area[e], stiffness, law, kind.with_viscosity)
 
 
 @ti.func
 def sheared(
-    e,
-    row,
-    u: ti.template(),
-    place,
-    first,
-    slopes: ti.template(),
-    strains: ti.template(),
-    stress: ti.template(),
-    down: ti.template(),
-    between: ti.template(),
-    area: ti.template(),
-    stiffness,
-    delay,
-    with_viscosity: ti.template(),
-    lags: ti.template(),
-    kept,
-    gain,
-    is_crossed: ti.template(),
-    first_crossed,
-    stiffness_across,
-    stiffness_down,
-    stiffening,
-):
-    """Shear at one sample, handed back to the fibre samples down; returns what those across are to give."""
+    e, row, u: ti.template(), place: ti.template(), cloth: ti.template(), memory: ti.template(),
+    stiffness: ti.template(), law: ti.template(), kind: ti.template(),
+):  # fmt: skip
+    """Hand the shear at one sample back to the fibre samples down; return what those across are to give."""
     begin, g = within(4 * e), within(4 * row)
-    below, h = [within(place + down[begin + n]) for n in range(4)], [between[g + n] for n in range(4)]
-    w0, w1, w2 = weighted(slopes, below, h)
+    below = [within(place.first_slope + cloth.shear_down[begin + n]) for n in range(4)]
+    h = [cloth.between[g + n] for n in range(4)]
+    w0, w1, w2 = weighted(memory.slopes, below, h)
     strain = u[0] * w0 + u[1] * w1 + u[2] * w2
-    late = lagging(strain, first + e, strains, delay, with_viscosity, lags, kept, gain)
-    tension = (strain + late) * (0.0 - area[e] * stiffness)
-    if ti.static(is_crossed):
-        k = first_crossed + 2 * e
+    late = lagging(
+        strain, place.first_shear + e, memory.shear_strains, memory.shear_lags, law, kind.with_viscosity
+    )  # fmt: skip
+    tension = (strain + late) * (0.0 - cloth.shear_area[e] * stiffness.shear)
+    if ti.static(kind.is_crossed):
+        k = place.first_crossed + 2 * e
         along = tautness(
-            u[0], u[1], u[2], k, strains, area[e], stiffness_across, delay, stiffening, with_viscosity, lags, kept, gain
-        )
+            u[0], u[1], u[2], k, memory.shear_strains, memory.shear_lags, cloth.shear_area[e],
+            stiffness.shear_across, law, kind.with_viscosity,
+        )  # fmt: skip
         askew = tautness(
-            w0, w1, w2, k + 1, strains, area[e], stiffness_down, delay, stiffening, with_viscosity, lags, kept, gain
-        )
-        push(stress, tension * u[0] - askew * w0, tension * u[1] - askew * w1, tension * u[2] - askew * w2, below, h)
+            w0, w1, w2, k + 1, memory.shear_strains, memory.shear_lags, cloth.shear_area[e],
+            stiffness.shear_down, law, kind.with_viscosity,
+        )  # fmt: skip
+        push(
+            memory.stress, tension * u[0] - askew * w0, tension * u[1] - askew * w1, tension * u[2] - askew * w2,
+            below, h,
+        )  # fmt: skip
         return [tension * w0 - along * u[0], tension * w1 - along * u[1], tension * w2 - along * u[2]]
     else:
-        push(stress, tension * u[0], tension * u[1], tension * u[2], below, h)
+        push(memory.stress, tension * u[0], tension * u[1], tension * u[2], below, h)
         return [tension * w0, tension * w1, tension * w2]
 
 
 @ti.func
 def shearing(
-    place,
-    first,
-    slopes: ti.template(),
-    slopes_ahead: ti.template(),
-    strains: ti.template(),
-    stress: ti.template(),
-    across: ti.template(),
-    down: ti.template(),
-    between: ti.template(),
-    area: ti.template(),
-    stiffness,
-    delay,
-    with_viscosity: ti.template(),
-    lags: ti.template(),
-    kept,
-    gain,
-    with_twist: ti.template(),
-    twist_scales: ti.template(),
-    twist_centres: ti.template(),
-    twist_roots: ti.template(),
-    twist_stiffness,
-    bend_time,
-    with_bends: ti.template(),
-    home,
-    first_bend,
-    normal: ti.template(),
-    rest: ti.template(),
-    friction: ti.template(),
-    friction_limit,
-    dt,
-    is_crossed: ti.template(),
-    first_crossed,
-    stiffness_across,
-    stiffness_down,
-    stiffening,
+    place: ti.template(),
+    cloth: ti.template(),
+    memory: ti.template(),
+    stencils: ti.template(),
+    facing: ti.template(),
+    stiffness: ti.template(),
+    law: ti.template(),
+    bend_law: ti.template(),
+    kind: ti.template(),
 ):
-    """Shear and mixed second derivatives, handed back to the fibre samples that they were interpolated from.
+    """Find shear and mixed second derivatives, and hand them back to the fibre samples that they come from.
 
     Of an element's nine samples three at a time, which lie between the same four samples across. Where threads cross
-    the elements, `is_crossed`, what else they have of stiffness too; its strains begin at first_crossed, two a sample.
+    the elements, what else they have of stiffness too; its strains begin at first_crossed, two a sample.
+    Bundles, of `fit.cloth.bundles`: Place, Membrane, Strains, Stencils, Facing, Row, Law, BendLaw, Kind.
     """
-    for line in range(area.shape[0] // 3):
+    for line in range(cloth.shear_area.shape[0] // 3):
         begin, e = within(12 * line), within(3 * line)
-        at = [within(place + across[begin + n]) for n in range(4)]
-        u = line_values(slopes, at)
-        p = [
-            sheared(
-                e + h, line % 3, u[h], place, first, slopes, strains, stress, down, between, area,
-                stiffness, delay, with_viscosity, lags, kept, gain,
-                is_crossed, first_crossed, stiffness_across, stiffness_down, stiffening,
+        at = [within(place.first_slope + cloth.shear_across[begin + n]) for n in range(4)]
+        u = line_values(memory.slopes, at)
+        p = [sheared(e + h, line % 3, u[h], place, cloth, memory, stiffness, law, kind) for h in range(3)]
+        if ti.static(kind.with_twist):
+            a = line_slopes(memory.slopes_ahead, at, ti.static(UNIT_SLOPES))
+            s = line_slopes(
+                memory.slopes if ti.static(kind.with_bends) else memory.slopes_ahead, at, ti.static(UNIT_SLOPES)
             )
-            for h in range(3)
-        ]  # fmt: skip
-        if ti.static(with_twist):
-            a = line_slopes(slopes_ahead, at, ti.static(UNIT_SLOPES))
-            s = line_slopes(slopes if ti.static(with_bends) else slopes_ahead, at, ti.static(UNIT_SLOPES))
             m = [
                 bent(
-                    e + h, twist_scales[e + h], a[h], s[h], twist_centres, twist_roots, twist_stiffness, bend_time,
-                    with_bends, home, first_bend, normal, rest, friction, friction_limit, dt,
+                    e + h, stencils.twist_scales[e + h], a[h], s[h], stencils.twist_centre, stencils.twist_root,
+                    stiffness.bending_mixed, place.home, place.first_twist, facing, bend_law, kind.with_bends,
                 )
                 for h in range(3)
             ]  # fmt: skip
-            hand_back(stress, p, m, at, True)
+            hand_back(memory.stress, p, m, at, True)
         else:
-            hand_back(stress, p, p, at, False)
+            hand_back(memory.stress, p, p, at, False)
 
 
 @ti.func
 def push_fibres(
-    home,
-    place,
-    start,
-    end,
-    entry,
-    stress: ti.template(),
-    f: ti.template(),
-    nodes: ti.template(),
-    weights: ti.template(),
-    count: ti.template(),
+    place: ti.template(), family: ti.template(), nodes: ti.template(), cloth: ti.template(), memory: ti.template()
 ):
-    """Forces of the stress of one family of fibres on the nodes; arguments as of `fibres`."""
-    if ti.static(count == IN_LINES):
-        for line in range((end - start) // 3):
-            at, w = line_stencil(home, entry, line, nodes, weights)
-            push_line(f, stress, within(place + 3 * (start + 3 * line)), at, w)
+    """Push the nodes with the stress of one family of fibres; arguments as of `fibres`."""
+    if ti.static(family.count == IN_LINES):
+        for line in range((family.end - family.start) // 3):
+            at, w = line_stencil(place.home, family.entry, line, cloth.fibre_at, cloth.fibre_weights)
+            push_line(nodes.f, memory.stress, within(place.first_slope + 3 * (family.start + 3 * line)), at, w)
     else:
-        for e in range(start, end):
-            k = within(place + 3 * e)
-            at, w = stencil(home, within(entry + count * (e - start)), nodes, weights, count)
-            push(f, stress[k], stress[k + 1], stress[k + 2], at, w)
+        for e in range(family.start, family.end):
+            k = within(place.first_slope + 3 * e)
+            begin = within(family.entry + family.count * (e - family.start))
+            at, w = stencil(place.home, begin, cloth.fibre_at, cloth.fibre_weights, family.count)
+            push(nodes.f, memory.stress[k], memory.stress[k + 1], memory.stress[k + 2], at, w)
 
 
 @ti.func
-def find_normals(
-    home,
-    first_node,
-    count,
-    x: ti.template(),
-    normal: ti.template(),
-    area: ti.template(),
-    cells: ti.template(),
-    basis: ti.template(),
-    zero,
-):
-    """Unit normals of the nodes and the area that each carries: tangents along both directions of each element.
+def find_normals(place: ti.template(), first_node, count, nodes: ti.template(), facing: ti.template(), zero):
+    """Find unit normals of the nodes and the area that each carries, from the tangents along both sides of elements.
 
-    basis, (5, 4): slopes of the shape functions at the nodes (one row a node), then the nodes' weights.
+    Bundles, of `fit.cloth.bundles`: Place, Motion, Facing.
     """
     for i in range(3 * count):
-        normal[home + i] = zero
-    for e in range(cells.shape[0]):
+        facing.normal[place.home + i] = zero
+    for e in range(facing.cells.shape[0]):
         for row in range(4):
             for column in range(4):
                 p0, p1, p2 = zero, zero, zero
                 q0, q1, q2 = zero, zero, zero
                 for n in ti.static(range(4)):
-                    i, w = within(home + cells[e, 4 * row + n]), basis[column, n]
-                    p0, p1, p2 = p0 + w * x[i], p1 + w * x[i + 1], p2 + w * x[i + 2]
-                    j, h = within(home + cells[e, 4 * n + column]), basis[row, n]
-                    q0, q1, q2 = q0 - h * x[j], q1 - h * x[j + 1], q2 - h * x[j + 2]
-                share = basis[4, row] * basis[4, column]
-                m = within(home + cells[e, 4 * row + column])
-                normal[m] = normal[m] + share * (p1 * q2 - p2 * q1)
-                normal[m + 1] = normal[m + 1] + share * (p2 * q0 - p0 * q2)
-                normal[m + 2] = normal[m + 2] + share * (p0 * q1 - p1 * q0)
+                    i, w = within(place.home + facing.cells[e, 4 * row + n]), facing.basis[column, n]
+                    p0, p1, p2 = p0 + w * nodes.x[i], p1 + w * nodes.x[i + 1], p2 + w * nodes.x[i + 2]
+                    j, h = within(place.home + facing.cells[e, 4 * n + column]), facing.basis[row, n]
+                    q0, q1, q2 = q0 - h * nodes.x[j], q1 - h * nodes.x[j + 1], q2 - h * nodes.x[j + 2]
+                share = facing.basis[4, row] * facing.basis[4, column]
+                m = within(place.home + facing.cells[e, 4 * row + column])
+                facing.normal[m] = facing.normal[m] + share * (p1 * q2 - p2 * q1)
+                facing.normal[m + 1] = facing.normal[m + 1] + share * (p2 * q0 - p0 * q2)
+                facing.normal[m + 2] = facing.normal[m + 2] + share * (p0 * q1 - p1 * q0)
     for i in range(count):
-        k = within(home + 3 * i)
-        n0, n1, n2 = normal[k], normal[k + 1], normal[k + 2]
+        k = within(place.home + 3 * i)
+        n0, n1, n2 = facing.normal[k], facing.normal[k + 1], facing.normal[k + 2]
         length = ti.sqrt(n0 * n0 + n1 * n1 + n2 * n2) + 1e-20
-        normal[k], normal[k + 1], normal[k + 2] = n0 / length, n1 / length, n2 / length
-        area[first_node + i] = length
+        facing.normal[k], facing.normal[k + 1], facing.normal[k + 2] = n0 / length, n1 / length, n2 / length
+        facing.faced_area[first_node + i] = length

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fit import runtime
 from fit.cloth import spectral
+from fit.cloth.bundles import Membrane, Stencils, Touch
 from fit.cloth.contact import Contact, Surface
 from fit.cloth.lines import BETWEEN, bends_by_line, fibre_family, twist_scales
 from fit.cloth.mesh import ClothMesh, Integers
@@ -18,32 +19,47 @@ Singles = NDArray[np.float32]
 Numbers = TypeVar("Numbers", Floats, Singles, Integers)
 
 
-def membrane_arguments(mesh: ClothMesh) -> list[Singles | Integers | int]:
-    """What the kernel wants to know of the membrane, in its order."""
+def membrane_bundle(mesh: ClothMesh) -> Membrane:
+    """Return where stretch and shear are sampled on a mesh."""
     families = [fibre_family(mesh, k) for k in range(2)]
-    return [
-        3 * np.concatenate([nodes for _, nodes, _ in families]), np.concatenate([w for _, _, w in families]),
-        len(families[0][1]), single(mesh.fibres.area), mesh.fibres_across,
-        3 * mesh.shear_across.ravel(), 3 * mesh.shear_down.ravel(), BETWEEN,
-        single(mesh.shear_area),
-    ]  # fmt: skip
+    return Membrane(
+        fibre_at=3 * np.concatenate([nodes for _, nodes, _ in families]),
+        fibre_weights=np.concatenate([w for _, _, w in families]),
+        down_entry=len(families[0][1]),
+        fibre_area=single(mesh.fibres.area),
+        fibres_across=mesh.fibres_across,
+        shear_across=3 * mesh.shear_across.ravel(),
+        shear_down=3 * mesh.shear_down.ravel(),
+        between=BETWEEN,
+        shear_area=single(mesh.shear_area),
+    )
 
 
-def bending_arguments(mesh: ClothMesh) -> list[Singles | Integers]:
-    """What the kernel wants to know of bending and of normals, in its order."""
+def stencil_bundle(mesh: ClothMesh) -> Stencils:
+    """Return where bending is sampled on a mesh."""
     bends, plain = mesh.bends, len(mesh.bends.stencils)
     root = single(np.sqrt(bends.area))
-    basis = np.vstack([spectral.slopes(spectral.NODES), spectral.WEIGHTS])
-    return [
-        bends.stencils.first, 3 * bends.stencils.nodes, bends_by_line(mesh)[1],
-        bends.kind[:plain], 3 * bends.centre[:plain], root[:plain], bends.counts[bends.counts > 0],
-        some(twist_scales(mesh)), 3 * some(bends.centre[plain:]), some(root[plain:]),
-        3 * mesh.cells, single(basis),
-    ]  # fmt: skip
+    return Stencils(
+        bend_first=bends.stencils.first,
+        bend_nodes=3 * bends.stencils.nodes,
+        bend_weights=bends_by_line(mesh)[1],
+        bend_kind=bends.kind[:plain],
+        bend_centre=3 * bends.centre[:plain],
+        bend_root=root[:plain],
+        bend_counts=bends.counts[bends.counts > 0],
+        twist_scales=some(twist_scales(mesh)),
+        twist_centre=3 * some(bends.centre[plain:]),
+        twist_root=some(root[plain:]),
+    )
 
 
-def contact_arguments(surface: Surface, contact: Contact, thickness: Floats, nodes: int) -> list[Singles | Integers]:
-    """What the kernel wants to know of contact and the memory it works in, in the order of `fit.cloth.nearby`.
+def facing_bases(mesh: ClothMesh) -> tuple[Integers, Singles]:
+    """Return the nodes of the elements, three times their numbers, and slopes and weights of the shape functions."""
+    return 3 * mesh.cells, single(np.vstack([spectral.slopes(spectral.NODES), spectral.WEIGHTS]))
+
+
+def contact_bundle(surface: Surface, contact: Contact, thickness: Floats, nodes: int) -> Touch:
+    """Return what the kernel is told of contact, and the memory it works in (`fit.cloth.nearby`).
 
     thickness [m], (groups, lanes): distances at which layers are kept apart
     """
@@ -68,7 +84,7 @@ def contact_arguments(surface: Surface, contact: Contact, thickness: Floats, nod
     # Room for every pair there is, hardly any of which is ever touched.
     whole = np.zeros(len(known) + groups * (COUNTS + 2 * (samples + quads + most)), np.int32)
     whole[: len(known)] = known
-    return [whole, memory, alone]
+    return Touch(contact_whole=whole, contact_memory=memory, contact_alone=alone)
 
 
 def zeros(shape: tuple[int, ...]) -> Singles:

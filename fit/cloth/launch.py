@@ -1,4 +1,4 @@
-"""Calls of the rollout kernel: tasks (`fit.cloth.packing`) as the arrays that it wants, and what comes back."""
+"""Call the rollout kernel: turn tasks (`fit.cloth.packing`) into its bundles, and hand back what returns."""
 
 from __future__ import annotations
 
@@ -9,7 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit import runtime
-from fit.cloth.kernel_arguments import contact_arguments, single, some, zeros
+from fit.cloth.bundles import (
+    Candidates,
+    Clock,
+    Counts,
+    Facing,
+    Grip,
+    Kind,
+    Membrane,
+    Motion,
+    Points,
+    Pull,
+    Results,
+    Stencils,
+    Strains,
+    Touch,
+    by_name,
+)
+from fit.cloth.kernel_arguments import contact_bundle, facing_bases, single, some, zeros
 from fit.cloth.material import RELAXATION_TIME
 from fit.cloth.mesh import Integers
 from fit.cloth.model import Group
@@ -31,84 +48,163 @@ def _call(tasks: list[Task], lanes: int, observer_hz: float) -> None:
     """Run one kernel on tasks of at most `lanes` members."""
     from fit.cloth.rollout import make_rollout
 
-    first, (has_effects, is_viscous, touches) = tasks[0].parts[0].model, tasks[0].parts[0].kernel
-    mesh, support = first.mesh, first.support
     filled = [task.filled(lanes) for task in tasks]
+    courses = [Course(task, parts, observer_hz > 0) for task, parts in zip(tasks, filled, strict=True)]
+    kind = _kind(tasks[0].parts[0], lanes)
     every = [pair for parts in filled for pair in parts]
     amplitudes = np.concatenate([g.candidates.amplitudes[k] for g, k in every])
-    courses = [Course(task, parts, observer_hz > 0) for task, parts in zip(tasks, filled, strict=True)]
-    frame_step, frame_lag = _padded([c.steps for c in courses]), _padded([c.lags for c in courses])
-    targets, trust, first_target = _stacked(courses, lanes)
-    count, nodes, bends, points = len(tasks), len(mesh.rest), len(mesh.bends), first.recording.points.shape[1]
-    fibres, shears, frames = len(mesh.fibres.area), len(mesh.shear_area), frame_step.shape[1]
-    strains = 3 if mesh.is_crossed else 1  # at a sample of shear
-    keeps = every[0][0].candidates.kept is not None
-    active = first.effects if has_effects else ()
-    with_bends, with_added = any(e.bends for e in active), any(e.adds_mass for e in active)
-    faces = tuple(
-        (c.start, c.stop - c.start, e.face_force)
-        for e, c in zip(active, first.columns, strict=False)
-        if e.face_force is not None
+    motion, results = _motion(courses, lanes, kind), _results(tasks, courses, lanes)
+    bundles = (
+        motion,
+        *_membrane(tasks, kind),
+        *_bending(tasks, amplitudes, kind),
+        _contact(tasks, amplitudes, lanes),
+        *_driven(tasks, courses, lanes, observer_hz),
+        _candidates(every, amplitudes, kind),
+        results,
     )
-    rest, added = first.resting(amplitudes, bends, with_bends), first.carried(amplitudes, nodes, with_added)
-    needs_normals = bool(faces) or with_bends or with_added
-    start = np.concatenate([c.start for c in courses])
-    rows = [(g.candidates.materials[k], g.candidates.amplitudes[k]) for g, k in every]
-    numbers = [g.model.kernel_rows(*r) for (g, _), r in zip(every, rows, strict=True)]
-    masses = [first.masses(m, a) for pair in rows for m, a in zip(*pair, strict=True)]
-    places = _in_lanes(start, lanes)
-    speeds, forces = (zeros(places.shape) for _ in range(2))
-    out = zeros((count, frames, points, 3, lanes))
-    whole = zeros((count, frames if keeps else 1, nodes, 3, lanes))
-    omega = 2 * np.pi * observer_hz
-    settle = np.array([round(support.settle_time / t.dt) for t in tasks], np.int32)
-    recorded = np.array([len(c.steps) for c in courses], np.int32)
-    path, first_path = _joined(courses, lanes)
-    between = np.array([c.every for c in courses], np.int32)
-    kernel = make_rollout(
-        lanes, faces, fibre_nodes=first.fibre_nodes, bend_lengths=first.bend_lengths,
-        handles=support.handles, with_twist=len(mesh.bends.twist_weights) > 0,
-        is_crossed=mesh.is_crossed,
-        with_bends=with_bends, with_added_mass=with_added, with_viscosity=is_viscous, with_contact=touches,
-    )  # fmt: skip
-    x, v = zeros((2 * 3 * count * nodes, lanes)), _flat(speeds)  # behind the places, what rounding loses of them
-    x[: len(v)] = _flat(places)
-    ahead = v if with_bends else _flat(places)
+    kernel = make_rollout(kind)
     with runtime.vectors_kept():
-        kernel(
-            x, v, ahead, _flat(forces), zeros((count, points, 3, lanes)),
-            *first.membrane_arguments,
-            *(zeros((size * count * fibres, lanes)) for size in (3, 3, 1)),
-            zeros((count * shears * strains, lanes)), zeros((3 * count * fibres, lanes)),
-            *(zeros((size * count if is_viscous else 1, lanes)) for size in (fibres, shears * strains)),
-            np.exp(-np.array([t.dt for t in tasks]) / RELAXATION_TIME).astype(np.float32),
-            *first.bending_arguments,
-            *(zeros((size * count * nodes if needs_normals else 1, lanes)) for size in (3, 1)),
-            _flat(_in_lanes(rest, lanes)), zeros((count * bends if with_bends else 1, lanes)),
-            _flat(_in_lanes(added, lanes)),
-            *_contact(tasks, amplitudes, nodes, lanes),
-            3 * some(support.nodes), single(some(support.shares)), path,
-            mesh.points.first, 3 * mesh.points.nodes, single(mesh.points.weights),
-            mesh.pull_points, single(mesh.pull_weights),
-            targets, trust,
-            _in_lanes(np.concatenate(numbers), lanes),
-            _flat(_in_lanes(1.0 / np.stack(masses), lanes)),
-            _in_lanes(amplitudes if first.effects else np.zeros((len(amplitudes), 1)), lanes),
-            frame_step, frame_lag, np.stack([recorded, settle, first_path, first_target, between], 1),
-            np.array([t.dt for t in tasks], np.float32), support.settle_damping, omega**2, 2 * omega,
-            out, whole,
-        )  # fmt: skip
-    _hand_back(courses, _from_lanes(out), _from_lanes(whole), _from_lanes(forces), lanes)
+        kernel(**by_name(bundles))
+    forces = motion.f.reshape(len(tasks), -1, 3, lanes)
+    _hand_back(courses, _from_lanes(results.seen), _from_lanes(results.shapes), _from_lanes(forces), lanes)
 
 
-def _contact(tasks: list[Task], amplitudes: Floats, nodes: int, lanes: int) -> list[Singles | Integers]:
-    """What the kernel wants to know of contact; next to nothing where nothing touches."""
+def _kind(group: Group, lanes: int) -> Kind:
+    """Return the kind of kernel that a group needs."""
+    model, mesh = group.model, group.model.mesh
+    active = model.effects if group.has_effects else ()
+    return Kind(
+        lanes=lanes,
+        face_forces=tuple(
+            (c.start, c.stop - c.start, e.face_force)
+            for e, c in zip(active, model.columns, strict=False)
+            if e.face_force is not None
+        ),
+        fibre_nodes=model.fibre_nodes,
+        bend_lengths=model.bend_lengths,
+        handles=model.support.handles,
+        with_twist=len(mesh.bends.twist_weights) > 0,
+        is_crossed=mesh.is_crossed,
+        with_bends=any(e.bends for e in active),
+        with_added_mass=any(e.adds_mass for e in active),
+        with_viscosity=group.is_viscous,
+        with_contact=group.touches,
+    )
+
+
+def _motion(courses: list[Course], lanes: int, kind: Kind) -> Motion:
+    places = _flat(_in_lanes(np.concatenate([c.start for c in courses]), lanes))
+    x, v, f = zeros((2 * len(places), lanes)), zeros(places.shape), zeros(places.shape)
+    x[: len(places)] = places
+    return Motion(x=x, v=v, ahead=v if kind.with_bends else places, f=f)
+
+
+def _membrane(tasks: list[Task], kind: Kind) -> tuple[Membrane, Strains]:
+    model, count, lanes = tasks[0].parts[0].model, len(tasks), kind.lanes
+    fibres, shears = len(model.mesh.fibres.area), len(model.mesh.shear_area)
+    at_shear = shears * (3 if kind.is_crossed else 1)
+    strains = Strains(
+        slopes=zeros((3 * count * fibres, lanes)),
+        slopes_ahead=zeros((3 * count * fibres, lanes)),
+        strains=zeros((count * fibres, lanes)),
+        shear_strains=zeros((count * at_shear, lanes)),
+        stress=zeros((3 * count * fibres, lanes)),
+        fibre_lags=zeros((count * fibres if kind.with_viscosity else 1, lanes)),
+        shear_lags=zeros((count * at_shear if kind.with_viscosity else 1, lanes)),
+        lag_kept=np.exp(-np.array([t.dt for t in tasks]) / RELAXATION_TIME).astype(np.float32),
+    )
+    return model.membrane_bundle, strains
+
+
+def _bending(tasks: list[Task], amplitudes: Floats, kind: Kind) -> tuple[Stencils, Facing]:
+    model, count, lanes = tasks[0].parts[0].model, len(tasks), kind.lanes
+    bends, nodes = len(model.mesh.bends), count * len(model.mesh.rest)
+    cells, basis = facing_bases(model.mesh)
+    facing = Facing(
+        cells=cells,
+        basis=basis,
+        normal=zeros((3 * nodes if kind.needs_normals else 1, lanes)),
+        faced_area=zeros((nodes if kind.needs_normals else 1, lanes)),
+        rest_curvature=_flat(_in_lanes(model.resting(amplitudes, bends, kind.with_bends), lanes)),
+        friction=zeros((count * bends if kind.with_bends else 1, lanes)),
+    )
+    return model.stencil_bundle, facing
+
+
+def _contact(tasks: list[Task], amplitudes: Floats, lanes: int) -> Touch:
+    """Return what the kernel is told of contact; next to nothing where nothing touches."""
     group = tasks[0].parts[0]
-    first = group.model
+    model = group.model
     if not group.touches:
         memory = zeros((1, lanes))
-        return [np.zeros(1, np.int32), memory, memory.reshape(-1)]
-    return contact_arguments(first.surface, first.contact, first.thickness(amplitudes).reshape(-1, lanes), nodes)
+        return Touch(contact_whole=np.zeros(1, np.int32), contact_memory=memory, contact_alone=memory.reshape(-1))
+    thickness = model.thickness(amplitudes).reshape(-1, lanes)
+    return contact_bundle(model.surface, model.contact, thickness, len(model.mesh.rest))
+
+
+def _driven(
+    tasks: list[Task], courses: list[Course], lanes: int, observer_hz: float
+) -> tuple[Grip, Points, Pull, Clock]:
+    """Return what moves the cloth from outside, and when."""
+    model = tasks[0].parts[0].model
+    support, points, omega = model.support, model.mesh.points, 2 * np.pi * observer_hz
+    path, first_path = _joined(courses, lanes)
+    targets, trust, first_target = _stacked(courses, lanes)
+    grip = Grip(
+        held=3 * some(support.nodes),
+        shares=single(some(support.shares)),
+        path=path,
+        settle_damping=support.settle_damping,
+    )
+    pull = Pull(
+        pull=zeros((len(tasks), model.recording.points.shape[1], 3, lanes)),
+        pull_points=model.mesh.pull_points,
+        pull_weights=single(model.mesh.pull_weights),
+        targets=targets,
+        trust=trust,
+        gain=omega**2,
+        damping=2 * omega,
+    )
+    counts = Counts(
+        frames=np.array([len(c.steps) for c in courses], np.int32),
+        settle_steps=np.array([round(support.settle_time / t.dt) for t in tasks], np.int32),
+        first_path=first_path,
+        first_target=first_target,
+        steps_per_target=np.array([c.every for c in courses], np.int32),
+    )
+    clock = Clock(
+        time_step=np.array([t.dt for t in tasks], np.float32),
+        frame_step=_padded([c.steps for c in courses]),
+        frame_lag=_padded([c.lags for c in courses]),
+        counts=np.stack(counts, 1),
+    )
+    tracked = Points(point_first=points.first, point_nodes=3 * points.nodes, point_weights=single(points.weights))
+    return grip, tracked, pull, clock
+
+
+def _candidates(every: list[tuple[Group, NDArray[np.int64]]], amplitudes: Floats, kind: Kind) -> Candidates:
+    model = every[0][0].model
+    rows = [(g.model, g.candidates.materials[k], g.candidates.amplitudes[k]) for g, k in every]
+    masses = [model.masses(m, a) for _, materials, row in rows for m, a in zip(materials, row, strict=True)]
+    carried = model.carried(amplitudes, len(model.mesh.rest), kind.with_added_mass)
+    columns = amplitudes if model.effects else np.zeros((len(amplitudes), 1))
+    return Candidates(
+        material=_in_lanes(np.concatenate([m.kernel_rows(materials, row) for m, materials, row in rows]), kind.lanes),
+        amplitude=_in_lanes(columns, kind.lanes),
+        inverse_mass=_flat(_in_lanes(1.0 / np.stack(masses), kind.lanes)),
+        added_mass=_flat(_in_lanes(carried, kind.lanes)),
+    )
+
+
+def _results(tasks: list[Task], courses: list[Course], lanes: int) -> Results:
+    group = tasks[0].parts[0]
+    frames, points = max(len(c.steps) for c in courses), group.model.recording.points.shape[1]
+    nodes, keeps = len(group.model.mesh.rest), group.candidates.kept is not None
+    return Results(
+        seen=zeros((len(tasks), frames, points, 3, lanes)),
+        shapes=zeros((len(tasks), frames if keeps else 1, nodes, 3, lanes)),
+    )
 
 
 def _stacked(courses: list[Course], lanes: int) -> tuple[Singles, Singles, Integers]:

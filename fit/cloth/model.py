@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from fit import runtime
 from fit.cloth import material as mat
+from fit.cloth.bundles import Row
 from fit.cloth.contact import DAMPING, OMEGA, Contact, Surface, contact_rate, surface_of, touching
 from fit.cloth.effect import Effect, columns_of
-from fit.cloth.kernel_arguments import bending_arguments, membrane_arguments
+from fit.cloth.kernel_arguments import membrane_bundle, stencil_bundle
 from fit.cloth.lines import bends_by_line, fibre_family
 from fit.cloth.material import REFERENCE_CURVATURE, RELAXATION_TIME
 from fit.cloth.mesh import build_mesh
@@ -136,7 +137,7 @@ class ClothModel:
         self.simulations = 0
         self.columns = columns_of(effects)
         self._frequencies = unit_frequencies(self.mesh)
-        self.membrane_arguments, self.bending_arguments = membrane_arguments(self.mesh), bending_arguments(self.mesh)
+        self.membrane_bundle, self.stencil_bundle = membrane_bundle(self.mesh), stencil_bundle(self.mesh)
         self.fibre_nodes = tuple(fibre_family(self.mesh, k)[0] for k in range(2))
         self.bend_lengths = bends_by_line(self.mesh)[0]
         self._targets: dict[int, tuple[Floats, Floats, int]] = {}
@@ -304,23 +305,36 @@ class ClothModel:
         return sum(e.friction_moment(amplitude[c]) for e, c in zip(self.effects, self.columns, strict=True))
 
     def kernel_rows(self, materials: Floats, amplitudes: Floats) -> Floats:
-        """What the kernel wants to know of each candidate, (candidates, 19)."""
+        """Return the numbers of each candidate's material as columns of `Row`, (candidates, 19)."""
         warp, weft = np.exp(0.5 * materials[:, mat.STRETCH_RATIO]), np.exp(0.5 * materials[:, mat.BENDING_RATIO])
         x, y = np.sin(materials[:, mat.TILT_X]), np.sin(materials[:, mat.TILT_Y])
         stretch, bending = materials[:, mat.STRETCH], materials[:, mat.BENDING]
         gravity = self.support.gravity * np.exp(materials[:, mat.GRAVITY_LOG])
         fibres = np.stack([stretch * warp, stretch / warp])  # down, across
         at_shear = np.maximum(fibres - materials[:, mat.SHEAR], 0.0) if self.mesh.is_crossed else np.zeros_like(fibres)
-        return np.stack(
-            [
-                *(fibres - at_shear), materials[:, mat.SHEAR], bending * weft, bending / weft, bending,
-                materials[:, mat.MEMBRANE_TIME], materials[:, mat.BENDING_TIME], materials[:, mat.VELOCITY],
-                materials[:, mat.STIFFENING], gravity * x, gravity * y, -gravity * np.sqrt(1 - x**2 - y**2),
-                np.array([self._friction(a) for a in amplitudes]), materials[:, mat.VISCOSITY],
-                self.thickness(amplitudes), materials[:, mat.DENSITY], *at_shear,
-            ],
-            axis=1,
-        )  # fmt: skip
+        down, across = fibres - at_shear
+        row = Row(
+            stretch_down=down,
+            stretch_across=across,
+            shear=materials[:, mat.SHEAR],
+            bending_down=bending * weft,
+            bending_across=bending / weft,
+            bending_mixed=bending,
+            membrane_time=materials[:, mat.MEMBRANE_TIME],
+            bending_time=materials[:, mat.BENDING_TIME],
+            velocity_damping=materials[:, mat.VELOCITY],
+            stiffening=materials[:, mat.STIFFENING],
+            gravity_x=gravity * x,
+            gravity_y=gravity * y,
+            gravity_z=-gravity * np.sqrt(1 - x**2 - y**2),
+            friction_limit=np.array([self._friction(a) for a in amplitudes]),
+            viscosity_time=materials[:, mat.VISCOSITY],
+            thickness=self.thickness(amplitudes),
+            density=materials[:, mat.DENSITY],
+            shear_down=at_shear[0],
+            shear_across=at_shear[1],
+        )
+        return np.stack(row, axis=1)
 
     def resting(self, amplitudes: Floats, bends: int, is_needed: bool) -> Floats:
         """Curvature at rest per candidate and bend [1/m]."""

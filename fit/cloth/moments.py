@@ -20,65 +20,41 @@ from fit.cloth.stencils import line_curvatures, push, push_pair, stencil, weight
 
 @ti.func
 def damped_moment(
-    centre,
-    e,
-    root,
-    modulus,
-    time,
-    k0,
-    k1,
-    k2,
-    r0,
-    r1,
-    r2,
-    normal: ti.template(),
-    rest: ti.template(),
-    friction: ti.template(),
-    friction_limit,
-    dt,
-):
-    """Moment of a second derivative k that changes at the rate r, all times the root of the area; with the effects'."""
+    centre, e, root, modulus, k0, k1, k2, r0, r1, r2, facing: ti.template(), law: ti.template()
+):  # fmt: skip
+    """Return the moment of a second derivative k that changes at the rate r, with what effects add to it.
+
+    Derivatives and moment are times the root of the area. Bundles, of `fit.cloth.bundles`: Facing, BendLaw.
+    """
     i = within(centre)
-    n0, n1, n2 = normal[i], normal[i + 1], normal[i + 2]
-    change = (r0 * n0 + r1 * n1 + r2 * n2) / root * dt
+    n0, n1, n2 = facing.normal[i], facing.normal[i + 1], facing.normal[i + 2]
+    change = (r0 * n0 + r1 * n1 + r2 * n2) / root * law.dt
     # Dahl, exponent 1, integrated exactly over a change of one sign:
     # M -> s + (M - s) exp(-|dkappa| / kappa_ref), s = sign(dkappa) M_max
-    goal = ti.select(change > 0.0, friction_limit, 0.0 - friction_limit)
+    goal = ti.select(change > 0.0, law.friction_limit, 0.0 - law.friction_limit)
     fade = decay(magnitude(change) / REFERENCE_CURVATURE)
-    friction[e] = goal + (friction[e] - goal) * fade
-    along = root * (friction[e] - modulus * rest[e])
+    facing.friction[e] = goal + (facing.friction[e] - goal) * fade
+    along = root * (facing.friction[e] - modulus * facing.rest_curvature[e])
     return (
-        modulus * (k0 + time * r0) + along * n0,
-        modulus * (k1 + time * r1) + along * n1,
-        modulus * (k2 + time * r2) + along * n2,
+        modulus * (k0 + law.bend_time * r0) + along * n0,
+        modulus * (k1 + law.bend_time * r1) + along * n1,
+        modulus * (k2 + law.bend_time * r2) + along * n2,
     )
 
 
 @ti.func
 def bent(
-    e,
-    scale,
-    m: ti.template(),
-    n: ti.template(),
-    centres: ti.template(),
-    roots: ti.template(),
-    stiffness,
-    bend_time,
-    with_bends: ti.template(),
-    home,
-    first_bend,
-    normal: ti.template(),
-    rest: ti.template(),
-    friction: ti.template(),
-    friction_limit,
-    dt,
-):
-    """Moment of one bend for its unit weights; m: second derivative of `ahead`, n: of the places, by those weights."""
+    e, scale, m: ti.template(), n: ti.template(), centres: ti.template(), roots: ti.template(), stiffness, home,
+    first_bend, facing: ti.template(), law: ti.template(), with_bends: ti.template(),
+):  # fmt: skip
+    """Return the moment of one bend for its unit weights.
+
+    m: second derivative of `ahead`, n: of the places, by those weights
+    """
     if ti.static(with_bends):
         m0, m1, m2 = damped_moment(
-            home + centres[e], first_bend + e, roots[e], stiffness, bend_time,
-            scale * n[0], scale * n[1], scale * n[2], scale * m[0], scale * m[1], scale * m[2],
-            normal, rest, friction, friction_limit, dt,
+            home + centres[e], first_bend + e, roots[e], stiffness,
+            scale * n[0], scale * n[1], scale * n[2], scale * m[0], scale * m[1], scale * m[2], facing, law,
         )  # fmt: skip
         return [scale * m0, scale * m1, scale * m2]
     else:
@@ -90,7 +66,7 @@ def bent(
 def long_sum(
     y: ti.template(), home, begin, end, nodes: ti.template(), weights: ti.template(), total: ti.template(), place
 ):  # fmt: skip
-    """Weighted sum of a field over a stencil of whole pieces, summed up at `total[place]`."""
+    """Return the weighted sum of a field over a stencil of whole pieces, summed up at `total[place]`."""
     for c in ti.static(range(3)):
         total[place + c] = 0.0 * y[home + c]
     for piece in range((end - begin) // PIECE):
@@ -107,7 +83,7 @@ def second(
     y: ti.template(), at: ti.template(), w: ti.template(), is_long: ti.template(),
     home, begin, end, nodes: ti.template(), weights: ti.template(), total: ti.template(), place,
 ):  # fmt: skip
-    """Second derivative of a field at a node."""
+    """Return the second derivative of a field at a node."""
     if ti.static(is_long):
         return long_sum(y, home, begin, end, nodes, weights, total, place)
     else:
@@ -116,7 +92,7 @@ def second(
 
 @ti.func
 def modulus_of(kind, stiffness, stiffness_across, stiffness_mixed):
-    """Bending stiffness by the kind of second derivative."""
+    """Return the bending stiffness for a kind of second derivative."""
     modulus = stiffness
     if kind == ROW_BEND:
         modulus = stiffness_across
@@ -127,71 +103,69 @@ def modulus_of(kind, stiffness, stiffness_across, stiffness_mixed):
 
 @ti.func
 def bending(
-    home,
-    first_bend,
-    x: ti.template(),
-    ahead: ti.template(),
-    f: ti.template(),
-    first: ti.template(),
+    place: ti.template(),
     nodes: ti.template(),
-    weights: ti.template(),
-    kinds: ti.template(),
-    centres: ti.template(),
-    roots: ti.template(),
-    counts: ti.template(),
-    lengths: ti.template(),
-    stiffness,
-    stiffness_across,
-    stiffness_mixed,
-    time,
-    with_bends: ti.template(),
-    normal: ti.template(),
-    rest: ti.template(),
-    friction: ti.template(),
-    friction_limit,
-    dt,
-    place,
+    stencils: ti.template(),
+    facing: ti.template(),
+    stiffness: ti.template(),
+    law: ti.template(),
+    kind: ti.template(),
     sums: ti.template(),
 ):
-    """Second derivatives at nodes; counts: how many have each of the lengths; sums: memory that is free from place."""
+    """Push the nodes with the moments of second derivatives; sums: memory that is free from `place.first_slope` on.
+
+    Bundles, of `fit.cloth.bundles`: Place, Motion, Stencils, Facing, Row, BendLaw, Kind.
+    """
     end = 0
-    for k in ti.static(range(len(lengths))):
+    for k in ti.static(range(len(kind.bend_lengths))):
+        length = ti.static(kind.bend_lengths[k])
         start = end
-        end = start + counts[k]
-        if ti.static(lengths[k] == IN_LINES):
+        end = start + stencils.bend_counts[k]
+        if ti.static(length == IN_LINES):
             for pair in range((end - start) // 2):
                 e = start + 2 * pair
-                modulus = modulus_of(kinds[e], stiffness, stiffness_across, stiffness_mixed)
-                begin = within(first[e])
-                at = [within(home + nodes[begin + n]) for n in range(4)]
-                a = line_curvatures(ahead, at)
-                s = line_curvatures(x if ti.static(with_bends) else ahead, at)
+                modulus = modulus_of(
+                    stencils.bend_kind[e], stiffness.bending_down, stiffness.bending_across, stiffness.bending_mixed
+                )
+                begin = within(stencils.bend_first[e])
+                at = [within(place.home + stencils.bend_nodes[begin + n]) for n in range(4)]
+                a = line_curvatures(nodes.ahead, at)
+                s = line_curvatures(nodes.x if ti.static(kind.with_bends) else nodes.ahead, at)
                 m = [
                     bent(
-                        e + h, weights[begin + 4 * h], a[h], s[h], centres, roots, modulus, time,
-                        with_bends, home, first_bend, normal, rest, friction, friction_limit, dt,
+                        e + h, stencils.bend_weights[begin + 4 * h], a[h], s[h], stencils.bend_centre,
+                        stencils.bend_root, modulus, place.home, place.first_bend, facing, law, kind.with_bends,
                     )
                     for h in range(2)
                 ]  # fmt: skip
-                push_pair(f, m, at)
+                push_pair(nodes.f, m, at)
         else:
             for e in range(start, end):
-                modulus = modulus_of(kinds[e], stiffness, stiffness_across, stiffness_mixed)
-                begin = within(first[e])
-                at, w = stencil(home, begin, nodes, weights, 0 if lengths[k] == PIECE else lengths[k])
-                is_long = ti.static(lengths[k] == PIECE)
-                m0, m1, m2 = second(ahead, at, w, is_long, home, begin, first[e + 1], nodes, weights, sums, place)
-                if ti.static(with_bends):
-                    n0, n1, n2 = second(x, at, w, is_long, home, begin, first[e + 1], nodes, weights, sums, place)
+                modulus = modulus_of(
+                    stencils.bend_kind[e], stiffness.bending_down, stiffness.bending_across, stiffness.bending_mixed
+                )
+                begin, after = within(stencils.bend_first[e]), stencils.bend_first[e + 1]
+                some_nodes, weights = ti.static(stencils.bend_nodes, stencils.bend_weights)
+                at, w = stencil(place.home, begin, some_nodes, weights, 0 if length == PIECE else length)
+                is_long = ti.static(length == PIECE)
+                m0, m1, m2 = second(
+                    nodes.ahead, at, w, is_long, place.home, begin, after, some_nodes, weights, sums, place.first_slope
+                )
+                if ti.static(kind.with_bends):
+                    n0, n1, n2 = second(
+                        nodes.x, at, w, is_long, place.home, begin, after, some_nodes, weights, sums, place.first_slope
+                    )
                     m0, m1, m2 = damped_moment(
-                        home + centres[e], first_bend + e, roots[e], modulus, time,
-                        n0, n1, n2, m0, m1, m2, normal, rest, friction, friction_limit, dt,
+                        place.home + stencils.bend_centre[e], place.first_bend + e, stencils.bend_root[e], modulus,
+                        n0, n1, n2, m0, m1, m2, facing, law,
                     )  # fmt: skip
                 else:
                     m0, m1, m2 = modulus * m0, modulus * m1, modulus * m2
-                if ti.static(lengths[k] < PIECE):
-                    push(f, m0, m1, m2, at, w)
+                if ti.static(length < PIECE):
+                    push(nodes.f, m0, m1, m2, at, w)
                 else:
-                    for piece in range((first[e + 1] - begin) // PIECE):
-                        some, g = stencil(home, within(begin + piece * PIECE), nodes, weights, PIECE)
-                        push(f, m0, m1, m2, some, g)
+                    for piece in range((after - begin) // PIECE):
+                        some, g = stencil(
+                            place.home, within(begin + piece * PIECE), some_nodes, weights, PIECE
+                        )  # fmt: skip
+                        push(nodes.f, m0, m1, m2, some, g)

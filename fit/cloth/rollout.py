@@ -24,6 +24,28 @@ import math
 
 import taichi as ti
 
+from fit.cloth.bundles import (
+    COUNTS,
+    ROW,
+    BendLaw,
+    Candidates,
+    Clock,
+    Facing,
+    Family,
+    Grip,
+    Kind,
+    Law,
+    Membrane,
+    Motion,
+    Place,
+    Points,
+    Pull,
+    Results,
+    Row,
+    Stencils,
+    Strains,
+    Touch,
+)
 from fit.cloth.forces import fibres, find_normals, push_fibres, shearing
 from fit.cloth.lanes import within
 from fit.cloth.moments import bending
@@ -36,35 +58,12 @@ TASK = 512  # Taichi hands out loops in tasks of at least 512 iterations; one ta
 
 
 @functools.cache
-def make_rollout(
-    lanes: int,
-    face_forces: tuple,
-    *,
-    fibre_nodes: tuple[int, int],
-    bend_lengths: tuple[int, ...],
-    handles: int,
-    with_twist: bool,
-    is_crossed: bool,
-    with_bends: bool,
-    with_added_mass: bool,
-    with_viscosity: bool,
-    with_contact: bool,
-):
-    """Build the rollout kernel for `lanes` candidates per group and these effects.
+def make_rollout(kind: Kind):
+    """Build the rollout kernel of one kind, whose parameters are the fields of the bundles of `fit.cloth.bundles`.
 
-    face_forces: per effect (first column of its amplitude, number of components, force), where force is a
-    `ti.func(a0, a1, a2, vx, vy, vz, nx, ny, nz, area) -> (fx, fy, fz)`;
-    fibre_nodes: nodes of every fibre sample across, and down; bend_lengths: of the stencils of second derivatives; both
-    may be `fit.cloth.lines.IN_LINES`; with_twist: whether mixed ones come from the slopes across;
-    is_crossed: whether threads of both families cross the elements;
-    handles: vectors that the held nodes follow, 0 where nothing is held;
-    with_bends: rest curvature and friction in bending; with_added_mass: inertia of the air along the normal;
-    with_viscosity: of stretch and shear; with_contact: the cloth touches itself or bodies.
-
-    Taichi's kernels have 64 arguments at most. counts, (groups, 5): frames, steps of settling, where the group's path
-    and its targets begin, steps between two targets.
+    Taichi's kernels have 64 parameters at most.
     """
-    vec = ti.types.vector(lanes, ti.f32)
+    vec = ti.types.vector(kind.lanes, ti.f32)
     lanes_1d = ti.types.ndarray(dtype=vec, ndim=1)
     lanes_2d = ti.types.ndarray(dtype=vec, ndim=2)
     lanes_3d = ti.types.ndarray(dtype=vec, ndim=3)
@@ -73,94 +72,67 @@ def make_rollout(
     floats_2d = ti.types.ndarray(dtype=ti.f32, ndim=2)
     integers_1d = ti.types.ndarray(dtype=ti.i32, ndim=1)
     integers_2d = ti.types.ndarray(dtype=ti.i32, ndim=2)
-    needs_normals = with_bends or with_added_mass or len(face_forces) > 0
+    face_forces = kind.face_forces
+
+    @ti.func
+    def copied(number):
+        """Return a number as a variable of its own: an element of an array would be read anew at every use."""
+        return number
 
     @ti.func
     def push_faces(
-        b,
-        home,
-        nodes,
-        v: ti.template(),
-        f: ti.template(),
-        normal: ti.template(),
-        area: ti.template(),
-        amplitude: ti.template(),
-    ):
-        """Forces of the effects on the surface around each node."""
-        for i in range(nodes):
+        b, home, count, nodes: ti.template(), facing: ti.template(), candidates: ti.template()
+    ):  # fmt: skip
+        """Add the forces of the effects on the surface around each node."""
+        for i in range(count):
             k = within(home + 3 * i)
             for m in ti.static(range(len(face_forces))):
-                a0, a1, a2 = amplitude[b, face_forces[m][0]], vec(0.0), vec(0.0)
+                a0, a1, a2 = candidates.amplitude[b, face_forces[m][0]], vec(0.0), vec(0.0)
                 if ti.static(face_forces[m][1] > 1):
-                    a1 = amplitude[b, face_forces[m][0] + 1]
+                    a1 = candidates.amplitude[b, face_forces[m][0] + 1]
                 if ti.static(face_forces[m][1] > 2):
-                    a2 = amplitude[b, face_forces[m][0] + 2]
+                    a2 = candidates.amplitude[b, face_forces[m][0] + 2]
                 t0, t1, t2 = face_forces[m][2](
-                    a0, a1, a2, v[k], v[k + 1], v[k + 2], normal[k], normal[k + 1], normal[k + 2], area[b * nodes + i]
-                )
-                f[k], f[k + 1], f[k + 2] = f[k] + t0, f[k + 1] + t1, f[k + 2] + t2
+                    a0, a1, a2, nodes.v[k], nodes.v[k + 1], nodes.v[k + 2],
+                    facing.normal[k], facing.normal[k + 1], facing.normal[k + 2], facing.faced_area[b * count + i],
+                )  # fmt: skip
+                nodes.f[k], nodes.f[k + 1], nodes.f[k + 2] = nodes.f[k] + t0, nodes.f[k + 1] + t1, nodes.f[k + 2] + t2
 
     @ti.func
     def pull_at_points(
-        b,
-        home,
-        sample,
-        part,
-        gain,
-        damping,
-        moving,
-        x: ti.template(),
-        v: ti.template(),
-        pull: ti.template(),
-        first: ti.template(),
-        nodes: ti.template(),
-        weights: ti.template(),
-        targets: ti.template(),
-        trust: ti.template(),
-    ):
-        for p in range(pull.shape[1]):
-            believed = (1.0 - part) * trust[sample, p] + part * trust[sample + 1, p]
+        b, home, sample, part, gain, damping, moving, nodes: ti.template(), points: ti.template(), puller: ti.template()
+    ):  # fmt: skip
+        """Find the acceleration at each tracked point; part: of the way from a sample of the targets to the next."""
+        for p in range(puller.pull.shape[1]):
+            believed = (1.0 - part) * puller.trust[sample, p] + part * puller.trust[sample + 1, p]
             for c in ti.static(range(3)):
-                y = (1.0 - part) * targets[sample, p, c] + part * targets[sample + 1, p, c]
-                dy = (1.0 - part) * targets[sample, p, c + 3] + part * targets[sample + 1, p, c + 3]
-                pull[b, p, c] = believed * (gain * y + damping * moving * dy)
-            for n in range(first[p], first[p + 1]):
-                w, i = believed * weights[n, 0], home + nodes[n]
+                y = (1.0 - part) * puller.targets[sample, p, c] + part * puller.targets[sample + 1, p, c]
+                dy = (1.0 - part) * puller.targets[sample, p, c + 3] + part * puller.targets[sample + 1, p, c + 3]
+                puller.pull[b, p, c] = believed * (gain * y + damping * moving * dy)
+            for n in range(points.point_first[p], points.point_first[p + 1]):
+                w, i = believed * points.point_weights[n, 0], home + points.point_nodes[n]
                 for c in ti.static(range(3)):
-                    pull[b, p, c] = pull[b, p, c] - w * (gain * x[i + c] + damping * v[i + c])
+                    puller.pull[b, p, c] = puller.pull[b, p, c] - w * (gain * nodes.x[i + c] + damping * nodes.v[i + c])
 
     @ti.func
-    def handled(h, row, c, shares: ti.template(), path: ti.template()):
-        """Where the handles put a held node at a step, one coordinate."""
-        place = shares[h, 0] * path[row, c]
-        for k in ti.static(range(1, handles)):
-            place = place + shares[h, k] * path[row, c + 3 * k]
+    def handled(h, row, c, grip: ti.template()):
+        """Return where the handles put held node h at a step, one coordinate."""
+        place = grip.shares[h, 0] * grip.path[row, c]
+        for k in ti.static(range(1, kind.handles)):
+            place = place + grip.shares[h, k] * grip.path[row, c + 3 * k]
         return place
 
     @ti.func
-    def hold(
-        home,
-        row,
-        last_row,
-        lost,
-        x: ti.template(),
-        v: ti.template(),
-        ahead: ti.template(),
-        held: ti.template(),
-        shares: ti.template(),
-        path: ti.template(),
-        per_second,
-        bend_time,
-    ):
+    def hold(home, row, last_row, lost, nodes: ti.template(), grip: ti.template(), per_second, bend_time):
         """Put held nodes, which moved freely with the rest, where their handles are, with the handles' speed."""
-        for h in range(held.shape[0]):
-            i = within(home + held[h])
+        for h in range(grip.held.shape[0]):
+            i = within(home + grip.held[h])
             for c in ti.static(range(3)):
-                place = handled(h, row, c, shares, path)
-                speed = (place - handled(h, last_row, c, shares, path)) * per_second
-                v[i + c], x[i + c], x[within(lost + i) + c] = speed, place, vec(0.0)
-                if ti.static(not with_bends):
-                    ahead[i + c] = place + bend_time * speed
+                place = handled(h, row, c, grip)
+                speed = (place - handled(h, last_row, c, grip)) * per_second
+                nodes.v[i + c], nodes.x[i + c], nodes.x[within(lost + i) + c] = speed, place, vec(0.0)
+                if ti.static(not kind.with_bends):
+                    nodes.ahead[i + c] = place + bend_time * speed
 
     @ti.kernel
     def rollout(
@@ -229,28 +201,88 @@ def make_rollout(
         seen: lanes_4d,
         shapes: lanes_4d,
     ):
-        groups, nodes = time_step.shape[0], pull_points.shape[0]
-        lost = 3 * nodes * groups
-        fibre_count, bend_count = fibre_area.shape[0], bend_centre.shape[0]
+        # The bundles put together again, by name; from here on nothing goes by its place in a row.
+        nodes = ti.static(Motion(x=x, v=v, ahead=ahead, f=f))
+        cloth = ti.static(
+            Membrane(
+                fibre_at=fibre_at, fibre_weights=fibre_weights, down_entry=down_entry, fibre_area=fibre_area,
+                fibres_across=fibres_across, shear_across=shear_across, shear_down=shear_down, between=between,
+                shear_area=shear_area,
+            )
+        )  # fmt: skip
+        memory = ti.static(
+            Strains(
+                slopes=slopes, slopes_ahead=slopes_ahead, strains=strains, shear_strains=shear_strains, stress=stress,
+                fibre_lags=fibre_lags, shear_lags=shear_lags, lag_kept=lag_kept,
+            )
+        )  # fmt: skip
+        stencils = ti.static(
+            Stencils(
+                bend_first=bend_first, bend_nodes=bend_nodes, bend_weights=bend_weights, bend_kind=bend_kind,
+                bend_centre=bend_centre, bend_root=bend_root, bend_counts=bend_counts, twist_scales=twist_scales,
+                twist_centre=twist_centre, twist_root=twist_root,
+            )
+        )  # fmt: skip
+        facing = ti.static(
+            Facing(
+                cells=cells, basis=basis, normal=normal, faced_area=faced_area, rest_curvature=rest_curvature,
+                friction=friction,
+            )
+        )  # fmt: skip
+        touch = ti.static(
+            Touch(contact_whole=contact_whole, contact_memory=contact_memory, contact_alone=contact_alone)
+        )  # fmt: skip
+        grip = ti.static(Grip(held=held, shares=shares, path=path, settle_damping=settle_damping))
+        points = ti.static(Points(point_first=point_first, point_nodes=point_nodes, point_weights=point_weights))
+        puller = ti.static(
+            Pull(
+                pull=pull, pull_points=pull_points, pull_weights=pull_weights, targets=targets, trust=trust, gain=gain,
+                damping=damping,
+            )
+        )  # fmt: skip
+        candidates = ti.static(
+            Candidates(material=material, amplitude=amplitude, inverse_mass=inverse_mass, added_mass=added_mass)
+        )  # fmt: skip
+        clock = ti.static(Clock(time_step=time_step, frame_step=frame_step, frame_lag=frame_lag, counts=counts))
+        results = ti.static(Results(seen=seen, shapes=shapes))
+
+        groups, count = clock.time_step.shape[0], puller.pull_points.shape[0]
+        lost = 3 * count * groups
+        fibre_count, bend_count = cloth.fibre_area.shape[0], stencils.bend_centre.shape[0]
+        shear_count = cloth.shear_area.shape[0]
         for task in range(groups * TASK):
             if task % TASK == 0:
                 b = task // TASK
-                home, first_fibre, first_shear = 3 * nodes * b, fibre_count * b, shear_area.shape[0] * b
-                place, first_bend = 3 * first_fibre, bend_count * b
-                if ti.static(with_twist):
-                    first_bend = (bend_count + twist_centre.shape[0]) * b
-                frames, settle_steps = counts[b, 0], counts[b, 1]
-                first_path, first_target, steps_per_target = counts[b, 2], counts[b, 3], counts[b, 4]
-                dt, last_step, zero = time_step[b], frame_step[b, frames - 1], vec(0.0)
+                home, first_fibre, first_shear = 3 * count * b, fibre_count * b, shear_count * b
+                first_slope, first_bend = 3 * first_fibre, bend_count * b
+                if ti.static(kind.with_twist):
+                    first_bend = (bend_count + stencils.twist_centre.shape[0]) * b
+                first_twist, first_crossed = first_bend + bend_count, shear_count * groups + 2 * first_shear
+                place = ti.static(
+                    Place(
+                        home=home, first_fibre=first_fibre, first_slope=first_slope, first_shear=first_shear,
+                        first_crossed=first_crossed, first_bend=first_bend, first_twist=first_twist,
+                    )
+                )  # fmt: skip
+                across = ti.static(Family(start=0, end=cloth.fibres_across, entry=0, count=kind.fibre_nodes[0]))
+                down = ti.static(
+                    Family(
+                        start=cloth.fibres_across, end=fibre_count, entry=cloth.down_entry, count=kind.fibre_nodes[1]
+                    )
+                )  # fmt: skip
+                frames, settle_steps = clock.counts[b, COUNTS.frames], clock.counts[b, COUNTS.settle_steps]
+                first_path, first_target = clock.counts[b, COUNTS.first_path], clock.counts[b, COUNTS.first_target]
+                steps_per_target = clock.counts[b, COUNTS.steps_per_target]
+                dt, last_step, zero = clock.time_step[b], clock.frame_step[b, frames - 1], vec(0.0)
                 step, pulled_until = -settle_steps, ti.cast(settle_steps * (SETTLE_PULLED - 1.0), ti.i32)
                 for frame in range(frames):
-                    while step < frame_step[b, frame]:
+                    while step < clock.frame_step[b, frame]:
                         is_settling = step < 0
                         now = ti.max(step, 0)
-                        rate = material[b, 8]
-                        pull_gain, pull_damping, moving = gain, damping, 1.0
+                        rate = candidates.material[b, ROW.velocity_damping]
+                        pull_gain, pull_damping, moving = puller.gain, puller.damping, 1.0
                         if is_settling:
-                            rate = ti.max(rate, settle_damping)
+                            rate = ti.max(rate, grip.settle_damping)
                             pull_gain, pull_damping = SETTLE_GAIN, SETTLE_PULL_DAMPING
                             moving = 0.0  # at rest: the slope of a spline's end is mostly noise
                             if step >= pulled_until:
@@ -258,81 +290,51 @@ def make_rollout(
                         per_step = 0.0  # there is no step before the first
                         if step > -settle_steps:
                             per_step = 1.0 / dt
-                        fibre_delay, bend_time, stiffening = material[b, 6] * per_step, material[b, 7], material[b, 9]
-                        kept, lag_gain = lag_kept[b], material[b, 14] * (1.0 - lag_kept[b]) * per_step
+                        delay = candidates.material[b, ROW.membrane_time] * per_step
+                        bend_time = candidates.material[b, ROW.bending_time]
+                        stiffening = candidates.material[b, ROW.stiffening]
+                        kept = memory.lag_kept[b]
+                        lag_gain = candidates.material[b, ROW.viscosity_time] * (1.0 - memory.lag_kept[b]) * per_step
+                        friction_limit = candidates.material[b, ROW.friction_limit]
+                        law = ti.static(Law(delay=delay, stiffening=stiffening, kept=kept, lag_gain=lag_gain))
+                        bend_law = ti.static(BendLaw(bend_time=bend_time, friction_limit=friction_limit, dt=dt))
+                        stiffness = ti.static(Row(*[copied(candidates.material[b, k]) for k in range(len(ROW))]))
                         fibres(
-                            home, first_fibre, 0, fibres_across, 0, x, ahead, slopes, slopes_ahead, strains, stress,
-                            fibre_at, fibre_weights, fibre_area, material[b, 1], fibre_delay, stiffening,
-                            fibre_nodes[0], with_twist, with_viscosity, fibre_lags, kept, lag_gain,
+                            place, across, nodes, cloth, memory, stiffness.stretch_across, law, kind, kind.with_twist
                         )  # fmt: skip
-                        fibres(
-                            home, first_fibre, fibres_across, fibre_count, down_entry, x, ahead, slopes, slopes_ahead,
-                            strains, stress, fibre_at, fibre_weights, fibre_area, material[b, 0], fibre_delay,
-                            stiffening, fibre_nodes[1], False, with_viscosity, fibre_lags, kept, lag_gain,
-                        )  # fmt: skip
-                        if ti.static(needs_normals):
-                            find_normals(home, nodes * b, nodes, x, normal, faced_area, cells, basis, zero)
+                        fibres(place, down, nodes, cloth, memory, stiffness.stretch_down, law, kind, False)
+                        if ti.static(kind.needs_normals):
+                            find_normals(place, count * b, count, nodes, facing, zero)
                         if ti.static(len(face_forces) > 0):
-                            push_faces(b, home, nodes, v, f, normal, faced_area, amplitude)
-                        shearing(
-                            place, first_shear, slopes, slopes_ahead, shear_strains, stress,
-                            shear_across, shear_down, between,
-                            shear_area, material[b, 2], fibre_delay, with_viscosity, shear_lags, kept, lag_gain,
-                            with_twist, twist_scales, twist_centre, twist_root, material[b, 5], bend_time,
-                            with_bends, home, first_bend + bend_count,
-                            normal, rest_curvature, friction, material[b, 13], dt,
-                            is_crossed, shear_area.shape[0] * groups + 2 * first_shear,
-                            material[b, 18], material[b, 17], stiffening,
-                        )  # fmt: skip
-                        push_fibres(
-                            home, place, 0, fibres_across, 0, stress, f, fibre_at, fibre_weights, fibre_nodes[0]
-                        )
-                        push_fibres(
-                            home, place, fibres_across, fibre_count, down_entry, stress, f,
-                            fibre_at, fibre_weights, fibre_nodes[1],
-                        )  # fmt: skip
-                        bending(
-                            home, first_bend, x, ahead, f, bend_first, bend_nodes, bend_weights, bend_kind,
-                            bend_centre, bend_root, bend_counts, bend_lengths,
-                            material[b, 3], material[b, 4], material[b, 5], bend_time,
-                            with_bends, normal, rest_curvature, friction, material[b, 13], dt,
-                            place, slopes,
-                        )  # fmt: skip
-                        if ti.static(with_contact):
+                            push_faces(b, home, count, nodes, facing, candidates)
+                        shearing(place, cloth, memory, stencils, facing, stiffness, law, bend_law, kind)
+                        push_fibres(place, across, nodes, cloth, memory)
+                        push_fibres(place, down, nodes, cloth, memory)
+                        bending(place, nodes, stencils, facing, stiffness, bend_law, kind, memory.slopes)
+                        if ti.static(kind.with_contact):
                             touching(
-                                b, home, nodes, groups, x, v, f, contact_whole, contact_memory,
-                                contact_alone, material[b, 15], material[b, 16], lanes,
+                                b, home, count, groups, nodes.x, nodes.v, nodes.f, touch.contact_whole,
+                                touch.contact_memory, touch.contact_alone, stiffness.thickness, stiffness.density,
+                                kind.lanes,
                             )  # fmt: skip
                         give = 1.0 / (1.0 + 0.5 * dt * rate)
                         keep, push = give * (1.0 - 0.5 * dt * rate), give * dt
-                        fall0, fall1, fall2 = push * material[b, 10], push * material[b, 11], push * material[b, 12]
+                        fall0, fall1 = push * stiffness.gravity_x, push * stiffness.gravity_y
+                        fall2 = push * stiffness.gravity_z
                         if pull_gain > 0.0:
                             sample = now // steps_per_target
                             part = ti.cast(now - sample * steps_per_target, ti.f32) / ti.cast(steps_per_target, ti.f32)
                             pull_at_points(
-                                b,
-                                home,
-                                first_target + sample,
-                                part,
-                                pull_gain,
-                                pull_damping,
-                                moving,
-                                x,
-                                v,
-                                pull,
-                                point_first,
-                                point_nodes,
-                                point_weights,
-                                targets,
-                                trust,
-                            )
-                        for i in range(nodes):
-                            m, j = nodes * b + i, within(home + 3 * i)
-                            light = push * inverse_mass[m]
+                                b, home, first_target + sample, part, pull_gain, pull_damping, moving,
+                                nodes, points, puller,
+                            )  # fmt: skip
+                        for i in range(count):
+                            m, j = count * b + i, within(home + 3 * i)
+                            light = push * candidates.inverse_mass[m]
                             a0, a1, a2 = light * f[j] + fall0, light * f[j + 1] + fall1, light * f[j + 2] + fall2
-                            if ti.static(with_added_mass):
-                                n0, n1, n2 = normal[j], normal[j + 1], normal[j + 2]
-                                ratio = added_mass[m] * inverse_mass[m]
+                            if ti.static(kind.with_added_mass):
+                                n0, n1, n2 = facing.normal[j], facing.normal[j + 1], facing.normal[j + 2]
+                                ratio = candidates.added_mass[m] * candidates.inverse_mass[m]
                                 less = (a0 * n0 + a1 * n1 + a2 * n2) * ratio / (1.0 + ratio)
                                 a0, a1, a2 = a0 - less * n0, a1 - less * n1, a2 - less * n2
                             if pull_gain > 0.0:
@@ -348,28 +350,30 @@ def make_rollout(
                             x[n], x[n + 1], x[n + 2] = d0 - (y0 - x0), d1 - (y1 - x1), d2 - (y2 - x2)
                             v[j], v[j + 1], v[j + 2] = s0, s1, s2
                             x[j], x[j + 1], x[j + 2] = y0, y1, y2
-                            if ti.static(not with_bends):
+                            if ti.static(not kind.with_bends):
                                 ahead[j], ahead[j + 1], ahead[j + 2] = (
                                     y0 + bend_time * s0, y1 + bend_time * s1, y2 + bend_time * s2
                                 )  # fmt: skip
                             if step + 1 < last_step:  # the last forces are handed back
                                 f[j], f[j + 1], f[j + 2] = zero, zero, zero
-                        if ti.static(handles > 0):
+                        if ti.static(kind.handles > 0):
                             row, last_row = first_path + ti.max(step + 1, 0), first_path + now
-                            hold(home, row, last_row, lost, x, v, ahead, held, shares, path, 1.0 / dt, bend_time)
+                            hold(home, row, last_row, lost, nodes, grip, 1.0 / dt, bend_time)
                         step += 1
-                    lag = frame_lag[b, frame]
+                    lag = clock.frame_lag[b, frame]
                     for p in range(pull.shape[1]):
                         for c in ti.static(range(3)):
-                            seen[b, frame, p, c] = vec(0.0)
+                            results.seen[b, frame, p, c] = vec(0.0)
                         for n in range(point_first[p], point_first[p + 1]):
                             w, i = point_weights[n, 0], home + point_nodes[n]
                             for c in ti.static(range(3)):
-                                seen[b, frame, p, c] = seen[b, frame, p, c] + w * (x[i + c] + lag * v[i + c])
-                    if shapes.shape[1] > 1:  # room for one frame alone: they are not wanted
-                        for i in range(nodes):
+                                results.seen[b, frame, p, c] = results.seen[b, frame, p, c] + w * (
+                                    x[i + c] + lag * v[i + c]
+                                )
+                    if results.shapes.shape[1] > 1:  # room for one frame alone: they are not wanted
+                        for i in range(count):
                             for c in ti.static(range(3)):
                                 j = home + 3 * i + c
-                                shapes[b, frame, i, c] = x[j] + lag * v[j]
+                                results.shapes[b, frame, i, c] = x[j] + lag * v[j]
 
     return rollout

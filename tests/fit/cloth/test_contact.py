@@ -10,7 +10,7 @@ import pytest
 from benchmarks.contact import crossings, height_of_upper_layer, swung, turned_over
 from fit import runtime
 from fit.cloth.contact import DAMPING, OMEGA, Contact, surface_of
-from fit.cloth.kernel_arguments import contact_arguments, zeros
+from fit.cloth.kernel_arguments import contact_bundle, zeros
 from fit.cloth.mesh import build_mesh
 from fit.cloth.simulator import Simulator
 from fit.cloth.support import clamps
@@ -69,7 +69,7 @@ def pushed(cloth, contact, places, speeds=None):
     mesh, surface = cloth
     still = np.zeros_like(places)
     f = lanes(still)
-    arguments = contact_arguments(surface, contact, np.full((1, LANES), contact.thickness), len(mesh.rest))
+    arguments = contact_bundle(surface, contact, np.full((1, LANES), contact.thickness), len(mesh.rest))
     with runtime.vectors_kept():
         evaluate(
             lanes(places), lanes(still if speeds is None else speeds), f, *arguments,

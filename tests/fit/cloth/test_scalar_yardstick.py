@@ -51,7 +51,7 @@ def test_scalar_c_goes_where_the_kernel_goes(gentle, tmp_path, candidate):
     simulator, rows = gentle
     among = scalar.only_call(lambda: simulator.run(rows)).lane(candidate)
     alone = scalar.only_call(lambda: simulator.run(rows[candidate : candidate + 1]))
-    assert alone.made_with["lanes"] == min(runtime.lane_widths())
+    assert alone.made_with.lanes == min(runtime.lane_widths())
     expected = among.seen
     scalar.InC(among, scalar.build(scalar.find_compiler(), tmp_path, 1)).run()
     assert np.abs(among.seen - expected).max() < NEAR
@@ -66,7 +66,7 @@ def test_c_is_not_of_one_mesh_only(gentle, tmp_path):
     call = scalar.only_call(lambda: coarse.run(rows))
     expected = call.seen
     scalar.InC(call, scalar.build(scalar.find_compiler(), tmp_path, scalar.LANES)).run()
-    assert call.made_with["bend_lengths"] == (scalar.IN_LINES,)
+    assert call.made_with.bend_lengths == (scalar.IN_LINES,)
     assert np.abs(call.seen - expected).max() < NEAR
 
 

@@ -5,6 +5,12 @@
 the part of a flat plate's normal force C_N(angle) that is linear in the angle of attack: at small angles
 C_N = c sin(angle), so 1/2 rho |v|^2 A C_N = 1/2 rho c A |v| v_n, and with |v| ~ |v_t| there the above. (What is
 quadratic in v_n is `air_drag`.) A thin plate in potential flow has c = 2 pi, real strips of low aspect ratio 2 to 4.
+
+The amplitude is c, never negative.
+
+Believe it when cloth that moves along itself is pushed sideways. Swings in the plane of the cloth show lift. Swings
+square to the cloth show drag alone.
+
 Source: J. Katz, A. Plotkin, "Low-Speed Aerodynamics" (2001), section 5.4; S. F. Hoerner, "Fluid-Dynamic Lift" (1975),
 chapter 17 (low aspect ratio).
 """

@@ -2,6 +2,11 @@
 
     k_warp = k e^(a/2),  k_weft = k e^(-a/2);   B_warp, B_weft alike
 
+The amplitude is a: positive where warp, which runs down the cloth, is stiffer than weft.
+
+Believe it when the takes bend and load the cloth both ways. Cloth that hangs from one edge loads mostly the threads
+that run down.
+
 Source: orthotropic plate; warp over weft bending of 618 fabrics is 0.39 to 4.6 (5 to 95 %), median 1.48
 (ClothDrapeTester, SIGGRAPH Asia 2022).
 """

@@ -4,6 +4,11 @@
 
 with the axes of the hanger's frame as the columns of R (`formats.hanger`).
 
+The amplitude is d [m] along, down and out of the hanger's frame; positive lets the cloth hang further along that
+axis.
+
+Believe it when points near the held edge miss by the same vector in every take. A tape measure settles the question.
+
 Source: rigid-body kinematics; offsets of a few millimetres to centimetres are what a tape measure gives.
 """
 

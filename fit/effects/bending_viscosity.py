@@ -4,6 +4,12 @@
 
 The amplitude is eta per width. Base models with a bending damping time of their own hold it already, as far as that
 goes: 0.02 s, a loss of 13 % at 1 Hz. What is more viscous than that shows where their fit ends at the top of its range.
+
+The amplitude is eta, never negative.
+
+Believe it when small, quick folds die away sooner than the swing of the whole cloth. The base model's own bending
+damping ends at its bound then.
+
 Source: Kelvin-Voigt; P. Lahey & G. Heppler, J. Text. Inst. (2004): fabric bending as viscous plus frictional.
 """
 

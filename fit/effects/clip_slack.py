@@ -3,6 +3,11 @@
     held_k(t) = measured_k(t) ± (a / 2) x(t)
 
 towards each other for positive a, so that the top edge sags or folds between them.
+
+The amplitude is a: positive where the clips are nearer to each other than the rig says.
+
+Believe it when the top edge sags or folds in every take. Measure the distance between the clips.
+
 Source: kinematics; a tape measure over clips is off by 2 to 20 mm.
 """
 

@@ -5,8 +5,14 @@
 t0 is when tracked points on the held edge drop, or else just after the hanger's hardest jerk
 (`fit.recordings.held_edge`). A step in 50 ms shakes the cloth so sharply that fits make it too small where the true one
 takes another course. What of a slip this law does not tell (when, how long, a little sideways) turns the held edge: d
-at one end of an edge of 0.3 m turns it by d / 0.3 m, of which a third passes for a rotation of the hanger. Source:
-kinematics; slips of 0.5 to 10 mm are what clips allow.
+at one end of an edge of 0.3 m turns it by d / 0.3 m, of which a third passes for a rotation of the hanger.
+
+The amplitude is d, for the left and for the right clip; positive is downwards.
+
+Believe it when one take breaks off at one instant: before the slip the cloth fits, after the slip every point stays
+lower. Look at the clips after that take.
+
+Source: kinematics; slips of 0.5 to 10 mm are what clips allow.
 """
 
 from dataclasses import dataclass

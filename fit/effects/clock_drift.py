@@ -10,8 +10,14 @@ air's, which is quadratic in the velocity, were r^2 times as strong and every ti
 (Friction in bending and contact, effects of their own, are left as they are: 6 % of them at most.)
 
 Without that, a drift of 1 % would leave a free swing where it was while the points show it 1 % slower. 50 parts per
-million are half a millisecond after ten seconds, so that short takes cannot show an ordinary crystal's drift. Source:
-change of variables; quartz oscillators are within 10 to 500 ppm.
+million are half a millisecond after ten seconds, so that short takes cannot show an ordinary crystal's drift.
+
+The amplitude is d: positive where the points' clock is fast, so that the motion they show lags more and more.
+
+Believe it in long takes alone, where the lag between hanger and cloth grows from beginning to end. A lag that stays
+the same is a time offset.
+
+Source: change of variables; quartz oscillators are within 10 to 500 ppm.
 """
 
 from dataclasses import dataclass

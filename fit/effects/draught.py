@@ -6,6 +6,12 @@ the pressure in air that moves at w less that in still air (which is `air_drag`)
 that of a plate at any angle a to the flow, sin a = u_n / |u|: Duchemin's 2 sin a / (1 + sin^2 a) of the plate across
 the flow. A law of the normal part alone would miss most of a draught on cloth that is swung along itself: there the
 push grows with |v| w_n, not with w_n^2.
+
+The amplitude is the wind w [m/s] along the level axes x and y; positive blows along the axis.
+
+Believe it when cloth that should hang straight leans to one side in every take. A tilt of gravity leans heavy and
+light cloth alike; a draught leans light cloth more.
+
 Source: as `air_drag`; Duchemin's law and experiments that agree with it: S. P. Langley, "Experiments in Aerodynamics"
 (1891), chapters 3 and 4; ventilated rooms have 0.05 to 0.5 m/s (ISO 7730, section 6.2, draught rating).
 """

@@ -5,6 +5,12 @@
 a first-order low-pass of the points, exact for points that move in straight lines between frames. Like a late clock
 it has the cloth move later by tau, on a path that does, so that an observer's pull to late points is none; what is left
 is the filter ahead of that, y(t) = (h * x)(t + tau) for the simulated x, between frames by cubic splines.
+
+The amplitude is tau, never negative.
+
+Believe it when the points run behind and quick motion is also smaller than in the simulation. A late clock shifts the
+motion without making it smaller.
+
 Source: A. V. Oppenheim, A. S. Willsky, "Signals and Systems" (1997), section 6.5.
 """
 

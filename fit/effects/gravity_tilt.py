@@ -3,6 +3,12 @@
     g = 9.80665 (sin a_x, sin a_y, -sqrt(1 - sin^2 a_x - sin^2 a_y))        [m/s^2]
 
 Only the simulation's gravity is turned; the measured path of the hanger stays as it was measured.
+
+The amplitude is a_x and a_y; positive turns gravity towards the axis.
+
+Believe it when cloth at rest leans by the same angle in every take, whatever the cloth weighs. A plumb line settles
+the question.
+
 Source: geometry; hand-levelled sensors are off by 0.2 to 3 degrees (0.0035 to 0.05 rad). The bounds are little wider: a
 tilt of 5 degrees that fits is a draught or a force that nobody modelled.
 """

@@ -5,6 +5,11 @@
 with the level part a of the acceleration of the held edge's middle: a rod that hangs bends sideways and is stiff along
 itself, by EA/L over 3EI/L^3 = 16/3 (L/d)^2 of a round one. The amplitude is the compliance c [s^2]: in slow motion
 e = -c a, and c = 0 is rigid. Integrated exactly for an acceleration that is constant over each millisecond.
+
+The amplitude is c, never negative.
+
+Believe it when the cloth's held edge goes on trembling after the markers have stopped, at a few swings a second.
+
 Source: base-excited oscillator, J. P. Den Hartog, "Mechanical Vibrations" (1956), section 2.6; rods ring at 4 to 12 Hz.
 """
 

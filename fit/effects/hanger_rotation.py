@@ -9,6 +9,12 @@ show against the measured path (least squares of displacement on the place along
 smoothing as the path). s is their root mean square over the takes that are fitted to, so that the amplitude is the
 rotation's there; takes that turn more or less do so by as much. Points on the held edge measure the boundary and are
 not judged.
+
+The amplitude is a, of yaw and of roll; positive turns the way that the tracked edge shows.
+
+Believe it when the tracked points along the held edge turn and the markers do not. Without points on that edge this
+effect has nothing to go by.
+
 Source: small rotations, H. Goldstein, "Classical Mechanics" (1980), section 4.8.
 """
 

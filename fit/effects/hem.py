@@ -4,6 +4,12 @@
 
 with the extra mass per length mu [kg/m], the node's share l_i of the bottom edge, and the edge's length L. The garment
 was weighed as a whole, so what the hem gains the rest loses.
+
+The amplitude is mu, never negative.
+
+Believe it when the bottom edge hangs straighter than the rest, and the air slows it less. Look at the garment: a hem
+can be seen and weighed.
+
 Source: conservation of the weighed mass; sizes (1 to 3 times the cloth over 10 to 30 mm) from tailoring practice.
 """
 

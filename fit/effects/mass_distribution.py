@@ -3,6 +3,12 @@
     rho(x, y) = rho (1 + a_x xi + a_y eta),   xi, eta from -1 to 1 across and downwards
 
 at unchanged total mass (the garment was weighed as a whole).
+
+The amplitude is a_x and a_y; positive is heavier on the side of +x, and towards the bottom.
+
+Believe it when the cloth twists as it swings, or lags more at one side. Heavy markers on light cloth make such a
+slope.
+
 Source: conservation of the weighed mass; markers of 0.05 to 0.3 g each make 10 to 40 % of a swatch.
 """
 

@@ -4,6 +4,12 @@
 
 kappa_0 uniform over the garment, about the horizontal (the cloth curls up or down) and about the vertical (its sides
 curl); positive bends towards the outer normal n. W as in `fit.cloth.bends`.
+
+The amplitude is kappa_0 about the horizontal and about the vertical; positive curls towards the outer normal.
+
+Believe it when the cloth curls at rest, in every take to the same side of the cloth. Turn the cloth round: a curl
+turns with it, a draught does not.
+
 Source: E. Grinspun et al., "Discrete Shells" (SCA 2003), section 3 (rest angles); creases reach 1 to 40 1/m.
 """
 

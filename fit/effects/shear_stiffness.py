@@ -4,6 +4,12 @@
 
 Many simulators' cloth is built of warp and weft springs only and has none. Base models that have a shear stiffness of
 their own (`in_base`) contain this effect already; it is then fitted, not diagnosed.
+
+The amplitude is a, never negative.
+
+Believe it when the cloth is pulled at an angle to its threads, as between two corners. Cloth that hangs from a
+straight edge hardly shears.
+
 Source: St. Venant-Kirchhoff membrane; KES shear tests give 0.2 to 4 gf/(cm deg), that is 11 to 220 N/m per radian.
 """
 

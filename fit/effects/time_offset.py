@@ -3,7 +3,14 @@
     y(t) = x(t - tau)
 
 Applied to the simulated side: a cloth driven by the hanger as it was tau earlier is, at every instant, where the cloth
-was tau earlier. Noisy data are never shifted. Source: RGBench corrects a camera delay of 59.8 ms in one of its takes.
+was tau earlier. Noisy data are never shifted.
+
+The amplitude is tau; positive where the points come late.
+
+Believe it when the whole cloth lags or leads by the same time in slow and in fast motion. Two sensors with clocks of
+their own make it likely.
+
+Source: RGBench corrects a camera delay of 59.8 ms in one of its takes.
 """
 
 from dataclasses import dataclass

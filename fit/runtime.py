@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from fit.errors import FitError
 from formats.arrays import Floats
 
-JITTER = "HANGTIME_JITTER"  # names the variable that `jittered` reads
+JITTER_VARIABLE = "HANGTIME_JITTER"  # names the variable that `jittered` reads
 JITTER_SIZE = 1e-7  # standard deviation, of the cloth's size: about half a unit in the last place of single precision
 ALIGNMENT = 64  # bytes of the longest vectors: sixteen single numbers, or eight double ones
 CACHE = "TI_OFFLINE_CACHE_FILE_PATH"  # Taichi's own variable
@@ -66,13 +66,13 @@ def jittered(places: Floats) -> Floats:
     Raises:
         FitError: the variable holds something else than a whole number.
     """
-    told = os.environ.get(JITTER, "")
+    told = os.environ.get(JITTER_VARIABLE, "")
     if not told:
         return places
     if not told.isdecimal():
         raise FitError(
-            f"{JITTER} is {told!r}, not a whole number",
-            advice=f"set it to a seed such as {JITTER}=1, or unset it",
+            f"{JITTER_VARIABLE} is {told!r}, not a whole number",
+            advice=f"set it to a seed such as {JITTER_VARIABLE}=1, or unset it",
         )
     nodes = places.reshape(-1, places.shape[-2], 3)[0]
     size = float(np.linalg.norm(np.ptp(nodes, axis=0)))

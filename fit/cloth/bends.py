@@ -19,10 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.cloth import spectral
-from fit.cloth.elements import LOCAL_NODES, Elements, Grid, Stencils, joined_stencils
+from fit.cloth.elements import LOCAL_NODES, Elements, Grid, Integers, Stencils, joined_stencils
+from formats.arrays import Floats
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int32]
 Nodes = NDArray[np.int64]
 
 ROW_BEND, COLUMN_BEND, TWIST = range(3)  # second derivatives across, down, and mixed

@@ -36,7 +36,7 @@ the surface, weighted by area); P. Wriggers, "Computational Contact Mechanics" (
 
 Not seen: edge against edge, where no sample is within d of the other layer: layers may overlap by what a quad's
 plane misses of the curved surface, kappa l^2 / 8, 1 mm for quads of l = 25 mm bent by 15 1/m. Pieces nearer along the
-cloth than `NEAREST` quads do not meet: bending keeps them apart.
+cloth than `NEAREST_ALONG` quads do not meet: bending keeps them apart.
 """
 
 from __future__ import annotations
@@ -51,13 +51,12 @@ from fit.cloth.elements import CORNERS, Integers, Stencils, bilinear_slopes, joi
 from fit.cloth.mesh import ClothMesh
 from fit.errors import FitError
 from fit.recordings.bodies import Body
+from formats.arrays import Booleans, Floats
 
-Floats = NDArray[np.float64]
-
-OMEGA = 1000.0  # 1/s, of two layers against each other: well below the cloth's own highest frequency
-DAMPING = 0.3  # of the critical: layers come apart at about half of the speed at which they met
-FEWEST = 4  # quads along an element, one more than its order: fewer would need a shorter step
-NEAREST = 2.0  # mean quad diagonals along the cloth within which pieces do not meet
+CONTACT_OMEGA = 1000.0  # 1/s, of two layers against each other: well below the cloth's own highest frequency
+CONTACT_DAMPING = 0.3  # of the critical: layers come apart at about half of the speed at which they met
+FEWEST_QUADS = 4  # quads along an element, one more than its order: fewer would need a shorter step
+NEAREST_ALONG = 2.0  # mean quad diagonals along the cloth within which pieces do not meet
 WINDOW = 0.75  # of a quad's sides from its centre where it still meets samples
 BORDER = 0.25  # of its sides that a quad's window is wider where the cloth ends: whole up to the border
 STRETCHED = 1.15  # by which a quad may grow and still meet all that it should
@@ -121,7 +120,7 @@ class Surface:
     quads: Integers
     windows: Floats
     reach: Floats
-    may_meet: NDArray[np.bool_]
+    may_meet: Booleans
     carried: float
     rate: float
 
@@ -136,7 +135,7 @@ def surface_of(mesh: ClothMesh, spacing: float) -> Surface:
     """Return the surface of a mesh with samples about `spacing` [m] apart or less."""
     corners = mesh.rest[mesh.cells[:, CORNERS]]
     sides = np.linalg.norm(corners[:, [1, 3, 2, 0]] - corners[:, [0, 1, 3, 2]], axis=2)
-    division = max(FEWEST, int(np.ceil(float(sides.mean()) / spacing - 1e-9)))
+    division = max(FEWEST_QUADS, int(np.ceil(float(sides.mean()) / spacing - 1e-9)))
     local = np.linspace(-1.0, 1.0, division + 1)
     samples, index = _samples(mesh, local)
     area = np.bincount(index.ravel(), _areas(corners, local).ravel(), len(samples)).astype(float)
@@ -153,7 +152,9 @@ def surface_of(mesh: ClothMesh, spacing: float) -> Surface:
         quads=quads.astype(np.int32),
         windows=windows,
         reach=STRETCHED * windows.max(1) * diagonal,
-        may_meet=_far_apart(places, quads, _held_together(mesh, samples, places), NEAREST * float(diagonal.mean())),
+        may_meet=_far_apart(
+            places, quads, _held_together(mesh, samples, places), NEAREST_ALONG * float(diagonal.mean())
+        ),
         carried=float(np.bincount(samples.rows(), np.abs(samples.weights[:, 0])).max()),
         rate=_largest_rate(samples, area, mesh.node_area),
     )
@@ -198,7 +199,7 @@ def _areas(corners: Floats, local: Floats) -> Floats:
     return np.asarray(size * rule[:, None] * rule)
 
 
-def _at_border(quads: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _at_border(quads: NDArray[np.int64]) -> Booleans:
     """Which sides of each quad no other shares, (quads, 4): c d, a b, b d and a c."""
     sides = np.sort(quads[:, [[2, 3], [0, 1], [1, 3], [0, 2]]].reshape(-1, 2), axis=1)
     _, of, shared = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
@@ -215,9 +216,7 @@ def _held_together(mesh: ClothMesh, samples: Stencils, places: Floats) -> NDArra
     return np.asarray(held[np.argwhere(np.triu(same, 1))]).reshape(-1, 2)
 
 
-def _far_apart(
-    places: Floats, quads: NDArray[np.int64], joined: NDArray[np.int64], nearest: float
-) -> NDArray[np.bool_]:
+def _far_apart(places: Floats, quads: NDArray[np.int64], joined: NDArray[np.int64], nearest: float) -> Booleans:
     """Which samples and quads are farther apart along the cloth, over seams and `joined` too, (samples, quads)."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import dijkstra
@@ -250,4 +249,4 @@ def contact_rate(surface: Surface, *, is_layered: bool, has_bodies: bool) -> flo
     times the sum of A_s y_s^2, and with k = rho omega^2 / 2 an eigenvalue of LAYERS omega^2 `Surface.rate`; bodies add
     omega^2 of it.
     """
-    return OMEGA**2 * surface.rate * (LAYERS * is_layered + has_bodies)
+    return CONTACT_OMEGA**2 * surface.rate * (LAYERS * is_layered + has_bodies)

@@ -20,14 +20,13 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth.mesh import ClothMesh
+from formats.arrays import Floats
 
 if TYPE_CHECKING:
     from fit.recordings.recording import Recording
 
-Floats = NDArray[np.float64]
 Curve = Callable[[Floats], Floats]
 
 

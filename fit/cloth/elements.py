@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.cloth import spectral
+from formats.arrays import Floats
 
-Floats = NDArray[np.float64]
 Integers = NDArray[np.int32]
 LOCAL_NODES = np.stack([np.tile(spectral.NODES, spectral.WIDTH), np.repeat(spectral.NODES, spectral.WIDTH)], 1)
 CORNERS = [0, spectral.ORDER, spectral.WIDTH * spectral.ORDER, spectral.WIDTH**2 - 1]  # of an element's nodes

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit import runtime
 from fit.cloth import spectral
@@ -13,9 +12,8 @@ from fit.cloth.bundles import Membrane, Stencils, Touch
 from fit.cloth.contact import Contact, Surface
 from fit.cloth.lines import BETWEEN, bends_by_line, fibre_family, twist_scales
 from fit.cloth.mesh import ClothMesh, Integers
+from formats.arrays import Floats, Singles
 
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
 Numbers = TypeVar("Numbers", Floats, Singles, Integers)
 
 
@@ -63,7 +61,7 @@ def contact_bundle(surface: Surface, contact: Contact, thickness: Floats, nodes:
 
     thickness [m], (groups, lanes): distances at which layers are kept apart
     """
-    from fit.cloth.nearby import COUNTS, PANEL, SPOT
+    from fit.cloth.nearby import LIST_COUNTS, PANEL, SPOT
 
     samples, quads, bodies = len(surface.area), len(surface.quads), contact.bodies
     groups, lanes = thickness.shape
@@ -82,7 +80,7 @@ def contact_bundle(surface: Surface, contact: Contact, thickness: Floats, nodes:
     sizes = np.array([samples, quads, len(bodies), most, front])
     known = np.concatenate([sizes, 3 * surface.samples.nodes, SPOT * surface.quads.ravel(), surface.words()])
     # Room for every pair there is, hardly any of which is ever touched.
-    whole = np.zeros(len(known) + groups * (COUNTS + 2 * (samples + quads + most)), np.int32)
+    whole = np.zeros(len(known) + groups * (LIST_COUNTS + 2 * (samples + quads + most)), np.int32)
     whole[: len(known)] = known
     return Touch(contact_whole=whole, contact_memory=memory, contact_alone=alone)
 

@@ -31,9 +31,8 @@ from fit.cloth.material import RELAXATION_TIME
 from fit.cloth.mesh import Integers
 from fit.cloth.model import Group
 from fit.cloth.packing import Course, Task, plan
+from formats.arrays import Floats, Singles
 
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
 Numbers = TypeVar("Numbers", Floats, Singles, Integers)
 
 

@@ -16,12 +16,10 @@ Source: A. Solomonoff, "A fast algorithm for spectral differentiation", J. Compu
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth import spectral
 from fit.cloth.mesh import ClothMesh, Integers
-
-Singles = NDArray[np.float32]
+from formats.arrays import Singles
 
 IN_LINES = 0  # in the place of the number of nodes: samples or bends go by lines
 LINE_ENTRIES = 5  # of a line in the arrays of weights and of nodes; the last one of nodes means nothing

@@ -13,6 +13,7 @@ from fit.cloth.bends import RIMS, Bends, bends_of, free_bends
 from fit.cloth.elements import (
     Elements,
     Grid,
+    Integers,
     Lines,
     Samples,
     Stencils,
@@ -24,10 +25,8 @@ from fit.cloth.elements import (
 from fit.cloth.quads import distance_to, quadrilaterals
 from fit.errors import FitError
 from fit.recordings.held_edge import place_along
+from formats.arrays import Floats
 from formats.garment import Garment
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int32]
 
 LARGEST_BULGE = 0.02  # m by which the layers of a garment start apart
 STEEPEST_BULGE = 0.1  # of the distance to the nearest seam

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fit import runtime
 from fit.cloth import material as mat
 from fit.cloth.bundles import Row
-from fit.cloth.contact import DAMPING, OMEGA, Contact, Surface, contact_rate, surface_of, touching
+from fit.cloth.contact import CONTACT_DAMPING, CONTACT_OMEGA, Contact, Surface, contact_rate, surface_of, touching
 from fit.cloth.effect import Effect, columns_of
 from fit.cloth.kernel_arguments import membrane_bundle, stencil_bundle
 from fit.cloth.lines import bends_by_line, fibre_family
@@ -21,9 +21,7 @@ from fit.cloth.stability import unit_frequencies
 from fit.cloth.support import Support, Supporting, clamped, hanger
 from fit.errors import FitError
 from fit.recordings.recording import Recording
-
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
+from formats.arrays import Booleans, Floats, Singles
 
 SAFETY = 0.7  # of the linear limit: stretched and folded cloth is a little stiffer than flat cloth
 COARSEST_STEP = 1e-3  # s: swings, pulls and samples stay well resolved even for soft cloth
@@ -42,8 +40,8 @@ class Rollouts:
     """
 
     points: Floats
-    shapes: NDArray[np.float32] | None
-    forces: NDArray[np.float32] | None
+    shapes: Singles | None
+    forces: Singles | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -203,7 +201,7 @@ class ClothModel:
                 changed[i] = effect.material(changed[i], amplitudes[i, self.columns[k]])
         return changed
 
-    def _needs_effects(self, amplitudes: Floats) -> NDArray[np.bool_]:
+    def _needs_effects(self, amplitudes: Floats) -> Booleans:
         """Which candidates have an effect that the plain kernel does not know."""
         needed = np.zeros(len(amplitudes), bool)
         for effect, columns in zip(self.effects, self.columns, strict=True):
@@ -224,7 +222,7 @@ class ClothModel:
                 found += [effect.contact_thickness(row) for row in amplitudes[:, columns]]
         return found
 
-    def _touches(self, amplitudes: Floats) -> NDArray[np.bool_]:
+    def _touches(self, amplitudes: Floats) -> Booleans:
         """Which candidates touch themselves or bodies."""
         return (self.thickness(amplitudes) > 0) | bool(self.contact.bodies)
 
@@ -265,7 +263,7 @@ class ClothModel:
         viscous = 1 + materials[:, mat.VISCOSITY] / RELAXATION_TIME
         omega = np.sqrt((membrane * viscous + bend + contact) / density)
         damping = membrane * materials[:, mat.MEMBRANE_TIME] + bend * materials[:, mat.BENDING_TIME]
-        damping += contact * 2 * DAMPING / OMEGA
+        damping += contact * 2 * CONTACT_DAMPING / CONTACT_OMEGA
         zeta = damping / density / (2 * omega)
         return np.asarray(SAFETY * 2 / omega * (np.sqrt(1 + zeta**2) - zeta))
 

@@ -33,7 +33,7 @@ MOVED = 2.5  # times `NEAR` that a sample may have moved against the plane of a 
 SPOT, PANEL, BODY = 9, 30, 16  # numbers of a sample, a quad and a body
 CENTRE, NORMAL, FIRST, SECOND, SPEED, SPEED_1, SPEED_2, FORCE = 0, 3, 6, 9, 12, 15, 18, 21  # of a quad's numbers
 MARKED, WATCHING, PAIRS, SPOTS, PANELS, BODIES = range(6)  # of the counts; MARKED: whether there are lists
-COUNTS = 6
+LIST_COUNTS = 6
 HEADER = 5  # sizes at the front of `whole`
 WORD = 32  # bits
 TINY = 1e-20
@@ -217,10 +217,10 @@ def choose(
 ):  # fmt: skip
     """List those watched that are within `NEAR` of contact, and who takes part in them."""
     samples, count, bodies, most = whole[0], whole[1], whole[2], whole[3]
-    listed, pairs = COUNTS + samples + count, COUNTS + 2 * (samples + count)
+    listed, pairs = LIST_COUNTS + samples + count, LIST_COUNTS + 2 * (samples + count)
     found, with_bodies, in_pairs, facing = 0, 0, 0, 0
     for n in range(samples + count):
-        whole[mine + COUNTS + n] = 0
+        whole[mine + LIST_COUNTS + n] = 0
     for n in range(whole[mine + WATCHING]):
         code = whole[mine + watched + n]
         s, q, body = code // count, code % count, -1
@@ -234,22 +234,22 @@ def choose(
             at, windows = within(first + SPOT * s), 17 * samples + count + 4 * q
             memory[gauge] = beside(at, within(front + PANEL * q), windows, memory, alone, thickness)
         if least(alone, gauge * lanes, lanes) < 0.0:
-            whole[mine + COUNTS + s] = 1
+            whole[mine + LIST_COUNTS + s] = 1
             if body < 0:
                 whole[mine + pairs + found] = code
                 found += 1
-                whole[mine + COUNTS + samples + q] = 1
+                whole[mine + LIST_COUNTS + samples + q] = 1
                 for k in range(4):
-                    whole[mine + COUNTS + whole[HEADER + 16 * samples + 4 * q + k] // SPOT] = 1
+                    whole[mine + LIST_COUNTS + whole[HEADER + 16 * samples + 4 * q + k] // SPOT] = 1
             else:
                 with_bodies += 1
                 whole[mine + pairs + most - with_bodies] = s * bodies + body
     for s in range(samples):
-        if whole[mine + COUNTS + s] == 1:
+        if whole[mine + LIST_COUNTS + s] == 1:
             whole[mine + listed + in_pairs] = s
             in_pairs += 1
     for q in range(count):
-        if whole[mine + COUNTS + samples + q] == 1:
+        if whole[mine + LIST_COUNTS + samples + q] == 1:
             facing += 1
             whole[mine + listed + samples + count - facing] = q
     whole[mine + PAIRS], whole[mine + BODIES] = found, with_bodies
@@ -295,7 +295,7 @@ def find_pairs(
     samples, count, bodies, most = whole[0], whole[1], whole[2], whole[3]
     numbers = 17 * samples + 5 * count + BODY * bodies
     carried, clearance, thickness = alone[numbers], alone[numbers + 2], alone[numbers + 3 + b]
-    before, watched = then + 3 * nodes * groups, COUNTS + 2 * (samples + count) + most
+    before, watched = then + 3 * nodes * groups, LIST_COUNTS + 2 * (samples + count) + most
     margin = NEAR
     if whole[mine + WATCHING] == 0:
         margin = WATCHED

@@ -18,9 +18,6 @@ from numpy.typing import NDArray
 from fit import runtime
 from fit.cloth.model import Group
 
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
-
 COST = {1: 1.0, 8: 1.15, 16: 1.5}  # of a group by its lanes: processors add eight numbers about as fast as one
 TASKS = 8  # per processor and call: a call cannot be interrupted
 MOST_NUMBERS = 2**28  # single numbers in a call, 1 GB: calls are shorter and lanes fewer than that, where they can be

@@ -18,21 +18,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.errors import FitError
+from formats.arrays import Booleans, Floats
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+Indices = NDArray[np.int64]
 
 CLEAR = 0.45  # of the side of a square: inner corners keep that far from the outline
 WORST_SHAPE = 0.35  # least sine of a corner's angle for which two triangles are joined
 SIDES = 1.0 + 0.02 * np.array(sorted(range(-17, 6), key=abs))  # of the wanted side: lattices that are tried
 BETTER = 1.2  # by which another lattice's shortest side must be longer to be taken
 LONG_ENOUGH = 0.45  # of the wanted side: a shortest side with which no other lattice is tried
-SHORTEST = 6e-3  # m: stretch of 1000 N/m on 0.2 kg/m^2 then takes a step of 12 us, near the shortest there is
+SHORTEST_SIDE = 6e-3  # m: stretch of 1000 N/m on 0.2 kg/m^2 then takes a step of 12 us, near the shortest there is
 FLATTEST = 1e-3  # of the squared side: triangles with less area lie along a side and are none
-MOST_HALVINGS = 30  # rounds; each halves the sides that the triangulation lacks, down to a quarter of SHORTEST
+MOST_HALVINGS = 30  # rounds; each halves the sides that the triangulation lacks, down to a quarter of SHORTEST_SIDE
 
 
-def quadrilaterals(loops: Sequence[Floats], side: float, *, name: str = "") -> tuple[Floats, Integers]:
+def quadrilaterals(loops: Sequence[Floats], side: float, *, name: str = "") -> tuple[Floats, Indices]:
     """Return corners [m], (corners, 2), and quadrilaterals, (n, 4), of sides about `side` [m] long.
 
     loops: corners of the outline, (n, 2) each, then those of the holes, in any sense of rotation.
@@ -51,11 +51,12 @@ def quadrilaterals(loops: Sequence[Floats], side: float, *, name: str = "") -> t
                 break
     places, faces = best or _divided(*_polygons(loops, 2 * side, name))
     shortest = _shortest(places, faces)
-    if shortest < SHORTEST:
+    if shortest < SHORTEST_SIDE:
         raise FitError(
             f"the outline makes elements with sides of {1e3 * shortest:.1f} mm, too small for any step",
             where=name,
-            advice=f"leave out corners: sides of the outline, its holes and gaps need {2e3 * SHORTEST:.0f} mm or more",
+            advice="leave out corners: sides of the outline, its holes and gaps need "
+            f"{2e3 * SHORTEST_SIDE:.0f} mm or more",
         )
     return places, np.array([_along_threads(places[face], face) for face in faces])
 
@@ -70,7 +71,7 @@ def distance_to(places: Floats, loops: Sequence[Floats]) -> Floats:
     return nearest
 
 
-def is_inside(places: Floats, loops: Sequence[Floats]) -> NDArray[np.bool_]:
+def is_inside(places: Floats, loops: Sequence[Floats]) -> Booleans:
     """Whether places, (n, 2), lie inside the outline and in no hole: a ray crosses an odd number of sides."""
     crossings = np.zeros(len(places), int)
     for loop in loops:
@@ -86,7 +87,7 @@ def _cross(a: Floats, b: Floats) -> Floats:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
-def _polygons(loops: Sequence[Floats], side: float, name: str) -> tuple[Floats, list[Integers]]:
+def _polygons(loops: Sequence[Floats], side: float, name: str) -> tuple[Floats, list[Indices]]:
     """Triangles and quadrilaterals, as corners of `places`."""
     places, sides = _rim(loops, side)
     inner = _squares(loops, side)
@@ -94,7 +95,7 @@ def _polygons(loops: Sequence[Floats], side: float, name: str) -> tuple[Floats, 
     return places, _joined(places, triangles)
 
 
-def _rim(loops: Sequence[Floats], side: float) -> tuple[Floats, Integers]:
+def _rim(loops: Sequence[Floats], side: float) -> tuple[Floats, Indices]:
     """Corners along all sides, (n, 2), and the pieces of sides between them, (n, 2)."""
     places: list[Floats] = []
     pieces: list[tuple[int, int]] = []
@@ -118,8 +119,8 @@ def _squares(loops: Sequence[Floats], side: float) -> Floats:
 
 
 def _triangles(
-    rim: Floats, pieces: Integers, inner: Floats, loops: Sequence[Floats], side: float, name: str
-) -> tuple[Floats, Integers]:
+    rim: Floats, pieces: Indices, inner: Floats, loops: Sequence[Floats], side: float, name: str
+) -> tuple[Floats, Indices]:
     """Delaunay triangles that have every piece of a side as an edge."""
     from scipy.spatial import Delaunay
 
@@ -133,7 +134,7 @@ def _triangles(
             area = np.abs(_cross(b - a, c - a)) / 2
             kept = triangles[is_inside((a + b + c) / 3, loops) & (area > FLATTEST * side**2)]
             return places, kept.astype(np.int64)
-        if np.linalg.norm(np.diff(rim[pieces[lacking]], axis=1), axis=2).min() < SHORTEST / 4:
+        if np.linalg.norm(np.diff(rim[pieces[lacking]], axis=1), axis=2).min() < SHORTEST_SIDE / 4:
             break
         middles = rim[pieces[lacking]].mean(1)
         number = len(rim) + np.arange(len(middles))
@@ -148,7 +149,7 @@ def _triangles(
     )
 
 
-def _joined(places: Floats, triangles: Integers) -> list[Integers]:
+def _joined(places: Floats, triangles: Indices) -> list[Indices]:
     """Pairs of triangles as quadrilaterals, and the triangles that are left."""
     owners: dict[tuple[int, int], list[tuple[int, int]]] = {}
     for t, corners in enumerate(triangles):
@@ -171,7 +172,7 @@ def _joined(places: Floats, triangles: Integers) -> list[Integers]:
     return faces + list(triangles[is_free])
 
 
-def _shortest(places: Floats, faces: list[Integers]) -> float:
+def _shortest(places: Floats, faces: list[Indices]) -> float:
     """Length of the shortest side [m]."""
     return float(min(np.linalg.norm(places[face] - places[np.roll(face, 1)], axis=1).min() for face in faces))
 
@@ -183,7 +184,7 @@ def _shape(ring: Floats) -> float:
     return float(max(sines.min(), (-sines).min()))
 
 
-def _divided(places: Floats, faces: list[Integers]) -> tuple[Floats, list[Integers]]:
+def _divided(places: Floats, faces: list[Indices]) -> tuple[Floats, list[Indices]]:
     """One quadrilateral at every corner of every face, up to the middles of its sides and of the face."""
     found = list(places)
     middles: dict[tuple[int, int], int] = {}
@@ -207,7 +208,7 @@ def _divided(places: Floats, faces: list[Integers]) -> tuple[Floats, list[Intege
     return np.array(found), quads
 
 
-def _along_threads(ring: Floats, face: Integers) -> Integers:
+def _along_threads(ring: Floats, face: Indices) -> Indices:
     """The same quadrilateral as top left, top right, bottom right, bottom left: its rows run along X, not Y."""
     if _cross(ring[1] - ring[0], ring[2] - ring[1]) > 0:
         ring, face = ring[::-1], face[::-1]  # clockwise, with y up

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fit.cloth.launch import launch
 from fit.cloth.model import ClothModel, Rollouts
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 
 class Simulator(ClothModel):

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 ORDER = 3  # polynomials in an element
 WIDTH = ORDER + 1  # nodes along an element

@@ -33,13 +33,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth.mesh import ClothMesh, Integers
 from fit.errors import FitError
 from fit.recordings.recording import LONGEST_BRIDGE, Curve, Recording
-
-Floats = NDArray[np.float64]
+from formats.arrays import Booleans, Floats
 
 GRAVITY = 9.80665  # m/s^2
 ON_LINE = 1e-3  # m from a line within which points say nothing of the cloth beside it
@@ -83,7 +81,7 @@ class Clamp:
     frame: (n,) instants [s] -> (n, 9): images of the flat cloth's origin [m], of its x axis and of its y axis
     """
 
-    holds: Callable[[Floats], NDArray[np.bool_]]
+    holds: Callable[[Floats], Booleans]
     frame: Curve
 
 

@@ -7,14 +7,14 @@ Places, lists and memory are those of `fit.cloth.nearby`.
 
 import taichi as ti
 
-from fit.cloth.contact import DAMPING, OMEGA, WINDOW
+from fit.cloth.contact import CONTACT_DAMPING, CONTACT_OMEGA, WINDOW
 from fit.cloth.lanes import magnitude, within
 from fit.cloth.nearby import (
     BODIES,
     BODY,
-    COUNTS,
     FORCE,
     HEADER,
+    LIST_COUNTS,
     NORMAL,
     PAIRS,
     PANEL,
@@ -137,12 +137,12 @@ def touching(
     then = whole[4] + (SPOT * samples + PANEL * count) * groups + 3 * nodes * b
     gauge = whole[4] + (SPOT * samples + PANEL * count + 6 * nodes) * groups + b
     mine = HEADER + 16 * samples + 4 * count + samples * ((count + WORD - 1) // WORD)
-    mine += b * (COUNTS + 2 * (samples + count + most))
+    mine += b * (LIST_COUNTS + 2 * (samples + count + most))
     find_pairs(b, mine, home, nodes, first, front, then, gauge, x, whole, memory, alone, groups, lanes)
     bodies_at = 17 * samples + 5 * count
     friction, clearance = alone[bodies_at + BODY * bodies + 1], alone[bodies_at + BODY * bodies + 2]
-    listed, pairs = COUNTS + samples + count, COUNTS + 2 * (samples + count)
-    stiffness, viscosity = 0.5 * OMEGA * OMEGA * density, DAMPING * OMEGA * density
+    listed, pairs = LIST_COUNTS + samples + count, LIST_COUNTS + 2 * (samples + count)
+    stiffness, viscosity = 0.5 * CONTACT_OMEGA * CONTACT_OMEGA * density, CONTACT_DAMPING * CONTACT_OMEGA * density
     for n in range(whole[mine + SPOTS]):
         s = whole[mine + listed + n]
         at = within(first + SPOT * s)

@@ -17,7 +17,8 @@ from typing import ClassVar
 import numpy as np
 
 from fit.cloth import material as mat
-from fit.cloth.effect import Effect, Floats
+from fit.cloth.effect import Effect
+from formats.arrays import Floats
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from fit.cloth.effect import Curve, Effect, Floats
+from fit.cloth.effect import Curve, Effect
 from fit.recordings.recording import Recording
+from formats.arrays import Floats
 
 
 def hanger_axes(ends: Floats) -> Floats:

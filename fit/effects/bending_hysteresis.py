@@ -17,7 +17,8 @@ P. R. Dahl, "A solid friction model" (1968). KES: 2HB of apparel is 1e-4 to 1e-3
 from dataclasses import dataclass
 from typing import ClassVar
 
-from fit.cloth.effect import Effect, Floats
+from fit.cloth.effect import Effect
+from formats.arrays import Floats
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from fit.cloth.effect import Curve, Effect, Floats
+from fit.cloth.effect import Curve, Effect
 from fit.recordings.recording import Recording
+from formats.arrays import Floats
 
 DURATION = 0.1  # s that a slip takes
 

@@ -26,8 +26,9 @@ from typing import ClassVar
 import numpy as np
 
 from fit.cloth import material as mat
-from fit.cloth.effect import Curve, Effect, Floats
+from fit.cloth.effect import Curve, Effect
 from fit.recordings.recording import Recording
+from formats.arrays import Floats
 
 
 @dataclass(frozen=True)

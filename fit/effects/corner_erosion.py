@@ -19,10 +19,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from fit.cloth.effect import Effect, Floats
+from fit.cloth.effect import Effect
 from fit.recordings.recording import Recording
+from formats.arrays import Floats
 
-NEAR = 0.12  # of the garment's smaller side: points nearer to a corner of the outline than this sit at it
+AT_CORNER = 0.12  # of the garment's smaller side: points nearer to a corner of the outline than this sit at it
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class CornerErosion(Effect):
         places = np.array([p.at_m for p in recording.garment.points])
         half = 0.5 * float(np.ptp(outline, axis=0).min())
         free = outline[outline[:, 1] < outline[:, 1].max() - half]
-        at_corner = (np.linalg.norm(places[:, None] - free[None], axis=2) < NEAR * half * 2).any(1)
+        at_corner = (np.linalg.norm(places[:, None] - free[None], axis=2) < AT_CORNER * half * 2).any(1)
         inwards = points.mean(1, keepdims=True) - points
         unit = inwards / np.maximum(np.linalg.norm(inwards, axis=2, keepdims=True), 1e-9)
         return np.asarray(points + amplitude[0] * at_corner[:, None] * unit + amplitude[1] / half * inwards)

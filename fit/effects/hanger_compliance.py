@@ -18,11 +18,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from fit.cloth.effect import Curve, Effect, Floats
+from fit.cloth.effect import Curve, Effect
 from fit.recordings.recording import Recording
+from formats.arrays import Floats
 
-DAMPING = 0.1  # 1, share of critical damping of a rod in a hand
-GRID = 1e-3  # s
+ROD_DAMPING = 0.1  # 1, share of critical damping of a rod in a hand
+ROD_STEP = 1e-3  # s
 
 
 @dataclass(frozen=True)
@@ -43,12 +44,12 @@ class HangerCompliance(Effect):
         """Return the path of the held ends with the bending of the rod."""
         if amplitude[0] == 0.0:
             return path
-        time = np.arange(0.0, recording.duration + 0.1, GRID)
+        time = np.arange(0.0, recording.duration + 0.1, ROD_STEP)
         middle = path(time).reshape(-1, 2, 3).mean(1)
-        acceleration = np.gradient(np.gradient(middle, GRID, axis=0), GRID, axis=0)
+        acceleration = np.gradient(np.gradient(middle, ROD_STEP, axis=0), ROD_STEP, axis=0)
         acceleration[:2] = acceleration[-2:] = 0.0
         acceleration[:, 2] = 0.0
-        bent = respond(acceleration, GRID, 1.0 / np.sqrt(float(amplitude[0])))
+        bent = respond(acceleration, ROD_STEP, 1.0 / np.sqrt(float(amplitude[0])))
 
         def drive(instants: Floats) -> Floats:
             aside = np.stack([np.interp(instants, time, bent[:, c]) for c in range(3)], 1)
@@ -62,7 +63,7 @@ def respond(acceleration: Floats, dt: float, omega: float) -> Floats:
     from scipy.linalg import expm
     from scipy.signal import lfilter, ss2tf
 
-    system = np.array([[0.0, 1.0, 0.0], [-(omega**2), -2 * DAMPING * omega, -1.0], [0.0, 0.0, 0.0]])
+    system = np.array([[0.0, 1.0, 0.0], [-(omega**2), -2 * ROD_DAMPING * omega, -1.0], [0.0, 0.0, 0.0]])
     whole = expm(system * dt)
     gains, poles = ss2tf(whole[:2, :2], whole[:2, 2:], np.array([[1.0, 0.0]]), np.zeros((1, 1)))
     return np.asarray(lfilter(gains[0], poles, acceleration, axis=0))

@@ -16,8 +16,9 @@ Source: conservation of the weighed mass; sizes (1 to 3 times the cloth over 10 
 from dataclasses import dataclass
 from typing import ClassVar
 
-from fit.cloth.effect import Effect, Floats
+from fit.cloth.effect import Effect
 from fit.cloth.mesh import ClothMesh
+from formats.arrays import Floats
 
 LARGEST_SHARE = 0.8  # of the garment's mass that may sit in the hem, so that every node keeps some mass
 

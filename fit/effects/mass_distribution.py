@@ -17,10 +17,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from fit.cloth.effect import Effect, Floats
+from fit.cloth.effect import Effect
 from fit.cloth.mesh import ClothMesh
+from formats.arrays import Floats
 
-LEAST_SHARE = 0.1  # of its mass that every node keeps
+LEAST_MASS = 0.1  # of its mass that every node keeps
 
 
 @dataclass(frozen=True)
@@ -42,5 +43,5 @@ class MassDistribution(Effect):
             return mass
         middle, half = (mesh.rest.max(0) + mesh.rest.min(0)) / 2, np.ptp(mesh.rest, axis=0) / 2
         place = (mesh.rest - middle) / half * [1.0, -1.0]
-        tilted = mass * np.maximum(1 + place @ amplitude, LEAST_SHARE)
+        tilted = mass * np.maximum(1 + place @ amplitude, LEAST_MASS)
         return np.asarray(tilted * (mass.sum() / tilted.sum()))

@@ -19,8 +19,9 @@ from typing import ClassVar
 import numpy as np
 
 from fit.cloth.bends import COLUMN_BEND, ROW_BEND
-from fit.cloth.effect import Effect, Floats
+from fit.cloth.effect import Effect
 from fit.cloth.mesh import ClothMesh
+from formats.arrays import Floats
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,8 @@ Source: R. Bridson, R. Fedkiw, J. Anderson, "Robust treatment of collisions, con
 from dataclasses import dataclass
 from typing import ClassVar
 
-from fit.cloth.effect import Effect, Floats
+from fit.cloth.effect import Effect
+from formats.arrays import Floats
 
 
 @dataclass(frozen=True)

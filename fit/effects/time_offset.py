@@ -16,8 +16,9 @@ Source: RGBench corrects a camera delay of 59.8 ms in one of its takes.
 from dataclasses import dataclass
 from typing import ClassVar
 
-from fit.cloth.effect import Curve, Effect, Floats
+from fit.cloth.effect import Curve, Effect
 from fit.recordings.recording import Recording
+from formats.arrays import Floats
 
 
 @dataclass(frozen=True)

@@ -21,11 +21,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from fit.cloth.effect import Effect, Floats
+from fit.cloth.effect import Effect
 from fit.recordings.recording import Recording
+from formats.arrays import Floats
 
 ACROSS = 0.7  # cosine below which a pair of neighbours lies across another: more than 45 degrees from it
-FARTHEST = 2.0  # times as far as the nearest pair, within which one across it is a neighbour
+FARTHEST_PAIR = 2.0  # times as far as the nearest pair, within which one across it is a neighbour
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,9 @@ def opposite_neighbours(places: Floats) -> Floats:
             continue
         chosen = other & (reach <= 1.01 * reach[other].min())
         along = (places[q] - places[p]) / np.maximum(reach, tolerance)[:, None]
-        across = other & (np.abs(along @ along[chosen].T).max(1) < ACROSS) & (reach < FARTHEST * reach[chosen].min())
+        across = (
+            other & (np.abs(along @ along[chosen].T).max(1) < ACROSS) & (reach < FARTHEST_PAIR * reach[chosen].min())
+        )
         if across.any():
             chosen |= across & (reach <= 1.01 * reach[across].min())
         np.add.at(mixing[p], q[chosen], 1.0 / chosen.sum())

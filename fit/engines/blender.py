@@ -19,7 +19,6 @@ Blender manual, "Physics", "Cloth", "Settings".
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth.effect import Effect
 from fit.cloth.model import Resolution
@@ -28,15 +27,14 @@ from fit.errors import FitError
 from fit.foreign.process import BLENDER, ForeignProcess
 from fit.methods.method import Parameterisation
 from fit.recordings.recording import Recording
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 # Frames a second that Blender simulates; the recording's instants are interpolated. Measured with 5.0.1, and so tested
 # with 5.2.3: its cloth advances by 1/30 s a frame whatever the scene's frame rate is (24 to 60 tried), so no other rate
 # keeps time.
 FPS = 30
 LEAD, SETTLE = 0.5, 1.5  # s to reach the first held ends, and to come to rest
-SHEAR_SHARE = 0.1
+SHEAR_OF_TENSION = 0.1  # 1, as in `fit.methods.kinect_skirt`
 MOST_AIR = 10.0  # Blender's largest air_damping
 AIR_RATE = 0.01  # N s/m per vertex and unit of air_damping
 FRAMES_PER_SECOND_OF_VELOCITY = 25.0
@@ -88,7 +86,7 @@ def blender_settings(vectors: Floats) -> Floats:
     mass, struct, bend, spring, air, velocity = vectors.T
     rate = AIR_RATE * air / mass - FRAMES_PER_SECOND_OF_VELOCITY * np.log(velocity)
     shrink = np.minimum(1.0, MOST_AIR * AIR_RATE / (rate * mass))
-    scaled = np.stack([mass, struct, bend, spring, rate * mass / AIR_RATE, SHEAR_SHARE * struct], 1)
+    scaled = np.stack([mass, struct, bend, spring, rate * mass / AIR_RATE, SHEAR_OF_TENSION * struct], 1)
     return np.asarray(scaled * shrink[:, None])
 
 

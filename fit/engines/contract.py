@@ -9,16 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fit.cloth.effect import Effect
 from fit.cloth.model import Resolution
 from fit.cloth.simulator import Simulator
 from fit.methods import Parameterisation
 from fit.recordings.recording import Recording
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 
 class Engine(Protocol):

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from fit.cloth.elements import grid_places
 from fit.errors import FitError
+from formats.arrays import Floats
 from formats.garment import Garment
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -28,14 +28,14 @@ class PlainGrid:
     """
 
     rest: Floats
-    quads: Integers
-    held_nodes: Integers
+    quads: Indices
+    held_nodes: Indices
     held_fraction: Floats
-    point_nodes: Integers
+    point_nodes: Indices
     point_weights: Floats
 
     @property
-    def triangles(self) -> Integers:
+    def triangles(self) -> Indices:
         """The same surface for drawing, (2 faces, 3)."""
         return np.concatenate([self.quads[:, :3], self.quads[:, [0, 2, 3]]])
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from fit.errors import FitError
 
-WORKERS = Path(__file__).with_name("workers")
+WORKER_FOLDER = Path(__file__).with_name("workers")
 READY = "ready "
 CLOSING_TIME = 10.0  # s that a program may take to end after its last job
 
@@ -59,7 +59,7 @@ class Foreign:
         )
 
 
-BLENDER = Foreign("Blender", "bpy", "blender", "HANGTIME_BLENDER_PYTHON", WORKERS / "blender_worker.py")
+BLENDER = Foreign("Blender", "bpy", "blender", "HANGTIME_BLENDER_PYTHON", WORKER_FOLDER / "blender_worker.py")
 
 
 class ForeignProcess:
@@ -77,7 +77,7 @@ class ForeignProcess:
         try:
             self._process = subprocess.Popen(
                 [foreign.python, str(foreign.script)], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                stderr=self._log, text=True, env={**os.environ, "PYTHONPATH": str(WORKERS)},
+                stderr=self._log, text=True, env={**os.environ, "PYTHONPATH": str(WORKER_FOLDER)},
                 cwd=self._folder.name,  # simulators write logs where they are started
             )  # fmt: skip
         except OSError as error:

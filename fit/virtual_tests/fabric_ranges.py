@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fit.virtual_tests.kes import BENDING, SHEAR, TENSION, WEIGHT
+from fit.virtual_tests.kes import BENDING_UNIT, SHEAR_UNIT, TENSION_UNIT, WEIGHT_UNIT
 
-SHARES = (5.0, 25.0, 50.0, 75.0, 95.0)  # per cent
+PERCENTILES = (5.0, 25.0, 50.0, 75.0, 95.0)  # per cent
 
 
 @dataclass(frozen=True)
@@ -44,19 +44,19 @@ TEN = (
 )
 
 QUANTILES = {
-    "weight": tuple(value / WEIGHT for value in (0.031, 0.104, 0.197, 0.294, 0.488)),
-    "bending warp": tuple(value / BENDING for value in (1.1e-6, 4.1e-6, 1.4e-5, 3.6e-5, 1.1e-4)),
-    "bending weft": tuple(value / BENDING for value in (0.9e-6, 3.3e-6, 0.9e-5, 2.4e-5, 5.0e-5)),
+    "weight": tuple(value / WEIGHT_UNIT for value in (0.031, 0.104, 0.197, 0.294, 0.488)),
+    "bending warp": tuple(value / BENDING_UNIT for value in (1.1e-6, 4.1e-6, 1.4e-5, 3.6e-5, 1.1e-4)),
+    "bending weft": tuple(value / BENDING_UNIT for value in (0.9e-6, 3.3e-6, 0.9e-5, 2.4e-5, 5.0e-5)),
 }
 
 
 def range_of_ten(quantity: str) -> tuple[float, float]:
     """Return the least and the largest of the ten in KES units: weight, slope, shear or bending."""
     values = {
-        "weight": [f.density / WEIGHT for f in TEN],
-        "slope": [k / TENSION for f in TEN for k in f.stretch],
-        "shear": [f.shear_constant / 4 / SHEAR for f in TEN],
-        "bending": [b / BENDING for f in TEN for b in f.bending],
+        "weight": [f.density / WEIGHT_UNIT for f in TEN],
+        "slope": [k / TENSION_UNIT for f in TEN for k in f.stretch],
+        "shear": [f.shear_constant / 4 / SHEAR_UNIT for f in TEN],
+        "bending": [b / BENDING_UNIT for f in TEN for b in f.bending],
     }[quantity]
     return float(min(values)), float(max(values))
 
@@ -68,4 +68,4 @@ def share_below(quantity: str, value: float) -> str:
         return "less than 95 % of them"
     if value > marks[-1]:
         return "more than 95 % of them"
-    return f"more than {float(np.interp(np.log(value), np.log(marks), SHARES)):.0f} % of them"
+    return f"more than {float(np.interp(np.log(value), np.log(marks), PERCENTILES)):.0f} % of them"

@@ -28,12 +28,12 @@ import numpy as np
 from fit.cloth.material import REFERENCE_CURVATURE
 
 GRAM_FORCE = 9.80665e-3  # N
-TENSION = GRAM_FORCE / 1e-2  # N/m per gf/cm; also J/m^2 per gf cm/cm^2
-SHEAR = TENSION / np.radians(1.0)  # N/m per gf/(cm degree)
-BENDING = GRAM_FORCE * 1e-2  # N m per gf cm^2/cm
-HYSTERESIS = GRAM_FORCE  # N per gf cm/cm
-WEIGHT = 1e-2  # kg/m^2 per mg/cm^2
-LARGEST_TENSION = 500.0 * TENSION  # N/m, the standard condition
+TENSION_UNIT = GRAM_FORCE / 1e-2  # N/m per gf/cm; also J/m^2 per gf cm/cm^2
+SHEAR_UNIT = TENSION_UNIT / np.radians(1.0)  # N/m per gf/(cm degree)
+BENDING_UNIT = GRAM_FORCE * 1e-2  # N m per gf cm^2/cm
+HYSTERESIS_UNIT = GRAM_FORCE  # N per gf cm/cm
+WEIGHT_UNIT = 1e-2  # kg/m^2 per mg/cm^2
+LARGEST_TENSION = 500.0 * TENSION_UNIT  # N/m, the standard condition
 SHEAR_ANGLES = np.radians([0.5, 5.0])
 BENDING_CURVATURE = 100.0  # 1/m, where 2HB is read
 
@@ -93,16 +93,16 @@ def make_sheet(material: dict[str, float], friction_moment: float = 0.0) -> Shee
         stiffness = material["stretch_stiffness"] * np.exp(half * material["stretch_ratio"])
         extension, energy = stretch_test(stiffness, material["stiffening"])
         directions[name] = DirectionSheet(
-            first_slope=float(stiffness / TENSION),
+            first_slope=float(stiffness / TENSION_UNIT),
             extension=100 * extension,
-            tensile_energy=energy / TENSION,
+            tensile_energy=energy / TENSION_UNIT,
             linearity=energy / (0.5 * LARGEST_TENSION * extension),
-            bending=float(material["bending_stiffness"] * np.exp(half * material["bending_ratio"]) / BENDING),
-            bending_hysteresis=float(loop / HYSTERESIS),
+            bending=float(material["bending_stiffness"] * np.exp(half * material["bending_ratio"]) / BENDING_UNIT),
+            bending_hysteresis=float(loop / HYSTERESIS_UNIT),
         )
     return Sheet(
-        weight=material["areal_density"] / WEIGHT,
-        shear=shear_test(material["shear_stiffness"]) / SHEAR,
+        weight=material["areal_density"] / WEIGHT_UNIT,
+        shear=shear_test(material["shear_stiffness"]) / SHEAR_UNIT,
         warp=directions["warp"],
         weft=directions["weft"],
     )

@@ -125,15 +125,15 @@ def test_jitter_moves_a_cloth_by_rounding_alone_and_every_candidate_alike(monkey
     nodes = np.random.default_rng(0).random((1000, 3)) * [3.0, 4.0, 0.0]
     nodes[:2] = [[0, 0, 0], [3, 4, 0]]
     places = np.stack([nodes, nodes + 1.0])
-    monkeypatch.delenv(runtime.JITTER, raising=False)
+    monkeypatch.delenv(runtime.JITTER_VARIABLE, raising=False)
     assert runtime.jittered(places) is places
-    monkeypatch.setenv(runtime.JITTER, "7")
+    monkeypatch.setenv(runtime.JITTER_VARIABLE, "7")
     moved = runtime.jittered(places) - places
     assert moved.std() == pytest.approx(5e-7, rel=0.06)  # four deviations
     assert moved[0] == pytest.approx(moved[1], abs=1e-14)
     assert np.array_equal(runtime.jittered(places), places + moved)
-    monkeypatch.setenv(runtime.JITTER, "8")
+    monkeypatch.setenv(runtime.JITTER_VARIABLE, "8")
     assert not np.allclose(runtime.jittered(places) - places, moved, atol=1e-9)
-    monkeypatch.setenv(runtime.JITTER, "-1")
+    monkeypatch.setenv(runtime.JITTER_VARIABLE, "-1")
     with pytest.raises(FitError, match="HANGTIME_JITTER is '-1', not a whole number"):
         runtime.jittered(places)

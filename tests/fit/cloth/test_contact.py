@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.contact import crossings, height_of_upper_layer, swung, turned_over
 from fit import runtime
-from fit.cloth.contact import DAMPING, OMEGA, Contact, surface_of
+from fit.cloth.contact import CONTACT_DAMPING, CONTACT_OMEGA, Contact, surface_of
 from fit.cloth.kernel_arguments import contact_bundle, zeros
 from fit.cloth.mesh import build_mesh
 from fit.cloth.simulator import Simulator
@@ -20,7 +20,7 @@ from fit.recordings.recording import prepare
 from tests.fit.scenes import material, sheet, take_of
 
 DENSITY = 0.2  # kg/m^2
-STIFFNESS = DENSITY * OMEGA**2 / 2  # Pa/m
+STIFFNESS = DENSITY * CONTACT_OMEGA**2 / 2  # Pa/m
 LANES = 4
 SIDE = 0.3  # m
 GRAVITY = 9.80665  # m/s^2
@@ -199,7 +199,7 @@ def test_what_moves_apart_is_damped_but_never_held_back(cloth):
     still = pushed(cloth, Contact(thickness=0.005), places)
     speeds[is_back, 1] = -0.1 * places[is_back, 2] / 0.15
     nearing = pushed(cloth, Contact(thickness=0.005), places, speeds) - still
-    by_hand = torque_by_hand(DAMPING * OMEGA * DENSITY * 0.1 * ROWS / 0.15)
+    by_hand = torque_by_hand(CONTACT_DAMPING * CONTACT_OMEGA * DENSITY * 0.1 * ROWS / 0.15)
     assert nearing[is_back, 1] @ places[is_back, 2] == pytest.approx(by_hand, rel=1e-3)
     speeds[is_back, 1] = 250.0 * places[is_back, 2]
     assert not pushed(cloth, Contact(thickness=0.005), places, speeds).any()
@@ -262,7 +262,7 @@ FLOOR = half_space((0.0, 0.0, -0.05), (0.0, 0.0, 1.0))
 def test_a_sheet_on_a_floor_lies_a_clearance_above_it_and_weighs_what_it_weighs():
     """-50 mm + 2 mm - g / omega^2 = -48.01 mm; 18 g are 0.1765 N."""
     ended = [dropped(Contact(bodies=(FLOOR,)), velocity_damping=20.0, seconds=s)[1] for s in (1.5, 1.75, 2, 2.25, 2.5)]
-    assert ended[-1].shapes[0, -1, :, 2] == pytest.approx(-0.048 - GRAVITY / OMEGA**2, abs=5e-5)
+    assert ended[-1].shapes[0, -1, :, 2] == pytest.approx(-0.048 - GRAVITY / CONTACT_OMEGA**2, abs=5e-5)
     # A weight that hardly presses is hardly damped: at any one instant it still trembles, by under a micrometre.
     weight = np.mean([rollouts.forces[0].sum(0) for rollouts in ended], 0)
     assert weight == pytest.approx([0, 0, 0.018 * GRAVITY], abs=0.04 * 0.1765)
@@ -279,7 +279,7 @@ def test_a_sheet_bounces_off_a_floor_as_the_law_of_contact_says():
     z, speed, highest = 0.048, 0.0, 0.0
     for _ in range(300_000):
         overlap = max(-z, 0.0)
-        push = OMEGA**2 * overlap - min(4 * overlap / 0.002, 1) * 2 * DAMPING * OMEGA * speed
+        push = CONTACT_OMEGA**2 * overlap - min(4 * overlap / 0.002, 1) * 2 * CONTACT_DAMPING * CONTACT_OMEGA * speed
         speed += 1e-6 * (max(push, 0.0) - GRAVITY)
         z += 1e-6 * speed
         highest = max(highest, z) if speed > 0 else highest

@@ -18,7 +18,16 @@ from fit.identification.request import request_of
 from fit.methods import LEAN
 from fit.recordings.recording import prepare
 from fit.virtual_tests.fabric_ranges import TEN, range_of_ten, share_below
-from fit.virtual_tests.kes import BENDING, HYSTERESIS, SHEAR, TENSION, make_sheet, shear_test, stretch_test, tension
+from fit.virtual_tests.kes import (
+    BENDING_UNIT,
+    HYSTERESIS_UNIT,
+    SHEAR_UNIT,
+    TENSION_UNIT,
+    make_sheet,
+    shear_test,
+    stretch_test,
+    tension,
+)
 from fit.virtual_tests.sheet import sheet_of
 from tests.fit.report.report_scene import fit_result
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
@@ -28,7 +37,7 @@ MEDIAN = dict(zip(mat.NAMES, mat.as_rows([mat.Material()])[0].tolist(), strict=T
 
 def test_units_by_hand():
     """1 gf is 9.80665 mN: 0.980665 N/m per cm, 9.80665e-5 N m as gf cm^2/cm, 56.19 N/m per radian as gf/(cm degree)."""
-    units = [TENSION, BENDING, SHEAR, HYSTERESIS]
+    units = [TENSION_UNIT, BENDING_UNIT, SHEAR_UNIT, HYSTERESIS_UNIT]
     assert units == pytest.approx([0.980665, 9.80665e-5, 56.188, 9.80665e-3], rel=1e-5)
 
 

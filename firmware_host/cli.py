@@ -60,6 +60,8 @@ def play(
     with open_sensor(source) as sensor:
         info = sensor.info
         typer.echo(f"{info.name}: {info.intrinsics.width} x {info.intrinsics.height}, {info.fps:g} frames a second")
+        camera = info.intrinsics
+        typer.echo(f"for rig.toml: fx = {camera.fx:.1f}, fy = {camera.fy:.1f}, cx = {camera.cx:g}, cy = {camera.cy:g}")
         for note in info.notes:
             typer.echo(f"note: {note}")
         for frame in sensor.frames():

@@ -2,8 +2,9 @@
 
 The kernel shows every LED as a folder `/sys/class/leds/NAME`. Steady light is `brightness` without a trigger; blinking
 is the kernel's own `timer` trigger with `delay_on` and `delay_off` in milliseconds, so that it keeps its rhythm however
-busy this program is. Source: Linux, Documentation/leds/leds-class.rst and Documentation/ABI/testing/sysfs-class-led
-and sysfs-class-led-trigger-timer.
+busy this program is. A LED that has this trigger already, as an appliance's udev rule gives it, keeps the trigger:
+no dark is steady light, no light is dark. Source: Linux, Documentation/leds/leds-class.rst and
+Documentation/ABI/testing/sysfs-class-led and sysfs-class-led-trigger-timer.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from firmware_host.errors import LampError
 
 LEDS = Path("/sys/class/leds")
 LONGEST_MS = 60_000  # of light or dark; more is no blinking
+SOME_MS = "1000"  # of light beside no dark, or of dark beside no light: any length but 0
 
 
 class StatusLamp:
@@ -42,6 +44,9 @@ class StatusLamp:
         active = re.search(r"\[(.+?)\]", triggers)
         self._before = active.group(1) if active else "none"
         self._brightness_before = self._read("brightness") or "0"
+        # The kernel makes the timer's files anew, for root alone, whenever the trigger changes. A LED that blinks
+        # already keeps its trigger, so that a user who may write these files goes on being one.
+        self._keeps_timer = self._before == "timer"
         self.dark()
 
     def __enter__(self) -> Self:
@@ -55,11 +60,19 @@ class StatusLamp:
 
     def dark(self) -> None:
         """Switch it off."""
+        if self._keeps_timer:
+            self._write("delay_off", SOME_MS)  # never both 0: the kernel takes that for its own rhythm
+            self._write("delay_on", "0")
+            return
         self._write("trigger", "none")
         self._write("brightness", "0")
 
     def steady(self) -> None:
         """Light it without a pause."""
+        if self._keeps_timer:
+            self._write("delay_on", SOME_MS)
+            self._write("delay_off", "0")
+            return
         self._write("trigger", "none")
         self._write("brightness", self._brightest)
 
@@ -78,14 +91,17 @@ class StatusLamp:
                 where=self._folder,
                 advice="load it: sudo modprobe ledtrig-timer",
             )
-        self._write("brightness", self._brightest)
-        self._write("trigger", "timer")
+        if not self._keeps_timer:
+            self._write("brightness", self._brightest)
+            self._write("trigger", "timer")
         self._write("delay_on", str(light_ms))
         self._write("delay_off", str(dark_ms))
 
     def close(self) -> None:
         """Give the LED back as it was."""
         self.dark()
+        if self._keeps_timer:
+            return
         self._write("trigger", self._before)
         if self._before == "none":
             self._write("brightness", self._brightness_before)

@@ -63,6 +63,33 @@ def test_each_condition_has_its_rhythm(leds, condition, trigger, half):
     assert said(leds, "delay_off") == [half]
 
 
+def test_a_led_that_blinks_already_is_lit_blinks_and_is_dark_by_its_2_times_alone(tmp_path):
+    """As the kernel's timer has it: no dark is steady light, no light is dark, both 0 is the kernel's own rhythm."""
+    files = LED | {"trigger": "none [timer] mmc0", "delay_on": "500", "delay_off": "500"}
+    make_led(tmp_path, "status", files)
+    written = []
+
+    class Watched(StatusLamp):
+        def _write(self, name, value):
+            super()._write(name, value)
+            written.append((name, said(tmp_path, "delay_on", "delay_off")))
+
+    with Watched("status", tmp_path) as lamp:
+        assert said(tmp_path, "delay_on") == ["0"]
+        for show, ends in [
+            (lamp.steady, ["1000", "0"]),
+            (lamp.dark, ["0", "1000"]),
+            (lambda: lamp.blink(125, 250), ["125", "250"]),
+            (lamp.steady, ["1000", "0"]),
+            (lambda: lamp.blink(60, 940), ["60", "940"]),
+        ]:
+            show()
+            assert said(tmp_path, "delay_on", "delay_off") == ends
+    assert said(tmp_path, "trigger", "delay_on") == ["none [timer] mmc0", "0"]
+    assert {name for name, _ in written} == {"delay_on", "delay_off"}
+    assert ["0", "0"] not in [times for _, times in written]
+
+
 def test_the_led_gets_its_trigger_back(leds):
     with StatusLamp("status", leds) as lamp:
         lamp.blink(500, 500)

@@ -264,6 +264,7 @@ def test_playing_prints_frames_rate_and_size(command: CliRunner, tmp_path: Path)
     result = command.invoke(app, ["sensor", "play", str(path)])
     assert result.exit_code == 0, result.output
     assert "64 x 48" in result.output
+    assert "for rig.toml: fx = 57.6, fy = 57.6, cx = 31.5, cy = 23.5" in result.output
     assert "7 frames" in result.output
     assert "30.0 a second" in result.output
 

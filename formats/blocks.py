@@ -1,7 +1,8 @@
-"""Frames of a take as the columns of one block, and back. See `formats/SPEC.md`."""
+"""Turn frames into the columns of blocks, and back: everything is a whole number. See `formats/SPEC.md`."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,13 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formats.arrays import Booleans, Floats
-from formats.columns import pack, pack_flags, unpack, unpack_flags
+from formats.errors import TakeError
+from formats.integers import Integers, decode_tables, encode_tables
 
-POSITION_STEP = 1e-4  # m: a twentieth of the best depth sensor's noise
-TIME_STEP = 1e-6  # s
-LATEST = 10**16  # steps, three centuries, in which sums of seconds still keep their microseconds
+MOST_ROWS = 4096  # frames of a block: a second of the fastest cameras
+MOST_POINTS = 2000  # tracked points of a garment; motion capture of cloth has some hundred
+TICKS = 10**6  # a second
+LATEST = 10**16  # ticks, three centuries, in which sums of seconds still keep their microseconds
+STEPS = np.array([1e-4, 2e-5, 1e-6])  # m: places are stored in the coarsest that is a tenth of each deviation
+FARTHEST = 1000.0  # m: no sensor sees so far, and the finest step reaches twice as far
 ANGLE_STEP = 1e-4  # rad: a hundredth of what a depth sensor can tell
-QUALITY_STEPS, NO_QUALITY = 254, 255  # a byte a frame
+MOST_TURN = 1000.0  # rad
+QUALITY_STEPS, NO_QUALITY = 254, 255
+UNKNOWN, EXACT, BOUNDLESS, FIRST_SD = 0, 1, 2, 3  # deviations that are NaN, 0, infinite, and `SMALLEST_SD`
+SMALLEST_SD, LARGEST_SD = 1e-9, 1e9
+SD_STEPS = 32  # an octave: a deviation is kept to 1.1 per cent
+
+Columns = dict[str, NDArray[Any]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,72 +52,222 @@ class Frame:
     points_hidden: Booleans | None = None
     quality: float = float("nan")
 
-
-def encode_block(frames: list[Frame], first: int) -> dict[str, Any]:
-    """Return frames, of which the first has this number, as the content of a `/block` message."""
-    stack = {
-        name: np.stack([getattr(f, name) for f in frames])
-        for name in ("markers", "held", "held_valid", "held_sd", "points", "points_valid", "points_sd")
-    }
-    hidden = [f.points_hidden for f in frames if f.points_hidden is not None]
-    quality = np.array([f.quality for f in frames])
-    pitch = np.array([[f.pitch, f.pitch_sd] for f in frames])
-    return {
-        **({"points_hidden": pack_flags(np.stack(hidden))} if len(hidden) == len(frames) else {}),
-        **({"quality": _quality_bytes(quality)} if np.isfinite(quality).any() else {}),
-        "first": first,
-        "frames": len(frames),
-        "start": round(frames[0].time / TIME_STEP),
-        "time": pack(np.array([[f.time - round(frames[0].time / TIME_STEP) * TIME_STEP] for f in frames]), TIME_STEP),
-        "state": np.array([f.state for f in frames], "<u2").tobytes(),
-        "pitch": pack(pitch, ANGLE_STEP),
-        "pitch_valid": pack_flags(np.asarray(np.isfinite(pitch).all(-1))),
-        "markers_valid": pack_flags(np.isfinite(stack["markers"]).all(-1)),
-        **{name: pack(stack[name], POSITION_STEP) for name in ("markers", "held", "held_sd", "points", "points_sd")},
-        **{name: pack_flags(stack[name]) for name in ("held_valid", "points_valid")},
-    }
+    def as_columns(self) -> Columns:
+        """Return the frame as columns of one row, by the names of `formats.take.Take`."""
+        hidden = np.zeros(len(self.points), bool) if self.points_hidden is None else self.points_hidden
+        values = {**{name: getattr(self, name) for name in self.__dataclass_fields__}, "points_hidden": hidden}
+        return {name: np.asarray(value)[None] for name, value in values.items()}
 
 
-def _quality_bytes(quality: Floats) -> bytes:
-    steps = np.rint(np.clip(np.nan_to_num(quality), 0.0, 1.0) * QUALITY_STEPS)
-    return np.where(np.isfinite(quality), steps, NO_QUALITY).astype(np.uint8).tobytes()
+def check_columns(columns: Columns, *, points: int, take_id: str, first: int, after: float) -> None:
+    """Refuse what an archive cannot hold as it is.
 
-
-def decode_block(block: dict[str, Any], points: int) -> dict[str, NDArray[Any]]:
-    """Return the columns of a `/block` message, by the names of `formats.take.Take`.
+    first: number of the first row; after [s]: time of the row before
 
     Raises:
-        ValueError, KeyError, TypeError: the content does not hold together.
+        TakeError: time does not increase or lies centuries away, a valid value is no number, a number lies
+            beyond what is stored, or a shape is wrong; names the frame.
     """
-    n, start = block["frames"], block["start"]
-    if type(n) is not int or type(start) is not int or n < 1 or abs(start) > LATEST:
-        raise ValueError(f"{n!r} frames from {start!r} on cannot be")
-    state, quality = np.frombuffer(block["state"], "<u2").astype(np.uint16), block.get("quality")
-    steps = np.frombuffer(quality if quality else bytes([NO_QUALITY] * n), np.uint8)
-    if len(state) != n or len(steps) != n:
-        raise ValueError(f"{len(state)} states and {len(steps)} qualities of {n} frames")
-    decoded: dict[str, NDArray[Any]] = {
-        "time": start * TIME_STEP + unpack(block["time"], (n,), TIME_STEP),
-        "state": state,
-        "markers": unpack(block["markers"], (n, 2, 3), POSITION_STEP),
-        "held": unpack(block["held"], (n, 2, 3), POSITION_STEP),
-        "held_sd": unpack(block["held_sd"], (n, 2, 3), POSITION_STEP),
-        "points": unpack(block["points"], (n, points, 3), POSITION_STEP),
-        "points_sd": unpack(block["points_sd"], (n, points, 3), POSITION_STEP),
-        "held_valid": unpack_flags(block["held_valid"], (n, 2)),
-        "points_valid": unpack_flags(block["points_valid"], (n, points)),
+    time = columns["time"]
+
+    def refuse(row: int, what: str, advice: str = "") -> None:
+        raise TakeError(what, where=f"{take_id}, frame {first + row}", advice=advice)
+
+    shapes = {
+        "markers": (2, 3), "held": (2, 3), "held_valid": (2,), "held_sd": (2, 3), "points": (points, 3),
+        "points_valid": (points,), "points_sd": (points, 3), "points_hidden": (points,), "state": (), "pitch": (),
+        "pitch_sd": (), "quality": (),
+    }  # fmt: skip
+    for name, shape in shapes.items():
+        if columns[name].shape != (len(time), *shape):
+            refuse(0, f"{name} have shape {columns[name].shape[1:]}, not {shape}")
+    before = np.concatenate([[after], time[:-1]])
+    if len(wrong := np.flatnonzero(~(time > before))):
+        row = int(wrong[0])
+        refuse(
+            row,
+            f"time goes from {before[row]:.6f} s to {time[row]:.6f} s",
+            "frames must come in the order of their time stamps",
+        )
+    if len(wrong := np.flatnonzero(~(np.abs(time) <= LATEST / TICKS))):
+        refuse(int(wrong[0]), f"the time {time[wrong[0]]:g} s lies centuries away", "give it in seconds")
+    same_tick = np.rint(time * TICKS) <= np.rint(before * TICKS)
+    if same_tick.any():
+        row = int(np.argmax(same_tick))
+        refuse(row, f"time goes from {before[row]:.9f} s by less than a microsecond", "leave out one of the two frames")
+    for name, thing in (("points", "point"), ("held", "held end"), ("markers", "marker")):
+        values = columns[name]
+        finite = np.asarray(np.isfinite(values).all(2))
+        valid = columns[f"{name}_valid"] if name != "markers" else finite
+        if (bad := valid & ~finite).any():
+            row, place = (int(at[0]) for at in np.nonzero(bad))
+            refuse(row, f"{thing} {place} is marked valid but is not a number")
+        far = valid & (np.abs(np.where(finite[..., None], values, 0.0)).max(2, initial=0.0) > FARTHEST)
+        if far.any():
+            row, place = (int(at[0]) for at in np.nonzero(far))
+            distance = np.abs(values[row, place]).max()
+            refuse(row, f"{thing} {place} lies {distance:g} m away", f"give metres, at most {FARTHEST:g}")
+    for name in ("points_sd", "held_sd", "pitch_sd"):
+        sd = columns[name].reshape(len(time), -1)
+        cannot_be = (sd < 0) | ((sd > 0) & (sd < SMALLEST_SD)) | (np.isfinite(sd) & (sd > LARGEST_SD))
+        if cannot_be.any():
+            row, place = (int(at[0]) for at in np.nonzero(cannot_be))
+            refuse(
+                row,
+                f"{name} has a standard deviation of {sd[row, place]:g}",
+                f"give 0, or {SMALLEST_SD:g} to {LARGEST_SD:g}",
+            )
+    for name, least, most in (("quality", 0.0, 1.0), ("pitch", -MOST_TURN, MOST_TURN), ("state", 0, 65535)):
+        outside = (columns[name] < least) | (columns[name] > most)
+        if outside.any():
+            row = int(np.argmax(outside))
+            refuse(row, f"{name} is {columns[name][row]:g}, not between {least:g} and {most:g}")
+
+
+def cut_into_blocks(time: Floats, seconds: float) -> Integers:
+    """Return how many frames each block holds: it ends with the frame that reaches `seconds`, or before a gap."""
+    rows, start = [], 0
+    while start < len(time):
+        end = int(np.searchsorted(time, time[start] + seconds)) + 1
+        end = min(end, len(time), start + MOST_ROWS)
+        if end - start > 1 and time[end - 1] - time[start] >= 2 * seconds:
+            end -= 1
+        rows.append(end - start)
+        start = end
+    return np.array(rows, np.int64)
+
+
+def encode_blocks(columns: Columns, rows: Integers, first: int) -> list[dict[str, Any]]:
+    """Return checked columns as the contents of `/block` messages, the first of which begins with frame `first`."""
+    starts = np.cumsum(rows) - rows
+    steps = np.stack(
+        [_steps(columns[f"{name}_sd"], columns[f"{name}_valid"], starts) for name in ("held", "points")], 1
+    )
+    ticks = np.rint(columns["time"] * TICKS).astype(np.int64)
+    held_step, points_step = STEPS[np.repeat(steps, rows, axis=0)].T
+    held = _quantised(columns["held"], columns["held_valid"], held_step)
+    markers_valid = np.asarray(np.isfinite(columns["markers"]).all(2))
+    markers = _quantised(columns["markers"], markers_valid, held_step)
+    pitch_valid = np.isfinite(columns["pitch"])
+    quality = np.rint(np.nan_to_num(columns["quality"]) * QUALITY_STEPS)
+    parts = {
+        "time": ticks - np.repeat(ticks[starts], rows),
+        "state": columns["state"],
+        "quality": np.where(np.isfinite(columns["quality"]), quality, NO_QUALITY),
+        "pitch": _filled(np.rint(np.nan_to_num(columns["pitch"]) / ANGLE_STEP)[:, None], pitch_valid[:, None]),
+        "pitch_sd": _sd_codes(columns["pitch_sd"], pitch_valid),
+        "pitch_valid": pitch_valid,
+        "held": held,
+        "markers": markers - held,
+        "held_sd": _sd_codes(columns["held_sd"], columns["held_valid"]),
+        "points": _quantised(columns["points"], columns["points_valid"], points_step),
+        "points_sd": _sd_codes(columns["points_sd"], columns["points_valid"]),
+        "held_valid": columns["held_valid"],
+        "markers_valid": markers_valid,
+        "points_valid": columns["points_valid"],
+        "points_hidden": columns["points_hidden"],
     }
-    hidden = block.get("points_hidden")
-    decoded["points_hidden"] = unpack_flags(hidden, (n, points)) if hidden else np.zeros((n, points), bool)
-    decoded["quality"] = np.where(steps == NO_QUALITY, np.nan, steps / QUALITY_STEPS)
-    markers_valid = unpack_flags(block["markers_valid"], (n, 2))
-    for name, valid in (
-        ("markers", markers_valid), ("held", decoded["held_valid"]), ("points", decoded["points_valid"]),
-    ):  # fmt: skip
-        decoded[name][~valid] = np.nan
-    pitch = np.full((n, 2), np.nan)
-    if "pitch" in block:  # older takes have none
-        pitch = unpack(block["pitch"], (n, 2), ANGLE_STEP)
-        pitch[~unpack_flags(block["pitch_valid"], (n,))] = np.nan
-    decoded["pitch"], decoded["pitch_sd"] = pitch.T
-    return decoded
+    table = np.concatenate(
+        [np.asarray(parts[name]).reshape(len(ticks), -1) for name in LAYOUT], axis=1, dtype=np.int64, casting="unsafe"
+    )
+    return [
+        {"first": first + int(start), "frames": int(count), "start": int(ticks[start]), "steps": step.tolist(),
+         "table": coded}
+        for start, count, step, coded in zip(starts, rows, steps, encode_tables(table, rows), strict=True)
+    ]  # fmt: skip
+
+
+LAYOUT = (
+    "time", "state", "quality", "pitch", "pitch_sd", "pitch_valid", "held", "markers", "held_sd", "points", "points_sd",
+    "held_valid", "markers_valid", "points_valid", "points_hidden",
+)  # fmt: skip
+
+
+def widths(points: int) -> dict[str, int]:
+    """Return how many columns of a table each quantity of a take with so many points has, in their order."""
+    of_points = {"points": 3 * points, "points_sd": 3 * points, "points_valid": points, "points_hidden": points}
+    of_ends = {"held": 6, "markers": 6, "held_sd": 6, "held_valid": 2, "markers_valid": 2}
+    return {name: of_points.get(name, of_ends.get(name, 1)) for name in LAYOUT}
+
+
+def _steps(sd: Floats, valid: Booleans, starts: Integers) -> Integers:
+    """Return which step each block has: the coarsest that is at most a tenth of every deviation of a valid place."""
+    sd = np.where(valid[..., None] & (sd >= 0), sd, np.inf).reshape(len(sd), -1)
+    least = np.minimum.reduceat(sd.min(1, initial=np.inf), starts)
+    return np.select([least >= 10 * step * (1 - 1e-9) for step in STEPS], range(len(STEPS)), len(STEPS) - 1)
+
+
+def _quantised(values: Floats, valid: Booleans, step: Floats) -> Integers:
+    """Return places in whole steps, (rows, 3 places); one that is not valid repeats the one before."""
+    flat = np.where(valid[..., None], values, 0.0).reshape(len(values), -1)
+    whole = np.rint(flat / step[:, None])
+    if (np.abs(whole * step[:, None] - flat) > 0.5 * step[:, None] * (1 + 1e-6)).any():
+        raise TakeError("a place would be stored off by more than half a step", advice="this is a fault of Hangtime")
+    return _filled(whole, np.repeat(valid, 3, axis=1)).astype(np.int64)
+
+
+def _filled(values: NDArray[Any], valid: Booleans) -> NDArray[Any]:
+    """Return values, (rows, columns), where each that is not valid repeats the last valid one, or the first."""
+    if valid.all():
+        return values
+    rows = np.maximum.accumulate(np.where(valid, np.arange(len(values))[:, None], -1), axis=0)
+    rows = np.where(rows < 0, valid.argmax(0), rows)
+    return np.take_along_axis(values, rows, axis=0)
+
+
+def _sd_codes(sd: Floats, valid: Booleans) -> NDArray[Any]:
+    """Return deviations as codes of their logarithm, (rows, columns); one of no valid place repeats the one before."""
+    flat = np.asarray(sd, float).reshape(len(sd), -1)
+    usual = np.clip(np.where(flat > 0, flat, SMALLEST_SD), SMALLEST_SD, LARGEST_SD)
+    codes = np.rint(SD_STEPS * np.log2(usual / SMALLEST_SD)) + FIRST_SD
+    codes[np.isnan(flat)], codes[flat == 0], codes[np.isinf(flat)] = UNKNOWN, EXACT, BOUNDLESS
+    counts = np.repeat(valid.reshape(len(sd), -1), flat.shape[1] // valid.reshape(len(sd), -1).shape[1], axis=1)
+    return _filled(codes, counts)
+
+
+def _sds(codes: Integers) -> Floats:
+    return _SDS[np.clip(codes, 0, len(_SDS) - 1)]
+
+
+_SDS = np.array(
+    [np.nan, 0.0, np.inf]
+    + [SMALLEST_SD * 2 ** (n / SD_STEPS) for n in range(round(SD_STEPS * np.log2(LARGEST_SD / SMALLEST_SD)) + 1)]
+)
+
+
+def decode_blocks(blocks: Sequence[dict[str, Any]], points: int) -> tuple[Columns, Booleans]:
+    """Return the columns of `/block` messages by the names of `formats.take.Take`, and which blocks are sound.
+
+    Each block's `first`, `frames`, `start` and `steps` are whole numbers (`formats.take_reader`
+    checks it). A block that does not hold together is left out.
+    """
+    rows = np.array([block["frames"] for block in blocks], np.int64)
+    width = widths(points)
+    table, sound = decode_tables([block["table"] for block in blocks], rows, sum(width.values()))
+    rows = rows[sound]
+    kept = [block for block, good in zip(blocks, sound, strict=True) if good]
+    edges = np.cumsum([0, *width.values()])
+    parts = {name: table[:, a:b] for name, a, b in zip(width, edges[:-1], edges[1:], strict=True)}
+    steps = STEPS[np.array([block["steps"] for block in kept], np.int64).reshape(-1, 2)]
+    held_step, points_step = (column[:, None, None] for column in np.repeat(steps, rows, axis=0).T)
+    start = np.repeat(np.array([block["start"] for block in kept], np.int64), rows)
+    count = len(table)
+    columns: Columns = {
+        "time": (start + parts["time"][:, 0]) / TICKS,
+        "state": parts["state"][:, 0].astype(np.uint16),
+        "quality": np.where(parts["quality"] == NO_QUALITY, np.nan, parts["quality"] / QUALITY_STEPS)[:, 0],
+        "pitch": parts["pitch"][:, 0] * ANGLE_STEP,
+        "pitch_sd": _sds(parts["pitch_sd"])[:, 0],
+        "held": parts["held"].reshape(count, 2, 3) * held_step,
+        "markers": (parts["held"] + parts["markers"]).reshape(count, 2, 3) * held_step,
+        "points": parts["points"].reshape(count, points, 3) * points_step,
+        "held_sd": _sds(parts["held_sd"]).reshape(count, 2, 3),
+        "points_sd": _sds(parts["points_sd"]).reshape(count, points, 3),
+        **{name: parts[name] != 0 for name in ("held_valid", "points_valid", "points_hidden")},
+    }
+    columns["held"][~columns["held_valid"]] = np.nan
+    columns["points"][~columns["points_valid"]] = np.nan
+    columns["markers"][parts["markers_valid"] == 0] = np.nan
+    unseen = parts["pitch_valid"][:, 0] == 0
+    columns["pitch"][unseen] = columns["pitch_sd"][unseen] = np.nan
+    return columns, sound

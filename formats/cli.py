@@ -1,4 +1,4 @@
-"""`hangtime takes show`, `hangtime takes verify`, `hangtime import` and `hangtime swatch`."""
+"""`hangtime takes`, `hangtime import` and `hangtime swatch`."""
 
 from __future__ import annotations
 
@@ -7,50 +7,16 @@ from typing import Annotated
 
 import typer
 
+from formats.takes_cli import add_takes_commands
+
 
 def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
-    takes = typer.Typer(help="Look at take archives and check them.", no_args_is_help=True)
-    takes.command("show")(show_take)
-    takes.command("verify")(verify_takes)
+    takes = typer.Typer(help="Look at take archives, check and recover them.", no_args_is_help=True)
+    add_takes_commands(takes)
     app.add_typer(takes, name="takes")
     app.command("import", short_help="Turn other people's recordings into takes.")(import_recordings)
     app.command("swatch", short_help="Describe a square swatch with markers.")(describe_swatch)
-
-
-def show_take(
-    path: Annotated[Path, typer.Argument(metavar="TAKE", help="A take archive (.mcap).")],
-    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-) -> None:
-    """Show what a take holds: length, rate, garment, how often each point was seen and how noisy it is."""
-    from formats.archive import read_take
-    from formats.summary import as_json, describe, summarise
-
-    summary = summarise(read_take(path))
-    typer.echo(as_json(summary) if json else describe(summary))
-
-
-def verify_takes(
-    paths: Annotated[list[Path], typer.Argument(metavar="TAKE...", help="Take archives (.mcap).")],
-) -> None:
-    """Read takes whole, checksums and all. Exit code 0: all sound; 2: at least one is damaged or incomplete."""
-    from formats.archive import verify_take
-    from formats.errors import TakeError
-
-    all_sound = True
-    for path in paths:
-        try:
-            report = verify_take(path)
-        except TakeError as error:
-            typer.echo(f"lost        {error}")
-            all_sound = False
-            continue
-        word = "sound" if report.is_sound else "damaged" if report.damaged_blocks else "incomplete"
-        rest = "" if report.is_sound else f", {report.damaged_blocks} damaged blocks; what was read can be used"
-        typer.echo(f"{word:<11} {path}: {report.frames} frames in {report.blocks} blocks{rest}")
-        all_sound &= report.is_sound
-    if not all_sound:
-        raise typer.Exit(2)
 
 
 def import_recordings(

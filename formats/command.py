@@ -25,7 +25,11 @@ MAKE_ROOM = (
     "make room on the disk, or choose another place; what was whole before stays, and `fit`, `diagnose`, `blind` and "
     "`batch` go on from it"
 )
-PACKAGES = {"cv2": "opencv-python-headless", "usb": "pyusb"}  # those that are not named as what they bring
+PACKAGES = {
+    "cv2": "opencv-python-headless",
+    "usb": "pyusb",
+    "PIL": "pillow",
+}  # those that are not named as what they bring
 
 app = typer.Typer(
     name="hangtime",

@@ -12,6 +12,8 @@ HangtimeError                 says what, where, and what to do next; the command
 
 from __future__ import annotations
 
+from formats.plain_text import plain
+
 
 class HangtimeError(Exception):
     """An error with one clear sentence: what, where, and what to do next."""
@@ -21,7 +23,7 @@ class HangtimeError(Exception):
     def __init__(self, what: str, *, where: object = None, advice: str = "") -> None:
         self.what, self.where, self.advice = what, where, advice
         place = f"{where}: " if where is not None else ""
-        super().__init__(f"{place}{what}" + (f"; {advice}" if advice else ""))
+        super().__init__(plain(f"{place}{what}" + (f"; {advice}" if advice else "")))
 
 
 class DescriptionError(HangtimeError):

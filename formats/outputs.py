@@ -60,8 +60,17 @@ def write_text(path: Path, text: str) -> None:
     Raises:
         OutputError: it cannot be written.
     """
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
     try:
-        write_whole(path, text.encode())
+        write_whole(path, content)
     except OSError as error:
         raise OutputError(f"cannot be written ({error.strerror})", where=path, advice="check the folder") from error
 

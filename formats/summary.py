@@ -9,7 +9,9 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from formats.missing import missing_words
 from formats.motion import kind_of
+from formats.plain_text import plain
 from formats.rig import Calibration
 from formats.take import FrameState, Take
 
@@ -51,6 +53,8 @@ def summarise(take: Take) -> dict[str, Any]:
         "take_id": take.take_id,
         "created": take.created,
         "is_complete": take.is_complete,
+        "missing": missing_words(take),
+        "missing_s": [list(span) for span in take.missing],
         "frames": frames,
         "duration_s": round(duration, 3),
         "rate_hz": round((frames - 1) / duration, 2) if duration else None,
@@ -89,6 +93,7 @@ def describe(summary: dict[str, Any]) -> str:
     s = summary
     lines = [
         f"take      {s['take_id']}{'' if s['is_complete'] else '   (INCOMPLETE)'}",
+        *([f"missing   {s['missing']}"] if s["missing"] else []),
         f"created   {s['created']}",
         f"length    {s['duration_s']:g} s, {s['frames']} frames"
         + (f", {s['rate_hz']:g} a second" if s["rate_hz"] is not None else ""),
@@ -120,7 +125,7 @@ def describe(summary: dict[str, Any]) -> str:
     if s["source"]:
         lines.append(f"source    {s['source']}")
     lines += [f"note      {key}: {text}" for key, text in s["notes"].items()]
-    return "\n".join(lines)
+    return "\n".join(plain(line) for line in lines)
 
 
 def _calibrated(plain: dict[str, Any] | None) -> list[str]:

@@ -13,10 +13,13 @@ from typing import Any
 import numpy as np
 
 from formats.arrays import Floats
-from formats.columns import pack, pack_flags, unpack, unpack_flags
+from formats.blocks import FARTHEST, LATEST, TICKS
+from formats.errors import TakeError
+from formats.integers import decode_tables, encode_tables
 
-STEP = 1e-4  # m, as the other positions of a take
-TIME_STEP = 1e-6  # s
+STEP = 1e-4  # m
+LARGEST_GRID = 512  # places along a side: more than a depth sensor has on a garment
+MOST_PLACES = 65536  # around the silhouette
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,17 +36,37 @@ class SurfaceScan:
 
 
 def encode_scan(scan: SurfaceScan) -> dict[str, Any]:
-    """Return a scan as the content of a `/surface` message."""
-    grid = scan.grid.reshape(-1, 3)
+    """Return a scan as the content of a `/surface` message.
+
+    Raises:
+        TakeError: it has more places than a scan can, or one that lies too far away.
+    """
+    size, count = len(scan.grid), len(scan.contour)
+    where = f"scan at {scan.time:g} s"
+    if size > LARGEST_GRID or count > MOST_PLACES or scan.grid.shape[:2] != (size, size):
+        raise TakeError(f"has {scan.grid.shape[:2]} places and {count} around them", where=where)
+    if not abs(scan.time) <= LATEST / TICKS:
+        raise TakeError("lies centuries away", where=where, advice="give its time in seconds")
     return {
-        "surface": round(scan.time / TIME_STEP),
-        "grid_size": len(scan.grid),
-        "contour_size": len(scan.contour),
-        "grid": pack(grid, STEP),
-        "grid_valid": pack_flags(np.asarray(np.isfinite(grid).all(1))),
-        "contour": pack(scan.contour, STEP),
-        "contour_valid": pack_flags(np.asarray(np.isfinite(scan.contour).all(1))),
+        "surface": round(scan.time * TICKS),
+        "grid_size": size,
+        "contour_size": count,
+        "grid": _coded(scan.grid.reshape(-1, 3), where),
+        "contour": _coded(scan.contour, where),
     }
+
+
+def _coded(places: Floats, where: str) -> bytes:
+    """Return places as the bytes of a table: x, y, z in steps, and whether it was seen."""
+    if not len(places):
+        return b""
+    seen = np.asarray(np.isfinite(places).all(1))
+    shown = np.where(seen[:, None], places, 0.0)
+    if np.abs(shown).max() > FARTHEST:
+        raise TakeError(f"a place lies {np.abs(shown).max():g} m away", where=where, advice="give metres")
+    last = np.maximum.accumulate(np.where(seen, np.arange(len(places)), 0))
+    whole = np.rint(shown[last] / STEP).astype(np.int64)
+    return encode_tables(np.column_stack([whole, seen]), np.array([len(places)]))[0]
 
 
 def decode_scan(content: dict[str, Any]) -> SurfaceScan:
@@ -53,10 +76,23 @@ def decode_scan(content: dict[str, Any]) -> SurfaceScan:
         ValueError, KeyError, TypeError: the content does not hold together.
     """
     size, count, time = content["grid_size"], content["contour_size"], content["surface"]
-    if not all(type(number) is int for number in (size, count, time)) or min(size, count) < 0:
+    if not all(type(number) is int for number in (size, count, time)) or abs(time) > LATEST:
         raise ValueError(f"sizes {size!r} and {count!r} at {time!r} are not whole numbers")
-    grid = unpack(content["grid"], (size * size, 3), STEP)
-    grid[~unpack_flags(content["grid_valid"], (size * size,))] = np.nan
-    contour = unpack(content["contour"], (count, 3), STEP)
-    contour[~unpack_flags(content["contour_valid"], (count,))] = np.nan
-    return SurfaceScan(time=time * TIME_STEP, grid=grid.reshape(size, size, 3), contour=contour)
+    if not (0 <= size <= LARGEST_GRID and 0 <= count <= MOST_PLACES):
+        raise ValueError(f"{size} x {size} places and {count} around them cannot be")
+    grid = _places(content["grid"], size * size)
+    return SurfaceScan(time=time / TICKS, grid=grid.reshape(size, size, 3), contour=_places(content["contour"], count))
+
+
+def _places(raw: object, count: int) -> Floats:
+    """Return `count` places, NaN where not seen."""
+    if not isinstance(raw, bytes):
+        raise TypeError("places are bytes")
+    if not count:
+        return np.empty((0, 3))
+    table, sound = decode_tables([raw], np.array([count]), 4)
+    if not sound.all():
+        raise ValueError(f"{len(raw)} bytes do not hold {count} places")
+    places = np.asarray(table[:, :3] * STEP, float)
+    places[table[:, 3] == 0] = np.nan
+    return places

@@ -12,6 +12,8 @@ from formats.garment import Garment
 from formats.rig import Rig
 from formats.surface import SurfaceScan
 
+Span = tuple[float, float]
+
 LONGEST_GAP = 0.5  # s between two sights of the hanger that its path can be led across: half a swing
 
 
@@ -33,6 +35,9 @@ class Take:
     points_hidden, (frames, points): not valid because something hides the point; False or None where nobody looked
     quality, (frames,): 0 to 1, how much of what could be seen was; NaN or None where nobody judged
     scans: of the visible surface, in the order of time, fewer than frames; empty where none were taken
+    is_complete: whether the recording was finished and every frame of it is here
+    missing [s]: spans of the sensor's clock whose frames damage or an interruption cost, from the last frame before to
+    the first one after; -inf and inf where the beginning or the end is not known
     """
 
     take_id: str
@@ -56,6 +61,7 @@ class Take:
     source: str = ""
     notes: dict[str, str] = field(default_factory=dict)
     is_complete: bool = True
+    missing: tuple[Span, ...] = ()
 
 
 class FrameState:

@@ -7,8 +7,10 @@ free. It belongs to the open file, not to the name; hence a lock counts only whi
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
@@ -37,7 +39,7 @@ def left_unfinished(partial: Path) -> OutputError:
     look = "look at it with `hangtime takes show`; " if is_take else ""
     return OutputError(
         "is what an interrupted recording left under this name, or one that is still running", where=partial,
-        advice=f"{look}give another name, or --overwrite to replace it",
+        advice=f"{look}give another name, or --overwrite to put it aside and begin anew",
     )  # fmt: skip
 
 
@@ -47,14 +49,17 @@ class UnfinishedFile:
     `file` is empty and open for writing; whoever writes to it flushes it.
     """
 
-    def __init__(self, path: Path, *, overwrite: bool) -> None:
+    def __init__(
+        self, path: Path, *, overwrite: bool, holds_something: Callable[[BinaryIO], bool] | None = None
+    ) -> None:
         """Take hold of the file.
 
-        overwrite: whether what is under this name, or was left unfinished, may be replaced
+        overwrite: whether what is under this name may be replaced; what was left unfinished is put aside
+        holds_something: whether something can be read of what was left unfinished; where not, it is replaced
 
         Raises:
-            OutputError: another process, or another writer of this one, is writing it; or it is there and may not be
-                replaced.
+            OutputError: another process, or another writer of this one, is writing it; it is there and may not be
+                replaced; or its unfinished name is that of a link.
             OSError: it cannot be written.
         """
         self.path, self.partial, self._may_replace = path, unfinished_name(path), overwrite
@@ -62,6 +67,11 @@ class UnfinishedFile:
         try:
             if not overwrite:
                 self._refuse_to_replace()
+            elif holds_something is not None and holds_something(self.file):
+                left = self.file
+                _put_aside(self.partial, path)
+                self.file = _locked(self.partial)
+                left.close()
             self.file.truncate(0)
             sync_folder(self.partial.parent)
         except BaseException:
@@ -108,10 +118,27 @@ class UnfinishedFile:
             raise left_unfinished(self.partial)
 
 
+def _put_aside(partial: Path, path: Path) -> None:
+    """Give a file that was left unfinished a name of its own: `NAME.left-1.mcap.partial`, or the next that is free."""
+    number = 1
+    while (aside := unfinished_name(path.with_name(f"{path.stem}.left-{number}{path.suffix}"))).exists():
+        number += 1
+    partial.rename(aside)
+    sync_folder(partial.parent)
+
+
 def _locked(partial: Path) -> BinaryIO:
     """Open a file as it is, or make it, and lock it."""
     while True:
-        file = os.fdopen(os.open(partial, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666), "r+b")
+        try:
+            handle = os.open(partial, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
+        except OSError as error:
+            if error.errno != errno.ELOOP:
+                raise
+            raise OutputError(
+                "is a link to another file, which would be overwritten", where=partial, advice="remove the link"
+            ) from error
+        file = os.fdopen(handle, "r+b")
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if _leads_to(partial, file):

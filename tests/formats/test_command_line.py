@@ -12,11 +12,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from formats.archive import read_take, write_take
+from formats.archive import read_take, verify_take, write_take
 from formats.descriptions import load_garment
 from formats.rig import Calibration
 from formats.summary import describe, summarise
 from tests.formats.test_archive import RIG, a_take
+from tests.formats.test_damage import chunks_of
 from tests.shared_data import SHARED_DATA
 
 SWUNG = SHARED_DATA / "swung-cloth"
@@ -62,8 +63,9 @@ def test_verify_says_sound_incomplete_damaged_and_lost(tmp_path):
     whole = write_take(tmp_path / "a.mcap", a_take())
     raw = bytearray(whole.read_bytes())
     assert hangtime("takes", "verify", whole).returncode == 0
-    (tmp_path / "b.mcap").write_bytes(raw[:-2500])
-    raw[len(raw) // 2] ^= 1
+    (tmp_path / "b.mcap").write_bytes(raw[: raw.index(b"# Take archives") - 300])
+    third = [begin for begin, _, content in chunks_of(bytes(raw)) if content.get("first") == 62]
+    raw[third[0] + 200] ^= 1
     (tmp_path / "c.mcap").write_bytes(raw)
     (tmp_path / "d.mcap").write_bytes(b"no take")
     done = hangtime("takes", "verify", *sorted(tmp_path.glob("*.mcap")))
@@ -73,7 +75,13 @@ def test_verify_says_sound_incomplete_damaged_and_lost(tmp_path):
         [word, f"{tmp_path / name}.mcap:"]
         for word, name in (("sound", "a"), ("incomplete", "b"), ("damaged", "c"), ("lost", "d"))
     ]
-    assert lines[2].endswith(": 119 frames in 4 blocks, 1 damaged blocks; what was read can be used")
+    assert lines[1].endswith(
+        "150 frames in 5 blocks; missing: from 4.97 s on; `hangtime takes recover` makes a sound file"
+    )
+    assert lines[2].endswith(
+        "119 frames in 4 blocks, 1 damaged; missing: 2.03 to 3.10 s (31 frames); "
+        "`hangtime takes recover` makes a sound file"
+    )
 
 
 def test_a_swatch_has_as_many_markers_as_the_command_is_told(tmp_path):
@@ -212,3 +220,75 @@ def test_sums_are_rounded_alike_on_one_processor_and_on_all():
         for count in ("1", "64")
     ]
     assert said[0] == said[1] != ""
+
+
+def test_recover_makes_a_sound_file_and_names_the_missing_seconds(tmp_path):
+    """The third of five blocks is damaged; what is recovered is sound, and still says what is missing."""
+    path = write_take(tmp_path / "a.mcap", a_take())
+    raw = bytearray(path.read_bytes())
+    third = [begin for begin, _, content in chunks_of(bytes(raw)) if content.get("first") == 62]
+    raw[third[0] + 200] ^= 1
+    path.write_bytes(raw)
+    before = read_take(path)
+    done = hangtime("takes", "recover", path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == f"{tmp_path}/a.recovered.mcap: 119 frames, missing: 2.03 to 3.10 s\n"
+    after = read_take(tmp_path / "a.recovered.mcap")
+    assert (after.missing, after.is_complete) == (before.missing, False)
+    np.testing.assert_array_equal(after.points, before.points)
+    verified = hangtime("takes", "verify", tmp_path / "a.recovered.mcap")
+    assert verified.returncode == 0
+    assert verified.stdout.endswith("119 frames in 4 blocks; an earlier file had lost 2.03 to 3.10 s\n")
+    assert hangtime("takes", "recover", path).returncode == 2, "what is there stays"
+
+
+def test_recover_makes_a_sound_file_of_what_an_interrupted_recording_left(tmp_path):
+    raw = write_take(tmp_path / "a.mcap", a_take()).read_bytes()
+    (tmp_path / "b.mcap.partial").write_bytes(raw[: raw.index(b"# Take archives") - 300])
+    done = hangtime("takes", "recover", tmp_path / "b.mcap.partial", "--out", tmp_path / "out")
+    assert done.stdout == f"{tmp_path}/out/b.recovered.mcap: 150 frames, missing: from 4.97 s on\n"
+    assert verify_take(tmp_path / "out/b.recovered.mcap").is_sound
+
+
+def test_list_names_every_take_and_what_is_left_of_it(tmp_path):
+    raw = write_take(tmp_path / "a.mcap", a_take()).read_bytes()
+    (tmp_path / "deeper").mkdir()
+    (tmp_path / "deeper/b.mcap.partial").write_bytes(raw[: raw.index(b"# Take archives") - 300])
+    (tmp_path / "c.mcap").write_bytes(b"no take")
+    done = hangtime("takes", "list", tmp_path)
+    assert done.returncode == 2
+    assert [line.split()[:2] for line in done.stdout.splitlines()] == [
+        ["sound", "a.mcap:"], ["lost", f"{tmp_path}/c.mcap:"], ["incomplete", "deeper/b.mcap.partial:"]
+    ]  # fmt: skip
+    assert "5.0 s, " in done.stdout
+
+
+def test_show_draws_the_swing_in_letters_and_as_a_picture(tmp_path):
+    """Braille letters of two colours of dots: the held edge swings by 100 mm either way, the lowest point by 200."""
+    from PIL import Image
+
+    path = write_take(tmp_path / "a.mcap", a_take())
+    done = hangtime("takes", "show", path, "--png", tmp_path / "a.png")
+    assert done.returncode == 0, done.stderr
+    drawn = [line for line in done.stdout.splitlines() if any("\u2801" <= letter <= "\u28ff" for letter in line)]
+    assert len(drawn) == 8
+    with Image.open(tmp_path / "a.png") as picture:
+        assert picture.size == (960, 540)
+        assert len(picture.getcolors(maxcolors=1 << 20)) > 5
+    assert hangtime("takes", "show", path, "--png", tmp_path / "a.png").returncode == 2
+
+
+def test_nothing_from_a_file_reaches_the_terminal_as_an_escape_sequence(tmp_path):
+    """A title that turns the terminal red, in names, notes and the file's own name; the turned direction of writing."""
+    evil = "\x1b]0;owned\x07\x9b31m\u202e"
+    take = a_take()
+    garment = msgspec.structs.replace(take.garment, name=evil)
+    take = replace(take, take_id=evil, created=evil, source=evil, notes={evil: evil}, garment=garment,
+                   rig=msgspec.structs.replace(take.rig, name=evil))  # fmt: skip
+    path = write_take(tmp_path / f"a{evil[1:]}.mcap", take)
+    (tmp_path / "bad\x1b[31m.mcap").write_bytes(b"no take")
+    for words in (("show", path), ("verify", path, tmp_path / "bad\x1b[31m.mcap"), ("list", tmp_path)):
+        done = hangtime("takes", *words)
+        for letter in "\x1b\x07\x9b\u202e":
+            assert letter not in done.stdout + done.stderr
+        assert "\\x1b" in done.stdout

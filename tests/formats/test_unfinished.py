@@ -74,7 +74,36 @@ def test_what_a_killed_recording_left_is_free_and_replaced_only_when_told_to(rec
     with a_writer(tmp_path, overwrite=True) as writer:
         add(writer, 20)
     assert len(read_take(tmp_path / "t.mcap").time) == 20
-    assert names(tmp_path) == ["t.mcap"]
+    assert names(tmp_path) == ["t.left-1.mcap.partial", "t.mcap"], "what can be read is put aside, not replaced"
+    assert 60 < len(read_take(tmp_path / "t.left-1.mcap.partial").time) < 70
+
+
+def test_a_second_recording_that_was_left_is_put_aside_under_the_next_name(tmp_path):
+    for count in (40, 50):
+        writer = a_writer(tmp_path)
+        add(writer, count)
+        writer.keep()
+    writer = a_writer(tmp_path)
+    writer.keep()
+    a_writer(tmp_path).keep()  # one that ended before its first block holds nothing
+    assert names(tmp_path) == ["t.left-1.mcap.partial", "t.left-2.mcap.partial", "t.mcap.partial"]
+
+
+def test_a_link_in_the_place_of_a_partial_file_is_not_followed(tmp_path):
+    (tmp_path / "mine").write_text("mine")
+    (tmp_path / "t.mcap.partial").symlink_to(tmp_path / "mine")
+    with pytest.raises(OutputError, match=r"t\.mcap\.partial: is a link to another file"):
+        a_writer(tmp_path, overwrite=True)
+    assert (tmp_path / "mine").read_text() == "mine"
+
+
+def test_a_link_in_the_place_of_a_take_is_replaced_and_not_followed(tmp_path):
+    (tmp_path / "mine").write_text("mine")
+    (tmp_path / "t.mcap").symlink_to(tmp_path / "mine")
+    with a_writer(tmp_path, overwrite=True) as writer:
+        add(writer, 20)
+    assert (tmp_path / "mine").read_text() == "mine"
+    assert not (tmp_path / "t.mcap").is_symlink()
 
 
 def test_of_two_writers_in_one_process_the_second_is_refused(tmp_path):

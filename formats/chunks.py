@@ -1,0 +1,164 @@
+"""Find the sound chunks of an MCAP file, however damaged: each is judged by its own lengths and checksum.
+
+Layout of a chunk record (https://mcap.dev/spec, version 0): opcode 6, length (8 bytes), start and end time (8 each),
+unpacked size (8), CRC-32 of the unpacked records (4), name of the compression (4 bytes of length, text), length of the
+records (8), records.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import zstandard
+from mcap.opcode import Opcode
+
+from formats.integers import Integers
+
+MAGIC = b"\x89MCAP0\r\n"
+LARGEST_CHUNK = 1 << 24  # bytes unpacked: a second of 500 markers at 500 frames a second, twice over
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+LARGEST_WINDOW = 1 << 23  # bytes that zstd may look back
+FREE_BYTES, UNPACKED = 1 << 27, 64  # bytes that a file may unpack to: so many, and so many for each of its own
+SLAB = 1 << 22  # bytes searched at once for the next chunk
+FIXED = 45  # bytes of a chunk record without its compression's name, its records and their length
+LONGEST_NAME = 16  # bytes of a compression's name
+LONGEST_RECORD = 1 << 20  # bytes of a record that is skipped: the specification is the longest
+KNOWN = {0x01, 0x02, 0x03, 0x04, 0x07, 0x08, 0x0B, 0x0C, 0x0D, 0x0E, 0x0F}  # records that hold no frames
+
+
+@dataclass
+class Findings:
+    """What was found in a file besides its messages."""
+
+    damaged: int = 0
+    is_whole: bool = False  # it ends as MCAP files do
+    other_compressions: set[str] = field(default_factory=set)
+    unpacked: int = 0  # bytes
+
+
+def profile_of(raw: bytes) -> str | None:
+    """Return the profile that an MCAP file states, None where its beginning does not hold."""
+    if not raw.startswith(MAGIC) or len(raw) < 21 or raw[8] != Opcode.HEADER:
+        return None
+    length, size = struct.unpack_from("<QI", raw, 9)
+    if not 8 <= length <= LONGEST_RECORD or size > min(length - 8, 4096):
+        return None
+    return raw[21 : 21 + size].decode(errors="replace")
+
+
+def messages_in(raw: bytes, findings: Findings) -> Iterator[bytes]:
+    """Yield the data of every message in every sound chunk, in the order of the file; go on after damage.
+
+    The time is linear in the length of the file and in what it unpacks to; a file that unpacks to more
+    than any take of its size is read that far.
+    """
+    at = len(MAGIC) if raw.startswith(MAGIC) else 0
+    findings.damaged += at == 0
+    limit = FREE_BYTES + UNPACKED * len(raw)
+    starts = _Starts(raw)
+    was_sound = True
+    while at + 9 <= len(raw):
+        opcode, end = raw[at], at + 9 + struct.unpack_from("<Q", raw, at + 1)[0]
+        is_within = end <= len(raw)
+        records = _records(raw, at, end, findings) if opcode == Opcode.CHUNK and is_within else None
+        if findings.unpacked > limit:
+            findings.damaged += 1
+            return
+        if records is not None:
+            was_sound = True
+            yield from _message_data(records)
+        elif opcode in KNOWN and is_within and end - at <= LONGEST_RECORD:
+            if opcode == Opcode.FOOTER and raw[end:] == MAGIC:
+                findings.is_whole = True
+                return
+        else:
+            findings.damaged += was_sound and is_within
+            was_sound = False
+            at = starts.next_at(at + 1)
+            continue
+        at = end
+
+
+class _Starts:
+    """The places of a file at which a chunk seems to begin: its lengths agree, and it ends within the file."""
+
+    def __init__(self, raw: bytes) -> None:
+        self._raw, self._found, self._searched = raw, np.empty(0, np.int64), 0
+
+    def next_at(self, at: int) -> int:
+        """Return the first of them from `at` on, the end of the file where there is none."""
+        self._searched = max(self._searched, at)
+        while True:
+            index = int(np.searchsorted(self._found, at))
+            if index < len(self._found):
+                return int(self._found[index])
+            if self._searched >= len(self._raw):
+                return len(self._raw)
+            self._found = self._search(self._searched)
+            self._searched += SLAB
+
+    def _search(self, begin: int) -> Integers:
+        whole = np.frombuffer(self._raw, np.uint8)
+        at = begin + np.flatnonzero(whole[begin : begin + SLAB] == int(Opcode.CHUNK))
+        at = at[at + FIXED + 4 <= len(whole)]
+        length, name = self._number(at + 1, 8), self._number(at + 37, 4)
+        is_chunk = (name <= LONGEST_NAME) & (length <= len(whole) - at - 9) & (length >= 40 + name)
+        at, length, name = at[is_chunk], length[is_chunk], name[is_chunk]
+        return np.asarray(at[self._number(at + 41 + name, 8) == length - 40 - name])
+
+    def _number(self, at: Integers, size: int) -> Integers:
+        """Return the numbers of `size` bytes at these places; one beyond 2^62 as that."""
+        view = np.ndarray((len(self._raw) - size + 1,), f"<u{size}", self._raw, strides=(1,))
+        most = np.array(2**62 if size == 8 else 2**32 - 1, view.dtype)
+        return np.asarray(np.minimum(view[at], most), np.int64)
+
+
+def _records(raw: bytes, at: int, end: int, findings: Findings) -> bytes | None:
+    """Return the unpacked records of the chunk between two places, None where it does not hold."""
+    if end - at < FIXED + 4:
+        return None
+    size, crc, name_length = struct.unpack_from("<QII", raw, at + 25)
+    begin = at + 49 + name_length
+    if name_length > LONGEST_NAME or begin > end or struct.unpack_from("<Q", raw, begin - 8)[0] != end - begin:
+        return None
+    if not 0 < size <= LARGEST_CHUNK or crc == 0:  # MCAP lets a checksum of 0 mean that there is none
+        return None
+    compression, packed = raw[at + 41 : begin - 8], memoryview(raw)[begin:end]
+    if compression not in (b"zstd", b""):
+        if compression.isalnum():
+            findings.other_compressions.add(compression.decode())
+        return None
+    try:
+        records = _unpacked(packed, size) if compression else bytes(packed[: size + 1])
+    except zstandard.ZstdError:
+        findings.unpacked += size if packed[:4] == ZSTD_MAGIC else 0
+        return None
+    findings.unpacked += len(records)
+    return records if len(records) == size and zlib.crc32(records) == crc else None
+
+
+def _unpacked(packed: memoryview, size: int) -> bytes:
+    stated = zstandard.frame_content_size(packed)
+    if stated == size:
+        return bytes(_UNPACKER.decompress(packed))
+    if stated != -1:  # a chunk states its size twice; zstd unpacks whatever the inner statement says
+        return b""
+    with _UNPACKER.stream_reader(packed) as stream:
+        return bytes(stream.read(size + 1))
+
+
+_UNPACKER = zstandard.ZstdDecompressor(max_window_size=LARGEST_WINDOW)
+
+
+def _message_data(records: bytes) -> Iterator[bytes]:
+    """Yield the data of the messages among a chunk's records: after the opcode and length, 22 bytes of stamps."""
+    at = 0
+    while at + 9 <= len(records):
+        end = at + 9 + int.from_bytes(records[at + 1 : at + 9], "little")
+        if records[at] == Opcode.MESSAGE and at + 31 <= end <= len(records):
+            yield records[at + 31 : end]
+        at = end

@@ -1,0 +1,225 @@
+"""Code tables of whole numbers in few bytes: difference along rows, zigzag, Rice code per column.
+
+    r_t = q_t - p_t for t >= 1,  where of order 1  p_t = q_(t-1),  of order 2  p_t = 2 q_(t-1) - q_(t-2),
+    of order 3  p_t = q_(t-1) + floor((q_(t-1) - q_(t-3)) / 2);  rows before the first are like the first
+    z = 2 r for r >= 0, -2 r - 1 else;   z = quotient 2^k + remainder
+
+Each column has its own order and k; a constant column costs one byte. All blocks of a take are coded
+in one pass, because a call of NumPy costs more than the thirty rows of a block. The bytes are
+described in `formats/SPEC.md`.
+
+Source of the code: R. F. Rice, "Some practical universal noiseless coding techniques",
+JPL Publication 79-22, 1979, section 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Integers = NDArray[np.int64]
+
+LARGEST = 2**31 - 1  # of a number in a table: its first value of a block has 32 bits
+ESCAPE = 24  # a quotient of so much says that z stands among the exceptions, in eight bytes
+LARGEST_K = 30
+ORDERS = (1, 2, 3)
+CODE_BYTES = 5  # a column: its code, and its first value
+
+
+def encode_tables(values: Integers, rows: Integers) -> list[bytes]:
+    """Return the bytes of each block of a table.
+
+    values: (sum of rows, columns), each at most `LARGEST` in size; rows, (blocks,): how many rows each block has
+    """
+    starts = np.cumsum(rows) - rows
+    first = values[starts]
+    is_residual = np.ones(len(values), bool)
+    is_residual[starts] = False
+    active = np.flatnonzero((values != np.repeat(first, rows, axis=0)).any(0))  # the others are constant everywhere
+    moving = values[:, active]
+    row = np.arange(len(values))
+    before = [moving[np.maximum(row - back, np.repeat(starts, rows))] for back in (1, 2, 3)]
+    residuals = [moving - _predicted(order, *before) for order in ORDERS]
+    sums = np.stack([np.add.reduceat(np.abs(residual), starts, axis=0) for residual in residuals])
+    chosen = sums.argmin(0)
+    residual = np.choose(np.repeat(chosen, rows, axis=0), residuals)
+    z = (residual << 1) ^ (residual >> 63)
+    is_coded = np.maximum.reduceat(z, starts, axis=0) > 0
+    k = _best_k(z, starts, rows)
+    codes = np.zeros(first.shape, np.uint8)
+    codes[:, active] = np.where(is_coded, 32 * (chosen + 1) + k, 0)
+
+    coded_at = np.repeat(is_coded, rows, axis=0) & is_residual[:, None]
+    z, k_of = z[coded_at], np.repeat(k, rows, axis=0)[coded_at]
+    counts = is_coded.sum(1) * (rows - 1)
+    ends = np.cumsum(counts)
+    quotient = np.minimum(z >> k_of, ESCAPE)
+    is_exception = quotient == ESCAPE
+    remainders, remainder_ends = _packed_remainders(z, k_of, ends, counts)
+    unary, unary_ends = _packed_unary(quotient, ends, counts)
+    exceptions = z[is_exception].astype("<i8").tobytes()
+    exception_ends = np.concatenate([[0], np.cumsum(is_exception)])[ends]
+    zigzag = ((first << 1) ^ (first >> 63)).astype("<u4")
+    planes = np.ascontiguousarray(zigzag).view(np.uint8).reshape(len(rows), -1, 4).transpose(0, 2, 1)
+
+    coded = []
+    done = np.zeros(3, np.int64)
+    for b, after in enumerate(np.stack([remainder_ends, exception_ends, unary_ends], 1)):
+        coded.append(
+            codes[b].tobytes()
+            + planes[b].tobytes()
+            + int(after[1] - done[1]).to_bytes(4, "little")
+            + remainders[done[0] : after[0]]
+            + exceptions[8 * done[1] : 8 * after[1]]
+            + unary[done[2] : after[2]]
+        )
+        done = after
+    return coded
+
+
+def _predicted(order: int | Integers, one: Integers, two: Integers, three: Integers) -> Integers:
+    """Return what a row is expected to hold, from the three before it."""
+    if isinstance(order, int):
+        return one if order == 1 else 2 * one - two if order == 2 else one + (one - three >> 1)
+    return np.where(order == 1, one, np.where(order == 2, 2 * one - two, one + (one - three >> 1)))
+
+
+def _best_k(z: Integers, starts: Integers, rows: Integers) -> Integers:
+    """Return k of each block's columns, (blocks, columns): of three near the mean length in bits, the cheapest."""
+    length = np.add.reduceat(np.log2(z + 1), starts, axis=0) / np.maximum(rows - 1, 1)[:, None]
+    near = np.clip(length.astype(np.int64), 1, LARGEST_K - 1)
+    best, least = near, np.full(near.shape, np.iinfo(np.int64).max)
+    for k in (near - 1, near, near + 1):
+        quotient = z >> np.repeat(k, rows, axis=0)
+        bits = np.where(quotient < ESCAPE, quotient, ESCAPE + 64)
+        cost = np.add.reduceat(bits, starts, axis=0) + k * (rows - 1)[:, None]
+        best, least = np.where(cost < least, k, best), np.minimum(cost, least)
+    return np.asarray(best)
+
+
+def _packed_remainders(z: Integers, k: Integers, ends: Integers, counts: Integers) -> tuple[bytes, Integers]:
+    """Pack the lowest k bits of each z, each block from a whole byte on; return where each block's bytes end."""
+    bit_ends = np.concatenate([[0], np.cumsum(k)])
+    offset, byte_ends = _aligned(bit_ends[ends] - bit_ends[ends - counts])
+    at = bit_ends[:-1] + np.repeat(offset - bit_ends[ends - counts], counts)
+    rest = (z & ((1 << k) - 1)) << (at & 7)
+    size, byte = int(byte_ends[-1]), at >> 3
+    packed = np.zeros(size + 8, np.uint8)
+    while rest.any():
+        # No two remainders share a bit, so that a byte is the sum of its parts.
+        packed += np.bincount(byte, rest & 255, size + 8).astype(np.uint8)
+        rest, byte = rest >> 8, byte + 1
+    return packed[:size].tobytes(), byte_ends
+
+
+def _packed_unary(quotient: Integers, ends: Integers, counts: Integers) -> tuple[bytes, Integers]:
+    """Pack each quotient as so many zeros and a one, each block from a whole byte on."""
+    bit_ends = np.concatenate([[0], np.cumsum(quotient + 1)])
+    offset, byte_ends = _aligned(bit_ends[ends] - bit_ends[ends - counts])
+    ones = bit_ends[1:] - 1 + np.repeat(offset - bit_ends[ends - counts], counts)
+    bits = np.zeros(8 * int(byte_ends[-1]), np.uint8)
+    bits[ones] = 1
+    return np.packbits(bits, bitorder="little").tobytes(), byte_ends
+
+
+def _aligned(bits: Integers) -> tuple[Integers, Integers]:
+    """Return at which bit each block begins and at which byte it ends, where each begins at a whole byte."""
+    byte_ends = np.cumsum(-(-bits // 8))
+    return 8 * np.concatenate([[0], byte_ends[:-1]]), byte_ends
+
+
+def decode_tables(coded: Sequence[bytes], rows: Integers, columns: int) -> tuple[Integers, NDArray[np.bool_]]:
+    """Return the tables of blocks, (sum of rows of the sound ones, columns), and which blocks are sound.
+
+    A block whose bytes do not hold together is left out. No more is allocated than a small multiple
+    of the bytes given and of rows x columns.
+    """
+    sound = np.array([len(raw) >= CODE_BYTES * columns + 4 for raw in coded]) & (rows > 0)
+    while True:
+        kept = [raw for raw, good in zip(coded, sound, strict=True) if good]
+        if not kept:
+            return np.zeros((0, columns), np.int64), sound
+        values, good = _decoded(kept, rows[sound], columns)
+        if good.all():
+            return values, sound
+        sound[np.flatnonzero(sound)[~good]] = False
+
+
+def _decoded(coded: list[bytes], rows: Integers, columns: int) -> tuple[Integers, NDArray[np.bool_]]:
+    """Decode blocks in one pass; where some are not sound only says which."""
+    raw = np.frombuffer(b"".join([*coded, bytes(8)]), np.uint8)
+    sizes = np.array([len(one) for one in coded])
+    begins = np.cumsum(sizes) - sizes
+    head = raw[begins[:, None] + np.arange(CODE_BYTES * columns + 4)]
+    codes = head[:, :columns].astype(np.int64)
+    order, k = codes >> 5, codes & 31
+    is_coded = codes > 0
+    planes = head[:, columns : CODE_BYTES * columns].reshape(len(coded), 4, columns).transpose(0, 2, 1)
+    zigzag = np.ascontiguousarray(planes).view("<u4")[..., 0].astype(np.int64)
+    first = (zigzag >> 1) ^ -(zigzag & 1)
+    exceptions = np.ascontiguousarray(head[:, CODE_BYTES * columns :]).view("<u4")[:, 0].astype(np.int64)
+    counts = is_coded.sum(1) * (rows - 1)
+    remainder_at = begins + CODE_BYTES * columns + 4
+    exception_at = remainder_at + -(-(np.where(is_coded, k, 0).sum(1) * (rows - 1)) // 8)
+    unary_at = exception_at + 8 * exceptions
+    ends = begins + sizes
+    # Each value has a bit at least, so that more values than bits cannot be.
+    good = (unary_at + -(-counts // 8) <= ends) & (((order > 0) | ~is_coded) & (order <= ORDERS[-1])).all(1)
+    if not good.all():
+        return first, good
+
+    sections = [raw[a:b] for a, b in zip(unary_at, ends, strict=True)]
+    bits = np.unpackbits(np.concatenate(sections), bitorder="little")
+    bit_ends = 8 * np.cumsum(ends - unary_at)
+    ones = np.flatnonzero(bits)
+    value_ends = np.searchsorted(ones, bit_ends)
+    good = np.diff(value_ends, prepend=0) == counts
+    if not good.all():
+        return first, good
+    quotient = np.diff(ones, prepend=-1) - 1
+    has_values = counts > 0
+    firsts = (value_ends - counts)[has_values]
+    quotient[firsts] = ones[firsts] - (bit_ends - 8 * (ends - unary_at))[has_values]
+
+    is_exception = quotient == ESCAPE
+    found = np.diff(np.concatenate([[0], np.cumsum(is_exception)])[value_ends], prepend=0)
+    good = found == exceptions
+    if not good.all() or (quotient > ESCAPE).any():
+        too_large = np.concatenate([[0], np.cumsum(quotient > ESCAPE)])[value_ends]
+        return first, good & (np.diff(too_large, prepend=0) == 0)
+
+    active = np.flatnonzero(is_coded.any(0))
+    is_coded, k, order = is_coded[:, active], k[:, active], order[:, active]
+    per_row = np.where(is_coded, k, 0)
+    within = np.cumsum(per_row, axis=1) - per_row
+    starts = np.cumsum(rows) - rows
+    row_in_block = np.arange(rows.sum()) - np.repeat(starts, rows)
+    row_bit = np.repeat(8 * remainder_at, rows) + (row_in_block - 1) * np.repeat(per_row.sum(1), rows)
+    coded_at = np.repeat(is_coded, rows, axis=0) & (row_in_block > 0)[:, None]
+    bit = (row_bit[:, None] + np.repeat(within, rows, axis=0))[coded_at]
+    k_of = np.repeat(k, rows, axis=0)[coded_at]
+    windows = np.ndarray((len(raw) - 7,), "<i8", raw, strides=(1,))
+    z = quotient << k_of | windows[bit >> 3] >> (bit & 7) & (1 << k_of) - 1
+    if is_exception.any():
+        z[is_exception] = np.concatenate([raw[a:b] for a, b in zip(exception_at, unary_at, strict=True)]).view("<i8")
+    residual = np.zeros(coded_at.shape, np.int64)
+    residual[coded_at] = (z >> 1) ^ -(z & 1)
+    table = np.repeat(first, rows, axis=0)
+    table[:, active] = _summed(residual, first[:, active], order, rows)
+    return table, np.ones(len(coded), bool)
+
+
+def _summed(residual: Integers, first: Integers, order: Integers, rows: Integers) -> Integers:
+    """Undo the prediction row by row, in all blocks and columns at once."""
+    starts = np.cumsum(rows) - rows
+    residual[starts] = first
+    longest_first = np.argsort(-rows, kind="stable")
+    starts, order, rows = starts[longest_first], order[longest_first], rows[longest_first]
+    for t in range(1, int(rows.max(initial=0))):
+        count = int(np.searchsorted(-rows, -t))  # blocks that have a row t
+        at, start = starts[:count] + t, starts[:count]
+        before = (residual[np.maximum(at - back, start)] for back in (1, 2, 3))
+        residual[at] += _predicted(order[:count], *before)
+    return residual

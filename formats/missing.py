@@ -1,0 +1,32 @@
+"""Say in words which seconds of a take are missing, counted from its first frame."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from formats.take import Span, Take
+
+MOST_SPANS = 5  # that one sentence lists
+
+
+def missing_words(take: Take, spans: Sequence[Span] | None = None) -> str:
+    """Return `2.03 to 3.10 s and from 7.20 s on`; nothing where nothing is missing.
+
+    spans: of the sensor's clock; by default all that the take lacks
+
+    Seconds count from the take's first frame, or from the first one that is left where the beginning is not known.
+    """
+    found = take.missing if spans is None else spans
+    known = [begin for begin, _ in found if math.isfinite(begin)]
+    origin = min([*known, float(take.time[0])])
+    words = [_span(begin - origin, end - origin) for begin, end in found]
+    if len(words) > MOST_SPANS:
+        words = [*words[: MOST_SPANS - 1], f"{len(words) - MOST_SPANS + 1} more spans"]
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+def _span(begin: float, end: float) -> str:
+    if math.isinf(begin):
+        return f"what was before {end:.2f} s"
+    return f"from {begin:.2f} s on" if math.isinf(end) else f"{begin:.2f} to {end:.2f} s"

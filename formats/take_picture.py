@@ -1,0 +1,103 @@
+"""Draw how the tracked points of a take move: in letters for a terminal, and as a PNG picture."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+
+from formats.arrays import Floats
+from formats.outputs import write_bytes
+from formats.take import Take
+
+COLUMNS, LINES = 64, 8  # of letters; each holds 2 x 4 dots of braille
+DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # Unicode 15, block "Braille Patterns"
+WIDTH, HEIGHT, MARGIN = 960, 540, 56  # px
+COLOURS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#8c564b", "#17becf", "#7f7f7f")
+MOST_LINES = 12  # tracked points that are drawn
+
+
+def sideways(take: Take) -> tuple[list[str], Floats]:
+    """Return names and sideways paths [m], (frames, paths), of the held edge's middle and of each tracked point.
+
+    Sideways is along the mean held edge, less its own mean; NaN where not seen.
+    """
+    names = ["held edge", *take.garment.point_names]
+    places = np.concatenate([take.held.mean(1, keepdims=True), take.points], axis=1)
+    along = _mean(take.held[:, 1] - take.held[:, 0])
+    along = along / max(float(np.linalg.norm(along)), 1e-9)
+    paths = places @ along
+    return names, paths - _mean(paths)
+
+
+def _mean(values: Floats) -> Floats:
+    """Return the mean along frames of what was seen, 0 where nothing was."""
+    seen = np.isfinite(values)
+    total = np.where(seen, values, 0.0).sum(0)
+    return np.asarray(total / np.maximum(seen.sum(0), 1))
+
+
+def draw_in_letters(take: Take) -> str:
+    """Return a picture of the held edge's and the lowest point's way sideways over time, in braille letters."""
+    _, paths = sideways(take)
+    lowest = 1 + int(np.argmin([point.at_m[1] for point in take.garment.points]))
+    shown = paths[:, [0, lowest]]
+    reach = float(np.nanmax(np.abs(shown), initial=0.0)) or 1e-3
+    span = float(take.time[-1] - take.time[0]) or 1.0
+    across = ((take.time - take.time[0]) / span * (2 * COLUMNS - 1)).astype(int)
+    dots = np.zeros((LINES, COLUMNS), int)
+    for path in shown.T:
+        seen = np.isfinite(path)
+        down = ((1 - path[seen] / reach) / 2 * (4 * LINES - 1)).round().astype(int)
+        column = across[seen]
+        np.bitwise_or.at(dots, (down // 4, column // 2), DOTS[down % 4, column % 2])
+    lines = ["".join(chr(0x2800 + int(dot)) for dot in row) for row in dots]
+    top, bottom = f"{1e3 * reach:+.0f} mm", f"{-1e3 * reach:+.0f} mm"
+    labels = [top, *[""] * (LINES - 2), bottom]
+    drawn = [f"{label:>9} {line}" for label, line in zip(labels, lines, strict=True)]
+    caption = f"sideways over {span:.1f} s: the held edge and the lowest tracked point"
+    return "\n".join([*drawn, f"{'':>9} {caption}"])
+
+
+def draw_png(take: Take, path: Path) -> None:
+    """Draw the way sideways of the held edge and the tracked points over time as a PNG picture.
+
+    Raises:
+        ModuleNotFoundError: Pillow is not installed.
+        OutputError: the file cannot be written.
+    """
+    from PIL import Image, ImageDraw
+
+    names, paths = sideways(take)
+    names, paths = names[:MOST_LINES], paths[:, :MOST_LINES]
+    reach = float(np.nanmax(np.abs(paths), initial=0.0)) or 1e-3
+    span = float(take.time[-1] - take.time[0]) or 1.0
+    picture = Image.new("RGB", (WIDTH, HEIGHT), "white")
+    pen = ImageDraw.Draw(picture)
+    left, right, top, bottom = MARGIN + 24, WIDTH - 160, MARGIN, HEIGHT - MARGIN
+    x = left + (take.time - take.time[0]) / span * (right - left)
+    y = (top + bottom) / 2 - paths / reach * (bottom - top) / 2
+    for level in (-1.0, -0.5, 0.0, 0.5, 1.0):
+        at = (top + bottom) / 2 - level * (bottom - top) / 2
+        pen.line([(left, at), (right, at)], fill="#dddddd")
+        pen.text((8, at - 6), f"{1e3 * level * reach:+.0f} mm", fill="black")
+    for share in (0.0, 0.25, 0.5, 0.75, 1.0):
+        at = left + share * (right - left)
+        pen.line([(at, top), (at, bottom)], fill="#dddddd")
+        pen.text((at - 12, bottom + 8), f"{share * span:.1f} s", fill="black")
+    for number, name in enumerate(names):
+        colour = COLOURS[number % len(COLOURS)]
+        for start, stop in _stretches(np.isfinite(paths[:, number])):
+            pen.line(list(zip(x[start:stop], y[start:stop, number], strict=True)), fill=colour, width=2)
+        pen.text((right + 12, top + 18 * number), name.encode("ascii", "replace").decode()[:20], fill=colour)
+    pen.text((left, 16), f"sideways, {len(take.time)} frames in {span:.1f} s", fill="black")
+    stream = io.BytesIO()
+    picture.save(stream, "PNG")
+    write_bytes(path, stream.getvalue())
+
+
+def _stretches(seen: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> list[tuple[int, int]]:
+    """Return begin and end of each run of frames in which a point was seen, two frames or more."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], seen, [False]]).astype(int)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 1]

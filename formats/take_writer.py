@@ -1,0 +1,254 @@
+"""Write takes: frame by frame while they are recorded, or whole. See `formats/SPEC.md`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from hashlib import blake2b
+from importlib.resources import files
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO, Self
+
+import msgpack
+import msgspec
+import numpy as np
+from mcap.writer import CompressionType, IndexType, Writer
+
+from formats.blocks import MOST_ROWS, Columns, Frame, check_columns, cut_into_blocks, encode_blocks
+from formats.chunks import Findings, messages_in
+from formats.descriptions import check_garment, check_rig
+from formats.errors import TakeError
+from formats.garment import Garment
+from formats.rig import Rig
+from formats.surface import SurfaceScan, encode_scan
+from formats.take import Take
+from formats.unfinished import UnfinishedFile, not_utf8
+from formats.whole_files import make_folders
+
+VERSION = 2
+PROFILE = f"hangtime-take/{VERSION}"
+BLOCK_SECONDS = 1.0  # lost at most in a power cut
+HEADER_EVERY = 30  # blocks: the header is repeated, and once more at the end, so that no flipped bit loses the take
+HEADER, BLOCK, SURFACE, END = "/header", "/block", "/surface", "/end"
+NO_INDEX = IndexType(0)  # of chunks: 77 bytes a second, and no reader of takes skips any
+BINDING_BYTES = 8
+MOST_HEADER_BYTES = 1 << 20
+
+
+def binding_of(header: bytes) -> bytes:
+    """Return what ties blocks, scans and the end of a take to its header: the first bytes of its BLAKE2b hash."""
+    return blake2b(header, digest_size=BINDING_BYTES).digest()
+
+
+class TakeWriter:
+    """Write a take frame by frame; `finish` gives the file its name, until then it is `NAME.partial`, and locked.
+
+    As a context manager it finishes on leaving, and keeps the partial file when an exception passes.
+    """
+
+    def __init__(
+        self, path: Path, *, take_id: str, created: str, rig: Rig, garment: Garment, source: str = "",
+        notes: dict[str, str] | None = None, overwrite: bool = True, missing: Sequence[tuple[float, float]] = (),
+    ) -> None:  # fmt: skip
+        """Begin a take.
+
+        overwrite: whether a take of this name may be replaced; frames that an interrupted recording left are put aside
+        missing [s]: spans of the sensor's clock of which an earlier file of this take lost the frames
+
+        Raises:
+            DescriptionError: an impossible rig or garment.
+            OutputError: another writer is at this take, it is there and may not be replaced, its name is not UTF-8, or
+                a link is in its place.
+            OSError: the file cannot be written.
+        """
+        check_rig(rig, take_id)
+        check_garment(garment, take_id)
+        self._points, self._take_id = len(garment.points), take_id
+        header = {
+            "format": PROFILE, "take_id": take_id, "created": created, "rig": msgspec.to_builtins(rig),
+            "garment": msgspec.to_builtins(garment), "source": source, "notes": notes or {},
+            **({"missing": [list(span) for span in missing]} if missing else {}),
+        }  # fmt: skip
+        make_folders(path.parent)
+        self._unfinished = UnfinishedFile(path, overwrite=overwrite, holds_something=holds_a_block)
+        self.path, self.partial = path, self._unfinished.partial
+        self._waiting: list[Columns] = []
+        self._first_time = self._last_time = -np.inf
+        self._count = self._blocks = self._scans = self._queued = 0
+        self._is_readable = False
+        try:
+            self._begin(header)
+        except BaseException as error:
+            self.discard()
+            if isinstance(error, UnicodeEncodeError):
+                raise not_utf8(path) from error
+            raise
+
+    def _begin(self, header: dict[str, Any]) -> None:
+        self._header = msgpack.packb(header)
+        if len(self._header) > MOST_HEADER_BYTES:
+            raise TakeError(f"its header has {len(self._header)} bytes", where=self.path, advice="shorten the notes")
+        self._binding = binding_of(self._header)
+        self._mcap = Writer(
+            self._unfinished.file, chunk_size=1, compression=CompressionType.ZSTD, index_types=NO_INDEX,
+            use_statistics=True, use_summary_offsets=False, enable_data_crcs=False,
+        )  # fmt: skip
+        self._mcap.start(profile=PROFILE, library="hangtime")
+        specification = files("formats").joinpath("SPEC.md").read_bytes()
+        schema = self._mcap.register_schema("hangtime-take", "text/markdown", specification)
+        self._channels = {t: self._mcap.register_channel(t, "msgpack", schema) for t in (HEADER, BLOCK, SURFACE, END)}
+        self._write(HEADER, self._header)
+
+    def append(self, frame: Frame) -> None:
+        """Add a frame.
+
+        Raises:
+            TakeError: as `formats.blocks.check_columns`.
+        """
+        columns = frame.as_columns()
+        self._check(columns)
+        if self._first_time == -np.inf:
+            self._first_time = frame.time
+        start = self._waiting[0]["time"][0] if self._waiting else frame.time
+        if frame.time - start >= 2 * BLOCK_SECONDS:  # a gap: it is no part of a block
+            self._flush()
+            start = frame.time
+        self._waiting.append(columns)
+        self._last_time = frame.time
+        if frame.time - start >= BLOCK_SECONDS or len(self._waiting) >= MOST_ROWS:
+            self._flush()
+
+    def append_columns(self, columns: Columns) -> None:
+        """Add many frames at once, by the names of `formats.take.Take`; they are on the disk once the take is finished.
+
+        Raises:
+            TakeError: as `formats.blocks.check_columns`.
+        """
+        self._flush()
+        self._check(columns)
+        if self._first_time == -np.inf:
+            self._first_time = float(columns["time"][0])
+        rows = cut_into_blocks(columns["time"], BLOCK_SECONDS)
+        self._write_blocks(columns, rows)
+        self._last_time = float(columns["time"][-1])
+
+    def append_scan(self, scan: SurfaceScan) -> None:
+        """Add a scan of the visible surface, taken at the time of a frame or between frames.
+
+        Raises:
+            TakeError: as `formats.surface.encode_scan`.
+        """
+        self._write(SURFACE, msgpack.packb({"take": self._binding, **encode_scan(scan)}))
+        self._scans += 1
+
+    def finish(self) -> Path:
+        """Write what is left, make it durable, and give the file its final name.
+
+        Raises:
+            OutputError: a file that may not be replaced has come there; this one can still be kept or discarded.
+        """
+        self._flush()
+        self._write(HEADER, self._header)
+        ends = {}
+        if self._count:
+            ends = {"from": round(1e6 * self._first_time), "until": round(1e6 * self._last_time)}
+        counts = {"frames": self._count, "blocks": self._blocks, "scans": self._scans}
+        self._write(END, msgpack.packb({"take": self._binding, **counts, **ends}))
+        self._mcap.finish()
+        self._unfinished.finish()
+        return self.path
+
+    @property
+    def is_readable(self) -> bool:
+        """Whether a block is safe on the disk, so that the partial file can be read."""
+        return self._is_readable
+
+    def keep(self) -> None:
+        """Close the partial file as it is, after an error that writing more would only repeat."""
+        self._unfinished.keep()
+
+    def discard(self) -> None:
+        """Remove what was written, unless it was finished or kept before."""
+        self._unfinished.discard()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self.finish()
+        elif not self._unfinished.file.closed:
+            self._flush()
+            self._unfinished.sync()
+            self._unfinished.keep()
+
+    def _check(self, columns: Columns) -> None:
+        first = self._count + len(self._waiting)
+        check_columns(columns, points=self._points, take_id=self._take_id, first=first, after=self._last_time)
+
+    def _flush(self) -> None:
+        """Put the frames that wait on the disk, as one block."""
+        if not self._waiting:
+            return
+        columns = {name: np.concatenate([one[name] for one in self._waiting]) for name in self._waiting[0]}
+        self._write_blocks(columns, np.array([len(self._waiting)]))
+        self._waiting = []
+        self._unfinished.sync()
+        self._is_readable = True
+
+    def _write_blocks(self, columns: Columns, rows: np.ndarray[Any, np.dtype[np.int64]]) -> None:
+        for block in encode_blocks(columns, rows, self._count):
+            if self._blocks and self._blocks % HEADER_EVERY == 0:
+                self._write(HEADER, self._header)
+            self._write(BLOCK, msgpack.packb({"take": self._binding, **block}), block["start"])
+            self._count += block["frames"]
+            self._blocks += 1
+
+    def _write(self, topic: str, content: bytes, start: int | None = None) -> None:
+        last = self._last_time * 1e6 if np.isfinite(self._last_time) else 0.0
+        stamp = max(1000 * int(last if start is None else start), 0)
+        self._mcap.add_message(self._channels[topic], stamp, content, stamp)
+
+
+def holds_a_block(file: BinaryIO) -> bool:
+    """Return whether a file that an interrupted recording left has frames that can be read."""
+    file.seek(0)
+    return any(b"table" in data[:200] or b"points_valid" in data for data in messages_in(file.read(), Findings()))
+
+
+def write_take(path: Path, take: Take, *, overwrite: bool = True) -> Path:
+    """Write a whole take at once; overwrite: whether a take of this name may be replaced.
+
+    Raises:
+        TakeError: as `TakeWriter.append_columns`.
+        OutputError: as `TakeWriter` and `TakeWriter.finish`.
+        OSError: it cannot be written; names the file.
+    """
+    writer = TakeWriter(
+        path, take_id=take.take_id, created=take.created, rig=take.rig, garment=take.garment, source=take.source,
+        notes=take.notes, overwrite=overwrite, missing=take.missing,
+    )  # fmt: skip
+    frames = len(take.time)
+    absent = np.full(frames, np.nan)
+    columns = {
+        "time": take.time, "markers": take.markers, "held": take.held, "held_valid": take.held_valid,
+        "held_sd": take.held_sd, "points": take.points, "points_valid": take.points_valid, "points_sd": take.points_sd,
+        "state": take.state,
+        "points_hidden": np.zeros(take.points_valid.shape, bool) if take.points_hidden is None else take.points_hidden,
+        "quality": absent if take.quality is None else take.quality,
+        "pitch": absent if take.pitch is None else take.pitch,
+        "pitch_sd": absent if take.pitch_sd is None else take.pitch_sd,
+    }  # fmt: skip
+    try:
+        if frames:
+            writer.append_columns(columns)
+        for scan in take.scans:
+            writer.append_scan(scan)
+        return writer.finish()
+    except BaseException as error:
+        writer.discard()
+        if isinstance(error, OSError):
+            error.filename = str(path)  # a full disk names none
+        raise

@@ -1,0 +1,133 @@
+"""`hangtime takes`: list, show, verify and recover take archives."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Takes = Annotated[list[Path], typer.Argument(metavar="TAKE...", help="Take archives (.mcap).")]
+
+
+def add_takes_commands(takes: typer.Typer) -> None:
+    """Add the commands to `hangtime takes`."""
+    takes.command("list")(list_takes)
+    takes.command("show")(show_take)
+    takes.command("verify")(verify_takes)
+    takes.command("recover")(recover_takes)
+
+
+def list_takes(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder with takes; those below it are listed too.")],
+) -> None:
+    """List takes, finished and unfinished, with length, motion and garment. Exit code 2: one cannot be read."""
+    from formats.archive import read_with_report
+    from formats.errors import TakeError
+    from formats.motion import kind_of
+    from formats.plain_text import plain
+
+    if not folder.is_dir():
+        raise TakeError("is no folder", where=folder, advice="give a folder; `hangtime takes show` shows one take")
+    paths = sorted(p for pattern in ("*.mcap", "*.mcap.partial") for p in folder.rglob(pattern))
+    if not paths:
+        raise TakeError("holds no takes", where=folder, advice="`hangtime record` and `hangtime import` make some")
+    all_read = True
+    for path in paths:
+        try:
+            take, report = read_with_report(path)
+        except TakeError as error:
+            typer.echo(f"lost        {error}")
+            all_read = False
+            continue
+        length = float(take.time[-1] - take.time[0])
+        typer.echo(
+            f"{_word(report.is_sound, report.damaged_blocks):<11} {plain(path.relative_to(folder))}: {length:.1f} s, "
+            f"{kind_of(take)}, {plain(take.garment.name)}, {plain(take.created)}"
+        )
+    if not all_read:
+        raise typer.Exit(2)
+
+
+def show_take(
+    path: Annotated[Path, typer.Argument(metavar="TAKE", help="A take archive (.mcap), or what one left (.partial).")],
+    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    png: Annotated[
+        Path | None, typer.Option("--png", metavar="FILE", help="Also draw the paths of the tracked points.")
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")] = False,
+) -> None:
+    """Show what a take holds: length, rate, garment, how often each point was seen and how noisy it is."""
+    from formats.archive import read_take
+    from formats.outputs import refuse_to_replace
+    from formats.summary import as_json, describe, summarise
+    from formats.take_picture import draw_in_letters, draw_png
+
+    take = read_take(path)
+    summary = summarise(take)
+    typer.echo(as_json(summary) if json else f"{describe(summary)}\n\n{draw_in_letters(take)}")
+    if png is not None:
+        if not overwrite:
+            refuse_to_replace(png)
+        draw_png(take, png)
+
+
+def verify_takes(paths: Takes) -> None:
+    """Read takes whole, checksums and all. Exit code 0: all sound; 2: at least one is damaged or incomplete."""
+    from formats.archive import read_with_report
+    from formats.errors import TakeError
+    from formats.missing import missing_words
+    from formats.plain_text import plain
+
+    all_sound = True
+    for path in paths:
+        try:
+            take, report = read_with_report(path)
+        except TakeError as error:
+            typer.echo(f"lost        {error}")
+            all_sound = False
+            continue
+        rest = ""
+        if report.damaged_blocks:
+            rest += f", {report.damaged_blocks} damaged"
+        if report.spans:
+            frames = f" ({report.missing_frames} frames)" if report.missing_frames else ""
+            rest += f"; missing: {missing_words(take, report.spans)}{frames}"
+        if report.missing_scans:
+            rest += f"; missing: {report.missing_scans} scans of the surface"
+        if not report.is_sound:
+            rest += "; `hangtime takes recover` makes a sound file"
+        elif take.missing:
+            rest = f"; an earlier file had lost {missing_words(take)}"
+        word = _word(report.is_sound, report.damaged_blocks)
+        typer.echo(f"{word:<11} {plain(path)}: {report.frames} frames in {report.blocks} blocks{rest}")
+        all_sound &= report.is_sound
+    if not all_sound:
+        raise typer.Exit(2)
+
+
+def _word(is_sound: bool, damaged: int) -> str:
+    return "sound" if is_sound else "damaged" if damaged else "incomplete"
+
+
+def recover_takes(
+    paths: Takes,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Folder for the sound files.", show_default="beside each take"),
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what is already there.")] = False,
+) -> None:
+    """Make a sound file, NAME.recovered.mcap, of every frame that a damaged or interrupted take still holds."""
+    from formats.archive import read_with_report, write_take
+    from formats.missing import missing_words
+    from formats.plain_text import plain
+
+    for path in paths:
+        take, report = read_with_report(path)
+        name = path.name.removesuffix(".partial").removesuffix(".mcap")
+        target = write_take((out or path.parent) / f"{name}.recovered.mcap", take, overwrite=overwrite)
+        lost = missing_words(take)
+        told = f"missing: {lost}" if lost else "nothing is missing"
+        scans = f", {report.missing_scans} scans of the surface are lost" if report.missing_scans else ""
+        typer.echo(f"{plain(target)}: {len(take.time)} frames, {told}{scans}")

@@ -1,0 +1,65 @@
+"""Damage to files, drawn at random, and the question whether a reader gave wrong data."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from formats.archive import take_of
+from formats.errors import TakeError
+
+PAGE = 4096
+COLUMNS = (
+    "time", "state", "quality", "pitch", "pitch_sd", "held", "markers", "points", "held_sd", "points_sd", "held_valid",
+    "points_valid", "points_hidden",
+)  # fmt: skip
+
+
+def damaged(raw, rng):
+    """The bytes of a file after one accident of a kind that disks and people cause."""
+    kind, at, size = rng.integers(9), int(rng.integers(len(raw))), int(2 ** rng.uniform(0, 13))
+    page = at // PAGE * PAGE
+    out = bytearray(raw)
+    if kind == 0:  # one bit
+        out[at] ^= 1 << int(rng.integers(8))
+    elif kind == 1:  # a few bytes
+        for k in rng.integers(len(raw), size=int(rng.integers(2, 12))):
+            out[k] = int(rng.integers(256))
+    elif kind == 2:  # cut off
+        del out[at:]
+    elif kind == 3:  # zeros
+        out[at : at + size] = bytes(min(size, len(raw) - at))
+    elif kind == 4:  # a page is zero
+        out[page : page + PAGE] = bytes(min(PAGE, len(raw) - page))
+    elif kind == 5:  # a page comes twice
+        out[page:page] = out[page : page + PAGE]
+    elif kind == 6:  # bytes are lost
+        del out[at : at + size]
+    elif kind == 7:  # noise
+        out[at : at + size] = rng.bytes(min(size, len(raw) - at))
+    else:  # one place is copied over another
+        other = int(rng.integers(len(raw)))
+        part = out[other : other + size]
+        out[at : at + len(part)] = part
+    return bytes(out)
+
+
+def is_wrong(raw, sound):
+    """Whether the reader gives a frame or a scan that `sound`, the take of the undamaged file, does not have."""
+    try:
+        take = take_of(raw, "damaged")
+    except TakeError:
+        return False
+    rows = np.searchsorted(sound.time, take.time)
+    if (rows == len(sound.time)).any():
+        return True
+    if any(not np.array_equal(getattr(take, name), getattr(sound, name)[rows], equal_nan=True) for name in COLUMNS):
+        return True
+    scans = {scan.time: scan for scan in sound.scans}
+    if any(
+        scan.time not in scans or not np.array_equal(scan.grid, scans[scan.time].grid, equal_nan=True)
+        for scan in take.scans
+    ):
+        return True
+    if (take.take_id, take.rig, take.garment) != (sound.take_id, sound.rig, sound.garment):
+        return True
+    return len(take.time) < len(sound.time) and (take.is_complete or not take.missing)

@@ -1,0 +1,253 @@
+"""Damage to a take costs the blocks that it touches, never a wrong value; hostile files cost little."""
+
+from __future__ import annotations
+
+import struct
+import time
+import tracemalloc
+import zlib
+from dataclasses import replace
+
+import msgpack
+import numpy as np
+import pytest
+import zstandard
+
+from formats.archive import read_take, take_of, verify_take, write_take
+from formats.chunks import Findings, messages_in
+from formats.errors import TakeError
+from tests.formats.damage import PAGE, damaged, is_wrong
+from tests.formats.test_archive import a_scan, a_take
+
+
+@pytest.fixture(scope="module")
+def raw(tmp_path_factory):
+    """Five seconds in five blocks, and two scans."""
+    take = replace(a_take(), scans=(a_scan(0.4, 1), a_scan(2.6, 2)))
+    return write_take(tmp_path_factory.mktemp("sound") / "a.mcap", take).read_bytes()
+
+
+@pytest.fixture(scope="module")
+def long(tmp_path_factory):
+    """Forty seconds, on seven pages and more."""
+    return write_take(tmp_path_factory.mktemp("sound") / "a.mcap", a_take(frames=1200)).read_bytes()
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """Three blocks, of which 10 000 accidents are read in seconds."""
+    return write_take(tmp_path_factory.mktemp("sound") / "a.mcap", a_take(frames=80)).read_bytes()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_of_ten_thousand_accidents_none_gives_a_wrong_value(small, seed):
+    rng, sound = np.random.default_rng(seed), take_of(small, "sound")
+    for k in range(2500):
+        broken = damaged(small, rng)
+        assert not is_wrong(broken, sound), f"accident {k} of seed {seed}"
+
+
+def chunks_of(raw):
+    """Begin and end of each chunk that holds a message, and its message."""
+    found, at = [], 8
+    while raw[at] != 0x0F:
+        end = at + 9 + struct.unpack_from("<Q", raw, at + 1)[0]
+        if raw[at] == 6:
+            found += [(at, end, msgpack.unpackb(data)) for data in messages_in(raw[at:end], Findings())]
+        at = end
+    return found
+
+
+def test_a_bit_of_a_chunks_own_lengths_costs_that_chunk_only(raw):
+    """A third of the 392 bits of the second block's record: all frames but its 31 are there, whichever is flipped."""
+    begin, _, block = [chunk for chunk in chunks_of(raw) if "table" in chunk[2]][1]
+    sound = take_of(raw, "sound")
+    for bit in range(0, 8 * 49, 3):
+        broken = bytearray(raw)
+        broken[begin + bit // 8] ^= 1 << bit % 8
+        take = take_of(bytes(broken), "broken")
+        assert len(take.time) == 150 or len(take.time) == 150 - block["frames"]
+        assert np.isin(take.time, sound.time).all()
+
+
+@pytest.mark.parametrize("zeroed", [slice(0, 200), slice(0, PAGE), slice(PAGE, 2 * PAGE), slice(8, 9)])
+def test_a_lost_page_costs_what_it_held(long, zeroed):
+    """The first page holds the specification, the header and the first blocks; the header comes again and again."""
+    broken = bytearray(long)
+    broken[zeroed] = bytes(len(broken[zeroed]))
+    blocks = [(begin, end, content) for begin, end, content in chunks_of(long) if "table" in content]
+    hit = sum(content["frames"] for begin, end, content in blocks if begin < zeroed.stop and end > zeroed.start)
+    take = take_of(bytes(broken), "broken")
+    assert len(take.time) == 1200 - hit >= 1000
+    assert not is_wrong(bytes(broken), take_of(long, "sound"))
+
+
+@pytest.mark.parametrize("page", range(5))
+def test_a_page_that_comes_twice_costs_the_chunk_that_it_parts(long, page):
+    broken = long[: (page + 1) * PAGE] + long[page * PAGE :]
+    cut = [c["frames"] for a, b, c in chunks_of(long) if "table" in c and a < (page + 1) * PAGE < b]
+    assert len(cut) <= 1
+    assert len(take_of(broken, "broken").time) >= 1200 - sum(cut)
+    assert not is_wrong(broken, take_of(long, "sound"))
+
+
+def test_missing_seconds_are_named(raw):
+    """Without the second block, frames 31 to 61, that is between 1.25 s and 2.317 s of the sensor's clock."""
+    blocks = [chunk for chunk in chunks_of(raw) if "table" in chunk[2]]
+    begin, end, block = blocks[1]
+    take = take_of(raw[:begin] + raw[end:], "broken")
+    assert (block["first"], block["frames"]) == (31, 31)
+    ((before, after),) = take.missing
+    assert before == pytest.approx(0.25 + 30 / 30, abs=1e-6)
+    assert after == pytest.approx(0.25 + 62 / 30, abs=1e-6)
+    assert not take.is_complete
+
+
+def test_a_lost_beginning_and_a_lost_end_are_named_by_what_the_end_counts(raw):
+    blocks = [chunk for chunk in chunks_of(raw) if "table" in chunk[2]]
+    without = raw[: blocks[0][0]] + raw[blocks[0][1] : blocks[4][0]] + raw[blocks[4][1] :]
+    first, last = take_of(without, "broken").missing
+    assert first[0] == pytest.approx(0.25, abs=1e-6)
+    assert last[1] == pytest.approx(0.25 + 149 / 30, abs=1e-6)
+
+
+def test_a_take_that_lost_its_scans_or_its_frames_is_not_sound(raw, tmp_path):
+    """Without one scan all 150 frames are there, and `/end` still counts two."""
+    begin, end, _ = next(chunk for chunk in chunks_of(raw) if "surface" in chunk[2])
+    path = tmp_path / "a.mcap"
+    path.write_bytes(raw[:begin] + raw[end:])
+    report = verify_take(path)
+    assert (report.frames, report.scans, report.missing_scans, report.is_sound) == (150, 1, 1, False)
+
+
+def chunk_of(content, *, crc=None, compression=b"zstd"):
+    """A chunk of one message; crc: instead of the right one."""
+    data = msgpack.packb(content) if not isinstance(content, bytes) else content
+    records = struct.pack("<BQHIQQ", 5, 22 + len(data), 1, 0, 0, 0) + data
+    packed = zstandard.compress(records) if compression == b"zstd" else records
+    crc = zlib.crc32(records) if crc is None else crc
+    body = struct.pack("<QQQII", 0, 0, len(records), crc, len(compression)) + compression
+    body += struct.pack("<Q", len(packed)) + packed
+    return struct.pack("<BQ", 6, len(body)) + body
+
+
+def test_a_chunk_without_a_checksum_is_not_believed(raw):
+    """MCAP lets 0 mean that there is none."""
+    begin, end, block = [chunk for chunk in chunks_of(raw) if "table" in chunk[2]][1]
+    unchecked = raw[:begin] + chunk_of(block, crc=0) + raw[end:]
+    assert len(take_of(unchecked, "unchecked").time) == 150 - block["frames"]
+    assert len(take_of(raw[:begin] + chunk_of(block) + raw[end:], "checked").time) == 150
+
+
+def test_a_block_of_another_take_of_the_same_name_is_not_believed(raw, tmp_path):
+    """The same rig, garment and take id, recorded at another time."""
+    other = write_take(tmp_path / "a.mcap", replace(a_take(seed=1), created="2026-01-02T00:00:00Z")).read_bytes()
+    begin, end, block = [chunk for chunk in chunks_of(raw) if "table" in chunk[2]][1]
+    theirs, until, _ = [chunk for chunk in chunks_of(other) if "table" in chunk[2]][1]
+    swapped = raw[:begin] + other[theirs:until] + raw[end:]
+    take = take_of(swapped, "swapped")
+    assert len(take.time) == 150 - block["frames"]
+    assert not is_wrong(swapped, take_of(raw, "sound"))
+
+
+@pytest.mark.parametrize("inner", [b"", b"zstd"])
+def test_false_chunk_starts_within_each_other_are_read_in_linear_time(raw, inner):
+    """390 kB of them took 34 s: the work on 4 times as many is counted, at most 6 times as much."""
+    head = raw[: chunks_of(raw)[1][0]]
+
+    def work(count):
+        size = 49 + len(inner) + 5
+        parts = []
+        for k in range(count):  # each claims to reach to the end of the file
+            rest = (count - k) * size - 49 - len(inner)
+            body = struct.pack("<BQQQQII", 6, 40 + len(inner) + rest, 0, 0, 1000, 7, len(inner)) + inner
+            parts.append(body + struct.pack("<Q", rest) + b"\x28\xb5\x2f\xfd\0")
+        findings = Findings()
+        start = time.process_time()
+        list(messages_in(head + b"".join(parts), findings))
+        return time.process_time() - start
+
+    few, many = min(work(1500) for _ in range(3)), min(work(6000) for _ in range(3))
+    assert many < 10 * few + 0.5
+
+
+def peak_of(read):
+    tracemalloc.start()
+    try:
+        read()
+    except TakeError as error:
+        said = str(error)
+    else:
+        said = ""
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    return most, said
+
+
+BOMBS = {
+    "lists": b"\x91" * 1_000_000 + b"\x90",
+    "many lists": b"\xdd\x00\x98\x96\x80" + b"\x90" * 10_000_000,
+    "a long list": b"\xdd\xff\xff\xff\xff",
+    "maps": b"\x82\xa6format\xaehangtime-take/2\xa5notes\xdd\x00\x4c\x4b\x40" + b"\x80" * 5_000_000,
+}
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_a_message_that_swells_is_damage(raw, name):
+    """Kilobytes that unpack to millions of containers: at most 64 MB, and the take is read."""
+    at = chunks_of(raw)[1][0]
+    bomb = raw[:at] + chunk_of(BOMBS[name]) + raw[at:]
+    assert len(bomb) < len(raw) + 40_000
+    most, said = peak_of(lambda: take_of(bomb, "bomb"))
+    assert said == ""
+    assert most < 64 << 20
+    assert len(take_of(bomb, "bomb").time) == 150
+
+
+def test_many_blocks_that_say_that_nothing_moved_are_bounded(raw):
+    """1000 blocks of 4096 still frames claim 2 GB in 180 kB of file: at most 256 MB are taken."""
+    blocks = [content for _, _, content in chunks_of(raw) if "table" in content]
+    columns = 28 + 8 * 4
+    still = bytes(5 * columns + 4)
+    at = chunks_of(raw)[1][0]
+    more = b"".join(
+        chunk_of(blocks[0] | {"first": 1000 + 4096 * k, "frames": 4096, "start": 10**9 + k * 10**7, "table": still})
+        for k in range(1000)
+    )
+    most, _ = peak_of(lambda: take_of(raw[:at] + more + raw[at:], "bomb"))
+    assert most < 256 << 20
+
+
+def test_a_file_of_300_gigabytes_is_refused_unread(tmp_path):
+    path = tmp_path / "huge.mcap"
+    path.write_bytes(b"\x89MCAP0\r\n" + struct.pack("<BQI", 1, 12, 4) + b"ros2" + bytes(4))
+    with path.open("r+b") as file:
+        file.truncate(300 * 10**9)
+    most, said = peak_of(lambda: read_take(path))
+    assert "is no take: it has 300.0 GB and its profile says ros2" in said
+    assert most < 32 << 20
+
+
+def test_an_archive_of_another_profile_is_named_and_not_read_whole(tmp_path):
+    path = tmp_path / "ros.mcap"
+    path.write_bytes(b"\x89MCAP0\r\n" + struct.pack("<BQI", 1, 12, 4) + b"ros2" + bytes(4))
+    with path.open("r+b") as file:
+        file.truncate(10**9)
+    most, said = peak_of(lambda: read_take(path))
+    assert "is not a take archive: its profile says ros2" in said
+    assert most < 64 << 20
+
+
+def test_an_archive_of_another_compression_is_named(raw):
+    """As a tool that compresses with lz4 would write it."""
+    chunks = chunks_of(raw)
+    lz4 = raw[: chunks[0][0]] + b"".join(chunk_of(c, compression=b"lz4") for _, _, c in chunks) + raw[chunks[-1][1] :]
+    with pytest.raises(TakeError, match="is compressed with lz4, which is not read; compress it with zstd"):
+        take_of(lz4, "lz4")
+
+
+def test_an_archive_without_compression_is_read(raw):
+    chunks = chunks_of(raw)
+    header = chunk_of(b"".join(messages_in(raw[chunks[0][0] : chunks[0][1]], Findings())), compression=b"")
+    plain = raw[: chunks[0][0]] + header + raw[chunks[0][1] :]
+    assert len(take_of(plain, "plain").time) == 150

@@ -1,0 +1,95 @@
+"""Tables of whole numbers come back from their bytes, and no bytes cost more than they must."""
+
+from __future__ import annotations
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from formats.integers import ESCAPE, LARGEST, decode_tables, encode_tables
+from tests.formats.tiny_reader import table
+
+
+def one(values):
+    return encode_tables(np.array(values, np.int64), np.array([len(values)]))[0]
+
+
+def test_a_column_by_hand():
+    """10, 12, 11: differences 2 and -1, zigzag 4 and 1; with k = 1 quotients 2 and 0, remainders 0 and 1.
+
+    The code is 32 x 1 + 1; the first value, zigzag 20, stands in four planes; no exceptions; remainders 01 from the
+    lowest bit; quotients 001 and 1, that is bits 2 and 3: 12.
+    """
+    assert one([[10], [12], [11]]) == bytes([33, 20, 0, 0, 0, 0, 0, 0, 0, 0b10, 0b1100])
+
+
+def test_a_constant_column_costs_its_first_value_only():
+    assert one([[-7]] * 50) == bytes([0, 13, 0, 0, 0, 0, 0, 0, 0])
+
+
+def test_a_steady_motion_is_all_zeros_after_its_second_row():
+    """Order 2: residuals 5, 0, 0, ...; 38 of them in quotients of one bit."""
+    assert one([[5 * t] for t in range(40)])[0] >> 5 == 2
+    assert len(one([[5 * t] for t in range(40)])) < 9 + 10
+
+
+def test_order_three_by_hand():
+    """Rows 0, 10, 20, 36: the fourth is expected at 20 + (20 - 0) / 2 = 30; the tiny reader agrees."""
+    values = np.array([[0], [10], [20], [36], [40], [52]])
+    coded = bytearray(one(values))
+    assert table(bytes(coded), 6, 1) == values.tolist()
+
+
+def test_a_value_that_leaps_is_an_exception():
+    """A leap of 2^30 among steps of 1 costs 24 + 1 + k + 64 bits, not 2^30."""
+    values = np.tile([[0], [1]], (50, 1))
+    values[60:] += 2**30
+    coded = one(values)
+    assert len(coded) < 60
+    assert coded[5] == 1
+    assert ESCAPE == 24
+    assert np.array_equal(decode_tables([coded], np.array([100]), 1)[0], values)
+
+
+@given(st.data())
+@settings(max_examples=150, deadline=None)
+def test_any_table_comes_back_from_ours_and_from_the_tiny_reader(data):
+    rows = data.draw(st.lists(st.integers(1, 12), min_size=1, max_size=4))
+    columns = data.draw(st.integers(1, 4))
+    size = data.draw(st.sampled_from([1, 30, 10_000, LARGEST]))
+    numbers = st.integers(-size, size)
+    values = np.array(
+        data.draw(
+            st.lists(st.lists(numbers, min_size=columns, max_size=columns), min_size=sum(rows), max_size=sum(rows))
+        )
+    )
+    coded = encode_tables(values, np.array(rows))
+    back, sound = decode_tables(coded, np.array(rows), columns)
+    assert sound.all()
+    assert np.array_equal(back, values)
+    starts = np.cumsum([0, *rows])
+    for raw, start, count in zip(coded, starts, rows, strict=False):
+        assert table(raw, count, columns) == values[start : start + count].tolist()
+
+
+@given(st.binary(max_size=200), st.integers(1, 50), st.integers(1, 5))
+@settings(max_examples=300, deadline=None)
+def test_any_bytes_are_a_table_or_none(raw, rows, columns):
+    values, sound = decode_tables([raw, one([[3] * columns] * rows)], np.array([rows, rows]), columns)
+    assert sound[1]
+    assert len(values) == rows * sound.sum()
+    assert (values[-rows:] == 3).all()
+
+
+@pytest.mark.parametrize("count", [2**31, 2**32 - 1])
+def test_a_count_of_exceptions_that_cannot_be_is_no_table_and_takes_no_memory(count):
+    raw = bytes([33, 0, 0, 0, 0]) + count.to_bytes(4, "little") + bytes(100)
+    tracemalloc.start()
+    _, sound = decode_tables([raw], np.array([4000]), 1)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert not sound.any()
+    assert most < 1 << 20

@@ -1,0 +1,68 @@
+"""Takes of both versions hold what is written beside them; a second reader finds the same in version 2."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from formats.archive import read_take, verify_take, write_take
+from tests.formats.tiny_reader import read
+from tests.formats.vectors.make import a_take_with_everything, plain
+
+HERE = Path(__file__).parent / "vectors"
+
+
+def nearly(found, wanted):
+    """Alike to 1e-9, the numbers of JSON; its null is a number that is not finite, or a place that was not seen."""
+    if isinstance(wanted, dict):
+        return all(nearly(found[key], value) for key, value in wanted.items())
+    if isinstance(wanted, list):
+        return len(found) == len(wanted) and all(nearly(a, b) for a, b in zip(found, wanted, strict=True))
+    if wanted is None:
+        return found is None or not math.isfinite(found)
+    return abs(found - wanted) < 1e-9 if isinstance(wanted, float) else found == wanted
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_a_take_of_either_version_holds_what_is_written_beside_it(version):
+    path = HERE / f"version-{version}.mcap"
+    assert verify_take(path).is_sound
+    assert nearly(plain(read_take(path)), json.loads((HERE / f"version-{version}.json").read_text()))
+
+
+def test_the_take_of_version_1_is_what_its_writer_was_given():
+    """Places to half of 0.1 mm: the same drawn take, sin(3 t) and 3 mm of noise, made anew."""
+    from tests.formats.test_archive import a_take
+
+    back, take = read_take(HERE / "version-1.mcap"), a_take(frames=70)
+    assert np.nanmax(np.abs(back.points - take.points)) <= 0.5e-4 + 1e-12
+    assert np.array_equal(back.points_valid, take.points_valid)
+    np.testing.assert_allclose(back.points_sd[back.points_valid], 0.003)
+
+
+def test_a_second_reader_finds_the_same():
+    found = read((HERE / "version-2.mcap").read_bytes())
+    wanted = json.loads((HERE / "version-2.json").read_text())
+    assert nearly(found["frames"], wanted["frames"])
+    assert nearly(found["scans"], wanted["scans"])
+    assert found["header"]["take_id"] == "a"
+    assert found["end"] == {"frames": 70, "blocks": 3, "scans": 2, "from": 250_000, "until": 9_550_000}
+
+
+def test_the_writer_writes_what_it_wrote(tmp_path):
+    path = write_take(tmp_path / "a.mcap", a_take_with_everything())
+    assert nearly(plain(read_take(path)), json.loads((HERE / "version-2.json").read_text()))
+    assert nearly(read(path.read_bytes())["frames"], json.loads((HERE / "version-2.json").read_text())["frames"])
+
+
+def test_the_schema_of_the_messages_is_the_specification(tmp_path):
+    from mcap.reader import make_reader
+
+    with (HERE / "version-2.mcap").open("rb") as file:
+        (schema,) = make_reader(file).get_summary().schemas.values()
+    assert schema.encoding == "text/markdown"
+    assert schema.data.startswith(b"# Take archives, version 2\n")

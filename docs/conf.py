@@ -24,6 +24,7 @@ exclude_patterns = ["generator"]
 myst_enable_extensions = ["deflist", "dollarmath"]
 myst_heading_anchors = 4
 nitpicky = True
+smartquotes = False  # options begin with two hyphens, in sentences too
 
 html_theme = "furo"
 html_title = "Hangtime"

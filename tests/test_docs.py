@@ -216,6 +216,12 @@ def test_no_line_of_prose_is_longer_than_100_characters(page: Path) -> None:
     assert [line for line in long if not re.search(r"\]\([^)]{30,}\)", line)] == []
 
 
+@pytest.mark.parametrize("page", GUIDE, ids=name_of)
+def test_no_sentence_of_a_guide_page_has_a_what_clause_as_its_subject(page: Path) -> None:
+    sentences = sentences_of(page.read_text())
+    assert [text for text in sentences if re.match(r"(?:\*\*)?What\b", text) and not text.endswith("?")] == []
+
+
 def test_a_sentence_of_26_words_is_found_across_a_link_a_piece_of_code_and_an_abbreviation() -> None:
     text = (
         "One "

@@ -7,7 +7,7 @@ import re
 import sys
 import textwrap
 
-from docs.generator.equations import to_tex
+from docs.generator.equations import GREEK, to_tex
 from fit.effects import LIBRARY
 
 GROUPS = {
@@ -16,6 +16,10 @@ GROUPS = {
     "air": "The air",
     "measurement": "The measurement",
 }
+
+SYMBOL = re.compile(
+    rf"(?<![\w.^/])(?:{'|'.join(sorted(GREEK))}|[A-Za-z]{{1,5}}_[A-Za-z0-9]+|[A-Za-z]\^\d)(?![\w(+^/-])"
+)
 
 
 def effects_page() -> str:
@@ -66,5 +70,18 @@ def _equations(lines: list[str]) -> str:
 
 
 def _prose(lines: list[str]) -> str:
+    """Return a paragraph; Greek letters by name and symbols with a script are shown as symbols."""
     pieces = re.split(r"(`[^`]*`)", " ".join(line.strip() for line in lines))
-    return "".join(p if p.startswith("`") else re.sub(r"([\\*_<>\[\]$#|~])", r"\\\1", p) for p in pieces)
+    return "".join(piece if piece.startswith("`") else _with_symbols(piece) for piece in pieces)
+
+
+def _with_symbols(text: str) -> str:
+    out, last = [], 0
+    for match in SYMBOL.finditer(text):
+        out += [_plain(text[last : match.start()]), f"${to_tex(match[0]).strip()}$"]
+        last = match.end()
+    return "".join([*out, _plain(text[last:])])
+
+
+def _plain(text: str) -> str:
+    return re.sub(r"([\\*_<>\[\]$#|~])", r"\\\1", text)

@@ -4,6 +4,7 @@ HangtimeError                 says what, where, and what to do next; the command
   +-- DescriptionError        a rig or garment file that does not hold
   +-- TakeError               a take that is missing, damaged or not a take
   +-- OutputError             a file that cannot be written, or that would replace another
+  +-- AddressError            an address that leads to no folder and no bucket
   +-- ResultError             a fit result or diagnosis that does not match its schema
   +-- firmware_host.errors.*  the sensor
   +-- capture.errors.*        tracking and recording
@@ -36,6 +37,10 @@ class TakeError(HangtimeError):
 
 class OutputError(HangtimeError):
     """A file that cannot be written where it was asked for, or that would replace another."""
+
+
+class AddressError(HangtimeError):
+    """An address of a folder or bucket that cannot be opened."""
 
 
 class ResultError(HangtimeError):

@@ -9,12 +9,11 @@ from __future__ import annotations
 import os
 from pathlib import Path
 from typing import Any, Protocol
-from urllib.parse import unquote, urlsplit
 
 from fit.errors import BatchError, UnreachableError
+from formats.errors import AddressError
+from formats.store_address import first_line, folder_of, is_out_of_reach, open_bucket
 from formats.whole_files import write_whole
-
-BUCKETS = ("s3", "s3a", "gs", "az", "abfs", "abfss")
 
 
 class Store(Protocol):
@@ -53,18 +52,11 @@ def open_store(url: str) -> Store:
     Raises:
         BatchError: no address or one of another kind, or a bucket that cannot be addressed.
     """
-    if not url.strip():
-        raise BatchError("no folder or bucket was given", advice="give a path or an address; is a variable empty?")
-    parts = urlsplit(url)
-    if "://" not in url:
-        return Folder(Path(url))
-    if parts.scheme == "file":
-        return Folder(Path(unquote(parts.path)))
-    if parts.scheme in BUCKETS:
-        return Bucket(url)
-    raise BatchError(
-        f"{url!r} is neither a folder nor a bucket", advice="give a path, file:///..., s3://..., gs://... or az://..."
-    )
+    try:
+        folder = folder_of(url)
+        return Bucket(url) if folder is None else Folder(folder)
+    except AddressError as error:
+        raise BatchError(error.what, where=error.where, advice=error.advice) from error
 
 
 class Folder:
@@ -123,21 +115,11 @@ class Bucket:
 
     def __init__(self, url: str) -> None:
         self.url = url.rstrip("/")
-        try:
-            import obstore
-            from obstore.store import from_url
-        except ModuleNotFoundError as error:
-            raise BatchError(
-                "buckets need the library obstore",
-                where=url,
-                advice="in Hangtime's checkout: pip install -e '.[batch]'",
-            ) from error
+        self._store: Any = open_bucket(url, extra="batch")
+        import obstore
+
         self._library: Any = obstore
         self._errors = (obstore.exceptions.BaseError, OSError)
-        try:
-            self._store: Any = from_url(url)
-        except (*self._errors, ValueError) as error:
-            raise BatchError(f"is no bucket: {_first_line(error)}", where=url, advice="check the address") from error
 
     def names(self, below: str, suffix: str) -> list[str]:
         """Return the names below this one that end in the suffix, sorted."""
@@ -185,13 +167,7 @@ class Bucket:
         return None
 
     def _failure(self, what: str, where: str, error: Exception) -> BatchError:
-        # A server that answers and refuses says so with a status; a connection that fails has none.
-        is_connection = isinstance(error, self._library.exceptions.GenericError) and "status code" not in str(error)
-        kind = UnreachableError if is_connection else BatchError
+        kind = UnreachableError if is_out_of_reach(error) else BatchError
         return kind(
-            f"{what} ({_first_line(error)})", where=where, advice="check the address, the network and the access keys"
+            f"{what} ({first_line(error)})", where=where, advice="check the address, the network and the access keys"
         )
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0].strip()[:200]

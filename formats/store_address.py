@@ -1,0 +1,100 @@
+"""Addresses of stores, opened in one place: a folder (a path or file:///...) or a bucket (s3://, gs://, az://).
+
+A bucket is opened with the library obstore. It is imported only where a bucket is opened: a folder needs no library.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+from formats.errors import AddressError
+
+BUCKETS = ("s3", "s3a", "gs", "az", "abfs", "abfss")
+LONGEST_REASON = 200  # characters of an error that are passed on
+
+
+def folder_of(url: str) -> Path | None:
+    """Return the folder that an address leads to, or None if it leads to a bucket.
+
+    Raises:
+        AddressError: no address, or one of another kind.
+    """
+    if not url.strip():
+        raise AddressError("no folder or bucket was given", advice="give a path or an address; is a variable empty?")
+    parts = urlsplit(url)
+    if "://" not in url:
+        return Path(url)
+    if parts.scheme == "file":
+        return Path(unquote(parts.path))
+    if parts.scheme in BUCKETS:
+        return None
+    raise AddressError(
+        f"{without_secrets(url)!r} is neither a folder nor a bucket",
+        advice="give a path, file:///..., s3://..., gs://... or az://...",
+    )
+
+
+def open_bucket(
+    url: str,
+    *,
+    extra: str,
+    config: Mapping[str, str] | None = None,
+    client: Mapping[str, Any] | None = None,
+    retries: int | None = None,
+) -> Any:
+    """Open a bucket below a prefix; returns obstore's store. Nothing is sent before its first use.
+
+    extra: Hangtime's extra that brings the library, for the message where it is missing
+    config: the store's settings and keys by obstore's names; what is left out comes from the environment (AWS_...,
+        GOOGLE_..., AZURE_...)
+    client: obstore's settings of connections
+    retries: how often the library itself tries a failed request again; None leaves it to the library
+
+    Raises:
+        AddressError: the library is missing, or the address or a setting is refused.
+    """
+    try:
+        import obstore
+        from obstore.store import from_url
+    except ModuleNotFoundError as error:
+        raise AddressError(
+            "buckets need the library obstore", where=without_secrets(url),
+            advice=f"in Hangtime's checkout: pip install -e '.[{extra}]'",
+        ) from error  # fmt: skip
+    options: dict[str, Any] = {}
+    if config:
+        options["config"] = dict(config)
+    if client:
+        options["client_options"] = dict(client)
+    if retries is not None:
+        options["retry_config"] = {"max_retries": retries, "retry_timeout": timedelta(minutes=3)}
+    try:
+        return from_url(url, **options)
+    except (obstore.exceptions.BaseError, OSError, ValueError, TypeError) as error:
+        raise AddressError(
+            f"is no bucket: {first_line(error)}", where=without_secrets(url), advice="check the address"
+        ) from error
+
+
+def is_out_of_reach(error: Exception) -> bool:
+    """Return whether no server answered: one that answers and refuses says so with a status."""
+    import obstore
+
+    return isinstance(error, obstore.exceptions.GenericError) and "status code" not in str(error)
+
+
+def first_line(error: Exception) -> str:
+    """Return the first line of an error, without what an address may hold of secrets."""
+    text = (str(error).splitlines() or [type(error).__name__])[0].strip()
+    return without_secrets(text)[:LONGEST_REASON]
+
+
+def without_secrets(text: str) -> str:
+    """Return a text without the user, password and query of the addresses in it: they may be keys and signatures."""
+    text = re.sub(r"(\b[a-z0-9+]+://)[^\s/@?#]*@", r"\1", text)
+    return re.sub(r"(\b[a-z0-9+]+://[^\s?#]*)[?#][^\s:,;)]*", r"\1", text)

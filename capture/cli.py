@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from capture.appliance.cli import add_commands as add_appliance_commands
+from capture.sync import cli as sync_cli
 from formats.terminal import is_watched, say
 
 CLEAR_LINE = "\r\x1b[K"  # ECMA-48: carriage return, erase to the end of the line
@@ -26,6 +27,7 @@ def add_commands(app: typer.Typer) -> None:
     markers = typer.Typer(no_args_is_help=True, help="The hanger's fiducial markers.")
     markers.command("print", short_help="Write a page of markers to print.")(print_command)
     app.add_typer(markers, name="markers", short_help="The hanger's fiducial markers.")
+    sync_cli.add_commands(app)
 
 
 def print_command(

@@ -7,14 +7,13 @@ from typing import Annotated
 
 import typer
 
+from formats.command_groups import group_of
 from formats.takes_cli import add_takes_commands
 
 
 def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
-    takes = typer.Typer(help="Look at take archives, check and recover them.", no_args_is_help=True)
-    add_takes_commands(takes)
-    app.add_typer(takes, name="takes")
+    add_takes_commands(group_of(app, "takes"))
     app.command("import", short_help="Turn other people's recordings into takes.")(import_recordings)
     app.command("swatch", short_help="Describe a square swatch with markers.")(describe_swatch)
 

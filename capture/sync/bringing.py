@@ -1,0 +1,165 @@
+"""Bring one take to the server: look, send, verify, and only then write its receipt.
+
+The order makes it safe to be killed anywhere: without a receipt the next run looks at the server first, and the key
+comes from the take's content, so that whatever is sent again lands on itself. A receipt says that the content was
+read back and has the SHA-256 that was sent. Where the keys may only write, the store's own checksum of what it received
+stands in, and the receipt says so.
+"""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import IO, Any
+
+from capture.appliance.receipts import CHECKSUM, READ_BACK, Receipt, write_receipt
+from capture.appliance.spool import KeptTake
+from capture.errors import SyncError
+from capture.sync.encryption import encrypt
+from capture.sync.server import ReadRefusedError, Server, ServerError, Sums, sums_of
+from formats.archive import read_take
+from formats.errors import HangtimeError
+from formats.store_address import without_secrets
+
+UNDATED = "undated"  # the day of a take that cannot be read
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where takes go and as what.
+
+    device: this device's name on the server
+    recipients: of age; empty: takes are sent as they are
+    """
+
+    server: Server
+    url: str
+    device: str
+    recipients: Sequence[Any] = ()
+
+
+def key_of(take: KeptTake, device: str, sha256: str, *, is_encrypted: bool) -> str:
+    """Return the name of a take on the server: device, day, sequence and content, whatever the clock says now."""
+    ending = "mcap.age" if is_encrypted else "mcap"
+    return f"{device}/{_day_of(take)}/{take.sequence:06d}-{sha256}.{ending}"
+
+
+def bring(take: KeptTake, spool: Path, target: Target, *, now: datetime) -> Receipt:
+    """Bring a take to the server and write its receipt.
+
+    Raises:
+        ServerError: the server does not take or show it; nothing is lost, and the next try goes on.
+        SyncError: the take cannot be read here.
+        OSError: the receipt cannot be written.
+    """
+    try:
+        file = take.path.open("rb")
+    except OSError as error:
+        raise SyncError(
+            f"the take cannot be read ({error.strerror})", where=take.path, advice="check the disk of this device"
+        ) from error
+    with file:
+        plain = _sums(file, take)
+        key = key_of(take, target.device, plain.sha256, is_encrypted=bool(target.recipients))
+        with _as_sent(file, spool, target.recipients) as sent:
+            sums = plain if sent is file else sums_of(sent)
+            # An encrypted copy is new each time: one that lies there already cannot be told from damage.
+            verified = READ_BACK if sent is file and _is_there(target.server, key, sums) else None
+            if verified is None:
+                tag = target.server.send(key, sent, sums.size)
+                verified = _verified(target.server, key, sums, tag)
+    receipt = Receipt(
+        sequence=take.sequence, url=without_secrets(target.url), key=key, sha256=plain.sha256, bytes=plain.size,
+        stored_sha256=sums.sha256, stored_bytes=sums.size, is_encrypted=bool(target.recipients), verified=verified,
+        at=now.isoformat(timespec="seconds"),
+    )  # fmt: skip
+    write_receipt(spool, take.stem, receipt)
+    return receipt
+
+
+def has_changed(take: KeptTake, sha256: str) -> bool:
+    """Return whether a take is no longer what was kept."""
+    return bool(take.facts.get("sha256", sha256) != sha256)
+
+
+def read_back(server: Server, key: str) -> Sums | None:
+    """Fetch an object and return its checksums, None where there is none.
+
+    Raises:
+        ServerError: it cannot be fetched.
+    """
+    sums = Sums()
+    try:
+        for piece in server.fetch(key):
+            sums.add(piece)
+    except FileNotFoundError:
+        return None
+    return sums
+
+
+def _sums(file: IO[bytes], take: KeptTake) -> Sums:
+    try:
+        return sums_of(file)
+    except OSError as error:
+        raise SyncError(
+            f"the take cannot be read ({error.strerror})", where=take.path, advice="check the disk of this device"
+        ) from error
+
+
+def _is_there(server: Server, key: str, sums: Sums) -> bool:
+    """Whether an earlier run got as far as the receipt: the object is there, whole and right."""
+    try:
+        if server.size(key) != sums.size:
+            return False
+        found = read_back(server, key)
+    except ReadRefusedError:
+        return False
+    return found is not None and found.sha256 == sums.sha256
+
+
+def _verified(server: Server, key: str, sums: Sums, tag: str | None) -> str:
+    try:
+        found = read_back(server, key)
+    except ReadRefusedError as refused:
+        if tag is not None and tag.lower() == sums.tag:
+            return CHECKSUM
+        raise ServerError(
+            f"{refused.what}, and the store gives no checksum that can be compared", kind="person",
+            advice="allow the keys of this device to read what it wrote: nothing is verified without",
+        ) from refused  # fmt: skip
+    if found is None:
+        raise ServerError(
+            "the server took a take and does not have it", kind="passing", where=key,
+            advice="sync sends it again; if it lasts, check the server",
+        )  # fmt: skip
+    if found.sha256 != sums.sha256:
+        raise ServerError(
+            "the server holds something else than was sent", kind="passing", where=key,
+            advice="sync sends it again; if it lasts, check the server's disk and memory",
+        )  # fmt: skip
+    return READ_BACK
+
+
+@contextmanager
+def _as_sent(file: IO[bytes], spool: Path, recipients: Sequence[Any]) -> Iterator[IO[bytes]]:
+    """Yield what is sent of a take: itself, or an encrypted copy in a file without a name."""
+    if not recipients:
+        yield file
+        return
+    with tempfile.TemporaryFile(dir=spool) as copy:
+        encrypt(file, copy, recipients)
+        yield copy
+
+
+def _day_of(take: KeptTake) -> str:
+    """Return the day of a take as its header gives it; the clock was what it was, the sequence is right."""
+    try:
+        created = read_take(take.path).created
+    except HangtimeError:
+        return UNDATED
+    return created[:10] if re.match(r"\d{4}-\d\d-\d\d", created) else UNDATED

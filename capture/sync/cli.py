@@ -1,0 +1,114 @@
+"""`hangtime sync run|now|prove|status` and `hangtime takes prune`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Config = Annotated[Path, typer.Option("--config", metavar="FILE", help="The appliance's configuration.")]
+SpoolFolder = Annotated[
+    Path | None,
+    typer.Option("--spool", metavar="DIR", help="The folder of takes.", show_default="the configuration's"),
+]
+CONFIG = Path("/etc/hangtime/appliance.toml")
+
+
+def add_commands(app: typer.Typer) -> None:
+    """Add the commands of sync to the `hangtime` command."""
+    from formats.command_groups import group_of
+
+    sync = group_of(app, "sync", "Bring kept takes to the server, verify them there, and prove it every week.")
+    sync.command("run")(run_sync)
+    sync.command("now")(sync_now)
+    sync.command("prove")(prove_sync)
+    sync.command("status")(show_sync)
+    group_of(app, "takes").command("prune")(prune_takes)
+
+
+def run_sync(config: Config = CONFIG, spool: SpoolFolder = None) -> None:
+    """Bring takes to the server until none waits; a server that fails is tried again, ever more rarely.
+
+    Exit code 0: all takes are safe; 2: settings, credentials or disk; 75: only a person can mend what is in the way.
+    """
+    _start("run", config, spool)
+
+
+def sync_now(config: Config = CONFIG, spool: SpoolFolder = None) -> None:
+    """Bring takes to the server once, without waiting for a server that fails.
+
+    Exit code 0: all takes are safe; 2: settings, credentials or disk; 75: the server did not take them.
+    """
+    _start("now", config, spool)
+
+
+def prove_sync(config: Config = CONFIG, spool: SpoolFolder = None) -> None:
+    """Fetch one take at random from the server, hash it and open it.
+
+    Exit code 0: what was fetched is right; 2: it is damaged or missing; 75: the server cannot be asked.
+    """
+    _start("prove", config, spool)
+
+
+def show_sync(
+    config: Config = CONFIG,
+    spool: SpoolFolder = None,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Say how sync stands: what waits, what is safe, what is in the way, when it was last proved."""
+    from capture.sync.rounds import now_here
+    from capture.sync.settings import load_settings
+    from capture.sync.status import FILE, is_syncing, read_status, sentences
+
+    folder = spool or load_settings(config).spool
+    status = read_status(folder)
+    if json:
+        typer.echo("null" if status is None else (folder / FILE).read_text().strip())
+        return
+    if is_syncing(folder):
+        typer.echo("Syncing now.")
+    for sentence in sentences(status, now_here()):
+        typer.echo(sentence)
+
+
+def prune_takes(
+    config: Config = CONFIG,
+    spool: SpoolFolder = None,
+    keep_days: Annotated[
+        float | None,
+        typer.Option(
+            "--keep-days", min=0.0, help="Verified takes older than this leave.", show_default="the configuration's"
+        ),
+    ] = None,
+    quota_mb: Annotated[
+        int | None,
+        typer.Option("--quota-mb", min=0, help="Takes may fill so many MB.", show_default="the configuration's"),
+    ] = None,
+) -> None:  # fmt: skip
+    """Let verified takes leave this device, the oldest first. A take that is not safe on the server stays."""
+    import msgspec
+
+    from capture.appliance.spool import Spool
+    from capture.sync.rounds import now_here
+    from capture.sync.settings import Told, load_settings, settings_of
+
+    told = load_settings(config, spool) if spool is None or config.exists() else Told(settings_of({}), spool)
+    retention = told.settings.retention
+    if keep_days is not None:
+        retention = msgspec.structs.replace(retention, days=keep_days)
+    if quota_mb is not None:
+        retention = msgspec.structs.replace(retention, quota_bytes=quota_mb * 1_000_000)
+    room = Spool(told.spool).make_room(retention, now=now_here())
+    for stem in room.left:
+        typer.echo(f"{stem} left; its receipt says where it is")
+    unsafe = sum(1 for _ in Spool(told.spool).waiting())
+    typer.echo(f"{len(room.left)} left, {room.used / 1e6:.1f} MB of takes stay, {room.free / 1e9:.1f} GB are free")
+    if not room.is_enough:
+        typer.echo(f"that is more than the configuration allows: {unsafe} takes are not safe on the server and stay")
+
+
+def _start(command: str, config: Path, spool: Path | None) -> None:
+    from capture.sync.process import start
+
+    raise typer.Exit(start(command, config, spool))

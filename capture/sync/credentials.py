@@ -1,0 +1,87 @@
+"""Keys of the server: from systemd's credentials or a file of mode 0600, and out of sight everywhere else.
+
+They are handed to the store's library in memory: not through the environment, which children inherit, nor the command
+line, which everybody reads. The process leaves no core dump, and every text it says passes `Credentials.hide`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import resource
+import stat
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from capture.errors import SyncError
+
+PREFIX = "store_"  # systemd names the files of `LoadCredential=store:FOLDER` so
+SHORTEST_SECRET = 6  # characters; a region or a user's name is no secret, and shorter words occur in texts
+PR_SET_DUMPABLE = 4  # linux/prctl.h
+
+
+@dataclass(frozen=True)
+class Credentials:
+    """Keys by obstore's names (`access_key_id`, `secret_access_key`, ...); their values show nowhere."""
+
+    values: dict[str, str] = field(default_factory=dict, repr=False)
+
+    def hide(self, text: str) -> str:
+        """Return a text without any of the keys."""
+        for value in sorted(self.values.values(), key=len, reverse=True):
+            if len(value) >= SHORTEST_SECRET:
+                text = text.replace(value, "***")
+        return text
+
+
+def find_credentials(file: Path | None) -> Credentials:
+    """Return the keys: those of systemd (`$CREDENTIALS_DIRECTORY/store_NAME`, one key a file), else those of a file.
+
+    Raises:
+        SyncError: the file cannot be read, others may read it, or it does not hold.
+    """
+    if folder := os.environ.get("CREDENTIALS_DIRECTORY"):
+        found = {}
+        for path in sorted(Path(folder).glob(f"{PREFIX}*")):
+            try:
+                found[path.name[len(PREFIX) :]] = path.read_text(encoding="utf-8").strip()
+            except (OSError, UnicodeDecodeError) as error:
+                raise SyncError(
+                    "a credential cannot be read", where=path, advice="check the unit's LoadCredential"
+                ) from (error)
+        if found:
+            return Credentials(found)
+    return Credentials() if file is None else _of_file(file)
+
+
+def _of_file(file: Path) -> Credentials:
+    try:
+        with file.open("rb") as opened:
+            about = os.fstat(opened.fileno())
+            raw = opened.read()
+    except OSError as error:
+        raise SyncError(
+            f"the credentials cannot be read ({error.strerror})", where=file, advice="check path and owner"
+        ) from error
+    if stat.S_IMODE(about.st_mode) & 0o077:
+        raise SyncError("others may read these credentials", where=file, advice=f"chmod 600 {file}")
+    try:
+        found = tomllib.loads(raw.decode("utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError):
+        # The parser's own words may quote the line, and with it a key.
+        raise SyncError(
+            "the credentials are not valid TOML", where=file, advice='one key a line: secret_access_key = "..."'
+        ) from None
+    if not all(isinstance(value, str) for value in found.values()):
+        raise SyncError("a credential is not a text", where=file, advice='one key a line: secret_access_key = "..."')
+    return Credentials(found)
+
+
+def leave_no_core_dump() -> None:
+    """Keep this process out of core dumps and away from debuggers of the same user."""
+    with contextlib.suppress(OSError, ValueError):  # a sandbox that forbids the call has set the limit itself
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(PR_SET_DUMPABLE, 0, 0, 0, 0)

@@ -1,0 +1,51 @@
+"""Encryption before upload with age: the device holds recipients only, and cannot read what it sent.
+
+Format: age-encryption.org/v1, by the library pyrage (rage's Python binding). `age -d -i KEY FILE` opens an object.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import IO, Any
+
+from capture.errors import SyncError
+
+
+def recipients_of(texts: Sequence[str]) -> list[Any]:
+    """Return the recipients that these texts name (`age1...`, or an SSH public key).
+
+    Raises:
+        SyncError: the library is missing, or a text names no recipient.
+    """
+    if not texts:
+        return []
+    try:
+        import pyrage
+    except ModuleNotFoundError as error:
+        raise SyncError(
+            "encryption needs the library pyrage", advice="in Hangtime's checkout: pip install -e '.[capture]'"
+        ) from error
+    found = []
+    for text in texts:
+        if text.startswith("AGE-SECRET-KEY-"):
+            raise SyncError(
+                "encrypt_to holds a secret key", where="[sync]",
+                advice="take it off this device and give its recipient (`age-keygen -y KEY`), which begins with age1",
+            )  # fmt: skip
+        kind = pyrage.ssh if text.startswith("ssh-") else pyrage.x25519
+        try:
+            found.append(kind.Recipient.from_str(text))
+        except pyrage.RecipientError as error:
+            raise SyncError(
+                f"{text!r} is no age recipient",
+                where="[sync] encrypt_to",
+                advice="give age1... as `age-keygen` prints it",
+            ) from error
+    return found
+
+
+def encrypt(plain: IO[bytes], to: IO[bytes], recipients: Sequence[Any]) -> None:
+    """Write what a file holds to another, encrypted for every recipient; memory stays flat."""
+    import pyrage
+
+    pyrage.encrypt_io(plain, to, list(recipients))

@@ -1,0 +1,211 @@
+"""What keeps takes from the server: the server's own reason in one sentence, and what to do next."""
+
+from __future__ import annotations
+
+import errno
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+from capture.errors import SyncError
+from formats.store_address import first_line, without_secrets
+
+FULL_CODES = {
+    "InsufficientStorage",
+    "QuotaExceeded",
+    "XMinioStorageFull",
+    "ServiceQuotaExceeded",
+    "EntityTooLargeForQuota",
+}
+KEY_CODES = {
+    "InvalidAccessKeyId", "SignatureDoesNotMatch", "ExpiredToken", "InvalidToken", "AuthenticationFailed",
+    "AuthorizationHeaderMalformed", "UnknownAccessKeyId",
+}  # fmt: skip
+CLOCK_CODES = {"RequestTimeTooSkewed", "RequestExpired"}
+LONGEST_WORDS = 120  # characters of the server's own words
+
+Kind = Literal["passing", "person", "take"]
+
+
+class ServerError(SyncError):
+    """Something between a take and the server.
+
+    kind: "passing" may be over at the next try; "person" lasts until somebody does what the advice says; "take"
+        concerns this take and not the next
+    """
+
+    def __init__(self, what: str, *, advice: str, kind: Kind, where: object = None) -> None:
+        super().__init__(what, where=where, advice=advice)
+        self.kind = kind
+
+
+class ReadRefusedError(ServerError):
+    """The server refused to show what it holds: these credentials may only write, or not even that."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a server said: status, code and message of its answer, where there was one."""
+
+    status: int
+    code: str
+    message: str
+
+    @property
+    def words(self) -> str:
+        """Return the answer as the server gave it, short."""
+        said = ": ".join(part for part in (self.code, self.message) if part)
+        return f"{self.status} {said}".strip()[:LONGEST_WORDS]
+
+
+def fault_of(error: Exception, *, writing: bool = True) -> ServerError:
+    """Return the fault that an error of the store's library or of a server folder stands for."""
+    if isinstance(error, ServerError):
+        return error
+    text = str(error)
+    if answer := _answer(text):
+        return _refusal(answer, writing=writing)
+    if isinstance(error, OSError) and error.errno is not None:
+        return _folder_fault(error)
+    return _no_answer(error, text)
+
+
+def _answer(text: str) -> Answer | None:
+    found = re.search(r"status code: (\d{3})([^\n]*)", text)
+    if found is None:
+        return None
+    code = re.search(r"<Code>([^<]*)</Code>|\"(?:code|reason)\": ?\"([A-Za-z]\w*)\"", text)
+    message = re.search(r"<Message>([^<]*)</Message>|\"message\": ?\"([^\"]*)\"", text)
+    plain = found[2].split(": ")[0].strip()
+    return Answer(
+        status=int(found[1]),
+        code=next(filter(None, code.groups()), "") if code else plain,
+        message=without_secrets(next(filter(None, message.groups()), "") if message else "").rstrip("."),
+    )
+
+
+def _refusal(answer: Answer, *, writing: bool) -> ServerError:
+    status, code = answer.status, answer.code
+    if code in CLOCK_CODES:
+        return ServerError(
+            f"the server refuses the clock of this device ({answer.words})", kind="person",
+            advice="set the clock: connect the device to a time server, then look at `timedatectl`",
+        )  # fmt: skip
+    if (
+        status == 507
+        or code in FULL_CODES
+        or re.search(r"no space left|disk full|quota", answer.message, re.IGNORECASE)
+    ):
+        return ServerError(
+            f"the server is full ({answer.words})", kind="person",
+            advice="make room on the server; takes stay on this device until then",
+        )  # fmt: skip
+    if status == 401 or code in KEY_CODES:
+        return ServerError(
+            f"the server does not accept the keys of this device ({answer.words})", kind="person",
+            advice="put the right keys into the credentials of sync",
+        )  # fmt: skip
+    if status == 403:
+        kind = ServerError if writing else ReadRefusedError
+        allowed = "write" if writing else "read"
+        return kind(
+            f"the server refuses this device ({answer.words})", kind="person",
+            advice=f"allow the keys of this device to {allowed} below the address in [sync], or give other keys",
+        )  # fmt: skip
+    if status == 404:
+        return ServerError(
+            f"the server knows no such place ({answer.words})", kind="person",
+            advice="make the bucket, or mend url and endpoint in [sync]",
+        )  # fmt: skip
+    if status == 413 or code == "EntityTooLarge":
+        return ServerError(
+            f"the server takes no file of this size ({answer.words})", kind="take", advice="raise the server's limit"
+        )
+    if status in (408, 425, 429) or code == "SlowDown":
+        return ServerError(
+            f"the server asks to wait ({answer.words})", kind="passing", advice="nothing; sync tries again by itself"
+        )
+    if status >= 500:
+        return ServerError(
+            f"the server fails ({answer.words})", kind="passing",
+            advice="sync tries again by itself; if it lasts, look into the server's log",
+        )  # fmt: skip
+    if status in (301, 307, 308):
+        return ServerError(
+            f"the server sends this device elsewhere ({answer.words})", kind="person",
+            advice="mend endpoint and region in [sync]",
+        )  # fmt: skip
+    return ServerError(
+        f"the server refuses the request ({answer.words})",
+        kind="person",
+        advice="mend url, endpoint and region in [sync]",
+    )
+
+
+def _no_answer(error: Exception, text: str) -> ServerError:
+    again = "sync tries again by itself"
+    if "dns error" in text:
+        return ServerError(
+            "the server's name cannot be found", kind="passing",
+            advice=f"check the network of this device, and the name in [sync]; {again}",
+        )  # fmt: skip
+    if found := re.search(r"certificate[^\n]*?: ?\(?\"?(\w+)|(UnknownIssuer|CertExpired|NotValidForName)", text):
+        if any(word in text for word in ("Expired", "NotValidYet")):
+            advice = "set the clock of this device (`timedatectl`), or renew the server's certificate"
+        elif "NotValidForName" in text:
+            advice = "use the name in [sync] that the certificate is made out for"
+        else:
+            advice = "give the certificate of the server's own authority as ca in [sync]"
+        reason = next(
+            (word for word in ("UnknownIssuer", "Expired", "NotValidYet", "NotValidForName") if word in text), ""
+        )
+        return ServerError(
+            f"this device does not trust the server's certificate ({reason or found[0]})", kind="person", advice=advice
+        )
+    if "ConnectionRefused" in text or "onnection refused" in text:
+        return ServerError(
+            "nothing answers at the server's address",
+            kind="passing",
+            advice=f"start the server, or mend the address; {again}",
+        )
+    if re.search(r"[Tt]imed? ?[Oo]ut", text):
+        return ServerError(
+            "the server does not answer in time", kind="passing",
+            advice=f"check the line; a slow one needs a longer timeout_s; {again}",
+        )  # fmt: skip
+    if re.search(r"NetworkUnreachable|HostUnreachable|unreachable", text):
+        return ServerError("there is no network", kind="passing", advice=f"check cable or Wi-Fi; {again}")
+    return ServerError(
+        f"the connection to the server broke ({_innermost(text) or first_line(error)})", kind="passing", advice=again
+    )
+
+
+def _innermost(text: str) -> str:
+    """Return the last reason in the library's nested error that is a word of its own."""
+    for word in ("ConnectionReset", "BrokenPipe", "IncompleteMessage", "UnexpectedEof", "ConnectionAborted"):
+        if word in text:
+            return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", word).lower()
+    return ""
+
+
+def _folder_fault(error: OSError) -> ServerError:
+    where, reason = error.filename, (error.strerror or "fails").lower()
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return ServerError(
+            f"the server's disk is full ({reason})", where=where, kind="person",
+            advice="make room there; takes stay on this device until then",
+        )  # fmt: skip
+    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+        return ServerError(
+            f"the server's folder cannot be written ({reason})", where=where, kind="person",
+            advice="check its owner, and whether it is mounted for writing",
+        )  # fmt: skip
+    if error.errno in (errno.ENOENT, errno.ENOTDIR):
+        return ServerError(
+            f"the server's folder is not there ({reason})", where=where, kind="person",
+            advice="mount or make it, or mend url in [sync]",
+        )  # fmt: skip
+    return ServerError(
+        f"the server's folder fails ({reason})", where=where, kind="passing",
+        advice="sync tries again by itself; if it lasts, check that disk",
+    )  # fmt: skip

@@ -1,0 +1,42 @@
+"""When to try again and how fast to send: exponential backoff with jitter, and an average rate."""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Callable
+
+FIRST_WAIT, LONGEST_WAIT = 2.0, 300.0  # s; a network that comes back is noticed within five minutes
+
+
+def wait_after(tries: int, chance: random.Random) -> float:
+    """Return how long to wait after so many failed tries [s]: half of it is certain, half by chance.
+
+    Devices that lost one server together then do not come back together ("equal jitter": Brooker, "Exponential Backoff
+    And Jitter", AWS Architecture Blog, 2015).
+    """
+    whole = min(LONGEST_WAIT, FIRST_WAIT * 2.0 ** min(tries - 1, 30))
+    return whole / 2 * (1 + chance.random())
+
+
+class Rate:
+    """An average rate of sending: whoever sends waits first until what was sent before is paid for."""
+
+    def __init__(
+        self,
+        bytes_per_second: float | None,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        """Begin with nothing owed."""
+        self._rate, self._clock, self._sleep = bytes_per_second, clock, sleep
+        self._free_at = clock()
+
+    def wait_for(self, count: int) -> None:
+        """Wait until so many bytes may be sent."""
+        if self._rate is None:
+            return
+        if (owed := self._free_at - self._clock()) > 0:
+            self._sleep(owed)
+        self._free_at = max(self._free_at, self._clock()) + count / self._rate

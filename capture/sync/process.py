@@ -1,0 +1,82 @@
+"""A process of sync: settings and credentials in, words to stderr, an exit code out."""
+
+from __future__ import annotations
+
+import logging
+import os
+from pathlib import Path
+
+from capture.errors import SyncError
+from capture.sync.credentials import Credentials, find_credentials, leave_no_core_dump
+from capture.sync.rounds import Sync
+from capture.sync.settings import Told, load_settings
+from formats.errors import HangtimeError
+from formats.terminal import say
+
+SAFE, REFUSED, LATER = 0, 2, 75  # 75: EX_TEMPFAIL of sysexits.h, what starts the command may try again
+ENDINGS = "Exit code 0: all takes are safe; 2: settings, credentials or disk; 75: the server did not take them."
+LEVELS = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3}  # of sd-daemon(3)
+
+
+class _Journal(logging.Handler):
+    """Says each line with its level as journald reads it where it listens, without keys."""
+
+    def __init__(self, credentials: Credentials) -> None:
+        super().__init__()
+        self._credentials = credentials
+        self._is_journal = "JOURNAL_STREAM" in os.environ
+
+    def emit(self, record: logging.LogRecord) -> None:
+        level = f"<{LEVELS.get(record.levelno, 5)}>" if self._is_journal else ""
+        say(level + self._credentials.hide(record.getMessage()))
+
+
+def start(command: str, config: Path, spool: Path | None) -> int:
+    """Run `run`, `now` or `prove`; every error becomes one sentence and an exit code."""
+    leave_no_core_dump()
+    credentials = Credentials()
+    try:
+        told = load_settings(config, spool)
+        file = told.settings.credentials
+        credentials = find_credentials(None if file is None else told.base / file)
+        listen(credentials)
+        return work(command, Sync(told, credentials), told)
+    except HangtimeError as error:
+        say(credentials.hide(f"hangtime sync: {error}"))
+        return REFUSED
+    except OSError as error:
+        where = error.filename or "the folder of takes"
+        say(f"hangtime sync: {where}: cannot be used ({error.strerror}); check the disk of this device")
+        return REFUSED
+
+
+def listen(credentials: Credentials) -> None:
+    """Say what happens on stderr."""
+    log = logging.getLogger("hangtime.sync")
+    log.handlers[:] = [_Journal(credentials)]
+    log.setLevel(logging.INFO)
+    log.propagate = False
+
+
+def work(command: str, sync: Sync, told: Told) -> int:
+    """Run one command; returns its exit code.
+
+    Raises:
+        HangtimeError: settings, credentials or another process are in the way.
+        OSError: this device's disk fails.
+    """
+    if command == "prove":
+        try:
+            proof = sync.prove()
+        except SyncError as fault:
+            say(sync.credentials.hide(f"hangtime sync: {fault}"))
+            return LATER
+        if proof is None:
+            say(f"hangtime sync: nothing of {told.spool} is on {told.settings.url} yet")
+            return SAFE
+        return SAFE if proof.outcome in ("sound", "whole", "refused") else REFUSED
+    in_the_way = sync.run() if command == "run" else sync.once()
+    if in_the_way is None:
+        return SAFE
+    say(sync.credentials.hide(f"hangtime sync: {in_the_way}"))
+    return LATER

@@ -1,0 +1,67 @@
+"""The proof: one take at random is fetched from the server, hashed and opened, as whoever needs it would.
+
+Drawn from all receipts, those of takes that left this device first of all: their only copy is the server's.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import random
+import tempfile
+from collections.abc import Sequence
+from datetime import datetime, timedelta
+from pathlib import Path
+
+from capture.appliance.receipts import Receipt
+from capture.sync.server import ReadRefusedError, Server
+from capture.sync.status import Proof
+from formats.archive import verify_take
+from formats.errors import HangtimeError
+
+
+def is_due(last: Proof | None, days: float, now: datetime) -> bool:
+    """Return whether a proof is due; one from the future says that the clock was wrong, and counts for nothing."""
+    if last is None:
+        return True
+    try:
+        age = now - datetime.fromisoformat(last.at)
+    except (ValueError, TypeError):
+        return True
+    return not timedelta(0) <= age < timedelta(days=days)
+
+
+def prove(server: Server, candidates: Sequence[Receipt], *, now: datetime, chance: random.Random) -> Proof | None:
+    """Fetch one of the takes that these receipts are of, hash it and open it; None where there is none.
+
+    Raises:
+        ServerError: the server cannot be asked now.
+    """
+    if not candidates:
+        return None
+    receipt = chance.choice(candidates)
+
+    def outcome(word: str) -> Proof:
+        return Proof(at=now.isoformat(timespec="seconds"), sequence=receipt.sequence, outcome=word)  # type: ignore[arg-type]
+
+    with tempfile.TemporaryDirectory(prefix="hangtime-proof") as folder:
+        file, total = Path(folder) / "take.mcap", hashlib.sha256()
+        try:
+            with file.open("wb") as copy:
+                for piece in server.fetch(receipt.key):
+                    total.update(piece)
+                    copy.write(piece)
+        except FileNotFoundError:
+            return outcome("missing")
+        except ReadRefusedError:
+            return outcome("refused")
+        if total.hexdigest() != receipt.stored_sha256:
+            return outcome("damaged")
+        return outcome("whole" if receipt.is_encrypted else "sound" if _opens(file) else "damaged")
+
+
+def _opens(file: Path) -> bool:
+    """Whether a take can be read and is as sound as it was recorded."""
+    try:
+        return verify_take(file).damaged_blocks == 0
+    except HangtimeError:
+        return False

@@ -1,0 +1,249 @@
+"""Rounds of sync: bring what waits in the order of its numbers, prove one take a week, let verified takes leave."""
+
+from __future__ import annotations
+
+import logging
+import random
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from capture.appliance.receipts import Receipt, receipt_path, receipts
+from capture.appliance.spool import KeptTake, Spool
+from capture.errors import SyncError
+from capture.sync.bringing import Target, bring, has_changed
+from capture.sync.credentials import Credentials
+from capture.sync.encryption import recipients_of
+from capture.sync.faults import ServerError
+from capture.sync.pace import wait_after
+from capture.sync.proof import is_due, prove
+from capture.sync.server import open_server
+from capture.sync.settings import Told
+from capture.sync.status import Fault, Proof, SyncStatus, only_sync, read_status, write_status
+from formats.store_address import folder_of, without_secrets
+from formats.whole_files import make_folders
+
+LOG = logging.getLogger("hangtime.sync")
+SAME_DISK = "The server's folder is on the same disk as the takes: a broken disk loses both."
+STATUS_SECONDS = 5.0  # so often the status is written while takes are sent
+PASSES_IN_A_ROW = 1000  # takes that are recorded meanwhile are brought too; this ends a loop that would never end
+
+
+def now_here() -> datetime:
+    """Return the wall clock with its offset."""
+    return datetime.now(UTC).astimezone()
+
+
+@dataclass
+class Standing:
+    """What a process of sync knows while it runs, from one round to the next."""
+
+    last_sync: str | None = None
+    verified: str | None = None
+    fault: Fault | None = None
+    proof: Proof | None = None
+    damaged: tuple[int, ...] = ()
+    tries: int = 0
+
+
+@dataclass
+class Sync:
+    """The takes of one spool folder and the server that they go to."""
+
+    told: Told
+    credentials: Credentials
+    clock: Callable[[], datetime] = now_here
+    sleep: Callable[[float], None] = time.sleep
+    chance: random.Random = field(default_factory=random.Random)
+
+    def __post_init__(self) -> None:
+        """Open the server.
+
+        Raises:
+            HangtimeError: the settings or the credentials do not hold.
+        """
+        settings, self.folder = self.told.settings, self.told.spool
+        self.spool = Spool(self.folder)
+        self.target = Target(
+            server=open_server(self.told, self.credentials), url=settings.url, device=self.told.device,
+            recipients=recipients_of(settings.encrypt_to),
+        )  # fmt: skip
+        self._written_at = time.monotonic()
+        self.standing = Standing()
+        if (before := read_status(self.folder)) is not None:
+            self.standing = Standing(
+                last_sync=before.last_sync, verified=before.verified, fault=before.fault, proof=before.proof,
+                damaged=before.damaged, tries=before.fault.tries if before.fault else 0,
+            )  # fmt: skip
+
+    def run(self) -> SyncError | None:
+        """Go on until nothing waits; returns what only a person can mend, None where everything is safe.
+
+        Raises:
+            SyncError: another process syncs these takes.
+            OSError: this device's disk fails.
+        """
+        for _ in range(PASSES_IN_A_ROW):
+            fault = self.once()
+            if fault is None:
+                return None
+            if not isinstance(fault, ServerError) or fault.kind != "passing":
+                return fault
+            delay = wait_after(self.standing.tries, self.chance)
+            self._say_when(delay)
+            self.sleep(delay)
+        return fault
+
+    def once(self) -> SyncError | None:
+        """Bring all that waits, prove if it is time, let takes leave; returns what is in the way, if anything is.
+
+        Raises:
+            SyncError: another process syncs these takes.
+            OSError: this device's disk fails.
+        """
+        make_folders(self.folder)
+        with only_sync(self.folder):
+            self._tidy()
+            fault = self._bring_all()
+            if fault is None:
+                fault = self._prove(is_forced=False)
+            self._leave()
+            self._note(fault)
+            return fault
+
+    def prove(self) -> Proof | None:
+        """Prove a take now; None where nothing was synced yet.
+
+        Raises:
+            ServerError: the server cannot be asked.
+            SyncError: another process syncs these takes.
+        """
+        make_folders(self.folder)
+        with only_sync(self.folder):
+            if (fault := self._prove(is_forced=True)) is not None:
+                raise fault
+            self._write()
+            return self.standing.proof if self._candidates() else None
+
+    # --- parts of a round ---------------------------------------------------------------------------
+
+    def _bring_all(self) -> SyncError | None:
+        first_fault: SyncError | None = None
+        tried: set[int] = set()
+        while waiting := [take for take in self.spool.waiting() if take.sequence not in tried]:
+            for take in waiting:
+                tried.add(take.sequence)
+                try:
+                    self._bring(take)
+                except (SyncError, OSError) as error:
+                    fault = error if isinstance(error, SyncError) else _own_disk(error)
+                    first_fault = first_fault or fault
+                    LOG.warning("%s: %s", take.stem, self.credentials.hide(str(fault)))
+                    if isinstance(fault, ServerError) and fault.kind != "take":
+                        return fault
+        return first_fault
+
+    def _bring(self, take: KeptTake) -> None:
+        receipt = bring(take, self.folder, self.target, now=self.clock())
+        LOG.info("%s: safe on the server (%s)", take.stem, receipt.verified)
+        if has_changed(take, receipt.sha256) and take.sequence not in self.standing.damaged:
+            self.standing.damaged = (*self.standing.damaged, take.sequence)
+        self.standing.last_sync, self.standing.verified = receipt.at, receipt.verified
+        self.standing.fault, self.standing.tries = None, 0
+        if time.monotonic() >= self._written_at + STATUS_SECONDS:
+            self._write()
+
+    def _prove(self, *, is_forced: bool) -> ServerError | None:
+        now = self.clock()
+        if not is_forced and not is_due(self.standing.proof, self.told.settings.proof_days, now):
+            return None
+        try:
+            proof = prove(self.target.server, self._candidates(), now=now, chance=self.chance)
+        except ServerError as fault:
+            return fault
+        if proof is None:
+            return None
+        self.standing.proof = proof
+        LOG.log(
+            logging.INFO if proof.outcome in ("sound", "whole", "refused") else logging.ERROR,
+            "take-%06d was fetched from the server: %s", proof.sequence, proof.outcome,
+        )  # fmt: skip
+        if proof.outcome in ("damaged", "missing"):
+            self._send_again(proof.sequence)
+        return None
+
+    def _send_again(self, sequence: int) -> None:
+        """Take the receipt from a take that is still here, so that the next round sends it."""
+        for take in self.spool.takes():
+            if take.sequence == sequence:
+                receipt_path(self.folder, take.stem).unlink(missing_ok=True)
+
+    def _candidates(self) -> list[Receipt]:
+        url = without_secrets(self.target.url)
+        return [receipt for receipt in receipts(self.folder) if receipt.url == url]
+
+    def _leave(self) -> None:
+        room = self.spool.make_room(self.told.settings.retention, now=self.clock())
+        for stem in room.left:
+            LOG.info("%s: left this device; it is safe on the server", stem)
+
+    def _tidy(self) -> None:
+        """Remove what an earlier process of sync was writing when it was ended."""
+        for litter in [*self.folder.glob("sync-status.json*.partial"), *(self.folder / "receipts").glob("*.partial")]:
+            litter.unlink(missing_ok=True)
+
+    # --- what is told -------------------------------------------------------------------------------
+
+    def _note(self, fault: SyncError | None) -> None:
+        now = self.clock().isoformat(timespec="seconds")
+        if fault is not None:
+            self.standing.tries += 1
+            sentence = fault.what if fault.where is None else f"{fault.where}: {fault.what}"
+            before = self.standing.fault
+            self.standing.fault = Fault(
+                sentence=self.credentials.hide(sentence), advice=self.credentials.hide(fault.advice),
+                since=before.since if before else now, tries=self.standing.tries,
+            )  # fmt: skip
+        else:
+            self.standing.fault, self.standing.tries = None, 0
+        self._write()
+
+    def _say_when(self, delay: float) -> None:
+        if (fault := self.standing.fault) is not None:
+            when = (self.clock() + timedelta(seconds=delay)).isoformat(timespec="seconds")
+            self.standing.fault = Fault(
+                sentence=fault.sentence, advice=fault.advice, since=fault.since, tries=fault.tries, next_try=when
+            )
+        self._write()
+
+    def _write(self) -> None:
+        self._written_at = time.monotonic()
+        waiting = self.spool.waiting()
+        write_status(
+            self.folder,
+            SyncStatus(
+                at=self.clock().isoformat(timespec="seconds"), url=without_secrets(self.target.url),
+                device=self.target.device, waiting=len(waiting), waiting_bytes=sum(take.size for take in waiting),
+                safe=len(receipts(self.folder)), is_encrypted=bool(self.target.recipients),
+                last_sync=self.standing.last_sync, verified=self.standing.verified, fault=self.standing.fault,
+                proof=self.standing.proof, damaged=self.standing.damaged, notes=self._notes(),
+            ),
+        )  # fmt: skip
+
+    def _notes(self) -> tuple[str, ...]:
+        folder = folder_of(self.target.url)
+        if folder is None:
+            return ()
+        root = self.told.base / folder
+        existing: Path = next(path for path in (root, *root.absolute().parents) if path.exists())
+        return (SAME_DISK,) if existing.stat().st_dev == self.folder.stat().st_dev else ()
+
+
+def _own_disk(error: OSError) -> SyncError:
+    """Return the fault of this device's own disk, where receipts are written."""
+    return SyncError(
+        f"this device cannot write receipts ({(error.strerror or 'its disk fails').lower()})", where=error.filename,
+        advice="make room on its disk or replace it; what is on the server already is not sent twice",
+    )  # fmt: skip

@@ -1,0 +1,246 @@
+"""The server that takes go to: a folder or a bucket, behind one small set of questions.
+
+Objects appear whole or not at all: a folder's files are written beside, synced and renamed; a bucket shows an upload
+when it is complete. Keys come from content, so that writing a key twice writes the same object twice.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Any, Protocol
+
+from capture.sync.credentials import Credentials
+from capture.sync.faults import ReadRefusedError, ServerError, fault_of
+from capture.sync.pace import Rate
+from capture.sync.settings import Told
+from formats.store_address import folder_of, open_bucket
+from formats.whole_files import make_folders, sync_folder
+
+PART = 5 << 20  # bytes: the smallest part of an upload in parts that S3 accepts
+PIECE = 1 << 20  # bytes read at once
+CONNECT_TIMEOUT = "10s"
+
+
+class Server(Protocol):
+    """Objects by key; every method raises ServerError."""
+
+    def size(self, key: str) -> int | None:
+        """Return an object's bytes, None where there is none; ReadRefusedError where the keys forbid to ask."""
+        ...
+
+    def send(self, key: str, content: IO[bytes], size: int) -> str | None:
+        """Put an object in place; returns the store's own checksum of what it received, where it has one."""
+        ...
+
+    def fetch(self, key: str) -> Iterator[bytes]:
+        """Yield an object's content; ReadRefusedError where the keys forbid it, FileNotFoundError where it is not."""
+        ...
+
+
+def open_server(told: Told, credentials: Credentials) -> Server:
+    """Open the server that the settings name. Nothing is sent before its first use.
+
+    Raises:
+        AddressError: the address or a setting is refused.
+        SyncError: the certificate of the server's authority cannot be read.
+    """
+    settings = told.settings
+    rate = Rate(settings.bytes_per_second)
+    folder = folder_of(settings.url)
+    if folder is not None:
+        return FolderServer(told.base / folder, rate)
+    config = dict(credentials.values)
+    client: dict[str, Any] = {"connect_timeout": CONNECT_TIMEOUT, "timeout": f"{settings.timeout_s * 1000:.0f}ms"}
+    if settings.url.startswith("s3"):
+        config["checksum_algorithm"] = "sha256"  # a store that knows it refuses what was damaged on the way
+        for name in ("endpoint", "region"):
+            if value := getattr(settings, name):
+                config[name] = value
+    elif settings.endpoint:
+        config["endpoint" if settings.url.startswith(("az", "abfs")) else "base_url"] = settings.endpoint
+    if settings.allow_http:
+        client["allow_http"] = True
+    if settings.ca is not None:
+        client["root_certificate"] = _certificate(told.base / settings.ca)
+    return BucketServer(open_bucket(settings.url, extra="capture", config=config, client=client, retries=0), rate)
+
+
+def _certificate(file: Path) -> bytes:
+    from capture.errors import SyncError
+
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise SyncError(
+            f"the server's authority cannot be read ({error.strerror})", where=file, advice="check ca in [sync]"
+        ) from error
+
+
+class FolderServer:
+    """A folder: of another disk, of a server that is mounted, or of this device."""
+
+    def __init__(self, root: Path, rate: Rate) -> None:
+        """Use a folder; it is made by the first upload."""
+        self.root = root.absolute()
+        self._rate = rate
+
+    def size(self, key: str) -> int | None:
+        """Return a file's bytes, None where there is none."""
+        try:
+            return (self.root / key).stat().st_size
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise fault_of(error) from error
+
+    def send(self, key: str, content: IO[bytes], size: int) -> None:
+        """Write beside, sync, rename, sync the folder."""
+        path = self.root / key
+        beside = path.with_name(f".{path.name}.partial")  # one name: what a kill left is written over
+        try:
+            make_folders(path.parent)
+            with beside.open("wb") as file:
+                while piece := content.read(PIECE):
+                    self._rate.wait_for(len(piece))
+                    file.write(piece)
+                file.flush()
+                os.fsync(file.fileno())
+            beside.replace(path)
+            sync_folder(path.parent)
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                beside.unlink(missing_ok=True)
+            error.filename = error.filename or str(path)
+            raise fault_of(error) from error
+
+    def fetch(self, key: str) -> Iterator[bytes]:
+        """Yield a file's content, from the disk rather than from memory where the kernel lets go of it."""
+        try:
+            with (self.root / key).open("rb") as file:
+                os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
+                while piece := file.read(PIECE):
+                    yield piece
+        except FileNotFoundError:
+            raise
+        except OSError as error:
+            raise fault_of(error) from error
+
+
+class BucketServer:
+    """A bucket below a prefix."""
+
+    def __init__(self, store: Any, rate: Rate) -> None:
+        """Use obstore's store."""
+        import obstore
+
+        self._library: Any = obstore
+        self._errors = (obstore.exceptions.BaseError, OSError)
+        self._store, self._rate = store, rate
+
+    def size(self, key: str) -> int | None:
+        """Return an object's bytes, None where there is none."""
+        try:
+            return int(self._library.head(self._store, key)["size"])
+        except FileNotFoundError:
+            return None
+        except self._errors as error:
+            raise fault_of(error, writing=False) from error
+
+    def send(self, key: str, content: IO[bytes], size: int) -> str | None:
+        """Put an object in one request, or in parts where it is large: one part at a time is in memory."""
+        try:
+            if size <= PART:
+                self._rate.wait_for(size)
+                told = self._library.put(self._store, key, content.read(), use_multipart=False)
+            else:
+                parts = self._paced(content)
+                told = self._library.put(self._store, key, parts, chunk_size=PART, max_concurrency=1)
+        except self._errors as error:
+            raise fault_of(error) from error
+        tag = told.get("e_tag")
+        return None if tag is None else str(tag).strip('"')
+
+    def fetch(self, key: str) -> Iterator[bytes]:
+        """Yield an object's content."""
+        try:
+            for piece in self._library.get(self._store, key).stream(min_chunk_size=PIECE):
+                yield bytes(piece)
+        except FileNotFoundError:
+            raise
+        except self._errors as error:
+            raise fault_of(error, writing=False) from error
+
+    def _paced(self, content: IO[bytes]) -> Iterator[bytes]:
+        while part := content.read(PART):
+            self._rate.wait_for(len(part))
+            yield part
+
+
+class Sums:
+    """Checksums of what passes by: SHA-256, and the MD5 with which S3 and Google answer an upload.
+
+    An upload in parts is answered with the MD5 of the parts' MD5s and their number; the S3 API names it an ETag.
+    """
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self._sha256, self._whole = hashlib.sha256(), hashlib.md5(usedforsecurity=False)
+        self._part, self._in_part = hashlib.md5(usedforsecurity=False), 0
+        self._parts: list[bytes] = []
+        self.size = 0
+
+    def add(self, content: bytes) -> None:
+        """Take in what follows."""
+        self._sha256.update(content)
+        self._whole.update(content)
+        self.size += len(content)
+        while content:
+            room = PART - self._in_part
+            self._part.update(content[:room])
+            self._in_part += len(content[:room])
+            content = content[room:]
+            if self._in_part == PART:
+                self._end_part()
+
+    @property
+    def sha256(self) -> str:
+        """Return the SHA-256 in hexadecimal digits."""
+        return self._sha256.hexdigest()
+
+    @property
+    def tag(self) -> str:
+        """Return the checksum with which the store should answer."""
+        if self.size <= PART:
+            return self._whole.hexdigest()
+        parts = [*self._parts, *([self._part.digest()] if self._in_part else [])]
+        return f"{hashlib.md5(b''.join(parts), usedforsecurity=False).hexdigest()}-{len(parts)}"
+
+    def _end_part(self) -> None:
+        self._parts.append(self._part.digest())
+        self._part, self._in_part = hashlib.md5(usedforsecurity=False), 0
+
+
+def sums_of(content: IO[bytes]) -> Sums:
+    """Return the checksums of a file from its beginning, and go back there."""
+    content.seek(0)
+    sums = Sums()
+    while piece := content.read(PIECE):
+        sums.add(piece)
+    content.seek(0)
+    return sums
+
+
+__all__ = [
+    "BucketServer",
+    "FolderServer",
+    "ReadRefusedError",
+    "Server",
+    "ServerError",
+    "Sums",
+    "open_server",
+    "sums_of",
+]

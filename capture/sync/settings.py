@@ -1,0 +1,131 @@
+"""What sync is told: the table `[sync]` of the appliance's configuration file, and where the takes lie."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import socket
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from capture.appliance.retention import Retention
+from capture.errors import SyncError
+from formats.errors import AddressError
+from formats.store_address import folder_of
+
+DEFAULT_FILE = Path("/etc/hangtime/appliance.toml")
+DEFAULT_SPOOL = Path("/var/lib/hangtime/takes")
+PROOF_DAYS = 7.0
+ADVICE = "mend it in [sync]; docs/how-to/sync.md explains every setting"
+
+
+class SyncSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The table `[sync]`.
+
+    url: the server's folder or bucket
+    device: the name of this device on the server; its host name and a part of its machine id where left out
+    endpoint, region: of an S3-compatible server
+    ca: certificate of the authority that signed the server's, PEM, added to the system's
+    allow_http: whether a server without TLS is accepted
+    credentials: file of keys (TOML, mode 0600); systemd's credentials come first
+    encrypt_to: age recipients (`age1...`); takes are encrypted before upload for whoever holds one of their keys
+    bytes_per_second: upload at most so fast on average over a take or 5 MiB; None: as fast as the line is
+    timeout_s: one request may take so long; at 17 kB/s a part of 5 MiB takes 300 s
+    proof_days: so often a take is fetched from the server, hashed and opened
+    retention: how long takes stay on the device
+    """
+
+    url: str = "file:///var/lib/hangtime/server"
+    device: str = ""
+    endpoint: str | None = None
+    region: str | None = None
+    ca: Path | None = None
+    allow_http: bool = False
+    credentials: Path | None = None
+    encrypt_to: tuple[str, ...] = ()
+    bytes_per_second: float | None = None
+    timeout_s: float = 300.0
+    proof_days: float = PROOF_DAYS
+    retention: Retention = Retention()
+
+    def __post_init__(self) -> None:
+        if self.device and not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,62}", self.device):
+            raise ValueError(f"device is {self.device!r}; give letters, digits, '.', '_' and '-', 63 at most")
+        if self.bytes_per_second is not None and not self.bytes_per_second > 0:
+            raise ValueError("bytes_per_second must be positive; leave it out for no limit")
+        if not 1.0 <= self.timeout_s <= 86_400.0:
+            raise ValueError(f"timeout_s is {self.timeout_s:g}; give 1 to 86400 seconds")
+        if not self.proof_days > 0:
+            raise ValueError("proof_days must be positive")
+
+
+@dataclass(frozen=True)
+class Told:
+    """All that sync is told: its settings, the folder of takes and the folder that relative paths start from."""
+
+    settings: SyncSettings
+    spool: Path
+    base: Path = Path()
+
+    @property
+    def device(self) -> str:
+        """Return the name of this device on the server."""
+        return self.settings.device or own_name()
+
+
+def load_settings(file: Path, spool: Path | None = None) -> Told:
+    """Read `[sync]` and the spool's folder from the appliance's configuration file.
+
+    spool: folder of takes that is used instead of the file's
+
+    Raises:
+        SyncError: the file or the table does not hold.
+    """
+    try:
+        plain = tomllib.loads(file.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not a text file"
+        raise SyncError(f"cannot be read ({reason})", where=file, advice="check the path") from error
+    except tomllib.TOMLDecodeError as error:
+        raise SyncError(f"is not valid TOML: {error}", where=file, advice="mend that line") from error
+    settings = settings_of(plain.get("sync", {}), where=file)
+    told = plain.get("spool", {})
+    folder = told.get("folder", str(DEFAULT_SPOOL)) if isinstance(told, dict) else str(DEFAULT_SPOOL)
+    return Told(settings, spool or file.parent / str(folder), file.parent)
+
+
+def settings_of(table: Any, *, where: object = None) -> SyncSettings:
+    """Return the settings that a table holds.
+
+    Raises:
+        SyncError: the table does not hold.
+    """
+    try:
+        settings = msgspec.convert(table, SyncSettings, dec_hook=_path)
+        folder_of(settings.url)
+    except msgspec.ValidationError as error:
+        raise SyncError(f"[sync] does not hold: {error}", where=where, advice=ADVICE) from error
+    except AddressError as error:
+        raise SyncError(f"url: {error.what}", where=where, advice=error.advice) from error
+    return settings
+
+
+def own_name() -> str:
+    """Return a name for this device that no other has: host name and eight digits made from the machine's id."""
+    host = re.sub(r"[^A-Za-z0-9._-]", "-", socket.gethostname())[:50].lstrip("._-") or "device"
+    try:
+        machine = Path("/etc/machine-id").read_text().strip()
+    except OSError:
+        return host
+    # The id itself is not to be shown (machine-id(5)).
+    return f"{host}-{hashlib.sha256(f'hangtime {machine}'.encode()).hexdigest()[:8]}"
+
+
+def _path(kind: type, value: Any) -> Any:
+    if kind is Path and isinstance(value, str) and value:
+        return Path(value)
+    raise ValueError("a path must be a text that is not empty")

@@ -1,0 +1,170 @@
+"""How sync stands: `sync-status.json` in the spool folder, and the sentences that `hangtime status` shows of it."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+from capture.appliance.receipts import CHECKSUM
+from capture.errors import SyncError
+from formats.whole_files import write_whole
+
+FILE, LOCK = "sync-status.json", "sync.lock"
+WEEK = timedelta(days=7)
+DAYS = ("Monday", "Tuesday", "Wednesday", "Thursday", "Friday", "Saturday", "Sunday")
+
+
+class Fault(msgspec.Struct, frozen=True, kw_only=True):
+    """What keeps takes from the server: one sentence, what to do next, since when and how often it was tried."""
+
+    sentence: str
+    advice: str
+    since: str
+    tries: int
+    next_try: str | None = None
+
+
+class Proof(msgspec.Struct, frozen=True, kw_only=True):
+    """What came of fetching a take from the server.
+
+    outcome: "sound": its hash is right and it opens; "whole": its hash is right, and it is encrypted; "damaged" and
+        "missing" are of the server; "refused": these keys may not read
+    """
+
+    at: str
+    sequence: int
+    outcome: Literal["sound", "whole", "damaged", "missing", "refused"]
+
+
+class SyncStatus(msgspec.Struct, frozen=True, kw_only=True):
+    """How sync stands.
+
+    at: when this was written, as all times here: wall clock, ISO 8601 with its offset
+    waiting, waiting_bytes: takes without a receipt
+    safe: takes with a receipt, those that left the device too
+    last_sync: when a take was last verified on the server
+    verified: how the last one was: READ_BACK or CHECKSUM of `capture.appliance.receipts`
+    fault: what keeps takes from the server; None where nothing does
+    damaged: takes that changed on this device's disk after they were kept
+    notes: what somebody should know and need not mend
+    """
+
+    at: str
+    url: str
+    device: str
+    waiting: int
+    waiting_bytes: int
+    safe: int
+    is_encrypted: bool
+    last_sync: str | None = None
+    verified: str | None = None
+    fault: Fault | None = None
+    proof: Proof | None = None
+    damaged: tuple[int, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def write_status(spool: Path, status: SyncStatus) -> None:
+    """Put the status in place; a full disk keeps the one before: what keeps takes safe is not written here."""
+    content = msgspec.json.format(msgspec.json.encode(status), indent=2) + b"\n"
+    with contextlib.suppress(OSError):
+        write_whole(spool / FILE, content)
+
+
+def read_status(spool: Path) -> SyncStatus | None:
+    """Return how sync stands; None where it never ran or what it wrote cannot be read."""
+    with contextlib.suppress(OSError, msgspec.DecodeError):
+        return msgspec.json.decode((spool / FILE).read_bytes(), type=SyncStatus)
+    return None
+
+
+@contextmanager
+def only_sync(spool: Path) -> Iterator[None]:
+    """Be the only process that syncs this folder.
+
+    Raises:
+        SyncError: another one does.
+        OSError: the folder cannot be written.
+    """
+    handle = os.open(spool / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        os.close(handle)
+        raise SyncError("another process syncs these takes", where=spool, advice="wait until it ends") from error
+    try:
+        yield
+    finally:
+        os.close(handle)
+
+
+def is_syncing(spool: Path) -> bool:
+    """Return whether a process syncs this folder now."""
+    try:
+        handle = os.open(spool / LOCK, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(handle)
+    return False
+
+
+def sentences(status: SyncStatus | None, now: datetime) -> list[str]:
+    """Return how sync stands in sentences, the most urgent first; now: the wall clock with its offset."""
+    if status is None:
+        return ["Sync has not run yet. Next: set url in [sync], then `hangtime sync now`."]
+    told = []
+    if status.fault is not None:
+        told.append(f"Sync fails: {status.fault.sentence}. Next: {status.fault.advice}.")
+    if status.damaged:
+        names = ", ".join(str(number) for number in status.damaged)
+        told.append(f"The disk of this device changed takes after they were kept: {names}. Next: replace the disk.")
+    if status.proof is not None and status.proof.outcome in ("damaged", "missing"):
+        told.append(
+            f"The server's copy of take {status.proof.sequence} is {status.proof.outcome}. "
+            "Next: check the server's disk; this device sends the take again if it still has it."
+        )
+    count = f"{status.waiting} {'take waits' if status.waiting == 1 else 'takes wait'}"
+    last = f"last sync: {day_of(status.last_sync, now)}" if status.last_sync else "nothing was synced yet"
+    told.append(f"{count}, {status.safe} safe on the server, {last}.")
+    told.append(f"Last proved: {_proved(status.proof, now)}.")
+    if status.verified == CHECKSUM:
+        told.append(
+            "The keys of this device may only write: takes are verified by the store's checksum, not read back."
+        )
+    if status.is_encrypted:
+        told.append("Takes are encrypted before upload; this device cannot open what it sent.")
+    return [*told, *status.notes]
+
+
+def day_of(at: str | None, now: datetime) -> str:
+    """Return a time as people say it: today, a day of the last week, or the date."""
+    try:
+        then = datetime.fromisoformat(at or "").astimezone(now.tzinfo)
+    except (ValueError, OverflowError):
+        return "at an unknown time"
+    if then.date() == now.date():
+        return f"today at {then:%H:%M}"
+    return DAYS[then.weekday()] if timedelta(0) < now - then < WEEK else f"{then:%Y-%m-%d}"
+
+
+def _proved(proof: Proof | None, now: datetime) -> str:
+    if proof is None:
+        return "never"
+    words = {
+        "sound": "sound", "whole": "its hash is right; it is encrypted and was not opened", "damaged": "DAMAGED",
+        "missing": "MISSING", "refused": "not possible, the keys of this device may not read",
+    }  # fmt: skip
+    return f"{day_of(proof.at, now)}, {words[proof.outcome]}"

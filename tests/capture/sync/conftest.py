@@ -1,0 +1,39 @@
+"""What the tests of sync share: one server behind one proxy, and folders that are made of takes."""
+
+from __future__ import annotations
+
+import shutil
+
+import pytest
+
+from tests.capture.appliance.spool_takes import record
+from tests.capture.sync.servers import chain
+
+
+@pytest.fixture(scope="session")
+def _chain(tmp_path_factory):
+    with chain(tmp_path_factory.mktemp("chain")) as made:
+        yield made
+
+
+@pytest.fixture
+def far(_chain):
+    """A server that holds nothing, its proxy that lets everything pass, and its authority."""
+    server, proxy, authority = _chain
+    shutil.rmtree(server.root / "takes")
+    (server.root / "takes").mkdir()
+    proxy.fault, proxy.done[:] = (lambda method, path: ""), []
+    return server, proxy, authority
+
+
+@pytest.fixture
+def spool(tmp_path):
+    from capture.appliance.spool import Spool
+
+    with Spool(tmp_path / "spool") as one:
+        yield one
+
+
+@pytest.fixture
+def three(spool):
+    return [record(spool, 40 + k, seed=k) for k in range(3)]

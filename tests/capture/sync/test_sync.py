@@ -1,0 +1,419 @@
+"""Takes come to the server once, whole and in order; what is in the way is one sentence."""
+
+from __future__ import annotations
+
+import hashlib
+import random
+from datetime import UTC, datetime, timedelta
+
+import msgspec
+import pytest
+
+from capture.appliance.receipts import CHECKSUM, READ_BACK, receipts
+from capture.appliance.retention import Retention
+from capture.sync.credentials import Credentials
+from capture.sync.pace import LONGEST_WAIT, Rate, wait_after
+from capture.sync.rounds import SAME_DISK, Sync
+from capture.sync.server import PART, sums_of
+from capture.sync.settings import SyncSettings, Told
+from capture.sync.status import read_status, sentences
+from formats.archive import read_take
+from tests.capture.appliance.spool_takes import record
+from tests.capture.sync.servers import CREDENTIALS, FAULTS, KEY, Moto, told_of
+
+NOW = datetime(2026, 11, 25, 12, tzinfo=UTC)  # a Wednesday
+
+
+def sync_of(told, credentials=CREDENTIALS, now=NOW):
+    waits: list[float] = []
+    made = Sync(told, credentials, clock=lambda: now, sleep=waits.append, chance=random.Random(1))
+    return made, waits
+
+
+def folder_of(tmp_path, spool, **named):
+    return Told(SyncSettings(url=f"file://{tmp_path}/server", device="box", **named), spool.folder)
+
+
+def on_server(tmp_path):
+    top = tmp_path / "server"
+    return {str(path.relative_to(top)): path.read_bytes() for path in top.rglob("*") if path.is_file()}
+
+
+def check_server(objects, takes):
+    """One object a take, named after its content."""
+    assert sorted(objects) == [
+        f"box/2026-11-20/{take.sequence:06d}-{take.facts['sha256']}.mcap"
+        for take in sorted(takes, key=lambda t: t.sequence)
+    ]
+    for key, content in objects.items():
+        assert hashlib.sha256(content).hexdigest() == key.split("-")[-1].removesuffix(".mcap")
+
+
+@pytest.mark.parametrize("kind", ["folder", "bucket"])
+def test_three_takes_are_on_the_server_once_with_receipts_that_say_how_it_was_checked(
+    kind, request, tmp_path, spool, three
+):
+    if kind == "folder":
+        told = folder_of(tmp_path, spool)
+    else:
+        server, proxy, authority = request.getfixturevalue("far")
+        told = told_of(spool.folder, proxy.port, authority)
+    sync, waits = sync_of(told)
+    assert (sync.run(), waits) == (None, [])
+    assert sync.once() is None  # a second time changes nothing
+    check_server(on_server(tmp_path) if kind == "folder" else server.objects(), three)
+    assert spool.waiting() == []
+    assert [(one.sequence, one.verified) for one in receipts(spool.folder)] == [(k, READ_BACK) for k in (1, 2, 3)]
+    status = read_status(spool.folder)
+    assert (status.waiting, status.safe, status.fault, status.proof.outcome) == (0, 3, None, "sound")
+    assert (SAME_DISK in status.notes) == (kind == "folder")
+
+
+def test_takes_go_in_the_order_of_their_numbers_whatever_the_clock_said(far, spool):
+    server, proxy, authority = far
+    for created in ("2026-11-20T10:00:00+00:00", "1970-01-01T00:00:10+00:00", "2031-01-01T00:00:00+00:00"):
+        record(spool, 40, created=created)
+    order = []
+    proxy.fault = lambda method, path: order.append(path) or "" if method == "PUT" else ""
+    sync, _ = sync_of(told_of(spool.folder, proxy.port, authority))
+    assert sync.once() is None
+    assert [[*path.split("/")[3:4], path.split("/")[4][:6]] for path in order] == [
+        ["2026-11-20", "000001"], ["1970-01-01", "000002"], ["2031-01-01", "000003"],
+    ]  # fmt: skip
+    assert len(server.objects()) == 3
+
+
+def test_what_an_earlier_run_sent_is_found_and_not_sent_again(far, spool, three):
+    """The receipts are lost: three takes are looked for, read back and not sent."""
+    server, proxy, authority = far
+    told = told_of(spool.folder, proxy.port, authority)
+    assert sync_of(told)[0].once() is None
+    for path in (spool.folder / "receipts").iterdir():
+        path.unlink()
+    proxy.done.clear()
+    assert sync_of(told)[0].once() is None
+    assert "PUT" not in {method for method, _ in proxy.done}
+    check_server(server.objects(), three)
+
+
+def test_an_object_that_is_damaged_on_the_server_is_sent_again(far, spool, three):
+    server, proxy, authority = far
+    told = told_of(spool.folder, proxy.port, authority)
+    assert sync_of(told)[0].once() is None
+    (spool.folder / "receipts/take-000002.json").unlink()
+    (path,) = (server.root / "takes").rglob("000002-*")
+    raw = bytearray(path.read_bytes())
+    raw[100] ^= 1
+    path.write_bytes(raw)
+    assert sync_of(told)[0].once() is None
+    check_server(server.objects(), three)
+
+
+def test_the_settings_hide_a_bucket_below_a_prefix(far, spool, three):
+    server, proxy, authority = far
+    assert sync_of(told_of(spool.folder, proxy.port, authority, url="s3://takes/home/kitchen"))[0].once() is None
+    assert {key.split("/")[0:3:2] == ["home", "box"] for key in server.objects()} == {True}
+
+
+def test_moto_takes_them_too(tmp_path, far, spool, three):
+    """A second server, which honours conditions and parts: a take of 6 MB goes in two."""
+    _, _, authority = far
+    big = spool.begin()
+    big.partial.write_bytes(random.Random(2).randbytes(6_000_000))
+    spool.keep(big, {})
+    with Moto(authority) as moto:
+        sync, _ = sync_of(told_of(spool.folder, moto.port, authority, timeout_s=30.0))
+        assert sync.once() is None
+        objects = moto.objects()
+    assert len(objects) == 4
+    assert {hashlib.sha256(content).hexdigest() in key for key, content in objects.items()} == {True}
+    assert [key for key in objects if key.startswith("box/undated/000004-")]
+
+
+# --- what is in the way -----------------------------------------------------------------------------
+
+SAID = {
+    "500": ("the server fails (500 InternalError: We encountered an internal error)", "look into the server's log"),
+    "403": ("the server refuses this device (403 AccessDenied: Access Denied)", "allow the keys of this device"),
+    "skewed": ("the server refuses the clock of this device (403 RequestTimeTooSkewed", "to a time server"),
+    "busy": ("the server asks to wait (503 SlowDown", "nothing"),
+    "full": ("the server is full (507 InsufficientStorage: The disk is full)", "make room on the server"),
+    "reset before": ("the connection to the server broke", "tries again by itself"),
+    "reset in request": ("the connection to the server broke", "tries again by itself"),
+    "answer lost": ("the connection to the server broke", "tries again by itself"),
+    "silent": ("the server does not answer in time", "a slow one needs a longer timeout_s"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", SAID)
+def test_the_servers_own_reason_is_one_sentence_with_the_next_action(far, spool, three, fault):
+    server, proxy, authority = far
+    proxy.fault = lambda method, path: fault if method == "PUT" else ""
+    told = told_of(spool.folder, proxy.port, authority)
+    assert sync_of(told)[0].once() is not None
+    status = read_status(spool.folder)
+    sentence, advice = SAID[fault]
+    assert sentence in status.fault.sentence
+    assert advice in status.fault.advice
+    assert (status.waiting, status.fault.tries) == (3, 1)
+    (first, *_) = sentences(status, NOW)
+    assert first.startswith("Sync fails: ")
+    assert first.count(". Next: ") == 1
+    assert "\n" not in first
+    # Once it is over, everything arrives and nothing is said of it any more.
+    proxy.fault = lambda method, path: ""
+    assert sync_of(told)[0].run() is None
+    check_server(server.objects(), three)
+    assert read_status(spool.folder).fault is None
+
+
+@pytest.mark.parametrize(
+    ("named", "sentence", "advice"),
+    [
+        ({"endpoint": "https://127.0.0.1:9"}, "nothing answers at the server's address", "start the server"),
+        ({"endpoint": "https://no-such-host.invalid"}, "the server's name cannot be found", "check the network"),
+        ({"ca": None}, "does not trust the server's certificate (UnknownIssuer)", "the server's own authority as ca"),
+        ({"url": "s3://other"}, "the server knows no such place (404 NoSuchBucket", "make the bucket"),
+    ],
+    ids=["refused", "no-name", "unknown-authority", "no-bucket"],
+)  # fmt: skip
+def test_a_server_that_cannot_be_spoken_to_is_one_sentence(far, spool, three, named, sentence, advice):
+    _, proxy, authority = far
+    fault = sync_of(told_of(spool.folder, proxy.port, authority, **named))[0].once()
+    assert sentence in fault.what
+    assert advice in fault.advice
+
+
+def test_wrong_keys_are_one_sentence_and_none_of_them_is_in_it(far, spool, three):
+    _, proxy, authority = far
+    wrong = Credentials({"access_key_id": KEY, "secret_access_key": "another-secret"})
+    fault = sync_of(told_of(spool.folder, proxy.port, authority), wrong)[0].once()
+    assert "the server does not accept the keys of this device (403 SignatureDoesNotMatch" in fault.what
+    assert KEY not in (spool.folder / "sync-status.json").read_text()
+
+
+def test_a_server_folder_that_is_full_or_forbidden_is_one_sentence(tmp_path, spool, three, monkeypatch):
+    import errno
+    import os
+
+    told = folder_of(tmp_path, spool)
+    for number, sentence in ((errno.ENOSPC, "the server's disk is full"), (errno.EROFS, "cannot be written")):
+        with monkeypatch.context() as patch:
+            patch.setattr(
+                "capture.sync.server.make_folders", lambda folder, n=number: _raise(OSError(n, os.strerror(n)))
+            )
+            fault = sync_of(told)[0].once()
+        assert sentence in fault.what
+    assert sync_of(told)[0].once() is None
+    check_server(on_server(tmp_path), three)
+
+
+def _raise(error):
+    raise error
+
+
+def test_one_take_that_cannot_be_read_does_not_keep_the_others(tmp_path, spool, three):
+    """The second take is a folder: the others are brought, and the fault names it."""
+    three[1].path.unlink()
+    three[1].path.mkdir()
+    fault = sync_of(folder_of(tmp_path, spool))[0].once()
+    assert "take-000002.mcap: the take cannot be read" in str(fault)
+    assert len(on_server(tmp_path)) == 2
+
+
+def test_a_take_that_the_disk_changed_is_brought_and_named(tmp_path, spool, three):
+    raw = bytearray(three[0].path.read_bytes())
+    raw[-40] ^= 1
+    three[0].path.write_bytes(raw)
+    assert sync_of(folder_of(tmp_path, spool))[0].once() is None
+    status = read_status(spool.folder)
+    assert status.damaged == (1,)
+    assert "changed takes after they were kept: 1. Next: replace the disk." in sentences(status, NOW)[0]
+
+
+# --- what verified means ---------------------------------------------------------------------------
+
+
+def test_keys_that_may_only_write_are_enough_and_the_status_says_so(far, spool, three):
+    """GET and HEAD are refused: the store's checksum of what it received stands in."""
+    server, proxy, authority = far
+    proxy.fault = lambda method, path: "" if method == "PUT" else "403"
+    assert sync_of(told_of(spool.folder, proxy.port, authority))[0].once() is None
+    assert {one.verified for one in receipts(spool.folder)} == {CHECKSUM}
+    told = sentences(read_status(spool.folder), NOW)
+    assert "may only write: takes are verified by the store's checksum" in " ".join(told)
+    assert "Last proved: today at 12:00, not possible, the keys of this device may not read." in told
+    check_server(server.objects(), three)
+
+
+def test_a_store_that_may_not_be_read_and_gives_a_wrong_checksum_verifies_nothing(far, spool, three, monkeypatch):
+    _, proxy, authority = far
+    proxy.fault = lambda method, path: "" if method == "PUT" else "403"
+    monkeypatch.setattr("capture.sync.server.Sums.tag", property(lambda self: "0" * 32))
+    fault = sync_of(told_of(spool.folder, proxy.port, authority))[0].once()
+    assert "gives no checksum that can be compared" in fault.what
+    assert receipts(spool.folder) == []
+
+
+def test_what_was_damaged_on_the_way_back_is_no_receipt(far, spool, three):
+    _, proxy, authority = far
+    proxy.fault = lambda method, path: "damaged answer" if method == "GET" else ""
+    fault = sync_of(told_of(spool.folder, proxy.port, authority))[0].once()
+    assert "the server holds something else than was sent" in fault.what
+    assert receipts(spool.folder) == []
+
+
+def test_the_checksum_of_an_upload_in_parts_is_that_of_the_s3_api(tmp_path):
+    """6 MiB of zeros in parts of 5 MiB: MD5 of two MD5s, worked with md5sum."""
+    file = tmp_path / "zeros"
+    file.write_bytes(bytes(6 << 20))
+    with file.open("rb") as opened:
+        whole = sums_of(opened)
+    first, second = hashlib.md5(bytes(PART)).digest(), hashlib.md5(bytes(1 << 20)).digest()
+    assert whole.tag == f"{hashlib.md5(first + second).hexdigest()}-2"
+
+
+# --- encryption --------------------------------------------------------------------------------------
+
+
+def test_an_encrypted_take_opens_with_the_key_and_with_nothing_on_the_device(far, spool, three, tmp_path):
+    import pyrage
+
+    server, proxy, authority = far
+    identity = pyrage.x25519.Identity.generate()
+    told = told_of(spool.folder, proxy.port, authority, encrypt_to=(str(identity.to_public()),))
+    assert sync_of(told)[0].once() is None
+    objects = server.objects()
+    assert len(objects) == 3
+    for key, content in objects.items():
+        assert key.endswith(".mcap.age")
+        assert b"MCAP" not in content
+        plain = pyrage.decrypt(content, [identity])
+        assert hashlib.sha256(plain).hexdigest() in key
+        (tmp_path / "opened.mcap").write_bytes(plain)
+        assert read_take(tmp_path / "opened.mcap").is_complete
+    assert read_status(spool.folder).proof.outcome == "whole"
+    # Sent again after the receipts are lost: still one object a take.
+    for path in (spool.folder / "receipts").iterdir():
+        path.unlink()
+    assert sync_of(told)[0].once() is None
+    assert sorted(server.objects()) == sorted(objects)
+    assert str(identity) not in "".join(path.read_text() for path in spool.folder.rglob("*.json"))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("AGE-SECRET-KEY-1QQQ", "encrypt_to holds a secret key"), ("age1nonsense", "is no age recipient")],
+    ids=["secret", "nonsense"],
+)
+def test_a_secret_key_or_nonsense_is_no_recipient(tmp_path, spool, text, words):
+    with pytest.raises(Exception, match=words):
+        sync_of(folder_of(tmp_path, spool, encrypt_to=(text,)))
+
+
+# --- proof and retention -----------------------------------------------------------------------------
+
+
+def test_a_take_is_proved_once_a_week_and_the_status_says_which_day(tmp_path, spool, three):
+    told = folder_of(tmp_path, spool)
+    assert sync_of(told)[0].once() is None
+    for days, proved in ((6.9, NOW), (7.1, NOW + timedelta(days=7.1))):
+        now = NOW + timedelta(days=days)
+        assert sync_of(told, now=now)[0].once() is None
+        assert datetime.fromisoformat(read_status(spool.folder).proof.at) == proved.replace(microsecond=0)
+    status = read_status(spool.folder)
+    assert "Last proved: Wednesday, sound." in sentences(status, NOW + timedelta(days=8))
+    assert "Last proved: 2026-12-02, sound." in sentences(status, NOW + timedelta(days=20))
+
+
+@pytest.mark.parametrize("harm", ["damaged", "missing"])
+def test_a_proof_that_finds_damage_says_so_and_the_take_is_sent_again(tmp_path, spool, harm):
+    take = record(spool, 40)
+    told = folder_of(tmp_path, spool)
+    sync, _ = sync_of(told)
+    assert sync.once() is None
+    (path,) = (tmp_path / "server").rglob("*.mcap")
+    path.write_bytes(path.read_bytes()[:-1]) if harm == "damaged" else path.unlink()
+    assert sync.prove().outcome == harm
+    assert (
+        f"The server's copy of take 1 is {harm}. Next: check the server's disk"
+        in sentences(read_status(spool.folder), NOW)[0]
+    )
+    assert sync.once() is None
+    check_server(on_server(tmp_path), [take])
+    assert sync.prove().outcome == "sound"
+
+
+def test_verified_takes_leave_the_device_and_are_still_proved(tmp_path, spool, three):
+    told = folder_of(tmp_path, spool, retention=Retention(quota_bytes=0, least_free_bytes=0))
+    sync, _ = sync_of(told)
+    assert sync.once() is None
+    assert spool.takes() == []
+    assert sync.prove().outcome == "sound"
+    assert read_status(spool.folder).safe == 3
+
+
+# --- pace -------------------------------------------------------------------------------------------
+
+
+def test_waits_double_up_to_five_minutes_and_half_of_each_is_chance():
+    chance = random.Random(0)
+    waits = [[wait_after(tries, chance) for _ in range(200)] for tries in (1, 2, 5, 50)]
+    for whole, found in zip((2.0, 4.0, 32.0, LONGEST_WAIT), waits, strict=True):
+        assert whole / 2 <= min(found) < 0.55 * whole
+        assert 0.95 * whole < max(found) <= whole
+
+
+def test_a_server_that_fails_four_times_is_waited_for_ever_longer(far, spool, three):
+    server, proxy, authority = far
+    answers = iter(["500", "busy", "reset before", "500"])
+    proxy.fault = lambda method, path: next(answers, "") if method == "PUT" else ""
+    sync, waits = sync_of(told_of(spool.folder, proxy.port, authority))
+    assert sync.run() is None
+    assert [whole / 2 <= wait <= whole for whole, wait in zip((2, 4, 8, 16), waits, strict=True)] == [True] * 4
+    check_server(server.objects(), three)
+
+
+def test_a_rate_of_1000_bytes_a_second_sends_5000_bytes_in_5_seconds():
+    now = [100.0]
+    rate = Rate(1000.0, clock=lambda: now[0], sleep=lambda seconds: now.__setitem__(0, now[0] + seconds))
+    for _ in range(6):
+        rate.wait_for(1000)
+    assert now[0] == pytest.approx(105.0)
+
+
+# --- settings ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ({"url": "ftp://server"}, "neither a folder nor a bucket"),
+        ({"device": "a/b"}, "give letters, digits"),
+        ({"bytes_per_second": 0}, "must be positive"),
+        ({"password": "x"}, "unknown field"),
+        ({"retention": {"days": -1}}, "days is negative"),
+        ({"timeout_s": 0.1}, "give 1 to 86400 seconds"),
+    ],
+)  # fmt: skip
+def test_settings_that_do_not_hold_are_one_sentence(table, words):
+    from capture.errors import SyncError
+    from capture.sync.settings import settings_of
+
+    with pytest.raises(SyncError, match=words):
+        settings_of(table, where="a.toml")
+
+
+def test_every_setting_is_documented():
+    """Each name of [sync] and of its retention is in the table's docstring and in the how-to."""
+    from pathlib import Path
+
+    guide = (Path(__file__).parents[3] / "docs/how-to/sync.md").read_text()
+    for struct in (SyncSettings, Retention):
+        for field in msgspec.structs.fields(struct):
+            assert f"`{field.name}`" in guide, field.name
+            assert field.name in struct.__doc__, field.name
+
+
+def test_every_fault_of_the_proxy_is_one_that_the_rounds_meet():
+    assert len(FAULTS) == len(set(FAULTS)) == 13

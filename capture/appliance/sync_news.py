@@ -2,45 +2,51 @@
 
 from __future__ import annotations
 
-import json
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from formats.errors import HangtimeError, OutputError
+import msgspec
 
-FILE = "sync-status.json"
+from capture.appliance.sync_status import FILE, SyncStatus, is_syncing, proved, read_status, sentences
+from formats.errors import HangtimeError, OutputError
 
 
 class SyncNews:
-    """The last that sync has said; `told` is empty where it never ran."""
+    """The last that sync has said, and whether it sends takes right now."""
 
     def __init__(self, spool: Path) -> None:
-        self._path = spool / FILE
+        self._spool = spool
         self._read_at = 0
-        self.told: dict[str, Any] = {}
+        self._status: SyncStatus | None = None
+        self.is_sending = False
 
     def look(self) -> None:
-        """Read the file if it has changed."""
+        """Read the file if it has changed, and ask whether sync runs: one that was killed sends nothing."""
+        self.is_sending = is_syncing(self._spool)
         try:
-            changed_at = self._path.stat().st_mtime_ns
-            if changed_at == self._read_at:
-                return
-            said = json.loads(self._path.read_bytes())
-            self._read_at = changed_at
-        except (OSError, ValueError):
+            changed_at = (self._spool / FILE).stat().st_mtime_ns
+        except OSError:
             return
-        self.told = said if isinstance(said, dict) else {}
+        if changed_at != self._read_at:
+            self._read_at = changed_at
+            self._status = read_status(self._spool) or self._status
 
     @property
-    def is_sending(self) -> bool:
-        """Whether it sends takes right now."""
-        return self.told.get("state") == "sending"
+    def told(self) -> dict[str, Any]:
+        """How sync stands; empty where it never ran. `last_proof` and `says` are words."""
+        if self._status is None:
+            return {}
+        now = datetime.now(UTC).astimezone()
+        return {
+            **msgspec.to_builtins(self._status), "last_proof": proved(self._status.proof, now),
+            "says": sentences(self._status, now),
+        }  # fmt: skip
 
     @property
     def error(self) -> HangtimeError | None:
         """Why it cannot send, in the server's own words."""
-        words = self.told.get("error")
-        if not words:
+        if self._status is None or self._status.fault is None:
             return None
-        advice = str(self.told.get("advice") or "see `hangtime sync status`")
-        return OutputError(f"takes are not sent: {words}", advice=advice)
+        fault = self._status.fault
+        return OutputError(f"takes are not sent: {fault.sentence}", advice=fault.advice)

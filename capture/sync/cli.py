@@ -57,9 +57,9 @@ def show_sync(
     json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Say how sync stands: what waits, what is safe, what is in the way, when it was last proved."""
+    from capture.appliance.sync_status import FILE, is_syncing, read_status, sentences
     from capture.sync.rounds import now_here
     from capture.sync.settings import load_settings
-    from capture.sync.status import FILE, is_syncing, read_status, sentences
 
     folder = spool or load_settings(config).spool
     status = read_status(folder)

@@ -168,7 +168,7 @@ def _no_answer(error: Exception, text: str) -> ServerError:
             kind="passing",
             advice=f"start the server, or mend the address; {again}",
         )
-    if re.search(r"[Tt]imed? ?[Oo]ut", text):
+    if re.search(r"TimedOut|kind: Timeout|timed out", text):
         return ServerError(
             "the server does not answer in time", kind="passing",
             advice=f"check the line; a slow one needs a longer timeout_s; {again}",

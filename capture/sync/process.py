@@ -74,7 +74,7 @@ def work(command: str, sync: Sync, told: Told) -> int:
         if proof is None:
             say(f"hangtime sync: nothing of {told.spool} is on {told.settings.url} yet")
             return SAFE
-        return SAFE if proof.outcome in ("sound", "whole", "refused") else REFUSED
+        return REFUSED if proof.is_bad else SAFE
     in_the_way = sync.run() if command == "run" else sync.once()
     if in_the_way is None:
         return SAFE

@@ -13,8 +13,8 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 from capture.appliance.receipts import Receipt
+from capture.appliance.sync_status import Proof
 from capture.sync.server import ReadRefusedError, Server
-from capture.sync.status import Proof
 from formats.archive import verify_take
 from formats.errors import HangtimeError
 

@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from capture.appliance.receipts import Receipt, receipt_path, receipts
+from capture.appliance.receipts import receipt_path, receipts
 from capture.appliance.spool import KeptTake, Spool
+from capture.appliance.sync_status import Fault, Proof, SyncStatus, only_sync, read_status, write_status
 from capture.errors import SyncError
 from capture.sync.bringing import Target, bring, has_changed
 from capture.sync.credentials import Credentials
@@ -21,7 +22,6 @@ from capture.sync.pace import wait_after
 from capture.sync.proof import is_due, prove
 from capture.sync.server import open_server
 from capture.sync.settings import Told
-from capture.sync.status import Fault, Proof, SyncStatus, only_sync, read_status, write_status
 from formats.store_address import folder_of, without_secrets
 from formats.whole_files import make_folders
 
@@ -107,8 +107,11 @@ class Sync:
         with only_sync(self.folder):
             self._tidy()
             fault = self._bring_all()
-            if fault is None:
-                fault = self._prove(is_forced=False)
+            if fault is None and is_due(self.standing.proof, self.told.settings.proof_days, self.clock()):
+                try:
+                    self._prove()
+                except ServerError as error:
+                    fault = error
             self._leave()
             self._note(fault)
             return fault
@@ -122,10 +125,9 @@ class Sync:
         """
         make_folders(self.folder)
         with only_sync(self.folder):
-            if (fault := self._prove(is_forced=True)) is not None:
-                raise fault
+            proof = self._prove()
             self._write()
-            return self.standing.proof if self._candidates() else None
+            return proof
 
     # --- parts of a round ---------------------------------------------------------------------------
 
@@ -155,34 +157,26 @@ class Sync:
         if time.monotonic() >= self._written_at + STATUS_SECONDS:
             self._write()
 
-    def _prove(self, *, is_forced: bool) -> ServerError | None:
-        now = self.clock()
-        if not is_forced and not is_due(self.standing.proof, self.told.settings.proof_days, now):
-            return None
-        try:
-            proof = prove(self.target.server, self._candidates(), now=now, chance=self.chance)
-        except ServerError as fault:
-            return fault
+    def _prove(self) -> Proof | None:
+        url = without_secrets(self.target.url)
+        candidates = [receipt for receipt in receipts(self.folder) if receipt.url == url]
+        proof = prove(self.target.server, candidates, now=self.clock(), chance=self.chance)
         if proof is None:
             return None
         self.standing.proof = proof
         LOG.log(
-            logging.INFO if proof.outcome in ("sound", "whole", "refused") else logging.ERROR,
+            logging.ERROR if proof.is_bad else logging.INFO,
             "take-%06d was fetched from the server: %s", proof.sequence, proof.outcome,
         )  # fmt: skip
-        if proof.outcome in ("damaged", "missing"):
+        if proof.is_bad:
             self._send_again(proof.sequence)
-        return None
+        return proof
 
     def _send_again(self, sequence: int) -> None:
         """Take the receipt from a take that is still here, so that the next round sends it."""
         for take in self.spool.takes():
             if take.sequence == sequence:
                 receipt_path(self.folder, take.stem).unlink(missing_ok=True)
-
-    def _candidates(self) -> list[Receipt]:
-        url = without_secrets(self.target.url)
-        return [receipt for receipt in receipts(self.folder) if receipt.url == url]
 
     def _leave(self) -> None:
         room = self.spool.make_room(self.told.settings.retention, now=self.clock())

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import shutil
+from itertools import count
 
 import pytest
 
 from tests.capture.appliance.spool_takes import record
 from tests.capture.sync.servers import chain
+
+NUMBERS = count()
 
 
 @pytest.fixture(scope="session")
@@ -20,8 +22,7 @@ def _chain(tmp_path_factory):
 def far(_chain):
     """A server that holds nothing, its proxy that lets everything pass, and its authority."""
     server, proxy, authority = _chain
-    shutil.rmtree(server.root / "takes")
-    (server.root / "takes").mkdir()
+    server.use(f"takes-{next(NUMBERS)}")
     proxy.fault, proxy.done[:] = (lambda method, path: ""), []
     return server, proxy, authority
 

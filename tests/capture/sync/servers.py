@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import http.client
+import re
 import shutil
 import socket
 import ssl
@@ -24,6 +26,7 @@ PROGRAMS = Path(sys.executable).parent
 KEY, SECRET = "AKIAPLAINNAME", "canary-4f1c9b7e2d"
 CREDENTIALS = Credentials({"access_key_id": KEY, "secret_access_key": SECRET})
 HOST = "127.0.0.1"
+UNSIGNED = "AWS4-HMAC-SHA256 Credential=a/20260101/us-east-1/s3/aws4_request, SignedHeaders=host, Signature=x"
 XML = "<?xml version='1.0'?><Error><Code>{}</Code><Message>{}</Message></Error>"
 ANSWERS = {
     "500": ("500 Internal Server Error", XML.format("InternalError", "We encountered an internal error.")),
@@ -78,14 +81,20 @@ class Rclone:
 
     def __init__(self, root: Path, authority: Authority) -> None:
         self.root, self.port, self._authority = root, free_port(), authority
-        (root / "takes").mkdir(parents=True, exist_ok=True)
+        self.use("takes")
         self._process: subprocess.Popen[bytes] | None = None
+
+    def use(self, bucket: str) -> None:
+        """Make a bucket and look into this one from now on: rclone remembers what was in a folder."""
+        self.bucket = bucket
+        (self.root / bucket).mkdir(parents=True, exist_ok=True)
 
     def start(self) -> None:
         program = shutil.which("rclone", path=str(PROGRAMS)) or "rclone"
         self._process = subprocess.Popen(
             [program, "serve", "s3", str(self.root), "--addr", f"{HOST}:{self.port}", "--auth-key", f"{KEY},{SECRET}",
-             "--cert", str(self._authority.certificate), "--key", str(self._authority.key), "--config", ""],
+             "--cert", str(self._authority.certificate), "--key", str(self._authority.key), "--config", "",
+             "--dir-cache-time", "0s"],
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )  # fmt: skip
         wait_until_listening(self.port)
@@ -97,7 +106,7 @@ class Rclone:
             self._process = None
 
     def objects(self) -> dict[str, bytes]:
-        top = self.root / "takes"
+        top = self.root / self.bucket
         return {str(path.relative_to(top)): path.read_bytes() for path in sorted(top.rglob("*")) if path.is_file()}
 
     def __enter__(self) -> Rclone:
@@ -112,7 +121,7 @@ class Moto:
     """Moto's S3 server: it honours conditional requests and forgets everything when it is killed."""
 
     def __init__(self, authority: Authority) -> None:
-        self.port, self._authority = free_port(), authority
+        self.port, self.bucket, self._authority = free_port(), "takes", authority
 
     def __enter__(self) -> Moto:
         self._process = subprocess.Popen(
@@ -129,17 +138,13 @@ class Moto:
         self._process.wait()
 
     def objects(self) -> dict[str, bytes]:
-        import re
-
         listing = self._request("GET", "/takes?list-type=2").decode()
         return {key: self._request("GET", f"/takes/{key}") for key in re.findall(r"<Key>([^<]*)</Key>", listing)}
 
     def _request(self, method: str, path: str) -> bytes:
-        import http.client
-
         context = ssl.create_default_context(cafile=str(self._authority.ca))
         connection = http.client.HTTPSConnection(HOST, self.port, context=context)
-        connection.request(method, path, headers={"Authorization": "AWS4-HMAC-SHA256 Credential=a/20260101/r/s3/x"})
+        connection.request(method, path, headers={"Authorization": UNSIGNED})
         answer = connection.getresponse().read()
         connection.close()
         return answer
@@ -148,15 +153,19 @@ class Moto:
 class Proxy:
     """Stands before a server, and does to each request what `fault` says; the empty word lets it pass."""
 
-    def __init__(self, upstream: int, authority: Authority) -> None:
+    def __init__(self, server: Rclone, authority: Authority) -> None:
         self.fault: Callable[[str, str], str] = lambda method, path: ""
         self.done: list[tuple[str, str]] = []  # method and fault of each request
-        self._upstream = upstream
+        self._server = server
         self._inwards = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         self._inwards.load_cert_chain(authority.certificate, authority.key)
         self._outwards = ssl.create_default_context(cafile=str(authority.ca))
         self._listener = socket.create_server((HOST, 0), backlog=50)
         self.port = self._listener.getsockname()[1]
+
+    @property
+    def bucket(self) -> str:
+        return self._server.bucket
 
     def __enter__(self) -> Proxy:
         threading.Thread(target=self._accept, daemon=True).start()
@@ -173,16 +182,16 @@ class Proxy:
 
     def _serve(self, plain: socket.socket) -> None:
         plain.settimeout(60.0)
-        with contextlib.suppress(OSError, ValueError), plain:
-            with self._inwards.wrap_socket(plain, server_side=True) as client:
-                head, body = _head_of(client)
-                lines = head.decode("latin-1").split("\r\n")
-                method, path, _ = lines[0].split(" ", 2)
-                fault = self.fault(method, path)
-                self.done.append((method, fault))
-                length = next((int(x.split(":")[1]) for x in lines if x.lower().startswith("content-length:")), 0)
-                self._do(client, fault, head, body, length)
-                client.unwrap()
+        closed = contextlib.suppress(OSError, ValueError)
+        with closed, plain, self._inwards.wrap_socket(plain, server_side=True) as client:
+            head, body = _head_of(client)
+            lines = head.decode("latin-1").split("\r\n")
+            method, path, _ = lines[0].split(" ", 2)
+            fault = self.fault(method, path)
+            self.done.append((method, fault))
+            length = next((int(x.split(":")[1]) for x in lines if x.lower().startswith("content-length:")), 0)
+            self._do(client, fault, head, body, length)
+            client.unwrap()
 
     def _do(self, client: ssl.SSLSocket, fault: str, head: bytes, body: bytes, length: int) -> None:
         if fault == "reset before":
@@ -201,7 +210,8 @@ class Proxy:
             )
             return None
         if fault == "silent":
-            time.sleep(1.5)  # longer than the tests' timeout of 1 s
+            with contextlib.suppress(OSError):
+                client.recv(1)  # until the client gives up
             return _reset(client)
         if fault == "damaged request" and body:
             body = body[:-1] + bytes([body[-1] ^ 1])
@@ -225,12 +235,12 @@ class Proxy:
         return None
 
     def _ask(self, head: bytes, body: bytes) -> bytes:
-        with socket.create_connection((HOST, self._upstream), timeout=30) as plain:
-            with self._outwards.wrap_socket(plain, server_hostname=HOST) as server:
-                server.sendall(head[:-2] + b"Connection: close\r\n\r\n" + body)
-                answer = b""
-                while piece := server.recv(65536):
-                    answer += piece
+        plain = socket.create_connection((HOST, self._server.port), timeout=30)
+        with plain, self._outwards.wrap_socket(plain, server_hostname=HOST) as server:
+            server.sendall(head[:-2] + b"Connection: close\r\n\r\n" + body)
+            answer = b""
+            while piece := server.recv(65536):
+                answer += piece
         return answer
 
 
@@ -250,12 +260,12 @@ def _reset(client: ssl.SSLSocket) -> None:
     client.close()
 
 
-def told_of(spool: Path, port: int, authority: Authority, **named: object) -> Told:
-    """What sync is told of a server at a port of this machine."""
+def told_of(spool: Path, server: Rclone | Moto | Proxy, authority: Authority, **named: object) -> Told:
+    """What sync is told of a server of this machine."""
     settings = SyncSettings(
         **{
-            "url": "s3://takes", "endpoint": f"https://{HOST}:{port}", "region": "us-east-1", "ca": authority.ca,
-            "device": "box", "timeout_s": 1.0, **named,
+            "url": f"s3://{server.bucket}", "endpoint": f"https://{HOST}:{server.port}", "region": "us-east-1",
+            "ca": authority.ca, "device": "box", "timeout_s": 30.0, **named,
         }
     )  # fmt: skip
     return Told(settings, spool)
@@ -265,5 +275,5 @@ def told_of(spool: Path, port: int, authority: Authority, **named: object) -> To
 def chain(folder: Path) -> Iterator[tuple[Rclone, Proxy, Authority]]:
     """rclone behind the proxy."""
     authority = Authority.make(folder / "authority")
-    with Rclone(folder / "s3", authority) as server, Proxy(server.port, authority) as proxy:
+    with Rclone(folder / "s3", authority) as server, Proxy(server, authority) as proxy:
         yield server, proxy, authority

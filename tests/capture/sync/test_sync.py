@@ -11,12 +11,12 @@ import pytest
 
 from capture.appliance.receipts import CHECKSUM, READ_BACK, receipts
 from capture.appliance.retention import Retention
+from capture.appliance.sync_status import read_status, sentences
 from capture.sync.credentials import Credentials
 from capture.sync.pace import LONGEST_WAIT, Rate, wait_after
 from capture.sync.rounds import SAME_DISK, Sync
 from capture.sync.server import PART, sums_of
 from capture.sync.settings import SyncSettings, Told
-from capture.sync.status import read_status, sentences
 from formats.archive import read_take
 from tests.capture.appliance.spool_takes import record
 from tests.capture.sync.servers import CREDENTIALS, FAULTS, KEY, Moto, told_of
@@ -57,7 +57,7 @@ def test_three_takes_are_on_the_server_once_with_receipts_that_say_how_it_was_ch
         told = folder_of(tmp_path, spool)
     else:
         server, proxy, authority = request.getfixturevalue("far")
-        told = told_of(spool.folder, proxy.port, authority)
+        told = told_of(spool.folder, proxy, authority)
     sync, waits = sync_of(told)
     assert (sync.run(), waits) == (None, [])
     assert sync.once() is None  # a second time changes nothing
@@ -75,7 +75,7 @@ def test_takes_go_in_the_order_of_their_numbers_whatever_the_clock_said(far, spo
         record(spool, 40, created=created)
     order = []
     proxy.fault = lambda method, path: order.append(path) or "" if method == "PUT" else ""
-    sync, _ = sync_of(told_of(spool.folder, proxy.port, authority))
+    sync, _ = sync_of(told_of(spool.folder, proxy, authority))
     assert sync.once() is None
     assert [[*path.split("/")[3:4], path.split("/")[4][:6]] for path in order] == [
         ["2026-11-20", "000001"], ["1970-01-01", "000002"], ["2031-01-01", "000003"],
@@ -86,7 +86,7 @@ def test_takes_go_in_the_order_of_their_numbers_whatever_the_clock_said(far, spo
 def test_what_an_earlier_run_sent_is_found_and_not_sent_again(far, spool, three):
     """The receipts are lost: three takes are looked for, read back and not sent."""
     server, proxy, authority = far
-    told = told_of(spool.folder, proxy.port, authority)
+    told = told_of(spool.folder, proxy, authority)
     assert sync_of(told)[0].once() is None
     for path in (spool.folder / "receipts").iterdir():
         path.unlink()
@@ -98,10 +98,10 @@ def test_what_an_earlier_run_sent_is_found_and_not_sent_again(far, spool, three)
 
 def test_an_object_that_is_damaged_on_the_server_is_sent_again(far, spool, three):
     server, proxy, authority = far
-    told = told_of(spool.folder, proxy.port, authority)
+    told = told_of(spool.folder, proxy, authority)
     assert sync_of(told)[0].once() is None
     (spool.folder / "receipts/take-000002.json").unlink()
-    (path,) = (server.root / "takes").rglob("000002-*")
+    (path,) = (server.root / server.bucket).rglob("000002-*")
     raw = bytearray(path.read_bytes())
     raw[100] ^= 1
     path.write_bytes(raw)
@@ -111,7 +111,7 @@ def test_an_object_that_is_damaged_on_the_server_is_sent_again(far, spool, three
 
 def test_the_settings_hide_a_bucket_below_a_prefix(far, spool, three):
     server, proxy, authority = far
-    assert sync_of(told_of(spool.folder, proxy.port, authority, url="s3://takes/home/kitchen"))[0].once() is None
+    assert sync_of(told_of(spool.folder, proxy, authority, url=f"s3://{server.bucket}/home/kitchen"))[0].once() is None
     assert {key.split("/")[0:3:2] == ["home", "box"] for key in server.objects()} == {True}
 
 
@@ -122,7 +122,7 @@ def test_moto_takes_them_too(tmp_path, far, spool, three):
     big.partial.write_bytes(random.Random(2).randbytes(6_000_000))
     spool.keep(big, {})
     with Moto(authority) as moto:
-        sync, _ = sync_of(told_of(spool.folder, moto.port, authority, timeout_s=30.0))
+        sync, _ = sync_of(told_of(spool.folder, moto, authority, timeout_s=30.0))
         assert sync.once() is None
         objects = moto.objects()
     assert len(objects) == 4
@@ -149,8 +149,9 @@ SAID = {
 def test_the_servers_own_reason_is_one_sentence_with_the_next_action(far, spool, three, fault):
     server, proxy, authority = far
     proxy.fault = lambda method, path: fault if method == "PUT" else ""
-    told = told_of(spool.folder, proxy.port, authority)
-    assert sync_of(told)[0].once() is not None
+    told = told_of(spool.folder, proxy, authority)
+    patience = {"timeout_s": 1.0} if fault == "silent" else {}
+    assert sync_of(told_of(spool.folder, proxy, authority, **patience))[0].once() is not None
     status = read_status(spool.folder)
     sentence, advice = SAID[fault]
     assert sentence in status.fault.sentence
@@ -179,7 +180,7 @@ def test_the_servers_own_reason_is_one_sentence_with_the_next_action(far, spool,
 )  # fmt: skip
 def test_a_server_that_cannot_be_spoken_to_is_one_sentence(far, spool, three, named, sentence, advice):
     _, proxy, authority = far
-    fault = sync_of(told_of(spool.folder, proxy.port, authority, **named))[0].once()
+    fault = sync_of(told_of(spool.folder, proxy, authority, **named))[0].once()
     assert sentence in fault.what
     assert advice in fault.advice
 
@@ -187,7 +188,7 @@ def test_a_server_that_cannot_be_spoken_to_is_one_sentence(far, spool, three, na
 def test_wrong_keys_are_one_sentence_and_none_of_them_is_in_it(far, spool, three):
     _, proxy, authority = far
     wrong = Credentials({"access_key_id": KEY, "secret_access_key": "another-secret"})
-    fault = sync_of(told_of(spool.folder, proxy.port, authority), wrong)[0].once()
+    fault = sync_of(told_of(spool.folder, proxy, authority), wrong)[0].once()
     assert "the server does not accept the keys of this device (403 SignatureDoesNotMatch" in fault.what
     assert KEY not in (spool.folder / "sync-status.json").read_text()
 
@@ -238,7 +239,7 @@ def test_keys_that_may_only_write_are_enough_and_the_status_says_so(far, spool, 
     """GET and HEAD are refused: the store's checksum of what it received stands in."""
     server, proxy, authority = far
     proxy.fault = lambda method, path: "" if method == "PUT" else "403"
-    assert sync_of(told_of(spool.folder, proxy.port, authority))[0].once() is None
+    assert sync_of(told_of(spool.folder, proxy, authority))[0].once() is None
     assert {one.verified for one in receipts(spool.folder)} == {CHECKSUM}
     told = sentences(read_status(spool.folder), NOW)
     assert "may only write: takes are verified by the store's checksum" in " ".join(told)
@@ -250,7 +251,7 @@ def test_a_store_that_may_not_be_read_and_gives_a_wrong_checksum_verifies_nothin
     _, proxy, authority = far
     proxy.fault = lambda method, path: "" if method == "PUT" else "403"
     monkeypatch.setattr("capture.sync.server.Sums.tag", property(lambda self: "0" * 32))
-    fault = sync_of(told_of(spool.folder, proxy.port, authority))[0].once()
+    fault = sync_of(told_of(spool.folder, proxy, authority))[0].once()
     assert "gives no checksum that can be compared" in fault.what
     assert receipts(spool.folder) == []
 
@@ -258,7 +259,7 @@ def test_a_store_that_may_not_be_read_and_gives_a_wrong_checksum_verifies_nothin
 def test_what_was_damaged_on_the_way_back_is_no_receipt(far, spool, three):
     _, proxy, authority = far
     proxy.fault = lambda method, path: "damaged answer" if method == "GET" else ""
-    fault = sync_of(told_of(spool.folder, proxy.port, authority))[0].once()
+    fault = sync_of(told_of(spool.folder, proxy, authority))[0].once()
     assert "the server holds something else than was sent" in fault.what
     assert receipts(spool.folder) == []
 
@@ -281,7 +282,7 @@ def test_an_encrypted_take_opens_with_the_key_and_with_nothing_on_the_device(far
 
     server, proxy, authority = far
     identity = pyrage.x25519.Identity.generate()
-    told = told_of(spool.folder, proxy.port, authority, encrypt_to=(str(identity.to_public()),))
+    told = told_of(spool.folder, proxy, authority, encrypt_to=(str(identity.to_public()),))
     assert sync_of(told)[0].once() is None
     objects = server.objects()
     assert len(objects) == 3
@@ -368,7 +369,7 @@ def test_a_server_that_fails_four_times_is_waited_for_ever_longer(far, spool, th
     server, proxy, authority = far
     answers = iter(["500", "busy", "reset before", "500"])
     proxy.fault = lambda method, path: next(answers, "") if method == "PUT" else ""
-    sync, waits = sync_of(told_of(spool.folder, proxy.port, authority))
+    sync, waits = sync_of(told_of(spool.folder, proxy, authority))
     assert sync.run() is None
     assert [whole / 2 <= wait <= whole for whole, wait in zip((2, 4, 8, 16), waits, strict=True)] == [True] * 4
     check_server(server.objects(), three)

@@ -43,6 +43,11 @@ class Proof(msgspec.Struct, frozen=True, kw_only=True):
     sequence: int
     outcome: Literal["sound", "whole", "damaged", "missing", "refused"]
 
+    @property
+    def is_bad(self) -> bool:
+        """Return whether the server does not have what it was given."""
+        return self.outcome in ("damaged", "missing")
+
 
 class SyncStatus(msgspec.Struct, frozen=True, kw_only=True):
     """How sync stands.
@@ -131,7 +136,7 @@ def sentences(status: SyncStatus | None, now: datetime) -> list[str]:
     if status.damaged:
         names = ", ".join(str(number) for number in status.damaged)
         told.append(f"The disk of this device changed takes after they were kept: {names}. Next: replace the disk.")
-    if status.proof is not None and status.proof.outcome in ("damaged", "missing"):
+    if status.proof is not None and status.proof.is_bad:
         told.append(
             f"The server's copy of take {status.proof.sequence} is {status.proof.outcome}. "
             "Next: check the server's disk; this device sends the take again if it still has it."
@@ -139,7 +144,7 @@ def sentences(status: SyncStatus | None, now: datetime) -> list[str]:
     count = f"{status.waiting} {'take waits' if status.waiting == 1 else 'takes wait'}"
     last = f"last sync: {day_of(status.last_sync, now)}" if status.last_sync else "nothing was synced yet"
     told.append(f"{count}, {status.safe} safe on the server, {last}.")
-    told.append(f"Last proved: {_proved(status.proof, now)}.")
+    told.append(f"Last proved: {proved(status.proof, now)}.")
     if status.verified == CHECKSUM:
         told.append(
             "The keys of this device may only write: takes are verified by the store's checksum, not read back."
@@ -160,7 +165,8 @@ def day_of(at: str | None, now: datetime) -> str:
     return DAYS[then.weekday()] if timedelta(0) < now - then < WEEK else f"{then:%Y-%m-%d}"
 
 
-def _proved(proof: Proof | None, now: datetime) -> str:
+def proved(proof: Proof | None, now: datetime) -> str:
+    """Return when a take was last proved and what came of it."""
     if proof is None:
         return "never"
     words = {

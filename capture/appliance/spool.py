@@ -255,6 +255,7 @@ class Spool:
         finished = self._file(number, "recording.mcap")
         left = finished if finished.exists() else unfinished_name(finished)
         copy = self._file(number, "salvaged.mcap")
+        unfinished_name(copy).unlink(missing_ok=True)  # an earlier copy that was cut off: what it was made of is here
         try:
             take = read_take(left)
             write_take(copy, replace(take, notes={**take.notes, "salvaged": CRASHED}))

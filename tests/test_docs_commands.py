@@ -20,7 +20,7 @@ from tests.fit.scenes import material, sheet, simulate_take, swing
 from tests.test_docs import DOCS, GUIDE, name_of
 
 SHORT = " --iterations 8 --spacing 0.1"
-OVERWRITE = (r"$", " --overwrite")
+AS_NEW = (r"--out (\w+)", r"--out new-\1")  # the takes that are there are of another garment
 
 
 @dataclass(frozen=True)
@@ -52,9 +52,9 @@ RULES = (
     Rule(r"hangtime (?:sensor synthesise-swatch|import) ", "slow"),  # the second needs what the first makes
     Rule(r"hangtime sensor doctor synthetic:", "slow"),
     Rule(r"hangtime calibrate ", "slow", (("openni2:", "'synthetic:gentle?seconds=3'"),)),
-    Rule(r"hangtime record .*--out swing", "slow", (("openni2:", "'synthetic:swing?seconds=3'"), OVERWRITE)),
-    Rule(r"hangtime record .*--out gentle", "slow", (("openni2:", "'synthetic:gentle?seconds=3'"), OVERWRITE)),
-    Rule(r"hangtime record .*--out other", "slow", (("openni2:", "'synthetic:twist?seconds=3'"), OVERWRITE)),
+    Rule(r"hangtime record .*--out swing", "slow", (("openni2:", "'synthetic:swing?seconds=3'"), AS_NEW)),
+    Rule(r"hangtime record .*--out gentle", "slow", (("openni2:", "'synthetic:gentle?seconds=3'"), AS_NEW)),
+    Rule(r"hangtime record .*--out other", "slow", (("openni2:", "'synthetic:twist?seconds=3'"), AS_NEW)),
     Rule(r"hangtime fit .*--method mocap-swatch", "slow", ((r"$", " --iterations 4 --spacing 0.1"),)),
     Rule(r"hangtime fit ", "slow", ((r"$", SHORT),)),
     Rule(r"hangtime diagnose ", "slow", ((r"$", " --spacing 0.15"),)),

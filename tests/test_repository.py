@@ -19,7 +19,7 @@ from typer.main import get_command
 from formats import command
 
 ROOT = Path(__file__).parent.parent
-PACKAGES = ("formats", "firmware_host", "capture", "fit")
+PACKAGES = ("formats", "firmware_host", "capture", "fit", "hangtime")
 MODULES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 SCRIPTS = [*sorted((ROOT / "scripts").iterdir()), ROOT / ".ci/run"]
 SUFFIXES = {"", ".md", ".toml", ".py", ".js", ".css", ".html", ".json", ".rules", ".conf"}
@@ -37,6 +37,7 @@ MAY_IMPORT = {
     "firmware_host": {"formats", "firmware_host", "openni", "usb"},
     "capture": {"formats", "firmware_host", "capture", "cv2"},
     "fit": {"formats", "fit", "scipy", "taichi"},
+    "hangtime": {"formats", "fit", "hangtime"},
 }
 GUARDED = set().union(*MAY_IMPORT.values())
 
@@ -75,7 +76,9 @@ def test_ruff_refuses_each_import_that_a_package_may_not_have(package: str) -> N
         said = ruff_on(f"{package}/example.py", f"import {guarded}")
         assert "TID251" in said, f"{package} may import {guarded}: {said}"
     foreign = (
-        "from capture.hanger.fiducial_tracker import find_markers" if package == "fit" else "from fit.cloth import mesh"
+        "from capture.hanger.fiducial_tracker import find_markers"
+        if package in {"fit", "hangtime"}
+        else "from fit.cloth import mesh"
     )
     assert "TID251" in ruff_on(f"{package}/deeper/example.py", foreign)
 

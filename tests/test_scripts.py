@@ -51,7 +51,7 @@ def test_a_diagnosis_costs_no_more_simulations_than_it_may():
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1200)
+@pytest.mark.processor_time(1200)
 def test_the_demo_names_the_drag_that_was_planted_and_is_quick_the_second_time():
     first = subprocess.run(["scripts/demo"], cwd=ROOT, capture_output=True, text=True, check=True)
     found = load_diagnosis(ROOT / "demo/diagnosis.json")

@@ -192,7 +192,7 @@ def test_holes_that_touch_the_outline_cannot_be_meshed():
         build_mesh(cut(holes_m=(((-0.1, -0.2), (0.3, -0.2), (0.3, -0.3)),)), 0.05)
 
 
-@pytest.mark.timeout(20)
+@pytest.mark.processor_time(20)
 def test_corners_in_one_place_end_in_a_sentence_too():
     """Their piece of a side is never an edge, however often it is halved."""
     corners = sheet().outline_m

@@ -61,7 +61,7 @@ def test_a_shirt_is_diagnosed_with_a_model_that_knows_layers_and_a_swatch_is_not
 
 @pytest.mark.slow
 @pytest.mark.openni
-@pytest.mark.timeout(900)
+@pytest.mark.processor_time(900)
 def test_a_shirt_goes_all_the_way_from_the_camera_to_a_fit(tmp_path):
     if not openni2_library.is_available():
         pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")

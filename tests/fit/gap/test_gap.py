@@ -225,7 +225,7 @@ def test_takes_of_different_garments_are_refused():
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
+@pytest.mark.processor_time(900)
 @pytest.mark.parametrize(
     # The time offset comes out a fifth too small (24 ms): base parameters take up part of it.
     ("effect", "amplitude", "tolerance"),

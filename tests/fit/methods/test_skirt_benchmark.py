@@ -13,7 +13,7 @@ def test_a_fall_is_told_as_missed_below_the_papers_own():
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
+@pytest.mark.processor_time(900)
 def test_a_motion_is_followed_better_by_a_fit_to_the_others(tmp_path, capsys):
     """Sixteen iterations on a coarse mesh lower the error on the swing; recordings are kept for the next run."""
     few = ["--folder", str(tmp_path), "--iterations", "16", "--spacing", "0.1", "--held-out", "swing"]

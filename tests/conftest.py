@@ -1,0 +1,121 @@
+"""Limit the processor time of every test, and show how much the slowest tests take.
+
+A limit on wall time ends healthy tests on a busy machine, where each process gets a share of a processor. Here the
+processor time counts, of the test's own process and of the processes that it started. A test that waits for something
+that never comes uses no processor time. It is ended when nothing has moved for ten minutes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import resource
+import signal
+from collections.abc import Iterator
+
+import psutil
+import pytest
+
+LIMIT = 300.0  # s of processor time: ten times what the longest of the quick tests takes
+LOOK = 2.0  # s of wall time between two looks
+STILL = 600.0  # s of wall time; a process that can run at all gets more than PROGRESS in that
+PROGRESS = 0.5  # s of processor time
+NAME = "processor_time"
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--processor-time", type=int, default=0, metavar="N", help="show the N tests that took the most")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line("markers", "processor_time(seconds): the limit of this test instead of 300 s")
+
+
+def done() -> float:
+    """Processor time [s] of this process and of the children that it has waited for."""
+    both = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(usage.ru_utime + usage.ru_stime for usage in both)
+
+
+def used() -> float:
+    """The same with the children that still run."""
+    running = 0.0
+    for child in psutil.Process(os.getpid()).children(recursive=True):
+        with contextlib.suppress(psutil.Error):  # it has just ended
+            times = child.cpu_times()
+            running += times.user + times.system
+    return done() + running
+
+
+class Watch:
+    """Looks every two seconds at what a test has used, and ends it where that is too much or long the same."""
+
+    def __init__(self, limit: float) -> None:
+        self.limit, self.begun = limit, used()
+        self.seen, self.still = self.begun, 0.0
+
+    def look(self, *_: object) -> None:
+        now = used()
+        if now - self.begun > self.limit:
+            pytest.fail(f"took more than {self.limit:g} s of processor time", pytrace=True)
+        self.still = 0.0 if abs(now - self.seen) > PROGRESS else self.still + LOOK
+        if self.still == 0.0:
+            self.seen = now
+        if self.still >= STILL:
+            pytest.fail(f"stood still for {STILL:g} s", pytrace=True)
+
+
+WATCH, SPENT = pytest.StashKey[Watch](), pytest.StashKey[float]()
+
+
+@contextlib.contextmanager
+def watched(item: pytest.Item) -> Iterator[None]:
+    """Look while one phase of a test runs; between phases pytest itself would be ended."""
+    if WATCH not in item.stash:
+        marker = item.get_closest_marker(NAME)
+        item.stash[WATCH] = Watch(float(marker.args[0]) if marker else LIMIT)
+    before = signal.signal(signal.SIGALRM, item.stash[WATCH].look)
+    signal.setitimer(signal.ITIMER_REAL, LOOK, LOOK)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_setup(item: pytest.Item) -> Iterator[None]:
+    with watched(item):
+        return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
+    with watched(item):
+        return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(item: pytest.Item) -> Iterator[None]:
+    with watched(item):
+        return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
+    report = yield
+    before, item.session.stash[SPENT] = item.session.stash.get(SPENT, 0.0), done()
+    report.user_properties = [*report.user_properties, (NAME, item.session.stash[SPENT] - before)]
+    return report
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    spent: dict[str, float] = {}
+    for reports in terminalreporter.stats.values():
+        for report in reports:
+            for name, seconds in getattr(report, "user_properties", []):
+                if name == NAME:
+                    spent[report.nodeid] = spent.get(report.nodeid, 0.0) + seconds
+    terminalreporter.write_line(f"processor time: {sum(spent.values()):.0f} s")
+    for test in sorted(spent, key=lambda one: -spent[one])[: config.getoption("--processor-time")]:
+        terminalreporter.write_line(f"{spent[test]:7.1f} s  {test}")

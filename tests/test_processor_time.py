@@ -1,0 +1,60 @@
+"""A test is ended for the processor time that it takes, and not for the time that a busy machine takes."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests import conftest
+
+ROOT = Path(__file__).parents[1]
+
+
+def run(folder, body, still=600.0):
+    """Run a test of this body in a pytest of its own, with a limit of 1 s."""
+    (folder / "test_one.py").write_text(
+        "import subprocess, sys, time\nimport pytest\n\n"
+        f"@pytest.mark.processor_time(1)\ndef test_one():\n    {body}\n\ndef test_two():\n    pass\n"
+    )
+    words = ["-p", "tests.conftest", "-p", "no:cacheprovider", "-c", "/dev/null", "--rootdir", folder, folder]
+    patched = f"import sys, pytest, tests.conftest as c; c.LOOK, c.STILL = 0.1, {still}; "
+    code = patched + "sys.exit(pytest.main(sys.argv[1:]))"
+    done = subprocess.run([sys.executable, "-c", code, *words], cwd=ROOT, capture_output=True, text=True, check=False)
+    return done.stdout
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "while True: pass",
+        "subprocess.run([sys.executable, '-c', 'while True: pass'], timeout=60)",
+    ],
+    ids=["itself", "a child"],
+)
+def test_a_test_that_uses_more_than_its_second_of_a_processor_fails_and_the_next_one_runs(tmp_path, body):
+    said = run(tmp_path, body)
+    assert "took more than 1 s of processor time" in said
+    assert "1 failed, 1 passed" in said
+
+
+def test_a_test_that_waits_for_ever_is_ended(tmp_path):
+    """It sleeps for an hour; here standing still for one second is too long."""
+    said = run(tmp_path, "time.sleep(3600)", still=1.0)
+    assert "stood still for 1 s" in said
+    assert "1 failed, 1 passed" in said
+
+
+def test_time_in_which_the_processor_did_something_else_does_not_count(monkeypatch):
+    """Ten minutes of wall time in which the test got 59 s of the processor."""
+    monkeypatch.setattr(conftest, "used", lambda: clock[0])
+    clock = [100.0]
+    watch = conftest.Watch(60.0)
+    for _ in range(int(600 / conftest.LOOK)):
+        clock[0] += 59.0 / (600 / conftest.LOOK)
+        watch.look()
+    clock[0] += 2.0
+    with pytest.raises(pytest.fail.Exception, match="took more than 60 s"):
+        watch.look()

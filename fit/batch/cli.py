@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,6 +14,10 @@ from formats.terminal import say
 
 if TYPE_CHECKING:
     from fit.batch.ending import Ending
+    from fit.batch.morning import Morning
+    from fit.batch.runner import Survey
+    from fit.batch.store import Store
+    from fit.batch.summary import Row
 
 SOME_NOT_FITTED = 3  # exit status of its own: 1 is a crash of Python, 2 wrong options
 NEXT_TRY = 900.0  # s after which the nightly service tries again (RestartSec in systemd/user/hangtime-batch.service)
@@ -78,6 +82,14 @@ def batch_command(
     retry_failed: Annotated[
         bool, typer.Option("--retry-failed", help="Also try the takes again that could not be fitted before.")
     ] = False,
+    diagnose: Annotated[
+        bool,
+        typer.Option(
+            "--diagnose",
+            help="Afterwards diagnose every garment that has takes of two kinds of motion, and write one page for the "
+            "morning.",
+        ),
+    ] = False,
     method: Annotated[str, typer.Option("--method", help="As for `hangtime fit`, like all below.")] = "kinect-skirt",
     fabric: Annotated[str | None, typer.Option("--fabric", help="Start from this fabric's table values.")] = None,
     effect: Annotated[list[str], typer.Option("--effect", metavar="NAME", help="Keep this effect in the model.")] = [],  # noqa: B006
@@ -103,11 +115,17 @@ def batch_command(
 ) -> None:
     """Fit every take of a folder or bucket, each on a core of its own.
 
-    Each result is kept at once, whole or not at all, under a key of the take's content, the options and the physics: a
-    second run fits only what is new. A worker that dies, a take that cannot be fitted and a scheduler that is lost cost
-    time and nothing else. Writes fits/KEY.json, summary.csv and summary.html. Ends with 0 when every take is fitted, 3
-    when some are not, with 75 when bucket, scheduler or workers cannot be reached: try again later (with 3 within the
-    last quarter of an hour before --until).
+    Each result is kept at once, whole or not at all, under a key of the take's content, the options and the physics.
+    A second run fits only what is new. A worker that dies, a take that cannot be fitted and a scheduler that is lost
+    cost time and nothing else. The command writes fits/KEY.json, summary.csv and summary.html.
+
+    With --diagnose it then sorts the takes by garment. It diagnoses each garment that has takes of two kinds of motion:
+    the kind with the fewest takes is judged on, the others are fitted to. It writes diagnoses/KEY.json and KEY.html.
+    It ends with morning.html and morning.txt: every take, its fit, the verdict, and what needs a person.
+
+    The exit status is 0 when everything is fitted and diagnosed, and 3 when something is not. It is 75 when bucket,
+    scheduler or workers cannot be reached: try again later. Within the last quarter of an hour before --until, 3 stands
+    for 75.
     """
     from fit.batch.cluster import Workers
     from fit.batch.ending import ending_of
@@ -123,41 +141,71 @@ def batch_command(
     )  # fmt: skip
     plan.request()
     ending = ending_of(hours, until)
-    is_interrupted = False
-    with _none_after(ending):
-        takes, results = open_store(url), open_store(out)
-        found = survey(takes, results, plan, retry_failed=retry_failed)
-        say(f"{len(found.keys)} takes, {len(found.jobs)} to fit.")
+    cluster = Workers(scheduler=scheduler, count=workers, dashboard_port=dashboard_port, patience=60 * patience)
+
+    def work(found: Survey, what: str) -> bool:
+        """Do what is waiting; return whether it was interrupted."""
         progress = ProgressLine("batch")
 
         def show(done: int, total: int, text: str) -> None:
             failed = sum(o.state in ("failed", "refused") for o in found.outcomes.values())
-            progress.show(done / total, f"{done}/{total} takes{f', {failed} failed' if failed else ''}, {text}")
+            progress.show(done / total, f"{done}/{total} {what}{f', {failed} failed' if failed else ''}, {text}")
 
         try:
-            run(
-                found,
-                Workers(scheduler=scheduler, count=workers, dashboard_port=dashboard_port, patience=60 * patience),
-                progress=show,
-                say=say,
-                ending=ending,
-            )
+            run(found, cluster, progress=show, say=say, ending=ending)
         except KeyboardInterrupt:
-            is_interrupted = True
+            return True
         finally:
             progress.end()
+        return False
+
+    with _none_after(ending):
+        takes, results = open_store(url), open_store(out)
+        found = survey(takes, results, plan, retry_failed=retry_failed)
+        say(f"{len(found.keys)} takes, {len(found.jobs)} to fit.")
+        try:
+            is_interrupted = work(found, "takes")
+        finally:
             rows = rows_of(found, results)
             write_summary(rows, results, plan)
+        morning = None
+        if diagnose and not is_interrupted:
+            morning, is_interrupted = _diagnose(rows, found, takes, results, seed, retry_failed, work)
     for row in rows:
         if row.state in ("failed", "refused"):
             say(f"{row.take}: {row.sentence}")
     place = results.path("summary.html") or f"{results.url}/summary.html"
     typer.echo(f"{sentence_of(rows)}\nSummary: {place if isinstance(place, str) else Path(place)}")
+    if morning is not None:
+        page = results.path("morning.html") or f"{results.url}/morning.html"
+        for who, what in morning.needs:
+            say(f"{who}: {what}")
+        typer.echo(f"{morning.headline}\nMorning page: {page}")
     if is_interrupted:
         say("Interrupted; the same command goes on.")
         raise typer.Exit(130)
-    if any(row.state not in ("fitted", "known") for row in rows):
+    is_done = morning is None or all(finding.state in ("diagnosed", "lacking") for finding in morning.findings)
+    if not is_done or any(row.state not in ("fitted", "known") for row in rows):
         raise typer.Exit(SOME_NOT_FITTED)
+
+
+def _diagnose(
+    rows: list[Row], found: Survey, takes: Store, results: Store, seed: int, retry_failed: bool,
+    work: Callable[[Survey, str], bool],
+) -> tuple[Morning, bool]:  # fmt: skip
+    """Diagnose every garment with enough takes; return the morning's page, and whether it was interrupted."""
+    from fit.batch.garments import diagnoses_of, wardrobes
+    from fit.batch.morning import morning_of, write_morning
+
+    every = wardrobes(rows, found, takes)
+    diagnoses = diagnoses_of(every, takes, results, seed, retry_failed=retry_failed)
+    say(f"{len(every)} garments, {len(diagnoses.jobs)} to diagnose.")
+    try:
+        is_interrupted = work(diagnoses, "garments")
+    finally:
+        morning = morning_of(rows, every, diagnoses, results)
+        write_morning(morning, results)
+    return morning, is_interrupted
 
 
 @contextlib.contextmanager

@@ -16,22 +16,41 @@ from fit.identification.request import Plan
 
 
 @dataclass(frozen=True, kw_only=True)
-class Job:
-    """One take to fit, as it travels to a worker."""
+class Task:
+    """Work that travels to a worker, and where its result is kept."""
 
     key: str
-    take: str  # its name in the store of takes
-    digest: str  # sha256 of its bytes
     takes_url: str
     results_url: str
-    plan: Plan
     physics: str
-    patience: float = 0.0  # s for which a finished fit waits for a bucket that is gone
+    patience: float = 0.0  # s for which a finished result waits for a bucket that is gone
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job(Task):
+    """One take to fit."""
+
+    take: str  # its name in the store of takes
+    digest: str  # sha256 of its bytes
+    plan: Plan
+
+
+@dataclass(frozen=True, kw_only=True)
+class DiagnosisJob(Task):
+    """Takes of one garment to diagnose.
+
+    training, held_out: names in the store of takes; digests: sha256 of the bytes of each, training first
+    """
+
+    training: tuple[str, ...]
+    held_out: tuple[str, ...]
+    digests: tuple[str, ...]
+    seed: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What became of a job: `fitted`, `failed` (would fail again) or `refused` (this worker cannot do it)."""
+    """The end of a job: fitted or diagnosed, failed (would fail again) or refused (this worker cannot do it)."""
 
     key: str
     state: str
@@ -50,6 +69,22 @@ def key_of(digest: str, plan: Plan, physics: str) -> str:
     return digest_of(text.encode())
 
 
+def diagnosis_key(training: list[str], held_out: list[str], seed: int, physics: str) -> str:
+    """Return the key of a diagnosis of the takes with these digests."""
+    text = json.dumps(["diagnosis", training, held_out, seed, physics])
+    return digest_of(text.encode())
+
+
+def diagnosis_name(key: str) -> str:
+    """Return the name of a diagnosis in the store of results."""
+    return f"diagnoses/{key}.json"
+
+
+def report_name(key: str) -> str:
+    """Return the name of the report of a diagnosis in the store of results."""
+    return f"diagnoses/{key}.html"
+
+
 def result_name(key: str) -> str:
     """Return the name of a result in the store of results."""
     return f"fits/{key}.json"
@@ -63,3 +98,8 @@ def failure_name(key: str) -> str:
 def search_name(key: str) -> str:
     """Return the name of an unfinished search."""
     return f"unfinished/{key}.json"
+
+
+def unfinished_diagnosis(key: str) -> str:
+    """Return the name of the folder with the finished fits of an unfinished diagnosis."""
+    return f"unfinished/{key}"

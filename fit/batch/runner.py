@@ -17,7 +17,7 @@ from typing import Any
 
 from fit.batch.cluster import Workers, connect, has_workers
 from fit.batch.ending import Ending
-from fit.batch.jobs import Job, Outcome, digest_of, failure_name, key_of, result_name
+from fit.batch.jobs import Job, Outcome, Task, digest_of, failure_name, key_of, result_name
 from fit.batch.store import Store
 from fit.batch.worker import RETRY, run_job
 from fit.errors import BatchError, UnreachableError
@@ -39,14 +39,19 @@ Say = Callable[[str], None]
 
 @dataclass
 class Survey:
-    """Takes by name, each with its key, and what is known of each key."""
+    """Takes (or garments) by name, each with the key of its result, and the outcome of each key as far as it is known.
+
+    digests: sha256 of each take that could be read, by name; work: a worker's function for one of the jobs
+    """
 
     keys: dict[str, str] = field(default_factory=dict)
+    digests: dict[str, str] = field(default_factory=dict)
     outcomes: dict[str, Outcome] = field(default_factory=dict)
-    jobs: list[Job] = field(default_factory=list)
+    jobs: list[Task] = field(default_factory=list)
+    work: Callable[[Any], Outcome] = run_job
 
     @property
-    def waiting(self) -> list[Job]:
+    def waiting(self) -> list[Task]:
         """Jobs of which nothing is known yet."""
         return [job for job in self.jobs if job.key not in self.outcomes]
 
@@ -76,11 +81,11 @@ def survey(takes: Store, results: Store, plan: Plan, *, retry_failed: bool = Fal
             continue
         key = key_of(digest, plan, physics)
         is_new = key not in found.keys.values()
-        found.keys[name] = key
+        found.keys[name], found.digests[name] = key, digest
         if result_name(key) in fitted:
             found.outcomes[key] = Outcome(key=key, state="known")
         elif failure_name(key) in failed and not retry_failed:
-            found.outcomes[key] = Outcome(key=key, state="failed", sentence=_kept_sentence(results, key))
+            found.outcomes[key] = Outcome(key=key, state="failed", sentence=kept_sentence(results, key))
         elif is_new:
             found.jobs.append(
                 Job(key=key, take=name, digest=digest, takes_url=takes.url, results_url=results.url, plan=plan,
@@ -114,7 +119,7 @@ def run(
             say(f"Dashboard: {client.dashboard_link}" if connections == 1 else "Connected again.")
             is_lost = _Round(client, found, workers, progress, say).run(ending)
         if is_lost:
-            say(f"The scheduler was lost; {len(found.waiting)} takes are left. Waiting for it to come back.")
+            say(f"The scheduler was lost; {len(found.waiting)} jobs are left. Waiting for it to come back.")
         fruitless = 0 if len(found.waiting) < before else fruitless + 1
         if fruitless == FRUITLESS:
             raise BatchError(
@@ -129,8 +134,8 @@ class _Round:
 
     def __init__(self, client: Any, found: Survey, workers: Workers, progress: Progress, say: Say) -> None:
         self.client, self.found, self.workers, self.progress, self.say = client, found, workers, progress, say
-        self.pending: dict[Any, Job] = {}
-        self.later: list[tuple[float, Job]] = []  # to be handed out again, and when [s]
+        self.pending: dict[Any, Task] = {}
+        self.later: list[tuple[float, Task]] = []  # to be handed out again, and when [s]
         self.attempts: Counter[str] = Counter()
         self.begun, self.done_before = time.monotonic(), len(found.jobs) - len(found.waiting)
         self.last_seen = self.last_look = self.begun  # when there were workers, and when they were looked for [s]
@@ -158,12 +163,12 @@ class _Round:
             time.sleep(POLL)
         return False
 
-    def _hand_out(self, job: Job) -> None:
+    def _hand_out(self, job: Task) -> None:
         # A key of its own for each attempt: under the old one dask would give the old answer.
         attempt = self.attempts[job.key]
         self.attempts[job.key] += 1
         key = f"hangtime-{job.key}" + (f"-again{attempt}" if attempt else "")
-        future = self.client.submit(run_job, replace(job, patience=self.workers.patience), key=key)
+        future = self.client.submit(self.found.work, replace(job, patience=self.workers.patience), key=key)
         self.pending[future] = job
 
     def _collect(self, future: Any) -> bool:
@@ -179,7 +184,7 @@ class _Round:
         if isinstance(outcome, UnreachableError):
             self._wait_for_store(outcome, job)
             return True
-        if outcome.state in ("fitted", "failed"):
+        if outcome.state != "refused":
             self.outage = Outage()
         self.found.outcomes[job.key] = outcome
         total = len(self.found.jobs)
@@ -187,7 +192,7 @@ class _Round:
         self.progress(done, total, _left(done - self.done_before, total - done, time.monotonic() - self.begun))
         return True
 
-    def _wait_for_store(self, error: UnreachableError, job: Job) -> None:
+    def _wait_for_store(self, error: UnreachableError, job: Task) -> None:
         now = time.monotonic()
         is_new, seconds = self.outage.goes_on(now)
         if seconds >= self.workers.patience:
@@ -230,7 +235,7 @@ class Outage:
         return is_new, now - self.first
 
 
-def _outcome_of(future: Any, job: Job) -> Outcome | UnreachableError | None:
+def _outcome_of(future: Any, job: Task) -> Outcome | UnreachableError | None:
     """What became of a job that ended, the error if it is to be tried again, None when that could not be learned."""
     from distributed import KilledWorker
 
@@ -258,7 +263,8 @@ def _left(done: int, left: int, seconds: float) -> str:
     return f"about {minutes:.0f} min left" if left else "all done"
 
 
-def _kept_sentence(results: Store, key: str) -> str:
+def kept_sentence(results: Store, key: str) -> str:
+    """Return why a job failed before."""
     try:
         return str(json.loads(results.read(failure_name(key)))["sentence"])
     except UnreachableError:

@@ -6,11 +6,12 @@ import csv
 import io
 import tempfile
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import resources
 from pathlib import Path
+from typing import TypeVar
 
 from fit.batch.jobs import result_name
 from fit.batch.runner import Survey
@@ -21,6 +22,8 @@ from fit.report.text import MISSING, escaped, interval, millimetres, number, uni
 from fit.search.choice import OBSERVED, has_short_intervals
 from formats.errors import ResultError
 from formats.results import FitParameter, FitResult, load_fit_result
+
+Kept = TypeVar("Kept")
 
 WORDS = {
     "fitted": "fitted",
@@ -55,7 +58,7 @@ def rows_of(found: Survey, results: Store) -> list[Row]:
         result = None
         if state in ("fitted", "known"):
             try:
-                result = _load(results, key)
+                result = kept(results, result_name(key), load_fit_result)
             except UnreachableError:
                 raise
             except (ResultError, BatchError) as error:
@@ -102,7 +105,11 @@ def _figures(row: Row, names: list[str]) -> list[object]:
     by_name = {p.name: p for p in result.parameters}
     for name in names:
         p = by_name.get(name)
-        figures += ["", "", "", ""] if p is None else [p.fitted, p.interval_low, p.interval_high, p.is_identified]
+        if p is None:
+            figures += [""] * 4
+        else:  # an interval alone where rounding would choose the number
+            fitted = "" if p.is_identified is False else p.fitted
+            figures += [fitted, p.interval_low, p.interval_high, p.is_identified]
     return figures
 
 
@@ -134,8 +141,8 @@ def as_html(rows: Sequence[Row], plan: Plan) -> str:
         f'<header class="page-head"><p class="brand">Hangtime</p><p class="about">{escaped(f"{how} · {made}")}</p>'
         '</header>\n<main id="main">\n'
         f'<section class="verdict {"is-warn" if is_bad else "is-good"}"><h1>{escaped(sentence_of(rows))}</h1>'
-        "<p>Errors are mean distances of the tracked points; below each value is its 90 % interval. Values that the "
-        f"data cannot tell are in brackets.{_warning(rows, plan)}</p></section>\n"
+        "<p>Errors are mean distances of the tracked points; below each value is its 90 % interval. Parameters "
+        f"that the take does not identify have an interval only.{_warning(rows, plan)}</p></section>\n"
         '<section><div class="scroll" tabindex="0" role="region" aria-label="Takes">'
         f"<table><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table></div></section>\n</main>\n</body>\n</html>\n"
     )
@@ -156,8 +163,9 @@ def _warning(rows: Sequence[Row], plan: Plan) -> str:
     if not has_short_intervals(plan.search, plan.iterations) or not any(row.result for row in rows):
         return ""
     return (
-        f" Intervals by {plan.search} are known to be too short, and brackets too few: where measured, they held the "
-        "truth far less often than 90 % tells. Use <code>--search least-squares</code> where they matter."
+        f" Intervals by {plan.search} are known to be too short, and too many parameters count as identified. Where "
+        "measured, the intervals held the truth far less often than 90 % tells. Where they matter, use "
+        "<code>--search least-squares</code>."
     )
 
 
@@ -180,9 +188,7 @@ def _html_row(row: Row, names: list[str]) -> str:
 def _value(parameter: FitParameter | None) -> str:
     if parameter is None:
         return MISSING
-    value = number(parameter.fitted)
-    if parameter.is_identified is False:
-        value = f"({value})"
+    value = MISSING if parameter.is_identified is False else number(parameter.fitted)
     if parameter.interval_low is None or parameter.interval_high is None:
         return value
     return f"{value}<br><small>{interval((parameter.interval_low, parameter.interval_high))}</small>"
@@ -201,11 +207,16 @@ def _error(row: Row) -> float:
     return row.result.error.train_after.mean_m if row.result else 0.0
 
 
-def _load(results: Store, key: str) -> FitResult:
-    path = results.path(result_name(key))
+def kept(results: Store, name: str, load: Callable[[Path], Kept]) -> Kept:
+    """Return a result of the store, as `load` reads it from a file.
+
+    Raises:
+        BatchError, ResultError: it cannot be read.
+    """
+    path = results.path(name)
     if path is not None:
-        return load_fit_result(path)
+        return load(path)
     with tempfile.TemporaryDirectory(prefix="hangtime-") as folder:
-        copy = Path(folder) / f"{key}.json"
-        copy.write_bytes(results.read(result_name(key)))
-        return load_fit_result(copy)
+        copy = Path(folder) / Path(name).name
+        copy.write_bytes(results.read(name))
+        return load(copy)

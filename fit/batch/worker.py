@@ -1,21 +1,38 @@
-"""What a worker does with one job: read the take, fit it, keep the result; a take that cannot be fitted is noted."""
+"""Do one job of a batch: read its takes, fit or diagnose them, keep the result, or note why there is none."""
 
 from __future__ import annotations
 
 import json
 import os
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 from fit import runtime
-from fit.batch.jobs import Job, Outcome, digest_of, failure_name, result_name, search_name
+from fit.batch.jobs import Job, Outcome, Task, digest_of, failure_name, result_name, search_name
 from fit.batch.store import Store, open_store
 from fit.errors import BatchError, FitError, UnreachableError
 from fit.provenance import physics_version
 from formats.errors import HangtimeError
 
 RETRY = 2.0  # s between attempts to reach a bucket, each of which takes the library seconds to minutes
+
+
+@dataclass(frozen=True, kw_only=True)
+class Errand:
+    """How one kind of job is done.
+
+    result: name of what is kept at its end; digests: sha256 of each take by its name; done: the state of its outcome;
+    make: contents of the takes by name -> the bytes of the result; tidy: removes an unfinished state that is kept
+    """
+
+    result: str
+    digests: dict[str, str]
+    done: str
+    make: Callable[[dict[str, bytes]], bytes]
+    tidy: Callable[[], None]
 
 
 def run_job(job: Job) -> Outcome:
@@ -27,45 +44,61 @@ def run_job(job: Job) -> Outcome:
         BatchError: takes or results cannot be read or written; that is no fault of the take.
         UnreachableError: a bucket cannot be reached now; a finished fit waits for it as long as the job's patience.
     """
-    # One take, one core: fits scale over takes. Must be set before Taichi starts.
+    results = open_store(job.results_url)
+    errand = Errand(
+        result=result_name(job.key), digests={job.take: job.digest}, done="fitted",
+        make=lambda contents: _fit(job, contents[job.take], results),
+        tidy=lambda: results.remove(search_name(job.key)),
+    )  # fmt: skip
+    return run_errand(job, errand, results)
+
+
+def run_errand(job: Task, errand: Errand, results: Store) -> Outcome:
+    """Do a job unless its result is there, and keep the result, or the reason why these takes give none.
+
+    Raises:
+        BatchError, UnreachableError: as `run_job`.
+    """
+    # One job, one core: jobs scale over takes. Must be set before Taichi starts.
     os.environ.setdefault("HANGTIME_THREADS", "1")
     started = time.monotonic()
+
+    def ended(state: str, sentence: str = "") -> Outcome:
+        return Outcome(key=job.key, state=state, sentence=sentence, seconds=time.monotonic() - started)
+
     if physics_version() != job.physics:
-        return Outcome(
-            key=job.key, state="refused",
-            sentence="the worker has another Hangtime or other libraries than the batch; install the same versions on "
-            "both",
-        )  # fmt: skip
-    takes, results = open_store(job.takes_url), open_store(job.results_url)
-    if results.has(result_name(job.key)):
-        return Outcome(key=job.key, state="fitted", seconds=time.monotonic() - started)
+        return ended(
+            "refused",
+            "the worker has another Hangtime or other libraries than the batch; install the same versions on both",
+        )
+    takes = open_store(job.takes_url)
+    if results.has(errand.result):
+        return ended(errand.done)
     try:
         runtime.start()  # before any take is at fault
     except (FitError, OSError, ImportError) as error:
-        return Outcome(key=job.key, state="refused", sentence=f"this worker cannot do it ({error})")
-    content = takes.read(job.take)
-    if digest_of(content) != job.digest:
-        return Outcome(
-            key=job.key, state="refused", sentence="the take was changed while the batch ran; run the batch again"
-        )
+        return ended("refused", f"this worker cannot do it ({error})")
+    contents = {name: takes.read(name) for name in errand.digests}
+    if any(digest_of(contents[name]) != digest for name, digest in errand.digests.items()):
+        return ended("refused", "the take was changed while the batch ran; run the batch again")
     try:
-        result = _fit(job, content, results)
+        result = errand.make(contents)
     except BatchError:
         raise
     except MemoryError:
-        return Outcome(key=job.key, state="refused", sentence="not enough memory; use fewer workers")
+        return ended("refused", "not enough memory; use fewer workers")
     except (OSError, ImportError) as error:
-        return Outcome(key=job.key, state="refused", sentence=f"this worker cannot do it ({error})")
+        return ended("refused", f"this worker cannot do it ({error})")
     except Exception as error:  # a take must not end a night, whatever is wrong with it
         sentence = _sentence(error)
-        record = {"format": "hangtime-batch-failure/1", "take": job.take, "sentence": sentence,
+        record = {"format": "hangtime-batch-failure/1", "take": ", ".join(errand.digests), "sentence": sentence,
                   "created": datetime.now(UTC).isoformat(timespec="seconds")}  # fmt: skip
         results.write(failure_name(job.key), json.dumps(record, indent=2).encode())
-        return Outcome(key=job.key, state="failed", sentence=sentence, seconds=time.monotonic() - started)
-    _write_patiently(results, result_name(job.key), result, job.patience)
-    for left_over in (search_name(job.key), failure_name(job.key)):
-        results.remove(left_over)
-    return Outcome(key=job.key, state="fitted", seconds=time.monotonic() - started)
+        return ended("failed", sentence)
+    _write_patiently(results, errand.result, result, job.patience)
+    errand.tidy()
+    results.remove(failure_name(job.key))
+    return ended(errand.done)
 
 
 def _write_patiently(results: Store, name: str, content: bytes, patience: float) -> None:

@@ -189,9 +189,11 @@ def test_the_csv_has_a_row_for_each_take_and_its_numbers_to_the_last_digit(rows)
     table = list(csv.DictReader(io.StringIO(as_csv(rows))))
     assert [row["take"] for row in table] == ["a.mcap", "b.mcap", "c <&> ü.mcap", "d.mcap"]
     assert table[1]["error_after_mm"] == "98.700"
-    first = rows[0].result.parameters[0]
+    first = rows[0].result.parameters[1]
     assert float(table[0][first.name]) == first.fitted
     assert table[1][f"{first.name}_is_identified"] == "False"
+    assert table[1][first.name] == ""  # rounding would choose the number; the interval stands beside it
+    assert float(table[1][f"{first.name}_low"]) == first.interval_low
     assert table[2]["remark"] == 'says "no", and <why>'
     assert table[2][first.name] == ""
 
@@ -226,7 +228,8 @@ def test_the_page_is_whole_escapes_what_it_shows_and_begins_with_what_needs_a_lo
     assert cells.names == ["c <&> ü.mcap", "d.mcap", "b.mcap", "a.mcap"]
     assert cells.links == ["fits/k2.json", "fits/k1.json"]
     assert "98.7 mm" in page
-    assert f"({rows[1].result.parameters[0].fitted:g}" in page
+    struct = f'class="number">{rows[0].result.parameters[1].fitted:g}<br>'
+    assert page.count(struct) == 1  # identified in `a` alone; in `b` its interval stands alone
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,61 @@
+"""Diagnose the takes of one garment, as a worker of a batch does it."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from pathlib import Path
+
+from fit.batch.jobs import DiagnosisJob, Outcome, diagnosis_name, report_name, unfinished_diagnosis
+from fit.batch.store import Store, open_store
+from fit.batch.worker import Errand, run_errand
+from fit.errors import FitError
+
+
+def run_diagnosis(job: DiagnosisJob) -> Outcome:
+    """Diagnose takes of one garment; keep the diagnosis and its report.
+
+    The report is written first: where there is a diagnosis, there is its report.
+
+    Raises:
+        BatchError, UnreachableError: as `fit.batch.worker.run_job`.
+    """
+    results = open_store(job.results_url)
+    checkpoint = results.path(unfinished_diagnosis(job.key))
+
+    def tidy() -> None:
+        if checkpoint is not None:
+            shutil.rmtree(checkpoint, ignore_errors=True)
+
+    errand = Errand(
+        result=diagnosis_name(job.key),
+        digests=dict(zip((*job.training, *job.held_out), job.digests, strict=True)),
+        done="diagnosed",
+        make=lambda contents: _diagnose(job, contents, results, checkpoint),
+        tidy=tidy,
+    )
+    return run_errand(job, errand, results)
+
+
+def _diagnose(job: DiagnosisJob, contents: dict[str, bytes], results: Store, checkpoint: Path | None) -> bytes:
+    """Return the diagnosis as the bytes of its file; its report is in the store then.
+
+    In a shared folder the finished fits outlive their worker; from a bucket the diagnosis begins anew.
+    """
+    from fit.api.calls import diagnose, report
+    from formats.archive import take_of
+    from formats.results import result_bytes
+
+    training = [take_of(contents[name], name) for name in job.training]
+    held_out = [take_of(contents[name], name) for name in job.held_out]
+    try:
+        found = diagnose(training, held_out=held_out, seed=job.seed, checkpoint=checkpoint)
+    except FitError as error:
+        if checkpoint is None or error.where is None or not Path(str(error.where)).is_relative_to(checkpoint):
+            raise
+        shutil.rmtree(checkpoint, ignore_errors=True)  # fits that cannot be gone on from cost time, not the diagnosis
+        found = diagnose(training, held_out=held_out, seed=job.seed, checkpoint=checkpoint)
+    with tempfile.TemporaryDirectory(prefix="hangtime-") as folder:
+        page = report(found, Path(folder) / "report.html").read_bytes()
+    results.write(report_name(job.key), page)
+    return result_bytes(found.result, Path(diagnosis_name(job.key)))

@@ -1,0 +1,194 @@
+"""The page of the morning: every take, its fit, its garment's verdict, and what needs a person, as HTML and as text."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib import resources
+
+from fit.batch.garments import Wardrobe
+from fit.batch.jobs import diagnosis_name, report_name, result_name
+from fit.batch.runner import Survey
+from fit.batch.store import Store
+from fit.batch.summary import WORDS, Row, kept, sentence_of
+from fit.errors import BatchError, UnreachableError
+from fit.identification.calibrate import TOO_SHORT
+from formats.errors import ResultError
+from formats.results import Diagnosis, load_diagnosis
+
+# What a person has to do about a verdict, where the diagnosis proposes no recording of its own.
+NEEDS = {
+    "ambiguous": "record the motion that the report proposes, which tells the candidates apart",
+    "unknown": "look at the report: no effect of the library explains the gap",
+    "numerics": "diagnose it alone on a finer mesh: `hangtime diagnose ... --spacing`",
+    "inconclusive": "look at the checks that failed in the report, mend what they name, and record again",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """A garment in the morning.
+
+    state: diagnosed, lacking, failed, refused or waiting; sentence: the finding, or why there is none; link: of the
+    report, below the store of results
+    """
+
+    wardrobe: Wardrobe
+    state: str
+    sentence: str
+    verdict: str = ""
+    link: str = ""
+    proposal: str = ""
+
+    @property
+    def garment(self) -> str:
+        """The garment's name."""
+        return self.wardrobe.name
+
+    @property
+    def training(self) -> tuple[str, ...]:
+        """Names of the takes to fit to."""
+        return tuple(take.name for take in self.wardrobe.training)
+
+    @property
+    def held_out(self) -> tuple[str, ...]:
+        """Names of the takes to judge on."""
+        return tuple(take.name for take in self.wardrobe.held_out)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TakeLine:
+    """A take in the morning; before and after: mean distance of the points [mm], as text."""
+
+    take: str
+    garment: str
+    motion: str
+    state: str
+    before: str = ""
+    after: str = ""
+    verdict: str = ""
+    link: str = ""
+    remark: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Morning:
+    """Everything that the page shows; needs: for whom, and what to do, one sentence each."""
+
+    made: str
+    headline: str
+    needs: tuple[tuple[str, str], ...]
+    findings: tuple[Finding, ...]
+    takes: tuple[TakeLine, ...]
+
+
+def morning_of(
+    rows: Sequence[Row], every: Sequence[Wardrobe], diagnoses: Survey, results: Store, *, made: datetime | None = None
+) -> Morning:
+    """Gather the page of the morning.
+
+    Raises:
+        UnreachableError: the results cannot be reached now.
+    """
+    findings = [_finding(one, diagnoses, results) for one in every]
+    by_take = {seen.name: (one, seen) for one in every for seen in one.takes}
+    verdicts = {finding.garment: finding.verdict or WORDS.get(finding.state, finding.state) for finding in findings}
+    lines = []
+    for row in rows:
+        one, seen = by_take.get(row.take, (None, None))
+        garment, motion = (one.name, seen.kind) if one and seen else ("", "")
+        error = row.result.error if row.result else None
+        lines.append(
+            TakeLine(
+                take=row.take, garment=garment, motion=motion, state=WORDS[row.state],
+                before=f"{1e3 * error.train_before.mean_m:.1f}" if error else "",
+                after=f"{1e3 * error.train_after.mean_m:.1f}" if error else "",
+                verdict=verdicts.get(garment, ""), link=result_name(row.key) if row.result else "",
+                remark=row.sentence,
+            )
+        )  # fmt: skip
+    diagnosed = sum(finding.state == "diagnosed" for finding in findings)
+    count = f"{len(findings)} garment{'s' if len(findings) != 1 else ''}: {diagnosed} diagnosed"
+    lacking = sum(finding.state == "lacking" for finding in findings)
+    headline = f"{sentence_of(rows)} {count}{f', {lacking} without enough takes' if lacking else ''}."
+    when = (made or datetime.now(UTC)).strftime("%Y-%m-%d %H:%M UTC")
+    needs = (*_needs_of_takes(rows), *_needs_of_garments(findings))
+    return Morning(made=when, headline=headline, needs=needs, findings=tuple(findings), takes=tuple(lines))
+
+
+def write_morning(morning: Morning, results: Store) -> None:
+    """Write `morning.html` and `morning.txt` into the store of results."""
+    results.write("morning.html", as_html(morning).encode())
+    results.write("morning.txt", as_text(morning).encode())
+
+
+def as_html(morning: Morning) -> str:
+    """Return the page as HTML that needs nothing from outside."""
+    from jinja2 import Environment, PackageLoader
+
+    pages = Environment(loader=PackageLoader("fit.batch", "."), autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    style = resources.files("fit.report").joinpath("page.css").read_text(encoding="utf-8")
+    return pages.get_template("morning.html.j2").render(morning=morning, style=style)
+
+
+def as_text(morning: Morning) -> str:
+    """Return the page as text, for a mail or a terminal."""
+    lines = [f"Hangtime, {morning.made}", morning.headline, ""]
+    lines += ["What needs a person:", *(f"- {who}: {what}" for who, what in morning.needs)]
+    if not morning.needs:
+        lines[-1] = "Nothing needs a person."
+    for finding in morning.findings:
+        lines += ["", f"{finding.garment}: {finding.verdict or finding.state}", f"  {finding.sentence}"]
+        if finding.training:
+            judged = ", ".join(finding.held_out)
+            lines.append(f"  Fitted to {', '.join(finding.training)}; judged on {judged}.")
+        if finding.proposal:
+            lines.append(f"  {finding.proposal}")
+        if finding.link:
+            lines.append(f"  Report: {finding.link}")
+    lines.append("")
+    for take in morning.takes:
+        error = f"{take.before} to {take.after} mm" if take.after else take.remark
+        lines.append("  ".join(part for part in (take.take, take.state, take.garment, take.motion, error) if part))
+    return "\n".join(lines) + "\n"
+
+
+def _finding(one: Wardrobe, diagnoses: Survey, results: Store) -> Finding:
+    if one.missing:
+        return Finding(wardrobe=one, state="lacking", sentence=f"Not diagnosed: {one.missing}.")
+    key = diagnoses.keys[one.name]
+    outcome = diagnoses.outcomes.get(key)
+    if outcome is None:
+        return Finding(wardrobe=one, state="waiting", sentence="Waiting: the next night goes on.")
+    if outcome.state != "diagnosed":
+        return Finding(wardrobe=one, state=outcome.state, sentence=outcome.sentence)
+    try:
+        found: Diagnosis = kept(results, diagnosis_name(key), load_diagnosis)
+    except UnreachableError:
+        raise
+    except (ResultError, BatchError) as error:
+        return Finding(wardrobe=one, state="refused", sentence=f"The diagnosis cannot be read: {error}")
+    proposal = found.next_experiment.sentence if found.next_experiment is not None else ""
+    return Finding(
+        wardrobe=one, state="diagnosed", sentence=found.sentence, verdict=found.verdict, link=report_name(key),
+        proposal=proposal,
+    )  # fmt: skip
+
+
+def _needs_of_takes(rows: Sequence[Row]) -> list[tuple[str, str]]:
+    needs = [(row.take, row.sentence) for row in rows if row.state in ("failed", "refused")]
+    for row in rows:
+        notes = row.result.notes if row.result else []
+        needs += [(row.take, note) for note in notes if note.startswith("Warning:") and note != TOO_SHORT]
+    return needs
+
+
+def _needs_of_garments(findings: Sequence[Finding]) -> list[tuple[str, str]]:
+    needs = []
+    for finding in findings:
+        if finding.state in ("lacking", "failed", "refused"):
+            needs.append((finding.garment, finding.sentence))
+        elif finding.verdict in NEEDS:
+            needs.append((finding.garment, finding.proposal or NEEDS[finding.verdict]))
+    return needs

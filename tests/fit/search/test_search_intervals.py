@@ -1,0 +1,121 @@
+"""Intervals in closed form: two, three and four blocks worked by hand, ends in the box, quantiles of draws."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fit.errors import FitError
+from fit.search.intervals import PRIOR_SD, block_intervals, check_blocks, draw_intervals, jackknife
+from fit.search.least_squares import BoundedSpace
+
+BLOCK = np.repeat(np.arange(3), 2)
+# Slope 1000 a box, so that the prior weighs nothing. Block means -1, 0, 1: a mean's variance is 2 / (3 x 2).
+VALUES, SLOPE = np.array([-1.5, -0.5, 0.5, -0.5, 1.5, 0.5]), 1e3
+DEVIATION = np.sqrt(1 / 3) / SLOPE
+REACH = 2.919986  # 95 % of Student's distribution with two degrees of freedom, from its table
+
+
+def line(low=0.0, high=1.0, *, is_log=False):
+    return BoundedSpace(minimum=np.array([low]), maximum=np.array([high]), is_log=np.array([is_log]))
+
+
+def of_three(space, at, **more):
+    return block_intervals(space, np.array([at]), VALUES, np.full((6, 1), SLOPE), BLOCK, **more)
+
+
+def test_three_blocks_give_2_92_deviations_of_their_mean_to_each_side():
+    found = of_three(line(), 0.5)
+    assert found.spread == pytest.approx(REACH, rel=1e-5)
+    assert found.covariance[0, 0] == pytest.approx(DEVIATION**2, rel=1e-4)
+    assert found.ends[0] == pytest.approx([0.5 - REACH * DEVIATION, 0.5 + REACH * DEVIATION], rel=1e-5)
+    assert found.way == pytest.approx([0.0], abs=1e-9)
+    assert found.is_told.tolist() == [True]
+
+
+def test_ends_and_covariance_are_in_the_parameters_own_units():
+    """A box of 200 wide from -100, and a logarithm over two decades at its middle, 10: slope 10 ln 100."""
+    wide = of_three(line(-100.0, 100.0), 40.0)
+    assert wide.ends[0] == pytest.approx(40.0 + 200 * REACH * DEVIATION * np.array([-1, 1]), rel=1e-5)
+    assert wide.covariance[0, 0] == pytest.approx((200 * DEVIATION) ** 2, rel=1e-4)
+    decades = of_three(line(1.0, 100.0, is_log=True), 10.0)
+    shift = np.log(100) * REACH * DEVIATION
+    assert decades.ends[0] == pytest.approx(10 * np.exp([-shift, shift]), rel=1e-5)
+    assert decades.covariance[0, 0] == pytest.approx((10 * np.log(100) * DEVIATION) ** 2, rel=1e-4)
+
+
+def test_an_interval_ends_at_the_bounds_of_the_box():
+    """Within a tenth of the half width of either bound."""
+    near = 0.1 * REACH * DEVIATION
+    assert of_three(line(), near).ends[0, 0] == 0.0
+    assert of_three(line(), near).ends[0, 1] == pytest.approx(near + REACH * DEVIATION, rel=1e-5)
+    assert of_three(line(), 1 - near).ends[0, 1] == 1.0
+    assert of_three(line(), 1 - near).ends[0, 0] == pytest.approx(1 - near - REACH * DEVIATION, rel=1e-5)
+
+
+def test_a_covariance_between_ends_comes_on_top_of_the_jackknifes():
+    """Variances 1 and 8 of the jackknife's make nine, a deviation three times as wide."""
+    found = of_three(line(), 0.5, between=np.array([[8 * DEVIATION**2]]))
+    assert np.ptp(found.ends[0]) == pytest.approx(3 * 2 * REACH * DEVIATION, rel=1e-4)
+
+
+def test_the_way_to_the_least_squares_counts_with_the_spread_as_a_hypotenuse():
+    """Stopped 0.04 of a box of 50 short: to each side sqrt((2.92 d)^2 + 0.04^2)."""
+    short = block_intervals(line(0.0, 50.0), np.array([25.0]), VALUES + 40.0, np.full((6, 1), SLOPE), BLOCK)
+    assert short.way == pytest.approx([-0.04 * 50], rel=1e-4)
+    half = 50 * np.hypot(REACH * DEVIATION, 0.04)
+    assert short.ends[0] == pytest.approx([25 - half, 25 + half], rel=1e-4)
+
+
+def test_a_deviation_below_half_of_the_flat_priors_counts_as_told_and_one_above_does_not():
+    """The flat prior over the box has 1 / sqrt(12) = 0.2887."""
+    assert pytest.approx(0.288675, abs=1e-6) == PRIOR_SD
+    for share, is_told in ((0.49, True), (0.51, False)):
+        found = of_three(line(), 0.5, spread=np.array([share * PRIOR_SD]))
+        assert found.is_told.tolist() == [is_told]
+
+
+def test_what_no_block_tells_keeps_the_priors_variance_and_none_of_another_parameter():
+    """Two parameters, of which the numbers know only the first."""
+    jacobian = np.stack([np.full(6, SLOPE), np.zeros(6)], axis=1)
+    variance, way = jackknife(VALUES, jacobian, BLOCK)
+    assert variance[1, 1] == pytest.approx(1 / 12)
+    assert variance[0, 1] == pytest.approx(0.0, abs=1e-12)
+    assert way == pytest.approx([0.0, 0.0], abs=1e-9)
+
+
+def test_a_weak_slope_is_shared_with_the_prior():
+    """One number a block of slope 2: H = 3 x 4 + 12 = 24; each block left out leaves 20, and the sum of the others.
+
+    Residuals -1, 0, 1: s_b = -2, 0, 2; u without b = s_b / 20 = -0.1, 0, 0.1; V = 2/3 x 0.02 + 12 / 24^2.
+    """
+    variance, way = jackknife(np.array([-1.0, 0.0, 1.0]), np.full((3, 1), 2.0), np.arange(3))
+    assert variance[0, 0] == pytest.approx(2 / 3 * 0.02 + 12 / 576)
+    assert way == pytest.approx([0.0])
+    # All residuals 1: the least squares with the prior are 6 / 24 away.
+    assert jackknife(np.ones(3), np.full((3, 1), 2.0), np.arange(3))[1] == pytest.approx([-0.25])
+
+
+def test_three_blocks_are_enough_and_two_are_refused():
+    check_blocks(np.array([4, 4, 7, 9]))
+    with pytest.raises(FitError) as refused:
+        check_blocks(np.array([4, 4, 7, 7]))
+    assert str(refused.value) == "intervals need 3 blocks, there are 2; record a longer take"
+
+
+def test_blocks_are_known_by_their_numbers_wherever_these_begin():
+    anew = block_intervals(line(), np.array([0.5]), VALUES, np.full((6, 1), SLOPE), np.array([7, 7, 3, 3, 90, 90]))
+    assert anew.ends[0] == pytest.approx(of_three(line(), 0.5).ends[0])
+
+
+def test_intervals_of_draws_are_their_quantiles_in_own_units():
+    """101 places evenly over a box of 200 wide: 5 % and 95 % are 10 and 190, variance 2^2 x 101 x 102 / 12."""
+    box = line(0.0, 200.0)
+    draws = np.linspace(0, 200, 101)[:, None]
+    found = draw_intervals(box, draws)
+    assert found.ends[0] == pytest.approx([10.0, 190.0])
+    assert found.covariance[0, 0] == pytest.approx(2**2 * 101 * 102 / 12)
+    assert (found.way.tolist(), found.spread) == ([0.0], 1.645)
+    assert found.is_told.tolist() == [False]
+    narrow = draw_intervals(box, 100 + 0.4 * (draws - 100))
+    assert narrow.is_told.tolist() == [True]

@@ -1,15 +1,16 @@
 """The appliance's button: where its changes come from, and which of them are presses.
 
-The kernel shows a button at a GPIO as an input device (device tree overlay `gpio-key`), which is read with evdev;
-where there is no such overlay, the line itself is asked through gpiod. A named pipe that carries the kernel's
+The kernel shows a button at a GPIO as an input device (device tree overlay `gpio-key`), which is read through evdev, the
+kernel's interface; where there is no such overlay, the line itself is asked through gpiod. A named pipe that carries
 `struct input_event` stands in for a button where there is none. Source: Linux, Documentation/input/input.rst and
 include/uapi/linux/input.h.
 """
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import os
-import stat
 import struct
 from abc import ABC, abstractmethod
 from datetime import timedelta
@@ -23,7 +24,10 @@ UP, DOWN = 0, 1  # values of a key's event; 2 is the keyboard's own repetition
 SETTLE = 0.03  # s after a change in which contacts bounce
 AGAIN = 0.5  # s after a press in which a further one is the same person's impatience
 STUCK = 10.0  # s that nobody holds a button for
-AT_ONCE = 64  # events of one reading of a pipe
+AT_ONCE = 64  # events of one reading
+KEYS = 96  # bytes of a bit for each of KEY_CNT = 768 keys
+EVIOCGKEY = 0x80604518  # _IOR('E', 0x18, KEYS bytes): which keys are down
+INPUTS, DEVICES = Path("/sys/class/input"), Path("/dev/input")
 
 
 class ButtonContact(ABC):
@@ -46,10 +50,19 @@ class ButtonContact(ABC):
         """Let go of it."""
 
 
-class PipedContact(ButtonContact):
-    """Changes from a named pipe of `struct input_event`; a writer may come and go."""
+class EventContact(ButtonContact):
+    """Changes of any key of a Linux input device, or from a named pipe whose writer may come and go.
+
+    Read without a library: what PyPI has for it comes with asyncio, which costs the appliance 7 MB, and is compiled
+    where it is installed.
+    """
 
     def __init__(self, path: Path) -> None:
+        """Open it.
+
+        Raises:
+            ButtonError: there is none, or this user may not read it.
+        """
         self._path = path
         try:
             self._handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -73,56 +86,17 @@ class PipedContact(ButtonContact):
         return [value == DOWN for _, _, kind, _, value in events if kind == KEY and value in (UP, DOWN)]
 
     def is_down(self) -> bool:
-        """A pipe does not say."""
-        return False
-
-    def close(self) -> None:
-        """Close the pipe."""
-        os.close(self._handle)
-
-
-class KeyContact(ButtonContact):
-    """Changes of any key of a Linux input device."""
-
-    def __init__(self, name: str) -> None:
-        """Open it.
-
-        name: its path, or the name that the kernel gives the device, such as "gpio-keys"
-
-        Raises:
-            ButtonError: there is none, or this user may not read it.
-        """
-        import evdev
-
+        """Whether any key of the device is down; a pipe does not say."""
+        keys = bytearray(KEYS)
         try:
-            if name.startswith("/"):
-                self._device = evdev.InputDevice(name)
-            else:
-                self._device = _named(name, [evdev.InputDevice(path) for path in evdev.list_devices()])
-        except OSError as error:
-            raise _gone(Path(name), error) from error
-        os.set_blocking(self._device.fd, False)
-
-    def changes(self) -> list[bool]:
-        """Return the changes since the last call."""
-        try:
-            events = [event for event in self._device.read() if event.type == KEY]
-            return [event.value == DOWN for event in events if event.value in (UP, DOWN)]
-        except BlockingIOError:
-            return []
-        except OSError as error:
-            raise _gone(Path(self._device.path), error) from error
-
-    def is_down(self) -> bool:
-        """Whether any key of the device is down."""
-        try:
-            return bool(self._device.active_keys())
+            fcntl.ioctl(self._handle, EVIOCGKEY, keys)
         except OSError:
             return False
+        return any(keys)
 
     def close(self) -> None:
-        """Close the device."""
-        self._device.close()
+        """Close it."""
+        os.close(self._handle)
 
 
 class LineContact(ButtonContact):
@@ -179,12 +153,7 @@ def open_contact(name: str) -> ButtonContact:
         if not chip or not line.isdecimal():
             raise ButtonError("is no line of a GPIO chip", where=name, advice="write gpio:/dev/gpiochip0:17")
         return LineContact(chip, int(line))
-    try:
-        if name.startswith("/") and stat.S_ISFIFO(os.stat(name).st_mode):
-            return PipedContact(Path(name))
-    except OSError as error:
-        raise _gone(Path(name), error) from error
-    return KeyContact(name)
+    return EventContact(Path(name) if name.startswith("/") else _named(name))
 
 
 class Presses:
@@ -226,12 +195,16 @@ class Presses:
         return 1
 
 
-def _named(name: str, devices: list) -> object:  # type: ignore[type-arg]
-    for device in devices:
-        if device.name == name:
-            return device
-    there = ", ".join(sorted(device.name for device in devices)) or "none"
-    raise ButtonError(f"there is no input device {name!r}", where="/dev/input", advice=f"there are: {there}")
+def _named(name: str) -> Path:
+    """Return the input device that the kernel calls so."""
+    there = {}
+    for file in sorted(INPUTS.glob("event*/device/name")):
+        with contextlib.suppress(OSError):
+            there[file.read_text().strip()] = DEVICES / file.parts[-3]
+    if name not in there:
+        known = ", ".join(sorted(there)) or "none"
+        raise ButtonError(f"there is no input device {name!r}", where=DEVICES, advice=f"there are: {known}")
+    return there[name]
 
 
 def _gone(path: Path, error: OSError) -> ButtonError:

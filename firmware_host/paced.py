@@ -1,6 +1,7 @@
 """A recording played as a live sensor: at its own pace, again and again, for trying an appliance without hardware.
 
 As with a sensor, a frame that is not fetched in its time is gone, and is counted in the next one's `dropped_before`.
+After a third of a second in which nobody fetched, the recording goes on from where it was.
 A file that stands for the cord can make it silent or unplug it.
 """
 
@@ -16,6 +17,7 @@ from firmware_host.errors import SensorStalledError, SensorUnavailableError
 
 SILENT, UNPLUGGED = "silent", "unplugged"  # what the file may say
 LOOK = 0.01  # s from one look at the file to the next
+FOLLOWED = 0.3  # s that the recording keeps up with the clock while nobody fetches
 
 
 class PacedSensor(DepthSensor):
@@ -69,7 +71,7 @@ class PacedSensor(DepthSensor):
                 )
                 continue
             missed = due - self._number
-            frame = self._advance(missed + 1)
+            frame = self._advance(missed + 1 if missed < FOLLOWED * self._inner.info.fps else 1)
             self._number = due + 1
             return dataclasses.replace(
                 frame, index=due, time_s=(due + 1) * interval, host_time_s=time.monotonic(), dropped_before=missed

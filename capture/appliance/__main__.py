@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import ctypes
 import os
 import signal
 import sys
 import threading
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import FrameType
 
@@ -28,6 +29,8 @@ from capture.appliance.wall_clock import monotonic
 from firmware_host.opening import open_sensor
 from formats.errors import HangtimeError
 
+M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8  # `man 3 mallopt`
+PICTURE = 256 * 1024  # bytes; larger pieces of memory go back to the system when they are freed
 STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -62,6 +65,7 @@ def run(path: Path) -> None:
     for number in STOPPING:
         signal.signal(number, ask_to_stop)
     cv2.setNumThreads(1)
+    _give_memory_back()
     with ExitStack() as opened:
         control = ControlServer(config.control.socket, config.control.group)
         opened.callback(control.close)
@@ -78,6 +82,14 @@ def run(path: Path) -> None:
         appliance = Appliance(in_force, keeper=keeper, disk=disk, control=control, clock=monotonic)
         _loop(appliance, stop)
         LOG.info("stopped")
+
+
+def _give_memory_back() -> None:
+    """Let freed pictures go back to the system, and all threads share one heap: it is what pictures leave holes in."""
+    with suppress(OSError, AttributeError):  # another C library
+        library = ctypes.CDLL(None)
+        library.mallopt(M_ARENA_MAX, 1)
+        library.mallopt(M_MMAP_THRESHOLD, PICTURE)
 
 
 def _loop(appliance: Appliance, stop: threading.Event) -> None:

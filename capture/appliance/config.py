@@ -6,6 +6,7 @@ does not hold leaves that copy in force, and `hangtime status` says why.
 
 from __future__ import annotations
 
+import re
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,7 +75,7 @@ class LampPart(Part, frozen=True, kw_only=True):
 class ControlPart(Part, frozen=True, kw_only=True):
     """`[control]`: who may start and stop."""
 
-    socket: Annotated[Path, Meta(description="the Unix socket that `hangtime start|stop|status|watch` speak to")] = (
+    socket: Annotated[Path, Meta(description="the Unix socket that `hangtime start` and the like speak to")] = (
         Path("/run/hangtime/control.sock")
     )
     group: Annotated[str, Meta(description="the group that may use the socket; empty: the daemon's own")] = ""
@@ -195,9 +196,13 @@ def _last_good(refused: DescriptionError, spools: list[Path]) -> InForce:
 
 
 def _told_spool(path: Path) -> list[Path]:
-    """Return where the last good configuration may lie: in the file's own spool, or the usual."""
-    usual = [SpoolPart().folder]
+    """Return where the last good configuration may lie: in the spool that the file names, or in the usual one.
+
+    A file that is no TOML is searched for the line.
+    """
+    usual = SpoolPart().folder
     try:
-        return [path.parent / tomllib.loads(path.read_text())["spool"]["folder"], *usual]
-    except (OSError, ValueError, KeyError, TypeError):
-        return usual
+        told = re.search(r'^\s*folder\s*=\s*"([^"]+)"', path.read_text(), re.MULTILINE)
+    except (OSError, ValueError):
+        return [usual]
+    return [path.parent / told[1], usual] if told else [usual]

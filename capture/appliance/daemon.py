@@ -31,8 +31,9 @@ from firmware_host.errors import SensorStalledError
 from firmware_host.power import PowerSupply
 from formats.errors import HangtimeError, OutputError
 
-WAIT = 0.05  # s that the loop waits for a frame: half of the 100 ms in which a press must count
-LOOK_EVERY = 0.5  # s from one look for the hanger to the next while it is not in view
+WAIT = 0.07  # s that the loop waits for a frame: a press must count within 100 ms
+RESTING = {State.READY, State.SYNCING, State.FAULT}  # where only a frame now and then is looked at
+LOOK_EVERY = 0.7  # s from one look for the hanger to the next while it is not in view
 GONE_AFTER = 5.0  # s without the hanger after which nothing before a press is held any more
 KEEP_HOUSE = 1.0  # s from one look at disk, voltage and sync to the next
 TRY_AGAIN = 2.0  # s from one try to use a spool that failed to the next
@@ -67,6 +68,7 @@ class Appliance:
 
     def step(self) -> None:
         """Do one round: at most one frame."""
+        self._keeper.rest(is_resting=self.machine.state in RESTING)
         frame = self._keeper.next_frame(WAIT)
         now = self._clock()
         if frame is not None:

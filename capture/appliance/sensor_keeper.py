@@ -13,6 +13,7 @@ from formats.errors import HangtimeError
 from formats.rig import Rig
 
 RETRY = 2.0  # s from one try to open the sensor to the next: a USB reset takes about as long
+REST = 0.4  # s from one frame to the next while nobody needs more
 SILENT = 0.9  # s without a frame after which a sensor is named silent: within a second of the last frame
 
 
@@ -28,7 +29,7 @@ class SensorKeeper:
         self._failed: HangtimeError | None = None
         self._last_try = -float("inf")
         self._last_frame = -float("inf")
-        self._precedence = Precedence()
+        self._precedence, self._is_resting = Precedence(), False
         self.error: HangtimeError | None = None  # why it is not open, None while it is or nobody knows yet
 
     @property
@@ -64,6 +65,12 @@ class SensorKeeper:
         self._last_frame = self._clock()
         return frame
 
+    def rest(self, *, is_resting: bool) -> None:
+        """Fetch only a frame now and then, or every frame."""
+        if self._queue is not None and is_resting is not self._is_resting:
+            self._is_resting = is_resting
+            self._queue.rest(REST if is_resting else 0.0)
+
     def close(self) -> None:
         """Close the sensor."""
         self._let_go()
@@ -95,9 +102,10 @@ class SensorKeeper:
             self.error = self._failed
             return
         self._inner, self._opened, self.error = self._opened, None, None
-        self._last_frame = self._clock()
-        with self._precedence:  # the thread that fetches comes first; this one tracks, behind it
-            self._queue = QueuedSensor(self._inner).__enter__()
+        self._last_frame, self._is_resting = self._clock(), False
+        self._precedence.__enter__()  # the thread that fetches comes first; this one tracks, behind it
+        self._queue = QueuedSensor(self._inner).__enter__()
+        self._precedence.begin_tracking()
 
     def _try_to_open(self) -> None:
         try:

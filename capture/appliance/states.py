@@ -1,6 +1,6 @@
 """The one table of the appliance's states: which event leads from which state to which.
 
-An event that the table does not name for a state changes nothing. `diagram` draws the table for the documentation.
+An event that the table does not name for a state changes nothing. `table` draws it for the documentation.
 """
 
 from __future__ import annotations
@@ -76,11 +76,11 @@ class StateMachine:
         return (self.state, Event.START) in TRANSITIONS
 
 
-def diagram() -> str:
-    """Return the table as a Mermaid state diagram."""
-    lines = ["stateDiagram-v2", "    [*] --> starting"]
+def table() -> str:
+    """Return the table in Markdown."""
+    lines = ["| state | what happens | state afterwards |", "|---|---|---|"]
     lines += [
-        f"    {before.name.lower()} --> {after.name.lower()}: {event.value}"
+        f"| {before.name.lower()} | {event.value} | {after.name.lower()} |"
         for (before, event), after in TRANSITIONS.items()
     ]
     return "\n".join(lines) + "\n"

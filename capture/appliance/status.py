@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from capture.appliance.config import InForce
@@ -39,10 +38,6 @@ def report(
 ) -> dict[str, Any]:  # fmt: skip
     """Return the state of the appliance; times in seconds."""
     clock = wall_time()
-    try:
-        release = version("hangtime")
-    except PackageNotFoundError:
-        release = "unknown"
     return {
         "state": state.name.lower(), "says": state.value, "lamp": light.name, "lamp_means": light.meaning,
         "condition": condition.value.words,
@@ -58,7 +53,7 @@ def report(
         "sync": sync, "last_sync": sync.get("last_sync"), "last_proof": sync.get("last_proof"),
         "clock": {"utc": clock.utc, "source": clock.source, "uncertainty_s": clock.uncertainty_s},
         "running_s": round(now - counts.begun_s, 1), "sensor": config.config.sensor.address,
-        "garment": config.garment.name, "version": release,
+        "garment": config.garment.name,
     }  # fmt: skip
 
 

@@ -42,7 +42,8 @@ class QueuedSensor(DepthSensor):
         self._changed = threading.Condition()
         self._has_ended = False
         self._error: BaseException | None = None
-        self._stop = threading.Event()
+        self._stop, self._awake = threading.Event(), threading.Event()
+        self._rest_s, self._has_rested = 0.0, False
         self._pack, self._unpack = zstandard.ZstdCompressor(level=PACKING), zstandard.ZstdDecompressor()
         self._thread = threading.Thread(target=self._fetch, name="frames", daemon=True)
         self.left_out = 0  # frames that found no room, in all
@@ -82,6 +83,14 @@ class QueuedSensor(DepthSensor):
                 return None
         return found.unpacked(self._unpack)
 
+    def rest(self, seconds: float) -> None:
+        """Fetch a frame only once in so many seconds and let the others go uncounted; 0: fetch every frame again."""
+        self._rest_s = seconds
+        if seconds:
+            self._awake.clear()
+        else:
+            self._awake.set()
+
     def has_more(self, timeout_s: float) -> bool:
         """Wait for so long [s] and return whether `read` would answer at once."""
         with self._changed:
@@ -90,6 +99,7 @@ class QueuedSensor(DepthSensor):
     def close(self) -> None:
         """Stop fetching and wait for the thread; closing twice is allowed."""
         self._stop.set()
+        self._awake.set()
         if self._thread.is_alive():
             self._thread.join()
 
@@ -97,9 +107,14 @@ class QueuedSensor(DepthSensor):
         missing = 0
         try:
             while not self._stop.is_set() and (frame := self._inner.read()) is not None:
+                if self._has_rested:
+                    frame = dataclasses.replace(frame, dropped_before=0)
                 if missing:
                     frame = dataclasses.replace(frame, dropped_before=frame.dropped_before + missing)
                 missing = 0 if self._add(frame) else missing + 1
+                self._has_rested = self._rest_s > 0
+                if self._has_rested:
+                    self._awake.wait(self._rest_s)
         except BaseException as error:  # handed to whoever reads
             self._error = error
         with self._changed:

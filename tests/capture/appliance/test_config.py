@@ -1,0 +1,93 @@
+"""The configuration: every key is documented, a bad one is refused by name, the last good one stays in force."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from capture.appliance.config import Config, load, load_or_last_good
+from formats.descriptions import dump_description
+from formats.errors import DescriptionError
+from tests.capture.appliance.virtual_appliance import RIG
+from tests.capture.garment.towel import GARMENT
+
+REFERENCE = (Path(__file__).parents[3] / "docs/reference/appliance.md").read_text()
+GOOD = '[sensor]\nrig = "rig.toml"\ngarment = "garment.toml"\n[spool]\nfolder = "takes"\n'
+
+
+@pytest.fixture
+def file(tmp_path):
+    (tmp_path / "rig.toml").write_text(dump_description(RIG))
+    (tmp_path / "garment.toml").write_text(dump_description(GARMENT))
+    (tmp_path / "appliance.toml").write_text(GOOD)
+    return tmp_path / "appliance.toml"
+
+
+def keys():
+    for part in msgspec.structs.fields(Config):
+        if part.name == "sync":
+            continue
+        for field in msgspec.structs.fields(part.type):
+            yield f"{part.name}.{field.name}", field
+
+
+@pytest.mark.parametrize(("name", "field"), list(keys()))
+def test_every_key_says_what_it_is_and_the_reference_lists_it_with_its_default(name, field):
+    (said,) = field.type.__metadata__
+    default = "must be given" if field.default is msgspec.NODEFAULT else field.default
+    shown = "none" if default in ("", None) else default if default == "must be given" else f"`{default}`"
+    assert f"| `{name}` | {shown} | {said.description}" in REFERENCE
+
+
+def test_relative_paths_start_at_the_files_folder(file):
+    config = load(file).config
+    assert config.sensor.rig == file.parent / "rig.toml"
+    assert config.spool.folder == file.parent / "takes"
+    assert config.control.socket == Path("/run/hangtime/control.sock")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[recording]\npre_roll_s = 11.0\n", r"Expected `float` <= 10.0 - at `\$.recording.pre_roll_s`"),
+        ("[recording]\npre_rol_s = 1.0\n", "unknown field `pre_rol_s`"),
+        ("[buton]\n", "unknown field `buton`"),
+        ("[lamp]\nled = 3\n", r"Expected `str`, got `int` - at `\$.lamp.led`"),
+        ("[power]\nalarm = \"\"\n", "a path must be a text that is not empty"),
+        ("[recording\n", "is not valid TOML"),
+    ],
+)  # fmt: skip
+def test_a_bad_configuration_is_refused_by_its_key_and_the_last_good_one_stays(file, text, said):
+    good = load_or_last_good(file)
+    assert good.refused is None
+    file.write_text(GOOD + text)
+    with pytest.raises(DescriptionError, match=said):
+        load(file)
+    found = load_or_last_good(file)
+    assert str(file) in str(found.refused)
+    assert (found.config, found.rig, found.garment) == (good.config, good.rig, good.garment)
+
+
+def test_a_bad_garment_leaves_the_last_good_one_in_force(file):
+    load_or_last_good(file)
+    (file.parent / "garment.toml").write_text("mass_kg = -1\n")
+    found = load_or_last_good(file)
+    assert found.garment == GARMENT
+    assert "garment.toml" in str(found.refused)
+
+
+def test_without_an_earlier_configuration_a_bad_one_is_an_error(file):
+    file.write_text(GOOD.replace("rig.toml", "gone.toml"))
+    with pytest.raises(DescriptionError, match=r"gone.toml: cannot be read"):
+        load_or_last_good(file)
+
+
+def test_a_last_good_copy_that_was_spoilt_is_not_taken(file):
+    load_or_last_good(file)
+    kept = file.parent / "takes/last-good.json"
+    kept.write_bytes(kept.read_bytes()[:-30])
+    file.write_text(GOOD + "[buton]\n")
+    with pytest.raises(DescriptionError, match="buton"):
+        load_or_last_good(file)

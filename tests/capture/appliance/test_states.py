@@ -1,0 +1,50 @@
+"""The table of states: what the documentation draws is what the code does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from capture.appliance.showing import LIGHTS, light_of
+from capture.appliance.states import TRANSITIONS, Event, State, StateMachine, table
+
+REFERENCE = (Path(__file__).parents[3] / "docs/reference/appliance.md").read_text()
+
+
+def test_the_reference_draws_the_table_that_the_code_follows():
+    assert table() in REFERENCE
+
+
+def test_every_state_can_be_left_and_reached_from_starting():
+    assert {before for before, _ in TRANSITIONS} == set(State)
+    reached = {State.STARTING}
+    for _ in State:
+        reached |= {after for (before, _), after in TRANSITIONS.items() if before in reached}
+    assert reached == set(State)
+
+
+def test_a_recording_leaves_only_by_way_of_saving():
+    assert {after for (before, _), after in TRANSITIONS.items() if before is State.RECORDING} == {State.SAVING}
+    assert {event for before, event in TRANSITIONS if before is State.SAVING} == {Event.SAVED}
+
+
+def test_an_event_that_the_table_does_not_name_changes_nothing():
+    machine = StateMachine()
+    assert not machine.take(Event.STOP)
+    assert machine.state is State.STARTING
+    assert not machine.may_record
+    assert machine.take(Event.SOUND)
+    assert machine.may_record
+
+
+def test_each_state_has_a_light_of_its_own_and_the_reference_lists_it():
+    calm = {"is_tracking": True, "behind_s": 0.0, "kept_ago_s": 99.0, "has_complaint": False}
+    shown = {state: light_of(state, **calm) for state in State}
+    assert len(set(shown.values())) == len(State)
+    for light in LIGHTS:
+        assert f"| {light.name} | {light.rhythm}" in REFERENCE
+
+
+def test_green_without_a_pause_is_never_shown_while_two_seconds_are_not_on_the_disk():
+    late = {"is_tracking": True, "behind_s": 2.1, "kept_ago_s": 99.0, "has_complaint": False}
+    assert light_of(State.RECORDING, **late).dark_ms > 0
+    assert light_of(State.RECORDING, **late | {"behind_s": 1.9}).dark_ms == 0

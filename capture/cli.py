@@ -289,6 +289,9 @@ def record_command(
         for condition, count in sorted(report.conditions.items(), key=lambda item: -item[1]):
             if condition is not Condition.GOOD:
                 typer.echo(f"in {count} frames {condition.value.words}")
+        for finding in report.findings:
+            if not finding.is_grave:
+                typer.echo(f"{finding.words}; {finding.advice}")
         complaint = report.failure or report.doubt
         if complaint is not None:
             raise complaint

@@ -5,6 +5,7 @@ HangtimeError
         +-- UntrackableError    the rig or garment describes something that this tracker cannot follow
         +-- NoMarkersError      a whole recording in which the hanger was never seen
         +-- HangerGapError      a recording in which the hanger was out of view for too long in between
+        +-- UnfitTakeError      a recording to which nothing can be fitted for another reason
         +-- CalibrationError    the rig cannot be measured from what the sensor saw
         +-- ControlError        the daemon cannot be asked, or cannot listen
         +-- SpoolError          the appliance's folder of takes cannot be used as asked
@@ -30,6 +31,10 @@ class NoMarkersError(CaptureError):
 
 class HangerGapError(CaptureError):
     """A recording in which the two hanger markers were not seen for too long between two sights of them."""
+
+
+class UnfitTakeError(CaptureError):
+    """A recording that was kept and to which nothing can be fitted."""
 
 
 class CalibrationError(CaptureError):

@@ -1,9 +1,9 @@
 """The appliance's button: where its changes come from, and which of them are presses.
 
-The kernel shows a button at a GPIO as an input device (device tree overlay `gpio-key`), which is read through evdev, the
-kernel's interface; where there is no such overlay, the line itself is asked through gpiod. A named pipe that carries
-`struct input_event` stands in for a button where there is none. Source: Linux, Documentation/input/input.rst and
-include/uapi/linux/input.h.
+The kernel shows a button at a GPIO as an input device (device tree overlay `gpio-key`), which is read through evdev,
+the kernel's interface; where there is no such overlay, the line itself is asked through gpiod. A named pipe that
+carries `struct input_event` stands in for a button where there is none. Source: Linux, Documentation/input/input.rst
+and include/uapi/linux/input.h.
 """
 
 from __future__ import annotations

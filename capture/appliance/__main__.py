@@ -15,9 +15,10 @@ from types import FrameType
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import cv2
+import msgspec
 import sdnotify
 
-from capture.appliance.config import DEFAULT, load_or_last_good
+from capture.appliance.config import DEFAULT, Config, load_or_last_good
 from capture.appliance.control import ControlServer
 from capture.appliance.daemon import Appliance
 from capture.appliance.disk import Disk
@@ -72,7 +73,7 @@ def run(path: Path) -> None:
         disk = Disk(
             config.spool.folder,
             least_free=config.spool.least_free_mb * 1_000_000,
-            retention=Retention(),
+            retention=_retention(config),
             clock=monotonic,
         )
         disk.start()
@@ -82,6 +83,14 @@ def run(path: Path) -> None:
         appliance = Appliance(in_force, keeper=keeper, disk=disk, control=control, clock=monotonic)
         _loop(appliance, stop)
         LOG.info("stopped")
+
+
+def _retention(config: Config) -> Retention:
+    """Return how long takes stay, which is sync's to say; sync itself complains of a table that does not hold."""
+    try:
+        return msgspec.convert(config.sync.get("retention", {}), Retention)
+    except msgspec.ValidationError:
+        return Retention()
 
 
 def _give_memory_back() -> None:

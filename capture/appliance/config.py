@@ -75,8 +75,8 @@ class LampPart(Part, frozen=True, kw_only=True):
 class ControlPart(Part, frozen=True, kw_only=True):
     """`[control]`: who may start and stop."""
 
-    socket: Annotated[Path, Meta(description="the Unix socket that `hangtime start` and the like speak to")] = (
-        Path("/run/hangtime/control.sock")
+    socket: Annotated[Path, Meta(description="the Unix socket that `hangtime start` and the like speak to")] = Path(
+        "/run/hangtime/control.sock"
     )
     group: Annotated[str, Meta(description="the group that may use the socket; empty: the daemon's own")] = ""
 

@@ -23,6 +23,8 @@ LONGEST_QUESTION = 4096  # bytes
 MOST_ASKERS = 16  # at once; further ones wait in the kernel
 PATIENCE = 10.0  # s that an asker waits for an answer: a daemon that records answers within one frame
 MODE = 0o660
+UNIT = "hangtime-capture"
+SEE_UNIT = f"see `systemctl status {UNIT}`"
 
 Answer = Callable[[dict[str, Any]], dict[str, Any]]
 
@@ -49,6 +51,9 @@ class ControlServer:
             if group:
                 shutil.chown(path, group=grp.getgrnam(group).gr_gid)
             self._socket.listen(MOST_ASKERS)
+        except ControlError:
+            self._socket.close()
+            raise
         except KeyError as error:
             self.close()
             raise ControlError(f"there is no group {group!r}", where=path, advice="see systemd/README.md") from error
@@ -149,11 +154,13 @@ def listen(path: Path, do: str) -> Iterator[dict[str, Any]]:
                 except TimeoutError:
                     raise ControlError(
                         f"the daemon has not answered for {PATIENCE:g} s", where=path,
-                        advice="see `systemctl status hangtime` and its journal",
+                        advice=SEE_UNIT,
                     ) from None  # fmt: skip
                 if not line:
                     if count == 0 or do == "watch":
-                        raise ControlError("the daemon hung up", where=path, advice="see `systemctl status hangtime`")
+                        raise ControlError(
+                            "the daemon hung up", where=path, advice="see `systemctl status hangtime-capture`"
+                        )
                     return
                 count += 1
                 connection.settimeout(None if do == "watch" else PATIENCE)
@@ -175,7 +182,10 @@ def _connected(path: Path) -> socket.socket:
         if isinstance(error, PermissionError):
             what, advice = "this user may not speak to the daemon", "join the group of the socket and log in again"
         else:
-            what, advice = "no daemon listens here", "start it: `systemctl start hangtime`, or `hangtime daemon`"
+            what, advice = (
+                "no daemon listens here",
+                f"start it: `systemctl start {UNIT}`, or `hangtime daemon`",
+            )
         raise ControlError(what, where=path, advice=advice) from error
     return connection
 
@@ -204,4 +214,6 @@ def _remove_left_over(path: Path) -> None:
         except OSError:
             path.unlink()
             return
-    raise ControlError("another daemon listens here", where=path, advice="stop it first: `systemctl stop hangtime`")
+    raise ControlError(
+        "another daemon listens here", where=path, advice="stop it first: `systemctl stop hangtime-capture`"
+    )

@@ -73,6 +73,7 @@ class Appliance:
         now = self._clock()
         if frame is not None:
             self._has_frames = True
+            self.faults.clear("sensor")  # a sensor that opens and sends nothing is not mended
             self.counts.frames += 1
             self.counts.dropped += frame.dropped_before
             self.counts.gaps += frame.dropped_before > 0
@@ -87,8 +88,17 @@ class Appliance:
         self._follow_faults()
         for _ in range(self._panel.presses(now)):
             self._on_press(now)
+        self._show(now)  # before anybody is answered, so that the lamp is never behind what was said
         self._control.serve(self._answer)
-        self._show(now)
+
+    def _follow(self, event: Event) -> bool:
+        """Follow an event of the table; tell and log where it leads, and return whether it leads anywhere."""
+        if not self.machine.take(event):
+            return False
+        LOG.info("%s", self.machine.state.value)
+        if self._control.is_watched:
+            self._control.tell(self.status())
+        return True
 
     @property
     def is_started(self) -> bool:
@@ -117,7 +127,7 @@ class Appliance:
     def _look_for_hanger(self, frame: SensorFrame, now: float) -> None:
         sight = self._looker.track(frame, now)
         self._preview.keep(frame, sight)
-        if sight.hanger.is_found and self.machine.take(Event.HANGER_SEEN):
+        if sight.hanger.is_found and self._follow(Event.HANGER_SEEN):
             self._begin_reading()
             self._last_hanger = now
 
@@ -143,7 +153,7 @@ class Appliance:
         self._last_hanger = now if seen.has_hanger else self._last_hanger
         if self._take is None:
             self._pre_roll.add(seen)
-            if now - self._last_hanger > GONE_AFTER and self.machine.take(Event.HANGER_GONE):
+            if now - self._last_hanger > GONE_AFTER and self._follow(Event.HANGER_GONE):
                 self._forget_frames()
             return
         self._take.count(seen)
@@ -174,7 +184,7 @@ class Appliance:
         info = self._keeper.info
         if self._reader is None or info is None:
             return self._why_not()
-        self.machine.take(Event.START)
+        self._follow(Event.START)
         garment = self._in_force.garment
         self._take = TakeInProgress(self._reader, before, len(garment.points), by=by, now=now)
         self._disk.begin(self._take.plan(self._in_force.rig, garment, info.uri))
@@ -190,11 +200,11 @@ class Appliance:
             return CaptureError(f"nothing can be recorded: {fault.sentence}", advice=fault.advice)
         if state is State.RECORDING:
             return CaptureError("it is recording already", advice="`hangtime stop` ends the take")
-        return CaptureError(f"it cannot record while it is {state.name.lower()}", advice="try again in a moment")
+        return CaptureError(f"no take can begin now: {state.value}", advice="try again in a moment")
 
     def _stop(self, ended_by: str, event: Event = Event.STOP) -> bool:
         """End the running take; return whether there was one."""
-        if self._take is None or not self.machine.take(event):
+        if self._take is None or not self._follow(event):
             return False
         take, self._take = self._take, None
         self._disk.end(take.facts(ended_by), is_worth_keeping=take.is_worth_keeping)
@@ -226,8 +236,6 @@ class Appliance:
             if self.faults.set("sensor_silent", self._blamed(error, now), now):
                 LOG.warning("%s", error)
         if self._keeper.error is None:
-            if self._keeper.info is not None:
-                self.faults.clear("sensor")
             return
         self._has_frames = False
         if self.faults.set("sensor", self._blamed(self._keeper.error, now), now, blocks=True):
@@ -285,7 +293,7 @@ class Appliance:
             for finding in news.findings:
                 LOG.warning("%s: %s; %s", news.kept.stem, finding.words, finding.advice)
         if news.is_over:
-            self.machine.take(Event.SAVED)
+            self._follow(Event.SAVED)
 
     def _on_room(self, room: int, now: float) -> None:
         self.counts.free_bytes = room
@@ -317,17 +325,17 @@ class Appliance:
             self.faults.clear("sync")
         else:
             self.faults.set("sync", self._sync.error, now)
-        self.machine.take(Event.SYNC_BEGAN if self._sync.is_sending else Event.SYNC_ENDED)
+        self._follow(Event.SYNC_BEGAN if self._sync.is_sending else Event.SYNC_ENDED)
 
     def _follow_faults(self) -> None:
         blocking = self.faults.blocking
         if blocking:
             if self.machine.state is State.RECORDING:
                 self._stop(blocking[0].sentence, Event.FAULTY)
-            elif self.machine.take(Event.FAULTY):
+            elif self._follow(Event.FAULTY):
                 self._forget_frames()
         elif self._is_spool_sound and self._has_frames:
-            self.machine.take(Event.SOUND)
+            self._follow(Event.SOUND)
 
     # --- telling -------------------------------------------------------------------------------------
 
@@ -367,10 +375,8 @@ class Appliance:
     def _show(self, now: float) -> None:
         light = self._light(now)
         self._panel.show(light, now)
-        is_now = (self.machine.state, light, self._condition, tuple(fault.name for fault in self.faults.all))
+        is_now = (light, self._condition, tuple(fault.name for fault in self.faults.all))
         if is_now != self._was:
-            if self._was and self._was[0] is not self.machine.state:
-                LOG.info("%s", self.machine.state.value)
             self._was = is_now
             if self._control.is_watched:
                 self._control.tell(self.status())

@@ -62,10 +62,10 @@ def _hanger_gaps(take: Take, has_hanger: np.ndarray) -> list[Finding]:  # type: 
         return []
     begins, count = times[int(np.argmax(steps))] - take.time[0], int((steps > LONGEST_GAP).sum())
     others = f", in all {count} times for over {LONGEST_GAP:g} s" if count > 1 else ""
+    spell = f"for {steps.max():.1f} s from {begins:.1f} s on{others}"
     return [
         Finding(
-            name="hanger_lost", is_grave=True,
-            words=f"the hanger was not seen for {steps.max():.1f} s from {begins:.1f} s on{others}",
+            name="hanger_lost", is_grave=True, words=f"the two hanger markers were not seen together {spell}",
             advice="record again with both markers in view from beginning to end",
         )
     ]  # fmt: skip
@@ -117,8 +117,8 @@ def _motion(take: Take, has_hanger: np.ndarray) -> list[Finding]:  # type: ignor
         return []
     return [
         Finding(
-            name="hardly_moved", is_grave=True,
-            words=f"the hanger moved by {1e3 * reach:.0f} mm at most, which tells nothing of the cloth",
+            name="hardly_moved",
+            words=f"the hanger moved by {1e3 * reach:.0f} mm at most, which tells next to nothing of the cloth",
             advice="swing it to and fro by the width of a hand or more",
         )
     ]  # fmt: skip

@@ -12,21 +12,20 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.errors import CaptureError, HangerGapError, NoMarkersError, UntrackableError
+from capture.errors import CaptureError, HangerGapError, NoMarkersError, UnfitTakeError, UntrackableError
 from capture.garment.sight import GarmentSight
 from capture.hanger.fiducial_tracker import HangerSight
 from capture.recording.condition import Condition
 from capture.recording.frame_reader import FrameReader, ScanPlan
-from capture.recording.hanger_gaps import HangerGaps
+from capture.recording.judgement import FEWEST_HANGERS, Finding, judge
 from capture.recording.stop_signals import StopRequest, stopped_like_ctrl_c
 from capture.recording.tally import Tally
 from firmware_host.depth_sensor import DepthSensor, SensorFrame
 from firmware_host.errors import SensorError
-from formats.archive import TakeWriter
+from formats.archive import TakeWriter, read_take
 from formats.errors import HangtimeError, OutputError, TakeError
 from formats.garment import Garment
 from formats.rig import Hanger, Rig
-from formats.take import LONGEST_GAP
 
 Floats = NDArray[np.float64]
 Watcher = Callable[[SensorFrame, HangerSight, GarmentSight], None]
@@ -35,8 +34,6 @@ Announce = Callable[[float, Condition], None]
 
 LEAST_ROOM = 8_000_000  # bytes on the disk: below, a take is ended while there is room to end it whole
 LOOK_FOR_ROOM = 1.0  # s from one look at the disk to the next; a take with scans grows by 20 kB in it
-FEWEST_HANGERS = 10  # frames with both markers; fewer are no recording of a hanger
-HARDLY_EVER = 0.1  # of the frames with both markers; fewer are most likely not what somebody wanted to record
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +42,8 @@ class RecordingReport:
 
     failure: what ended the recording after the last frame, a sensor that failed or a disk that is nearly full; None
     where it ended as it should
-    doubt: that the hanger was hardly ever seen, or not for too long, and what to do; the take was kept all the same
+    findings: what a fitter would find wrong with the take
+    doubt: why nothing can be fitted to it, and what to do; None where it can; the take was kept all the same
     """
 
     path: Path
@@ -56,6 +54,7 @@ class RecordingReport:
     is_interrupted: bool
     failure: HangtimeError | None
     doubt: CaptureError | None
+    findings: tuple[Finding, ...] = ()
 
 
 def record(
@@ -159,11 +158,7 @@ def record(
             writer.discard()
             raise failure or _no_markers(sensor.info.uri, rig, tally)
         _finish(writer, tally.with_hanger)
-    doubt: CaptureError | None = None
-    if tally.with_hanger < HARDLY_EVER * tally.frames:
-        doubt = _no_markers(out, rig, tally, kept=True)
-    elif tally.hanger_gaps.count:
-        doubt = _gap(out, tally.hanger_gaps)
+    findings = judge(read_take(out))
     return RecordingReport(
         path=out,
         frames=tally.frames,
@@ -172,7 +167,8 @@ def record(
         conditions=dict(tally.conditions.frames),
         is_interrupted=is_interrupted,
         failure=failure,
-        doubt=doubt,
+        findings=findings,
+        doubt=_doubt(out, rig, tally, findings),
     )
 
 
@@ -239,13 +235,16 @@ def _no_markers(where: object, rig: Rig, tally: Tally, *, kept: bool = False) ->
     return NoMarkersError(what, where=where, advice=advice)
 
 
-def _gap(where: Path, gaps: HangerGaps) -> HangerGapError:
-    others = f", in all {gaps.count} times for over {LONGEST_GAP:g} s" if gaps.count > 1 else ""
-    return HangerGapError(
-        f"the two hanger markers were not seen together for {gaps.longest:.1f} s from {gaps.begins:.1f} s on{others}; "
-        "the take was kept, but the hanger's path is lost there and nothing can be fitted to it",
-        where=where, advice="record it again with both markers in view from beginning to end",
-    )  # fmt: skip
+def _doubt(where: Path, rig: Rig, tally: Tally, findings: tuple[Finding, ...]) -> CaptureError | None:
+    """Return the error of the gravest finding, where that keeps anything from being fitted."""
+    if not findings or not findings[0].is_grave:
+        return None
+    worst = findings[0]
+    if worst.name == "hanger_hardly_seen":
+        return _no_markers(where, rig, tally, kept=True)
+    kind = HangerGapError if worst.name == "hanger_lost" else UnfitTakeError
+    what = f"{worst.words}; the take was kept, but nothing can be fitted to it"
+    return kind(what, where=where, advice=worst.advice)
 
 
 def _markers_of(hanger: Hanger) -> str:

@@ -1,4 +1,4 @@
-"""What a recording came to so far: frames, sights of the hanger and of each point, gaps, conditions."""
+"""What a recording came to so far: frames, sights of the hanger and of each point, losses, conditions."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import numpy as np
 
 from capture.recording.condition import Condition, ConditionWatch
 from capture.recording.frame_reader import Seen
-from capture.recording.hanger_gaps import HangerGaps
 
 
 class Tally:
@@ -15,7 +14,7 @@ class Tally:
     def __init__(self, points: int) -> None:
         self.frames = self.with_hanger = self.dropped = self.frame_gaps = 0
         self.points_seen = np.zeros(points)
-        self.conditions, self.hanger_gaps = ConditionWatch(), HangerGaps()
+        self.conditions = ConditionWatch()
         self.first = self.last = 0.0
 
     def add(self, seen: Seen) -> Condition | None:
@@ -26,8 +25,6 @@ class Tally:
         self.with_hanger += seen.has_hanger
         self.dropped += seen.dropped
         self.frame_gaps += seen.dropped > 0
-        if seen.has_hanger:
-            self.hanger_gaps.add(seen.time - self.first)
         self.points_seen += seen.frame.points_valid
         return self.conditions.add(seen.time - self.first, seen.condition)
 

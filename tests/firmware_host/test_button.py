@@ -1,4 +1,4 @@
-"""Which of a button's changes are presses: bounce, impatience and a button that is stuck, by the clock of the caller."""
+"""Which of a button's changes are presses: bounce, impatience and a stuck button, by the clock of the caller."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import pytest
 from firmware_host import button
 from firmware_host.button import DOWN, EVENT, KEY, STUCK, UP, Presses, open_contact
 from firmware_host.errors import ButtonError
-
 
 
 def counted(script):

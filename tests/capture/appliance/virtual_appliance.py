@@ -63,7 +63,8 @@ class VirtualAppliance:
         (folder / "garment.toml").write_text(dump_description(GARMENT))
         self.config.write_text(
             f'[sensor]\naddress = "live:{recording}?cord={self.cord}"\nrig = "rig.toml"\ngarment = "garment.toml"\n'
-            f'[button]\ndevice = "{self.button}"\n[lamp]\nled = "status"\nleds = "leds"\n[control]\nsocket = "control.sock"\n'
+            f'[button]\ndevice = "{self.button}"\n[lamp]\nled = "status"\nleds = "leds"\n'
+            f'[control]\nsocket = "control.sock"\n'
             f'[spool]\nfolder = "{self.spool}"\n{settings}\n'
         )
         self.process: subprocess.Popen[bytes] | None = None
@@ -76,6 +77,7 @@ class VirtualAppliance:
 
     def start(self, *, before: str = "", environment: dict[str, str] | None = None) -> None:
         """Start the daemon; before: Python to run in its process first, which stands for a bad disk and the like."""
+        (self.led / "trigger").write_text(LED_FILES["trigger"])  # the kernel's file always lists all triggers
         program = ["-m", "capture.appliance"]
         if before:
             program = ["-c", f"{before}\nfrom capture.appliance.__main__ import main\nmain()"]

@@ -1,0 +1,101 @@
+"""Is it a recording at all? What is told of a finished take, on takes of the synthetic world and spoilt ones."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import msgspec
+import numpy as np
+import pytest
+
+from capture.recording.judgement import judge
+from firmware_host.synthetic.scene import RIG, demo_garment
+from formats.take import Take
+
+FPS = 30
+
+
+def swung(seconds=6.0, reach=0.1):
+    """A skirt that hangs straight and is swung sideways by 10 cm, seen without a fault; sensor frame [m]."""
+    time = np.arange(round(seconds * FPS)) / FPS
+    moved = np.stack([reach * np.sin(2 * np.pi * time), 0 * time, 0 * time + 1.6], -1)
+    flat = np.array([point.at_m for point in demo_garment().points])
+    points = moved[:, None] + np.concatenate([flat * [1, -1], np.zeros((len(flat), 1))], 1)
+    markers = moved[:, None] + np.array([[-0.15, -0.1, 0.0], [0.15, -0.1, 0.0]])
+    return Take(
+        take_id="t", created="now", rig=RIG, garment=demo_garment(), time=time, held=points[:, :2],
+        held_valid=np.ones((len(time), 2), bool), held_sd=np.full((len(time), 2, 3), 1e-3), points=points,
+        points_valid=np.ones((len(time), len(flat)), bool), points_sd=np.full(points.shape, 3e-3),
+        state=np.zeros(len(time), np.uint16), markers=markers,
+    )  # fmt: skip
+
+
+def without_hanger(take, frames):
+    markers = take.markers.copy()
+    markers[frames] = np.nan
+    return dataclasses.replace(take, markers=markers)
+
+
+def named(take):
+    return [finding.name for finding in judge(take)]
+
+
+def test_a_whole_take_has_no_finding():
+    assert judge(swung()) == ()
+
+
+def test_a_hanger_that_was_lost_in_between_is_grave_and_told_with_its_place():
+    """Frames 30 to 59 at 30 a second: from the sight at 0.97 s to that at 2.00 s are 1.03 s."""
+    (finding,) = judge(without_hanger(swung(), slice(30, 60)))
+    assert (finding.name, finding.is_grave) == ("hanger_lost", True)
+    assert "for 1.0 s from 1.0 s on" in finding.words
+    assert named(without_hanger(swung(), slice(30, 44))) == []  # 0.5 s from sight to sight can be led across
+    assert named(without_hanger(swung(), slice(0, 60))) == []  # comes late
+
+
+def test_a_hanger_that_was_hardly_seen_is_the_only_finding():
+    (finding,) = judge(without_hanger(swung(), slice(9, None)))
+    assert (finding.name, finding.is_grave) == ("hanger_hardly_seen", True)
+    assert "in 9 of 180 frames" in finding.words
+
+
+def test_swapped_markers_are_grave():
+    take = swung()
+    found = judge(dataclasses.replace(take, markers=take.markers[:, ::-1]))
+    assert [(finding.name, finding.is_grave) for finding in found] == [("markers_swapped", True)]
+
+
+@pytest.mark.parametrize(("told", "names"), [(0.305, []), (0.295, []), (0.315, ["markers_wrong_distance"])])
+def test_a_wrong_marker_distance_is_told_from_three_percent_on(told, names):
+    """The markers are 300 mm apart."""
+    rig = msgspec.structs.replace(RIG, hanger=msgspec.structs.replace(RIG.hanger, marker_distance_m=told))
+    assert named(dataclasses.replace(swung(), rig=rig)) == names
+
+
+def test_a_hanger_that_moves_by_two_centimetres_hardly_moves():
+    (finding,) = judge(swung(reach=0.01))
+    assert (finding.name, finding.is_grave) == ("hardly_moved", False)
+    assert "20 mm at most" in finding.words
+    assert named(swung(reach=0.02)) == []
+
+
+def test_points_that_were_never_seen_are_named():
+    take = swung()
+    take.points_valid[:, 2] = False
+    (finding,) = judge(take)
+    assert finding.words == "bottom_right was never seen"
+    take.points_valid[:] = False
+    assert named(take) == ["garment_never_seen"]
+
+
+@pytest.mark.parametrize(
+    ("scale", "names"), [(0.8, ["garment_smaller"]), (0.9, []), (1.05, []), (1.2, ["garment_larger"])]
+)
+def test_a_garment_of_another_size_than_its_file_says_is_told(scale, names):
+    take = swung()
+    middle = take.points.mean(1, keepdims=True)
+    assert named(dataclasses.replace(take, points=middle + scale * (take.points - middle))) == names
+
+
+def test_a_take_of_two_seconds_is_too_short():
+    assert named(swung(seconds=2.0)) == ["too_short"]

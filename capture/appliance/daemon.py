@@ -33,7 +33,7 @@ from formats.errors import HangtimeError, OutputError
 
 WAIT = 0.07  # s that the loop waits for a frame: a press must count within 100 ms
 RESTING = {State.READY, State.SYNCING, State.FAULT}  # where only a frame now and then is looked at
-LOOK_EVERY = 0.7  # s from one look for the hanger to the next while it is not in view
+LOOK_EVERY = 1.1  # s from one look for the hanger to the next while it is not in view
 GONE_AFTER = 5.0  # s without the hanger after which nothing before a press is held any more
 KEEP_HOUSE = 1.0  # s from one look at disk, voltage and sync to the next
 TRY_AGAIN = 2.0  # s from one try to use a spool that failed to the next
@@ -361,7 +361,7 @@ class Appliance:
             state=self.machine.state, faults=self.faults, counts=self.counts, now=now,
             light=self._light(now), running=None if self._take is None else self._take.now(),
             condition=self._condition, pre_roll_s=self._pre_roll.span, behind_s=self._disk.behind(now),
-            sync=self._sync.told, config=self._in_force,
+            sync=self._sync.told(), config=self._in_force,
         )  # fmt: skip
 
     def _light(self, now: float) -> Any:

@@ -50,7 +50,7 @@ def report(
         "frames": counts.frames, "dropped": counts.dropped, "gaps": counts.gaps,
         "takes": counts.takes, "waiting": counts.waiting, "salvaged": counts.salvaged,
         "bytes_kept": counts.bytes_kept, "free_bytes": counts.free_bytes, "last_take": counts.last_take,
-        "sync": sync, "last_sync": sync.get("last_sync"), "last_proof": sync.get("last_proof"),
+        "sync": sync, "last_sync": sync["last_sync"], "last_proof": sync["last_proof"],
         "clock": {"utc": clock.utc, "source": clock.source, "uncertainty_s": clock.uncertainty_s},
         "running_s": round(now - counts.begun_s, 1), "sensor": config.config.sensor.address,
         "garment": config.garment.name,
@@ -75,7 +75,7 @@ def lines(told: dict[str, Any]) -> list[str]:
     )
     salvaged = f", {told['salvaged']} of them salvaged after a crash" if told["salvaged"] else ""
     said.append(f"takes: {told['takes']}, {told['waiting']} of them wait for the server{salvaged}")
-    said.append(f"last sync: {told['last_sync'] or 'never'}; last proof: {told['last_proof'] or 'never'}")
+    said += told["sync"]["says"]
     clock = told["clock"]
     off = "" if clock["uncertainty_s"] is None else f", off by {clock['uncertainty_s']:.3f} s at most"
     set_by = {"NTP": "set by the network", "RTC": "from the board's battery clock", "none": "set by nobody"}

@@ -1,7 +1,8 @@
-"""What `hangtime sync`, a process of its own, says of itself: it writes a file beside the takes."""
+"""What `hangtime sync`, a process of its own, says of itself, as far as the daemon shows it."""
 
 from __future__ import annotations
 
+import contextlib
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -9,11 +10,12 @@ from typing import Any
 import msgspec
 
 from capture.appliance.sync_status import FILE, SyncStatus, is_syncing, proved, read_status, sentences
-from formats.errors import HangtimeError, OutputError
+from capture.errors import SyncError
+from formats.errors import HangtimeError
 
 
 class SyncNews:
-    """The last that sync has said, and whether it sends takes right now."""
+    """The last that sync has said, and whether it is sending; nothing where it never ran."""
 
     def __init__(self, spool: Path) -> None:
         self._spool = spool
@@ -22,31 +24,39 @@ class SyncNews:
         self.is_sending = False
 
     def look(self) -> None:
-        """Read the file if it has changed, and ask whether sync runs: one that was killed sends nothing."""
+        """Read what sync has written since the last call."""
         self.is_sending = is_syncing(self._spool)
-        try:
+        changed_at = 0
+        with contextlib.suppress(OSError):
             changed_at = (self._spool / FILE).stat().st_mtime_ns
-        except OSError:
-            return
         if changed_at != self._read_at:
-            self._read_at = changed_at
-            self._status = read_status(self._spool) or self._status
-
-    @property
-    def told(self) -> dict[str, Any]:
-        """How sync stands; empty where it never ran. `last_proof` and `says` are words."""
-        if self._status is None:
-            return {}
-        now = datetime.now(UTC).astimezone()
-        return {
-            **msgspec.to_builtins(self._status), "last_proof": proved(self._status.proof, now),
-            "says": sentences(self._status, now),
-        }  # fmt: skip
+            self._read_at, self._status = changed_at, read_status(self._spool)
 
     @property
     def error(self) -> HangtimeError | None:
-        """Why it cannot send, in the server's own words."""
-        if self._status is None or self._status.fault is None:
+        """Why takes are not safe, in the server's own words; None where nothing is wrong."""
+        status = self._status
+        if status is None:
             return None
-        fault = self._status.fault
-        return OutputError(f"takes are not sent: {fault.sentence}", advice=fault.advice)
+        if status.fault is not None:
+            return SyncError(f"takes are not sent: {status.fault.sentence}", advice=status.fault.advice)
+        if status.proof is not None and status.proof.is_bad:
+            what = f"the server's copy of take {status.proof.sequence} is {status.proof.outcome}"
+            return SyncError(what, advice="check the server's disk; see `hangtime sync status`")
+        if status.damaged:
+            names = ", ".join(str(number) for number in status.damaged)
+            return SyncError(
+                f"this device's disk changed takes after they were kept: {names}", advice="replace the disk"
+            )
+        return None
+
+    def told(self) -> dict[str, Any]:
+        """Return it for `status`: sync's own words, when it last sent and when it last proved a take."""
+        now = datetime.now(UTC).astimezone()
+        return {
+            "is_sending": self.is_sending,
+            "says": sentences(self._status, now),
+            "last_sync": None if self._status is None else self._status.last_sync,
+            "last_proof": None if self._status is None else proved(self._status.proof, now),
+            "status": None if self._status is None else msgspec.to_builtins(self._status),
+        }

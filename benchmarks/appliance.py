@@ -1,0 +1,150 @@
+"""The appliance's figures, from the real daemon: start, memory, processor, reaction to the button, and kills.
+
+The sensor is a drawn recording that is played as a live one (30 frames a second, 640 x 480), the button a pipe of input
+events, the lamp a folder. Playing the recording costs memory and time of the daemon's own process; its thread's time is
+told apart. After each kill the daemon is started again by nobody but this script, as systemd would.
+
+Run: python benchmarks/appliance.py [--seconds 20] [--kills 25] [--seed 1]. 500 kills take about an hour.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import random
+import signal
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import psutil
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT))
+
+FPS = 30
+TARGETS = {
+    "start to ready": (3.0, "s"), "memory, ready": (70.0, "MB"), "memory, recording": (110.0, "MB"),
+    "processor, ready": (2.0, "% of a core"), "press to first frame": (100.0, "ms"),
+}  # fmt: skip
+TAKE_SECONDS = 6.0  # of a take that may be killed
+SLACK = 2.0  # s of the running take that a kill may cost
+
+
+def resident(process: psutil.Process) -> float:
+    """Return the memory of a process that is in use now [MB = 10^6 bytes]."""
+    return process.memory_info().rss / 1e6
+
+
+def spent(process: psutil.Process) -> tuple[float, float]:
+    """Return the processor time [s] of a process, and the part of it that fetched frames: its busiest other thread."""
+    times = process.cpu_times()
+    others = [thread.user_time + thread.system_time for thread in process.threads() if thread.id != process.pid]
+    return times.user + times.system, max(others, default=0.0)
+
+
+def measure(seconds: float, folder: Path) -> dict[str, float]:
+    """Start the daemon before a bare wall and before a hanger; return the figures by the names of `TARGETS`."""
+    from tests.capture.appliance.virtual_appliance import VirtualAppliance, draw_recording
+
+    found: dict[str, float] = {}
+    for name, has_hanger in (("wall", False), ("hanger", True)):
+        recording = folder / f"{name}.oni"
+        draw_recording(recording, fps=FPS, seconds=2.0, has_hanger=has_hanger)
+        with VirtualAppliance(folder / name, recording) as appliance:
+            begun = time.monotonic()
+            appliance.start()
+            appliance.wait_for("ready", "armed")
+            found["start to ready"] = max(found.get("start to ready", 0.0), time.monotonic() - begun)
+            process = psutil.Process(appliance.process.pid)
+            if has_hanger:
+                appliance.wait_until(lambda told: told["pre_roll_s"] >= 2.0, "armed")
+                begun = time.monotonic()
+                appliance.press()
+                told = appliance.wait_for("recording")
+                found["press to first frame"] = 1e3 * (time.monotonic() - begun)
+                found["pre-roll"] = told["recording"]["pre_roll_s"]
+            before, fetched = spent(process)
+            begun, most = time.monotonic(), 0.0
+            while time.monotonic() - begun < seconds:
+                time.sleep(0.25)
+                most = max(most, resident(process))
+            after, fetched_after = spent(process)
+            took = time.monotonic() - begun
+            kind = "recording" if has_hanger else "ready"
+            found[f"memory, {kind}"] = most
+            found[f"processor, {kind}"] = 100 * (after - before) / took
+            found[f"of this the player, {kind}"] = 100 * (fetched_after - fetched) / took
+            if has_hanger:
+                told = appliance.ask("status")["recording"]
+                found["frames"], found["dropped"] = told["frames"], told["dropped"]
+    return found
+
+
+def kill_often(kills: int, seed: int, folder: Path) -> dict[str, float]:
+    """Kill the daemon at random moments of recording and saving; return what became of the takes."""
+    from capture.appliance.spool import Spool
+    from formats.archive import read_take, verify_take
+    from tests.capture.appliance.virtual_appliance import VirtualAppliance, draw_recording
+
+    rng = random.Random(seed)
+    recording = folder / "swing.oni"
+    draw_recording(recording, fps=15, seconds=2.0)
+    promised: dict[int, float] = {}  # seconds that a take had at most SLACK before the kill, or when it was kept
+    found = {"kills": 0, "lost": 0, "doubled": 0, "damaged": 0, "most lost of a running take": 0.0}
+    with VirtualAppliance(folder / "kills", recording) as appliance:
+        for _ in range(kills):
+            appliance.start()
+            appliance.wait_for("armed")
+            appliance.ask("start")
+            until = time.monotonic() + rng.uniform(0.0, TAKE_SECONDS)
+            seconds = 0.0
+            while time.monotonic() < until:
+                running = appliance.ask("status")["recording"]
+                seconds = running["seconds"] if running else seconds
+                time.sleep(0.01)
+            number = int((appliance.spool / "sequence").read_text())
+            if rng.random() < 0.5:
+                appliance.ask("stop")
+                time.sleep(rng.uniform(0.0, 0.05))
+            appliance.kill(signal.SIGKILL)
+            found["kills"] += 1
+            promised[number] = seconds
+        appliance.start()
+        appliance.wait_for("armed")
+        appliance.kill(signal.SIGTERM)
+        kept = {take.sequence: take for take in Spool(appliance.spool).takes()}
+        found["doubled"] = len(Spool(appliance.spool).takes()) - len(kept)
+        for number, seconds in promised.items():
+            if number not in kept:
+                found["lost"] += seconds > SLACK
+                continue
+            found["damaged"] += not verify_take(kept[number].path).is_sound
+            times = read_take(kept[number].path).time
+            missing = seconds - float(times[-1] - times[0])
+            found["most lost of a running take"] = max(found["most lost of a running take"], missing)
+    return found
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=20.0, help="for so long each state is watched")
+    parser.add_argument("--kills", type=int, default=25)
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
+    with tempfile.TemporaryDirectory() as folder:
+        for name, value in measure(options.seconds, Path(folder)).items():
+            target = TARGETS.get(name)
+            beside = "" if target is None else f"   (target at most {target[0]:g} {target[1]})"
+            print(f"{name:32} {value:8.2f}{beside}")
+        if options.kills:
+            for name, value in kill_often(options.kills, options.seed, Path(folder)).items():
+                beside = {"most lost of a running take": f"   (target at most {SLACK:g} s)", "kills": ""}
+                print(f"{name:32} {value:8.2f}{beside.get(name, '   (target 0)')}")
+
+
+if __name__ == "__main__":
+    main()

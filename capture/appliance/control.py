@@ -144,13 +144,16 @@ def listen(path: Path, do: str) -> Iterator[dict[str, Any]]:
         ControlError: as `ask`.
     """
     with _connected(path) as connection:
-        connection.sendall(json.dumps({"do": do}).encode() + b"\n")
+        with contextlib.suppress(ConnectionError):  # it hung up, which the next line tells
+            connection.sendall(json.dumps({"do": do}).encode() + b"\n")
         with connection.makefile("rb") as answers:
             connection.settimeout(PATIENCE)
             count = 0
             while True:
                 try:
                     line = answers.readline()
+                except ConnectionError:
+                    line = b""
                 except TimeoutError:
                     raise ControlError(
                         f"the daemon has not answered for {PATIENCE:g} s", where=path,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from formats.arrays import Floats
+from formats.arrays import Booleans, Floats
 from formats.take import LONGEST_GAP, Take
 
 SHORTEST = 2.5  # s: a shorter take is not diagnosed, see the reference of the diagnosis
@@ -41,7 +41,7 @@ class Finding:
 
 def judge(take: Take) -> tuple[Finding, ...]:
     """Return what a fitter would find wrong with a take, the grave findings first; nothing where all is well."""
-    has_hanger = np.isfinite(take.markers).all((1, 2))
+    has_hanger = np.asarray(np.isfinite(take.markers).all((1, 2)))
     if has_hanger.sum() < max(FEWEST_HANGERS, HARDLY_EVER * len(take.time)):
         return (
             Finding(
@@ -55,7 +55,7 @@ def judge(take: Take) -> tuple[Finding, ...]:
     return tuple(sorted(found, key=lambda one: not one.is_grave))
 
 
-def _hanger_gaps(take: Take, has_hanger: np.ndarray) -> list[Finding]:  # type: ignore[type-arg]
+def _hanger_gaps(take: Take, has_hanger: Booleans) -> list[Finding]:
     times = take.time[has_hanger]
     steps = np.diff(times)
     if not len(steps) or steps.max() <= LONGEST_GAP:
@@ -83,7 +83,7 @@ def _length(take: Take) -> list[Finding]:
     ]  # fmt: skip
 
 
-def _markers(take: Take, has_hanger: np.ndarray) -> list[Finding]:  # type: ignore[type-arg]
+def _markers(take: Take, has_hanger: Booleans) -> list[Finding]:
     if take.rig.hanger is None:
         return []
     apart = take.markers[has_hanger, 1] - take.markers[has_hanger, 0]
@@ -109,7 +109,7 @@ def _markers(take: Take, has_hanger: np.ndarray) -> list[Finding]:  # type: igno
     return found
 
 
-def _motion(take: Take, has_hanger: np.ndarray) -> list[Finding]:  # type: ignore[type-arg]
+def _motion(take: Take, has_hanger: Booleans) -> list[Finding]:
     middle = take.markers[has_hanger].mean(1)
     low, high = np.percentile(middle, [1, 99], axis=0)  # noise of single frames is no motion
     reach = float(np.linalg.norm(high - low))
@@ -126,7 +126,7 @@ def _motion(take: Take, has_hanger: np.ndarray) -> list[Finding]:  # type: ignor
 
 def _points(take: Take) -> list[Finding]:
     names = take.garment.point_names
-    never = [name for name, valid in zip(names, take.points_valid.any(0), strict=True) if not valid]
+    never = [name for name, valid in zip(names, np.asarray(take.points_valid.any(0)), strict=True) if not valid]
     if not never:
         return []
     if len(never) == len(names):

@@ -50,7 +50,7 @@ RULES = (
     Rule(r"hangtime (?:takes (?:show|verify)|fabric|markers print|swatch) ", "quick"),
     Rule(r"hangtime import (?!demo-swatch)", "quick"),
     Rule(r"hangtime (?:sensor synthesise-swatch|import) ", "slow"),  # the second needs what the first makes
-    Rule(r"hangtime sensor doctor synthetic:", "slow"),
+    Rule(r"hangtime sensor doctor synthetic:", "slow", (("synthetic:swing", "'synthetic:swing?seconds=1'"),)),
     Rule(r"hangtime calibrate ", "slow", (("openni2:", "'synthetic:gentle?seconds=3'"),)),
     Rule(r"hangtime record .*--out swing", "slow", (("openni2:", "'synthetic:swing?seconds=3'"), AS_NEW)),
     Rule(r"hangtime record .*--out gentle", "slow", (("openni2:", "'synthetic:gentle?seconds=3'"), AS_NEW)),

@@ -14,6 +14,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from docs.generator import commands, effects, equations
+from docs.generator.shown import with_shown_files
 
 project = "Hangtime"
 author = "the authors of Hangtime"
@@ -43,10 +44,16 @@ GENERATED: dict[str, Callable[[], str]] = {
 
 
 def fill_in(app: Any, docname: str, source: list[str]) -> None:
-    """Put generated text into a page that asks for it."""
+    """Put generated text and files from beside `docs/` into a page that asks for them."""
+    source[0] = whole_page(source[0], f"docs/{docname}.md")
+
+
+def whole_page(text: str, page: str) -> str:
+    """Return the text of a page, given by its file from the root, with all that is put into it."""
     for marker, make in GENERATED.items():
-        if marker in source[0]:
-            source[0] = source[0].replace(marker, make())
+        if marker in text:
+            text = text.replace(marker, make())
+    return with_shown_files(text, page)
 
 
 def setup(app: Any) -> dict[str, bool]:

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from docs.conf import GENERATED
+from docs.conf import whole_page
 from docs.generator import commands, effects, equations
+from docs.generator.shown import with_shown_files
 from fit.effects import LIBRARY
 
 ROOT = Path(__file__).parent.parent
@@ -29,12 +30,8 @@ def name_of(path: Path) -> str:
 
 @cache
 def whole_text(page: Path) -> str:
-    """A page's text with what is generated or included in it."""
-    text = page.read_text()
-    for marker, make in GENERATED.items():
-        if marker in text:
-            text = text.replace(marker, make())
-    return re.sub(r"```\{include\} (\S+)\n.*?```", lambda m: (page.parent / m[1]).read_text(), text, flags=re.DOTALL)
+    """A page's text with what is generated or shown in it."""
+    return whole_page(page.read_text(), name_of(page))
 
 
 @cache
@@ -69,6 +66,14 @@ def test_a_link_to_no_file_and_one_to_no_heading_are_both_found(tmp_path: Path) 
     page = tmp_path / "page.md"
     page.write_text("# A title\n\n[a](page.md#a-title) [b](page.md#another) [c](missing.md) [d](https://example.org)\n")
     assert dead_links(page) == ["page.md: page.md#another", "page.md: missing.md"]
+
+
+def test_a_link_from_a_shown_file_holds_where_the_page_is() -> None:
+    """The file lies in `benchmarks/`, and the page that shows it in `docs/reference/`."""
+    text = with_shown_files("[a](../docs/decisions/x.md#y) [b](peers.py) [c](../formats/SPEC.md)", "benchmarks/a.md")
+    assert text == "[a](../docs/decisions/x.md#y) [b](peers.py) [c](../docs/reference/take-archive.md)"
+    shown = with_shown_files("<!-- shown: benchmarks/README.md -->", "docs/reference/benchmarks.md")
+    assert "(../decisions/0032-what-rounding-loses-is-kept.md)" in shown
 
 
 def test_every_page_that_code_names_exists() -> None:

@@ -46,7 +46,7 @@ RULES = (
     parsed(r"HANGTIME_MUJOCO_PYTHON=", "needs MuJoCo"),
     parsed(r".*(?:swung-cloth/|--real takes)", "needs real recordings"),
     parsed(r"hangtime blind (?:run|score|strike|report)", "the blind check's tests run these, a case at a time"),
-    parsed(r"hangtime sensor (?:list|info|log|led|reset)|hangtime sensor doctor(?! synthetic)", "needs a device"),
+    parsed(r"\S*hangtime sensor (?:list|info|log|led|reset|play openni2:|doctor(?! synthetic))", "needs a device"),
     Rule(r"hangtime (?:takes (?:show|verify)|fabric|markers print|swatch) ", "quick"),
     Rule(r"hangtime import (?!demo-swatch)", "quick"),
     Rule(r"hangtime (?:sensor synthesise-swatch|import) ", "slow"),  # the second needs what the first makes

@@ -14,7 +14,6 @@ from formats.errors import TakeError
 from formats.integers import Integers, decode_tables, encode_tables
 
 MOST_ROWS = 4096  # frames of a block: a second of the fastest cameras
-MOST_POINTS = 2000  # tracked points of a garment; motion capture of cloth has some hundred
 TICKS = 10**6  # a second
 LATEST = 10**16  # ticks, three centuries, in which sums of seconds still keep their microseconds
 STEPS = np.array([1e-4, 2e-5, 1e-6])  # m: places are stored in the coarsest that is a tenth of each deviation

@@ -21,7 +21,9 @@ def add_commands(app: typer.Typer) -> None:
 def import_recordings(
     paths: Annotated[
         list[Path],
-        typer.Argument(metavar="FILE...", help="Motion capture (.c3d, .csv) or swung-cloth recordings (.npz)."),
+        typer.Argument(
+            metavar="FILE...", help="Motion capture (.c3d, .trc, .csv, .tsv) or swung-cloth recordings (.npz)."
+        ),
     ],
     garment: Annotated[
         Path | None,
@@ -33,6 +35,16 @@ def import_recordings(
         typer.Option("--frames", min=1, help="Keep so many frames from the beginning (motion capture).",
                      show_default="all"),
     ] = None,
+    unit: Annotated[
+        str | None,
+        typer.Option("--unit", help="Unit of lengths where the file states none: m, cm, mm, in (motion capture).")
+    ] = None,
+    subject: Annotated[
+        str, typer.Option("--subject", help="Whose markers, where several have the same names (motion capture).")
+    ] = "",
+    anyway: Annotated[
+        bool, typer.Option("--anyway", help="Believe sizes, weights and times that no cloth or camera has.")
+    ] = False,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the takes; made if absent.")] = Path(
         "takes"
     ),
@@ -42,11 +54,13 @@ def import_recordings(
     from formats.archive import write_take
     from formats.descriptions import load_garment
     from formats.errors import OutputError, TakeError
-    from formats.importers.swatch_mocap import import_marker_take
+    from formats.importers.marker_tracks import ENDINGS
+    from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
     from formats.importers.swung_cloth import import_swung_cloth
     from formats.outputs import check_name, refuse_to_replace, write_description
 
-    described = load_garment(garment) if garment is not None else None
+    described = load_garment(garment, anyway=anyway) if garment is not None else None
+    options = MarkerOptions(up=up, frames=frames, unit=unit, subject=subject, anyway=anyway)
     takes = []
     for path in paths:
         check_name(path)
@@ -56,13 +70,13 @@ def import_recordings(
             )
         if not overwrite:
             refuse_to_replace(out / f"{path.stem}.mcap")
-        if path.suffix.lower() in (".c3d", ".csv"):
+        if path.suffix.lower() in ENDINGS:
             if described is None:
                 raise TakeError(
                     "motion capture needs to know the garment", where=path,
                     advice="give --garment FILE; `hangtime swatch` writes one",
                 )  # fmt: skip
-            takes.append(import_marker_take(path, described, up=up, frames=frames))
+            takes.append(import_marker_take(path, described, options))
         else:
             takes.append(import_swung_cloth(path))
     for take in takes:

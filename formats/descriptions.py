@@ -15,10 +15,14 @@ import numpy as np
 
 from formats.errors import DescriptionError
 from formats.garment import Garment, signed_area
+from formats.plausible import check_plausible_garment, check_plausible_rig
 from formats.rig import Rig
 
 Description = TypeVar("Description", Garment, Rig)
 
+LONGEST_TEXT = 1 << 20  # letters of a file
+MOST_POINTS = 2000  # tracked; motion capture of cloth has some hundred
+MOST_CORNERS = 1000  # of an outline, and of all holes together
 HEAVIEST = 50.0  # kg
 DEPTH_SCALES = 0.8, 1.25  # measured over true depth; farther off, a distance was measured wrong
 LARGEST_OFFSET = 30.0  # px between depth and colour; PrimeSense's unregistered images differ by up to this at 0.8 m
@@ -32,25 +36,29 @@ THINNEST_BODY, LARGEST_BODY = 0.01, 10.0  # m of radius: thinner ones slip throu
 ON_OUTLINE = 2e-3  # m by which a tracked point may lie outside the outline
 
 
-def load_garment(path: Path) -> Garment:
-    """Read a garment description.
+def load_garment(path: Path, *, anyway: bool = False) -> Garment:
+    """Read a garment description; anyway: whether sizes and weights that no cloth has are believed.
 
     Raises:
-        DescriptionError: the file is missing, malformed or impossible; names the field.
+        DescriptionError: the file is missing, malformed, impossible or implausible; names the field.
     """
     garment = _load(path, Garment)
     check_garment(garment, path)
+    if not anyway:
+        check_plausible_garment(garment, path)
     return garment
 
 
-def load_rig(path: Path) -> Rig:
-    """Read a rig description.
+def load_rig(path: Path, *, anyway: bool = False) -> Rig:
+    """Read a rig description; anyway: whether sizes that no hanger has are believed.
 
     Raises:
-        DescriptionError: the file is missing, malformed or impossible; names the field.
+        DescriptionError: the file is missing, malformed, impossible or implausible; names the field.
     """
     rig = _load(path, Rig)
     check_rig(rig, path)
+    if not anyway:
+        check_plausible_rig(rig, path)
     return rig
 
 
@@ -80,7 +88,12 @@ def _toml(value: Any) -> str:
 
 def _load(path: Path, kind: type[Description]) -> Description:
     try:
-        text = path.read_text(encoding="utf-8")
+        with path.open(encoding="utf-8-sig") as file:  # editors of other systems put a mark before the first letter
+            text = file.read(LONGEST_TEXT + 1)
+        if len(text) > LONGEST_TEXT:
+            raise DescriptionError(
+                f"has more than {LONGEST_TEXT} letters, which no description has", where=path, advice="check the path"
+            )
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
         raise DescriptionError(f"cannot be read ({reason})", where=path, advice="check the path") from error
@@ -137,6 +150,11 @@ def check_garment(garment: Garment, where: object) -> None:
     if garment.layers < 1:
         refuse(f"layers must be 1 or more (got {garment.layers})")
     outline = np.array(garment.outline_m, float)
+    holes = sum(len(hole) for hole in garment.holes_m)
+    if max(len(outline), holes) > MOST_CORNERS:
+        refuse(f"outline_m has {len(outline)} corners and holes_m {holes}, at most {MOST_CORNERS} each can be used")
+    if len(garment.points) > MOST_POINTS:
+        refuse(f"points: {len(garment.points)} are more than the {MOST_POINTS} that a take holds")
     if len(outline) < 3:
         refuse(f"outline_m needs 3 corners or more (got {len(outline)})")
     if garment.area_m2 < 1e-4:
@@ -258,25 +276,20 @@ def _distances_to_sides(place: np.ndarray[Any, Any], polygon: np.ndarray[Any, An
 
 
 def _crosses_itself(outline: np.ndarray[Any, Any]) -> bool:
-    count = len(outline)
-    sides = [(outline[i], outline[(i + 1) % count]) for i in range(count)]
-    return any(_cross(sides[i], sides[j]) for i in range(count) for j in range(i + 2, count) if (j + 1) % count != i)
-
-
-def _cross(one: tuple[Any, Any], other: tuple[Any, Any]) -> bool:
-    """Whether two sides cross, each given by its ends."""
-
-    def side(a: Any, b: Any, c: Any) -> float:
-        return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
-
-    (a, b), (c, d) = one, other
-    return side(a, b, c) * side(a, b, d) < 0 and side(c, d, a) * side(c, d, b) < 0
+    return _meet(outline, outline)  # neighbouring sides share an end, which is no crossing
 
 
 def _meet(one: np.ndarray[Any, Any], other: np.ndarray[Any, Any]) -> bool:
-    """Whether the sides of two polygons cross."""
-    sides = [list(zip(loop, np.roll(loop, -1, axis=0), strict=True)) for loop in (one, other)]
-    return any(_cross(a, b) for a in sides[0] for b in sides[1])
+    """Whether sides of two polygons cross: each parts the other's two ends."""
+
+    def hands(polygon: np.ndarray[Any, Any], places: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+        along = np.roll(polygon, -1, axis=0) - polygon
+        to = places[None] - polygon[:, None]
+        return np.asarray(along[:, None, 0] * to[..., 1] - along[:, None, 1] * to[..., 0])
+
+    of_other, of_one = hands(one, other), hands(other, one)
+    parts = of_other * np.roll(of_other, -1, axis=1) < 0
+    return bool((parts & (of_one * np.roll(of_one, -1, axis=1) < 0).T).any())
 
 
 def _distance_outside(place: np.ndarray[Any, Any], outline: np.ndarray[Any, Any]) -> float:

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from formats import version_1
-from formats.blocks import LATEST, MOST_POINTS, MOST_ROWS, STEPS, TICKS, Columns, decode_blocks, widths
+from formats.blocks import LATEST, MOST_ROWS, STEPS, TICKS, Columns, decode_blocks, widths
 from formats.chunks import MAGIC, Findings, messages_in, profile_of
 from formats.descriptions import check_garment, check_rig
 from formats.errors import DescriptionError, TakeError
@@ -322,7 +322,7 @@ def _decoded(
                 lost += 1
         names = decoded[0] if decoded else {}
         return {name: np.concatenate([one[name] for one in decoded]) for name in names}, kept, lost
-    if not fitting or points > MOST_POINTS:
+    if not fitting:
         return {}, [], lost + len(fitting)
     columns, sound = decode_blocks(fitting, points)
     kept = [block for block, good in zip(fitting, sound, strict=True) if good]

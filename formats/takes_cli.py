@@ -1,7 +1,8 @@
-"""`hangtime takes`: list, show, verify and recover take archives."""
+"""`hangtime takes`: list, show, verify, recover and export take archives."""
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -10,12 +11,22 @@ import typer
 Takes = Annotated[list[Path], typer.Argument(metavar="TAKE...", help="Take archives (.mcap).")]
 
 
+class ExportKind(StrEnum):
+    """File formats that takes are written in for other programs."""
+
+    CSV = "csv"
+    C3D = "c3d"
+    NPZ = "npz"
+    PARQUET = "parquet"
+
+
 def add_takes_commands(takes: typer.Typer) -> None:
     """Add the commands to `hangtime takes`."""
     takes.command("list")(list_takes)
     takes.command("show")(show_take)
     takes.command("verify")(verify_takes)
     takes.command("recover")(recover_takes)
+    takes.command("export")(export_takes)
 
 
 def list_takes(
@@ -131,3 +142,37 @@ def recover_takes(
         told = f"missing: {lost}" if lost else "nothing is missing"
         scans = f", {report.missing_scans} scans of the surface are lost" if report.missing_scans else ""
         typer.echo(f"{plain(target)}: {len(take.time)} frames, {told}{scans}")
+
+
+def export_takes(
+    paths: Takes,
+    to: Annotated[ExportKind, typer.Option("--to", help="File format.")],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="PATH", help="Folder for the files; with parquet, one file of all takes.")
+    ],
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what is already there.")] = False,
+) -> None:
+    """Write takes for other programs: marker paths as CSV or C3D, arrays as NPZ, all takes as one Parquet table."""
+    from formats.archive import read_take
+    from formats.errors import OutputError
+    from formats.exporters.arrays import write_npz, write_parquet
+    from formats.exporters.marker_files import write_c3d, write_csv
+    from formats.outputs import make_output_folder, refuse_to_replace
+    from formats.plain_text import plain
+
+    writers = {ExportKind.CSV: write_csv, ExportKind.C3D: write_c3d, ExportKind.NPZ: write_npz}
+    targets = [out if to is ExportKind.PARQUET else out / f"{path.stem}.{to.value}" for path in paths]
+    for target in targets:
+        if targets.count(target) > 1 and to is not ExportKind.PARQUET:
+            raise OutputError(f"two takes would become {target.name}", where=out, advice="export one of them elsewhere")
+        if not overwrite:
+            refuse_to_replace(target)
+    if to is ExportKind.PARQUET:
+        write_parquet(out, [read_take(path) for path in paths])
+        typer.echo(f"{plain(out)}: {len(paths)} takes")
+        return
+    make_output_folder(out)
+    for path, target in zip(paths, targets, strict=True):
+        take = read_take(path)
+        writers[to](target, take)
+        typer.echo(f"{plain(target)}: {len(take.time)} frames")

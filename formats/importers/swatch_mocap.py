@@ -9,6 +9,7 @@ held corners mean a wrong axis that points up.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -17,8 +18,8 @@ import numpy as np
 from formats.arrays import Floats
 from formats.errors import TakeError
 from formats.garment import Garment
-from formats.importers.frame_times import check_seconds
 from formats.importers.marker_tracks import MarkerTracks, read_marker_tracks
+from formats.plausible import check_plausible_times
 from formats.rig import Rig, Vector
 from formats.take import FrameState, Take
 
@@ -33,17 +34,34 @@ DOWN: dict[str, Vector] = {
 }  # fmt: skip
 
 
-def import_marker_take(path: Path, garment: Garment, *, up: str = "z", frames: int | None = None) -> Take:
-    """Return the take in a `.c3d` or `.csv` file of marker paths; `frames` keeps only so many from its beginning.
+@dataclass(frozen=True, kw_only=True)
+class MarkerOptions:
+    """How a file of marker paths is to be understood.
+
+    up: the axis that points up; frames: keep only so many from the beginning; unit: of lengths, where the file states
+    none; subject: whose markers, where several have the same names; anyway: whether implausible times are believed
+    """
+
+    up: str = "z"
+    frames: int | None = None
+    unit: str | None = None
+    subject: str = ""
+    anyway: bool = False
+
+
+def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | None = None) -> Take:
+    """Return the take in a file of marker paths.
 
     Raises:
         TakeError: the file cannot be read, has too few frames, times that are not in seconds, or markers that do not
             fit the garment.
     """
+    options = options or MarkerOptions()
+    up = options.up
     if up not in DOWN:
         raise TakeError(f"there is no axis {up!r}", where="--up", advice=f"choose of {', '.join(DOWN)}")
-    tracks = read_marker_tracks(path)
-    time, positions = _of_garment(tracks, garment, path, frames)
+    tracks = read_marker_tracks(path, options.unit)
+    time, positions = _of_garment(tracks, garment, path, options)
     left, right = _held_markers(garment, path)
     _check_distances(positions, garment, (left, right), path)
     _check_up(positions, garment, (left, right), path, up)
@@ -61,9 +79,11 @@ def import_marker_take(path: Path, garment: Garment, *, up: str = "z", frames: i
     )  # fmt: skip
 
 
-def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, frames: int | None) -> tuple[Floats, Floats]:
+def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, options: MarkerOptions) -> tuple[Floats, Floats]:
     """Time and the garment's markers in its order."""
-    absent = [name for name in garment.point_names if name not in tracks.labels]
+    frames = options.frames
+    found = {name: tracks.columns_named(name, options.subject) for name in garment.point_names}
+    absent = [name for name in garment.point_names if not found[name]]
     if absent:
         raise TakeError(
             f"{len(absent)} of the garment's {len(garment.points)} markers are not in the file, first {absent[0]!r} "
@@ -71,15 +91,27 @@ def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, frames: int 
             where=path,
             advice="name the garment's points as the markers are labelled",
         )
+    for name, columns in found.items():
+        if len(columns) > 1:
+            subjects = sorted({tracks.labels[k].rpartition(":")[0] for k in columns})
+            raise TakeError(
+                f"the marker {name!r} comes {len(columns)} times",
+                where=path,
+                advice=f"give --subject, one of {', '.join(subjects)}" if len(subjects) > 1
+                else "rename one and export again",
+            )  # fmt: skip
     time = tracks.time[:frames]
     if len(time) < FEWEST_FRAMES or (frames is not None and len(time) < frames):
         needed = FEWEST_FRAMES if frames is None else max(frames, FEWEST_FRAMES)
         raise TakeError(f"has {len(time)} frames, {needed} are needed", where=path, advice="record for longer")
     if not (np.isfinite(time).all() and (np.diff(time) > 0).all()):
         raise TakeError("its time does not increase from frame to frame", where=path, advice="mend the first column")
-    check_seconds(time, path)
-    columns = [tracks.labels.index(name) for name in garment.point_names]
-    return time, tracks.positions[:frames, columns]
+    if not options.anyway:
+        check_plausible_times(time, path)
+    positions = tracks.positions[:frames, [columns[0] for columns in found.values()]]
+    if not np.isfinite(positions).any():
+        raise TakeError("none of the garment's markers was ever seen", where=path, advice="export their trajectories")
+    return time, positions
 
 
 def _held_markers(garment: Garment, path: Path) -> tuple[int, int]:

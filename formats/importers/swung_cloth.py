@@ -10,17 +10,18 @@ import zipfile
 import zlib
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from formats.errors import TakeError
 from formats.garment import Garment, TrackedPoint
-from formats.importers.frame_times import check_seconds
+from formats.plausible import check_plausible_times
 from formats.rig import Rig
 from formats.take import Take
 
+MOST_BYTES = 1 << 28  # of all arrays: twenty hours at 9 frames a second are half of it
 FRAMES = -1  # as many as there are times
 SHAPES: dict[str, tuple[int, ...]] = {
     "t": (FRAMES,), "points": (FRAMES, 64, 3), "valid": (FRAMES, 64), "hanger_corners": (FRAMES, 2, 3), "rest": (64, 2),
@@ -28,7 +29,7 @@ SHAPES: dict[str, tuple[int, ...]] = {
 MEDIAN_DENSITY = 0.197  # kg/m^2, median of 618 fabrics, ClothDrapeTester (SIGGRAPH Asia 2022)
 POINT_SD = (0.0028, 0.0019, 0.0028)  # m, static noise measured on these recordings
 HELD_SD = 0.002  # m, stated by us: the robot's pose is better than the fitted offset to the corners
-WHAT_TO_GIVE = "only swung-cloth .npz files can be imported, see docs/reference/file-formats.md"
+WHAT_TO_GIVE = "give marker paths (.c3d, .trc, .csv, .tsv) or a swung-cloth .npz, see docs/reference/file-formats.md"
 
 
 def import_swung_cloth(path: Path) -> Take:
@@ -92,21 +93,32 @@ def _load(path: Path) -> dict[str, NDArray[Any]]:
     """Return the arrays that are needed, of the right shapes and kinds."""
     try:
         with path.open("rb") as file:
+            if not zipfile.is_zipfile(file):
+                raise TakeError("is no .npz archive", where=path, advice=WHAT_TO_GIVE)
+            _refuse_a_bomb(file, path)
+            file.seek(0)
             archive = np.load(file, allow_pickle=False)
-            if not isinstance(archive, np.lib.npyio.NpzFile):
-                raise TakeError("holds a single array, not an .npz archive", where=path, advice=WHAT_TO_GIVE)
             absent = [name for name in SHAPES if name not in archive]
             if absent:
                 raise TakeError(f"has no array {absent[0]!r}", where=path, advice=WHAT_TO_GIVE)
             data = {name: np.asarray(archive[name]) for name in SHAPES}
     except OSError as error:
         raise TakeError(f"cannot be read ({error.strerror or error})", where=path, advice="check the path") from error
-    except (ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+    except (ValueError, EOFError, RuntimeError, MemoryError, SyntaxError, zipfile.BadZipFile, zlib.error) as error:
         raise TakeError(
-            f"is not an .npz archive that can be read ({error})", where=path, advice=WHAT_TO_GIVE
+            "is an .npz archive that is damaged or holds objects", where=path, advice=WHAT_TO_GIVE
         ) from error
     _check_arrays(data, path)
     return data
+
+
+def _refuse_a_bomb(file: BinaryIO, path: Path) -> None:
+    """Refuse an archive whose arrays would take far more memory than any recording."""
+    with zipfile.ZipFile(file) as archive:
+        wanted = [part for part in archive.infolist() if part.filename.removesuffix(".npy") in SHAPES]
+    size = sum(part.file_size for part in wanted)
+    if size > MOST_BYTES:
+        raise TakeError(f"its arrays have {size / 1e9:.1f} GB", where=path, advice="import shorter recordings")
 
 
 def _check_arrays(data: dict[str, NDArray[Any]], path: Path) -> None:
@@ -131,4 +143,4 @@ def _check_arrays(data: dict[str, NDArray[Any]], path: Path) -> None:
             f"its time does not increase from frame to frame, first at frame {wrong[0]}, at {time[wrong[0]]:g} s",
             where=path, advice="mend 't', or leave that frame out of every array",
         )  # fmt: skip
-    check_seconds(time, path)
+    check_plausible_times(time, path)

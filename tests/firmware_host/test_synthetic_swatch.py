@@ -18,7 +18,7 @@ from firmware_host.synthetic.swatch import (
 )
 from formats.descriptions import load_garment
 from formats.errors import OutputError
-from formats.importers.swatch_mocap import import_marker_take
+from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
 from formats.swatch import SIDE, swatch
 from tests.formats.full_disk import no_file_beyond
 
@@ -78,7 +78,7 @@ def test_an_unknown_fabric_or_motion_is_refused(tmp_path):
 def test_a_made_take_is_imported_whole(tmp_path):
     """81 markers, 500 frames, 120 a second."""
     csv, truth, garment = make_swatch_take(tmp_path, fabric="polyester-rayon")
-    take = import_marker_take(csv, load_garment(garment), frames=500)
+    take = import_marker_take(csv, load_garment(garment), MarkerOptions(frames=500))
     assert take.points.shape == (500, 81, 3)
     assert take.time[-1] == pytest.approx(499 / 120, abs=1e-5)
     true = np.load(truth)

@@ -1,0 +1,98 @@
+"""Marker paths of a take as CSV or C3D: its tracked points, and the held edge's ends unless points sit there.
+
+CSV has each frame's own time, to 1 µs in time and place. C3D has one rate for the whole file: a take's frames are put
+at the nearest multiple of its median interval, and frames that are missing become gaps. Its places are 32-bit floats in
+millimetres.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from formats.arrays import Floats
+from formats.errors import TakeError
+from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
+from formats.outputs import write_bytes
+from formats.take import Take
+
+HELD = ("held_left", "held_right")
+ON_POINT = 1e-9  # m within which a held end is a tracked point
+LATE = 0.25  # of an interval that a frame may lie off its place in a file of one rate
+LONGEST = 65535 * 10  # frames
+
+
+def marker_tracks(take: Take) -> MarkerTracks:
+    """Return the paths of what a take tracks, from its first frame at 0 s."""
+    labels, positions = list(take.garment.point_names), take.points
+    apart = np.abs(take.held[:, :, None] - take.points[:, None]).max(3)
+    alike = np.where(take.held_valid[:, :, None], apart < ON_POINT, True)  # a point that was not seen is not alike
+    is_a_point = alike.all(0).any(1) & take.held_valid.any(0)
+    for end, name in enumerate(HELD):
+        if not is_a_point[end] and name not in labels:
+            labels.append(name)
+            positions = np.concatenate([positions, take.held[:, end : end + 1]], axis=1)
+    return MarkerTracks(tuple(labels), take.time - take.time[0], positions)
+
+
+def write_csv(path: Path, take: Take) -> None:
+    """Write the marker paths of a take as CSV (`hangtime import` reads it).
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    write_marker_csv(path, marker_tracks(take))
+
+
+def write_c3d(path: Path, take: Take) -> None:
+    """Write the marker paths of a take as C3D, in millimetres.
+
+    Raises:
+        TakeError: its frames come at no steady rate.
+        ModuleNotFoundError: ezc3d is not installed.
+        OutputError: it cannot be written.
+    """
+    import ezc3d
+
+    tracks = marker_tracks(take)
+    rate, positions = at_one_rate(tracks, take.take_id)
+    file = ezc3d.c3d()
+    points = file["parameters"]["POINT"]
+    points["UNITS"]["value"], points["RATE"]["value"] = ["mm"], [rate]
+    points["LABELS"]["value"] = [label.encode("ascii", "replace").decode() for label in tracks.labels]
+    seen = np.asarray(np.isfinite(positions).all(2))
+    values = np.ones((4, positions.shape[1], len(positions)))
+    values[:3] = 1e3 * np.moveaxis(np.where(seen[..., None], positions, 0.0), (0, 1, 2), (2, 1, 0))
+    file["data"]["points"] = values
+    file["data"]["meta_points"]["residuals"] = np.where(seen.T[None], 0.0, -1.0)
+    with tempfile.TemporaryDirectory(prefix="hangtime-") as folder:
+        plain = os.path.join(folder, "file.c3d")
+        file.write(plain)
+        write_bytes(path, Path(plain).read_bytes())
+
+
+def at_one_rate(tracks: MarkerTracks, where: str) -> tuple[float, Floats]:
+    """Return a rate [1/s] and positions, (frames, markers, 3), NaN for frames that are missing between the others.
+
+    Raises:
+        TakeError: a frame lies too far off a multiple of the median interval.
+    """
+    if len(tracks.time) < 2:
+        raise TakeError("has one frame, and so no rate", where=where, advice="export it as CSV")
+    interval = float(np.median(np.diff(tracks.time)))
+    number = np.rint(tracks.time / interval).astype(int)
+    if len(number) > 2:
+        interval = float(np.polyfit(number, tracks.time, 1)[0])
+        number = np.rint((tracks.time - tracks.time[0]) / interval).astype(int)
+    off = np.abs(tracks.time - tracks.time[0] - number * interval)
+    if (off > LATE * interval).any() or (np.diff(number) < 1).any() or number[-1] > LONGEST:
+        raise TakeError(
+            f"its frames come at no steady rate (frame {int(off.argmax())} is {1e3 * off.max():.1f} ms off)",
+            where=where, advice="export it as CSV, which has each frame's own time",
+        )  # fmt: skip
+    positions = np.full((number[-1] + 1, *tracks.positions.shape[1:]), np.nan)
+    positions[number] = tracks.positions
+    return 1 / interval, positions

@@ -1,0 +1,60 @@
+"""Read a C3D file with ezc3d in a process of its own, so that a crash of the library ends only this process.
+
+Run: python -m formats.importers.c3d_process FILE SIZE. Prints an .npz of what the file holds; on an error nothing, exit
+code 3. `formats.importers.c3d_file` runs it.
+"""
+
+from __future__ import annotations
+
+import io
+import resource
+import sys
+from typing import Any
+
+import numpy as np
+
+MEMORY = 1 << 30  # bytes, and some for each of the file's
+PER_BYTE = 64
+CPU_SECONDS = 60
+REFUSED = 3  # exit code
+
+
+def main() -> None:
+    """Read the file named on the command line."""
+    path, size = sys.argv[1], int(sys.argv[2])
+    limit = MEMORY + PER_BYTE * size
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    resource.setrlimit(resource.RLIMIT_CPU, (CPU_SECONDS, CPU_SECONDS))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    import ezc3d
+
+    try:
+        content = _content(ezc3d.c3d(path))
+    except Exception:  # whatever ezc3d says, its words are for its developers
+        sys.exit(REFUSED)
+    stream = io.BytesIO()
+    np.savez(stream, **content)
+    sys.stdout.buffer.write(stream.getvalue())
+
+
+def _content(file: Any) -> dict[str, Any]:
+    """Return labels, units, rate, positions, (frames, points, 3), and residuals as the file has them."""
+    points = file["parameters"]["POINT"]
+    labels: list[str] = []
+    for name in ("LABELS", *(f"LABELS{k}" for k in range(2, 10))):
+        labels += [str(label).strip() for label in points[name]["value"]] if name in points else []
+    units = [str(unit).strip() for unit in points["UNITS"]["value"]] if "UNITS" in points else []
+    rates = np.ravel(points["RATE"]["value"] if "RATE" in points else [])
+    values = np.asarray(file["data"]["points"][:3], float)
+    return {
+        "labels": np.array(labels, np.str_),
+        "units": np.array(units, np.str_),
+        "rate": float(rates[0]) if len(rates) else 0.0,
+        "positions": np.moveaxis(values, 0, -1).swapaxes(0, 1),
+        "residuals": np.asarray(file["data"]["meta_points"]["residuals"][0], float).T,
+        "frames": int(file["header"]["points"]["last_frame"]) - int(file["header"]["points"]["first_frame"]) + 1,
+    }
+
+
+if __name__ == "__main__":
+    main()

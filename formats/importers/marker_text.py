@@ -1,0 +1,217 @@
+"""Marker paths of text files: TRC, CSV of Vicon Nexus and of OptiTrack Motive, TSV of Qualisys, and our own CSV.
+
+Cells may be parted by commas, semicolons or tabs, decimals by a comma where cells are not. Which program wrote a file
+is seen from its first lines.
+
+Sources: OpenSim, "Marker (.trc) Files"; Vicon Nexus, "ASCII (.csv) export"; OptiTrack, "Data Export: CSV";
+Qualisys Track Manager, "TSV export".
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from itertools import takewhile
+from pathlib import Path
+
+import numpy as np
+
+from formats.arrays import Floats
+from formats.errors import TakeError
+from formats.importers.marker_tracks import MarkerTracks, as_seen
+from formats.importers.units import AXES, metres_of
+
+LARGEST = 1 << 28  # bytes
+MARKS = ((b"\xff\xfe\0\0", "utf-32"), (b"\0\0\xfe\xff", "utf-32"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"),
+         (b"\xef\xbb\xbf", "utf-8-sig"))  # fmt: skip
+DECIMAL_COMMA = re.compile(r"^\s*-?\d+,\d+(e[+-]?\d+)?\s*$", re.IGNORECASE)
+NOT_SEEN = {"", "nan", "null", "none", "-", "n/a"}
+Rows = list[list[str]]
+
+
+def read_marker_text(path: Path, unit: str | None) -> MarkerTracks:
+    """Read the marker paths of a text file; unit: of its lengths, where it states none.
+
+    Raises:
+        TakeError: the file is of none of the known kinds, malformed, or has fewer frames than it states.
+    """
+    rows = _rows(path)
+    first = rows[0][0].strip().lstrip("#").lower() if rows and rows[0] else ""
+    if first == "pathfiletype":
+        return _trc(rows, unit, path)
+    if first == "format version":
+        return _motive(rows, unit, path)
+    if first == "no_of_frames":
+        return _qualisys(rows, unit, path)
+    if any(row and row[0].strip().lower() == "trajectories" for row in rows[:100_000]):
+        return _vicon(rows, unit, path)
+    return _own(rows, path)
+
+
+def _rows(path: Path) -> Rows:
+    """Return the cells of each line that is not empty."""
+    if (size := path.stat().st_size) > LARGEST:
+        raise TakeError(f"has {size / 1e9:.1f} GB of text", where=path, advice="export fewer frames at once")
+    try:
+        raw = path.read_bytes()
+        encoding = next((name for mark, name in MARKS if raw.startswith(mark)), "utf-8")
+        if encoding == "utf-8" and b"\0" in raw[:200]:  # without a mark: every other byte of plain text is zero
+            encoding = "utf-16-le" if raw[1:2] == b"\0" else "utf-16-be"
+        text = raw.decode(encoding)
+        lines = text.splitlines()
+        head = "\n".join(lines[:50])
+        # A comma also parts decimals: it parts cells only where nothing else does.
+        separator = "\t" if head.count("\t") else ";" if head.count(";") else ","
+        return [row for row in csv.reader(lines, delimiter=separator) if any(cell.strip() for cell in row)]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reason = getattr(error, "strerror", None) or ("not a text file" if isinstance(error, ValueError) else error)
+        raise TakeError(f"cannot be read ({reason})", where=path, advice="export it as text again") from error
+
+
+def _numbers(rows: Rows, width: int, path: Path, *, first_line: int, is_exact: bool = False) -> Floats:
+    """Return rows of numbers, (rows, width), NaN for a cell that says that nothing was seen.
+
+    is_exact: whether a line must have as many cells as the first one has; else ends of lines may be left out
+    """
+    values = np.full((len(rows), width), np.nan)
+    for number, row in enumerate(rows):
+        cells = row if is_exact else [*row[:width], *[""] * (width - len(row))]
+        if len(cells) != width:
+            raise TakeError(
+                f"line {first_line + number} has {len(cells)} columns, not {width}", where=path, advice="mend that line"
+            )
+        try:
+            values[number] = [_number(cell) for cell in cells]
+        except ValueError as error:
+            raise TakeError(f"line {first_line + number}: {error}", where=path, advice="mend that line") from error
+    return values
+
+
+def _number(cell: str) -> float:
+    if cell.strip().lower() in NOT_SEEN:
+        return np.nan
+    return float(cell.replace(",", ".") if DECIMAL_COMMA.match(cell) else cell)
+
+
+def _tracks(labels: list[str], time: Floats, values: Floats, metres: float, path: Path) -> MarkerTracks:
+    if not labels:
+        raise TakeError("names no markers", where=path, advice="export the trajectories with their names")
+    positions = values[:, : 3 * len(labels)].reshape(len(values), len(labels), 3) * metres
+    return MarkerTracks(tuple(label.strip() for label in labels), time, as_seen(positions))
+
+
+def _cell(row: list[str], at: int) -> str:
+    return row[at].strip().lower() if at < len(row) else ""
+
+
+def _whole(cell: str, what: str, path: Path) -> int:
+    try:
+        return int(_number(cell))
+    except (ValueError, OverflowError) as error:
+        raise TakeError(f"its {what} is {cell.strip()!r}, no number", where=path, advice="export it again") from error
+
+
+def _rate(cell: str, path: Path) -> float:
+    try:
+        rate = _number(cell)
+    except ValueError:
+        rate = np.nan
+    if not 0 < rate < 1e4:
+        raise TakeError(f"its frame rate is {cell.strip()!r}", where=path, advice="export it with its frame rate")
+    return rate
+
+
+def _refuse_fewer(found: int, stated: int, path: Path) -> None:
+    if found < stated:
+        raise TakeError(
+            f"holds {found} of the {stated} frames that it states", where=path,
+            advice="it is cut off: copy or export it again",
+        )  # fmt: skip
+
+
+def _own(rows: Rows, path: Path) -> MarkerTracks:
+    head = [cell.strip() for cell in rows[0]] if rows else []
+    labels = [name.removesuffix(AXES[0]) for name in head[1::3]]
+    if not labels or head != ["time_s", *(label + axis for label in labels for axis in AXES)]:
+        raise TakeError(
+            "the first line does not name the columns", where=path,
+            advice="it must be time_s,NAME_x_m,NAME_y_m,NAME_z_m,... for each marker; TRC, Vicon, Motive and Qualisys "
+            "exports are read as they are",
+        )  # fmt: skip
+    values = _numbers(rows[1:], len(head), path, first_line=2, is_exact=True)
+    return _tracks(labels, values[:, 0], values[:, 1:], 1.0, path)
+
+
+def _trc(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
+    """OpenSim's: a line of names and a line of values, then `Frame#`, `Time` and a marker's name every three cells."""
+    if len(rows) < 5:
+        raise TakeError("ends within its header", where=path, advice="export it again")
+    stated = dict(zip((cell.strip().lower() for cell in rows[1]), rows[2], strict=False))
+    count = _whole(stated.get("nummarkers", ""), "number of markers", path)
+    names = [cell.strip() for cell in rows[3][2:] if cell.strip()]
+    if len(names) != count:
+        raise TakeError(f"names {len(names)} markers and states {count}", where=path, advice="export it again")
+    body = list(rows[5:])
+    metres = metres_of(stated.get("units", ""), unit, path)
+    _refuse_fewer(len(body), _whole(stated.get("numframes", ""), "number of frames", path), path)
+    values = _numbers(body, 2 + 3 * count, path, first_line=6)
+    return _tracks(names, values[:, 1], values[:, 2:], metres, path)
+
+
+def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
+    """Nexus': after `Trajectories` the rate, names above X, Y and Z, their units, then frames by their number."""
+    begin = next(k for k, row in enumerate(rows) if row[0].strip().lower() == "trajectories")
+    section = rows[begin + 1 :]
+    if len(section) < 4:
+        raise TakeError("ends within the header of its trajectories", where=path, advice="export it again")
+    rate = _rate(section[0][0], path)
+    names, kinds, units = section[1], section[2], section[3]
+    at = [k for k in range(2, len(kinds) - 2) if [cell.strip().upper() for cell in kinds[k : k + 3]] == ["X", "Y", "Z"]]
+    labels = [names[k].strip() if k < len(names) else "" for k in at]
+    stated = {units[k].strip() for k in at if k < len(units)}
+    if len(stated) > 1:
+        raise TakeError(f"states several units: {', '.join(sorted(stated))}", where=path, advice="export in one")
+    metres = metres_of(next(iter(stated), ""), unit, path)
+    body = list(takewhile(lambda row: row[0].strip().lstrip("-").isdigit(), section[4:]))
+    values = _numbers(body, len(kinds), path, first_line=begin + 6)
+    return _tracks(labels, values[:, 0] / rate, values[:, [k + axis for k in at for axis in range(3)]], metres, path)
+
+
+def _motive(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
+    """OptiTrack's: names and values in the first line, then rows `Type`, `Name`, ... above `Frame`, `Time`."""
+    stated = {name.strip().lower(): value for name, value in zip(rows[0][::2], rows[0][1::2], strict=False)}
+    heads = {row[1].strip().lower(): row for row in rows[1:9] if len(row) > 1 and not row[0].strip()}
+    begin = next((k for k, row in enumerate(rows[:12]) if row[0].strip().lower() == "frame"), None)
+    if begin is None or "name" not in heads or "type" not in heads:
+        raise TakeError("has no rows that name its markers", where=path, advice="export it with its header")
+    axes, names, kinds = rows[begin], heads["name"], heads["type"]
+    what = next((row for row in rows[1:begin] if "Position" in [cell.strip() for cell in row]), axes)
+    at = [
+        k for k in range(2, len(axes) - 2)
+        if [cell.strip().upper() for cell in axes[k : k + 3]] == ["X", "Y", "Z"]
+        and _cell(kinds, k) == "marker" and (what is axes or _cell(what, k) == "position")
+    ]  # fmt: skip
+    body = rows[begin + 1 :]
+    total = stated.get("total exported frames", "")
+    if total.strip():
+        _refuse_fewer(len(body), _whole(total, "number of frames", path), path)
+    values = _numbers(body, len(axes), path, first_line=begin + 2)
+    metres = metres_of(stated.get("length units", ""), unit, path)
+    columns = [k + axis for k in at for axis in range(3)]
+    return _tracks([names[k] if k < len(names) else "" for k in at], values[:, 1], values[:, columns], metres, path)
+
+
+def _qualisys(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
+    """QTM's: lines of a name and its value, `MARKER_NAMES`, then a row of x, y, z a frame, in millimetres."""
+    stated = {row[0].strip().upper(): row[1:] for row in rows[:20]}
+    names = [cell.strip() for cell in stated.get("MARKER_NAMES", []) if cell.strip()]
+    if (count := _whole(stated.get("NO_OF_MARKERS", [""])[0], "number of markers", path)) != len(names):
+        raise TakeError(f"names {len(names)} markers and states {count}", where=path, advice="export it again")
+    rate = _rate(stated.get("FREQUENCY", [""])[0], path)
+    begin = 1 + max(k for k, row in enumerate(rows[:20]) if re.fullmatch(r"[A-Z_]+", row[0].strip()))
+    has_clock = begin < len(rows) and rows[begin][0].strip().lower() == "frame"
+    body = rows[begin + has_clock :]
+    _refuse_fewer(len(body), _whole(stated["NO_OF_FRAMES"][0], "number of frames", path), path)
+    values = _numbers(body, 3 * count + 2 * has_clock, path, first_line=begin + 1 + has_clock)
+    time = values[:, 1] if has_clock else np.arange(len(values)) / rate
+    return _tracks(names, time, values[:, 2 * has_clock :], metres_of("mm", unit, path), path)

@@ -1,0 +1,42 @@
+"""Units of length as motion capture files spell them."""
+
+from __future__ import annotations
+
+from formats.errors import TakeError
+
+METRES = {"m": 1.0, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
+SPELLINGS = {
+    "metre": "m", "meter": "m", "decimetre": "dm", "decimeter": "dm", "centimetre": "cm", "centimeter": "cm",
+    "millimetre": "mm", "millimeter": "mm", "micrometre": "um", "micrometer": "um", "micron": "um", "µm": "um",
+    "inch": "in", "inche": "in", "foot": "ft", "feet": "ft",
+}  # fmt: skip
+AXES = ("_x_m", "_y_m", "_z_m")
+
+
+def metres_of(stated: str, given: str | None, where: object) -> float:
+    """Return how many metres a unit is; given: by a person, counts where the file states none.
+
+    Raises:
+        TakeError: there is no such unit, none is stated or given, or they differ.
+    """
+    word = _short(stated)
+    if given is not None and _short(given) not in METRES:
+        raise TakeError(f"there is no unit {given!r}", where="--unit", advice=f"give one of {', '.join(METRES)}")
+    if not word:
+        if given is None:
+            raise TakeError("states no unit of length", where=where, advice=f"give --unit, one of {', '.join(METRES)}")
+        return METRES[_short(given)]
+    if word not in METRES:
+        raise TakeError(
+            f"the unit of its points is {stated.strip()!r}", where=where, advice=f"export in {', '.join(METRES)}"
+        )
+    if given is not None and _short(given) != word:
+        raise TakeError(
+            f"states its lengths in {word}, not {given}", where=where, advice="leave out --unit, or export it again"
+        )
+    return METRES[word]
+
+
+def _short(unit: str) -> str:
+    word = unit.strip().strip("[]().").lower()
+    return SPELLINGS.get(word, SPELLINGS.get(word.rstrip("s"), word))

@@ -1,0 +1,103 @@
+"""Judge what a person typed or a file states: a number that no cloth, hanger or sensor has was meant in another unit.
+
+Ranges: woven and knitted fabrics weigh 0.02 to 1.5 kg/m^2 (618 fabrics of ClothDrapeTester, SIGGRAPH Asia 2022: 0.03 to
+0.7); garments that hang from a hanger have sides of 0.1 to 3 m; cameras and motion capture deliver 5 to 1000 frames a
+second.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from formats.arrays import Floats
+from formats.errors import DescriptionError, TakeError
+from formats.garment import Garment
+from formats.rig import Rig
+
+LIGHTEST, HEAVIEST = 0.02, 1.5  # kg/m^2, each layer
+SHORTEST, LONGEST = 0.1, 3.0  # m, the longer side of the flat garment
+SMALLEST_MARKER, LARGEST_MARKER = 0.005, 0.5  # m
+SHORTEST_BAR, LONGEST_BAR = 0.03, 3.0  # m between the markers, and to the held ends
+SLOWEST, FASTEST = 5.0, 1000.0  # frames a second
+CLOCKS = (("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9))
+UNITS = (("millimetres", 1e-3), ("centimetres", 1e-2), ("inches", 0.0254))
+ANYWAY = "or --anyway, where the command has it"
+
+
+def check_plausible_garment(garment: Garment, where: object) -> None:
+    """Refuse a garment of a size or weight that no cloth has, and say which unit was probably meant.
+
+    Raises:
+        DescriptionError: names the number, its range and the unit that fits.
+    """
+    corners = np.array(garment.outline_m, float)
+    side = float(np.ptp(corners, axis=0).max())
+    if not SHORTEST <= side <= LONGEST:
+        meant = _unit_of(side, SHORTEST, LONGEST)
+        raise DescriptionError(
+            f"outline_m is {side:g} m long, a garment {SHORTEST:g} to {LONGEST:g} m{meant}", where=where,
+            advice=f"give metres, {ANYWAY}",
+        )  # fmt: skip
+    density = garment.areal_density / garment.layers
+    if not LIGHTEST <= density <= HEAVIEST:
+        in_grams = density / 1000
+        meant = (
+            f"; were {garment.mass_kg:g} grams meant, mass_kg = {garment.mass_kg / 1000:g} ({in_grams:.2g} kg/m2)?"
+            if LIGHTEST <= in_grams <= HEAVIEST
+            else ""
+        )
+        raise DescriptionError(
+            f"mass_kg = {garment.mass_kg:g} makes {density:.3g} kg/m2, fabric has {LIGHTEST:g} to {HEAVIEST:g}{meant}",
+            where=where, advice=f"weigh it and give kilograms, {ANYWAY}",
+        )  # fmt: skip
+
+
+def check_plausible_rig(rig: Rig, where: object) -> None:
+    """Refuse a hanger of a size that none has, and say which unit was probably meant.
+
+    Raises:
+        DescriptionError: names the number, its range and the unit that fits.
+    """
+    if rig.hanger is None:
+        return
+    reach = float(np.abs(np.array(rig.hanger.held_m)).max())
+    for name, value, least, most in (
+        ("marker_size_m", rig.hanger.marker_size_m, SMALLEST_MARKER, LARGEST_MARKER),
+        ("marker_distance_m", rig.hanger.marker_distance_m, SHORTEST_BAR, LONGEST_BAR),
+        ("held_m", reach, 0.01, LONGEST_BAR),
+    ):
+        if not least <= value <= most:
+            raise DescriptionError(
+                f"hanger.{name} is {value:g} m, a hanger has {least:g} to {most:g} m{_unit_of(value, least, most)}",
+                where=where, advice=f"give metres, {ANYWAY}",
+            )  # fmt: skip
+
+
+def _unit_of(value: float, least: float, most: float) -> str:
+    """Return a question for the unit in which a length would fit, nothing where none does."""
+    fitting = [name for name, metres in UNITS if least <= value * metres <= most]
+    return f"; were {' or '.join(fitting)} meant?" if fitting else ""
+
+
+def check_plausible_times(time: Floats, where: object) -> None:
+    """Refuse increasing times [s], (frames,), that no camera has: frame numbers, milliseconds, microseconds.
+
+    Raises:
+        TakeError: names the spacing and the unit that was probably meant.
+    """
+    apart = float(np.median(np.diff(time))) if len(time) > 1 else 1 / SLOWEST
+    if apart * 1.001 >= 1 / FASTEST and apart <= 1.001 / SLOWEST:
+        return
+    if apart > 1 / SLOWEST:
+        fitting = [name for name, unit in CLOCKS if 1 / FASTEST <= apart * unit <= 1 / SLOWEST]
+        meant = f"are these {fitting[0]}?" if fitting else "is its time in seconds?"
+        if np.all(np.abs(np.diff(time) - 1.0) < 1e-6):
+            meant = "these are frame numbers, or milliseconds at 1000 frames a second"
+        raise TakeError(
+            f"its frames are {apart:g} s apart in the median; {meant}", where=where,
+            advice="give seconds: divide milliseconds by 1e3, nanoseconds by 1e9, frame numbers by the frame rate",
+        )  # fmt: skip
+    raise TakeError(
+        f"its frames are {1e6 * apart:g} µs apart in the median, {1 / apart:.0f} a second; cameras deliver "
+        f"{SLOWEST:g} to {FASTEST:g}", where=where, advice="give its time in seconds",
+    )  # fmt: skip

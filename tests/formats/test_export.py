@@ -1,0 +1,124 @@
+"""What is written for other programs comes back to the precision of its format, gaps as gaps."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from formats.archive import write_take
+from formats.errors import TakeError
+from formats.exporters.arrays import write_npz, write_parquet
+from formats.exporters.marker_files import at_one_rate, marker_tracks, write_c3d, write_csv
+from formats.importers.marker_tracks import MarkerTracks, read_marker_tracks
+from tests.formats.test_archive import a_scan, a_take
+
+MANY = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+@st.composite
+def takes(draw):
+    """Takes of 20 frames at a rate and size of any kind, with gaps anywhere."""
+    take = a_take(frames=20, seed=draw(st.integers(0, 1000)))
+    rate = draw(st.sampled_from([30.0, 69.99, 100.0, 240.0]))
+    valid = np.array(draw(st.lists(st.booleans(), min_size=80, max_size=80))).reshape(20, 4)
+    valid[0, 0] = True
+    points = take.points * 0 + np.random.default_rng(1).normal(0, draw(st.sampled_from([0.01, 1.0, 50.0])), (20, 4, 3))
+    points = np.where(np.isnan(points), 1.0, points)
+    return replace(
+        take, time=np.arange(20) / rate + draw(st.sampled_from([0.0, 12345.0])), points_valid=valid,
+        points=np.where(valid[..., None], points, np.nan),
+    )  # fmt: skip
+
+
+def same(tracks, take, tolerance):
+    assert tracks.labels == ("p0", "p1", "p2", "p3", "held_left", "held_right")
+    np.testing.assert_allclose(tracks.positions[:, :4], take.points, atol=tolerance, rtol=1e-7)
+    np.testing.assert_allclose(tracks.positions[:, 4:], take.held, atol=tolerance, rtol=1e-7)
+
+
+@given(take=takes())
+@MANY
+def test_csv_comes_back_to_a_micrometre_and_a_microsecond(tmp_path, take):
+    write_csv(tmp_path / "a.csv", take)
+    tracks = read_marker_tracks(tmp_path / "a.csv")
+    same(tracks, take, 0.51e-6)
+    np.testing.assert_allclose(tracks.time, take.time - take.time[0], atol=0.51e-6)
+
+
+@given(take=takes())
+@settings(MANY, max_examples=6)
+def test_c3d_comes_back_to_a_32_bit_float(tmp_path, take):
+    pytest.importorskip("ezc3d")
+    write_c3d(tmp_path / "a.c3d", take)
+    tracks = read_marker_tracks(tmp_path / "a.c3d")
+    same(tracks, take, 1e-7)
+    np.testing.assert_allclose(tracks.time, take.time - take.time[0], rtol=1e-5, atol=1e-6)
+
+
+def test_a_dropped_frame_is_a_gap_in_c3d_and_an_unsteady_clock_is_refused():
+    """Frames 0, 1, 2, 4 at 100 a second: the fourth of five is missing."""
+    tracks = MarkerTracks(("a",), np.array([0, 0.01, 0.0201, 0.04, 0.05]), np.arange(15.0).reshape(5, 1, 3))
+    rate, positions = at_one_rate(tracks, "t")
+    assert rate == pytest.approx(100, rel=2e-3)
+    assert np.isnan(positions[3]).all()
+    assert positions[4, 0, 0] == 9
+    with pytest.raises(TakeError, match="its frames come at no steady rate"):
+        at_one_rate(replace(tracks, time=np.array([0, 0.01, 0.024, 0.03, 0.04])), "t")
+
+
+def test_held_ends_that_are_tracked_points_are_written_once():
+    take = a_take()
+    take.points[:, 0], take.points[:, 1] = take.held[:, 0], take.held[:, 1]
+    assert marker_tracks(take).labels == ("p0", "p1", "p2", "p3")
+
+
+def test_npz_holds_every_array_exactly(tmp_path):
+    take = replace(a_take(), scans=(a_scan(0.4),))
+    write_npz(tmp_path / "a.npz", take)
+    with np.load(tmp_path / "a.npz", allow_pickle=False) as arrays:
+        for name in ("time", "held", "points", "points_sd", "points_valid", "state", "markers"):
+            np.testing.assert_array_equal(arrays[name], getattr(take, name))
+        np.testing.assert_array_equal(arrays["scan0_grid"], take.scans[0].grid)
+        about = json.loads(str(arrays["about"]))
+    assert (about["take_id"], about["garment"]["mass_kg"], about["is_complete"]) == ("a", 0.03, True)
+
+
+def test_parquet_holds_many_takes_of_different_garments_and_null_where_nothing_was_seen(tmp_path):
+    """Two takes of 30 and 20 frames of six places each: 300 rows."""
+    pq = pytest.importorskip("pyarrow.parquet")
+    takes = [a_take(frames=30), replace(a_take(frames=20, seed=1), take_id="b")]
+    write_parquet(tmp_path / "a.parquet", takes)
+    table = pq.read_table(tmp_path / "a.parquet").to_pylist()
+    assert len(table) == 300
+    rows = [row for row in table if row["take_id"] == "b" and row["place"] == "p2"]
+    assert [row["frame"] for row in rows] == list(range(20))
+    for row, place, seen in zip(rows, takes[1].points[:, 2], takes[1].points_valid[:, 2], strict=True):
+        assert row["x_m"] == (place[0] if seen else None)
+    assert rows[3]["time_s"] == takes[1].time[3]
+    assert rows[3]["sd_z_m"] == 0.003
+
+
+def test_the_command_exports_every_kind_and_replaces_nothing(tmp_path):
+    pytest.importorskip("ezc3d")
+    pytest.importorskip("pyarrow")
+    path = write_take(tmp_path / "a.mcap", a_take())
+
+    def export(kind, out):
+        words = [sys.executable, "-m", "formats.command", "takes", "export", path, "--to", kind, "--out", out]
+        return subprocess.run(words, capture_output=True, text=True, check=False)
+
+    for kind in ("csv", "c3d", "npz", "parquet"):
+        out = tmp_path / ("all.parquet" if kind == "parquet" else "out")
+        done = export(kind, out)
+        assert done.returncode == 0, done.stderr
+        assert (out if kind == "parquet" else out / f"a.{kind}").stat().st_size > 1000
+    again = export("csv", tmp_path / "out")
+    assert (again.returncode, len(again.stderr.splitlines())) == (2, 1)
+    assert "is already there" in again.stderr

@@ -54,7 +54,7 @@ def import_recordings(
     from formats.archive import write_take
     from formats.descriptions import load_garment
     from formats.errors import OutputError, TakeError
-    from formats.importers.marker_tracks import ENDINGS
+    from formats.importers.marker_files import ENDINGS
     from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
     from formats.importers.swung_cloth import import_swung_cloth
     from formats.outputs import check_name, refuse_to_replace, write_description

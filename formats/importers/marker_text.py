@@ -24,6 +24,7 @@ from formats.importers.units import AXES, metres_of
 LARGEST = 1 << 28  # bytes
 MARKS = ((b"\xff\xfe\0\0", "utf-32"), (b"\0\0\xfe\xff", "utf-32"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"),
          (b"\xef\xbb\xbf", "utf-8-sig"))  # fmt: skip
+CAN_BE_READ = "markers can be read from .c3d, .trc, .csv and .tsv, swung cloth from .npz"
 DECIMAL_COMMA = re.compile(r"^\s*-?\d+,\d+(e[+-]?\d+)?\s*$", re.IGNORECASE)
 NOT_SEEN = {"", "nan", "null", "none", "-", "n/a"}
 Rows = list[list[str]]
@@ -145,7 +146,7 @@ def _own(rows: Rows, path: Path) -> MarkerTracks:
 def _trc(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     """OpenSim's: a line of names and a line of values, then `Frame#`, `Time` and a marker's name every three cells."""
     if len(rows) < 5:
-        raise TakeError("ends within its header", where=path, advice="export it again")
+        raise TakeError("ends within its header", where=path, advice=f"export it again; {CAN_BE_READ}")
     stated = dict(zip((cell.strip().lower() for cell in rows[1]), rows[2], strict=False))
     count = _whole(stated.get("nummarkers", ""), "number of markers", path)
     names = [cell.strip() for cell in rows[3][2:] if cell.strip()]

@@ -1,12 +1,11 @@
-"""Marker paths of a motion capture system, from the files that such systems export.
+"""Marker paths of a motion capture system in memory, and as a plain CSV file.
 
-C3D, TRC, CSV of Vicon Nexus and of OptiTrack Motive, TSV of Qualisys, and a plain CSV of our own: one header line, then
-one line per frame, metres and seconds, an empty cell where a marker was not seen:
+One header line, then one line per frame, metres and seconds, an empty cell where a marker was not seen:
 
     time_s,row1_column1_x_m,row1_column1_y_m,row1_column1_z_m,row1_column2_x_m,...
     0.000000,0.0123,-0.2500,1.4800,...
 
-In every one of them a marker at exactly (0, 0, 0), or with a coordinate that is no number, was not seen.
+Whatever the file, a marker at exactly (0, 0, 0), or with a coordinate that is no number, was not seen.
 """
 
 from __future__ import annotations
@@ -19,11 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from formats.arrays import Booleans, Floats
-from formats.errors import TakeError
 from formats.importers.units import AXES
 from formats.whole_files import write_whole
-
-ENDINGS = (".c3d", ".trc", ".csv", ".tsv", ".txt")
 
 
 @dataclass(frozen=True)
@@ -54,29 +50,6 @@ def as_seen(positions: Floats, absent: Booleans | None = None) -> Floats:
     if absent is not None:
         gone |= absent
     return np.where(gone[..., None], np.nan, positions)
-
-
-def read_marker_tracks(path: Path, unit: str | None = None) -> MarkerTracks:
-    """Read a file of marker paths; unit: of its lengths, where the file states none.
-
-    Raises:
-        TakeError: the file is missing, malformed, of another kind, or shorter than it says; a library is not installed.
-    """
-    from formats.importers.c3d_file import read_c3d
-    from formats.importers.marker_text import read_marker_text
-
-    if not path.is_file():
-        raise TakeError("cannot be read (no such file)", where=path, advice="check the path")
-    kind = path.suffix.lower()
-    if kind not in ENDINGS:
-        raise TakeError(
-            f"{kind or 'a file without ending'} is not a marker file", where=path,
-            advice=f"give {', '.join(ENDINGS)}",
-        )  # fmt: skip
-    tracks = read_c3d(path, unit) if kind == ".c3d" else read_marker_text(path, unit)
-    if not np.isfinite(tracks.positions).any():
-        raise TakeError("no marker was ever seen", where=path, advice="export the trajectories, not only their names")
-    return tracks
 
 
 def write_marker_csv(path: Path, tracks: MarkerTracks) -> Path:

@@ -18,7 +18,8 @@ import numpy as np
 from formats.arrays import Floats
 from formats.errors import TakeError
 from formats.garment import Garment
-from formats.importers.marker_tracks import MarkerTracks, read_marker_tracks
+from formats.importers.marker_files import read_marker_tracks
+from formats.importers.marker_tracks import MarkerTracks
 from formats.plausible import check_plausible_times
 from formats.rig import Rig, Vector
 from formats.take import FrameState, Take

@@ -16,7 +16,8 @@ from formats.archive import write_take
 from formats.errors import TakeError
 from formats.exporters.arrays import write_npz, write_parquet
 from formats.exporters.marker_files import at_one_rate, marker_tracks, write_c3d, write_csv
-from formats.importers.marker_tracks import MarkerTracks, read_marker_tracks
+from formats.importers.marker_files import read_marker_tracks
+from formats.importers.marker_tracks import MarkerTracks
 from tests.formats.test_archive import a_scan, a_take
 
 MANY = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

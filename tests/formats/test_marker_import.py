@@ -11,7 +11,8 @@ import pytest
 from formats.archive import read_take
 from formats.descriptions import dump_description, load_garment
 from formats.errors import TakeError
-from formats.importers.marker_tracks import MarkerTracks, read_marker_tracks, write_marker_csv
+from formats.importers.marker_files import read_marker_tracks
+from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
 from formats.importers.swatch_mocap import DOWN, MarkerOptions, import_marker_take
 from formats.swatch import swatch
 

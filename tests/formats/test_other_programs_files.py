@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from formats.errors import TakeError
-from formats.importers.marker_tracks import MarkerTracks, read_marker_tracks
+from formats.importers.marker_files import read_marker_tracks
+from formats.importers.marker_tracks import MarkerTracks
 from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
 from formats.swatch import swatch
 from tests.formats.c3d_by_hand import c3d_bytes

@@ -1,0 +1,34 @@
+"""Read marker paths from the files that motion capture systems export: C3D, TRC, CSV and TSV of several makes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from formats.errors import TakeError
+from formats.importers.c3d_file import read_c3d
+from formats.importers.marker_text import read_marker_text
+from formats.importers.marker_tracks import MarkerTracks
+
+ENDINGS = (".c3d", ".trc", ".csv", ".tsv", ".txt")
+
+
+def read_marker_tracks(path: Path, unit: str | None = None) -> MarkerTracks:
+    """Read a file of marker paths; unit: of its lengths, where the file states none.
+
+    Raises:
+        TakeError: the file is missing, malformed, of another kind, or shorter than it says; a library is not installed.
+    """
+    if not path.is_file():
+        raise TakeError("cannot be read (no such file)", where=path, advice="check the path")
+    kind = path.suffix.lower()
+    if kind not in ENDINGS:
+        raise TakeError(
+            f"{kind or 'a file without ending'} is not a marker file", where=path,
+            advice=f"give {', '.join(ENDINGS)}",
+        )  # fmt: skip
+    tracks = read_c3d(path, unit) if kind == ".c3d" else read_marker_text(path, unit)
+    if not np.isfinite(tracks.positions).any():
+        raise TakeError("no marker was ever seen", where=path, advice="export the trajectories, not only their names")
+    return tracks

@@ -43,4 +43,6 @@ def open_sensor(uri: str) -> DepthSensor:
         return OpenNI2Sensor()
     if "://" in uri:
         raise SensorUnavailableError(f"there is no sensor {uri!r}", advice=f"give {FORMS}")
-    return OpenNI2Sensor(Path(uri))
+    from firmware_host.recorded_sensor import RecordedSensor
+
+    return RecordedSensor(Path(uri))

@@ -7,7 +7,7 @@ import os
 import platform
 import re
 import sys
-from importlib.metadata import entry_points, requires
+from importlib.metadata import entry_points, requires, version
 from typing import NoReturn
 
 import typer
@@ -35,14 +35,24 @@ app = typer.Typer(
     name="hangtime",
     help="Measure how a real garment moves, fit a cloth simulation to it, and diagnose what it still gets wrong.",
     no_args_is_help=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
 
 
+def _print_version(is_asked: bool) -> None:
+    if is_asked:
+        typer.echo(f"hangtime {version('hangtime')}")
+        raise typer.Exit
+
+
 @app.callback()
-def root() -> None:
+def root(
+    shows_version: bool = typer.Option(
+        False, "--version", callback=_print_version, is_eager=True, help="Print the version and end."
+    ),
+) -> None:
     """Measure how a real garment moves, fit a cloth simulation to it, and diagnose what it still gets wrong."""
 
 

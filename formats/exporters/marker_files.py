@@ -30,7 +30,7 @@ def marker_tracks(take: Take) -> MarkerTracks:
     labels, positions = list(take.garment.point_names), take.points
     apart = np.abs(take.held[:, :, None] - take.points[:, None]).max(3)
     alike = np.where(take.held_valid[:, :, None], apart < ON_POINT, True)  # a point that was not seen is not alike
-    is_a_point = alike.all(0).any(1) & take.held_valid.any(0)
+    is_a_point = np.asarray(alike.all(axis=0)).any(axis=1) & np.asarray(take.held_valid.any(axis=0))
     for end, name in enumerate(HELD):
         if not is_a_point[end] and name not in labels:
             labels.append(name)

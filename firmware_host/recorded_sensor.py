@@ -1,0 +1,147 @@
+"""Recordings that OpenNI2 plays in a process of its own: a damaged file may crash the library, not the command.
+
+The process opens the recording through a link of an ASCII name, since the library crashes on others, and sends what
+`OpenNI2Sensor` gives: `SensorInfo` first, then every frame, then None; an error in place of any. It ends with the
+pipe that it writes to. Run: python -m firmware_host.recorded_sensor LINK PIPE.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pickle
+import select
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from firmware_host.depth_sensor import STALL_TIMEOUT, DepthSensor, SensorFrame, SensorInfo
+from firmware_host.errors import RecordingError, SensorError, SensorUnavailableError
+from firmware_host.oni_records import summarise
+from firmware_host.openni2_sensor import CLOCK, COPY_AGAIN, OpenNI2Sensor
+
+LONGEST_SILENCE = 60.0  # s: OpenNI2 gives a frame of a recording in milliseconds, a busy computer in a second
+LARGEST = 1 << 26  # bytes of one message: a depth and a colour frame have 1.5 MB
+
+
+class RecordedSensor(DepthSensor):
+    """An `.oni` recording, played in a process of its own."""
+
+    def __init__(self, path: Path) -> None:
+        """Open a recording.
+
+        Raises:
+            SensorUnavailableError: no library.
+            RecordingError: the file is missing, not a recording, or one that crashes the library.
+        """
+        self._path = path
+        summarise(path)  # refuses with the cause what is no recording
+        self._folder = tempfile.TemporaryDirectory(prefix="hangtime-")
+        link = Path(self._folder.name) / "recording.oni"
+        link.symlink_to(path.resolve())
+        reading, writing = os.pipe()
+        self._pipe = os.fdopen(reading, "rb")
+        words = [sys.executable, "-m", "firmware_host.recorded_sensor", os.fspath(link), str(writing)]
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(part for part in sys.path if part)}
+        # A session of its own: Ctrl-C is for the command, which ends this process by closing the pipe.
+        self._process = subprocess.Popen(
+            words, pass_fds=[writing], env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL, start_new_session=True,
+        )  # fmt: skip
+        os.close(writing)
+        self._is_at_end = False
+        try:
+            self._info: SensorInfo = replace(self._receive(), uri=str(path))
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def info(self) -> SensorInfo:
+        """What the recording is."""
+        return self._info
+
+    def read(self, timeout_s: float = STALL_TIMEOUT) -> SensorFrame | None:
+        """Return the next frame, or None at the end of the recording and ever after.
+
+        Raises:
+            RecordingError: the recording cannot be played any further.
+        """
+        if self._is_at_end:
+            return None
+        frame: SensorFrame | None = self._receive()
+        if frame is None:
+            self.close()
+            return None
+        return replace(frame, host_time_s=time.clock_gettime(CLOCK))
+
+    def _receive(self) -> Any:
+        """Return the next message; an error in it, and a process that crashed, are raised."""
+        try:
+            (size,) = struct.unpack("<Q", self._bytes(8))
+            content = pickle.loads(self._bytes(min(size, LARGEST)))
+        except EOFError as error:
+            self.close()
+            raise RecordingError(
+                "OpenNI2 crashed while it played this recording", where=self._path, advice=COPY_AGAIN
+            ) from error
+        if isinstance(content, tuple):
+            self.close()
+            is_missing, what, advice = content
+            if is_missing:
+                raise SensorUnavailableError(what, advice=advice)
+            raise RecordingError(what, where=self._path, advice=advice)
+        return content
+
+    def _bytes(self, size: int) -> bytes:
+        if not select.select([self._pipe], [], [], LONGEST_SILENCE)[0]:
+            self.close()
+            raise RecordingError(
+                f"OpenNI2 gave no frame for {LONGEST_SILENCE:g} s", where=self._path, advice=COPY_AGAIN
+            )
+        found = self._pipe.read(size)
+        if len(found) < size:
+            raise EOFError
+        return found
+
+    def close(self) -> None:
+        """End the process; closing twice is allowed."""
+        self._is_at_end = True
+        self._pipe.close()
+        if self._process.poll() is None:
+            self._process.terminate()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(STALL_TIMEOUT)
+            self._process.kill()
+        self._process.wait()
+        self._folder.cleanup()
+
+
+def main() -> None:
+    """Play the recording of the command line into its pipe."""
+    signal.signal(signal.SIGPIPE, signal.SIG_DFL)
+    with os.fdopen(int(sys.argv[2]), "wb") as pipe:
+        try:
+            with OpenNI2Sensor(Path(sys.argv[1])) as sensor:
+                _send(pipe, sensor.info)
+                for frame in sensor.frames():
+                    _send(pipe, frame)
+            _send(pipe, None)
+        except SensorError as error:
+            _send(pipe, (isinstance(error, SensorUnavailableError), error.what, error.advice))
+
+
+def _send(pipe: BinaryIO, content: object) -> None:
+    raw = pickle.dumps(content, protocol=5)
+    pipe.write(struct.pack("<Q", len(raw)) + raw)
+    pipe.flush()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,67 @@
+"""Recordings are played in a process of their own: of any name, and a crash of the library is one sentence."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pytest
+
+from firmware_host.errors import RecordingError, SensorUnavailableError
+from firmware_host.openni2_sensor import OpenNI2Sensor
+from firmware_host.recorded_sensor import RecordedSensor
+from tests.firmware_host.test_openni2_sensor import write_recording
+
+pytestmark = pytest.mark.openni
+
+
+@pytest.mark.parametrize("name", ["plain.oni", "Rück-\u80cc.oni", os.fsdecode(b"\xff.oni")])
+def test_a_recording_of_any_name_gives_the_same_frames_as_in_this_process(tmp_path, name):
+    """Eight frames; OpenNI2 itself ends with a segmentation fault on names that are not ASCII."""
+    plain = write_recording(tmp_path / "a.oni", 8)
+    with OpenNI2Sensor(plain) as sensor:
+        wanted = list(sensor.frames())
+    with RecordedSensor(plain.rename(tmp_path / name)) as sensor:
+        assert sensor.info.uri == str(tmp_path / name)
+        found = list(sensor.frames())
+        assert sensor.read() is None
+    assert len(found) == len(wanted) == 8
+    for one, other in zip(found, wanted, strict=True):
+        assert (one.index, one.time_s) == (other.index, other.time_s)
+        assert np.array_equal(one.depth, other.depth)
+        assert np.array_equal(one.colour, other.colour)
+
+
+def test_a_library_that_crashes_is_one_sentence_and_leaves_no_process(tmp_path):
+    """The process that plays is killed after its second frame, as by a segmentation fault."""
+    with RecordedSensor(write_recording(tmp_path / "a.oni", 200)) as sensor:
+        sensor.read()
+        os.kill(sensor._process.pid, 11)
+        with pytest.raises(RecordingError, match=r"a\.oni: OpenNI2 crashed while it played this recording; copy"):
+            list(sensor.frames())
+        assert sensor._process.poll() == -11
+
+
+def test_what_is_no_recording_is_refused_before_a_process_is_begun(tmp_path):
+    (tmp_path / "a.oni").write_bytes(b"no recording")
+    with pytest.raises(RecordingError, match=r"a\.oni: "):
+        RecordedSensor(tmp_path / "a.oni")
+    with pytest.raises(RecordingError, match=r"gone\.oni: the recording cannot be read"):
+        RecordedSensor(tmp_path / "gone.oni")
+
+
+def test_a_recording_that_was_closed_is_at_its_end_and_may_be_closed_again(tmp_path):
+    sensor = RecordedSensor(write_recording(tmp_path / "a.oni", 2))
+    sensor.close()
+    sensor.close()
+    assert sensor.read() is None
+
+
+def test_an_error_of_the_player_names_the_recording_and_not_the_link(tmp_path, monkeypatch):
+    """Without the library, the process says so, as this one would."""
+    (tmp_path / "openni").mkdir()
+    (tmp_path / "openni/__init__.py").write_text("raise ModuleNotFoundError('openni')")
+    path = write_recording(tmp_path / "a.oni", 2)
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(SensorUnavailableError, match="the Python package `openni` is not installed"):
+        RecordedSensor(path)

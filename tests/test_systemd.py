@@ -82,7 +82,7 @@ def test_systemd_finds_0_faults_in_the_4_units(tmp_path: Path) -> None:
     assert "'WatchdogSeconds' in section" in verified(tmp_path, also="WatchdogSeconds=3").stderr
 
 
-@pytest.mark.parametrize("name", ["hangtime-capture.service"])
+@pytest.mark.parametrize("name", ["hangtime-capture.service", "hangtime-sync.service"])
 def test_a_service_runs_a_module_that_is_there_from_the_environment_that_is_current(name: str) -> None:
     (command,) = settings(f"system/{name}")["ExecStart"]
     found = re.fullmatch(r"/opt/hangtime/current/bin/python -I -m (\S+)( run)?", command)

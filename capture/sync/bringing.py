@@ -72,7 +72,7 @@ def bring(take: KeptTake, spool: Path, target: Target, *, now: datetime) -> Rece
             verified = READ_BACK if sent is file and _is_there(target.server, key, sums) else None
             if verified is None:
                 tag = target.server.send(key, sent, sums.size)
-                verified = _verified(target.server, key, sums, tag)
+                verified = _verified(target.server, key, sums, tag, take.stem)
     receipt = Receipt(
         sequence=take.sequence, url=without_secrets(target.url), key=key, sha256=plain.sha256, bytes=plain.size,
         stored_sha256=sums.sha256, stored_bytes=sums.size, is_encrypted=bool(target.recipients), verified=verified,
@@ -122,7 +122,7 @@ def _is_there(server: Server, key: str, sums: Sums) -> bool:
     return found is not None and found.sha256 == sums.sha256
 
 
-def _verified(server: Server, key: str, sums: Sums, tag: str | None) -> str:
+def _verified(server: Server, key: str, sums: Sums, tag: str | None, stem: str) -> str:
     try:
         found = read_back(server, key)
     except ReadRefusedError as refused:
@@ -134,12 +134,12 @@ def _verified(server: Server, key: str, sums: Sums, tag: str | None) -> str:
         ) from refused  # fmt: skip
     if found is None:
         raise ServerError(
-            "the server took a take and does not have it", kind="passing", where=key,
+            "the server took a take and does not have it", kind="passing", where=stem,
             advice="sync sends it again; if it lasts, check the server",
         )  # fmt: skip
     if found.sha256 != sums.sha256:
         raise ServerError(
-            "the server holds something else than was sent", kind="passing", where=key,
+            "the server holds something else than was sent", kind="passing", where=stem,
             advice="sync sends it again; if it lasts, check the server's disk and memory",
         )  # fmt: skip
     return READ_BACK

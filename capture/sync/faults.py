@@ -121,7 +121,7 @@ def _refusal(answer: Answer, *, writing: bool) -> ServerError:
         return ServerError(
             f"the server takes no file of this size ({answer.words})", kind="take", advice="raise the server's limit"
         )
-    if status in (408, 425, 429) or code == "SlowDown":
+    if status in (408, 425, 429, 503) or code == "SlowDown":
         return ServerError(
             f"the server asks to wait ({answer.words})", kind="passing", advice="nothing; sync tries again by itself"
         )

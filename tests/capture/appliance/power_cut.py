@@ -44,11 +44,12 @@ class State:
 
 @dataclass(frozen=True)
 class Moment:
-    """The disk after a call; `promises` is how many had been made by then."""
+    """The disk after a call; `promises` is how many had been made by then, `beside` what another machine held."""
 
     call: str
     state: State
     promises: int
+    beside: dict[str, bytes]
 
     def cuts(self) -> Iterator[tuple[str, dict[str, bytes]]]:
         """Yield every state of files that a power cut at this moment may leave, with a word on it."""
@@ -78,10 +79,10 @@ class Moment:
 
 
 class Disk:
-    """Records what happens below a folder."""
+    """Records what happens below a folder; `beside` is a folder of another machine, which keeps its power."""
 
-    def __init__(self, root: Path) -> None:
-        self.root = str(root)
+    def __init__(self, root: Path, beside: Path | None = None) -> None:
+        self.root, self._beside = str(root), beside
         self.moments: list[Moment] = []
         self.promises: list[object] = []
         self.state = State()
@@ -190,4 +191,11 @@ class Disk:
 
     def _note(self, call: str) -> None:
         self._look()
-        self.moments.append(Moment(call, self.state.copy(), len(self.promises)))
+        self.moments.append(Moment(call, self.state.copy(), len(self.promises), self._held_beside()))
+
+    def _held_beside(self) -> dict[str, bytes]:
+        if self._beside is None:
+            return {}
+        return {
+            str(path.relative_to(self._beside)): path.read_bytes() for path in self._beside.rglob("*") if path.is_file()
+        }

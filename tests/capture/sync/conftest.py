@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from itertools import count
-
 import pytest
 
 from tests.capture.appliance.spool_takes import record
-from tests.capture.sync.servers import chain
+from tests.capture.sync.servers import BUCKETS, chain
 
-NUMBERS = count()
+NUMBERS = iter(range(BUCKETS))
 
 
 @pytest.fixture(scope="session")
@@ -22,7 +20,7 @@ def _chain(tmp_path_factory):
 def far(_chain):
     """A server that holds nothing, its proxy that lets everything pass, and its authority."""
     server, proxy, authority = _chain
-    server.use(f"takes-{next(NUMBERS)}")
+    server.bucket = f"takes-{next(NUMBERS)}"
     proxy.fault, proxy.done[:] = (lambda method, path: ""), []
     return server, proxy, authority
 

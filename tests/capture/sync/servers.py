@@ -37,6 +37,7 @@ ANSWERS = {
 }
 RESETS = ("reset before", "reset in request", "answer lost", "reset in answer")
 OTHERS = ("slow", "silent", "damaged answer", "damaged request")
+BUCKETS = 100  # made before the server starts, which remembers for minutes what a folder held
 FAULTS = (*ANSWERS, *RESETS, *OTHERS)
 
 
@@ -81,20 +82,16 @@ class Rclone:
 
     def __init__(self, root: Path, authority: Authority) -> None:
         self.root, self.port, self._authority = root, free_port(), authority
-        self.use("takes")
+        self.bucket = "takes"
+        for bucket in ("takes", *(f"takes-{k}" for k in range(BUCKETS))):
+            (root / bucket).mkdir(parents=True, exist_ok=True)
         self._process: subprocess.Popen[bytes] | None = None
-
-    def use(self, bucket: str) -> None:
-        """Make a bucket and look into this one from now on: rclone remembers what was in a folder."""
-        self.bucket = bucket
-        (self.root / bucket).mkdir(parents=True, exist_ok=True)
 
     def start(self) -> None:
         program = shutil.which("rclone", path=str(PROGRAMS)) or "rclone"
         self._process = subprocess.Popen(
             [program, "serve", "s3", str(self.root), "--addr", f"{HOST}:{self.port}", "--auth-key", f"{KEY},{SECRET}",
-             "--cert", str(self._authority.certificate), "--key", str(self._authority.key), "--config", "",
-             "--dir-cache-time", "0s"],
+             "--cert", str(self._authority.certificate), "--key", str(self._authority.key), "--config", ""],
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )  # fmt: skip
         wait_until_listening(self.port)

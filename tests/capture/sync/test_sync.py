@@ -418,3 +418,48 @@ def test_every_setting_is_documented():
 
 def test_every_fault_of_the_proxy_is_one_that_the_rounds_meet():
     assert len(FAULTS) == len(set(FAULTS)) == 13
+
+
+# --- the commands -----------------------------------------------------------------------------------
+
+
+def hangtime(*words):
+    import subprocess
+    import sys
+
+    return subprocess.run(
+        [sys.executable, "-m", "formats.command", *map(str, words)], capture_output=True, text=True, check=False
+    )
+
+
+def test_the_commands_say_what_stands_and_prune_lets_only_verified_takes_go(tmp_path, spool, three):
+    config = tmp_path / "appliance.toml"
+    config.write_text(f'[spool]\nfolder = "spool"\n[sync]\nurl = "file://{tmp_path}/server"\ndevice = "box"\n')
+    assert "Sync has not run yet. Next: set url in [sync]" in hangtime("sync", "status", "--config", config).stdout
+    pruned = hangtime("takes", "prune", "--config", config, "--quota-mb", 0)
+    assert "0 left" in pruned.stdout
+    assert "3 takes are not safe on the server and stay" in pruned.stdout
+    done = hangtime("sync", "run", "--config", config)
+    assert (done.returncode, done.stderr.count("safe on the server (read back)")) == (0, 3)
+    shown = hangtime("sync", "status", "--config", config).stdout
+    assert "0 takes wait, 3 safe on the server, last sync: today at" in shown
+    assert ", sound." in shown
+    assert hangtime("sync", "prove", "--config", config).returncode == 0
+    assert "take-000003 left" in hangtime("takes", "prune", "--config", config, "--quota-mb", 0).stdout
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, "cannot be read (No such file or directory)"), ("[sync", "is not valid TOML"),
+        ("[sync]\nurl = 1\n", "does not hold"),
+    ],
+    ids=["missing", "no-toml", "wrong-type"],
+)  # fmt: skip
+def test_a_configuration_that_does_not_hold_is_one_sentence_and_exit_code_2(tmp_path, content, words):
+    config = tmp_path / "appliance.toml"
+    if content is not None:
+        config.write_text(content)
+    done = hangtime("sync", "now", "--config", config)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert words in done.stderr

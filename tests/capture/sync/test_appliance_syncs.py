@@ -1,0 +1,76 @@
+"""From a press of the button to the server, and back into `hangtime status`: the real daemon and the real sync."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from firmware_host import openni2_library
+from firmware_host.errors import SensorError
+from formats.archive import verify_take
+from tests.capture.appliance.virtual_appliance import ROOT, VirtualAppliance, draw_recording
+
+
+def has_openni():
+    try:
+        openni2_library.load()
+    except SensorError:
+        return False
+    return True
+
+
+pytestmark = [pytest.mark.openni, pytest.mark.skipif(not has_openni(), reason="libopenni2 is not here")]
+
+
+def hangtime(*words):
+    return subprocess.run(
+        [sys.executable, "-m", "formats.command", *map(str, words)], capture_output=True, text=True, cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, check=False,
+    )  # fmt: skip
+
+
+def test_a_take_of_the_button_is_on_the_server_and_status_says_so_and_what_is_in_the_way(tmp_path):
+    """One take by the button; the server's place is first a file, then a folder; the daemon tells of both."""
+    recording, server = tmp_path / "swing.oni", tmp_path / "server"
+    draw_recording(recording, fps=15, seconds=2.0)
+    settings = f'[sync]\nurl = "file://{server}"\ndevice = "box"\n'
+    (tmp_path / "box").mkdir()
+    with VirtualAppliance(tmp_path / "box", recording, settings) as box:
+        box.start()
+        box.wait_until(lambda told: told["state"] == "armed" and told["pre_roll_s"] >= 1.9, "armed with a pre-roll")
+        box.press()
+        box.wait_until(lambda told: told["recording"] and told["recording"]["seconds"] >= 3.0, "recording")
+        box.press()
+        box.wait_until(lambda told: told["takes"] == 1, "kept")
+
+        server.touch()
+        failed = hangtime("sync", "now", "--config", box.config)
+        assert failed.returncode == 75, failed.stderr
+        assert "the server's folder" in failed.stderr
+        told = box.wait_until(lambda told: told["faults"], "a fault of sync")
+        shown = hangtime("status", "--socket", box.socket)
+        assert "the server's folder" in shown.stdout
+        assert told["waiting"] == 1
+
+        server.unlink()
+        assert hangtime("sync", "now", "--config", box.config).returncode == 0
+        told = box.wait_until(lambda told: not told["faults"] and told["waiting"] == 0, "synced")
+        shown = hangtime("status", "--socket", box.socket).stdout
+        assert "0 takes wait, 1 safe on the server, last sync: today at" in shown
+        assert "Last proved: today at" in shown
+        assert ", sound." in shown
+        assert "the server's folder" not in shown.replace("The server's folder is on the same disk", "")
+        assert json.loads(hangtime("sync", "status", "--config", box.config, "--json").stdout)["safe"] == 1
+        (take,) = server.rglob("*.mcap")
+        assert verify_take(take).is_sound
+
+        # Retention by hand: the take leaves, and the daemon counts it no more.
+        box.wait_until(lambda told: told["state"] != "syncing", "no longer syncing")
+        pruned = hangtime("takes", "prune", "--config", box.config, "--quota-mb", 0)
+        assert "take-000001 left; its receipt says where it is" in pruned.stdout
+        assert not (box.spool / "take-000001.mcap").exists()
+        box.wait_until(lambda told: told["takes"] == 0, "no take any more")

@@ -73,9 +73,9 @@ def play(
             coverage.append(float(np.count_nonzero(frame.depth)) / frame.depth.size)
             if count == max_frames:
                 break
-    rate = (count - 1) / (last - first) if last > first else float("nan")
+    rate = f"{(count - 1) / (last - first):.1f} a second" if last > first else "its clock was set back"
     typer.echo(
-        f"{count} frames in {last - first:.2f} s ({rate:.1f} a second), "
+        f"{count} frames in {max(last - first, 0):.2f} s ({rate}), "
         f"{dropped} dropped, {without_colour} without colour; "
         f"depth in {100 * float(np.mean(coverage)) if coverage else 0:.0f} % of the pixels"
     )

@@ -15,6 +15,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import pairwise
 from pathlib import Path
 
 from firmware_host.errors import RecordingError
@@ -24,6 +25,7 @@ FILE_VERSION = (1, 0, 1, 0)
 FILE_HEADER = struct.Struct("<4sBBHIQI")
 RECORD_HEADER = struct.Struct("<IIIIIQ")
 RECORD_MAGIC = int.from_bytes(b"NIR\0", "little")
+STAMP = struct.Struct("<QI")  # of a frame: time stamp, number
 SEEK_ENTRY = struct.Struct("<QIQ")  # time stamp, configuration id, position in the file
 MOST_NODES = 255  # devices and streams; real recordings have up to 5, and the player makes room for all at once
 LARGEST_RECORD = 1 << 28  # bytes; a 4K colour frame has 25 MB, so anything larger is damage
@@ -88,11 +90,17 @@ class Record:
 
 @dataclass(frozen=True)
 class OniSummary:
-    """What a walk over a recording found: frames per stream, and whether it was closed properly."""
+    """What a walk over a recording found: frames per stream, and whether it was closed properly.
+
+    interval_us: between depth frames that follow each other by their numbers, the median; None of a single frame
+    mirrored: streams that the recording says are seen as in a mirror
+    """
 
     depth_frames: int
     colour_frames: int
     is_complete: bool
+    interval_us: float | None = None
+    mirrored: frozenset[int] = frozenset()
 
 
 def read_records(path: Path) -> Iterator[Record]:
@@ -162,6 +170,8 @@ def summarise(path: Path) -> OniSummary:
         RecordingError: the file is missing, damaged, no .oni recording, or holds no depth stream or no depth frame.
     """
     kinds: dict[int, int] = {}
+    mirrored: set[int] = set()
+    stamps: list[tuple[int, int]] = []
     counts = {NodeType.DEPTH: 0, NodeType.IMAGE: 0}
     is_complete = False
     added = {RecordType.NODE_ADDED, RecordType.NODE_ADDED_1_0_0_4, RecordType.NODE_ADDED_1_0_0_5}
@@ -175,12 +185,22 @@ def summarise(path: Path) -> OniSummary:
             kind = kinds.get(record.node)
             if kind in (NodeType.DEPTH, NodeType.IMAGE):
                 counts[NodeType(kind)] += 1
+            if kind == NodeType.DEPTH and len(record.fields) >= STAMP.size:
+                stamps.append(STAMP.unpack_from(record.fields))
+        elif record.type == RecordType.INT_PROPERTY and record.fields[4:13] == b"xnMirror\0":
+            is_on = int.from_bytes(record.fields[17:25], "little") != 0
+            (mirrored.add if is_on else mirrored.discard)(record.node)
         is_complete = record.type == RecordType.END
     if counts[NodeType.DEPTH] == 0:
         raise RecordingError(
             "the recording holds no depth frame", where=path, advice="record again with the depth stream switched on"
         )
-    return OniSummary(counts[NodeType.DEPTH], counts[NodeType.IMAGE], is_complete)
+    apart = sorted(b[0] - a[0] for a, b in pairwise(stamps) if b[1] == a[1] + 1 and b[0] > a[0])
+    return OniSummary(
+        counts[NodeType.DEPTH], counts[NodeType.IMAGE], is_complete,
+        interval_us=float(apart[len(apart) // 2]) if apart else None,
+        mirrored=frozenset(kinds[node] for node in mirrored if node in kinds),
+    )  # fmt: skip
 
 
 def _damaged(path: Path, position: int) -> RecordingError:

@@ -18,7 +18,7 @@ import numpy as np
 from firmware_host import openni2_library
 from firmware_host.depth_sensor import STALL_TIMEOUT, DepthSensor, SensorFrame, SensorInfo
 from firmware_host.errors import RecordingError, SensorError, SensorStalledError, SensorUnavailableError
-from firmware_host.oni_records import OniSummary, PixelFormat, summarise
+from firmware_host.oni_records import NodeType, OniSummary, PixelFormat, summarise
 from formats.rig import Sensor
 
 LIVE_MODE = (640, 480, 30)  # px, px, frames a second: what PS1080 devices do best in depth and colour alike
@@ -31,6 +31,9 @@ END_WAIT = 1.0  # s without a frame after which a recording of unknown length ha
 MOST_COLOURS = 4  # colour frames that are read for one depth frame, while they are too old for it
 FAR_AHEAD = 1_000_000  # us between a depth and a colour frame that are not of one clock, or of its beginning
 PATIENCE = 30  # depth frames that a colour frame so far ahead is kept for
+ROUND, AROUND = 1 << 32, 10_000_000  # us: what a stamp of 32 bits counts to, and how near to it one begins anew
+FASTER_AT_MOST, SLOWER_AT_MOST = 1.25, 10.0  # times its frame rate: sensors slow down in the dark, none is hasty
+RATE_WITHIN = 0.2  # of the stated rate, without a word
 FOCAL_SHARE = 575.8 / 640  # focal length over width of PS1080 and Kinect v1 depth cameras (OpenNI's factory default)
 
 
@@ -48,6 +51,7 @@ class OpenNI2Sensor(DepthSensor):
         self._summary = summarise(target) if target is not None else None
         self._openni2 = openni2_library.load()
         self._is_closed = False
+        self._rounds: dict[NodeType, tuple[int, int]] = {}
         self._timeout = STALL_TIMEOUT
         self._pairs = self._paired()
         self._uri = str(target) if target is not None else device or _first_device()
@@ -89,6 +93,7 @@ class OpenNI2Sensor(DepthSensor):
         else:
             self._set_up_live(depth, colour)
         self._info = self._describe(depth)
+        self._check_clock()
         self._check_formats(depth, colour)
         for stream in (depth, colour):
             if stream is not None:
@@ -127,6 +132,20 @@ class OpenNI2Sensor(DepthSensor):
                 "record depth as DEPTH_1_MM or DEPTH_100_UM, and colour as RGB888",
             )
 
+    def _check_clock(self) -> None:
+        """Refuse a recording whose stamps cannot be microseconds, as its frame rate shows."""
+        interval = None if self._summary is None else self._summary.interval_us
+        if interval is None:
+            return
+        faster = 1e6 / self._info.fps / interval
+        if FASTER_AT_MOST >= faster >= 1 / SLOWER_AT_MOST:
+            return
+        how = f"{faster:.3g} times as fast" if faster > 1 else f"{1 / faster:.3g} times as slowly"
+        raise self._refused(
+            f"its stamps run {how} as its {self._info.fps:g} frames a second, {interval:g} us apart",
+            "record again with stamps in microseconds",
+        )
+
     def _describe(self, depth: Any) -> SensorInfo:
         mode = depth.get_video_mode()
         width, height = int(mode.resolutionX), int(mode.resolutionY)
@@ -144,6 +163,12 @@ class OpenNI2Sensor(DepthSensor):
             notes.append(f"field of view unknown; focal length taken as {fx:.1f} px, as for PS1080 and Kinect v1")
         if self._summary is not None and not self._summary.is_complete:
             notes.append("the recording was interrupted; its last frame is left out")
+        if self._summary is not None and self._summary.mirrored:
+            notes.append("the recording says that its pictures are mirrored; they are turned round")
+        if self._summary is not None and self._summary.interval_us is not None:
+            rate = 1e6 / self._summary.interval_us
+            if abs(rate / mode.fps - 1) > RATE_WITHIN:
+                notes.append(f"its frames come at {rate:.1f} a second, it states {mode.fps}")
         info = self._device.get_device_info()
         return SensorInfo(
             name=info.name.decode(errors="replace") or "OpenNI2 device",
@@ -195,7 +220,7 @@ class OpenNI2Sensor(DepthSensor):
         """
         half = 0.5e6 / self._info.fps
         last_index, given = 0, 0
-        last_stamp = last_colour = waited = 0
+        last_stamp = last_colour = waited = skipped = 0
         broken = whole = 0  # depth frames: since the last whole one, and in all
         colours_left = np.inf if self._summary is None else self._summary.colour_frames
         held: tuple[int, np.ndarray[Any, Any]] | None = None
@@ -204,8 +229,11 @@ class OpenNI2Sensor(DepthSensor):
             if found is None:
                 break
             index, stamp, depth = found
-            if self._summary is not None and index <= last_index:
-                break  # the player skipped a frame and has begun its next round
+            if self._summary is not None and index + skipped <= last_index:
+                if stamp <= last_stamp:
+                    break  # the player skipped a frame and has begun its next round
+                skipped = last_index - index + 1  # the numbers begin anew, the clock goes on
+            index += skipped
             if depth is None:
                 broken, given = broken + 1, given + 1
                 continue
@@ -258,7 +286,15 @@ class OpenNI2Sensor(DepthSensor):
             raw = np.frombuffer(frame.get_buffer_as_uint8(), np.uint8)[:size]
             # Copied: the memory is the library's and goes back to it with close().
             image = raw.view(kind).reshape(shape).copy() if 0 < size == len(raw) else None
-            return int(frame.frameIndex), int(frame.timestamp), image
+            stream_kind = NodeType.DEPTH if kind is np.uint16 else NodeType.IMAGE
+            if image is not None and self._summary is not None and stream_kind in self._summary.mirrored:
+                image = np.ascontiguousarray(image[:, ::-1])
+            stamp = int(frame.timestamp)
+            last, rounds = self._rounds.get(stream_kind, (0, 0))
+            if last > ROUND - AROUND and stamp < AROUND:  # stamps of 32 bits begin anew after 71 minutes
+                rounds += 1
+            self._rounds[stream_kind] = stamp, rounds
+            return int(frame.frameIndex), stamp + rounds * ROUND, image
         finally:
             frame.close()
 

@@ -141,8 +141,8 @@ def test_depth_in_tenths_of_a_millimetre_is_rounded_to_whole_ones(
     depth = np.zeros((48, 64), np.uint16)
     depth[0, :6] = [1, 4, 15_994, 15_995, 65_530, 65_535]
     with OniWriter(path, SMALL, with_colour=False) as writer:
-        writer.write_depth(1000, depth)
-        writer.write_depth(2000, depth)
+        writer.write_depth(33_000, depth)
+        writer.write_depth(66_000, depth)
     with OpenNI2Sensor(path) as sensor:
         frame = sensor.read()
     assert frame is not None

@@ -1,0 +1,72 @@
+"""Recordings whose clock, numbers or pictures are not as ours: read as they are meant, or refused with the cause."""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+import pytest
+
+from firmware_host.errors import RecordingError
+from firmware_host.oni_records import RECORD_HEADER, RecordType, read_records, summarise
+from firmware_host.openni2_sensor import OpenNI2Sensor
+from tests.firmware_host.test_openni2_sensor import write_recording
+
+pytestmark = [pytest.mark.openni, pytest.mark.usefixtures("openni")]
+
+
+def restamped(path, stamp_of, number_of=lambda k: k + 1):
+    """Give the k-th frame of each stream another time stamp [us] and another number."""
+    raw, seen = bytearray(path.read_bytes()), {}
+    for record in read_records(path):
+        if record.type == RecordType.NEW_DATA:
+            k = seen[record.node] = seen.get(record.node, -1) + 1
+            struct.pack_into("<QI", raw, record.position + RECORD_HEADER.size, stamp_of(k), number_of(k))
+    path.write_bytes(raw)
+    return path
+
+
+def test_stamps_that_run_125_times_as_fast_as_the_stated_rate_are_refused(tmp_path):
+    """267 us apart at 30 frames a second: 1e6 / 30 / 267 = 124.8."""
+    path = restamped(write_recording(tmp_path / "a.oni", 12), lambda k: 267 * (k + 1))
+    with pytest.raises(
+        RecordingError, match=r"its stamps run 125 times as fast as its 30 frames a second, 267 us apart"
+    ):
+        OpenNI2Sensor(path)
+
+
+def test_a_sensor_that_slows_down_in_the_dark_is_played_with_a_note(tmp_path):
+    path = restamped(write_recording(tmp_path / "a.oni", 12), lambda k: 66_667 * (k + 1))
+    with OpenNI2Sensor(path) as sensor:
+        assert sensor.info.notes[-1] == "its frames come at 15.0 a second, it states 30"
+
+
+def test_numbers_that_begin_anew_while_the_clock_goes_on_are_further_frames(tmp_path):
+    """Six and six: all twelve are given, numbered on."""
+    path = restamped(write_recording(tmp_path / "a.oni", 12), lambda k: 30_000 * (k + 1), lambda k: k % 6 + 1)
+    with OpenNI2Sensor(path) as sensor:
+        assert [frame.index for frame in sensor.frames()] == list(range(12))
+
+
+def test_stamps_of_32_bits_that_begin_anew_go_on(tmp_path):
+    """4294.967 s are followed by 0.01 s."""
+    path = restamped(write_recording(tmp_path / "a.oni", 8), lambda k: (2**32 - 100_000 + 33_333 * k) % 2**32)
+    with OpenNI2Sensor(path) as sensor:
+        frames = list(sensor.frames())
+    np.testing.assert_allclose(np.diff([frame.time_s for frame in frames]), 0.033333, atol=1e-9)
+    assert all(frame.colour is not None for frame in frames)
+
+
+def test_pictures_that_the_recording_says_are_mirrored_are_turned_round(tmp_path):
+    path = write_recording(tmp_path / "a.oni", 3)
+    with OpenNI2Sensor(path) as sensor:
+        plain = next(sensor.frames())
+    raw = path.read_bytes()
+    name = b"xnMirror\0" + struct.pack("<I", 8)
+    path.write_bytes(raw.replace(name + struct.pack("<Q", 0), name + struct.pack("<Q", 1)))
+    assert summarise(path).mirrored == {2, 3}
+    with OpenNI2Sensor(path) as sensor:
+        turned = next(sensor.frames())
+        assert "mirrored; they are turned round" in sensor.info.notes[-1]
+    assert np.array_equal(turned.depth, plain.depth[:, ::-1])
+    assert np.array_equal(turned.colour, plain.colour[:, ::-1])

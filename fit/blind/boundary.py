@@ -13,13 +13,11 @@ Source: J. P. Den Hartog, "Mechanical Vibrations" (1956), section 2.6; H. Goldst
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.blind.engine import SAMPLES
 from fit.blind.hands import course, step
 from fit.blind.plants import Planted
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 ZETA = 0.06  # of a bare rod or hook
 SLIP_TIME = 0.04  # s

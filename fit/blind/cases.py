@@ -15,7 +15,6 @@ from typing import Literal
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.blind.boundary import real_ends
 from fit.blind.engine import SAMPLES, Cloth
@@ -34,11 +33,11 @@ from fit.blind.sensing import (
 )
 from fit.errors import BlowUpError
 from formats.archive import write_take
+from formats.arrays import Floats
 from formats.garment import Garment, TrackedPoint
 from formats.rig import Rig
 from formats.take import Take
 
-Floats = NDArray[np.float64]
 Kind = Literal["single", "null", "pair", "unknown"]
 
 FILES = tuple(f"take-{k + 1}.mcap" for k in range(len(TRAINING))) + tuple(

@@ -16,11 +16,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from formats.results import Diagnosis
-
-Floats = NDArray[np.float64]
 
 RIDGE = 10.0  # of standardised features: a few cases of each label cannot teach fifty of them
 LARGEST_RATIO = 20.0  # of gap to noise

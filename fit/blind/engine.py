@@ -13,13 +13,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit import runtime
 from fit.blind.sheet import Sheet, bending_rate, make_sheet, membrane_rate, place_on
 from fit.errors import BlowUpError, FitError
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 SIDE = 0.016  # m, mean edge of its triangles: two thirds of the fitter's finest
 SAMPLES = 200  # per second of what is kept: swung cloth moves below 10 Hz

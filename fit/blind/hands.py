@@ -14,11 +14,9 @@ quintic steps: T. Flash & N. Hogan, J. Neurosci. 5 (1985), section 2 (least jerk
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.blind.engine import GRAVITY, SAMPLES
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 TRAINING = ("chirp", "sideways", "twist")
 HELD_OUT = ("ellipse", "oblique")

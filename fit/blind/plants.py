@@ -22,12 +22,10 @@ from dataclasses import dataclass
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.blind.engine import Cloth
 from fit.errors import FitError
 
-Floats = NDArray[np.float64]
 SMALLEST, LARGEST = 0.5, 3.0  # times the typical size
 
 BOTTOM = ("bottom left", "bottom centre", "bottom right")

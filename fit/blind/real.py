@@ -24,7 +24,6 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from fit.blind.boundary import real_ends
@@ -34,10 +33,9 @@ from fit.blind.plants import Plant, Planted, choose_plants
 from fit.blind.sensing import eroded, ironing
 from fit.errors import FitError
 from formats.archive import read_take, write_take
+from formats.arrays import Booleans, Floats
 from formats.rig import Rig
 from formats.take import Take
-
-Floats = NDArray[np.float64]
 
 MARGIN = 0.1  # s at both ends of every take: more than any offset in time
 TURNS = (0.08, 0.03)  # rad, the largest pitch and roll of a case's sensor
@@ -173,7 +171,7 @@ def without_ends(take: Take) -> Take:
     return replace(take, time=take.time - take.time[0])
 
 
-def _only(take: Take, kept: NDArray[np.bool_]) -> Take:
+def _only(take: Take, kept: Booleans) -> Take:
     if kept.sum() < 2:
         raise FitError("the take is too short to plant anything in it", where=take.take_id, advice="leave it out")
     return replace(take, **{name: value[kept] for name in FRAMES if (value := getattr(take, name)) is not None})

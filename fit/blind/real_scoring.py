@@ -21,17 +21,15 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.blind.judging import NAMING, bin_of
 from fit.blind.plants import Planted
 from fit.blind.rates import Rate, median, rate_of
 from fit.blind.real import RealTruth
 from fit.blind.running import DIAGNOSIS
+from formats.arrays import Floats
 from formats.errors import ResultError
 from formats.results import Diagnosis, EffectFinding, load_diagnosis
-
-Floats = NDArray[np.float64]
 
 REAL_SCORE_FORMAT = "hangtime-blind-real-score/1"
 RIGHT_SIZE = 0.5  # of the planted amplitude

@@ -14,15 +14,12 @@ Source: W. S. Cleveland, JASA 74 (1979), section 2 (local regression); K. Khoshe
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from fit.blind.engine import SAMPLES
 from fit.blind.plants import Planted
-
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
+from formats.arrays import Booleans, Floats
 
 SLOW_SHARE = 1 / 3  # of the white noise's deviation
 SLOW_TIME = 0.3  # s

@@ -24,7 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
+
 Integers = NDArray[np.int32]
 
 

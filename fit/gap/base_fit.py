@@ -15,7 +15,6 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth.model import Resolution
 from fit.gap import gates
@@ -23,9 +22,9 @@ from fit.gap.checkpoint import Checkpoint
 from fit.gap.fitting import Fitted, Problem, Task, fit
 from fit.observer.residuals import Observer
 from fit.search import looks, valleys
+from formats.arrays import Floats
 from formats.results import Gate
 
-Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 FIRST_FREQUENCY = 1.0  # Hz: fits from anywhere end alike, and stiffnesses still show

@@ -15,14 +15,13 @@ from pathlib import Path
 from zipfile import BadZipFile
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.errors import FitError
 from fit.gap.fitting import Fitted, Pinned
 from fit.provenance import other_than
+from formats.arrays import Floats
 from formats.whole_files import write_whole
 
-Floats = NDArray[np.float64]
 Key = dict[str, object]
 
 SPENT = "spent.json"

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from fit.observer.edge import EdgeErrors
 from fit.observer.residuals import Observer
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 REPLICAS = 1000
 TIE = 1e-9  # of a sum, within which two of them are the same

@@ -8,7 +8,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth.effect import Effect
 from fit.cloth.model import Resolution
@@ -38,7 +37,6 @@ from fit.runtime import one_thread_of_algebra
 from formats.results import Cost, Diagnosis
 from formats.take import Take
 
-Floats = NDArray[np.float64]
 Prepared = tuple[list[Recording], list[Recording]]
 Progress = Callable[[str, float], None]
 

@@ -17,7 +17,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.errors import DriveError
 from fit.gap.checkpoint import Checkpoint
@@ -29,8 +28,6 @@ from fit.recordings.held_edge import place_along
 from fit.recordings.recording import Recording, check_path
 from fit.recordings.smoothing import best_cut_off
 from formats.take import LONGEST_GAP
-
-Floats = NDArray[np.float64]
 
 LEAST_SPREAD = 0.1  # of the determinant of all the edge's points, that those seen in a frame have, for it to count
 

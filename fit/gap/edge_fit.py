@@ -22,15 +22,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.gap.closure import DIRECTIONS
 from fit.gap.fitting import PRIOR_AMPLITUDE, Fitted, Pinned, Problem
 from fit.gap.screening import Screened
 from fit.observer.edge import is_seen_on_edge
 from fit.observer.residuals import Observer
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 SLOW = 4.0  # scores of slow noise, a third of the white one and lasting a third of a second, over those of white noise
 DISPUTED = 2.0  # deviations

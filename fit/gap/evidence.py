@@ -22,9 +22,8 @@ from fit.gap.hypotheses import Hypothesis
 from fit.gap.screening import GROUP_COSINE, Screened
 from fit.observer.edge import LEAST_BY_LAW, is_edge_explained, is_seen_on_edge, is_told_by_edge
 from fit.observer.residuals import Observer
+from formats.arrays import Booleans, Floats
 from formats.results import Figure, Gate
-
-Floats = NDArray[np.float64]
 
 SMALLEST_CLOSURE = 0.25  # an effect that removes less of the gap is not its cause
 MOST_LEFT = 0.6  # of the gap that a cause may leave unexplained, beyond noise and mesh
@@ -105,7 +104,7 @@ def is_worth_adding(
 
 def are_worth_adding(
     gap: Floats, left: Floats, gain: Floats, usual_share: float = 0.0, least: float = LEAST_GAIN_BY_LAW
-) -> NDArray[np.bool_]:
+) -> Booleans:
     """Return `is_worth_adding` of many draws, each (replicas,)."""
     closes_much = (gain >= SECOND_GAIN * gap) & (gain >= SHARE_OF_LEFT * left)
     closes_most = (gain >= MOST_OF_LEFT * left) | (usual_share >= MOST_OF_LEFT)
@@ -313,11 +312,11 @@ class Evidence:
         return bool(abs(self.screened.cosines[places[0], places[1]]) > GROUP_COSINE)
 
     @functools.cached_property
-    def worth_naming(self) -> dict[int, NDArray[np.bool_]]:
+    def worth_naming(self) -> dict[int, Booleans]:
         """In which draws each refitted effect leaves the least error and is worth naming, each (replicas,)."""
         return self.are_worth_naming(*self.draws)
 
-    def are_worth_naming(self, base: Floats, drawn: dict[int, Floats]) -> dict[int, NDArray[np.bool_]]:
+    def are_worth_naming(self, base: Floats, drawn: dict[int, Floats]) -> dict[int, Booleans]:
         """In which draws each refitted effect leaves the least error and is worth naming, each (replicas,).
 
         Worth naming: the base error of the draw is clearly above the noise, and the effect closes a quarter of it.

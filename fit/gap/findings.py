@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth.effect import Effect, size_of
 from fit.gap.closure import SIGNIFICANT_GAP
@@ -16,11 +15,10 @@ from fit.gap.screening import groups
 from fit.gap.verdict import mesh_share
 from fit.methods import Parameterisation
 from fit.observer.residuals import Observer, has_static
+from formats.arrays import Floats
 from formats.results import EffectFinding, Figure, FitParameter, Gap
 
 LISTED = 3  # effects that were left out, in a sentence
-
-Floats = NDArray[np.float64]
 
 
 def describe_gap(evidence: Evidence, best: Hypothesis | None, held_by_edge: Hypothesis | None) -> Gap:

@@ -27,8 +27,7 @@ from fit.search.least_squares import (
     search,
     side_by_side,
 )
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 PRIOR_LOG = 1.5  # standard deviation of log parameters about their initial values
 PRIOR_AMPLITUDE = 5.0  # of amplitudes, in typical sizes, about zero

@@ -24,14 +24,12 @@ C. Jennen-Steinmetz, "Residual variance and residual pattern in nonlinear regres
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.effects.tracker_smoothing import opposite_neighbours
 from fit.observer.residuals import Observer, residuals_together
 from fit.recordings.noise import held_noise, point_noise
 from fit.recordings.recording import Recording
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 REPLICAS = 3
 LARGEST_RATIO = 1.5  # of slow and fast noise together over fast noise alone

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.effects.attachment_offset import hanger_axes
 from fit.gap.fitting import Fitted
 from fit.observer.residuals import Observer
 from fit.recordings.impossible_points import MOST_LEFT_OUT, describe_impossible
 from fit.recordings.recording import Recording
+from formats.arrays import Floats
 from formats.results import Gate
-
-Floats = NDArray[np.float64]
 
 SHORTEST = 2.5  # s of motion: five blocks a take, below which no statistic holds
 MOST_REPEATED = 0.1  # of the frames

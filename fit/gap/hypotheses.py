@@ -13,15 +13,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.gap.closure import BlockErrors, block_errors
 from fit.gap.edge_fit import beside_another
 from fit.gap.fitting import Fitted, Problem, Task
 from fit.gap.screening import Screened, with_amplitude
 from fit.observer.residuals import Observer
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 SHORTLIST = 5  # effects that are refitted
 ITERATIONS = 5  # of each refit, along chords

@@ -24,9 +24,8 @@ from numpy.typing import NDArray
 from fit.cloth.simulator import Simulator
 from fit.observer.residuals import Observer
 from fit.recordings.smoothing import low_pass
+from formats.arrays import Floats
 from formats.results import ForceAt, MissingForce
-
-Floats = NDArray[np.float64]
 
 FREQUENCY = 3.0  # Hz: strong enough that the observer's states are those of the data
 LOW_PASS = 2.0  # Hz

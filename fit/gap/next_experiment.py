@@ -18,7 +18,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.gap.fitting import Fitted, Problem
 from fit.gap.hypotheses import Hypothesis
@@ -26,9 +25,8 @@ from fit.gap.screening import with_amplitude
 from fit.observer.residuals import Observer, residuals_together
 from fit.recordings.held_edge import HeldEdge
 from fit.recordings.recording import Recording
+from formats.arrays import Floats
 from formats.results import NextExperiment
-
-Floats = NDArray[np.float64]
 
 SECONDS, RATE = 4.0, 30.0
 STEP = 0.01  # of the box, for the Jacobian

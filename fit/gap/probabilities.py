@@ -19,7 +19,6 @@ that something in the library was were about ODDS times S / (1 - S). All shares 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.gap.evidence import (
     Evidence,
@@ -30,8 +29,6 @@ from fit.gap.evidence import (
     share_in_median_block,
 )
 from fit.gap.hypotheses import Hypothesis
-
-Floats = NDArray[np.float64]
 
 LEFT, LEFT_WIDTH = 0.35, 0.12  # of the gap that a cause may leave
 ODDS = 4.0  # on development cases, seven of seven with S between 0.3 and 0.65 had their cause in the library

@@ -33,8 +33,7 @@ from fit.cloth.effect import Effect
 from fit.gap.closure import TIE
 from fit.gap.fitting import Fitted, Problem
 from fit.observer.residuals import Observer
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 REPLICAS = 2000
 DETECTION = 1.645 + 0.842  # one-sided 5 % and power 80 %

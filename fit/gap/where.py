@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.observer.residuals import Observer
+from formats.arrays import Floats
 from formats.results import VertexResidual, Where, WhereBin
-
-Floats = NDArray[np.float64]
 
 STILL_SPEED = 0.03  # m/s of the hanger: below, the hand rests
 RING_DOWN = 0.3  # s of rest after which motion is the cloth's own

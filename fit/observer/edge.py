@@ -32,8 +32,7 @@ from numpy.typing import NDArray
 
 from fit.recordings.noise import held_noise, point_noise
 from fit.recordings.recording import Recording
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 KEPT = 5 * np.pi / 9  # of the variance of white noise, per cut-off over rate
 FEWEST_POINTS = 2  # of which one stretch can be told

@@ -31,8 +31,7 @@ from fit.errors import FitError
 from fit.methods import Parameterisation
 from fit.observer.edge import NUMBERS, EdgeErrors, EdgeResiduals, edge_errors
 from fit.recordings.recording import Recording
-
-Floats = NDArray[np.float64]
+from formats.arrays import Booleans, Floats
 
 BLOCK = 0.5  # s: residuals further apart than half a swing count as independent
 LOST = 1e3  # standard deviations that a candidate is charged per number when it blew up
@@ -53,8 +52,8 @@ class Layout:
     point: NDArray[np.int64]
     axis: NDArray[np.int64]
     sd: Floats
-    is_judged: NDArray[np.bool_]
-    is_edge: NDArray[np.bool_]
+    is_judged: Booleans
+    is_edge: Booleans
     static_of: NDArray[np.int64]
 
     def metres(self, residuals: Floats) -> Floats:

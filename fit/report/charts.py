@@ -10,12 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.report.text import escaped, number, percent, small, tenths, tenths_interval, words
+from formats.arrays import Floats
 from formats.results import EffectFinding, Figure, ForceAt, Gap, VertexResidual, WhereBin
-
-Floats = NDArray[np.float64]
 
 MOST_LABELS = 12  # vertices that are labelled with their error; more would overlap
 

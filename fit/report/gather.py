@@ -19,10 +19,9 @@ from fit.identification.request import Request
 from fit.methods import find_method
 from fit.recordings.recording import Recording, prepare_together
 from fit.report import ReportMotion, write_report
+from formats.arrays import Floats
 from formats.results import FitResult
 from formats.take import Take
-
-Floats = NDArray[np.float64]
 
 
 def write_fit_report(

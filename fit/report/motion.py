@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.errors import FitError
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 POINT_STEP = 1e-4  # m, a tenth of the sensor's noise
 MESH_STEP = 5e-4  # m, half a pixel of the player for a garment half a metre wide

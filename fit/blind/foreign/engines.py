@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.blind.engine import SIDE, Cloth, Engine
 from fit.blind.foreign.jobs import make_job, points_on
@@ -18,8 +17,7 @@ from fit.blind.plants import PLANTS, UNKNOWNS, Plant, choose_plants
 from fit.blind.sheet import make_grid
 from fit.errors import BlowUpError, FitError
 from fit.foreign.process import Foreign, ForeignProcess
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 WORKERS = Path(__file__).with_name("workers")
 FARTHEST = 100.0  # m: far outside any room

@@ -31,8 +31,7 @@ from fit.blind.engine import (
     resample,
 )
 from fit.blind.sheet import Sheet, place_on
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 
 @dataclass(frozen=True)

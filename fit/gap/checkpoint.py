@@ -102,7 +102,7 @@ def _read(path: Path) -> Fitted:
         decided = kept["pinned"]
         pinned = Pinned(decided[0], decided[1], float(kept["trust"])) if len(decided) else None
         return Fitted(
-            vector=kept["vector"], amplitudes=kept["amplitudes"], active=tuple(int(k) for k in kept["active"]),
+            vector=kept["vector"], amplitudes=kept["amplitudes"], active=tuple(str(name) for name in kept["active"]),
             residual=kept["residual"], jacobian=kept["jacobian"], deviation=kept["deviation"],
             is_converged=bool(kept["is_converged"]), pinned=pinned,
         )  # fmt: skip
@@ -111,7 +111,7 @@ def _read(path: Path) -> Fitted:
 def _write(path: Path, fitted: Fitted) -> None:
     content, pinned = io.BytesIO(), fitted.pinned
     np.savez(
-        content, vector=fitted.vector, amplitudes=fitted.amplitudes, active=np.array(fitted.active, int),
+        content, vector=fitted.vector, amplitudes=fitted.amplitudes, active=np.array(fitted.active, str),
         residual=fitted.residual, jacobian=fitted.jacobian, deviation=fitted.deviation,
         is_converged=fitted.is_converged,
         pinned=np.array([pinned.amplitudes, pinned.sd] if pinned else []), trust=pinned.trust if pinned else 0.0,

@@ -112,14 +112,14 @@ def diagnose(
     found_gates.append(gate.numerics_gate(removed, refined.numerics_mm, refined.ratio))
     search.sizes_by_edge(refined.numerics_mm)
     evidence = search.evidence(noise, refined, picks, found_gates, is_held_out=bool(test))
-    verdict = decide(evidence, effects)
+    verdict = decide(evidence)
     # Two may hide each other, so that neither passes alone: what nothing explains is looked at in pairs as well.
     may_be_several = verdict.verdict in {"effect", "ambiguous", "unknown"} and evidence.is_predictable
     if may_be_several and search.singles and (verdict.verdict == "unknown" or passing_effects(evidence)):
         progress("looking for a second effect", 0.88)
         search.further_rounds(floor, refined.numerics_mm)
         evidence = search.evidence(noise, refined, picks, found_gates, is_held_out=bool(test))
-        verdict = decide(evidence, effects)
+        verdict = decide(evidence)
     by_edge = None
     if verdict.verdict == "unknown" and not is_edge_explained(search.base.errors.edge):
         progress("holding the cloth where its edge was tracked", 0.92)

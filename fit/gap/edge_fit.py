@@ -33,6 +33,7 @@ from formats.arrays import Floats
 SLOW = 4.0  # scores of slow noise, a third of the white one and lasting a third of a second, over those of white noise
 DISPUTED = 2.0  # deviations
 LEADS = 2  # effects that are refitted for what the held edge shows
+LARGEST = 1e3  # typical sizes, from which an effect that moves the edge by a solver's last digits does not move it
 
 
 def trust_in_edge(observer: Observer, numerics_mm: float) -> float:
@@ -49,7 +50,7 @@ def disputed(observer: Observer, without: Floats, fitted: Fitted, trust: float) 
     without: residual of the model without the fit's effects, (numbers,)
     """
     on_edge = observer.layout.is_edge
-    moving = Problem(observer, tuple(k for k in fitted.active if observer.effects[k].moves_edge))
+    moving = Problem(observer, tuple(name for name in fitted.active if observer.library[name].moves_edge))
     chosen = moving.columns
     if not on_edge.any() or not len(chosen):
         return None
@@ -67,7 +68,7 @@ def disputed(observer: Observer, without: Floats, fitted: Fitted, trust: float) 
     return Pinned(amplitudes, spread, trust)
 
 
-def beside_another(observer: Observer, start: Fitted, effect: int, rows: Floats) -> Pinned | None:
+def beside_another(observer: Observer, start: Fitted, effect: str, rows: Floats) -> Pinned | None:
     """What the held edge says of the amplitudes that it decided in a fit, and of one more effect's, both together.
 
     What it cannot tell beside the other one is free. rows, (components, numbers): of the effect, in typical sizes
@@ -89,37 +90,38 @@ def beside_another(observer: Observer, start: Fitted, effect: int, rows: Floats)
     return Pinned(amplitudes, spread, start.pinned.trust)
 
 
-def leads(observer: Observer, screened: Screened, residual: Floats) -> list[int]:
-    """Places in `screened.effects` of what would put the held edge right, best first; residual, (numbers,)."""
+def leads(observer: Observer, screened: Screened, residual: Floats) -> list[str]:
+    """Return the screened effects that would put the held edge right, best first; residual, (numbers,)."""
     on_edge, before = observer.layout.is_edge, observer.edge_errors(residual)
     if not on_edge.any():
         return []
     found = []
-    for n, k in enumerate(screened.effects):
-        rows = screened.raw[n][:, on_edge]
-        if not observer.effects[k].moves_edge or not rows.any():
+    for name, signature in screened.items():
+        rows, effect = signature.raw[:, on_edge], observer.library[name]
+        if not effect.moves_edge or not rows.any():
             continue
         delta, *_ = _solved(observer, rows, residual[on_edge])
         after = residual.copy()
-        after[on_edge] += (np.maximum(delta, 0.0) if observer.effects[k].is_one_sided else delta) @ rows
+        after[on_edge] += (np.maximum(delta, 0.0) if effect.is_one_sided else delta) @ rows
         then = observer.edge_errors(after)
         if is_seen_on_edge(before, then):
-            found.append((then.shown, n))
-    return [n for _, n in sorted(found)[:LEADS]]
+            found.append((then.shown, name))
+    return [name for _, name in sorted(found)[:LEADS]]
 
 
-def detectable_on_edge(observer: Observer, judge: Observer, screened: Screened) -> Floats:
-    """Smallest amplitude of each screened effect, (screened,), that the held edge of the takes judged on would show."""
-    found = np.full(len(screened.effects), np.inf)
+def detectable_on_edge(observer: Observer, judge: Observer, screened: Screened) -> dict[str, float]:
+    """Smallest amplitude of each screened effect that the held edge of the takes judged on would show."""
+    found = dict.fromkeys(screened, float("inf"))
     frames, judged_on = (float((o.layout.is_edge & (o.layout.frame >= 0)).sum()) for o in (observer, judge))
     if min(frames, judged_on) == 0.0:
         return found
-    for n, k in enumerate(screened.effects):
-        if observer.effects[k].moves_edge:
-            errors = [observer.edge_errors(row) for row in screened.raw[n]]
+    for name, signature in screened.items():
+        if observer.library[name].moves_edge:
+            errors = [observer.edge_errors(row) for row in signature.raw]
             least = min(replace(e, moving=e.moving * judged_on / frames).shown for e in errors)
-            found[n] = screened.typical[n] / np.sqrt(max(least, 1e-12))
-    return np.asarray(np.where(found < 1e3 * screened.typical, found, np.inf))
+            size = signature.typical / float(np.sqrt(max(least, 1e-12)))
+            found[name] = size if size < LARGEST * signature.typical else float("inf")
+    return found
 
 
 def _solved(observer: Observer, rows: Floats, residual: Floats) -> tuple[Floats, Floats, Floats]:

@@ -19,7 +19,7 @@ from fit.gap.closure import (
 )
 from fit.gap.fitting import NORMAL_95, Fitted, amplitude_of
 from fit.gap.hypotheses import Hypothesis
-from fit.gap.screening import GROUP_COSINE, Screened
+from fit.gap.screening import GROUP_COSINE, Screened, Signature, cosine
 from fit.observer.edge import LEAST_BY_LAW, is_edge_explained, is_seen_on_edge, is_told_by_edge
 from fit.observer.residuals import Observer
 from formats.arrays import Booleans, Floats
@@ -48,20 +48,20 @@ RIVAL = 0.1  # share of bootstrap draws that makes an effect a rival
 def is_at_bound(observer: Observer, hypothesis: Hypothesis) -> bool:
     """Whether the effect that a hypothesis adds last was stopped by the end of its physical range."""
     last = hypothesis.effects[-1]
-    effect, amplitude = observer.effects[last], hypothesis.fitted.amplitudes[observer.columns[last]]
+    effect, amplitude = observer.library[last], hypothesis.fitted.amplitudes[observer.columns[last]]
     reach = AT_BOUND * (effect.high - effect.low)
     below = amplitude < effect.low + reach if effect.low < 0 else np.zeros(len(amplitude), bool)
     return bool((below | (amplitude > effect.high - reach)).any())
 
 
-def best_of(observer: Observer, singles: dict[int, Hypothesis]) -> list[Hypothesis]:
+def best_of(observer: Observer, singles: dict[str, Hypothesis]) -> list[Hypothesis]:
     """Return the refitted effects that leave least first; those stopped by the end of their range come last."""
     return sorted(singles.values(), key=lambda h: (is_at_bound(observer, h), h.errors.squared_mm))
 
 
 def least_gain(observer: Observer, before: Hypothesis) -> float:
     """Share of the gap that a further effect closes at least: as much as sound laws of those before it leave of it."""
-    spread = max(observer.effects[k].law_spread for k in before.effects)
+    spread = max(observer.library[k].law_spread for k in before.effects)
     return float(np.clip((LAW_DEVIATIONS * spread) ** 2, LEAST_GAIN, LEAST_GAIN_BY_LAW))
 
 
@@ -77,7 +77,7 @@ def closes_enough(
 
 def edge_left_by_law(observer: Observer, base: Hypothesis, hypothesis: Hypothesis) -> float:
     """What sound laws of effects leave of what the held edge shows without them, in multiples of what is certain."""
-    moving = (observer.effects[k] for k in hypothesis.effects if observer.effects[k].moves_edge)
+    moving = (observer.library[k] for k in hypothesis.effects if observer.library[k].moves_edge)
     spread = max((effect.law_spread for effect in moving), default=0.0)
     return (LAW_DEVIATIONS * spread) ** 2 * base.errors.edge.beyond_noise
 
@@ -118,29 +118,29 @@ def share_in_median_block(before: BlockErrors, after: BlockErrors, floor_mm: flo
     return float(np.median((was - now) / left))
 
 
-def per_millimetre(observer: Observer, screened: Screened) -> Floats:
-    """Size at which each screened effect, the base model refitted, moves the points by 1 mm rms, (screened,)."""
-    moved = [np.mean([observer.in_mm(row) ** 2 for row in rows]) for rows in screened.projected]
-    return np.asarray(screened.typical / np.sqrt(np.maximum(moved, 1e-12)))
+def per_millimetre(observer: Observer, signature: Signature) -> float:
+    """Size at which a screened effect, the base model refitted, moves the points by 1 mm rms."""
+    moved = float(np.mean([observer.in_mm(row) ** 2 for row in signature.projected]))
+    return signature.typical / float(np.sqrt(max(moved, 1e-12)))
 
 
-def wrong_by_mesh(numerics_mm: float, size_per_millimetre: Floats) -> Floats:
+def wrong_by_mesh(numerics_mm: float, size_per_millimetre: float) -> float:
     """Half of the 90 % interval of what mesh and solver, wrong by so many mm, add to a size, in its own unit."""
-    return np.asarray(NORMAL_95 * numerics_mm * size_per_millimetre / np.sqrt(DIRECTIONS))
+    return NORMAL_95 * numerics_mm * size_per_millimetre / float(np.sqrt(DIRECTIONS))
 
 
-def size_within(observer: Observer, fitted: Fitted, effect: int, wrong: float) -> tuple[float, tuple[float, float]]:
+def size_within(observer: Observer, fitted: Fitted, effect: str, wrong: float) -> tuple[float, tuple[float, float]]:
     """Return an effect's size and its 90 % interval, of noise and of mesh and solver; in its own unit.
 
     wrong: half of the interval of what mesh and solver make; they do not move the held edge, where that decided
     """
     size, (low, high) = amplitude_of(fitted, observer, effect)
-    is_off_mesh = fitted.pinned is not None and observer.effects[effect].moves_edge
+    is_off_mesh = fitted.pinned is not None and observer.library[effect].moves_edge
     half = float(np.hypot((high - low) / 2, 0.0 if is_off_mesh else wrong))
     return size, (size - half, size + half)
 
 
-def is_beyond(observer: Observer, hypothesis: Hypothesis, effect: int, wrong: float) -> bool:
+def is_beyond(observer: Observer, hypothesis: Hypothesis, effect: str, wrong: float) -> bool:
     """Whether an effect's size is more than noise makes, and mesh and solver, wrong by so much (90 %, its own unit)."""
     _, (low, high) = size_within(observer, hypothesis.fitted, effect, wrong)
     return low * high > 0
@@ -157,7 +157,7 @@ class Evidence:
     observer: Observer
     screened: Screened
     base: Hypothesis
-    singles: dict[int, Hypothesis]
+    singles: dict[str, Hypothesis]
     joint: list[tuple[Hypothesis, float]]
     floor_mm: float
     numerics_mm: float
@@ -199,31 +199,25 @@ class Evidence:
             value=float(np.sqrt(hypothesis.errors.squared_mm)), interval=error_interval(hypothesis.errors, self.picks)
         )
 
-    def p_value(self, effect: int) -> float:
+    def p_value(self, effect: str) -> float:
         """Family-wise p-value of an effect of the library."""
-        return float(self.screened.family_p_value[self.screened.effects.index(effect)])
+        return self.screened[effect].family_p_value
 
     def amplitude(
-        self, effect: int, *, beside: Hypothesis | None = None, any_law: bool = True
+        self, effect: str, *, beside: Hypothesis | None = None, any_law: bool = True
     ) -> tuple[float, tuple[float, float]]:
         """Size of a refitted effect and its 90 % interval: noise, mesh and solver, and the law of the effect itself.
 
         beside: several effects that it is one of, else it is taken alone
         any_law: whether the interval is to hold for every sound law of the effect, or for the library's alone.
         """
-        place = self.screened.effects.index(effect)
-        wrong = float(wrong_by_mesh(self.numerics_mm, self.per_millimetre[place]))
+        wrong = wrong_by_mesh(self.numerics_mm, per_millimetre(self.observer, self.screened[effect]))
         size, (low, high) = size_within(self.observer, (beside or self.singles[effect]).fitted, effect, wrong)
-        law = NORMAL_95 * self.observer.effects[effect].law_spread * size if any_law else 0.0
+        law = NORMAL_95 * self.observer.library[effect].law_spread * size if any_law else 0.0
         half = float(np.hypot((high - low) / 2, law))
         return size, (size - half, size + half)
 
-    @functools.cached_property
-    def per_millimetre(self) -> Floats:
-        """Size at which each screened effect, the base model refitted, moves the points by 1 mm rms, (screened,)."""
-        return per_millimetre(self.observer, self.screened)
-
-    def drawn(self, *several: Hypothesis) -> tuple[Floats, dict[int, Floats], list[Floats]]:
+    def drawn(self, *several: Hypothesis) -> tuple[Floats, dict[str, Floats], list[Floats]]:
         """Mean squared error [mm^2] in every draw of the base model, of each refitted effect, and of several together.
 
         Drawn are blocks of the held-out takes and what mesh and solver may be wrong by.
@@ -234,17 +228,17 @@ class Evidence:
         return base, dict(zip(self.singles, rest, strict=False)), rest[len(self.singles) :]
 
     @functools.cached_property
-    def draws(self) -> tuple[Floats, dict[int, Floats]]:
+    def draws(self) -> tuple[Floats, dict[str, Floats]]:
         """Mean squared error [mm^2] of the base model and of each refitted effect in every draw."""
         return self.drawn()[:2]
 
-    def alternatives(self, several: Hypothesis) -> dict[int, dict[int, Hypothesis]]:
+    def alternatives(self, several: Hypothesis) -> dict[str, dict[str, Hypothesis]]:
         """Of each of two effects that has any, the twins that do nearly as well in its place, with their hypotheses.
 
         Nearly: of what the effect closes beside the other one, the twin closes NEAR_TWIN; or NEAR, and in RIVAL of the
         draws of half-seconds it leaves less.
         """
-        found: dict[int, dict[int, Hypothesis]] = {}
+        found: dict[str, dict[str, Hypothesis]] = {}
         for other in self.instead:
             shared = set(several.effects) & set(other.effects)
             if len(several.effects) != 2 or len(shared) != 1 or not shared <= self.singles.keys():
@@ -260,7 +254,7 @@ class Evidence:
         return found
 
     @functools.cached_property
-    def contradicted(self) -> frozenset[int]:
+    def contradicted(self) -> frozenset[str]:
         """Refitted effects that the held edge tells not to be it.
 
         It lies surely farther off than without the effect, or than with one that closes as much or nearly so.
@@ -276,7 +270,7 @@ class Evidence:
         return beside | {k for k, h in self.singles.items() if puts_edge_off(self.base, self.base, h)}
 
     @functools.cached_property
-    def told_by_edge(self) -> frozenset[int]:
+    def told_by_edge(self) -> frozenset[str]:
         """Refitted effects that the held edge alone tells of, whatever the cloth does.
 
         With it the edge of other takes lies where it was tracked, without it certainly not; its size is surely not
@@ -290,9 +284,9 @@ class Evidence:
         nearest = min(edges.values(), key=lambda edge: edge.shown)
         return frozenset(k for k in found if not is_told_by_edge(edges[k], nearest, self.base.errors.edge))
 
-    def _is_told_by_edge(self, effect: int) -> bool:
+    def _is_told_by_edge(self, effect: str) -> bool:
         found = self.singles[effect]
-        if not self.observer.effects[effect].moves_edge or effect in self.contradicted:
+        if not self.observer.library[effect].moves_edge or effect in self.contradicted:
             return False
         closed = self.closure_of(found)
         is_worse = closed is not None and closed.interval is not None and closed.interval[1] < 0.0
@@ -306,17 +300,16 @@ class Evidence:
         by_law = edge_left_by_law(self.observer, self.base, found)
         return low * high > 0 and is_edge_explained(found.errors.edge, by_law)
 
-    def alike(self, one: int, other: int) -> bool:
+    def alike(self, one: str, other: str) -> bool:
         """Whether two effects explain the same part of the residual, so that a mesh's small error can swap them."""
-        places = [self.screened.effects.index(k) for k in (one, other)]
-        return bool(abs(self.screened.cosines[places[0], places[1]]) > GROUP_COSINE)
+        return abs(cosine(self.screened[one], self.screened[other])) > GROUP_COSINE
 
     @functools.cached_property
-    def worth_naming(self) -> dict[int, Booleans]:
+    def worth_naming(self) -> dict[str, Booleans]:
         """In which draws each refitted effect leaves the least error and is worth naming, each (replicas,)."""
         return self.are_worth_naming(*self.draws)
 
-    def are_worth_naming(self, base: Floats, drawn: dict[int, Floats]) -> dict[int, Booleans]:
+    def are_worth_naming(self, base: Floats, drawn: dict[str, Floats]) -> dict[str, Booleans]:
         """In which draws each refitted effect leaves the least error and is worth naming, each (replicas,).
 
         Worth naming: the base error of the draw is clearly above the noise, and the effect closes a quarter of it.
@@ -335,7 +328,7 @@ class Evidence:
             k: (d <= least) & has_gap & (base - d >= SMALLEST_CLOSURE * gap) & (k in possible) for k, d in drawn.items()
         }
 
-    def win_shares(self) -> dict[int, float]:
+    def win_shares(self) -> dict[str, float]:
         """Share of draws in which each refitted effect leaves the smallest error."""
         if not self.singles:
             return {}
@@ -348,7 +341,7 @@ class Evidence:
 
     def most_by_law(self, hypothesis: Hypothesis, gap: Floats) -> Floats:
         """Largest mean squared error that sound laws of a hypothesis' effects leave of a gap, both (...,) [mm^2]."""
-        spread = max(self.observer.effects[k].law_spread for k in hypothesis.effects)
+        spread = max(self.observer.library[k].law_spread for k in hypothesis.effects)
         share = max((LAW_DEVIATIONS * spread) ** 2, LEAST_BY_LAW)
         noise = min(SIGNIFICANT_GAP * self.floor_mm**2, (self.floor_mm + ONE_MORE * self.floor_error_mm) ** 2)
         return np.asarray(noise + MESH_TWICE * self.numerics_mm**2 + share * gap)

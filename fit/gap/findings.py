@@ -7,7 +7,7 @@ import numpy as np
 from fit.cloth.effect import Effect, size_of
 from fit.gap.closure import SIGNIFICANT_GAP
 from fit.gap.edge_fit import detectable_on_edge
-from fit.gap.evidence import STUDENT_95, Evidence
+from fit.gap.evidence import STUDENT_95, Evidence, per_millimetre
 from fit.gap.fitting import NORMAL_95, Fitted
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.probabilities import probabilities
@@ -15,7 +15,6 @@ from fit.gap.screening import groups
 from fit.gap.verdict import mesh_share
 from fit.methods import Parameterisation
 from fit.observer.residuals import Observer, has_static
-from formats.arrays import Floats
 from formats.results import EffectFinding, Figure, FitParameter, Gap
 
 LISTED = 3  # effects that were left out, in a sentence
@@ -50,13 +49,12 @@ def describe_effects(
     """
     screened, shares = evidence.screened, evidence.win_shares()
     several = best if best is not None and len(best.effects) > 1 else None
-    group, likely = groups(screened.cosines), probabilities(evidence, several)
+    group, likely = groups(screened), probabilities(evidence, several)
     least = min([evidence.base, *evidence.singles.values()], key=lambda h: h.fitted.cost).fitted.residual
-    by_cloth = np.maximum(screened.minimum_detectable(least, evidence.observer.layout.block), resolvable(evidence))
-    detectable = np.minimum(by_cloth, detectable_on_edge(evidence.observer, judge, screened))
+    on_edge = detectable_on_edge(evidence.observer, judge, screened)
     found = []
-    for k, effect in enumerate(effects):
-        if k not in screened.effects:
+    for effect in effects:
+        if effect.name not in screened:
             value = dict(zip((p.name for p in model.parameters), evidence.base.fitted.vector, strict=True))
             found.append(
                 EffectFinding(
@@ -65,38 +63,40 @@ def describe_effects(
                 )
             )  # fmt: skip
             continue
-        place = screened.effects.index(k)
-        hypothesis = evidence.singles.get(k)
-        beside = several if several is not None and k in several.effects else None
+        name, signature = effect.name, screened[effect.name]
+        hypothesis = evidence.singles.get(name)
+        beside = several if several is not None and name in several.effects else None
         sized = beside or hypothesis
-        amplitude = sized.fitted.amplitudes[evidence.observer.columns[k]] if sized else screened.amplitude[place]
-        size, interval = evidence.amplitude(k, beside=beside) if sized else (size_of(amplitude), None)
-        can_show = bool(np.isfinite(detectable[place]))
+        amplitude = sized.fitted.amplitudes[evidence.observer.columns[name]] if sized else signature.amplitude
+        size, interval = evidence.amplitude(name, beside=beside) if sized else (size_of(amplitude), None)
+        by_cloth = signature.minimum_detectable(least, evidence.observer.layout.block)
+        detectable = min(max(by_cloth, resolvable(evidence, name)), on_edge[name])
+        can_show = bool(np.isfinite(detectable))
         note = "screened only: too little of the residual to be worth a refit; amplitude linearised"
         if hypothesis:
-            note = f"best effect in {100 * shares[k]:.0f} % of bootstrap draws"
+            note = f"best effect in {100 * shares[name]:.0f} % of bootstrap draws"
         if beside:
-            rest = " and ".join(effects[n].title for n in beside.effects if n != k)
+            rest = " and ".join(evidence.observer.library[n].title for n in beside.effects if n != name)
             note = f"amplitude beside {rest}; closure alone" if hypothesis else f"found beside {rest} only"
         if not can_show:
             note = "these takes could not have shown it: at its typical size it moves none of their points"
         found.append(
             EffectFinding(
-                id=effect.name,
-                group=effects[screened.effects[group[place]]].name,
+                id=name,
+                group=group[name],
                 tested=True,
-                probability=likely.get(k, 0.0),
+                probability=likely.get(name, 0.0),
                 amplitude=size,
                 amplitude_interval=interval,
                 components=dict(zip(effect.components, amplitude.tolist(), strict=True)) if len(amplitude) > 1 else {},
                 regions=list(effect.regions(amplitude)),
                 unit=effect.unit,
                 closure=evidence.closure_of(hypothesis) if hypothesis else None,
-                p_value=float(screened.family_p_value[place]),
-                minimum_detectable=float(detectable[place]) if can_show else None,
-                explained=float(screened.explained[place]),
-                absorbed=float(screened.absorbed[place]) if can_show else None,
-                correlation=float(screened.correlation[place]),
+                p_value=signature.family_p_value,
+                minimum_detectable=detectable if can_show else None,
+                explained=signature.explained,
+                absorbed=signature.absorbed if can_show else None,
+                correlation=signature.correlation,
                 fitted_share=1 - hypothesis.fitted.cost / evidence.base.fitted.cost if hypothesis else None,
                 note=note,
             )
@@ -104,15 +104,15 @@ def describe_effects(
     return sorted(found, key=lambda f: (-(f.closure.value if f.closure else -9.0), -(f.explained or 0.0)))
 
 
-def resolvable(evidence: Evidence) -> Floats:
-    """Return the amplitudes from which each screened effect moves the points by what the rules ask for, (screened,).
+def resolvable(evidence: Evidence, effect: str) -> float:
+    """Return the amplitude from which a screened effect moves the points by what the rules ask for.
 
     An effect is named only if it removes more than a share of mesh and solver error, and only where the gap is clearly
     above the noise (`fit.gap.verdict`); below that it cannot be named, however little noise there is.
     """
-    share = np.array([mesh_share(evidence.observer.effects[k]) for k in evidence.screened.effects])
-    needed = np.maximum(share * evidence.numerics_mm**2, (SIGNIFICANT_GAP - 1) * evidence.floor_mm**2)
-    return np.asarray(np.sqrt(needed) * evidence.per_millimetre)
+    share = mesh_share(evidence.observer.library[effect])
+    needed = max(share * evidence.numerics_mm**2, (SIGNIFICANT_GAP - 1) * evidence.floor_mm**2)
+    return float(np.sqrt(needed)) * per_millimetre(evidence.observer, evidence.screened[effect])
 
 
 def base_parameters(model: Parameterisation, fitted: Fitted) -> list[FitParameter]:

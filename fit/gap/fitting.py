@@ -54,14 +54,14 @@ class Fitted:
     """A least-squares fit.
 
     vector, (parameters,): base parameters; amplitudes, (components,) of all effects, zero where not active
-    active: indices of the effects that were fitted, in the order of their columns in the jacobian
+    active: names of the effects that were fitted, in the order of their columns in the jacobian
     residual, (numbers,); jacobian, (numbers, parameters + components), and deviation, (parameters + components,): of
     logs, plain values and typical sizes; pinned: what the held edge alone decided
     """
 
     vector: Floats
     amplitudes: Floats
-    active: tuple[int, ...]
+    active: tuple[str, ...]
     residual: Floats
     jacobian: Floats
     deviation: Floats
@@ -77,12 +77,12 @@ class Fitted:
 class Problem:
     """The map between the searched numbers (base parameters, amplitudes in typical sizes) and the observer's."""
 
-    def __init__(self, observer: Observer, active: tuple[int, ...] = (), pinned: Pinned | None = None) -> None:
+    def __init__(self, observer: Observer, active: tuple[str, ...] = (), pinned: Pinned | None = None) -> None:
         self.observer, self.active, self.pinned = observer, active, pinned
         method = observer.parameterisation
-        effects = [observer.effects[k] for k in active for _ in observer.effects[k].components]
+        effects = [observer.library[name] for name in active for _ in observer.library[name].components]
         self.columns = np.concatenate(
-            [np.zeros(0, int), *(np.arange(len(observer.off))[observer.columns[k]] for k in active)]
+            [np.zeros(0, int), *(np.arange(len(observer.off))[observer.columns[name]] for name in active)]
         )
         self.typical = np.array([e.typical for e in effects])
         low, high = np.array([e.low for e in effects]), np.array([e.high for e in effects])
@@ -135,7 +135,7 @@ class Task:
 
     vector: Floats
     amplitudes: Floats
-    active: tuple[int, ...] = ()
+    active: tuple[str, ...] = ()
     iterations: int = 12
     renewals: int = 2
     jacobian: Floats | None = None
@@ -194,16 +194,16 @@ def sandwich(jacobian: Floats, residual: Floats, block: NDArray[np.int64], prior
     return np.asarray(np.sqrt(np.maximum(np.diag(inverse @ meat @ inverse), 0.0)))
 
 
-def amplitude_of(fitted: Fitted, observer: Observer, effect: int) -> tuple[float, tuple[float, float]]:
+def amplitude_of(fitted: Fitted, observer: Observer, effect: str) -> tuple[float, tuple[float, float]]:
     """Return the size of an active effect's amplitude and its 90 % interval, in its own unit.
 
     The length of a vector estimated with noise is too long on average: |a|^2 - sum sd^2 is not. Its interval is that of
     the component along the vector (delta method).
     """
     before = fitted.active[: fitted.active.index(effect)]
-    place = len(fitted.vector) + sum(len(observer.effects[k].components) for k in before)
+    place = len(fitted.vector) + sum(len(observer.library[name].components) for name in before)
     amplitude = fitted.amplitudes[observer.columns[effect]]
-    deviation = fitted.deviation[place : place + len(amplitude)] * observer.effects[effect].typical
+    deviation = fitted.deviation[place : place + len(amplitude)] * observer.library[effect].typical
     if len(amplitude) == 1:
         middle, half = float(amplitude[0]), NORMAL_95 * float(deviation[0])
         return middle, (middle - half, middle + half)

@@ -17,7 +17,7 @@ import numpy as np
 from fit.gap.closure import BlockErrors, block_errors
 from fit.gap.edge_fit import beside_another
 from fit.gap.fitting import Fitted, Problem, Task
-from fit.gap.screening import Screened, with_amplitude
+from fit.gap.screening import Screened, Signature, cosine, with_amplitude
 from fit.observer.residuals import Observer
 from formats.arrays import Floats
 
@@ -33,46 +33,46 @@ MOST_SEEN, SEEN_SHARE = 2, 0.5  # effects refitted for what they save in mm^2; o
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A refitted model and its held-out errors; effects are indices in the library."""
+    """A refitted model, the names of its effects and its held-out errors."""
 
-    effects: tuple[int, ...]
+    effects: tuple[str, ...]
     fitted: Fitted
     errors: BlockErrors
 
 
-def shortlist(screened: Screened) -> list[int]:
-    """Return places in `screened.effects` of what deserves a refit, most promising first."""
-    order = [int(n) for n in np.argsort(-screened.predicted)]
+def shortlist(screened: Screened) -> list[str]:
+    """Return the effects that deserve a refit, most promising first."""
+    order = sorted(screened, key=lambda name: -screened[name].predicted)
     best = order[0]
     chosen = _not_trifling(screened, order[:SHORTLIST])
-    by_distance = [int(n) for n in np.argsort(-screened.predicted_mm2)]
-    seen = SEEN_SHARE * max(float(screened.predicted_mm2[by_distance[0]]), 0.0)
-    chosen += [n for n in by_distance[:MOST_SEEN] if screened.predicted_mm2[n] > seen and n not in chosen]
+    by_distance = sorted(screened, key=lambda name: -screened[name].predicted_mm2)
+    seen = SEEN_SHARE * max(screened[by_distance[0]].predicted_mm2, 0.0)
+    chosen += [name for name in by_distance[:MOST_SEEN] if screened[name].predicted_mm2 > seen and name not in chosen]
     for leader in (best, by_distance[0]):
-        twins = [n for n in order if n not in chosen and abs(screened.cosines[leader, n]) > ALIKE]
+        twins = [name for name in order if name not in chosen and abs(cosine(screened[leader], screened[name])) > ALIKE]
         chosen += twins[:2] if leader in chosen else []
     return chosen
 
 
-def further(screened: Screened, most: int) -> list[int]:
-    """Return places in `screened.effects` of what is tried beside other effects, most promising first.
+def further(screened: Screened, most: int) -> list[str]:
+    """Return the effects that are tried beside other effects, most promising first.
 
-    It is judged by distance, so that what saves cost and brings no point nearer is left out.
+    They are judged by distance, so that what saves cost and brings no point nearer is left out.
     """
-    nearest = float(screened.predicted_mm2.max())
-    nearer = screened.predicted_mm2 >= LEAST_SHARE * nearest if nearest > 0.0 else np.ones(len(screened.effects), bool)
-    return _not_trifling(screened, [int(n) for n in np.argsort(-screened.predicted) if nearer[n]][:most])
+    nearest = max(one.predicted_mm2 for one in screened.values())
+    nearer = [name for name, one in screened.items() if nearest <= 0.0 or one.predicted_mm2 >= LEAST_SHARE * nearest]
+    return _not_trifling(screened, sorted(nearer, key=lambda name: -screened[name].predicted)[:most])
 
 
-def _not_trifling(screened: Screened, order: list[int]) -> list[int]:
-    """Of places, most cost saved first, the first one and those that save more than a small share of what it does."""
-    least = LEAST_SHARE * float(screened.predicted[order[0]])
-    return [n for n in order if screened.predicted[n] > least or n == order[0]]
+def _not_trifling(screened: Screened, order: list[str]) -> list[str]:
+    """Of effects, most cost saved first, return the first one and those that save more than a small share of that."""
+    least = LEAST_SHARE * screened[order[0]].predicted
+    return [name for name in order if screened[name].predicted > least or name == order[0]]
 
 
-def refits(observer: Observer, start: Fitted, screened: Screened, places: list[int]) -> list[Task]:
+def refits(observer: Observer, start: Fitted, screened: Screened, names: list[str]) -> list[Task]:
     """Return the refits of a model with one more effect each, from the best of some shares of its linear solution."""
-    tries = [_tries(observer, start, screened, place) for place in places]
+    tries = [_tries(observer, start, screened[name], name) for name in names]
     every = [problem.unpack(np.array(numbers)) for problem, numbers, _ in tries]
     vectors, rows = (np.concatenate(column) for column in zip(*every, strict=True))
     costs = (observer.residuals(vectors, rows) ** 2).sum(1).reshape(len(tries), -1)
@@ -88,14 +88,15 @@ def refits(observer: Observer, start: Fitted, screened: Screened, places: list[i
     return tasks
 
 
-def _tries(observer: Observer, start: Fitted, screened: Screened, place: int) -> tuple[Problem, list[Floats], Floats]:
+def _tries(
+    observer: Observer, start: Fitted, signature: Signature, effect: str
+) -> tuple[Problem, list[Floats], Floats]:
     """The problem with one more effect, places near its joint linear solution, and its Jacobian."""
-    effect = screened.effects[place]
     active = (*start.active, effect)
-    pinned = beside_another(observer, start, effect, screened.raw[place])
+    pinned = beside_another(observer, start, effect, signature.raw)
     problem = Problem(observer, active, pinned)
     count = len(start.vector)
-    joint = np.concatenate([start.jacobian, screened.raw[place].T], axis=1)
+    joint = np.concatenate([start.jacobian, signature.raw.T], axis=1)
     # Gauss-Newton from `start`, which is a minimum of its own parameters, kept within a factor of e per parameter.
     normal = joint.T @ joint + np.diag(problem.prior_sd**-2)
     step = -np.linalg.solve(normal, joint.T @ start.residual)
@@ -104,8 +105,8 @@ def _tries(observer: Observer, start: Fitted, screened: Screened, place: int) ->
         logs, start.vector * np.exp(np.clip(step[:count] * logs, -1, 1)), start.vector + step[:count] * ~logs
     )
     columns = observer.columns[effect]
-    kind = observer.effects[effect]
-    guess = np.clip(screened.amplitude[place], 0.9 * kind.low, 0.9 * kind.high)
+    kind = observer.library[effect]
+    guess = np.clip(signature.amplitude, 0.9 * kind.low, 0.9 * kind.high)
     if not np.abs(guess).max() > 0.1 * kind.typical:
         guess = np.full(len(guess), 0.3 * kind.typical)
     rows = [with_amplitude(start.amplitudes, columns, share * guess) for share in SHARES]

@@ -125,11 +125,11 @@ def propose(observer: Observer, base: Fitted, alive: list[Hypothesis], weights: 
     _, motion, now, after, (i, j) = best
     if after - now < WORTH_IT:
         return None
-    titles = [observer.effects[alive[k].effects[-1]].title if k >= 0 else "no effect" for k in (i, j)]
+    titles = [observer.library[alive[k].effects[-1]].title if k >= 0 else "no effect" for k in (i, j)]
     return NextExperiment(
         id=motion.id,
         motion=motion.sentence,
-        separates=[observer.effects[alive[k].effects[-1]].name for k in (i, j) if k >= 0],
+        separates=[alive[k].effects[-1] for k in (i, j) if k >= 0],
         sigmas_now=float(now),
         sigmas_next=float(after),
         sentence=f"Next, {motion.sentence}: together with the present takes that would tell {titles[0]} from "
@@ -186,7 +186,7 @@ def _rows(observer: Observer, alive: list[Hypothesis], turned: dict[str, tuple[f
     for hypothesis in alive:
         effect = hypothesis.effects[-1]
         columns = observer.columns[effect]
-        factors = np.asarray(turned.get(observer.effects[effect].name, 1.0))
+        factors = np.asarray(turned.get(effect, 1.0))
         rows.append(with_amplitude(observer.off, columns, hypothesis.fitted.amplitudes[columns] * factors))
     return rows
 

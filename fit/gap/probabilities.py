@@ -34,7 +34,7 @@ LEFT, LEFT_WIDTH = 0.35, 0.12  # of the gap that a cause may leave
 ODDS = 4.0  # on development cases, seven of seven with S between 0.3 and 0.65 had their cause in the library
 
 
-def probabilities(evidence: Evidence, several: Hypothesis | None) -> dict[int, float]:
+def probabilities(evidence: Evidence, several: Hypothesis | None) -> dict[str, float]:
     """Return the probability of each effect that was refitted or is one of several that are named together."""
     twins = evidence.alternatives(several).values() if several else []
     teams = [several, *(h for others in twins for h in others.values())] if several else []

@@ -30,7 +30,7 @@ from fit.gap.evidence import (
 from fit.gap.fitting import Fitted, Task, fit
 from fit.gap.hypotheses import POLISHING, Hypothesis, further, judged, polishing, refits, shortlist
 from fit.gap.numerics import Refined
-from fit.gap.screening import GROUP_COSINE, Screened, ended_at, screen, with_amplitude
+from fit.gap.screening import GROUP_COSINE, Screened, cosine, ended_at, screen, with_amplitude
 from fit.gap.verdict import LEVEL, MESH_SHARE, Verdict, is_brought, may_be_added
 from fit.observer.edge import is_edge_explained, is_told_by_edge
 from fit.observer.residuals import Observer
@@ -59,15 +59,15 @@ class Rounds:
         self.fits = fits
         own = {p.name for p in observer.parameterisation.parameters}
         self.tested = tuple(
-            k
-            for k, e in enumerate(observer.effects)
-            if e.in_base not in own or ended_at(observer, fits[0].vector, k) is not None
+            effect.name
+            for effect in observer.effects
+            if effect.in_base not in own or ended_at(observer, fits[0].vector, effect.name) is not None
         )
         (self.base,) = judged(judge, fits[:1])
         self.screened: Screened
-        self.singles: dict[int, Hypothesis] = {}
+        self.singles: dict[str, Hypothesis] = {}
         self.joint: list[tuple[Hypothesis, float]] = []  # with further effects, and the last one's p-value
-        self.beside: dict[int, Screened] = {}  # all others beside one effect
+        self.beside: dict[str, Screened] = {}  # all others beside one effect
         self.instead: list[Hypothesis] = []  # two effects, one of them in the place of a twin
 
     def first_round(self, added: tuple[str, ...], *, has_gap: bool) -> None:
@@ -77,13 +77,12 @@ class Rounds:
         """
         self.progress("screening", 0.32)
         self.screened = screen(self.observer, self.base.fitted, self.tested, self.rng)
-        places = self._and_leads(shortlist(self.screened), self.screened, self.base.fitted) if has_gap else []
-        wanted = [n for n, k in enumerate(self.screened.effects) if self.observer.effects[k].name in added]
-        places += [n for n in wanted if n not in places]
-        if not places:
+        chosen = self._and_leads(shortlist(self.screened), self.screened, self.base.fitted) if has_gap else []
+        chosen += [name for name in self.screened if name in added and name not in chosen]
+        if not chosen:
             return
-        self.progress(f"refitting with {len(places)} effects, one each", 0.4)
-        for hypothesis in self._refit(self.base.fitted, self.screened, places):
+        self.progress(f"refitting with {len(chosen)} effects, one each", 0.4)
+        for hypothesis in self._refit(self.base.fitted, self.screened, chosen):
             self.singles[hypothesis.effects[-1]] = hypothesis
         self.progress("refitting the best across valleys", 0.62)
         by_cost = sorted(self.singles, key=lambda k: self.singles[k].fitted.cost)
@@ -125,20 +124,20 @@ class Rounds:
         ]
         if not again:
             return found
-        names = [f"{self._name(task.active)}{came}-by-edge" for _, task in again]
+        names = [f"{kept_as(task.active)}{came}-by-edge" for _, task in again]
         made = self.kept.recall(names, partial(fit, self.observer, [task for _, task in again]))
         settled = list(found)
         for (n, _), one in zip(again, judged(self.judge, made), strict=True):
             settled[n] = one
         return settled
 
-    def _and_leads(self, places: list[int], screened: Screened, before: Fitted) -> list[int]:
-        """Places in `screened.effects` of what promises most, and then of what the held edge shows besides."""
-        return places + [n for n in leads(self.observer, screened, before.residual) if n not in places]
+    def _and_leads(self, names: list[str], screened: Screened, before: Fitted) -> list[str]:
+        """Return the effects that promise most, and then those that the held edge shows besides."""
+        return names + [name for name in leads(self.observer, screened, before.residual) if name not in names]
 
     def _fitted_on(self, found: list[Fitted]) -> list[Fitted]:
         """Return fits as they end with Jacobians of their own: where they are, or across the valleys about them."""
-        names = [self._name(one.active) for one in found]
+        names = [kept_as(one.active) for one in found]
         tasks = [polishing(one) for one in found]
         polished = self.kept.recall([f"{name}-polished" for name in names], partial(fit, self.observer, tasks))
         beyond = [across_valleys(self.observer, one) for one in polished]
@@ -234,18 +233,17 @@ class Rounds:
         An effect that was there first may have made up for one that was found later, so that beside it its size is no
         more than noise, mesh and solver make.
         """
-        wrong = wrong_by_mesh(numerics, per_millimetre(self.observer, self.screened))
+        wrong = {k: wrong_by_mesh(numerics, per_millimetre(self.observer, self.screened[k])) for k in several.effects}
         kept = tuple(
-            k for k in several.effects
-            if k == several.effects[-1] or is_beyond(self.observer, several, k, wrong[self.screened.effects.index(k)])
-        )  # fmt: skip
+            k for k in several.effects if k == several.effects[-1] or is_beyond(self.observer, several, k, wrong[k])
+        )
         if len(kept) == len(several.effects) or len(kept) < 2:
             return
         amplitudes = self.observer.off
         for columns in (self.observer.columns[k] for k in kept):
             amplitudes = with_amplitude(amplitudes, columns, several.fitted.amplitudes[columns])
         task = Task(several.fitted.vector, amplitudes, kept, iterations=POLISHING)
-        name = f"{self._name(kept)}-of-{self._name(several.effects)}"
+        name = f"{kept_as(kept)}-of-{kept_as(several.effects)}"
         (found,) = judged(self.judge, self.kept.recall([name], partial(fit, self.observer, [task])))
         self.joint = [(found, p_value)]
 
@@ -263,9 +261,9 @@ class Rounds:
         tasks = [
             Task(both.vector, row, (k,), iterations=POLISHING, known_cost=before[k]) for k, row in amplitudes.items()
         ]
-        names = [f"{self._name((k,))}-of-{self._name(pair.effects)}" for k in pair.effects]
+        names = [f"{kept_as((k,))}-of-{kept_as(pair.effects)}" for k in pair.effects]
         made = self.kept.recall(names, partial(fit, self.observer, tasks))
-        for alone in self._by_edge(judged(self.judge, made), numerics, f"-of-{self._name(pair.effects)}"):
+        for alone in self._by_edge(judged(self.judge, made), numerics, f"-of-{kept_as(pair.effects)}"):
             (k,) = alone.effects
             if k not in self.singles or alone.fitted.cost < self.singles[k].fitted.cost:
                 self.singles[k] = alone
@@ -285,14 +283,14 @@ class Rounds:
         self.instead = [h for h, p in found if h is not best and may_be_added(self.observer, h, p)]
         return best, p_value
 
-    def _twins(self, effect: int, kept: int) -> tuple[int, ...]:
+    def _twins(self, effect: str, kept: str) -> tuple[str, ...]:
         """Effects that look like one of two, beside the other one where that was screened, or else alone."""
         screened = self.beside.get(kept, self.screened)
-        if effect not in screened.effects:  # what is not looked for beside another one was a start
+        if effect not in screened:  # what is not looked for beside another one was a start
             screened = self.screened
-        alike = np.abs(screened.cosines[screened.effects.index(effect)]) > GROUP_COSINE
-        found = zip(screened.effects, alike, strict=True)
-        return tuple(k for k, like in found if like and k not in (effect, kept))
+        own = screened[effect]
+        alike = [name for name, other in screened.items() if abs(cosine(own, other)) > GROUP_COSINE]
+        return tuple(name for name in alike if name not in (effect, kept))
 
     def _rivals(self, order: list[Hypothesis]) -> list[Hypothesis]:
         """What may be the right one beside another: the next best, where it closes nearly as much, and what fits best.
@@ -313,28 +311,28 @@ class Rounds:
             found = [*found, nearest]
         return list({h.effects: h for h in found if h is not order[0]}.values())
 
-    def _with_another(self, start: Hypothesis, chosen: tuple[int, ...] | None = None) -> list[tuple[Hypothesis, float]]:
+    def _with_another(self, start: Hypothesis, chosen: tuple[str, ...] | None = None) -> list[tuple[Hypothesis, float]]:
         """Refits with one more effect each, of the few that promise most, and their p-values; chosen: of these alone.
 
         What one of the start's effects may bring along is left out (`fit.gap.verdict.is_brought`), and what would put
         the held edge off.
         """
-        effects = self.observer.effects
+        library = self.observer.library
         left = tuple(
-            k
-            for k in (self.tested if chosen is None else chosen)
-            if k not in start.effects and not effects[k].differs_by_solver
+            name
+            for name in (self.tested if chosen is None else chosen)
+            if name not in start.effects and not library[name].differs_by_solver
         )
         if not left:
             return []
         screened = screen(self.observer, start.fitted, left, self.rng, self.screened)
         if chosen is None and len(start.effects) == 1:
             self.beside[start.effects[0]] = screened
-        places = self._and_leads(further(screened, SECONDS_TRIED), screened, start.fitted)
-        refitted = self._refit(start.fitted, screened, places, "" if chosen is None else "-as-twin")
+        names = self._and_leads(further(screened, SECONDS_TRIED), screened, start.fitted)
+        refitted = self._refit(start.fitted, screened, names, "" if chosen is None else "-as-twin")
         return [
-            (h, self._p_value(float(screened.family_p_value[place]), start, h, len(left)))
-            for h, place in zip(refitted, places, strict=True)
+            (h, self._p_value(screened[name].family_p_value, start, h, len(left)))
+            for h, name in zip(refitted, names, strict=True)
             if not any(is_brought(self.observer, h, k) for k in h.effects) and not puts_edge_off(self.base, start, h)
         ]
 
@@ -348,16 +346,12 @@ class Rounds:
             return by_score
         return min(1.0, 2 * min(by_score, tested * gain_p_value(start.errors, found.errors)))
 
-    def _refit(self, start: Fitted, screened: Screened, places: list[int], kind: str = "") -> list[Hypothesis]:
+    def _refit(self, start: Fitted, screened: Screened, names: list[str], kind: str = "") -> list[Hypothesis]:
         def go() -> list[Fitted]:
-            return fit(self.observer, refits(self.observer, start, screened, places))
+            return fit(self.observer, refits(self.observer, start, screened, names))
 
-        added = [(*start.active, screened.effects[place]) for place in places]
-        return judged(self.judge, self.kept.recall([self._name(active) + kind for active in added], go))
-
-    def _name(self, active: tuple[int, ...]) -> str:
-        """What a fit with these effects is kept as."""
-        return "+".join(self.observer.effects[k].name for k in active)
+        added = [(*start.active, name) for name in names]
+        return judged(self.judge, self.kept.recall([kept_as(active) + kind for active in added], go))
 
     def alive(self, evidence: Evidence, verdict: Verdict) -> tuple[list[Hypothesis], list[float]]:
         """Return the hypotheses that a further recording should tell apart, and how much each weighs."""
@@ -365,7 +359,7 @@ class Rounds:
             return [], []
         shares = evidence.win_shares()
         order = sorted(self.singles, key=lambda k: self.singles[k].errors.squared_mm)
-        named = [k for k in order if self.observer.effects[k].name in verdict.named]
+        named = [k for k in order if k in verdict.named]
         chosen = (named + [k for k in order if k not in named])[: max(2, len(named))]
         return [self.singles[k] for k in chosen], [max(shares[k], 0.1) for k in chosen]
 
@@ -384,13 +378,16 @@ class Rounds:
 
     def named(self, verdict: Verdict) -> Hypothesis | None:
         """Return the hypothesis that the verdict names."""
-        wanted = {k for k, e in enumerate(self.observer.effects) if e.name in verdict.named}
         if verdict.verdict == "several":
-            return next(h for h, _ in self.joint if set(h.effects) == wanted)
+            return next(h for h, _ in self.joint if set(h.effects) == set(verdict.named))
         if verdict.verdict in {"effect", "ambiguous"}:
-            first = next(k for k, e in enumerate(self.observer.effects) if e.name == verdict.named[0])
-            return self.singles[first]
+            return self.singles[verdict.named[0]]
         return None
+
+
+def kept_as(active: tuple[str, ...]) -> str:
+    """Return the name under which a fit with these effects is kept."""
+    return "+".join(active)
 
 
 def _held_out_error(pair: tuple[Hypothesis, float]) -> float:

@@ -23,7 +23,7 @@ detectable change).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,9 +43,9 @@ AT_TOP = 0.02  # of a base parameter's largest value: nearer to it a fit was sto
 NEAR = (0.5, 1.6)  # of the amplitude of a probe: what its secant may be believed for
 
 
-def ended_at(observer: Observer, vector: Floats, effect: int) -> int | None:
+def ended_at(observer: Observer, vector: Floats, effect: str) -> int | None:
     """Place of the base parameter that an effect is more of, where a fit ended at the top of its range; else None."""
-    kind, parameters = observer.effects[effect], observer.parameterisation.parameters
+    kind, parameters = observer.library[effect], observer.parameterisation.parameters
     places = {p.name: n for n, p in enumerate(parameters)}
     if not kind.goes_beyond_base or kind.in_base not in places:
         return None
@@ -54,52 +54,58 @@ def ended_at(observer: Observer, vector: Floats, effect: int) -> int | None:
 
 
 @dataclass(frozen=True)
-class Screened:
-    """What the score test says of each screened effect.
+class Signature:
+    """What the score test says of one screened effect.
 
-    effects: their indices in the library; amplitude: per effect its vector, (components,)
-    explained, absorbed, p_value (own), family_p_value: (screened,)
-    projected: per effect its projected signatures in typical sizes, (components, numbers); typical, (screened,)
-    cosines, (screened, screened): of what each effect alone would explain of the residual
-    correlation: multiple, of the residual with the signatures as they are, nothing projected out, (screened,)
-    raw: per effect its signatures in typical sizes, (components, numbers), columns of a joint Jacobian
-    predicted: cost that a linear refit would save, (screened,); predicted_mm2, (screened,): mean squared error [mm^2]
+    amplitude, (components,): of the linear refit
+    raw, projected: signatures in typical sizes, (components, numbers); the raw ones are columns of a joint Jacobian
+    contribution, (numbers,): what the effect alone would explain of the residual
+    predicted: cost that a linear refit would save; predicted_mm2: mean squared error that it would save [mm^2]
+    explained: `predicted` as a share of what the fit left; absorbed: share of the signature that parameters imitate
+    p_value: of this effect alone; family_p_value: of the family of all screened effects
+    correlation: multiple, of the residual with the raw signatures
     """
 
-    effects: tuple[int, ...]
-    amplitude: list[Floats]
-    explained: Floats
-    absorbed: Floats
-    p_value: Floats
-    family_p_value: Floats
-    cosines: Floats
-    predicted: Floats
-    predicted_mm2: Floats
-    correlation: Floats
-    raw: list[Floats]
-    projected: list[Floats]
-    typical: Floats
+    amplitude: Floats
+    raw: Floats
+    projected: Floats
+    contribution: Floats
+    typical: float
+    predicted: float
+    predicted_mm2: float
+    explained: float
+    absorbed: float
+    p_value: float
+    family_p_value: float
+    correlation: float
 
-    def secant(self, effect: int) -> Secant:
-        """Return the signatures that an effect was found to have, per unit of its components."""
-        place = self.effects.index(effect)
-        return Secant(self.raw[place] / self.typical[place])
+    @property
+    def secant(self) -> Secant:
+        """The signatures per unit of the effect's components."""
+        return Secant(self.raw / self.typical)
 
-    def minimum_detectable(self, left: Floats, block: NDArray[np.int64]) -> Floats:
-        """Smallest amplitude of each effect that would have shown, (screened,), where `left` is what a model leaves.
+    def minimum_detectable(self, left: Floats, block: NDArray[np.int64]) -> float:
+        """Smallest amplitude that would have shown, where `left`, (numbers,), is the residual of a model.
 
-        Infinite where an effect moves nothing.
+        Infinite where the effect moves nothing.
         """
-        found = np.full(len(self.effects), np.inf)
-        for n, rows in enumerate(self.projected):
-            if not rows.any():
-                continue
-            gain = np.zeros((int(block.max()) + 1, len(rows)))
-            np.add.at(gain, block, (rows * left).T)
-            inverse = np.linalg.pinv(rows @ rows.T, hermitian=True)
-            spread = inverse @ (gain.T @ gain) @ inverse
-            found[n] = DETECTION * self.typical[n] * float(np.sqrt(max(np.linalg.eigvalsh(spread)[-1], 0.0)))
-        return found
+        rows = self.projected
+        if not rows.any():
+            return float("inf")
+        gain = np.zeros((int(block.max()) + 1, len(rows)))
+        np.add.at(gain, block, (rows * left).T)
+        inverse = np.linalg.pinv(rows @ rows.T, hermitian=True)
+        spread = inverse @ (gain.T @ gain) @ inverse
+        return DETECTION * self.typical * float(np.sqrt(max(np.linalg.eigvalsh(spread)[-1], 0.0)))
+
+
+Screened = dict[str, Signature]  # every screened effect, by its name
+
+
+def cosine(one: Signature, other: Signature) -> float:
+    """Cosine between what two effects, each alone, would explain of the residual; 0 where one explains nothing."""
+    lengths = float(np.linalg.norm(one.contribution) * np.linalg.norm(other.contribution))
+    return float(one.contribution @ other.contribution) / lengths if lengths > 0.0 else 0.0
 
 
 @dataclass(frozen=True)
@@ -118,21 +124,21 @@ class Secant:
         return self.at == 0.0 or low <= float(amplitude[0]) / self.at <= high
 
 
-def secants_of(observer: Observer, fitted: Fitted, chosen: tuple[int, ...]) -> list[list[Secant]]:
+def secants_of(observer: Observer, fitted: Fitted, chosen: Collection[str]) -> dict[str, list[Secant]]:
     """Secants of the chosen effects about a fit, of each at its typical size and then at its probes."""
-    wanted = [_places(observer, fitted, k) for k in chosen]
+    wanted = [_places(observer, fitted, name) for name in chosen]
     rows = np.array([row for places in wanted for row in places])
     moved = observer.residuals(np.tile(fitted.vector, (len(rows), 1)), rows)
     ends = np.cumsum([len(places) for places in wanted])[:-1]
-    return [
-        _secants(observer, fitted, k, np.array(places), residuals)
-        for k, places, residuals in zip(chosen, wanted, np.split(moved, ends), strict=True)
-    ]
+    return {
+        name: _secants(observer, fitted, name, np.array(places), residuals)
+        for name, places, residuals in zip(chosen, wanted, np.split(moved, ends), strict=True)
+    }
 
 
-def _places(observer: Observer, fitted: Fitted, k: int) -> list[Floats]:
+def _places(observer: Observer, fitted: Fitted, name: str) -> list[Floats]:
     """Rows of amplitudes at which an effect's secants are taken: of its components, its probes, its no-size."""
-    effect, columns, now = observer.effects[k], observer.columns[k], fitted.amplitudes
+    effect, columns, now = observer.library[name], observer.columns[name], fitted.amplitudes
     signs = (1.0,) if effect.is_one_sided else (1.0, -1.0)
     steps = [(c, sign * effect.typical) for c in range(columns.start, columns.stop) for sign in signs]
     steps += [(columns.start, sign * probe) for probe in effect.probes for sign in signs]
@@ -142,8 +148,8 @@ def _places(observer: Observer, fitted: Fitted, k: int) -> list[Floats]:
     return rows
 
 
-def _secants(observer: Observer, fitted: Fitted, k: int, places: Floats, moved: Floats) -> list[Secant]:
-    effect, columns = observer.effects[k], observer.columns[k]
+def _secants(observer: Observer, fitted: Fitted, name: str, places: Floats, moved: Floats) -> list[Secant]:
+    effect, columns = observer.library[name], observer.columns[name]
     before = moved[-1] if effect.no_size > 0.0 else fitted.residual
     first = columns.start
     sizes = places[:, first] - fitted.amplitudes[first]
@@ -173,7 +179,11 @@ def with_amplitude(amplitudes: Floats, columns: slice | int, changed: Floats | f
 
 
 def screen(
-    observer: Observer, fitted: Fitted, chosen: tuple[int, ...], rng: np.random.Generator, known: Screened | None = None
+    observer: Observer,
+    fitted: Fitted,
+    chosen: Sequence[str],
+    rng: np.random.Generator,
+    known: Screened | None = None,
 ) -> Screened:
     """Screen the chosen effects of the library against a fit, whose own effects are projected out like parameters.
 
@@ -181,7 +191,7 @@ def screen(
     taking anew, and stand for those of the others.
     """
     # What stopped at the top of its range is no more free to imitate the effect that is more of it.
-    stopped = [ended_at(observer, fitted.vector, k) for k in chosen]
+    stopped = [ended_at(observer, fitted.vector, name) for name in chosen]
     is_free = ~np.isin(np.arange(fitted.jacobian.shape[1]), [place for place in stopped if place is not None])
     jacobian = fitted.jacobian[:, is_free]
     precision = np.diag(Problem(observer, fitted.active, fitted.pinned).prior_sd[is_free] ** -2)
@@ -192,41 +202,33 @@ def screen(
 
     rest = project(fitted.residual[None])[0]
     blocks = observer.layout.block
-    signs = rng.choice([-1.0, 1.0], size=(REPLICAS, int(blocks.max()) + 1))
-    scored, statistic, drawn = [], [], []
 
-    def score(k: int, secants: list[Secant]) -> list[_Scored]:
+    def score(name: str, secants: list[Secant]) -> list[_Scored]:
         """Return those of an effect's secants that hold for the amplitude that they find."""
-        every = [(_score(secant, observer.effects[k], project, fitted.residual, rest), secant) for secant in secants]
+        effect = observer.library[name]
+        every = [(_score(secant, effect, project, fitted.residual, rest), secant) for secant in secants]
         return [one for one, secant in every if secant.holds(one.amplitude)]
 
-    tried = {k: score(k, [known.secant(k)]) for k in chosen} if known else {}
-    renewed = tuple(sorted(sorted(tried, key=lambda k: -tried[k][0].predicted)[:RENEWED])) if known else chosen
-    for k, secants in zip(renewed, secants_of(observer, fitted, renewed), strict=True):
-        tried[k] = score(k, secants)
-    for k in chosen:
-        effect, found = observer.effects[k], tried[k]
-        best = max(found, key=lambda one: one.predicted)
-        gain = np.zeros((signs.shape[1], len(best.seen)))
-        np.add.at(gain, blocks, (best.seen * rest).T)
-        meat = gain.T @ gain + 1e-12 * max(float(np.trace(gain.T @ gain)), 1e-30) * np.eye(len(best.seen))
-        statistic.append(_statistic(gain.sum(0)[None], meat, effect.is_one_sided)[0])
-        drawn.append(_statistic(signs @ gain, meat, effect.is_one_sided))
-        scored.append(best)
-    p_value, family = _p_values(np.array(statistic), np.array(drawn))
-    left = max(float(rest @ rest), 1e-12)
-    missed = np.array([rest + one.contribution for one in scored])
-    return Screened(
-        effects=chosen, amplitude=[one.amplitude for one in scored],
-        explained=np.array([one.predicted / left for one in scored]),
-        absorbed=np.array([1 - float((o.seen**2).sum()) / max(float((o.raw**2).sum()), 1e-12) for o in scored]),
-        p_value=p_value, family_p_value=family, cosines=_cosines(np.array([one.contribution for one in scored])),
-        predicted=np.array([one.predicted for one in scored]),
-        predicted_mm2=observer.in_mm(rest) ** 2 - observer.in_mm(missed) ** 2,
-        correlation=np.array([one.correlation for one in scored]),
-        raw=[one.raw for one in scored], projected=[one.seen for one in scored],
-        typical=np.array([observer.effects[k].typical for k in chosen]),
-    )  # fmt: skip
+    tried = {name: score(name, [known[name].secant]) for name in chosen} if known else {}
+    promising = set(sorted(tried, key=lambda name: -tried[name][0].predicted)[:RENEWED]) if known else set(chosen)
+    renewed = [name for name in chosen if name in promising]
+    for name, secants in secants_of(observer, fitted, renewed).items():
+        tried[name] = score(name, secants)
+    scored = {name: max(tried[name], key=lambda one: one.predicted) for name in chosen}
+    gains = [block_scores(one.seen, rest, blocks) for one in scored.values()]
+    p_value, family = sign_test(gains, [observer.library[name].is_one_sided for name in chosen], rng)
+    left, left_mm2 = max(float(rest @ rest), 1e-12), float(observer.in_mm(rest)) ** 2
+    return {
+        name: Signature(
+            amplitude=one.amplitude, raw=one.raw, projected=one.seen, contribution=one.contribution,
+            typical=observer.library[name].typical, predicted=one.predicted,
+            predicted_mm2=left_mm2 - float(observer.in_mm(rest + one.contribution)) ** 2,
+            explained=one.predicted / left,
+            absorbed=1 - float((one.seen**2).sum()) / max(float((one.raw**2).sum()), 1e-12),
+            p_value=float(p_value[n]), family_p_value=float(family[n]), correlation=one.correlation,
+        )
+        for n, (name, one) in enumerate(scored.items())
+    }  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -271,6 +273,28 @@ def _correlation(rows: Floats, residual: Floats, is_one_sided: bool) -> float:
     return float(np.sqrt(max(float(sums @ inverse @ sums), 0.0) / max(float(residual @ residual), 1e-12)))
 
 
+def block_scores(rows: Floats, residual: Floats, block: NDArray[np.int64]) -> Floats:
+    """Products of rows, (components, numbers), with a residual, summed per block, (blocks, components)."""
+    found = np.zeros((int(block.max()) + 1, len(rows)))
+    np.add.at(found, block, (rows * residual).T)
+    return found
+
+
+def sign_test(gains: Sequence[Floats], is_one_sided: Sequence[bool], rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """Return p-values, own and family-wise, (effects,), of block scores, (blocks, components) each.
+
+    All effects get the same signs in a draw, so that the family-wise p-value knows how they hang together.
+    """
+    signs = rng.choice([-1.0, 1.0], size=(REPLICAS, len(gains[0])))
+    seen, drawn = [], []
+    for gain, one_sided in zip(gains, is_one_sided, strict=True):
+        squares = gain.T @ gain
+        meat = squares + 1e-12 * max(float(np.trace(squares)), 1e-30) * np.eye(len(squares))
+        seen.append(_statistic(gain.sum(0)[None], meat, one_sided)[0])
+        drawn.append(_statistic(signs @ gain, meat, one_sided))
+    return _p_values(np.array(seen), np.array(drawn))
+
+
 def _statistic(total: Floats, meat: Floats, is_one_sided: bool) -> Floats:
     """T of block scores summed with signs, (draws, components) -> (draws,); a one-sided one counts only if it fits."""
     value = np.einsum("dc,cd->d", total, np.linalg.solve(meat, total.T))
@@ -292,19 +316,14 @@ def _p_values(statistic: Floats, drawn: Floats) -> tuple[Floats, Floats]:
     return own, family
 
 
-def _cosines(rows: Floats) -> Floats:
-    """Cosines between rows, (effects, effects); zero rows are alike to none."""
-    unit = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-12)
-    return np.asarray(unit @ unit.T)
-
-
-def groups(cosines: Floats) -> list[int]:
-    """Number the groups of effects whose signatures this data cannot tell apart (complete linkage)."""
-    number = list(range(len(cosines)))
-    for i in range(len(cosines)):
-        for j in range(i):
-            members = [k for k in range(len(cosines)) if number[k] == number[j]]
-            if all(abs(cosines[i, k]) > GROUP_COSINE for k in members):
-                number[i] = number[j]
+def groups(screened: Screened) -> dict[str, str]:
+    """Return of each effect the first one of its group: effects that this data cannot tell apart (complete linkage)."""
+    leader: dict[str, str] = {}
+    for name, own in screened.items():
+        leader[name] = name
+        for first in [other for other, its in leader.items() if other == its and other != name]:
+            members = [other for other, its in leader.items() if its == first]
+            if all(abs(cosine(own, screened[other])) > GROUP_COSINE for other in members):
+                leader[name] = first
                 break
-    return number
+    return leader

@@ -43,11 +43,11 @@ def may_be_added(observer: Observer, hypothesis: Hypothesis, p_value: float) -> 
     return is_sure and not any(is_brought(observer, hypothesis, k) for k in hypothesis.effects)
 
 
-def is_brought(observer: Observer, hypothesis: Hypothesis, effect: int) -> bool:
+def is_brought(observer: Observer, hypothesis: Hypothesis, effect: str) -> bool:
     """Whether one effect of a hypothesis may be no more than what a sound law of another one brings along."""
     brought = 0.0
     for other in hypothesis.effects:
-        share = dict(observer.effects[other].brings).get(observer.effects[effect].name, 0.0)
+        share = dict(observer.library[other].brings).get(observer.library[effect].name, 0.0)
         brought += share * amplitude_of(hypothesis.fitted, observer, other)[0] if share else 0.0
     _, (low, _) = amplitude_of(hypothesis.fitted, observer, effect)
     return brought > 0.0 and low <= brought
@@ -63,8 +63,9 @@ class Verdict:
     alternatives: dict[str, list[str]] = field(default_factory=dict)
 
 
-def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
+def decide(evidence: Evidence) -> Verdict:
     """Apply the rules in their order: gates, is there a gap, does an effect explain it, does it explain enough."""
+    library = evidence.observer.library
     failed = [g for g in evidence.gates if not g.passed]
     numbers = _numbers(evidence)
     told = evidence.told_by_edge
@@ -90,7 +91,7 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
     if coarse is not None and not told and 100 * max(closures, default=0.0) <= (coarse.figure or 0.0):
         return Verdict("numerics", [], f"Refine first: {coarse.sentence} {numbers}")
     if several is not None:
-        return _name_several(evidence, several, effects)
+        return _name_several(evidence, several)
     if not passing and evidence.is_coarse and mesh > MOSTLY_MESH * evidence.gap_mm2:
         most = f"mesh and solver may be wrong by {evidence.numerics_mm:.1f} mm, and most of the gap may be that"
         return Verdict("numerics", [], f"Refine first: {most} (--spacing). {numbers}")
@@ -104,7 +105,7 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
         return Verdict(
             "unknown",
             [],
-            f"There is a gap that no effect in the library explains: {effects[best].title} comes nearest, and leaves "
+            f"There is a gap that no effect in the library explains: {library[best].title} comes nearest, and leaves "
             f"{100 - 100 * closed.value:.0f} % of it, more than it would as the cause. {numbers}",
         )
     shares = evidence.win_shares()
@@ -118,16 +119,17 @@ def decide(evidence: Evidence, effects: tuple[Effect, ...]) -> Verdict:
         )
     ]
     if rivals:
-        names = [effects[k].name for k in (best, *rivals)]
-        either = " or ".join(effects[k].title for k in (best, *rivals))
+        either = " or ".join(library[k].title for k in (best, *rivals))
         return Verdict(
-            "ambiguous", names, f"{either[0].upper()}{either[1:]}: this data cannot tell them apart. {numbers}"
+            "ambiguous",
+            [best, *rivals],
+            f"{either[0].upper()}{either[1:]}: this data cannot tell them apart. {numbers}",
         )
-    title = effects[best].title
+    title = library[best].title
     return Verdict(
         "effect",
-        [effects[best].name],
-        f"{_lacks(evidence, None, (best,))} {title}. {numbers} With {title} ({_with_unit(evidence, best, effects)}) it "
+        [best],
+        f"{_lacks(evidence, None, (best,))} {title}. {numbers} With {title} ({_with_unit(evidence, best)}) it "
         f"misses by {evidence.error_of(evidence.singles[best]).value:.1f} mm{_share_closed(closed)}."
         f"{_edge_says(evidence, best, closed) if best in told else ''}",
     )
@@ -151,7 +153,7 @@ def _share_closed(closed: Figure | None) -> str:
     return f": {100 * closed.value:.0f} % of the gap is closed [{100 * low:.0f} to {100 * high:.0f} %]"
 
 
-def _edge_says(evidence: Evidence, effect: int, closed: Figure | None) -> str:
+def _edge_says(evidence: Evidence, effect: str, closed: Figure | None) -> str:
     """Say what the held edge tells of an effect, and that more is at work where it leaves more than laws do."""
     hypothesis = evidence.singles[effect]
     before, after = evidence.base.errors.edge.mm, hypothesis.errors.edge.mm
@@ -172,12 +174,12 @@ def _edge_is_off(evidence: Evidence) -> str:
     return "" if is_edge_explained(edge) else f" It has the held edge {edge.mm:.1f} mm off, beyond noise."
 
 
-def _closed(evidence: Evidence, effect: int) -> float:
+def _closed(evidence: Evidence, effect: str) -> float:
     closed = evidence.closure_of(evidence.singles[effect])
     return closed.value if closed is not None else 0.0
 
 
-def passing_effects(evidence: Evidence) -> list[int]:
+def passing_effects(evidence: Evidence) -> list[str]:
     """Return the effects that the held edge tells of, then those that pass every test, each by what they close."""
     passing = []
     for k, hypothesis in evidence.singles.items():
@@ -192,7 +194,7 @@ def passing_effects(evidence: Evidence) -> list[int]:
         # The score test is blind to effects that act in few half-seconds; held-out motion is not.
         gain = evidence.base.errors.squared_mm - hypothesis.errors.squared_mm
         is_certain = evidence.p_value(k) < LEVEL or closed.interval[0] >= SMALLEST_CLOSURE
-        is_resolved = gain > mesh_share(evidence.observer.effects[k]) * evidence.numerics_mm**2
+        is_resolved = gain > mesh_share(evidence.observer.library[k]) * evidence.numerics_mm**2
         if (
             is_certain
             and is_resolved
@@ -204,9 +206,9 @@ def passing_effects(evidence: Evidence) -> list[int]:
     return told_effects(evidence) + [k for _, k in sorted(passing, reverse=True)]
 
 
-def told_effects(evidence: Evidence) -> list[int]:
+def told_effects(evidence: Evidence) -> list[str]:
     """Return the effects that the held edge tells of, the one that closes most first."""
-    return sorted(evidence.told_by_edge, key=lambda k: _closed(evidence, k), reverse=True)
+    return sorted(evidence.told_by_edge, key=lambda name: (-_closed(evidence, name), name))
 
 
 def mesh_share(effect: Effect) -> float:
@@ -214,19 +216,19 @@ def mesh_share(effect: Effect) -> float:
     return SOLVER_SHARE if effect.differs_by_solver else MESH_SHARE
 
 
-def _likely(evidence: Evidence, passing: list[int]) -> list[int]:
+def _likely(evidence: Evidence, passing: list[str]) -> list[str]:
     """Return the passing effects, or none where it is likelier that none of them is worth naming."""
     is_likely = sum(float(evidence.worth_naming[k].mean()) for k in passing) >= LIKELY
     return passing if is_likely else [k for k in passing if k in evidence.told_by_edge]
 
 
-def _near(evidence: Evidence, best: int, other: int, share: float) -> bool:
+def _near(evidence: Evidence, best: str, other: str, share: float) -> bool:
     """Whether another effect closes at least a share of what the best one closes."""
     first, second = evidence.closure_of(evidence.singles[best]), evidence.closure_of(evidence.singles[other])
     return first is not None and second is not None and second.value > share * first.value
 
 
-def _several(evidence: Evidence, passing: list[int]) -> Hypothesis | None:
+def _several(evidence: Evidence, passing: list[str]) -> Hypothesis | None:
     """Return the largest joint hypothesis in which every added effect was needed, if one passes alone.
 
     Where none does, because each hides the other, both together must surely close half of the gap.
@@ -241,7 +243,7 @@ def _several(evidence: Evidence, passing: list[int]) -> Hypothesis | None:
         # What acts for a moment (a slip) closes little in most draws of half-seconds: the motion fitted to decides.
         is_certain = np.quantile(gain, 0.05) > 0 or (hypothesis.fitted.cost < (1 - SECOND_GAIN) * before.fitted.cost)
         is_enough = closes_enough(evidence.observer, gap, before, hypothesis, evidence.floor_mm)
-        added = evidence.observer.effects[hypothesis.effects[-1]]
+        added = evidence.observer.library[hypothesis.effects[-1]]
         saved = before.errors.squared_mm - hypothesis.errors.squared_mm
         is_resolved = saved > mesh_share(added) * evidence.numerics_mm**2
         is_seen = puts_edge_right(evidence.observer, evidence.base, before, hypothesis)
@@ -253,7 +255,7 @@ def _several(evidence: Evidence, passing: list[int]) -> Hypothesis | None:
         is_needed = (closes or is_shown) and _adds_to_told(evidence, hypothesis, gap)
         is_needed = is_needed and not puts_edge_off(evidence.base, before, hypothesis)
         is_needed = is_needed and not any(
-            evidence.observer.effects[k].differs_by_solver and k not in passing for k in hypothesis.effects
+            evidence.observer.library[k].differs_by_solver and k not in passing for k in hypothesis.effects
         )
         if not may_be_added(evidence.observer, hypothesis, p_value) or not is_needed:
             break
@@ -274,15 +276,16 @@ def _adds_to_told(evidence: Evidence, pair: Hypothesis, gap: float) -> bool:
     )
 
 
-def _name_several(evidence: Evidence, several: Hypothesis, effects: tuple[Effect, ...]) -> Verdict:
+def _name_several(evidence: Evidence, several: Hypothesis) -> Verdict:
+    library = evidence.observer.library
     closed = evidence.closure_of(several)
     assert closed is not None
     others = evidence.alternatives(several)
     causes = [
-        effects[k].title + "".join(f" (or {effects[n].title}: this data cannot tell)" for n in others.get(k, []))
+        library[k].title + "".join(f" (or {library[n].title}: this data cannot tell)" for n in others.get(k, []))
         for k in several.effects
     ]
-    titles, sizes = " and ".join(causes), ", ".join(_with_unit(evidence, k, effects, several) for k in several.effects)
+    titles, sizes = " and ".join(causes), ", ".join(_with_unit(evidence, k, several) for k in several.effects)
     if not evidence.explains_enough(several):
         return Verdict(
             "unknown",
@@ -292,15 +295,15 @@ def _name_several(evidence: Evidence, several: Hypothesis, effects: tuple[Effect
         )
     return Verdict(
         "several",
-        [effects[k].name for k in several.effects],
+        list(several.effects),
         f"{_lacks(evidence, several, *((k, *others.get(k, [])) for k in several.effects))} {titles}. "
         f"{_numbers(evidence)} With them ({sizes}) it misses by {evidence.error_of(several).value:.1f} mm: "
         f"{100 * closed.value:.0f} % of the gap is closed.",
-        {effects[k].name: [effects[n].name for n in alike] for k, alike in others.items()},
+        {name: list(alike) for name, alike in others.items()},
     )
 
 
-def _lacks(evidence: Evidence, several: Hypothesis | None, *causes: tuple[int, ...]) -> str:
+def _lacks(evidence: Evidence, several: Hypothesis | None, *causes: tuple[str, ...]) -> str:
     """Begin the sentence that names causes, of each the effects that may be it, as sure as the least probable is."""
     likely = probabilities(evidence, several)
     least = min(sum(likely[k] for k in cause) for cause in causes)
@@ -319,8 +322,8 @@ def _numbers(evidence: Evidence) -> str:
     )
 
 
-def _with_unit(evidence: Evidence, effect: int, effects: tuple[Effect, ...], beside: Hypothesis | None = None) -> str:
-    kind = effects[effect]
+def _with_unit(evidence: Evidence, effect: str, beside: Hypothesis | None = None) -> str:
+    kind = evidence.observer.library[effect]
     unit = "" if kind.unit == "1" else f" {kind.unit}"
     middle, (low, high) = evidence.amplitude(effect, beside=beside)
     fitted = (beside or evidence.singles[effect]).fitted.amplitudes[evidence.observer.columns[effect]]

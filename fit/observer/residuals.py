@@ -90,7 +90,8 @@ class Observer:
         self.densities = [
             r.garment.mass_kg / float(s.mesh.area) for r, s in zip(recordings, self._simulators, strict=True)
         ]
-        self.columns = columns_of(effects)
+        self.library = {effect.name: effect for effect in effects}
+        self.columns = dict(zip(self.library, columns_of(effects), strict=True))
         self._edges = {k: EdgeResiduals(r) for k, r in enumerate(recordings) if effects and has_static(r)}
         self.layout = _layout(recordings, self._edges)
         self.mesh = self._simulators[0].mesh
@@ -130,7 +131,7 @@ class Observer:
     @property
     def off(self) -> Floats:
         """Amplitudes of no effect, (components,)."""
-        return np.zeros(self.columns[-1].stop if self.columns else 0)
+        return np.zeros(sum(len(effect.components) for effect in self.effects))
 
     def residuals(self, vectors: Floats, amplitudes: Floats) -> Floats:
         """Whitened residuals, (candidates, numbers), in the order of `layout`."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -27,11 +26,11 @@ from fit.gap.screening import ended_at, screen
 from fit.methods import LEAN, SI
 from fit.observer.residuals import Observer
 from fit.recordings.recording import prepare
+from tests.fit.gap.verdict_scene import signature
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 
 FRAME = 1 / 30
 COARSE = Resolution(spacing=0.1)
-NAMES = [e.name for e in LIBRARY]
 
 
 def a_take(name="a", effect=None, amplitude=0.0, *, hz=0.7, grid=5, noise=0.001, seconds=3.0, seed=0):
@@ -62,17 +61,19 @@ def fitted_at(observer, vector, amplitudes=None):
     )
 
 
+def most_promising(screened):
+    return max(screened, key=lambda name: screened[name].predicted)
+
+
 def test_screening_ranks_the_planted_effect_first_and_is_sure_of_it():
     observer = Observer([prepare(a_take(effect="hem", amplitude=0.01))], SI, LIBRARY, frequency=0.0, resolution=COARSE)
-    chosen = tuple(k for k, e in enumerate(LIBRARY) if e.name in {"hem", "anisotropy", "clip_slack", "draught"})
+    chosen = ("hem", "anisotropy", "clip_slack", "draught")
     found = screen(observer, fitted_at(observer, truth_vector()), chosen, np.random.default_rng(0))
-    best = found.effects[int(np.argmax(found.predicted))]
-    assert LIBRARY[best].name == "hem"
-    place = found.effects.index(best)
-    assert found.family_p_value[place] < 0.05
-    assert (found.family_p_value >= found.p_value).all()
+    assert most_promising(found) == "hem"
+    assert found["hem"].family_p_value < 0.05
+    assert all(one.family_p_value >= one.p_value for one in found.values())
     # The signature is a secant at the typical size, which is what was planted.
-    assert found.amplitude[place][0] == pytest.approx(0.01, rel=0.3)
+    assert found["hem"].amplitude[0] == pytest.approx(0.01, rel=0.3)
 
 
 @pytest.mark.parametrize(
@@ -83,11 +84,10 @@ def test_effects_far_from_linear_are_found_at_sizes_far_from_the_typical(name, a
     """Taut cloth resists and slack cloth does not; a rod of 3.9 Hz rings otherwise than one of 6 Hz."""
     take = a_take(effect=name, amplitude=amplitude, noise=0.0005)
     observer = Observer([prepare(take)], SI, LIBRARY, frequency=0.0, resolution=COARSE)
-    chosen = tuple(k for k, e in enumerate(LIBRARY) if e.name in {name, "hem", "draught"})
+    chosen = (name, "hem", "draught")
     found = screen(observer, fitted_at(observer, truth_vector()), chosen, np.random.default_rng(0))
-    place = found.effects.index(next(k for k in chosen if LIBRARY[k].name == name))
-    assert int(np.argmax(found.predicted)) == place
-    assert found.amplitude[place][0] == pytest.approx(amplitude, rel=far)
+    assert most_promising(found) == name
+    assert found[name].amplitude[0] == pytest.approx(amplitude, rel=far)
 
 
 @pytest.mark.parametrize(("damping_time", "is_seen"), [(2e-2, True), (1e-2, False)])
@@ -96,53 +96,56 @@ def test_viscosity_beyond_what_the_base_model_may_have_is_an_effect_where_its_fi
     take = a_take(effect="bending_viscosity", amplitude=2e-6, noise=0.0005)
     observer = Observer([prepare(take)], SI, LIBRARY, frequency=0.0, resolution=COARSE)
     vector = np.where([p.name == "bending_damping_time" for p in SI.parameters], damping_time, truth_vector())
-    viscosity, hem = (NAMES.index(name) for name in ("bending_viscosity", "hem"))
+    viscosity, hem = "bending_viscosity", "hem"
     fitted = fitted_at(observer, vector)
     assert (ended_at(observer, vector, viscosity) is not None) == is_seen
-    assert ended_at(observer, vector, NAMES.index("shear_stiffness")) is None
+    assert ended_at(observer, vector, "shear_stiffness") is None
     assert (viscosity in Rounds(observer, observer, [fitted], *[None] * 3).tested) == is_seen
     found = screen(observer, fitted, (viscosity, hem), np.random.default_rng(0))
-    assert (found.absorbed[0] < 0.5) == is_seen
+    assert (found[viscosity].absorbed < 0.5) == is_seen
     if is_seen:
-        assert found.amplitude[0][0] == pytest.approx(2e-6 - 2e-2 * 3e-5 + 2e-3 * 3e-5, rel=0.4)
+        assert found[viscosity].amplitude[0] == pytest.approx(2e-6 - 2e-2 * 3e-5 + 2e-3 * 3e-5, rel=0.4)
 
 
 def test_signatures_that_are_known_from_nearby_are_taken_anew_only_where_they_promise_something():
     observer = Observer([prepare(a_take(effect="hem", amplitude=0.01))], SI, LIBRARY, frequency=0.0, resolution=COARSE)
-    fitted, chosen = fitted_at(observer, truth_vector()), tuple(k for k, e in enumerate(LIBRARY) if not e.in_base)
+    fitted, chosen = fitted_at(observer, truth_vector()), tuple(e.name for e in LIBRARY if not e.in_base)
     whole = screen(observer, fitted, chosen, np.random.default_rng(0))
     before = observer.simulations
     again = screen(observer, fitted, chosen, np.random.default_rng(0), whole)
-    assert again.predicted == pytest.approx(whole.predicted, rel=1e-6)
-    assert again.family_p_value == pytest.approx(whole.family_p_value)
+    for name in chosen:
+        assert again[name].predicted == pytest.approx(whole[name].predicted, rel=1e-6)
+        assert again[name].family_p_value == pytest.approx(whole[name].family_p_value)
     assert observer.simulations - before < 0.6 * before
 
 
 def test_screening_says_how_much_nearer_the_points_would_be():
     """A hem that is all there is: with it nothing is missed but 1 mm of noise, 3 mm^2 and less for what a fit takes."""
     observer = Observer([prepare(a_take(effect="hem", amplitude=0.01))], SI, LIBRARY, frequency=0.0, resolution=COARSE)
-    fitted, hem = fitted_at(observer, truth_vector()), [e.name for e in LIBRARY].index("hem")
-    found = screen(observer, fitted, (hem,), np.random.default_rng(0))
-    unexplained = found.predicted_mm2[0] / found.explained[0]
+    fitted = fitted_at(observer, truth_vector())
+    found = screen(observer, fitted, ("hem",), np.random.default_rng(0))["hem"]
+    unexplained = found.predicted_mm2 / found.explained
     assert unexplained > 10
-    assert unexplained - found.predicted_mm2[0] == pytest.approx(3.0, rel=0.5)
+    assert unexplained - found.predicted_mm2 == pytest.approx(3.0, rel=0.5)
 
 
-@pytest.mark.parametrize(("nearer", "refitted"), [(10.0, {0, 1, 2}), (1.0, {0})])
+@pytest.mark.parametrize(("nearer", "refitted"), [(10.0, {"first", "nearer", "twin"}), (1.0, {"first"})])
 def test_what_brings_the_points_nearer_is_refitted_though_it_saves_little_cost(nearer, refitted):
     """A constant offset is one number beside those of hundreds of frames; its twin is refitted with it."""
-    cosines = np.eye(4)
-    cosines[1, 2] = cosines[2, 1] = 0.95
-    found = SimpleNamespace(
-        predicted=np.array([100.0, 3.0, 2.0, 1.0]), predicted_mm2=np.array([4.0, nearer, 0.1, 0.2]), cosines=cosines
-    )
+    found = {
+        "first": signature((0, 1, 0), predicted=100.0, predicted_mm2=4.0),
+        "nearer": signature((1, 0, 0), predicted=3.0, predicted_mm2=nearer),
+        "twin": signature((0.95, 0, np.sqrt(1 - 0.95**2)), predicted=2.0, predicted_mm2=0.1),
+        "idle": signature((0, 0, 1), predicted=1.0, predicted_mm2=0.2),
+    }
     assert set(shortlist(found)) == refitted
 
 
 def test_nothing_is_sure_of_an_effect_where_there_is_none():
     observer = Observer([prepare(a_take())], SI, LIBRARY, frequency=0.0, resolution=COARSE)
-    found = screen(observer, fitted_at(observer, truth_vector()), (3, 13, 14, 16), np.random.default_rng(0))
-    assert found.family_p_value.min() > 0.05
+    chosen = ("hem", "clip_slip", "clip_slack", "added_mass")
+    found = screen(observer, fitted_at(observer, truth_vector()), chosen, np.random.default_rng(0))
+    assert min(one.family_p_value for one in found.values()) > 0.05
 
 
 def a_tube(amplitude):
@@ -159,25 +162,26 @@ def a_tube(amplitude):
 
 def test_cloth_that_touches_itself_shows_contact_and_cloth_that_does_not_says_so():
     """A sheet that hangs from its edge never folds: no amplitude of contact would show. A tube's layers slap."""
-    chosen = tuple(k for k, e in enumerate(LIBRARY) if e.name in {"hem", "anisotropy", "self_contact", "added_mass"})
-    place = chosen.index(next(k for k in chosen if LIBRARY[k].name == "self_contact"))
+    chosen = ("hem", "anisotropy", "self_contact", "added_mass")
     found = {}
     for name, take in (("sheet", a_take()), ("tube", a_tube(0.005))):
         observer = Observer([prepare(take)], SI, LIBRARY, frequency=1.0, resolution=COARSE)
         fitted = fitted_at(observer, truth_vector())
         found[name] = screen(observer, fitted, chosen, np.random.default_rng(0))
-        least = found[name].minimum_detectable(fitted.residual, observer.layout.block)
+        one = found[name]["self_contact"]
+        left, block = fitted.residual, observer.layout.block
+        least = {effect: its.minimum_detectable(left, block) for effect, its in found[name].items()}
         if name == "sheet":
-            assert np.isinf(least[place])
-            assert np.isfinite(np.delete(least, place)).all()
-            assert not found[name].raw[place].any()
-            assert found[name].predicted[place] == 0.0
-            assert found[name].p_value[place] == found[name].family_p_value[place] == 1.0
+            assert np.isinf(least.pop("self_contact"))
+            assert np.isfinite(list(least.values())).all()
+            assert not one.raw.any()
+            assert one.predicted == 0.0
+            assert one.p_value == one.family_p_value == 1.0
         else:
-            assert least[place] < 0.008
+            assert least["self_contact"] < 0.008
     tube = found["tube"]
-    assert int(np.argmax(tube.predicted)) == place
-    assert tube.amplitude[place][0] == pytest.approx(0.005, rel=0.3)
+    assert most_promising(tube) == "self_contact"
+    assert tube["self_contact"].amplitude[0] == pytest.approx(0.005, rel=0.3)
 
 
 def test_static_residuals_count_for_material_points_only():
@@ -267,7 +271,7 @@ def test_a_refit_in_the_wrong_valley_finds_the_right_one_and_takes_its_effect_ac
     """From 200 and 140 N/m a fit with a late clock ends with more than twice the true shear stiffness."""
     late = a_take(effect="time_offset", amplitude=0.02)
     observer = Observer([prepare(late)], SI, LIBRARY, frequency=0.0, resolution=COARSE)
-    effect = next(k for k, e in enumerate(LIBRARY) if e.name == "time_offset")
+    effect = "time_offset"
     start, truth = truth_vector(), truth_vector()
     start[:2] = 200.0, 140.0
     (fitted,) = fit(observer, [Task(start, amplitudes_of(LIBRARY, time_offset=0.02), (effect,))])

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fit.cloth.effect import amplitudes_of, columns_of
+from fit.cloth.effect import amplitudes_of
 from fit.cloth.model import Resolution
 from fit.effects import LIBRARY
 from fit.gap.base_fit import across_valleys
@@ -21,10 +21,10 @@ from fit.methods import SI
 from fit.observer.edge import MOVING_CERTAIN, NUMBERS, RESTING_CERTAIN, EdgeErrors, edge_errors, is_seen_on_edge
 from fit.observer.residuals import Observer
 from fit.recordings.recording import prepare
+from tests.fit.gap.verdict_scene import EFFECTS, KINDS, signature
 from tests.fit.scenes import material, sheet, simulate_take, swing
 
-NAMES = [e.name for e in LIBRARY]
-SLACK = NAMES.index("clip_slack")
+SLACK = "clip_slack"
 FRAMES = 5
 
 
@@ -37,9 +37,7 @@ def an_observer(takes=3):
         take=take, frame=frame, sd=np.full(10 + edge, 1e-3), is_judged=np.arange(10 + edge) < 10,
         is_edge=np.arange(10 + edge) >= 10, block=np.zeros(10 + edge, int),
     )  # fmt: skip
-    found = SimpleNamespace(
-        effects=LIBRARY, columns=columns_of(LIBRARY), off=amplitudes_of(LIBRARY), layout=layout, parameterisation=SI
-    )
+    found = SimpleNamespace(**EFFECTS, off=amplitudes_of(LIBRARY), layout=layout, parameterisation=SI)
     chosen = layout.is_edge
     found.edge_errors = lambda r: edge_errors(take[chosen], frame[chosen], r[chosen], layout.sd[chosen])
     return found
@@ -85,7 +83,7 @@ def fitted_to(observer, size, effect=SLACK, slope=-1.0):
     A typical size more changes the length by `slope` deviations.
     """
     amplitudes = observer.off.copy()
-    amplitudes[observer.columns[effect]] = 0.5 * LIBRARY[effect].typical
+    amplitudes[observer.columns[effect]] = 0.5 * KINDS[effect].typical
     jacobian = np.zeros((len(observer.layout.take), 6))
     jacobian[:, 5] = stretched(observer, slope)
     return Fitted(SI.initial, amplitudes, (effect,), stretched(observer, size), jacobian, np.ones(6), True)
@@ -97,8 +95,8 @@ def test_a_size_that_the_edge_would_have_elsewhere_is_taken_from_the_edge():
         observer = an_observer(takes)
         pinned = disputed(observer, stretched(observer, 10.0), fitted_to(observer, 8.0, slope=-4.0), 7.0)
         (column,) = np.arange(len(observer.off))[observer.columns[SLACK]]
-        assert pinned.amplitudes[column] == pytest.approx(2.5 * LIBRARY[SLACK].typical, rel=1e-6)
-        assert pinned.sd[column] == pytest.approx(LIBRARY[SLACK].typical / 4, rel=1e-6)
+        assert pinned.amplitudes[column] == pytest.approx(2.5 * KINDS[SLACK].typical, rel=1e-6)
+        assert pinned.sd[column] == pytest.approx(KINDS[SLACK].typical / 4, rel=1e-6)
         assert np.isinf(np.delete(pinned.sd, column)).all()
         assert pinned.trust == 7.0
 
@@ -111,13 +109,13 @@ def test_a_size_that_the_edge_agrees_with_or_cannot_mend_stays():
     elsewhere = np.where(observer.layout.frame < 0, 0.0, 30.0) * observer.layout.is_edge
     moved = dataclasses.replace(moved, residual=moved.residual + elsewhere)
     assert disputed(observer, without + elsewhere, moved, 7.0) is None  # most of what is off stays off
-    air = fitted_to(observer, 8.0, NAMES.index("air_drag"), -4.0)
+    air = fitted_to(observer, 8.0, "air_drag", -4.0)
     assert disputed(observer, without, air, 7.0) is None
 
 
 def test_a_component_that_the_edge_cannot_tell_stays_where_the_cloth_has_it():
     """A scale of the points moves the edge; one of the whole scene only by a solver's last digits."""
-    observer, scale = an_observer(), NAMES.index("depth_scale")
+    observer, scale = an_observer(), "depth_scale"
     points, scene = np.arange(len(observer.off))[observer.columns[scale]]
     amplitudes = observer.off.copy()
     amplitudes[[points, scene]] = 0.005, 0.002
@@ -125,13 +123,13 @@ def test_a_component_that_the_edge_cannot_tell_stays_where_the_cloth_has_it():
     jacobian[:, 5], jacobian[:, 6] = stretched(observer, -4.0), stretched(observer, 1e-3)
     moved = Fitted(SI.initial, amplitudes, (scale,), stretched(observer, 8.0), jacobian, np.ones(7), True)
     pinned = disputed(observer, stretched(observer, 10.0), moved, 7.0)
-    assert pinned.amplitudes[points] == pytest.approx(0.005 + 2.0 * LIBRARY[scale].typical, rel=1e-6)
+    assert pinned.amplitudes[points] == pytest.approx(0.005 + 2.0 * KINDS[scale].typical, rel=1e-6)
     assert pinned.amplitudes[scene] == pytest.approx(0.002)
     assert np.isinf(pinned.sd[scene])
 
 
 def test_the_size_of_an_effect_beside_it_that_moves_no_edge_stays():
-    observer, hem = an_observer(), NAMES.index("hem")
+    observer, hem = an_observer(), "hem"
     alone = fitted_to(observer, 8.0, slope=-4.0)
     amplitudes = alone.amplitudes.copy()
     amplitudes[observer.columns[hem]] = 0.01
@@ -140,7 +138,7 @@ def test_the_size_of_an_effect_beside_it_that_moves_no_edge_stays():
     )
     pinned = disputed(observer, stretched(observer, 10.0), both, 7.0)
     assert pinned.amplitudes[observer.columns[hem]] == pytest.approx(0.01)
-    assert pinned.amplitudes[observer.columns[SLACK]] == pytest.approx(2.5 * LIBRARY[SLACK].typical, rel=1e-6)
+    assert pinned.amplitudes[observer.columns[SLACK]] == pytest.approx(2.5 * KINDS[SLACK].typical, rel=1e-6)
     assert np.isinf(pinned.sd[observer.columns[hem]]).all()
 
 
@@ -149,7 +147,7 @@ def test_a_size_that_the_edge_decided_is_decided_with_what_else_moves_the_edge()
 
     What lengthens the edge as slack does cannot be told from it.
     """
-    observer, hem, scale = an_observer(), NAMES.index("hem"), NAMES.index("depth_scale")
+    observer, hem, scale = an_observer(), "hem", "depth_scale"
     decided = disputed(observer, stretched(observer, 10.0), fitted_to(observer, 8.0, slope=-4.0), 7.0)
     start = dataclasses.replace(fitted_to(observer, 0.0, slope=-4.0), amplitudes=decided.amplitudes, pinned=decided)
     slack, (points, scene) = observer.columns[SLACK], np.arange(len(observer.off))[observer.columns[scale]]
@@ -157,11 +155,11 @@ def test_a_size_that_the_edge_decided_is_decided_with_what_else_moves_the_edge()
     sideways = np.roll(stretched(observer, 3.0), -1)
     for effect, rows in ((hem, nothing[None]), (scale, np.stack([sideways, nothing]))):
         pinned = beside_another(observer, start, effect, rows)
-        assert pinned.amplitudes[slack] == pytest.approx(2.5 * LIBRARY[SLACK].typical, rel=1e-6)
-        assert pinned.sd[slack] == pytest.approx(LIBRARY[SLACK].typical / 4, rel=1e-3)
+        assert pinned.amplitudes[slack] == pytest.approx(2.5 * KINDS[SLACK].typical, rel=1e-6)
+        assert pinned.sd[slack] == pytest.approx(KINDS[SLACK].typical / 4, rel=1e-3)
         assert pinned.trust == 7.0
         assert np.isinf(pinned.sd[[scene, *np.arange(len(observer.off))[observer.columns[hem]]]]).all()
-        assert pinned.sd[points] == (pytest.approx(LIBRARY[scale].typical / 3, rel=1e-3) if effect == scale else np.inf)
+        assert pinned.sd[points] == (pytest.approx(KINDS[scale].typical / 3, rel=1e-3) if effect == scale else np.inf)
     assert beside_another(observer, start, hem, stretched(observer, -4.0)[None]) is None
     assert beside_another(observer, dataclasses.replace(start, pinned=None), hem, nothing[None]) is None
 
@@ -177,25 +175,26 @@ def test_fits_that_go_on_from_what_the_edge_decided_keep_it():
     beyond = across_valleys(observer, start)
     assert beyond
     assert all(task.pinned is start.pinned for task in beyond)
-    found = screen(observer, start, (NAMES.index("rest_curvature"),), np.random.default_rng(0))
+    found = screen(observer, start, ("rest_curvature",), np.random.default_rng(0))
     freed = dataclasses.replace(start, pinned=None)
-    imitable = screen(observer, freed, found.effects, np.random.default_rng(0)).absorbed[0]
-    assert found.absorbed[0] < imitable - 1e-3  # a size that is decided imitates nothing
-    (both,) = fit(observer, refits(observer, start, found, [0]))
+    imitable = screen(observer, freed, tuple(found), np.random.default_rng(0))["rest_curvature"].absorbed
+    assert found["rest_curvature"].absorbed < imitable - 1e-3  # a size that is decided imitates nothing
+    (both,) = fit(observer, refits(observer, start, found, ["rest_curvature"]))
     assert both.pinned.amplitudes[columns] == pytest.approx(-0.012, rel=0.05)
     assert both.amplitudes[columns] == pytest.approx(both.pinned.amplitudes[columns], abs=3e-4)
 
 
 def screened(observer, **slopes):
-    effects = tuple(NAMES.index(name) for name in slopes)
-    raw = [stretched(observer, slope)[None] for slope in slopes.values()]
-    return SimpleNamespace(effects=effects, raw=raw, typical=np.array([LIBRARY[k].typical for k in effects]))
+    return {
+        name: signature(raw=stretched(observer, slope)[None], typical=KINDS[name].typical)
+        for name, slope in slopes.items()
+    }
 
 
 def test_what_would_put_the_edge_right_is_refitted_whatever_the_cloth_promises():
     observer = an_observer()
     seen = screened(observer, air_drag=4.0, clip_slack=4.0, time_offset=0.0, attachment_offset=-2.0)
-    assert leads(observer, seen, stretched(observer, 8.0)) == [1, 3]
+    assert leads(observer, seen, stretched(observer, 8.0)) == ["clip_slack", "attachment_offset"]
     assert leads(observer, seen, stretched(observer, 4.0)) == []
 
 
@@ -203,13 +202,14 @@ def test_the_edge_shows_a_size_from_which_it_is_certain():
     """Two deviations a typical size: 25 = 4 a^2 at 2.5 typical sizes."""
     observer = an_observer()
     found = detectable_on_edge(observer, an_observer(2), screened(observer, air_drag=4.0, clip_slack=2.0, hem=1.0))
-    assert found == pytest.approx([np.inf, 2.5 * LIBRARY[SLACK].typical, np.inf])
+    assert found == {"air_drag": np.inf, SLACK: pytest.approx(2.5 * KINDS[SLACK].typical), "hem": np.inf}
     varying = screened(observer, time_offset=0.0)
-    varying.raw[0][0, observer.layout.frame >= 0] = 1.0
-    varying.raw[0][0, :10] = 0.0
+    row = varying["time_offset"].raw[0]
+    row[observer.layout.frame >= 0] = 1.0
+    row[:10] = 0.0
     # 20 numbers a take of one deviation each, in the two takes judged on: 60 = 40 a^2.
-    expected = np.sqrt(1.5) * LIBRARY[NAMES.index("time_offset")].typical
-    assert detectable_on_edge(observer, an_observer(2), varying) == pytest.approx([expected])
+    expected = np.sqrt(1.5) * KINDS["time_offset"].typical
+    assert detectable_on_edge(observer, an_observer(2), varying)["time_offset"] == pytest.approx(expected)
 
 
 def a_slack_take(amplitude, *, noise=0.0005, seed=0):
@@ -249,7 +249,7 @@ def test_a_pinned_amplitude_stays_where_it_is_known_and_the_fabric_is_fitted_bes
     assert free.pinned is None
     assert held.pinned.trust == 1e4
     assert held.amplitudes[columns] == pytest.approx(-0.009, abs=1e-4)
-    assert held.deviation[-1] == pytest.approx(1e-4 / LIBRARY[SLACK].typical)
+    assert held.deviation[-1] == pytest.approx(1e-4 / KINDS[SLACK].typical)
     assert not np.allclose(held.vector, SI.initial)
     assert Problem(observer, (SLACK,)).prior_sd[-1] > 1.0
 

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from fit.cloth.effect import amplitudes_of, columns_of
+from fit.cloth.effect import amplitudes_of
 from fit.effects import LIBRARY
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.next_experiment import MENU, followed, imagine, propose
@@ -23,13 +23,11 @@ def test_turning_cloth_or_rig_tells_a_draught_from_tilted_gravity():
     """Both only lean the cloth; a twist of the hanger, or a turned rig, puts the wind on another side of it."""
     observer = Observer([prepare(a_take())], SI, LIBRARY, frequency=0.0, resolution=COARSE)
     base = fitted_at(observer, truth_vector())
-    columns = columns_of(LIBRARY)
     alive = []
     for name, size in (("gravity_tilt", (0.0, 0.02)), ("draught", (0.0, 0.35))):
-        k = next(k for k, e in enumerate(LIBRARY) if e.name == name)
         row = amplitudes_of(LIBRARY, **{name: size})
-        assert row[columns[k]].any()
-        alive.append(Hypothesis((k,), dataclasses.replace(base, amplitudes=row, active=(k,)), None))
+        assert row[observer.columns[name]].any()
+        alive.append(Hypothesis((name,), dataclasses.replace(base, amplitudes=row, active=(name,)), None))
     found = propose(observer, base, alive, [0.5, 0.5])
     assert found is not None
     assert found.id in {"S7", "S9"}

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fit.cloth.effect import amplitudes_of, columns_of
+from fit.cloth.effect import amplitudes_of
 from fit.effects import LIBRARY
 from fit.gap import rounds
 from fit.gap.checkpoint import Checkpoint
@@ -16,18 +16,15 @@ from fit.gap.closure import gain_p_value
 from fit.gap.fitting import Pinned
 from fit.gap.hypotheses import Hypothesis, further
 from fit.gap.rounds import Rounds
-from tests.fit.gap.verdict_scene import NO_EDGE, errors, hypothesis, with_edge
+from tests.fit.gap.verdict_scene import EFFECTS, KINDS, NO_EDGE, errors, hypothesis, like, signature, with_edge
 
 
 @pytest.mark.parametrize(("mm", "named"), [(5.2, ("air_lift", "clock_drift")), (5.9, ("time_offset", "air_lift"))])
 def test_the_first_of_two_effects_gives_way_to_its_twin_where_that_leaves_less(monkeypatch, mm, named):
     """Beside a lift 5.5 mm are left with a late clock; the drifting one looks like it alone, drag does not."""
-    names = [e.name for e in LIBRARY]
-    offset, drift, lift, drag = (names.index(n) for n in ("time_offset", "clock_drift", "air_lift", "air_drag"))
-    cosines = np.array([[1.0, 0.95, 0.1, 0.2], [0.95, 1.0, 0.1, 0.2], [0.1, 0.1, 1.0, 0.2], [0.2, 0.2, 0.2, 1.0]])
     search = object.__new__(Rounds)
-    search.screened, search.beside = SimpleNamespace(effects=(offset, drift, lift, drag), cosines=cosines), {}
-    search.singles = {lift: hypothesis(("air_lift",), 9.0)}
+    search.screened, search.beside = like(time_offset=1.0, clock_drift=0.95, air_lift=0.1, air_drag=0.2), {}
+    search.singles = {"air_lift": hypothesis(("air_lift",), 9.0)}
     asked = []
 
     def with_another(self, start, chosen):
@@ -36,16 +33,15 @@ def test_the_first_of_two_effects_gives_way_to_its_twin_where_that_leaves_less(m
 
     monkeypatch.setattr(Rounds, "_with_another", with_another)
     monkeypatch.setattr(Rounds, "_polished", lambda self, joint: joint)
-    search.observer = SimpleNamespace(effects=LIBRARY, columns=columns_of(LIBRARY))
+    search.observer = SimpleNamespace(**EFFECTS)
     pair, _ = search._better_of_twins(hypothesis(("time_offset", "air_lift"), 5.5), 0.001)
-    assert asked == [((lift,), (drift,))]
+    assert asked == [(("air_lift",), ("clock_drift",))]
     # Beside the lift drag looks like the late clock, and the drifting one does not.
-    order = np.array([0, 3, 2, 1])
-    search.beside = {lift: SimpleNamespace(effects=(offset, drift, lift, drag), cosines=cosines[order][:, order])}
-    assert search._twins(offset, lift) == (drag,)
-    assert tuple(names[k] for k in pair.effects) == named
+    search.beside = {"air_lift": like(time_offset=1.0, clock_drift=0.2, air_lift=0.1, air_drag=0.95)}
+    assert search._twins("time_offset", "air_lift") == ("air_drag",)
+    assert pair.effects == named
     (other,) = search.instead
-    assert {names[k] for k in (*other.effects, *pair.effects)} == {"air_lift", "clock_drift", "time_offset"}
+    assert {*other.effects, *pair.effects} == {"air_lift", "clock_drift", "time_offset"}
 
 
 def judged_at(mm):
@@ -55,14 +51,11 @@ def judged_at(mm):
 
 def test_twins_of_two_effects_are_not_forgotten_over_a_third_that_is_tried(monkeypatch):
     """Of 6.4 mm^2 that two leave beyond the noise a hem closes 3.3, 2.8 % of the gap: promising, and not enough."""
-    names = [e.name for e in LIBRARY]
-    drag, offset, lag = (names.index(n) for n in ("air_drag", "time_offset", "filter_lag"))
     search = object.__new__(Rounds)
-    search.observer = SimpleNamespace(effects=LIBRARY, columns=columns_of(LIBRARY), layout=NO_EDGE)
-    search.base, search.singles = hypothesis((), 12.0), {drag: hypothesis(("air_drag",), 9.0)}
+    search.observer = SimpleNamespace(**EFFECTS, layout=NO_EDGE)
+    search.base, search.singles = hypothesis((), 12.0), {"air_drag": hypothesis(("air_drag",), 9.0)}
     search.joint, search.instead, search.beside = [], [], {}
-    cosines = np.array([[1.0, 0.95, 0.1], [0.95, 1.0, 0.1], [0.1, 0.1, 1.0]])
-    search.screened = SimpleNamespace(effects=(offset, lag, drag), cosines=cosines)
+    search.screened = like(time_offset=1.0, filter_lag=0.95, air_drag=0.1)
 
     def with_another(self, start, chosen=None):
         beside = {1: (("air_drag", "time_offset"), 5.6), 2: (("air_drag", "time_offset", "hem"), 5.3)}
@@ -73,15 +66,13 @@ def test_twins_of_two_effects_are_not_forgotten_over_a_third_that_is_tried(monke
     monkeypatch.setattr(Rounds, "_each_alone", lambda self, pair, numerics: None)
     search.further_rounds(5.0, 0.1)
     assert [len(h.effects) for h, _ in search.joint] == [2, 3]
-    assert [tuple(names[k] for k in h.effects) for h in search.instead] == [("air_drag", "filter_lag")]
+    assert [h.effects for h in search.instead] == [("air_drag", "filter_lag")]
 
 
 def a_search(base, singles):
     """Rounds that refitted some effects: of each the held-out error [mm] and the cost of the motion fitted to."""
     search = object.__new__(Rounds)
-    search.observer = SimpleNamespace(
-        effects=LIBRARY, columns=columns_of(LIBRARY), off=amplitudes_of(LIBRARY), layout=NO_EDGE
-    )
+    search.observer = SimpleNamespace(**EFFECTS, off=amplitudes_of(LIBRARY), layout=NO_EDGE)
     search.base = with_cost(hypothesis((), base[0]), base[1])
     found = [with_cost(hypothesis((name,), mm), cost) for name, (mm, cost) in singles.items()]
     search.singles, search.joint, search.instead = {h.effects[0]: h for h in found}, [], []
@@ -103,8 +94,7 @@ def test_further_effects_are_tried_beside_what_fits_best_too(monkeypatch, cost, 
     tried = []
     monkeypatch.setattr(Rounds, "_with_another", lambda self, start: tried.append(start.effects) or [])
     search.further_rounds(5.0, 0.1)
-    names = [LIBRARY[k].name for (k,) in tried]
-    assert names == ["attachment_offset", "hanger_compliance"][:starts]
+    assert [name for (name,) in tried] == ["attachment_offset", "hanger_compliance"][:starts]
 
 
 def test_of_what_was_tried_the_best_that_may_be_added_is_taken():
@@ -243,7 +233,7 @@ def test_further_effects_are_tried_beside_what_puts_the_held_edge_right(monkeypa
     for k, squared in ((offset, 2000), (scale, squares), (hem, 10000)):
         search.singles[k] = with_edge(search.singles[k], squared)
     search.base = with_edge(search.base, 10000)
-    effect = LIBRARY[scale]
+    effect = KINDS[scale]
     search.singles[scale].fitted.amplitudes[search.observer.columns[scale]] = effect.high
     tried = []
     monkeypatch.setattr(Rounds, "_with_another", lambda self, start: tried.append(start.effects) or [])
@@ -255,28 +245,23 @@ def test_further_effects_are_tried_beside_what_puts_the_held_edge_right(monkeypa
 @pytest.mark.parametrize(("size", "kept"), [(0.01, ("filter_lag", "hem")), (0.5, None)])
 def test_what_is_left_with_nothing_to_do_beside_later_effects_is_dropped(monkeypatch, size, kept):
     search = a_search((12.0, 100.0), {"air_drag": (8.0, 20.0)})
-    names = [e.name for e in LIBRARY]
     triple = hypothesis(("air_drag", "filter_lag", "hem"), 5.2, deviation=0.001)
-    drag = search.observer.columns[names.index("air_drag")]
-    triple.fitted.amplitudes[drag] = size * LIBRARY[names.index("air_drag")].typical
+    drag = search.observer.columns["air_drag"]
+    triple.fitted.amplitudes[drag] = size * KINDS["air_drag"].typical
     search.observer.in_mm = lambda row: 2.0  # of a typical size of any effect
-    effects = triple.effects
-    search.screened = SimpleNamespace(
-        effects=effects, projected=[np.ones((1, 3)) for _ in effects],
-        typical=np.array([LIBRARY[k].typical for k in effects]),
-    )  # fmt: skip
+    search.screened = {name: signature(typical=KINDS[name].typical) for name in triple.effects}
     search.judge, search.kept, search.joint = None, Checkpoint(None, {}), [(triple, 0.01)]
     asked = []
 
     def fit(observer, tasks):
         asked.extend(tasks)
-        return [hypothesis(tuple(names[k] for k in task.active), 5.3).fitted for task in tasks]
+        return [hypothesis(task.active, 5.3).fitted for task in tasks]
 
     monkeypatch.setattr(rounds, "fit", fit)
     monkeypatch.setattr(rounds, "judged", judged_at(5.3))
     search._drop_idle(triple, 0.02, 0.3)
     ((last, _),) = search.joint
-    assert tuple(names[k] for k in last.effects) == (kept or ("air_drag", "filter_lag", "hem"))
+    assert last.effects == (kept or ("air_drag", "filter_lag", "hem"))
     assert len(asked) == (1 if kept else 0)
     assert all(not task.amplitudes[drag].any() and task.amplitudes.any() for task in asked)
 
@@ -292,10 +277,9 @@ def test_alone_as_well_the_held_edge_says_how_large_its_effect_is(monkeypatch):
     pair = hypothesis(("clip_slack", "hem"), 5.5)
     search.judge, search.kept = None, Checkpoint(None, {})
     costs = {slack: 20.0, pair.effects[1]: 40.0}
-    names = {slack: "clip_slack", pair.effects[1]: "hem"}
 
     def fit(observer, tasks):
-        return [with_cost(hypothesis((names[t.active[0]],), 6.0), costs[t.active[0]]).fitted for t in tasks]
+        return [with_cost(hypothesis(t.active, 6.0), costs[t.active[0]]).fitted for t in tasks]
 
     def put_by_edge(self, found, numerics, came):
         assert came == "-of-clip_slack+hem"
@@ -311,26 +295,27 @@ def test_alone_as_well_the_held_edge_says_how_large_its_effect_is(monkeypatch):
 
 def test_what_was_a_start_and_is_not_looked_for_beside_others_has_the_twins_it_has_alone():
     """Anisotropy is left out where effects are looked for beside drag."""
-    names = [e.name for e in LIBRARY]
-    drag, hem, ratio = (names.index(n) for n in ("air_drag", "hem", "anisotropy"))
     search = a_search((12.0, 100.0), {})
-    cosines = np.array([[1.0, 0.1, 0.2], [0.1, 1.0, 0.99], [0.2, 0.99, 1.0]])
-    search.screened = SimpleNamespace(effects=(drag, hem, ratio), cosines=cosines)
-    search.beside = {drag: SimpleNamespace(effects=(hem,), cosines=np.eye(1))}
-    assert search._twins(ratio, drag) == (hem,)
+    search.screened = like(anisotropy=1.0, hem=0.99, air_drag=0.2)
+    search.beside = {"air_drag": {"hem": signature()}}
+    assert search._twins("anisotropy", "air_drag") == ("hem",)
 
 
 def test_what_brings_no_point_nearer_is_not_tried_beside_another_effect():
     """Of 10 mm^2 that the best would save a twentieth is 0.5; then the three that save most cost, but trifles."""
-    found = SimpleNamespace(
-        effects=(0, 1, 2, 3, 4, 5),
-        predicted=np.array([90.0, 50.0, 40.0, 30.0, 20.0, 2.0]),
-        predicted_mm2=np.array([-2.0, 10.0, 0.4, 5.0, 0.6, 9.0]),
-    )
-    assert further(found, 3) == [1, 3, 4]
-    assert further(found, 4) == [1, 3, 4]  # the last saves 2 of 50
-    found.predicted_mm2 = -np.ones(6)
-    assert further(found, 2) == [0, 1]
+    saved = {
+        "a": (90.0, -2.0),
+        "b": (50.0, 10.0),
+        "c": (40.0, 0.4),
+        "d": (30.0, 5.0),
+        "e": (20.0, 0.6),
+        "f": (2.0, 9.0),
+    }
+    found = {name: signature(predicted=cost, predicted_mm2=mm2) for name, (cost, mm2) in saved.items()}
+    assert further(found, 3) == ["b", "d", "e"]
+    assert further(found, 4) == ["b", "d", "e"]  # the last saves 2 of 50
+    found = {name: signature(predicted=cost, predicted_mm2=-1.0) for name, (cost, _) in saved.items()}
+    assert further(found, 2) == ["a", "b"]
 
 
 def test_a_further_effect_is_significant_by_what_it_leaves_of_motions_that_were_not_fitted_to():

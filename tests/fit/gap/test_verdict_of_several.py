@@ -22,7 +22,7 @@ from tests.fit.gap.verdict_scene import BLOCKS, errors, evidence_of, hypothesis
 def test_of_several_effects_it_is_said_which_have_a_twin(mm, instead):
     pair = hypothesis(("air_drag", "filter_lag"), mm)
     evidence = evidence_of({"air_drag": 9.0}, joint=[(("air_drag", "time_offset"), 5.5)], instead=[pair])
-    found = decide(evidence, LIBRARY)
+    found = decide(evidence)
     assert (found.verdict, found.named, found.alternatives) == ("several", ["air_drag", "time_offset"], instead)
     assert ("(or a tracker that lags" in found.sentence) == bool(instead), found.sentence
     # Typical sizes, to 1.645 * 0.05 of them and a little of mesh; 8 % of law for the drag.
@@ -33,16 +33,16 @@ def test_where_both_of_two_effects_have_twins_the_one_that_shares_neither_is_pas
     """Named are drag and a lag; beside a late clock in the lag's place, uneven mass and the clock were tried too."""
     instead = [hypothesis(("air_drag", "time_offset"), 5.6), hypothesis(("time_offset", "mass_distribution"), 5.6)]
     evidence = evidence_of({"air_drag": 9.0}, joint=[(("air_drag", "filter_lag"), 5.5)], instead=instead)
-    assert decide(evidence, LIBRARY).alternatives == {"filter_lag": ["time_offset"]}
+    assert decide(evidence).alternatives == {"filter_lag": ["time_offset"]}
 
 
 def test_twins_are_told_of_two_effects_and_not_of_three():
     instead = [hypothesis(("air_lift", "filter_lag"), 5.9)]
     joint = [(("air_lift", "time_offset"), 8.0), (("air_lift", "time_offset", "hem"), 5.4)]
     evidence = evidence_of({"air_lift": 10.0}, joint=joint, instead=instead)
-    found = decide(evidence, LIBRARY)
+    found = decide(evidence)
     assert (found.named, found.alternatives) == (["air_lift", "time_offset", "hem"], {})
-    two = decide(dataclasses.replace(evidence, joint=evidence.joint[:1]), LIBRARY)
+    two = decide(dataclasses.replace(evidence, joint=evidence.joint[:1]))
     assert (two.named, two.alternatives) == (["air_lift", "time_offset"], {"time_offset": ["filter_lag"]})
 
 
@@ -93,7 +93,7 @@ def test_beside_an_exact_law_a_further_effect_that_closes_little_is_named(first,
     assert least_gain(evidence.observer, evidence.joint[0][0]) == 0.03  # a hem may be stiff as well
     assert least_gain(evidence.observer, next(iter(evidence.singles.values()))) == left
     evidence = dataclasses.replace(evidence, numerics_mm=numerics)
-    assert decide(evidence, LIBRARY).verdict == verdict
+    assert decide(evidence).verdict == verdict
 
 
 def test_a_moment_that_nothing_explains_does_not_hide_a_further_effect():
@@ -114,11 +114,11 @@ def test_a_further_effect_that_may_be_nothing_is_not_named():
     """5.5 mm with lift and hem, but the hem's amplitude is good to 100 % only."""
     joint = {"joint": [(("air_lift", "hem"), 5.5)]}
     evidence = evidence_of({"air_lift": 9.0}, **joint)
-    assert decide(evidence, LIBRARY).verdict == "several"
+    assert decide(evidence).verdict == "several"
     found, p_value = evidence.joint[0]
     vague = dataclasses.replace(found.fitted, deviation=20 * found.fitted.deviation)
     evidence = dataclasses.replace(evidence, joint=[(dataclasses.replace(found, fitted=vague), p_value)])
-    assert decide(evidence, LIBRARY).verdict == "effect"
+    assert decide(evidence).verdict == "effect"
 
 
 @pytest.mark.parametrize(
@@ -139,25 +139,23 @@ def test_what_one_effect_brings_along_is_no_effect_beside_it(sizes, verdict):
     row = amplitudes_of(LIBRARY, **sizes)
     sure = dataclasses.replace(found.fitted, amplitudes=row, deviation=0.2 * found.fitted.deviation)
     evidence = dataclasses.replace(evidence, joint=[(dataclasses.replace(found, fitted=sure), p_value)])
-    assert decide(evidence, LIBRARY).verdict == verdict
+    assert decide(evidence).verdict == verdict
 
 
 def test_a_moment_that_most_draws_miss_is_judged_by_the_motion_fitted_to():
     """A slip moves one block of twelve: one draw in three has none of it."""
-    index = [e.name for e in LIBRARY]
     before, after = errors(9.0), errors(9.0)
     before.sums[5], after.sums[5] = 2 * before.sums[5], 0.0
     slip = hypothesis(("air_lift", "clip_slip"), 9.0)
 
     def verdict_of(cost):
         evidence = evidence_of({"air_lift": 9.0}, joint=[(("air_lift", "clip_slip"), 9.0)])
-        lift = dataclasses.replace(evidence.singles[index.index("air_lift")], errors=before)
+        lift = dataclasses.replace(evidence.singles["air_lift"], errors=before)
         fitted = dataclasses.replace(slip.fitted, residual=np.array([np.sqrt(cost), 0.0, 0.0]))
         lift = dataclasses.replace(lift, fitted=dataclasses.replace(lift.fitted, residual=np.array([1.0, 0.0, 0.0])))
         joint = (dataclasses.replace(slip, errors=after, fitted=fitted), 0.001)
         return decide(
-            dataclasses.replace(evidence, singles={index.index("air_lift"): lift}, joint=[joint], floor_mm=8.0),
-            LIBRARY,
+            dataclasses.replace(evidence, singles={"air_lift": lift}, joint=[joint], floor_mm=8.0)
         ).verdict  # fmt: skip
 
     assert verdict_of(0.8) == "several"
@@ -168,13 +166,13 @@ def test_a_moment_that_most_draws_miss_is_judged_by_the_motion_fitted_to():
 def test_what_sound_solvers_differ_by_is_named_beside_another_only_where_it_passes_by_itself(alone, verdict):
     """Of 119 mm^2 anisotropy closes 14, less than a quarter, or 102; of the 6 that drag leaves it closes 4."""
     evidence = evidence_of({"anisotropy": alone, "air_drag": 5.6}, joint=[(("air_drag", "anisotropy"), 5.2)])
-    assert decide(evidence, LIBRARY).verdict == verdict
+    assert decide(evidence).verdict == verdict
 
 
 @pytest.mark.parametrize(("typical", "verdict"), [(0.01, "several"), (0.05, "effect")])
 def test_a_further_effect_is_larger_than_mesh_and_solver_make_it(typical, verdict):
     """1 mm of mesh and solver is 0.55 mm of one direction in 90 %; a hem of 0.01 moves the points by 2 or 0.4 mm."""
     made_up = evidence_of({"air_lift": 9.0}, joint=[(("air_lift", "hem"), 6.0)])
-    sizes = np.full(len(made_up.screened.effects), typical)
-    made_up = dataclasses.replace(made_up, screened=dataclasses.replace(made_up.screened, typical=sizes))
-    assert decide(made_up, LIBRARY).verdict == verdict
+    sized = {name: dataclasses.replace(one, typical=typical) for name, one in made_up.screened.items()}
+    made_up = dataclasses.replace(made_up, screened=sized)
+    assert decide(made_up).verdict == verdict

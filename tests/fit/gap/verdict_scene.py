@@ -8,17 +8,19 @@ from types import SimpleNamespace
 import numpy as np
 
 from fit.cloth.effect import amplitudes_of, columns_of
-from fit.effects import LIBRARY, find_effects
+from fit.effects import LIBRARY
 from fit.gap.closure import BlockErrors
 from fit.gap.evidence import Evidence
 from fit.gap.fitting import Fitted
 from fit.gap.hypotheses import Hypothesis
-from fit.gap.screening import Screened
+from fit.gap.screening import Signature
 from fit.methods import SI
 from fit.observer.edge import EdgeErrors
 from formats.results import Gate
 
 BLOCKS = 12
+KINDS = {effect.name: effect for effect in LIBRARY}
+EFFECTS = {"effects": LIBRARY, "library": KINDS, "columns": dict(zip(KINDS, columns_of(LIBRARY), strict=True))}
 NO_EDGE = SimpleNamespace(block=np.zeros(3, int), is_edge=np.zeros(3, bool), frame=np.zeros(3, int))
 
 
@@ -29,13 +31,26 @@ def errors(mm, wobble=0.1, seed=0):
 
 
 def hypothesis(names, mm, *, seed=0, sizes=1.0, deviation=0.05):
-    index = [e.name for e in LIBRARY]
-    active = tuple(index.index(n) for n in names)
-    columns = columns_of(LIBRARY)
-    row = amplitudes_of(LIBRARY, **{n: sizes * find_effects([n])[0].typical for n in names})
-    wide = sum(columns[k].stop - columns[k].start for k in active)
+    active = tuple(names)
+    row = amplitudes_of(LIBRARY, **{n: sizes * KINDS[n].typical for n in names})
+    wide = sum(len(KINDS[name].components) for name in active)
     fitted = Fitted(SI.initial, row, active, np.zeros(3), np.zeros((3, 5 + wide)), np.full(5 + wide, deviation), True)
     return Hypothesis(active, fitted, errors(mm, seed=seed))
+
+
+def signature(contribution=(1.0,), **changes):
+    """What screening says of an effect, with figures that are all different unless they are given."""
+    given = {
+        "amplitude": np.zeros(1), "raw": np.ones((1, 3)), "projected": np.ones((1, 3)), "typical": 0.001,
+        "predicted": 9.0, "predicted_mm2": 4.0, "explained": 0.3, "absorbed": 0.2, "p_value": 0.0002,
+        "family_p_value": 0.001, "correlation": 0.4,
+    }  # fmt: skip
+    return Signature(contribution=np.asarray(contribution, float), **(given | changes))
+
+
+def like(**cosines):
+    """Screened effects whose contributions have these cosines with the first one and lie in one plane."""
+    return {name: signature((c, np.sqrt(1 - c**2))) for name, c in cosines.items()}
 
 
 def evidence_of(
@@ -44,18 +59,11 @@ def evidence_of(
     """Evidence from errors in mm: `singles` and `joint` as {names: mm}."""
     given = (hypothesis((n,), mm, seed=k, sizes=sizes) for k, (n, mm) in enumerate(singles.items()))
     found = {h.effects[0]: h for h in given}
-    index = [e.name for e in LIBRARY]
-    effects = tuple(dict.fromkeys([*found, *(index.index(n) for names, _ in joint for n in names)]))
-    p_values = np.full(len(effects), p)
-    screened = Screened(
-        effects=effects, amplitude=[], explained=p_values, absorbed=p_values, p_value=p_values, family_p_value=p_values,
-        cosines=np.eye(len(effects)), predicted=p_values, predicted_mm2=p_values, correlation=p_values, raw=[],
-        projected=[np.ones((1, 3)) for _ in effects], typical=p_values,
-    )  # fmt: skip
+    every = dict.fromkeys([*found, *(name for names, _ in joint for name in names)])
+    rows = np.eye(len(every))
+    screened = {name: signature(rows[n], family_p_value=p, p_value=p / 10) for n, name in enumerate(every)}
     return Evidence(
-        observer=SimpleNamespace(
-            effects=LIBRARY, columns=columns_of(LIBRARY), in_mm=lambda row: 2.0, layout=NO_EDGE
-        ),
+        observer=SimpleNamespace(**EFFECTS, in_mm=lambda row: 2.0, layout=NO_EDGE),
         screened=screened, base=hypothesis((), base), singles=found,
         joint=[(hypothesis(names, mm, seed=9), joint_p) for names, mm in joint],
         floor_mm=floor, numerics_mm=1.0, picks=np.random.default_rng(1).integers(0, BLOCKS, (400, BLOCKS)),

@@ -2,9 +2,15 @@
 
     closure = (E_base^2 - E_effect^2) / (E_base^2 - floor^2)
 
-with mean squared errors on the same frames. Intervals by bootstrap over blocks of half a second, both models' errors
-drawn together. Where the base error is hardly above the floor the ratio means nothing and is not given.
-Source: B. Efron & R. Tibshirani, "An Introduction to the Bootstrap" (1993), chapters 8 and 13.
+with mean squared errors on the same frames. Intervals come from a bootstrap over blocks of half a second, the errors of
+both models drawn together. Half-seconds of one take are correlated (`fit.gap.correlation`) and few: each draw is moved
+away from the mean by
+
+    sqrt(n / (n - 1)) sqrt(n / n_eff) t(n_eff - 1) / z,   t, z: 95 % quantiles of Student's and the normal distribution
+
+so that 90 % intervals of a damped oscillation at 0.8 Hz hold what they should (a test says how often). Each draw has a
+floor of its own as well. Where the base error is hardly above the floor the ratio means nothing and is not given.
+Source: B. Efron & R. Tibshirani, "An Introduction to the Bootstrap" (1993), chapters 8, 12.5 and 13.
 """
 
 from __future__ import annotations
@@ -13,7 +19,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
+from scipy.stats import t as student
 
+from fit.gap.correlation import DIRECTIONS, correlation_of, decorrelated, effective_count
 from fit.observer.edge import EdgeErrors
 from fit.observer.residuals import Observer
 from formats.arrays import Floats
@@ -21,9 +30,11 @@ from formats.arrays import Floats
 REPLICAS = 1000
 TIE = 1e-9  # of a sum, within which two of them are the same
 FLIPS = 20000  # draws of the signs of differences
-DIRECTIONS = 9  # in which mesh and solver err independently; amplitudes fitted to takes without any effect say so
 SIGNIFICANT_GAP = 1.2  # base error over floor, squared: below, there is nothing to explain
 SMALLEST_GAP = 0.05  # of the squared floor; below, closure is not defined
+LEAST_GAP = 0.25  # of the gap, that is left of it in a draw at least
+LEAST_ERROR = 0.01  # of the mean squared error, that is left of it in a draw at least
+FEWEST = 2.0  # independent blocks that are counted at least, for Student's t to have a degree of freedom
 
 
 @dataclass(frozen=True)
@@ -31,21 +42,43 @@ class BlockErrors:
     """Squared error per block of half a second [mm^2 per point, summed] and how many points it has.
 
     residual [mm], (numbers,): the errors themselves; edge: what is left at the held edges
+    correlation, (blocks, blocks): of the sums of the blocks; none is given where they are independent
     """
 
     sums: Floats
     counts: Floats
     residual: Floats
     edge: EdgeErrors = field(default_factory=EdgeErrors)
+    correlation: Floats | None = None
 
     @property
     def squared_mm(self) -> float:
         """Mean squared distance [mm^2]."""
         return float(self.sums.sum() / self.counts.sum())
 
-    def draw(self, picks: NDArray[np.int64]) -> Floats:
+    @property
+    def between_blocks(self) -> Floats:
+        """Correlation of the sums of the blocks, (blocks, blocks)."""
+        return np.eye(len(self.sums)) if self.correlation is None else self.correlation
+
+    def draw(self, resampling: Resampling) -> Floats:
         """Mean squared distance of bootstrap draws, (replicas,)."""
-        return np.asarray(self.sums[picks].sum(1) / self.counts[picks].sum(1))
+        picks, middle = resampling.picks, self.squared_mm
+        drawn = self.sums[picks].sum(1) / self.counts[picks].sum(1)
+        return np.asarray(np.maximum(middle + resampling.spread * (drawn - middle), LEAST_ERROR * middle))
+
+
+@dataclass(frozen=True)
+class Resampling:
+    """Bootstrap draws, the same for every model: of blocks, (replicas, blocks), and of the floor's error.
+
+    spread: how many times farther than the bootstrap's a draw is from the mean
+    deviates, (replicas,): of the floor, in its standard errors
+    """
+
+    picks: NDArray[np.int64]
+    spread: float
+    deviates: Floats
 
 
 def block_errors(observer: Observer, residual: Floats) -> BlockErrors:
@@ -55,14 +88,19 @@ def block_errors(observer: Observer, residual: Floats) -> BlockErrors:
     squared = millimetres**2
     count = np.bincount(block) / 3.0
     sums = np.asarray(np.bincount(block, squared), float)
-    seen = count > 0
-    return BlockErrors(sums[seen], count[seen], millimetres, observer.edge_errors(residual))
+    seen = np.flatnonzero(count > 0)
+    correlation = correlation_of(observer, residual)[np.ix_(seen, seen)]
+    return BlockErrors(sums[seen], count[seen], millimetres, observer.edge_errors(residual), correlation)
 
 
-def bootstrap_picks(errors: BlockErrors, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Blocks of every bootstrap draw, (replicas, blocks)."""
+def resample(errors: BlockErrors, rng: np.random.Generator, floor_replicas: int) -> Resampling:
+    """Draw blocks, as correlated as a model's errors show, and errors of a floor that is the mean of some replicas."""
     blocks = len(errors.sums)
-    return np.asarray(rng.integers(0, blocks, size=(REPLICAS, blocks)))
+    effective = max(effective_count(errors.between_blocks), FEWEST)
+    wider = float(student.ppf(0.95, effective - 1) / norm.ppf(0.95))
+    spread = wider * float(np.sqrt(blocks / max(blocks - 1, 1) * max(blocks / effective, 1.0)))
+    picks = rng.integers(0, blocks, size=(REPLICAS, blocks))
+    return Resampling(picks, spread, rng.standard_t(floor_replicas - 1, REPLICAS))
 
 
 def solver_draws(errors: list[BlockErrors], numerics_mm: float, replicas: int) -> Floats:
@@ -81,15 +119,19 @@ def solver_draws(errors: list[BlockErrors], numerics_mm: float, replicas: int) -
 
 
 def closure(
-    base: BlockErrors, with_effect: BlockErrors, floor_mm: float, picks: NDArray[np.int64]
+    base: BlockErrors, with_effect: BlockErrors, floor_mm: float, resampling: Resampling, floor_error_mm: float = 0.0
 ) -> tuple[float, tuple[float, float]] | None:
-    """Return closure and its 90 % interval, or None where there is hardly a gap."""
+    """Return closure and its 90 % interval, or None where there is hardly a gap.
+
+    floor_error_mm: standard error of the floor
+    """
     gap = base.squared_mm - floor_mm**2
     if gap < SMALLEST_GAP * max(floor_mm**2, 1e-6):
         return None
     value = (base.squared_mm - with_effect.squared_mm) / gap
-    drawn_gap = np.maximum(base.draw(picks) - floor_mm**2, 0.25 * gap)
-    drawn = (base.draw(picks) - with_effect.draw(picks)) / drawn_gap
+    floors = np.maximum(floor_mm + floor_error_mm * resampling.deviates, 0.0)
+    base_drawn = base.draw(resampling)
+    drawn = (base_drawn - with_effect.draw(resampling)) / np.maximum(base_drawn - floors**2, LEAST_GAP * gap)
     low, high = np.quantile(drawn, [0.05, 0.95])
     return float(value), (float(low), float(high))
 
@@ -97,23 +139,23 @@ def closure(
 def gain_p_value(before: BlockErrors, after: BlockErrors) -> float:
     """p-value of one model's leaving less than another in half-seconds that neither was fitted to.
 
-    If both were as good, each half-second's difference would be as likely to have the other sign: signs are drawn at
-    random.
+    If both were as good, each half-second's difference, free of its correlation with the others, would be as likely to
+    have the other sign: signs are drawn at random.
     Source: R. A. Fisher, "The Design of Experiments" (1935), section 21.
     """
-    gains = before.sums - after.sums
+    gains = decorrelated((before.sums - after.sums)[:, None], before.between_blocks)[:, 0]
     signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(FLIPS, len(gains)))
     # A draw of the very signs that were seen is a tie, however the sums round.
     return float((1 + np.sum(signs @ gains >= gains.sum() - TIE * np.abs(gains).sum())) / (1 + FLIPS))
 
 
-def exceeds(errors: BlockErrors, picks: NDArray[np.int64], known: float) -> bool:
+def exceeds(errors: BlockErrors, resampling: Resampling, known: float) -> bool:
     """Whether a squared error is clearly above a known one [mm^2]."""
-    lowest = error_interval(errors, picks)[0]
+    lowest = error_interval(errors, resampling)[0]
     return bool(errors.squared_mm > SIGNIFICANT_GAP * known and lowest**2 > known)
 
 
-def error_interval(errors: BlockErrors, picks: NDArray[np.int64]) -> tuple[float, float]:
+def error_interval(errors: BlockErrors, resampling: Resampling) -> tuple[float, float]:
     """90 % interval of the root mean square error [mm]."""
-    low, high = np.quantile(np.sqrt(errors.draw(picks)), [0.05, 0.95])
+    low, high = np.quantile(np.sqrt(errors.draw(resampling)), [0.05, 0.95])
     return float(low), float(high)

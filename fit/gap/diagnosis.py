@@ -17,8 +17,9 @@ from fit.gap import findings as described
 from fit.gap import gates as gate
 from fit.gap.base_fit import fit_base
 from fit.gap.checkpoint import Checkpoint, Key
-from fit.gap.closure import bootstrap_picks, closure, exceeds
+from fit.gap.closure import closure, exceeds, resample
 from fit.gap.fitting import Fitted
+from fit.gap.floor import REPLICAS as FLOOR_REPLICAS
 from fit.gap.floor import noise_floor
 from fit.gap.missing_force import find_missing_force
 from fit.gap.next_experiment import propose
@@ -94,31 +95,32 @@ def diagnose(
     search = Rounds(observer, judge, fits, rng, progress, kept)
     progress("noise floor", 0.3)
     noise = noise_floor(judge, search.base.fitted.vector, observer.off, rng)
-    seeming, before = noise[0], search.base
-    picks = bootstrap_picks(search.base.errors, rng)
-    is_off = exceeds(search.base.errors, picks, seeming**2) or not is_edge_explained(search.base.errors.edge)
+    before = search.base
+    resampling = resample(before.errors, rng, FLOOR_REPLICAS)
+    is_off = exceeds(before.errors, resampling, noise.mm**2) or not is_edge_explained(before.errors.edge)
     search.first_round(added, has_gap=is_off)
     if search.base is not before:
-        noise = noise_floor(judge, search.base.fitted.vector, observer.off, rng)
-    floor = search.reached(noise[0])
+        resampling = resample(search.base.errors, rng, FLOOR_REPLICAS)
+    if search.least is not before.fitted:
+        noise = noise_floor(judge, search.least.vector, search.least.amplitudes, rng)
     if not predictability.passed:
         predictability = search.predictability()
     found_gates += [predictability, gate.convergence_gate(search.fits, search.least.cost)]
     progress("checking mesh and step", 0.83)
     base = search.base.fitted
     refined = refine(observer, judge, base)
-    mesh_closure = closure(search.base.errors, refined.errors, floor, picks)
+    mesh_closure = closure(search.base.errors, refined.errors, noise.mm, resampling)
     removed = mesh_closure[0] if mesh_closure else None
     found_gates.append(gate.numerics_gate(removed, refined.numerics_mm, refined.ratio))
     search.sizes_by_edge(refined.numerics_mm)
-    evidence = search.evidence(noise, refined, picks, found_gates, is_held_out=bool(test))
+    evidence = search.evidence(noise, refined, resampling, found_gates, is_held_out=bool(test))
     verdict = decide(evidence)
     # Two may hide each other, so that neither passes alone: what nothing explains is looked at in pairs as well.
     may_be_several = verdict.verdict in {"effect", "ambiguous", "unknown"} and evidence.is_predictable
     if may_be_several and search.singles and (verdict.verdict == "unknown" or passing_effects(evidence)):
         progress("looking for a second effect", 0.88)
-        search.further_rounds(floor, refined.numerics_mm)
-        evidence = search.evidence(noise, refined, picks, found_gates, is_held_out=bool(test))
+        search.further_rounds(noise.mm, refined.numerics_mm)
+        evidence = search.evidence(noise, refined, resampling, found_gates, is_held_out=bool(test))
         verdict = decide(evidence)
     by_edge = None
     if verdict.verdict == "unknown" and not is_edge_explained(search.base.errors.edge):
@@ -129,7 +131,7 @@ def diagnose(
     progress("drawing maps", 0.97)
     missing_force = find_missing_force(judge, base.vector)
     best, spent = search.named(verdict), kept.spent
-    notes = described.notes(len(training), len(held_out), observer, is_predictable=predictability.passed)
+    notes = described.notes(len(training), len(held_out), observer, noise, is_predictable=predictability.passed)
     if verdict.verdict == "ambiguous" and proposal is None:
         notes.append("No motion of the menu would tell apart what is named by a standard deviation more than these.")
     diagnosis = Diagnosis(
@@ -141,7 +143,7 @@ def diagnose(
         sentence=verdict.sentence + edge_driven.sentence(evidence, by_edge) + described.left_out(effects, LIBRARY),
         named=verdict.named,
         gap=described.describe_gap(evidence, best, by_edge),
-        effects=described.describe_effects(evidence, judge, best, effects, model),
+        effects=described.describe_effects(evidence, best, effects, model),
         where=find_where(judge, judge.residuals(base.vector[None], observer.off[None])[0]),
         missing_force=missing_force,
         next_experiment=proposal,

@@ -23,7 +23,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fit.gap.closure import DIRECTIONS
+from fit.gap.correlation import DIRECTIONS
 from fit.gap.fitting import PRIOR_AMPLITUDE, Fitted, Pinned, Problem
 from fit.gap.screening import Screened
 from fit.observer.edge import is_seen_on_edge

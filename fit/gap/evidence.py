@@ -6,17 +6,17 @@ import functools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.gap.closure import (
-    DIRECTIONS,
     SIGNIFICANT_GAP,
     BlockErrors,
+    Resampling,
     closure,
     error_interval,
     exceeds,
     solver_draws,
 )
+from fit.gap.correlation import DIRECTIONS
 from fit.gap.fitting import NORMAL_95, Fitted, amplitude_of
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.screening import GROUP_COSINE, Screened, Signature, cosine
@@ -151,22 +151,22 @@ class Evidence:
     """What a verdict is decided on: hypotheses with their held-out errors, noise floor [mm], mesh error [mm], gates.
 
     joint: with further effects, and the last one's p-value; instead: two effects, one of them in the place of a twin
-    floor_error_mm: standard error of the floor
+    observer, judge: of the takes fitted to and judged on; floor_error_mm: standard error of the floor
     """
 
     observer: Observer
+    judge: Observer
     screened: Screened
     base: Hypothesis
     singles: dict[str, Hypothesis]
     joint: list[tuple[Hypothesis, float]]
     floor_mm: float
     numerics_mm: float
-    picks: NDArray[np.int64]
+    resampling: Resampling
     gates: list[Gate]
     is_held_out: bool
     instead: list[Hypothesis]
-    floor_error_mm: float = np.inf
-    is_floor_most: bool = False  # whether a model fell below what noise the takes seem to have, and set the floor
+    floor_error_mm: float = 0.0
     mesh_mm: float = 0.0  # of numerics_mm what the mesh alone is wrong by
 
     @property
@@ -186,17 +186,24 @@ class Evidence:
         return self.mesh_mm > self.floor_mm + solver
 
     def closure_of(self, hypothesis: Hypothesis) -> Figure | None:
-        """Share of the gap that a hypothesis closes, none above all of it; None where there is hardly a gap."""
-        found = closure(self.base.errors, hypothesis.errors, self.floor_mm, self.picks)
-        if found is None:
-            return None
-        value, (low, high) = found
-        return Figure(value=value, interval=(low, min(high, max(value, 1.0))))
+        """Share of the gap that a hypothesis closes; None where there is hardly a gap.
+
+        The share is above 1 where the hypothesis leaves less than the noise was taken to be.
+        """
+        found = closure(
+            self.base.errors, hypothesis.errors, self.floor_mm, self.resampling, floor_error_mm=self.floor_error_mm
+        )
+        return Figure(value=found[0], interval=found[1]) if found is not None else None
+
+    def is_within_noise(self, hypothesis: Hypothesis) -> bool:
+        """Whether a hypothesis leaves no more than the noise may be, as far as that is known."""
+        return hypothesis.errors.squared_mm <= (self.floor_mm + ONE_MORE * self.floor_error_mm) ** 2
 
     def error_of(self, hypothesis: Hypothesis) -> Figure:
         """Root mean square held-out error of a hypothesis [mm]."""
         return Figure(
-            value=float(np.sqrt(hypothesis.errors.squared_mm)), interval=error_interval(hypothesis.errors, self.picks)
+            value=float(np.sqrt(hypothesis.errors.squared_mm)),
+            interval=error_interval(hypothesis.errors, self.resampling),
         )
 
     def p_value(self, effect: str) -> float:
@@ -223,8 +230,8 @@ class Evidence:
         Drawn are blocks of the held-out takes and what mesh and solver may be wrong by.
         """
         every = [h.errors for h in (self.base, *self.singles.values(), *several)]
-        moved = solver_draws(every, self.numerics_mm, len(self.picks))
-        base, *rest = (e.draw(self.picks) + moved[:, n] for n, e in enumerate(every))
+        moved = solver_draws(every, self.numerics_mm, len(self.resampling.picks))
+        base, *rest = (e.draw(self.resampling) + moved[:, n] for n, e in enumerate(every))
         return base, dict(zip(self.singles, rest, strict=False)), rest[len(self.singles) :]
 
     @functools.cached_property
@@ -246,7 +253,9 @@ class Evidence:
             ((kept,), (replaced,), (twin,)) = shared, set(several.effects) - shared, set(other.effects) - shared
             alone = self.singles[kept].errors.squared_mm
             gain, full = (alone - h.errors.squared_mm for h in (other, several))
-            is_often_better = np.mean(other.errors.draw(self.picks) < several.errors.draw(self.picks)) >= RIVAL
+            is_often_better = (
+                np.mean(other.errors.draw(self.resampling) < several.errors.draw(self.resampling)) >= RIVAL
+            )
             if is_told_by_edge(other.errors.edge, several.errors.edge, self.singles[kept].errors.edge):
                 continue
             if gain >= NEAR_TWIN * full or (gain >= NEAR * full and is_often_better):
@@ -337,7 +346,7 @@ class Evidence:
 
     def exceeds(self, known: float) -> bool:
         """Whether the base model's squared error is clearly above a known one [mm^2]."""
-        return exceeds(self.base.errors, self.picks, known)
+        return exceeds(self.base.errors, self.resampling, known)
 
     def most_by_law(self, hypothesis: Hypothesis, gap: Floats) -> Floats:
         """Largest mean squared error that sound laws of a hypothesis' effects leave of a gap, both (...,) [mm^2]."""

@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from fit.cloth.effect import Effect, size_of
-from fit.gap.closure import SIGNIFICANT_GAP
-from fit.gap.edge_fit import detectable_on_edge
-from fit.gap.evidence import STUDENT_95, Evidence, per_millimetre
+from fit.gap.detectable import smallest_detectable
+from fit.gap.evidence import STUDENT_95, Evidence
 from fit.gap.fitting import NORMAL_95, Fitted
+from fit.gap.floor import Floor
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.probabilities import probabilities
 from fit.gap.screening import groups
-from fit.gap.verdict import mesh_share
 from fit.methods import Parameterisation
 from fit.observer.residuals import Observer, has_static
 from formats.results import EffectFinding, Figure, FitParameter, Gap
@@ -26,7 +25,6 @@ def describe_gap(evidence: Evidence, best: Hypothesis | None, held_by_edge: Hypo
     return Gap(
         base_mm=evidence.error_of(evidence.base),
         with_effect_mm=evidence.error_of(best) if best else None,
-        is_floor_most=evidence.is_floor_most,
         floor_mm=Figure(value=floor, interval=(max(floor - error, 0.0), floor + error)),
         numerics_mm=evidence.numerics_mm,
         closure=evidence.closure_of(best) if best else None,
@@ -39,19 +37,16 @@ def describe_gap(evidence: Evidence, best: Hypothesis | None, held_by_edge: Hypo
 
 
 def describe_effects(
-    evidence: Evidence, judge: Observer, best: Hypothesis | None, effects: tuple[Effect, ...], model: Parameterisation
+    evidence: Evidence, best: Hypothesis | None, effects: tuple[Effect, ...], model: Parameterisation
 ) -> list[EffectFinding]:
     """Describe every effect of the library, the one that closes most first; best: what the verdict names, if any.
-
-    judge: the observer of the takes judged on.
 
     Of several effects that are named together amplitudes are of the fit with all of them.
     """
     screened, shares = evidence.screened, evidence.win_shares()
     several = best if best is not None and len(best.effects) > 1 else None
     group, likely = groups(screened), probabilities(evidence, several)
-    least = min([evidence.base, *evidence.singles.values()], key=lambda h: h.fitted.cost).fitted.residual
-    on_edge = detectable_on_edge(evidence.observer, judge, screened)
+    smallest = smallest_detectable(evidence)
     found = []
     for effect in effects:
         if effect.name not in screened:
@@ -69,9 +64,8 @@ def describe_effects(
         sized = beside or hypothesis
         amplitude = sized.fitted.amplitudes[evidence.observer.columns[name]] if sized else signature.amplitude
         size, interval = evidence.amplitude(name, beside=beside) if sized else (size_of(amplitude), None)
-        by_cloth = signature.minimum_detectable(least, evidence.observer.layout.block)
-        detectable = min(max(by_cloth, resolvable(evidence, name)), on_edge[name])
-        can_show = bool(np.isfinite(detectable))
+        shown = smallest[name][np.isfinite(smallest[name])]
+        can_show = len(shown) > 0
         note = "screened only: too little of the residual to be worth a refit; amplitude linearised"
         if hypothesis:
             note = f"best effect in {100 * shares[name]:.0f} % of bootstrap draws"
@@ -93,7 +87,7 @@ def describe_effects(
                 unit=effect.unit,
                 closure=evidence.closure_of(hypothesis) if hypothesis else None,
                 p_value=signature.family_p_value,
-                minimum_detectable=detectable if can_show else None,
+                minimum_detectable=float(shown.max()) if can_show else None,
                 explained=signature.explained,
                 absorbed=signature.absorbed if can_show else None,
                 correlation=signature.correlation,
@@ -102,17 +96,6 @@ def describe_effects(
             )
         )
     return sorted(found, key=lambda f: (-(f.closure.value if f.closure else -9.0), -(f.explained or 0.0)))
-
-
-def resolvable(evidence: Evidence, effect: str) -> float:
-    """Return the amplitude from which a screened effect moves the points by what the rules ask for.
-
-    An effect is named only if it removes more than a share of mesh and solver error, and only where the gap is clearly
-    above the noise (`fit.gap.verdict`); below that it cannot be named, however little noise there is.
-    """
-    share = mesh_share(evidence.observer.library[effect])
-    needed = max(share * evidence.numerics_mm**2, (SIGNIFICANT_GAP - 1) * evidence.floor_mm**2)
-    return float(np.sqrt(needed)) * per_millimetre(evidence.observer, evidence.screened[effect])
 
 
 def base_parameters(model: Parameterisation, fitted: Fitted) -> list[FitParameter]:
@@ -148,7 +131,7 @@ def left_out(effects: tuple[Effect, ...], library: tuple[Effect, ...]) -> str:
     return f" Not looked for, as asked: {', '.join(absent[:LISTED])}{more}." if absent else ""
 
 
-def notes(training: int, held_out: int, observer: Observer, *, is_predictable: bool) -> list[str]:
+def notes(training: int, held_out: int, observer: Observer, floor: Floor, *, is_predictable: bool) -> list[str]:
     """Say what a reader must know to judge the figures."""
     free = (
         "Free rollouts, predictable as they are" if is_predictable else "Free rollouts, which no pull makes predictable"
@@ -161,6 +144,11 @@ def notes(training: int, held_out: int, observer: Observer, *, is_predictable: b
         "Probabilities are shares of draws, of held-out half-seconds and of what mesh and solver may be wrong by, in "
         "which an effect is best and worth naming; docs/reference/blind-check.md says how far they hold.",
     ]
+    if floor.is_contradicted:
+        said.append(
+            f"The takes state that their points are off by {floor.stated_mm:.1f} mm; {floor.mm:.1f} mm was measured, "
+            "and is what the gap is compared with."
+        )
     if not any(map(has_static, observer.recordings)):
         said.append(
             "Points of a silhouette sit constantly a little beside the material: each point's mean offset was taken "

@@ -7,12 +7,12 @@ from functools import partial
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.gap import gates as gate
 from fit.gap.base_fit import across_valleys, middle
 from fit.gap.checkpoint import Checkpoint
-from fit.gap.closure import gain_p_value
+from fit.gap.closure import Resampling, gain_p_value
+from fit.gap.detectable import MESH_SHARE
 from fit.gap.edge_fit import disputed, leads, trust_in_edge
 from fit.gap.evidence import (
     Evidence,
@@ -28,10 +28,11 @@ from fit.gap.evidence import (
     wrong_by_mesh,
 )
 from fit.gap.fitting import Fitted, Task, fit
+from fit.gap.floor import Floor
 from fit.gap.hypotheses import POLISHING, Hypothesis, further, judged, polishing, refits, shortlist
 from fit.gap.numerics import Refined
 from fit.gap.screening import GROUP_COSINE, Screened, cosine, ended_at, screen, with_amplitude
-from fit.gap.verdict import LEVEL, MESH_SHARE, Verdict, is_brought, may_be_added
+from fit.gap.verdict import LEVEL, Verdict, is_brought, may_be_added
 from fit.observer.edge import is_edge_explained, is_told_by_edge
 from fit.observer.residuals import Observer
 from formats.results import Gate
@@ -158,11 +159,6 @@ class Rounds:
         """Return the gate for the refit of least cost: without an effect a fit may make limp cloth of stiff one."""
         least = self.least
         return gate.predictability_gate(self.observer, least.vector, least.amplitudes)
-
-    def reached(self, floor: float) -> float:
-        """Return the floor [mm], or the held-out error of a model that fell below it: no noise is larger than that."""
-        every = (self.base, *self.singles.values(), *(h for h, _ in self.joint))
-        return min(floor, *(float(np.sqrt(h.errors.squared_mm)) for h in every))
 
     def further_rounds(self, floor: float, numerics: float) -> None:
         """Add effects to the best one as long as there is something left to explain.
@@ -364,16 +360,15 @@ class Rounds:
         return [self.singles[k] for k in chosen], [max(shares[k], 0.1) for k in chosen]
 
     def evidence(
-        self, noise: tuple[float, float], refined: Refined, picks: NDArray[np.int64], gates: list[Gate], *,
+        self, noise: Floor, refined: Refined, resampling: Resampling, gates: list[Gate], *,
         is_held_out: bool,
     ) -> Evidence:  # fmt: skip
-        """Gather what the verdict is decided on; noise [mm]: what the takes seem to have, and its standard error."""
-        seeming, error = noise
-        floor = self.reached(seeming)
+        """Gather what the verdict is decided on; noise: of the takes judged on."""
         return Evidence(
-            observer=self.observer, screened=self.screened, base=self.base, singles=self.singles, joint=self.joint,
-            instead=self.instead, floor_mm=floor, numerics_mm=refined.numerics_mm, mesh_mm=refined.mesh_mm, picks=picks,
-            gates=gates, is_held_out=is_held_out, floor_error_mm=error, is_floor_most=floor < seeming,
+            observer=self.observer, judge=self.judge, screened=self.screened, base=self.base, singles=self.singles,
+            joint=self.joint, instead=self.instead, floor_mm=noise.mm, numerics_mm=refined.numerics_mm,
+            mesh_mm=refined.mesh_mm, resampling=resampling, gates=gates, is_held_out=is_held_out,
+            floor_error_mm=noise.error_mm,
         )  # fmt: skip
 
     def named(self, verdict: Verdict) -> Hypothesis | None:

@@ -5,10 +5,12 @@ one column per component, taken at the typical size), what the fitted parameters
 
     P = I - J (J'J + Lambda)^-1 J',   Sp = P S,   rp = P r
     alpha = -(Sp'Sp)^-1 Sp'rp,   explained = |Sp alpha|^2 / |rp|^2,   absorbed = 1 - |Sp|^2 / |S|^2
-    T = g' (sum_b g_b g_b')^-1 g,   g = sum_b g_b,  g_b = Sp_b' rp_b over blocks b of half a second
+    T = g' (sum_b g_b g_b')^-1 g,   g = sum_b g_b
 
-T is judged against its own wild bootstrap (the signs of the blocks' scores drawn at random), and the smallest p of all
-effects against the smallest of each draw, which controls the family-wise error under any correlation.
+where g_b are the scores Sp_b' rp_b over blocks b of half a second, free of their correlation in time
+(`fit.gap.correlation.decorrelated`). T is judged against its own wild bootstrap (the signs of the scores drawn at
+random), and the smallest p of all effects against the smallest of each draw. That controls the family-wise error under
+any correlation between effects.
 An effect that moves no point at all (cloth that never touches itself) has none of this, and no amplitude of it would
 be found. Signatures are taken against the fit; those of contact, whose step is shorter, against contact too small to
 touch anything (`Effect.no_size`), so that they are nothing where nothing touches. An effect that is far from linear (a
@@ -31,6 +33,7 @@ from numpy.typing import NDArray
 
 from fit.cloth.effect import Effect
 from fit.gap.closure import TIE
+from fit.gap.correlation import correlation_of, decorrelated, effective_count
 from fit.gap.fitting import Fitted, Problem
 from fit.observer.residuals import Observer
 from formats.arrays import Floats
@@ -84,19 +87,20 @@ class Signature:
         """The signatures per unit of the effect's components."""
         return Secant(self.raw / self.typical)
 
-    def minimum_detectable(self, left: Floats, block: NDArray[np.int64]) -> float:
-        """Smallest amplitude that would have shown, where `left`, (numbers,), is the residual of a model.
+    def minimum_detectable(self, left: Floats, block: NDArray[np.int64], correlation: Floats) -> Floats:
+        """Smallest amplitude of each component that would have shown beside the others, (components,).
 
-        Infinite where the effect moves nothing.
+        Infinite where a component moves nothing.
+        left, (numbers,): residual of a model; correlation, (blocks, blocks): of its sums over blocks
         """
         rows = self.projected
-        if not rows.any():
-            return float("inf")
-        gain = np.zeros((int(block.max()) + 1, len(rows)))
-        np.add.at(gain, block, (rows * left).T)
-        inverse = np.linalg.pinv(rows @ rows.T, hermitian=True)
-        spread = inverse @ (gain.T @ gain) @ inverse
-        return DETECTION * self.typical * float(np.sqrt(max(np.linalg.eigvalsh(spread)[-1], 0.0)))
+        moves = np.flatnonzero(rows.any(1))
+        found = np.full(len(rows), np.inf)
+        scores = block_scores(rows[moves], left, block)
+        inverse = np.linalg.pinv(rows[moves] @ rows[moves].T, hermitian=True)
+        spread = inverse @ (scores.T @ scores) @ inverse * (len(correlation) / effective_count(correlation))
+        found[moves] = DETECTION * self.typical * np.sqrt(np.maximum(np.diag(spread), 0.0))
+        return found
 
 
 Screened = dict[str, Signature]  # every screened effect, by its name
@@ -215,7 +219,8 @@ def screen(
     for name, secants in secants_of(observer, fitted, renewed).items():
         tried[name] = score(name, secants)
     scored = {name: max(tried[name], key=lambda one: one.predicted) for name in chosen}
-    gains = [block_scores(one.seen, rest, blocks) for one in scored.values()]
+    correlation = correlation_of(observer, rest)
+    gains = [decorrelated(block_scores(one.seen, rest, blocks), correlation) for one in scored.values()]
     p_value, family = sign_test(gains, [observer.library[name].is_one_sided for name in chosen], rng)
     left, left_mm2 = max(float(rest @ rest), 1e-12), float(observer.in_mm(rest)) ** 2
     return {

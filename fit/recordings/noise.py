@@ -15,10 +15,15 @@ SLOWEST_RATE = 20.0  # frames/s: below, swings themselves show in sixth differen
 
 def point_noise(recording: Recording) -> Floats:
     """Standard deviation per axis of each point [m], (points,)."""
+    seen = white_noise(recording)
+    return recording.point_sd if seen is None else np.asarray(np.maximum(recording.point_sd, seen))
+
+
+def white_noise(recording: Recording) -> Floats | None:
+    """White noise that sixth differences of each point show, per axis [m], (points,); None of too slow a take."""
     if _is_slow(recording):
-        return recording.point_sd
-    seen = [_white(recording.points[recording.valid[:, k], k]) for k in range(recording.points.shape[1])]
-    return np.asarray(np.maximum(recording.point_sd, seen))
+        return None
+    return np.array([_white(recording.points[recording.valid[:, k], k]) for k in range(recording.points.shape[1])])
 
 
 def held_noise(recording: Recording) -> Floats:

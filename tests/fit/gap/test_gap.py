@@ -16,13 +16,10 @@ from fit.cloth.simulator import Simulator
 from fit.effects import LIBRARY, find_effects
 from fit.errors import FitError
 from fit.gap import gates
-from fit.gap.closure import BlockErrors, closure, solver_draws
 from fit.gap.diagnosis import diagnose
 from fit.gap.fitting import Fitted, sandwich
-from fit.gap.floor import noise_floor
 from fit.gap.screening import groups
 from fit.methods import SI
-from fit.observer.residuals import Observer
 from fit.recordings.recording import prepare
 from tests.fit.gap.verdict_scene import like
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
@@ -88,56 +85,6 @@ def test_what_a_tracker_makes_of_the_points_is_no_reason_to_pull(effect, amplitu
     seen = Simulator(recording, kinds).run(np.repeat(row, 2, 0), both, observer_hz=hz).points
     without, with_it = (np.sqrt(np.nanmean((recording.points - s)[:, recording.judged] ** 2)) for s in seen)
     assert with_it < left * without
-
-
-def test_the_noise_floor_of_a_perfect_model_is_the_noise():
-    """3 mm per axis is 5.2 mm per point; a free rollout of the truth has exactly that error and floor."""
-    take, row = truth(noise=NOISE)
-    observer = Observer([prepare(take)], SI, LIBRARY, frequency=0.0)
-    vector = np.array([row[0, 1], row[0, 2], row[0, 3], row[0, 5], row[0, 6]])
-    off = observer.off
-    floor, _ = noise_floor(observer, vector, off, np.random.default_rng(7))
-    error = float(observer.in_mm(observer.residuals(vector[None], off[None])[0]))
-    assert floor == pytest.approx(NOISE * 1e3 * np.sqrt(3), rel=0.08)
-    assert error == pytest.approx(floor, rel=0.08)
-
-
-def test_the_floor_of_a_model_that_is_far_off_is_no_less_than_the_points_own_noise():
-    """Errors of 50 mm and more beside noise of 3: what more noise adds to them is chance, and may be negative."""
-    take, _ = truth(noise=NOISE)
-    moved = take.points + 0.05 * np.sin(7.0 * take.time)[:, None, None]
-    observer = Observer([prepare(dataclasses.replace(take, points=moved))], SI, LIBRARY, frequency=0.0)
-    for seed in range(6):
-        floor, _ = noise_floor(observer, SI.initial, observer.off, np.random.default_rng(seed))
-        assert floor >= NOISE * 1e3 * np.sqrt(3) * 0.999
-
-
-def errors_of(total):
-    """Eight blocks of ten points with this summed squared error [mm^2] each."""
-    return BlockErrors(np.full(8, total), np.full(8, 10.0), np.zeros(3))
-
-
-def test_a_wrong_solver_moves_squared_errors_by_twice_the_product_and_alike_ones_together():
-    """2 N r / sqrt(9) with N = 3 mm and r = 2 mm rms: 4 mm^2; a residual at right angles moves on its own."""
-    vectors = np.array([[2.0, 2.0, 2.0, 0, 0, 0], [2.0, 2.0, 2.0, 0, 0, 0], [0, 0, 0, 2.0, 2.0, 2.0]]) * np.sqrt(2 / 3)
-    moved = solver_draws([BlockErrors(np.ones(1), np.ones(1), v) for v in vectors], 3.0, 20000)
-    assert moved.std(0) == pytest.approx([4.0, 4.0, 4.0], rel=0.03)
-    assert moved[:, 0] == pytest.approx(moved[:, 1], abs=1e-6)
-    assert abs(np.corrcoef(moved[:, 0], moved[:, 2])[0, 1]) < 0.03
-
-
-def test_closure_is_the_share_of_the_gap_that_is_removed():
-    """100 mm^2 without, 36 with, floor 4 mm: (100 - 36) / (100 - 16) = 0.762."""
-    base, better = errors_of(1000.0), errors_of(360.0)
-    picks = np.tile(np.arange(8), (10, 1))
-    found = closure(base, better, 4.0, picks)
-    assert found is not None
-    assert found[0] == pytest.approx(64 / 84)
-
-
-def test_closure_is_not_given_where_there_is_no_gap():
-    level = errors_of(160.0)
-    assert closure(level, level, 4.0, np.tile(np.arange(8), (10, 1))) is None
 
 
 def test_sandwich_of_independent_blocks_is_the_textbook_variance():

@@ -8,43 +8,13 @@ import numpy as np
 import pytest
 
 from fit.gap.base_fit import coarsened
-from fit.gap.closure import BlockErrors, gain_p_value
 from fit.gap.rounds import Rounds
-from fit.gap.screening import _p_values
 from fit.gap.where import find_where
 from fit.methods import SI
 from fit.observer.residuals import Observer
 from fit.recordings.recording import prepare
 from tests.fit.gap.verdict_scene import hypothesis
 from tests.fit.scenes import hung, sheet, swing, take_of
-
-
-def gaining(gains):
-    """Errors of half-seconds before and after something that closes so much of each."""
-    counts, none = np.ones(len(gains)), np.zeros(3)
-    return BlockErrors(np.full(len(gains), 9.0), counts, none), BlockErrors(9.0 - np.asarray(gains), counts, none)
-
-
-@pytest.mark.parametrize("blocks", [4, 6, 8])
-def test_few_half_seconds_that_all_improve_prove_no_more_than_their_number(blocks):
-    """All signs alike come up once in 2^blocks draws, whatever the gains are: no p-value can be below that."""
-    rng = np.random.default_rng(blocks)
-    for _ in range(10):
-        p_value = gain_p_value(*gaining(rng.uniform(0.1, 3.0, blocks)))
-        assert p_value == pytest.approx(0.5**blocks, rel=0.35)
-
-
-def test_of_few_blocks_no_effect_is_significant_more_often_than_it_says():
-    """Twenty effects that are none, five blocks, two-sided: 5 % of 400 trials, with three deviations of chance."""
-    rng = np.random.default_rng(3)
-    found = 0
-    for _ in range(400):
-        gain = rng.normal(size=(20, 5))
-        signs = rng.choice([-1.0, 1.0], size=(2000, 5))
-        drawn = np.array([(signs @ g) ** 2 for g in gain])
-        _, family = _p_values(gain.sum(1) ** 2, drawn)
-        found += family.min() < 0.05
-    assert found <= 400 * 0.05 + 3 * np.sqrt(400 * 0.05 * 0.95)
 
 
 def test_a_further_effect_that_one_of_two_tests_finds_counts_half_as_sure(monkeypatch):

@@ -46,21 +46,26 @@ def test_twins_are_told_of_two_effects_and_not_of_three():
     assert (two.named, two.alternatives) == (["air_lift", "time_offset"], {"time_offset": ["filter_lag"]})
 
 
-def test_effects_that_are_named_together_are_described_by_their_fit_together():
-    """Drag alone is fitted at 1.2, beside the hem at 0.6."""
+def test_effects_that_are_named_together_are_described_by_their_fit_together(monkeypatch):
+    """Drag alone is fitted at 1.2, beside the hem at 0.6; of two components that show the less visible one is told."""
+    smallest = {e.name: np.array([0.1, 0.2, np.inf][: len(e.components)]) for e in LIBRARY}
+    smallest["draught"] = np.array([np.inf, np.inf])
+    monkeypatch.setattr("fit.gap.findings.smallest_detectable", lambda evidence: smallest)
     tested = {e.name: 11.9 for e in LIBRARY if not e.in_base}
     evidence = evidence_of({**tested, "air_drag": 9.0, "hem": 11.5})
     base = dataclasses.replace(evidence.base, fitted=dataclasses.replace(evidence.base.fitted, residual=np.ones(3)))
     evidence = dataclasses.replace(evidence, base=base)
     together = hypothesis(("air_drag", "hem"), 5.5, sizes=0.5)
-    described = describe_effects(evidence, evidence.observer, together, LIBRARY, SI)
+    described = describe_effects(evidence, together, LIBRARY, SI)
     sizes = {f.id: (f.amplitude, f.note) for f in described}
     places = {f.id: f.regions for f in described}
+    least = {f.id: f.minimum_detectable for f in described}
+    assert (least["hem"], least["attachment_offset"], least["draught"]) == (0.1, 0.2, None)
     assert (places["hem"], places["air_drag"]) == (["bottom left", "bottom centre", "bottom right"], [])
     assert sizes["air_drag"][0] == pytest.approx(0.6)
     assert sizes["air_drag"][1].startswith("amplitude beside")
     assert sizes["time_offset"][0] == pytest.approx(find_effects(["time_offset"])[0].typical)
-    alone = {f.id: f.amplitude for f in describe_effects(evidence, evidence.observer, None, LIBRARY, SI)}
+    alone = {f.id: f.amplitude for f in describe_effects(evidence, None, LIBRARY, SI)}
     assert alone["air_drag"] == pytest.approx(1.2)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from fit.cloth.effect import amplitudes_of, columns_of
 from fit.effects import LIBRARY
-from fit.gap.closure import BlockErrors
+from fit.gap.closure import BlockErrors, Resampling
 from fit.gap.evidence import Evidence
 from fit.gap.fitting import Fitted
 from fit.gap.hypotheses import Hypothesis
@@ -21,6 +21,7 @@ from formats.results import Gate
 BLOCKS = 12
 KINDS = {effect.name: effect for effect in LIBRARY}
 EFFECTS = {"effects": LIBRARY, "library": KINDS, "columns": dict(zip(KINDS, columns_of(LIBRARY), strict=True))}
+RESAMPLING = Resampling(np.random.default_rng(1).integers(0, BLOCKS, (400, BLOCKS)), 1.0, np.zeros(400))
 NO_EDGE = SimpleNamespace(block=np.zeros(3, int), is_edge=np.zeros(3, bool), frame=np.zeros(3, int))
 
 
@@ -54,7 +55,17 @@ def like(**cosines):
 
 
 def evidence_of(
-    singles, *, base=12.0, floor=5.0, p=0.001, gate_list=(), joint=(), joint_p=0.001, sizes=1.0, instead=()
+    singles,
+    *,
+    base=12.0,
+    floor=5.0,
+    p=0.001,
+    gate_list=(),
+    joint=(),
+    joint_p=0.001,
+    sizes=1.0,
+    instead=(),
+    floor_error=0.08,
 ):
     """Evidence from errors in mm: `singles` and `joint` as {names: mm}."""
     given = (hypothesis((n,), mm, seed=k, sizes=sizes) for k, (n, mm) in enumerate(singles.items()))
@@ -62,12 +73,13 @@ def evidence_of(
     every = dict.fromkeys([*found, *(name for names, _ in joint for name in names)])
     rows = np.eye(len(every))
     screened = {name: signature(rows[n], family_p_value=p, p_value=p / 10) for n, name in enumerate(every)}
+    observer = SimpleNamespace(**EFFECTS, in_mm=lambda row: 2.0, layout=NO_EDGE, frequency=0.0)
     return Evidence(
-        observer=SimpleNamespace(**EFFECTS, in_mm=lambda row: 2.0, layout=NO_EDGE),
+        observer=observer, judge=observer,
         screened=screened, base=hypothesis((), base), singles=found,
         joint=[(hypothesis(names, mm, seed=9), joint_p) for names, mm in joint],
-        floor_mm=floor, numerics_mm=1.0, picks=np.random.default_rng(1).integers(0, BLOCKS, (400, BLOCKS)),
-        gates=[*PASSED, *gate_list], is_held_out=True, instead=list(instead),
+        floor_mm=floor, numerics_mm=1.0, resampling=RESAMPLING,
+        floor_error_mm=floor_error, gates=[*PASSED, *gate_list], is_held_out=True, instead=list(instead),
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ import pytest
 from fit.effects import LIBRARY
 from fit.gap.closure import block_errors
 from fit.gap.findings import notes
+from fit.gap.floor import Floor
 from fit.gap.gates import predictability_gate
 from fit.methods import SI
 from fit.observer.edge import KEPT, NUMBERS, EdgeResiduals
@@ -167,4 +168,6 @@ def test_the_outline_of_a_skirt_says_nothing_of_how_its_edge_is_held():
     swatch, outline = (Observer([r], SI, LIBRARY, frequency=0.0) for r in (recording, skirt))
     assert outline.layout.is_judged.all()
     assert not swatch.layout.is_judged.all()
-    assert ["silhouette" in " ".join(notes(1, 1, o, is_predictable=True)) for o in (swatch, outline)] == [False, True]
+    assert [
+        "silhouette" in " ".join(notes(1, 1, o, Floor(1.0, 0.0, 1.0), is_predictable=True)) for o in (swatch, outline)
+    ] == [False, True]

@@ -1,0 +1,119 @@
+"""How long the errors of a model stay correlated in time, and what that does to sums over half-seconds.
+
+A wrong model rings with the cloth: its residual is a damped oscillation and white noise, with the autocorrelation
+
+    rho(t) = a exp(-|t| / T) cos(2 pi f t),   t != 0,
+
+fitted by least squares to the residual's own, pooled over points and takes. Squares and products of two residuals of
+this kind are correlated as rho^2. Their sums over blocks b and b' of one take are correlated as
+
+    K_bb' = w k(b - b') / k(0),   k(m) = sum of exp(-2 |t - t'| / T) cos^2(2 pi f (t - t')) over t in 0, t' in m
+
+and K_bb = 1. The share w of the oscillation in the variance of a block's sum follows from a: coherent errors have about
+DIRECTIONS degrees of freedom in space, white noise as many as there are numbers in a frame. Blocks of different takes,
+and means over a take, are independent. n correlated blocks count as n_eff = n^2 / (sum of K) independent ones.
+Sources: M. S. Bartlett, J. Royal Stat. Soc. Suppl. 8 (1946) (variance of quadratic sums of a correlated series);
+G. E. P. Box & G. M. Jenkins, "Time Series Analysis" (1976), section 3.2 (autocorrelation of a damped oscillator).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fit.observer.residuals import BLOCK, Layout, Observer
+from formats.arrays import Floats
+
+DIRECTIONS = 9  # degrees of freedom in space of a smooth error; fits to takes without any effect say so
+LONGEST_LAG = 3.0  # s: beyond, a take of a few seconds says nothing of its autocorrelation
+DECAYS = np.geomspace(0.1, 4.0, 24)  # s, of the oscillations tried
+SAMPLES = 12  # instants of a block at which the correlation is summed
+FREQUENCIES = np.arange(0.0, 3.01, 0.1)  # Hz, of the oscillations tried: hanging cloth swings below 2 Hz
+
+
+@dataclass(frozen=True)
+class Ringing:
+    """A damped oscillation: decay time [s], frequency [Hz], and its share of the variance of block sums, 0 to 1."""
+
+    decay: float
+    hertz: float
+    share: float
+
+    def between_blocks(self, count: int) -> Floats:
+        """Correlation of the sums over blocks 0, 1, 2, ... of one take with the first one's, (count,)."""
+        within = (np.arange(SAMPLES) + 0.5) * BLOCK / SAMPLES
+        apart = BLOCK * np.arange(count)[:, None, None] + within[:, None] - within
+        summed = (np.exp(-2 * np.abs(apart) / self.decay) * np.cos(2 * np.pi * self.hertz * apart) ** 2).sum((1, 2))
+        return np.append(1.0, self.share * summed[1:] / summed[0])
+
+
+SILENT = Ringing(decay=float(DECAYS[0]), hertz=0.0, share=0.0)
+
+
+def autocorrelation(grids: list[Floats], lags: int) -> Floats:
+    """Autocorrelation at 0, 1, 2, ... frames, (lags,), pooled over takes, (frames, points, 3), nan where unseen."""
+    products, counts = np.zeros(lags), np.zeros(lags)
+    for grid in grids:
+        seen = np.isfinite(grid)
+        values = np.where(seen, grid, 0.0)
+        for lag in range(min(lags, len(grid))):
+            products[lag] += float((values[lag:] * values[: len(values) - lag]).sum())
+            counts[lag] += float((seen[lag:] & seen[: len(seen) - lag]).sum())
+    covariance = products / np.maximum(counts, 1.0)
+    return np.asarray(covariance / max(float(covariance[0]), 1e-30))
+
+
+def ringing_of(grids: list[Floats], rate: float) -> Ringing:
+    """Fit a damped oscillation to what a residual's autocorrelation shows.
+
+    grids: the residual of each take, (frames, points, 3), nan where unseen; rate: frames per second
+    """
+    longest = max(len(grid) for grid in grids) // 2
+    lags = min(int(LONGEST_LAG * rate), longest) + 1
+    if lags < 3:
+        return SILENT
+    seen = autocorrelation(grids, lags)[1:]
+    time = np.arange(1, lags) / rate
+    curves = np.exp(-time / DECAYS[:, None, None]) * np.cos(2 * np.pi * FREQUENCIES[:, None] * time)
+    size = np.clip((curves @ seen) / (curves**2).sum(-1), 0.0, 1.0)
+    misfit = ((seen - size[..., None] * curves) ** 2).sum(-1)
+    best = np.unravel_index(int(misfit.argmin()), misfit.shape)
+    decay, hertz, coherent = float(DECAYS[best[0]]), float(FREQUENCIES[best[1]]), float(size[best])
+    lasting = decay / 2 * (1 + 1 / (1 + (2 * np.pi * hertz * decay) ** 2))  # s, the integral of (rho / a)^2
+    numbers = np.mean([np.isfinite(grid).sum() / len(grid) for grid in grids])
+    weight = coherent**2 * max(float(numbers) / DIRECTIONS, 1.0) * max(lasting * rate, 1.0)
+    return Ringing(decay, hertz, share=weight / (weight + 1.0 - coherent**2))
+
+
+def block_correlation(layout: Layout, ringing: Ringing) -> Floats:
+    """Correlation of sums over the blocks of a residual's layout, (blocks, blocks)."""
+    count = int(layout.block.max()) + 1
+    place, take = np.arange(count), np.full(count, -1)
+    moving = layout.is_judged
+    take[layout.block[moving]] = layout.take[moving]
+    by_lag = ringing.between_blocks(count)
+    is_same = (take[:, None] == take) & (take >= 0)
+    return np.where(is_same | np.eye(count, dtype=bool), by_lag[np.abs(place[:, None] - place)], 0.0)
+
+
+def correlation_of(observer: Observer, residual: Floats) -> Floats:
+    """Correlation of sums over blocks that a residual, (numbers,), of the observer's takes shows, (blocks, blocks)."""
+    recordings = observer.recordings
+    rate = float(np.median([(len(r.time) - 1) / r.duration for r in recordings]))
+    grids = observer.by_place(residual[observer.layout.is_judged])
+    return block_correlation(observer.layout, ringing_of(grids, rate))
+
+
+def effective_count(correlation: Floats) -> float:
+    """How many independent blocks tell as much as correlated ones, (blocks, blocks)."""
+    return len(correlation) ** 2 / float(correlation.sum())
+
+
+def decorrelated(scores: Floats, correlation: Floats) -> Floats:
+    """Return block scores, (blocks, components), as uncorrelated terms of their generalised least-squares sum.
+
+    With K = L L' the terms are (L^-1 1)_b (L^-1 g)_b; they add up to 1' K^-1 g.
+    """
+    root = np.linalg.cholesky(correlation + 1e-9 * np.eye(len(correlation)))
+    return np.asarray(np.linalg.solve(root, np.ones(len(root)))[:, None] * np.linalg.solve(root, scores))

@@ -1,0 +1,76 @@
+"""How small each effect could have been seen in these takes, component by component.
+
+A component shows from the larger of two amplitudes: what the score test finds with power 0.8 beside the noise
+(`fit.gap.screening`), and what moves the points by as much as the rules of the verdict ask for. What moves the tracked
+held edge may show there at a smaller one (`fit.gap.edge_fit`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fit.cloth.effect import Effect
+from fit.gap.closure import SIGNIFICANT_GAP
+from fit.gap.correlation import correlation_of
+from fit.gap.edge_fit import detectable_on_edge
+from fit.gap.evidence import Evidence, per_millimetre
+from formats.arrays import Floats
+
+# Of the squared error of mesh and solver that an effect must remove at least; of what solvers differ by, more than all.
+MESH_SHARE, SOLVER_SHARE = 0.5, 3.0
+LISTED = 4  # components that a sentence names
+
+
+def mesh_share(effect: Effect) -> float:
+    """Share of the squared error of mesh and solver that an effect must remove to be named."""
+    return SOLVER_SHARE if effect.differs_by_solver else MESH_SHARE
+
+
+def resolvable(evidence: Evidence, effect: str) -> float:
+    """Return the amplitude from which a screened effect moves the points by what the rules ask for.
+
+    An effect is named only if it removes more than a share of mesh and solver error, and only where the gap is clearly
+    above the noise (`fit.gap.verdict`); below that it cannot be named, however little noise there is.
+    """
+    share = mesh_share(evidence.observer.library[effect])
+    needed = max(share * evidence.numerics_mm**2, (SIGNIFICANT_GAP - 1) * evidence.floor_mm**2)
+    return float(np.sqrt(needed)) * per_millimetre(evidence.observer, evidence.screened[effect])
+
+
+def smallest_detectable(evidence: Evidence) -> dict[str, Floats]:
+    """Return the smallest amplitude of each screened effect's components that would have shown, (components,).
+
+    Infinite where a component moves nothing.
+    """
+    observer, screened = evidence.observer, evidence.screened
+    least = min([evidence.base, *evidence.singles.values()], key=lambda h: h.fitted.cost).fitted.residual
+    correlation, block = correlation_of(observer, least), observer.layout.block
+    on_edge = detectable_on_edge(observer, evidence.judge, screened)
+    return {
+        name: np.minimum(
+            np.maximum(one.minimum_detectable(least, block, correlation), resolvable(evidence, name)), on_edge[name]
+        )
+        for name, one in screened.items()
+    }
+
+
+def unseen(library: dict[str, Effect], smallest: dict[str, Floats]) -> list[str]:
+    """Say of which effects, at their typical sizes, nothing would have shown, and below which amplitude nothing would.
+
+    smallest: as `smallest_detectable` returns it; effects that move nothing in these takes are left out
+    """
+    found = []
+    for name, sizes in smallest.items():
+        effect = library[name]
+        for component, size in zip(effect.components, sizes, strict=True):
+            if np.isfinite(size) and size > effect.typical:
+                of = f" ({component})" if component else ""
+                found.append((size / effect.typical, f"{effect.title}{of} below {in_words(float(size), effect.unit)}"))
+    return [said for _, said in sorted(found)]
+
+
+def in_words(size: float, unit: str) -> str:
+    """Return a size with its unit; angles in degrees."""
+    if unit == "rad":
+        return f"{np.degrees(size):.2g} degrees"
+    return f"{size:.2g}" + ("" if unit == "1" else f" {unit}")

@@ -1,0 +1,227 @@
+"""Closure, its interval and its tests of significance: closed forms, and coverage on oscillations of known truth."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+from scipy.stats import t as student
+
+from fit.gap.closure import (
+    BlockErrors,
+    Resampling,
+    block_errors,
+    closure,
+    error_interval,
+    exceeds,
+    gain_p_value,
+    resample,
+    solver_draws,
+)
+from fit.gap.correlation import block_correlation, decorrelated, ringing_of
+from fit.gap.screening import sign_test
+from fit.methods import SI
+from fit.observer.residuals import Observer
+from tests.fit.gap.oscillation import POINTS, RATE, SHAPES, oscillation
+from tests.fit.gap.test_gap_statistics import a_still_take
+
+HUNDRED = Resampling(np.repeat(np.arange(101)[:, None], 2, 1), 1.0, np.zeros(101))  # each draw is one of 101 blocks
+
+
+def errors_of(*squared, count=10.0, correlation=None):
+    """Blocks of `count` points with these mean squared errors [mm^2] each."""
+    sums = count * np.asarray(squared, float)
+    return BlockErrors(sums, np.full(len(sums), count), np.zeros(3), correlation=correlation)
+
+
+def level(squared, blocks=8):
+    return errors_of(*[squared] * blocks)
+
+
+def test_the_error_of_blocks_is_the_mean_over_their_points():
+    """12 mm^2 in 30 points and 4 in 10: 10 mm^2."""
+    errors = BlockErrors(np.array([360.0, 40.0]), np.array([30.0, 10.0]), np.zeros(3))
+    assert errors.squared_mm == pytest.approx(10.0)
+    picks = np.array([[0, 1], [0, 0], [1, 1]])
+    assert errors.draw(Resampling(picks, 1.0, np.zeros(3))) == pytest.approx([10.0, 12.0, 4.0])
+    assert errors.draw(Resampling(picks, 1.5, np.zeros(3))) == pytest.approx([10.0, 13.0, 1.0])
+    assert errors.draw(Resampling(picks, 3.0, np.zeros(3))) == pytest.approx([10.0, 16.0, 0.1])  # a hundredth is left
+
+
+def test_closure_is_the_share_of_the_gap_that_is_removed():
+    """100 mm^2 without, 36 with, floor 4 mm: (100 - 36) / (100 - 16) = 0.762."""
+    found = closure(level(100.0), level(36.0), 4.0, Resampling(np.zeros((10, 8), int), 1.0, np.zeros(10)))
+    assert found is not None
+    assert found == pytest.approx((64 / 84, pytest.approx((64 / 84, 64 / 84))))
+
+
+def test_closure_is_not_given_where_there_is_hardly_a_gap():
+    """A twentieth of the floor's 16 mm^2: from 16.8 mm^2 on."""
+    picks = Resampling(np.zeros((10, 8), int), 1.0, np.zeros(10))
+    assert closure(level(16.79), level(16.0), 4.0, picks) is None
+    found = closure(level(16.81), level(16.0), 4.0, picks)
+    assert found is not None
+    assert found[0] == pytest.approx(1.0)
+
+
+def test_the_interval_of_closure_holds_nine_draws_in_ten():
+    """Half-seconds that close 0 to 100 of 100 mm^2, each alone in a draw: 5 to 95 % of the gap."""
+    base, better = level(100.0, 101), errors_of(*np.linspace(100, 0, 101))
+    value, interval = closure(base, better, 0.0, HUNDRED)
+    assert value == pytest.approx(0.5)
+    assert interval == pytest.approx((0.05, 0.95), abs=1e-9)
+    wider = Resampling(HUNDRED.picks, 1.0, HUNDRED.deviates + np.linspace(-50, 50, 101))
+    low, high = closure(level(100.0, 101), level(50.0, 101), 5.0, wider, floor_error_mm=0.05)[1]
+    assert low == pytest.approx(50 / (100 - 2.75**2))  # a floor of 2.75 mm, and one of 7.25
+    assert high == pytest.approx(50 / (100 - 7.25**2))
+
+
+def test_a_draw_without_a_gap_does_not_make_closure_infinite():
+    """Draws of 0 and 200 mm^2 beside a gap of 100: a quarter of it is taken to be there."""
+    base, better = errors_of(0.0, 200.0), errors_of(0.0, 100.0)
+    _, (low, high) = closure(base, better, 0.0, Resampling(np.array([[0, 0]] * 10 + [[1, 1]] * 10), 1.0, np.zeros(20)))
+    assert low == pytest.approx((2.0 - 1.0) / 25.0, abs=0.03)  # a hundredth of each error is left in a draw
+    assert high == pytest.approx(0.5)
+
+
+def test_the_interval_of_an_error_holds_nine_draws_in_ten():
+    """Half-seconds of 1, 2, ... 101 mm, each alone in a draw."""
+    assert error_interval(errors_of(*np.arange(1.0, 102.0) ** 2), HUNDRED) == pytest.approx((6.0, 96.0))
+
+
+def test_an_error_is_above_a_known_one_where_both_its_mean_and_its_lowest_draws_are():
+    """21 mm^2 is more than 1.2 times 17, and not of 18; with half-seconds between 1 and 41 mm^2 it may be less."""
+    one = Resampling(np.zeros((10, 8), int), 1.0, np.zeros(10))
+    assert exceeds(level(21.0), one, 17.0)
+    assert not exceeds(level(21.0), one, 18.0)
+    assert not exceeds(errors_of(*np.linspace(1, 41, 101)), HUNDRED, 17.0)
+    assert exceeds(errors_of(*np.linspace(18, 24, 101)), HUNDRED, 17.0)
+
+
+def test_draws_are_as_far_apart_as_few_and_correlated_blocks_ask_for():
+    """sqrt(8/7) t(7) / z for eight independent blocks; with n_eff = 8 / (1 + 7/2) of 1.78 two are counted."""
+    rng = np.random.default_rng(0)
+    z = norm.ppf(0.95)
+    assert resample(level(9.0), rng, 3).spread == pytest.approx(np.sqrt(8 / 7) * student.ppf(0.95, 7) / z)
+    alike = np.full((8, 8), 0.5) + 0.5 * np.eye(8)
+    found = resample(errors_of(*[9.0] * 8, correlation=alike), rng, 3)
+    assert found.spread == pytest.approx(np.sqrt(8 / 7) * np.sqrt(8 / 2) * student.ppf(0.95, 1) / z)
+    assert found.picks.shape == (1000, 8)
+    assert set(np.unique(found.picks)) == set(range(8))
+    # Three replicas of the noise leave two degrees of freedom.
+    assert np.quantile(found.deviates, 0.95) == pytest.approx(student.ppf(0.95, 2), rel=0.2)
+
+
+def gaining(gains, correlation=None):
+    """Errors of half-seconds before and after something that closes so much of each."""
+    counts, none = np.ones(len(gains)), np.zeros(3)
+    before = BlockErrors(np.full(len(gains), 9.0), counts, none, correlation=correlation)
+    return before, BlockErrors(9.0 - np.asarray(gains), counts, none, correlation=correlation)
+
+
+@pytest.mark.parametrize("blocks", [4, 6, 8])
+def test_few_half_seconds_that_all_improve_prove_no_more_than_their_number(blocks):
+    """All signs alike come up once in 2^blocks draws, whatever the gains are: no p-value can be below that."""
+    rng = np.random.default_rng(blocks)
+    for _ in range(5):
+        p_value = gain_p_value(*gaining(rng.uniform(0.1, 3.0, blocks)))
+        assert p_value == pytest.approx(0.5**blocks, rel=0.35)
+
+
+def test_a_gain_is_one_sided_and_half_seconds_that_are_alike_prove_less():
+    """1, 1, 1, -1 twice: 37 of 256 signs give 4 or more; losses prove nothing."""
+    gains = np.array([1.0, 1.0, 1.0, -1.0] * 2)
+    assert gain_p_value(*gaining(gains)) == pytest.approx(37 / 256, abs=0.01)
+    assert gain_p_value(*gaining(-gains)) == pytest.approx(247 / 256, abs=0.01)
+    alike = 0.7 ** np.abs(np.subtract.outer(np.arange(8), np.arange(8)))
+    halves = np.array([1.0] * 4 + [-0.5] * 4)
+    assert gain_p_value(*gaining(halves, alike)) > 1.2 * gain_p_value(*gaining(halves))
+
+
+def test_a_wrong_solver_moves_squared_errors_by_twice_the_product_and_alike_ones_together():
+    """2 N r / sqrt(9) with N = 3 mm and r = 2 mm rms: 4 mm^2; a residual at right angles moves on its own."""
+    vectors = np.array([[2.0, 2.0, 2.0, 0, 0, 0], [2.0, 2.0, 2.0, 0, 0, 0], [0, 0, 0, 2.0, 2.0, 2.0]]) * np.sqrt(2 / 3)
+    moved = solver_draws([BlockErrors(np.ones(1), np.ones(1), v) for v in vectors], 3.0, 20000)
+    assert moved.std(0) == pytest.approx([4.0, 4.0, 4.0], rel=0.03)
+    assert moved[:, 0] == pytest.approx(moved[:, 1], abs=1e-6)
+    assert abs(np.corrcoef(moved[:, 0], moved[:, 2])[0, 1]) < 0.03
+
+
+def test_a_residual_is_gathered_by_half_seconds_in_millimetres():
+    """3 mm aside in the first half-second and 1 mm later, of 20 points that are not on the edge."""
+    recording = a_still_take(0.0, rate=30, seconds=2.0)
+    observer = Observer([recording], SI, (), frequency=0.0)
+    aside = np.where(recording.time < 0.5, 0.003, 0.001)[:, None, None] * np.array([0.0, 1.0, 0.0])
+    found = block_errors(observer, observer.residuals_of([(recording.points + aside)[None]])[0])
+    assert found.counts == pytest.approx([15 * 20] * 4)
+    assert found.sums / found.counts == pytest.approx([9.0, 1.0, 1.0, 1.0], rel=1e-6)
+    assert found.residual.shape == (60 * 20 * 3,)
+    assert found.between_blocks.shape == (4, 4)
+
+
+# Takes of 6 s, as many as a diagnosis has; the damped oscillation of a hanging sheet that swings at 0.8 Hz.
+TAKES, FRAMES, HERTZ, NOISE = 3, 180, 0.8, 0.5
+DECAYS = [1.0, pytest.param(0.5, marks=pytest.mark.slow), pytest.param(2.0, marks=pytest.mark.slow)]  # s
+BLOCKS = np.arange(FRAMES) // 15
+LAYOUT = SimpleNamespace(
+    block=np.concatenate([BLOCKS + 12 * k for k in range(TAKES)]), take=np.repeat(np.arange(TAKES), FRAMES),
+    is_judged=np.ones(TAKES * FRAMES, bool),
+)  # fmt: skip
+
+
+def summed(per_frame):
+    """Sums over half-seconds of every take, (blocks,), of a number per frame, (takes, frames)."""
+    return np.bincount(LAYOUT.block, np.concatenate(per_frame))
+
+
+def ringing(rng, decay, shapes):
+    return [oscillation(rng, FRAMES, decay, HERTZ, shapes=shapes) for _ in range(TAKES)]
+
+
+def correlation_seen(takes):
+    return block_correlation(LAYOUT, ringing_of(takes, RATE))
+
+
+@pytest.mark.parametrize("decay", DECAYS)
+def test_the_score_of_an_oscillation_that_is_not_there_is_significant_as_often_as_is_said(decay):
+    """Residual and signature ring at 0.8 Hz and have nothing to do with each other: 5 % of 400, 3 to 7 %.
+
+    With half-seconds taken for independent it is 10 to 31 %.
+    """
+    rng = np.random.default_rng(int(10 * decay))
+    found, naive = [], []
+    for _ in range(400):
+        shapes = rng.normal(size=(SHAPES, POINTS * 3))
+        missed, signature = (ringing(rng, decay, shapes) for _ in "12")
+        takes = [one + NOISE * rng.normal(size=one.shape) for one in missed]
+        scores = summed([(one * other).sum((1, 2)) for one, other in zip(takes, signature, strict=True)])[:, None]
+        gains = [decorrelated(scores, correlation_seen(takes)), scores]
+        for kept, p_value in zip((found, naive), sign_test(gains, [False, False], rng)[0], strict=True):
+            kept.append(p_value < 0.05)
+    assert 0.03 <= np.mean(found) <= 0.07
+    assert np.mean(naive) > 0.08
+
+
+@pytest.mark.parametrize("decay", DECAYS)
+def test_the_interval_of_closure_covers_the_truth_as_often_as_is_said(decay):
+    """What is left rings on its own with half the size and holds a fifth of the rest: 1 - 1/4 - 1/25 = 71 %."""
+    rng = np.random.default_rng(int(10 * decay))
+    covered = []
+    for _ in range(200):
+        shapes = rng.normal(size=(SHAPES, POINTS * 3))
+        before, other = (ringing(rng, decay, shapes) for _ in "12")
+        noise = [NOISE * rng.normal(size=one.shape) for one in before]
+        base = [one + n for one, n in zip(before, noise, strict=True)]
+        left = [0.2 * one + 0.5 * two + n for one, two, n in zip(before, other, noise, strict=True)]
+        both = [
+            BlockErrors(
+                summed([(one**2).sum((1, 2)) for one in takes]), np.full(12 * TAKES, 15.0 * POINTS), np.zeros(3),
+                correlation=correlation_seen(base),
+            )
+            for takes in (base, left)
+        ]  # fmt: skip
+        _, (low, high) = closure(*both, NOISE * np.sqrt(3), resample(both[0], rng, 3))
+        covered.append(low <= 0.71 <= high)
+    assert 0.85 <= np.mean(covered) <= 0.95

@@ -160,28 +160,34 @@ def a_tube(amplitude):
     )  # fmt: skip
 
 
-def test_cloth_that_touches_itself_shows_contact_and_cloth_that_does_not_says_so():
-    """A sheet that hangs from its edge never folds: no amplitude of contact would show. A tube's layers slap."""
-    chosen = ("hem", "anisotropy", "self_contact", "added_mass")
-    found = {}
-    for name, take in (("sheet", a_take()), ("tube", a_tube(0.005))):
-        observer = Observer([prepare(take)], SI, LIBRARY, frequency=1.0, resolution=COARSE)
-        fitted = fitted_at(observer, truth_vector())
-        found[name] = screen(observer, fitted, chosen, np.random.default_rng(0))
-        one = found[name]["self_contact"]
-        left, block = fitted.residual, observer.layout.block
-        least = {effect: its.minimum_detectable(left, block) for effect, its in found[name].items()}
-        if name == "sheet":
-            assert np.isinf(least.pop("self_contact"))
-            assert np.isfinite(list(least.values())).all()
-            assert not one.raw.any()
-            assert one.predicted == 0.0
-            assert one.p_value == one.family_p_value == 1.0
-        else:
-            assert least["self_contact"] < 0.008
-    tube = found["tube"]
-    assert most_promising(tube) == "self_contact"
-    assert tube["self_contact"].amplitude[0] == pytest.approx(0.005, rel=0.3)
+CONTACT = ("hem", "anisotropy", "self_contact", "added_mass")
+
+
+def test_cloth_that_never_touches_itself_says_that_contact_could_not_show():
+    """A sheet that hangs from its edge never folds: no amplitude of contact would show."""
+    observer = Observer([prepare(a_take())], SI, LIBRARY, frequency=1.0, resolution=COARSE)
+    fitted = fitted_at(observer, truth_vector())
+    found = screen(observer, fitted, CONTACT, np.random.default_rng(0))
+    left, layout = fitted.residual, observer.layout
+    alone = np.eye(int(layout.block.max()) + 1)
+    least = {name: one.minimum_detectable(left, layout.block, alone)[0] for name, one in found.items()}
+    assert np.isinf(least.pop("self_contact"))
+    assert np.isfinite(list(least.values())).all()
+    contact = found["self_contact"]
+    assert not contact.raw.any()
+    assert contact.predicted == 0.0
+    assert contact.p_value == contact.family_p_value == 1.0
+
+
+@pytest.mark.slow
+def test_the_layers_of_a_tube_that_slap_show_contact():
+    observer = Observer([prepare(a_tube(0.005))], SI, LIBRARY, frequency=1.0, resolution=COARSE)
+    fitted = fitted_at(observer, truth_vector())
+    found = screen(observer, fitted, CONTACT, np.random.default_rng(0))
+    alone = np.eye(int(observer.layout.block.max()) + 1)
+    assert found["self_contact"].minimum_detectable(fitted.residual, observer.layout.block, alone)[0] < 0.008
+    assert most_promising(found) == "self_contact"
+    assert found["self_contact"].amplitude[0] == pytest.approx(0.005, rel=0.3)
 
 
 def test_static_residuals_count_for_material_points_only():
@@ -252,22 +258,28 @@ def test_places_are_within_bounds_and_the_initial_parameters_come_first():
     assert len(np.unique(places, axis=0)) == len(places)
 
 
-def test_the_base_fit_ends_no_worse_than_where_the_truth_is():
-    """From the places of two of six seeds fits would agree in a neighbouring valley, 11 % above the truth's.
-
-    How processors round decides whether one of them still does.
-    """
+def base_fit_over_truth(seed):
+    """Cost of the base fit in multiples of the cost where the truth is."""
     observer = Observer([prepare(a_take())], SI, (), frequency=0.0, resolution=COARSE)
-    ends = []
-    for seed in range(6):
-        fits, chosen, gate = fit_base(observer, lambda stage, share: None, Checkpoint(None, {}), seed)
-        at_truth = (chosen.residuals(truth_vector()[None], observer.off[None]) ** 2).sum()
-        assert gate.passed
-        ends.append(fits[0].cost / at_truth)
-    assert sorted(ends)[4] < 1.05
-    assert max(ends) < 1.2
+    fits, chosen, gate = fit_base(observer, lambda stage, share: None, Checkpoint(None, {}), seed)
+    assert gate.passed
+    return fits[0].cost / float((chosen.residuals(truth_vector()[None], observer.off[None]) ** 2).sum())
 
 
+def test_a_base_fit_ends_in_no_valley_far_above_the_truth():
+    """A neighbouring valley is 11 % above the truth's; how processors round decides whether one seed ends there."""
+    assert base_fit_over_truth(0) < 1.2
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_five_of_six_base_fits_end_no_worse_than_where_the_truth_is():
+    ends = sorted(base_fit_over_truth(seed) for seed in range(6))
+    assert ends[4] < 1.05
+    assert ends[5] < 1.2
+
+
+@pytest.mark.slow
 def test_a_refit_in_the_wrong_valley_finds_the_right_one_and_takes_its_effect_across():
     """From 200 and 140 N/m a fit with a late clock ends with more than twice the true shear stiffness."""
     late = a_take(effect="time_offset", amplitude=0.02)
@@ -313,6 +325,7 @@ def test_motion_is_what_points_do_about_their_mean():
     assert motion_mm(observer) == pytest.approx(35.4, rel=0.03)
 
 
+@pytest.mark.slow
 def test_a_base_fit_that_is_unpredictable_is_no_reason_where_the_best_refit_is_not(monkeypatch):
     from fit.gap import diagnosis as whole
 
@@ -327,6 +340,7 @@ def test_a_base_fit_that_is_unpredictable_is_no_reason_where_the_best_refit_is_n
     assert next(g for g in found.gates if g.name == "predictability").passed
 
 
+@pytest.mark.slow
 def test_an_interrupted_diagnosis_goes_on_to_the_same_end(tmp_path, monkeypatch):
     takes = [a_take("a", "air_drag", 1.2), a_take("b", "air_drag", 1.2, hz=1.0, seed=1)]
     options = {"effects": find_effects(["air_drag", "hem"]), "resolution": COARSE}

@@ -77,6 +77,7 @@ def a_swung_take(name, astray, hz):
     return dataclasses.replace(take, held=take.held - astray[:, None])
 
 
+@pytest.mark.slow
 def test_a_hanger_that_is_said_to_be_elsewhere_is_told_as_such():
     takes = [a_swung_take(f"take{k}", ASTRAY * (1 - 2 * k), 0.7 + 0.3 * k) for k in range(2)]
     options = {"effects": find_effects(["hem", "air_drag"]), "resolution": Resolution(spacing=0.1)}

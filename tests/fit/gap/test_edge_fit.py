@@ -254,6 +254,7 @@ def test_a_pinned_amplitude_stays_where_it_is_known_and_the_fabric_is_fitted_bes
     assert Problem(observer, (SLACK,)).prior_sd[-1] > 1.0
 
 
+@pytest.mark.slow
 def test_clips_too_far_apart_are_named_though_the_cloth_hardly_shows_it():
     """12 mm of 400: taut cloth below the clips hangs as before."""
     takes = [a_slack_take(-0.012, seed=seed) for seed in range(2)]

@@ -17,11 +17,9 @@ from fit.effects import LIBRARY, find_effects
 from fit.errors import FitError
 from fit.gap import gates
 from fit.gap.diagnosis import diagnose
-from fit.gap.fitting import Fitted, sandwich
-from fit.gap.screening import groups
+from fit.gap.fitting import Fitted
 from fit.methods import SI
 from fit.recordings.recording import prepare
-from tests.fit.gap.verdict_scene import like
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 
 FRAME = 1 / 30
@@ -85,20 +83,6 @@ def test_what_a_tracker_makes_of_the_points_is_no_reason_to_pull(effect, amplitu
     seen = Simulator(recording, kinds).run(np.repeat(row, 2, 0), both, observer_hz=hz).points
     without, with_it = (np.sqrt(np.nanmean((recording.points - s)[:, recording.judged] ** 2)) for s in seen)
     assert with_it < left * without
-
-
-def test_sandwich_of_independent_blocks_is_the_textbook_variance():
-    """A mean of 400 numbers of deviation 1 in 100 blocks has a standard deviation of 1/20."""
-    rng = np.random.default_rng(0)
-    residual = rng.standard_normal(400)
-    deviation = sandwich(np.ones((400, 1)), residual, np.repeat(np.arange(100), 4), np.array([1e6]))
-    assert deviation[0] == pytest.approx(0.05, rel=0.2)
-
-
-def test_parallel_signatures_form_one_group():
-    assert groups(like(hem=1.0, draught=0.2, anisotropy=0.95)) == {
-        "hem": "hem", "draught": "draught", "anisotropy": "hem"
-    }  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -202,6 +186,7 @@ def test_a_planted_effect_is_named_with_its_amplitude(effect, amplitude, toleran
         assert "could not have shown it" in contact.note
 
 
+@pytest.mark.slow
 def test_two_effects_of_which_neither_passes_alone_are_looked_for_together(monkeypatch):
     """Alone a drifting clock closes half of the gap and cloth hung 12 mm off two fifths: too little, if 60 % are asked.
 

@@ -1,0 +1,213 @@
+"""The score test and the sandwich on linear models whose truth is known: closed forms, level, power and coverage."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fit.effects import LIBRARY
+from fit.gap.correlation import block_correlation, correlation_of, ringing_of
+from fit.gap.fitting import sandwich
+from fit.gap.screening import DETECTION, block_scores, cosine, groups, screen, secants_of, sign_test
+from fit.methods import SI
+from tests.fit.gap.linear_scene import FRAMES, LinearObserver, layout_of, white
+from tests.fit.gap.verdict_scene import KINDS, like, signature
+
+NONE = np.zeros((len(layout_of().take), len(SI.initial)))
+
+
+def drawn(seed):
+    return np.random.default_rng(seed)
+
+
+def test_what_an_effect_explains_is_what_the_parameters_cannot_imitate():
+    """r = -3 s + q, and s is one third of J's column and two thirds of a row at right angles, of equal length."""
+    rng = drawn(0)
+    raw = np.linalg.qr(rng.normal(size=(len(NONE), 3)))[0].T * 100.0
+    along, beside, other = raw
+    jacobian = NONE.copy()
+    jacobian[:, 0] = along
+    typical = KINDS["hem"].typical
+    seen = np.sqrt(2 / 3) * beside + np.sqrt(1 / 3) * along
+    observer = LinearObserver(-3.0 * seen + other, jacobian, {"hem": seen / typical})
+    found = screen(observer, observer.fitted(), ("hem", "air_drag"), rng)["hem"]
+    assert found.amplitude[0] == pytest.approx(3.0 * typical, rel=1e-3)
+    assert found.absorbed == pytest.approx(1 / 3, rel=1e-3)
+    # Of 9 x 2/3 that are left beside the parameters, and 1 of something else: 6/7.
+    assert found.explained == pytest.approx(6 / 7, rel=1e-3)
+    assert found.predicted == pytest.approx(6 * 100.0**2, rel=1e-3)
+    numbers = len(NONE)
+    assert found.predicted_mm2 == pytest.approx(3 * 6 * 100.0**2 / numbers, rel=1e-3)
+    assert found.correlation == pytest.approx(3 / np.sqrt(10), rel=1e-3)
+    assert found.contribution @ found.contribution == pytest.approx(6 * 100.0**2, rel=1e-3)
+    assert found.secant.rows[0] == pytest.approx(seen / typical)
+
+
+def test_a_one_sided_effect_that_would_have_to_be_negative_explains_nothing():
+    rng = drawn(1)
+    row = rng.normal(size=len(NONE))
+    for sign, name, explains in ((1.0, "hem", False), (-1.0, "hem", True), (1.0, "clip_slack", True)):
+        observer = LinearObserver(sign * row, NONE, {name: row / KINDS[name].typical})
+        found = screen(observer, observer.fitted(), (name, "air_drag"), rng)[name]
+        assert (found.predicted > 0.0) == explains
+        assert (found.amplitude[0] != 0.0) == explains
+        assert (found.correlation > 0.0) == explains
+        assert (found.p_value < 0.05) == explains
+
+
+def test_an_effect_that_moves_nothing_is_none_of_the_family():
+    rng = drawn(2)
+    row = rng.normal(size=len(NONE))
+    observer = LinearObserver(-row, NONE, {"hem": row / KINDS["hem"].typical})
+    found = screen(observer, observer.fitted(), ("hem", *[e.name for e in LIBRARY[8:20]]), rng)
+    assert found["air_drag"].p_value == found["air_drag"].family_p_value == 1.0
+    assert found["hem"].family_p_value == pytest.approx(found["hem"].p_value, abs=1e-9)
+    observer_block = observer.layout.block
+    none = found["air_drag"].minimum_detectable(observer.missed, observer_block, np.eye(12))
+    assert np.isinf(none).all()
+
+
+def test_secants_are_taken_at_the_typical_size_on_both_sides_and_at_probes():
+    """Residuals are linear here, so that every secant is the row itself; only those of probes are for one size."""
+    row = drawn(3).normal(size=len(NONE))
+    probed = next(e for e in LIBRARY if e.probes and not e.is_one_sided)
+    observer = LinearObserver(0 * row, NONE, {probed.name: row, "air_drag": 2 * row})
+    found = secants_of(observer, observer.fitted(), (probed.name, "air_drag"))
+    assert len(found["air_drag"]) == 1
+    assert len(found[probed.name]) == 1 + 2 * (1 + len(probed.probes))
+    for secant in found[probed.name]:
+        assert secant.rows[0] == pytest.approx(row)
+    sizes = [secant.at for secant in found[probed.name]]
+    assert sizes[0] == 0.0
+    near = found[probed.name][1]
+    assert [near.holds(np.array([share * near.at])) for share in (0.49, 0.51, 1.59, 1.61)] == [False, True, True, False]
+    assert found[probed.name][0].holds(np.array([1e9]))
+
+
+BLOCKS = 12
+
+
+def levels(make, is_one_sided, trials=120, seed=0):
+    """Shares of trials in which own, and the smallest family-wise, p-values are below 5 %."""
+    rng = drawn(seed)
+    own, family = [], []
+    for _ in range(trials):
+        gains = make(rng)
+        p_value, whole = sign_test(gains, is_one_sided, rng)
+        own.append(p_value < 0.05)
+        family.append(whole.min() < 0.05)
+    return np.mean(own), np.mean(family)
+
+
+@pytest.mark.parametrize(("components", "is_one_sided"), [(1, False), (1, True), (3, False)])
+def test_an_effect_that_is_not_there_is_significant_in_five_percent_of_cases(components, is_one_sided):
+    """5 % of 500 trials with three deviations of chance, 2.1 to 7.9 %."""
+    found, _ = levels(lambda rng: [rng.normal(size=(BLOCKS, components))] * 2, [is_one_sided] * 2, 500)
+    assert 0.021 <= found <= 0.079
+
+
+@pytest.mark.parametrize("alike", [0.0, 0.9])
+def test_of_a_family_of_effects_that_are_not_there_one_is_significant_in_five_percent_of_cases(alike):
+    """5 % of 120 trials with three deviations of chance, at most 11 %: in most one of twenty passes by itself."""
+
+    def make(rng):
+        common = rng.normal(size=(BLOCKS, 1))
+        return [np.sqrt(alike) * common + np.sqrt(1 - alike) * rng.normal(size=(BLOCKS, 1)) for _ in range(20)]
+
+    own, family = levels(make, [False] * 20)
+    assert 0.0 < family <= 0.11
+    assert 0.03 <= own <= 0.07  # twenty times as many
+
+
+def test_scores_are_summed_by_block_before_they_are_judged():
+    rows, residual = np.array([[1.0, 2.0, 3.0, 4.0], [0.0, 1.0, 0.0, 1.0]]), np.array([1.0, -1.0, 2.0, 0.5])
+    assert block_scores(rows, residual, np.array([0, 0, 2, 2])) == pytest.approx(
+        np.array([[-1.0, -1.0], [0.0, 0.0], [8.0, 0.5]])
+    )
+
+
+def test_errors_that_last_for_a_block_are_no_evidence_of_an_effect_that_lasts_as_long():
+    """Both are constant over five frames: 5 % of 120 screenings of one effect with 2.6 deviations of chance.
+
+    Were the 1080 numbers taken one by one, about half of the screenings would be significant.
+    """
+    rng, found = drawn(5), []
+    blocks = layout_of().block
+    direction = rng.normal(size=len(blocks))
+    for _ in range(120):
+        missed, row = (rng.normal(size=BLOCKS)[blocks] * direction for _ in "12")
+        observer = LinearObserver(missed + 0.1 * white(rng), NONE, {"clip_slack": row / KINDS["clip_slack"].typical})
+        screened = screen(observer, observer.fitted(), ("clip_slack", "air_drag"), rng)
+        found.append(screened["clip_slack"].p_value < 0.05)
+    assert np.mean(found) <= 0.1
+
+
+def test_four_in_five_effects_of_the_detectable_size_are_found():
+    """Power 0.8 of a one-sided test at 5 %: (1.645 + 0.842) deviations; the noise is white and of 1."""
+    rng = drawn(6)
+    row = rng.normal(size=len(NONE))
+    observer = LinearObserver(white(rng), NONE, {"hem": row / KINDS["hem"].typical})
+    found = screen(observer, observer.fitted(), ("hem", "air_drag"), rng)["hem"]
+    block = observer.layout.block
+    sizes = [float(found.minimum_detectable(white(rng), block, np.eye(BLOCKS))[0]) for _ in range(40)]
+    size = float(np.mean(sizes))
+    assert size == pytest.approx(DETECTION * KINDS["hem"].typical / np.sqrt((row**2).sum()), rel=0.1)
+    estimates = [-(row @ (white(rng) - size * row / KINDS["hem"].typical)) / (row @ row) for _ in range(400)]
+    threshold = 1.645 / np.sqrt(row @ row)
+    assert np.mean(np.array(estimates) > threshold) == pytest.approx(0.8, abs=0.06)
+    alike = np.full((BLOCKS, BLOCKS), 1.0)
+    wider = found.minimum_detectable(white(drawn(1)), block, alike) / found.minimum_detectable(
+        white(drawn(1)), block, np.eye(BLOCKS)
+    )
+    assert wider == pytest.approx(np.sqrt(BLOCKS))
+
+
+def test_of_two_components_each_has_its_own_detectable_size():
+    rng = drawn(7)
+    rows = np.stack([rng.normal(size=len(NONE)), 0.1 * rng.normal(size=len(NONE))]) / KINDS["gravity_tilt"].typical
+    observer = LinearObserver(white(rng), NONE, {"gravity_tilt": rows})
+    found = screen(observer, observer.fitted(), ("gravity_tilt", "air_drag"), rng)["gravity_tilt"]
+    along, across = found.minimum_detectable(white(rng), observer.layout.block, np.eye(BLOCKS))
+    assert across / along == pytest.approx(10.0, rel=0.8)
+    half = LinearObserver(white(rng), NONE, {"gravity_tilt": rows * [[1.0], [0.0]]})
+    found = screen(half, half.fitted(), ("gravity_tilt", "air_drag"), rng)["gravity_tilt"]
+    assert np.isfinite(found.minimum_detectable(white(rng), observer.layout.block, np.eye(BLOCKS))).tolist() == [
+        True,
+        False,
+    ]
+
+
+def test_the_correlation_that_screening_uses_is_that_of_its_residual():
+    time = np.arange(FRAMES) / 30
+    layout = layout_of()
+    slow = np.sin(2 * np.pi * 0.8 * time)[layout.frame]
+    observer = LinearObserver(slow + 0.1 * white(drawn(0)), NONE, {})
+    expected = block_correlation(layout, ringing_of(observer.by_place(observer.missed), 30.0))
+    assert correlation_of(observer, observer.missed) == pytest.approx(expected)
+    assert expected[0, 1] > 0.3
+
+
+def test_effects_are_alike_by_what_they_would_explain():
+    assert cosine(signature((3.0, 0.0)), signature((1.0, 1.0))) == pytest.approx(np.sqrt(0.5))
+    assert cosine(signature((3.0, 0.0)), signature((0.0, 0.0))) == 0.0
+    # Complete linkage: the third is like the first, but not like the second, which is of the first's group.
+    chain = {"a": signature((1.0, 0.0)), "b": signature((0.95, 0.31)), "c": signature((0.95, -0.31))}
+    assert groups(chain) == {"a": "a", "b": "a", "c": "c"}
+    opposite = groups(like(hem=1.0, draught=0.2, anisotropy=-0.95))
+    assert opposite == {"hem": "hem", "draught": "draught", "anisotropy": "hem"}
+
+
+def test_the_sandwich_of_independent_numbers_is_the_textbook_variance_and_knows_of_blocks():
+    """The mean of 400 numbers of deviation 1: 1/20, or 1/10 where four at a time are the same number."""
+    rng, block = drawn(8), np.repeat(np.arange(100), 4)
+    free, ones = np.array([1e6]), np.ones((400, 1))
+    single = [sandwich(ones, rng.standard_normal(400), block, free)[0] for _ in range(20)]
+    assert np.mean(single) == pytest.approx(0.05, rel=0.05)
+    alike = [sandwich(ones, np.repeat(rng.standard_normal(100), 4), block, free)[0] for _ in range(20)]
+    assert np.mean(alike) == pytest.approx(0.1, rel=0.05)
+    # Two blocks that add up to nothing: sqrt(2 x 2 x 2^2) / 4 with one degree of freedom of two left.
+    two = sandwich(np.ones((4, 1)), np.array([1.0, 1.0, -1.0, -1.0]), np.array([0, 0, 1, 1]), free)
+    assert two[0] == pytest.approx(np.sqrt(2 * 8) / 4)
+    # A prior as wide as the data's 1/20 halves what is told, and so the deviation.
+    held = sandwich(ones, np.tile([1.0, -1.0, 1.0, 1.0], 100), block, np.array([0.05]))
+    assert held[0] == pytest.approx(sandwich(ones, np.tile([1.0, -1.0, 1.0, 1.0], 100), block, free)[0] / 2, rel=1e-3)

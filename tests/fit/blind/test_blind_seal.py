@@ -27,7 +27,7 @@ def test_a_wrong_key_does_not_open_it():
         unseal(seal(TEXT, KEY), bytes(32))
 
 
-@pytest.mark.parametrize("place", [16, 20, 40, 100, -33, -1])
+@pytest.mark.parametrize("place", [16, 27, 28, 100, -17, -1])  # nonce, text and tag, each at both ends
 def test_any_changed_byte_breaks_it(place):
     sealed = bytearray(seal(TEXT, KEY))
     sealed[place] ^= 1

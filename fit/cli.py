@@ -249,9 +249,7 @@ def diagnose_command(
             progress.end()
             aside = set_aside_other_takes(out / "diagnosis.json", training)
             save_diagnosis(out / "diagnosis.json", findings.diagnosis)
-            report = write_diagnosis_report(
-                out / "report.html", findings, fitted, training, testing, findings.resolution
-            )
+            report = write_diagnosis_report(out / "report.html", findings, fitted)
             # Not before the report, which may fail too.
             shutil.rmtree(out / "diagnosis.partial", ignore_errors=True)
     except KeyboardInterrupt:

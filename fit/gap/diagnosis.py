@@ -33,12 +33,11 @@ from fit.observer.residuals import Observer
 from fit.provenance import physics_version
 from fit.recordings.geometry import check_geometry
 from fit.recordings.recording import Recording, prepare_together
-from fit.recordings.selection import check_together, content_of
+from fit.recordings.selection import check_together
 from fit.runtime import one_thread_of_algebra
 from formats.results import Cost, Diagnosis
 from formats.take import Take
 
-Prepared = tuple[list[Recording], list[Recording]]
 Progress = Callable[[str, float], None]
 
 CELLS = 9  # across the smaller side of the garment
@@ -46,10 +45,21 @@ FINEST, COARSEST = 0.02, 0.06  # m, of the mesh that is chosen by itself
 
 
 @dataclass(frozen=True)
+class Ready:
+    """Takes ready for simulation, those to fit to and those to judge on, and the digests of their contents."""
+
+    training: list[Recording]
+    held_out: list[Recording]
+    contents: list[str]
+    held_out_contents: list[str]
+
+
+@dataclass(frozen=True)
 class Findings:
-    """A diagnosis and the two fits it rests on, for the report."""
+    """A diagnosis, the takes and the two fits it rests on, for the report."""
 
     diagnosis: Diagnosis
+    takes: Ready
     base: Fitted
     best: Fitted | None
     effects: tuple[Effect, ...]
@@ -69,7 +79,7 @@ def diagnose(
     checkpoint: Path | None = None,
     resolution: Resolution | None = None,
     seed: int = 0,
-    prepared: Prepared | None = None,
+    prepared: Ready | None = None,
     progress: Progress = lambda stage, share: None,
 ) -> Findings:
     """Diagnose the gap between takes and the base model.
@@ -83,12 +93,13 @@ def diagnose(
         FitError: as `ready`, or a checkpoint of other takes or of another version.
     """
     progress("reading takes", 0.0)
-    train, test = prepared or ready(training, held_out)
+    takes = prepared or ready(training, held_out)
+    train, test = takes.training, takes.held_out
     rng = np.random.default_rng(seed)
     found_gates = gate.data_gates(train, test)
     resolution = resolution or fine_enough(train[0])
     observer = simulated = Observer(train, model, effects, frequency=0.0, resolution=resolution)
-    key = _key(training, held_out, model, added, observer, seed)
+    key = _key(takes, added, observer, seed)
     kept = Checkpoint(checkpoint, key, lambda: simulated.simulations)
     fits, observer, predictability = fit_base(observer, progress, kept, seed)
     judge = observer.of(test) if test else observer
@@ -152,24 +163,26 @@ def diagnose(
         base_parameters=described.base_parameters(model, base),
         notes=notes,
         alternatives=verdict.alternatives,
-        take_contents=[content_of(t) for t in training],
+        take_contents=takes.contents,
     )
     progress("done", 1.0)
-    return Findings(diagnosis, base, best.fitted if best else None, effects, model, resolution, observer.frequency)
+    return Findings(
+        diagnosis, takes, base, best.fitted if best else None, effects, model, resolution, observer.frequency
+    )
 
 
-def ready(training: list[Take], held_out: list[Take]) -> Prepared:
+def ready(training: list[Take], held_out: list[Take]) -> Ready:
     """Return takes ready for simulation, those to fit to and those to judge on.
 
     Raises:
         FitError: no take, takes of different garments, one that is given twice, or one whose points cannot belong to
             its garment.
     """
-    check_together(training, held_out)
+    contents = check_together(training, held_out)
     train, test = prepare_together(training, held_out)
     for recording in train + test:
         check_geometry(recording)
-    return train, test
+    return Ready(train, test, contents[: len(train)], contents[len(train) :])
 
 
 def fine_enough(recording: Recording) -> Resolution:
@@ -182,12 +195,9 @@ def fine_enough(recording: Recording) -> Resolution:
     return Resolution(spacing=float(np.clip(round(side / CELLS, 3), FINEST, COARSEST)))
 
 
-def _key(
-    training: list[Take], held_out: list[Take], model: Parameterisation, added: tuple[str, ...], observer: Observer,
-    seed: int,
-) -> Key:  # fmt: skip
+def _key(takes: Ready, added: tuple[str, ...], observer: Observer, seed: int) -> Key:
     return {
-        "takes": [content_of(t) for t in training], "held_out": [content_of(t) for t in held_out], "model": model.name,
+        "takes": takes.contents, "held_out": takes.held_out_contents, "model": observer.parameterisation.name,
         "added": list(added), "effects": [e.name for e in observer.effects], "seed": seed,
         "spacing": observer.resolution.spacing, "physics": physics_version(),
     }  # fmt: skip

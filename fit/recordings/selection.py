@@ -30,8 +30,8 @@ def is_of(result: FitResult | Diagnosis, takes: list[Take]) -> bool:
     return result.take_contents == [content_of(take) for take in takes]
 
 
-def check_together(training: list[Take], held_out: list[Take]) -> None:
-    """Check that takes can be fitted to, and judged on, together.
+def check_together(training: list[Take], held_out: list[Take]) -> list[str]:
+    """Check that takes can be fitted to, and judged on, together, and return their contents, in their order.
 
     Raises:
         FitError: no take, takes of different garments, or one that is given twice.
@@ -47,8 +47,9 @@ def check_together(training: list[Take], held_out: list[Take]) -> None:
                 advice="fit and diagnose one garment at a time",
             )
     seen: dict[str, int] = {}
-    for place, take in enumerate(every):
-        before = seen.setdefault(content_of(take), place)
+    contents = [content_of(take) for take in every]
+    for place, (take, content) in enumerate(zip(every, contents, strict=True)):
+        before = seen.setdefault(content, place)
         if before != place:
             is_shared = before < len(training) <= place
             raise FitError(
@@ -56,6 +57,7 @@ def check_together(training: list[Take], held_out: list[Take]) -> None:
                 where=take.take_id,
                 advice="judge on takes that are not fitted to" if is_shared else "name every take once",
             )
+    return contents
 
 
 def split_by_motion(takes: list[Take], kinds: Collection[str]) -> tuple[list[Take], list[Take]]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from markupsafe import Markup
 
-from fit.report.text import escaped, interval, millimetres, percent, small, tenths, tenths_interval
+from fit.report.templating import piece
+from fit.report.text import interval, millimetres, percent, tenths, tenths_interval
 from formats.results import Diagnosis, FitResult
 
 TONES = {"none": "good", "effect": "good", "ambiguous": "warn", "several": "good", "unknown": "warn"}
@@ -19,7 +20,7 @@ VERDICT_WORDS = {
 }
 
 
-def verdict(fit: FitResult | None, diagnosis: Diagnosis | None) -> str:
+def verdict(fit: FitResult | None, diagnosis: Diagnosis | None) -> Markup:
     """Return the answer in one sentence, with the figures that carry it."""
     tone, tag = "plain", "fit"
     if diagnosis is not None:
@@ -27,12 +28,11 @@ def verdict(fit: FitResult | None, diagnosis: Diagnosis | None) -> str:
         tone, tag = TONES.get(diagnosis.verdict, "bad"), VERDICT_WORDS.get(diagnosis.verdict, diagnosis.verdict)
     else:
         sentence = _fit_sentence(fit)
-    lists = _figures(_gap_figures(diagnosis)) if diagnosis is not None else ""
-    lists += _figures(_fit_figures(fit)) if fit is not None else ""
-    return (
-        f'<section class="verdict is-{tone}" id="verdict"><span class="tag tone-{tone}">{escaped(tag)}</span>'
-        f"{_headline(sentence)}{lists}</section>"
-    )
+    lists = [_gap_figures(diagnosis)] if diagnosis is not None else []
+    lists += [_fit_figures(fit)] if fit is not None else []
+    # The first sentence large, what follows it smaller.
+    first, separator, rest = sentence.partition(". ")
+    return piece("parts.html", "answer", tone, tag, first + separator.strip(), rest, lists)
 
 
 def named(diagnosis: Diagnosis) -> str:
@@ -49,8 +49,7 @@ def _gap_figures(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
     figures = [("base model misses by", tenths(gap.base_mm.value), on)]
     if gap.with_effect_mm is not None:
         figures.append((f"with {named(diagnosis)}", tenths(gap.with_effect_mm.value), on))
-    noise = "the sensor's noise alone, at most" if gap.is_floor_most else "the sensor's noise alone"
-    figures.append((noise, tenths(gap.floor_mm.value), tenths_interval(gap.floor_mm.interval)))
+    figures.append(("the sensor's noise alone", tenths(gap.floor_mm.value), tenths_interval(gap.floor_mm.interval)))
     if gap.edge_mm is not None and gap.edge_with_effect_mm is not None:
         with_it = f"{tenths(gap.edge_with_effect_mm)} with {named(diagnosis)}; noise in both"
         figures.append(("base model has the held edge off by", tenths(gap.edge_mm), with_it))
@@ -61,22 +60,6 @@ def _gap_figures(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
         ends = interval(gap.closure.interval, 100, 2)
         figures.append(("share of the gap closed", percent(gap.closure.value), f"{ends} %" if ends else ""))
     return figures
-
-
-def _figures(figures: Sequence[tuple[str, str, str]]) -> str:
-    items = "".join(
-        f"<div><dt>{escaped(name)}</dt><dd>{value}{small(escaped(detail))}</dd></div>"
-        for name, value, detail in figures
-    )
-    return f'<dl class="figures">{items}</dl>' if items else ""
-
-
-def _headline(sentence: str) -> str:
-    """The first sentence large, what follows it smaller."""
-    first, separator, rest = sentence.partition(". ")
-    return f"<h1>{escaped(first + separator.strip())}</h1>" + (
-        f'<p class="rest-of-it">{escaped(rest)}</p>' if rest else ""
-    )
 
 
 def _fit_sentence(fit: FitResult | None) -> str:

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.cloth.effect import amplitudes_of, parameter_names
-from fit.cloth.model import Resolution
 from fit.cloth.simulator import Simulator
 from fit.engines import OWN, find_engine
 from fit.engines.plain_grid import plain_grid
@@ -32,7 +31,7 @@ def write_fit_report(
     fitted = np.array([p.fitted for p in result.parameters])
     count = len(request.method.parameters)
     motions = []
-    for recording, is_held_out in _both(training, held_out):
+    for recording, is_held_out in _both(*prepare_together(training, held_out)):
         if request.engine != OWN:
             motions.append(_motion_of_engine(recording, is_held_out, request, np.stack([initial, fitted])))
             continue
@@ -52,9 +51,6 @@ def write_diagnosis_report(
     path: Path,
     findings: Findings,
     fitted: FitResult | None,
-    training: list[Take],
-    held_out: list[Take],
-    resolution: Resolution,
 ) -> Path:
     """Write the report of a diagnosis, with the fit beside it where there is one, and return its path.
 
@@ -65,8 +61,8 @@ def write_diagnosis_report(
     motions = []
     is_named = bool(findings.diagnosis.named) and findings.best is not None
     off = amplitudes_of(findings.effects)
-    for recording, is_held_out in _both(training, held_out):
-        simulator = Simulator(recording, findings.effects, resolution=resolution)
+    for recording, is_held_out in _both(findings.takes.training, findings.takes.held_out):
+        simulator = Simulator(recording, findings.effects, resolution=findings.resolution)
         density = recording.garment.mass_kg / float(simulator.mesh.area)
         rows, amplitudes, names = [], [off, off], ["before", "after"]
         if fitted is not None and fitted.engine == OWN:
@@ -89,10 +85,9 @@ def write_diagnosis_report(
     return path
 
 
-def _both(training: list[Take], held_out: list[Take]) -> list[tuple[Recording, bool]]:
+def _both(training: list[Recording], held_out: list[Recording]) -> list[tuple[Recording, bool]]:
     """Held-out takes first: their errors are the ones that count."""
-    train, test = prepare_together(training, held_out)
-    return [(r, True) for r in test] + [(r, False) for r in train]
+    return [(r, True) for r in held_out] + [(r, False) for r in training]
 
 
 def _motion_of_engine(recording: Recording, is_held_out: bool, request: Request, vectors: Floats) -> ReportMotion:

@@ -5,21 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from markupsafe import Markup
 
 from fit.report.charts import Curve, error_chart
-from fit.report.tables import table
-from fit.report.text import escaped, interval, number, percent, unit_of, words
-from formats.results import Combination, ErrorFigure, FitResult, ObjectiveFigure
+from fit.report.tables import row_of, table
+from fit.report.templating import NOTHING, piece
+from fit.report.text import interval, number, percent, unit_of
+from formats.results import Combination, FitResult, ObjectiveFigure
 
 
-def method_figures(fit: FitResult | None) -> str:
+def method_figures(fit: FitResult | None) -> Markup:
     """Return the section's body, empty without a fit."""
     if fit is None:
-        return ""
+        return NOTHING
     return _error_table(fit) + _objective_table(fit.objective) + _combination_table(fit.combinations)
 
 
-def search_history(fit: FitResult) -> str:
+def search_history(fit: FitResult) -> Markup:
     """Return the chart of the best error after each iteration: millimetres, or the objective's own unit."""
     is_distance = fit.objective is None or fit.objective.unit == "m"
     unit = "mm" if is_distance or fit.objective is None else fit.objective.name
@@ -29,7 +31,7 @@ def search_history(fit: FitResult) -> str:
     return error_chart(caption, np.arange(len(best), dtype=float), [curve], axis="iteration", unit=unit)
 
 
-def _error_table(fit: FitResult) -> str:
+def _error_table(fit: FitResult) -> Markup:
     """Maximum and mean over the frames of the mean distance of the points, before and after, as in Figure 6."""
     rows = []
     for name, before, after in (
@@ -40,49 +42,52 @@ def _error_table(fit: FitResult) -> str:
             rows.append(_error_row(f"maximum, {name}", before.max_m, after.max_m))
             rows.append(_error_row(f"mean, {name}", before.mean_m, after.mean_m))
     heads = ("distance of the points over all frames", "before, mm", "after, mm", "down by")
-    held = _settled(fit.error.held_out_after)
-    return (
-        "<h3>Errors before and after</h3>" + table("Errors before and after", heads, "".join(rows), range(1, 4)) + held
-    )
+    body = table("Errors before and after", heads, rows, range(1, 4))
+    if fit.error.held_out_after is None:
+        flatters = "No held-out take was given: errors on the takes fitted to flatter."
+        body += piece("parts.html", "note", flatters)
+    return headed("Errors before and after", body)
 
 
-def _settled(after: ErrorFigure | None) -> str:
-    if after is not None:
-        return ""
-    return '<p class="note">No held-out take was given: errors on the takes fitted to flatter.</p>'
+def _error_row(name: str, before: float, after: float) -> Markup:
+    return row_of(name, (number(1e3 * before), number(1e3 * after), percent(1 - after / before)))
 
 
-def _error_row(name: str, before: float, after: float) -> str:
-    return _row(name, (number(1e3 * before), number(1e3 * after), percent(1 - after / before)))
-
-
-def _objective_table(objective: ObjectiveFigure | None) -> str:
+def _objective_table(objective: ObjectiveFigure | None) -> Markup:
     if objective is None or len(objective.parts) < 2:
-        return ""
-    rows = "".join(_row(name, (number(a), number(b), _fall(a, b))) for name, (a, b) in objective.parts.items())
+        return NOTHING
+    rows = [row_of(name, (number(a), number(b), _fall(a, b))) for name, (a, b) in objective.parts.items()]
     before, after = objective.before, objective.after
-    rows += _row(f"{objective.name}, the whole", (number(before), f"<b>{number(after)}</b>", _fall(before, after)))
+    rows.append(row_of(f"{objective.name}, the whole", (number(before), bold(number(after)), _fall(before, after))))
     heads = ("part of what was minimised", "manual", "optimised", "down by")
-    intro = '<p class="note">Weighted parts per marker; places in metres, speeds in m/s, curvatures in 1/m.</p>'
-    return "<h3>Manual against optimised</h3>" + table("Manual against optimised", heads, rows, range(1, 4)) + intro
+    intro = "Weighted parts per marker; places in metres, speeds in m/s, curvatures in 1/m."
+    body = table("Manual against optimised", heads, rows, range(1, 4)) + piece("parts.html", "note", intro)
+    return headed("Manual against optimised", body)
 
 
 def _fall(before: float, after: float) -> str:
     return percent(1 - after / before) if before > 0 else ""
 
 
-def _combination_table(found: Sequence[Combination]) -> str:
+def _combination_table(found: Sequence[Combination]) -> Markup:
     if not found:
-        return ""
-    rows = "".join(
-        _row(c.name, (number(c.initial), f"<b>{number(c.fitted)}</b>{unit_of(c.unit)}",
-                      interval((c.interval_low, c.interval_high)), "yes" if c.is_identified else "no"))
+        return NOTHING
+    rows = [
+        row_of(c.name, (
+            number(c.initial), bold(number(c.fitted)) + unit_of(c.unit),
+            interval((c.interval_low, c.interval_high)), "yes" if c.is_identified else "no",
+        ))
         for c in found
-    )  # fmt: skip
+    ]  # fmt: skip
     heads = ("what motion tells", "before", "fitted", "90 % interval", "told by these takes")
-    return "<h3>What motion can tell, whatever the parameters</h3>" + table("Combinations", heads, rows, range(1, 5))
+    return headed("What motion can tell, whatever the parameters", table("Combinations", heads, rows, range(1, 5)))
 
 
-def _row(name: str, cells: tuple[str, ...]) -> str:
-    head = words(name) if name.isidentifier() else escaped(name)
-    return f'<tr><th scope="row">{head}</th>' + "".join(f'<td class="number">{cell}</td>' for cell in cells) + "</tr>"
+def headed(title: str, body: Markup) -> Markup:
+    """Return a body under a heading of its own."""
+    return piece("parts.html", "headed", title, body)
+
+
+def bold(text: str) -> Markup:
+    """Return text set bold."""
+    return piece("parts.html", "bold", text)

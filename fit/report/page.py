@@ -6,22 +6,25 @@ import json
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
-from string import Template
+
+from markupsafe import Markup
 
 from fit.errors import FitError
 from fit.report import answer, sections
 from fit.report.motion import ReportMotion, pack_motions
-from fit.report.text import escaped
+from fit.report.templating import render
 from formats.results import Diagnosis, FitResult
 from formats.whole_files import write_whole
 
 MOTION_BUDGET = 1_700_000  # bytes of it for motion
 
-CONTENTS = (
-    ("gap", "The gap"), ("motion", "Motion"), ("errors", "Error over time"), ("parameters", "Parameters"),
-    ("method", "Before and after"),
-    ("effects", "Effects"), ("where", "Where"), ("force", "Missing force"), ("gates", "Checks"),
-    ("next", "Record next"), ("cost", "Cost"), ("reading", "How to read this"),
+SECTIONS = (  # anchor, name in the contents, title
+    ("gap", "The gap", "The gap"), ("motion", "Motion", "Real against simulated motion"),
+    ("errors", "Error over time", "Error over time"), ("parameters", "Parameters", "Fitted parameters"),
+    ("method", "Before and after", "Before and after"), ("effects", "Effects", "Effects considered"),
+    ("where", "Where", "Where the gap lies"), ("force", "Missing force", "What the missing force looks like"),
+    ("next", "Record next", "What to record next"), ("gates", "Checks", "Checks"), ("cost", "Cost", "Cost and origin"),
+    ("reading", "How to read this", "How to read this"),
 )  # fmt: skip
 
 
@@ -66,20 +69,23 @@ def render_report(*, fit: FitResult | None, diagnosis: Diagnosis | None, motions
         "cost": sections.cost(fit, diagnosis),
         "reading": sections.reading(),
     }
-    links = "".join(f'<li><a href="#{anchor}">{title}</a></li>' for anchor, title in CONTENTS if parts[anchor])
-    contents = f'<nav class="contents" aria-label="Contents"><ul>{links}</ul></nav>'
     takes = _takes(fit, diagnosis, motions)
     created = next((record.created for record in (diagnosis, fit) if record is not None), "")
     data = json.dumps(packed, allow_nan=False, separators=(",", ":"))
-    return Template(_packaged("page.html")).substitute(
-        title=escaped(f"Hangtime report: {takes}"),
-        about=escaped(" · ".join(part for part in (takes, created) if part)),
-        style=_packaged("page.css"),
-        body=answer.verdict(fit, diagnosis) + contents + "".join(parts.values()),
-        foot="Made by Hangtime. This file holds everything it shows and asks nothing of the network.",
+    return render(
+        "page.html",
+        takes=takes,
+        about=" · ".join(part for part in (takes, created) if part),
+        style=Markup(_packaged("page.css")),
+        answer=answer.verdict(fit, diagnosis),
+        parts=[
+            {"anchor": anchor, "short": short, "title": title, "body": parts[anchor]}
+            for anchor, short, title in SECTIONS
+            if parts[anchor]
+        ],
         # Inside a script element only "</" and "<!--" would end or bend the data.
-        motions=data.replace("<", "\\u003c"),
-        script=_packaged("page.js"),
+        motions=Markup(data.replace("<", "\\u003c")),
+        script=Markup(_packaged("page.js")),
     )
 
 

@@ -5,25 +5,37 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from fit.report.text import MISSING, escaped, interval, number, percent, probability, small, unit_of, words
+from markupsafe import Markup
+
+from fit.report.templating import NOTHING, piece
+from fit.report.text import MISSING, interval, number, percent, probability, unit_of, words
 from formats.results import EffectFinding, FitParameter, place_of
 
 
-def parameter_table(rows: Sequence[FitParameter]) -> str:
+def parameter_table(rows: Sequence[FitParameter]) -> Markup:
     """Return a table of parameters with their bounds drawn."""
     heads = ("parameter", "initial", "fitted", "90 % interval", "from minimum to maximum", "remark")
-    return table("Fitted parameters", heads, "".join(map(_parameter_row, rows)), numeric=(1, 2, 3))
+    return table("Fitted parameters", heads, [_parameter_row(row) for row in rows], numeric=(1, 2, 3))
 
 
-def effect_table(effects: Sequence[EffectFinding], named: Sequence[str]) -> str:
+def effect_table(effects: Sequence[EffectFinding], named: Sequence[str]) -> Markup:
     """Return a table of effects; those of `named` are marked."""
-    rows = "".join(_effect_row(effect, effect.id in named) for effect in effects)
+    rows = [_effect_row(effect, effect.id in named) for effect in effects]
     heads = ("effect", "probability", "amplitude", "gap closed", "p", "smallest that would show", "remark")
     return table("Effects of the library", heads, rows, numeric=range(1, 6))
 
 
-def _parameter_row(row: FitParameter) -> str:
-    unit = unit_of(row.unit)
+def table(label: str, heads: Sequence[str], rows: Sequence[Markup], numeric: Sequence[int] | range) -> Markup:
+    """Return a table with these column heads and ready rows; `numeric` columns are set right."""
+    return piece("parts.html", "table", label, heads, NOTHING.join(rows), numeric)
+
+
+def row_of(name: str, cells: Sequence[str]) -> Markup:
+    """Return a row of numbers; an identifier is shown as words."""
+    return piece("parts.html", "row", words(name) if name.isidentifier() else name, cells)
+
+
+def _parameter_row(row: FitParameter) -> Markup:
     ends = (
         (row.interval_low, row.interval_high)
         if row.interval_low is not None and row.interval_high is not None
@@ -38,62 +50,34 @@ def _parameter_row(row: FitParameter) -> str:
             low, high, at = math.log(low), math.log(high), math.log(at)
         return 100 * (at - low) / (high - low) if high > low else 50.0
 
-    marks = ""
+    within = None
     if ends is not None:
         left, right = place(ends[0]), place(ends[1])
-        marks += f'<i class="within" style="left:{left:.1f}%;width:{max(right - left, 0):.1f}%"></i>'
-    marks += f'<i class="from" style="left:{place(row.initial):.1f}%"></i>'
-    marks += f'<i class="to" style="left:{place(row.fitted):.1f}%"></i>'
-    remark, fitted = row.note, f"<b>{number(row.fitted)}</b>{unit}"
-    if row.is_identified is False:  # rounding chooses one of many values that fit equally well: the interval says more
-        remark, fitted = f"Not identified. {remark}".strip(), MISSING
-    span = (
-        f'<span class="span" aria-hidden="true">{marks}</span>'
-        f"<small>{number(row.minimum)} to {number(row.maximum)}{unit}{' (log)' if is_log else ''}</small>"
-    )
-    return (
-        f'<tr><th scope="row">{words(row.name)}</th><td class="number">{number(row.initial)}</td>'
-        f'<td class="number">{fitted}</td><td class="number">{interval(ends) or MISSING}</td>'
-        f'<td>{span}</td><td><span class="note">{escaped(remark)}</span></td></tr>'
-    )
+        within = (left, max(right - left, 0))
+    return piece("tables.html", "parameter", {
+        "name": words(row.name), "initial": number(row.initial), "fitted": number(row.fitted),
+        "unit": unit_of(row.unit), "interval": interval(ends) or MISSING, "within": within,
+        "begins": place(row.initial), "ends": place(row.fitted), "minimum": number(row.minimum),
+        "maximum": number(row.maximum), "is_log": is_log,
+        "remark": f"Not identified. {row.note}".strip() if row.is_identified is False else row.note,
+    })  # fmt: skip
 
 
-def _effect_row(effect: EffectFinding, is_named: bool) -> str:
-    unit = unit_of(effect.unit)
-    name = f'<th scope="row">{words(effect.id)}'
-    if is_named:
-        name += ' <span class="tag">named</span>'
+def _effect_row(effect: EffectFinding, is_named: bool) -> Markup:
+    name, unit = words(effect.id), unit_of(effect.unit)
     if not effect.tested:
-        remark = escaped(effect.note) or "not tested"
-        cells = f'<td class="number">{MISSING}</td>' * 5
-        return f'<tr class="is-untested">{name}</th>{cells}<td><span class="note">{remark}</span></td></tr>'
-    twin = f"Not told apart from {words(effect.group)}. " if effect.group and effect.group != effect.id else ""
+        return piece("tables.html", "untested", name, is_named, MISSING, effect.note or "not tested")
+    twin = f"Not told apart from {effect.group.replace('_', ' ')}. " if effect.group not in ("", effect.id) else ""
     absorbed = ""
     if effect.absorbed is not None and effect.absorbed > 0.5:
         absorbed = f"The base parameters can imitate {percent(effect.absorbed)} of it. "
     place = f"Acts {place_of(effect.regions)}. " if is_named and effect.regions else ""
-    remark = place + twin + absorbed + escaped(effect.note)
-    closure = MISSING
-    if effect.closure is not None:
-        ends = interval(effect.closure.interval, 100, 2)
-        closure = percent(effect.closure.value) + (f"<br>{small(ends + ' %')}" if ends else "")
-    spread = interval(effect.amplitude_interval)
-    least = f"{number(effect.minimum_detectable)}{unit}" if effect.minimum_detectable is not None else MISSING
-    return (
-        f"<tr{' class=is-named' if is_named else ''}>{name}</th>"
-        f'<td class="number">{percent(effect.probability)}</td>'
-        f'<td class="number">{number(effect.amplitude)}{unit}{"<br>" + small(spread) if spread else ""}</td>'
-        f'<td class="number">{closure}</td><td class="number">{probability(effect.p_value)}</td>'
-        f'<td class="number">{least}</td><td><span class="note">{remark}</span></td></tr>'
-    )
-
-
-def table(label: str, heads: Sequence[str], rows: str, numeric: Sequence[int] | range) -> str:
-    """Return a table with these column heads and ready rows; `numeric` columns are set right."""
-    cells = "".join(
-        f'<th scope="col"{" class=number" if k in numeric else ""}>{escaped(head)}</th>' for k, head in enumerate(heads)
-    )
-    return (
-        f'<div class="scroll" tabindex="0" role="region" aria-label="{escaped(label)}">'
-        f"<table><thead><tr>{cells}</tr></thead><tbody>{rows}</tbody></table></div>"
-    )
+    least = number(effect.minimum_detectable) + unit if effect.minimum_detectable is not None else MISSING
+    closure = effect.closure
+    return piece("tables.html", "effect", {
+        "name": name, "is_named": is_named, "probability": percent(effect.probability),
+        "amplitude": number(effect.amplitude), "unit": unit, "spread": interval(effect.amplitude_interval),
+        "closure": percent(closure.value) if closure is not None else MISSING,
+        "closure_ends": interval(closure.interval, 100, 2) if closure is not None else "",
+        "p_value": probability(effect.p_value), "least": least, "remark": place + twin + absorbed + effect.note,
+    })  # fmt: skip

@@ -1,22 +1,23 @@
-"""Numbers and names as a reader of the report wants them, escaped for HTML."""
+"""Numbers and names as a reader of the report wants them."""
 
 from __future__ import annotations
 
-import html
 import math
+
+from markupsafe import Markup, escape
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 MISSING = "–"
 
 
-def escaped(text: object) -> str:
+def escaped(text: object) -> Markup:
     """Return any text as HTML shows it literally."""
-    return html.escape(str(text), quote=True)
+    return escape(text)
 
 
-def words(name: str) -> str:
+def words(name: str) -> Markup:
     """Return an identifier as escaped words."""
-    return escaped(name.replace("_", " "))
+    return escape(name.replace("_", " "))
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -62,21 +63,16 @@ def interval(ends: tuple[float, float] | None, scale: float = 1.0, digits: int =
     return f"{number(scale * ends[0], digits)} to {number(scale * ends[1], digits)}"
 
 
-def small(text: str) -> str:
-    """Return escaped text set small, or nothing."""
-    return f"<small>{text}</small>" if text else ""
-
-
-def unit_of(unit: str) -> str:
+def unit_of(unit: str) -> Markup:
     """Return a unit after a thin space; nothing for a pure number."""
-    return "" if unit in ("", "1") else f"&#8239;{escaped(unit)}"
+    return Markup("") if unit in ("", "1") else Markup("&#8239;{}").format(unit)
 
 
 def probability(value: float | None) -> str:
     """Return a p-value or probability; very small ones as a bound."""
     if value is None or not math.isfinite(value):
         return MISSING
-    return "&lt; 0.001" if value < 0.001 else f"{value:.3f}" if value < 0.1 else f"{value:.2f}"
+    return "< 0.001" if value < 0.001 else f"{value:.3f}" if value < 0.1 else f"{value:.2f}"
 
 
 def duration(seconds: float) -> str:

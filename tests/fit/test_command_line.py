@@ -163,7 +163,7 @@ def test_a_fit_of_blenders_cloth_is_no_fabric_and_moves_none_of_ours(tmp_path, m
     shown = []
     monkeypatch.setattr(reporting, "write_report", lambda path, *, motions, **_: shown.append(motions[0]))
     for fit in (ours, theirs, None, with_effect):
-        reporting.write_diagnosis_report(tmp_path / "r.html", findings, fit, takes[:1], takes[1:], coarse)
+        reporting.write_diagnosis_report(tmp_path / "r.html", findings, fit)
     assert np.array_equal(shown[1].before, shown[2].before)
     assert not np.array_equal(shown[0].before, shown[2].before)
     assert np.array_equal(shown[0].before, shown[3].before)

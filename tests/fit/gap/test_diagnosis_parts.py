@@ -66,7 +66,9 @@ def most_promising(screened):
 
 
 def test_screening_ranks_the_planted_effect_first_and_is_sure_of_it():
-    observer = Observer([prepare(a_take(effect="hem", amplitude=0.01))], SI, LIBRARY, frequency=0.0, resolution=COARSE)
+    observer = Observer(
+        [prepare(a_take(effect="hem", amplitude=0.01, seconds=6.0))], SI, LIBRARY, frequency=0.0, resolution=COARSE
+    )
     chosen = ("hem", "anisotropy", "clip_slack", "draught")
     found = screen(observer, fitted_at(observer, truth_vector()), chosen, np.random.default_rng(0))
     assert most_promising(found) == "hem"
@@ -109,14 +111,18 @@ def test_viscosity_beyond_what_the_base_model_may_have_is_an_effect_where_its_fi
 
 def test_signatures_that_are_known_from_nearby_are_taken_anew_only_where_they_promise_something():
     observer = Observer([prepare(a_take(effect="hem", amplitude=0.01))], SI, LIBRARY, frequency=0.0, resolution=COARSE)
-    fitted, chosen = fitted_at(observer, truth_vector()), tuple(e.name for e in LIBRARY if not e.in_base)
+    fitted, chosen = (
+        fitted_at(observer, truth_vector()),
+        tuple(e.name for e in LIBRARY if not e.in_base and not e.touches and not e.bends),
+    )
     whole = screen(observer, fitted, chosen, np.random.default_rng(0))
     before = observer.simulations
     again = screen(observer, fitted, chosen, np.random.default_rng(0), whole)
     for name in chosen:
         assert again[name].predicted == pytest.approx(whole[name].predicted, rel=1e-6)
         assert again[name].family_p_value == pytest.approx(whole[name].family_p_value)
-    assert observer.simulations - before < 0.6 * before
+    # Eight of them, and the known ones' cost nothing.
+    assert observer.simulations - before < 0.75 * before
 
 
 def test_screening_says_how_much_nearer_the_points_would_be():
@@ -266,6 +272,7 @@ def base_fit_over_truth(seed):
     return fits[0].cost / float((chosen.residuals(truth_vector()[None], observer.off[None]) ** 2).sum())
 
 
+@pytest.mark.slow
 def test_a_base_fit_ends_in_no_valley_far_above_the_truth():
     """A neighbouring valley is 11 % above the truth's; how processors round decides whether one seed ends there."""
     assert base_fit_over_truth(0) < 1.2
@@ -304,9 +311,15 @@ def test_the_length_of_a_noisy_vector_is_not_overstated():
     typical = effects[0].typical
     observer = Observer([prepare(a_take())], SI, effects, frequency=0.0, resolution=COARSE)
     fitted = Fitted(
-        SI.initial, np.array([3.0, 4.0]), (0,), np.zeros(1), np.zeros((1, 7)), np.full(7, 1 / typical), True
+        SI.initial,
+        np.array([3.0, 4.0]),
+        ("gravity_tilt",),
+        np.zeros(1),
+        np.zeros((1, 7)),
+        np.full(7, 1 / typical),
+        True,
     )
-    value, (low, high) = amplitude_of(fitted, observer, 0)
+    value, (low, high) = amplitude_of(fitted, observer, "gravity_tilt")
     assert value == pytest.approx(np.sqrt(23))
     assert (low, high) == pytest.approx((np.sqrt(23) - 1.645, np.sqrt(23) + 1.645))
 

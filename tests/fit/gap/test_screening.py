@@ -67,6 +67,18 @@ def test_an_effect_that_moves_nothing_is_none_of_the_family():
     assert np.isinf(none).all()
 
 
+def test_among_many_effects_an_own_p_value_is_smaller_than_the_familys():
+    rng = drawn(9)
+    names = [e.name for e in LIBRARY if len(e.components) == 1 and not e.is_one_sided and not e.probes][:4]
+    rows = {name: rng.normal(size=len(NONE)) / KINDS[name].typical for name in names}
+    observer = LinearObserver(white(rng), NONE, rows)
+    found = screen(observer, observer.fitted(), names, rng)
+    own, family = (np.array([getattr(found[name], kind) for name in names]) for kind in ("p_value", "family_p_value"))
+    assert (family >= own).all()
+    # Of four independent effects the smallest p is below p in 1 - (1 - p)^4.
+    assert family.min() == pytest.approx(1 - (1 - own.min()) ** 4, abs=0.06)
+
+
 def test_secants_are_taken_at_the_typical_size_on_both_sides_and_at_probes():
     """Residuals are linear here, so that every secant is the row itself; only those of probes are for one size."""
     row = drawn(3).normal(size=len(NONE))

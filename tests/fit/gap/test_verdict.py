@@ -9,7 +9,7 @@ import pytest
 
 from fit.cloth.effect import amplitudes_of
 from fit.effects import LIBRARY, find_effects
-from fit.gap.closure import Resampling
+from fit.gap.closure import BlockErrors, Resampling
 from fit.gap.probabilities import LEFT, LEFT_WIDTH, ODDS, probabilities
 from fit.gap.rounds import Rounds
 from fit.gap.verdict import decide
@@ -97,6 +97,56 @@ def test_what_is_stopped_by_the_end_of_its_range_is_no_rival():
     assert (found.verdict, found.named) == ("effect", ["draught"])
     assert probability_of("gravity_tilt", evidence) == 0.0
     assert probability_of("draught", evidence) > 0.6
+
+
+@pytest.mark.parametrize(("family", "verdict"), [(0.04, "effect"), (0.06, "unknown")])
+def test_what_acts_in_few_half_seconds_is_named_if_it_is_significant_among_all_effects(family, verdict):
+    """Lift closes half of the gap, all of it in five half-seconds of twelve: in a twentieth of the draws a fifth.
+
+    Its own p-value, a tenth of the family's, is below 0.05 both times.
+    """
+    evidence = evidence_of({"air_lift": 9.0}, p=family)
+    (lift,) = evidence.singles.values()
+    few = np.where(np.arange(BLOCKS) < 5, 20.0, 1440.0)
+    sums = BlockErrors(few, np.full(BLOCKS, 10.0), np.zeros(3))
+    evidence = dataclasses.replace(
+        evidence, base=dataclasses.replace(evidence.base, errors=level(12.0)),
+        singles={"air_lift": dataclasses.replace(lift, errors=sums)},
+    )  # fmt: skip
+    low = evidence.closure_of(evidence.singles["air_lift"]).interval[0]
+    assert 0.0 < low < 0.25
+    assert evidence.p_value("air_lift") == family
+    assert decide(evidence).verdict == verdict
+
+
+def level(mm):
+    return BlockErrors(np.full(BLOCKS, 10.0 * mm**2), np.full(BLOCKS, 10.0), np.zeros(3))
+
+
+@pytest.mark.parametrize(("deviation", "verdict"), [(0.55, "effect"), (0.65, "unknown")])
+def test_an_amplitude_that_may_be_nothing_is_not_named(deviation, verdict):
+    """A typical size, known to 1.645 times its deviation."""
+    evidence = evidence_of({"air_lift": 6.0})
+    (lift,) = evidence.singles.values()
+    fitted = dataclasses.replace(lift.fitted, deviation=np.full(6, deviation))
+    singles = {"air_lift": dataclasses.replace(lift, fitted=fitted)}
+    assert decide(dataclasses.replace(evidence, singles=singles)).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("frequency", "least", "verdict"), [(0.0, 2.0, "none"), (4.5, 0.5, "none"), (4.5, 2.0, "inconclusive")]
+)
+def test_no_gap_under_a_pull_says_what_could_not_have_been_seen(monkeypatch, frequency, least, verdict):
+    """Tilts of twice their typical 0.03 rad, or of half of it, would have shown; what moves nothing is not told."""
+    smallest = {"gravity_tilt": np.array([0.03 * least, np.inf]), "hem": np.array([0.001])}
+    monkeypatch.setattr("fit.gap.verdict.smallest_detectable", lambda evidence: smallest)
+    evidence = evidence_of({"air_drag": 5.0}, base=5.3)
+    evidence.observer.frequency = frequency
+    found = decide(evidence)
+    assert found.verdict == verdict
+    told = "These could not have been seen: tilted gravity (x) below 3.4 degrees."
+    assert (told in found.sentence) == (verdict == "inconclusive")
+    assert ("pull of 4.5 Hz" in found.sentence) == (verdict == "inconclusive")
 
 
 def test_a_model_that_leaves_no_more_than_the_noise_closes_the_gap_to_within_it():

@@ -1,0 +1,65 @@
+"""Where the gap lies: shares of a residual that is put in known places, phases and directions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fit.gap.where import find_where
+from fit.methods import SI
+from fit.observer.residuals import Observer
+from tests.fit.gap.test_gap_statistics import a_still_take
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """A grid of 5 x 5 beside a hanger that swings from 0.5 to 2 s of four; the top row is on the held edge."""
+    recording = a_still_take(0.0, rate=30)
+    return recording, Observer([recording], SI, (), frequency=0.0)
+
+
+def missed(scene, by):
+    """Where the gap lies, of an error [m], (frames, points, 3)."""
+    recording, observer = scene
+    return find_where(observer, observer.residuals_of([(recording.points - by)[None]])[0])
+
+
+def test_an_error_of_one_point_is_found_there_and_nowhere_else(scene):
+    """5 mm sideways of the bottom left corner, of 20 points: 1.1 mm over all, 100 % of it bottom left and sideways."""
+    by = np.zeros(scene[0].points.shape)
+    by[:, 20, 0] = 0.005
+    found = missed(scene, by)
+    assert [(b.name, b.share) for b in found.space if b.share > 0] == [("bottom left", pytest.approx(1.0))]
+    assert found.space[0].value_mm == pytest.approx(5.0 / np.sqrt(4))  # of four points at the bottom left
+    assert {b.name: b.share for b in found.term} == pytest.approx(
+        {"sideways (x)": 1.0, "to and from the sensor (y)": 0.0, "vertical (z)": 0.0}
+    )
+    assert len(found.vertices) == 20
+    values = [v.value_mm for v in found.vertices]
+    assert max(values) == pytest.approx(5.0)
+    assert sum(v > 1e-6 for v in values) == 1
+
+
+def test_an_error_of_the_ring_down_is_found_in_it(scene):
+    """The hanger rests from 2.3 s on; motion is the cloth's own a third of a second later."""
+    recording, _ = scene
+    by = np.where(recording.time > 2.75, 0.003, 0.0)[:, None, None] * np.ones(recording.points.shape)
+    found = missed(scene, by)
+    ringing = next(b for b in found.time if b.name == "ring-down, hanger at rest")
+    assert ringing.share == pytest.approx(1.0, abs=0.01)
+    before = next(b for b in found.time if b.name == "hanger at rest before the swing")
+    assert before.share == pytest.approx(0.0, abs=1e-9)
+    assert sum(b.share for b in found.time) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("hertz", "band"),
+    [(0.0, "0 to 0.3 Hz"), (0.5, "0.3 to 0.7 Hz"), (1.0, "0.7 to 1.5 Hz"), (2.0, "1.5 to 3 Hz"), (5.0, "above 3 Hz")],
+)
+def test_an_oscillation_is_found_in_its_band(scene, hertz, band):
+    """4 mm cos over four seconds: 4 sqrt(3) / sqrt(2) = 4.9 mm of distance, or 6.9 where it is constant."""
+    recording, _ = scene
+    by = 0.004 * np.cos(2 * np.pi * hertz * recording.time)[:, None, None] * np.ones(recording.points.shape)
+    found = {b.name: b for b in missed(scene, by).frequency}
+    assert found[band].share == pytest.approx(1.0, abs=0.01)
+    assert found[band].value_mm == pytest.approx(4 * np.sqrt(3 if hertz == 0.0 else 1.5), rel=0.01)

@@ -134,7 +134,7 @@ def test_what_runs_at_an_upgrade_is_plain_shell_too() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(3600)
+@pytest.mark.processor_time(3600)
 def test_the_appliance_passes_every_check_in_a_container_with_a_real_systemd() -> None:
     if os.geteuid() != 0 or not shutil.which("systemd-nspawn") or not shutil.which("debootstrap"):
         pytest.skip("takes root, systemd-nspawn (systemd-container) and debootstrap")

@@ -87,7 +87,7 @@ def block_intervals(
     reach = float(student.ppf(0.95, len(names) - 1))
     half = np.sqrt((reach * deviation) ** 2 + way**2)
     unit = space.to_unit(parameters)
-    ends = np.stack([space.from_unit(np.clip(unit + sign * half, 0, 1)) for sign in (-1, 1)], axis=1)
+    ends = np.stack([space.from_unit(unit + sign * half) for sign in (-1, 1)], axis=1)
     slope = space.slope(parameters)
     covariance = variance * np.outer(slope, slope)
     return Intervals(ends, deviation < SHARE_TOLD * PRIOR_SD, covariance, way * slope, reach)

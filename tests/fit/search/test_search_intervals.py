@@ -96,6 +96,16 @@ def test_a_weak_slope_is_shared_with_the_prior():
     assert jackknife(np.ones(3), np.full((3, 1), 2.0), np.arange(3))[1] == pytest.approx([-0.25])
 
 
+def test_a_block_that_knows_more_counts_for_more_when_it_is_left_out():
+    """Slopes 2, 2 and 4, residuals 0, 0 and 1: H = 24 + 12, s = 4, all of it of the last block.
+
+    Without the first two blocks in turn u = -4 / 32, without the last 0; they are -1, -1 and 2 24ths from their mean.
+    """
+    variance, way = jackknife(np.array([0.0, 0.0, 1.0]), np.array([[2.0], [2.0], [4.0]]), np.arange(3))
+    assert variance[0, 0] == pytest.approx(2 / 3 * 6 / 24**2 + 12 / 36**2)
+    assert way == pytest.approx([-4 / 36])
+
+
 def test_three_blocks_are_enough_and_two_are_refused():
     check_blocks(np.array([4, 4, 7, 9]))
     with pytest.raises(FitError) as refused:

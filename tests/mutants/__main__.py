@@ -1,0 +1,149 @@
+"""Break the code in one place at a time and see whether a test notices: the work of `scripts/mutants`.
+
+The mutation tester mutmut makes the mutants and runs, for each, the tests that reach its function. Which folder is
+tested with which tests stands in pyproject.toml, `[tool.hangtime.mutants]`. Each folder gets a copy of the checkout in
+`build/mutants/`, which keeps the results: a second run tests again where code or tests have changed.
+
+A mutant that no test notices either asks for a test, or is listed in `survivors.toml` with a reason.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tomllib
+from dataclasses import dataclass, field
+from hashlib import sha256
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+COPIES = ROOT / "build/mutants"
+SURVIVORS = Path(__file__).with_name("survivors.toml")
+COPIED = ("formats", "firmware_host", "capture", "fit", "hangtime", "benchmarks", "tests", "docs", "scripts", "systemd")
+WANTED = 0.9  # share of the mutants that tests must notice
+KILLED = {"killed", "timeout", "segfault", "caught by type check"}
+
+
+@dataclass
+class Tally:
+    """What became of the mutants of one folder: how many died, and the text of those that live, by function."""
+
+    killed: int = 0
+    listed: int = 0
+    alive: list[tuple[str, str]] = field(default_factory=list)
+
+    @property
+    def total(self) -> int:
+        """All mutants that were tested."""
+        return self.killed + self.listed + len(self.alive)
+
+
+def main() -> int:
+    """Test the mutants of the folders or modules that are named; 0 when enough die and the rest is listed."""
+    areas = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hangtime"]["mutants"]
+    parser = argparse.ArgumentParser(prog="scripts/mutants")
+    parser.add_argument("path", nargs="*", help=f"folder or module; by default all of {', '.join(areas)}")
+    parser.add_argument("--processes", type=int, default=os.cpu_count() or 1, help="mutants tested side by side")
+    parser.add_argument("--report", action="store_true", help="show the results that are kept, test nothing")
+    asked = parser.parse_args()
+    reasons = {(s["function"], s["change"].strip()): s["reason"] for s in known_survivors()}
+    is_well = True
+    for area, tests in areas.items():
+        paths = (
+            [area] if not asked.path else [p.rstrip("/") for p in asked.path if f"{p.rstrip('/')}/".startswith(area)]
+        )
+        if not paths:
+            continue
+        patterns = [path.removesuffix(".py").replace("/", ".") + ".*" for path in paths]
+        if not asked.report:
+            test_mutants(area, tests, patterns, asked.processes)
+        is_well &= show(area, tally(area, patterns, reasons))
+    return 0 if is_well else 1
+
+
+def known_survivors() -> list[dict[str, str]]:
+    """The mutants that may live, each with its function, its change and the reason."""
+    return list(tomllib.loads(SURVIVORS.read_text()).get("survivor", []))
+
+
+def copy_of(area: str) -> Path:
+    """Where the copy of the checkout for one folder lies."""
+    return COPIES / area.replace("/", "-")
+
+
+def test_mutants(area: str, tests: list[str], patterns: list[str], processes: int) -> None:
+    """Bring the copy up to date and test the mutants whose names match."""
+    copy = copy_of(area)
+    copy.mkdir(parents=True, exist_ok=True)
+    subprocess.run(["cp", "-ru", *(ROOT / name for name in (*COPIED, "README.md", "pyproject.toml")), copy], check=True)
+    lists = {
+        "source_paths": [area.split("/")[0]],
+        "only_mutate": [f"{area}/*"],
+        "pytest_add_cli_args_test_selection": tests,
+        "pytest_add_cli_args": ["-m", "not slow", "-p", "no:cacheprovider"],
+        "also_copy": [name for name in (*COPIED, "README.md") if name not in (area.split("/")[0], "tests")],
+    }
+    written = "".join(f"{name}=\n" + "".join(f"    {value}\n" for value in values) for name, values in lists.items())
+    (copy / "setup.cfg").write_text(f"[mutmut]\n{written}")
+    forget_what_changed(copy, tests)
+    words = [sys.executable, "-m", "mutmut", "run", "--max-children", str(processes), *patterns]
+    done = subprocess.run(words, cwd=copy, env={**os.environ, "PYTHONPATH": ""}, check=False, stdout=subprocess.PIPE)
+    if done.returncode:
+        sys.stderr.write(done.stdout.decode(errors="replace")[-4000:])
+        raise SystemExit(f"mutants: {area}: mutmut ended with {done.returncode}; its last words are above")
+
+
+def forget_what_changed(copy: Path, tests: list[str]) -> None:
+    """Let mutmut learn anew which tests reach which function where the tests have changed."""
+    files = sorted(path for name in tests for path in [copy / name, *(copy / name).rglob("*.py")] if path.is_file())
+    seen = sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
+    stamp = copy / "mutants/tests.sha256"
+    if stamp.exists() and stamp.read_text() == seen:
+        return
+    (copy / "mutants/mutmut-stats.json").unlink(missing_ok=True)
+    stamp.parent.mkdir(exist_ok=True)
+    stamp.write_text(seen)
+
+
+def tally(area: str, patterns: list[str], reasons: dict[tuple[str, str], str]) -> Tally:
+    """Count what is kept of the mutants of a folder whose names match."""
+    from fnmatch import fnmatch
+
+    copy, found = copy_of(area), Tally()
+    os.chdir(copy)  # mutmut finds its files from the working directory
+    from mutmut.mutation.diff_apply import get_diff_for_mutant
+    from mutmut.stats import status_by_exit_code
+
+    for meta in sorted((copy / "mutants" / area).rglob("*.py.meta")):
+        source = str(meta.relative_to(copy / "mutants")).removesuffix(".meta")
+        for name, code in json.loads(meta.read_text())["exit_code_by_key"].items():
+            if code is None or not any(fnmatch(name, pattern) for pattern in patterns):
+                continue
+            if status_by_exit_code[code] in KILLED:
+                found.killed += 1
+                continue
+            function = name.rsplit("__mutmut_", 1)[0].replace("x_", "").replace("xǁ", "").replace("ǁ", ".")
+            lines = get_diff_for_mutant(name, path=source).splitlines()[2:]
+            change = "\n".join(f"{line[0]} {line[1:].strip()}" for line in lines if line[:1] in "+-" and line.strip())
+            if (function, change) in reasons:
+                found.listed += 1
+            else:
+                found.alive.append((function, change))
+    return found
+
+
+def show(area: str, found: Tally) -> bool:
+    """Print a folder's figures and its unlisted survivors; return whether they are well."""
+    for function, change in found.alive:
+        print(f"\n{function}\n{change}")
+    share = found.killed / found.total if found.total else 0.0
+    died = f"{found.killed} of {found.total} mutants die ({100 * share:.1f} %)"
+    print(f"\n{area}: {died}, {found.listed} live for a listed reason, {len(found.alive)} live unlisted")
+    return share >= WANTED and not found.alive
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -37,7 +37,7 @@ from fit.identification.request import Request
 from fit.methods import SI
 from fit.recordings.recording import prepare
 from fit.search.annealing import AnnealingSettings
-from fit.search.choice import CHAINS, OBSERVED, SEARCHES
+from fit.search.choice import OBSERVED, RESTARTED_CHAINS, SEARCHES
 from fit.search.intervals import PRIOR_SD
 from formats.take import Take
 from tests.fit.scenes import sheet, simulate_take, swing
@@ -108,7 +108,7 @@ def run(case: Case, search: str, budget: int, seed: int, trials: int) -> Run:
     settings = AnnealingSettings().lasting(budget - 1)
     result = calibrate(case.takes, [], case.request(search=search, settings=settings, seed=seed))
     # A step of the history of `restarts` is one candidate of each chain.
-    history = np.repeat(np.array(result.history), CHAINS if search == "restarts" else 1)[:budget]
+    history = np.repeat(np.array(result.history), RESTARTED_CHAINS if search == "restarts" else 1)[:budget]
     padded = np.full(budget, history[-1])
     padded[: len(history)] = history
     return Run(

@@ -15,11 +15,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from fit.batch.cluster import Workers, connect, has_workers
+from fit.batch.cluster import RETRY, Workers, connect, has_workers
 from fit.batch.ending import Ending
 from fit.batch.jobs import Job, Outcome, Task, digest_of, failure_name, key_of, result_name
 from fit.batch.store import Store
-from fit.batch.worker import RETRY, run_job
+from fit.batch.worker import run_job
 from fit.errors import BatchError, UnreachableError
 from fit.identification.request import Plan
 from fit.provenance import physics_version

@@ -11,13 +11,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from fit import runtime
+from fit.batch.cluster import RETRY
 from fit.batch.jobs import Job, Outcome, Task, digest_of, failure_name, result_name, search_name
 from fit.batch.store import Store, open_store
 from fit.errors import BatchError, FitError, UnreachableError
 from fit.provenance import physics_version
 from formats.errors import HangtimeError
-
-RETRY = 2.0  # s between attempts to reach a bucket, each of which takes the library seconds to minutes
 
 
 @dataclass(frozen=True, kw_only=True)

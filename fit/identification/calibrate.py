@@ -30,6 +30,7 @@ from fit.identification.observed import begin_observed
 from fit.identification.request import Request
 from fit.identification.saved_search import SavedSearch
 from fit.methods import distance as objective
+from fit.observer.residuals import BLOCK
 from fit.provenance import physics_version
 from fit.recordings.geometry import check_geometry
 from fit.recordings.impossible_points import describe_impossible
@@ -41,20 +42,19 @@ from fit.search.intervals import Intervals, block_intervals, check_blocks, draw_
 from fit.search.least_squares import DIFFERENCE
 from fit.search.steps import Step
 from fit.search.tempering import FEWEST_DRAWS, Tempering
+from formats.arrays import Floats
 from formats.results import ErrorFigure, FitParameter, FitResult, ObjectiveFigure
 from formats.results import FitError as FitErrors
 from formats.take import Take
 
-Floats = NDArray[np.float64]
 Progress = Callable[[int, int, float], None]
 
-BLOCK = 0.5  # s: distances further apart count as independent
 CHECKPOINT_EVERY = 10.0  # s
 TOO_SHORT = (
     "Warning: 90 % intervals of this search are too short, and what it calls told may not be: it knows of one valley "
     "only. Where they matter, use --search least-squares."
 )
-NOT_IDENTIFIED = (
+FREE_PARAMETERS = (
     "Not identified: {names}. Read the 90 % interval of each. The fitted value is one of many that follow the takes "
     "equally well, and rounding may decide which."
 )
@@ -323,7 +323,7 @@ def _result(
     if has_short_intervals(request.search, request.settings.iterations):
         notes.append(TOO_SHORT)
     if free := [p.name for p, is_known in zip(request.parameters, is_identified, strict=True) if not is_known]:
-        notes.append(NOT_IDENTIFIED.format(names=", ".join(free)))
+        notes.append(FREE_PARAMETERS.format(names=", ".join(free)))
     if found.non_finite:
         notes.append(f"{found.non_finite} candidates blew up and were rejected.")
     return FitResult(

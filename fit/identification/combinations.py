@@ -17,15 +17,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth import material as mat
 from fit.search.intervals import Intervals
+from formats.arrays import Floats
 from formats.results import Combination
 
-Floats = NDArray[np.float64]
-
-STEP = 1e-3  # of the range, for the differences
+NEARBY = 1e-3  # of the range, for the differences
 # Name, unit, column, whether it is divided by the density.
 COMBINATIONS = (
     ("stretch stiffness / density", "m2/s2", mat.STRETCH, True),
@@ -51,9 +49,9 @@ def describe_combinations(
     reach: widths of the box at the fit, where a logarithm is searched its slope times the parameter, (parameters,);
     intervals: of the parameters
     """
-    step = np.diag(STEP * reach)
+    step = np.diag(NEARBY * reach)
     ahead, behind = combine(materials(fitted + step)), combine(materials(fitted - step))
-    slopes = (ahead - behind) / (2 * STEP * reach)[:, None]
+    slopes = (ahead - behind) / (2 * NEARBY * reach)[:, None]
     before, after = combine(materials(np.stack([initial, fitted])))
     found = []
     for k, (name, unit, _, _) in enumerate(COMBINATIONS):

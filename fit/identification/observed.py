@@ -26,9 +26,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fit.cloth.effect import Effect
 from fit.cloth.model import Resolution
 from fit.identification.problem import Distances, ObservedProblem
@@ -38,12 +35,11 @@ from fit.recordings.recording import Recording, Windows
 from fit.search.intervals import check_blocks
 from fit.search.least_squares import BoundedSpace
 from fit.search.steps import Step
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 SHORT_WINDOWS = Windows(free=2.0, caught=0.5)  # a swing or two
 CATCHING = 3.0  # Hz of the pull between short windows
-LOOKS = 80  # candidates looked at: what more of them find is little
+MOST_LOOKS = 80  # candidates looked at: what more of them find is little
 TRIALS = 3  # times at most that one begins: a wrong valley is mostly left by the second, or told by the third
 
 
@@ -79,4 +75,4 @@ def begin_observed(
         search = ObservedSearch(recordings, method, effects, space, resolution, windows=SHORT_WINDOWS)
         return search, ObservedSettings(pulls=(CATCHING,), seed=seed)
     search = ObservedSearch(recordings, method, effects, space, resolution, distances=distances)
-    return search, ObservedSettings(looks=LOOKS, trials=TRIALS, seed=seed)
+    return search, ObservedSettings(looks=MOST_LOOKS, trials=TRIALS, seed=seed)

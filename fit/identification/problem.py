@@ -6,7 +6,6 @@ import dataclasses
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth.effect import Effect
 from fit.cloth.model import Resolution
@@ -14,8 +13,8 @@ from fit.methods import Parameterisation
 from fit.observer.residuals import Observer
 from fit.recordings.recording import Recording, Windows
 from fit.search.least_squares import BoundedSpace
+from formats.arrays import Floats
 
-Floats = NDArray[np.float64]
 Distances = Callable[[list[Floats]], Floats]
 
 

@@ -19,7 +19,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.errors import BlowUpError
 from fit.identification.problem import ObservedProblem
@@ -31,8 +30,7 @@ from fit.search.intervals import PRIOR_SD, Intervals, block_intervals
 from fit.search.least_squares import LeastSquaresResult, LeastSquaresSettings, Prior, minimise
 from fit.search.posterior import draw
 from fit.search.steps import Step
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 RIPPLE_TIME = 2.0  # s that a ripple lasts, which descents end in
 ROUNDS = 3  # times at most that one looks across valleys

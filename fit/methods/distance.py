@@ -11,11 +11,9 @@ from __future__ import annotations
 from typing import ClassVar, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.recordings.recording import Recording
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 
 class Objective(Protocol):

@@ -23,12 +23,10 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth import material as mat
 from fit.methods.method import Parameter, Parameterisation
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 
 def _kinect_materials(vectors: Floats, weighed_density: float) -> Floats:

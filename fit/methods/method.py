@@ -7,13 +7,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.errors import FitError
 from fit.methods.distance import Objective, TrajectoryDistance
 from fit.recordings.recording import Recording
-
-Floats = NDArray[np.float64]
+from formats.arrays import Booleans, Floats
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +69,7 @@ class Parameterisation:
         return np.array([p.interval for p in self.parameters])
 
     @property
-    def is_log(self) -> NDArray[np.bool_]:
+    def is_log(self) -> Booleans:
         """Which parameters are searched on a log scale, (parameters,)."""
         return np.array([p.is_log for p in self.parameters])
 

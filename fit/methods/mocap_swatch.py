@@ -23,13 +23,11 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth import material as mat
 from fit.methods.method import Parameter, Parameterisation
 from fit.methods.swatch_error import SwatchError
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 MEMBRANE_DAMPING_TIME = 2e-5  # s, as in `si`: settles ringing threads, far below what markers see
 BENDING_DAMPING_TIME = 1e-4  # s, as in `lean`

@@ -16,12 +16,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth import material as mat
 from fit.methods.method import Parameter, Parameterisation
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 
 def _si_materials(vectors: Floats, weighed_density: float) -> Floats:

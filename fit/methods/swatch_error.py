@@ -36,8 +36,8 @@ from numpy.typing import NDArray
 from fit.errors import FitError
 from fit.recordings.recording import FEWEST_PLACES, Recording
 from fit.recordings.smoothing import CUT_OFF, low_pass
+from formats.arrays import Booleans, Floats
 
-Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 ALPHA, BETA, GAMMA = 1.0, 0.5, 2.0  # section 3
@@ -133,12 +133,12 @@ class SwatchError:
         return place, (speed * self._weights).sum(0), (down * self._down).sum(0), (across * self._across).sum(0)
 
 
-def _weights(counted: NDArray[np.bool_]) -> Floats:
+def _weights(counted: Booleans) -> Floats:
     """Shares of the frames that count, (frames, ...), nothing where none does."""
     return np.asarray(counted / np.maximum(counted.sum(0), 1))
 
 
-def curvature_seen(seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def curvature_seen(seen: Booleans) -> Booleans:
     """Whether all markers are seen, (..., n), that the curvature at each of a line of n is made of."""
     found = seen.copy()
     found[..., 1:] &= seen[..., :-1]

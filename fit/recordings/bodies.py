@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.errors import FitError
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,16 +18,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.recordings.smoothing import noise_of, smoothing_spline
+from formats.arrays import Booleans, Floats
 
-Floats = NDArray[np.float64]
 Curve = Callable[[Floats], Floats]
 
 FEWEST_FRAMES = 20  # below, neither splines nor statistics make sense
 CERTAIN_STEP = 8.0  # standard errors: noise correlated over a third of a second makes 5 to 6
-LEAST_SPREAD = 0.25  # of the spread of all the edge's points, that those seen in a frame have, for it to count
+LEAST_EDGE_SPREAD = 0.25  # of the spread of all the edge's points, that those seen in a frame have, for it to count
 OUTER = 0.6  # of the edge's length from the other end on: points that show what an end does
 FRAMES_ASIDE = 5  # at either end of a take, where no step can be told
 GRID = 0.005  # s
@@ -55,7 +54,7 @@ class HeldEdge:
         # About the middle of the points that a frame shows: an edge that is off as a whole does not turn at gaps.
         apart = seen * (arm - (seen * arm).sum(1, keepdims=True) / np.maximum(seen.sum(1, keepdims=True), 1))
         spread = (apart**2).sum(1)
-        usable = spread > LEAST_SPREAD * (arm**2).sum()
+        usable = spread > LEAST_EDGE_SPREAD * (arm**2).sum()
         if len(arm) < 2 or usable.sum() < FEWEST_FRAMES:
             return lambda instants: np.zeros((len(instants), 2)), np.zeros(2)
         slopes = (np.nan_to_num(sides) * apart[..., None]).sum(1)[usable] / spread[usable, None]
@@ -85,14 +84,14 @@ class HeldEdge:
         upwards = apart[..., 2] - self._arm() * (bar[:, 2:] / np.maximum(length, 1e-9))
         return np.stack([np.einsum("fpc,fc->fp", apart, level), upwards], 2)
 
-    def _sides(self) -> list[NDArray[np.bool_]]:
+    def _sides(self) -> list[Booleans]:
         """Which points show what the left end does, and the right one, each (points,); none without points."""
         if len(self.across) == 0:
             return []
         share = (self.across - self.across.min()) / max(float(np.ptp(self.across)), 1e-9)
         return [share <= 1 - OUTER, share >= OUTER]
 
-    def _step(self, chosen: NDArray[np.bool_]) -> tuple[float, float]:
+    def _step(self, chosen: Booleans) -> tuple[float, float]:
         """How many standard errors the largest step of some points' height is, and when it was [s]."""
         heights = self._displacements[:, chosen, 1]
         seen = np.isfinite(heights).any(1)
@@ -115,7 +114,7 @@ class HeldEdge:
         return float(instants[2:-2][int(np.argmax(acceleration[2:-2]))])
 
 
-def place_along(places: Floats, ends: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+def place_along(places: Floats, ends: Floats) -> tuple[Floats, Booleans]:
     """Share of the way from one end to the other, (n,), and whether each place is on it."""
     way = ends[1] - ends[0]
     share = (places - ends[0]) @ way / (way @ way)

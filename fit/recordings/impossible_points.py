@@ -14,10 +14,8 @@ a grid's pitch h apart that are taken for each other are then 2 h from their out
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
+from formats.arrays import Booleans, Floats
 
 LONGEST_STRETCH = 1.25  # of the flat distance, more than apparel stretches under its own weight
 GLUE = 5e-3  # m between a marker's middle and its place on the cloth, two of them

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.recordings.recording import Recording
 from fit.recordings.smoothing import noise_of
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 SLOWEST_RATE = 20.0  # frames/s: below, swings themselves show in sixth differences
 

@@ -13,19 +13,17 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.errors import DriveError, FitError
 from fit.recordings.bodies import Body, capsule, half_space, sphere
 from fit.recordings.held_edge import FEWEST_FRAMES, HeldEdge, place_along
 from fit.recordings.impossible_points import MOST_LEFT_OUT, find_impossible
 from fit.recordings.smoothing import best_cut_off, smoothing_spline, steady_spline
+from formats.arrays import Booleans, Floats
 from formats.garment import Garment
 from formats.rig import Rig, Vector
 from formats.take import LONGEST_GAP, Take
 
-Floats = NDArray[np.float64]
-Booleans = NDArray[np.bool_]
 Curve = Callable[[Floats], Floats]
 
 FASTEST_HANGER = 8.0  # m/s, twice what a hand can do with a hanger

@@ -27,14 +27,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 CUT_OFF = 6.0  # Hz of the cubic splines; hands swing below 2 Hz
 CUT_OFF_SHARE = 0.4  # of the frame rate, just below what frames can show
 LOWEST_CUT_OFF = 2.0  # Hz: a hand's own motion is never smoothed away
-DEGREE, ORDER = 5, 3  # of the steady splines, and of the differences that are kept small; the formulas are of these
+DEGREE, DIFFERENCE_ORDER = (
+    5,
+    3,
+)  # of the steady splines, and of the differences that are kept small; the formulas are of these
 
 
 def smoothing_spline(time: Floats, values: Floats, cut_off: float = CUT_OFF) -> Any:
@@ -94,7 +96,9 @@ def _penalised(time: Floats) -> tuple[Floats, Any, tuple[Floats, Floats]]:
     basis = BSpline.design_matrix(np.clip(time, knots[DEGREE], knots[-DEGREE - 1]), knots, DEGREE)
     size = basis.shape[1]
     signs = np.array([-1.0, 3.0, -3.0, 1.0])
-    differences = csr_array(diags_array(signs, offsets=range(ORDER + 1), shape=(size - ORDER, size)))
+    differences = csr_array(
+        diags_array(signs, offsets=range(DIFFERENCE_ORDER + 1), shape=(size - DIFFERENCE_ORDER, size))
+    )
     squares = (csr_array(basis.T @ basis), csr_array(differences.T @ differences))
     return knots, basis, (_bands(squares[0]), _bands(squares[1]))
 
@@ -124,7 +128,7 @@ def _weight(cut_off: float, rate: float) -> float:
 def _weight_at(turns: Floats) -> Floats:
     """The lambda that halves waves which turn by so much [rad] from knot to knot, (n,); b / d in the formulas above."""
     values = (66 + 52 * np.cos(turns) + 2 * np.cos(2 * turns)) / 120
-    differences = (2 * np.sin(turns / 2)) ** (2 * ORDER)
+    differences = (2 * np.sin(turns / 2)) ** (2 * DIFFERENCE_ORDER)
     return np.asarray(values**2 / np.maximum(differences, 1e-30))
 
 

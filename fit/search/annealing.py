@@ -38,13 +38,11 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.errors import FitError
 from fit.search import bounds
 from fit.search.speculation import Branch, grow
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 MEMORY = 64  # proposals from whose outcome the next acceptances are guessed; changes speed only, never the chain
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 
 def reflect(values: Floats, low: Floats, high: Floats) -> Floats:

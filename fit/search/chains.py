@@ -10,12 +10,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.errors import FitError
 from fit.search.annealing import Annealing, AnnealingSettings, SearchBox
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 
 class ParallelChains:

@@ -6,16 +6,14 @@ from collections.abc import Mapping
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.errors import FitError
 from fit.search.annealing import Annealing, AnnealingSettings, SearchBox
 from fit.search.chains import ParallelChains
 from fit.search.least_squares import BoundedSpace
+from formats.arrays import Floats
 
-Floats = NDArray[np.float64]
-
-CHAINS = 4  # of `restarts`: each still has 87 of the printed 350 iterations
+RESTARTED_CHAINS = 4  # of `restarts`: each still has 87 of the printed 350 iterations
 
 SEARCHES = {
     "annealing": "simulated annealing as in the Kinect-skirt paper, one chain",
@@ -104,10 +102,9 @@ def has_short_intervals(name: str, iterations: int) -> bool:
 
     Not those of least squares, nor of tempering where so many candidates leave draws enough for intervals of their own.
     """
-    from fit.search.tempering import CHAINS as AT_ONCE
-    from fit.search.tempering import FEWEST_DRAWS
+    from fit.search.tempering import FEWEST_DRAWS, TEMPERATURES
 
-    has_draws = name == "tempering" and iterations > 2 * AT_ONCE * FEWEST_DRAWS
+    has_draws = name == "tempering" and iterations > 2 * TEMPERATURES * FEWEST_DRAWS
     return name != "least-squares" and not has_draws
 
 
@@ -134,5 +131,7 @@ def begin(
     if name == "annealing":
         return Annealing(initial, box, settings, np.random.default_rng(seed))
     if name == "restarts":
-        return ParallelChains(np.tile(initial, (CHAINS, 1)), box, settings, np.random.default_rng(seed), is_split=True)
+        return ParallelChains(
+            np.tile(initial, (RESTARTED_CHAINS, 1)), box, settings, np.random.default_rng(seed), is_split=True
+        )
     raise FitError(f"{name} is not told distances", where="search", advice=f"choose one of {', '.join(SEARCHES)}")

@@ -17,17 +17,15 @@ import math
 
 import numpy as np
 from cmaes import CMA
-from numpy.typing import NDArray
 
 from fit.search.least_squares import BoundedSpace
 from fit.search.record import RecordedSearch
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 FIRST_SIGMA = 0.25  # share of the box: a quarter reaches every bound from most starts
 FLAT = 1e-6  # m between best and worst of a generation: a thousandth of a sensor's noise tells nothing
 NARROW = 1e-4  # share of the box: below what finite differences of a simulation resolve
-BLOWN_UP = 1e6  # m, worse than any simulation
+WORST = 1e6  # m, worse than any simulation
 
 
 class Evolution(RecordedSearch):
@@ -57,7 +55,7 @@ class Evolution(RecordedSearch):
     def _learn(self, units: Floats, distances: Floats) -> None:
         if not self.is_started:
             return  # the start is not of a generation
-        known = np.where(np.isfinite(distances), distances, BLOWN_UP)
+        known = np.where(np.isfinite(distances), distances, WORST)
         self._generation += [(unit, float(d)) for unit, d in zip(units, known, strict=True)]
         if len(self._generation) < self._run.population_size:
             return

@@ -22,9 +22,8 @@ instead of a predicted sum: R. Astudillo & P. Frazier, "Bayesian optimization of
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 INDEPENDENT = 60.0  # numbers of a residual vector that count as independent: neighbours in time go together
 RANGE, RANGE_SD = 1.0, 0.7  # prior of a range, shares of the box, and of its logarithm

@@ -27,8 +27,7 @@ from numpy.typing import NDArray
 
 from fit.errors import FitError
 from fit.search.least_squares import BoundedSpace
-
-Floats = NDArray[np.float64]
+from formats.arrays import Booleans, Floats
 
 SHARE_TOLD = 0.5  # of the prior's deviation
 PRIOR_SD = 1 / np.sqrt(12)  # of a flat prior over the unit box
@@ -45,7 +44,7 @@ class Intervals:
     """
 
     ends: Floats
-    is_told: NDArray[np.bool_]
+    is_told: Booleans
     covariance: Floats
     way: Floats
     spread: float

@@ -25,15 +25,14 @@ from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.errors import BlowUpError, FitError
+from formats.arrays import Booleans, Floats
 
 DIFFERENCE = 0.05  # share of the box: wider than the ripples that folds make
-PATIENCE, HOPELESS = 4, 1.1  # iterations after which a search is given up that costs this many times what is known
+UNJUDGED, HOPELESS = 4, 1.1  # iterations after which a search is given up that costs this many times what is known
 SLOW_FALL = 0.01  # of the cost in one iteration, less than which gives up a search that is still above what is known
 
-Floats = NDArray[np.float64]
 Residuals = Callable[[Floats], Floats]
 
 
@@ -43,7 +42,7 @@ class BoundedSpace:
 
     minimum: Floats
     maximum: Floats
-    is_log: NDArray[np.bool_]
+    is_log: Booleans
 
     def __post_init__(self) -> None:
         if not (self.minimum < self.maximum).all():
@@ -123,7 +122,7 @@ class LeastSquaresResult:
     batches: int
     is_converged: bool
     reason: str
-    at_bound: NDArray[np.bool_] = field(repr=False)
+    at_bound: Booleans = field(repr=False)
 
     @property
     def precision(self) -> Floats:
@@ -295,7 +294,7 @@ class _Search:
         """Whether a search is far above what is known after a few iterations, or above it and falls no more."""
         cost, known = history[-1], self.settings.known_cost
         is_slow = not has_moved or cost > (1 - SLOW_FALL) * history[-2]
-        return cost > known and (is_slow or (len(history) > PATIENCE and cost > HOPELESS * known))
+        return cost > known and (is_slow or (len(history) > UNJUDGED and cost > HOPELESS * known))
 
     def _reason_to_stop(self, u: Floats, cost: float, moved: _Step) -> str:
         if (cost - moved.cost) / max(cost, 1e-300) < self.settings.cost_tolerance:
@@ -353,7 +352,7 @@ class _Search:
         cost: float,
         normal: Floats,
         slope: Floats,
-        free: NDArray[np.bool_],
+        free: Booleans,
         damping: float,
         ladders: int,
     ) -> Generator[Floats, Floats, _Step | None]:
@@ -372,7 +371,7 @@ class _Search:
             damping *= 10.0 ** (3.0 if rungs > 1 else 1.0)
         return None
 
-    def _trial(self, u: Floats, normal: Floats, slope: Floats, free: NDArray[np.bool_], damping: float) -> Floats:
+    def _trial(self, u: Floats, normal: Floats, slope: Floats, free: Booleans, damping: float) -> Floats:
         reduced = normal[np.ix_(free, free)]
         diagonal = np.diag(reduced)
         # A column without any effect would make the system singular; a little of the largest keeps it still.

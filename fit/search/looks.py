@@ -14,21 +14,19 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.search.emulator import Emulator
 from fit.search.intervals import PRIOR_SD
+from formats.arrays import Floats
 
-Floats = NDArray[np.float64]
-
-MARGIN = 0.1  # of the box that scattered places leave out at each end: rarely true, often costly
+SCATTER_MARGIN = 0.1  # of the box that scattered places leave out at each end: rarely true, often costly
 SCATTERED = 16  # places with the start: a batch that costs little more than one
 CAUTIONS = (1.0, 0.0)
 NEAREST = 0.01  # share of the box, in one parameter at least, between places worth simulating both
-BLOWN_UP = 0.1  # the same about a place whose simulation blew up
-KEPT = 60  # places, the best, that the emulator is told: its work grows with their third power
+NEAR_BLOW_UP = 0.1  # the same about a place whose simulation blew up
+MOST_TOLD = 60  # places, the best, that the emulator is told: its work grows with their third power
 DRAWN, WIDTHS = (200, 100, 50), (0.1, 0.03)  # places drawn over the box, and about the best with these deviations
-POLISHED = 3  # of them from which the least is sought
+DESCENTS = 3  # of them from which the least is sought
 
 
 def scatter(start: Floats, seed: int) -> Floats:
@@ -41,7 +39,7 @@ def spread(parameters: int, count: int, seed: int) -> Floats:
     from scipy.stats import qmc
 
     sobol = qmc.Sobol(parameters, rng=np.random.default_rng(seed))
-    return MARGIN + (1 - 2 * MARGIN) * np.stack([sobol.random(1)[0] for _ in range(count)])
+    return SCATTER_MARGIN + (1 - 2 * SCATTER_MARGIN) * np.stack([sobol.random(1)[0] for _ in range(count)])
 
 
 def prior_cost(units: Floats, start: Floats) -> Floats:
@@ -80,14 +78,14 @@ def propose(units: Floats, residuals: Floats, start: Floats, seed: int) -> Float
     if len(sound) <= fewest(len(start)):
         return units[:0]
     told = residuals[is_sound]
-    order = np.argsort((told**2).sum(1) + prior_cost(sound, start), kind="stable")[:KEPT]
+    order = np.argsort((told**2).sum(1) + prior_cost(sound, start), kind="stable")[:MOST_TOLD]
     emulator = Emulator(sound[order], told[order] @ told[order].T)
     random = np.random.default_rng([seed, len(units)])
     chosen: list[Floats] = []
     for caution in CAUTIONS:
         for place in _least(emulator, caution, sound[order[0]], start, random):
             seen = np.array([*units, *chosen])
-            if _distance(place, seen) > NEAREST and (not len(broken) or _distance(place, broken) > BLOWN_UP):
+            if _distance(place, seen) > NEAREST and (not len(broken) or _distance(place, broken) > NEAR_BLOW_UP):
                 chosen.append(place)
                 break
     return np.array(chosen).reshape(-1, len(start))
@@ -115,6 +113,6 @@ def _least(
     box = [(0.0, 1.0)] * len(best)
     ends = [
         minimize(cost, place, jac=True, method="L-BFGS-B", bounds=box, options={"maxiter": 30})
-        for place in (best, *drawn[:POLISHED])
+        for place in (best, *drawn[:DESCENTS])
     ]
     return [*(end.x for end in sorted(ends, key=lambda end: float(end.fun))), *drawn]

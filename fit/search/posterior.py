@@ -18,12 +18,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
-WALKERS, STEPS = 64, 300
-FORGOTTEN = 100  # first steps
+WALKERS, SWEEPS = 64, 300
+FORGOTTEN_SWEEPS = 100  # first steps
 JITTER = 1e-3  # share of the box, e above
 FIRST_JITTER = 3e-3  # about the places that walkers begin at
 LEAP_EVERY = 5
@@ -41,7 +40,7 @@ def draw(cost: Callable[[Floats], Floats], places: Floats, pieces: float, seed: 
     walkers = np.clip(walkers + FIRST_JITTER * random.normal(size=walkers.shape), 0, 1)
     height = -0.5 * pieces * np.log(cost(walkers))
     kept = []
-    for step in range(STEPS):
+    for step in range(SWEEPS):
         gamma = 2.38 / np.sqrt(2 * count) if step % LEAP_EVERY else 1.0
         for half in (0, 1):
             moved, still = np.arange(half, WALKERS, 2), np.arange(1 - half, WALKERS, 2)
@@ -51,6 +50,6 @@ def draw(cost: Callable[[Floats], Floats], places: Floats, pieces: float, seed: 
             tried = np.where(is_inside, -0.5 * pieces * np.log(cost(np.clip(tries, 0, 1))), -np.inf)
             is_taken = np.log(random.random(len(moved))) < tried - height[moved]
             walkers[moved[is_taken]], height[moved[is_taken]] = tries[is_taken], tried[is_taken]
-        if step >= FORGOTTEN:
+        if step >= FORGOTTEN_SWEEPS:
             kept.append(walkers.copy())
     return np.concatenate(kept)

@@ -13,12 +13,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.errors import FitError
 from fit.search.least_squares import BoundedSpace
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 
 class RecordedSearch(ABC):

@@ -14,10 +14,7 @@ import heapq
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 
 @dataclass

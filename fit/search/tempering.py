@@ -23,15 +23,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.search.bounds import reflect
 from fit.search.least_squares import BoundedSpace
 from fit.search.record import RecordedSearch
+from formats.arrays import Floats
 
-Floats = NDArray[np.float64]
-
-CHAINS = 8
+TEMPERATURES = 8
 HOTTEST = 30.0  # N ln(D'/D) between the best and a poor candidate is 10 to 50: the hottest chain walks freely
 FIRST_STEP = 0.1  # share of the box
 WANTED_ACCEPTANCE = 0.25
@@ -44,7 +42,7 @@ class Tempering(RecordedSearch):
     name = "tempering"
 
     def __init__(
-        self, start: Floats, space: BoundedSpace, budget: int, seed: int, *, numbers: float, chains: int = CHAINS
+        self, start: Floats, space: BoundedSpace, budget: int, seed: int, *, numbers: float, chains: int = TEMPERATURES
     ) -> None:
         """Numbers: N, how many independent numbers the distance is a mean of."""
         super().__init__(start, space, budget, seed)

@@ -14,9 +14,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from formats.arrays import Floats
 
 HOPS = (-0.45, -0.3, -0.15, 0.15, 0.3, 0.45)  # of a parameter's range that it is moved by alone
 HOPPED = 2  # places at most that are returned

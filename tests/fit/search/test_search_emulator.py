@@ -101,7 +101,7 @@ def test_nothing_is_proposed_near_a_place_that_blew_up():
     for k in range(looks.SCATTERED, len(units)):
         batch = looks.SCATTERED + (k - looks.SCATTERED) // 2 * 2
         before = units[:batch][broken[:batch]]
-        assert np.abs(before - units[k]).max(1).min() > looks.BLOWN_UP
+        assert np.abs(before - units[k]).max(1).min() > looks.NEAR_BLOW_UP
 
 
 def test_nothing_is_proposed_where_hardly_anything_can_be_simulated():

@@ -9,7 +9,7 @@ import pytest
 
 from fit.errors import BlowUpError, FitError
 from fit.search.least_squares import (
-    PATIENCE,
+    UNJUDGED,
     BoundedSpace,
     LeastSquaresSettings,
     Prior,
@@ -85,7 +85,7 @@ def test_a_search_far_above_what_is_known_is_given_up_after_a_few_steps():
     hopeless = minimise(rosenbrock, start, space, settings=replace(patient, known_cost=1e-9))
     assert whole.cost < 1e-6
     assert whole.is_converged
-    assert len(hopeless.cost_history) == PATIENCE + 1
+    assert len(hopeless.cost_history) == UNJUDGED + 1
     assert not hopeless.is_converged
     assert hopeless.reason == "it will hardly come below what is known"
     assert minimise(rosenbrock, start, space, settings=replace(patient, known_cost=1e9)).cost == whole.cost

@@ -24,6 +24,7 @@ from fit.report import gather as reporting
 from fit.virtual_tests.sheet import sheet_of
 from formats.archive import read_take, write_take
 from formats.results import load_diagnosis, load_fit_result, save_fit_result
+from tests.fit.here import hangtime_here
 from tests.fit.recordings.test_geometry import scaled
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 
@@ -43,11 +44,24 @@ def a_swung_take(name="a", damping=3.0, hz=0.7):
     return simulate_take(garment, time, swing(time, amplitude=0.06, hz=hz), row, noise=0.002, seed=5, name=name)
 
 
+@pytest.fixture(scope="module")
+def swung():
+    return a_swung_take()
+
+
+def test_bad_input_ends_the_real_command_like_that_too(tmp_path):
+    done = hangtime("fit", "gone.mcap", folder=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "hangtime: gone.mcap: cannot be read (No such file or directory); check the path\n"
+
+
 def test_a_fit_lowers_the_error_and_says_so(tmp_path):
     """Linear damping of 3 /s against the 1.5 /s of the initial vector: forty iterations find most of it."""
     take = write_take(tmp_path / "a.mcap", a_swung_take())
     other = write_take(tmp_path / "b.mcap", a_swung_take("b", hz=0.9))
-    done = hangtime("fit", take, "--held-out", other, "--iterations", 40, "--out", "out", folder=tmp_path)
+    done = hangtime(
+        "fit", take, "--held-out", other, "--iterations", 40, "--spacing", 0.1, "--out", "out", folder=tmp_path
+    )
     assert done.returncode == 0, done.stderr
     result = load_fit_result(tmp_path / "out" / "fit.json")
     assert result.error.train_after.mean_m < 0.8 * result.error.train_before.mean_m
@@ -111,9 +125,9 @@ def test_a_saved_search_of_other_takes_is_refused(tmp_path):
         (("blind", "make", "a.mcap", "--nulls", "1"), "a.mcap: cannot be used as a folder for results"),
     ],
 )
-def test_bad_input_gives_one_sentence_and_exit_code_2(tmp_path, words, sentence):
-    write_take(tmp_path / "a.mcap", a_swung_take())
-    done = hangtime(*words, folder=tmp_path)
+def test_bad_input_gives_one_sentence_and_exit_code_2(tmp_path, swung, words, sentence):
+    write_take(tmp_path / "a.mcap", swung)
+    done = hangtime_here(*words, folder=tmp_path)
     assert done.returncode == 2
     assert sentence in done.stderr
     assert "Traceback" not in done.stderr
@@ -189,6 +203,7 @@ def test_a_fit_is_tested_as_a_fabric_and_warns_of_intervals_that_are_too_short(t
     assert "another `hangtime fit` writes here" in second.stderr
 
 
+@pytest.mark.slow
 def test_a_diagnosis_says_what_it_found_and_leaves_its_report(tmp_path):
     """With the lean model, whose shear is in the library, a hem added by hand, and a fit of the same takes."""
     write_take(tmp_path / "a.mcap", a_swung_take())
@@ -251,7 +266,15 @@ def test_a_second_diagnosis_in_a_folder_and_impossible_takes_are_refused_before_
     assert not (tmp_path / "diagnosis").exists()
 
 
-@pytest.mark.parametrize(("where", "code"), [("2>&-", 0), ("2>/dev/full", 0), ("2>&1 | true", 141), (">/dev/full", 2)])
+@pytest.mark.parametrize(
+    ("where", "code"),
+    [
+        pytest.param("2>&-", 0, marks=pytest.mark.slow),
+        ("2>/dev/full", 0),
+        pytest.param("2>&1 | true", 141, marks=pytest.mark.slow),
+        (">/dev/full", 2),
+    ],
+)
 def test_a_fit_that_nobody_reads_is_finished_all_the_same(tmp_path, where, code):
     write_take(tmp_path / "a.mcap", a_swung_take())
     words = [sys.executable, "-m", "formats.command", "fit", "a.mcap", "--iterations", "2", "--spacing", "0.15"]

@@ -54,6 +54,7 @@ def test_a_scheduler_that_has_no_workers_is_not_waited_for_without_end(takes, tm
     assert len(found.waiting) == 1
 
 
+@pytest.mark.slow
 def test_workers_that_start_after_the_batch_are_waited_for_without_any_patience(takes, tmp_path):
     port = free_port()
     address = f"tcp://127.0.0.1:{port}"
@@ -112,7 +113,9 @@ def test_a_network_that_is_lost_while_takes_are_looked_at_is_no_fault_of_theirs(
         survey(Listed("s3://takes"), open_store(str(tmp_path)), Plan())
 
 
-@pytest.mark.parametrize("is_back", [True, False], ids=["back", "gone"])
+@pytest.mark.parametrize(
+    "is_back", [pytest.param(True, marks=pytest.mark.slow, id="back"), pytest.param(False, id="gone")]
+)
 def test_a_bucket_that_workers_lose_is_waited_for_and_costs_no_take(tmp_path, is_back):
     """Takes in a bucket, results in a folder; the server goes before a worker has read its take."""
     root, port = tmp_path / "s3", free_port()

@@ -1,0 +1,22 @@
+"""The appliance's benchmark in its shortest form, so that it cannot rot."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks import appliance
+
+pytestmark = [pytest.mark.slow, pytest.mark.openni]
+
+
+def test_a_few_kills_lose_double_and_damage_no_take(tmp_path):
+    found = appliance.kill_often(3, 5, tmp_path)
+    assert found["kills"] == 3
+    assert (found["lost"], found["doubled"], found["damaged"]) == (0, 0, 0)
+    assert found["most lost of a running take"] <= appliance.SLACK
+
+
+def test_memory_stays_below_110_megabytes_while_it_records(tmp_path):
+    found = appliance.measure(2.0, tmp_path)
+    assert found["memory, recording"] < appliance.TARGETS["memory, recording"][0]
+    assert 2.0 <= found["pre-roll"] < 2.2

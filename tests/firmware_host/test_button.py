@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
 from firmware_host import button
 from firmware_host.button import DOWN, EVENT, KEY, STUCK, UP, Presses, open_contact
 from firmware_host.errors import ButtonError
+
+ROOT = Path(__file__).parents[2]
 
 
 def counted(script):
@@ -92,3 +98,47 @@ def test_a_line_of_a_chip_that_is_not_there_is_refused():
     pytest.importorskip("gpiod")
     with pytest.raises(ButtonError, match="/dev/gpiochip99: the button cannot be read"):
         open_contact("gpio:/dev/gpiochip99:17")
+
+
+GPIO_KEYS = r"""P: /devices/platform/button/input/input3
+E: SUBSYSTEM=input
+A: name=gpio-keys\n
+
+P: /devices/platform/button/input/input3/event3
+N: input/event3
+E: DEVNAME=/dev/input/event3
+E: SUBSYSTEM=input
+E: MAJOR=13
+E: MINOR=67
+L: device=..
+"""
+EVENTS = "".join(
+    f"E: {at:.6f} 0001 0100 {value:04}\nE: {at:.6f} 0000 0000 0000\n"
+    for at, value in ((0.0, 1), (0.004, 0), (0.008, 1), (0.6, 0), (2.0, 1), (3.0, 0))
+)
+COUNT_PRESSES = """
+import time
+from firmware_host.button import Presses, open_contact
+contact = open_contact("gpio-keys")
+presses, changes, count, until = Presses(is_down=contact.is_down()), [], 0, time.monotonic() + 20
+while len(changes) < 6 and time.monotonic() < until:
+    new = contact.changes()
+    changes += new
+    count += presses.take(new, time.monotonic())
+    time.sleep(0.005)
+print(count, changes)
+"""
+
+
+@pytest.mark.skipif(shutil.which("umockdev-run") is None, reason="umockdev is not here")
+def test_a_gpio_keys_device_of_the_kernel_is_found_by_its_name_and_read(tmp_path):
+    """A mocked input device replays two presses two seconds apart, the first with a bounce of 8 ms."""
+    (tmp_path / "device").write_text(GPIO_KEYS)
+    (tmp_path / "events").write_text(EVENTS)
+    mocked = ["umockdev-run", "-d", str(tmp_path / "device"), "-e", f"/dev/input/event3={tmp_path / 'events'}"]
+    done = subprocess.run(
+        [*mocked, "--", sys.executable, "-c", COUNT_PRESSES], capture_output=True, text=True, timeout=60,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == "2 [True, False, True, False, True, False]\n"

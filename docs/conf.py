@@ -13,7 +13,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from docs.generator import commands, effects, equations
+from docs.generator import appliance_states, commands, effects, equations
 from docs.generator.shown import with_shown_files
 
 project = "Hangtime"
@@ -38,6 +38,7 @@ html_math_renderer = "mathml"
 
 # A page that holds one of these lines shows in its place what the program itself says.
 GENERATED: dict[str, Callable[[], str]] = {
+    "<!-- generated: appliance states -->": appliance_states.appliance_states_page,
     "<!-- generated: commands -->": commands.commands_page,
     "<!-- generated: effects -->": effects.effects_page,
 }

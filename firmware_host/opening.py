@@ -38,7 +38,8 @@ def open_sensor(uri: str) -> DepthSensor:
         from firmware_host.paced import PacedSensor
 
         recording, _, cord = uri.removeprefix(PLAYED).partition(CORD)
-        return PacedSensor(lambda: open_sensor(recording), uri, Path(cord) if cord else None)
+        # In this process: a player in a process of its own takes half a second to begin each round.
+        return PacedSensor(lambda: OpenNI2Sensor(Path(recording)), uri, Path(cord) if cord else None)
     if names_live_sensor(uri):
         return OpenNI2Sensor()
     if "://" in uri:

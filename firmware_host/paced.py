@@ -23,7 +23,10 @@ FOLLOWED = 0.3  # s that the recording keeps up with the clock while nobody fetc
 class PacedSensor(DepthSensor):
     """A finite sensor's frames as they would come from a live one."""
 
-    def __init__(self, reopen: Callable[[], DepthSensor], uri: str, cord: Path | None = None) -> None:
+    def __init__(
+        self, reopen: Callable[[], DepthSensor], uri: str, cord: Path | None = None, *,
+        clock: Callable[[], float] = time.monotonic, sleep: Callable[[float], None] = time.sleep,
+    ) -> None:  # fmt: skip
         """Begin to play.
 
         reopen: opens the recording at its beginning; cord: a file that may say "silent" or "unplugged"
@@ -32,11 +35,12 @@ class PacedSensor(DepthSensor):
             SensorUnavailableError: the cord is unplugged.
         """
         self._reopen, self._uri, self._cord = reopen, uri, cord
+        self._clock, self._sleep = clock, sleep
         self._is_closed = False
         if self._said() == UNPLUGGED:
             raise SensorUnavailableError("no depth sensor is connected", where=uri, advice="plug it in")
         self._inner = reopen()
-        self._began = time.monotonic()
+        self._began = self._clock()
         self._number = 0  # of the next frame, from 0
 
     @property
@@ -51,20 +55,20 @@ class PacedSensor(DepthSensor):
             SensorStalledError: the cord has been silent for `timeout_s` seconds, or is unplugged.
         """
         interval = 1.0 / self._inner.info.fps
-        waited_since = time.monotonic()
+        waited_since = self._clock()
         while not self._is_closed:
-            now = time.monotonic()
+            now = self._clock()
             said = self._said()
             if said == UNPLUGGED:
                 raise SensorStalledError("the sensor was unplugged", where=self._uri, advice="plug it in again")
             if said == SILENT:
                 if now - waited_since >= timeout_s:
                     raise SensorStalledError(f"no frame for {timeout_s:g} s", where=self._uri, advice="replug it")
-                time.sleep(LOOK)
+                self._sleep(LOOK)
                 continue
             due = int((now - self._began) / interval)  # frames that have come by now
             if due < self._number:
-                time.sleep(
+                self._sleep(
                     min(self._began + self._number * interval - now, LOOK)
                     if self._cord
                     else max(self._began + self._number * interval - now, 0.0)
@@ -74,7 +78,7 @@ class PacedSensor(DepthSensor):
             frame = self._advance(missed + 1 if missed < FOLLOWED * self._inner.info.fps else 1)
             self._number = due + 1
             return dataclasses.replace(
-                frame, index=due, time_s=(due + 1) * interval, host_time_s=time.monotonic(), dropped_before=missed
+                frame, index=due, time_s=(due + 1) * interval, host_time_s=self._clock(), dropped_before=missed
             )
         return None
 

@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from capture.appliance.showing import LIGHTS, light_of
 from capture.appliance.states import TRANSITIONS, Event, State, StateMachine, table
+from docs.generator.appliance_states import SHORT, picture
 
 REFERENCE = (Path(__file__).parents[3] / "docs/reference/appliance.md").read_text()
 
 
 def test_the_reference_draws_the_table_that_the_code_follows():
     assert table() in REFERENCE
+
+
+def test_the_drawing_has_an_arrow_for_each_way_of_the_table_and_its_events_beside_it():
+    drawn = picture()
+    ways = {(before, after) for (before, _), after in TRANSITIONS.items()}
+    assert drawn.count("<line ") == len(ways)
+    assert all(f">{state.name.lower()}<" in drawn for state in State)
+    labels = " ".join(re.findall(r"<text[^>]*>([^<]*)<", drawn)).replace(",", "")
+    told = [SHORT[event] for _, event in TRANSITIONS]
+    assert sum(labels.count(word) for word in set(told)) >= len(told)
+    assert "<!-- generated: appliance states -->" in REFERENCE
 
 
 def test_every_state_can_be_left_and_reached_from_starting():

@@ -215,7 +215,7 @@ class Spool:
         if self._lock is not None:
             return
         make_folders(self.folder)
-        handle = os.open(self.folder / "recorder.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        handle = os.open(self.folder / "recorder.lock", os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import os
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime, timedelta
@@ -19,6 +20,7 @@ from formats.whole_files import write_whole
 
 FILE, LOCK = "sync-status.json", "sync.lock"
 WEEK = timedelta(days=7)
+MOMENT, MOMENTS = 0.02, 25  # s, and how many of them: half a second
 DAYS = ("Monday", "Tuesday", "Wednesday", "Thursday", "Friday", "Saturday", "Sunday")
 
 
@@ -99,16 +101,26 @@ def only_sync(spool: Path) -> Iterator[None]:
         SyncError: another one does.
         OSError: the folder cannot be written.
     """
-    handle = os.open(spool / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    handle = os.open(spool / LOCK, os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)  # whoever made it may be another
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        os.close(handle)
-        raise SyncError("another process syncs these takes", where=spool, advice="wait until it ends") from error
-    try:
+        _lock(handle, spool)
         yield
     finally:
         os.close(handle)
+
+
+def _lock(handle: int, spool: Path) -> None:
+    """Lock a file; whoever only asks whether it is locked holds it for a moment (`is_syncing`), and is waited for."""
+    for attempt in range(MOMENTS):
+        try:
+            return fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            if attempt == MOMENTS - 1:
+                raise SyncError(
+                    "another process syncs these takes", where=spool, advice="wait until it ends"
+                ) from error
+            time.sleep(MOMENT)
+    return None
 
 
 def is_syncing(spool: Path) -> bool:

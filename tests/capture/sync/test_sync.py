@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import random
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime, timedelta
 
 import msgspec
@@ -11,7 +12,8 @@ import pytest
 
 from capture.appliance.receipts import CHECKSUM, READ_BACK, receipts
 from capture.appliance.retention import Retention
-from capture.appliance.sync_status import read_status, sentences
+from capture.appliance.sync_status import is_syncing, only_sync, read_status, sentences
+from capture.errors import SyncError
 from capture.sync.credentials import Credentials
 from capture.sync.pace import LONGEST_WAIT, Rate, wait_after
 from capture.sync.rounds import SAME_DISK, Sync
@@ -398,7 +400,6 @@ def test_a_rate_of_1000_bytes_a_second_sends_5000_bytes_in_5_seconds():
     ],
 )  # fmt: skip
 def test_settings_that_do_not_hold_are_one_sentence(table, words):
-    from capture.errors import SyncError
     from capture.sync.settings import settings_of
 
     with pytest.raises(SyncError, match=words):
@@ -418,6 +419,21 @@ def test_every_setting_is_documented():
 
 def test_every_fault_of_the_proxy_is_one_that_the_rounds_meet():
     assert len(FAULTS) == len(set(FAULTS)) == 13
+
+
+def test_one_process_syncs_and_who_asks_whether_it_does_is_no_second_one(tmp_path, spool, three):
+    """The daemon asks once a second: 300 questions during one run neither stop it nor see it after its end."""
+    told = folder_of(tmp_path, spool)
+    with only_sync(spool.folder):
+        assert is_syncing(spool.folder)
+        with pytest.raises(SyncError, match="another process syncs these takes"):
+            sync_of(told)[0].once()
+    with ThreadPoolExecutor(1) as pool:
+        asked = pool.submit(lambda: [is_syncing(spool.folder) for _ in range(300)])
+        for _ in range(3):
+            assert sync_of(told)[0].once() is None
+        asked.result()
+    assert not is_syncing(spool.folder)
 
 
 # --- the commands -----------------------------------------------------------------------------------

@@ -48,7 +48,7 @@ CREATED = "2000-01-01T00:00:00Z"  # of every take: a time stamp would tell the o
 
 
 class Look(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What anybody may see of a case, drawn without regard to what is planted.
+    """The public part of a case, drawn without regard to the planted effects.
 
     width, height, distance [m]; mass [kg]; grid: points per side, 0 for corners and centre; rate [1/s]; duration [s]
     noise [m]: white deviation per axis; away: share of the time that a point is not seen; tilt [rad]: of the sensor
@@ -155,7 +155,7 @@ def plan(
 
 
 def drawn_names(rng: np.random.Generator, count: int) -> list[str]:
-    """Draw names of cases that tell nothing, all different."""
+    """Draw names of cases that reveal nothing, all different."""
     names: list[str] = []
     while len(names) < count:
         name = rng.bytes(4).hex()

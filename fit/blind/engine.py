@@ -20,7 +20,7 @@ from fit.errors import BlowUpError, FitError
 from formats.arrays import Floats
 
 SIDE = 0.016  # m, mean edge of its triangles: two thirds of the fitter's finest
-SAMPLES = 200  # per second of what is kept: swung cloth moves below 10 Hz
+SAMPLES = 200  # kept per second: swung cloth moves below 10 Hz
 SAFETY = 0.7  # of the linear limit: the bound is of the flat sheet
 SETTLE_TIME = 2.0  # s that the sheet hangs still before a take
 SETTLE_DAMPING = 6.0  # 1/s during that time: critical for the slowest swing
@@ -79,13 +79,13 @@ class Cloth:
 
     @property
     def mass(self) -> float:
-        """What scales show for the cloth [kg], hem included, foreign objects not."""
+        """Mass of the cloth on scales [kg], hem included, foreign objects not."""
         return self.density * self.width * self.height + self.hem * self.width
 
 
 @dataclass(frozen=True)
 class Motion:
-    """What a batch of takes did: time [s], (samples,); points [m], (takes, samples, points, 3), world frame, z up.
+    """Motion of a batch of takes: time [s], (samples,); points [m], (takes, samples, points, 3), world frame, z up.
 
     shapes, (takes, samples, nodes, 6): places [m] and velocities [m/s], or None.
     """

@@ -27,7 +27,7 @@ from formats.whole_files import write_whole
 
 
 class Labels(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What is sealed: how the set was drawn and the truth of every case."""
+    """The sealed part: how the set was drawn and the truth of every case."""
 
     format: str
     seed: int
@@ -45,7 +45,7 @@ class Labels(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 class Manifest(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What is published: hashes. `files` maps paths in the set's folder to their SHA-256."""
+    """The published part: hashes. `files` maps paths in the set's folder to their SHA-256."""
 
     format: str
     sealed: str
@@ -121,7 +121,7 @@ def make_real_set(
 def _check_side(side: float, truths: list[Truth]) -> None:
     """Refuse a mesh of which a sheet would not hold two sides, before anything is sealed."""
     largest = min(min(t.look.width, t.look.height) for t in truths) / 2
-    if not 0 < side <= largest:  # of what is no number nothing is true
+    if not 0 < side <= largest:  # no comparison with NaN is true
         raise FitError(
             f"a mesh of side {side:g} m does not fit these cases", where="--side",
             advice=f"give metres, above 0 and up to {int(1e3 * largest) / 1e3:g}",

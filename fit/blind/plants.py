@@ -1,4 +1,4 @@
-"""What the generator can plant: the effects of the diagnosis' library by laws of its own, and some of no library.
+"""Effects that the generator can plant: those of the diagnosis' library by laws of its own, and some of no library.
 
 Amplitudes are drawn log-uniformly over 0.5 to 3 times a typical size, cut off where apparel and sensors end. An amount
 of several components has the length of their vector as its amplitude. How each acts:

@@ -280,7 +280,7 @@ def _filled(take: Take) -> Floats:
 
 
 def _with_points(take: Take, points: Floats) -> Take:
-    """What was not seen stays so."""
+    """Points that were not seen stay unseen."""
     return replace(take, points=np.where(take.points_valid[..., None], points, np.nan))
 
 

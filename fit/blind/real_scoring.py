@@ -64,7 +64,7 @@ class RealJudged(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 
 class RealScore(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What a set of answers on real takes is worth."""
+    """Score of a set of answers on real takes."""
 
     format: str
     created: str

@@ -21,7 +21,7 @@ from fit.errors import FitError
 from fit.folders import alone, make_folder
 from formats.whole_files import write_whole
 
-LIMIT = 3600.0  # s for one case: thirty times what one takes
+LIMIT = 3600.0  # s for one case: thirty times the usual time
 PATIENCE = 10.0  # s until a diagnosis that the terminal's Ctrl-C did not reach is interrupted too
 DIAGNOSIS, FAILURE, LOG = "diagnosis.json", "failure.txt", "output.txt"
 KEPT, REFUSED = "diagnosis.partial", 2  # fits that an interrupted diagnosis keeps; exit code of a bad request
@@ -119,7 +119,7 @@ class _Diagnoses:
             words += ["--without", without]
         has_kept = (work / KEPT).exists()
         said, code = self._call(words)
-        if code == REFUSED and has_kept:  # what was kept is of another version or of other options
+        if code == REFUSED and has_kept:  # the kept fits are of another version or of other options
             shutil.rmtree(work / KEPT)
             said, code = self._call(words)
         if code == REFUSED and said.startswith("Usage:"):
@@ -128,7 +128,7 @@ class _Diagnoses:
                 where="--option",
                 advice="see `hangtime diagnose --help`",
             )
-        if code in {130, -signal.SIGINT}:  # the next run goes on with what the diagnosis kept in its folder
+        if code in {130, -signal.SIGINT}:  # the next run goes on with the fits kept in its folder
             raise KeyboardInterrupt
         write_whole(work / LOG, said.encode())
         if code == 0 and _is_done(work):

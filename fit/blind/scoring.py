@@ -64,7 +64,7 @@ class Headed(msgspec.Struct):
 
 
 class Score(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What a set of answers is worth."""
+    """Score of a set of answers."""
 
     format: str
     created: str

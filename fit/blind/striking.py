@@ -51,7 +51,7 @@ class StruckCase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 
 class Struck(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What is said where the library lacks what is at work; rates have 95 % Wilson intervals."""
+    """Score where the library lacks the planted effect; rates have 95 % Wilson intervals."""
 
     format: str
     created: str

@@ -1,4 +1,4 @@
-"""The base fit: what the model can do without any effect, under the weakest pull that keeps the takes predictable.
+"""The base fit: the model without any effect, under the weakest pull that keeps the takes predictable.
 
 Places over the box of parameters are looked at, first scattered ones, then those where an emulator of the residuals
 expects the least cost (`fit.search.looks`): on a coarse mesh and under a pull that makes the response smooth (a hard

@@ -1,4 +1,4 @@
-"""How far the gap shrinks: error with and without an effect on motion that was not used to fit it.
+"""Closure, the share of the gap that an effect removes on motion that was not used to fit it.
 
     closure = (E_base^2 - E_effect^2) / (E_base^2 - floor^2)
 

@@ -106,7 +106,7 @@ def correlation_of(observer: Observer, residual: Floats) -> Floats:
 
 
 def effective_count(correlation: Floats) -> float:
-    """How many independent blocks tell as much as correlated ones, (blocks, blocks)."""
+    """Number of independent blocks that hold as much information as correlated ones, (blocks, blocks)."""
     return len(correlation) ** 2 / float(correlation.sum())
 
 

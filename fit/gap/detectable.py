@@ -16,7 +16,8 @@ from fit.gap.edge_fit import detectable_on_edge
 from fit.gap.evidence import Evidence, per_millimetre
 from formats.arrays import Floats
 
-# Of the squared error of mesh and solver that an effect must remove at least; of what solvers differ by, more than all.
+# Share of the squared error of mesh and solver that an effect must remove. Effects by which sound solvers differ must
+# remove more than all of it.
 MESH_SHARE, SOLVER_SHARE = 0.5, 3.0
 LISTED = 4  # components that a sentence names
 

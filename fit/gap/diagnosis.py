@@ -85,9 +85,9 @@ def diagnose(
     """Diagnose the gap between takes and the base model.
 
     effects: the library to look in
-    added: names of effects whose refit is to be shown whatever the screening says of them.
+    added: names of effects that are refitted and shown even where screening finds nothing
     checkpoint: folder in which finished fits are kept; the caller deletes it when the result is safe.
-    prepared: what `ready` made of the takes, where that has been called before
+    prepared: the result of `ready` for these takes, where the caller has it already
 
     Raises:
         FitError: as `ready`, or a checkpoint of other takes or of another version.
@@ -126,7 +126,7 @@ def diagnose(
     search.sizes_by_edge(refined.numerics_mm)
     evidence = search.evidence(noise, refined, resampling, found_gates, is_held_out=bool(test))
     verdict = decide(evidence)
-    # Two may hide each other, so that neither passes alone: what nothing explains is looked at in pairs as well.
+    # Two effects may hide each other, so that neither passes alone: pairs are tried where no single effect explains it.
     may_be_several = verdict.verdict in {"effect", "ambiguous", "unknown"} and evidence.is_predictable
     if may_be_several and search.singles and (verdict.verdict == "unknown" or passing_effects(evidence)):
         progress("looking for a second effect", 0.88)

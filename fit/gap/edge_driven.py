@@ -6,9 +6,9 @@ least squares over the tracked points of the edge, per frame,
     min_e  sum_p |y_p - (1 - f_p) e_0 - f_p e_1|^2,
 
 and through the ends a path like the hanger's own (`fit.recordings.recording`), with the cut-off that its noise asks
-for. Driven by it, and with the fabric fitted again, a model knows of everything that is wrong between hanger and edge,
-in the library or not: what it leaves lies in the cloth, the air or the points. It names no cause: effects are told by
-their laws.
+for. Driven by this path, and with the fabric fitted again, a model is free of every error between hanger and edge, in
+the library or not. The error that remains lies in the cloth, the air or the points. The path names no cause: effects
+are identified by their laws.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ LEAST_SPREAD = 0.1  # of the determinant of all the edge's points, that those se
 
 
 def held_by_edge(observer: Observer, judge: Observer, base: Fitted, kept: Checkpoint) -> Hypothesis | None:
-    """Return the base model held by its tracked edge, fitted and judged; None where that edge tells no path.
+    """Return the base model held by its tracked edge, fitted and judged; None where the edge gives no path.
 
     observer, judge: of the takes fitted to and judged on; base: the fit that is begun from
     """
@@ -49,7 +49,7 @@ def held_by_edge(observer: Observer, judge: Observer, base: Fitted, kept: Checkp
 
 
 def sentence(evidence: Evidence, found: Hypothesis | None) -> str:
-    """Say what is left of the gap where the tracked edge holds the cloth; nothing where that is not known."""
+    """Say how much of the gap is left where the tracked edge holds the cloth; say nothing where that is not known."""
     closed = evidence.closure_of(found) if found is not None else None
     if found is None or closed is None or closed.interval is None:
         return ""

@@ -1,19 +1,20 @@
-"""Sizes of effects that the held edge alone tells, and of what can be seen there at all.
+"""Sizes of effects that the held edge alone identifies, and the smallest sizes that it can show.
 
 A simulated edge is where hanger and effects put it, whatever the cloth (`fit.observer.edge`). With the edge's residual
-r and its change S per unit of the amplitudes of all effects in a fit that move it, what it says of them alone is
+r and its change S per unit of the amplitudes of all effects in a fit that move it, the edge alone estimates them as
 
     delta = -(S'S)^-1 S'r,   cov = I^-1,   I = S'S over what varies / SLOW + S'S over what is off constantly / takes
 
 since slow noise makes SLOW times the scores of white noise, and a marker's own offset is the same in all takes.
-The cloth tells amplitudes too, but its error e of mesh and solver [mm^2 rms per number], of a random direction among
+The cloth identifies amplitudes too. Its error e of mesh and solver [mm^2 rms per number], of a random direction among
 DIRECTIONS, makes them as uncertain as if each of its N numbers had, for the variance s^2 of its noise,
 
     trust = 1 + N e^2 / (DIRECTIONS s^2)
 
-times less to say (`fit.gap.closure.solver_draws`). Where the edge would have an amplitude elsewhere, by more than
+times less weight (`fit.gap.closure.solver_draws`). Where the edge would have an amplitude elsewhere, by more than
 DISPUTED deviations, and lies where it was tracked with that, the fit is made again with the amplitude known from it.
-What it tells to no better than a typical size (a scale of the whole scene, which moves edge and hanger alike) stays.
+Amplitudes that the edge identifies to no better than a typical size stay (a scale of the whole scene moves edge and
+hanger alike).
 Source: weighted least squares with a prior, A. Tarantola, "Inverse Problem Theory" (2005), section 3.2.
 """
 
@@ -32,12 +33,12 @@ from formats.arrays import Floats
 
 SLOW = 4.0  # scores of slow noise, a third of the white one and lasting a third of a second, over those of white noise
 DISPUTED = 2.0  # deviations
-LEADS = 2  # effects that are refitted for what the held edge shows
+LEADS = 2  # effects that are refitted because they would put the held edge right
 LARGEST = 1e3  # typical sizes, from which an effect that moves the edge by a solver's last digits does not move it
 
 
 def trust_in_edge(observer: Observer, numerics_mm: float) -> float:
-    """How many times the cloth's residuals believe themselves too much, for a mesh and solver wrong by so many mm."""
+    """Factor by which the cloth's residuals are overconfident where mesh and solver are wrong by so many mm."""
     layout = observer.layout
     noise = float((layout.sd[layout.is_judged] ** 2).mean())
     wrong = (1e-3 * numerics_mm) ** 2 / 3.0
@@ -45,7 +46,7 @@ def trust_in_edge(observer: Observer, numerics_mm: float) -> float:
 
 
 def disputed(observer: Observer, without: Floats, fitted: Fitted, trust: float) -> Pinned | None:
-    """What the held edge says of a fit's amplitudes, where that is elsewhere and puts the edge right.
+    """Amplitudes of a fit by the held edge, where they differ from the cloth's and put the edge right.
 
     without: residual of the model without the fit's effects, (numbers,)
     """
@@ -69,9 +70,9 @@ def disputed(observer: Observer, without: Floats, fitted: Fitted, trust: float) 
 
 
 def beside_another(observer: Observer, start: Fitted, effect: str, rows: Floats) -> Pinned | None:
-    """What the held edge says of the amplitudes that it decided in a fit, and of one more effect's, both together.
+    """Amplitudes by the held edge, of the effects that it decided in a fit and of one more effect, estimated together.
 
-    What it cannot tell beside the other one is free. rows, (components, numbers): of the effect, in typical sizes
+    Components that the edge does not identify are free. rows, (components, numbers): of the effect, in typical sizes
     """
     if start.pinned is None:
         return None
@@ -127,8 +128,8 @@ def detectable_on_edge(observer: Observer, judge: Observer, screened: Screened) 
 def _solved(observer: Observer, rows: Floats, residual: Floats) -> tuple[Floats, Floats, Floats]:
     """The step that rows, (components, edge's numbers), take against a residual of the edge, and its information.
 
-    Also the deviation of each component, (components,): infinite where the edge does not tell it to better than a
-    typical size, and then it stays.
+    Also the deviation of each component, (components,): infinite, with a step of zero, where the edge does not
+    identify the component to better than a typical size.
     """
     layout = observer.layout
     still = (layout.frame < 0)[layout.is_edge]

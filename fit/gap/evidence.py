@@ -1,4 +1,4 @@
-"""What a verdict rests on: hypotheses with their held-out errors, the noise floor, what mesh and solver may hide."""
+"""Evidence for a verdict: hypotheses with their held-out errors, the noise floor, the error of mesh and solver."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ STUDENT_95 = 2.92  # of t with two degrees of freedom, 95 % one-sided: of the me
 # One more draw of the noise is within so many standard errors of that mean: t times sqrt(3) sqrt(1 + 1/3).
 ONE_MORE = STUDENT_95 * 2.0
 AT_BOUND = 0.01  # of an effect's range: an amplitude nearer to its end was stopped by it
-# A further effect closes a tenth of the gap and a third of what those before leave beyond the noise; or it closes most
-# of that, which the wrong law of an effect that is there rarely does. Most on average, or in the median half-second:
-# where cloth becomes unpredictable for a moment, that moment is nearly all of what is left.
+# A further effect closes a tenth of the gap, and a third of the error that the effects before it leave beyond noise.
+# Or it closes most of that error, which a wrong law of an effect that is there rarely does. Most counts on average or
+# in the median half-second: where cloth becomes unpredictable for a moment, that moment holds nearly all of the error.
 SECOND_GAIN, SHARE_OF_LEFT = 0.1, 1 / 3
 MOST_OF_LEFT = 0.6
 LEAST_GAIN, LEAST_GAIN_BY_LAW = 0.01, 0.03  # beside effects of one exact law; beside others at most
@@ -76,7 +76,7 @@ def closes_enough(
 
 
 def edge_left_by_law(observer: Observer, base: Hypothesis, hypothesis: Hypothesis) -> float:
-    """What sound laws of effects leave of what the held edge shows without them, in multiples of what is certain."""
+    """Largest error at the held edge that sound laws of these effects leave, in multiples of a certain error."""
     moving = (observer.library[k] for k in hypothesis.effects if observer.library[k].moves_edge)
     spread = max((effect.law_spread for effect in moving), default=0.0)
     return (LAW_DEVIATIONS * spread) ** 2 * base.errors.edge.beyond_noise
@@ -148,7 +148,7 @@ def is_beyond(observer: Observer, hypothesis: Hypothesis, effect: str, wrong: fl
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a verdict is decided on: hypotheses with their held-out errors, noise floor [mm], mesh error [mm], gates.
+    """Evidence for a verdict: hypotheses with their held-out errors, noise floor [mm], mesh error [mm], gates.
 
     joint: with further effects, and the last one's p-value; instead: two effects, one of them in the place of a twin
     observer, judge: of the takes fitted to and judged on; floor_error_mm: standard error of the floor
@@ -167,11 +167,11 @@ class Evidence:
     is_held_out: bool
     instead: list[Hypothesis]
     floor_error_mm: float = 0.0
-    mesh_mm: float = 0.0  # of numerics_mm what the mesh alone is wrong by
+    mesh_mm: float = 0.0  # error of the mesh alone; numerics_mm holds the solver's too
 
     @property
     def gap_mm2(self) -> float:
-        """What the base model misses by beyond the noise, mean square [mm^2]."""
+        """Mean squared error of the base model beyond the noise [mm^2]."""
         return self.base.errors.squared_mm - self.floor_mm**2
 
     @property
@@ -240,10 +240,10 @@ class Evidence:
         return self.drawn()[:2]
 
     def alternatives(self, several: Hypothesis) -> dict[str, dict[str, Hypothesis]]:
-        """Of each of two effects that has any, the twins that do nearly as well in its place, with their hypotheses.
+        """Twins of each of two effects, which do nearly as well in its place, with their hypotheses.
 
-        Nearly: of what the effect closes beside the other one, the twin closes NEAR_TWIN; or NEAR, and in RIVAL of the
-        draws of half-seconds it leaves less.
+        A twin closes NEAR_TWIN of what the effect closes beside the other one; or it closes NEAR of that, and leaves
+        less in RIVAL of the draws.
         """
         found: dict[str, dict[str, Hypothesis]] = {}
         for other in self.instead:
@@ -264,9 +264,10 @@ class Evidence:
 
     @functools.cached_property
     def contradicted(self) -> frozenset[str]:
-        """Refitted effects that the held edge tells not to be it.
+        """Refitted effects that the held edge contradicts.
 
-        It lies surely farther off than without the effect, or than with one that closes as much or nearly so.
+        With the effect the edge lies surely farther off than without. Or it lies farther off than with another effect
+        that closes nearly as much.
         """
         base = self.base.errors.squared_mm
         closed = {k: base - h.errors.squared_mm for k, h in self.singles.items() if not is_at_bound(self.observer, h)}
@@ -280,11 +281,11 @@ class Evidence:
 
     @functools.cached_property
     def told_by_edge(self) -> frozenset[str]:
-        """Refitted effects that the held edge alone tells of, whatever the cloth does.
+        """Refitted effects that the held edge alone identifies, whatever the cloth does.
 
-        With it the edge of other takes lies where it was tracked, without it certainly not; its size is surely not
-        nothing; and it does not surely make the cloth worse. Of several, those that the edge does not tell from the
-        best of them.
+        With the effect the edge of held-out takes lies where it was tracked, and certainly not without. The effect's
+        interval excludes zero, and the effect does not surely make the cloth worse. Of several effects, those count
+        that the edge cannot distinguish from the best one.
         """
         found = [k for k in self.singles if self._is_told_by_edge(k)]
         if not found:

@@ -1,4 +1,4 @@
-"""What the diagnosis found, as the records of `formats.results`."""
+"""Describe the diagnosis in the records of `formats.results`."""
 
 from __future__ import annotations
 
@@ -39,7 +39,9 @@ def describe_gap(evidence: Evidence, best: Hypothesis | None, held_by_edge: Hypo
 def describe_effects(
     evidence: Evidence, best: Hypothesis | None, effects: tuple[Effect, ...], model: Parameterisation
 ) -> list[EffectFinding]:
-    """Describe every effect of the library, the one that closes most first; best: what the verdict names, if any.
+    """Describe every effect of the library, the one that closes most first.
+
+    best: the hypothesis that the verdict names, if any
 
     Of several effects that are named together amplitudes are of the fit with all of them.
     """

@@ -127,7 +127,8 @@ class Task:
     """A fit that is wanted: of base parameters and the active effects' amplitudes, from the given ones.
 
     vector, (parameters,); amplitudes, (components,) of all effects
-    renewals: of a worn Jacobian, after which a halt is believed; is_rough: nobody will ask for the Jacobian of the end;
+    renewals: how often an outdated Jacobian is computed anew before a halt counts; is_rough: the Jacobian of the end is
+    not needed;
     known_cost: of a fit of the same model from elsewhere, below which this one must come or is given up
     jacobian, (numbers, parameters + components): known near the start, it is updated by chords instead of made anew.
     pinned: amplitudes that are known from elsewhere

@@ -1,4 +1,4 @@
-"""What must hold before anything is diagnosed: enough moving data, a predictable take, a converged fit, a fine mesh."""
+"""Gates of a diagnosis: enough moving data, predictable takes, a converged fit, a fine mesh."""
 
 from __future__ import annotations
 

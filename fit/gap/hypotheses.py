@@ -1,4 +1,4 @@
-"""What could explain the gap: the base model with one effect of the library, or with several, refitted and judged.
+"""Hypotheses for the gap: the base model with one effect of the library, or with several, refitted and judged.
 
 Effects are shortlisted by the cost that a linear refit would save (`fit.gap.screening`), and by the distance that it
 would save, which is what hypotheses are judged by; those are refitted jointly with the base parameters, from the linear
@@ -26,9 +26,9 @@ ITERATIONS = 5  # of each refit, along chords
 POLISHING = 8  # iterations of the best refits with Jacobians of their own
 SHARES = (0.3, 0.6, 1.0, 1.5)  # of the linear guess of an amplitude that are tried as starts
 ALIKE = 0.9  # cosine above which an effect is refitted because its twin is
-LEAST_SHARE = 0.05  # of the shortlist's best predicted saving; what saves less is not refitted
-# A place that is constantly off weighs little beside hundreds of frames of noise, and may be most of what is missed.
-MOST_SEEN, SEEN_SHARE = 2, 0.5  # effects refitted for what they save in mm^2; of the most that any saves
+LEAST_SHARE = 0.05  # of the best predicted saving; effects that save less are not refitted
+# A constant offset weighs little in the cost beside hundreds of frames of noise, and may be most of the error in mm.
+MOST_SEEN, SEEN_SHARE = 2, 0.5  # effects refitted for the mm^2 that they save; share of the largest saving
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Line B: what the missing force looks like, from the observer's pull alone, without any library.
+"""Describe the missing force from the observer's pull alone, without any library.
 
 The pull per mass at the tracked points, a = w^2 (y - x) + 2 w (ydot - v), is what the model needs and lacks. Sensor
 noise dominates it above the motion's own frequencies, so pull and features alike pass the same 2 Hz low-pass. It is
@@ -10,7 +10,7 @@ split into its part along the cloth's normal n, and regressed on features of the
 Whether it opposes the motion or drives it says the sign of its power, the mean of a . v: a base fit that damps more
 than the cloth does needs a force along the motion.
 The exponent p is the one for which -|v_n|^p sign(v_n) explains most of the normal part.
-Source: the parity argument is that of Line B in this project's design; regression of increments on model terms as in
+Source: regression of increments on model terms as in
 R. Mojgani, A. Chattopadhyay, P. Hassanzadeh, "Discovery of interpretable structural model errors", Chaos 32 (2022).
 """
 
@@ -93,7 +93,7 @@ def _pull(simulator: Simulator, material: Floats, amplitudes: Floats) -> tuple[F
     normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-12)
     height = np.array([p.at_m[1] for p in recording.garment.points])
     third = np.clip(3 * (height.max() - height) / max(np.ptp(height), 1e-9), 0, 2.999).astype(int)
-    chosen: NDArray[Any] = recording.valid & (trust > 0) & recording.judged  # what the hanger holds cannot be pulled
+    chosen: NDArray[Any] = recording.valid & (trust > 0) & recording.judged  # points in the hanger cannot be pulled
     chosen[:3] = chosen[-3:] = False  # one-sided differences
     normal_speed = (velocity * normal).sum(2, keepdims=True)
     pressed = (acceleration * normal).sum(2, keepdims=True) * normal

@@ -1,8 +1,8 @@
-"""Which recording would tell apart what is still alive: every motion of a menu is simulated and compared.
+"""Propose the recording that separates the remaining explanations: every motion of a menu is simulated and compared.
 
-For two explanations i and j with contributions c_i, c_j (change of the residual at their fitted amplitudes) on the
-present
-takes and on a new one together, and what base parameters and the other one's amplitude can imitate projected out,
+Two explanations i and j have contributions c_i, c_j, the change of the residual at their fitted amplitudes, on the
+present takes and on a new one together. With everything projected out that base parameters and the other amplitude can
+imitate they are apart by
 
     T_ij = min over (theta, beta) of | c_i - J theta - beta c_j |^2 / phi
 
@@ -36,7 +36,7 @@ WORTH_IT = 1.0  # standard deviations that a recording must add
 
 @dataclass(frozen=True)
 class Motion:
-    """One entry of the menu: path of the hanger's middle, (n,) s -> (n, 3) m, its yaw [rad], and what is turned round.
+    """One entry of the menu: path of the hanger's middle, (n,) s -> (n, 3) m, its yaw [rad], and effects that turn.
 
     `turned` gives factors on the components of effects that change sign, or vanish, when cloth or rig is turned.
     """

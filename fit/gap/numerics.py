@@ -1,4 +1,4 @@
-"""How much of the gap is the mesh and the step: the base model on a finer mesh, refitted once, on the same motion.
+"""Measure the error of mesh and step: the base model on a finer mesh, refitted once, on the same motion.
 
 The difference between the meshes, refitted or not, whichever is larger, also says how far the base mesh is from a
 converged one: with an error that falls with the square of the spacing h, and meshes whose spacings stand as q to 1,

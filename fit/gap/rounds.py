@@ -41,12 +41,12 @@ Progress = Callable[[str, float], None]
 
 MOST_EFFECTS = 3  # that one verdict may name
 POLISHED = 2  # hypotheses that are fitted on with a Jacobian of their own
-POLISHED_SHARE = 0.5  # of the cost that the best one saves: what saves less is not fitted on
+POLISHED_SHARE = 0.5  # of the cost that the best one saves; hypotheses that save less are not fitted on
 PROMISING = 2.0  # a further effect is fitted on where it would be enough if it closed so many times as much
 POLISHED_WITHIN = 1.5  # of the squared error of two effects: a twin in the place of one is fitted on too
-SECONDS_TRIED = 3  # further effects that are refitted beside what was found
+SECONDS_TRIED = 3  # further effects that are refitted beside the one that was found
 FITS_BETTER = 1.5  # times the cost that the best effect saves, from which another one is a start for further effects
-RIVAL_SHARE = 0.7  # of what the best effect closes, from which the next best is tried beside a further one as well
+RIVAL_SHARE = 0.7  # of the closure of the best effect, from which the next best is a start for pairs as well
 
 
 class Rounds:
@@ -282,14 +282,14 @@ class Rounds:
     def _twins(self, effect: str, kept: str) -> tuple[str, ...]:
         """Effects that look like one of two, beside the other one where that was screened, or else alone."""
         screened = self.beside.get(kept, self.screened)
-        if effect not in screened:  # what is not looked for beside another one was a start
+        if effect not in screened:  # an effect that is not looked for beside another one was a start
             screened = self.screened
         own = screened[effect]
         alike = [name for name, other in screened.items() if abs(cosine(own, other)) > GROUP_COSINE]
         return tuple(name for name in alike if name not in (effect, kept))
 
     def _rivals(self, order: list[Hypothesis]) -> list[Hypothesis]:
-        """What may be the right one beside another: the next best, where it closes nearly as much, and what fits best.
+        """Return other starts for pairs: the next best effect, where it closes nearly as much, and the best fit.
 
         An effect of two may do little for held-out motion while the other one is missing, and yet be the one that the
         motion fitted to shows most of, or that puts the held edge where the best one does not: even one that is driven
@@ -350,7 +350,7 @@ class Rounds:
         return judged(self.judge, self.kept.recall([kept_as(active) + kind for active in added], go))
 
     def alive(self, evidence: Evidence, verdict: Verdict) -> tuple[list[Hypothesis], list[float]]:
-        """Return the hypotheses that a further recording should tell apart, and how much each weighs."""
+        """Return the hypotheses that a further recording should separate, and the weight of each."""
         if verdict.verdict not in {"effect", "ambiguous", "unknown"}:
             return [], []
         shares = evidence.win_shares()

@@ -1,7 +1,7 @@
-"""Line A: which effect's signature does the residual of the base fit carry?
+"""Score test: compare the signature of every effect with the residual of the base fit.
 
 With the residual r of a fit, its Jacobian J and an effect's signatures S (change of the residual per unit of amplitude,
-one column per component, taken at the typical size), what the fitted parameters can imitate is projected out of both:
+one column per component, taken at the typical size), project out of both the part that fitted parameters can imitate:
 
     P = I - J (J'J + Lambda)^-1 J',   Sp = P S,   rp = P r
     alpha = -(Sp'Sp)^-1 Sp'rp,   explained = |Sp alpha|^2 / |rp|^2,   absorbed = 1 - |Sp|^2 / |S|^2
@@ -40,10 +40,10 @@ from formats.arrays import Floats
 
 REPLICAS = 2000
 DETECTION = 1.645 + 0.842  # one-sided 5 % and power 80 %
-GROUP_COSINE = 0.9  # signatures closer than this cannot be told apart
+GROUP_COSINE = 0.9  # signatures with a larger cosine are collinear: they form a group
 RENEWED = 8  # effects whose signatures are taken anew where those of a fit nearby are known
 AT_TOP = 0.02  # of a base parameter's largest value: nearer to it a fit was stopped by it
-NEAR = (0.5, 1.6)  # of the amplitude of a probe: what its secant may be believed for
+NEAR = (0.5, 1.6)  # of the amplitude of a probe: the range in which its secant is used
 
 
 def ended_at(observer: Observer, vector: Floats, effect: str) -> int | None:
@@ -58,7 +58,7 @@ def ended_at(observer: Observer, vector: Floats, effect: str) -> int | None:
 
 @dataclass(frozen=True)
 class Signature:
-    """What the score test says of one screened effect.
+    """Result of the score test for one effect.
 
     amplitude, (components,): of the linear refit
     raw, projected: signatures in typical sizes, (components, numbers); the raw ones are columns of a joint Jacobian
@@ -238,7 +238,7 @@ def screen(
 
 @dataclass(frozen=True)
 class _Scored:
-    """What one secant says: its amplitude, (components,), its rows in typical sizes, raw and projected, and their use.
+    """Result of one secant: amplitude, (components,), and rows in typical sizes, raw and projected.
 
     contribution, (numbers,): what it would explain; predicted: cost that a linear refit would save; correlation:
     multiple, of the residual with the raw rows
@@ -322,7 +322,7 @@ def _p_values(statistic: Floats, drawn: Floats) -> tuple[Floats, Floats]:
 
 
 def groups(screened: Screened) -> dict[str, str]:
-    """Return of each effect the first one of its group: effects that this data cannot tell apart (complete linkage)."""
+    """Return for each effect the first one of its group; a group is collinear in these takes (complete linkage)."""
     leader: dict[str, str] = {}
     for name, own in screened.items():
         leader[name] = name

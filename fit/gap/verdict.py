@@ -30,8 +30,8 @@ from formats.results import Figure, place_of
 LEVEL = 0.05  # family-wise
 CLEAR_WIN = 0.8  # share of bootstrap draws in which the winner beats every other effect
 SURELY_CLOSED = 0.5  # of the gap, at the lower end of its interval, by effects of which none passes alone
-MOSTLY_MESH = 0.5  # of a gap that nothing explains, from which what mesh and solver may be wrong by is to be looked at
-LIKELY, SURE = 0.5, 0.8  # probabilities; it is likely that one of what is named is worth naming
+MOSTLY_MESH = 0.5  # of an unexplained gap: with a larger error of mesh and solver the verdict is `numerics`
+LIKELY, SURE = 0.5, 0.8  # probabilities, from which the sentence says `probably` and then nothing of the kind
 
 
 def may_be_added(observer: Observer, hypothesis: Hypothesis, p_value: float) -> bool:
@@ -104,7 +104,7 @@ def decide(evidence: Evidence) -> Verdict:
             "unknown",
             [],
             f"There is a gap that no effect in the library explains: {library[best].title} comes nearest, and leaves "
-            f"{100 - 100 * closed.value:.0f} % of it, more than it would as the cause. {numbers}",
+            f"{100 - 100 * closed.value:.0f} % of it, more than a true cause would. {numbers}",
         )
     shares = evidence.win_shares()
     rivals = [
@@ -121,7 +121,7 @@ def decide(evidence: Evidence) -> Verdict:
         return Verdict(
             "ambiguous",
             [best, *rivals],
-            f"{either[0].upper()}{either[1:]}: this data cannot tell them apart. {numbers}",
+            f"{either[0].upper()}{either[1:]}: these takes cannot tell them apart. {numbers}",
         )
     title = library[best].title
     return Verdict(
@@ -135,7 +135,7 @@ def decide(evidence: Evidence) -> Verdict:
 
 
 def _no_gap(evidence: Evidence, *, has_gap: bool) -> Verdict:
-    """Say that there is no gap beyond noise, mesh and solver, or that so coarse a mesh cannot tell."""
+    """Say that there is no gap beyond noise, mesh and solver, or why these takes cannot show one."""
     numbers, wrong = _numbers(evidence), f"{evidence.numerics_mm:.1f} mm"
     if has_gap and evidence.is_coarse:
         refine = f"Refine first: mesh and solver may be wrong by {wrong}, and a gap may hide in that (--spacing)."
@@ -163,15 +163,15 @@ def _share_closed(evidence: Evidence, hypothesis: Hypothesis) -> str:
 
 
 def _edge_says(evidence: Evidence, effect: str, closed: Figure | None) -> str:
-    """Say what the held edge tells of an effect, and that more is at work where it leaves more than laws do."""
+    """Say how the held edge identifies an effect, and that more is at work where the effect leaves too much."""
     hypothesis = evidence.singles[effect]
     before, after = evidence.base.errors.edge.mm, hypothesis.errors.edge.mm
     said = (
-        f" The held edge tells of it: the model has that edge {before:.1f} mm off without it, {after:.1f} mm with it, "
-        "noise included."
+        f" The held edge shows this effect: the model puts that edge {before:.1f} mm off without the effect and "
+        f"{after:.1f} mm off with it, noise included."
     )
     if not evidence.is_predictable:
-        return f"{said} What the cloth does besides these takes cannot tell: it is not predictable."
+        return f"{said} These takes say nothing more of the cloth, which is not predictable in them."
     if closed is None or evidence.explains_enough(hypothesis):
         return said
     return f"{said} The rest of the gap, {100 - 100 * closed.value:.0f} %, no effect in the library explains."
@@ -180,7 +180,7 @@ def _edge_says(evidence: Evidence, effect: str, closed: Figure | None) -> str:
 def _edge_is_off(evidence: Evidence) -> str:
     """Say so where no effect was named and the held edge is not where the base model has it."""
     edge = evidence.base.errors.edge
-    return "" if is_edge_explained(edge) else f" It has the held edge {edge.mm:.1f} mm off, beyond noise."
+    return "" if is_edge_explained(edge) else f" The base model puts the held edge {edge.mm:.1f} mm off, beyond noise."
 
 
 def _closed(evidence: Evidence, effect: str) -> float:
@@ -189,7 +189,7 @@ def _closed(evidence: Evidence, effect: str) -> float:
 
 
 def passing_effects(evidence: Evidence) -> list[str]:
-    """Return the effects that the held edge tells of, then those that pass every test, each by what they close."""
+    """Return the effects that the held edge identifies, then those that pass every test, both by their closure."""
     passing = []
     for k, hypothesis in evidence.singles.items():
         if k in evidence.told_by_edge:
@@ -216,7 +216,7 @@ def passing_effects(evidence: Evidence) -> list[str]:
 
 
 def told_effects(evidence: Evidence) -> list[str]:
-    """Return the effects that the held edge tells of, the one that closes most first."""
+    """Return the effects that the held edge identifies, the one that closes most first."""
     return sorted(evidence.told_by_edge, key=lambda name: (-_closed(evidence, name), name))
 
 
@@ -271,7 +271,7 @@ def _several(evidence: Evidence, passing: list[str]) -> Hypothesis | None:
 
 
 def _adds_to_told(evidence: Evidence, pair: Hypothesis, gap: float) -> bool:
-    """Whether two effects are both needed where the held edge tells of one of them; it is there, whatever the other."""
+    """Whether two effects are both needed where the held edge identifies one of them; that one is there in any case."""
     told = [evidence.singles[k] for k in evidence.told_by_edge & set(pair.effects)]
     return len(pair.effects) > 2 or all(
         closes_enough(evidence.observer, gap, alone, pair, evidence.floor_mm)
@@ -286,7 +286,7 @@ def _name_several(evidence: Evidence, several: Hypothesis) -> Verdict:
     assert closed is not None
     others = evidence.alternatives(several)
     causes = [
-        library[k].title + "".join(f" (or {library[n].title}: this data cannot tell)" for n in others.get(k, []))
+        library[k].title + "".join(f" (or {library[n].title}: these takes cannot tell)" for n in others.get(k, []))
         for k in several.effects
     ]
     titles, sizes = " and ".join(causes), ", ".join(_with_unit(evidence, k, several) for k in several.effects)
@@ -295,7 +295,7 @@ def _name_several(evidence: Evidence, several: Hypothesis) -> Verdict:
             "unknown",
             [],
             f"There is a gap that no effect in the library explains: {titles} come nearest, and together leave "
-            f"{100 - 100 * closed.value:.0f} % of it, more than they would as the causes. {_numbers(evidence)}",
+            f"{100 - 100 * closed.value:.0f} % of it, more than true causes would. {_numbers(evidence)}",
         )
     return Verdict(
         "several",

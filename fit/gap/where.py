@@ -1,4 +1,4 @@
-"""Where the gap lies: the held-out residual by place on the cloth, phase of the motion, frequency and direction."""
+"""Locate the gap: split the held-out residual by place on the cloth, phase of the motion, frequency and direction."""
 
 from __future__ import annotations
 

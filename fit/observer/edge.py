@@ -1,11 +1,11 @@
-"""What the tracked points on the held edge say of the boundary and of the measurement, against simulated ones.
+"""Compare the tracked points on the held edge with simulated ones: evidence on the boundary and the measurement.
 
 A simulated edge is where hanger and effects put it, whatever the cloth: it moves with no parameter of the cloth. In
 each frame, by least squares over its points at places s_p from their middle, displacements d_p = y_p - x_p are
 
     d_p = m + s_p q,   four numbers: m (3), and the stretch q . b along the bar b, times the rms of s_p
 
-Turning is left out: `hanger_rotation` takes its course from it (`fit.recordings.held_edge`). Like the cloth's residuals
+Turning is left out: it drives `hanger_rotation` (`fit.recordings.held_edge`). Like the cloth's residuals
 the numbers are split in what varies, known by the noise of points and path, and the mean over a take, known as well as
 the points' own offsets (`Recording.offset_sd`):
 
@@ -35,19 +35,22 @@ from fit.recordings.recording import Recording
 from formats.arrays import Floats
 
 KEPT = 5 * np.pi / 9  # of the variance of white noise, per cut-off over rate
-FEWEST_POINTS = 2  # of which one stretch can be told
+FEWEST_POINTS = 2  # for one stretch
 NUMBERS = 4  # of a frame: three of the middle, one of the stretch
-MOVING_CERTAIN, RESTING_CERTAIN = 60.0, 25.0  # squared deviations, of what varies and of what is off constantly
-MOVING_NOISE = 1.15  # of its count, that noise makes of what varies
-MOST_REMOVED = 0.5  # of what the held edge shows beyond its noise, that an effect which is seen there removes
-LEAST_BY_LAW = 0.05  # of what is off without either of two effects, that a sound law may leave of it
+MOVING_CERTAIN, RESTING_CERTAIN = (
+    60.0,
+    25.0,
+)  # squared deviations that no noise makes: of the varying part, and of the constant one
+MOVING_NOISE = 1.15  # of its count: the largest sum of squares that noise makes of the varying part
+MOST_REMOVED = 0.5  # of the edge's error beyond noise: the share that an effect which is seen there removes
+LEAST_BY_LAW = 0.05  # of the edge's error without either of two effects: the share that a sound law may leave
 
 
 @dataclass(frozen=True)
 class EdgeErrors:
-    """What a model leaves at the held edges of some takes, in squared deviations.
+    """Error of a model at the held edges of some takes, in squared deviations.
 
-    moving: of what varies, the sum of its `count` squares; resting: of what is off constantly, the mean over takes
+    moving: sum of the `count` squares of the varying part; resting: the constant part, as a mean over takes
     mm: root mean square over frames of the four numbers together [mm]
     """
 
@@ -58,12 +61,12 @@ class EdgeErrors:
 
     @property
     def shown(self) -> float:
-        """Both together, in multiples of what is certain; only differences of models mean something."""
+        """Both parts together, in multiples of a certain error; only differences between models have a meaning."""
         return self.moving / MOVING_CERTAIN + self.resting / RESTING_CERTAIN
 
     @property
     def beyond_noise(self) -> float:
-        """What no noise explains, in multiples of what is certain."""
+        """The error that no noise explains, in multiples of a certain error."""
         moving = max(self.moving - MOVING_NOISE * self.count, 0.0)
         return moving / MOVING_CERTAIN + max(self.resting - NUMBERS, 0.0) / RESTING_CERTAIN
 
@@ -71,14 +74,14 @@ class EdgeErrors:
 def is_seen_on_edge(before: EdgeErrors, after: EdgeErrors, by_law: float = 0.0) -> bool:
     """Whether an effect brings the held edge most of the way to where it was tracked.
 
-    by_law: what laws of effects before may leave there, in multiples of what is certain; it must remove more
+    by_law: error that laws of earlier effects may leave there, in multiples of a certain error; it must remove more
     """
     is_enough = before.shown - after.shown > max(1.0, by_law)
     return is_enough and after.beyond_noise <= (1 - MOST_REMOVED) * before.beyond_noise
 
 
 def is_told_by_edge(one: EdgeErrors, other: EdgeErrors, without: EdgeErrors) -> bool:
-    """Whether the held edge tells that it is the other model's effect and not this one's; without: with neither."""
+    """Whether the held edge favours the other model's effect over this one's; without: the error with neither."""
     return one.shown - other.shown > max(1.0, LEAST_BY_LAW * (without.shown - other.shown))
 
 

@@ -2,9 +2,9 @@
 
     pull = w^2 (y - x) + 2 zeta w (ydot - v),   w = 2 pi f, zeta = 1        [m/s^2]
 
-With a perfect model and no noise the pull is zero; what it needs is the missing force. f = 0 is a free rollout.
-Residuals are y - x at the frames, of the points that are not on the held edge, in two parts: what varies about each
-point's mean over a take, divided by the noise, and the mean itself, divided by how well it is known:
+With a perfect model and no noise the pull is zero; otherwise the pull is the missing force. f = 0 is a free rollout.
+Residuals are y - x at the frames, of the points that are not on the held edge, in two parts: the variation about each
+point's mean over a take, divided by the noise, and the mean itself, divided by its standard deviation:
 
     dynamic  (r - mean r) / sigma          static  mean r / sqrt(offset^2 + sigma^2 / n)
 
@@ -179,7 +179,7 @@ class Observer:
         return grids
 
     def edge_errors(self, residual: Floats) -> EdgeErrors:
-        """What a model leaves at the held edges, of a whitened residual, (numbers,)."""
+        """Error of a model at the held edges, from a whitened residual, (numbers,)."""
         layout = self.layout
         chosen = layout.is_edge
         return edge_errors(layout.take[chosen], layout.frame[chosen], residual[chosen], layout.sd[chosen])

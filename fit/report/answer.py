@@ -12,7 +12,7 @@ TONES = {"none": "good", "effect": "good", "ambiguous": "warn", "several": "good
 VERDICT_WORDS = {
     "none": "no gap",
     "effect": "one missing effect",
-    "ambiguous": "not to be told apart yet",
+    "ambiguous": "not distinguishable yet",
     "several": "several missing effects",
     "unknown": "cause unknown",
     "numerics": "refine the simulation first",
@@ -30,13 +30,13 @@ def verdict(fit: FitResult | None, diagnosis: Diagnosis | None) -> Markup:
         sentence = _fit_sentence(fit)
     lists = [_gap_figures(diagnosis)] if diagnosis is not None else []
     lists += [_fit_figures(fit)] if fit is not None else []
-    # The first sentence large, what follows it smaller.
+    # The first sentence is large, the rest smaller.
     first, separator, rest = sentence.partition(". ")
     return piece("parts.html", "answer", tone, tag, first + separator.strip(), rest, lists)
 
 
 def named(diagnosis: Diagnosis) -> str:
-    """Return what the figures with effects are of, in words: of effects that cannot be told apart, the first."""
+    """Return in words which effects the figures are of; of ambiguous effects, the first."""
     names = [name.replace("_", " ") for name in diagnosis.named]
     if diagnosis.verdict == "ambiguous":
         return f"{names[0]} (as one of {len(names)})"

@@ -1,4 +1,4 @@
-"""What the two published methods report: Figure 6's table, the objective with its parts, and what motion can tell."""
+"""Figures of the two published methods: Figure 6's table, the objective with its parts, identifiable combinations."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _objective_table(objective: ObjectiveFigure | None) -> Markup:
     rows = [row_of(name, (number(a), number(b), _fall(a, b))) for name, (a, b) in objective.parts.items()]
     before, after = objective.before, objective.after
     rows.append(row_of(f"{objective.name}, the whole", (number(before), bold(number(after)), _fall(before, after))))
-    heads = ("part of what was minimised", "manual", "optimised", "down by")
+    heads = ("part of the objective", "manual", "optimised", "down by")
     intro = "Weighted parts per marker; places in metres, speeds in m/s, curvatures in 1/m."
     body = table("Manual against optimised", heads, rows, range(1, 4)) + piece("parts.html", "note", intro)
     return headed("Manual against optimised", body)
@@ -79,8 +79,8 @@ def _combination_table(found: Sequence[Combination]) -> Markup:
         ))
         for c in found
     ]  # fmt: skip
-    heads = ("what motion tells", "before", "fitted", "90 % interval", "told by these takes")
-    return headed("What motion can tell, whatever the parameters", table("Combinations", heads, rows, range(1, 5)))
+    heads = ("combination of parameters", "before", "fitted", "90 % interval", "identified")
+    return headed("Combinations that motion identifies", table("Combinations", heads, rows, range(1, 5)))
 
 
 def headed(title: str, body: Markup) -> Markup:

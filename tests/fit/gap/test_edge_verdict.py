@@ -155,8 +155,8 @@ def test_the_sentence_says_what_the_edge_tells_and_what_no_effect_explains():
     """0.02 sqrt(900) = 0.6 mm vary, and 100 or 2 squared deviations more stand for 1 or 0.02 mm."""
     sentence = decide(told(10.5)).sentence
     assert (
-        "The held edge tells of it: the model has that edge 1.6 mm off without it, 0.6 mm with it, noise included."
-        in sentence
+        "The held edge shows this effect: the model puts that edge 1.6 mm off without the effect and "
+        "0.6 mm off with it, noise included." in sentence
     )
     assert "The rest of the gap, 72 %, no effect in the library explains." in sentence
     assert "The rest" not in decide(told(5.3)).sentence
@@ -168,7 +168,7 @@ def test_the_sentence_says_what_the_edge_tells_and_what_no_effect_explains():
 def test_an_edge_that_nothing_puts_right_is_told_of(base, verdict):
     found = decide(told(base - 0.1, base=base, after=(900, 90.0)))
     assert found.verdict == verdict
-    assert found.sentence.endswith("It has the held edge 1.6 mm off, beyond noise.")
+    assert found.sentence.endswith("The base model puts the held edge 1.6 mm off, beyond noise.")
     quiet = decide(told(base - 0.1, base=base, before=(900, 20.0), after=(900, 20.0)))
     assert "edge" not in quiet.sentence
 
@@ -202,6 +202,6 @@ def test_chaotic_cloth_does_not_hide_what_the_held_edge_tells(after, verdict):
     evidence = dataclasses.replace(evidence, gates=[*evidence.gates, CHAOTIC])
     found = decide(evidence)
     assert (found.verdict, found.named) == (verdict, ["clip_slack"] if verdict == "effect" else [])
-    assert ("it is not predictable" in found.sentence) == (verdict == "effect")
+    assert ("not predictable in them" in found.sentence) == (verdict == "effect")
     still = dataclasses.replace(evidence, gates=[*evidence.gates, STILL])
     assert decide(still).verdict == "inconclusive"

@@ -8,6 +8,7 @@ import pytest
 from benchmarks.settling import ASIDE, SHOWN, Hung, Scene, fabrics, measure, shown_by
 
 
+@pytest.mark.slow  # that cloth shown swung aside hangs straight down is tested in `test_cloth.py`, quickly
 def test_taut_cloth_held_at_an_edge_finds_its_rest_whatever_its_points_show():
     """It has one; after 0.5 s of settling in place of 1.6 a swung sheet is still a centimetre from it."""
     scene, rows = Scene(0.45, "edge", None, 0.0), fabrics(2, 5)

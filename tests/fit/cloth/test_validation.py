@@ -44,6 +44,7 @@ def test_peirces_formula_is_two_percent_above_the_elastica():
     assert 2.0 * np.cbrt(np.cos(angle / 2) / (8 * np.tan(angle))) == pytest.approx(1.0188, abs=2e-4)
 
 
+@pytest.mark.slow  # the force of a bias extension is one of `CASES`, which are quick
 def test_a_sample_cut_on_the_bias_is_pulled_as_a_net_of_threads_says():
     """Threads 200 times as stiff as the shear: softer than a net of inextensible ones by about sqrt(1 / 200) = 7 %.
 

@@ -3,6 +3,7 @@
 # No `from __future__ import annotations` here: Taichi reads the annotations of kernels.
 
 import dataclasses
+import sys
 
 import numpy as np
 import pytest
@@ -299,6 +300,20 @@ def test_slack_brings_the_ends_nearer():
     _, before, after = driven("clip_slack", 0.01)
     gap = np.linalg.norm(after[:, 1] - after[:, 0], axis=1)
     assert gap == pytest.approx(np.linalg.norm(before[:, 1] - before[:, 0], axis=1) - 0.01)
+
+
+@pytest.mark.parametrize("chosen", LIBRARY, ids=lambda e: e.name)
+def test_an_effects_module_says_equation_sign_belief_and_source_in_this_order(chosen):
+    """The reference of the effects is made of these texts; an equation stands in an indented block."""
+    lines = sys.modules[type(chosen).__module__].__doc__.splitlines()
+    places = [
+        next(k for k, line in enumerate(lines) if line.startswith("    ") and "=" in line),
+        next(k for k, line in enumerate(lines) if line.startswith("The amplitude is ")),
+        next(k for k, line in enumerate(lines) if line.startswith("Believe it ")),
+        next(k for k, line in enumerate(lines) if line.startswith("Source: ")),
+    ]
+    assert places == sorted(places)
+    assert all(lines[k - 1] == "" for k in places)
 
 
 def test_the_size_of_a_vector_is_its_length():

@@ -175,7 +175,7 @@ def mend_cache(folder: Path) -> None:
 
 
 def is_sound_index(held: bytes) -> bool:
-    """Whether an index of compiled kernels is whole: a header, then an entry for each kernel.
+    """Return whether an index of compiled kernels is whole: a header, then an entry for each kernel.
 
     header: length of the file, version of Taichi, size of all kernels, number of entries
     entry: the kernel's name twice, each after its length, then size and two dates

@@ -1,4 +1,4 @@
-"""How cloth resists bending: second derivatives of its shape at the nodes of `fit.cloth.elements`.
+"""Measure how cloth is bent by second derivatives of its shape at the nodes of `fit.cloth.elements`.
 
 The plate energy E = B/2 integral of |x_uu|^2 + 2 |x_uv|^2 + |x_vv|^2, which for a sheet that does not stretch
 is B/2 (kappa_1^2 + kappa_2^2), so that B is the moment per width and curvature that fabric testers give. On a grid
@@ -51,12 +51,12 @@ class Bends:
 
     @property
     def lengths(self) -> tuple[int, ...]:
-        """Those of `BEND_NODES` that there are."""
+        """Return the lengths of `BEND_NODES` that occur."""
         return tuple(length for length, count in zip(BEND_NODES, self.counts, strict=True) if count)
 
 
 def bends_of(grid: Grid) -> Bends:
-    """Second derivatives along rows and columns at the nodes between the ends, and mixed ones."""
+    """Return second derivatives along rows and columns at the nodes between the ends, and mixed ones."""
     index = np.arange(len(grid.rest)).reshape(grid.rows, grid.columns)
     found: list[tuple[int, int, Nodes, Floats]] = []
     for kind, lines in ((ROW_BEND, index), (COLUMN_BEND, index.T)):
@@ -91,7 +91,7 @@ def bends_of(grid: Grid) -> Bends:
 
 
 def free_bends(grid: Elements, layers: Nodes) -> Bends:
-    """Second derivatives along the threads at every node of any elements, as `hessian` and the kinks between elements.
+    """Return second derivatives along the threads at every node, from `hessian` and the kinks between elements.
 
     layers, (layers, nodes): which node each is, in every layer of this shape; layers that are sewn together at a node
     bend there each for itself.
@@ -128,13 +128,13 @@ def free_bends(grid: Elements, layers: Nodes) -> Bends:
 
 
 def _counts(lengths: list[int]) -> Integers:
-    """How many stencils have each length of `BEND_NODES`."""
+    """Return how many stencils have each length of `BEND_NODES`."""
     kinds = [BEND_NODES.index(min(length, PIECE)) for length in lengths]
     return np.bincount(kinds, minlength=len(BEND_NODES)).astype(np.int32)
 
 
 def _three(second: Floats) -> Floats:
-    """Second derivatives across, down and mixed, the last counted twice in the energy, (16, 3), of (2, 2, 16)."""
+    """Return second derivatives across, down and mixed, (16, 3); the mixed ones count twice in the energy."""
     return np.stack([second[0, 0], second[1, 1], np.sqrt(2) * second[0, 1]], 1)
 
 
@@ -144,13 +144,13 @@ def _add(stencil: dict[int, Floats], nodes: Nodes, weights: Floats) -> None:
 
 
 def _filled_up(nodes: Nodes, weights: Floats) -> tuple[Nodes, Floats]:
-    """A stencil filled up with zero weights to a length of `BEND_NODES`, or whole pieces."""
+    """Return a stencil, filled up with zero weights to a length of `BEND_NODES`, or whole pieces."""
     missing = next((n for n in BEND_NODES if n >= len(nodes)), -(-len(nodes) // PIECE) * PIECE) - len(nodes)
     return np.append(nodes, np.repeat(nodes[:1], missing)), np.concatenate([weights, np.zeros((missing, 1))])
 
 
 def _between(cells: Nodes) -> list[tuple[tuple[int, range], tuple[int, range]]]:
-    """Sides that two elements share: element and rim of either."""
+    """Return the sides that two elements share: element and rim of either."""
     owners: dict[tuple[int, ...], list[tuple[int, range]]] = {}
     for cell, nodes in enumerate(cells):
         for rim in RIMS:

@@ -117,7 +117,7 @@ class Touch(NamedTuple):
 
 
 class Grip(NamedTuple):
-    """What holds the cloth (`fit.cloth.support`).
+    """Held nodes and their handles (`fit.cloth.support`).
 
     held, (held,): nodes; shares, (held, handles); path [m], (steps of all groups, 3 handles, lanes)
     settle_damping [1/s]: least damping while the cloth settles
@@ -155,7 +155,7 @@ class Pull(NamedTuple):
 
 
 class Candidates(NamedTuple):
-    """What distinguishes candidates.
+    """Numbers in which candidates differ.
 
     material, (groups, `Row`, lanes); amplitude, (groups, components of all effects, lanes)
     inverse_mass [1/kg], added_mass [kg], (groups nodes, lanes)
@@ -181,7 +181,7 @@ class Clock(NamedTuple):
 
 
 class Results(NamedTuple):
-    """What comes back.
+    """Arrays that the kernel fills.
 
     seen [m], (groups, frames, points, 3, lanes): the tracked points
     shapes [m], (groups, frames, nodes, 3, lanes): the nodes, or room for one frame where they are not wanted
@@ -234,7 +234,7 @@ COUNTS = Counts(*range(len(Counts._fields)))  # columns of `Clock.counts`
 
 
 class Law(NamedTuple):
-    """How tension follows strain and its rate, beside the stiffness (`fit.cloth.forces`).
+    """The law by which tension follows strain and its rate, beside the stiffness (`fit.cloth.forces`).
 
     delay [1]: damping time over step; stiffening [1]; kept [1], lag_gain [1]: of the viscous lag over a step
     """
@@ -246,7 +246,7 @@ class Law(NamedTuple):
 
 
 class BendLaw(NamedTuple):
-    """How moments follow curvature and its rate, beside the stiffness (`fit.cloth.moments`).
+    """The law by which moments follow curvature and its rate, beside the stiffness (`fit.cloth.moments`).
 
     bend_time [s]: damping time; friction_limit [N]: largest frictional moment per width; dt [s]: step
     """
@@ -282,7 +282,7 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """What a kernel is compiled for.
+    """The kind of a kernel: everything that is fixed when it is compiled.
 
     lanes: candidates side by side
     face_forces: per effect (first column of its amplitude, number of components, force), where force is a
@@ -310,7 +310,7 @@ class Kind:
 
     @property
     def needs_normals(self) -> bool:
-        """Whether anything acts along the normals of the nodes."""
+        """Return whether anything acts along the normals of the nodes."""
         return self.with_bends or self.with_added_mass or len(self.face_forces) > 0
 
 

@@ -65,7 +65,7 @@ LAYERS = 2  # that a layer touches at most
 
 @dataclass(frozen=True, kw_only=True)
 class Contact:
-    """What the cloth may touch.
+    """Bodies and layers that the cloth may touch.
 
     thickness [m]: distance at which layers of the cloth are kept apart, 0: they pass through each other
     friction [1]: coefficient of friction between layers and against bodies
@@ -105,7 +105,7 @@ def touching(bodies: tuple[Body, ...]) -> Contact:
 
 @dataclass(frozen=True)
 class Surface:
-    """The cloth's surface as contact sees it.
+    """The surface of the cloth on which contact acts.
 
     samples: stencils of values, all of 16 nodes; area [m^2], (samples,); quads, (quads, 4): samples a b / c d
     windows, (quads, 4): where in units of its sides a quad's window ends, towards c d, a b, b d and a c
@@ -161,7 +161,7 @@ def surface_of(mesh: ClothMesh, spacing: float) -> Surface:
 
 
 def _samples(mesh: ClothMesh, local: Floats) -> tuple[Stencils, NDArray[np.int64]]:
-    """Samples at places of [-1, 1] along and across each element, and which they are, (cells, n, n)."""
+    """Return the samples at places of [-1, 1] along and across each element, and which they are, (cells, n, n)."""
     along = spectral.values(local)
     weights = np.einsum("ra,cb->rcab", along, along).reshape(len(local) ** 2, -1)
     weights[np.abs(weights) < 1e-12] = 0.0
@@ -184,7 +184,7 @@ def _samples(mesh: ClothMesh, local: Floats) -> tuple[Stencils, NDArray[np.int64
 
 
 def _areas(corners: Floats, local: Floats) -> Floats:
-    """Area that each sample of each element stands for [m^2], (cells, n, n), with weights that integrate cubics.
+    """Return the area of each sample of each element [m^2], (cells, n, n), by weights that integrate cubics.
 
     Of all such weights those nearest to the trapezium rule's: a pressure that is the same everywhere then pushes every
     node in proportion to its mass, and level cloth that meets a level floor stays level.
@@ -200,14 +200,14 @@ def _areas(corners: Floats, local: Floats) -> Floats:
 
 
 def _at_border(quads: NDArray[np.int64]) -> Booleans:
-    """Which sides of each quad no other shares, (quads, 4): c d, a b, b d and a c."""
+    """Return which sides of each quad no other shares, (quads, 4): c d, a b, b d and a c."""
     sides = np.sort(quads[:, [[2, 3], [0, 1], [1, 3], [0, 2]]].reshape(-1, 2), axis=1)
     _, of, shared = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
     return np.asarray(shared[of.ravel()] == 1).reshape(-1, 4)
 
 
 def _held_together(mesh: ClothMesh, samples: Stencils, places: Floats) -> NDArray[np.int64]:
-    """Pairs of samples that a hanger holds in the same place, front and back, (n, 2)."""
+    """Return the pairs of samples that a hanger holds in the same place, front and back, (n, 2)."""
     is_held = np.zeros(len(mesh.rest), bool)
     is_held[mesh.held_nodes] = True
     free = np.bincount(samples.rows(), (samples.weights[:, 0] != 0) & ~is_held[samples.nodes], len(places))
@@ -217,7 +217,7 @@ def _held_together(mesh: ClothMesh, samples: Stencils, places: Floats) -> NDArra
 
 
 def _far_apart(places: Floats, quads: NDArray[np.int64], joined: NDArray[np.int64], nearest: float) -> Booleans:
-    """Which samples and quads are farther apart along the cloth, over seams and `joined` too, (samples, quads)."""
+    """Return which samples and quads are far apart along the cloth, across seams and `joined` too, (samples, quads)."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import dijkstra
 
@@ -232,7 +232,7 @@ def _far_apart(places: Floats, quads: NDArray[np.int64], joined: NDArray[np.int6
 
 
 def _largest_rate(samples: Stencils, area: Floats, node_area: Floats) -> float:
-    """Largest eigenvalue of N' A N against the lumped masses at unit density."""
+    """Return the largest eigenvalue of N' A N against the lumped masses at unit density."""
     from scipy.sparse import coo_array
     from scipy.sparse.linalg import eigsh
 
@@ -243,7 +243,7 @@ def _largest_rate(samples: Stencils, area: Floats, node_area: Floats) -> float:
 
 
 def contact_rate(surface: Surface, *, is_layered: bool, has_bodies: bool) -> float:
-    """Bound of omega^2 that contact adds [1/s^2], whatever the cloth weighs.
+    """Return a bound of the omega^2 that contact adds [1/s^2], whatever the cloth weighs.
 
     Of a pair's energy A k delta^2 / 4, delta^2 = (a - b)^2 <= 2 a^2 + 2 b^2: all pairs together have at most LAYERS k
     times the sum of A_s y_s^2, and with k = rho omega^2 / 2 an eigenvalue of LAYERS omega^2 `Surface.rate`; bodies add

@@ -1,4 +1,4 @@
-"""What an effect is: a piece of physics or measurement that the base model leaves out and that can be switched on.
+"""Define an effect: a piece of physics or measurement that the base model leaves out and that can be switched on.
 
 An effect has one amplitude, or one per direction (its `components`); all at 0 is exactly off. It acts through hooks,
 each with a do-nothing default, so that the step and the observer know no effect by name:
@@ -6,7 +6,7 @@ each with a do-nothing default, so that the step and the observer know no effect
     cloth        `material`, `node_mass`, `rest_curvature`, `friction_moment`, `contact_thickness`
     air          `face_force` (inside the kernel), `added_mass`
     boundary     `drive`: the path of the held ends
-    measurement  `drive`, and `observe`: what a tracker makes of the simulated points; `unobserved`: where those would
+    measurement  `drive`, and `observe`: the simulated points as a tracker reports them; `unobserved`: where those would
                  have to be, for an observer that pulls to the tracked ones
 
 A measurement effect acts on the simulated side; noisy data are never transformed.
@@ -93,11 +93,11 @@ class Effect:
         return path
 
     def observe(self, points: Floats, recording: Recording, amplitude: Floats) -> Floats:
-        """Return what the tracker makes of the simulated points [m], (frames, points, 3)."""
+        """Return the simulated points as the tracker reports them [m], (frames, points, 3)."""
         return points
 
     def unobserved(self, targets: Floats, recording: Recording, amplitude: Floats) -> Floats:
-        """Return targets of an observer [m, m/s], (samples, points, 6), without what a tracker has made of them.
+        """Return targets of an observer [m, m/s], (samples, points, 6), with the tracker's part undone.
 
         With a perfect model and no noise the pull to them is zero, or nearly so.
         """
@@ -109,17 +109,17 @@ class Effect:
 
     @property
     def is_one_sided(self) -> bool:
-        """Whether physics allows only amplitudes of one sign."""
+        """Return whether physics allows only amplitudes of one sign."""
         return self.low >= 0.0
 
     @property
     def moves_edge(self) -> bool:
-        """Whether it may move the tracked held edge against where the hanger's markers put it."""
+        """Return whether it may move the tracked held edge against where the hanger's markers put it."""
         return type(self).drive is not Effect.drive or type(self).observe is not Effect.observe
 
     @property
     def in_kernel(self) -> bool:
-        """Whether the effect needs the kernel with effects; others run in the plain one."""
+        """Return whether the effect needs the kernel with effects; others run in the plain one."""
         return self.face_force is not None or self.bends or self.adds_mass
 
 
@@ -135,7 +135,7 @@ def columns_of(effects: tuple[Effect, ...]) -> list[slice]:
 
 
 def parameter_names(effect: Effect) -> tuple[str, ...]:
-    """Return what its amplitudes are called where they are fitted: its name, with a component's after a dot."""
+    """Return the names of its amplitudes in a fit: its own name, and a component's after a dot."""
     return tuple(f"{effect.name}.{component}" if component else effect.name for component in effect.components)
 
 

@@ -47,7 +47,7 @@ class Stencils:
         return len(self.first) - 1
 
     def rows(self) -> NDArray[np.int64]:
-        """Stencil of each entry, (n,)."""
+        """Return the stencil of each entry, (n,)."""
         return np.repeat(np.arange(len(self)), np.diff(self.first))
 
     def apply(self, field: Floats, kind: int = 0) -> Floats:
@@ -83,21 +83,21 @@ class Elements:
         self.node_area = np.asarray(np.bincount(self.cells.ravel(), self.cell_area.ravel()), float)
 
     def jacobian(self, xi: float, eta: float) -> Floats:
-        """d(X, Y)/d(xi, eta), (cells, 2, 2) as [along xi, along eta], at a place of every element."""
+        """Return d(X, Y)/d(xi, eta), (cells, 2, 2) as [along xi, along eta], at a place of every element."""
         return 0.5 * bilinear_slopes(np.array([[xi + 1, eta + 1]]) / 2)[0] @ self.corners
 
     def size(self, xi: float, eta: float) -> Floats:
-        """Area that a place of every element stands for [m^2], (cells,)."""
+        """Return the area that a place of every element stands for [m^2], (cells,)."""
         return np.abs(np.linalg.det(self.jacobian(xi, eta)))
 
     def gradient(self, xi: float, eta: float) -> tuple[Floats, Floats]:
-        """Slopes of the shape functions, (cells, 2, 16) as [d/dX, d/dY], and the area scale, (cells,)."""
+        """Return the slopes of the shape functions, (cells, 2, 16) as [d/dX, d/dY], and the area scale, (cells,)."""
         jacobian = self.jacobian(xi, eta)
         solved = self.threads @ np.linalg.solve(jacobian, np.broadcast_to(_local(xi, eta, 1), (len(jacobian), 2, 16)))
         return _without_dust(solved), self.size(xi, eta)
 
     def hessian(self, xi: float, eta: float) -> Floats:
-        """Second derivatives of the shape functions, (cells, 2, 2, 16).
+        """Return the second derivatives of the shape functions, (cells, 2, 2, 16).
 
         With g = J^-1 dN and a bilinear map, whose only second derivative is that along both xi and eta:
         dg/dxi_l = J^-1 (d(dN)/dxi_l - (dJ/dxi_l) g), and along the axes J^-1 of that.
@@ -114,7 +114,7 @@ class Elements:
 
 
 def _local(xi: float, eta: float, order: int) -> Floats:
-    """First, (2, 16), or second, (2, 2, 16), derivatives of the shape functions on the square."""
+    """Return first, (2, 16), or second, (2, 2, 16), derivatives of the shape functions on the square."""
     x, y = np.array(xi), np.array(eta)
     of = [[f(at) for f in (spectral.values, spectral.slopes, spectral.curvatures)] for at in (x, y)]
     if order == 1:
@@ -124,7 +124,7 @@ def _local(xi: float, eta: float, order: int) -> Floats:
 
 
 def _without_dust(weights: Floats) -> Floats:
-    """The same with what is only rounding set to zero."""
+    """Return the weights with those that are only rounding set to zero."""
     return np.where(np.abs(weights) > 1e-9 * np.abs(weights).max(), weights, 0.0)
 
 
@@ -170,13 +170,13 @@ def quad_elements(places: Floats, quads: NDArray[np.int64], grain: float = 0.0) 
 
 
 def bilinear(places: Floats) -> Floats:
-    """Weights of the top left, top right and bottom corners, (n, 4), at places across and down, (n, 2)."""
+    """Return the weights of the top left, top right and bottom corners, (n, 4), at places across and down, (n, 2)."""
     s, t = places.T
     return np.stack([(1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t], 1)
 
 
 def bilinear_slopes(places: Floats) -> Floats:
-    """Slopes of those weights across and down, (n, 2, 4)."""
+    """Return the slopes of those weights across and down, (n, 2, 4)."""
     s, t = places.T
     return np.stack([np.stack([t - 1, 1 - t, -t, t], 1), np.stack([s - 1, -s, 1 - s, s], 1)], 1)
 
@@ -225,7 +225,7 @@ class Lines:
 
 
 def shear_samples(grid: Elements, across: Lines, down: Lines) -> tuple[Integers, Integers, Floats, Floats]:
-    """Samples, weights and areas of shear at three by three Gauss points of every element."""
+    """Return samples, weights and areas of shear at three by three Gauss points of every element."""
     at, weights = spectral.gauss(spectral.ORDER)
     between = spectral.values(at)
     of_across, of_down, both, areas = [], [], [], []
@@ -242,7 +242,7 @@ def shear_samples(grid: Elements, across: Lines, down: Lines) -> tuple[Integers,
 
 
 def within(points: Floats, corners: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """Element that each point lies in or nearest to, (points,), and its place there, (points, 2) within -1 to 1."""
+    """Return the element in or nearest to each point, (points,), and the place there, (points, 2) within -1 to 1."""
     cells, places = [], []
     for point in points:
         found = inverted(np.broadcast_to(point, (len(corners), 2)), corners)
@@ -253,7 +253,7 @@ def within(points: Floats, corners: Floats) -> tuple[NDArray[np.int64], Floats]:
 
 
 def inverted(points: Floats, corners: Floats) -> Floats:
-    """Places across and down quadrilaterals, (points, 2), by Newton's method; corners, (4, 2) or (points, 4, 2)."""
+    """Return places across and down quadrilaterals, (points, 2), by Newton's method; corners, (points or 1, 4, 2)."""
     places = np.full((len(points), 2), 0.5)
     for _ in range(20):
         along = bilinear_slopes(places) @ corners
@@ -265,12 +265,12 @@ def inverted(points: Floats, corners: Floats) -> Floats:
 
 
 def grid_places(points: Floats, outline: Floats) -> Floats:
-    """Places across and down a four-cornered outline, (points, 2) within 0 to 1."""
+    """Return the places across and down a four-cornered outline, (points, 2) within 0 to 1."""
     return np.clip(inverted(points, outline[[0, 1, 3, 2]]), 0.0, 1.0)
 
 
 def interpolation(points: Floats, grid: Elements, *, front: int | None = None) -> Stencils:
-    """Value, d/dX and d/dY at points on the flat cloth [m], (points, 2): cubic, as the elements are.
+    """Return stencils of value, d/dX and d/dY at points on the flat cloth [m], (points, 2): cubic, as the elements are.
 
     front: so many of the first elements have the points; others lie behind them, in the same places
     """

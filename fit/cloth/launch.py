@@ -207,7 +207,7 @@ def _results(tasks: list[Task], courses: list[Course], lanes: int) -> Results:
 
 
 def _stacked(courses: list[Course], lanes: int) -> tuple[Singles, Singles, Integers]:
-    """Targets, (all samples, points, 6, lanes), and trust of all tasks, and where each task's begin.
+    """Return targets, (all samples, points, 6, lanes), and trust of all tasks, and where each task's begin.
 
     A recording that is over is trusted no more.
     """
@@ -225,7 +225,7 @@ def _stacked(courses: list[Course], lanes: int) -> tuple[Singles, Singles, Integ
 
 
 def _padded(rows: list[Numbers]) -> Numbers:
-    """One row below the other, zeros behind the shorter ones."""
+    """Return the rows one below the other, with zeros behind the shorter ones."""
     padded = np.zeros((len(rows), max(len(r) for r in rows)), rows[0].dtype)
     for whole, row in zip(padded, rows, strict=True):
         whole[: len(row)] = row
@@ -246,7 +246,7 @@ def _hand_back(courses: list[Course], seen: Singles, kept: Singles, forces: Sing
 
 
 def _joined(courses: list[Course], lanes: int) -> tuple[Singles, Integers]:
-    """Handles of all tasks, (all steps, 3 handles, lanes), and where each task's steps begin."""
+    """Return the handles of all tasks, (all steps, 3 handles, lanes), and where each task's steps begin."""
     firsts = np.cumsum([0, *(len(c.paths[0]) for c in courses)]).astype(np.int32)
     handles = courses[0].paths[0].shape[1]
     joined = zeros((int(firsts[-1]), max(handles, 1), lanes))
@@ -259,7 +259,7 @@ def _joined(courses: list[Course], lanes: int) -> tuple[Singles, Integers]:
 
 
 def _in_lanes(values: Floats, lanes: int) -> Singles:
-    """(candidates, ...) -> (groups, ..., lanes), contiguous."""
+    """Turn (candidates, ...) into (groups, ..., lanes), contiguous."""
     grouped = np.moveaxis(np.asarray(values, np.float32).reshape(-1, lanes, *values.shape[1:]), 1, -1)
     placed = zeros(grouped.shape)
     placed[...] = grouped
@@ -267,11 +267,11 @@ def _in_lanes(values: Floats, lanes: int) -> Singles:
 
 
 def _flat(values: Singles) -> Singles:
-    """(..., lanes) -> (all of them, lanes): the same memory."""
+    """Turn (..., lanes) into (all of them, lanes) in the same memory."""
     return values.reshape(-1, values.shape[-1])
 
 
 def _from_lanes(values: Singles) -> Singles:
-    """(groups, ..., lanes) -> (candidates, ...)."""
+    """Turn (groups, ..., lanes) into (candidates, ...)."""
     moved = np.moveaxis(values, -1, 1)
     return moved.reshape(-1, *moved.shape[2:])

@@ -1,4 +1,4 @@
-"""Lines of four nodes of an element: what the kernel is told of those whose threads run along them.
+"""Sum along lines of four nodes of an element, where threads run along the lines, in fewer products.
 
 Such a line has three samples of its fibre, at its Gauss points, whose weights are the slopes D of the shape functions
 over the line's length. Nodes and points lie alike on both sides of the middle, so that of the differences
@@ -35,7 +35,7 @@ BETWEEN = B.astype(np.float32).ravel()
 
 
 def fibre_family(mesh: ClothMesh, family: int) -> tuple[int, Integers, Singles]:
-    """How the kernel is to read the fibres across (0) or down (1): nodes of a sample or `IN_LINES`; nodes; weights."""
+    """Return the fibres across (0) or down (1) for the kernel: nodes a sample or `IN_LINES`, nodes, weights."""
     stencils, count = mesh.fibres.stencils, mesh.fibre_nodes[family]
     chosen = slice(None, mesh.fibres_across) if family == 0 else slice(mesh.fibres_across, None)
     at = stencils.first[:-1][chosen, None] + np.arange(count)
@@ -51,13 +51,13 @@ def fibre_family(mesh: ClothMesh, family: int) -> tuple[int, Integers, Singles]:
 
 
 def twist_scales(mesh: ClothMesh) -> Singles:
-    """By how much each twist's weights are larger than the unit slopes at its place in the element, (twists,)."""
+    """Return each twist's weights over the unit slopes at its place in the element, (twists,)."""
     weights = mesh.bends.twist_weights.reshape(-1, spectral.ORDER, spectral.WIDTH)
     return np.asarray(weights[:, :, 0] / D[:, 0], np.float32).ravel()
 
 
 def bends_by_line(mesh: ClothMesh) -> tuple[tuple[int, ...], Singles]:
-    """How the kernel is to read the bends: their lengths, with `IN_LINES` for pairs in lines; weights.
+    """Return the bends for the kernel: their lengths, with `IN_LINES` for pairs in lines, and weights.
 
     A pair is the two second derivatives at the inner nodes of a line of four nodes. Of each the first weight is by how
     much it is larger than the unit curvature there; the others mean nothing.

@@ -1,4 +1,4 @@
-"""What the base cloth model can be told: one frozen set of SI numbers that mean the same on any mesh."""
+"""Name the base model's numbers: one frozen set in SI that means the same on any mesh."""
 
 from __future__ import annotations
 

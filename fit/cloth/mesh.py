@@ -77,12 +77,12 @@ class ClothMesh:
 
     @property
     def is_crossed(self) -> bool:
-        """Whether threads of both families cross the elements askew, so that all nodes have a say in their strain."""
+        """Return whether threads of both families cross the elements askew: all nodes then enter every strain."""
         return min(self.fibre_nodes) > spectral.WIDTH
 
     @property
     def area(self) -> float:
-        """Area of the cloth [m^2]."""
+        """Return the area of the cloth [m^2]."""
         return float(self.node_area.sum())
 
 
@@ -149,7 +149,7 @@ def build_mesh(garment: Garment, spacing: float) -> ClothMesh:
 
 
 def _sides(outline: Floats) -> tuple[float, float]:
-    """Width and height [m]: means of opposite sides of a panel, the extent of anything else."""
+    """Return width and height [m]: means of opposite sides of a panel, the extent of anything else."""
     if len(outline) != 4:
         width, height = np.ptp(outline, axis=0)
         return float(width), float(height)
@@ -158,7 +158,7 @@ def _sides(outline: Floats) -> tuple[float, float]:
 
 
 def _panel(garment: Garment, outline: Floats, spacing: float) -> _Laid:
-    """A four-cornered garment as one grid."""
+    """Return a four-cornered garment as one grid."""
     wide, high = (max(1, round(side / (spectral.ORDER * spacing))) for side in _sides(outline))
     grid = Grid(outline, wide, high, np.radians(garment.grain_degrees))
     if garment.is_panel:
@@ -167,14 +167,14 @@ def _panel(garment: Garment, outline: Floats, spacing: float) -> _Laid:
 
 
 def _pattern(garment: Garment, spacing: float) -> _Laid:
-    """Any other garment as quadrilaterals that follow its outline."""
+    """Return any other garment as quadrilaterals that follow its outline."""
     loops = [np.asarray(loop, float) for loop in (garment.outline_m, *garment.holes_m)]
     places, quads = quadrilaterals(loops, spectral.ORDER * spacing, name=garment.name)
     return _sewn(garment, quad_elements(places, quads, np.radians(garment.grain_degrees)))
 
 
 def _sewn(garment: Garment, front: Elements) -> _Laid:
-    """The front, and where there are seams a back that shares the nodes on them and faces the other way."""
+    """Return the front, and where there are seams a back that shares the nodes on them and faces the other way."""
     own = np.arange(len(front.rest))
     if not garment.seams:
         return _Laid(front, free_bends(front, own[None]), own[None])
@@ -194,7 +194,7 @@ def _sewn(garment: Garment, front: Elements) -> _Laid:
 
 
 def _held(garment: Garment, rest: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """Held nodes of all layers from left to right, and their places along the held edge."""
+    """Return the held nodes of all layers from left to right, and their places along the held edge."""
     share, is_on = place_along(rest, np.asarray(garment.outline_m[:2], float))
     if garment.held == "corners":
         is_on &= np.abs(share - 0.5) > 0.5 - 1e-6
@@ -204,7 +204,7 @@ def _held(garment: Garment, rest: Floats) -> tuple[NDArray[np.int64], Floats]:
 
 
 def _bulge(garment: Garment, rest: Floats, layers: NDArray[np.int64]) -> Floats:
-    """How far each node begins behind the plane through the held edge [m]: a back is not the front's mirror image."""
+    """Return how far each node begins behind the plane of the held edge [m]: front and back start apart."""
     out = np.zeros(len(rest))
     if len(layers) > 1:
         joined = [np.asarray([garment.outline_m[a], garment.outline_m[b]]) for a, b in (*garment.seams, (0, 1))]
@@ -225,7 +225,7 @@ def _hem(outline: Floats, grid: Elements) -> Floats:
 
 
 def _bottom_sides(outline: Floats) -> list[Floats]:
-    """Sides of the bottom edge, (2, 2) each: a panel's third; of anything else those below that face down.
+    """Return the sides of the bottom edge, (2, 2) each: a panel's third; of anything else those below that face down.
 
     Of an outline that ends in a point these are the sides that meet there.
     """
@@ -238,14 +238,14 @@ def _bottom_sides(outline: Floats) -> list[Floats]:
 
 
 def _triangles(cells: NDArray[np.int64]) -> Integers:
-    """Two triangles between every four nodes of an element, turned to the front like the elements."""
+    """Return two triangles between every four nodes of an element, turned to the front like the elements."""
     index = cells.reshape(-1, spectral.WIDTH, spectral.WIDTH).astype(np.int32)
     a, b, c, d = (i.reshape(-1) for i in (index[:, :-1, :-1], index[:, :-1, 1:], index[:, 1:, :-1], index[:, 1:, 1:]))
     return np.stack([np.stack([a, c, d], 1), np.stack([a, d, b], 1)], 1).reshape(-1, 3)
 
 
 def _barycentric(place: Floats, corners: Floats) -> Floats:
-    """Barycentric coordinates of `place` (2,) in triangles (n, 3, 2)."""
+    """Return the barycentric coordinates of `place` (2,) in triangles (n, 3, 2)."""
     p, q = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     r = place - corners[:, 0]
     doubled = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
@@ -267,7 +267,7 @@ def _locate(places: Floats, rest: Floats, triangles: NDArray[np.int64]) -> tuple
 
 
 def _spread(points: Floats, rest: Floats) -> tuple[Integers, Floats]:
-    """Piecewise linear interpolation from the tracked points to every node (Delaunay of the points)."""
+    """Return the piecewise linear interpolation from the tracked points to every node (Delaunay of the points)."""
     from scipy.spatial import Delaunay, QhullError
 
     if len(points) < 3:

@@ -31,7 +31,7 @@ LARGEST_STRAIN = 0.05  # strain up to which stiffening cloth stays stable
 
 @dataclass(frozen=True)
 class Rollouts:
-    """What a batch did.
+    """The answer to a batch.
 
     points [m], (candidates, frames, points, 3), world frame; NaN for a candidate that blew up
     shapes [m], (candidates, frames, nodes, 3), or None
@@ -54,7 +54,7 @@ class Resolution:
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Candidates on one recording and what becomes of them.
+    """Candidates on one recording, and room for their results.
 
     materials, (candidates, parameters), with what effects change in them; amplitudes, (candidates, components)
     seen [m], (candidates, frames, points, 3), and kept, (candidates, frames + 1, nodes, 3) or None: where results go,
@@ -81,17 +81,17 @@ class Group:
 
     @property
     def kernel(self) -> tuple[bool, bool, bool]:
-        """What decides which kernel simulates them."""
+        """Return the three properties that decide which kernel simulates the group."""
         return self.has_effects, self.is_viscous, self.touches
 
     @property
     def dt(self) -> float:
-        """Time step [s]."""
+        """Return the time step [s]."""
         return self.model.step(self.half_octaves)
 
     @property
     def steps(self) -> float:
-        """Steps from the beginning of settling to the last frame."""
+        """Return the steps from the beginning of settling to the last frame."""
         return (self.model.recording.duration + self.model.support.settle_time) / self.dt
 
 
@@ -180,7 +180,7 @@ class ClothModel:
         return Rollouts(seen, kept if kept is None else kept[:, :-1], kept if kept is None else kept[:, -1])
 
     def is_like(self, other: ClothModel) -> bool:
-        """Whether both simulate the same cloth with the same effects, so that one call of the kernel can do both."""
+        """Return whether one call of the kernel can simulate both: the same cloth with the same effects."""
         if self is other:
             return True
         return (
@@ -194,7 +194,7 @@ class ClothModel:
         )
 
     def _with_effects(self, materials: Floats, amplitudes: Floats) -> Floats:
-        """Material rows with what the effects change in them."""
+        """Return the material rows as the effects change them."""
         changed = materials.copy()
         for k, effect in enumerate(self.effects):
             for i in np.flatnonzero(amplitudes[:, self.columns[k]].any(1)):
@@ -202,7 +202,7 @@ class ClothModel:
         return changed
 
     def _needs_effects(self, amplitudes: Floats) -> Booleans:
-        """Which candidates have an effect that the plain kernel does not know."""
+        """Return which candidates have an effect that the plain kernel does not know."""
         needed = np.zeros(len(amplitudes), bool)
         for effect, columns in zip(self.effects, self.columns, strict=True):
             if effect.in_kernel:
@@ -211,11 +211,11 @@ class ClothModel:
 
     @functools.cached_property
     def surface(self) -> Surface:
-        """The surface on which contact acts."""
+        """Return the surface on which contact acts."""
         return surface_of(self.mesh, self.contact.spacing)
 
     def thickness(self, amplitudes: Floats) -> Floats:
-        """Distance [m] that layers of each candidate are kept apart, (candidates,), 0 where they do not touch."""
+        """Return the distance [m] at which each candidate's layers are kept apart, (candidates,), 0 for none."""
         found = np.full(len(amplitudes), self.contact.thickness)
         for effect, columns in zip(self.effects, self.columns, strict=True):
             if effect.touches:
@@ -223,7 +223,7 @@ class ClothModel:
         return found
 
     def _touches(self, amplitudes: Floats) -> Booleans:
-        """Which candidates touch themselves or bodies."""
+        """Return which candidates touch themselves or bodies."""
         return (self.thickness(amplitudes) > 0) | bool(self.contact.bodies)
 
     def step(self, half_octaves: int = 0) -> float:
@@ -236,7 +236,7 @@ class ClothModel:
         return np.array([self.step(int(n)) for n in self._half_octaves(materials, none)])
 
     def _half_octaves(self, materials: Floats, amplitudes: Floats) -> NDArray[np.int64]:
-        """Per candidate, by how many half octaves the coarsest step must be shorter to be stable."""
+        """Return how many half octaves below the coarsest step each candidate is stable, (candidates,)."""
         wanted = np.ceil(2 * np.log2(COARSEST_STEP / self.stable_steps(materials, amplitudes)))
         return np.clip(wanted, 0, 14).astype(np.int64)
 
@@ -268,7 +268,7 @@ class ClothModel:
         return np.asarray(SAFETY * 2 / omega * (np.sqrt(1 + zeta**2) - zeta))
 
     def observer_targets(self, half_octaves: int) -> tuple[Floats, Floats, int]:
-        """Targets and trust on a grid of whole steps, and the number of steps between two of them."""
+        """Return the targets and trust on a grid of whole steps, and the number of steps between two of them."""
         if half_octaves not in self._targets:
             dt = self.step(half_octaves)
             every = max(round(TARGET_SPACING / dt), 1)
@@ -292,14 +292,14 @@ class ClothModel:
         return np.stack(each, -1)
 
     def masses(self, row: Floats, amplitude: Floats) -> Floats:
-        """Masses of the nodes [kg] of one candidate."""
+        """Return the masses of the nodes [kg] of one candidate."""
         mass = row[mat.DENSITY] * self.mesh.node_area
         for effect, columns in zip(self.effects, self.columns, strict=True):
             mass = effect.node_mass(mass, self.mesh, amplitude[columns])
         return mass
 
     def _friction(self, amplitude: Floats) -> float:
-        """Largest frictional moment per width [N] of one candidate."""
+        """Return the largest frictional moment per width [N] of one candidate."""
         return sum(e.friction_moment(amplitude[c]) for e, c in zip(self.effects, self.columns, strict=True))
 
     def kernel_rows(self, materials: Floats, amplitudes: Floats) -> Floats:
@@ -335,7 +335,7 @@ class ClothModel:
         return np.stack(row, axis=1)
 
     def resting(self, amplitudes: Floats, bends: int, is_needed: bool) -> Floats:
-        """Curvature at rest per candidate and bend [1/m]."""
+        """Return the curvature at rest per candidate and bend [1/m]."""
         rest = np.zeros((len(amplitudes), bends if is_needed else 1))
         for effect, columns in zip(self.effects if is_needed else (), self.columns, strict=False):
             for i in np.flatnonzero(amplitudes[:, columns].any(1)):
@@ -343,7 +343,7 @@ class ClothModel:
         return rest
 
     def carried(self, amplitudes: Floats, nodes: int, is_needed: bool) -> Floats:
-        """Added mass per candidate and node [kg]."""
+        """Return the added mass per candidate and node [kg]."""
         added = np.zeros((len(amplitudes), nodes if is_needed else 1))
         for effect, columns in zip(self.effects if is_needed else (), self.columns, strict=False):
             for i in np.flatnonzero(amplitudes[:, columns].any(1)):
@@ -351,7 +351,7 @@ class ClothModel:
         return added
 
     def paths(self, amplitudes: Floats, steps: int, dt: float) -> Floats:
-        """Handles per step and candidate, (steps, 3 handles, candidates); equal drives are evaluated once.
+        """Return the handles per step and candidate, (steps, 3 handles, candidates); equal drives are evaluated once.
 
         Where all are driven alike they are the same memory, not to be written to.
         """
@@ -367,7 +367,7 @@ class ClothModel:
         return np.stack([known[name] for name in names], -1)
 
     def _driven(self, row: Floats, drivers: list[int], steps: int, dt: float) -> Floats:
-        """Handles as effects drive them, (steps, 3 handles)."""
+        """Return the handles as effects drive them, (steps, 3 handles)."""
         curve = self.support.path
         for k in drivers:
             if row[self.columns[k]].any():
@@ -375,7 +375,7 @@ class ClothModel:
         return curve(_instants(steps, dt))
 
     def _path(self, steps: int, dt: float) -> Floats:
-        """Handles that no effect drives, (steps, 3 handles); a fit asks for the same ones again and again."""
+        """Return handles that no effect drives, (steps, 3 handles), kept from one call to the next."""
         if len(self._undriven.get(dt, ())) < steps:
             self._undriven[dt] = self.support.path(_instants(steps, dt))
         return self._undriven[dt][:steps]

@@ -1,4 +1,4 @@
-"""Who is near whom in contact, for candidates side by side: places, lists of pairs, and the memory they are kept in.
+"""List pairs that are near each other, for candidates side by side, and lay out the memory of contact.
 
 Of all pairs of a sample and a quad that may meet, and of a sample and a body, those within `WATCHED` of contact in any
 lane are watched; of these, those within `NEAR` are computed. A list holds until a node has moved so far that a pair
@@ -41,7 +41,7 @@ TINY = 1e-20
 
 @ti.func
 def least(alone: ti.template(), begin, lanes: ti.template()):
-    """Least number of a vector that begins there, by halves: a loop over lanes would be slower."""
+    """Return the least number of the vector at `begin`, by halves: a loop over lanes would be slower."""
     if ti.static(lanes == 1):
         return alone[begin]
     else:
@@ -53,7 +53,7 @@ def has_moved(
     home, nodes, x: ti.template(), then, gauge, memory: ti.template(), alone: ti.template(), allowed,
     lanes: ti.template(),
 ):  # fmt: skip
-    """Whether a node of any lane has moved farther than allowed [m] from where it was, kept from `then` on."""
+    """Return whether a node of any lane has moved farther than allowed [m] from where it was, kept from `then` on."""
     memory[gauge] = 0.0 * x[home]
     for i in range(nodes):
         j, k = within(home + 3 * i), within(then + 3 * i)
@@ -71,7 +71,7 @@ def remember(home, nodes, x: ti.template(), then, memory: ti.template()):
 
 @ti.func
 def carry(home, at, s, y: ti.template(), whole: ti.template(), alone: ti.template(), memory: ti.template()):
-    """A field of the nodes at a sample, from the 16 nodes of its element."""
+    """Carry a field of the nodes to a sample, from the 16 nodes of its element."""
     i, h = within(home + whole[HEADER + 16 * s]), alone[16 * s]
     s0, s1, s2 = h * y[i], h * y[i + 1], h * y[i + 2]
     for n in ti.static(range(1, 16)):
@@ -82,7 +82,7 @@ def carry(home, at, s, y: ti.template(), whole: ti.template(), alone: ti.templat
 
 @ti.func
 def corners(q, first, samples, whole: ti.template()):
-    """Where the four corners of a quad are."""
+    """Return where the four corners of a quad are."""
     at = HEADER + 16 * samples + 4 * q
     return (
         within(first + whole[at]), within(first + whole[at + 1]), within(first + whole[at + 2]),
@@ -92,14 +92,14 @@ def corners(q, first, samples, whole: ti.template()):
 
 @ti.func
 def apart(at, facing, memory: ti.template(), distance):
-    """Square of a sample's distance from a quad's centre, less that of a distance."""
+    """Return a sample's squared distance from a quad's centre, less the square of `distance`."""
     d0, d1, d2 = memory[at] - memory[facing], memory[at + 1] - memory[facing + 1], memory[at + 2] - memory[facing + 2]
     return d0 * d0 + d1 * d1 + d2 * d2 - distance * distance
 
 
 @ti.func
 def located(at, facing, memory: ti.template()):
-    """Gap of a sample above the plane of a quad, its xi_1 and xi_2 there, and its squared distance from the centre."""
+    """Return a sample's gap above the plane of a quad, its xi_1 and xi_2, and its squared distance from the centre."""
     r0, r1, r2 = memory[at] - memory[facing], memory[at + 1] - memory[facing + 1], memory[at + 2] - memory[facing + 2]
     j, k, m = within(facing + NORMAL), within(facing + FIRST), within(facing + SECOND)
     return (
@@ -111,13 +111,13 @@ def located(at, facing, memory: ti.template()):
 
 @ti.func
 def length(at, memory: ti.template()):
-    """Length of a vector."""
+    """Return the length of a vector."""
     return ti.sqrt(memory[at] * memory[at] + memory[at + 1] * memory[at + 1] + memory[at + 2] * memory[at + 2])
 
 
 @ti.func
 def beside(at, facing, windows, memory: ti.template(), alone: ti.template(), thickness):
-    """Below 0 where a sample is, or could soon be, within the window of a quad and near its plane.
+    """Return a number below 0 where a sample is, or soon could be, in the window of a quad and near its plane.
 
     Sample and corners each move by NEAR / 2 at most before the lists are made anew. With sum |h_k| <= 5/2 the place
     below the sample moves by 5/4 of NEAR against the sample's 1/2, and the plane turns by NEAR over a side.
@@ -132,7 +132,7 @@ def beside(at, facing, windows, memory: ti.template(), alone: ti.template(), thi
 
 @ti.func
 def body_distance(at, body, memory: ti.template(), alone: ti.template()):
-    """Distance of a sample from a body [m], negative inside, and the way out."""
+    """Return the distance of a sample from a body [m], negative inside, and the way out."""
     d0, d1, d2 = memory[at] - alone[body], memory[at + 1] - alone[body + 1], memory[at + 2] - alone[body + 2]
     p0 = alone[body + 3] * d0 + alone[body + 4] * d1 + alone[body + 5] * d2
     p1 = alone[body + 6] * d0 + alone[body + 7] * d1 + alone[body + 8] * d2
@@ -161,7 +161,7 @@ def find_places(
     home, first, front, samples, count, x: ti.template(), whole: ti.template(), alone: ti.template(),
     memory: ti.template(),
 ):  # fmt: skip
-    """Places of all samples, and where all quads are and face."""
+    """Find the places of all samples, and the places and normals of all quads."""
     for s in range(samples):
         carry(home, within(first + SPOT * s), s, x, whole, alone, memory)
     for q in range(count):
@@ -258,7 +258,7 @@ def choose(
 
 @ti.func
 def face_quad(q, first, at, samples, whole: ti.template(), memory: ti.template()):
-    """Centre, unit normal, dual tangents t^1 and t^2, velocities of the centre and along both tangents; no force."""
+    """Find a quad's centre, normal, dual tangents t^1 and t^2, and velocities; set its force to zero."""
     i, j, k, m = corners(q, first, samples, whole)
     for c in ti.static(range(3)):
         y0, y1, y2, y3 = memory[i + c], memory[j + c], memory[k + c], memory[m + c]

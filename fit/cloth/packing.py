@@ -1,4 +1,4 @@
-"""Which candidates share a group of lanes: candidates of one or several recordings of one cloth, packed into tasks.
+"""Pack candidates of one or several recordings of one cloth into tasks, groups of lanes.
 
 Candidates of several recordings that have the same step share groups: a group has the frames of all its recordings, of
 which each keeps its own. Every group is one task; tasks go to the processors longest first. How wide the groups are is
@@ -35,16 +35,16 @@ class Task:
 
     @property
     def steps(self) -> float:
-        """Steps of the longest of its recordings."""
+        """Return the steps of the longest of its recordings."""
         return max(part.steps for part in self.parts)
 
     @property
     def dt(self) -> float:
-        """Time step [s]."""
+        """Return the time step [s]."""
         return self.parts[0].dt
 
     def numbers(self, *, is_pulled: bool) -> int:
-        """Single numbers that each lane needs, about: frames, and copies of them, handles and targets."""
+        """Return about how many single numbers each lane needs: frames and their copies, handles, targets."""
         first = self.parts[0].model
         points = first.recording.points.shape[1]
         handles = 3 * HANDLE_COPIES * first.support.handles * self.steps
@@ -53,7 +53,7 @@ class Task:
         return int(handles + frames + max((places.size + trust.size for places, trust in sizes), default=0))
 
     def filled(self, lanes: int) -> list[tuple[Group, NDArray[np.int64]]]:
-        """Return every part and its members; what is left of the lanes repeats the last one."""
+        """Return every part and its members; the last member fills the lanes that are left."""
         members = [part.members for part in self.parts]
         missing = lanes - sum(len(m) for m in members)
         members[-1] = np.concatenate([members[-1], np.repeat(members[-1][-1:], missing)])
@@ -109,7 +109,7 @@ def _time(tasks: list[Task], lanes: int, threads: int) -> float:
 
 
 class Course:
-    """What one task follows: frames and the way to them, handles, and what the observer pulls to.
+    """Frames of one task and the steps to them, paths of its handles, and targets of the observer.
 
     time [s], (frames,): of every frame of any of its recordings; steps, lags [s], (frames,): whole steps to it, and the
     rest; paths: of each part, (steps, 3 handles, its lanes); start [m], (lanes, nodes, 3)

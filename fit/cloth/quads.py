@@ -62,7 +62,7 @@ def quadrilaterals(loops: Sequence[Floats], side: float, *, name: str = "") -> t
 
 
 def distance_to(places: Floats, loops: Sequence[Floats]) -> Floats:
-    """Distance of places, (n, 2), to the nearest side of any loop [m], (n,)."""
+    """Return the distance of places, (n, 2), to the nearest side of any loop [m], (n,)."""
     nearest = np.full(len(places), np.inf)
     for loop in loops:
         for a, b in zip(loop, np.roll(loop, -1, 0), strict=True):
@@ -72,7 +72,7 @@ def distance_to(places: Floats, loops: Sequence[Floats]) -> Floats:
 
 
 def is_inside(places: Floats, loops: Sequence[Floats]) -> Booleans:
-    """Whether places, (n, 2), lie inside the outline and in no hole: a ray crosses an odd number of sides."""
+    """Return whether places, (n, 2), lie inside the outline and in no hole: a ray crosses an odd number of sides."""
     crossings = np.zeros(len(places), int)
     for loop in loops:
         for a, b in zip(loop, np.roll(loop, -1, 0), strict=True):
@@ -83,12 +83,12 @@ def is_inside(places: Floats, loops: Sequence[Floats]) -> Booleans:
 
 
 def _cross(a: Floats, b: Floats) -> Floats:
-    """Vector products of vectors of the plane, (..., 2)."""
+    """Return the vector products of vectors of the plane, (..., 2)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def _polygons(loops: Sequence[Floats], side: float, name: str) -> tuple[Floats, list[Indices]]:
-    """Triangles and quadrilaterals, as corners of `places`."""
+    """Return triangles and quadrilaterals, as corners of `places`."""
     places, sides = _rim(loops, side)
     inner = _squares(loops, side)
     places, triangles = _triangles(places, sides, inner, loops, side, name)
@@ -96,7 +96,7 @@ def _polygons(loops: Sequence[Floats], side: float, name: str) -> tuple[Floats, 
 
 
 def _rim(loops: Sequence[Floats], side: float) -> tuple[Floats, Indices]:
-    """Corners along all sides, (n, 2), and the pieces of sides between them, (n, 2)."""
+    """Return the corners along all sides, (n, 2), and the pieces of sides between them, (n, 2)."""
     places: list[Floats] = []
     pieces: list[tuple[int, int]] = []
     first = 0
@@ -111,7 +111,7 @@ def _rim(loops: Sequence[Floats], side: float) -> tuple[Floats, Indices]:
 
 
 def _squares(loops: Sequence[Floats], side: float) -> Floats:
-    """Corners of squares along the threads, inside and clear of the outline."""
+    """Return the corners of squares along the threads, inside and clear of the outline."""
     low, high = loops[0].min(0), loops[0].max(0)
     across, down = (np.linspace(a, b, max(1, round(float(b - a) / side)) + 1) for a, b in zip(low, high, strict=True))
     places = np.stack(np.meshgrid(across, down), -1).reshape(-1, 2)
@@ -121,7 +121,7 @@ def _squares(loops: Sequence[Floats], side: float) -> Floats:
 def _triangles(
     rim: Floats, pieces: Indices, inner: Floats, loops: Sequence[Floats], side: float, name: str
 ) -> tuple[Floats, Indices]:
-    """Delaunay triangles that have every piece of a side as an edge."""
+    """Return Delaunay triangles that have every piece of a side as an edge."""
     from scipy.spatial import Delaunay
 
     for _ in range(MOST_HALVINGS):
@@ -150,7 +150,7 @@ def _triangles(
 
 
 def _joined(places: Floats, triangles: Indices) -> list[Indices]:
-    """Pairs of triangles as quadrilaterals, and the triangles that are left."""
+    """Join pairs of triangles into quadrilaterals; return them, and the triangles that are left."""
     owners: dict[tuple[int, int], list[tuple[int, int]]] = {}
     for t, corners in enumerate(triangles):
         for i in range(3):
@@ -173,19 +173,19 @@ def _joined(places: Floats, triangles: Indices) -> list[Indices]:
 
 
 def _shortest(places: Floats, faces: list[Indices]) -> float:
-    """Length of the shortest side [m]."""
+    """Return the length of the shortest side [m]."""
     return float(min(np.linalg.norm(places[face] - places[np.roll(face, 1)], axis=1).min() for face in faces))
 
 
 def _shape(ring: Floats) -> float:
-    """Least sine of a quadrilateral's angles, negative where it is not convex; ring, (4, 2)."""
+    """Return the least sine of a quadrilateral's angles, negative where it is not convex; ring, (4, 2)."""
     ahead, behind = np.roll(ring, -1, 0) - ring, np.roll(ring, 1, 0) - ring
     sines = _cross(ahead, behind) / (np.linalg.norm(ahead, axis=1) * np.linalg.norm(behind, axis=1))
     return float(max(sines.min(), (-sines).min()))
 
 
 def _divided(places: Floats, faces: list[Indices]) -> tuple[Floats, list[Indices]]:
-    """One quadrilateral at every corner of every face, up to the middles of its sides and of the face."""
+    """Return one quadrilateral at every corner of every face, up to the middles of its sides and of the face."""
     found = list(places)
     middles: dict[tuple[int, int], int] = {}
 
@@ -209,7 +209,7 @@ def _divided(places: Floats, faces: list[Indices]) -> tuple[Floats, list[Indices
 
 
 def _along_threads(ring: Floats, face: Indices) -> Indices:
-    """The same quadrilateral as top left, top right, bottom right, bottom left: its rows run along X, not Y."""
+    """Return the same quadrilateral as top left, top right, bottom right, bottom left: its rows run along X, not Y."""
     if _cross(ring[1] - ring[0], ring[2] - ring[1]) > 0:
         ring, face = ring[::-1], face[::-1]  # clockwise, with y up
     first = int(np.argmax([(ring[(i + 1) % 4] - ring[i] + ring[(i + 2) % 4] - ring[(i + 3) % 4])[0] for i in range(4)]))

@@ -21,13 +21,13 @@ WEIGHTS = np.array([1.0, 5.0, 5.0, 1.0]) / 6.0  # of [-1, 1]; they sum to 2
 
 
 def gauss(count: int) -> tuple[Floats, Floats]:
-    """Gauss points and weights, (count,) each, of [-1, 1]."""
+    """Return Gauss points and weights, (count,) each, of [-1, 1]."""
     points, weights = np.polynomial.legendre.leggauss(count)
     return points, weights
 
 
 def values(at: Floats) -> Floats:
-    """Values of the four shape functions, (..., 4), at places `at` of [-1, 1]."""
+    """Return the values of the four shape functions, (..., 4), at places `at` of [-1, 1]."""
     at = np.asarray(at, float)[..., None]
     found = np.ones((*at.shape[:-1], WIDTH))
     for i in range(WIDTH):
@@ -37,7 +37,7 @@ def values(at: Floats) -> Floats:
 
 
 def slopes(at: Floats) -> Floats:
-    """Slopes of the four shape functions, (..., 4), at places `at` of [-1, 1]."""
+    """Return the slopes of the four shape functions, (..., 4), at places `at` of [-1, 1]."""
     at = np.asarray(at, float)
     found = np.zeros((*at.shape, WIDTH))
     for i in range(WIDTH):
@@ -50,25 +50,25 @@ def slopes(at: Floats) -> Floats:
 
 
 def curvatures(at: Floats) -> Floats:
-    """Second derivatives of the four shape functions, (..., 4), at places `at` of [-1, 1]: straight lines."""
+    """Return second derivatives of the four shape functions, (..., 4), at places `at` of [-1, 1]."""
     scale = np.array([np.prod(node - np.delete(NODES, i)) for i, node in enumerate(NODES)])
     # 2 (3 x - sum of the other nodes), and all of them add up to zero.
     return np.asarray(2 * (3 * np.asarray(at, float)[..., None] + NODES) / scale)
 
 
 def places(elements: int) -> Floats:
-    """Places of the nodes of a row of equal elements, (3 elements + 1,), from 0 to 1."""
+    """Return the places of the nodes of a row of equal elements, (3 elements + 1,), from 0 to 1."""
     inner = (np.arange(elements)[:, None] + (NODES[:-1] + 1) / 2) / elements
     return np.append(inner.ravel(), 1.0)
 
 
 def line_nodes(elements: int) -> NDArray[np.int64]:
-    """Nodes of each element of a row, (elements, 4)."""
+    """Return the nodes of each element of a row, (elements, 4)."""
     return np.asarray(ORDER * np.arange(elements)[:, None] + np.arange(WIDTH))
 
 
 def second_difference(lengths: Floats) -> Floats:
-    """Second derivative at the nodes of a row of elements, (nodes, nodes), by weak form and lumped mass.
+    """Return the second derivative at the nodes of a row of elements, (nodes, nodes), by weak form and lumped mass.
 
     lengths [m], (elements,). For test functions N_i:  m_i x''_i = -integral N_i' x' ds.  Inside an element this is the
     polynomial's own second derivative; between two it adds the kink, spread over the node's mass. The rows of the two

@@ -1,4 +1,4 @@
-"""How fast a mesh can oscillate, which decides the step.
+"""Bound the highest frequency of a mesh, which decides the step.
 
 Stable step of explicit leapfrog with Kelvin-Voigt damping: with the highest frequency omega and damping ratio
 zeta = omega tau / 2,  dt < (2 / omega) (sqrt(1 + zeta^2) - zeta).
@@ -18,7 +18,7 @@ from fit.cloth.mesh import ClothMesh
 
 
 def unit_frequencies(mesh: ClothMesh) -> tuple[float, float, float]:
-    """Largest eigenvalues of stretch, shear and bending alone at unit stiffness and density [m^-2, m^-2, m^-4]."""
+    """Return the largest eigenvalues of stretch, shear and bending at unit stiffness and density [m^-2, m^-2, m^-4]."""
     from scipy.sparse import coo_array, hstack, vstack
     from scipy.sparse.linalg import eigsh
 

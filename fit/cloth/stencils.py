@@ -19,13 +19,13 @@ from fit.cloth.lines import CURVATURES, LINE_ENTRIES, UNIT_SLOPES, VALUES
 
 @ti.func
 def stencil(home, begin, nodes: ti.template(), weights: ti.template(), count: ti.template()):
-    """Where the nodes of a stencil of known length are, and their weights."""
+    """Return where the nodes of a stencil of known length are, and their weights."""
     return [within(home + nodes[begin + n]) for n in range(count)], [weights[begin + n] for n in range(count)]
 
 
 @ti.func
 def weighted(y: ti.template(), at: ti.template(), weights: ti.template()):
-    """Weighted sum of a field over a stencil."""
+    """Return the weighted sum of a field over a stencil."""
     k, w = at[0], weights[0]
     s0, s1, s2 = w * y[k], w * y[k + 1], w * y[k + 2]
     for n in ti.static(range(1, len(at))):
@@ -36,7 +36,7 @@ def weighted(y: ti.template(), at: ti.template(), weights: ti.template()):
 
 @ti.func
 def push(f: ti.template(), p0, p1, p2, at: ti.template(), weights: ti.template()):
-    """Force of a stress p on the nodes of its stencil."""
+    """Push the nodes of a stencil with its stress p."""
     for n in ti.static(range(len(at))):
         i, w = at[n], weights[n]
         f[i], f[i + 1], f[i + 2] = f[i] - w * p0, f[i + 1] - w * p1, f[i + 2] - w * p2
@@ -44,14 +44,14 @@ def push(f: ti.template(), p0, p1, p2, at: ti.template(), weights: ti.template()
 
 @ti.func
 def line_stencil(home, entry, line, nodes: ti.template(), weights: ti.template()):
-    """Where the four nodes of a line are, and its five weights."""
+    """Return where the four nodes of a line are, and its five weights."""
     begin = within(entry + LINE_ENTRIES * line)
     return [within(home + nodes[begin + n]) for n in range(4)], [weights[begin + n] for n in range(LINE_ENTRIES)]
 
 
 @ti.func
 def line_slopes(y: ti.template(), at: ti.template(), w: ti.template()):
-    """Slopes of a field at the three samples of a line."""
+    """Return the slopes of a field at the three samples of a line."""
     outer = [y[at[3] + c] - y[at[0] + c] for c in range(3)]
     inner = [y[at[2] + c] - y[at[1] + c] for c in range(3)]
     bulge = [(y[at[0] + c] + y[at[3] + c]) - (y[at[1] + c] + y[at[2] + c]) for c in range(3)]
@@ -66,7 +66,7 @@ def line_slopes(y: ti.template(), at: ti.template(), w: ti.template()):
 
 @ti.func
 def push_line(f: ti.template(), stress: ti.template(), k, at: ti.template(), w: ti.template()):
-    """Force of the stress at a line's samples, the first of them at k, on its nodes: `line_slopes` backwards."""
+    """Push a line's nodes with the stress at its samples, the first of them at k: `line_slopes` backwards."""
     for c in ti.static(range(3)):
         first, middle, last = stress[k + c], stress[k + 3 + c], stress[k + 6 + c]
         both, bulge = first + last, w[4] * (last - first)
@@ -79,7 +79,7 @@ def push_line(f: ti.template(), stress: ti.template(), k, at: ti.template(), w: 
 
 @ti.func
 def line_values(y: ti.template(), at: ti.template()):
-    """Values of a field at the three points between four samples."""
+    """Return the values of a field at the three points between four samples."""
     w = ti.static(VALUES)
     both = [y[at[0] + c] + y[at[3] + c] for c in range(3)]
     mid = [y[at[1] + c] + y[at[2] + c] for c in range(3)]
@@ -111,7 +111,7 @@ def hand_back(stress: ti.template(), p: ti.template(), m: ti.template(), at: ti.
 
 @ti.func
 def line_curvatures(y: ti.template(), at: ti.template()):
-    """Second derivatives of a field at the two inner nodes of a line."""
+    """Return the second derivatives of a field at the two inner nodes of a line."""
     w = ti.static(CURVATURES)
     even = [w[0] * ((y[at[0] + c] + y[at[3] + c]) - (y[at[1] + c] + y[at[2] + c])) for c in range(3)]
     odd = [w[1] * (y[at[3] + c] - y[at[0] + c]) + w[2] * (y[at[2] + c] - y[at[1] + c]) for c in range(3)]
@@ -120,7 +120,7 @@ def line_curvatures(y: ti.template(), at: ti.template()):
 
 @ti.func
 def push_pair(f: ti.template(), m: ti.template(), at: ti.template()):
-    """Force of two moments on a line's nodes: `line_curvatures` backwards."""
+    """Push a line's nodes with two moments: `line_curvatures` backwards."""
     w = ti.static(CURVATURES)
     for c in ti.static(range(3)):
         even, apart = w[0] * (m[0][c] + m[1][c]), m[1][c] - m[0][c]

@@ -1,4 +1,4 @@
-"""How cloth is held, where it starts, and how heavy it is: a hanger, clamps that move, or nothing at all.
+"""Hold cloth by a hanger, by clamps that move, or not at all, and say where it starts.
 
 Held nodes follow handles, vectors that move:
     x_h(t) = sum_k s_hk handle_k(t)
@@ -47,7 +47,7 @@ FIRST_SWING = 1.2024  # of a hanging sheet, over sqrt(g / L): half the first zer
 
 @dataclass(frozen=True)
 class Support:
-    """What holds the cloth.
+    """Held nodes and their handles, start, settling and gravity.
 
     nodes, (held,); shares, (held, handles): of the handles in the place of each held node
     path: (n,) instants [s] -> (n, 3 handles) [m], world frame
@@ -66,7 +66,7 @@ class Support:
 
     @property
     def handles(self) -> int:
-        """How many vectors the held nodes follow."""
+        """Return how many vectors the held nodes follow."""
         return self.shares.shape[1]
 
 
@@ -165,7 +165,7 @@ def clamped(mesh: ClothMesh, support: Support) -> ClothMesh:
 
 
 def _seen_folds(recording: Recording, mesh: ClothMesh) -> Floats:
-    """Displacement [m], (nodes, 3), of cloth held at its corners from hanging flat to where its points begin; or 0."""
+    """Return how far cloth held at its corners begins from hanging flat [m], (nodes, 3), by its points; else 0."""
     is_seen = recording.valid[recording.time <= LONGEST_BRIDGE].any(0) & recording.has_curve
     places = np.array([point.at_m for point in recording.garment.points])[is_seen]
     if recording.garment.held != "corners" or np.linalg.matrix_rank(places - places[:1], tol=ON_LINE) < 2:
@@ -179,7 +179,7 @@ def _seen_folds(recording: Recording, mesh: ClothMesh) -> Floats:
 
 
 def _hanging_flat(mesh: ClothMesh, ends: Floats) -> Floats:
-    """Flat cloth hanging straight down from the held ends, (candidates, nodes, 3); ends (candidates, 6)."""
+    """Return flat cloth hanging straight down from the held ends, (candidates, nodes, 3); ends (candidates, 6)."""
     left, right = ends[:, :3], ends[:, 3:]
     held = mesh.rest[mesh.held_nodes]
     along = (mesh.rest[:, 0] - held[0, 0]) / (held[-1, 0] - held[0, 0])

@@ -38,7 +38,7 @@ SHARPNESS = 1 / (2 * WINDOW - 1)  # of a window's fall about a quad's edge
 
 @ti.func
 def traction(gap, side, n0, n1, n2, u0, u1, u2, distance, stiffness, viscosity, friction):
-    """Force per area on what moves with velocity u past something at a gap along n; side: which way it is pushed."""
+    """Return the force per area on cloth that moves with velocity u at a gap along n; side: the way of the push."""
     overlap = ti.max(distance - gap, 0.0)
     grip = ti.min(4.0 * overlap / (distance + 1e-9), 1.0) * viscosity
     along = u0 * n0 + u1 * n1 + u2 * n2
@@ -51,7 +51,7 @@ def traction(gap, side, n0, n1, n2, u0, u1, u2, distance, stiffness, viscosity, 
 
 @ti.func
 def window(place, after, before):
-    """1 over a quad, falling to 0 about its edges."""
+    """Return 1 over a quad, falling to 0 about its edges."""
     return ti.min(ti.max(ti.min(after - place, before + place) * SHARPNESS, 0.0), 1.0)
 
 
@@ -60,7 +60,7 @@ def press(
     at, facing, share, reach, windows, alone: ti.template(), memory: ti.template(), distance, stiffness, viscosity,
     friction,
 ):  # fmt: skip
-    """Force of a quad on a sample, and back; share: of the sample's area [m^2]."""
+    """Push a sample away from a quad, and the quad back; share: of the sample's area [m^2]."""
     gap, one, two, square = located(at, facing, memory)
     n0, n1, n2 = memory[facing + NORMAL], memory[facing + NORMAL + 1], memory[facing + NORMAL + 2]
     zero = 0.0 * gap
@@ -89,7 +89,7 @@ def press(
 def lean(
     at, body, area, memory: ti.template(), alone: ti.template(), clearance, stiffness, viscosity, friction
 ):  # fmt: skip
-    """Force of a body, which does not give way, on a sample."""
+    """Push a sample away from a body, which does not give way."""
     gap, n0, n1, n2 = body_distance(at, body, memory, alone)
     f0, f1, f2 = traction(
         gap, 1.0, n0, n1, n2, memory[at + 3], memory[at + 4], memory[at + 5], clearance,

@@ -24,7 +24,7 @@ from formats.arrays import Floats
 
 @dataclass(frozen=True)
 class ClipSlack(Effect):
-    """How much nearer the held ends are than measured."""
+    """Distance by which the held ends are nearer than measured."""
 
     name: ClassVar[str] = "clip_slack"
     title: ClassVar[str] = "slack between the clips"

@@ -29,7 +29,7 @@ DURATION = 0.1  # s that a slip takes
 
 @dataclass(frozen=True)
 class ClipSlip(Effect):
-    """How far the cloth slips downwards at the left and at the right end."""
+    """Distance by which the cloth slips downwards at the left and at the right end."""
 
     name: ClassVar[str] = "clip_slip"
     title: ClassVar[str] = "a slip in the clips"

@@ -65,7 +65,7 @@ class BlenderEngine:
 
     @property
     def version(self) -> str:
-        """Blender's version."""
+        """Return Blender's version."""
         return self._worker.version
 
     def points(self, vectors: Floats) -> Floats:
@@ -91,7 +91,7 @@ def blender_settings(vectors: Floats) -> Floats:
 
 
 def _driven_path(recording: Recording, grid: PlainGrid) -> Floats:
-    """Places [m], (frames, nodes, 3): flat first; of later frames only the held nodes' count."""
+    """Return places [m], (frames, nodes, 3): flat first; of later frames only the held nodes' count."""
     frames = int(np.ceil((recording.duration + LEAD + SETTLE) * FPS)) + 2
     instants = np.arange(frames) / FPS - LEAD - SETTLE
     ends = recording.held(np.maximum(instants, 0.0)).reshape(frames, 2, 3)

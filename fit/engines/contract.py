@@ -1,4 +1,4 @@
-"""What a fit asks of a simulator: the tracked points for vectors of the method's own parameters, and nothing else.
+"""Name the one question that a fit asks of a simulator: the tracked points for vectors of parameters.
 
 Both published methods claim that any simulator will do. An engine is made for one recording and one method, and may
 do with the six or five numbers what its own cloth does with them.
@@ -22,7 +22,7 @@ class Engine(Protocol):
 
     @property
     def version(self) -> str:
-        """Version of what simulates, where that is not Hangtime itself."""
+        """Return the version of the simulator, empty where Hangtime itself simulates."""
         ...
 
     def points(self, vectors: Floats) -> Floats:

@@ -36,7 +36,7 @@ class PlainGrid:
 
     @property
     def triangles(self) -> Indices:
-        """The same surface for drawing, (2 faces, 3)."""
+        """Return the same surface for drawing, (2 faces, 3)."""
         return np.concatenate([self.quads[:, :3], self.quads[:, [0, 2, 3]]])
 
 

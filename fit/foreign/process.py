@@ -37,7 +37,7 @@ class Foreign:
 
     @property
     def python(self) -> str:
-        """The Python that is asked for the module, from wherever it is started."""
+        """Return the Python that is asked for the module, from wherever it is started."""
         python = os.environ.get(self.variable) or sys.executable
         return os.path.abspath(python) if os.sep in python else python
 

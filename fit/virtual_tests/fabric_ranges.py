@@ -1,4 +1,4 @@
-"""What fabrics measured elsewhere are like, in KES units, to hold a fitted one beside them.
+"""Hold ranges of fabrics measured elsewhere, in KES units, to compare a fitted fabric with them.
 
 [W] ten fabrics, H. Wang, J. O'Brien, R. Ramamoorthi, "Data-Driven Elastic Models for Cloth", SIGGRAPH 2011, as
     published with ARCSim. Stretching at zero strain, C11 and C22. Its shear constant acts on half of Fu . Fv, so it is

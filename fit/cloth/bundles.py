@@ -259,13 +259,13 @@ class BendLaw(NamedTuple):
 class Family(NamedTuple):
     """One family of fibres: its samples are start to end, its stencils begin at entry.
 
-    count: nodes of a sample, or `fit.cloth.lines.IN_LINES`
+    sample_nodes: nodes of a sample, or `fit.cloth.lines.IN_LINES`
     """
 
     start: Number
     end: Number
     entry: Number
-    count: int
+    sample_nodes: int
 
 
 class Place(NamedTuple):

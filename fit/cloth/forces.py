@@ -85,7 +85,7 @@ def fibres(
     Bundles, of `fit.cloth.bundles`: Place, Family, Motion, Membrane, Strains, Law, Kind. Of a family that goes
     `IN_LINES` three samples share four nodes.
     """
-    if ti.static(family.count == IN_LINES):
+    if ti.static(family.sample_nodes == IN_LINES):
         for line in range((family.end - family.start) // 3):
             e = within(family.start + 3 * line)
             k = within(3 * (place.first_fibre + e))
@@ -104,8 +104,8 @@ def fibres(
     else:
         for e in range(family.start, family.end):
             k = within(3 * (place.first_fibre + e))
-            begin = within(family.entry + family.count * (e - family.start))
-            at, w = stencil(place.home, begin, cloth.fibre_at, cloth.fibre_weights, family.count)
+            begin = within(family.entry + family.sample_nodes * (e - family.start))
+            at, w = stencil(place.home, begin, cloth.fibre_at, cloth.fibre_weights, family.sample_nodes)
             u = weighted(nodes.x, at, w)
             if ti.static(with_ahead):
                 memory.slopes_ahead[k], memory.slopes_ahead[k + 1], memory.slopes_ahead[k + 2] = weighted(
@@ -194,15 +194,15 @@ def push_fibres(
     place: ti.template(), family: ti.template(), nodes: ti.template(), cloth: ti.template(), memory: ti.template()
 ):
     """Push the nodes with the stress of one family of fibres; arguments as of `fibres`."""
-    if ti.static(family.count == IN_LINES):
+    if ti.static(family.sample_nodes == IN_LINES):
         for line in range((family.end - family.start) // 3):
             at, w = line_stencil(place.home, family.entry, line, cloth.fibre_at, cloth.fibre_weights)
             push_line(nodes.f, memory.stress, within(place.first_slope + 3 * (family.start + 3 * line)), at, w)
     else:
         for e in range(family.start, family.end):
             k = within(place.first_slope + 3 * e)
-            begin = within(family.entry + family.count * (e - family.start))
-            at, w = stencil(place.home, begin, cloth.fibre_at, cloth.fibre_weights, family.count)
+            begin = within(family.entry + family.sample_nodes * (e - family.start))
+            at, w = stencil(place.home, begin, cloth.fibre_at, cloth.fibre_weights, family.sample_nodes)
             push(nodes.f, memory.stress[k], memory.stress[k + 1], memory.stress[k + 2], at, w)
 
 

@@ -10,8 +10,9 @@ from fit import runtime
 from fit.cloth import spectral
 from fit.cloth.bundles import Membrane, Stencils, Touch
 from fit.cloth.contact import Contact, Surface
+from fit.cloth.elements import Integers
 from fit.cloth.lines import BETWEEN, bends_by_line, fibre_family, twist_scales
-from fit.cloth.mesh import ClothMesh, Integers
+from fit.cloth.mesh import ClothMesh
 from formats.arrays import Floats, Singles
 
 Numbers = TypeVar("Numbers", Floats, Singles, Integers)

@@ -26,9 +26,9 @@ from fit.cloth.bundles import (
     Touch,
     by_name,
 )
+from fit.cloth.elements import Integers
 from fit.cloth.kernel_arguments import contact_bundle, facing_bases, single, some, zeros
 from fit.cloth.material import RELAXATION_TIME
-from fit.cloth.mesh import Integers
 from fit.cloth.model import Group
 from fit.cloth.packing import Course, Task, plan
 from formats.arrays import Floats, Singles

@@ -18,7 +18,8 @@ from __future__ import annotations
 import numpy as np
 
 from fit.cloth import spectral
-from fit.cloth.mesh import ClothMesh, Integers
+from fit.cloth.elements import Integers
+from fit.cloth.mesh import ClothMesh
 from formats.arrays import Singles
 
 IN_LINES = 0  # in the place of the number of nodes: samples or bends go by lines

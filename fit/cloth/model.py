@@ -136,7 +136,7 @@ class ClothModel:
         self.columns = columns_of(effects)
         self._frequencies = unit_frequencies(self.mesh)
         self.membrane_bundle, self.stencil_bundle = membrane_bundle(self.mesh), stencil_bundle(self.mesh)
-        self.fibre_nodes = tuple(fibre_family(self.mesh, k)[0] for k in range(2))
+        self.fibre_nodes = fibre_family(self.mesh, 0)[0], fibre_family(self.mesh, 1)[0]
         self.bend_lengths = bends_by_line(self.mesh)[0]
         self._targets: dict[int, tuple[Floats, Floats, int]] = {}
         self._undriven: dict[float, Floats] = {}  # the longest path so far for each time step

@@ -264,10 +264,11 @@ def make_rollout(kind: Kind):
                         first_crossed=first_crossed, first_bend=first_bend, first_twist=first_twist,
                     )
                 )  # fmt: skip
-                across = ti.static(Family(start=0, end=cloth.fibres_across, entry=0, count=kind.fibre_nodes[0]))
+                across = ti.static(Family(start=0, end=cloth.fibres_across, entry=0, sample_nodes=kind.fibre_nodes[0]))
                 down = ti.static(
                     Family(
-                        start=cloth.fibres_across, end=fibre_count, entry=cloth.down_entry, count=kind.fibre_nodes[1]
+                        start=cloth.fibres_across, end=fibre_count, entry=cloth.down_entry,
+                        sample_nodes=kind.fibre_nodes[1],
                     )
                 )  # fmt: skip
                 frames, settle_steps = clock.counts[b, COUNTS.frames], clock.counts[b, COUNTS.settle_steps]

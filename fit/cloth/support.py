@@ -34,7 +34,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fit.cloth.mesh import ClothMesh, Integers
+from fit.cloth.elements import Integers
+from fit.cloth.mesh import ClothMesh
 from fit.errors import FitError
 from fit.recordings.recording import LONGEST_BRIDGE, Curve, Recording
 from formats.arrays import Booleans, Floats

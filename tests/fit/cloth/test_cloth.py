@@ -211,6 +211,28 @@ def test_slack_cloth_held_at_two_corners_begins_in_the_folds_that_its_markers_sh
     assert np.linalg.norm(first(fold) - fold, axis=1).mean() < 0.002
 
 
+@pytest.mark.parametrize(("side", "expected"), [("top", np.exp(-1.0)), ("left", np.exp(1.0))])
+def test_cloth_that_juts_out_along_its_warp_sags_by_the_warps_bending_stiffness(side, expected):
+    """0.1 m jut out level: rho g L^4 / (8 B) = 12 mm at 2 mN m. With a log ratio of 1 against -1, B is e times as large
+    along the warp, which runs down from the top, and as much smaller across."""
+    garment = sheet(width=0.2, height=0.2)
+    level = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0])
+    held = {"top": lambda places: places[:, 1] > -0.1 - 1e-9, "left": lambda places: places[:, 0] < 1e-9}
+    clamp = Clamp(held[side], lambda instants: np.repeat(level[None], len(instants), 0))
+    recording = prepare(take_of(garment, np.arange(24) / 30, np.zeros((24, 3))))
+    simulator = Simulator(recording, support=clamps(clamp, start=level), resolution=Resolution(spacing=0.034))
+    rows = [
+        material(garment, areal_density=0.2, bending_stiffness=2e-3, bending_ratio=ratio, velocity_damping=40.0)
+        for ratio in (1.0, -1.0)
+    ]
+    shapes = simulator.run(np.concatenate(rows), shapes=True).shapes
+    free = np.argmin(simulator.mesh.rest[:, 1]) if side == "top" else np.argmax(simulator.mesh.rest[:, 0])
+    sag = -shapes[:, -1, free, 2]
+    # 5 %: the last of the settling, and that a corner sags a little more than the middle.
+    assert sag[0] / sag[1] == pytest.approx(expected, rel=0.05)
+    assert sag.mean() == pytest.approx(0.012 * np.cosh(0.5), rel=0.1)
+
+
 def test_no_candidates_are_no_trouble():
     garment, time = sheet(), np.arange(0, 1, 1 / 30)
     simulator = Simulator(prepare(take_of(garment, time, swing(time), hung(garment, time))))

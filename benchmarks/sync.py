@@ -303,8 +303,9 @@ def _print(name: str, found: dict[str, float] | dict[str, int], seconds: float) 
 def main() -> int:
     """Run what was asked for; exit code 1 where a take was lost, doubled or damaged, or memory grew."""
     words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    for name in ("killed", "storms", "week"):
-        words.add_argument(f"--{name}", type=int, metavar="COUNT")
+    words.add_argument("--killed", type=int, metavar="COUNT", help="kills")
+    words.add_argument("--storms", type=int, metavar="COUNT", help="rounds")
+    words.add_argument("--week", type=int, metavar="COUNT", help="takes")
     words.add_argument("--fork-for", type=Path, help=argparse.SUPPRESS)
     told = words.parse_args()
     if told.fork_for is not None:

@@ -77,7 +77,9 @@ def open_bucket(
         return from_url(url, **options)
     except (obstore.exceptions.BaseError, OSError, ValueError, TypeError) as error:
         raise AddressError(
-            f"is no bucket: {first_line(error)}", where=without_secrets(url), advice="check the address"
+            f"is no bucket: {first_line(error)}",
+            where=without_secrets(url),
+            advice="check the address, the settings and the names of the keys",
         ) from error
 
 

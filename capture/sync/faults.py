@@ -19,7 +19,7 @@ FULL_CODES = {
 }
 KEY_CODES = {
     "InvalidAccessKeyId", "SignatureDoesNotMatch", "ExpiredToken", "InvalidToken", "AuthenticationFailed",
-    "AuthorizationHeaderMalformed", "UnknownAccessKeyId",
+    "AuthorizationHeaderMalformed", "AuthorizationFailure", "UnknownAccessKeyId",
 }  # fmt: skip
 CLOCK_CODES = {"RequestTimeTooSkewed", "RequestExpired"}
 LONGEST_WORDS = 120  # characters of the server's own words
@@ -80,8 +80,13 @@ def _answer(text: str) -> Answer | None:
     return Answer(
         status=int(found[1]),
         code=next(filter(None, code.groups()), "") if code else plain,
-        message=without_secrets(next(filter(None, message.groups()), "") if message else "").rstrip("."),
+        message=_first_sentence(next(filter(None, message.groups()), "") if message else ""),
     )
+
+
+def _first_sentence(message: str) -> str:
+    """Return the message up to its first end; Azure goes on with numbers of its own, and the library escapes lines."""
+    return without_secrets(re.split(r"\n|\\n|\.(?: |$)", message)[0]).rstrip(".")
 
 
 def _refusal(answer: Answer, *, writing: bool) -> ServerError:

@@ -1,7 +1,12 @@
-"""Keeps the sensor open: opens it in a thread of its own, tries again where that fails, and tells when it is silent."""
+"""Keeps the sensor open: opens it in a thread of its own, tries again where that fails, and tells when it is silent.
+
+One thread opens, fetches and closes as long as the daemon lives: OpenNI2 remembers each thread that ever waited for a
+frame and asks `pthread_kill` whether it still lives, which crashes where such a thread has ended (libopenni2 2.2.0.33).
+"""
 
 from __future__ import annotations
 
+import queue
 import threading
 from collections.abc import Callable
 
@@ -24,7 +29,9 @@ class SensorKeeper:
         self._open, self._rig, self._clock = open_sensor, rig, clock
         self._queue: QueuedSensor | None = None
         self._inner: DepthSensor | None = None
-        self._opening: threading.Thread | None = None
+        self._work: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._thread: threading.Thread | None = None
+        self._is_opening, self._is_tried = False, threading.Event()
         self._opened: DepthSensor | None = None
         self._failed: HangtimeError | None = None
         self._last_try = -float("inf")
@@ -74,38 +81,52 @@ class SensorKeeper:
     def close(self) -> None:
         """Close the sensor."""
         self._let_go()
-        if self._opening is not None:
-            self._opening.join(RETRY)
+        if self._is_opening:
+            self._is_tried.wait(RETRY)
         if self._opened is not None:
-            self._opened.close()
+            self._work.put(self._opened.close)
+        done = threading.Event()
+        self._work.put(done.set)
+        if self._thread is not None:
+            done.wait(RETRY)
 
     def _let_go(self) -> None:
         if self._queue is not None and self._inner is not None:
             self._queue.close()
-            self._inner.close()
+            self._work.put(self._inner.close)
         self._queue = self._inner = None
 
     def _keep_opening(self, wait_s: float) -> None:
-        if self._opening is None:
-            if self._clock() - self._last_try >= RETRY:
-                self._last_try = self._clock()
-                self._opening = threading.Thread(target=self._try_to_open, name="opening", daemon=True)
-                self._opening.start()
-            else:
+        if not self._is_opening:
+            if self._clock() - self._last_try < RETRY:
                 threading.Event().wait(wait_s)
                 return
-        self._opening.join(wait_s)
-        if self._opening.is_alive():
+            self._last_try = self._clock()
+            self._start_thread()
+            self._is_opening = True
+            self._is_tried.clear()
+            self._work.put(self._try_to_open)
+        if not self._is_tried.wait(wait_s):
             return
-        self._opening = None
+        self._is_opening = False
         if self._opened is None:
             self.error = self._failed
             return
         self._inner, self._opened, self.error = self._opened, None, None
         self._last_frame, self._is_resting = self._clock(), False
-        self._precedence.__enter__()  # the thread that fetches comes first; this one tracks, behind it
-        self._queue = QueuedSensor(self._inner).__enter__()
-        self._precedence.begin_tracking()
+        self._queue = QueuedSensor(self._inner, run=self._work.put).__enter__()
+
+    def _start_thread(self) -> None:
+        """Start the sensor's thread, which comes before the calling one, which tracks."""
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._do_work, name="sensor", daemon=True)
+            self._precedence.__enter__()
+            self._thread.start()
+            self._precedence.begin_tracking()
+
+    def _do_work(self) -> None:
+        while True:
+            self._work.get()()
 
     def _try_to_open(self) -> None:
         try:
@@ -120,3 +141,7 @@ class SensorKeeper:
             self._opened, self._failed = sensor, None
         except HangtimeError as error:
             self._failed = error
+        except Exception as error:  # the thread lives on, and tries again
+            self._failed = SensorUnavailableError(f"the sensor does not open: {error!r}", advice="replug it")
+        finally:
+            self._is_tried.set()

@@ -13,6 +13,7 @@ import dataclasses
 import mmap
 import threading
 from collections import deque
+from collections.abc import Callable
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
@@ -35,7 +36,10 @@ class QueuedSensor(DepthSensor):
     by this one.
     """
 
-    def __init__(self, inner: DepthSensor, room: int = ROOM) -> None:
+    def __init__(
+        self, inner: DepthSensor, room: int = ROOM, run: Callable[[Callable[[], None]], None] | None = None
+    ) -> None:
+        """Prepare; run: lets a thread of the caller's fetch, None for a thread that begins and ends with this."""
         self._inner, self._room = inner, room
         self._waiting: deque[_Waiting] = deque()
         self._size = 0  # bytes that wait
@@ -45,7 +49,9 @@ class QueuedSensor(DepthSensor):
         self._stop, self._awake = threading.Event(), threading.Event()
         self._rest_s, self._has_rested = 0.0, False
         self._pack, self._unpack = zstandard.ZstdCompressor(level=PACKING), zstandard.ZstdDecompressor()
-        self._thread = threading.Thread(target=self._fetch, name="frames", daemon=True)
+        self._thread = None if run else threading.Thread(target=self._fetch, name="frames", daemon=True)
+        self._begin = run or (lambda fetch: None)
+        self._is_begun, self._has_finished = False, threading.Event()
         self.left_out = 0  # frames that found no room, in all
 
     @property
@@ -54,7 +60,11 @@ class QueuedSensor(DepthSensor):
         return self._inner.info
 
     def __enter__(self) -> Self:
-        self._thread.start()
+        self._is_begun = True
+        if self._thread is None:
+            self._begin(self._fetch)
+        else:
+            self._thread.start()
         return self
 
     def __exit__(
@@ -100,7 +110,9 @@ class QueuedSensor(DepthSensor):
         """Stop fetching and wait for the thread; closing twice is allowed."""
         self._stop.set()
         self._awake.set()
-        if self._thread.is_alive():
+        if self._is_begun:
+            self._has_finished.wait()
+        if self._thread is not None and self._thread.is_alive():
             self._thread.join()
 
     def _fetch(self) -> None:
@@ -120,6 +132,7 @@ class QueuedSensor(DepthSensor):
         with self._changed:
             self._has_ended = True
             self._changed.notify()
+        self._has_finished.set()
 
     def _add(self, frame: SensorFrame) -> bool:
         """Let a frame wait; return False where there is no room for it."""

@@ -127,7 +127,7 @@ def _in_intel_order(raw: bytes) -> bytes:
 
     def turn(begin: int, end: int, width: int) -> None:
         end = begin + (min(end, len(out)) - begin) // width * width
-        if end > begin:
+        if 0 <= begin < end:
             part = np.frombuffer(bytes(out[begin:end]), f">u{width}")
             out[begin:end] = part.astype(f"<u{width}").tobytes()
 

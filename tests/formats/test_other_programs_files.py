@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from formats.errors import TakeError
+from formats.importers.c3d_file import _in_intel_order
 from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import MarkerTracks
 from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
@@ -276,6 +277,13 @@ def test_doubled_labels_matter_only_among_the_markers_of_the_garment(tmp_path):
 def test_tracks_find_a_whole_label_before_a_name_after_a_colon():
     tracks = MarkerTracks(("s:a", "a"), np.zeros(1), np.zeros((1, 2, 3)))
     assert (tracks.columns_named("a"), tracks.columns_named("a", "s"), tracks.columns_named("s:a")) == ([1], [0], [0])
+
+
+def test_a_c3d_file_of_sgi_order_whose_data_begin_nowhere_is_turned_round_as_far_as_it_goes():
+    """Its header says that the data begin in block 0; the fuzzer found it."""
+    raw = bytearray(c3d_bytes(1e3 * drawn(), LABELS, processor="sgi"))
+    raw[16:18] = bytes(2)
+    assert len(_in_intel_order(bytes(raw))) == len(raw)
 
 
 @pytest.mark.slow

@@ -154,6 +154,7 @@ def _read(raw: bytes, path: object) -> tuple[Take, TakeReport]:
     lacks_scans = max(end["scans"] - len(scans), 0) if end and "scans" in end else 0
     if end is not None:
         damaged = max(damaged, end["blocks"] - len(kept))
+    damaged += end is not None and not findings.is_whole  # cut off behind the last message
     is_complete = end is not None and not missing_frames and len(kept) == end["blocks"]
     earlier = tuple((float(a), float(b)) for a, b in words.missing)
     take = Take(

@@ -91,7 +91,8 @@ class TakeWriter:
         self._binding = binding_of(self._header)
         self._mcap = Writer(
             self._unfinished.file, chunk_size=1, compression=CompressionType.ZSTD, index_types=NO_INDEX,
-            use_statistics=True, use_summary_offsets=False, enable_data_crcs=False,
+            use_statistics=True, use_summary_offsets=False, repeat_schemas=False, repeat_channels=False,
+            enable_data_crcs=False,
         )  # fmt: skip
         self._mcap.start(profile=PROFILE, library="hangtime")
         specification = files("formats").joinpath("SPEC.md").read_bytes()

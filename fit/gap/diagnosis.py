@@ -32,6 +32,7 @@ from fit.observer.edge import is_edge_explained
 from fit.observer.residuals import Observer
 from fit.provenance import physics_version
 from fit.recordings.geometry import check_geometry
+from fit.recordings.intact import describe_missing
 from fit.recordings.recording import Recording, prepare_together
 from fit.recordings.selection import check_together
 from fit.runtime import one_thread_of_algebra
@@ -143,6 +144,7 @@ def diagnose(
     missing_force = find_missing_force(judge, base.vector)
     best, spent = search.named(verdict), kept.spent
     notes = described.notes(len(training), len(held_out), observer, noise, is_predictable=predictability.passed)
+    notes += describe_missing([*training, *held_out])
     if verdict.verdict == "ambiguous" and proposal is None:
         notes.append("No motion of the menu would tell apart what is named by a standard deviation more than these.")
     diagnosis = Diagnosis(

@@ -34,6 +34,7 @@ from fit.observer.residuals import BLOCK
 from fit.provenance import physics_version
 from fit.recordings.geometry import check_geometry
 from fit.recordings.impossible_points import describe_impossible
+from fit.recordings.intact import describe_missing
 from fit.recordings.recording import Recording, prepare_together
 from fit.recordings.selection import check_together, content_of
 from fit.runtime import one_thread_of_algebra
@@ -311,6 +312,7 @@ def _result(
     notes += [o.remark for o in model.objectives if o.remark]
     if impossible := max(r.impossible for r in [*model.recordings, *(judge.recordings if judge else [])]):
         notes.append(f"Warning: {describe_impossible(impossible)}")
+    notes += describe_missing([*training, *held_out])
     if training[0].garment.kind == "t-shirt" and not request.method.knows_layers:
         notes.append(LAYERED)
     if not is_own:

@@ -18,6 +18,7 @@ from fit.errors import DriveError, FitError
 from fit.recordings.bodies import Body, capsule, half_space, sphere
 from fit.recordings.held_edge import FEWEST_FRAMES, HeldEdge, place_along
 from fit.recordings.impossible_points import MOST_LEFT_OUT, find_impossible
+from fit.recordings.intact import longest_intact
 from fit.recordings.smoothing import best_cut_off, smoothing_spline, steady_spline
 from formats.arrays import Booleans, Floats
 from formats.garment import Garment
@@ -149,10 +150,13 @@ def world_from_sensor(gravity: tuple[float, float, float]) -> Floats:
 def prepare(take: Take) -> Recording:
     """Turn a take into a recording that can be simulated, from the first to the last sight of the hanger.
 
+    Of a take with holes only the longest intact stretch is used.
+
     Raises:
         DriveError: the hanger's path has a gap or a jump, or is hardly seen.
         FitError: too few frames or points, or a body of the rig that the held edge passes through.
     """
+    take = longest_intact(take)
     if len(take.time) < FEWEST_FRAMES:
         raise FitError(
             f"the take has {len(take.time)} frames, at least {FEWEST_FRAMES} are needed",

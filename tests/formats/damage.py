@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import struct
+
+import msgpack
 import numpy as np
 
 from formats.archive import take_of
+from formats.chunks import Findings, messages_in
 from formats.errors import TakeError
 
 PAGE = 4096
@@ -12,6 +16,22 @@ COLUMNS = (
     "time", "state", "quality", "pitch", "pitch_sd", "held", "markers", "points", "held_sd", "points_sd", "held_valid",
     "points_valid", "points_hidden",
 )  # fmt: skip
+
+
+def chunks_of(raw):
+    """Begin and end of each chunk that holds a message, and its message."""
+    found, at = [], 8
+    while raw[at] != 0x0F:
+        end = at + 9 + struct.unpack_from("<Q", raw, at + 1)[0]
+        if raw[at] == 6:
+            found += [(at, end, msgpack.unpackb(data)) for data in messages_in(raw[at:end], Findings())]
+        at = end
+    return found
+
+
+def without_end(raw):
+    """The bytes of a take whose recording was interrupted after its last block."""
+    return raw[: chunks_of(raw)[-1][0]]
 
 
 def damaged(raw, rng):

@@ -88,13 +88,13 @@ def test_a_cut_at_any_place_keeps_every_whole_block_before_it(tmp_path):
             continue
         kept.append(report.frames)
     assert kept == sorted(kept), "a later cut never keeps less"
-    assert kept[len(kept) // 2] >= 30, "half the file keeps at least a second"
+    assert kept[3 * len(kept) // 4] >= 60, "three quarters keep two seconds; a quarter is specification and header"
     assert kept[-1] == 150
 
 
 def test_a_cut_take_says_that_it_is_incomplete(tmp_path):
     raw = write_take(tmp_path / "a.mcap", a_take()).read_bytes()
-    (tmp_path / "cut.mcap").write_bytes(raw[: raw.index(b"# Take archives") - 300])
+    (tmp_path / "cut.mcap").write_bytes(raw[: raw.rindex(b"zstd") - 60])
     take = read_take(tmp_path / "cut.mcap")
     assert not take.is_complete
     assert take.missing == ((take.time[-1], np.inf),)

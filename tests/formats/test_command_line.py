@@ -16,8 +16,8 @@ from formats.archive import read_take, verify_take, write_take
 from formats.descriptions import load_garment
 from formats.rig import Calibration
 from formats.summary import describe, summarise
+from tests.formats.damage import chunks_of, without_end
 from tests.formats.test_archive import RIG, a_take
-from tests.formats.test_damage import chunks_of
 from tests.shared_data import SHARED_DATA
 
 SWUNG = SHARED_DATA / "swung-cloth"
@@ -63,7 +63,7 @@ def test_verify_says_sound_incomplete_damaged_and_lost(tmp_path):
     whole = write_take(tmp_path / "a.mcap", a_take())
     raw = bytearray(whole.read_bytes())
     assert hangtime("takes", "verify", whole).returncode == 0
-    (tmp_path / "b.mcap").write_bytes(raw[: raw.index(b"# Take archives") - 300])
+    (tmp_path / "b.mcap").write_bytes(without_end(raw))
     third = [begin for begin, _, content in chunks_of(bytes(raw)) if content.get("first") == 62]
     raw[third[0] + 200] ^= 1
     (tmp_path / "c.mcap").write_bytes(raw)
@@ -244,7 +244,7 @@ def test_recover_makes_a_sound_file_and_names_the_missing_seconds(tmp_path):
 
 def test_recover_makes_a_sound_file_of_what_an_interrupted_recording_left(tmp_path):
     raw = write_take(tmp_path / "a.mcap", a_take()).read_bytes()
-    (tmp_path / "b.mcap.partial").write_bytes(raw[: raw.index(b"# Take archives") - 300])
+    (tmp_path / "b.mcap.partial").write_bytes(without_end(raw))
     done = hangtime("takes", "recover", tmp_path / "b.mcap.partial", "--out", tmp_path / "out")
     assert done.stdout == f"{tmp_path}/out/b.recovered.mcap: 150 frames, missing: from 4.97 s on\n"
     assert verify_take(tmp_path / "out/b.recovered.mcap").is_sound
@@ -253,7 +253,7 @@ def test_recover_makes_a_sound_file_of_what_an_interrupted_recording_left(tmp_pa
 def test_list_names_every_take_and_what_is_left_of_it(tmp_path):
     raw = write_take(tmp_path / "a.mcap", a_take()).read_bytes()
     (tmp_path / "deeper").mkdir()
-    (tmp_path / "deeper/b.mcap.partial").write_bytes(raw[: raw.index(b"# Take archives") - 300])
+    (tmp_path / "deeper/b.mcap.partial").write_bytes(without_end(raw))
     (tmp_path / "c.mcap").write_bytes(b"no take")
     done = hangtime("takes", "list", tmp_path)
     assert done.returncode == 2

@@ -16,7 +16,7 @@ import zstandard
 from formats.archive import read_take, take_of, verify_take, write_take
 from formats.chunks import Findings, messages_in
 from formats.errors import TakeError
-from tests.formats.damage import PAGE, damaged, is_wrong
+from tests.formats.damage import PAGE, chunks_of, damaged, is_wrong
 from tests.formats.test_archive import a_scan, a_take
 
 
@@ -45,17 +45,6 @@ def test_of_ten_thousand_accidents_none_gives_a_wrong_value(small, seed):
     for k in range(2500):
         broken = damaged(small, rng)
         assert not is_wrong(broken, sound), f"accident {k} of seed {seed}"
-
-
-def chunks_of(raw):
-    """Begin and end of each chunk that holds a message, and its message."""
-    found, at = [], 8
-    while raw[at] != 0x0F:
-        end = at + 9 + struct.unpack_from("<Q", raw, at + 1)[0]
-        if raw[at] == 6:
-            found += [(at, end, msgpack.unpackb(data)) for data in messages_in(raw[at:end], Findings())]
-        at = end
-    return found
 
 
 def test_a_bit_of_a_chunks_own_lengths_costs_that_chunk_only(raw):
@@ -129,6 +118,14 @@ def chunk_of(content, *, crc=None, compression=b"zstd"):
     body = struct.pack("<QQQII", 0, 0, len(records), crc, len(compression)) + compression
     body += struct.pack("<Q", len(packed)) + packed
     return struct.pack("<BQ", 6, len(body)) + body
+
+
+def test_a_file_that_is_cut_behind_its_last_message_lacks_nothing_and_is_not_sound(raw, tmp_path):
+    path = tmp_path / "a.mcap"
+    path.write_bytes(raw[:-30])
+    report = verify_take(path)
+    assert (report.frames, report.missing_frames, report.damaged_blocks, report.is_sound) == (150, 0, 1, False)
+    assert read_take(path).is_complete
 
 
 def test_a_chunk_without_a_checksum_is_not_believed(raw):

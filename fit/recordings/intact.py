@@ -1,0 +1,70 @@
+"""Which part of a damaged take is used: the longest stretch without a hole, and what the cloth did before it forgotten.
+
+A hole of more than `LONGEST_GAP` seconds cannot be bridged: the hanger's path across it is not known. A stretch that
+begins in the middle of a swing begins with cloth whose state is not known either, so that its first seconds drive the
+simulation and are not judged.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from formats.missing import missing_words
+from formats.take import LONGEST_GAP, Take
+
+FORGOTTEN = 2.5  # s after which 4 % are left of a swing that decays with 1.25 /s, as a real hanging cloth did
+STILL = 0.004  # m that the held ends move, root mean square, in a take that begins at rest: sensors' noise is 1 to 3 mm
+LOOKED_AT = 0.5  # s of a stretch that show whether it begins at rest
+FRAMES = (
+    "time", "held", "held_valid", "held_sd", "points", "points_valid", "points_sd", "state", "markers", "pitch",
+    "pitch_sd", "points_hidden", "quality",
+)  # fmt: skip
+
+
+def stretches(take: Take) -> list[slice]:
+    """Return the frames between the holes of a take."""
+    holes = [end for begin, end in take.missing if math.isfinite(begin + end) and end - begin > LONGEST_GAP]
+    edges = [0, *(int(np.searchsorted(take.time, end)) for end in sorted(holes)), len(take.time)]
+    return [slice(a, b) for a, b in pairwise(edges) if b > a]
+
+
+def longest_intact(take: Take) -> Take:
+    """Return the longest stretch of a take without a hole; the whole take where it has none."""
+    found = stretches(take)
+    if len(found) < 2:
+        return take
+    longest = max(found, key=lambda part: take.time[part.stop - 1] - take.time[part.start])
+    kept = {name: values[longest] for name in FRAMES if (values := getattr(take, name)) is not None}
+    if longest.start and not _begins_at_rest(take, longest):
+        valid = kept["points_valid"].copy()
+        valid[kept["time"] < kept["time"][0] + FORGOTTEN] = False
+        kept["points_valid"] = valid
+    return replace(take, **kept)
+
+
+def _begins_at_rest(take: Take, part: slice) -> bool:
+    time = take.time[part]
+    held = take.held[part][time < time[0] + LOOKED_AT]
+    held = held[np.isfinite(held).all((1, 2))]
+    return len(held) > 1 and float(np.sqrt(held.var(0).sum(1)).max()) < STILL
+
+
+def describe_missing(takes: Sequence[Take]) -> list[str]:
+    """Return a warning for each take that is incomplete: what is missing, and what of it is used."""
+    found = []
+    for take in takes:
+        if take.is_complete:
+            continue
+        used = longest_intact(take)
+        words = missing_words(take) or "its end was never written"
+        note = f"Warning: the take {take.take_id} is incomplete ({len(take.time)} frames are left; missing: {words})"
+        if len(used.time) < len(take.time):
+            begin, end = used.time[0] - take.time[0], used.time[-1] - take.time[0]
+            note += f"; used: {begin:.2f} to {end:.2f} s after its first frame"
+        found.append(note + ".")
+    return found

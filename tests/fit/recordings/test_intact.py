@@ -1,0 +1,59 @@
+"""A take with a hole is used where it is whole, and what is missing is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fit.recordings.intact import FORGOTTEN, describe_missing, longest_intact
+from tests.formats.test_archive import a_take
+
+
+def with_a_hole(first, last, frames=600):
+    """Twenty seconds, of which frames `first` to `last` are missing."""
+    whole = a_take(frames=frames)
+    kept = np.r_[0:first, last + 1 : frames]
+    arrays = {
+        name: getattr(whole, name)[kept]
+        for name in ("time", "held", "held_valid", "held_sd", "points", "points_valid", "points_sd", "state", "markers")
+    }
+    span = (float(whole.time[first - 1]), float(whole.time[last + 1]))
+    return replace(whole, **arrays, missing=(span,), is_complete=False)
+
+
+def test_the_longer_part_is_used_from_its_own_beginning_and_what_went_before_is_forgotten():
+    """Frames 0 to 149 and 181 to 599: the second has 419, of which the first 2.5 s, 75 frames, are not judged."""
+    take = longest_intact(with_a_hole(150, 180))
+    assert len(take.time) == 419
+    assert not take.points_valid[: round(30 * FORGOTTEN)].any()
+    assert take.points_valid[80:].mean() > 0.9
+
+
+def test_the_first_part_begins_at_the_takes_own_beginning_and_forgets_nothing():
+    take = longest_intact(with_a_hole(400, 430))
+    assert len(take.time) == 400
+    assert take.points_valid[:30].mean() > 0.9
+
+
+def test_a_part_that_begins_at_rest_forgets_nothing():
+    take = with_a_hole(150, 180)
+    take.held[150:] = 0.0
+    assert longest_intact(take).points_valid[:30].mean() > 0.9
+
+
+@pytest.mark.parametrize("missing", [(), ((5.0, 5.4),), ((7.0, np.inf),)])
+def test_short_gaps_and_a_lost_end_leave_the_take_as_it_is(missing):
+    """0.4 s are bridged, as where the hanger was not seen for so long."""
+    take = replace(a_take(), missing=missing)
+    assert longest_intact(take) is take
+
+
+def test_what_is_missing_and_what_is_used_is_said():
+    """Frame 149 is at 4.97 s, frame 181 at 6.03 s, the last at 19.97 s."""
+    (note,) = describe_missing([a_take(), with_a_hole(150, 180)])
+    assert note == (
+        "Warning: the take a is incomplete (569 frames are left; missing: 4.97 to 6.03 s); "
+        "used: 6.03 to 19.97 s after its first frame."
+    )

@@ -129,13 +129,15 @@ def test_added_mass_slows_the_swing_as_more_inertia_at_the_same_weight_does():
 
 
 def test_uneven_mass_keeps_the_weight_and_tilts_it():
-    """Slope 0.5 downwards: at the bottom 1.5 times, at the top half the mean density."""
+    """Slope 0.5 downwards: at the bottom 1.5 times, at the top half the mean density; across alike, on the right."""
     mesh = build_mesh(sheet(), 0.05)
     mass = effect("mass_distribution").node_mass(0.2 * mesh.node_area, mesh, np.array([0.0, 0.5]))
     assert mass.sum() == pytest.approx(0.036)
     density = mass / mesh.node_area
     assert density[np.argmin(mesh.rest[:, 1])] == pytest.approx(0.3, rel=0.01)
     assert density[np.argmax(mesh.rest[:, 1])] == pytest.approx(0.1, rel=0.01)
+    across = effect("mass_distribution").node_mass(0.2 * mesh.node_area, mesh, np.array([0.5, 0.0])) / mesh.node_area
+    assert across[np.argmax(mesh.rest[:, 0])] == pytest.approx(0.3, rel=0.01)
 
 
 def test_effects_on_the_material_change_its_numbers():

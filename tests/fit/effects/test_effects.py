@@ -146,6 +146,8 @@ def test_effects_on_the_material_change_its_numbers():
     viscous = effect("bending_viscosity").material(row, np.array([2e-8]))
     assert viscous[mat.BENDING_TIME] == pytest.approx(2e-3)
     assert effect("stretch_viscosity").material(row, np.array([1e-3]))[mat.VISCOSITY] == pytest.approx(1e-3)
+    tilted = effect("gravity_tilt").material(row, np.array([0.05, -0.03]))
+    assert tilted[[mat.TILT_X, mat.TILT_Y]] == pytest.approx([0.05, -0.03])
 
 
 def test_a_stiffer_warp_stretches_less_under_its_own_weight():

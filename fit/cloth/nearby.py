@@ -27,16 +27,16 @@ import taichi as ti
 
 from fit.cloth.lanes import magnitude, within
 
-WATCHED = 0.05  # m
-NEAR = 0.005  # m
+WATCHED = 0.05  # m beyond contact; pairs are sought anew when a sample has moved by half of it
+NEAR = 0.005  # m beyond contact; pairs are chosen anew when a sample has moved by half of it
 MOVED = 2.5  # times `NEAR` that a sample may have moved against the plane of a quad, or along it, see `beside`
 SPOT, PANEL, BODY = 9, 30, 16  # numbers of a sample, a quad and a body
 CENTRE, NORMAL, FIRST, SECOND, SPEED, SPEED_1, SPEED_2, FORCE = 0, 3, 6, 9, 12, 15, 18, 21  # of a quad's numbers
 MARKED, WATCHING, PAIRS, SPOTS, PANELS, BODIES = range(6)  # of the counts; MARKED: whether there are lists
-LIST_COUNTS = 6
+LIST_COUNTS = 6  # how many of them
 HEADER = 5  # sizes at the front of `whole`
 WORD = 32  # bits
-TINY = 1e-20
+TINY = 1e-20  # m^4 or m: added so that nothing is divided by zero
 
 
 @ti.func

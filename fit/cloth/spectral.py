@@ -16,7 +16,7 @@ from formats.arrays import Floats
 
 ORDER = 3  # polynomials in an element
 WIDTH = ORDER + 1  # nodes along an element
-NODES = np.array([-1.0, -1.0 / np.sqrt(5.0), 1.0 / np.sqrt(5.0), 1.0])
+NODES = np.array([-1.0, -1.0 / np.sqrt(5.0), 1.0 / np.sqrt(5.0), 1.0])  # of [-1, 1]: Gauss-Lobatto
 WEIGHTS = np.array([1.0, 5.0, 5.0, 1.0]) / 6.0  # of [-1, 1]; they sum to 2
 
 

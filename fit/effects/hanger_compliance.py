@@ -23,7 +23,7 @@ from fit.recordings.recording import Recording
 from formats.arrays import Floats
 
 ROD_DAMPING = 0.1  # 1, share of critical damping of a rod in a hand
-ROD_STEP = 1e-3  # s
+ROD_STEP = 1e-3  # s; the acceleration counts as constant over one
 
 
 @dataclass(frozen=True)

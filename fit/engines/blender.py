@@ -37,7 +37,7 @@ LEAD, SETTLE = 0.5, 1.5  # s to reach the first held ends, and to come to rest
 SHEAR_OF_TENSION = 0.1  # 1, as in `fit.methods.kinect_skirt`
 MOST_AIR = 10.0  # Blender's largest air_damping
 AIR_RATE = 0.01  # N s/m per vertex and unit of air_damping
-FRAMES_PER_SECOND_OF_VELOCITY = 25.0
+FRAMES_PER_SECOND_OF_VELOCITY = 25.0  # 1/s: the method's Velocity is a share kept per frame of 1/25 s
 NEEDED = ("mass", "struct", "bend", "spring", "air", "velocity")
 
 

@@ -34,7 +34,7 @@ BENDING_UNIT = GRAM_FORCE * 1e-2  # N m per gf cm^2/cm
 HYSTERESIS_UNIT = GRAM_FORCE  # N per gf cm/cm
 WEIGHT_UNIT = 1e-2  # kg/m^2 per mg/cm^2
 LARGEST_TENSION = 500.0 * TENSION_UNIT  # N/m, the standard condition
-SHEAR_ANGLES = np.radians([0.5, 5.0])
+SHEAR_ANGLES = np.radians([0.5, 5.0])  # rad, between which KES reads G
 BENDING_CURVATURE = 100.0  # 1/m, where 2HB is read
 
 

@@ -108,6 +108,10 @@ def test_added_mass_is_full_in_the_middle_and_nothing_at_the_edge():
     middle = int(np.argmin(np.linalg.norm(mesh.rest - mesh.rest.mean(0), axis=1)))
     assert added[middle] == pytest.approx(0.2 * mesh.node_area[middle])
     assert added[0] == 0.0
+    # A node of the elements lies at 0.2764 and 0.7236 of the way out: sqrt(1 - 0.0764) sqrt(1 - 0.5236) = 0.6633.
+    place = np.array([0.2 * 0.2764, -0.2 - 0.2 * 0.7236])
+    between = int(np.argmin(np.linalg.norm(mesh.rest - place, axis=1)))
+    assert added[between] == pytest.approx(0.6633 * 0.2 * mesh.node_area[between], rel=1e-3)
 
 
 def test_added_mass_slows_the_swing_as_more_inertia_at_the_same_weight_does():

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from fit import runtime
 from fit.cloth.model import Group
 
-# Relative time of a step by lanes, rounded, on an Intel with AVX-512; an AMD EPYC takes 1, 1.24 and 1.86.
+# Relative time of a step by lanes, a guess: an AMD EPYC with AVX-512 took 1, 1.24 and 1.86 for plain cloth.
 # Only how candidates are packed depends on it, no result.
 COST = {1: 1.0, 8: 1.15, 16: 1.5}
 TASKS = 8  # per processor and call: a call cannot be interrupted

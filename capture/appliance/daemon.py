@@ -18,7 +18,7 @@ from capture.appliance.pre_roll import PreRoll
 from capture.appliance.preview import Preview
 from capture.appliance.running_take import TakeInProgress
 from capture.appliance.sensor_keeper import SensorKeeper
-from capture.appliance.showing import light_of
+from capture.appliance.showing import Light, light_of
 from capture.appliance.states import Event, State, StateMachine
 from capture.appliance.status import Counts, report
 from capture.appliance.sync_news import SyncNews
@@ -96,8 +96,7 @@ class Appliance:
         if not self.machine.take(event):
             return False
         LOG.info("%s", self.machine.state.value)
-        if self._control.is_watched:
-            self._control.tell(self.status())
+        self._tell_watchers(self._clock())
         return True
 
     @property
@@ -364,7 +363,7 @@ class Appliance:
             sync=self._sync.told(), config=self._in_force,
         )  # fmt: skip
 
-    def _light(self, now: float) -> Any:
+    def _light(self, now: float) -> Light:
         is_tracking = self._condition is Condition.GOOD and "sensor_silent" not in self.faults
         findings = self.counts.last_take.get("findings") if self.counts.last_take else None
         return light_of(
@@ -373,9 +372,13 @@ class Appliance:
         )  # fmt: skip
 
     def _show(self, now: float) -> None:
-        light = self._light(now)
-        self._panel.show(light, now)
-        is_now = (light, self._condition, tuple(fault.name for fault in self.faults.all))
+        self._panel.show(self._light(now), now)
+        self._tell_watchers(now)
+
+    def _tell_watchers(self, now: float) -> None:
+        """Tell whoever watches, where something has changed."""
+        faults = tuple(fault.name for fault in self.faults.all)
+        is_now = (self.machine.state, self._light(now), self._condition, faults)
         if is_now != self._was:
             self._was = is_now
             if self._control.is_watched:

@@ -55,12 +55,14 @@ def autocorrelation(grids: list[Floats], lags: int) -> Floats:
     """Autocorrelation at 0, 1, 2, ... frames, (lags,), pooled over takes, (frames, points, 3), nan where unseen."""
     products, counts = np.zeros(lags), np.zeros(lags)
     for grid in grids:
-        seen = np.isfinite(grid)
-        values = np.where(seen, grid, 0.0)
-        for lag in range(min(lags, len(grid))):
-            products[lag] += float((values[lag:] * values[: len(values) - lag]).sum())
-            counts[lag] += float((seen[lag:] & seen[: len(seen) - lag]).sum())
-    covariance = products / np.maximum(counts, 1.0)
+        seen = np.isfinite(grid).reshape(len(grid), -1)
+        values = np.where(seen, grid.reshape(len(grid), -1), 0.0)
+        shown = min(lags, len(grid))
+        for found, columns in ((products, values), (counts, seen.astype(float))):
+            # Padded to twice its length a series does not meet its own beginning (Wiener-Khinchin).
+            power = (np.abs(np.fft.rfft(columns, 2 * len(grid), axis=0)) ** 2).sum(1)
+            found[:shown] += np.fft.irfft(power, 2 * len(grid))[:shown]
+    covariance = products / np.maximum(np.round(counts), 1.0)
     return np.asarray(covariance / max(float(covariance[0]), 1e-30))
 
 

@@ -191,6 +191,30 @@ def test_an_effect_that_leaves_much_is_less_probable():
         assert probability_of("air_lift", evidence_of({"air_lift": mm})) == pytest.approx(expected, abs=0.08)
 
 
+def test_effects_that_together_leave_much_are_less_probable_too():
+    """Lift alone leaves 85 of 119 mm^2, with a draught 49, or 40 % beyond mesh and solver: as one effect would."""
+    evidence = evidence_of({"air_lift": 10.5}, joint=[(("air_lift", "draught"), 8.6)])
+    share = 1 / (1 + np.exp((48 / 119 - LEFT) / LEFT_WIDTH))
+    expected = ODDS * share / (1 - share + ODDS * share)
+    assert probability_of("draught", evidence, evidence.joint[0][0]) == pytest.approx(expected, abs=0.1)
+
+
+def test_a_twin_that_leaves_more_takes_nothing_from_the_probability_of_the_better_one():
+    """Beside the drag a late clock leaves 5.5 mm and a lag, which closes nine tenths as much, 5.9."""
+    worse = hypothesis(("air_drag", "filter_lag"), 5.9, seed=9)
+    evidence = evidence_of({"air_drag": 9.5}, joint=[(("air_drag", "time_offset"), 5.5)], instead=[worse])
+    together = evidence.joint[0][0]
+    assert probability_of("time_offset", evidence, together) > 0.9
+    assert probability_of("filter_lag", evidence, together) < 0.05
+
+
+def test_what_mesh_and_solver_may_be_wrong_by_is_not_held_against_an_effect():
+    """With 8 mm 39 of 119 mm^2 are left, of which 5.5 mm of mesh and solver make 30."""
+    evidence = evidence_of({"air_lift": 8.0})
+    coarse = dataclasses.replace(evidence, numerics_mm=5.5)
+    assert probability_of("air_lift", coarse) > probability_of("air_lift", evidence) + 0.03
+
+
 def test_an_effect_that_leaves_more_than_its_laws_would_is_not_probable():
     """With 7 mm 24 of 119 mm^2 are left: as a cause of some law four in five, as a drag hardly."""
     assert probability_of("air_lift", evidence_of({"air_lift": 7.0})) > 0.7

@@ -148,8 +148,8 @@ def notes(training: int, held_out: int, observer: Observer, floor: Floor, *, is_
     ]
     if floor.is_contradicted:
         said.append(
-            f"The takes state that their points are off by {floor.stated_mm:.1f} mm; {floor.mm:.1f} mm was measured, "
-            "and is what the gap is compared with."
+            f"The takes state that their points are off by {floor.stated_mm:.1f} mm. The diagnosis measured "
+            f"{floor.measured_mm:.1f} mm, and takes the noise floor from that."
         )
     if not any(map(has_static, observer.recordings)):
         said.append(

@@ -40,16 +40,17 @@ CONTRADICTED = 1.25  # times smaller or larger, from which a stated noise is con
 
 @dataclass(frozen=True)
 class Floor:
-    """The noise floor [mm], its standard error over replicas, and the noise that the takes state [mm]."""
+    """The noise floor and its standard error over replicas, and the noise of points, measured and stated; all in mm."""
 
     mm: float
     error_mm: float
+    measured_mm: float
     stated_mm: float
 
     @property
     def is_contradicted(self) -> bool:
         """Whether the takes state much more or much less noise than was measured."""
-        return not 1 / CONTRADICTED <= self.stated_mm / max(self.mm, 1e-9) <= CONTRADICTED
+        return not 1 / CONTRADICTED <= self.stated_mm / max(self.measured_mm, 1e-9) <= CONTRADICTED
 
 
 def noise_floor(observer: Observer, vector: Floats, amplitudes: Floats, rng: np.random.Generator) -> Floor:
@@ -61,9 +62,10 @@ def noise_floor(observer: Observer, vector: Floats, amplitudes: Floats, rng: np.
     found = [r[0] for r in residuals_together([(o, vector[None], amplitudes[None]) for o in every])]
     grown = np.array([float(o.in_mm(r)) ** 2 for o, r in zip(every, found, strict=True)])
     # Where little of the motion is explained, chance may make an error smaller by noise; the points' own noise stays.
-    floors = np.sqrt(np.maximum(grown - float(observer.in_mm(residual)) ** 2, own_noise_mm(observer, noise) ** 2))
+    own = own_noise_mm(observer, noise)
+    floors = np.sqrt(np.maximum(grown - float(observer.in_mm(residual)) ** 2, own**2))
     stated = own_noise_mm(observer, [recording.point_sd for recording in observer.recordings])
-    return Floor(float(floors.mean()), float(floors.std(ddof=1) / np.sqrt(REPLICAS)), stated)
+    return Floor(float(floors.mean()), float(floors.std(ddof=1) / np.sqrt(REPLICAS)), own, stated)
 
 
 def measured_noise(observer: Observer, residual: Floats) -> list[Floats]:

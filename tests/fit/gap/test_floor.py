@@ -39,6 +39,7 @@ def test_the_floor_is_what_a_grid_shows_and_not_what_a_take_states(stated, is_co
     assert floor.mm == pytest.approx(1e3 * NOISE * np.sqrt(3), rel=0.1)
     assert error == pytest.approx(floor.mm, rel=0.1)
     assert floor.stated_mm == pytest.approx(1e3 * stated * np.sqrt(3), rel=0.01)
+    assert floor.measured_mm == pytest.approx(floor.mm, rel=0.1)
     assert floor.is_contradicted == is_contradicted
     assert 0.0 <= floor.error_mm < 0.1 * floor.mm
 
@@ -88,4 +89,4 @@ def test_the_floor_of_a_model_that_is_far_off_is_no_less_than_the_points_own_noi
 
 @pytest.mark.parametrize(("stated", "is_contradicted"), [(2.49, False), (2.51, True), (1.59, True)])
 def test_a_stated_noise_is_contradicted_by_a_quarter(stated, is_contradicted):
-    assert Floor(2.0, 0.1, stated).is_contradicted == is_contradicted
+    assert Floor(9.0, 0.1, 2.0, stated).is_contradicted == is_contradicted

@@ -168,6 +168,6 @@ def test_the_outline_of_a_skirt_says_nothing_of_how_its_edge_is_held():
     swatch, outline = (Observer([r], SI, LIBRARY, frequency=0.0) for r in (recording, skirt))
     assert outline.layout.is_judged.all()
     assert not swatch.layout.is_judged.all()
-    floor = Floor(1.0, 0.0, 1.0)
+    floor = Floor(1.0, 0.0, 1.0, 1.0)
     said = [" ".join(notes(1, 1, one, floor, is_predictable=True)) for one in (swatch, outline)]
     assert ["silhouette" in one for one in said] == [False, True]

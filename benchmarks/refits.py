@@ -52,8 +52,7 @@ def ratios(truth: Truth) -> tuple[float, float | None]:
     vector = true_vector(truth)
     parts = tuple(planted.components.values())
     amplitudes = amplitudes_of(LIBRARY, **{planted.id: parts if len(parts) > 1 else parts[0]})
-    place = next(k for k, e in enumerate(LIBRARY) if e.name == planted.id)
-    without, with_it = fit(observer, [Task(vector, observer.off), Task(vector, amplitudes, (place,))])
+    without, with_it = fit(observer, [Task(vector, observer.off), Task(vector, amplitudes, (planted.id,))])
     refitted = None if one.fitted_share is None else (1 - one.fitted_share) * base.cost / with_it.cost
     return base.cost / without.cost, refitted
 

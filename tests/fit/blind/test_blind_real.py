@@ -42,7 +42,7 @@ SWUNG = ("time_offset", "clock_drift", "attachment_offset", "filter_lag", "corne
 @pytest.fixture(scope="module")
 def null_truth():
     truth = draw_truth("case", "null", (), (3, 0))
-    return msgspec.structs.replace(truth, look=msgspec.structs.replace(truth.look, noise=1e-9, away=0.0, grid=8))
+    return msgspec.structs.replace(truth, look=msgspec.structs.replace(truth.look, noise=1e-8, away=0.0, grid=8))
 
 
 @pytest.fixture(scope="module")

@@ -9,10 +9,12 @@ import pytest
 
 FIT = Path(__file__).resolve().parents[3] / "fit"
 # What both stand on, none of it about cloth: errors, folders, whose takes these are, other Pythons, Taichi's start.
-SHARED = ("errors.py", "folders.py", "foreign/process.py", "runtime.py", "takes.py")
-LIBRARIES = ("formats", "msgspec", "numpy", "scipy", "taichi", "typer")
+SHARED = (
+    "errors.py", "folders.py", "foreign/process.py", "recordings/__init__.py", "recordings/selection.py", "runtime.py",
+)  # fmt: skip
+LIBRARIES = ("cryptography", "formats", "msgspec", "numpy", "scipy", "taichi", "typer")
 STANDARD = (
-    "__future__", "collections", "concurrent", "contextlib", "dataclasses", "datetime", "fcntl", "hashlib", "hmac",
+    "__future__", "collections", "concurrent", "contextlib", "dataclasses", "datetime", "fcntl", "hashlib",
     "html", "itertools", "json", "multiprocessing", "os", "pathlib", "secrets", "shutil", "signal", "subprocess", "sys",
     "typing",
 )  # fmt: skip

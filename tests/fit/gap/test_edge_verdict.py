@@ -183,6 +183,14 @@ def test_an_effect_that_leaves_the_edge_off_is_not_named_in_the_place_of_one_tha
         assert decide(dataclasses.replace(evidence, joint=[(both, 0.001)])).verdict == verdict
 
 
+def test_nothing_is_added_to_an_effect_that_the_edge_shows_which_closes_nothing_beside_it():
+    """Slack clips put the edge right and leave 8.1 mm, drag 8.0, both 7.9: beside the slack drag is not needed."""
+    evidence = told(8.1, other={"air_drag": 8.0})
+    for left, named in ((7.9, ["clip_slack"]), (5.5, ["air_drag", "clip_slack"])):
+        both = with_edge(hypothesis(("air_drag", "clip_slack"), left, seed=9), 900, 2.0)
+        assert decide(dataclasses.replace(evidence, joint=[(both, 0.001)])).named == named
+
+
 def test_a_base_fit_or_a_mesh_that_is_not_settled_does_not_hide_what_the_edge_tells():
     for gate in (COARSE, msgspec.structs.replace(COARSE, name="base fit")):
         assert decide(dataclasses.replace(told(10.5), gates=[gate])).verdict == "effect"

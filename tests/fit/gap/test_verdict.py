@@ -25,6 +25,8 @@ from tests.fit.gap.verdict_scene import BLOCKS, COARSE, STILL, evidence_of, hypo
         # 10.2 mm: a third of the gap, significant and yet not the cause.
         ({"singles": {"air_drag": 10.2}}, "unknown", []),
         ({"singles": {"air_drag": 6.0, "hem": 6.02}}, "ambiguous", ["air_drag", "hem"]),
+        # A draught closes 80 %, more than four fifths of 91 %, and is the best in no draw.
+        ({"singles": {"air_drag": 6.0, "hem": 6.02, "draught": 7.0}}, "ambiguous", ["air_drag", "hem"]),
         # A finer mesh closes 60 %: more than 44 % with drag, less than 91 %.
         ({"singles": {"air_drag": 9.6}, "gate_list": [COARSE]}, "numerics", []),
         ({"singles": {"air_drag": 6.0}, "gate_list": [COARSE]}, "effect", ["air_drag"]),

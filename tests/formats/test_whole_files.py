@@ -58,3 +58,13 @@ def test_new_folders_are_put_on_the_disk_from_above(tmp_path, monkeypatch):
     seen = synced(monkeypatch)
     make_folders(tmp_path / "a" / "b" / "c")
     assert seen == [str(tmp_path / "a"), str(tmp_path / "a" / "b")]
+
+
+@pytest.mark.parametrize(("umask", "mode"), [(0o022, 0o644), (0o077, 0o600), (0o002, 0o664)])
+def test_a_file_is_for_whom_the_users_umask_says(tmp_path, umask, mode):
+    before = os.umask(umask)
+    try:
+        write_whole(tmp_path / "a", b"mine")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "a").stat().st_mode & 0o777 == mode

@@ -5,6 +5,7 @@ A bucket is opened with the library obstore. It is imported only where a bucket 
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping
 from datetime import timedelta
@@ -15,6 +16,8 @@ from urllib.parse import unquote, urlsplit
 from formats.errors import AddressError
 
 BUCKETS = ("s3", "s3a", "gs", "az", "abfs", "abfss")
+ENDPOINTS = ("AWS_ENDPOINT_URL", "AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT")
+SERVERS_REASON = re.compile(r"<Code>([^<]+)</Code>\s*(?:<Message>([^<]*)</Message>)?")  # of S3's error documents
 LONGEST_REASON = 200  # characters of an error that are passed on
 
 
@@ -58,6 +61,7 @@ def open_bucket(
     Raises:
         AddressError: the library is missing, or the address or a setting is refused.
     """
+    _refuse_what_is_misread(url, config or {})
     try:
         import obstore
         from obstore.store import from_url
@@ -83,6 +87,34 @@ def open_bucket(
         ) from error
 
 
+def _refuse_what_is_misread(url: str, config: Mapping[str, str]) -> None:
+    """Refuse what the library would leave out of an address without a word, or end at.
+
+    Raises:
+        AddressError: a # in the address, or a server's address without http:// or https://.
+    """
+    if "#" in url:
+        raise AddressError(
+            "has a # in it, and what follows that is no part of an address", where=without_secrets(url),
+            advice="choose a name without #",
+        )  # fmt: skip
+    stated = {name: os.environ.get(name, "") for name in ENDPOINTS}
+    stated |= {name: value for name, value in config.items() if "endpoint" in name.lower()}
+    for name, value in stated.items():
+        if value and not value.startswith(("http://", "https://")):
+            raise AddressError(
+                f"{name} lacks http:// or https:// (it is {without_secrets(value)})", where=without_secrets(url),
+                advice="write the server's whole address",
+            )  # fmt: skip
+
+
+def advice_on(error: Exception) -> str:
+    """Return what to do about an error of a bucket, by the server's own reason where it gives one."""
+    if "RequestTimeTooSkewed" in str(error):
+        return "set this computer's clock (timedatectl set-ntp true)"
+    return "check the address, the network and the access keys"
+
+
 def is_out_of_reach(error: Exception) -> bool:
     """Return whether no server answered: one that answers and refuses says so with a status."""
     import obstore
@@ -91,7 +123,10 @@ def is_out_of_reach(error: Exception) -> bool:
 
 
 def first_line(error: Exception) -> str:
-    """Return the first line of an error, without what an address may hold of secrets."""
+    """Return the server's own reason for an error, or the error's first line, without secrets of addresses."""
+    if reason := SERVERS_REASON.search(str(error)):
+        told = f"{reason[1]}: {reason[2]}" if reason[2] else reason[1]
+        return without_secrets(f"the server says {told}")[:LONGEST_REASON]
     text = (str(error).splitlines() or [type(error).__name__])[0].strip()
     return without_secrets(text)[:LONGEST_REASON]
 

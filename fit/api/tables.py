@@ -7,6 +7,8 @@ import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from formats.plain_text import spreadsheet_cell
+
 NOT_IDENTIFIED = "not identified"
 
 _HTML = """\
@@ -71,5 +73,5 @@ def as_csv(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(heads)
-    writer.writerows(["" if cell is None else cell for cell in row] for row in rows)
+    writer.writerows(["" if cell is None else spreadsheet_cell(cell) for cell in row] for row in rows)
     return text.getvalue()

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 from fit.errors import BatchError, UnreachableError
 from formats.errors import AddressError
-from formats.store_address import first_line, folder_of, is_out_of_reach, open_bucket
+from formats.store_address import advice_on, first_line, folder_of, is_out_of_reach, open_bucket
 from formats.whole_files import write_whole
 
 
@@ -168,6 +168,4 @@ class Bucket:
 
     def _failure(self, what: str, where: str, error: Exception) -> BatchError:
         kind = UnreachableError if is_out_of_reach(error) else BatchError
-        return kind(
-            f"{what} ({first_line(error)})", where=where, advice="check the address, the network and the access keys"
-        )
+        return kind(f"{what} ({first_line(error)})", where=where, advice=advice_on(error))

@@ -21,6 +21,7 @@ from fit.identification.request import Plan
 from fit.report.text import MISSING, escaped, interval, millimetres, number, unit_of, words
 from fit.search.choice import OBSERVED, has_short_intervals
 from formats.errors import ResultError
+from formats.plain_text import spreadsheet_cell
 from formats.results import FitParameter, FitResult, load_fit_result
 
 Kept = TypeVar("Kept")
@@ -90,7 +91,7 @@ def as_csv(rows: Sequence[Row]) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([*head, "remark", "key"])
     for row in rows:
-        writer.writerow([row.take, *_figures(row, names), row.sentence, row.key])
+        writer.writerow([spreadsheet_cell(c) for c in (row.take, *_figures(row, names), row.sentence, row.key)])
     return text.getvalue()
 
 

@@ -1,0 +1,37 @@
+"""Text from files is harmless to terminals and spreadsheets, and otherwise as it was."""
+
+from __future__ import annotations
+
+import pytest
+
+from formats.errors import TakeError
+from formats.plain_text import LONGEST, plain, spreadsheet_cell
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("Rück-\u80cc 5 %", "Rück-\u80cc 5 %"),
+        ("\x1b[31mred", "\\x1b[31mred"),
+        ("a\nb\tc", "a\\nb\\tc"),
+        ("\x9b\u202e\u2066", "\\x9b\\u202e\\u2066"),
+        ("\udcff\udc9b", "\udcff\\udc9b"),
+        ("a" * (LONGEST + 1), "a" * LONGEST + " ..."),
+    ],
+)
+def test_what_is_no_letter_is_shown_by_its_code(text, shown):
+    """A byte of a name that is no UTF-8 stays, but for those that are control characters to a terminal."""
+    assert plain(text) == shown
+
+
+def test_an_error_shows_a_files_text_by_its_code():
+    assert str(TakeError("is \x1b[2J", where="a\x07b")) == "a\\x07b: is \\x1b[2J"
+
+
+@pytest.mark.parametrize(
+    ("cell", "written"),
+    [("=1+1", "'=1+1"), ("@SUM(A1)", "'@SUM(A1)"), ("-swing", "'-swing"), ("-0.5", "-0.5"), ("+1e3", "+1e3"),
+     (-0.5, -0.5), ("a=1", "a=1"), ("", "")],
+)  # fmt: skip
+def test_a_spreadsheet_runs_no_text(cell, written):
+    assert spreadsheet_cell(cell) == written

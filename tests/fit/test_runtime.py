@@ -137,3 +137,13 @@ def test_jitter_moves_a_cloth_by_rounding_alone_and_every_candidate_alike(monkey
     monkeypatch.setenv(runtime.JITTER_VARIABLE, "-1")
     with pytest.raises(FitError, match="HANGTIME_JITTER is '-1', not a whole number"):
         runtime.jittered(places)
+
+
+@pytest.mark.parametrize("words", [["--jitter", "x"], ["--jitter"], ["--jitter", "-1", "--slow"]])
+def test_the_test_script_refuses_what_is_no_seed(words):
+    done = subprocess.run(
+        ["scripts/test", *words], cwd=Path(__file__).parents[2], capture_output=True, text=True,
+        env={k: v for k, v in os.environ.items() if k != runtime.JITTER_VARIABLE},
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr == "test: --jitter needs a seed, a whole number, for example --jitter 1\n"

@@ -233,6 +233,19 @@ def test_cloth_that_juts_out_along_its_warp_sags_by_the_warps_bending_stiffness(
     assert sag.mean() == pytest.approx(0.012 * np.cosh(0.5), rel=0.1)
 
 
+def test_a_seed_of_jitter_moves_a_simulation_by_more_than_nothing_and_less_than_a_tenth_of_a_millimetre(monkeypatch):
+    garment, time = sheet(), np.arange(24) / 30
+    simulator = Simulator(prepare(take_of(garment, time, swing(time, start=0.1), hung(garment, time))))
+    found = []
+    for seed in ("", "1", "2", "1"):
+        monkeypatch.setenv("HANGTIME_JITTER", seed)
+        found.append(simulator.run(material(garment)).points[0])
+    plain, first, second, again = found
+    assert np.array_equal(first, again)
+    for one, other in ((plain, first), (plain, second), (first, second)):
+        assert 0.0 < np.abs(one - other).max() < 1e-4
+
+
 def test_no_candidates_are_no_trouble():
     garment, time = sheet(), np.arange(0, 1, 1 / 30)
     simulator = Simulator(prepare(take_of(garment, time, swing(time), hung(garment, time))))

@@ -10,6 +10,7 @@ import pytest
 
 from fit import runtime
 from fit.cloth import material as mat
+from fit.cloth.bends import COLUMN_BEND, ROW_BEND, TWIST
 from fit.cloth.effect import amplitudes_of, size_of
 from fit.cloth.mesh import build_mesh
 from fit.effects import LIBRARY, find_effects
@@ -184,6 +185,14 @@ def test_a_stiff_sheet_takes_its_rest_curvature(curvature):
     bent = np.diff(column, 2) / 0.05**2
     assert np.abs(bent) == pytest.approx(np.ones(8), rel=0.035)
     assert (np.sign(bent) == -np.sign(curvature)).all()
+
+
+def test_a_curl_about_the_horizontal_bends_columns_one_about_the_vertical_rows_and_neither_twists():
+    mesh = build_mesh(sheet(), 0.06)
+    found = effect("rest_curvature").rest_curvature(mesh, np.array([3.0, -5.0]))
+    for kind, curvature in ((COLUMN_BEND, 3.0), (ROW_BEND, -5.0), (TWIST, 0.0)):
+        assert (mesh.bends.kind == kind).sum() > 10
+        assert (found[mesh.bends.kind == kind] == curvature).all()
 
 
 def test_friction_in_bending_keeps_a_curl_that_gravity_alone_would_open():

@@ -1,4 +1,4 @@
-"""`hangtime fit`, `hangtime fabric` and `hangtime diagnose`; `batch` and `blind` have their own modules."""
+"""Run `hangtime fit`, `hangtime fabric` and `hangtime diagnose`; `batch` and `blind` have their own modules."""
 
 from __future__ import annotations
 
@@ -20,19 +20,21 @@ Takes = Annotated[
 ]
 HeldOut = Annotated[
     list[Path],
-    typer.Option("--held-out", metavar="TAKE", help="A take of another motion to judge on; may be repeated."),
+    typer.Option("--held-out", metavar="TAKE", help="Judge on this take of another motion. May be repeated."),
 ]
 HeldOutMotion = Annotated[
     list[str],
     typer.Option(
         "--held-out-motion",
         metavar="KIND",
-        help="Judge on those of the takes whose hanger moves this way (sideways, face-on, up-and-down, twist, mixed, "
-        "still; `hangtime takes show` names it) instead of fitting to them; may be repeated.",
+        help="Judge on the takes whose hanger moves this way, instead of fitting to them: sideways, face-on, "
+        "up-and-down, twist, mixed or still. `hangtime takes show` names the motion of a take. May be repeated.",
     ),
 ]
-Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; made if absent.")]
-Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of every random number.")]
+Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results. It is made if absent.")]
+Seed = Annotated[
+    int, typer.Option("--seed", min=0, help="Seed of every random number; the same seed gives the same result.")
+]
 
 
 def add_commands(app: typer.Typer) -> None:
@@ -52,60 +54,79 @@ def fit_command(
         str,
         typer.Option(
             "--method",
-            help="kinect-skirt: the paper's six Blender parameters; mocap-swatch: five parameters and the error E for "
-            "a swatch with a grid of markers; both also with -weighed: the weight known; si: physical units; lean: "
-            "si without shear and bending damping; si-sewn: si for garments with sleeves and hems.",
+            help="Parameters to fit. kinect-skirt: the six Blender parameters of the Kinect-skirt paper. mocap-swatch: "
+            "the five parameters and the error E of the motion capture paper, for a swatch with a grid of markers. "
+            "kinect-skirt-weighed, mocap-swatch-weighed: the same with the weight known. si: physical units. si-sewn: "
+            "si for garments with sleeves and hems. lean: si without shear and bending damping.",
         ),
     ] = "kinect-skirt",
     fabric: Annotated[
         str | None,
-        typer.Option("--fabric", help="Start from this fabric's table values: silk, denim, cotton, polyester-rayon."),
+        typer.Option(
+            "--fabric", help="Start from the table values of this fabric: silk, denim, cotton or polyester-rayon."
+        ),
     ] = None,
     engine: Annotated[
-        str, typer.Option("--engine", help="Who simulates: own, or blender (kinect-skirt only; extra `blender`).")
+        str, typer.Option("--engine", help="Simulator: own, or blender (kinect-skirt only; needs the extra `blender`).")
     ] = "own",
     effect: Annotated[
-        list[str], typer.Option("--effect", metavar="NAME", help="Keep this effect in the model; may be repeated.")
+        list[str], typer.Option("--effect", metavar="NAME", help="Also fit the size of this effect. May be repeated.")
     ] = [],  # noqa: B006
     bounds: Annotated[
         list[str],
         typer.Option(
-            "--bounds", metavar="NAME=LOW:HIGH", help="Search this parameter within narrower bounds; may be repeated."
+            "--bounds", metavar="NAME=LOW:HIGH", help="Search this parameter within narrower bounds. May be repeated."
         ),
     ] = [],  # noqa: B006
     search: Annotated[
         str,
         typer.Option(
             "--search",
-            help="annealing: as in the paper; restarts, tempering, cma-es; least-squares: the quickest; short-windows: "
-            "least squares by stretches of two seconds.",
+            help="annealing: as in the paper, one chain. restarts: four shorter chains. tempering: parallel "
+            "tempering, with intervals of the posterior. cma-es: covariance matrix adaptation. least-squares: the quickest, with the "
+            "best intervals. short-windows: least squares on stretches of two seconds.",
         ),
     ] = "annealing",
     iterations: Annotated[
         int,
         typer.Option(
-            "--iterations", min=1, help="Iterations that the annealing cools in, candidates of tempering and cma-es."
+            "--iterations",
+            min=1,
+            help="Iterations of annealing and restarts, candidates of tempering and cma-es. The least-squares "
+            "searches ignore it.",
         ),
     ] = 350,
     gamma: Annotated[
         float | None,
         typer.Option(
-            "--gamma", help="Factor gamma of the acceptance [1/m].", show_default="1e5; mocap-swatch 1e4 per E/N"
+            "--gamma",
+            help="Factor gamma of the annealing's acceptance [1/m].",
+            show_default="1e5; mocap-swatch 1e4 per E/N",
         ),
     ] = None,
     out: Out = Path("fitted"),
     spacing: Annotated[
         float | None,
-        typer.Option("--spacing", metavar="METRES", help="Mesh spacing; smaller is finer and slower (time grows with "
-                     "its cube).", show_default="0.05; mocap-swatch 0.0208"),
+        typer.Option(
+            "--spacing",
+            metavar="METRES",
+            help="Mesh spacing. Half the spacing takes eight times as long.",
+            show_default="0.05; mocap-swatch 0.0208",
+        ),
     ] = None,
     seed: Seed = 0,
-) -> None:  # fmt: skip
+) -> None:
     """Find the cloth parameters that make the simulation follow the takes.
 
-    By default simulated annealing as in the Kinect-skirt paper: freely running simulations, the method's own error.
-    Writes DIR/fit.json and DIR/report.html. Interrupt with Ctrl-C at any time; the same command goes on where it was
-    (least squares at the last of their looks and descents that was done).
+    The cloth is simulated freely from its first shape on, driven by the recorded hanger. The search looks for the
+    parameters with the smallest error. The result gives each parameter a 90 % interval. A parameter that the takes do
+    not identify has an interval and no value.
+
+    Give takes of several motions, and hold one motion out to judge on (--held-out or --held-out-motion). Without a
+    held-out take, the command judges on the takes it fitted to, which flatters the result.
+
+    The command writes DIR/fit.json and DIR/report.html. Interrupt it with Ctrl-C at any time: the same command goes on
+    where it was. The least-squares searches go on from their last finished step.
     """
     from fit.api.shown import fit_tables
     from fit.api.tables import as_text
@@ -153,7 +174,10 @@ def fit_command(
 def fabric_command(
     fit_file: Annotated[Path, typer.Argument(metavar="FIT.json", help="A result of `hangtime fit`.")],
 ) -> None:
-    """Test the fitted fabric virtually: tension, shear and bending in KES units, beside fabrics measured elsewhere."""
+    """Test a fitted fabric virtually: tension, shear and bending in KES units.
+
+    The sheet shows the values beside those of fabrics that were measured elsewhere.
+    """
     from fit.virtual_tests.sheet import sheet_of
     from formats.results import load_fit_result
 
@@ -174,18 +198,18 @@ def diagnose_command(
         str | None,
         typer.Option(
             "--model",
-            help="Base model: si (physical units), si-sewn (with stiff sleeves and hems), lean (si without shear and "
-            "bending viscosity), kinect-skirt.",
+            help="Base model: si (physical units), si-sewn (si with stiff sleeves and hems), lean (si without shear "
+            "and bending viscosity) or kinect-skirt.",
             show_default="si-sewn for T-shirts, else si",
         ),
     ] = None,
     add: Annotated[
         list[str],
-        typer.Option("--add", metavar="EFFECT", help="Also refit with this effect and show it; may be repeated."),
+        typer.Option("--add", metavar="EFFECT", help="Also refit with this effect, and show it. May be repeated."),
     ] = [],  # noqa: B006
     without: Annotated[
         list[str],
-        typer.Option("--without", metavar="EFFECT", help="Leave this effect out of the library; may be repeated."),
+        typer.Option("--without", metavar="EFFECT", help="Leave this effect out of the library. May be repeated."),
     ] = [],  # noqa: B006
     out: Out = Path("diagnosis"),
     spacing: Annotated[
@@ -194,10 +218,16 @@ def diagnose_command(
     ] = None,
     seed: Seed = 0,
 ) -> None:
-    """Say where the simulation misses, which unmodelled effect causes it, and how far the error shrinks with it.
+    """Say where the simulation misses, which unmodelled effect causes the error, and how far the error would shrink.
 
-    Fits the base model and every effect of the library to the takes and judges them on the held-out ones. Writes
-    DIR/diagnosis.json and DIR/report.html. Interrupt with Ctrl-C at any time; the same command goes on where it was.
+    The command fits the base model and every effect of the library to the takes, and judges them on the held-out takes.
+    The verdict names an effect with its size, a 90 % interval and a probability. The verdict can also be that nothing is
+    missing, that several effects cannot be told apart, or that the takes cannot decide.
+
+    Give takes of several strengths of one motion, and hold another motion out (--held-out or --held-out-motion).
+
+    The command writes DIR/diagnosis.json and DIR/report.html. Interrupt it with Ctrl-C at any time: the same command
+    goes on with the fits that it has finished.
     """
     from fit.api.calls import library_of
     from fit.api.shown import diagnosis_tables

@@ -1,4 +1,4 @@
-"""`hangtime batch`."""
+"""Run `hangtime batch`."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ def batch_command(
         str, typer.Argument(metavar="URL", help="Takes: a folder, file:///..., s3://..., gs://... or az://...")
     ],
     out: Annotated[
-        str, typer.Option("--out", metavar="URL", help="Folder or bucket for the results; a folder is made if absent.")
+        str, typer.Option("--out", metavar="URL", help="Folder or bucket for the results. A folder is made if absent.")
     ] = "batch",
     scheduler: Annotated[
         str | None,
         typer.Option(
             "--scheduler",
             metavar="ADDRESS|FILE",
-            help="A running dask cluster: tcp://..., tls://... or its scheduler file.",
+            help="Use a running dask cluster: tcp://..., tls://... or its scheduler file.",
             show_default="this machine",
         ),
     ] = None,
@@ -49,7 +49,7 @@ def batch_command(
         typer.Option("--workers", min=1, metavar="N", help="Workers on this machine.", show_default="one a core"),
     ] = None,
     dashboard_port: Annotated[
-        int, typer.Option("--dashboard-port", help="Port of the dashboard on 127.0.0.1; 0 for any that is free.")
+        int, typer.Option("--dashboard-port", help="Port of the dashboard on 127.0.0.1; 0 chooses a free one.")
     ] = 8787,
     patience: Annotated[
         float,
@@ -57,7 +57,7 @@ def batch_command(
             "--patience",
             min=0,
             metavar="MINUTES",
-            help="How long to wait for a scheduler or a bucket that is gone, and for workers.",
+            help="How long to wait for workers, and for a scheduler or a bucket that is out of reach.",
         ),
     ] = 10.0,
     hours: Annotated[
@@ -66,7 +66,7 @@ def batch_command(
             "--hours",
             min=0,
             metavar="HOURS",
-            help="Stop after this time; the next run goes on.",
+            help="Stop after this time. The next run goes on.",
             show_default="no limit",
         ),
     ] = None,
@@ -75,12 +75,12 @@ def batch_command(
         typer.Option(
             "--until",
             metavar="HH:MM",
-            help="Stop when it is next so late by this machine's clock, or after --hours if that is earlier.",
+            help="Stop at this time of the day by the machine's clock, or after --hours if that is earlier.",
             show_default="no limit",
         ),
     ] = None,
     retry_failed: Annotated[
-        bool, typer.Option("--retry-failed", help="Also try the takes again that could not be fitted before.")
+        bool, typer.Option("--retry-failed", help="Try the takes and garments again that failed before.")
     ] = False,
     diagnose: Annotated[
         bool,
@@ -92,16 +92,18 @@ def batch_command(
     ] = False,
     method: Annotated[str, typer.Option("--method", help="As for `hangtime fit`, like all below.")] = "kinect-skirt",
     fabric: Annotated[str | None, typer.Option("--fabric", help="Start from this fabric's table values.")] = None,
-    effect: Annotated[list[str], typer.Option("--effect", metavar="NAME", help="Keep this effect in the model.")] = [],  # noqa: B006
+    effect: Annotated[
+        list[str], typer.Option("--effect", metavar="NAME", help="Also fit the size of this effect.")
+    ] = [],  # noqa: B006
     bounds: Annotated[list[str], typer.Option("--bounds", metavar="NAME=LOW:HIGH", help="Narrower bounds.")] = [],  # noqa: B006
-    search: Annotated[str, typer.Option("--search", help="How parameters are looked for.")] = "annealing",
+    search: Annotated[str, typer.Option("--search", help="Search for the parameters.")] = "annealing",
     iterations: Annotated[
         int,
         typer.Option(
             "--iterations",
             min=1,
-            help="Iterations that the annealing cools in, candidates of tempering and cma-es; least-squares and "
-            "short-windows have a number of their own.",
+            help="Iterations of annealing and restarts, candidates of tempering and cma-es. The least-squares searches "
+            "ignore it.",
         ),
     ] = 350,
     gamma: Annotated[

@@ -83,8 +83,8 @@ def fit_command(
         typer.Option(
             "--search",
             help="annealing: as in the paper, one chain. restarts: four shorter chains. tempering: parallel "
-            "tempering, with intervals of the posterior. cma-es: covariance matrix adaptation. least-squares: the quickest, with the "
-            "best intervals. short-windows: least squares on stretches of two seconds.",
+            "tempering, with intervals of the posterior. cma-es: covariance matrix adaptation. least-squares: the "
+            "quickest, with the best intervals. short-windows: least squares on stretches of two seconds.",
         ),
     ] = "annealing",
     iterations: Annotated[
@@ -221,8 +221,8 @@ def diagnose_command(
     """Say where the simulation misses, which unmodelled effect causes the error, and how far the error would shrink.
 
     The command fits the base model and every effect of the library to the takes, and judges them on the held-out takes.
-    The verdict names an effect with its size, a 90 % interval and a probability. The verdict can also be that nothing is
-    missing, that several effects cannot be told apart, or that the takes cannot decide.
+    The verdict names an effect with its size, a 90 % interval and a probability. The verdict can also be that
+    nothing is missing, that several effects cannot be told apart, or that the takes cannot decide.
 
     Give takes of several strengths of one motion, and hold another motion out (--held-out or --held-out-motion).
 

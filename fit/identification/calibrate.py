@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,7 +37,7 @@ from fit.recordings.geometry import check_geometry
 from fit.recordings.impossible_points import describe_impossible
 from fit.recordings.intact import describe_missing
 from fit.recordings.recording import Recording, prepare_together
-from fit.recordings.selection import check_together, content_of
+from fit.recordings.selection import check_together
 from fit.runtime import one_thread_of_algebra
 from fit.search.choice import OBSERVED, begin, has_short_intervals
 from fit.search.intervals import Intervals, block_intervals, check_blocks, draw_intervals
@@ -186,18 +187,19 @@ def calibrate(
             search that cannot be continued.
         BlowUpError: a take cannot be simulated with the initial or the fitted parameters.
     """
-    check_together(training, held_out)
+    contents = check_together(training, held_out)[: len(training)]
     train, test = prepare_together(training, held_out)
     model = Model(train, request)
     check_blocks(np.concatenate(_half_seconds(model.recordings)))
-    saved = SavedSearch(checkpoint, _key(training, model))
+    saved = SavedSearch(checkpoint, _key(contents, model))
     saved.read()  # one that cannot be continued is refused before anything is simulated
     judge = Model(test, request, is_fitted=False) if test else None
     if judge is not None:
         _ = judge.error_before  # a take that blows up is refused before the search
     run = _least_squares if request.search in OBSERVED else _ask_and_tell
     found = run(model, request, saved, progress)
-    return _result(training, held_out, request, model, judge, found, saved.seconds)
+    result = _result(model, judge, found, contents=contents, seconds=saved.seconds)
+    return msgspec.structs.replace(result, notes=[*result.notes, *describe_missing([*training, *held_out])])
 
 
 @dataclass(frozen=True)
@@ -278,10 +280,10 @@ def _least_squares(model: Model, request: Request, saved: SavedSearch, progress:
     return _Found(found.vector, found.intervals, history, simulations)
 
 
-def _key(training: list[Take], model: Model) -> dict[str, object]:
+def _key(contents: list[str], model: Model) -> dict[str, object]:
     request = model.request
     return {
-        "takes": [content_of(t) for t in training], "method": request.method.name, "seed": request.seed,
+        "takes": contents, "method": request.method.name, "seed": request.seed,
         "search": request.search,
         "effects": [e.name for e in request.effects], "spacing": request.resolution.spacing,
         "bounds": [list(b) for b in request.bounds], "initial": [p.initial for p in request.parameters],
@@ -289,11 +291,9 @@ def _key(training: list[Take], model: Model) -> dict[str, object]:
     }  # fmt: skip
 
 
-def _result(
-    training: list[Take], held_out: list[Take], request: Request, model: Model, judge: Model | None,
-    found: _Found, seconds: float,
-) -> FitResult:  # fmt: skip
-    best, intervals = found.vector, found.intervals
+def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[str], seconds: float) -> FitResult:
+    request, best, intervals = model.request, found.vector, found.intervals
+    garment = model.recordings[0].garment
     initial = np.array([p.initial for p in request.parameters])
     reach = request.space.slope(best)
     is_identified = [
@@ -312,8 +312,7 @@ def _result(
     notes += [o.remark for o in model.objectives if o.remark]
     if impossible := max(r.impossible for r in [*model.recordings, *(judge.recordings if judge else [])]):
         notes.append(f"Warning: {describe_impossible(impossible)}")
-    notes += describe_missing([*training, *held_out])
-    if training[0].garment.kind == "t-shirt" and not request.method.knows_layers:
+    if garment.kind == "t-shirt" and not request.method.knows_layers:
         notes.append(LAYERED)
     if not is_own:
         notes.append(f"Simulated by {request.engine}; its numbers have no SI values, so no combinations are given.")
@@ -331,11 +330,11 @@ def _result(
     return FitResult(
         format="hangtime-fit/1",
         created=datetime.now(UTC).isoformat(timespec="seconds"),
-        take_ids=[t.take_id for t in training],
-        held_out_ids=[t.take_id for t in held_out],
+        take_ids=[r.take_id for r in model.recordings],
+        held_out_ids=[r.take_id for r in judge.recordings] if judge else [],
         method=request.method.name,
         engine=request.engine,
-        take_contents=[content_of(t) for t in training],
+        take_contents=contents,
         search=request.search,
         seed=request.seed,
         parameters=described,
@@ -353,7 +352,7 @@ def _result(
         seconds=seconds,
         notes=notes,
         material=model.material(best) if is_own else {},
-        layers=training[0].garment.layers,
+        layers=garment.layers,
         objective=model.objective_figure(initial, best),
         combinations=(describe_combinations(model.material_rows, initial, best, reach, intervals) if is_own else []),
     )

@@ -74,8 +74,8 @@ def test_a_night_with_a_killed_worker_and_two_poisoned_takes(takes, tmp_path):
     words = ("batch", night, "--out", "out", "--workers", 1, "--dashboard-port", 0, *SHORT)
 
     process = start(*words, folder=tmp_path)
+    (victim,) = wait_for(lambda: worker_pids(process))  # before its first fit, lest a slow test finds it gone
     wait_for(lambda: fitted_in(tmp_path / "out"))
-    (victim,) = worker_pids(process)
     kill(victim)
     assert process.wait(120) == SOME_NOT_FITTED, said(tmp_path)
     assert "5 takes: 3 fitted, 2 failed." in said(tmp_path)

@@ -64,10 +64,8 @@ def per_frame(real: Floats, simulated: Floats) -> Floats:
     """Mean distance over the seen points of each frame [m], (..., frames); NaN for frames without any."""
     apart = distances(real, simulated)
     seen = np.isfinite(real).all(-1)
-    count = seen.sum(-1)
-    total = np.where(seen, apart, 0.0).sum(-1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(np.where(count > 0, total / count, np.nan))
+    with np.errstate(invalid="ignore"):  # no point seen: 0 / 0
+        return np.asarray(np.where(seen, apart, 0.0).sum(-1) / seen.sum(-1))
 
 
 def distance(real: Floats, simulated: Floats) -> Floats:

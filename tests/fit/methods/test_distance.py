@@ -23,6 +23,11 @@ def test_a_point_is_as_far_away_as_its_three_axes_say():
     assert np.isnan(apart[0, 1])
 
 
+def test_distances_are_between_places_wherever_both_are():
+    """10 and 13 m along each axis are sqrt(27) m apart."""
+    assert distances(np.full((1, 1, 3), 10.0), np.full((1, 1, 3), 13.0)) == pytest.approx(np.sqrt(27))
+
+
 def test_a_frames_mean_is_over_the_points_that_are_seen_in_it():
     """5 and 15 mm of the first frame are 10 in the mean, and not 20 / 3; of the second frame nothing is known."""
     assert per_frame(REAL, SIMULATED) == pytest.approx([10e-3, np.nan, 10e-3], nan_ok=True)

@@ -14,6 +14,7 @@ from fit.methods import (
     LEAN,
     METHODS,
     MOCAP_SWATCH,
+    MOCAP_SWATCH_WEIGHED,
     SI,
     SI_SEWN,
     base_model_of,
@@ -42,7 +43,24 @@ def test_every_number_of_blenders_cloth_goes_to_its_own_term():
 
 def test_a_weighed_garment_has_mass_1():
     assert row(KINECT_SKIRT_WEIGHED, [40.0, 30.0, 5.0, 4.0, 0.92]) == row(KINECT_SKIRT, [1, 40.0, 30.0, 5.0, 4.0, 0.92])
+    two = np.array([[40.0, 30.0, 5.0, 4.0, 0.92], [20.0, 10.0, 2.0, 1.0, 0.99]])
+    whole = KINECT_SKIRT.to_materials(np.concatenate([np.ones((2, 1)), two], axis=1), 0.2)
+    assert KINECT_SKIRT_WEIGHED.to_materials(two, 0.2) == pytest.approx(whole)
     assert [p.name for p in KINECT_SKIRT_WEIGHED.parameters] == ["struct", "bend", "spring", "air", "velocity"]
+
+
+def test_a_swatch_twice_as_thick_weighs_and_pulls_twice_and_bends_eight_times_as_hard():
+    """Whatever it weighs on the scales; membrane and bending damping times are fixed."""
+    found = row(MOCAP_SWATCH, [300.0, 1e-5, 1.5, 0.2, 2.0], 99.0)
+    terms = (mat.DENSITY, mat.STRETCH, mat.SHEAR, mat.BENDING, mat.MEMBRANE_TIME, mat.BENDING_TIME, mat.VELOCITY)
+    assert columns(found, *terms) == pytest.approx([0.4, 600.0, 60.0, 8e-5, 2e-5, 1e-4, 1.5])
+    assert sum(value != 0 for value in found.values()) == 7
+
+
+def test_a_weighed_swatch_has_the_density_of_the_scales_and_the_nominal_thickness():
+    vectors = np.array([[300.0, 1e-5, 1.5], [200.0, 2e-5, 2.5]])
+    whole = np.concatenate([vectors, [[0.25, 1.0], [0.25, 1.0]]], axis=1)
+    assert MOCAP_SWATCH_WEIGHED.to_materials(vectors, 0.25) == pytest.approx(MOCAP_SWATCH.to_materials(whole, 99.0))
 
 
 def test_physical_units_are_what_they_say():

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
 
 from fit.errors import FitError
 from fit.methods.distance import total
-from fit.methods.swatch_error import SwatchError, curvature_seen, line_curvature, marker_grid
+from fit.methods.swatch_error import SwatchError, _weights, curvature_seen, line_curvature, marker_grid
 from fit.recordings.recording import prepare
 from formats.swatch import swatch
 from tests.fit.scenes import sheet, take_of
@@ -77,6 +78,37 @@ def test_curvature_down_the_columns_is_its_own_part():
     assert terms[3] == pytest.approx(0.0, abs=1e-6)
 
 
+def rolled(radius, axis):
+    """The swatch at rest, rolled about the vertical (0, across) or about a level line (2, down)."""
+    flat = hanging()
+    angle = flat[..., axis] / radius
+    along, out = radius * np.sin(angle), radius * (1 - np.cos(angle))
+    return np.stack([along, out, flat[..., 2]] if axis == 0 else [flat[..., 0], out, along], -1)
+
+
+@pytest.mark.parametrize(("axis", "part"), [(0, 3), (2, 2)])
+def test_curvatures_of_both_sides_are_subtracted(axis, part):
+    """Radii of 0.5 and 0.4 m, with factors of 1.01181 and of 1.0185 (0.15625 rad): 0.5226 1/m, twice, at 7 of 9."""
+    terms = error_against(rolled(0.5, axis)).terms(rolled(0.4, axis)[None])[0]
+    angle = 0.0625 / 0.4
+    factor = (5 + np.cos(2 * angle) - 6 * np.cos(angle)) / np.sin(angle) ** 2
+    assert terms[part] == pytest.approx(2 * (factor / 0.4 - 1.01181 / 0.5) * 7 / 9, rel=1e-3)
+
+
+def test_speeds_of_both_sides_are_subtracted():
+    """0.2 m/s measured and 0.5 m/s simulated: half of 0.3."""
+    steady = TIME[:, None, None] * np.array([0.0, 1.0, 0.0])
+    terms = error_against(hanging() + 0.2 * steady).terms((hanging() + 0.5 * steady)[None])[0]
+    assert terms[1] == pytest.approx(0.15, rel=1e-3)
+
+
+def test_a_marker_that_counts_in_one_frame_alone_counts_with_all_its_weight():
+    assert _weights(np.array([[True, True, False], [False, True, False]])).tolist() == [
+        [1.0, 0.5, 0.0],
+        [0.0, 0.5, 0.0],
+    ]
+
+
 def test_a_frame_without_a_marker_counts_for_neither_side():
     """A marker is lost while the simulated one is elsewhere: no error from those frames."""
     seen = hanging()
@@ -121,6 +153,27 @@ def test_noise_that_looks_like_more_than_half_of_the_curvature_is_remarked():
     angle = hanging()[..., 0] / 0.3
     rolled = np.stack([0.3 * np.sin(angle), 0.3 * (1 - np.cos(angle)), hanging()[..., 2]], -1)
     assert SwatchError(prepare(take_of(GARMENT, TIME, path, rolled, sd=2e-4))).remark == ""
+
+
+def test_the_remark_compares_the_noise_with_the_mean_curvature_of_the_inner_markers():
+    """Bent in two directions, each side otherwise, so that every row and column has a curvature of its own."""
+    bent = hanging()
+    bent[..., 1] = 0.4 * bent[..., 0] ** 3 / 0.25**2 + 0.9 * (bent[..., 2] + 0.5) ** 3
+    grid = marker_grid(np.array([p.at_m for p in GARMENT.points]), "here")
+    sheet_of = bent[0][grid]
+    across = np.array([line_curvature(row)[1:8] for row in sheet_of])[1:8]
+    down = np.array([line_curvature(column)[1:8] for column in sheet_of.swapaxes(0, 1)])[1:8]
+    measured = (across.mean() + down.mean()) / 2
+    remark = SwatchError(prepare(take_of(GARMENT, TIME, np.zeros((240, 3)), bent, sd=0.02))).remark
+    said = re.fullmatch(
+        r"Warning: scene: the stated noise of its points alone looks like a curvature of ([\d.]+) 1/m, "
+        r"([\d.]+) 1/m were measured: E fits noise here\. Use a method that minimises D \(si, kinect-skirt\)\.",
+        remark,
+    )
+    assert said is not None
+    # sqrt(87) x 20 mm x 0.29 / 62.5^2 mm^2; the ends of a take pass a little less than its middle.
+    assert float(said[1]) == pytest.approx(np.sqrt(87) * 0.02 * 0.29 / 0.0625**2, rel=0.04)
+    assert float(said[2]) == pytest.approx(measured, abs=0.05)
 
 
 def test_a_simulation_that_blew_up_is_infinitely_wrong():

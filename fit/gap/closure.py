@@ -3,8 +3,8 @@
     closure = (E_base^2 - E_effect^2) / (E_base^2 - floor^2)
 
 with mean squared errors on the same frames. Intervals come from a bootstrap over blocks of half a second, the errors of
-both models drawn together. Half-seconds of one take are correlated (`fit.gap.correlation`) and few: each draw is moved
-away from the mean by
+both models drawn together. Half-seconds of one take are correlated (`fit.gap.correlation`) and few: the ratio of each
+draw to the mean is raised to the power
 
     sqrt(n / (n - 1)) sqrt(n / n_eff) t(n_eff - 1) / z,   t, z: 95 % quantiles of Student's and the normal distribution
 
@@ -33,7 +33,6 @@ FLIPS = 20000  # draws of the signs of differences
 SIGNIFICANT_GAP = 1.2  # base error over floor, squared: below, there is nothing to explain
 SMALLEST_GAP = 0.05  # of the squared floor; below, closure is not defined
 LEAST_GAP = 0.25  # of the gap, that is left of it in a draw at least
-LEAST_ERROR = 0.01  # of the mean squared error, that is left of it in a draw at least
 FEWEST = 2.0  # independent blocks that are counted at least, for Student's t to have a degree of freedom
 
 
@@ -65,14 +64,14 @@ class BlockErrors:
         """Mean squared distance of bootstrap draws, (replicas,)."""
         picks, middle = resampling.picks, self.squared_mm
         drawn = self.sums[picks].sum(1) / self.counts[picks].sum(1)
-        return np.asarray(np.maximum(middle + resampling.spread * (drawn - middle), LEAST_ERROR * middle))
+        return np.asarray(middle * (drawn / max(middle, 1e-30)) ** resampling.spread)
 
 
 @dataclass(frozen=True)
 class Resampling:
     """Bootstrap draws, the same for every model: of blocks, (replicas, blocks), and of the floor's error.
 
-    spread: how many times farther than the bootstrap's a draw is from the mean
+    spread: how many times farther than the bootstrap's a draw is from the mean, in logarithms: errors are positive
     deviates, (replicas,): of the floor, in its standard errors
     """
 

@@ -105,7 +105,8 @@ class MarkerTracker:
     def __init__(self, rig: Rig) -> None:
         self.rig = rig
         self.hanger, self.sensor = hanger_and_sensor(rig)
-        self._detector = MarkerDetector(self.hanger.dictionary, self.hanger.ids)
+        apart = self.hanger.marker_distance_m / self.hanger.marker_size_m
+        self._detector = MarkerDetector(self.hanger.dictionary, self.hanger.ids, apart=apart)
         offset = (rig.calibration or Calibration()).depth_offset_px
         self._placer = PlatePlacer(self.sensor, self.hanger.marker_size_m, offset)
         self.correlation = self._placer.correlation

@@ -20,6 +20,7 @@ from capture.errors import UntrackableError
 
 Floats = NDArray[np.float64]
 
+APART_WITHIN = 0.15  # of the stated distance: a marker's side of 20 px is seen to a pixel
 WANTED_SIDE = 64.0  # px, windows are enlarged until a marker side is about this: corners twice as fine as at 17 px
 SQUARES = (0.35, 0.7)  # of the marker's side, one after the other
 LARGEST_ENLARGEMENT = 4
@@ -41,8 +42,13 @@ def marker_dictionary(name: str) -> cv2.aruco.Dictionary:
 class MarkerDetector:
     """Looks for these ids of one dictionary; everything it returns is in their order."""
 
-    def __init__(self, dictionary: str, ids: tuple[int, ...]) -> None:
-        self.ids = ids
+    def __init__(self, dictionary: str, ids: tuple[int, ...], *, apart: float | None = None) -> None:
+        """Look for these ids.
+
+        apart: distance of the two markers' centres over their side; of an id that is seen twice, as where a printed
+        sheet lies about, it tells which one is the hanger's
+        """
+        self.ids, self._apart = ids, apart
         known = marker_dictionary(dictionary)
         self._anywhere = cv2.aruco.ArucoDetector(known, _parameters())
         self._near = cv2.aruco.ArucoDetector(known, _parameters())
@@ -83,19 +89,39 @@ class MarkerDetector:
         return fine if np.isfinite(fine).all() else coarse
 
     def _detect(self, detector: cv2.aruco.ArucoDetector, grey: NDArray[np.uint8], enlargement: int) -> Floats:
-        """Return the corners [px], (ids, 4, 2); NaN where an id is absent or seen twice."""
+        """Return the corners [px], (ids, 4, 2); NaN where an id is absent, or seen twice and none fits."""
         corners = np.full((len(self.ids), 4, 2), np.nan)
         if enlargement > 1:
             grey = cv2.resize(grey, None, fx=enlargement, fy=enlargement, interpolation=cv2.INTER_CUBIC)
         quads, ids, _ = detector.detectMarkers(grey)
         if ids is None:
             return corners
-        flat = list(np.ravel(ids))
-        for row, wanted in enumerate(self.ids):
-            if flat.count(wanted) == 1:
-                quad = np.asarray(quads[flat.index(wanted)], dtype=np.float64).reshape(4, 2)
-                corners[row] = (quad + 0.5) / enlargement - 0.5
+        flat = np.ravel(ids)
+        found = [
+            [np.asarray(quads[k], dtype=np.float64).reshape(4, 2) for k, number in enumerate(flat) if number == wanted]
+            for wanted in self.ids
+        ]
+        if self._apart is not None and len(found) == 2 and max(map(len, found)) > 1:
+            found = _pair(found[0], found[1], self._apart)
+        for row, seen in enumerate(found):
+            if len(seen) == 1:
+                corners[row] = (seen[0] + 0.5) / enlargement - 0.5
         return corners
+
+
+def _pair(first: list[Floats], second: list[Floats], apart: float) -> list[list[Floats]]:
+    """Return the one pair of markers, each (4, 2) [px], that is so many sides apart; nothing where none or several are.
+
+    Distance and side are foreshortened alike, so that their relation hardly depends on where the hanger is.
+    """
+    fitting = []
+    for one in first:
+        for other in second:
+            distance = float(np.linalg.norm(one.mean(0) - other.mean(0)))
+            relation = distance / (0.5 * (quad_side(one) + quad_side(other))) / apart
+            if 1 - APART_WITHIN < relation < 1 + APART_WITHIN:
+                fitting.append([[one], [other]])
+    return fitting[0] if len(fitting) == 1 else [[], []]
 
 
 def _parameters(square: float | None = None) -> cv2.aruco.DetectorParameters:

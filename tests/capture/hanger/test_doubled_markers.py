@@ -1,0 +1,41 @@
+"""A marker that is seen twice, as where a printed sheet lies about, is the one that is near the other."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from capture.hanger.marker_detection import MarkerDetector
+
+SIDE = 24  # px
+
+
+def picture(*placed):
+    """A grey picture with markers, each (id, x, y) of its top left corner."""
+    image = np.full((240, 640, 3), 200, np.uint8)
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    for number, x, y in placed:
+        image[y : y + SIDE, x : x + SIDE] = cv2.aruco.generateImageMarker(dictionary, number, SIDE)[..., None]
+    return image
+
+
+def found(*placed, apart=5.0):
+    corners = MarkerDetector("DICT_4X4_50", (0, 1), apart=apart).in_picture(picture(*placed))
+    return corners.mean(1)
+
+
+def test_the_one_that_is_five_sides_from_the_other_marker_is_the_hangers():
+    """120 px apart at a side of 24 px; the other marker 0 is 350 px away."""
+    middle = found((0, 100, 50), (1, 220, 50), (0, 570, 60))
+    assert middle == pytest.approx(np.array([[111.5, 61.5], [231.5, 61.5]]), abs=1.0)
+
+
+def test_of_two_that_fit_none_is_taken():
+    assert np.isnan(found((0, 100, 50), (1, 220, 50), (0, 340, 50))).all()
+
+
+def test_without_a_distance_a_marker_that_is_seen_twice_is_not_taken():
+    middle = found((0, 100, 50), (1, 220, 50), (0, 570, 60), apart=None)
+    assert np.isnan(middle[0]).all()
+    assert np.isfinite(middle[1]).all()

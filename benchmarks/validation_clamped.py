@@ -81,7 +81,7 @@ def square(width: float, height: float) -> Garment:
 
 
 def shear_frame_error(resolution: Resolution) -> float:
-    """Of the torque on a shear frame at 0.2 rad."""
+    """Of the torque on a shear frame at 0.2 rad, with card, which stays flat in it."""
     side, shear = 0.4, 100.0
 
     def on_rim(places: Floats) -> NDArray[np.bool_]:
@@ -95,7 +95,9 @@ def shear_frame_error(resolution: Resolution) -> float:
         return frame
 
     support = clamps(Clamp(on_rim, turned), start=UPRIGHT, gravity=0.0)
-    done, simulator = bench(square(side, side), support, resolution, 2.0, shear_stiffness=shear)
+    # Soft cloth would buckle out of its plane, by a rounding error, and give 5.5 % less torque than flat cloth.
+    stiff = {"shear_stiffness": shear, "bending_stiffness": 0.1}
+    done, simulator = bench(square(side, side), support, resolution, 2.0, **stiff)
     held = simulator.support.nodes
     ways = simulator.mesh.rest[held, 1:] * np.array([np.cos(ANGLE), -np.sin(ANGLE)])  # d place / d angle, along x, z
     assert done.forces is not None

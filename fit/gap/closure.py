@@ -15,7 +15,7 @@ Source: B. Efron & R. Tibshirani, "An Introduction to the Bootstrap" (1993), cha
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ FLIPS = 20000  # draws of the signs of differences
 SIGNIFICANT_GAP = 1.2  # base error over floor, squared: below, there is nothing to explain
 SMALLEST_GAP = 0.05  # of the squared floor; below, closure is not defined
 LEAST_GAP = 0.25  # of the gap, that is left of it in a draw at least
-FEWEST = 2.0  # independent blocks that are counted at least, for Student's t to have a degree of freedom
+FEWEST = 3.0  # independent blocks that are counted at least: two degrees of freedom; fewer tell nothing of their spread
 
 
 @dataclass(frozen=True)
@@ -149,8 +149,11 @@ def gain_p_value(before: BlockErrors, after: BlockErrors) -> float:
 
 
 def exceeds(errors: BlockErrors, resampling: Resampling, known: float) -> bool:
-    """Whether a squared error is clearly above a known one [mm^2]."""
-    lowest = error_interval(errors, resampling)[0]
+    """Whether a squared error is clearly above a known one [mm^2], of noise or of mesh and solver.
+
+    If noise were all there is, half-seconds would be independent: their correlation is no reason to doubt a gap.
+    """
+    lowest = error_interval(errors, replace(resampling, spread=1.0))[0]
     return bool(errors.squared_mm > SIGNIFICANT_GAP * known and lowest**2 > known)
 
 

@@ -361,6 +361,7 @@ def test_a_take_that_failed_is_tried_again_only_when_asked_to(takes, tmp_path):
     assert len(survey(store, results, PLAN, retry_failed=True).waiting) == 1
 
 
+@pytest.mark.slow
 def test_the_command_tries_what_failed_again_only_with_its_option(takes, tmp_path):
     """A take under whose key a failure is kept that it would not end with any more."""
     night = tmp_path / "takes"

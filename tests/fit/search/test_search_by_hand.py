@@ -40,6 +40,21 @@ def test_the_sum_of_pairs_ends_before_the_first_that_is_not_positive():
     assert correlation_time(rows) == pytest.approx(2 * (1 + 1 / 15) - 1)
 
 
+def test_what_follows_a_pair_of_nothing_does_not_count():
+    """Ones four frames apart: rho_2 + rho_3 = 0 ends the sum before rho_4."""
+    assert correlation_time(np.array([[1.0, 0, 0, 0, 1.0, 0, 0, 0, 0, 0, 0, 0]])) == 1.0
+
+
+def test_a_lag_without_any_pair_counts_as_nothing():
+    assert correlation_time(np.array([[1.0, np.nan, np.nan, np.nan]])) == 1.0
+
+
+def test_frames_after_the_last_sight_have_no_part_in_the_sum():
+    """Five ones: the sum ends below half of five frames, at rho_0 + rho_1, so tau = 3. With a sixth frame it was 7."""
+    take = np.array([1.0] * 5 + [np.nan] * 3)[:, None, None]
+    assert independent([take]) == pytest.approx(5 / 3)
+
+
 def test_numbers_are_divided_by_the_time_of_their_own_take():
     """Eight numbers of tau 1.914 after three frames without any, and ten that are white, at 1."""
     slow = np.array([np.nan] * 3 + [2.0, 1, 0, 0, 0, 0, 0, 0] + [np.nan])[:, None, None]
@@ -64,6 +79,12 @@ def test_a_redrawn_step_is_the_quantile_of_a_cauchy_distribution_cut_off_at_the_
     one = np.ones(1)
     for uniform, place in ((0.0, -1.0), (0.5, 0.0), (0.75, np.tan(np.pi / 8)), (1.0, 1.0)):
         assert redraw(0 * one, uniform * one, one, -one, one) == pytest.approx([place], abs=1e-12)
+    # Spread 2 about 0, from -2 to 6: a quarter below, arctan(3) / pi above; the first place is the lower bound.
+    low, high = -2 * one, 6 * one
+    assert redraw(0 * one, 0 * one, 2 * one, low, high) == pytest.approx([-2.0])
+    above = np.arctan(3) / np.pi
+    middle = 2 * np.tan(np.pi * (-0.25 + 0.5 * (above + 0.25)))
+    assert redraw(0 * one, 0.5 * one, 2 * one, low, high) == pytest.approx([middle])
     # Spread 2 about 1, from 1 to 3: half of it is arctan(1) / 2.
     assert redraw(one, 0.5 * one, 2 * one, one, 3 * one) == pytest.approx([1 + 2 * np.tan(np.pi / 8)])
 
@@ -154,7 +175,7 @@ def drawn(cost, places, pieces, seed):
 
 def test_draws_follow_their_printed_formulas():
     """Two hundred steps of 64 walkers are kept; one of the three first places lies on a bound."""
-    places = np.array([[0.0, 0.9], [0.3, 0.6], [0.5, 0.5]])
+    places = np.array([[0.0, 1.0], [0.3, 0.6], [0.5, 0.5]])
     found = posterior.draw(valley, places, 6.0, 4)
     assert found.shape == (200 * 64, 2)
     assert found == pytest.approx(drawn(valley, places, 6.0, 4), rel=1e-9)

@@ -55,3 +55,53 @@ def test_only_the_first_parameters_are_moved_alone():
     seen = []
     across(END, JACOBIAN, WEAK, 1.0, 1, lambda places: seen.append(places) or places[:, 0])
     assert len(seen[0]) == 6
+
+
+# H = J'J + P = [[5, 2], [2, 4]]: a step s of the first leads the second by -s / 2, and costs 4 s^2.
+TILTED, PRIOR = np.array([[2.0, 1.0], [0.0, 1.0]]), np.diag([1.0, 2.0])
+
+
+def asked_from(unit, cost=40.0, judged=None):
+    """The places that are judged from an end, and those that are returned."""
+    seen = []
+
+    def judge(places):
+        seen.append(places)
+        return np.arange(len(places), dtype=float) if judged is None else np.array(judged)
+
+    found = across(np.array(unit), TILTED, PRIOR, cost, 1, judge)
+    return seen[0], found
+
+
+def test_places_along_the_floor_of_a_valley_by_hand():
+    """From 0.8 a step of 0.15 stays in the box, and steps of 0.3 and 0.45 only downwards."""
+    places, _ = asked_from([0.8, 0.3])
+    assert places == pytest.approx(np.array([[0.35, 0.525], [0.5, 0.45], [0.65, 0.375], [0.95, 0.225]]))
+
+
+@pytest.mark.parametrize(("first", "count"), [(0.45, 6), (0.55, 6), (0.44, 5), (0.56, 5)])
+def test_a_step_may_end_on_a_bound_and_not_beyond(first, count):
+    assert len(asked_from([first, 0.5])[0]) == count
+
+
+def test_a_parameter_that_makes_up_stops_at_its_bound():
+    assert asked_from([0.5, 0.1])[0][:, 1] == pytest.approx([0.325, 0.25, 0.175, 0.025, 0.0, 0.0])
+    assert asked_from([0.5, 0.9])[0][:, 1] == pytest.approx([1.0, 1.0, 0.975, 0.825, 0.75, 0.675])
+
+
+def test_a_rise_of_a_five_hundredth_of_the_cost_is_enough_and_less_is_not():
+    """The nearest step, 0.15, costs 4 x 0.15^2 = 0.09: more than 0.002 of 44 and less than that of 46."""
+    assert len(asked_from([0.5, 0.5], cost=44.0)[0]) == 6
+    assert across(np.array([0.5, 0.5]), TILTED, PRIOR, 46.0, 1, never).shape == (0, 2)
+
+
+def test_a_rise_of_twice_the_cost_is_too_much():
+    """0.09 is less than twice 0.046 and more than twice 0.044."""
+    assert len(asked_from([0.5, 0.5], cost=0.046)[0]) == 6
+    assert across(np.array([0.5, 0.5]), TILTED, PRIOR, 0.044, 1, never).shape == (0, 2)
+
+
+def test_the_best_place_of_either_direction_is_returned_the_better_first():
+    """Of three places below and three above the end, the second of each costs least, above less than below."""
+    places, found = asked_from([0.5, 0.5], judged=[9.0, 2.0, 8.0, 7.0, 1.0, 6.0])
+    assert found == pytest.approx(places[[4, 1]])

@@ -59,7 +59,7 @@ def test_every_power_cut_of_a_sync_ends_with_each_take_on_the_server_once(tmp_pa
     assert cuts >= 40  # as recorded; far fewer would say that the shim no longer sees the calls
 
 
-@pytest.mark.timeout(600)
+@pytest.mark.processor_time(600)
 def test_ten_kills_lose_double_and_damage_nothing(tmp_path):
     """Ten runs ended by SIGKILL, five against a bucket; `benchmarks/sync.py` does it 500 times."""
     found = benchmark.killed(10, tmp_path)
@@ -71,7 +71,7 @@ def test_ten_kills_lose_double_and_damage_nothing(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(3600)
+@pytest.mark.processor_time(3600)
 def test_five_hundred_kills_lose_double_and_damage_nothing(tmp_path):
     found = benchmark.killed(500, tmp_path)
     assert found["killed"] == 500
@@ -91,7 +91,7 @@ def test_every_fault_of_a_server_is_named_and_costs_no_take(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(3600)
+@pytest.mark.processor_time(3600)
 def test_two_hundred_rounds_of_faults_cost_no_take(tmp_path):
     found = benchmark.storms(200, tmp_path, say=lambda line: None)
     assert found["recorded"] == 200
@@ -99,7 +99,7 @@ def test_two_hundred_rounds_of_faults_cost_no_take(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(3600)
+@pytest.mark.processor_time(3600)
 def test_a_week_offline_with_500_takes_arrives_in_order_with_memory_flat(tmp_path):
     found = benchmark.week(500, tmp_path)
     assert (found["recorded"], found["exit code"]) == (500, 0)

@@ -284,7 +284,7 @@ def test_a_base_fit_ends_in_no_valley_far_above_the_truth():
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
+@pytest.mark.processor_time(900)
 def test_five_of_six_base_fits_end_no_worse_than_where_the_truth_is():
     ends = sorted(base_fit_over_truth(seed) for seed in range(6))
     assert ends[4] < 1.05

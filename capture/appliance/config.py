@@ -22,6 +22,7 @@ from formats.rig import Rig
 from formats.whole_files import make_folders, write_whole
 
 DEFAULT = Path("/etc/hangtime/appliance.toml")
+CONTOUR = 8  # places around the silhouette for each place along a side
 LAST_GOOD = "last-good.json"  # in the spool
 
 
@@ -39,6 +40,9 @@ class SensorPart(Part, frozen=True, kw_only=True):
     ] = "openni2:"
 
 
+MOST_PLACES = 1_000_000  # of all scans of a take: 24 MB of memory, and 20 s of a fast core, when it is judged
+
+
 class RecordingPart(Part, frozen=True, kw_only=True):
     """`[recording]`: how long, and what of the surface."""
 
@@ -50,6 +54,15 @@ class RecordingPart(Part, frozen=True, kw_only=True):
     ] = 120.0
     scan_rate_hz: Annotated[float, Meta(ge=0.0, le=60.0, description="surface scans a second; 0 for none")] = 0.0
     scan_points: Annotated[int, Meta(ge=3, le=64, description="a scan's grid has so many places a side")] = 12
+
+    def __post_init__(self) -> None:
+        scans = self.scan_rate_hz * (self.pre_roll_s + self.longest_s)
+        places = scans * self.scan_points * (self.scan_points + CONTOUR)
+        if places > MOST_PLACES:
+            raise ValueError(
+                f"the scans of the longest take have {places / 1e6:.1f} million places, at most 1 million can be "
+                "judged; lower scan_rate_hz, scan_points or longest_s"
+            )
 
 
 class ButtonPart(Part, frozen=True, kw_only=True):
@@ -134,10 +147,10 @@ def load(path: Path) -> InForce:
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
         raise DescriptionError(f"cannot be read ({reason})", where=path, advice="check the path") from error
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise DescriptionError(f"is not valid TOML: {error}", where=path, advice="mend that line") from error
     try:
-        config = _converted(plain, path.parent)
+        config = _converted(plain, path.absolute().parent)
     except msgspec.ValidationError as error:
         raise DescriptionError(str(error), where=path, advice="see docs/reference/appliance.md") from error
     return InForce(config, load_rig(config.sensor.rig), load_garment(config.sensor.garment))
@@ -159,7 +172,7 @@ def load_or_last_good(path: Path) -> InForce:
 
 def _converted(plain: object, folder: Path) -> Config:
     def path_from(kind: type, value: object) -> object:
-        if kind is not Path or not isinstance(value, str) or not value:
+        if kind is not Path or not isinstance(value, str) or not value or "\0" in value:
             raise ValueError("a path must be a text that is not empty")
         return folder / value
 
@@ -189,7 +202,7 @@ def _last_good(refused: DescriptionError, spools: list[Path]) -> InForce:
             rig, garment = msgspec.convert(whole["rig"], Rig), msgspec.convert(whole["garment"], Garment)
             check_rig(rig, file)
             check_garment(garment, file)
-        except (OSError, msgspec.MsgspecError, KeyError, DescriptionError):
+        except (OSError, msgspec.MsgspecError, KeyError, RecursionError, DescriptionError):
             continue
         return InForce(config, rig, garment, refused)
     raise refused
@@ -202,7 +215,7 @@ def _told_spool(path: Path) -> list[Path]:
     """
     usual = SpoolPart().folder
     try:
-        told = re.search(r'^\s*folder\s*=\s*"([^"]+)"', path.read_text(), re.MULTILINE)
+        told = re.search(r"^\s*folder\s*=\s*(?:\"([^\"\0]+)\"|'([^'\0]+)')", path.read_text(), re.MULTILINE)
     except (OSError, ValueError):
         return [usual]
-    return [path.parent / told[1], usual] if told else [usual]
+    return [path.absolute().parent / (told[1] or told[2]), usual] if told else [usual]

@@ -20,7 +20,7 @@ from typing import Any
 from capture.errors import ControlError
 
 LONGEST_QUESTION = 4096  # bytes
-MOST_ASKERS = 16  # at once; further ones wait in the kernel
+MOST_ASKERS = 16  # at once; one more, and the daemon hangs up on whoever has been silent for longest
 PATIENCE = 10.0  # s that an asker waits for an answer: a daemon that records answers within one frame
 MODE = 0o660
 UNIT = "hangtime-capture"
@@ -68,13 +68,15 @@ class ControlServer:
 
     def serve(self, answer: Answer) -> None:
         """Answer whoever has asked by now; `answer` gets the question and returns the answer."""
-        while len(self._askers) < MOST_ASKERS:
+        for _ in range(MOST_ASKERS):
             try:
                 asker, _ = self._socket.accept()
             except OSError:
                 break
             asker.setblocking(False)
             self._askers[asker] = b""
+            if len(self._askers) > MOST_ASKERS:  # whoever connects and asks nothing keeps nobody out
+                self._hear(next(iter(self._askers)), answer, is_last_word=True)
         for asker in list(self._askers):
             self._hear(asker, answer)
 
@@ -98,15 +100,17 @@ class ControlServer:
         with contextlib.suppress(OSError):
             self._path.unlink()
 
-    def _hear(self, asker: socket.socket, answer: Answer) -> None:
+    def _hear(self, asker: socket.socket, answer: Answer, *, is_last_word: bool = False) -> None:
         try:
             heard = asker.recv(LONGEST_QUESTION)
         except BlockingIOError:
-            return
+            if not is_last_word:
+                return
+            heard = b""
         except OSError:
             heard = b""
         said = self._askers[asker] + heard
-        if heard and b"\n" not in said and len(said) < LONGEST_QUESTION:
+        if heard and not is_last_word and b"\n" not in said and len(said) < LONGEST_QUESTION:
             self._askers[asker] = said
             return
         del self._askers[asker]
@@ -117,7 +121,7 @@ class ControlServer:
             question = json.loads(said.partition(b"\n")[0])
             if not isinstance(question, dict):
                 raise ValueError
-        except ValueError:
+        except (ValueError, RecursionError):
             question = {}
         if question.get("do") == "watch":
             if _send(asker, answer({"do": "status"})):
@@ -167,7 +171,15 @@ def listen(path: Path, do: str) -> Iterator[dict[str, Any]]:
                     return
                 count += 1
                 connection.settimeout(None if do == "watch" else PATIENCE)
-                yield json.loads(line)
+                yield _told(line, path)
+
+
+def _told(line: bytes, path: Path) -> dict[str, Any]:
+    try:
+        told: dict[str, Any] = json.loads(line)
+    except ValueError:
+        raise ControlError("the daemon ended in mid-answer", where=path, advice=SEE_UNIT) from None
+    return told
 
 
 def picture_in(answer: dict[str, Any]) -> bytes:
@@ -207,16 +219,24 @@ def _remove_left_over(path: Path) -> None:
     """Remove a socket that nobody listens at.
 
     Raises:
-        ControlError: somebody does.
+        ControlError: somebody does, or something else is in its place.
+        OSError: this user may not try it or remove it.
     """
     if not path.is_socket():
+        if os.path.lexists(path):
+            raise ControlError(
+                "the socket cannot be made: something else has this name", where=path,
+                advice="remove it, or give another path as control.socket",
+            )  # fmt: skip
         return
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as trial:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK) as trial:
         try:
             trial.connect(str(path))
-        except OSError:
-            path.unlink()
+        except (ConnectionRefusedError, FileNotFoundError):
+            path.unlink(missing_ok=True)
             return
+        except BlockingIOError:
+            pass  # somebody listens, and is too busy to answer
     raise ControlError(
         "another daemon listens here", where=path, advice="stop it first: `systemctl stop hangtime-capture`"
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from capture.appliance.config import InForce
+from capture.appliance.config import CONTOUR, InForce
 from capture.appliance.control import ControlServer
 from capture.appliance.disk import LEAST_ROOM, Disk, DiskNews
 from capture.appliance.faults import FaultBook
@@ -136,7 +136,7 @@ class Appliance:
             return
         scans = None
         if part.scan_rate_hz > 0:
-            scans = ScanPlan(rate=part.scan_rate_hz, grid=part.scan_points, contour=8 * part.scan_points)
+            scans = ScanPlan(rate=part.scan_rate_hz, grid=part.scan_points, contour=CONTOUR * part.scan_points)
         self._reader = FrameReader(info, self._in_force.rig, self._in_force.garment, scans=scans)
         self._pre_roll.take()
 

@@ -5,11 +5,13 @@ Whoever gives it work can always ask how far behind it is: the age of the oldest
 
 from __future__ import annotations
 
+import errno
 import os
 import queue
 import shutil
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -26,6 +28,7 @@ from formats.rig import Rig
 from formats.whole_files import make_writable
 
 LEAST_ROOM = 8_000_000  # bytes: below, a take is ended while there is room to end it whole
+READING = 60.0  # s that the processor may take to read and judge a take, before the disk is blamed
 COUNT_EVERY = 10.0  # s from one count of the takes to the next: sync's receipts come meanwhile
 
 
@@ -148,12 +151,19 @@ class Disk:
             self._pending += 1
         self._work.put(_Work(do, self._clock()))
 
+    @contextmanager
+    def _reading(self) -> Iterator[None]:
+        """Read a take that is on the disk: the processor's time for this is no sign of a slow disk."""
+        self._busy_since = self._clock() + READING
+        yield
+        self._busy_since = self._clock()
+
     def _run(self) -> None:
         while (work := self._work.get()) is not None:
             self._busy_since = work.asked_at
             try:
                 work.do()
-            except (OSError, HangtimeError) as error:
+            except Exception as error:  # the thread lives on: a lamp that is green while nobody writes is the worst end
                 self._news.put(DiskNews(failure=_named(error, self._folder)))
             finally:
                 self._busy_since = None
@@ -181,7 +191,8 @@ class Disk:
 
     def _do_salvage(self) -> None:
         make_writable(self._folder)
-        salvaged = self._spool.salvage()
+        with self._reading():
+            salvaged = self._spool.salvage()
         self._news.put(DiskNews(salvaged=tuple(salvaged), is_sound=True))
         self._count()
         self._do_look()
@@ -207,7 +218,7 @@ class Disk:
             if seen.scan is not None:
                 take.writer.append_scan(seen.scan)
             take.frames += 1
-        except (OSError, HangtimeError) as error:
+        except Exception as error:  # as `_run`
             take.failure = _named(error, self._folder)
             take.writer.keep()
             self._news.put(DiskNews(failure=take.failure))
@@ -223,7 +234,7 @@ class Disk:
                 take.writer.discard()
             self._news.put(DiskNews(is_over=True, kept=kept, findings=findings))
             self._count()
-        except (OSError, HangtimeError) as error:
+        except Exception as error:  # as `_run`
             take.writer.keep()
             self._news.put(DiskNews(is_over=True, failure=_named(error, self._folder)))
 
@@ -231,7 +242,8 @@ class Disk:
         findings: tuple[Finding, ...] = ()
         if take.failure is None:
             take.writer.finish()
-            findings = judge(read_take(take.running.partial))
+            with self._reading():
+                findings = judge(read_take(take.running.partial))
             facts = facts | {"findings": [finding.as_fact() for finding in findings]}
         else:
             facts = facts | {"ended_by": str(take.failure)}
@@ -242,9 +254,17 @@ def _named(error: Exception, folder: Path) -> HangtimeError:
     """Return the error of a disk by its true cause."""
     if isinstance(error, HangtimeError):
         return error
-    reason = getattr(error, "strerror", None) or str(error)
+    if not isinstance(error, OSError):
+        return OutputError(
+            f"the recorder has a defect ({type(error).__name__}: {error})", where=folder,
+            advice="move what the folder holds elsewhere, and report the defect with the journal",
+        )  # fmt: skip
     advice = {
-        28: "make room, or let `hangtime sync` send takes away", 27: "make room on the disk",
-        122: "make room in the quota", 30: "replace the card: it is worn out", 5: "replace the card: it fails",
-    }.get(getattr(error, "errno", None) or 0, "check the disk")  # fmt: skip
-    return OutputError(f"the disk cannot be written ({reason})", where=folder, advice=advice)
+        errno.ENOSPC: "make room, or let `hangtime sync` send takes away", errno.EFBIG: "make room on the disk",
+        errno.EDQUOT: "make room in the quota", errno.EROFS: "replace the card: it is worn out",
+        errno.EIO: "replace the card: it fails", errno.EACCES: "give it to the account of the recorder",
+        errno.EISDIR: "remove what bears this name", errno.ENOTDIR: "remove what bears this name",
+        errno.EEXIST: "remove what bears this name",
+    }.get(error.errno or 0, "check the disk")  # fmt: skip
+    where = error.filename or folder
+    return OutputError(f"the disk cannot be written ({error.strerror or error})", where=where, advice=advice)

@@ -45,11 +45,11 @@ from capture.appliance.receipts import Receipt, read_receipt
 from capture.appliance.retention import Retention, Room, takes_to_leave
 from capture.errors import SpoolError
 from formats.archive import read_take, verify_take, write_take
-from formats.errors import HangtimeError
+from formats.errors import TakeError
 from formats.unfinished import unfinished_name
 from formats.whole_files import make_folders, sync_folder, write_whole
 
-NAME = re.compile(r"take-(\d{6,})\.")
+NAME = re.compile(r"take-([0-9]{6,12})\.")
 PIECE = 1 << 20  # bytes read at once while hashing
 
 CRASHED = "the recorder ended without finishing this take: a power cut or a crash; up to its last second is missing"
@@ -222,7 +222,7 @@ class Spool:
             os.close(handle)
             raise SpoolError(
                 "another process records here", where=self.folder,
-                advice="stop it first (`hangtime stop`, or `systemctl stop hangtime`)",
+                advice="stop it first: `systemctl stop hangtime-capture`",
             ) from error  # fmt: skip
         self._lock = handle
 
@@ -245,7 +245,8 @@ class Spool:
         try:
             if not verify_take(finished).is_sound:
                 return None
-        except HangtimeError:
+        except TakeError as error:
+            _raise_what_the_disk_said(error)
             return None
         facts = self._facts(number)
         return self._give_name(number, finished, {**facts, "salvaged": UNNAMED})
@@ -259,7 +260,8 @@ class Spool:
         try:
             take = read_take(left)
             write_take(copy, replace(take, notes={**take.notes, "salvaged": CRASHED}))
-        except HangtimeError:
+        except TakeError as error:
+            _raise_what_the_disk_said(error)
             if left.exists() and left.stat().st_size:
                 left.replace(self._file(number, "unreadable"))
                 sync_folder(self.folder)
@@ -300,20 +302,24 @@ class Spool:
         return {}
 
     def _numbers(self, ending: str) -> set[int]:
-        return {number for number, found in self._named() if found == ending}
+        """Return the numbers of the files with an ending: a folder, a link or `take-0000042` is nobody's take."""
+        return {
+            number for number, entry in self._named()
+            if entry.name == f"{_stem(number)}.{ending}" and entry.is_file(follow_symlinks=False)
+        }  # fmt: skip
 
-    def _named(self) -> Iterator[tuple[int, str]]:
-        """Yield the number and the ending of every file that is named after a take."""
-        with contextlib.suppress(FileNotFoundError):
-            for name in os.listdir(self.folder):
-                if found := NAME.match(name):
-                    yield int(found[1]), name[found.end() :]
+    def _named(self) -> Iterator[tuple[int, os.DirEntry[str]]]:
+        """Yield the number of everything that is named after a take, whatever it is."""
+        with contextlib.suppress(FileNotFoundError), os.scandir(self.folder) as entries:
+            for entry in entries:
+                if found := NAME.match(entry.name):
+                    yield int(found[1]), entry
 
     def _last_number(self) -> int:
         """Return the last number that was given: the file says so, and no take or receipt may have a higher one."""
         told = 0
         with contextlib.suppress(OSError, ValueError):
-            told = int((self.folder / "sequence").read_text())
+            told = int((self.folder / "sequence").read_text(encoding="ascii"))
         received = (
             int(found[1]) for path in (self.folder / "receipts").glob("*.json") if (found := NAME.match(path.name))
         )
@@ -331,6 +337,12 @@ def sha256_of(path: Path) -> str:
         while piece := file.read(PIECE):
             total.update(piece)
     return total.hexdigest()
+
+
+def _raise_what_the_disk_said(error: TakeError) -> None:
+    """Raise the disk's own error, which says nothing of a take's content; a file that is not there has none."""
+    if isinstance(error.__cause__, OSError) and not isinstance(error.__cause__, FileNotFoundError):
+        raise error.__cause__
 
 
 def _stem(number: int) -> str:

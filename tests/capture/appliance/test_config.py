@@ -56,7 +56,10 @@ def test_relative_paths_start_at_the_files_folder(file):
         ("[buton]\n", "unknown field `buton`"),
         ("[lamp]\nled = 3\n", r"Expected `str`, got `int` - at `\$.lamp.led`"),
         ("[power]\nalarm = \"\"\n", "a path must be a text that is not empty"),
+        ("[power]\nalarm = \"a\\u0000b\"\n", "a path must be a text that is not empty"),
+        ("[recording]\nscan_rate_hz = 30.0\nscan_points = 64\n", "have 16.9 million places, at most 1 million"),
         ("[recording\n", "is not valid TOML"),
+        (f"a = {2000 * '['}\n", "is not valid TOML"),
     ],
 )  # fmt: skip
 def test_a_bad_configuration_is_refused_by_its_key_and_the_last_good_one_stays(file, text, said):
@@ -68,6 +71,19 @@ def test_a_bad_configuration_is_refused_by_its_key_and_the_last_good_one_stays(f
     found = load_or_last_good(file)
     assert str(file) in str(found.refused)
     assert (found.config, found.rig, found.garment) == (good.config, good.rig, good.garment)
+
+
+def test_a_file_named_relative_to_the_working_folder_means_the_same_when_its_copy_is_in_force(file, monkeypatch):
+    """The copy lies in the spool: a socket that is relative to the file must not become one relative to the copy."""
+    monkeypatch.chdir(file.parent)
+    file.write_text(GOOD.replace('"takes"', "'takes'") + '[control]\nsocket = "control.sock"\n')
+    good = load_or_last_good(Path("appliance.toml"))
+    file.write_text("[spool]\nfolder = 'takes'\n")
+    found = load_or_last_good(Path("appliance.toml"))
+    assert found.refused is not None
+    assert found.config == good.config
+    assert found.config.control.socket == file.parent / "control.sock"
+    assert found.config.spool.folder == file.parent / "takes"
 
 
 def test_a_bad_garment_leaves_the_last_good_one_in_force(file):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import multiprocessing
 import os
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 import pytest
 
@@ -139,6 +141,44 @@ def test_facts_that_are_no_longer_json_cost_no_take(spool):
     (spool.folder / "take-000001.json").write_bytes(b"\0\0\0")
     (found,) = spool.takes()
     assert (found.path, found.facts) == (kept.path, {})
+
+
+def test_names_that_only_resemble_a_take_are_nobodys_and_their_numbers_are_not_given(spool):
+    """A renamed take, a folder, links: none counts as a take, none ends the salvage, the next number is past them."""
+    record(spool), record(spool)
+    (spool.folder / "take-000001.mcap").rename(spool.folder / "take-0000001.mcap")
+    for name in ("take-000005.mcap", "take-000006.json", "take-000007.recording.mcap", "take-000008.salvaged.mcap"):
+        (spool.folder / name).mkdir()
+    (spool.folder / "take-000009.mcap").symlink_to("/nowhere")
+    (spool.folder / "take-000010.recording.mcap.partial").symlink_to("/etc/passwd")
+    (spool.folder / f"take-{10**30}.mcap").touch()
+    assert spool.salvage() == []
+    assert [take.sequence for take in spool.takes()] == [2]
+    assert spool.begin().sequence == 11
+    assert (spool.folder / "take-000010.recording.mcap.partial").is_symlink()
+
+
+def test_a_disk_that_fails_while_it_is_read_costs_no_take(spool, monkeypatch):
+    """An error of reading says nothing of the content: what a crash left stays until the disk reads it."""
+    running = spool.begin()
+    writer = writer_of(running)
+    for frame in frames(100):
+        writer.append(frame)
+    writer._unfinished.file.close()
+    opened = Path.open
+    with monkeypatch.context() as bad:
+
+        def fails(path, mode="r", *more, **named):
+            if path.name.endswith(".partial") and mode == "rb":
+                raise OSError(errno.EIO, os.strerror(errno.EIO), str(path))
+            return opened(path, mode, *more, **named)
+
+        bad.setattr(Path, "open", fails)
+        bad.setattr(Path, "read_bytes", lambda path: fails(path, "rb").read())
+        with pytest.raises(OSError, match="Input/output"):
+            spool.salvage()
+    assert spool.unreadable() == []
+    assert [len(read_take(take.path).time) for take in spool.salvage()] == [94]
 
 
 # --- what leaves ----------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from itertools import combinations
 
 import numpy as np
@@ -16,8 +17,9 @@ from tests.capture.garment.garment_scenes import hung
 FRAMES = 12
 
 
-def shown(change=lambda world: world):
-    worlds = [change(hung("skirt", 1.6, seed=seed)) for seed in range(FRAMES)]
+@cache
+def shown():
+    worlds = [hung("skirt", 1.6, seed=seed) for seed in range(FRAMES)]
     renderer = worlds[0].renderer()
     frames = [world.frame(0, renderer) for world in worlds]
     sights = [world.sight(0, renderer) for world in worlds]

@@ -16,10 +16,10 @@ from tests.firmware_host.scenes import PERIOD_US, SMALL, picture, write_recordin
 
 
 def with_fewer_pixels(packed: bytes) -> bytes:
-    """Turn one bit of a packed `picture`, the last one that makes two pixels fewer of it."""
-    for place in reversed(range(8 * len(packed))):
+    """Turn the lowest bit of one byte of a packed `picture`, the last one that makes two pixels fewer of it."""
+    for place in reversed(range(len(packed))):
         turned = bytearray(packed)
-        turned[place // 8] ^= 1 << place % 8
+        turned[place] ^= 1
         try:
             decode_depth(bytes(turned), (48, 64))
         except ValueError as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -39,7 +40,8 @@ def checkout(tmp_path: Path) -> Path:
     for path, text in programs.items():
         (tmp_path / path).write_text(f"#!/bin/sh\n{text}\n")
         (tmp_path / path).chmod(0o755)
-    extras = "capture,fit,batch,mocap,dev" if platform.machine() == "x86_64" else "capture,dev"
+    named = re.findall(r"^ *extras=(\S+)$", (ROOT / "scripts/setup").read_text(), re.MULTILINE)
+    extras = named[0] if platform.machine() == "x86_64" else named[-1]
     checksum = subprocess.run(
         ["cksum"], input=(tmp_path / "pyproject.toml").read_bytes(), capture_output=True, check=True
     ).stdout.decode()

@@ -55,7 +55,13 @@ def swung(colours, exposure=0.008, frames=18):
     return shown, np.array(truth)
 
 
-@pytest.mark.parametrize("colours", [(RED, GREEN), (ORANGE, ORANGE)], ids=["two colours", "one colour"])
+@pytest.mark.parametrize(
+    "colours",
+    [
+        pytest.param((RED, GREEN), id="two colours", marks=pytest.mark.slow),
+        pytest.param((ORANGE, ORANGE), id="one colour"),
+    ],
+)
 def test_swung_dots_are_found_by_themselves_and_placed_to_three_millimetres(colours):
     """A dot of 30 mm is 11 px; the depth of its 60 inner pixels has 2 mm of deviation."""
     shown, truth = swung(colours)

@@ -1,0 +1,142 @@
+"""Planes through depth pixels and their deviations, worked by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from capture.depth.surface import CorrelationMeter, fit_surface, pixel_sd
+
+FOCAL = 575.8
+A, B, C = 0.625, 4e-4, -3e-4  # 1/m and 1/(m px): 1.6 m at u = v = 0, inverse depth rising to the right
+
+
+def grid():
+    """A patch of 9 x 13 pixels that lies to the right of and above the wanted place."""
+    v, u = np.mgrid[-8:1, 2:15].astype(float)
+    return u.ravel(), v.ravel()
+
+
+def fitted(u, v, z, *, spread=0.06, correlated=1.0):
+    return fit_surface(u, v, z, focal_length=FOCAL, spread=spread, correlated_pixels=correlated)
+
+
+@pytest.mark.parametrize(("depth", "sd"), [(0.4, 1.2074e-3), (2.0, 6.9242e-3)])
+def test_the_deviation_of_a_pixel_by_hand(depth, sd):
+    """At 2 m: 1.2 + 1.9 x 1.6^2 = 6.064 mm; a step of 4 / (0.6 x 575.8) = 11.578 mm, by sqrt 12: 3.342 mm."""
+    assert pixel_sd(depth, FOCAL) == pytest.approx(sd, rel=1e-4)
+
+
+def test_an_exact_plane_is_found_with_its_slope_its_height_and_its_deviation():
+    u, v = grid()
+    z = 1.0 / (A + B * u + C * v)
+    plane = fitted(u, v, z)
+    assert plane.depth == pytest.approx(1.6, rel=1e-9)
+    assert plane.slope == pytest.approx([-B * 1.6**2, -C * 1.6**2], rel=1e-7)
+    # Rows -8 to 0 of 13 pixels each: the squares of -4 to 4 add up to 60.
+    assert plane.height == pytest.approx(math.sqrt(13 * 60))
+    assert np.abs(plane.residuals).max() < 1e-9
+    assert plane.used.all()
+    design = np.stack([np.ones_like(u), u, v], axis=1)
+    middle = np.sort(z)[z.size // 2]
+    of_inverse = pixel_sd(middle, FOCAL) / middle**2 * math.sqrt(np.linalg.inv(design.T @ design)[0, 0])
+    assert plane.sd == pytest.approx(1.6**2 * of_inverse, rel=1e-6)
+    assert fitted(u, v, z, correlated=9.0).sd == pytest.approx(3 * plane.sd)
+
+
+def test_pixels_of_another_surface_are_cut_and_told_by_how_far_they_are_behind():
+    """Forty millimetres are eight pixel noises at 1.6 m, and within the spread of the first cut."""
+    u, v = grid()
+    z = 1.0 / (A + B * u + C * v)
+    z[::10] += 0.04
+    plane = fitted(u, v, z)
+    assert plane.depth == pytest.approx(1.6, rel=1e-9)
+    assert plane.used.tolist() == [k % 10 != 0 for k in range(z.size)]
+    assert plane.residuals[::10] == pytest.approx(0.04, rel=0.02)
+
+
+def test_a_surface_farther_than_the_spread_does_not_take_part_in_the_first_plane():
+    """Forty per cent of the pixels, in the last columns, lie 100 mm behind: beyond 60 mm and four noises of 5 mm."""
+    u, v = grid()
+    behind = u > 9
+    plane = fitted(u, v, np.where(behind, 1.7, 1.6))
+    assert plane.depth == pytest.approx(1.6, rel=1e-12)
+    assert (plane.used == ~behind).all()
+
+
+def test_a_steep_surface_within_the_spread_is_used_whole():
+    """It reaches 70 mm to either side: within 60 mm and four noises of 5 mm, but only five pixels lie within 20."""
+    u, v = (part.ravel().astype(float) for part in np.meshgrid([-6, 0, 6], np.arange(5)))
+    z = 1.6 + 0.07 * u / 6
+    assert fitted(u, v, z, spread=0.06).used.all()
+    assert fitted(u, v, z, spread=0.0) is None
+
+
+def test_twelve_pixels_make_a_plane_and_eleven_or_a_line_make_none():
+    u, v = grid()
+    z = np.full(u.size, 1.6)
+    assert fitted(u[:26:2], v[:26:2], z[:26:2]) is not None
+    two_rows = np.r_[0:6, 13:19]
+    assert fitted(u[two_rows], v[two_rows], z[two_rows]) is not None
+    assert fitted(u[two_rows[:11]], v[two_rows[:11]], z[:11]) is None
+    line = np.arange(40.0)
+    assert fitted(line, np.zeros(40), np.full(40, 1.6)) is None
+    assert fitted(line, 0.5 * line, np.full(40, 1.6)) is None
+
+
+def test_too_few_pixels_that_agree_make_no_plane():
+    """Ten at the middle's depth, five nearer and five farther by a decimetre."""
+    u, v = np.mgrid[0:4, 0:5].astype(float)
+    z = np.full(20, 1.6)
+    z[:5], z[5:10] = 1.5, 1.7
+    assert fitted(u.ravel(), v.ravel(), z) is None
+
+
+def test_a_plane_that_goes_through_the_sensor_has_no_depth():
+    """1/z = -0.1 + 0.007 u from u = 100 on is positive there and negative at u = 0."""
+    v, u = np.mgrid[0:5, 100:121].astype(float)
+    z = 1.0 / (-0.1 + 0.007 * u)
+    assert fitted(u.ravel(), v.ravel(), z.ravel(), spread=0.3) is None
+
+
+def start():
+    return (math.sqrt(13) - 1) / (math.sqrt(13) + 1)
+
+
+def of(rho_u, rho_v):
+    return (1 + rho_u) / (1 - rho_u) * (1 + rho_v) / (1 - rho_v)
+
+
+def test_correlation_starts_from_a_kinects_thirteen_pixels():
+    assert CorrelationMeter().pixels == pytest.approx(13.0)
+    assert CorrelationMeter(4.0).pixels == pytest.approx(4.0)
+
+
+def test_correlation_moves_by_the_pairs_of_one_plate():
+    """Rows of 1 and 3 by turns, 4 x 5 pixels: 15 pairs downwards, product 3, square 5; 16 across: 8 of 1, 8 of 9."""
+    meter = CorrelationMeter()
+    residuals = np.tile(np.array([[1.0], [3.0], [1.0], [3.0]]), (1, 5))
+    meter.add(residuals, np.ones(residuals.shape, bool))
+    down = (200 * start() + 45) / (200 + 75)
+    across = (200 * start() + 80) / (200 + 80)
+    assert meter.pixels == pytest.approx(of(down, across))
+
+
+def test_correlation_counts_pairs_of_used_pixels_only():
+    meter, same = CorrelationMeter(), CorrelationMeter()
+    residuals = np.ones((4, 6))
+    same.add(residuals[:, :3], np.ones((4, 3), bool))
+    residuals[:, 3:] = 1e3
+    meter.add(residuals, np.arange(6) < 3 + np.zeros((4, 1)))
+    assert meter.pixels == pytest.approx(same.pixels)
+
+
+def test_correlation_stays_between_none_and_four_fifths():
+    """A chess board has the correlation -1, taken for 0; a bias has 1, taken for 0.8: 9 pixels along either axis."""
+    rows, columns = np.indices((90, 90))
+    for residuals, pixels in (((-1.0) ** (rows + columns), 1.0), (np.ones((90, 90)), 81.0), ((-1.0) ** rows, 9.0)):
+        meter = CorrelationMeter()
+        meter.add(residuals, np.ones((90, 90), bool))
+        assert meter.pixels == pytest.approx(pixels)

@@ -1,0 +1,28 @@
+"""Silhouettes whose every pixel is known: a mask and a depth that a formula gives."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from capture.garment.silhouette import Silhouette, Window
+
+LEFT, TOP = 200, 150  # px, where the window begins in the picture
+
+
+def silhouette(mask, depth=1.6, raw=None):
+    """The cloth where mask, (h, w), is 1, at a depth [m], one number or (h, w)."""
+    mask = np.ascontiguousarray(mask, np.uint8)
+    metres = (np.broadcast_to(depth, mask.shape) * mask).astype(np.float32)
+    outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    outline = max(outlines, key=len).reshape(-1, 2).astype(float)
+    h, w = mask.shape
+    seen = np.rint(1e3 * metres).astype(np.uint16) if raw is None else raw
+    return Silhouette(Window(LEFT, TOP, LEFT + w, TOP + h), mask, metres, seen, outline, False)
+
+
+def rectangle(left, top, right, bottom, shape=(160, 200)):
+    """A mask of the columns and rows from left, top to right, bottom, all of them included."""
+    mask = np.zeros(shape, np.uint8)
+    mask[top : bottom + 1, left : right + 1] = 1
+    return mask

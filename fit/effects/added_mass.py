@@ -2,14 +2,14 @@
 
     (m I + m_a n n') a = F,   m_a = mu A s(x, y),   s = sqrt(1 - xi^2) sqrt(1 - eta^2)
 
-per node of area A, with mu [kg/m^2] in the middle of the sheet, falling to zero at its edges like the potential flow
-about a plate (xi, eta run from -1 to 1 across and along). A rigid strip of chord L has mu = pi rho_air L / 4 on
-average.
+for a node of area A. The added mass per area mu [kg/m^2] holds in the middle of the sheet. It falls to zero at the
+edges, like the potential flow about a plate. The places xi and eta run from -1 to 1 across and along the sheet. A rigid
+strip of chord L has mu = pi rho_air L / 4 on average.
 
 The amplitude is mu, never negative.
 
 Believe it when light cloth turns round more slowly than its weight explains, in swings of any speed. Drag grows with
-speed, added mass does not. Takes of one speed hardly tell the two apart.
+speed, added mass does not. In takes of one speed the two are nearly collinear.
 
 Source: C. E. Brennen, "A Review of Added Mass and Fluid Inertial Forces" (1982), table of two-dimensional bodies.
 """

@@ -2,18 +2,18 @@
 
     f = -1/2 rho c A |v_n| v_n n        [N], v_n = v . n
 
-with the velocity v of the face, its unit normal n and area A. Only motion along the normal counts: a plate that leans
-into the flow is pushed by more, 2 c sin a / (1 + sin^2 a) of Duchemin's law for the angle of attack a, which at small
-angles is `air_lift` of 2 c.
+with the velocity v of the face, its unit normal n and its area A. Only motion along the normal counts. Air pushes
+harder on a plate that leans into the flow. Duchemin's law gives the factor 2 c sin a / (1 + sin^2 a) for the angle of
+attack a. At small angles the difference is an `air_lift` of 2 c.
 
 The amplitude is c, never negative: the force opposes the motion.
 
 Believe it when fast swings die away more quickly than slow ones. The motion must push the cloth broadside through the
 air. Linear damping takes the same share of every swing.
 
-Source: S. F. Hoerner, "Fluid-Dynamic Drag" (1965), chapter 3: a square plate across the flow has c = 1.1 to 1.3,
-a long strip up to 2.0; porous cloth less. Duchemin's law: S. P. Langley,
-"Experiments in Aerodynamics" (1891), chapter 3.
+Source: S. F. Hoerner, "Fluid-Dynamic Drag" (1965), chapter 3. A square plate across the flow has c = 1.1 to 1.3, and a
+long strip up to 2.0. Porous cloth has less. Duchemin's law: S. P. Langley, "Experiments in Aerodynamics" (1891),
+chapter 3.
 """
 
 from dataclasses import dataclass

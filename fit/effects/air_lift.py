@@ -2,9 +2,10 @@
 
     f = -1/2 rho c A |v_t| v_n n        [N], v_n = v . n, v_t = v - v_n n
 
-the part of a flat plate's normal force C_N(angle) that is linear in the angle of attack: at small angles
-C_N = c sin(angle), so 1/2 rho |v|^2 A C_N = 1/2 rho c A |v| v_n, and with |v| ~ |v_t| there the above. (What is
-quadratic in v_n is `air_drag`.) A thin plate in potential flow has c = 2 pi, real strips of low aspect ratio 2 to 4.
+This force is the part of a flat plate's normal force that is linear in the angle of attack. At small angles the normal
+force has the coefficient C_N = c sin(angle). So 1/2 rho |v|^2 A C_N = 1/2 rho c A |v| v_n, and |v| is nearly |v_t|
+there. The part that is quadratic in v_n is `air_drag`. A thin plate in potential flow has c = 2 pi. Real strips of low
+aspect ratio have 2 to 4.
 
 The amplitude is c, never negative.
 

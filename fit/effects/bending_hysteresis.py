@@ -2,13 +2,13 @@
 
     dM/dkappa = s_0 (1 - sign(dkappa) M / M_max),     s_0 = M_max / kappa_ref
 
-the Dahl model with exponent 1; M_max [N] is the largest frictional moment per width (half of KES's 2HB), kappa_ref the
-change of curvature over which it builds up. M adds to the elastic moment B kappa.
+This is the Dahl model with exponent 1. M_max [N] is the largest frictional moment per width, half of KES's 2HB. The
+friction builds up over the change of curvature kappa_ref. M adds to the elastic moment B kappa.
 
 The amplitude is M_max, never negative.
 
-Believe it when cloth comes to rest in shapes that depend on how it was bent before. Viscosity is gone once the cloth
-is still; friction stays.
+Believe it when cloth comes to rest in shapes that depend on how it was bent before. Viscosity ends with the motion;
+friction stays.
 
 Source: E. Miguel et al., "Modeling and estimation of internal friction in cloth" (SIGGRAPH Asia 2013), section 4;
 P. R. Dahl, "A solid friction model" (1968). KES: 2HB of apparel is 1e-4 to 1e-3 N.

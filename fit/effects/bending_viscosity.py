@@ -2,10 +2,10 @@
 
     M = B kappa + eta dkappa/dt        [N], eta = B tau        [N m s]
 
-The amplitude is eta per width. Base models with a bending damping time of their own hold it already, as far as that
-goes: 0.02 s, a loss of 13 % at 1 Hz. What is more viscous than that shows where their fit ends at the top of its range.
+Some base models have a bending damping time. Such a model contains this effect up to 0.02 s, a loss of 13 % at 1 Hz.
+More viscous cloth puts the fitted damping time at its upper bound.
 
-The amplitude is eta, never negative.
+The amplitude is eta per width, never negative.
 
 Believe it when small, quick folds die away sooner than the swing of the whole cloth. The base model's own bending
 damping ends at its bound then.

@@ -2,10 +2,11 @@
 
     held_k(t) = measured_k(t) - d_k h((t - t0) / 100 ms + 1/2) z,     h a smooth step from 0 to 1
 
-t0 is when tracked points on the held edge drop, or else just after the hanger's hardest jerk
-(`fit.recordings.held_edge`). A step in 50 ms shakes the cloth so sharply that fits make it too small where the true one
-takes another course. What of a slip this law does not tell (when, how long, a little sideways) turns the held edge: d
-at one end of an edge of 0.3 m turns it by d / 0.3 m, of which a third passes for a rotation of the hanger.
+The slip begins at t0, when tracked points on the held edge drop. Without tracked points on that edge, t0 is just after
+the hanger's hardest jerk (`fit.recordings.held_edge`). The step takes 100 ms. A step of 50 ms shakes the cloth so
+sharply that fits underestimate a slip of another course. The law leaves the slip's moment, duration and sideways part
+inexact. The rest then turns the held edge: d at one end of an edge of 0.3 m turns the edge by d / 0.3 m. A third of
+that angle passes for a rotation of the hanger.
 
 The amplitude is d, for the left and for the right clip; positive is downwards.
 

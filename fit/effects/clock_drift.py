@@ -2,15 +2,18 @@
 
     y(t) = x(t - d t)
 
-On that clock, s = t / r with r = 1 - d, the hanger moves along path(r s), and the cloth as if every force but the
-air's, which is quadratic in the velocity, were r^2 times as strong and every time of its own 1/r times as long:
+The points' clock shows s = t / r with r = 1 - d. On that clock the hanger moves along path(r s). Every force of the
+cloth is r^2 times as strong, and every damping time 1/r times as long. The air's force is quadratic in the velocity and
+stays as it is:
 
     d2x/ds2 = r^2 F(x, (1/r) dx/ds) / m        gravity, stiffnesses r^2; damping rates r; damping times 1/r
 
-(Friction in bending and contact, effects of their own, are left as they are: 6 % of them at most.)
+Friction in bending and contact are effects of their own. They are left unscaled, an error of 6 % of the friction at
+most.
 
-Without that, a drift of 1 % would leave a free swing where it was while the points show it 1 % slower. 50 parts per
-million are half a millisecond after ten seconds, so that short takes cannot show an ordinary crystal's drift.
+Without the scaled forces, a free swing would keep its period, while the points show the swing slower by d. A drift of
+50 parts per million makes half a millisecond in ten seconds. Short takes therefore cannot show an ordinary crystal's
+drift.
 
 The amplitude is d: positive where the points' clock is fast, so that the motion they show lags more and more.
 

@@ -1,4 +1,4 @@
-"""Corner erosion: a silhouette loses its corners or its whole border, so that points are seen too far inside.
+"""Corner erosion: a silhouette loses its corners or its whole border, so points appear too far inside.
 
     corners:  y = x + a (c - x) / |c - x|                for points at the free corners of the outline
     border:   y = x + (b / half) (c - x)                 for every point, b at the middle of the border

@@ -2,8 +2,8 @@
 
     y = (1 + s) x        about the sensor
 
-either of the points alone (the hanger was measured by other means), or of the whole scene, hanger included: then the
-cloth is driven by measured / (1 + s) and what it does is scaled back.
+The error concerns the points alone if the hanger was measured by other means. Otherwise it concerns the whole scene,
+hanger included. In that case measured / (1 + s) drives the cloth, and the simulated points are scaled back.
 
 The amplitude is s, of the points alone and of the whole scene; positive reads distances too long.
 

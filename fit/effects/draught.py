@@ -2,18 +2,19 @@
 
     f = -(P(v - w) - P(v)) n        [N],   P(u) = 1/2 rho c A |u| u_n 2 |u|^2 / (|u|^2 + u_n^2),   u_n = u . n, c = 1.2
 
-the pressure in air that moves at w less that in still air (which is `air_drag`), so that w = 0 is exactly off. P is
-that of a plate at any angle a to the flow, sin a = u_n / |u|: Duchemin's 2 sin a / (1 + sin^2 a) of the plate across
-the flow. A law of the normal part alone would miss most of a draught on cloth that is swung along itself: there the
-push grows with |v| w_n, not with w_n^2.
+The force is the pressure in air that moves at w, less the pressure in still air. The pressure in still air is
+`air_drag`, so w = 0 is exactly off. P is the pressure on a plate at any angle a to the flow, sin a = u_n / |u|.
+Duchemin's law gives a leaning plate 2 sin a / (1 + sin^2 a) of the pressure on a plate across the flow. A law of the
+normal velocity alone would miss most of a draught on cloth that swings along itself. On such cloth the push grows with
+|v| w_n, not with w_n^2.
 
 The amplitude is the wind w [m/s] along the level axes x and y; positive blows along the axis.
 
 Believe it when cloth that should hang straight leans to one side in every take. A tilt of gravity leans heavy and
 light cloth alike; a draught leans light cloth more.
 
-Source: as `air_drag`; Duchemin's law and experiments that agree with it: S. P. Langley, "Experiments in Aerodynamics"
-(1891), chapters 3 and 4; ventilated rooms have 0.05 to 0.5 m/s (ISO 7730, section 6.2, draught rating).
+Source: as `air_drag`. Duchemin's law and experiments that agree with it: S. P. Langley, "Experiments in Aerodynamics"
+(1891), chapters 3 and 4. Ventilated rooms have 0.05 to 0.5 m/s (ISO 7730, section 6.2, draught rating).
 """
 
 from dataclasses import dataclass

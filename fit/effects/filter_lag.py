@@ -2,9 +2,10 @@
 
     tau dy/dt + y = x,    y(0) = x(0)
 
-a first-order low-pass of the points, exact for points that move in straight lines between frames. Like a late clock
-it has the cloth move later by tau, on a path that does, so that an observer's pull to late points is none; what is left
-is the filter ahead of that, y(t) = (h * x)(t + tau) for the simulated x, between frames by cubic splines.
+This is a first-order low-pass of the points, exact for points that move in straight lines between frames. The filter
+delays the points by tau. The simulation therefore follows a hanger path that is later by tau, as for a late clock. An
+observer then feels no pull from the delay. The rest of the filter acts on the simulated x: y(t) = (h * x)(t + tau).
+Cubic splines give x between frames.
 
 The amplitude is tau, never negative.
 

@@ -6,11 +6,11 @@ Only the simulation's gravity is turned; the measured path of the hanger stays a
 
 The amplitude is a_x and a_y; positive turns gravity towards the axis.
 
-Believe it when cloth at rest leans by the same angle in every take, whatever the cloth weighs. A plumb line settles
+Believe it when cloth at rest leans by the same angle in every take and for every weight of cloth. A plumb line settles
 the question.
 
-Source: geometry; hand-levelled sensors are off by 0.2 to 3 degrees (0.0035 to 0.05 rad). The bounds are little wider: a
-tilt of 5 degrees that fits is a draught or a force that nobody modelled.
+Source: geometry. Hand-levelled sensors are off by 0.2 to 3 degrees (0.0035 to 0.05 rad). The bounds are little wider. A
+fitted tilt of 5 degrees is a draught or an unmodelled force.
 """
 
 from dataclasses import dataclass

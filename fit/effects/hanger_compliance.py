@@ -2,11 +2,11 @@
 
     e'' + 2 zeta w e' + w^2 e = -a(t),     held = measured + e,     c = 1 / w^2
 
-with the level part a of the acceleration of the held edge's middle: a rod that hangs bends sideways and is stiff along
-itself, by EA/L over 3EI/L^3 = 16/3 (L/d)^2 of a round one. The amplitude is the compliance c [s^2]: in slow motion
-e = -c a, and c = 0 is rigid. Integrated exactly for an acceleration that is constant over each millisecond.
+Here a is the level part of the acceleration of the held edge's middle. A hanging rod bends sideways and is stiff along
+itself. For a round rod the ratio of both stiffnesses is EA/L over 3EI/L^3 = 16/3 (L/d)^2. In slow motion e = -c a, and
+c = 0 is rigid. The solution is exact for an acceleration that is constant over each millisecond.
 
-The amplitude is c, never negative.
+The amplitude is the compliance c [s^2], never negative.
 
 Believe it when the cloth's held edge goes on trembling after the markers have stopped, at a few swings a second.
 

@@ -3,12 +3,13 @@
     held_k(t) = m(t) + Rot_n(phi) Rot_z(psi) (measured_k(t) - m(t))
     psi = a_1 p_psi(t) / s_1,   phi = a_2 p_phi(t) / s_2
 
-about the middle m of the held edge: psi is yaw (about the vertical z), phi roll (about the level normal n of the edge,
-in the plane of the cloth that hangs from it). Their courses p [rad] are what the tracked points along the held edge
-show against the measured path (least squares of displacement on the place along the edge, through the same 6 Hz
-smoothing as the path). s is their root mean square over the takes that are fitted to, so that the amplitude is the
-rotation's there; takes that turn more or less do so by as much. Points on the held edge measure the boundary and are
-not judged.
+The edge turns about its middle m. The yaw psi turns it about the vertical z. The roll phi turns it about the edge's
+level normal n, in the plane of the hanging cloth.
+
+The tracked points along the held edge give the courses p [rad] of both angles against the measured path. The angle is a
+least-squares line through the points' displacements along the edge. The same 6 Hz smoothing as the path's acts on these
+displacements. The root mean square of p over the fitted takes is s, so the amplitude is the rotation in those takes. A
+take that turns twice as much gets twice the rotation. Points on the held edge measure the boundary and are not judged.
 
 The amplitude is a, of yaw and of roll; positive turns the way that the tracked edge shows.
 

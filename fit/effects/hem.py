@@ -3,7 +3,7 @@
     m_i = rho' a_i + mu l_i,        rho' = rho - mu L / A
 
 with the extra mass per length mu [kg/m], the node's share l_i of the bottom edge, and the edge's length L. The garment
-was weighed as a whole, so what the hem gains the rest loses.
+was weighed as a whole, so the rest loses the mass that the hem gains.
 
 The amplitude is mu, never negative.
 

@@ -2,8 +2,8 @@
 
     E = B/2 integral of (kappa - kappa_0)^2,    force = -B W (W x - kappa_0 sqrt(area) n)
 
-kappa_0 uniform over the garment, about the horizontal (the cloth curls up or down) and about the vertical (its sides
-curl); positive bends towards the outer normal n. W as in `fit.cloth.bends`.
+kappa_0 is uniform over the garment. Its two components curl the cloth about the horizontal (up or down) and about the
+vertical (the sides). A positive value bends the cloth towards the outer normal n. `fit.cloth.bends` defines W.
 
 The amplitude is kappa_0 about the horizontal and about the vertical; positive curls towards the outer normal.
 

@@ -2,15 +2,15 @@
 
     p = k max(0, d - |g|),   k = rho omega^2 / 2
 
-with the gap g between two layers and the distance d at which they are kept apart, the amplitude: the cloth's thickness
-as far as motion shows it, pile and air between included. At 0 layers pass through each other. It takes a speed of
-omega d, 1 m/s for 1 mm, to drive one through the other (`fit.cloth.contact`). So d tells first whether layers stop
-each other and, above what their speed asks for, only how far apart they lie.
+with the gap g between two layers and the distance d that the contact keeps between them. The distance is the cloth's
+thickness as far as motion shows it, pile and air between the layers included. At d = 0 layers pass through each other.
+Driving one layer through the other takes a speed of omega d, 1 m/s for 1 mm (`fit.cloth.contact`). So d first decides
+whether layers stop each other. Above that size, d only sets how far apart the layers rest.
 
 The amplitude is d, never negative.
 
-Believe it when layers meet in the takes and pass through each other in the simulation. Where nothing folds there is
-nothing to be seen.
+Believe it when layers meet in the takes and pass through each other in the simulation. Cloth that never folds shows
+nothing of this effect.
 
 Source: R. Bridson, R. Fedkiw, J. Anderson, "Robust treatment of collisions, contact and friction for cloth animation"
 (SIGGRAPH 2002), section 5. Sizes: fabrics are 0.2 to 2 mm thick, towelling and knits up to 6 (KES, at 0.05 kPa).

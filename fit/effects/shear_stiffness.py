@@ -2,8 +2,9 @@
 
     S12 = (G + a) Fu . Fv        [N/m]
 
-Many simulators' cloth is built of warp and weft springs only and has none. Base models that have a shear stiffness of
-their own (`in_base`) contain this effect already; it is then fitted, not diagnosed.
+Many simulators build cloth of warp and weft springs only, which has no shear stiffness. Some base models have a shear
+stiffness (`in_base`) and contain this effect already. The fit then finds the shear stiffness, and the diagnosis leaves
+this effect out.
 
 The amplitude is a, never negative.
 

@@ -2,8 +2,8 @@
 
     y(t) = x(t - tau)
 
-Applied to the simulated side: a cloth driven by the hanger as it was tau earlier is, at every instant, where the cloth
-was tau earlier. Noisy data are never shifted.
+The simulation is shifted, the noisy data never. A cloth whose hanger path is late by tau moves late by tau at every
+instant.
 
 The amplitude is tau; positive where the points come late.
 

@@ -2,10 +2,10 @@
 
     y_p = (1 - a) x_p + a mean_{q near p} x_q
 
-near: the nearest pair of points that lie opposite each other on the flat garment, and the nearest pair across it, so
-the four neighbours on a grid whatever its pitches; points on the border keep to their neighbours along the border, so
-that flat cloth stays where it is. Smoothing over more than the nearest points removes
-more than their mean does, which looks like a share above 1.
+The points q near p are the nearest pair that lies opposite each other on the flat garment, and the nearest pair across.
+On a grid of any pitch these are the four neighbours. Points on the border use only neighbours along the border, so flat
+cloth stays where it is. Some trackers smooth over more than the nearest points. Their smoothing removes more than this
+mean and looks like a share above 1.
 
 The amplitude is a, never negative.
 
@@ -25,7 +25,7 @@ from fit.cloth.effect import Effect
 from fit.recordings.recording import Recording
 from formats.arrays import Floats
 
-ACROSS = 0.7  # cosine below which a pair of neighbours lies across another: more than 45 degrees from it
+ACROSS = 0.7  # cosine of 45 degrees: a pair of neighbours further from another pair crosses that pair
 FARTHEST_PAIR = 2.0  # times as far as the nearest pair, within which one across it is a neighbour
 
 

@@ -40,7 +40,7 @@ FINE = 0.02  # m between the samples of the finer count
 
 
 def crossings(surface: Surface, nodes: Floats) -> int:
-    """How many quad edges pierce triangles of the surface that are farther along the cloth.
+    """Return how many quad edges pierce triangles of the surface that are farther along the cloth.
 
     Source: T. Moeller, B. Trumbore, "Fast, minimum storage ray/triangle intersection" (1997).
     """

@@ -60,7 +60,7 @@ def by_thread() -> dict[str, float]:
 
 
 def allowed(run: Callable[[], object]) -> float:
-    """How many times as fast as one idle processor two would be, as the run's work is split over its threads."""
+    """Return how many times as fast as one idle processor two would be, as the run's work is split over its threads."""
     before = by_thread()
     run()
     spent_by = {name: after - before.get(name, 0.0) for name, after in by_thread().items()}
@@ -121,7 +121,7 @@ def _allowed_here(elements: int) -> float:
 
 
 def by_cores(elements: int, turns: int) -> tuple[Floats, float]:
-    """What a second core brings, (turns, 3), and what the split allows.
+    """Return what a second core brings, (turns, 3), and what the split allows.
 
     One thread's time over two threads': on the clock, of the processors; and what two processes with one thread each,
     which share nothing, do at once against one of them alone.

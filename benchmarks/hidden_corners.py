@@ -61,12 +61,12 @@ class Examples:
 
     @property
     def asked(self) -> np.ndarray:
-        """Which corners are in doubt, (n, 4)."""
+        """Return which corners are in doubt, (n, 4)."""
         return np.isfinite(self.traces[..., 0])
 
     @property
     def learnt(self) -> np.ndarray:
-        """Which are in doubt, and clearly hidden or clearly visible, (n, 4)."""
+        """Return which are in doubt, and clearly hidden or clearly visible, (n, 4)."""
         return self.asked & (self.hidden | self.visible)
 
     def followed(self, weights: Weights) -> tuple[np.ndarray, np.ndarray]:

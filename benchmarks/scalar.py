@@ -120,7 +120,7 @@ class Call:
 
     @property
     def seen(self) -> Singles:
-        """What it last saw [m], (frames, points, 3, lanes), as a copy."""
+        """Return what it last saw [m], (frames, points, 3, lanes), as a copy."""
         return self.arguments["seen"][0].copy()
 
 
@@ -199,7 +199,7 @@ def only_call(run: Callable[[], object]) -> Call:
 
 
 def find_compiler() -> str | None:
-    """Where the machine's gcc is; None where there is none."""
+    """Return where the machine's gcc is; None where there is none."""
     return shutil.which("gcc")
 
 

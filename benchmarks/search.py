@@ -80,7 +80,7 @@ class Run:
     spent: int
     fitted: Floats
     ends: Floats
-    is_told: NDArray[np.bool_]
+    is_identified: NDArray[np.bool_]
 
 
 def make_case(seed: int, spacing: float = SPACING, air_drag: float = 0.0) -> Case:
@@ -140,7 +140,7 @@ def run_observed(case: Case, search: str, budget: int, seed: int, trials: int) -
             history[after:] = np.minimum(history[after:], float(model.distances(step.vector[None])[0]))
         before = after
     history[after:] = float(model.distances(found.vector[None])[0])  # of the result, whatever was seen on the way
-    return Run(history, after, found.vector, found.intervals.ends, found.intervals.is_told)
+    return Run(history, after, found.vector, found.intervals.ends, found.intervals.is_identified)
 
 
 def spread(values: Floats, form: str = ".2f") -> str:
@@ -203,7 +203,7 @@ def print_parameters(cases: list[Case], runs: dict[str, list[Run]]) -> None:
             f"{spread(100 * noise[straight[:, k], k], '.2g') if straight[:, k].any() else '-'} %"
         )
     for name, found in runs.items():
-        fitted, ends, told = (np.array([getattr(r, what) for r in found]) for what in ("fitted", "ends", "is_told"))
+        fitted, ends, told = (np.array([getattr(r, what) for r in found]) for what in ("fitted", "ends", "is_identified"))
         right = np.abs(fitted / truth - 1) <= GOOD
         held = (ends[..., 0] <= truth) & (truth <= ends[..., 1])
         for k, parameter in enumerate(cases[0].request().parameters):

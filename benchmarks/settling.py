@@ -96,7 +96,7 @@ def fabrics(count: int, seed: int) -> Floats:
 
 
 def shown_by(what: str, rests: list[Hung], k: int) -> Floats:
-    """Where the points of fabric k are when the take begins [m], (points, 3)."""
+    """Return where the points of fabric k are when the take begins [m], (points, 3)."""
     places = rests[(k + 1) % len(rests) if what == SHOWN[1] else k].points
     if what == SHOWN[2]:
         drop = (places[:, 2].max() - places[:, 2]) / np.ptp(places[:, 2])

@@ -57,12 +57,12 @@ class Measured:
 
     @property
     def visible(self) -> np.ndarray:
-        """Which points the camera's ray meets."""
+        """Return which points the camera's ray meets."""
         return self.sight.in_view
 
     @property
     def ambiguous(self) -> np.ndarray:
-        """Which points are neither clearly visible nor clearly hidden."""
+        """Return which points are neither clearly visible nor clearly hidden."""
         return ~self.sight.visible & ~self.sight.hidden
 
 

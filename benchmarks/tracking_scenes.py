@@ -72,7 +72,7 @@ class Shown:
 
     @property
     def sight(self) -> PointSight:
-        """What the sensor sees of every point in every frame."""
+        """Return what the sensor sees of every point in every frame."""
         return PointSight(self.in_view, self.pixels, self.share)
 
 

@@ -58,7 +58,7 @@ def still(frame: Floats) -> Curve:
 
 
 def gone(instants: Floats) -> Floats:
-    """How much of a movement of one second is done, from 0 to 1."""
+    """Return how much of a movement of one second is done, from 0 to 1."""
     share = np.clip(instants, 0, 1)
     return np.asarray(share**3 * (10 - 15 * share + 6 * share**2))
 

@@ -43,7 +43,7 @@ class ButtonContact(ABC):
 
     @abstractmethod
     def is_down(self) -> bool:
-        """Whether it is down right now, as far as can be asked."""
+        """Return whether it is down right now, as far as can be asked."""
 
     @abstractmethod
     def close(self) -> None:
@@ -86,7 +86,7 @@ class EventContact(ButtonContact):
         return [value == DOWN for _, _, kind, _, value in events if kind == KEY and value in (UP, DOWN)]
 
     def is_down(self) -> bool:
-        """Whether any key of the device is down; a pipe does not say."""
+        """Return whether any key of the device is down; a pipe does not say."""
         keys = bytearray(KEYS)
         try:
             fcntl.ioctl(self._handle, EVIOCGKEY, keys)
@@ -134,7 +134,7 @@ class LineContact(ButtonContact):
             ) from error
 
     def is_down(self) -> bool:
-        """Whether the line is at ground."""
+        """Return whether the line is at ground."""
         return bool(self._request.get_value(self._line) == self._active)
 
     def close(self) -> None:

@@ -56,7 +56,7 @@ def load() -> Any:
 
 
 def is_available() -> bool:
-    """Whether OpenNI2 can be used here."""
+    """Return whether OpenNI2 can be used here."""
     try:
         load()
     except SensorUnavailableError:

@@ -186,7 +186,7 @@ class OpenNI2Sensor(DepthSensor):
 
     @property
     def info(self) -> SensorInfo:
-        """What the sensor is."""
+        """Return what the sensor is."""
         return self._info
 
     def read(self, timeout_s: float = STALL_TIMEOUT) -> SensorFrame | None:

@@ -45,7 +45,7 @@ class PacedSensor(DepthSensor):
 
     @property
     def info(self) -> SensorInfo:
-        """What the recording says, as a live sensor."""
+        """Return what the recording says, as a live sensor."""
         return dataclasses.replace(self._inner.info, is_live=True, frame_count=None, uri=self._uri)
 
     def read(self, timeout_s: float = STALL_TIMEOUT) -> SensorFrame | None:

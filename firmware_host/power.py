@@ -23,7 +23,7 @@ class PowerSupply:
 
     @property
     def is_watched(self) -> bool:
-        """Whether this board has such a flag."""
+        """Return whether this board has such a flag."""
         return self._alarm is not None
 
     def was_low(self, now: float) -> bool:

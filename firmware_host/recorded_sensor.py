@@ -64,7 +64,7 @@ class RecordedSensor(DepthSensor):
 
     @property
     def info(self) -> SensorInfo:
-        """What the recording is."""
+        """Return what the recording is."""
         return self._info
 
     def read(self, timeout_s: float = STALL_TIMEOUT) -> SensorFrame | None:

@@ -89,7 +89,7 @@ class ControlServer:
 
     @property
     def is_watched(self) -> bool:
-        """Whether anybody watches."""
+        """Return whether anybody watches."""
         return bool(self._watchers)
 
     def close(self) -> None:

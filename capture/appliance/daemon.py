@@ -101,7 +101,7 @@ class Appliance:
 
     @property
     def is_started(self) -> bool:
-        """Whether it knows what is the case: ready, or at fault."""
+        """Return whether it knows what is the case: ready, or at fault."""
         return self.machine.state is not State.STARTING
 
     def say_goodbye(self) -> None:

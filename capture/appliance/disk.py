@@ -111,7 +111,7 @@ class Disk:
 
     @property
     def is_idle(self) -> bool:
-        """Whether everything is done."""
+        """Return whether everything is done."""
         with self._lock:
             return self._pending == 0
 

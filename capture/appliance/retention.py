@@ -59,7 +59,7 @@ class Kept(Protocol):
 
     @property
     def receipt(self) -> Receipt | None:
-        """What says that it is on the server."""
+        """Return what says that it is on the server."""
         ...
 
 

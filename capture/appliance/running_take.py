@@ -56,12 +56,12 @@ class TakeInProgress:
 
     @property
     def is_worth_keeping(self) -> bool:
-        """Whether it shows a hanger at all."""
+        """Return whether it shows a hanger at all."""
         return self.tally.with_hanger >= FEWEST_HANGERS
 
     @property
     def seconds_since_press(self) -> float:
-        """How long it has been recorded, by the frames' own times [s]."""
+        """Return how long it has been recorded, by the frames' own times [s]."""
         return self.tally.seconds - self.beginning.pre_roll_s
 
     def now(self) -> dict[str, Any]:

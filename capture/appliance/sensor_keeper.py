@@ -41,7 +41,7 @@ class SensorKeeper:
 
     @property
     def info(self) -> SensorInfo | None:
-        """What the open sensor is, None where none is open."""
+        """Return what the open sensor is, None where none is open."""
         return None if self._queue is None else self._queue.info
 
     @property

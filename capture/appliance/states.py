@@ -72,7 +72,7 @@ class StateMachine:
 
     @property
     def may_record(self) -> bool:
-        """Whether a press would begin a take."""
+        """Return whether a press would begin a take."""
         return (self.state, Event.START) in TRANSITIONS
 
 

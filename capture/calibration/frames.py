@@ -32,7 +32,7 @@ class StillFrames:
     seen: int
 
     def sees(self, row: int) -> bool:
-        """Whether a marker was found in half of the frames or more."""
+        """Return whether a marker was found in half of the frames or more."""
         return float(np.isfinite(self.corners[:, row, 0, 0]).mean()) >= 0.5
 
 

@@ -140,7 +140,7 @@ class CorrelationMeter:
 
     @property
     def pixels(self) -> float:
-        """How many neighbouring pixels carry the information of one independent pixel."""
+        """Return how many neighbouring pixels carry the information of one independent pixel."""
         rho = [
             min(max(product / square, 0.0), 0.8) for product, square in zip(self._products, self._squares, strict=True)
         ]

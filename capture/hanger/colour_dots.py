@@ -98,7 +98,9 @@ class DotTracker:
         return dots
 
     def _drop_doubled(self, dots: list[Dot | None], time: float) -> None:
-        """Where both windows show one dot, leave it to the track that was renewed last, or that expected it there."""
+        """Leave a dot in two windows to the track that was renewed last, or to the track that expected the dot
+        there.
+        """
         one, other = dots
         if one is None or other is None or np.linalg.norm(one.centre - other.centre) > 0.5 * one.diameter:
             return

@@ -114,6 +114,6 @@ class ConditionWatch:
 
     @property
     def worst(self) -> Condition:
-        """What most frames suffered from."""
+        """Return what most frames suffered from."""
         faults = [(condition, count) for condition, count in self.frames.most_common() if condition != Condition.GOOD]
         return faults[0][0] if faults else Condition.GOOD

@@ -56,7 +56,7 @@ class QueuedSensor(DepthSensor):
 
     @property
     def info(self) -> SensorInfo:
-        """What the inner sensor is."""
+        """Return what the inner sensor is."""
         return self._inner.info
 
     def __enter__(self) -> Self:

@@ -112,7 +112,7 @@ def _sums(file: IO[bytes], take: KeptTake) -> Sums:
 
 
 def _is_there(server: Server, key: str, sums: Sums) -> bool:
-    """Whether an earlier run got as far as the receipt: the object is there, whole and right."""
+    """Return whether an earlier run got as far as the receipt: the object is there, whole and right."""
     try:
         if server.size(key) != sums.size:
             return False

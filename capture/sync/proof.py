@@ -60,7 +60,7 @@ def prove(server: Server, candidates: Sequence[Receipt], *, now: datetime, chanc
 
 
 def _opens(file: Path) -> bool:
-    """Whether a take can be read and is as sound as it was recorded."""
+    """Return whether a take can be read and is as sound as it was recorded."""
     try:
         return verify_take(file).damaged_blocks == 0
     except HangtimeError:

@@ -37,7 +37,7 @@ class Pattern:
 
     @property
     def is_node(self) -> NDArray[np.bool_]:
-        """Which nodes belong to any cell, (rows, columns)."""
+        """Return which nodes belong to any cell, (rows, columns)."""
         found = np.zeros(self.rest.shape[:2], bool)
         for i in (slice(None, -1), slice(1, None)):
             for j in (slice(None, -1), slice(1, None)):
@@ -46,7 +46,7 @@ class Pattern:
 
     @property
     def bulge(self) -> Floats:
-        """How far nodes start out of plane [m], (rows, columns): 0 on a panel."""
+        """Return how far nodes start out of plane [m], (rows, columns): 0 on a panel."""
         out = np.zeros(self.rest.shape[:2])
         left, right = self.held.start or 0, self.rest.shape[1] - 1 - (self.held.stop or self.rest.shape[1]) + 1
         if left:

@@ -46,7 +46,7 @@ class SyntheticSensor(DepthSensor):
 
     @property
     def info(self) -> SensorInfo:
-        """What the sensor is."""
+        """Return what the sensor is."""
         return SensorInfo(
             name="synthetic sensor",
             width=CAMERA.width,

@@ -71,7 +71,7 @@ class MotorState:
 
     @property
     def is_still(self) -> bool:
-        """Whether what is measured can be gravity alone."""
+        """Return whether what is measured can be gravity alone."""
         return abs(self.size_g - 1) <= STILL
 
     def gravity(self) -> tuple[float, float, float]:

@@ -26,7 +26,7 @@ class Ending:
 
     @property
     def is_over(self) -> bool:
-        """Whether it has come."""
+        """Return whether it has come."""
         return (self.hours_end is not None and self.running() >= self.hours_end) or self.is_near(0.0)
 
     def is_near(self, seconds: float) -> bool:

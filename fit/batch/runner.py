@@ -236,7 +236,7 @@ class Outage:
 
 
 def _outcome_of(future: Any, job: Task) -> Outcome | UnreachableError | None:
-    """What became of a job that ended, the error if it is to be tried again, None when that could not be learned."""
+    """Return the outcome of an ended job, the error if a retry is due, or None if the outcome is unknown."""
     from distributed import KilledWorker
 
     if future.status == "error":

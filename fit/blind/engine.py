@@ -253,7 +253,7 @@ def magnet_spot(sheet: Sheet) -> Floats:
 
 
 def held_fraction(sheet: Sheet) -> Floats:
-    """Where the held nodes are along the held edge, (held,), from 0 to 1."""
+    """Return where the held nodes are along the held edge, (held,), from 0 to 1."""
     return np.asarray(sheet.rest[sheet.held, 0] / sheet.width + 0.5)
 
 

@@ -167,7 +167,7 @@ def _judge_single(
 
 
 def _is_largest(findings: dict[str, EffectFinding], planted: str, figures: dict[str, float | None]) -> bool:
-    """Whether the tested effect with the largest figure is the planted one or of its group."""
+    """Return whether the tested effect with the largest figure is the planted one or of its group."""
     known = {name: value for name, value in figures.items() if value is not None and findings[name].tested}
     return bool(known) and _same_group(findings, (max(known, key=known.__getitem__),), (planted,))
 
@@ -201,7 +201,7 @@ def _same_group(findings: dict[str, EffectFinding], named: tuple[str, ...], plan
 
 
 def _is_wrong(findings: dict[str, EffectFinding], name: str, cause: set[str], planted: tuple[str, ...]) -> bool:
-    """Whether a cause that is named, with all that it may be, is none of what was planted."""
+    """Return whether a cause that is named, with all that it may be, is none of what was planted."""
     return not (cause & set(planted) or _same_group(findings, (name,), planted))
 
 
@@ -223,7 +223,7 @@ def _meant(said: Diagnosis) -> list[set[str]]:
 
 
 def _names_both(meant: list[set[str]], planted: tuple[str, ...]) -> bool:
-    """Whether two planted effects are two of the causes that an answer names."""
+    """Return whether two planted effects are two of the causes that an answer names."""
     return any(planted[0] in one and planted[1] in other for one, other in itertools.permutations(meant, 2))
 
 
@@ -245,7 +245,7 @@ def _brier(
 
 
 def _place(said: Diagnosis | None, place: tuple[str, ...]) -> bool | None:
-    """Whether the answer says where an effect acts: where the first one named does, or with the largest residual."""
+    """Return whether the answer names the place of an effect: that of its first effect, or of the largest residual."""
     if not place:
         return None
     if said is None:

@@ -188,7 +188,7 @@ def _moved_most(before: dict[str, EffectFinding], after: dict[str, EffectFinding
 def _is_same_group(
     before: dict[str, EffectFinding], after: dict[str, EffectFinding], most: str | None, planted: str
 ) -> bool:
-    """Whether two effects are one, or in one group by either diagnosis."""
+    """Return whether two effects are one, or in one group by either diagnosis."""
     return most is not None and any(said[most].group == said[planted].group for said in (before, after))
 
 

@@ -105,7 +105,7 @@ def slow_noise(rng: np.random.Generator, shape: tuple[int, ...], rate: float) ->
 
 
 def gaps(rng: np.random.Generator, shape: tuple[int, int], share: float) -> Booleans:
-    """Which points were seen, (frames, points): each is away for `share` of the time, a few frames at once."""
+    """Return which points were seen, (frames, points): each is away for `share` of the time, a few frames at once."""
     away = np.zeros(shape, bool)
     starts = rng.random(shape) < share / GAP_FRAMES
     lengths = rng.geometric(1 / GAP_FRAMES, shape)

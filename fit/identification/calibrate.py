@@ -1,12 +1,13 @@
-"""Fit a parameterisation to takes: the loop around every search, and what is told of its result.
+"""Fit a parameterisation to takes: the loop around every search, and the result with its errors and intervals.
 
-Searches that ask and are told (`fit.search.choice`) get free rollouts: each candidate is simulated from the settled
-first shape through the whole take without any pull, and its distance is the mean of the method's objective
-(`fit.methods.distance`: D; `fit.methods.swatch_error`: E) over the takes. Least squares (`fit.identification.observed`)
-sees the points' residuals instead. Whatever the search, errors are told of free rollouts.
+Searches by distance (`fit.search.choice`) get free rollouts. Each candidate is simulated from the settled first shape
+through the whole take without any pull. The candidate's distance is the mean of the method's objective over the takes
+(`fit.methods.distance`: D; `fit.methods.swatch_error`: E). Least squares (`fit.identification.observed`) sees the
+points' residuals instead. Every search reports errors of free rollouts.
 
-Intervals are of the linearised model about the result, by the jackknife over half seconds (`fit.search.intervals`),
-from differences of a twentieth of the box, wider than the ripples that folds make; those of tempering are of its draws.
+Intervals come from the linearised model about the result, by the jackknife over half seconds (`fit.search.intervals`).
+The model's differences span a twentieth of the box, wider than the ripples that folds make. Tempering takes its
+intervals from its draws.
 """
 
 from __future__ import annotations
@@ -93,7 +94,7 @@ class Model:
         rows = self.request.method.to_materials(vectors[:, :count], self.weighed_density).copy()
         for effect, columns in zip(self.request.effects, columns_of(self.request.effects), strict=True):
             if effect.acts_on == "measurement":
-                continue  # a clock's rate scales what the solver is told and is no property of the cloth
+                continue  # a clock's rate scales the solver's numbers and is no property of the cloth
             for k, amplitude in enumerate(vectors[:, count:][:, columns]):
                 if amplitude.any():
                     rows[k] = effect.material(rows[k], amplitude)
@@ -140,7 +141,7 @@ class Model:
         return self.errors_of([points[0] for points in self.points(vector[None])])[0]
 
     def errors_of(self, points: list[Floats]) -> tuple[ErrorFigure, list[ErrorFigure]]:
-        """Return the same of simulated points [m], (frames, points, 3) a take, and the error of each take by itself.
+        """Return the mean error of simulated points [m], (frames, points, 3) a take, and the error of each take.
 
         Raises:
             BlowUpError: a take whose simulation does not stay finite.
@@ -179,8 +180,9 @@ def calibrate(
 ) -> FitResult:
     """Fit the request's parameters to the training takes and report errors before and after.
 
-    With a checkpoint file the search is saved every ten seconds, when interrupted and at its end, and goes on from
-    there; remove the file once the result is kept. Of least squares every finished look and descent is saved.
+    With a checkpoint file the search is saved every ten seconds, when interrupted and at its end. The next call
+    continues from this file. Remove the file once the result is kept. Least squares saves every finished look and
+    descent.
 
     Raises:
         FitError: no take, takes of different garments, one that is given twice or cannot be simulated, or a saved
@@ -204,7 +206,7 @@ def calibrate(
 
 @dataclass(frozen=True)
 class _Found:
-    """What a search ended with; simulations count each take."""
+    """The end of a search; simulations count each take."""
 
     vector: Floats
     intervals: Intervals
@@ -297,7 +299,7 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
     initial = np.array([p.initial for p in request.parameters])
     reach = request.space.slope(best)
     is_identified = [
-        bool(intervals.is_told[k]) and p.name not in request.method.degenerate for k, p in enumerate(request.parameters)
+        bool(intervals.is_identified[k]) and p.name not in request.method.degenerate for k, p in enumerate(request.parameters)
     ]
     described = [
         FitParameter(

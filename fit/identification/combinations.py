@@ -1,15 +1,15 @@
-"""What motion can tell whatever the method: every stiffness over the density, and the dampings.
+"""The combinations that motion identifies with any method: every stiffness over the density, and the dampings.
 
-A simulation's motion depends on its material row only through k/rho, G/rho, B/rho, the two damping times and c,
-because every force of the step is divided by the mass (`fit.cloth.rollout`). With the covariance C of a fit's
-parameters theta and g = d(combination)/d(theta), central differences along the method's own map,
+Every force of the step is divided by the mass (`fit.cloth.rollout`). So motion depends on the material row only through
+k/rho, G/rho, B/rho, the two damping times and c. C is the covariance of a fit's parameters theta. g =
+d(combination)/d(theta) comes from central differences along the method's own map:
 
     variance = g' C g,   half width = sqrt(t^2 g' C g + (g . way)^2)
 
-as a parameter's own (`fit.search.intervals`). A combination counts as identified when the data shrink its deviation to
-half of what the ranges alone leave, or less, and its 90 % interval ends above 0, below which none of them can be.
-Source: P. R. Bevington, D. K. Robinson, "Data Reduction and Error Analysis for the Physical Sciences", section 3.2
-(propagation of error).
+The interval is built as a parameter's (`fit.search.intervals`). A combination is identified under two conditions. The
+data shrink its deviation to at most half of the ranges' own. Its 90 % interval ends above 0, for no combination can be
+negative. Source: P. R. Bevington, D. K. Robinson, "Data Reduction and Error Analysis for the Physical Sciences",
+section 3.2 (propagation of error).
 """
 
 from __future__ import annotations
@@ -45,9 +45,10 @@ def describe_combinations(
 ) -> list[Combination]:
     """Return combinations before and after a fit with 90 % intervals, without those that the method holds fixed.
 
-    materials: vectors, (candidates, parameters), -> material rows; initial, fitted, (parameters,);
-    reach: widths of the box at the fit, where a logarithm is searched its slope times the parameter, (parameters,);
-    intervals: of the parameters
+    - `materials`: maps vectors, (candidates, parameters), to material rows
+    - `initial`, `fitted`, (parameters,)
+    - `reach`, (parameters,): widths of the box at the fit; for a logarithm, its slope times the parameter
+    - `intervals`: of the parameters
     """
     step = np.diag(NEARBY * reach)
     ahead, behind = combine(materials(fitted + step)), combine(materials(fitted - step))

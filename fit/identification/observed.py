@@ -1,25 +1,25 @@
 """Least squares on the points' residuals: looks at many places, then descents; free, or weakly pulled to the points.
 
-How a run goes, trials, descents and all, is in `fit.identification.trials`; a weak prior, the box's own spread about
-the start, holds what the data cannot tell. With a pull (of the observer, `fit.observer.residuals`) each descent goes
-under it first and then free.
+`fit.identification.trials` runs the trials and descents. A weak prior, the box's own spread about the start, holds
+parameters that the data cannot determine. With the observer's pull (`fit.observer.residuals`) each descent runs first
+with the pull, then free.
 
-Ripples leave many small valleys, so one valley's curvature says too little of how far a parameter can be trusted.
-Two estimates of its deviation are at hand, the jackknife's in the best valley (`fit.search.intervals`) and that of what
-the emulator knows of other places, drawn from
+Ripples leave many local minima, so the curvature of one says too little of a parameter's uncertainty. Two estimates of
+a parameter's deviation exist. One is the jackknife's in the best local minimum (`fit.search.intervals`). The other is
+the spread of draws over all places that the emulator knows, from
 
     p(u) ~ E(u)^(-N/2),    N = n / tau
 
-with E the cost that is expected at u (`fit.search.posterior`) and N how many of the n residuals are independent, by the
-time tau that they go together (`fit.search.correlation`). Both measure the same uncertainty, so the larger counts: the
-jackknife sees ripples that the emulator smooths, the draws see valleys that the jackknife does not. Without
-looks the ends of the descents come on top of the jackknife, each with the weight
+with E the expected cost at u (`fit.search.posterior`). N is the number of independent residuals among n, and tau their
+correlation time (`fit.search.correlation`). Both estimates measure the same uncertainty, so the larger counts. The
+jackknife sees ripples that the emulator smooths. The draws see local minima that the jackknife does not. Without looks,
+the spread of the descents' ends is added to the jackknife, each end with the weight
 
     w_k = (cost_k / cost)^(-N/2)
 
-and N pieces of the recording that last two seconds, because a ripple goes on for a swing or two: ends that fit much
-worse count little. Both are the likelihood of Gaussian errors whose deviation is not known, at its maximum over the
-deviation. These rules were set on takes apart from those that published figures rest on.
+Here N counts pieces of the recording of two seconds, because a ripple lasts for a swing or two. So an end that fits
+much worse counts little. Both formulas are the likelihood of Gaussian errors of unknown deviation, at its maximum over
+the deviation. These rules were chosen on takes that no published figure uses.
 """
 
 from __future__ import annotations
@@ -53,10 +53,10 @@ class ObservedSearch(ObservedProblem):
         progress: Progress = lambda step: None,
         known: Sequence[Step] = (),
     ) -> Observed:
-        """Search from the start, (parameters,); `progress` is told of each look and each descent.
+        """Search from the start, (parameters,); `progress` receives each look and each descent.
 
-        known: the first steps of an interrupted search of the same kind, which are not made again. What was looked at
-        is simulated again, which is not counted.
+        `known` holds the first steps of an interrupted search of the same kind, which are not made again. Places of
+        looks are simulated again and not counted.
 
         Raises:
             FitError: the recordings are too short for intervals.

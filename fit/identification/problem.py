@@ -34,8 +34,9 @@ class ObservedProblem:
     ) -> None:
         """Prepare it.
 
-        windows: between which alone the pulls of the settings act; distances: what D [m], (candidates,), of simulated
-        points, (candidates, frames, points, 3) [m] a take, is; it is asked of free rollouts.
+        - `windows`: the pulls of the settings act inside these alone
+        - `distances`: returns D [m], (candidates,), of free rollouts' points, (candidates, frames, points, 3) [m] a
+          take
         """
         cut = [dataclasses.replace(recording, windows=windows) for recording in recordings]
         self.free = Observer(cut, method, effects, frequency=0.0, resolution=resolution)

@@ -1,4 +1,4 @@
-"""What to fit and how: the parameters of a method and of effects, their bounds, and the search."""
+"""The request of a fit: the parameters of a method and of effects, their bounds, and the search."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SIDE_BY_SIDE = 16  # candidates a batch
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """What to fit and how."""
+    """The request of a fit."""
 
     method: Parameterisation
     effects: tuple[Effect, ...] = ()

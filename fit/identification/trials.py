@@ -1,12 +1,14 @@
-"""One run of least squares on the points' residuals: trials, and what their ends say of each other.
+"""One run of least squares on the points' residuals: several trials, and a comparison of their ends.
 
-A trial looks at many places, the start and scattered ones, then those that an emulator of the residuals proposes
-(`fit.search.looks`). From the best of them Levenberg-Marquardt goes down by chords (`fit.search.least_squares`), with
-differences wide enough to step over the ripples that folds make, and again from the best places across the valleys
-about its end (`fit.search.valleys`). Where the best end misses by more than the stated noise, another trial begins from
-other scattered places, until two of them agree in their cost or there have been as many as allowed: the first emulator
-may have gone for a wrong valley, and two that know nothing of each other seldom go for the same one. What is best then
-goes on down with finer differences, as far as it goes: wide ones stop on the slopes of the last valley.
+A trial looks at many places: the start, scattered places, then the proposals of an emulator of the residuals
+(`fit.search.looks`). From the best place Levenberg-Marquardt descends by chords (`fit.search.least_squares`). Its
+differences are wide enough to step over the ripples that folds make. More descents begin at the best places across the
+valleys about the end (`fit.search.valleys`).
+
+If the best end misses by more than the stated noise, another trial begins from other scattered places. Trials stop when
+two of them agree in their cost, or at their largest number. The first emulator may have chosen a wrong local minimum,
+and two independent trials seldom choose the same wrong one. The best end then descends with finer differences to its
+local minimum, because wide differences stop on the slope above it.
 
 Without looks there is one trial, whose descents begin at the start and at scattered places, and nothing finer.
 """
@@ -44,12 +46,15 @@ FINE = LeastSquaresSettings(
 
 @dataclass(frozen=True, kw_only=True)
 class ObservedSettings:
-    """How a search is run.
+    """The settings of a search.
 
-    looks: candidates that are looked at before one descent from the best of them, none or SCATTERED and more; trials:
-    times at most that this is done, as long as what is left is more than noise and no two agree; starts: of descents
-    where nothing is looked at; pulls: [Hz] that each goes down under in turn; iterations: under each pull;
-    width: of a batch; seed: of the scattered places
+    - `looks`: candidates before one descent from the best of them, 0 or at least SCATTERED
+    - `trials`: repetitions at most, while the rest exceeds the noise and no two ends agree
+    - `starts`: of descents without looks
+    - `pulls`: [Hz] of each descent in turn
+    - `iterations`: under each pull
+    - `width`: of a batch
+    - `seed`: of the scattered places
     """
 
     looks: int = 0
@@ -71,10 +76,12 @@ class ObservedSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class Observed:
-    """Where it ended.
+    """The end of a search.
 
-    vector, (parameters,); ends: per descent its cost and vector; path: looks and descents, in turn; simulations: of all
-    recordings, those for the intervals included.
+    - `vector`, (parameters,)
+    - `ends`: cost and vector of each descent
+    - `path`: looks and descents, in turn
+    - `simulations`: of all recordings, with those for the intervals
     """
 
     vector: Floats
@@ -88,16 +95,16 @@ Progress = Callable[[Step], None]
 
 
 def is_settled(costs: Sequence[float], noise: float) -> bool:
-    """Return whether another trial is not worth it, by the costs that trials ended at.
+    """Return whether no further trial is needed: the noise explains the least cost, or the two least costs agree.
 
-    noise: what it alone may leave of the cost; it explains the best, or the best two agree.
+    `noise` is the largest cost that noise alone may leave.
     """
     best, *others = sorted(costs)
     return best <= noise or (bool(others) and others[0] <= (1 + WORTH) * best)
 
 
 class Run:
-    """What a search has looked at, and the best of it."""
+    """The places of a search so far, and the best of them."""
 
     def __init__(
         self, search: ObservedProblem, start: Floats, settings: ObservedSettings, progress: Progress,
@@ -117,7 +124,7 @@ class Run:
         self.before = search.free.simulations
 
     def run(self) -> Observed:
-        """Look and go down, again if it is worth it, then as far as it goes; return that end with its intervals."""
+        """Run trials until they suffice, descend from the best end, and return the last end with its intervals."""
         ends = self._try()
         while len(self.least) < self.settings.trials and not is_settled(self.least, self._noise()):
             self.first = len(self.units)
@@ -134,7 +141,7 @@ class Run:
         )  # fmt: skip
 
     def _noise(self) -> float:
-        """What noise alone may leave of the cost of n numbers: chi square's mean n and its deviation sqrt(2 n)."""
+        """Return the largest cost that noise alone may leave of n numbers: chi square's mean n plus sqrt(2 n)."""
         count = self.residuals.shape[1] if self.residuals is not None else np.inf
         return float(count + np.sqrt(2 * count))
 
@@ -228,7 +235,7 @@ class Run:
         return looking.propose(self.units[self.first :], self.residuals[self.first :], self.unit, seed)
 
     def _starts(self) -> list[Floats]:
-        """Where descents begin: the best place looked at, or the start and scattered places."""
+        """Return the starts of descents: the best place so far, or the start and scattered places."""
         space = self.search.space
         if self.settings.looks:
             return [space.from_unit(self.units[self.first + int(np.argmin(self.costs[self.first :]))])]

@@ -70,7 +70,7 @@ class Parameterisation:
 
     @property
     def is_log(self) -> Booleans:
-        """Which parameters are searched on a log scale, (parameters,)."""
+        """Return which parameters are searched on a log scale, (parameters,)."""
         return np.array([p.is_log for p in self.parameters])
 
     def starting_from(self, values: Mapping[str, float], origin: str) -> Parameterisation:

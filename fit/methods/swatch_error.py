@@ -139,7 +139,7 @@ def _weights(counted: Booleans) -> Floats:
 
 
 def curvature_seen(seen: Booleans) -> Booleans:
-    """Whether all markers are seen, (..., n), that the curvature at each of a line of n is made of."""
+    """Return whether all markers are seen, (..., n), that the curvature at each of a line of n is made of."""
     found = seen.copy()
     found[..., 1:] &= seen[..., :-1]
     found[..., :-1] &= seen[..., 1:]

@@ -72,7 +72,7 @@ class EdgeErrors:
 
 
 def is_seen_on_edge(before: EdgeErrors, after: EdgeErrors, by_law: float = 0.0) -> bool:
-    """Whether an effect brings the held edge most of the way to where it was tracked.
+    """Return whether an effect brings the held edge most of the way to where it was tracked.
 
     by_law: error that laws of earlier effects may leave there, in multiples of a certain error; it must remove more
     """
@@ -81,12 +81,12 @@ def is_seen_on_edge(before: EdgeErrors, after: EdgeErrors, by_law: float = 0.0) 
 
 
 def is_told_by_edge(one: EdgeErrors, other: EdgeErrors, without: EdgeErrors) -> bool:
-    """Whether the held edge favours the other model's effect over this one's; without: the error with neither."""
+    """Return whether the held edge favours the other model's effect over this one's; without: the error with neither."""
     return one.shown - other.shown > max(1.0, LEAST_BY_LAW * (without.shown - other.shown))
 
 
 def is_edge_explained(errors: EdgeErrors, by_law: float = 0.0) -> bool:
-    """Whether the held edge lies where a model puts it, as far as noise and laws let anyone know."""
+    """Return whether the held edge lies where a model puts it, as far as noise and laws let anyone know."""
     return errors.beyond_noise <= max(1.0, by_law)
 
 

@@ -221,7 +221,9 @@ def residuals_together(asked: Sequence[Asked]) -> list[Floats]:
 
 
 def has_static(recording: Recording) -> bool:
-    """Whether the points are material points, whose constant offset from the simulation is an error of the model."""
+    """Return whether the points are material points: their constant offset from the simulation is a model-form
+    error.
+    """
     return recording.garment.kind == "swatch"
 
 
@@ -280,7 +282,7 @@ def _layout(recordings: list[Recording], edges: dict[int, EdgeResiduals]) -> Lay
 def _edge_rows(
     number: int, recording: Recording, edge: EdgeResiduals, first_block: int, block_of_means: int
 ) -> tuple[list[NDArray[np.int64]], Floats]:
-    """Where the numbers of one held edge come from, in the order of `Layout`, and their deviations [m]."""
+    """Return where the numbers of one held edge come from, in the order of `Layout`, and their deviations [m]."""
     frame = np.repeat(edge.frame, NUMBERS)
     means = len(edge.static_sd)
     last = first_block + int(recording.time[recording.counted.any(1)].max(initial=0.0) / BLOCK)

@@ -85,14 +85,14 @@ class HeldEdge:
         return np.stack([np.einsum("fpc,fc->fp", apart, level), upwards], 2)
 
     def _sides(self) -> list[Booleans]:
-        """Which points show what the left end does, and the right one, each (points,); none without points."""
+        """Return which points show what the left end does, and the right one, each (points,); none without points."""
         if len(self.across) == 0:
             return []
         share = (self.across - self.across.min()) / max(float(np.ptp(self.across)), 1e-9)
         return [share <= 1 - OUTER, share >= OUTER]
 
     def _step(self, chosen: Booleans) -> tuple[float, float]:
-        """How many standard errors the largest step of some points' height is, and when it was [s]."""
+        """Return how many standard errors the largest step of some points' height is, and when it was [s]."""
         heights = self._displacements[:, chosen, 1]
         seen = np.isfinite(heights).any(1)
         if seen.sum() < FEWEST_FRAMES:

@@ -48,7 +48,7 @@ class Windows:
     caught: float
 
     def is_free(self, instants: Floats) -> Booleans:
-        """Whether the cloth moves freely at `instants` [s], (n,)."""
+        """Return whether the cloth moves freely at `instants` [s], (n,)."""
         return np.asarray(np.mod(instants, self.free + self.caught) < self.free)
 
 
@@ -98,13 +98,13 @@ class Recording:
 
     @property
     def counted(self) -> Booleans:
-        """Which points are held against the simulation, (frames, points)."""
+        """Return which points are held against the simulation, (frames, points)."""
         seen = self.valid & self.judged
         return seen if self.windows is None else seen & self.windows.is_free(self.time)[:, None]
 
     @property
     def has_curve(self) -> Booleans:
-        """Which points are seen often enough for `target_curves` to say where they are, (points,)."""
+        """Return which points are seen often enough for `target_curves` to say where they are, (points,)."""
         return np.asarray(self.valid.sum(0) >= FEWEST_PLACES)
 
     @property
@@ -222,12 +222,14 @@ def prepare_together(
 
 
 def _or_one(turn_rms: Floats) -> Floats:
-    """What may be divided by: where there is no turn, none comes of it."""
+    """Return what may be divided by: where there is no turn, none comes of it."""
     return np.where(turn_rms > 0, turn_rms, 1.0)
 
 
 def _is_held(garment: Garment, places: Floats) -> Booleans:
-    """Which points, at places [m], (points, 2), move with the hanger: all on a clamped edge, or those at two clips."""
+    """Return the points, at places [m], (points, 2), that move with the hanger: all on a clamped edge, or those at
+    clips.
+    """
     ends = np.asarray(garment.outline_m[:2], float)
     share, _ = place_along(places, ends)
     share = np.clip(share if garment.held == "edge" else np.round(share), 0.0, 1.0)

@@ -5,28 +5,27 @@
     change = D(theta_t) - D(theta_t + v)                                     (4)
     A      = min(1, exp(change gamma / T_t)); theta_t + v if p2 <= A         (5)
 
-Source: "Estimating the clothes characteristics with the image and depth sensors for developing virtual
-fitting room", equations 2 to 5; T_0 = 1000, 350 iterations, alpha = 0.003, beta = 1, mu = 0.1, sigma = 0.6,
-theta_s from its Table 2.
+Source: "Estimating the clothes characteristics with the image and depth sensors for developing virtual fitting room",
+equations 2 to 5. Its settings: T_0 = 1000, 350 iterations, alpha = 0.003, beta = 1, mu = 0.1, sigma = 0.6, theta_s from
+its Table 2.
 
 The paper leaves five things open. We chose, and each can be set in `AnnealingSettings`:
 
-- gamma is 1e5 per metre. T falls from 1000 to 5.9, so a step that is 10 mm worse passes with 1/e at the start
-  and one that is 0.06 mm worse at the end. On two stand-ins for D (`benchmarks/annealing_gamma.py`, 30 seeds,
-  350 iterations) 1e1 to 1e3 keep wandering and end 8 to 16 mm worse; from 1e4 on one valley is
-  found equally well, but 1e4 settles in the wrong one of two more often (median 48 mm against 38). Beyond 1e5
-  nothing more is gained.
-- A proposal beyond a bound is reflected back. Early steps are 6 intervals wide, wider than most ranges:
-  clipping puts them into the corners of the box and ends 3 to 20 mm worse on the stand-ins; redrawing is as
-  good as reflecting.
+- gamma is 1e5 per metre. T falls from 1000 to 5.9. At the start, a step that makes D 10 mm worse passes with
+  probability 1/e. At the end, 0.06 mm has the same probability. We chose gamma on two stand-ins for D
+  (`benchmarks/annealing_gamma.py`, 30 seeds, 350 iterations). With 1e1 to 1e3 the chain keeps wandering and ends 8 to
+  16 mm worse. From 1e4 on, one local minimum is found equally well. But 1e4 settles more often in the wrong one of two
+  local minima (median 48 mm against 38). Beyond 1e5 nothing more is gained.
+- A proposal beyond a bound is reflected back. Early steps are 6 intervals wide, wider than most ranges. Clipping puts
+  these steps on several bounds at once and ends 3 to 20 mm worse on the stand-ins. Redrawing is as good as reflecting.
 - Iteration t = 1 uses T_1 in both (2) and (5): the temperature is lowered first.
 - p1 is drawn anew for each parameter, p2 once per iteration, in this order, also where (5) does not need it.
 - theta_0 is evaluated before the first iteration and is not counted as one.
 
-Because every iteration uses up the same number of random numbers whatever happened before, the numbers of the
-iterations to come are known. `ask(width)` uses this: it returns the tree of the `width` proposals that are
-most likely to be reached (`fit.search.speculation`), and `tell` walks the branch that the distances choose.
-The chain is the same, bit for bit, for every width; wider batches only get there in fewer calls.
+Every iteration uses up the same number of random numbers, accepted or not. So the numbers of later iterations are known
+in advance. `ask(width)` returns the tree of the `width` proposals that are most likely to be reached
+(`fit.search.speculation`). `tell` walks the branch that the distances choose. The chain is the same, bit for bit, for
+every width. Wider batches need fewer calls.
 """
 
 from __future__ import annotations
@@ -89,7 +88,7 @@ class AnnealingSettings:
 
 @dataclass(frozen=True)
 class AnnealingStep:
-    """What one iteration did. Distances [m]; iteration 0 is the start."""
+    """The record of one iteration. Distances [m]; iteration 0 is the start."""
 
     iteration: int
     temperature: float
@@ -145,7 +144,7 @@ class Annealing:
 
     @property
     def is_finished(self) -> bool:
-        """Whether all iterations are done."""
+        """Return whether all iterations are done."""
         return self.is_started and self.iteration >= self.settings.iterations
 
     @property

@@ -1,4 +1,4 @@
-"""What becomes of a proposal beyond a bound."""
+"""The treatment of a proposal beyond a bound."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Independent annealing chains side by side, sharing each batch of simulations.
 
-Annealing finds a different valley from each seed. Several chains tell how far the result can be trusted, and
-need no speculation to fill the lanes of a batch; one chain of the full length is what the paper did.
+Annealing finds a different local minimum from each seed. The spread of several chains' results shows how reliable one
+result is. Several chains fill the lanes of a batch without speculation. The paper used one chain of the full length.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class ParallelChains:
 
     @property
     def is_started(self) -> bool:
-        """Whether every chain has its start's distance."""
+        """Return whether every chain has its start's distance."""
         return all(chain.is_started for chain in self.chains)
 
     @property
@@ -51,7 +51,7 @@ class ParallelChains:
 
     @property
     def is_finished(self) -> bool:
-        """Whether every chain is done."""
+        """Return whether every chain is done."""
         return all(chain.is_finished for chain in self.chains)
 
     @property

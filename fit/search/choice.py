@@ -1,4 +1,4 @@
-"""The searches that ask for free rollouts and are told the distance D: which there are, and how each is begun."""
+"""The list of the searches that minimise the distance D of free rollouts, and the start of each."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SEARCHES = {
     "least-squares": "the points' residuals, emulated between the places looked at; then Levenberg-Marquardt",
     "short-windows": "descents from several starts, by stretches of two seconds between which a pull catches the cloth",
 }
-OBSERVED = ("least-squares", "short-windows")  # they see the points' residuals and are told no distances
+OBSERVED = ("least-squares", "short-windows")  # they minimise the points' residuals, not distances
 
 
 class Search(Protocol):
@@ -46,12 +46,12 @@ class Search(Protocol):
 
     @property
     def is_started(self) -> bool:
-        """Whether the start's distance is known."""
+        """Return whether the start's distance is known."""
         ...
 
     @property
     def is_finished(self) -> bool:
-        """Whether nothing is left to ask."""
+        """Return whether nothing is left to ask."""
         ...
 
     @property

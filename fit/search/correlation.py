@@ -1,13 +1,13 @@
-"""How many of a recording's residuals are independent: their number over the time that errors go together.
+"""The number of independent residuals of a recording: their count over the time that errors stay correlated.
 
-The integrated autocorrelation time of residuals r, in frames, with rho_k their correlation over k frames about nothing
-(a mean that is left is an error as well), pooled over the points and axes of a take,
+The integrated autocorrelation time tau of residuals r is in frames. The correlation over k frames is rho_k, taken about
+zero, since a remaining mean is an error as well. All points and axes of a take count together:
 
     tau = 1 + 2 sum_k rho_k,    N = n / tau
 
-The sum ends before the first pair rho_2j + rho_2j+1 that is not positive (Geyer's initial positive sequence), where
-little but noise is left; tau is at least 1. White noise has tau = 1 and makes every number count; what a model cannot
-follow lasts for a swing and more, and makes a take count little.
+The sum ends before the first pair rho_2j + rho_2j+1 that is not positive (Geyer's initial positive sequence). Beyond
+that pair little but noise is left. tau is at least 1. White noise has tau = 1, so every number counts. A model-form
+error lasts for a swing or more, so such a take counts little.
 
 Source: C. J. Geyer, "Practical Markov chain Monte Carlo", Statistical Science 7 (1992), section 3.3.
 """

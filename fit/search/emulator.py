@@ -1,4 +1,4 @@
-"""What the residuals would be where nothing was simulated: Kriging of whole residual vectors at once.
+"""Predict the residuals at places that were not simulated: Kriging of whole residual vectors at once.
 
 All numbers of a residual vector r(u), (m,), share one correlation k over the unit box, a constant mean and their own
 variance. The best linear unbiased prediction is then one set of weights for all of them,
@@ -7,16 +7,17 @@ variance. The best linear unbiased prediction is then one set of weights for all
 
     k(u, v) = (1 + d + d^2/3) exp(-d),   d^2 = 5 sum_j (u_j - v_j)^2 / l_j^2,     K = k(u_i, u_j) + nugget
 
-so that the expected sum of squares needs no more of the residuals than their Gram matrix G = R R', (places, places):
+The expected sum of squares then needs only the residuals' Gram matrix G = R R', (places, places):
 
     E |r(u)|^2 = w' G w + s^2 v(u),    s^2 = tr(P G) / (n - 1),    P = K^-1 - K^-1 11' K^-1 / 1'K^-1 1
 
-with v the variance of the prediction in units of s^2. The ranges l and the nugget, which stands for the ripples that
-folds make, maximise the restricted likelihood, whose numbers count as few independent ones, under a weak prior.
+with v the variance of the prediction in units of s^2. The nugget stands for the ripples that folds make. The ranges l
+and the nugget maximise the restricted likelihood under a weak prior. The likelihood counts the residuals as few
+independent numbers.
 
 Sources: S. Conti & A. O'Hagan, "Bayesian emulation of complex multi-output and dynamic computer models", J. Stat.
-Planning and Inference 140 (2010), section 2 (one correlation for all outputs); the sum of squares of a predicted vector
-instead of a predicted sum: R. Astudillo & P. Frazier, "Bayesian optimization of composite functions", ICML 2019.
+Planning and Inference 140 (2010), section 2, for one correlation of all outputs. R. Astudillo & P. Frazier, "Bayesian
+optimization of composite functions", ICML 2019, for the sum of squares of a predicted vector.
 """
 
 from __future__ import annotations

@@ -1,21 +1,22 @@
-"""How far each parameter can be trusted: the jackknife over blocks of the recording, about a linearised model.
+"""The interval of each parameter: the jackknife over blocks of the recording, about a linearised model.
 
-With residuals r(u) in units of their deviation, their Jacobian J in working coordinates, blocks b of half a second
-(whole blocks are left out, because errors within one go together) and a weak prior of precision P,
+The residuals r(u) are in units of their deviation. J is their Jacobian in working coordinates, and P the precision of a
+weak prior. A block b is half a second of the recording, left out as a whole, because errors within a block are
+correlated. Then
 
     H = J'J + P,   s_b = J_b' r_b,   u_(b) - u = -(H - J_b'J_b)^-1 (s - s_b)
     V = (G - 1)/G sum_b d_b d_b' + H^-1 P H^-1,   d_b = u_(b) - mean of u_(b)
 
-The second term is what the prior alone supplies: a direction that no block tells anything of keeps the prior's spread
-instead of none. Where the search stopped short of the least squares, the way to them, H^-1 s, counts as well:
+The prior alone supplies the second term. A direction that no block determines keeps the prior's spread. A search may
+stop short of the least squares. The remaining way, H^-1 s, then counts as well:
 
     half width = sqrt(t^2 V + (H^-1 s)^2),   t: 95 % of Student's distribution with G - 1 degrees of freedom
 
-A parameter is told by the data when its deviation is less than half of the prior's.
+A parameter is identified when its deviation is less than half of the prior's.
 
 Source: J. G. MacKinnon, M. O. Nielsen, M. D. Webb, "Fast and reliable jackknife and bootstrap methods for
-cluster-robust inference", J. Appl. Econometrics 38 (2023), their CV3J; the prior's term: a linear estimate whose prior
-mean has the prior's variance.
+cluster-robust inference", J. Appl. Econometrics 38 (2023), their CV3J. The prior's term is that of a linear estimate
+whose prior mean has the prior's variance.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from fit.errors import FitError
 from fit.search.least_squares import BoundedSpace
 from formats.arrays import Booleans, Floats
 
-SHARE_TOLD = 0.5  # of the prior's deviation
+SHARE_IDENTIFIED = 0.5  # of the prior's deviation
 PRIOR_SD = 1 / np.sqrt(12)  # of a flat prior over the unit box
 FEWEST_BLOCKS = 3
 NORMAL_90 = 1.645
@@ -37,14 +38,15 @@ NORMAL_90 = 1.645
 
 @dataclass(frozen=True)
 class Intervals:
-    """90 % intervals, (parameters, 2), and which parameters the data tell, (parameters,).
+    """90 % intervals, (parameters, 2), and a mark for each identified parameter, (parameters,).
 
-    covariance, (parameters, parameters), of the linearised model or of draws; way, (parameters,): to the least squares;
-    all in the parameters' own units. spread: half a 90 % interval in deviations, where the way is nothing.
+    `covariance`, (parameters, parameters), is that of the linearised model or of draws. `way`, (parameters,), leads to
+    the least squares. All are in the parameters' own units. `spread` is half a 90 % interval in deviations, for a `way`
+    of zero.
     """
 
     ends: Floats
-    is_told: Booleans
+    is_identified: Booleans
     covariance: Floats
     way: Floats
     spread: float
@@ -67,9 +69,11 @@ def block_intervals(
 ) -> Intervals:  # fmt: skip
     """Return intervals about `parameters`, (p,).
 
-    residuals, (m,), in units of their deviation; jacobian, (m, p): d residual / d u, u from 0 to 1 between the bounds;
-    block, (m,): to which half second each number belongs; between, (p, p): covariance that comes on top, in squared
-    shares of the box; spread, (p,): deviations in shares of the box, known in another way, that theirs are at least.
+    - `residuals`, (m,), in units of their deviation
+    - `jacobian`, (m, p): d residual / d u, u from 0 to 1 between the bounds
+    - `block`, (m,): the half second to which each number belongs
+    - `between`, (p, p): covariance that is added, in squared shares of the box
+    - `spread`, (p,): a lower limit of the deviations, in shares of the box, known from elsewhere
 
     Raises:
         FitError: fewer than three blocks.
@@ -89,14 +93,14 @@ def block_intervals(
     ends = np.stack([space.from_unit(unit + sign * half) for sign in (-1, 1)], axis=1)
     slope = space.slope(parameters)
     covariance = variance * np.outer(slope, slope)
-    return Intervals(ends, deviation < SHARE_TOLD * PRIOR_SD, covariance, way * slope, reach)
+    return Intervals(ends, deviation < SHARE_IDENTIFIED * PRIOR_SD, covariance, way * slope, reach)
 
 
 def draw_intervals(space: BoundedSpace, draws: Floats) -> Intervals:
     """Return intervals from draws of the posterior, (draws, parameters): their 5 % and 95 % quantiles."""
     ends = np.quantile(draws, [0.05, 0.95], axis=0).T
-    is_told = space.to_unit(draws).std(axis=0) < SHARE_TOLD * PRIOR_SD
-    return Intervals(ends, is_told, np.atleast_2d(np.cov(draws.T)), np.zeros(draws.shape[1]), NORMAL_90)
+    is_identified = space.to_unit(draws).std(axis=0) < SHARE_IDENTIFIED * PRIOR_SD
+    return Intervals(ends, is_identified, np.atleast_2d(np.cov(draws.T)), np.zeros(draws.shape[1]), NORMAL_90)
 
 
 def jackknife(residuals: Floats, jacobian: Floats, place: NDArray[np.int64]) -> tuple[Floats, Floats]:

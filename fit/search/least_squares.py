@@ -3,19 +3,19 @@
     cost(u) = sum_j rho(r_j(u)) + (z(u) - z0)' P (z(u) - z0)
     (J' W J + P_u + lambda diag(J' W J + P_u)) s = -(J' W r + P_u (u - u0))
 
-W holds Huber's weights min(1, k/|r|), rho is its loss (r^2 within k, else 2 k |r| - k^2), z is the working
-coordinate (the logarithm of a parameter searched on a log scale, else the parameter itself) and u is z scaled
-to [0, 1] between its bounds. One batch gives all columns of J by finite differences, the next tries a ladder
-of dampings lambda side by side and keeps the best. Parameters that a bound holds back are left out of the
-step (projected gradient), so that an optimum on a bound is reached exactly and is left again when the slope
-turns. A ladder is tried even where the linear model promises little: cloth's residuals ripple, and its far rungs step
-over ripples that differences are caught in.
+W holds Huber's weights min(1, k/|r|). The loss rho is Huber's: r^2 within k, else 2 k |r| - k^2. The working coordinate
+z is the logarithm of a parameter with a log scale, else the parameter itself. The coordinate u is z scaled to [0, 1]
+between its bounds.
 
-Source: Marquardt 1963, "An algorithm for least-squares estimation of nonlinear parameters", section 3; the
-projection as in Kanzow, Yamashita and Fukushima 2004, "Levenberg-Marquardt methods with strong local
-convergence properties for solving nonlinear equations with convex constraints"; the weights from Huber 1964,
-"Robust estimation of a location parameter"; chords: Broyden 1965, "A class of methods for solving nonlinear
-simultaneous equations", method 1.
+One batch gives all columns of J by finite differences. The next batch tries a ladder of dampings lambda side by side
+and keeps the best. The projected gradient leaves parameters at a bound out of the step. So the search reaches an
+optimum on a bound exactly, and leaves the bound when the slope turns. A ladder is tried even if the linear model
+predicts little gain. Cloth's residuals ripple, and long steps cross ripples that hold finite differences.
+
+Source: Marquardt 1963, "An algorithm for least-squares estimation of nonlinear parameters", section 3. The projection:
+Kanzow, Yamashita and Fukushima 2004, "Levenberg-Marquardt methods with strong local convergence properties for solving
+nonlinear equations with convex constraints". The weights: Huber 1964, "Robust estimation of a location parameter".
+Chords: Broyden 1965, "A class of methods for solving nonlinear simultaneous equations", method 1.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ class LeastSquaresSettings:
     step: float = DIFFERENCE  # finite difference, share of the box
     is_chord: bool = False  # Broyden's update of J instead of new differences until it no longer helps
     renewals: int = 2  # of the Jacobian of a search by chords that has come to a halt
-    is_exact: bool = True  # whether the Jacobian that is handed back is one of differences, whatever it costs
+    is_exact: bool = True  # the returned Jacobian is made of differences, at any cost
     is_central: bool = False  # twice the simulations for columns without the first-order error
     huber: float | None = None  # k, in units of the residuals; None for plain squares
     damping: float = 1e-2  # first lambda
@@ -103,11 +103,14 @@ class LeastSquaresSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class LeastSquaresResult:
-    """Where the search ended.
+    """The end of the search.
 
-    parameters, (p,); residuals, (m,); jacobian, (m, p): d residual / d working coordinate (log for log
-    parameters); weights, (m,): Huber's; cost_history, (iterations + 1,); at_bound, (p,): held back by a
-    bound; slopes_at, (p,): where the differences of the Jacobian were made, at most a short step away where exact.
+    - `parameters`, (p,); `residuals`, (m,)
+    - `jacobian`, (m, p): d residual / d working coordinate, the logarithm for log parameters
+    - `weights`, (m,): Huber's
+    - `cost_history`, (iterations + 1,)
+    - `at_bound`, (p,): held back by a bound
+    - `slopes_at`, (p,): the place of the Jacobian's differences, at most a short step away if `exact`
     """
 
     parameters: Floats
@@ -149,8 +152,8 @@ def minimise(
     """Return the parameters of least cost found from `start`, (p,).
 
     `residuals(candidates (lanes, p)) -> (lanes, m)` is called with up to `settings.width` candidates; a lane
-    with a value that is not finite is never chosen. A `jacobian`, (m, p), of working coordinates that is known near
-    the start saves its differences; a search by chords then returns it updated instead of made anew.
+    with a value that is not finite is never chosen. A known `jacobian`, (m, p), of working coordinates near the start
+    saves the differences. A search by chords then returns this Jacobian updated instead of made anew.
 
     Raises:
         FitError: the start lies outside the bounds.
@@ -242,10 +245,10 @@ class _Search:
             free = ~(((u <= 0) & (slope > 0)) | ((u >= 1) & (slope < 0)))
             moved, reason = None, "no slope is left within the bounds"
             if free.any() and np.abs(slope[free]).max() > 1e-12 * max(1.0, cost):
-                # Where differences may be all that is wrong, they are made anew before a crawl is tried.
-                is_worn = not is_fresh and renewals < settings.renewals
+                # An inexact Jacobian may be the only fault, so differences are made anew before short steps are tried.
+                is_outdated = not is_fresh and renewals < settings.renewals
                 moved = yield from self._try_dampings(
-                    u, cost, normal, slope, free, damping, ladders=1 if is_worn else 3
+                    u, cost, normal, slope, free, damping, ladders=1 if is_outdated else 3
                 )
                 reason = "no step lowers the cost"
             if moved is not None:
@@ -255,7 +258,7 @@ class _Search:
                 history.append(cost)
                 if not settings.is_chord:
                     jacobian, made_at = (yield from self._jacobian(u, r)), u
-                elif reason and is_fresh:  # a halt is believed; after a short step differences would be the same
+                elif reason and is_fresh:  # converged: new differences after a short step would be the same
                     shortest = max(settings.step / 2, settings.step_tolerance)
                     is_far = known is None and float(np.abs(step).max()) > shortest
                 else:
@@ -266,7 +269,7 @@ class _Search:
             if self._is_hopeless(history, has_moved=moved is not None):
                 is_hopeless, reason = True, "it will hardly come below what is known"
                 break
-            if reason:  # a worn Jacobian may be all that is wrong
+            if reason:  # an updated Jacobian may be the only fault
                 jacobian, made_at = (yield from self._jacobian(u, r)), u
                 is_fresh, renewals = True, renewals + 1
         else:
@@ -291,7 +294,7 @@ class _Search:
         )
 
     def _is_hopeless(self, history: list[float], *, has_moved: bool) -> bool:
-        """Whether a search is far above what is known after a few iterations, or above it and falls no more."""
+        """Return whether a search is far above what is known after a few iterations, or above it and falls no more."""
         cost, known = history[-1], self.settings.known_cost
         is_slow = not has_moved or cost > (1 - SLOW_FALL) * history[-2]
         return cost > known and (is_slow or (len(history) > UNJUDGED and cost > HOPELESS * known))

@@ -1,10 +1,10 @@
-"""Where to look next: places scattered over the unit box, then those where an emulator expects the least cost.
+"""Choose the places to simulate: first scattered over the unit box, then where an emulator expects the least cost.
 
-After the start and a Sobol sequence, two places at a time are proposed: where the expected cost is least, and where
-the cost of the prediction alone is, which dares more (`fit.search.emulator`; caution 1 and 0). Both costs carry a weak
-prior, the box's own spread about the start. Each least is sought from the best place known and from the best of some
-drawn over the box and near the best one. What is proposed depends on the seed and on the places looked at so far
-alone, so that an interrupted search goes on from these.
+The start and a Sobol sequence come first. Then two places at a time are proposed (`fit.search.emulator`; caution 1 and
+0). One has the least expected cost. The other has the least cost of the prediction alone, which is the bolder choice.
+Both costs carry a weak prior, the box's own spread about the start. Each minimum is sought from the best known place,
+and from the best of random places over the box and near the best one. A proposal depends only on the seed and on the
+places so far. So an interrupted search continues from its saved places.
 
 Source of the scattered places: I. M. Sobol, USSR Comput. Math. Math. Phys. 7 (1967).
 """
@@ -22,9 +22,9 @@ from formats.arrays import Floats
 SCATTER_MARGIN = 0.1  # of the box that scattered places leave out at each end: rarely true, often costly
 SCATTERED = 16  # places with the start: a batch that costs little more than one
 CAUTIONS = (1.0, 0.0)
-NEAREST = 0.01  # share of the box, in one parameter at least, between places worth simulating both
+NEAREST = 0.01  # share of the box: two places differ by as much in one parameter at least
 NEAR_BLOW_UP = 0.1  # the same about a place whose simulation blew up
-MOST_TOLD = 60  # places, the best, that the emulator is told: its work grows with their third power
+MOST_PLACES = 60  # the emulator uses so many of the best places: its work grows with their third power
 DRAWN, WIDTHS = (200, 100, 50), (0.1, 0.03)  # places drawn over the box, and about the best with these deviations
 DESCENTS = 3  # of them from which the least is sought
 
@@ -78,7 +78,7 @@ def propose(units: Floats, residuals: Floats, start: Floats, seed: int) -> Float
     if len(sound) <= fewest(len(start)):
         return units[:0]
     told = residuals[is_sound]
-    order = np.argsort((told**2).sum(1) + prior_cost(sound, start), kind="stable")[:MOST_TOLD]
+    order = np.argsort((told**2).sum(1) + prior_cost(sound, start), kind="stable")[:MOST_PLACES]
     emulator = Emulator(sound[order], told[order] @ told[order].T)
     random = np.random.default_rng([seed, len(units)])
     chosen: list[Floats] = []

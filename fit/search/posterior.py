@@ -1,16 +1,16 @@
-"""What else would fit: draws from the posterior that an emulator describes.
+"""Draw parameters from the posterior that an emulator describes.
 
     p(u) ~ E(u)^(-N/2),    E: expected cost, prior included
 
-is the likelihood of Gaussian errors whose deviation is not known, at its maximum over the deviation, with N
-independent pieces of the recording. Walkers are moved by the difference of two others, every fifth time by all of it,
-so that they step from valley to valley:
+This is the likelihood of Gaussian errors of unknown deviation, at its maximum over the deviation. N is the number of
+independent pieces of the recording. The difference of two other walkers moves each walker. Every fifth move takes the
+whole difference, so that walkers step between local minima:
 
     u' = u + gamma (u_a - u_b) + e,    gamma = 2.38 / sqrt(2 p), or 1
 
 Source: C. J. F. ter Braak, "A Markov chain Monte Carlo version of the genetic algorithm differential evolution",
-Statistics and Computing 16 (2006); one half of the walkers is moved by the other half, so that all of a half move at
-once: D. Foreman-Mackey et al., "emcee: the MCMC hammer", PASP 125 (2013), section 3.
+Statistics and Computing 16 (2006). Each half of the walkers moves by the other half, so all walkers of a half move at
+once. Source: D. Foreman-Mackey et al., "emcee: the MCMC hammer", PASP 125 (2013), section 3.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Ask and tell with a record of all that was told, from which a search is rebuilt when it is resumed.
 
-A search that draws every number from its own generator does the same again when it is told the same. So its state is
-its record: the candidates and their distances, in batches; `restore` asks and tells its way through it, which costs no
-simulation. This holds for any library behind it, whose own state need not be known.
+A search draws every random number from its own generator. The same answers therefore lead to the same proposals. So the
+search's state is its record: the candidates and their distances, in batches. `restore` asks and tells its way through
+the record, which costs no simulation. This also works with a library whose internal state is unknown.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ class RecordedSearch(ABC):
 
     @property
     def is_started(self) -> bool:
-        """Whether anything was told."""
+        """Return whether anything was told."""
         return bool(self._batches)
 
     @property
     def is_finished(self) -> bool:
-        """Whether the budget is spent."""
+        """Return whether the budget is spent."""
         return self.evaluations >= self.budget
 
     @property

@@ -1,11 +1,11 @@
-"""Which proposals of a sequential chain to evaluate side by side before knowing which will be reached.
+"""Choose the proposals of a sequential chain to evaluate side by side, before it is known which are reached.
 
-Iteration t+1 starts from one of two places, depending on whether iteration t was accepted; so the proposals
-to come form a binary tree. A node is reached with the product of the guessed probabilities along its path,
-and a batch advances the chain by as many iterations as it holds nodes of the true path. The expectation of
-that is the sum of the nodes' reach probabilities, and a child is never likelier than its parent: taking the
-likeliest node next, again and again, is the tree of the greatest expected advance. With no acceptances it is
-a line of rejections, with a half each a full tree.
+Iteration t+1 starts from one of two places, depending on whether iteration t was accepted; so the later proposals form
+a binary tree. The chain reaches a node with the product of the guessed probabilities along the node's path. A batch
+advances the chain by the number of its nodes on the true path. The expected advance is the sum of the nodes'
+probabilities. A child is never likelier than its parent. Taking the likeliest node again and again therefore gives the
+tree of the greatest expected advance. Without acceptances the tree is a line of rejections. With a probability of one
+half the tree is full.
 """
 
 from __future__ import annotations

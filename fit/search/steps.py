@@ -15,11 +15,14 @@ from formats.arrays import Floats
 class Step:
     """One look or one descent.
 
-    is_look; vector, (parameters,): the best place looked at so far, or where the descent ended; cost: its own, infinite
-    where a descent's start blew up; vectors, (candidates, parameters): what was looked at, nothing of a descent;
-    simulations: of all recordings since the search began; distances: D [m] after each candidate, of the one of least
-    cost so far, nothing where the rollouts are not free; slopes_at, (parameters,): where a descent's last Jacobian was
-    made, its vector or a short step from it; of a look its vector
+    - `is_look`: true for a look
+    - `vector`, (parameters,): the best place so far, or the end of a descent
+    - `cost`: of `vector`, infinite if a descent's start blew up
+    - `vectors`, (candidates, parameters): the places of a look, empty for a descent
+    - `simulations`: of all recordings since the search began
+    - `distances`: D [m] after each candidate, of the least cost so far; empty unless rollouts are free
+    - `slopes_at`, (parameters,): the place of a descent's last Jacobian, its vector or a short step away; a look's
+      vector
     """
 
     is_look: bool

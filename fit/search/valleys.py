@@ -1,12 +1,13 @@
-"""Across valleys: where to begin again from the end of a descent.
+"""Choose new starts in other local minima, from the end of a descent.
 
-Stretch and shear make up for each other, and folds ripple the cost between their valleys, so that descents may agree in
-the wrong one. From an end u, in shares of the box, each parameter k is moved alone by s, up to 0.45 of its range, and
-the others along the valley's floor of the linear model, with H = J'J + prior:
+Stretch and shear are nearly collinear, and folds ripple the cost between their local minima. So descents may agree in
+the wrong local minimum. Take an end u, in shares of the box. Each parameter k moves alone by s, up to 0.45 of its
+range. The other parameters follow the floor of the linear model's valley, with H = J'J + prior:
 
     u_k + s,   u_o - H_oo^-1 H_ok s
 
-It is worth going down again where that costs least. What the data hold tightly, or not at all, is not moved.
+The places of least cost are the next starts. Parameters stay in place if the data determine them closely or leave them
+undetermined.
 """
 
 from __future__ import annotations
@@ -25,11 +26,14 @@ LEAST_RISE, MOST_RISE = 0.002, 2.0  # of the cost, by the slope, at the nearest 
 def across(
     unit: Floats, jacobian: Floats, precision: Floats, cost: float, moved: int, judge: Callable[[Floats], Floats]
 ) -> Floats:
-    """Return places across the valleys about an end, (places, parameters), at most HOPPED, least cost first.
+    """Return starts in other local minima about an end, (places, parameters), at most HOPPED, least cost first.
 
-    unit, (parameters,): the end; jacobian, (numbers, parameters), per share of the box; precision, (parameters,
-    parameters): the prior's; cost: of the end; moved: how many of the first parameters are moved alone; judge: costs
-    (places,) of places, (places, parameters), asked once or never
+    - `unit`, (parameters,): the end
+    - `jacobian`, (numbers, parameters), per share of the box
+    - `precision`, (parameters, parameters): the prior's
+    - `cost`: of the end
+    - `moved`: so many of the first parameters are moved alone
+    - `judge`: returns the costs (places,) of places, (places, parameters); called once or never
     """
     normal = jacobian.T @ jacobian + precision
     places: list[Floats] = []

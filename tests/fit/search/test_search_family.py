@@ -203,12 +203,12 @@ def test_the_jackknife_of_a_mean_is_the_spread_of_the_block_means_over_their_num
     assert way[0] * slope == pytest.approx(-3.0, rel=1e-4)
 
 
-def test_a_parameter_that_no_number_shows_keeps_the_spread_of_the_box_and_is_not_told():
+def test_a_parameter_that_no_number_shows_keeps_the_spread_of_the_box_and_is_not_identified():
     line = BoundedSpace(minimum=np.zeros(2), maximum=np.ones(2), is_log=np.zeros(2, bool))
     noise = np.random.default_rng(0).normal(size=60)
     jacobian = np.stack([np.full(60, 100.0), np.zeros(60)], axis=1)
     found = block_intervals(line, np.array([0.5, 0.5]), noise, jacobian, np.repeat(np.arange(12), 5))
-    assert found.is_told.tolist() == [True, False]
+    assert found.is_identified.tolist() == [True, False]
     assert found.ends[1].tolist() == [0.0, 1.0]  # 1.80 x 0.289 is more than half of the box
     assert np.sqrt(found.covariance[1, 1]) == pytest.approx(PRIOR_SD)
 

@@ -30,7 +30,7 @@ def test_three_blocks_give_2_92_deviations_of_their_mean_to_each_side():
     assert found.covariance[0, 0] == pytest.approx(DEVIATION**2, rel=1e-4)
     assert found.ends[0] == pytest.approx([0.5 - REACH * DEVIATION, 0.5 + REACH * DEVIATION], rel=1e-5)
     assert found.way == pytest.approx([0.0], abs=1e-9)
-    assert found.is_told.tolist() == [True]
+    assert found.is_identified.tolist() == [True]
 
 
 def test_ends_and_covariance_are_in_the_parameters_own_units():
@@ -70,9 +70,9 @@ def test_the_way_to_the_least_squares_counts_with_the_spread_as_a_hypotenuse():
 def test_a_deviation_below_half_of_the_flat_priors_counts_as_told_and_one_above_does_not():
     """The flat prior over the box has 1 / sqrt(12) = 0.2887."""
     assert pytest.approx(0.288675, abs=1e-6) == PRIOR_SD
-    for share, is_told in ((0.49, True), (0.51, False)):
+    for share, is_identified in ((0.49, True), (0.51, False)):
         found = of_three(line(), 0.5, spread=np.array([share * PRIOR_SD]))
-        assert found.is_told.tolist() == [is_told]
+        assert found.is_identified.tolist() == [is_identified]
 
 
 def test_what_no_block_tells_keeps_the_priors_variance_and_none_of_another_parameter():
@@ -126,6 +126,6 @@ def test_intervals_of_draws_are_their_quantiles_in_own_units():
     assert found.ends[0] == pytest.approx([10.0, 190.0])
     assert found.covariance[0, 0] == pytest.approx(2**2 * 101 * 102 / 12)
     assert (found.way.tolist(), found.spread) == ([0.0], 1.645)
-    assert found.is_told.tolist() == [False]
+    assert found.is_identified.tolist() == [False]
     narrow = draw_intervals(box, 100 + 0.4 * (draws - 100))
-    assert narrow.is_told.tolist() == [True]
+    assert narrow.is_identified.tolist() == [True]

@@ -34,7 +34,7 @@ class OutsideForces:
 
     @property
     def are_there(self):
-        """Whether anything acts."""
+        """Return whether anything acts."""
         return self.has_air or self.has_spots
 
     def at(self, now, x, v):

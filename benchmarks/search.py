@@ -203,7 +203,9 @@ def print_parameters(cases: list[Case], runs: dict[str, list[Run]]) -> None:
             f"{spread(100 * noise[straight[:, k], k], '.2g') if straight[:, k].any() else '-'} %"
         )
     for name, found in runs.items():
-        fitted, ends, told = (np.array([getattr(r, what) for r in found]) for what in ("fitted", "ends", "is_identified"))
+        fitted, ends, told = (
+            np.array([getattr(r, what) for r in found]) for what in ("fitted", "ends", "is_identified")
+        )
         right = np.abs(fitted / truth - 1) <= GOOD
         held = (ends[..., 0] <= truth) & (truth <= ends[..., 1])
         for k, parameter in enumerate(cases[0].request().parameters):

@@ -299,7 +299,8 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
     initial = np.array([p.initial for p in request.parameters])
     reach = request.space.slope(best)
     is_identified = [
-        bool(intervals.is_identified[k]) and p.name not in request.method.degenerate for k, p in enumerate(request.parameters)
+        bool(intervals.is_identified[k]) and p.name not in request.method.degenerate
+        for k, p in enumerate(request.parameters)
     ]
     described = [
         FitParameter(

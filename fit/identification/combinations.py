@@ -8,8 +8,10 @@ d(combination)/d(theta) comes from central differences along the method's own ma
 
 The interval is built as a parameter's (`fit.search.intervals`). A combination is identified under two conditions. The
 data shrink its deviation to at most half of the ranges' own. Its 90 % interval ends above 0, for no combination can be
-negative. Source: P. R. Bevington, D. K. Robinson, "Data Reduction and Error Analysis for the Physical Sciences",
-section 3.2 (propagation of error).
+negative.
+
+Source: P. R. Bevington, D. K. Robinson, "Data Reduction and Error Analysis for the Physical Sciences", section 3.2
+(propagation of error).
 """
 
 from __future__ import annotations

@@ -1,8 +1,10 @@
-"""What a fit minimises, and the first of it: the distance D of the trajectories of the tracked points.
+"""The objective of a fit, and its first kind: the distance D of the trajectories of the tracked points.
 
     D(R, S) = 1/N sum_n 1/M sum_i |r_in - s_in|        [m]
 
-N frames, M points; invalid points are left out of their frame's mean, frames without any are left out of the mean.
+There are N frames and M points. An invalid point is left out of its frame's mean. A frame without valid points is left
+out of the mean over frames.
+
 Source: "Estimating the clothes characteristics with the image and depth sensors ...", eq. 1.
 """
 

@@ -1,7 +1,8 @@
-"""Four fabrics to start from: what somebody would set by hand from tables, with where each number comes from.
+"""Four fabrics as starts of a fit: values set by hand from tables, each with its source.
 
-The motion capture method was tried on silk, denim, cotton and polyester/rayon 65/35 ("Optimization of Cloth Simulation
-Parameters by Considering Static and Dynamic Features", section 2), whose properties it does not print. These stand in:
+The motion capture paper used silk, denim, cotton and polyester/rayon 65/35 ("Optimization of Cloth Simulation
+Parameters by Considering Static and Dynamic Features", section 2). The paper does not print their properties. These
+tables stand in:
 
     [W] H. Wang, J. O'Brien, R. Ramamoorthi, "Data-Driven Elastic Models for Cloth", SIGGRAPH 2011, ten fabrics, as
         published with ARCSim: density; stretching at zero strain, root of warp x weft; bending at zero curvature, mean
@@ -13,7 +14,7 @@ Parameters by Considering Static and Dynamic Features", section 2), whose proper
         cotton 1540, polyester 1390, viscose rayon 1490 kg/m^3. Nominal thickness = density / (0.35 x fibre density);
         the packing of 0.35 is stated by us
 
-Damping is not in any of these tables; 1 /s is stated by us.
+None of these tables has damping. The 1 /s is our choice.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The six parameters of Blender's cloth, as the Kinect skirt was fitted, and the same with the weight known.
 
 Source: "Estimating the clothes characteristics with the image and depth sensors for developing virtual fitting room",
-Tables 1 and 2. Blender's numbers have no SI meaning of their own; ours are tied to the solver like this (rho_w is the
-garment's weighed density):
+Tables 1 and 2. Blender's numbers have no SI meaning. This table ties our numbers to the solver, with the garment's
+weighed density rho_w:
 
     areal density            rho = Mass rho_w                     Mass 1 is the garment as weighed
     stretch stiffness        k   = 10 Struct          [N/m]       5 to 80 -> 50 to 800 N/m
@@ -12,10 +12,11 @@ garment's weighed density):
     membrane damping time          1e-6 Spring        [s]
     velocity damping         c   = 0.02 Air / rho - 25 ln(Velocity)   [1/s]
 
-Air is a linear drag per area [0.02 N s/m^3 each], Velocity the factor that is left of each velocity after one frame of
-1/25 s. Multiplying rho, k, G, B and the drag by the same number changes no motion: Mass, Struct and Bend are not
-identified, their ratios are, and of Air and Velocity only the damping c. `kinect-skirt-weighed` has Mass at 1, the
-weight that the garment's description states; Struct and Bend are then identified, Air and Velocity as before.
+Air is a linear drag per area, in units of 0.02 N s/m^3. Velocity is the factor that is left of each velocity after one
+frame of 1/25 s. Multiplying rho, k, G, B and the drag by one number changes no motion. So Mass, Struct and Bend are not
+identifiable, but their ratios are. Of Air and Velocity only the damping c is identifiable. `kinect-skirt-weighed` sets
+Mass to 1, the weight that the garment's description states. Struct and Bend are then identifiable, and still only c of
+Air and Velocity.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a method is: a named parameter vector, its map to the solver's SI material, and what is minimised over it."""
+"""The definition of a method: parameters by name, their map to the solver's SI material, and the objective."""
 
 from __future__ import annotations
 
@@ -30,11 +30,13 @@ class Parameter:
 
 @dataclass(frozen=True, kw_only=True)
 class Parameterisation:
-    """A named parameter vector, its map to material rows, and what its fit minimises.
+    """A named parameter vector, its map to material rows, and the objective of its fit.
 
-    to_materials: vectors, (candidates, parameters), and the weighed density [kg/m^2] -> rows of
-    `fit.cloth.material.NAMES`; degenerate: parameters that no motion can tell, only their ratios; gamma: the
-    annealing's factor per unit of the objective; knows_layers: it allows for the stiffness of layers sewn together.
+    - `to_materials`: maps vectors, (candidates, parameters), and the weighed density [kg/m^2] to rows of
+      `fit.cloth.material.NAMES`
+    - `degenerate`: parameters that are not identifiable, only their ratios
+    - `gamma`: the annealing's factor per unit of the objective
+    - `knows_layers`: the method allows for the stiffness of layers sewn together
     """
 
     name: str
@@ -45,7 +47,7 @@ class Parameterisation:
     objective: Callable[[Recording], Objective] = TrajectoryDistance
     gamma: float = 1e5  # 1/m, see fit.search.annealing
     is_in_metres: bool = True  # whether the objective is a mean distance
-    spacing: float = 0.05  # m, of the mesh unless something else is asked for
+    spacing: float = 0.05  # m, of the mesh by default
     knows_layers: bool = False
 
     @property
@@ -70,7 +72,7 @@ class Parameterisation:
 
     @property
     def is_log(self) -> Booleans:
-        """Return which parameters are searched on a log scale, (parameters,)."""
+        """Return a mark for each parameter with a log scale, (parameters,)."""
         return np.array([p.is_log for p in self.parameters])
 
     def starting_from(self, values: Mapping[str, float], origin: str) -> Parameterisation:

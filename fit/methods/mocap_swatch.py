@@ -1,10 +1,10 @@
 """The five parameters of the motion capture method: stretching, bending, damping, density, thickness.
 
-Source: "Optimization of Cloth Simulation Parameters by Considering Static and Dynamic Features", section 4, which
-tuned PhysX' five and had no shear stiffness to tune. PhysX' numbers run from 0 to 1 and mean no physical quantity;
-ours are SI quantities at the fabric's nominal thickness, and t is the thickness as a multiple of that. A plate of one
-bulk material has (S. Timoshenko, S. Woinowsky-Krieger, "Theory of Plates and Shells", section 4: D = E h^3 / (12 (1 -
-nu^2)))
+Source: "Optimization of Cloth Simulation Parameters by Considering Static and Dynamic Features", section 4. The paper
+tuned PhysX' five parameters, and PhysX had no shear stiffness to tune. PhysX' numbers run from 0 to 1 and mean no
+physical quantity. Ours are SI quantities at the fabric's nominal thickness, and t is the thickness as a multiple of the
+nominal one. For a plate of one bulk material, D = E h^3 / (12 (1 - nu^2)) (S. Timoshenko, S. Woinowsky-Krieger, "Theory
+of Plates and Shells", section 4). Hence
 
     areal density        rho = Density t             [kg/m^2]
     stretch stiffness    k   = Stretching t          [N/m]
@@ -12,10 +12,10 @@ nu^2)))
     shear stiffness      G   = k / 10                [N/m]    no parameter: diagonals stretch with the rest
     velocity damping     c   = Damping               [1/s]
 
-Motion tells k / rho = Stretching / Density, B / rho = Bending t^2 / Density and c, and nothing else of the five.
-`mocap-swatch-weighed` takes density (weighed) and thickness (nominal) as known; its three parameters are all
-identified. gamma is 1e4 per unit of E/N: E/N of a swatch is about ten times the distance D that the kinect skirt's
-1e5 per metre is for.
+Motion identifies k / rho = Stretching / Density, B / rho = Bending t^2 / Density and c, no other combination of the
+five. `mocap-swatch-weighed` takes density (weighed) and thickness (nominal) as known. Its three parameters are all
+identifiable. gamma is 1e4 per unit of E/N. The kinect skirt's gamma is 1e5 per metre of D, and E/N of a swatch is about
+ten times D.
 """
 
 from __future__ import annotations

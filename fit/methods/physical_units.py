@@ -1,14 +1,14 @@
 """Methods in physical units, with the garment's weight taken as known.
 
-`si` is the diagnosis' base model; every parameter is identified in principle. `lean` is `si` without shear stiffness
-and bending viscosity, which are effects of the diagnosis' library then.
+`si` is the diagnosis' base model; every parameter is identifiable in principle. `lean` is `si` without shear stiffness
+and bending viscosity. With `lean` both are effects of the diagnosis' library.
 
-`si-sewn` is `si` for a garment whose flat sheet stands for several layers. Two of them, of membrane stiffness k and
-bending stiffness B, a distance d apart and sewn to each other, bend about the middle between them, one stretched by
-kappa d/2 and the other compressed by as much:
+`si-sewn` is `si` for a garment whose flat sheet stands for several layers. Take two layers of membrane stiffness k and
+bending stiffness B, sewn together at a distance d. They bend about the middle between them. One layer is stretched by
+kappa d/2, and the other is compressed by the same strain:
     B' = 2 B + k d^2 / 2,  with k = 300 N/m 1.5e-4 N m at d = 1 mm, 1.4e-3 at 3 mm, 3.8e-3 at 5 mm
-(the parallel axis theorem; H. G. Allen, "Analysis and Design of Structural Sandwich Panels" (1969), chapter 2), where a
-single layer of the stiffest fabric has 1.1e-4. Sleeves and hems are such tubes and strips.
+This is the parallel axis theorem (H. G. Allen, "Analysis and Design of Structural Sandwich Panels" (1969), chapter 2).
+A single layer of the stiffest fabric has 1.1e-4 N m. Sleeves and hems are sewn layers of this kind.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ def _si_materials(vectors: Floats, weighed_density: float) -> Floats:
     return rows
 
 
-# Ranges: stretch is capped where strain under the cloth's own weight falls below what a depth sensor sees;
-# shear 11-84 (220) N/m (KES, 0.2-4 gf/(cm deg)): a sheet slacker than any fabric can pass for air drag; bending 1e-6
-# to 1.1e-4 N m (618 fabrics).
+# The upper limit of stretch is where strain under the cloth's own weight falls below a depth sensor's resolution. Shear
+# is 11 to 84 (220) N/m (KES, 0.2 to 4 gf/(cm deg)). A sheet with less shear stiffness than any fabric could imitate air
+# drag. Bending is 1e-6 to 1.1e-4 N m (618 fabrics).
 SI = Parameterisation(
     name="si",
     parameters=(

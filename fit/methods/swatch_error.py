@@ -4,26 +4,35 @@
                 + gamma (|<kappa_1i>^R - <kappa_1i>^S| + |<kappa_2i>^R - <kappa_2i>^S|) }
 
 <.> is the average over all frames, kappa_1 and kappa_2 the curvatures of the marker's column and row, alpha = 1, beta =
-0.5, gamma = 2. Source: "Optimization of Cloth Simulation Parameters by Considering Static and Dynamic Features", eq. 1.
+0.5, gamma = 2.
 
-The paper leaves open, and we chose: units are metres, so the parts are in m, m/s and 1/m; v is the speed |v| (the
-average of the velocity vector is only where the marker ended less where it began); places of both sides pass the same
-smoothing spline (`fit.recordings.recording`) before they are differentiated; a frame in which a marker was not seen
-counts for neither side, nor for the curvature of those whose splines it is a point of; E is divided by the number of
-markers.
+Source: "Optimization of Cloth Simulation Parameters by Considering Static and Dynamic Features", eq. 1.
+
+The paper leaves five points open. We chose:
+
+- Units are metres, so the parts are in m, m/s and 1/m.
+- v is the speed |v|. The average of the velocity vector is only the way from the marker's first place to its last.
+- The same smoothing spline (`fit.recordings.recording`) smooths both sides before differentiation.
+- A frame without sight of a marker counts for neither side. The frame counts for no curvature whose spline uses this
+  marker.
+- E is divided by the number of markers.
 
 Through the markers of a row or column runs a uniform Catmull-Rom spline. At marker p_0 with neighbours p_-2 .. p_2
 
     p' = (p_1 - p_-1) / 2,    p''_right = 2 p_-1 - 5 p_0 + 4 p_1 - p_2,    p''_left = -p_-2 + 4 p_-1 - 5 p_0 + 2 p_1,
     kappa = |p' x p''| / |p'|^3
 
-with the mean of the second derivatives of both segments at p_0, of one where the other runs beyond the edge; markers
-at the ends of a line have none. White noise of deviation s per axis, after the smoothing, makes straight lines of
-markers h apart look curved by sqrt(2 (1/4 + 9 + 25 + 9 + 1/4)) s / h^2 (root mean square, two directions across the
-line): where that is more than half of what was measured, E sees the noise and not the cloth, and `remark` says so. On
-a circle of radius R with markers an angle phi apart kappa R = (5 + cos 2 phi - 6 cos phi) / sin^2 phi = 1 + 3/4 phi^2
-+ ...; the two sides share this factor. Source: E. Catmull, R. Rom, "A class of local interpolating splines" (1974);
-M. P. do Carmo, "Differential Geometry of Curves and Surfaces", section 1-5.
+The second derivative is the mean of both segments' at p_0. If one segment runs beyond the edge, the other one counts
+alone. Markers at the ends of a line have no curvature.
+
+White noise of deviation s per axis, after the smoothing, makes straight lines of markers h apart look curved. The
+apparent curvature is sqrt(2 (1/4 + 9 + 25 + 9 + 1/4)) s / h^2 (root mean square, two directions across the line). If
+that exceeds half of the measured curvature, E sees the noise and not the cloth, and `remark` says so. Take a circle of
+radius R with markers an angle phi apart. There kappa R = (5 + cos 2 phi - 6 cos phi) / sin^2 phi, that is 1 + 3/4 phi^2
+and smaller terms. Both sides share this factor.
+
+Source: E. Catmull, R. Rom, "A class of local interpolating splines" (1974); M. P. do Carmo, "Differential Geometry of
+Curves and Surfaces", section 1-5.
 """
 
 from __future__ import annotations
@@ -139,7 +148,7 @@ def _weights(counted: Booleans) -> Floats:
 
 
 def curvature_seen(seen: Booleans) -> Booleans:
-    """Return whether all markers are seen, (..., n), that the curvature at each of a line of n is made of."""
+    """Return whether all markers of each curvature are seen, (..., n), for a line of n markers."""
     found = seen.copy()
     found[..., 1:] &= seen[..., :-1]
     found[..., :-1] &= seen[..., 1:]

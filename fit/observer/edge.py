@@ -1,25 +1,30 @@
 """Compare the tracked points on the held edge with simulated ones: evidence on the boundary and the measurement.
 
-A simulated edge is where hanger and effects put it, whatever the cloth: it moves with no parameter of the cloth. In
-each frame, by least squares over its points at places s_p from their middle, displacements d_p = y_p - x_p are
+Hanger and effects alone place a simulated edge; no parameter of the cloth moves it. In each frame the displacements d_p
+= y_p - x_p of the edge's points are split by least squares. The points lie at places s_p from their middle:
 
     d_p = m + s_p q,   four numbers: m (3), and the stretch q . b along the bar b, times the rms of s_p
 
-Turning is left out: it drives `hanger_rotation` (`fit.recordings.held_edge`). Like the cloth's residuals
-the numbers are split in what varies, known by the noise of points and path, and the mean over a take, known as well as
-the points' own offsets (`Recording.offset_sd`):
+Turning is left out, because it drives `hanger_rotation` (`fit.recordings.held_edge`). Like the cloth's residuals, the
+numbers are split in two parts. The noise of points and path limits the varying part. The points' own offsets
+(`Recording.offset_sd`) limit the mean over a take:
 
     dynamic  (d - mean d) / sqrt(sigma^2 + path^2)
     static  mean d / sqrt(offset^2 + ends^2 + (sigma^2 + path^2) / n)
 
-with the error `ends` of where the rig says that the held ends are on the hanger, where it states one.
+with the error `ends` of the held ends' places on the hanger, if the rig states one.
 
-The path's noise is what its spline leaves of white noise. A steady spline of cut-off f_c at n frames a second keeps of
-its variance (2 / n) integral df / (1 + (f / f_c)^6)^2 = (5 pi / 9) f_c / n (`fit.recordings.smoothing`).
-Slow noise, a third of the white one and lasting a third of a second, makes four times the scores that white noise
-makes, and a tenth more of squares: of what varies, fifteen of such variances are certain. A marker's own offset is the
-same in all takes, so that what is off constantly counts once, as the mean over takes of a sum of four squares, chi^2(4)
-where nothing is off: 25 is exceeded once in 20000 times. Both are added in multiples of what is certain (`shown`).
+The path's noise is the part of white noise that passes its spline. A steady spline (`fit.recordings.smoothing`) of
+cut-off f_c at n frames a second passes this share of the variance:
+
+    (2 / n) integral df / (1 + (f / f_c)^6)^2 = (5 pi / 9) f_c / n
+
+Slow noise of a third of the white noise, lasting a third of a second, makes four times white noise's scores. It adds a
+tenth to the squares. So fifteen of these variances in the varying part count as certain. A marker's own offset is the
+same in all takes. So a constant error counts once, as the mean over takes of a sum of four squares. Without a constant
+error the sum follows chi^2(4), and 25 is exceeded once in 20000 times. Both parts are added in multiples of a certain
+error (`shown`).
+
 Source: the integral: I. S. Gradshteyn & I. M. Ryzhik, "Table of Integrals, Series, and Products" (2007), 3.241.5.
 """
 
@@ -50,8 +55,9 @@ LEAST_BY_LAW = 0.05  # of the edge's error without either of two effects: the sh
 class EdgeErrors:
     """Error of a model at the held edges of some takes, in squared deviations.
 
-    moving: sum of the `count` squares of the varying part; resting: the constant part, as a mean over takes
-    mm: root mean square over frames of the four numbers together [mm]
+    - `moving`: sum of the `count` squares of the varying part
+    - `resting`: the constant part, as a mean over takes
+    - `mm`: root mean square over frames of the four numbers together [mm]
     """
 
     moving: float = 0.0
@@ -72,21 +78,22 @@ class EdgeErrors:
 
 
 def is_seen_on_edge(before: EdgeErrors, after: EdgeErrors, by_law: float = 0.0) -> bool:
-    """Return whether an effect brings the held edge most of the way to where it was tracked.
+    """Return whether an effect moves the simulated held edge most of the way to the tracked one.
 
-    by_law: error that laws of earlier effects may leave there, in multiples of a certain error; it must remove more
+    `by_law` is the error that laws of earlier effects may leave there, in multiples of a certain error. The effect must
+    remove more.
     """
     is_enough = before.shown - after.shown > max(1.0, by_law)
     return is_enough and after.beyond_noise <= (1 - MOST_REMOVED) * before.beyond_noise
 
 
 def is_told_by_edge(one: EdgeErrors, other: EdgeErrors, without: EdgeErrors) -> bool:
-    """Return whether the held edge favours the other model's effect over this one's; without: the error with neither."""
+    """Return whether the held edge favours the other model's effect; `without` is the error with neither effect."""
     return one.shown - other.shown > max(1.0, LEAST_BY_LAW * (without.shown - other.shown))
 
 
 def is_edge_explained(errors: EdgeErrors, by_law: float = 0.0) -> bool:
-    """Return whether the held edge lies where a model puts it, as far as noise and laws let anyone know."""
+    """Return whether the held edge agrees with a model, within noise and the spread of laws."""
     return errors.beyond_noise <= max(1.0, by_law)
 
 
@@ -111,8 +118,9 @@ def edge_errors(take: NDArray[np.int64], frame: NDArray[np.int64], whitened: Flo
 class EdgeResiduals:
     """Residuals of one recording's held edge; none where it is not tracked or its points are judged like the others.
 
-    frame, (frames,): indices of the frames that count; sd [m], (frames, NUMBERS), of the numbers; static_sd [m] of
-    their means, (NUMBERS,) or, where no frame counts, (0,)
+    - `frame`, (frames,): indices of the frames that count
+    - `sd` [m], (frames, NUMBERS): of the numbers
+    - `static_sd` [m]: of their means, (NUMBERS,), or (0,) if no frame counts
     """
 
     def __init__(self, recording: Recording) -> None:

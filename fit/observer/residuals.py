@@ -3,17 +3,19 @@
     pull = w^2 (y - x) + 2 zeta w (ydot - v),   w = 2 pi f, zeta = 1        [m/s^2]
 
 With a perfect model and no noise the pull is zero; otherwise the pull is the missing force. f = 0 is a free rollout.
-Residuals are y - x at the frames, of the points that are not on the held edge, in two parts: the variation about each
-point's mean over a take, divided by the noise, and the mean itself, divided by its standard deviation:
+Residuals are y - x at the frames, for points that are not on the held edge. They have two parts. The variation about
+each point's mean over a take is divided by the noise. The mean is divided by its standard deviation:
 
     dynamic  (r - mean r) / sigma          static  mean r / sqrt(offset^2 + sigma^2 / n)
 
-Points on the held edge measure the boundary and the measurement itself. They are not judged, but where effects are
-looked for they are evidence: a third part of the residual (`fit.observer.edge`).
-Points of a silhouette sit a few millimetres beside the material points that they stand for, constantly: for garments
-whose points are found in a silhouette (skirts, T-shirts) the static part says nothing of the cloth and is left out.
-Source: D. G. Luenberger, "An introduction to observers", IEEE TAC 16 (1971); synchronisation of chaotic models,
-H. D. I. Abarbanel et al., "Dynamical state and parameter estimation", SIAM J. Appl. Dyn. Syst. 8 (2009).
+Points on the held edge measure the boundary and the measurement itself. They are not judged. For the search for effects
+they are evidence: a third part of the residual (`fit.observer.edge`).
+
+Points of a silhouette (skirts, T-shirts) lie a constant few millimetres beside their material points. For these
+garments the static part is no evidence on the cloth and is left out.
+
+Source: D. G. Luenberger, "An introduction to observers", IEEE TAC 16 (1971); synchronisation of chaotic models, H. D.
+I. Abarbanel et al., "Dynamical state and parameter estimation", SIAM J. Appl. Dyn. Syst. 8 (2009).
 """
 
 from __future__ import annotations
@@ -39,11 +41,13 @@ LOST = 1e3  # standard deviations that a candidate is charged per number when it
 
 @dataclass(frozen=True)
 class Layout:
-    """Where each number of a stacked residual vector comes from; all arrays (numbers,).
+    """The origin of each number in a stacked residual vector; all arrays (numbers,).
 
-    sd [m] turns a number back into metres; is_judged marks what varies of the judged points, which comes first: not
-    means over a take, whose frame is -1, nor the held edge, marked by is_edge, whose point and axis are -1
-    static_of: for a number that is judged the place of its point's mean, or -1
+    - `sd` [m] turns a number back into metres.
+    - `is_judged` marks the varying part of the judged points, which comes first.
+    - `frame` is -1 for means over a take, which are not judged.
+    - `is_edge` marks numbers of the held edge, which are not judged; their point and axis are -1.
+    - `static_of` is the place of a judged number's mean, or -1.
     """
 
     take: NDArray[np.int64]
@@ -282,7 +286,7 @@ def _layout(recordings: list[Recording], edges: dict[int, EdgeResiduals]) -> Lay
 def _edge_rows(
     number: int, recording: Recording, edge: EdgeResiduals, first_block: int, block_of_means: int
 ) -> tuple[list[NDArray[np.int64]], Floats]:
-    """Return where the numbers of one held edge come from, in the order of `Layout`, and their deviations [m]."""
+    """Return the origin of one held edge's numbers, in the order of `Layout`, and their deviations [m]."""
     frame = np.repeat(edge.frame, NUMBERS)
     means = len(edge.static_sd)
     last = first_block + int(recording.time[recording.counted.any(1)].max(initial=0.0) / BLOCK)

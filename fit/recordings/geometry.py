@@ -1,7 +1,8 @@
-"""Whether a take's geometry is possible at all, before anything is simulated: cloth hardly stretches.
+"""Check that a take's geometry is possible, before anything is simulated: cloth hardly stretches.
 
-No point of the cloth is further from a held end than along the flat cloth, but for stretch and measurement. Further, in
-the median over the frames, means a wrong unit, garment, naming of points, or the held ends exchanged.
+Along flat cloth, every point has a distance to each held end. In the take a point is never further away, but for
+stretch and measurement. A larger median over the frames means a wrong unit, garment or naming of points, or exchanged
+held ends.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""What the tracked points on the held edge say of how the cloth is held: they measure the boundary, not the cloth.
+"""Turn and slip of the held edge, from tracked points on this edge: they measure the boundary, not the cloth.
 
-Displacements of the edge's points against the straight line between the held ends, square to the bar: level, and
-upwards. From them
+The displacements of the edge's points are taken against the straight line between the held ends. They are square to the
+bar: level, and upwards. They give
 
     turn     slopes over the place along the edge: yaw and roll of the edge against the path
     slip     the instant at which one side drops and stays down: the largest step of the mean height of a side's
@@ -37,8 +37,10 @@ SLIP_DELAY = 0.03  # s from a jerk to the middle of the slip that it causes
 class HeldEdge:
     """Tracked points on the held edge.
 
-    time [s], (frames,); points [m], (frames, points, 3), NaN where not seen; across [m], (points,): their places along
-    the edge; held: (n,) instants [s] -> (n, 6) its ends [m]
+    - `time` [s], (frames,)
+    - `points` [m], (frames, points, 3), NaN where not seen
+    - `across` [m], (points,): their places along the edge
+    - `held`: maps (n,) instants [s] to (n, 6), the edge's ends [m]
     """
 
     time: Floats
@@ -85,14 +87,14 @@ class HeldEdge:
         return np.stack([np.einsum("fpc,fc->fp", apart, level), upwards], 2)
 
     def _sides(self) -> list[Booleans]:
-        """Return which points show what the left end does, and the right one, each (points,); none without points."""
+        """Return the points that show the left end and the right end, each (points,), or none without points."""
         if len(self.across) == 0:
             return []
         share = (self.across - self.across.min()) / max(float(np.ptp(self.across)), 1e-9)
         return [share <= 1 - OUTER, share >= OUTER]
 
     def _step(self, chosen: Booleans) -> tuple[float, float]:
-        """Return how many standard errors the largest step of some points' height is, and when it was [s]."""
+        """Return the largest step of some points' height in standard errors, and its instant [s]."""
         heights = self._displacements[:, chosen, 1]
         seen = np.isfinite(heights).any(1)
         if seen.sum() < FEWEST_FRAMES:

@@ -1,14 +1,13 @@
-"""Points that are where their cloth cannot be: a marker that jumps, two that are taken for each other, something else.
+"""Find points where their cloth cannot be: a marker that jumps, or two markers that are taken for each other.
 
-Cloth hardly stretches, so that no two of its points are further apart than along the flat cloth, but for stretch, glue
-and noise of deviation s per axis:
+Cloth hardly stretches. So no two points are further apart than along the flat cloth. Stretch, glue and noise of
+deviation s per axis are allowed for:
 
     |x_i - x_j| <= 1.25 d_ij + 5 mm + 6 sqrt(s_i^2 + s_j^2)
 
-In a frame in which some are, that one of them is left out which is furthest beyond d_ij from all others together, until
-none is (of two points alone, both). Two markers
-a grid's pitch h apart that are taken for each other are then 2 h from their outer neighbours: seen for s below
-(0.75 h - 5 mm) / 8.5.
+In a frame that breaks this rule, one point is left out: the point furthest beyond d_ij from all others together. This
+repeats until the rule holds. Of two points alone, both are left out. Two markers a grid's pitch h apart that are taken
+for each other are 2 h from their outer neighbours. The rule finds them for s below (0.75 h - 5 mm) / 8.5.
 """
 
 from __future__ import annotations

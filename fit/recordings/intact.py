@@ -1,7 +1,7 @@
-"""Which part of a damaged take is used: the longest stretch without a hole, and what the cloth did before it forgotten.
+"""Choose the used part of a damaged take: the longest stretch without a hole, less the cloth's unknown beginning.
 
-A hole of more than `LONGEST_GAP` seconds cannot be bridged: the hanger's path across it is not known. A stretch that
-begins in the middle of a swing begins with cloth whose state is not known either, so that its first seconds drive the
+The hanger's path is unknown across a hole of more than `LONGEST_GAP` seconds, so nothing bridges such a hole. A stretch
+that begins in the middle of a swing begins with cloth of unknown state. The first seconds of this stretch drive the
 simulation and are not judged.
 """
 

@@ -33,7 +33,7 @@ def held_noise(recording: Recording) -> Floats:
 
 
 def _is_slow(recording: Recording) -> bool:
-    """Return whether frames are so far apart that motion shows in their sixth differences."""
+    """Return whether motion shows in the frames' sixth differences, because frames are too far apart."""
     return (len(recording.time) - 1) / recording.duration < SLOWEST_RATE
 
 

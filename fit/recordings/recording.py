@@ -1,9 +1,9 @@
 """A take made ready for simulation: world frame, smooth hanger path, targets for the observer.
 
 World frame: z against gravity, x along the sensor's x as far as level, y = z × x, metres.
-The hanger's path is a spline that is smooth in its acceleration, with a cut-off that the take itself chooses; the
-observer's targets are cubic smoothing splines with a cut-off at 6 Hz (`fit.recordings.smoothing`): flat for hand-made
-motion (0.1 % at 1 Hz), so that sensor noise is not turned into accelerations and swings are not made smaller.
+The hanger's path is a spline that is smooth in its acceleration, with a cut-off that the take chooses
+(`fit.recordings.smoothing`). The observer's targets are cubic smoothing splines with a cut-off at 6 Hz. Both are flat
+for hand-made motion, within 0.1 % at 1 Hz. So sensor noise does not become acceleration, and swings keep their size.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ OUTLYING = 10.0  # times what a path's noise is in the median, stated deviations
 ON_EDGE = 0.02  # of the points' height, within which of the held edge, or of a clip, one moves with the hanger
 NO_HAND = "no hand moves like that: check the markers' ids and the depth there"
 FEWEST_PLACES = 8  # of a point, below which it has no curve
-# How far a tracked point may constantly be beside the material point that it stands for, per axis [m]: glue, and where
-# a marker's middle is taken to be; a corner in a silhouette, as tracking has those of synthetic swatches
-# (`benchmarks/tracking.py`, "constant part").
+# The constant offset of a tracked point from its material point, per axis [m]. For a marker: glue, and the choice of
+# the marker's middle. For a corner in a silhouette: tracking of synthetic swatches (`benchmarks/tracking.py`, "constant
+# part").
 MARKER_OFFSET, SILHOUETTE_OFFSET = 1e-3, 2e-3
 LONGEST_BRIDGE = 0.25  # s without a point over which its spline is still believed
 
@@ -56,22 +56,24 @@ class Windows:
 class Recording:
     """One take in the world frame.
 
-    time [s], (frames,)
-    points [m], (frames, points, 3), NaN where not valid; point_sd [m], (points,): per axis, root mean square
-    held: (n,) instants [s] -> (n, 6) left and right end of the held edge [m]
-    held_seen [m], (frames, 6): the ends as they were measured, NaN where not seen; held_sd [m]: stated, per axis
-    held_cut_off [Hz]: of the path's spline
-    target_curves: per point, (n,) instants -> (n, 6) place [m] and velocity [m/s]
-    edge_turn: (n,) instants -> (n, 2) yaw and roll of the tracked held edge against the path [rad]
-    turn_rms [rad], (2,): of both, over the takes that it is fitted with (`prepare_together`)
-    slip_at [s]: when the cloth would have slipped half its way in its clips (`fit.recordings.held_edge`)
-    judged, (points,): false for points on a clamped edge or in a clip, which measure the boundary and not the cloth
-    windows: where the observer's pull acts and residuals count; None: both everywhere
-    held_error [m]: how far off the held ends may constantly be on the hanger, per axis, where the rig states it
-    offset_sd [m]: how far a point may constantly be beside the material point that it stands for, per axis
-    is_calibrated: false where a sensor saw it whose rig nobody measured (`hangtime calibrate`)
-    bodies: what stands near, in the world frame
-    impossible: share of the points' sightings that are where the cloth cannot be (`fit.recordings.impossible_points`)
+    - `time` [s], (frames,)
+    - `points` [m], (frames, points, 3), NaN where not valid
+    - `point_sd` [m], (points,): per axis, root mean square
+    - `held`: maps (n,) instants [s] to (n, 6), left and right end of the held edge [m]
+    - `held_seen` [m], (frames, 6): the measured ends, NaN where not seen
+    - `held_sd` [m]: stated, per axis
+    - `held_cut_off` [Hz]: of the path's spline
+    - `target_curves`: per point, maps (n,) instants to (n, 6), place [m] and velocity [m/s]
+    - `edge_turn`: maps (n,) instants to (n, 2), yaw and roll of the tracked held edge against the path [rad]
+    - `turn_rms` [rad], (2,): of both, over the takes that are fitted together (`prepare_together`)
+    - `slip_at` [s]: the middle of a possible slip in the clips (`fit.recordings.held_edge`)
+    - `judged`, (points,): false for points on a clamped edge or in a clip, which measure the boundary and not the cloth
+    - `windows`: the observer's pull acts and residuals count inside these; None: everywhere
+    - `held_error` [m]: constant error of the held ends on the hanger, per axis, if the rig states one
+    - `offset_sd` [m]: constant offset of a point from its material point, per axis
+    - `is_calibrated`: false for a sensor whose rig nobody measured (`hangtime calibrate`)
+    - `bodies`: the standing bodies near the cloth, in the world frame
+    - `impossible`: share of the points' sightings where the cloth cannot be (`fit.recordings.impossible_points`)
     """
 
     take_id: str
@@ -98,13 +100,13 @@ class Recording:
 
     @property
     def counted(self) -> Booleans:
-        """Return which points are held against the simulation, (frames, points)."""
+        """Return the points to compare with the simulation, (frames, points)."""
         seen = self.valid & self.judged
         return seen if self.windows is None else seen & self.windows.is_free(self.time)[:, None]
 
     @property
     def has_curve(self) -> Booleans:
-        """Return which points are seen often enough for `target_curves` to say where they are, (points,)."""
+        """Return the points that are seen often enough for `target_curves`, (points,)."""
         return np.asarray(self.valid.sum(0) >= FEWEST_PLACES)
 
     @property
@@ -222,7 +224,7 @@ def prepare_together(
 
 
 def _or_one(turn_rms: Floats) -> Floats:
-    """Return what may be divided by: where there is no turn, none comes of it."""
+    """Return a divisor for the turn: 1 for no turn, which then stays zero."""
     return np.where(turn_rms > 0, turn_rms, 1.0)
 
 
@@ -321,8 +323,10 @@ def check_path(name: str, seen: Floats, places: Floats) -> None:
 def _accelerations(seen: Floats, places: Floats) -> tuple[Floats, Floats]:
     """Return how hard both ends are accelerated from frame to frame, and the most that can be, (n - 2, 2) [m/s^2].
 
-    seen [s], (n,); places [m], (n, 2, 3). Noise counts for more where frames are close together: a difference of
-    places over h1 and h2 seconds has 2 / (h1 + h2) sqrt(1/h1^2 + (1/h1 + 1/h2)^2 + 1/h2^2) times their deviation.
+    seen [s], (n,); places [m], (n, 2, 3). Noise counts for more between close frames. A second difference of places
+    over h1 and h2 seconds has a multiple of their deviation:
+
+        2 / (h1 + h2) sqrt(1/h1^2 + (1/h1 + 1/h2)^2 + 1/h2^2)
     """
     before, after = np.diff(seen)[:-1, None], np.diff(seen)[1:, None]
     slopes = np.diff(places, axis=0) / np.diff(seen)[:, None, None]

@@ -1,4 +1,4 @@
-"""Which takes are fitted to and which are held out: one garment, none twice, each known by its content."""
+"""Sort takes into fitted and held-out ones: one garment, no take twice, each take known by its content."""
 
 from __future__ import annotations
 

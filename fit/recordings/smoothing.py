@@ -1,25 +1,27 @@
 """Smooth curves through noisy frames: splines with a chosen cut-off, and with one that the data choose.
 
-`smoothing_spline`: a cubic f that minimises sum_k (y_k - f(t_k))^2 + lambda integral f''^2 dt, a low-pass
-1 / (1 + (lambda / rate) omega^4), with lambda set for a cut-off.
+`smoothing_spline` is a cubic f that minimises sum_k (y_k - f(t_k))^2 + lambda integral f''^2 dt. The spline is a
+low-pass 1 / (1 + (lambda / rate) omega^4). A chosen cut-off sets lambda.
 
-`steady_spline`: what drives a simulation must be smooth in its acceleration, for cloth answers to that. B-splines of
-the fifth degree with a knot every h, a frame, whose coefficients a minimise
+`steady_spline` drives a simulation. Cloth answers to acceleration, so the path must be smooth in its acceleration. The
+spline consists of B-splines of the fifth degree with a knot at every frame, a time h apart. Their coefficients a
+minimise
 
     |y - B a|^2 + lambda |D a|^2,   D third differences: a low-pass H(w) = 1 / (1 + lambda d(w) / b(w)),
     d = (2 sin(w h / 2))^6,   b = ((66 + 52 cos w h + 2 cos 2 w h) / 120)^2,   lambda = b(2 pi f_c) / d(2 pi f_c)
 
-(b: the splines' own values at the knots), which is near to 1 / (1 + (f / f_c)^6),
-with the cut-off f_c that generalised cross-validation finds best for all columns together,
+with the splines' values b at the knots. The low-pass is close to 1 / (1 + (f / f_c)^6). Generalised cross-validation
+chooses one cut-off f_c for all columns together,
 
     min  |y - f|^2 / (1 - tr H / n)^2,   tr H = sum_k H(pi k / (n h)), k = 0 to n - 1
 
-tr H being that of evenly spaced frames, whose eigenvectors are cosines of k half turns. On takes of a hand at 30
-to 60 frames a second it is 3 to 6 Hz, the lower the noisier. What noise of a path does to cloth, through either spline,
-`benchmarks/hanger_noise.py` measures.
-Sources: P. J. Green & B. W. Silverman, "Nonparametric Regression and Generalized Linear Models" (1994), section 2.2;
-B. W. Silverman, Ann. Statist. 12 (1984) (transfer function); P. H. C. Eilers & B. D. Marx, Statistical Science 11
-(1996) (penalised B-splines); P. Craven & G. Wahba, Numerische Mathematik 31 (1979) (cross-validation).
+Here tr H is that of evenly spaced frames, whose eigenvectors are cosines of k half turns. On takes of a hand at 30 to
+60 frames a second the cut-off is 3 to 6 Hz, lower for more noise. `benchmarks/hanger_noise.py` measures the effect of
+the path's noise on cloth, through either spline.
+
+Sources: P. J. Green & B. W. Silverman, "Nonparametric Regression and Generalized Linear Models" (1994), section 2.2; B.
+W. Silverman, Ann. Statist. 12 (1984) (transfer function); P. H. C. Eilers & B. D. Marx, Statistical Science 11 (1996)
+(penalised B-splines); P. Craven & G. Wahba, Numerische Mathematik 31 (1979) (cross-validation).
 """
 
 from __future__ import annotations
@@ -135,7 +137,7 @@ def _weight_at(turns: Floats) -> Floats:
 def noise_of(values: Floats) -> float:
     """Return the deviation of white noise in a smooth, evenly sampled column, from its sixth differences.
 
-    White noise of deviation s has sixth differences of deviation sqrt(924) s; a flutter of 20 mm at 3 Hz and 30 frames
+    White noise of deviation s has sixth differences of deviation sqrt(924) s. A flutter of 20 mm at 3 Hz and 30 frames
     a second adds less than 0.1 mm. The median keeps jumps out.
     """
     sixth = np.diff(values, 6)

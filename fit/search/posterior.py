@@ -10,7 +10,9 @@ whole difference, so that walkers step between local minima:
 
 Source: C. J. F. ter Braak, "A Markov chain Monte Carlo version of the genetic algorithm differential evolution",
 Statistics and Computing 16 (2006). Each half of the walkers moves by the other half, so all walkers of a half move at
-once. Source: D. Foreman-Mackey et al., "emcee: the MCMC hammer", PASP 125 (2013), section 3.
+once.
+
+Source: D. Foreman-Mackey et al., "emcee: the MCMC hammer", PASP 125 (2013), section 3.
 """
 
 from __future__ import annotations

@@ -47,8 +47,9 @@ FEW = 20  # pixels
 class Examples:
     """Corners of one scene: time [s], (n,); traces, (n, 4, traces), NaN where not in doubt; what is true, (n, 4).
 
-    pixels, (n, 4): how many show the corner's neighbourhood; told, (n, 4): by the tracker as it is, with the weights
-    that it has, also by things in front and the picture's border; corners from the top left clockwise
+    - `pixels`, (n, 4): how many show the corner's neighbourhood
+    - `told`, (n, 4): by the tracker as it is, with the weights that it has, also by things in front and the picture's
+      border; corners from the top left clockwise
     """
 
     cloth: str

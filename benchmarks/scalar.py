@@ -234,8 +234,10 @@ def scene(seconds: float) -> tuple[Simulator, Floats]:
 class Cost:
     """Processor time [s] of one candidate in every round, (rounds,).
 
-    scalar, lanes: of C, (flags, rounds) in the order of `FURTHER`; narrow: of C with as many lanes as the kernel gives
-    one alone; kernel: of its calls; whole: of `Simulator.run`
+    - `scalar`, `lanes`: of C, (flags, rounds) in the order of `FURTHER`
+    - `narrow`: of C with as many lanes as the kernel gives one alone
+    - `kernel`: of its calls
+    - `whole`: of `Simulator.run`
     """
 
     scalar: Floats

@@ -41,12 +41,12 @@ class SensorInfo:
 class SensorFrame:
     """One depth frame and the colour frame nearest to it in time.
 
-    index: number of the depth frame from 0, counting dropped ones
-    time_s [s]: the device's clock when the depth was taken; strictly increasing, any origin
-    host_time_s [s]: the host's monotonic clock when the frame was handed over, of a recording when it was played
-    depth [mm], (height, width), uint16, 0 where nothing was measured
-    colour, RGB, (height, width, 3), uint8, registered to depth; None where no colour frame is near in time
-    dropped_before: frames that the device counted and nobody received since the frame before
+    - `index`: number of the depth frame from 0, counting dropped ones
+    - `time_s` [s]: the device's clock when the depth was taken; strictly increasing, any origin
+    - `host_time_s` [s]: the host's monotonic clock when the frame was handed over, of a recording when it was played
+    - `depth` [mm], (height, width), uint16, 0 where nothing was measured
+    - `colour`, RGB, (height, width, 3), uint8, registered to depth; None where no colour frame is near in time
+    - `dropped_before`: frames that the device counted and nobody received since the frame before
     """
 
     index: int

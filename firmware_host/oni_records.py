@@ -92,8 +92,8 @@ class Record:
 class OniSummary:
     """What a walk over a recording found: frames per stream, and whether it was closed properly.
 
-    interval_us: between depth frames that follow each other by their numbers, the median; None of a single frame
-    mirrored: streams that the recording says are seen as in a mirror
+    - `interval_us`: between depth frames that follow each other by their numbers, the median; None of a single frame
+    - `mirrored`: streams that the recording says are seen as in a mirror
     """
 
     depth_frames: int

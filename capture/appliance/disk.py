@@ -47,9 +47,13 @@ class TakePlan:
 class DiskNews:
     """What the disk thread has found out.
 
-    room: bytes free; kept: a take that has its name; findings: what a fitter would find in it
-    failure: why a take ended, or why the spool cannot be used; is_over: the take that ran is done with
-    salvaged: takes that a crash had left; counts: takes in the spool, and those of them that wait for the server
+    - `room`: bytes free
+    - `kept`: a take that has its name
+    - `findings`: what a fitter would find in it
+    - `failure`: why a take ended, or why the spool cannot be used
+    - `is_over`: the take that ran is done with
+    - `salvaged`: takes that a crash had left
+    - `counts`: takes in the spool, and those of them that wait for the server
     """
 
     room: int | None = None

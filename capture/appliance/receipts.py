@@ -20,13 +20,13 @@ CHECKSUM = "store's checksum"  # the store answered with the checksum of what wa
 class Receipt(msgspec.Struct, frozen=True, kw_only=True):
     """Where a take lies on the server, and how its content was verified there.
 
-    sequence: the take's number on this device
-    url, key: the server folder or bucket, and the object's name in it
-    sha256, bytes: of the take archive
-    stored_sha256, stored_bytes: of the object; they differ from the take's where it was encrypted before upload
-    is_encrypted: whether the object is the take encrypted with age
-    verified: READ_BACK or CHECKSUM
-    at: wall clock of the verification, ISO 8601 with its offset
+    - `sequence`: the take's number on this device
+    - `url`, `key`: the server folder or bucket, and the object's name in it
+    - `sha256`, `bytes`: of the take archive
+    - `stored_sha256`, `stored_bytes`: of the object; they differ from the take's where it was encrypted before upload
+    - `is_encrypted`: whether the object is the take encrypted with age
+    - `verified`: READ_BACK or CHECKSUM
+    - `at`: wall clock of the verification, ISO 8601 with its offset
     """
 
     sequence: int

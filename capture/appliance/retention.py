@@ -17,9 +17,9 @@ GIBIBYTE = 1 << 30
 class Retention(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How much of the disk takes may fill, and how long those stay that are safe on the server.
 
-    quota_bytes: takes together may be so large
-    least_free_bytes: so much of the file system stays free
-    days: a verified take leaves so many days after it was verified, even where there is room; None: it stays
+    - `quota_bytes`: takes together may be so large
+    - `least_free_bytes`: so much of the file system stays free
+    - `days`: a verified take leaves so many days after it was verified, even where there is room; None: it stays
     """
 
     quota_bytes: int = 8 * GIBIBYTE
@@ -38,9 +38,9 @@ class Retention(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 class Room:
     """What making room came to.
 
-    left: stems of the takes that left
-    used, free: bytes of all takes, bytes free on the file system; both afterwards
-    is_enough: whether quota and least free space hold, with what was asked for on top
+    - `left`: stems of the takes that left
+    - `used`, `free`: bytes of all takes, bytes free on the file system; both afterwards
+    - `is_enough`: whether quota and least free space hold, with what was asked for on top
     """
 
     left: tuple[str, ...]

@@ -47,8 +47,10 @@ KEPT_S = 3.0  # s for which a kept take is shown
 def light_of(state: State, *, is_tracking: bool, behind_s: float, kept_ago_s: float, has_complaint: bool) -> Light:
     """Return what the lamp shows.
 
-    is_tracking: hanger and garment are seen; behind_s: age of the oldest frame that is not on the disk; kept_ago_s:
-    since a take was kept; has_complaint: a fault that does not keep anybody from recording, or a flaw of the last take
+    - `is_tracking`: hanger and garment are seen
+    - `behind_s`: age of the oldest frame that is not on the disk
+    - `kept_ago_s`: since a take was kept
+    - `has_complaint`: a fault that does not keep anybody from recording, or a flaw of the last take
     """
     if state is State.RECORDING:
         if not is_tracking:

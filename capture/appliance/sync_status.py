@@ -54,14 +54,14 @@ class Proof(msgspec.Struct, frozen=True, kw_only=True):
 class SyncStatus(msgspec.Struct, frozen=True, kw_only=True):
     """How sync stands.
 
-    at: when this was written, as all times here: wall clock, ISO 8601 with its offset
-    waiting, waiting_bytes: takes without a receipt
-    safe: takes with a receipt, those that left the device too
-    last_sync: when a take was last verified on the server
-    verified: how the last one was: READ_BACK or CHECKSUM of `capture.appliance.receipts`
-    fault: what keeps takes from the server; None where nothing does
-    damaged: takes that changed on this device's disk after they were kept
-    notes: what somebody should know and need not mend
+    - `at`: when this was written, as all times here: wall clock, ISO 8601 with its offset
+    - `waiting`, `waiting_bytes`: takes without a receipt
+    - `safe`: takes with a receipt, those that left the device too
+    - `last_sync`: when a take was last verified on the server
+    - `verified`: how the last one was: READ_BACK or CHECKSUM of `capture.appliance.receipts`
+    - `fault`: what keeps takes from the server; None where nothing does
+    - `damaged`: takes that changed on this device's disk after they were kept
+    - `notes`: what somebody should know and need not mend
     """
 
     at: str

@@ -28,8 +28,9 @@ Source = Literal["NTP", "RTC", "none"]
 class WallTime:
     """An instant by the wall clock.
 
-    source: "NTP" while the kernel's clock is disciplined, "RTC" where it was read from a battery's clock, else "none"
-    uncertainty_s [s]: at most so far off, as the kernel says; None where nothing says
+    - `source`: "NTP" while the kernel's clock is disciplined, "RTC" where it was read from a battery's clock, else
+      "none"
+    - `uncertainty_s` [s]: at most so far off, as the kernel says; None where nothing says
     """
 
     utc: str

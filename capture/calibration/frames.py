@@ -23,8 +23,9 @@ MOST_KEPT = 90  # frames; three seconds, after which the noise that averages out
 class StillFrames:
     """Markers in frames during which nothing moved.
 
-    corners [px], (frames, ids, 4, 2), in the detector's order, NaN where not found; depth [mm], one (H, W) a frame;
-    seen: frames that were looked at
+    - `corners` [px], (frames, ids, 4, 2), in the detector's order, NaN where not found
+    - `depth` [mm], one (H, W) a frame
+    - `seen`: frames that were looked at
     """
 
     corners: Floats

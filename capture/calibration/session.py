@@ -45,9 +45,13 @@ LEFT, RIGHT, UPPER, LOWER, LEFT_CLIP, RIGHT_CLIP = range(6)  # rows of the marke
 class Measured:
     """What one calibration found; None where it was not measured.
 
-    rig: with everything that was measured; frames: still ones that were used, of how many seen
-    gravity: unit vector, sd [rad]; scale: measured over true depth; offset [px], (2,), NaN along an axis that no plate
-    showed; held [m], (2, 3); distance_m: between the hanger's markers as measured
+    - `rig`: with everything that was measured
+    - `frames`: still ones that were used, of how many seen
+    - `gravity`: unit vector, sd [rad]
+    - `scale`: measured over true depth
+    - `offset` [px], (2,), NaN along an axis that no plate showed
+    - `held` [m], (2, 3)
+    - `distance_m`: between the hanger's markers as measured
     """
 
     rig: Rig
@@ -66,8 +70,9 @@ def calibrate(
 ) -> Measured:  # fmt: skip
     """Measure a rig from the next seconds [s] of a sensor before which everything hangs still.
 
-    plumb_ids: upper and lower marker of the plumb line; clip_ids: markers in the left and in the right clip, of the
-    hanger's dictionary and size; accelerometer: gravity from the sensor itself, used where no plumb line is seen.
+    - `plumb_ids`: upper and lower marker of the plumb line
+    - `clip_ids`: markers in the left and in the right clip, of the hanger's dictionary and size
+    - `accelerometer`: gravity from the sensor itself, used where no plumb line is seen.
 
     Raises:
         CalibrationError: no markers, nothing still, a plumb line that is too short, or markers that are not as far

@@ -37,9 +37,11 @@ FEWEST_PIXELS = 12  # a plane through fewer noisy pixels is not a measurement
 class SurfaceDepth:
     """Depth [m] of a surface at one pixel, its standard deviation [m], and the fit behind it.
 
-    residuals [m], (pixels,) in depth; used, (pixels,): which of the given pixels lie on the surface;
-    slope [m/px], (2,): how depth changes along u and v; height [px]: root of the sum of squares of the fitted pixels'
-    distances along v from their middle, which says how well the slope along v is known.
+    - `residuals` [m], (pixels,) in depth
+    - `used`, (pixels,): which of the given pixels lie on the surface
+    - `slope` [m/px], (2,): how depth changes along u and v
+    - `height` [px]: root of the sum of squares of the fitted pixels' distances along v from their middle, which says
+      how well the slope along v is known.
     """
 
     depth: float

@@ -67,8 +67,9 @@ class CornerFinder(Protocol):
     def find(self, silhouette: Silhouette, held: Floats, sides: Floats) -> CornersInView:
         """Find them on a silhouette.
 
-        held [px of the image], (2, 2): the ends of the held edge, left first; sides [px], (4, 2): how long the flat
-        garment's sides before and after each corner, going clockwise, look at the garment's distance.
+        - `held` [px of the image], (2, 2): the ends of the held edge, left first
+        - `sides` [px], (4, 2): how long the flat garment's sides before and after each corner, going clockwise, look at
+          the garment's distance.
         """
         ...
 

@@ -39,8 +39,10 @@ NOWHERE = 9.0  # m, more than any garment: no way leads to any place
 class SeenWays:
     """The seen surface and the ways along it.
 
-    surface [m], (rows, columns, 3): a node every `cell` pixels; held [m], (2, 3): ends of the held edge;
-    from_corners [m], (4, rows, columns): from the corners to the nodes; found, (4,): the corners that can be trusted
+    - `surface` [m], (rows, columns, 3): a node every `cell` pixels
+    - `held` [m], (2, 3): ends of the held edge
+    - `from_corners` [m], (4, rows, columns): from the corners to the nodes
+    - `found`, (4,): the corners that can be trusted
     """
 
     surface: Floats
@@ -54,8 +56,8 @@ class SeenWays:
 class Beyond:
     """How far each corner lies beyond the seen cloth [m], (4,), by the held ends alone and by all that can be trusted.
 
-    pixels [px of the image], (4, 2): where the seen cloth comes nearest to it by the held ends; places [m], (4, 3): the
-    same by all that can be trusted; NaN where none is seen
+    - `pixels` [px of the image], (4, 2): where the seen cloth comes nearest to it by the held ends
+    - `places` [m], (4, 3): the same by all that can be trusted; NaN where none is seen
     """
 
     by_ends: Floats

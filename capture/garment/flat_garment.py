@@ -31,9 +31,11 @@ AS_GOOD = 0.003  # m by which its nearest corner may be nearer: on wide garments
 class FlatGarment:
     """Corners [m], (4, 2), y up, from the top left clockwise; roles: for every tracked point its corner or `CENTRE`.
 
-    sides [m], (4, 2): lengths of the outline's sides before and after each corner, clockwise; distances [m], (4, 4),
-    along the cloth; from_ends [m], (2, 4): from the ends of the held edge to the corners; reach [m]: farthest that any
-    of it can be from the held edge; area [m^2]
+    - `sides` [m], (4, 2): lengths of the outline's sides before and after each corner, clockwise
+    - `distances` [m], (4, 4), along the cloth
+    - `from_ends` [m], (2, 4): from the ends of the held edge to the corners
+    - `reach` [m]: farthest that any of it can be from the held edge
+    - `area` [m^2]
     """
 
     corners: Floats

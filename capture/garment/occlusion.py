@@ -54,8 +54,9 @@ def is_at_border(pixel: Floats, shape: tuple[int, ...]) -> bool:
 def folded_away(seen: Floats, flat: Floats, trusted: Booleans) -> tuple[Booleans, Booleans]:
     """Return which of the corners are hidden by a fold and which are somewhere else than they should be, (k,) each.
 
-    seen, flat [m], (k, k): distances along the cloth, NaN where a corner was not found, infinite where no way leads;
-    trusted: corners that are where they should be for another reason, so that the others are to blame.
+    - `seen`, `flat` [m], (k, k): distances along the cloth, NaN where a corner was not found, infinite where no way
+      leads
+    - `trusted`: corners that are where they should be for another reason, so that the others are to blame.
     """
     deficit = np.where(np.isfinite(seen), (1.0 - SHORT) * flat - SHORT_MORE - seen, 0.0)
     excess = np.where(np.isnan(seen), 0.0, seen - (1.0 + LONG) * flat - SHORT_MORE)

@@ -31,8 +31,10 @@ def peeking_area(
 ) -> float:
     """Return the area [m^2] of what peeks out around a place on the outline.
 
-    pixel [px of the image], (2,); missing [m]: how much cloth is; held [m], (2, 3): ends of the held edge; ways [m],
-    (2,): from these to the corner on the flat garment.
+    - `pixel` [px of the image], (2,)
+    - `missing` [m]: how much cloth is
+    - `held` [m], (2, 3): ends of the held edge
+    - `ways` [m], (2,): from these to the corner on the flat garment.
     """
     u, v = int(pixel[0]) - silhouette.window.left, int(pixel[1]) - silhouette.window.top
     z = _depth_around(silhouette, u, v, float(held[:, 2].mean()))

@@ -26,12 +26,15 @@ FINDERS: dict[str, type[CornerFinder]] = {"skirt": PanelCorners, "swatch": Panel
 class GarmentSight:
     """What one frame shows of the garment, in the order of `garment.points`; NaN where not seen.
 
-    points [m], (points, 3), sensor frame; sd [m], (points, 3)
-    valid, (points,): seen and placed; hidden, (points,): something in front, a fold or the picture's border hides it
-    (neither: it was not found, or what was found is not plausible)
-    pixels [px], (points, 2); outline [px], (n, 2): the silhouette, empty where the garment was not found
-    quality, 0 to 1: the mean over the points of how well each is known, times the share of the silhouette that has
-    depth; a point counts min(1, `WELL_KNOWN` / |sd|), and 0 where it is not valid
+    - `points` [m], (points, 3), sensor frame
+    - `sd` [m], (points, 3)
+    - `valid`, (points,): seen and placed
+    - `hidden`, (points,): something in front, a fold or the picture's border hides it (neither: it was not found, or
+      what was found is not plausible)
+    - `pixels` [px], (points, 2)
+    - `outline` [px], (n, 2): the silhouette, empty where the garment was not found
+    - `quality`, 0 to 1: the mean over the points of how well each is known, times the share of the silhouette that has
+      depth; a point counts min(1, `WELL_KNOWN` / |sd|), and 0 where it is not valid
     """
 
     points: Floats

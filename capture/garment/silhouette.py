@@ -38,9 +38,11 @@ class Window:
 class Silhouette:
     """The garment cut out of one depth image, in the smallest window around it.
 
-    mask, (h, w): 1 on the garment, holes filled; depth [m], (h, w): 0 where missing or off the garment;
-    raw [mm], (h, w): everything that the sensor sees there, 0 where missing;
-    outline [px of the window], (n, 2): its outermost pixels in order; touches_rim: see `cut_out`
+    - `mask`, (h, w): 1 on the garment, holes filled
+    - `depth` [m], (h, w): 0 where missing or off the garment
+    - `raw` [mm], (h, w): everything that the sensor sees there, 0 where missing
+    - `outline` [px of the window], (n, 2): its outermost pixels in order
+    - `touches_rim`: see `cut_out`
     """
 
     window: Window
@@ -56,9 +58,12 @@ def cut_out(
 ) -> Silhouette | None:
     """Return the garment inside the window, or None where nothing hangs below the held edge.
 
-    depth [mm], (H, W); held [px], (2, 2): left and right end of the held edge; nearest, farthest [m];
-    jump [m] in depth between neighbours that is another surface. `touches_rim` of what is returned: it may go on to
-    the left, to the right or below the window.
+    - `depth` [mm], (H, W)
+    - `held` [px], (2, 2): left and right end of the held edge
+    - `nearest`, `farthest` [m]
+    - `jump` [m]: a difference in depth between neighbours that marks another surface
+
+    `touches_rim` of the result: the garment may continue to the left, to the right or below the window.
     """
     patch = depth[window.top : window.bottom, window.left : window.right]
     ends = held - [window.left, window.top]

@@ -33,11 +33,16 @@ DISTANCE_TOLERANCE = 0.05  # of the marker distance; wider than a sensor's depth
 class HangerSight:
     """What one frame shows of the hanger; row 0 is the rig's first marker id, NaN where it was not found.
 
-    corners [px], (2, 4, 2): sub-pixel corners, clockwise from the pattern's top left
-    centres [px], (2, 2); sides [px], (2,); ranges [m], (2,): distance by the marker's size alone
-    positions [m], (2, 3), sensor frame; sd [m], (2, 3) per axis; valid, (2,)
-    distance_m: between the two markers, NaN unless both were placed (also where the check failed)
-    pitch, pitch_sd [rad]: turn about the line between the markers (`capture.hanger.pose`), NaN where it is not seen
+    - `corners` [px], (2, 4, 2): sub-pixel corners, clockwise from the pattern's top left
+    - `centres` [px], (2, 2)
+    - `sides` [px], (2,)
+    - `ranges` [m], (2,): distance by the marker's size alone
+    - `positions` [m], (2, 3), sensor frame
+    - `sd` [m], (2, 3) per axis
+    - `valid`, (2,)
+    - `distance_m`: between the two markers, NaN unless both were placed (also where the check failed)
+    - `pitch`, `pitch_sd` [rad]: turn about the line between the markers (`capture.hanger.pose`), NaN where it is not
+      seen
     """
 
     corners: Floats

@@ -78,8 +78,10 @@ class PlatePlacer:
     ) -> Placed:  # fmt: skip
         """Return where a place `at` [px] on the plate of a marker is, and how the plate slopes.
 
-        quad [px], (4, 2): the marker's corners; depth [mm], (H, W); in_view [px], (n, 2): outline of the part that is
-        not covered, where that is not all; centre_sd [px]. NaN where depth is missing or contradicts the marker's size.
+        - `quad` [px], (4, 2): the marker's corners
+        - `depth` [mm], (H, W)
+        - `in_view` [px], (n, 2): outline of the part that is not covered, where that is not all
+        - `centre_sd` [px]. NaN where depth is missing or contradicts the marker's size.
         """
         unknown = Placed(np.full(3, np.nan), np.full(3, np.nan), None)
         plate = self.plate_depth(quad if in_view is None else in_view, at, depth)

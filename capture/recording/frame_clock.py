@@ -40,8 +40,8 @@ class FrameClock:
     def place(self, sensor_time: float, *, dropped: int = 0, host_time: float | None = None) -> float | None:
         """Return the time [s] of a frame in the take, None where it cannot be placed.
 
-        dropped: frames that nobody received since the frame before; host_time [s]: when a live sensor handed it over,
-        None where that says nothing about when it was taken
+        - `dropped`: frames that nobody received since the frame before
+        - `host_time` [s]: when a live sensor handed it over, None where that says nothing about when it was taken
 
         Afterwards `has_jumped` says whether frames were left out before this one, and `dropped` how many were dropped
         since the last one that was placed.

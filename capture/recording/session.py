@@ -40,10 +40,10 @@ LOOK_FOR_ROOM = 1.0  # s from one look at the disk to the next; a take with scan
 class RecordingReport:
     """What was recorded: frames, in how many the hanger and each point were seen, in how many each condition held.
 
-    failure: what ended the recording after the last frame, a sensor that failed or a disk that is nearly full; None
-    where it ended as it should
-    findings: what a fitter would find wrong with the take
-    doubt: why nothing can be fitted to it, and what to do; None where it can; the take was kept all the same
+    - `failure`: what ended the recording after the last frame, a sensor that failed or a disk that is nearly full; None
+      where it ended as it should
+    - `findings`: what a fitter would find wrong with the take
+    - `doubt`: why nothing can be fitted to it, and what to do; None where it can; the take was kept all the same
     """
 
     path: Path
@@ -78,10 +78,12 @@ def record(
 
     Ctrl-C, a sensor that fails or a disk that is nearly full ends the take cleanly.
 
-    announce: told the time [s] since the beginning and the condition, whenever it changes for good; picks [px],
-    (2, 2): where the hanger's dots are in the first frame, left one first; scans: None for none of the surface;
-    overwrite: whether a take of this name, or what was left of one, may be replaced; stop: who may end it, asked once
-    a frame and while the sensor is waited for; None: the signals of `capture.recording.stop_signals`
+    - `announce`: told the time [s] since the beginning and the condition, whenever it changes for good
+    - `picks` [px], (2, 2): where the hanger's dots are in the first frame, left one first
+    - `scans`: None for none of the surface
+    - `overwrite`: whether a take of this name, or what was left of one, may be replaced
+    - `stop`: who may end it, asked once a frame and while the sensor is waited for; None: the signals of
+      `capture.recording.stop_signals`
 
     Raises:
         UntrackableError: the sensor's image is not the one that the rig describes, or the garment cannot be followed.

@@ -26,17 +26,17 @@ ADVICE = "mend it in [sync]; docs/how-to/sync.md explains every setting"
 class SyncSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The table `[sync]`.
 
-    url: the server's folder or bucket
-    device: the name of this device on the server; its host name and a part of its machine id where left out
-    endpoint, region: of an S3-compatible server
-    ca: certificate of the authority that signed the server's, PEM, added to the system's
-    allow_http: whether a server without TLS is accepted
-    credentials: file of keys (TOML, mode 0600); systemd's credentials come first
-    encrypt_to: age recipients (`age1...`); takes are encrypted before upload for whoever holds one of their keys
-    bytes_per_second: upload at most so fast on average over a take or 5 MiB; None: as fast as the line is
-    timeout_s: one request may take so long; at 17 kB/s a part of 5 MiB takes 300 s
-    proof_days: so often a take is fetched from the server, hashed and opened
-    retention: how long takes stay on the device
+    - `url`: the server's folder or bucket
+    - `device`: the name of this device on the server; its host name and a part of its machine id where left out
+    - `endpoint`, `region`: of an S3-compatible server
+    - `ca`: certificate of the authority that signed the server's, PEM, added to the system's
+    - `allow_http`: whether a server without TLS is accepted
+    - `credentials`: file of keys (TOML, mode 0600); systemd's credentials come first
+    - `encrypt_to`: age recipients (`age1...`); takes are encrypted before upload for whoever holds one of their keys
+    - `bytes_per_second`: upload at most so fast on average over a take or 5 MiB; None: as fast as the line is
+    - `timeout_s`: one request may take so long; at 17 kB/s a part of 5 MiB takes 300 s
+    - `proof_days`: so often a take is fetched from the server, hashed and opened
+    - `retention`: how long takes stay on the device
     """
 
     url: str = "file:///var/lib/hangtime/server"

@@ -52,10 +52,10 @@ def skipped(reason: str) -> Finding:
 class StreamSample:
     """What came while the streams were watched.
 
-    times [s]: of each frame, by the device's clock
-    dropped: frames that the device counted and nobody received
-    coverage: share of the pixels with a depth, one number for each frame
-    frames: some of the frames, evenly spread
+    - `times` [s]: of each frame, by the device's clock
+    - `dropped`: frames that the device counted and nobody received
+    - `coverage`: share of the pixels with a depth, one number for each frame
+    - `frames`: some of the frames, evenly spread
     """
 
     info: SensorInfo
@@ -82,9 +82,9 @@ class StreamSample:
 class Examination:
     """What is examined, and what earlier checks left for later ones.
 
-    source: a recording or another sensor's name; None is the live sensor
-    rig: whose markers must be visible; None stands for the usual ones
-    place: which device to look at, BUS:ADDRESS; None is the first camera
+    - `source`: a recording or another sensor's name; None is the live sensor
+    - `rig`: whose markers must be visible; None stands for the usual ones
+    - `place`: which device to look at, BUS:ADDRESS; None is the first camera
     """
 
     source: str | None = None
@@ -109,8 +109,8 @@ class Examination:
 class Check:
     """One line of the doctor.
 
-    needs: names of the checks that must be ok for this one to make sense
-    is_for_recordings: whether it also looks at a recording; the others look at the device
+    - `needs`: names of the checks that must be ok for this one to make sense
+    - `is_for_recordings`: whether it also looks at a recording; the others look at the device
     """
 
     name: str

@@ -76,8 +76,10 @@ def point_sight(
 ) -> PointSight:  # fmt: skip
     """Return what the sensor sees of points in one pose of the cloth.
 
-    nodes, in_front: see `Renderer.cloth`; points [m], (points, 3), sensor frame; flat [m], (points, 2): their places on
-    the flat garment; in_view, (points,): which of them the camera's ray meets.
+    - `nodes`, `in_front`: see `Renderer.cloth`
+    - `points` [m], (points, 3), sensor frame
+    - `flat` [m], (points, 2): their places on the flat garment
+    - `in_view`, (points,): which of them the camera's ray meets.
     """
     depth, places = renderer.shown(nodes, in_front)
     places[in_shadow(depth, CAMERA)] = np.nan

@@ -31,10 +31,10 @@ PLUG_IN = "plug it in, with its own power supply if it has one"
 class UsbDevice:
     """One device on the bus that Hangtime knows.
 
-    serial: what the USB descriptor says, None where it has none or may not be read
-    milliamperes: what the device may draw, 0 where unknown
-    on_unpowered_hub: whether the hub before it has no supply of its own
-    kernel_driver: whether a driver of the kernel holds its first interface, None where unknown
+    - `serial`: what the USB descriptor says, None where it has none or may not be read
+    - `milliamperes`: what the device may draw, 0 where unknown
+    - `on_unpowered_hub`: whether the hub before it has no supply of its own
+    - `kernel_driver`: whether a driver of the kernel holds its first interface, None where unknown
     """
 
     model: Model

@@ -23,8 +23,8 @@ class Protocol(Enum):
 class Model:
     """One kind of device.
 
-    openni2_driver: the file name of OpenNI2's driver without `lib` and `.so`, None where Debian ships none
-    is_camera: whether this part gives depth; a Kinect v1 is three devices, and only one of them does
+    - `openni2_driver`: the file name of OpenNI2's driver without `lib` and `.so`, None where Debian ships none
+    - `is_camera`: whether this part gives depth; a Kinect v1 is three devices, and only one of them does
     """
 
     name: str

@@ -65,12 +65,12 @@ _WATCHDOG = struct.Struct("<ii")  # at byte 0: serial number, watchdog time
 class FixedParameters:
     """What the factory measured of this one sensor.
 
-    serial: a number of its own; the serial number of the sensor is another request
-    watchdog: how long the firmware waits for a sign of the host, in its own unit
-    emitter_baseline_m [m]: depth camera to emitter
-    colour_baseline_m [m]: depth camera to colour camera
-    reference_distance_m [m]: of the plane on which the reference pattern was taken
-    reference_pixel_m [m]: what a pixel of the 1280 wide depth image covers on that plane
+    - `serial`: a number of its own; the serial number of the sensor is another request
+    - `watchdog`: how long the firmware waits for a sign of the host, in its own unit
+    - `emitter_baseline_m` [m]: depth camera to emitter
+    - `colour_baseline_m` [m]: depth camera to colour camera
+    - `reference_distance_m` [m]: of the plane on which the reference pattern was taken
+    - `reference_pixel_m` [m]: what a pixel of the 1280 wide depth image covers on that plane
     """
 
     serial: int

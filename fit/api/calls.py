@@ -1,7 +1,7 @@
 """The five calls of the Python interface: load, fit, diagnose, simulate, report.
 
-Each does what the command of its name does, with the same code, the same defaults and one thread of linear algebra, so
-that the numbers are the command's to the last digit.
+Each call does the work of the command of its name. Both use the same code, the same defaults and one thread of linear
+algebra. So the numbers are the command's to the last digit.
 """
 
 from __future__ import annotations
@@ -54,10 +54,13 @@ def fit(
 ) -> FitOutcome:
     """Find the cloth parameters that make the simulation follow the takes, as `hangtime fit` does.
 
-    takes, held_out: takes or paths of archives, one or several; held_out_motion: kinds of motion to judge on;
-    checkpoint: a file that an interrupted search goes on from; progress: is told steps done, steps in all and the least
-    error so far. Options: method, effects, bounds, search, iterations, gamma, spacing, seed, fabric, engine, with the
-    command's meanings and defaults (`fit.identification.request.Plan`).
+    - `takes`, `held_out`: takes or paths of archives, one or several
+    - `held_out_motion`: kinds of motion to judge on
+    - `checkpoint`: file from which an interrupted search continues
+    - `progress`: called with steps done, steps in all and the least error so far
+
+    The options are those of the command, with the same meanings and defaults (`fit.identification.request.Plan`):
+    method, effects, bounds, search, iterations, gamma, spacing, seed, fabric, engine.
 
     Raises:
         FitError: the request or the takes cannot be fitted.
@@ -88,9 +91,12 @@ def diagnose(
 ) -> DiagnosisOutcome:
     """Say where the simulation misses and which unmodelled effect causes it, as `hangtime diagnose` does.
 
-    takes, held_out, held_out_motion: as for `fit`; model: the base model, by its method's name; add: effects to refit
-    whatever the screening says; without: effects to leave out of the library; spacing: of the mesh [m];
-    checkpoint: a folder in which finished fits are kept.
+    - `takes`, `held_out`, `held_out_motion`: as for `fit`
+    - `model`: the base model, by its method's name
+    - `add`: effects to refit in any case, without regard to the screening
+    - `without`: effects to leave out of the library
+    - `spacing`: of the mesh [m]
+    - `checkpoint`: a folder in which finished fits are kept.
 
     Raises:
         FitError: the takes cannot be diagnosed, or there is no such model or effect.
@@ -124,8 +130,8 @@ def simulate(
 ) -> Simulation:
     """Simulate the cloth of takes from their first shape on, driven by the recorded hanger.
 
-    parameters: a fit, whose method, mesh and values are used; or values by name over the method's initial ones;
-    options: as for `fit`, of which method, effects, spacing, fabric and engine count here.
+    - `parameters`: a fit, whose method, mesh and values are used, or values by name over the method's initial ones
+    - `options`: as for `fit`; method, effects, spacing, fabric and engine count here
 
     Raises:
         FitError: unknown names, values outside the ranges, or takes that cannot be simulated.

@@ -1,4 +1,4 @@
-"""What the calls return: results that print as tables and turn into dictionaries and CSV without pandas."""
+"""The results of the calls: they print as tables and turn into dictionaries and CSV without pandas."""
 
 from __future__ import annotations
 

@@ -23,8 +23,11 @@ from formats.errors import HangtimeError
 class Errand:
     """How one kind of job is done.
 
-    result: name of what is kept at its end; digests: sha256 of each take by its name; done: the state of its outcome;
-    make: contents of the takes by name -> the bytes of the result; tidy: removes an unfinished state that is kept
+    - `result`: name of what is kept at its end
+    - `digests`: sha256 of each take by its name
+    - `done`: the state of its outcome
+    - `make`: contents of the takes by name -> the bytes of the result
+    - `tidy`: removes an unfinished state that is kept
     """
 
     result: str

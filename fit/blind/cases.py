@@ -50,8 +50,14 @@ CREATED = "2000-01-01T00:00:00Z"  # of every take: a time stamp would tell the o
 class Look(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The public part of a case, drawn without regard to the planted effects.
 
-    width, height, distance [m]; mass [kg]; grid: points per side, 0 for corners and centre; rate [1/s]; duration [s]
-    noise [m]: white deviation per axis; away: share of the time that a point is not seen; tilt [rad]: of the sensor
+    - `width`, `height`, `distance` [m]
+    - `mass` [kg]
+    - `grid`: points per side, 0 for corners and centre
+    - `rate` [1/s]
+    - `duration` [s]
+    - `noise` [m]: white deviation per axis
+    - `away`: share of the time that a point is not seen
+    - `tilt` [rad]: of the sensor
     """
 
     width: float
@@ -90,8 +96,8 @@ def draw_truth(
 ) -> Truth:
     """Draw one case.
 
-    plants: what is planted, one for a single or unknown, two for a pair, none for a null; sensor: fields of the look
-    that are not drawn but given
+    - `plants`: what is planted, one for a single or unknown, two for a pair, none for a null
+    - `sensor`: fields of the look that are not drawn but given
     """
     looks, truths = (np.random.default_rng([*seed, stream]) for stream in (1, 2))
     look = msgspec.structs.replace(draw_look(looks), **sensor)
@@ -136,8 +142,9 @@ def plan(
 ) -> list[Truth]:  # fmt: skip
     """Draw all cases of a set in random order: every effect equally often, pairs of two different ones.
 
-    numbers: how many singles, nulls, pairs and unknowns; unknowns: the effects of no library to choose from; sensor:
-    fields of every look that are not drawn but given, the rest of each case being what it is without
+    - `numbers`: how many singles, nulls, pairs and unknowns
+    - `unknowns`: the effects of no library to choose from
+    - `sensor`: fields of every look that are not drawn but given, the rest of each case being what it is without
     """
     rng = np.random.default_rng([seed, 0])
     wanted: list[tuple[Kind, tuple[Plant, ...]]] = [("null", ())] * numbers["null"]

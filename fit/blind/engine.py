@@ -38,13 +38,29 @@ POLES = ("thread_x", "thread_y", "thread_z", "magnet_x", "magnet_y", "magnet_z")
 class Cloth:
     """A sheet and everything that acts on it; what is 0 is exactly absent.
 
-    width, height [m]; density [kg/m^2]; stretch, shear [N/m]; bending [N m]; damping [1/s], linear
-    stretch_ratio, bending_ratio: logarithms of warp over weft; stiffening [1]; stretch_time [s]; bend_viscosity [N m s]
-    friction [N]; curl [1/m]: rest curvature about the horizontal and about the vertical; hem [kg/m]
-    mass_slope [1]: relative growth of the density across and down; gravity_tilt [rad]: about the vertical, in x and y
-    drag, lift [1]; wind [m/s], (3,); gust_phase [rad]; added_mass [kg/m^2]
-    wake [N s/m^3] and wake_time [s]: force that remembers; bob [kg] and bob_length [m]: weight on a string at a corner
-    thread [N/m]: from a corner to the room; magnet [N]: behind the lower middle; corner: -1 left, 1 right
+    - `width`, `height` [m]
+    - `density` [kg/m^2]
+    - `stretch`, `shear` [N/m]
+    - `bending` [N m]
+    - `damping` [1/s], linear
+    - `stretch_ratio`, `bending_ratio`: logarithms of warp over weft
+    - `stiffening` [1]
+    - `stretch_time` [s]
+    - `bend_viscosity` [N m s]
+    - `friction` [N]
+    - `curl` [1/m]: rest curvature about the horizontal and about the vertical
+    - `hem` [kg/m]
+    - `mass_slope` [1]: relative growth of the density across and down
+    - `gravity_tilt` [rad]: about the vertical, in x and y
+    - `drag`, `lift` [1]
+    - `wind` [m/s], (3,)
+    - `gust_phase` [rad]
+    - `added_mass` [kg/m^2]
+    - `wake` [N s/m^3], `wake_time` [s]: force with memory
+    - `bob` [kg], `bob_length` [m]: weight on a string at a corner
+    - `thread` [N/m]: from a corner to the room
+    - `magnet` [N]: behind the lower middle
+    - `corner`: -1 left, 1 right
     """
 
     width: float
@@ -135,8 +151,8 @@ class Engine:
     ) -> Motion:
         """Swing the sheet.
 
-        ends [m], (takes, n, 6): left and right end of the held edge, evenly spaced over `duration` [s], world frame;
-        places [m], (points, 2): where on the flat sheet to look.
+        - `ends` [m], (takes, n, 6): left and right end of the held edge, evenly spaced over `duration` [s], world frame
+        - `places` [m], (points, 2): where on the flat sheet to look.
 
         Raises:
             BlowUpError: a simulation left the realm of finite numbers.

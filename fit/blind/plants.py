@@ -47,8 +47,9 @@ class Planted(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 class Plant:
     """A kind of effect: its unit, its typical and largest amplitude, its components, how their direction is drawn.
 
-    direction: `sign` one component of either sign, `positive`, `any` a random direction, `axis` one component alone,
-    `equal` all components alike; on_cloth changes the cloth; place: regions by sign or component
+    - `direction`: `sign` one component of either sign, `positive`, `any` a random direction, `axis` one component
+      alone, `equal` all components alike; `on_cloth` changes the cloth
+    - `place`: regions by sign or component
     """
 
     id: str

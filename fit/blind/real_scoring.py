@@ -39,8 +39,10 @@ RENAMED = {("corner_erosion", ""): "corners"}  # components that the library cal
 class RealJudged(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One planted case against its untouched takes; None: does not apply, or an answer does not say.
 
-    untouched, with_plant, change: components of the planted effect's estimate; ratio: amplitude over the minimum
-    detectable one of the untouched takes; error: |d - a| / |a|; gap_mm: base model's error, untouched and planted
+    - `untouched`, `with_plant`, `change`: components of the planted effect's estimate
+    - `ratio`: amplitude over the minimum detectable one of the untouched takes
+    - `error`: |d - a| / |a|
+    - `gap_mm`: base model's error, untouched and planted
     """
 
     id: str

@@ -40,10 +40,13 @@ def run_set(
 ) -> int:  # fmt: skip
     """Diagnose the cases that are not done; return how many ended without a diagnosis.
 
-    command: what to run instead of `hangtime diagnose`; options: more words for it; again: retry failures;
-    limit [s]: time for one case; workers: diagnoses side by side, which share the processors; takes: so many of each
-    case alone, the first ones, and none to judge on; without: these cases alone, each with an effect that its library
-    is to lack
+    - `command`: what to run instead of `hangtime diagnose`
+    - `options`: more words for it
+    - `again`: retry failures
+    - `limit` [s]: time for one case
+    - `workers`: diagnoses side by side, which share the processors
+    - `takes`: so many of each case alone, the first ones, and none to judge on
+    - `without`: these cases alone, each with an effect that its library is to lack
 
     Raises:
         FitError: there is no set, it is not complete, its files are not those that were made, or another run writes

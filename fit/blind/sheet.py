@@ -33,11 +33,18 @@ Integers = NDArray[np.int32]
 class Sheet:
     """A rectangular sheet, x across from -width/2, y from 0 at its held top edge down to -height.
 
-    rest [m], (nodes, 2); triangles, (faces, 3); inverse [1/m], (faces, 4): B00 B01 B10 B11 of the inverse edge matrix
-    area [m^2], (faces,); node_area [m^2], (nodes,)
-    hinges, (hinges, 4): edge ends, opposite corners; hinge_faces, (hinges, 2); hinge_cotangents, (hinges, 4)
-    hinge_area [m^2], (hinges,): A0 + A1; hinge_across, (hinges, 2): unit vector square to the edge
-    held, (held,): nodes of the top edge; bottom_length [m], (nodes,): share of the bottom edge
+    - `rest` [m], (nodes, 2)
+    - `triangles`, (faces, 3)
+    - `inverse` [1/m], (faces, 4): B00 B01 B10 B11 of the inverse edge matrix
+    - `area` [m^2], (faces,)
+    - `node_area` [m^2], (nodes,)
+    - `hinges`, (hinges, 4): edge ends, opposite corners
+    - `hinge_faces`, (hinges, 2)
+    - `hinge_cotangents`, (hinges, 4)
+    - `hinge_area` [m^2], (hinges,): A0 + A1
+    - `hinge_across`, (hinges, 2): unit vector square to the edge
+    - `held`, (held,): nodes of the top edge
+    - `bottom_length` [m], (nodes,): share of the bottom edge
     """
 
     width: float

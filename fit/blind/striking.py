@@ -35,8 +35,9 @@ Said = Literal["unknown", "twin", "other", "nothing"]
 class StruckCase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One case without its effect in the library.
 
-    said: `unknown`; a twin of the effect or anything else named first; or nothing (`none`, `numerics`, `inconclusive`)
-    confident_and_wrong: whether any cause that is named is no twin, and has a probability of 0.8 or more
+    - `said`: `unknown`; a twin of the effect or anything else named first; or nothing (`none`, `numerics`,
+      `inconclusive`)
+    - `confident_and_wrong`: whether any cause that is named is no twin, and has a probability of 0.8 or more
     """
 
     id: str

@@ -23,9 +23,10 @@ Number = Any  # likewise
 class Motion(NamedTuple):
     """State of the nodes.
 
-    x [m], (2 groups 3 nodes, lanes): places of all groups, then what rounding loses of them
-    v [m/s], (groups 3 nodes, lanes); f [N], alike: forces, zero when the kernel begins
-    ahead: x + bending damping time v, or v itself where friction in bending needs rates
+    - `x` [m], (2 groups 3 nodes, lanes): places of all groups, then what rounding loses of them
+    - `v` [m/s], (groups 3 nodes, lanes)
+    - `f` [N], alike: forces, zero when the kernel begins
+    - `ahead`: x + bending damping time v, or v itself where friction in bending needs rates
     """
 
     x: Array
@@ -37,10 +38,11 @@ class Motion(NamedTuple):
 class Membrane(NamedTuple):
     """Where stretch and shear are sampled (`fit.cloth.elements`).
 
-    fibre_at, fibre_weights, (n,): nodes and weights of the fibres across, then from down_entry on of those down
-    fibre_area [m^2], (samples,), the first fibres_across of them across
-    shear_across, shear_down, (4 shears,): fibre samples between which shear is interpolated
-    between, (12,): weights of that interpolation; shear_area [m^2], (shears,)
+    - `fibre_at`, `fibre_weights`, (n,): nodes and weights of the fibres across, then from `down_entry` on of those down
+    - `fibre_area` [m^2], (samples,), the first `fibres_across` of them across
+    - `shear_across`, `shear_down`, (4 shears,): fibre samples between which shear is interpolated
+    - `between`, (12,): weights of that interpolation
+    - `shear_area` [m^2], (shears,)
     """
 
     fibre_at: Array
@@ -57,9 +59,10 @@ class Membrane(NamedTuple):
 class Strains(NamedTuple):
     """Memory of stretch and shear, each (.. samples of all groups, lanes).
 
-    slopes, slopes_ahead, stress: three numbers a fibre sample; strains, fibre_lags: one
-    shear_strains, shear_lags: one a shear sample, then two more where threads cross the elements
-    lag_kept, (groups,): share of a viscous lag that is left after a step
+    - `slopes`, `slopes_ahead`, `stress`: three numbers a fibre sample
+    - `strains`, `fibre_lags`: one
+    - `shear_strains`, `shear_lags`: one a shear sample, then two more where threads cross the elements
+    - `lag_kept`, (groups,): share of a viscous lag that is left after a step
     """
 
     slopes: Array
@@ -75,9 +78,12 @@ class Strains(NamedTuple):
 class Stencils(NamedTuple):
     """Where bending is sampled (`fit.cloth.bends`, `fit.cloth.lines`).
 
-    bend_first, (bends + 1,); bend_nodes, bend_weights, (n,); bend_kind, bend_centre, (bends,); bend_counts: bends of
-    each length; bend_root [m], (bends,): roots of areas
-    twist_scales, twist_centre, twist_root: the same of mixed second derivatives, (twists,)
+    - `bend_first`, (bends + 1,)
+    - `bend_nodes`, `bend_weights`, (n,)
+    - `bend_kind`, `bend_centre`, (bends,)
+    - `bend_counts`: bends of each length
+    - `bend_root` [m], (bends,): roots of areas
+    - `twist_scales`, `twist_centre`, `twist_root`: the same of mixed second derivatives, (twists,)
     """
 
     bend_first: Array
@@ -95,9 +101,11 @@ class Stencils(NamedTuple):
 class Facing(NamedTuple):
     """Normals of the nodes, and the second derivatives that are measured along them.
 
-    cells, (cells, 16): nodes of the elements; basis, (5, 4): slopes of the shape functions, then the nodes' weights
-    normal, (groups 3 nodes, lanes); faced_area [m^2], (groups nodes, lanes)
-    rest_curvature [1/m], friction [N], (groups bends, lanes): curvature at rest and frictional moment per width
+    - `cells`, (cells, 16): nodes of the elements
+    - `basis`, (5, 4): slopes of the shape functions, then the nodes' weights
+    - `normal`, (groups 3 nodes, lanes)
+    - `faced_area` [m^2], (groups nodes, lanes)
+    - `rest_curvature` [1/m], `friction` [N], (groups bends, lanes): curvature at rest and frictional moment per width
     """
 
     cells: Array
@@ -140,9 +148,12 @@ class Points(NamedTuple):
 class Pull(NamedTuple):
     """The observer's pull (`fit.observer.residuals`).
 
-    pull [m/s^2], (groups, points, 3, lanes): memory; pull_points, pull_weights, (nodes, 3): how it spreads
-    targets [m, m/s], (samples of all groups, 6 points, lanes); trust [1], (samples of all groups, points, lanes)
-    gain [1/s^2]; damping [1/s]
+    - `pull` [m/s^2], (groups, points, 3, lanes): memory
+    - `pull_points`, `pull_weights`, (nodes, 3): how it spreads
+    - `targets` [m, m/s], (samples of all groups, 6 points, lanes)
+    - `trust` [1], (samples of all groups, points, lanes)
+    - `gain` [1/s^2]
+    - `damping` [1/s]
     """
 
     pull: Array
@@ -183,8 +194,8 @@ class Clock(NamedTuple):
 class Results(NamedTuple):
     """Arrays that the kernel fills.
 
-    seen [m], (groups, frames, points, 3, lanes): the tracked points
-    shapes [m], (groups, frames, nodes, 3, lanes): the nodes, or room for one frame where they are not wanted
+    - `seen` [m], (groups, frames, points, 3, lanes): the tracked points
+    - `shapes` [m], (groups, frames, nodes, 3, lanes): the nodes, or room for one frame where they are not wanted
     """
 
     seen: Array
@@ -284,16 +295,18 @@ class Place(NamedTuple):
 class Kind:
     """The kind of a kernel: everything that is fixed when it is compiled.
 
-    lanes: candidates side by side
-    face_forces: per effect (first column of its amplitude, number of components, force), where force is a
-    `ti.func(a0, a1, a2, vx, vy, vz, nx, ny, nz, area) -> (fx, fy, fz)`
-    fibre_nodes: nodes of every fibre sample across, and down; bend_lengths: of the stencils of second derivatives; both
-    may be `fit.cloth.lines.IN_LINES`
-    handles: vectors that the held nodes follow, 0 where nothing is held
-    with_twist: whether mixed second derivatives come from the slopes across
-    is_crossed: whether threads of both families cross the elements
-    with_bends: rest curvature and friction in bending; with_added_mass: inertia of the air along the normal
-    with_viscosity: of stretch and shear; with_contact: the cloth touches itself or bodies
+    - `lanes`: candidates side by side
+    - `face_forces`: per effect (first column of its amplitude, number of components, force), where force is a
+      `ti.func(a0, a1, a2, vx, vy, vz, nx, ny, nz, area) -> (fx, fy, fz)`
+    - `fibre_nodes`: nodes of every fibre sample across, and down
+    - `bend_lengths`: of the stencils of second derivatives; both may be `fit.cloth.lines.IN_LINES`
+    - `handles`: vectors that the held nodes follow, 0 where nothing is held
+    - `with_twist`: whether mixed second derivatives come from the slopes across
+    - `is_crossed`: whether threads of both families cross the elements
+    - `with_bends`: rest curvature and friction in bending
+    - `with_added_mass`: inertia of the air along the normal
+    - `with_viscosity`: of stretch and shear
+    - `with_contact`: the cloth touches itself or bodies
     """
 
     lanes: int

@@ -67,10 +67,11 @@ LAYERS = 2  # that a layer touches at most
 class Contact:
     """Bodies and layers that the cloth may touch.
 
-    thickness [m]: distance at which layers of the cloth are kept apart, 0: they pass through each other
-    friction [1]: coefficient of friction between layers and against bodies
-    bodies; clearance [m]: distance from their surface at which the cloth is kept
-    spacing [m]: of the samples, at most; a body that is thinner slips through between them
+    - `thickness` [m]: distance at which layers of the cloth are kept apart, 0: they pass through each other
+    - `friction` [1]: coefficient of friction between layers and against bodies
+    - `bodies`
+    - `clearance` [m]: distance from their surface at which the cloth is kept
+    - `spacing` [m]: of the samples, at most; a body that is thinner slips through between them
     """
 
     thickness: float = 0.0
@@ -107,12 +108,14 @@ def touching(bodies: tuple[Body, ...]) -> Contact:
 class Surface:
     """The surface of the cloth on which contact acts.
 
-    samples: stencils of values, all of 16 nodes; area [m^2], (samples,); quads, (quads, 4): samples a b / c d
-    windows, (quads, 4): where in units of its sides a quad's window ends, towards c d, a b, b d and a c
-    reach [m], (quads,): distance from its centre within which a quad meets samples
-    may_meet, (samples, quads): whether a sample and a quad are far enough apart along the cloth
-    carried: most by which a sample can move while no node moves by more than 1
-    rate: largest eigenvalue of contact at unit stiffness and density, all samples bound to their places
+    - `samples`: stencils of values, all of 16 nodes
+    - `area` [m^2], (samples,)
+    - `quads`, (quads, 4): samples a b / c d
+    - `windows`, (quads, 4): where in units of its sides a quad's window ends, towards c d, a b, b d and a c
+    - `reach` [m], (quads,): distance from its centre within which a quad meets samples
+    - `may_meet`, (samples, quads): whether a sample and a quad are far enough apart along the cloth
+    - `carried`: most by which a sample can move while no node moves by more than 1
+    - `rate`: largest eigenvalue of contact at unit stiffness and density, all samples bound to their places
     """
 
     samples: Stencils

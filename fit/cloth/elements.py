@@ -68,9 +68,11 @@ class Samples:
 class Elements:
     """Quadrilateral elements on the flat cloth, each the bilinear image of a square, and the slopes on them.
 
-    rest [m], (nodes, 2); cells, (cells, 16): nodes of each element, row by row; corners [m], (cells, 4, 2): top left,
-    top right, bottom left and bottom right of each, whose first row runs along its xi
-    grain [rad]: by how much the threads are turned against X and Y, anticlockwise; slopes are along the threads
+    - `rest` [m], (nodes, 2)
+    - `cells`, (cells, 16): nodes of each element, row by row
+    - `corners` [m], (cells, 4, 2): top left, top right, bottom left and bottom right of each, whose first row runs
+      along its xi
+    - `grain` [rad]: by how much the threads are turned against X and Y, anticlockwise; slopes are along the threads
     """
 
     def __init__(self, rest: Floats, cells: NDArray[np.int64], corners: Floats, grain: float = 0.0) -> None:

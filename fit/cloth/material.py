@@ -17,13 +17,21 @@ REFERENCE_CURVATURE = (
 class Material:
     """Orthotropic membrane with bending and damping.
 
-    areal_density [kg/m^2]; stretch_stiffness [N/m] along warp and weft; shear_stiffness [N/m] per radian;
-    bending_stiffness [N m]; membrane_damping_time [s] and bending_damping_time [s]: Kelvin-Voigt, moment and tension
-    follow stiffness x (strain + time x strain rate); velocity_damping [1/s]: linear, of every node against still air.
-    What effects switch on, zero in every base model: stretch_ratio and bending_ratio, logarithms of warp over weft;
-    stiffening [1], relative growth of stretch stiffness per strain; tilt_x and tilt_y, gravity's angles [rad];
-    viscosity_time [s], viscosity of stretch and shear over their stiffness (`fit.effects.stretch_viscosity`);
-    gravity_log, logarithm of gravity's acceleration over the standard one, where a clock runs at another rate.
+    - `areal_density` [kg/m^2]
+    - `stretch_stiffness` [N/m] along warp and weft
+    - `shear_stiffness` [N/m] per radian
+    - `bending_stiffness` [N m]
+    - `membrane_damping_time` [s], `bending_damping_time` [s]: Kelvin-Voigt; tension and moment follow stiffness x
+      (strain + time x strain rate)
+    - `velocity_damping` [1/s]: linear, of every node against still air
+
+    Effects switch these on; they are zero in every base model:
+
+    - `stretch_ratio`, `bending_ratio`: logarithms of warp over weft
+    - `stiffening` [1]: relative growth of stretch stiffness per strain
+    - `tilt_x`, `tilt_y` [rad]: gravity's angles
+    - `viscosity_time` [s]: viscosity of stretch and shear over their stiffness (`fit.effects.stretch_viscosity`)
+    - `gravity_log`: logarithm of gravity's acceleration over the standard one, for a clock at another rate
     """
 
     areal_density: float = 0.2

@@ -38,19 +38,24 @@ LOWEST_SHARE = 0.25  # of the garment's height, where its bottom edge is
 class ClothMesh:
     """A flat garment as nodes, three to an element and direction.
 
-    rest [m], (nodes, 2), material plane, x right, y up; bulge [m], (nodes,): how far behind it each begins
-    cells, (cells, 16): nodes of each element, row by row; cell_area [m^2], likewise: the element's share of their areas
-    triangles, (n, 3): the same surface for drawing
-    fibres: samples of d/dX [1/m] along rows, the first `fibres_across` of them, then of d/dY along columns;
-    fibre_nodes: nodes of each sample across, and down
-    shear_across, shear_down, (shear samples, 4): the fibre samples that Fu and Fv are interpolated from;
-    shear_weights, (shear samples, 8): with which weights; shear_area [m^2], (shear samples,)
-    node_area [m^2], (nodes,)
-    held_nodes, (held,); held_fraction, (held,): place along the held edge, 0 at its left end
-    points: value, d/dX [1/m] and d/dY at the tracked points
-    pull_points, (nodes, 3); pull_weights, (nodes, 3): how a correction at the points spreads over the nodes
-    hem_length [m], (nodes,): share of the bottom edge that belongs to each node
-    spacing [m]: mean distance of the nodes
+    - `rest` [m], (nodes, 2), material plane, x right, y up
+    - `bulge` [m], (nodes,): how far behind it each begins
+    - `cells`, (cells, 16): nodes of each element, row by row
+    - `cell_area` [m^2], likewise: the element's share of their areas
+    - `triangles`, (n, 3): the same surface for drawing
+    - `fibres`: samples of d/dX [1/m] along rows, the first `fibres_across` of them, then of d/dY along columns
+    - `fibre_nodes`: nodes of each sample across, and down
+    - `shear_across`, `shear_down`, (shear samples, 4): the fibre samples that Fu and Fv are interpolated from
+    - `shear_weights`, (shear samples, 8): with which weights
+    - `shear_area` [m^2], (shear samples,)
+    - `node_area` [m^2], (nodes,)
+    - `held_nodes`, (held,)
+    - `held_fraction`, (held,): place along the held edge, 0 at its left end
+    - `points`: value, d/dX [1/m] and d/dY at the tracked points
+    - `pull_points`, (nodes, 3)
+    - `pull_weights`, (nodes, 3): how a correction at the points spreads over the nodes
+    - `hem_length` [m], (nodes,): share of the bottom edge that belongs to each node
+    - `spacing` [m]: mean distance of the nodes
     """
 
     rest: Floats

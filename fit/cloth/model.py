@@ -33,10 +33,10 @@ LARGEST_STRAIN = 0.05  # strain up to which stiffening cloth stays stable
 class Rollouts:
     """The answer to a batch.
 
-    points [m], (candidates, frames, points, 3), world frame; NaN for a candidate that blew up
-    shapes [m], (candidates, frames, nodes, 3), or None
-    forces [N], (candidates, nodes, 3): of the cloth and the air on each node in the last step, or None; where a node is
-    held at rest the support carries them, with its weight
+    - `points` [m], (candidates, frames, points, 3), world frame; NaN for a candidate that blew up
+    - `shapes` [m], (candidates, frames, nodes, 3), or None
+    - `forces` [N], (candidates, nodes, 3): of the cloth and the air on each node in the last step, or None; the support
+      carries the forces and the weight of a node that is held at rest
     """
 
     points: Floats
@@ -56,9 +56,11 @@ class Resolution:
 class Candidates:
     """Candidates on one recording, and room for their results.
 
-    materials, (candidates, parameters), with what effects change in them; amplitudes, (candidates, components)
-    seen [m], (candidates, frames, points, 3), and kept, (candidates, frames + 1, nodes, 3) or None: where results go,
-    the places of the nodes [m] and, in the last row, the last forces on them [N]
+    - `materials`, (candidates, parameters), as changed by effects
+    - `amplitudes`, (candidates, components)
+    - `seen` [m], (candidates, frames, points, 3): room for the results
+    - `kept`, (candidates, frames + 1, nodes, 3), or None: the places of the nodes [m] and, in the last row, the last
+      forces on them [N]
     """
 
     materials: Floats

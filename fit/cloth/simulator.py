@@ -17,8 +17,9 @@ class Simulator(ClothModel):
     ) -> Rollouts:
         """Simulate candidates; `shapes` keeps the nodes of every frame and the last forces on them.
 
-        materials, (candidates, parameters); amplitudes, (candidates, components of all effects), 0 where None;
-        observer_hz: natural frequency of the pull towards the measured points, 0 for a free rollout.
+        - `materials`, (candidates, parameters)
+        - `amplitudes`, (candidates, components of all effects), 0 where None
+        - `observer_hz`: natural frequency of the pull towards the measured points, 0 for a free rollout.
 
         Raises:
             FitError: the shapes of the arguments do not fit together.

@@ -50,11 +50,12 @@ FIRST_SWING = 1.2024  # of a hanging sheet, over sqrt(g / L): half the first zer
 class Support:
     """Held nodes and their handles, start, settling and gravity.
 
-    nodes, (held,); shares, (held, handles): of the handles in the place of each held node
-    path: (n,) instants [s] -> (n, 3 handles) [m], world frame
-    start: handles at the beginning, (candidates, 3 handles) -> places of the nodes [m], (candidates, nodes, 3)
-    settle_time [s]: the cloth hangs that long at the first pose before time begins, damped by settle_damping [1/s]
-    gravity [m/s^2], along -z
+    - `nodes`, (held,)
+    - `shares`, (held, handles): of the handles in the place of each held node
+    - `path`: (n,) instants [s] -> (n, 3 handles) [m], world frame
+    - `start`: handles at the beginning, (candidates, 3 handles) -> places of the nodes [m], (candidates, nodes, 3)
+    - `settle_time` [s]: the cloth hangs that long at the first pose before time begins, damped by settle_damping [1/s]
+    - `gravity` [m/s^2], along -z
     """
 
     nodes: Integers
@@ -78,8 +79,8 @@ Supporting = Callable[[ClothMesh], Support]
 class Clamp:
     """A clamp over part of the cloth.
 
-    holds: places on the flat cloth [m], (n, 2) -> which of them it holds, (n,)
-    frame: (n,) instants [s] -> (n, 9): images of the flat cloth's origin [m], of its x axis and of its y axis
+    - `holds`: places on the flat cloth [m], (n, 2) -> which of them it holds, (n,)
+    - `frame`: (n,) instants [s] -> (n, 9): images of the flat cloth's origin [m], of its x axis and of its y axis
     """
 
     holds: Callable[[Floats], Booleans]
@@ -108,8 +109,8 @@ def clamps(
 ) -> Supporting:
     """Return clamps, or nothing at all where none is given.
 
-    start [m], (9,): the frame, as a clamp's, in which the flat cloth begins at rest; stir: places on the flat cloth
-    [m], (n, 2) -> (n,) [m], how far out of its plane it begins.
+    - `start` [m], (9,): the frame, as a clamp's, in which the flat cloth begins at rest
+    - `stir`: places on the flat cloth [m], (n, 2) -> (n,) [m], how far out of its plane it begins.
 
     Raises:
         FitError: by what is returned, where a clamp holds no node of the mesh.

@@ -23,8 +23,11 @@ Indices = NDArray[np.int64]
 class PlainGrid:
     """An even grid of a garment.
 
-    rest [m], (nodes, 2), row by row from the top; quads, (faces, 4); held_nodes, (held,), and held_fraction, their
-    place along the held edge; point_nodes, point_weights, (points, 4)
+    - `rest` [m], (nodes, 2), row by row from the top
+    - `quads`, (faces, 4)
+    - `held_nodes`, (held,)
+    - `held_fraction`, (held,): their place along the held edge
+    - `point_nodes`, `point_weights`, (points, 4)
     """
 
     rest: Floats

@@ -31,13 +31,15 @@ RUNS = ("before", "after", "with_effect")
 class ReportMotion:
     """Real and simulated motion of one take, in a world frame with z up.
 
-    time [s], (frames,); real [m], (frames, points, 3), NaN where not seen
-    before, after, with_effect [m], (frames, points, 3): the simulated points before the fit, after it, and with the
-        effect that the diagnosis names; None where there is no such run
-    mesh_before, mesh_after, mesh_with_effect [m], (frames, vertices, 3): the simulated cloth of the same runs, or None
-    triangles, (triangles, 3): indices of vertices
-    held [m], (frames, 2, 3): the two ends of the held edge, left first
-    pull_hz: natural frequency of the pull that drew the simulated cloth to the real points, 0 where it moved freely
+    - `time` [s], (frames,)
+    - `real` [m], (frames, points, 3), NaN where not seen
+    - `before`, `after`, `with_effect` [m], (frames, points, 3): the simulated points before the fit, after it, and with
+      the effect that the diagnosis names; None where there is no such run
+    - `mesh_before`, `mesh_after`, `mesh_with_effect` [m], (frames, vertices, 3): the simulated cloth of the same runs,
+      or None
+    - `triangles`, (triangles, 3): indices of vertices
+    - `held` [m], (frames, 2, 3): the two ends of the held edge, left first
+    - `pull_hz`: natural frequency of the pull that drew the simulated cloth to the real points, 0 where it moved freely
     """
 
     take_id: str

@@ -45,8 +45,9 @@ class Job:
 def make_job(engine: Engine, ends: Floats, duration: float, *, step: float, settle: float = SETTLE_TIME) -> Job:
     """Return the job of one cloth in several takes.
 
-    engine: of the cloth on the mesh that is to be used; ends [m], (takes, n, 6), evenly spaced over duration [s];
-    step [s]: the largest that the engine may take
+    - `engine`: of the cloth on the mesh that is to be used
+    - `ends` [m], (takes, n, 6), evenly spaced over `duration` [s]
+    - `step` [s]: the largest that the engine may take
     """
     sheet, cloth = engine.sheet, engine.cloth
     every = int(np.ceil(1 / (SAMPLES * step)))

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import re
 import shlex
 import shutil
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 import typer
 
-from docs.generator.commands import every_command, whole_command
-from formats import command
+from docs.generator.commands import Part, every_command, whole_command
 from formats.archive import write_take
+from tests.fit.here import hangtime_here
 from tests.fit.scenes import material, sheet, simulate_take, swing
 from tests.test_docs import DOCS, GUIDE, name_of
 
@@ -91,6 +91,12 @@ def words_of_command(text: str) -> list[str]:
 # --- parsing ------------------------------------------------------------------------------------
 
 
+@functools.cache
+def known_commands() -> dict[tuple[str, ...], tuple[str, Part]]:
+    """Every command by its words after `hangtime`, with its whole name; Typer takes 0.2 s to make them."""
+    return {tuple(name.split()[1:]): (name, part) for name, part in every_command(whole_command())}
+
+
 def check_syntax(words: list[str]) -> None:
     """Parse as the command line does, but without asking whether files exist.
 
@@ -98,7 +104,7 @@ def check_syntax(words: list[str]) -> None:
         AssertionError: there is no such command, or a required argument is missing.
         Exception: the parser's own, of an unknown option or a missing value.
     """
-    known = {tuple(name.split()[1:]): (name, part) for name, part in every_command(whole_command())}
+    known = known_commands()
     path = next((path for path in known if tuple(words[: len(path)]) == path), None)
     assert path is not None, f"no such command: {words}"
     name, part = known[path]
@@ -173,12 +179,8 @@ def marker_paths(time: np.ndarray, hz: float) -> str:
 
 def run(folder: Path, text: str) -> None:
     """Run a command in this process, in a folder; it must end with 0."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        patch.setattr(sys, "argv", ["hangtime", *words_of_command(text)])
-        with pytest.raises(SystemExit) as ended:
-            command.main()
-    assert ended.value.code in (0, None), text
+    done = hangtime_here(*words_of_command(text), folder=folder)
+    assert done.returncode == 0, f"{text}: {done.stderr}"
 
 
 def runnable(how: tuple[str, ...]) -> dict[str, list[str]]:

@@ -14,9 +14,8 @@ from pathlib import Path
 
 import pytest
 import typer
-from typer.main import get_command
 
-from formats import command
+from docs.generator.commands import whole_command
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("formats", "firmware_host", "capture", "fit", "hangtime")
@@ -246,12 +245,12 @@ def options_of_program(path: Path) -> set[str]:
 
 def test_every_command_that_a_text_shows_exists_with_its_options() -> None:
     """Of `list|play` each; a sentence may name a group alone, and end in dots."""
-    command.gather_commands()
+    whole = whole_command()
     in_blocks, in_sentences = shown_code()
     shown = [(file, code, found[1]) for file, code in in_blocks + in_sentences if (found := OURS.fullmatch(code))]
     assert len(shown) > 100
     for file, code, rest in shown:
-        part, words = get_command(command.app), rest.split()
+        part, words = whole, rest.split()
         while isinstance(part, typer.core.TyperGroup) and words and not words[0].startswith("-"):
             names = words.pop(0).split("|")
             assert set(names) <= set(part.commands), f"{file}: {code}"
@@ -271,8 +270,7 @@ def test_every_script_and_benchmark_that_a_text_shows_exists_with_its_options() 
 
 
 def test_every_option_in_a_sentence_is_one_of_a_command_a_script_or_a_benchmark() -> None:
-    command.gather_commands()
-    known = options_of(get_command(command.app)) | OTHER_OPTIONS
+    known = options_of(whole_command()) | OTHER_OPTIONS
     known = known.union(*map(options_of_program, [*SCRIPTS, *(ROOT / "benchmarks").glob("*.py")]))
     unknown = [
         f"{file}: {option} in `{code}`"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import io
 import os
 import sys
@@ -11,7 +10,13 @@ from dataclasses import dataclass
 
 from formats import command
 
-gather_once = functools.cache(command.gather_commands)
+gather = command.gather_commands
+
+
+def gather_once() -> None:
+    """Add the commands of every package, where nobody has done so in this process."""
+    if not command.app.registered_groups:
+        gather()
 
 
 @dataclass(frozen=True)
@@ -25,7 +30,7 @@ class Done:
 
 def hangtime_here(*words: object, folder: object) -> Done:
     """Run the command with these words in a folder, as its own `main` does; only its streams are left as they are."""
-    before, arguments, gather, streams = os.getcwd(), sys.argv, command.gather_commands, command.take_streams
+    before, arguments, streams = os.getcwd(), sys.argv, command.take_streams
     out, err = io.StringIO(), io.StringIO()
     os.chdir(str(folder))
     sys.argv = ["hangtime", *map(str, words)]
@@ -40,4 +45,4 @@ def hangtime_here(*words: object, folder: object) -> Done:
     finally:
         os.chdir(before)
         sys.argv, command.gather_commands, command.take_streams = arguments, gather, streams
-    return Done(code if isinstance(code, int) else 0, out.getvalue(), err.getvalue())
+    return Done(code if isinstance(code, int) else int(code is not None), out.getvalue(), err.getvalue())

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
+import os
 import random
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -196,9 +199,6 @@ def test_wrong_keys_are_one_sentence_and_none_of_them_is_in_it(far, spool, three
 
 
 def test_a_server_folder_that_is_full_or_forbidden_is_one_sentence(tmp_path, spool, three, monkeypatch):
-    import errno
-    import os
-
     told = folder_of(tmp_path, spool)
     for number, sentence in ((errno.ENOSPC, "the server's disk is full"), (errno.EROFS, "cannot be written")):
         with monkeypatch.context() as patch:
@@ -215,10 +215,16 @@ def _raise(error):
     raise error
 
 
-def test_one_take_that_cannot_be_read_does_not_keep_the_others(tmp_path, spool, three):
-    """The second take is a folder: the others are brought, and the fault names it."""
-    three[1].path.unlink()
-    three[1].path.mkdir()
+def test_one_take_that_cannot_be_read_does_not_keep_the_others(tmp_path, spool, three, monkeypatch):
+    """The second take can be listed and not opened: the others are brought, and the fault names it."""
+    opened = Path.open
+
+    def failing(path, *words, **options):
+        if path == three[1].path:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        return opened(path, *words, **options)
+
+    monkeypatch.setattr(Path, "open", failing)
     fault = sync_of(folder_of(tmp_path, spool))[0].once()
     assert "take-000002.mcap: the take cannot be read" in str(fault)
     assert len(on_server(tmp_path)) == 2

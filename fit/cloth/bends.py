@@ -1,11 +1,13 @@
 """Measure how cloth is bent by second derivatives of its shape at the nodes of `fit.cloth.elements`.
 
-The plate energy E = B/2 integral of |x_uu|^2 + 2 |x_uv|^2 + |x_vv|^2, which for a sheet that does not stretch
-is B/2 (kappa_1^2 + kappa_2^2), so that B is the moment per width and curvature that fabric testers give. On a grid
-second derivatives are taken along rows and columns at the inner nodes, mixed ones at 3 by 3 Gauss points; on any other
-mesh all of them at the nodes (`free_bends`). Free edges are natural. On a four-cornered panel whose sides are slanted
-by an angle t, columns count as if they stood square to the rows: bent about the vertical it is stiffer than B by
-(1 + sin^2 t)^2, about the horizontal softer by cos^4 t, on average over the panel by some per cent.
+The plate energy is E = B/2 integral of |x_uu|^2 + 2 |x_uv|^2 + |x_vv|^2. For a sheet that does not stretch, the
+integrand is kappa_1^2 + kappa_2^2. So B is the moment per width and curvature that fabric testers give. A grid's second
+derivatives are taken along rows and columns at the inner nodes, and the mixed ones at 3 by 3 Gauss points. Any other
+mesh has all of them at the nodes (`free_bends`). Free edges are natural.
+
+On a four-cornered panel whose sides are slanted by an angle t, columns count as if they were square to the rows. Bent
+about the vertical the panel is stiffer than B by (1 + sin^2 t)^2. Bent about the horizontal the panel is softer by
+cos^4 t. The average over the panel is some per cent.
 Source: S. Timoshenko, S. Woinowsky-Krieger, "Theory of Plates and Shells", section 22, without Poisson coupling; the
 mixed form with lumped masses from P. G. Ciarlet, "The Finite Element Method for Elliptic Problems", section 7.1; kinks
 between elements as in F. Bassi, S. Rebay, J. Comput. Phys. 131 (1997) (lifted jumps).
@@ -34,9 +36,10 @@ RIMS = (range(4), range(12, 16), range(0, 16, 4), range(3, 16, 4))  # of an elem
 class Bends:
     """Second derivatives, first along rows and columns (`stencils`), then mixed ones at the samples of shear.
 
-    Weights [1/m] hold the root of the area [m^2]; twist_weights, (shear samples, 4), act on the fibre samples across;
-    none where mixed ones are among the stencils. counts, (3,): how many stencils have each length of `BEND_NODES`;
-    area, kind, centre, (bends,): of all of them; centre is the node along whose normal a bend is measured.
+    - `weights` [1/m] hold the root of the area [m^2].
+    - `twist_weights`, (shear samples, 4), act on the fibre samples across; none if mixed ones are among the stencils.
+    - `counts`, (3,): the number of stencils of each length of `BEND_NODES`
+    - `area`, `kind`, `centre`, (bends,): of all of them; a bend is measured along the normal of the node `centre`
     """
 
     stencils: Stencils
@@ -93,13 +96,14 @@ def bends_of(grid: Grid) -> Bends:
 def free_bends(grid: Elements, layers: Nodes) -> Bends:
     """Return second derivatives along the threads at every node, from `hessian` and the kinks between elements.
 
-    layers, (layers, nodes): which node each is, in every layer of this shape; layers that are sewn together at a node
-    bend there each for itself.
+    `layers`, (layers, nodes), names each node in every layer of this shape. Layers that are sewn together at a node
+    bend there independently.
 
-    With the share m of the node's area that each element e has, and the length l of each side between two elements that
-    the node stands for, of which n is the normal:
+    Each element e has the share m_e of the node's area. The node stands for a length l of each side between two
+    elements, with the normal n:
         m H = sum_e m_e H_e + sum_sides l n n' [dx/dn],    m = sum_e m_e
-    which is the weak form of the second derivative with lumped masses; on a line it is `spectral.second_difference`.
+    This is the weak form of the second derivative with lumped masses. On a line the form is
+    `spectral.second_difference`.
     """
     entries: list[dict[int, Floats]] = [{} for _ in grid.rest]  # node -> node of its stencil -> three weights
     for at, (xi, eta) in enumerate(LOCAL_NODES):

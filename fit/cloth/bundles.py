@@ -1,8 +1,8 @@
-"""Name everything that the rollout kernel is given: bundles of arrays, and the numbers of each candidate.
+"""Name all arguments of the rollout kernel: bundles of arrays, and the numbers of each candidate.
 
 Each field of a bundle is a parameter of the kernel (`fit.cloth.rollout`), under the same name. `by_name` turns bundles
-into keyword arguments, so no order can be wrong: Taichi refuses a parameter that is missing or unknown, and `by_name`
-one that is given twice. The kernel puts the same bundles together again and hands them to its functions. Bundles
+into keyword arguments, so no order can be wrong. Taichi refuses a missing or unknown parameter. `by_name` refuses a
+parameter that is given twice. The kernel puts the same bundles together again and hands them to its functions. Bundles
 exist only while the kernel is compiled, so they cost nothing when it runs.
 
 Shapes are of the kernel's arrays. "Lanes" are candidates side by side, always the last axis; a group is one set of
@@ -36,7 +36,7 @@ class Motion(NamedTuple):
 
 
 class Membrane(NamedTuple):
-    """Where stretch and shear are sampled (`fit.cloth.elements`).
+    """Samples of stretch and shear (`fit.cloth.elements`).
 
     - `fibre_at`, `fibre_weights`, (n,): nodes and weights of the fibres across, then from `down_entry` on of those down
     - `fibre_area` [m^2], (samples,), the first `fibres_across` of them across
@@ -76,7 +76,7 @@ class Strains(NamedTuple):
 
 
 class Stencils(NamedTuple):
-    """Where bending is sampled (`fit.cloth.bends`, `fit.cloth.lines`).
+    """Samples of bending (`fit.cloth.bends`, `fit.cloth.lines`).
 
     - `bend_first`, (bends + 1,)
     - `bend_nodes`, `bend_weights`, (n,)
@@ -195,7 +195,7 @@ class Results(NamedTuple):
     """Arrays that the kernel fills.
 
     - `seen` [m], (groups, frames, points, 3, lanes): the tracked points
-    - `shapes` [m], (groups, frames, nodes, 3, lanes): the nodes, or room for one frame where they are not wanted
+    - `shapes` [m], (groups, frames, nodes, 3, lanes): the nodes, or room for one frame if nobody wants them
     """
 
     seen: Array
@@ -205,8 +205,8 @@ class Results(NamedTuple):
 class Row(NamedTuple):
     """Numbers of one candidate's material, in SI.
 
-    Where threads cross the elements, only what shear has of the fibres' stiffness acts at the fibres' own samples, and
-    the rest, shear_down and shear_across, at those of shear (`fit.cloth.elements`).
+    Threads may cross the elements. Then a part of the fibres' stiffness as large as shear's acts at the fibres' own
+    samples. The rest, `shear_down` and `shear_across`, acts at the samples of shear (`fit.cloth.elements`).
     """
 
     stretch_down: Number
@@ -280,7 +280,7 @@ class Family(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Where the arrays of one group begin: nodes, fibre samples, their slopes, shear samples, bends and twists."""
+    """The beginnings of one group's arrays: nodes, fibre samples, their slopes, shear samples, bends and twists."""
 
     home: Number
     first_fibre: Number

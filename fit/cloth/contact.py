@@ -1,42 +1,48 @@
 """Contact of the cloth with itself and with simple bodies: the law, and the surface on which it acts.
 
-Nodes stand 30 to 50 mm apart, cloth is a millimetre thick: spheres round nodes would either let layers through or keep
+Nodes stand 30 to 50 mm apart, and cloth is a millimetre thick. Spheres round nodes would let layers through or keep
 them a node's distance apart. So contact acts between places and pieces of the surface. Every element is divided into
-`division` by `division` quads; their corners are the samples y_s = sum_n N_sn x_n, N being the element's own shape
-functions. Sample i, of area A_i and velocity w_i, meets the mean plane of quad q with corners y_a y_b / y_c y_d:
+`division` by `division` quads. The quads' corners are the samples y_s = sum_n N_sn x_n, with the element's own shape
+functions N. Sample i has the area A_i and the velocity w_i. It meets the mean plane of quad q with corners y_a y_b /
+y_c y_d:
 
     c = mean of y_k,  t_1 = (y_b - y_a + y_d - y_c)/2,  t_2 = (y_c - y_a + y_d - y_b)/2,  n = t_1 x t_2 / |t_1 x t_2|
     gap g = n.(y_i - c),  y_i - c - g n = xi_1 t_1 + xi_2 t_2,  psi = s(xi_1) s(xi_2),  s(xi) = clip(3/2 - 2 |xi|, 0, 1)
 
-s falls from 1 to 0 about the quad's edge, so that the windows psi of neighbouring quads add up to 1; where the cloth
-ends it falls a quarter of a side farther out. With the weights h_k = 1/4 +- xi_1 / 2 +- xi_2 / 2 of the corners the
-place below the sample is sum_k h_k y_k, and dg = n.(dy_i - sum_k h_k dy_k) exactly. Hence a pressure p on the sample
-along n sign(g) with -h_k p on the corners is the gradient of an energy (but for that of psi, which sums to nothing
-where neighbouring planes agree) and has neither resultant nor torque. Nodes get N' times the samples' forces, the
-transpose of what carries the motion.
+The window s falls from 1 to 0 about the quad's edge. So the windows psi of neighbouring quads add up to 1. At the
+cloth's edge s falls a quarter of a side farther out. The corners have the weights h_k = 1/4 +- xi_1 / 2 +- xi_2 / 2.
+The place below the sample is sum_k h_k y_k, and dg = n.(dy_i - sum_k h_k dy_k) exactly.
 
-The law, on overlap delta = max(0, d - |g|) with the distance d that layers are kept apart (`thickness`):
+A pressure p acts on the sample along n sign(g), and -h_k p on the corners. This pressure is the gradient of an energy,
+and has neither resultant nor torque. The gradient of psi is left out; it sums to zero if neighbouring planes agree.
+Nodes get N' times the samples' forces, the transpose of the map that carries the motion.
+
+The law acts on the overlap delta = max(0, d - |g|), with the distance d between layers (`thickness`):
 
     p = max(0, k delta - c r d|g|/dt),  t = -min(c, mu p / |u_t|) u_t,  k = rho omega^2 / 2,  c = zeta rho omega
 
-with r = clip(4 delta / d, 0, 1), the velocity u_t of one along the other and the coefficient of friction mu. The force
-is A_i psi (p n + t) / 2, as the other layer's samples do the other half. k and c are scaled by the mass per area rho:
-two layers, rho / 2 of reduced mass, bounce at omega with damping zeta whatever the cloth is made of, so that
+with r = clip(4 delta / d, 0, 1), the velocity u_t of one layer along the other, and the coefficient of friction mu. The
+force is A_i psi (p n + t) / 2. The other layer's samples contribute the other half. The mass per area rho scales k and
+c. Two layers have the reduced mass rho / 2 and bounce at omega with damping zeta, for any cloth. So
     a layer of weight rho g rests by 2 g / omega^2 = 20 um within d, and
     it takes a speed of omega d, 5 m/s for d = 5 mm, to drive one layer through another.
-So no memory is needed of who was on which side, and d may be as small as the speeds allow. Friction creeps: below the
-sliding limit it is a dashpot, which a layer's weight drives at g / (zeta omega) = 3 cm/s.
-Against a body (`Body`) a sample meets its surface with twice k and c, the body being immovable, and all of its area.
+So no memory of the layers' sides is needed, and d may be as small as the speeds allow. Friction creeps: below the
+sliding limit it is a dashpot, which a layer's weight drives at g / (zeta omega) = 3 cm/s. A body (`Body`) is immovable.
+A sample meets its surface with twice k and c, and with all of its area.
 
-Sources: R. Bridson, R. Fedkiw, J. Anderson, "Robust treatment of collisions, contact and friction for cloth animation"
-(SIGGRAPH 2002), sections 5 to 7 (points against the planes of faces, thickness, repulsion scaled by mass, friction
-bounded by what stops sliding); M. Li et al., "Incremental potential contact" (SIGGRAPH 2020), section 4 (contact from a
-potential of distances; Coulomb friction smoothed about rest) and "Convergent IPC" (2023; contact as an integral over
-the surface, weighted by area); P. Wriggers, "Computational Contact Mechanics" (2006), section 5.3 (penalty stiffness).
+Sources:
 
-Not seen: edge against edge, where no sample is within d of the other layer: layers may overlap by what a quad's
-plane misses of the curved surface, kappa l^2 / 8, 1 mm for quads of l = 25 mm bent by 15 1/m. Pieces nearer along the
-cloth than `NEAREST_ALONG` quads do not meet: bending keeps them apart.
+- R. Bridson, R. Fedkiw, J. Anderson, "Robust treatment of collisions, contact and friction for cloth animation"
+  (SIGGRAPH 2002), sections 5 to 7: points against planes of faces, thickness, repulsion scaled by mass, bounded
+  friction
+- M. Li et al., "Incremental potential contact" (SIGGRAPH 2020), section 4: contact from a potential of distances;
+  Coulomb friction smoothed about rest
+- M. Li et al., "Convergent IPC" (2023): contact as an integral over the surface, weighted by area
+- P. Wriggers, "Computational Contact Mechanics" (2006), section 5.3: penalty stiffness
+
+Contact of edge against edge is not seen if no sample is within d of the other layer. So layers may overlap by the
+distance of the curved surface from a quad's plane. This distance is kappa l^2 / 8, 1 mm for quads of l = 25 mm bent by
+15 1/m. Pieces nearer along the cloth than `NEAREST_ALONG` quads do not meet, because bending keeps them apart.
 """
 
 from __future__ import annotations
@@ -189,8 +195,8 @@ def _samples(mesh: ClothMesh, local: Floats) -> tuple[Stencils, NDArray[np.int64
 def _areas(corners: Floats, local: Floats) -> Floats:
     """Return the area of each sample of each element [m^2], (cells, n, n), by weights that integrate cubics.
 
-    Of all such weights those nearest to the trapezium rule's: a pressure that is the same everywhere then pushes every
-    node in proportion to its mass, and level cloth that meets a level floor stays level.
+    Of all these weights, the ones nearest to the trapezium rule's are taken. A uniform pressure then pushes every node
+    in proportion to its mass. Level cloth that meets a level floor stays level.
     """
     rule = np.full(len(local), 2.0 / (len(local) - 1))
     rule[[0, -1]] /= 2
@@ -246,10 +252,10 @@ def _largest_rate(samples: Stencils, area: Floats, node_area: Floats) -> float:
 
 
 def contact_rate(surface: Surface, *, is_layered: bool, has_bodies: bool) -> float:
-    """Return a bound of the omega^2 that contact adds [1/s^2], whatever the cloth weighs.
+    """Return a bound of the omega^2 that contact adds [1/s^2], for any weight of the cloth.
 
-    Of a pair's energy A k delta^2 / 4, delta^2 = (a - b)^2 <= 2 a^2 + 2 b^2: all pairs together have at most LAYERS k
-    times the sum of A_s y_s^2, and with k = rho omega^2 / 2 an eigenvalue of LAYERS omega^2 `Surface.rate`; bodies add
-    omega^2 of it.
+    A pair has the energy A k delta^2 / 4, and delta^2 = (a - b)^2 <= 2 a^2 + 2 b^2. So all pairs together have at most
+    LAYERS k times the sum of A_s y_s^2. With k = rho omega^2 / 2 the eigenvalue is LAYERS omega^2 `Surface.rate`.
+    Bodies add omega^2 `Surface.rate`.
     """
     return CONTACT_OMEGA**2 * surface.rate * (LAYERS * is_layered + has_bodies)

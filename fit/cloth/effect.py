@@ -35,12 +35,12 @@ class Effect:
     """One unmodelled effect: name, unit, physical range, typical size and hooks.
 
     `low`, `high` and `typical` hold for each component; an effect of several components has the length of its
-    amplitude vector as its size. `law_spread` is the relative deviation by which sound laws of one effect differ: drag
-    that varies with the angle, masses in another place; 0 where there is only one. `in_base` names the parameter of
-    the base model that is the same physics, if any; an effect that `goes_beyond_base` reaches farther than that
-    parameter's range, and is one where a fit ends at the top of it. `brings` names other effects that a sound law of
-    this one holds as well, with how much of them each unit of it brings at most: only what is beyond that is an effect
-    beside this one.
+    amplitude vector as its size. `law_spread` is the relative deviation between sound laws of one effect: for example
+    drag that varies with the angle, or masses in another place. The spread is 0 if there is only one law. `in_base`
+    names the parameter of the base model that is the same physics, if any. An effect that `goes_beyond_base` reaches
+    farther than this parameter's range. The diagnosis considers it when the fitted parameter is at its upper bound.
+    `brings` names other effects that a sound law of this effect contains, each with its largest size per unit. Only a
+    larger size counts as an effect beside this one.
     """
 
     name: ClassVar[str]
@@ -56,7 +56,7 @@ class Effect:
     in_base: ClassVar[str] = ""
     goes_beyond_base: ClassVar[bool] = False
     brings: ClassVar[tuple[tuple[str, float], ...]] = ()
-    # Sound solvers differ by as much: beside another effect it is named only where it passes by itself.
+    # Sound solvers differ by as much. Beside another effect it is named only if it passes alone.
     differs_by_solver: ClassVar[bool] = False
     face_force: ClassVar[Callable[..., Any] | None] = None
     bends: ClassVar[bool] = False  # whether `rest_curvature` or `friction_moment` does anything

@@ -1,18 +1,20 @@
 """Samples and stencils of cubic spectral elements on quadrilaterals of flat cloth.
 
-An element's nodes are the tensor product of `fit.cloth.spectral`'s, its corners are mapped bilinearly; with the
-Jacobian J = d(X, Y)/d(xi, eta) of that map the columns of the deformation gradient are
+An element's nodes are the tensor product of `fit.cloth.spectral`'s, and its corners are mapped bilinearly. This map has
+the Jacobian J = d(X, Y)/d(xi, eta). The columns of the deformation gradient are
     Fu = sum_n (dN_n/dX) x_n,   Fv = sum_n (dN_n/dY) x_n,   [dN/dX, dN/dY] = R J^-1 [dN/dxi, dN/deta],
-R turning the axes onto the threads. Whatever way the elements lie, strains are those of the threads.
+with the rotation R from the axes onto the threads. So strains are those of the threads, for any orientation of the
+elements.
 
-Membrane: each family of fibres is sampled along its own lines of nodes, at three Gauss points an element; shear at 3
-by 3 Gauss points, where Fu and Fv are interpolated from those samples (tying points). As many samples as a curved
-sheet that does not stretch has freedoms for: sampled more often, elements that are much stiffer in their plane than
-against bending lock. An element has nine nodes of its own, with three coordinates each. Neighbours share the lines at
-their rims, so that there are nine samples of either family of threads to an element, and nine of shear. Where threads
-cross the elements askew nothing is shared, and there are twelve of either. There threads are felt with shear, at nine
-points, except for as much of their stiffness as shear has, which stays at the twelve: slopes of P3(xi) P3(eta) vanish
-at the nine, and nothing would hold that mode. Threads no stiffer than shear lock nothing (`fit.cloth.forces`).
+Each family of fibres is sampled along its own lines of nodes, at three Gauss points an element. Shear is sampled at 3
+by 3 Gauss points. Fu and Fv are interpolated there from the fibres' samples (tying points). The samples are as many as
+the freedoms of a curved sheet that does not stretch. More samples would lock elements that are much stiffer in their
+plane than against bending. An element has nine nodes of its own, with three coordinates each. Neighbours share the
+lines at their rims. So an element has nine samples of either family of threads, and nine of shear. If threads cross the
+elements askew, nothing is shared, and there are twelve samples of either family. The threads' stiffness is then
+divided. A part as large as the shear stiffness stays at the twelve samples. The rest acts with shear at nine points.
+Slopes of P3(xi) P3(eta) vanish at the nine points, which alone would leave this mode free. Threads no stiffer than
+shear lock nothing (`fit.cloth.forces`).
 Source: T. J. R. Hughes, "The Finite Element Method" (1987), sections 3.2 and 4.4 (selective integration); K.-J. Bathe,
 "Finite Element Procedures" (1996), section 5.4.2 (tying).
 """
@@ -101,8 +103,8 @@ class Elements:
     def hessian(self, xi: float, eta: float) -> Floats:
         """Return the second derivatives of the shape functions, (cells, 2, 2, 16).
 
-        With g = J^-1 dN and a bilinear map, whose only second derivative is that along both xi and eta:
-        dg/dxi_l = J^-1 (d(dN)/dxi_l - (dJ/dxi_l) g), and along the axes J^-1 of that.
+        A bilinear map has only one second derivative, along both xi and eta. With g = J^-1 dN, dg/dxi_l = J^-1
+        (d(dN)/dxi_l - (dJ/dxi_l) g). The derivative along the axes is J^-1 times dg/dxi_l.
         """
         jacobian = self.jacobian(xi, eta)
         slopes = np.linalg.solve(jacobian, np.broadcast_to(_local(xi, eta, 1), (len(jacobian), 2, 16)))
@@ -207,7 +209,7 @@ class Lines:
         known: dict[tuple[int, ...], int] = {}
         at, weights = spectral.gauss(spectral.ORDER)
         parts = [[grid.gradient(*((g, line) if axis == 0 else (line, g))) for line in spectral.NODES] for g in at]
-        # Where the grid is askew to the fibres every node of the element has a say.
+        # On a grid askew to the fibres every node of the element enters each sample.
         most = max(int((gradient[:, axis] != 0).sum(1).max()) for line in parts for gradient, _ in line)
         self.width = spectral.WIDTH if most <= spectral.WIDTH else spectral.WIDTH**2
         for cell, corners in enumerate(grid.cells):

@@ -5,9 +5,9 @@ Samples and stencils are those of `fit.cloth.mesh`. With Fu, Fv the columns of t
     shear      S12 = G (E12 + tau dE12/dt + z), E12 = Fu.Fv; P_u = S12 Fv, P_v = S12 Fu
     z          viscosity that relaxes (fit.effects.stretch_viscosity)
     twist      kappa = x_uv, as the slope down of Fu (fit.cloth.moments)
-Where threads cross the elements, of k_u and k_v only what shear has is felt at the fibres' own samples, and the rest at
-those of shear, from the same Fu and Fv (`fit.cloth.elements`).
-The force on a node is minus the sum of stress times the weight with which the node enters its sample.
+If threads cross the elements, a part of k_u and k_v as large as G acts at the fibres' own samples. The rest acts at the
+samples of shear, from the same Fu and Fv (`fit.cloth.elements`). The force on a node is minus the sum of stress times
+the weight with which the node enters its sample.
 
 Rates of strain are differences between steps, d/dt = (E_n - E_n-1) / dt, the mean over the step that led here.
 Arrays lie as `fit.cloth.stencils` says, in bundles of `fit.cloth.bundles`; `Place` says where a group's begin.
@@ -163,8 +163,8 @@ def shearing(
 ):
     """Find shear and mixed second derivatives, and hand them back to the fibre samples that they come from.
 
-    Of an element's nine samples three at a time, which lie between the same four samples across. Where threads cross
-    the elements, what else they have of stiffness too; its strains begin at first_crossed, two a sample.
+    Three of an element's nine samples are done at a time; they lie between the same four samples across. If threads
+    cross the elements, the rest of their stiffness acts here too; its strains begin at `first_crossed`, two a sample.
     Bundles, of `fit.cloth.bundles`: Place, Membrane, Strains, Stencils, Facing, Row, Law, BendLaw, Kind.
     """
     for line in range(cloth.shear_area.shape[0] // 3):

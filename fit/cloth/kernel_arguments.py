@@ -58,7 +58,7 @@ def facing_bases(mesh: ClothMesh) -> tuple[Integers, Singles]:
 
 
 def contact_bundle(surface: Surface, contact: Contact, thickness: Floats, nodes: int) -> Touch:
-    """Return what the kernel is told of contact, and the memory it works in (`fit.cloth.nearby`).
+    """Return the kernel's arguments on contact, and its memory (`fit.cloth.nearby`).
 
     thickness [m], (groups, lanes): distances at which layers are kept apart
     """

@@ -132,7 +132,7 @@ def _bending(tasks: list[Task], amplitudes: Floats, kind: Kind) -> tuple[Stencil
 
 
 def _contact(tasks: list[Task], amplitudes: Floats, lanes: int) -> Touch:
-    """Return what the kernel is told of contact; next to nothing where nothing touches."""
+    """Return the kernel's arguments on contact; nearly empty if nothing touches."""
     group = tasks[0].parts[0]
     model = group.model
     if not group.touches:

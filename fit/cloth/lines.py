@@ -1,12 +1,12 @@
 """Sum along lines of four nodes of an element, where threads run along the lines, in fewer products.
 
-Such a line has three samples of its fibre, at its Gauss points, whose weights are the slopes D of the shape functions
-over the line's length. Nodes and points lie alike on both sides of the middle, so that of the differences
-d_o = y_3 - y_0, d_i = y_2 - y_1 and the sums s_o = y_0 + y_3, s_i = y_1 + y_2
+A line has three samples of its fibre, at its Gauss points. The samples' weights are the slopes D of the shape functions
+over the line's length. Nodes and points are symmetric about the middle. Use the differences d_o = y_3 - y_0, d_i = y_2
+- y_1 and the sums s_o = y_0 + y_3, s_i = y_1 + y_2:
     slope, middle         D_13 d_o + D_12 d_i
     slopes, first, last   (D_03 + D_23)/2 d_o + (D_02 + D_22)/2 d_i  -/+  (D_20 - D_00)/2 (s_o - s_i)
-which are five products where three sums over four nodes have twelve. Values B between samples, for shear, and second
-derivatives C at the two inner nodes, for bends, likewise:
+These are five products; three sums over four nodes have twelve. The same holds for values B between samples, for shear,
+and for second derivatives C at the two inner nodes, for bends:
     value, middle         B_10 s_o + B_11 s_i
     values, first, last   (B_00 + B_20)/2 s_o + (B_01 + B_21)/2 s_i  -/+  ((B_23 - B_03)/2 d_o + (B_22 - B_02)/2 d_i)
     curvatures            (C_00 + C_10)/2 (s_o - s_i)  -/+  ((C_13 - C_03)/2 d_o + (C_12 - C_02)/2 d_i)

@@ -35,8 +35,8 @@ class Rollouts:
 
     - `points` [m], (candidates, frames, points, 3), world frame; NaN for a candidate that blew up
     - `shapes` [m], (candidates, frames, nodes, 3), or None
-    - `forces` [N], (candidates, nodes, 3): of the cloth and the air on each node in the last step, or None; the support
-      carries the forces and the weight of a node that is held at rest
+    - `forces` [N], (candidates, nodes, 3): of the cloth and the air on each node in the last step, or None. The support
+      carries the forces and the weight of a node that is held at rest.
     """
 
     points: Floats
@@ -355,7 +355,7 @@ class ClothModel:
     def paths(self, amplitudes: Floats, steps: int, dt: float) -> Floats:
         """Return the handles per step and candidate, (steps, 3 handles, candidates); equal drives are evaluated once.
 
-        Where all are driven alike they are the same memory, not to be written to.
+        Candidates with one drive share the same memory, which must not be written to.
         """
         drivers = [k for k, e in enumerate(self.effects) if type(e).drive is not Effect.drive]
         names = [b"".join(row[self.columns[k]].tobytes() for k in drivers) for row in amplitudes]

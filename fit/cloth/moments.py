@@ -3,8 +3,8 @@
     M = B (kappa + tau dkappa/dt - kappa_0 n) + Dahl friction along the normal n,   kappa = x_uu, x_vv, x_uv
 
 Bends and stencils are those of `fit.cloth.bends`, arrays those of `fit.cloth.stencils`. Bends are linear in the places,
-and damped for much longer than a step: theirs come from x + tau v (`ahead`), whose second derivative is
-kappa + tau dkappa/dt; or from v itself, in the place of `ahead`, where friction needs to know them.
+and their damping time is much longer than a step. So they come from x + tau v (`ahead`), whose second derivative is
+kappa + tau dkappa/dt. Friction needs the rates themselves; `ahead` then holds v.
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations of functions.

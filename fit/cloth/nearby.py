@@ -1,13 +1,13 @@
 """List pairs that are near each other, for candidates side by side, and lay out the memory of contact.
 
-Of all pairs of a sample and a quad that may meet, and of a sample and a body, those within `WATCHED` of contact in any
-lane are watched; of these, those within `NEAR` are computed. A list holds until a node has moved so far that a pair
-which is not in it could touch: a sample moves by `Surface.carried` times that at most, so that with the margin m
+Pairs are of a sample and a quad that may meet, or of a sample and a body. Pairs within `WATCHED` of contact in any lane
+are watched, and of these, pairs within `NEAR` are computed. A list holds until a node has moved so far that an unlisted
+pair could touch. A sample moves by `Surface.carried` times the node's way at most. So with the margin m
 
     2 carried max |x - x_then| <= m,   m = NEAR, or WATCHED where nothing is watched
 
-(L. Verlet, Phys. Rev. 159 (1967), section II). Every pair that touches is computed and one that does not adds exactly
-nothing, so a candidate's result does not depend on its company.
+(L. Verlet, Phys. Rev. 159 (1967), section II). Every pair that touches is computed, and every other pair adds exactly
+nothing. So a candidate's result does not depend on the other lanes.
 
 A kernel takes 64 arrays at most, so contact has three, each holding several things one after the other:
     whole      samples, quads, bodies, length of a list, where the vectors begin in `memory`; nodes of the samples,
@@ -120,7 +120,7 @@ def beside(at, facing, windows, memory: ti.template(), alone: ti.template(), thi
     """Return a number below 0 where a sample is, or soon could be, in the window of a quad and near its plane.
 
     Sample and corners each move by NEAR / 2 at most before the lists are made anew. With sum |h_k| <= 5/2 the place
-    below the sample moves by 5/4 of NEAR against the sample's 1/2, and the plane turns by NEAR over a side.
+    below the sample moves by 5/4 of NEAR, and the sample by 1/2. The plane turns by NEAR over a side.
     """
     gap, one, two, _ = located(at, facing, memory)
     more = MOVED * NEAR
@@ -188,7 +188,7 @@ def watch(
                         q = WORD * part + n
                         reach = alone[17 * samples + q] + thickness + WATCHED
                         memory[gauge] = ti.min(memory[gauge], apart(at, within(front + PANEL * q), memory, reach))
-                # Only where one of them is near in any lane is it worth while to ask which.
+                # The test of each pair pays only if one of them is near in any lane.
                 if least(alone, gauge * lanes, lanes) < 0.0:
                     for n in range(end):
                         if (word >> n) & 1 == 1:

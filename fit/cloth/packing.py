@@ -1,8 +1,8 @@
 """Pack candidates of one or several recordings of one cloth into tasks, groups of lanes.
 
-Candidates of several recordings that have the same step share groups: a group has the frames of all its recordings, of
-which each keeps its own. Every group is one task; tasks go to the processors longest first. How wide the groups are is
-a guess at the least time: processors that work side by side until the last task is done,
+Candidates of several recordings with the same step share groups. A group has the frames of all its recordings, and each
+recording keeps its own frames. Every group is one task, and the longest task goes to a processor first. The width of
+the groups minimises an estimate of the time until the last processor is done:
 
     max(longest task, sum of all tasks / processors),  a task's time being its steps times COST of its lanes
 """
@@ -113,10 +113,13 @@ def _time(tasks: list[Task], lanes: int, threads: int) -> float:
 class Course:
     """Frames of one task and the steps to them, paths of its handles, and targets of the observer.
 
-    time [s], (frames,): of every frame of any of its recordings; steps, lags [s], (frames,): whole steps to it, and the
-    rest; paths: of each part, (steps, 3 handles, its lanes); start [m], (lanes, nodes, 3)
-    targets: of each part places and velocities, (samples, points, 6, its lanes or 1 for all of them), trust,
-    (samples, points), and how many lanes it has; every: steps between two of them
+    - `time` [s], (frames,): of every frame of any of its recordings
+    - `steps`, `lags` [s], (frames,): whole steps to a frame, and the rest
+    - `paths`: of each part, (steps, 3 handles, its lanes)
+    - `start` [m], (lanes, nodes, 3)
+    - `targets`: of each part, places and velocities, (samples, points, 6, its lanes or 1 for all of them), trust,
+      (samples, points), and its number of lanes
+    - `every`: steps between two targets
     """
 
     def __init__(self, task: Task, parts: list[tuple[Group, NDArray[np.int64]]], is_pulled: bool) -> None:
@@ -127,7 +130,7 @@ class Course:
         self.paths = [g.model.paths(g.candidates.amplitudes[k], int(whole[-1]) + 3, task.dt) for g, k in parts]
         starts = [g.model.support.start(way[0].T) for (g, _), way in zip(parts, self.paths, strict=True)]
         self.start = runtime.jittered(np.concatenate(starts))
-        # Where nothing pulls but the settling, two are asked for: where the points begin, and the one after it.
+        # Settling without a pull needs two targets: the first places of the points, and the next ones.
         asked = slice(None if is_pulled else 2)
         self.targets = []
         for group, members in parts:

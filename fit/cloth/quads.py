@@ -1,11 +1,13 @@
 """Quadrilaterals over any flat garment: a polygon, with holes or without.
 
-Threads run straight through the garment whatever the mesh, since strains are slopes along them (`fit.cloth.elements`);
-so the mesh may follow the outline, and no element is cut. Corners on a square lattice along X and Y fill the inside;
-with those on the outline they are triangulated (Delaunay, the outline's sides halved until the triangulation has them
-all), and neighbouring triangles are joined into quadrilaterals, best first. Several sizes of the lattice are tried, as
-few leave no triangle; of those the longest shortest side is taken, since the step goes with it. Where none does, a
-coarser one is divided: every triangle into three quadrilaterals, every quadrilateral into four.
+Threads run straight through the garment on any mesh, since strains are slopes along them (`fit.cloth.elements`). So the
+mesh may follow the outline, and no element is cut. Corners on a square lattice along X and Y fill the inside. These
+corners and those on the outline are triangulated by Delaunay's rule. The outline's sides are halved until the
+triangulation contains them all. Neighbouring triangles are joined into quadrilaterals, best first.
+
+Few sizes of the lattice leave no triangle, so several are tried. Of those the mesh with the longest shortest side is
+taken, since the step grows with that side. If every size leaves triangles, a coarser mesh is divided: each triangle
+into three quadrilaterals, each quadrilateral into four.
 Source: J.-F. Remacle et al., Int. J. Numer. Meth. Engng 89 (2012), section 2 (quadrilaterals from triangles);
 J. Ruppert, J. Algorithms 18 (1995) (halving sides); E. Catmull, J. Clark, Computer-Aided Design 10 (1978) (division).
 """

@@ -5,10 +5,11 @@ section I.3), for node positions x [m] and velocities v [m/s]:
 
     v <- ((1 - c dt/2) v + dt (f/m + g + pull)) / (1 + c dt/2)        x <- x + dt v
 
-What rounding loses of x + dt v is kept, behind the places in x, and added to the next step's dt v (compensated
-summation; Hairer, Lubich & Wanner, section VIII.5): short steps far from the origin would else stand still.
-f is the sum of
-    what the cloth resists with: membrane, St. Venant-Kirchhoff, orthotropic, no Poisson coupling (fit.cloth.forces);
+The rounding error of x + dt v is kept behind the places in x, and added to the next step's dt v. This is compensated
+summation (Hairer, Lubich & Wanner, section VIII.5). Without it, short steps far from the origin would stand still.
+
+The force f is the sum of
+    the cloth's resistance: membrane, St. Venant-Kirchhoff, orthotropic, no Poisson coupling (fit.cloth.forces);
                plate bending (fit.cloth.moments); damping of both
     effects    forces on the surface around each node from the chosen effects (fit.effects); mass m_a that is added to
                the normal motion, (m + m_a n n') a = F, so a = (F - n (n.F) m_a/(m + m_a)) / m

@@ -1,9 +1,9 @@
 """One-dimensional cubic spectral elements: nodes, weights, and the matrices that sample a field and its slope.
 
-Nodes and lumped masses at the Gauss-Lobatto-Legendre points of [-1, 1], the ends and +-1/sqrt(5) with weights 1/6 and
-5/6; slopes are sampled at the Gauss points, three of them for strains, which is exact for them. Nodes with diagonal
-masses keep the explicit step; ten nodes have a hanging sheet's first three frequencies right to 0.01, 0.01 and 0.9 %,
-where straight elements of the same nodes are wrong by 0.4, 4.5 and 11 %.
+Nodes and lumped masses lie at the Gauss-Lobatto-Legendre points of [-1, 1]: the ends and +-1/sqrt(5), with weights 1/6
+and 5/6. Slopes are sampled at the Gauss points. Three points serve strains and are exact for them. Nodes with diagonal
+masses keep the explicit step. Ten nodes have a hanging sheet's first three frequencies right to 0.01, 0.01 and 0.9 %.
+Straight elements of the same nodes are wrong by 0.4, 4.5 and 11 %.
 Source: A. T. Patera, J. Comput. Phys. 54 (1984); C. Canuto et al., "Spectral Methods" (2006), section 2.3.
 """
 

@@ -1,10 +1,12 @@
 """Bound the highest frequency of a mesh, which decides the step.
 
-Stable step of explicit leapfrog with Kelvin-Voigt damping: with the highest frequency omega and damping ratio
-zeta = omega tau / 2,  dt < (2 / omega) (sqrt(1 + zeta^2) - zeta).
-omega^2 is bounded by k lambda_k + G lambda_G + B lambda_B, the largest eigenvalues of each energy alone on this mesh at
-unit stiffness and unit density (the maximum of a sum is at most the sum of the maxima). Stretch viscosity counts as
-stiffness (`fit.effects.stretch_viscosity`).
+Explicit leapfrog with Kelvin-Voigt damping is stable for
+
+    dt < (2 / omega) (sqrt(1 + zeta^2) - zeta),   zeta = omega tau / 2
+
+with the highest frequency omega and the damping ratio zeta. A bound of omega^2 is k lambda_k + G lambda_G + B lambda_B.
+Each lambda is the largest eigenvalue of one energy alone on this mesh at unit stiffness and unit density. The maximum
+of a sum is at most the sum of the maxima. Stretch viscosity counts as stiffness (`fit.effects.stretch_viscosity`).
 Source: T. Belytschko, W. K. Liu, B. Moran, "Nonlinear Finite Elements for Continua and Structures", section 6.2.
 """
 

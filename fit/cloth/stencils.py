@@ -1,12 +1,12 @@
-"""Sums over stencils and lines of nodes or samples, and their transposes, which give a stress to those it came from.
+"""Sums over stencils and lines of nodes or samples, and their transposes, which return stresses to nodes.
 
-Arrays are flat, three vectors of lanes to a node or a sample: those of node i begin at home + 3 i, and index arrays
-hold 3 i (`fit.cloth.launch`). Taichi works out where an element of an array of several dimensions is at every access
-anew, which took longer than the sums.
+Arrays are flat, with three vectors of lanes to a node or a sample. The vectors of node i begin at home + 3 i, and index
+arrays hold 3 i (`fit.cloth.launch`). Taichi would compute the place of an element in an array of several dimensions at
+every access. This took longer than the sums.
 
 Sums are unrolled: a sum carried round a loop in registers is not vectorised. `+=` on memory would be an atomic, three
-times slower: load, add, store. What is loaded before a store is not loaded again after it: the compiler cannot know
-that a store changes no index. Lines are those of `fit.cloth.lines`.
+times slower: load, add, store. Values are loaded once, before the first store: the compiler cannot know that a store
+changes no index. Lines are those of `fit.cloth.lines`.
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations of functions.

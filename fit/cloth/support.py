@@ -1,30 +1,32 @@
-"""Hold cloth by a hanger, by clamps that move, or not at all, and say where it starts.
+"""Hold cloth by a hanger, by moving clamps, or by nothing, and choose its start.
 
 Held nodes follow handles, vectors that move:
     x_h(t) = sum_k s_hk handle_k(t)
-A hanger has two, the ends of the held edge, with s = (1 - s_h, s_h). A clamp has three, the image of the flat cloth's
-origin and of its axes, so that the node at (X, Y) is at origin + X across + Y down: a strip of cloth that a clamp
-holds stays flat and keeps its angle, which is what clamping means; a single row of nodes is a hinge. A frame whose
-axes turn against each other shears what it holds.
+A hanger has two handles, the ends of the held edge, with s = (1 - s_h, s_h). A clamp has three handles, the images of
+the flat cloth's origin and axes. The node at (X, Y) is at origin + X across + Y down. So a clamp keeps a strip of cloth
+flat and at its angle; a single row of nodes is a hinge. A frame whose axes turn against each other shears the cloth in
+it.
 
-Before the take the cloth settles: it hangs at the hanger's first pose, for a fifth of that time under a pull to where
-the tracked points begin, then freely. Damping at the rate c stills what swings at omega as e^(-c t / 2) where
-c < 2 omega, and as e^(-omega^2 t / c) where c is far larger. Least is left of the slowest swing where it is critical,
+Before the take the cloth settles. It hangs at the hanger's first pose, for a fifth of the time under a pull to the
+points' first places, then freely. Damping at the rate c < 2 omega stills a swing at omega as e^(-c t / 2). Damping with
+c far larger than omega stills it as e^(-omega^2 t / c). Critical damping leaves the smallest remainder of the slowest swing,
     c = 2 omega_1,  omega_1 = 1.2024 sqrt(g / L),  remainder (1 + omega_1 t) e^(-omega_1 t),
-that of a sheet of length L (2 x 1.2024 is the first zero of J0: D. Bernoulli, 1733): 0.6 % at 0.45 m in 1.28 s. Cloth
-that is damped more by itself keeps its own damping. Source of critical damping on the way to a static solution: A. S.
-Day, "An introduction to dynamic relaxation", The Engineer 219 (1965). `benchmarks/settling.py` measures what it leaves.
+for a sheet of length L (2 x 1.2024 is the first zero of J0: D. Bernoulli, 1733). The remainder is 0.6 % at 0.45 m in
+1.28 s. Cloth with more damping of its own keeps that damping. Source of critical damping on the way to a static
+solution: A. S. Day, "An introduction to dynamic relaxation", The Engineer 219 (1965). `benchmarks/settling.py` measures
+the remainder.
 
-Cloth that hangs from a whole edge has one rest, which settling finds. Cloth held at two corners is slack between them:
-it hangs in folds, to one side or the other, and one of several rests is chosen by chance. So it starts where the
-tracked points are at the beginning of the take: the flat cloth, moved by the polyharmonic spline through the points'
-displacements u_k from it,
+Cloth that hangs from a whole edge has one rest, which settling finds. Cloth held at two corners is slack between them.
+It hangs in folds, to one side or the other, and chance chooses one of several rests. So this cloth starts at the
+tracked points' first places. The polyharmonic spline through the points' displacements u_k moves the flat cloth there,
     u(X) = a + B X + sum_k w_k |X - X_k|^3,   sum_k w_k = 0, sum_k w_k X_k = 0
-and settles from there. Source: J. Duchon, "Splines minimizing rotation-invariant semi-norms in Sobolev spaces" (1977).
+and the cloth settles from this start.
 
-Elements inside a clamp do not bend, so the curvature at its rim belongs to the free side's share of the node alone:
-with the shares m of both sides, M = m_1 kappa_1 + m_2 kappa_2 + kink and kappa_1 = 0, the energy is B/2 M^2 / m_2,
-where two free sides have B/2 M^2 / (m_1 + m_2). Left as those, a clamp would be soft over a twelfth of an element.
+Source: J. Duchon, "Splines minimizing rotation-invariant semi-norms in Sobolev spaces" (1977).
+
+Elements inside a clamp do not bend. So the curvature at its rim belongs to the free side's share of the node alone. The
+shares m of both sides give M = m_1 kappa_1 + m_2 kappa_2 + kink with kappa_1 = 0. The energy is then B/2 M^2 / m_2, and
+B/2 M^2 / (m_1 + m_2) for two free sides. With the latter, a clamp would be soft over a twelfth of an element.
 """
 
 from __future__ import annotations
@@ -41,7 +43,7 @@ from fit.recordings.recording import LONGEST_BRIDGE, Curve, Recording
 from formats.arrays import Booleans, Floats
 
 GRAVITY = 9.80665  # m/s^2
-ON_LINE = 1e-3  # m from a line within which points say nothing of the cloth beside it
+ON_LINE = 1e-3  # m: points within this distance of a line say nothing on the cloth beside the line
 SETTLE_TIME = 1.6  # s that cloth hangs at the first hanger pose before the take begins
 FIRST_SWING = 1.2024  # of a hanging sheet, over sqrt(g / L): half the first zero of J0
 
@@ -107,7 +109,7 @@ def hanger(recording: Recording) -> Supporting:
 def clamps(
     *chosen: Clamp, start: Floats, gravity: float = GRAVITY, stir: Callable[[Floats], Floats] | None = None
 ) -> Supporting:
-    """Return clamps, or nothing at all where none is given.
+    """Return clamps, or no support if none is given.
 
     - `start` [m], (9,): the frame, as a clamp's, in which the flat cloth begins at rest
     - `stir`: places on the flat cloth [m], (n, 2) -> (n,) [m], how far out of its plane it begins.

@@ -1,7 +1,7 @@
-"""What a result depends on besides takes and options: the source text and the libraries behind it, as one digest.
+"""One digest of a result's origins besides takes and options: the source text and the libraries.
 
-Counted is every module of `fit` and `formats` that has a part in a result (all but `WITHOUT_PART`), and the versions of
-`LIBRARIES`. A comment changed there costs the time of a fit and never keeps or goes on from a stale one.
+The digest covers every module of `fit` and `formats` that affects a result (all but `WITHOUT_PART`), and the versions
+of `LIBRARIES`. A changed comment there costs the time of a fit. In exchange, no stale fit is ever kept or continued.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from pathlib import Path
 import fit as fit_package
 import formats as formats_package
 
-# What only shows or hands out results, or brings takes in; everything else in `fit` and `formats` may change them.
+# Modules that only show or hand out results, or bring takes in; every other module of `fit` and `formats` may change
+# them.
 WITHOUT_PART = (
     "fit/api", "fit/batch", "fit/blind", "fit/report", "fit/cli.py", "fit/folders.py",
     "formats/cli.py", "formats/command.py", "formats/importers", "formats/terminal.py",

@@ -43,11 +43,11 @@ def available_threads() -> int:
 
 @contextlib.contextmanager
 def one_thread_of_algebra() -> Iterator[None]:
-    """Let linear algebra use one thread inside, whoever calls; afterwards the caller's own number holds again.
+    """Let linear algebra use one thread inside for every caller; afterwards the caller's own number holds again.
 
-    Sums that are split over threads are rounded differently. Where the takes do not identify a parameter, that last
-    bit decides which of many equally good values a search ends at. So a result must not depend on the number of
-    processors, nor on whether the command line, a notebook or a worker of a cluster asks for it.
+    Sums that are split over threads are rounded differently. The last bit decides where a search ends among equally
+    good values of an unidentified parameter. So a result must not depend on the number of processors, nor on the
+    caller: command line, notebook or worker of a cluster.
     """
     import scipy.linalg  # noqa: F401 - it brings a BLAS of its own, which must be loaded before it can be told
     from threadpoolctl import threadpool_limits
@@ -177,8 +177,9 @@ def mend_cache(folder: Path) -> None:
 def is_sound_index(held: bytes) -> bool:
     """Return whether an index of compiled kernels is whole: a header, then an entry for each kernel.
 
-    header: length of the file, version of Taichi, size of all kernels, number of entries
-    entry: the kernel's name twice, each after its length, then size and two dates
+    - header: length of the file, version of Taichi, size of all kernels, number of entries
+    - entry: the kernel's name twice, each after its length, then size and two dates
+
     Taichi itself throws away the index of another version.
     """
     header = struct.Struct("<q3HQQ")
@@ -205,8 +206,8 @@ def is_sound_index(held: bytes) -> bool:
 def _read_kernels_quickly() -> None:
     """Spare most of what Taichi 1.7 takes to read a kernel's source, which it does in every process.
 
-    It lays out the lines around every node of the syntax tree in case there is an error in it (here an error names file
-    and line alone), and looks up a function's source each time that the function is called.
+    Taichi lays out the lines around every node of the syntax tree for a possible error message. Without this, an error
+    names file and line alone. Taichi also looks up a function's source at each call.
     """
     from taichi.lang import kernel_impl
 
@@ -223,9 +224,9 @@ def _read_kernels_quickly() -> None:
 def vectors_kept() -> Iterator[None]:
     """Let kernels that are first called inside turn Taichi's vectors into the processor's.
 
-    Taichi's default takes them apart and leaves it to LLVM to find them again, which it does not where sums run over
-    stencils: 16 candidates side by side then cost as much as 16 alone. Such kernels may only use what
-    `fit.cloth.lanes` says, and their arrays must be aligned.
+    By default Taichi splits vectors and leaves LLVM to find them again. LLVM does not find them in sums over stencils.
+    Then 16 candidates side by side cost as much as 16 alone. Kernels of real vectors may use only the functions of
+    `fit.cloth.lanes`, and their arrays must be aligned.
     """
     from taichi.lang import impl
 

@@ -36,7 +36,7 @@ def fit_tables(result: FitResult) -> list[Table]:
 def diagnosis_tables(diagnosis: Diagnosis, added: tuple[str, ...] = ()) -> list[Table]:
     """Return the verdict with its sentence, the gap, the effects that were looked at, and the next recording.
 
-    added: effects that the caller asked to see, whatever the verdict names
+    `added` holds effects that the caller asked to see in any case
     """
     remarks = [f"Verdict: {diagnosis.verdict}", diagnosis.sentence]
     remarks += [_added_line(finding) for finding in diagnosis.effects if finding.id in added]

@@ -1,7 +1,7 @@
 """The workers of a batch: processes of this machine, or a dask cluster that runs already.
 
-On this machine everything stays on the loopback interface, and scheduler and workers talk over TLS with a certificate
-made for the night: dask runs whatever is sent to it, so nobody else on the machine may send.
+On this machine everything stays on the loopback interface. Scheduler and workers talk over TLS with a certificate made
+for the night. Dask runs any code that it receives, so nobody else on the machine may send.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ RETRY = 2.0  # s between attempts
 
 @dataclass(frozen=True, kw_only=True)
 class Workers:
-    """Where to work. scheduler: address or scheduler file of a running cluster, None for this machine."""
+    """The place of work. `scheduler` is the address or scheduler file of a running cluster, None for this machine."""
 
     scheduler: str | None = None
     count: int | None = None  # on this machine; one a core where None

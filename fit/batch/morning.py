@@ -17,7 +17,7 @@ from fit.identification.calibrate import TOO_SHORT
 from formats.errors import ResultError
 from formats.results import Diagnosis, load_diagnosis
 
-# What a person has to do about a verdict, where the diagnosis proposes no recording of its own.
+# The advice to a person on each verdict, if the diagnosis proposes no next recording.
 NEEDS = {
     "ambiguous": "record the motion that the report proposes, which tells the candidates apart",
     "unknown": "look at the report: no effect of the library explains the gap",

@@ -1,7 +1,8 @@
-"""Run a batch: find what is new, hand it out, collect what becomes of it, begin again when the scheduler was lost.
+"""Run a batch: find new jobs, hand them out, collect their outcomes, and reconnect after a lost scheduler.
 
 Nothing is kept in dask: a worker writes its own result, and the batch asks the store what is there. So a killed worker
-costs the fit it was at, a lost scheduler a new connection, and the death of the batch itself another start of it.
+costs its current fit, and a lost scheduler costs a new connection. After the death of the batch itself, start the batch
+again.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ POLL = 0.25  # s
 FRUITLESS = 10  # connections in a row without a single outcome, after which something else is wrong
 GATHER = 60.0  # s for a finished job's word to arrive
 LOOK = 5.0  # s between looks for workers
-ARRIVAL = 60.0  # s that workers may take to start, or to start again, whatever patience says
+ARRIVAL = 60.0  # s: workers may take so long to start or restart, even if the patience is shorter
 SILENCE = 300.0  # s; what reaches no bucket says so after 180 s at the latest (obstore's retry_timeout)
 THIS_MACHINE = "this machine"
 NEVER = Ending()
@@ -130,7 +131,7 @@ def run(
 
 
 class _Round:
-    """What is handed out and collected over one connection to a scheduler."""
+    """The jobs handed out and collected over one connection to a scheduler."""
 
     def __init__(self, client: Any, found: Survey, workers: Workers, progress: Progress, say: Say) -> None:
         self.client, self.found, self.workers, self.progress, self.say = client, found, workers, progress, say

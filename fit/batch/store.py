@@ -1,7 +1,7 @@
 """A folder or a bucket of named files, each written whole or not at all.
 
-In a folder a file is written beside its place, synced, renamed and its folder synced; in a bucket one PUT makes an
-object, which stores show whole or not at all. Whoever reads never meets half a file.
+In a folder a file is written beside its place, synced and renamed; then its folder is synced. In a bucket one PUT makes
+an object, which stores show whole or not at all. A reader never meets half a file.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Store(Protocol):
         ...
 
     def path(self, name: str) -> Path | None:
-        """Return where a file lies in a file system, None in a bucket."""
+        """Return the path of a file in a file system, None in a bucket."""
         ...
 
 
@@ -106,7 +106,7 @@ class Folder:
         (self.root / name).unlink(missing_ok=True)
 
     def path(self, name: str) -> Path | None:
-        """Return where the file lies."""
+        """Return the path of the file."""
         return self.root / name
 
 

@@ -21,7 +21,7 @@ from formats.errors import HangtimeError
 
 @dataclass(frozen=True, kw_only=True)
 class Errand:
-    """How one kind of job is done.
+    """The definition of one kind of job.
 
     - `result`: name of what is kept at its end
     - `digests`: sha256 of each take by its name
@@ -91,7 +91,7 @@ def run_errand(job: Task, errand: Errand, results: Store) -> Outcome:
         return ended("refused", "not enough memory; use fewer workers")
     except (OSError, ImportError) as error:
         return ended("refused", f"this worker cannot do it ({error})")
-    except Exception as error:  # a take must not end a night, whatever is wrong with it
+    except Exception as error:  # no fault of a take may end a night
         sentence = _sentence(error)
         record = {"format": "hangtime-batch-failure/1", "take": ", ".join(errand.digests), "sentence": sentence,
                   "created": datetime.now(UTC).isoformat(timespec="seconds")}  # fmt: skip
@@ -141,6 +141,6 @@ def _fit(job: Job, content: bytes, results: Store) -> bytes:
 
 def _sentence(error: Exception) -> str:
     if isinstance(error, HangtimeError):
-        # Which take it is stands beside the sentence.
+        # The take's name stands beside the sentence.
         return error.what + (f"; {error.advice}" if error.advice else "")
     return f"{type(error).__name__}: {error}; that is a fault of Hangtime, please report it with this take"

@@ -1,4 +1,4 @@
-"""Where the held edge really is: what is planted between the markers' path and the cloth.
+"""The true held edge: effects that are planted between the markers' path and the cloth.
 
     hanger_compliance   e'' + 2 zeta w e' + w^2 e = -a for the level parts only, w^2 = 1/c, zeta = 0.06, velocity Verlet
     hanger_rotation     yaw and roll about the middle that the markers do not show, slow random courses of given rms;

@@ -1,7 +1,7 @@
 """A case: three takes to diagnose and two of other motions to judge on, of one cloth with withheld truth.
 
-What a case looks like (size, weight, points, rate, noise, gaps, length, camera) is drawn from one random stream, what
-is true of it from another, so that looks tell nothing. A null has no library effect, no air and no friction: linear
+One random stream draws the look of a case: size, weight, points, rate, noise, gaps, length, camera. Another stream
+draws its truth. So looks reveal nothing of the truth. A null has no library effect, no air and no friction: linear
 damping and random stiffness only.
 """
 

@@ -1,7 +1,8 @@
 """The project's own generator of swung-cloth motion, in double precision, independent of the fitter's simulator.
 
-What differs on purpose: equilateral triangles twice as fine, a neo-Hookean ground with Poisson coupling and two fibre
-families, cotangent hinges, velocity Verlet, an angle-dependent air law (`fit.blind.kernel`, `fit.blind.sheet`).
+The generator differs from the simulator on purpose. It has equilateral triangles twice as fine and cotangent hinges.
+Its ground is neo-Hookean with Poisson coupling and two fibre families. Its steps are velocity Verlet, and its air law
+depends on the angle (`fit.blind.kernel`, `fit.blind.sheet`).
 
 Stable step with the highest frequency omega and the highest damping rate d:  dt < 4 / (sqrt(d^2 + 4 omega^2) + d).
 Source: T. Belytschko, W. K. Liu, B. Moran, "Nonlinear Finite Elements for Continua and Structures", section 6.2.
@@ -239,8 +240,8 @@ def _node_mass(cloth: Cloth, sheet: Sheet) -> Floats:
 def _hinge_rows(cloth: Cloth, sheet: Sheet) -> tuple[Floats, Floats]:
     """Bending stiffness [N m] and resting hinge curvature [1/m], (hinges,).
 
-    Curvature down the sheet loads only the level edges, with 3 kappa; curvature across it loads them with -kappa and
-    the slanting ones with 2 kappa: B_warp = B_level, B_weft = (B_level + 8 B_slanting) / 9.
+    Curvature down the sheet loads only the level edges, with 3 kappa. Curvature across the sheet loads the level edges
+    with -kappa and the slanting ones with 2 kappa. So B_warp = B_level and B_weft = (B_level + 8 B_slanting) / 9.
     """
     steep = sheet.hinge_across[:, 1] ** 2
     warp, weft = cloth.bending * np.exp(cloth.bending_ratio / 2), cloth.bending * np.exp(-cloth.bending_ratio / 2)

@@ -1,12 +1,12 @@
 """Hand-like motions of a hanger: smooth, limited in jerk, random in every number, no stronger than cloth can show.
 
-Each motion starts and ends at rest, ramped by quintic smooth steps, with slow tremor in every direction. What swings
-the sheet (the part square to it) is scaled so that the first mode of a hanging sheet,
+Each motion starts and ends at rest, ramped by quintic smooth steps, with slow tremor in every direction. The part of
+the motion square to the sheet swings the sheet. This part is scaled by the predicted first mode of a hanging sheet,
 
     q'' + c q' + omega^2 q = -1.602 a,   omega = 1.2024 sqrt(g / L)
 
-is predicted to reach an angle drawn between 12 and 26 degrees; the prediction knows the base cloth only, so that the
-motion does not tell what was planted.
+The mode should reach an angle drawn between 12 and 26 degrees. The prediction knows the base cloth only, so the motion
+does not reveal the planted effect.
 Source: H. Lamb, "Hydrodynamics" (1932), section 196 (the hanging chain's J0 and its participation 2 / (j J1(j)));
 quintic steps: T. Flash & N. Hogan, J. Neurosci. 5 (1985), section 2 (least jerk).
 """

@@ -1,14 +1,23 @@
 """Hold one answer against its truth: every yes and no that the rates are made of.
 
-A verdict names the right group when the true effect is among the effects it names (an `ambiguous` verdict is one
-group, and so is one of several effects with its alternatives) or shares a group with the first of them by the
-diagnosis' own grouping. Both effects of a pair are named when they are two of several, or alternatives of two.
-Confident and wrong is an answer any of whose causes is none of what was planted and has a probability of 0.8 or more;
-without probabilities, naming one effect as `effect` counts as confident. Closure is compared with that of the true
-effect, refitted by the diagnosis itself: an oracle that knows which effect it is, but not how large. Simpler tools are
-judged by the same answers: they name what the residual correlates with most, with or without projecting out what the
-base model can imitate, what a refit explains most of the motion it was fitted to, or what closes most of the gap, all
-without any rules; and a classifier (`fit.blind.classifier`).
+A verdict names the right group in two cases. The true effect is among the named effects, or shares a group with the
+first of them by the diagnosis' own grouping. An `ambiguous` verdict is one group; a verdict of several effects with
+their alternatives is one group too. Both effects of a pair are named when they are two of several, or alternatives of
+two.
+
+An answer is confident and wrong if one of its causes is no planted effect and has a probability of 0.8 or more. Without
+probabilities, a single named effect counts as confident.
+
+Closure is compared with the true effect's closure, refitted by the diagnosis itself. This oracle knows the effect, but
+not its size.
+
+Simpler tools are judged by the same answers, without any rules. They name the effect of one largest figure:
+
+- correlation with the residual, with or without projecting out the motions that the base model can imitate
+- share of the fitted motion that a refit explains
+- share of the gap that an effect closes
+
+A classifier (`fit.blind.classifier`) is judged too.
 """
 
 from __future__ import annotations
@@ -230,7 +239,7 @@ def _names_both(meant: list[set[str]], planted: tuple[str, ...]) -> bool:
 def _brier(
     findings: dict[str, EffectFinding], planted: tuple[str, ...], kind: Kind, *, of_groups: bool = False
 ) -> float | None:
-    """Brier score over the library, or over the groups of effects that the answer says its takes cannot tell apart."""
+    """Return the Brier score over the library, or over the answer's groups of collinear effects."""
     given: dict[str, float] = {}
     for f in findings.values():
         if f.probability is not None:

@@ -15,9 +15,9 @@ F per hinge: `fit.blind.sheet`; friction in bending as two Jenkins elements in p
 (S. F. Hoerner, "Fluid-Dynamic Drag" (1965), chapter 3), lift with Polhamus' cos^2 (E. C. Polhamus, NASA TN D-3767
 (1966)). Forces of `fit.blind.plants` that no library knows act on triangles and nodes in the same pass.
 
-Takes of one cloth are the lanes of the processor's vectors; what is true of the cloth is one number for all of them.
-Arrays of vectors are flat, three rows a node: Taichi works out where an element of an array of several dimensions is
-at every access anew.
+Takes of one cloth are the lanes of the processor's vectors; a property of the cloth is one number for all of them.
+Arrays of vectors are flat, three rows a node. Taichi would compute the place of an element in an array of several
+dimensions at every access.
 """
 
 # mypy: ignore-errors

@@ -65,10 +65,10 @@ def make_set(
     side: float | None = None, generator: Generator = OWN, sensor: Mapping[str, float] = NO_SENSOR,
     progress: Progress = lambda done, total: None,
 ) -> Manifest:  # fmt: skip
-    """Make a set, or go on with one; what is there with the right hash is not made again.
+    """Make a set or continue one; files with the right hash are not made again.
 
-    sensor: what of every look is given instead of drawn (`noise`, `away`, `rate`); steps of a ladder have the same
-    cases otherwise, if their seed is the same
+    `sensor` gives parts of every look (`noise`, `away`, `rate`) instead of drawing them. The steps of a ladder with one
+    seed have the same cases otherwise.
 
     Raises:
         FitError: nothing to make, the folder holds another set, the generator's engine is not there, the side fits no

@@ -49,7 +49,7 @@ small, .soft { color: GrayText; } svg { max-width: 26rem; width: 100%; }
 
 
 def check_page_name(out: Path, folders: tuple[Path, Path]) -> None:
-    """Refuse the name of a file of the set or of its answers, however it is asked for.
+    """Refuse the name of a file of the set or of its answers in any spelling.
 
     Raises:
         FitError: the page would lie among them, other than as an .html file beside them.

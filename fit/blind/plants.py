@@ -1,17 +1,17 @@
 """Effects that the generator can plant: those of the diagnosis' library by laws of its own, and some of no library.
 
-Amplitudes are drawn log-uniformly over 0.5 to 3 times a typical size, cut off where apparel and sensors end. An amount
-of several components has the length of their vector as its amplitude. How each acts:
+Amplitudes are drawn log-uniformly over 0.5 to 3 times a typical size, cut off at the limits of apparel and sensors. An
+amount of several components has the length of their vector as its amplitude. The effects act by kind:
 
     cloth, air    fields of `fit.blind.engine.Cloth`
-    boundary      `fit.blind.boundary`: the held edge is not where the markers say
-    measurement   `fit.blind.sensing`: the points are not where or when the cloth was; gravity is a field of `Cloth`
+    boundary      `fit.blind.boundary`: the held edge is not where the markers say measurement   `fit.blind.sensing`:
+    the points are not where or when the cloth was; gravity is a field of `Cloth`
 
 Typical sizes and ranges: S. Kawabata's KES figures for apparel (2HB 1e-4 to 1e-3 N), H. Wang et al., "Data-driven
 elastic models for cloth" (SIGGRAPH 2011), S. F. Hoerner, "Fluid-Dynamic Drag" (1965), K. Khoshelham & S. Oude Elberink,
-Sensors 12 (2012); docs/reference/blind-check.md has the table. Self-contact is not generated. Shear stiffness is not an
-effect to the default base model, which has it, and a clamped sheet shears by about a degree: its stiffening cannot be
-seen.
+Sensors 12 (2012); docs/reference/blind-check.md has the table. Self-contact is not generated. The default base model
+has shear stiffness, so it is no effect. A clamped sheet shears by about a degree, which does not show stiffening in
+shear.
 """
 
 from __future__ import annotations

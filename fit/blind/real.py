@@ -1,7 +1,7 @@
-"""Faults of measurement planted in real takes: noise, gaps and everything nobody modelled stay as they were recorded.
+"""Faults of measurement planted in real takes: noise, gaps and everything unmodelled stay as recorded.
 
-The points are touched only where the fault itself does so; whatever can be, is planted in the hanger's path, the clock
-or the rig's description instead, so that noisy points are not interpolated:
+Interpolating noisy points would change their noise. So most faults are planted in the hanger's path, the clock or the
+rig's description. Only faults of the points themselves change the points:
 
     time_offset        points are tau late: the hanger's path is read at t + tau
     clock_drift        y(s) = x((1 - d) s): frames are stamped s = t / (1 - d), the path is read there
@@ -11,9 +11,9 @@ or the rig's description instead, so that noisy points are not interpolated:
     filter_lag         two low-passes (tau / 2 each), exact for points that move straight between frames
     corner_erosion, tracker_smoothing    as in `fit.blind.sensing`, frame by frame
 
-Of every take, faulty or not, the frames within MARGIN of its ends are left out, and each case looks at the scene
-through a sensor turned by a few degrees more, so that neither length nor gravity tells what was planted. The mean time
-between frames does tell of a clock's drift: that is the fault.
+In every take, faulty or not, the frames within MARGIN of its ends are left out. Each case also looks at the scene
+through a sensor turned by a few degrees more. So neither length nor gravity reveals the plant. A clock's drift shows in
+the mean time between frames, because this is the fault.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def _turn(rng: np.random.Generator) -> tuple[float, float]:
 
 
 def write_real_case(folder: Path, truth: RealTruth, takes: dict[str, Path]) -> list[Path]:
-    """Write a case's takes with what is planted; the folder appears whole or not at all.
+    """Write a case's takes with the planted fault; the folder appears whole or not at all.
 
     Raises:
         FitError: a take is not there or too short.

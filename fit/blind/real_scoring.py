@@ -1,9 +1,9 @@
-"""Score faults planted in real takes by what they change in the diagnosis of the same takes untouched.
+"""Score faults planted in real takes against the diagnosis of the same takes untouched.
 
-Real takes have a gap of their own, with effects that nobody planted and perhaps no library knows. Which effect is
-*named* then says as much of that gap as of the plant. What the plant adds is the difference of two answers about the
-same frames and the same noise, one with and one without it: to first order in the amplitudes everything else cancels.
-For an estimate e of the library's effects, untouched e0 and planted e1, and a planted amplitude a:
+Real takes have a gap of their own, with effects that nobody planted and perhaps no library knows. The *named* effect
+then depends as much on this gap as on the plant. So two answers on the same frames and the same noise are compared, one
+with the plant and one without. In their difference everything else cancels, to first order in the amplitudes. For an
+estimate e of the library's effects, untouched e0 and planted e1, and a planted amplitude a:
 
     change        d = e1 - e0, component by component of the planted effect
     moved most    over all effects, |d| / minimum detectable (untouched) is largest for the planted one's group

@@ -162,7 +162,7 @@ class _Diagnoses:
             self._running.discard(process)
 
     def interrupt(self) -> None:
-        """Interrupt what runs, once it had time to hear of it by itself."""
+        """Interrupt the running processes, after a time to stop alone."""
         for process in list(self._running):
             try:
                 process.wait(PATIENCE)

@@ -114,7 +114,7 @@ def score_set(folder: Path, answers: Path, *, some: bool = False) -> Score | Rea
 
     Real takes with planted faults are scored by `fit.blind.real_scoring`.
 
-    some: count the cases that have an answer alone; the set has been looked at all the same.
+    With `some`, only cases with an answer count; the set has been looked at all the same.
 
     Raises:
         FitError: answers are missing, public files changed, or the seal is broken.
@@ -146,7 +146,9 @@ def score_set(folder: Path, answers: Path, *, some: bool = False) -> Score | Rea
         "at": score.created, "labels": manifest.sealed, "answers": hashed, "cases": len(answered),
         "headline": real_headline(score) if isinstance(score, RealScore) else headline(score),
     }  # fmt: skip
-    write_whole(looks, (before + json.dumps(line) + "\n").encode())  # first: it was opened, whatever comes of the score
+    write_whole(
+        looks, (before + json.dumps(line) + "\n").encode()
+    )  # first, because the seal is open even if the score fails
     write_whole(answers / SCORE, msgspec.json.format(msgspec.json.encode(score), indent=1) + b"\n")
     return score
 

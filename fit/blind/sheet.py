@@ -1,14 +1,15 @@
 """The generator's mesh: a rectangle of equilateral triangles with cotangent hinges, and the bound of its stable step.
 
-Rows are staggered by half a side, with half triangles at the two sides. Bending of a sheet that does not stretch, per
-inner edge between triangles of areas A0, A1, with s = sum_i K_i x_i the integrated mean-curvature vector,
+Rows are staggered by half a side, with half triangles at the two sides. The bending energy of a sheet that does not
+stretch is a sum over inner edges. An edge lies between triangles of areas A0 and A1, and s = sum_i K_i x_i is its
+integrated mean-curvature vector:
 
     E = B/2 |s|^2 / (A0 + A1),      K = (cot1 + cot1', cot0 + cot0', -(cot0 + cot1), -(cot0' + cot1'))
 
-and K in the order: the edge's two ends, the two opposite corners. Hinges see 3 kappa_mm - kappa_tt (m square to the
-edge, t along it); over the three edge directions of equilateral triangles the mean of its square is
-3 (kappa_1^2 + kappa_2^2 - 2/3 kappa_1 kappa_2), so a third of the usual hinge energy is the plate energy with
-Poisson's ratio -1/3 and B is the moment per width and curvature.
+The order of K is: the edge's two ends, the two opposite corners. Hinges see 3 kappa_mm - kappa_tt (m square to the
+edge, t along it). Over the three edge directions of equilateral triangles, the mean of its square is 3 (kappa_1^2 +
+kappa_2^2 - 2/3 kappa_1 kappa_2). So a third of the usual hinge energy is the plate energy with Poisson's ratio -1/3. B
+is the moment per width and curvature.
 Source: M. Bergou et al., "A quadratic bending model for inextensible surfaces" (SGP 2006), section 4; the factor:
 H. S. Seung & D. R. Nelson, Phys. Rev. A 38, 1005 (1988), section II.
 

@@ -1,10 +1,10 @@
-"""Diagnose scored cases again by a library that lacks what was planted, and count what is said of them then.
+"""Diagnose scored cases again by a library without the planted effect, and count the answers.
 
-Causes of no library are few and of their own kind (`fit.blind.plants`). Here every effect of the library is one in its
-turn: the cases whose single effect was large enough to be seen, by the minimum detectable amplitude of the diagnosis
-with the whole library, are given to `hangtime diagnose --without EFFECT`. `unknown` is right. An effect that the whole
-diagnosis could not tell from the planted one is its twin: naming it is what these takes allow. The seal was opened
-before, when the answers were scored, so that no rule may be chosen by what is found here.
+Causes of no library are few and of their own kind (`fit.blind.plants`). Here every effect of the library is unknown in
+its turn. `hangtime diagnose --without EFFECT` gets the cases whose single effect was large enough to be seen. The limit
+is the minimum detectable amplitude of the diagnosis with the whole library. `unknown` is right. A twin is an effect
+that the whole diagnosis could not tell from the planted one. Naming the twin is as good as these takes allow. The seal
+was opened before, when the answers were scored, so no rule may be chosen by these findings.
 
 STRUCK/<id>/diagnosis.json     what the diagnosis without the effect said
 STRUCK/struck.json             every rate and case

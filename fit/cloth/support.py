@@ -9,7 +9,8 @@ it.
 
 Before the take the cloth settles. It hangs at the hanger's first pose, for a fifth of the time under a pull to the
 points' first places, then freely. Damping at the rate c < 2 omega stills a swing at omega as e^(-c t / 2). Damping with
-c far larger than omega stills it as e^(-omega^2 t / c). Critical damping leaves the smallest remainder of the slowest swing,
+c far larger than omega stills it as e^(-omega^2 t / c). Critical damping leaves the smallest remainder of the slowest
+swing,
     c = 2 omega_1,  omega_1 = 1.2024 sqrt(g / L),  remainder (1 + omega_1 t) e^(-omega_1 t),
 for a sheet of length L (2 x 1.2024 is the first zero of J0: D. Bernoulli, 1733). The remainder is 0.6 % at 0.45 m in
 1.28 s. Cloth with more damping of its own keeps that damping. Source of critical damping on the way to a static

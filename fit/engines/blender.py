@@ -1,19 +1,20 @@
 """Blender's own cloth as an engine of the Kinect-skirt method, in a process of its own.
 
-The six parameters are handed to Blender's cloth settings as they are (mass per vertex, stiffness and damping of
-tension and compression, bending stiffness, air), shear a tenth of tension as in `fit.methods.kinect_skirt`.
-Velocity, the share of each velocity kept per frame of 1/25 s, is no setting of today's Blender; a drag of the same
-rate stands for it. Blender's drag is 0.01 Air on each vertex, so its rate is
+The six parameters go to Blender's cloth settings unchanged: mass per vertex, stiffness and damping of tension and
+compression, bending stiffness, air. Shear is a tenth of tension, as in `fit.methods.kinect_skirt`. Velocity is the
+share of each velocity kept per frame of 1/25 s. Today's Blender has no such setting, so a drag of the same rate stands
+for it. Blender's drag is 0.01 Air on each vertex. Its rate is
 
     0.01 Air / Mass - 25 ln(Velocity) = 0.01 Air' / Mass'        [1/s]
 
-and Air' may not pass 10. Mass, stiffnesses and drag times one number change no motion (of elastic forces; Blender's
-spring damping is a force too and is scaled along), so a candidate that needs more drag is simulated with all of them
-smaller. Blender's numbers act per vertex and spring: what they mean depends on the mesh, as in the paper.
+and Air' may not pass 10. Mass, stiffnesses and drag times one number change no motion of elastic forces. So a candidate
+that needs more drag is simulated with all of them smaller. Blender's spring damping is a force too and is scaled along.
+Blender's numbers act per vertex and spring. So their meaning depends on the mesh, as in the paper.
 
-The garment starts flat below its first held ends, is led to them within half a second, settles for 1.5 s and then
-follows the recording. `bpy` is looked for in this Python, or in the one that HANGTIME_BLENDER_PYTHON names. Source:
-Blender manual, "Physics", "Cloth", "Settings".
+The garment starts flat below its first held ends and reaches them within half a second. It settles for 1.5 s and then
+follows the recording. `bpy` comes from this Python, or from the one that HANGTIME_BLENDER_PYTHON names.
+
+Source: Blender manual, "Physics", "Cloth", "Settings".
 """
 
 from __future__ import annotations
@@ -29,9 +30,9 @@ from fit.methods.method import Parameterisation
 from fit.recordings.recording import Recording
 from formats.arrays import Floats
 
-# Frames a second that Blender simulates; the recording's instants are interpolated. Measured with 5.0.1, and so tested
-# with 5.2.3: its cloth advances by 1/30 s a frame whatever the scene's frame rate is (24 to 60 tried), so no other rate
-# keeps time.
+# Frames a second that Blender simulates; the recording's instants are interpolated. Blender's cloth advances by 1/30 s
+# a frame at every frame rate of the scene (24 to 60 tried). So no other rate keeps time. Measured with 5.0.1, tested
+# with 5.2.3.
 FPS = 30
 LEAD, SETTLE = 0.5, 1.5  # s to reach the first held ends, and to come to rest
 SHEAR_OF_TENSION = 0.1  # 1, as in `fit.methods.kinect_skirt`

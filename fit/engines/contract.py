@@ -1,7 +1,7 @@
 """Name the one question that a fit asks of a simulator: the tracked points for vectors of parameters.
 
-Both published methods claim that any simulator will do. An engine is made for one recording and one method, and may
-do with the six or five numbers what its own cloth does with them.
+Both published methods claim that any simulator will do. An engine is made for one recording and one method. Its own
+cloth gives the method's numbers their meaning.
 """
 
 from __future__ import annotations

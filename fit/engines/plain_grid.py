@@ -1,7 +1,10 @@
 """A plain, even grid of a flat garment, for engines whose cloth is made of vertices and faces.
 
-Nodes are x(s, t) = (1-t)((1-s) top left + s top right) + t ((1-s) bottom left + s bottom right) at even s and t; a
-tracked point is interpolated from the four corners of its face with the same weights.
+Nodes lie at even s and t:
+
+    x(s, t) = (1-t)((1-s) top left + s top right) + t ((1-s) bottom left + s bottom right)
+
+The four corners of a face interpolate a tracked point with the same weights.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """A simulator that lives in another Python: jobs go to it as .npz files, answers come back the same way.
 
-Such a library is never imported here: it may need another version of Python or of its dependencies. The program is
-started once, says "ready VERSION", then reads the names of job files from its standard input and answers each with the
-name of a result (`fit/foreign/workers/answering.py` is its side).
+The simulator's library is never imported here: it may need another version of Python or of its dependencies. The
+program is started once and says "ready VERSION". It reads the names of job files from its standard input. It answers
+each job with the name of a result (`fit/foreign/workers/answering.py` is its side).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ CLOSING_TIME = 10.0  # s that a program may take to end after its last job
 
 @dataclass(frozen=True)
 class Foreign:
-    """Where a simulator is found: what people call it, its module, our extra, the variable that names its Python."""
+    """The place of a simulator: its name, its module, our extra, and the variable that names its Python."""
 
     name: str
     module: str
@@ -37,7 +37,7 @@ class Foreign:
 
     @property
     def python(self) -> str:
-        """Return the Python that is asked for the module, from wherever it is started."""
+        """Return the Python that should have the module, as an absolute path."""
         python = os.environ.get(self.variable) or sys.executable
         return os.path.abspath(python) if os.sep in python else python
 
@@ -85,7 +85,7 @@ class ForeignProcess:
             self._folder.cleanup()
             raise foreign.absent() from error
         assert self._process.stdout is not None
-        # What a library says while it is imported comes before.
+        # Lines that a library prints while it is imported come before.
         first = next((line for line in self._process.stdout if line.startswith(READY)), "")
         if not first:
             raise foreign.absent()

@@ -54,9 +54,9 @@ def write_diagnosis_report(
 ) -> Path:
     """Write the report of a diagnosis, with the fit beside it where there is one, and return its path.
 
-    Cloth moves under the pull that the diagnosis judges it under. `before` is the model with default parameters,
-    `after` the fit with the effects that it has (where there is none of our own engine, the base fit of the diagnosis),
-    `with_effect` the base model refitted with the effect that the verdict names.
+    Cloth moves under the pull of the diagnosis. `before` is the model with default parameters. `after` is the fit with
+    its effects, or the diagnosis' base fit if no fit of our own engine exists. `with_effect` is the base model refitted
+    with the effect that the verdict names.
     """
     motions = []
     is_named = bool(findings.diagnosis.named) and findings.best is not None

@@ -1,8 +1,8 @@
 """Motion for the report's player: packed small enough to travel inside the page.
 
-Positions are rounded to whole steps, differenced from frame to frame (modulo 2^16), zigzagged so that small differences
-either way are small numbers, split into low and high bytes and deflated: about a byte per coordinate for cloth.
-A coordinate that is not a number becomes -32768.
+Positions are rounded to whole steps and differenced from frame to frame (modulo 2^16). Zigzag coding makes small
+differences of either sign small numbers. The numbers are split into low and high bytes and deflated, which leaves about
+a byte per coordinate. A coordinate that is not a number becomes -32768.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ class ReportMotion:
 
     - `time` [s], (frames,)
     - `real` [m], (frames, points, 3), NaN where not seen
-    - `before`, `after`, `with_effect` [m], (frames, points, 3): the simulated points before the fit, after it, and with
-      the effect that the diagnosis names; None where there is no such run
+    - `before`, `after`, `with_effect` [m], (frames, points, 3): the simulated points before the fit, after the fit, and
+      with the named effect; None without this run
     - `mesh_before`, `mesh_after`, `mesh_with_effect` [m], (frames, vertices, 3): the simulated cloth of the same runs,
       or None
     - `triangles`, (triangles, 3): indices of vertices

@@ -123,7 +123,7 @@ def effects(diagnosis: Diagnosis | None) -> Markup:
 
 
 def where(diagnosis: Diagnosis | None) -> Markup:
-    """Return the four maps of where the gap lies."""
+    """Return the four maps of the gap's places."""
     if diagnosis is None:
         return NOTHING
     found = diagnosis.where

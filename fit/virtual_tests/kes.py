@@ -15,8 +15,8 @@ Sources: S. Kawabata, "The Standardization and Analysis of Hand Evaluation" (2nd
 angles, curvatures and quantities; J. Bonet, R. D. Wood, "Nonlinear Continuum Mechanics for Finite Element Analysis",
 section 6.4, for the law. Units: 1 gf = 9.80665e-3 N.
 
-Motion loads cloth with its own weight, about 1 N/m, where the tensile tester pulls with 490 N/m: EMT, WT and LT are
-the law's extrapolation, the first slope is not.
+Motion loads cloth with its own weight, about 1 N/m. The tensile tester pulls with 490 N/m. So EMT, WT and LT are the
+law's extrapolation; the first slope is not.
 """
 
 from __future__ import annotations

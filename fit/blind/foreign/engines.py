@@ -1,7 +1,7 @@
-"""Who simulates the cloth of a set: the own generator or another people's engine, and what each can plant.
+"""The simulators of a set's cloth: our own generator or a foreign engine, each with its possible plants.
 
-Effects of boundary and measurement act on the held edge's path and on the points, so that any engine has them. What an
-engine has of the rest depends on what it lets us reach: masses, its own damping, forces at the nodes.
+Effects of boundary and measurement act on the held edge's path and on the points, so that any engine has them. Other
+effects need access to an engine's masses, damping or forces at the nodes.
 """
 
 from __future__ import annotations

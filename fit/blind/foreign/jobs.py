@@ -36,7 +36,7 @@ from formats.arrays import Floats
 
 @dataclass(frozen=True)
 class Job:
-    """What an engine is given, and the sheet that its answer is about."""
+    """The input of an engine, and the sheet of its answer."""
 
     arrays: dict[str, NDArray[np.generic]]
     sheet: Sheet

@@ -1,14 +1,15 @@
 """Blender's cloth in a process of its own: reads job files from standard input, answers each with the path of its
 result.
 
-Run by `fit.engines.blender` with any Python that has `bpy`; imports nothing of Hangtime. A job is an .npz file with
+`fit.engines.blender` runs this program with any Python that has `bpy`. The program imports nothing of Hangtime. A job
+is an .npz file with
 
     quads (faces, 4), pinned (n,), fps, and path (frames, nodes, 3) [m], z up: frame 0 is the flat cloth, whose
     lengths are its rest lengths; afterwards only the pinned nodes' places count; settings, (candidates, 6): mass,
     tension, bending, damping, air, shear, as Blender's cloth settings want them; quality, if not QUALITY
 
-and its answer an .npz with `nodes`, (candidates, frames, nodes, 3), NaN for a candidate that Blender lost, and
-`seconds`, what they cost of this process.
+The answer is an .npz with `nodes`, (candidates, frames, nodes, 3), NaN for a candidate that Blender lost. Its `seconds`
+is the processor time of this process.
 """
 
 import os

@@ -1,12 +1,15 @@
 """Newton's semi-implicit solver as a cloth in a process of its own: answers jobs of `fit.blind.foreign.jobs`.
 
-Newton's triangles are W = mu/2 |F|^2 + k/2 (J - 1 - mu/k)^2 per rest area, so that k = lambda + mu gives the job's
-ground. The two fibre families are Newton's springs along the grid's lines, each standing for the strip of cloth on
-either side of it, k w / h. Newton's bending force of an edge of length e between triangles of height a is that of
-E = k_e e^2 a theta^2 / 2 (its gradients lack the triangles' heights), so that bending stiffness B across a grid spacing
-h asks for k_e = B / (h e a); diagonals see twist only, and k_e = B / (e dx dy) there gives a plate's B kappa_xy^2 per
-area. Air drag is Newton's own, k A |n . v| v at each of three corners: k = rho C / 6. Symplectic Euler in single
-precision on the CPU; held nodes are put on their path before every step.
+Newton's triangles have W = mu/2 |F|^2 + k/2 (J - 1 - mu/k)^2 per rest area, so k = lambda + mu gives the job's ground.
+Newton's springs along the grid's lines are the two fibre families. Each spring stands for the strip of cloth on either
+side, k w / h.
+
+An edge of length e between triangles of height a bends with E = k_e e^2 a theta^2 / 2, because Newton's gradients lack
+the triangles' heights. Bending stiffness B across a grid spacing h needs k_e = B / (h e a). Diagonals see twist only.
+There k_e = B / (e dx dy) gives a plate's B kappa_xy^2 per area.
+
+Air drag is Newton's own, k A |n . v| v at each of three corners, so k = rho C / 6. Steps are symplectic Euler in single
+precision on the CPU. Held nodes are put on their path before every step.
 Source: Newton 1.8, `SolverSemiImplicit`, and its documentation, "Solvers".
 """
 

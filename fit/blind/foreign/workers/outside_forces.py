@@ -1,8 +1,8 @@
 """Forces on a sheet from outside, for engines that have none of their own: air, and what no library knows.
 
-The laws are those of the own generator (`fit.blind.kernel` has equations and sources): a plate coefficient that depends
-on the angle of attack with skin friction along the cloth, lift, a draught, a wake with memory, a weight on a string, a
-thread to the room and a magnet. Runs in the engine's Python: NumPy only.
+The laws are those of our generator; `fit.blind.kernel` has equations and sources. They are a plate coefficient by angle
+of attack with skin friction along the cloth, lift, and a draught. Laws of no library are a wake with memory, a weight
+on a string, a thread to the room and a magnet. The module runs in the engine's Python: NumPy only.
 """
 
 import numpy as np

@@ -103,9 +103,9 @@ def calibrate_command(
 ) -> None:
     """Measure a rig before which everything hangs still, each value with its standard deviation.
 
-    The hanger gives the depth scale and where depth lies against colour. A plumb line with two markers gives gravity,
+    The hanger gives the depth scale and the offset of depth from colour. A plumb line with two markers gives gravity,
     and so does a sensor's accelerometer. A marker in each clip, its black upper edge where the clip holds, gives the
-    ends of the held edge. What is not in view stays as it was. Without --out nothing is written.
+    ends of the held edge. The rest of the rig stays as it was. Without --out nothing is written.
     """
     from capture.calibration.accelerometer import connected_accelerometer
     from capture.calibration.report import lines
@@ -213,10 +213,10 @@ def record_command(
 ) -> None:
     """Track the hanger and the garment in every frame and keep them as a take.
 
-    Nothing has to be clicked: the two markers are found by themselves, fiducials or coloured dots as the rig says.
-    Where more things look like dots, --pick says which. Ctrl-C, SIGTERM and SIGHUP end the take cleanly. A lamp is
-    steady while all is well, blinks once a second when something stands in the way and four times when the sensor
-    fails. With a live sensor it runs before other programs, if this user may: systemd/README.md.
+    Nothing has to be clicked: the two markers are found without help, fiducials or coloured dots as the rig says. If
+    other things look like dots, --pick points at the right ones. Ctrl-C, SIGTERM and SIGHUP end the take cleanly. A
+    lamp is steady while all is well, blinks once a second when something stands in the way and four times when the
+    sensor fails. With a live sensor it runs before other programs, if this user may: systemd/README.md.
     """
     from contextlib import ExitStack
     from datetime import UTC, datetime

@@ -1,7 +1,7 @@
-"""The appliance's configuration: one TOML file, and the last one that held.
+"""The appliance's configuration: one TOML file, and the last valid one.
 
-A configuration is the file, the rig and the garment that it names. Whatever held is copied beside the spool; one that
-does not hold leaves that copy in force, and `hangtime status` says why.
+A configuration is the file, the rig and the garment that it names. A valid configuration is copied beside the spool. An
+invalid one leaves this copy in force, and `hangtime status` says why.
 """
 
 from __future__ import annotations

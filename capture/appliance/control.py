@@ -1,7 +1,7 @@
 """The Unix socket by which `hangtime start|stop|status|watch|preview` speak with the daemon.
 
 One line of JSON asks, `{"do": "status"}`; one line answers. `watch` answers with a line at every change until the asker
-hangs up. Who may ask is a question of the socket's group. The daemon's side never waits: it is asked once per frame.
+hangs up. The socket's group decides who may ask. The daemon's side never waits: the daemon calls it once per frame.
 """
 
 from __future__ import annotations
@@ -206,7 +206,7 @@ def _connected(path: Path) -> socket.socket:
 
 
 def _send(to: socket.socket, answer: dict[str, Any]) -> bool:
-    """Send a line at once; return whether it went. Who does not read is not waited for."""
+    """Send a line at once; return whether it went. The daemon waits for no reader."""
     try:
         to.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 21)  # a picture fits
         line = json.dumps(answer).encode() + b"\n"

@@ -1,6 +1,6 @@
 """The thread that writes: takes, salvage and looks at the disk, so that a disk that hangs never holds up the frames.
 
-Whoever gives it work can always ask how far behind it is: the age of the oldest work that is not on the disk yet.
+The thread's lag can be asked at any time: the age of the oldest work that is not on the disk yet.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ COUNT_EVERY = 10.0  # s from one count of the takes to the next: sync's receipts
 
 @dataclass(frozen=True, kw_only=True)
 class TakePlan:
-    """What is known of a take when it begins: `created` is the wall clock at its first frame, ISO 8601."""
+    """The facts of a take at its beginning: `created` is the wall clock at its first frame, ISO 8601."""
 
     rig: Rig
     garment: Garment
@@ -45,13 +45,13 @@ class TakePlan:
 
 @dataclass(frozen=True, kw_only=True)
 class DiskNews:
-    """What the disk thread has found out.
+    """The news of the disk thread.
 
     - `room`: bytes free
     - `kept`: a take that has its name
     - `findings`: what a fitter would find in it
     - `failure`: why a take ended, or why the spool cannot be used
-    - `is_over`: the take that ran is done with
+    - `is_over`: the running take has ended
     - `salvaged`: takes that a crash had left
     - `counts`: takes in the spool, and those of them that wait for the server
     """

@@ -7,7 +7,7 @@ from typing import Generic, Protocol, TypeVar
 
 
 class Timed(Protocol):
-    """What has a time in the take [s], which increases."""
+    """An item with a time in the take [s], which increases."""
 
     @property
     def time(self) -> float:

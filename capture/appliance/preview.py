@@ -1,4 +1,4 @@
-"""What the sensor sees, as one line of text and as a small picture, for whoever sets the appliance up."""
+"""The sensor's view, as one line of text and as a small picture, for setting the appliance up."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ CHECKSUM = "store's checksum"  # the store answered with the checksum of what wa
 
 
 class Receipt(msgspec.Struct, frozen=True, kw_only=True):
-    """Where a take lies on the server, and how its content was verified there.
+    """The place of a take on the server, and the verification of its content there.
 
     - `sequence`: the take's number on this device
     - `url`, `key`: the server folder or bucket, and the object's name in it

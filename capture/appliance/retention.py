@@ -1,4 +1,4 @@
-"""How long takes stay on the device: the oldest verified one leaves first, an unsynced one never."""
+"""The stay of takes on the device: the oldest verified one leaves first, an unsynced one never."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ GIBIBYTE = 1 << 30
 
 
 class Retention(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How much of the disk takes may fill, and how long those stay that are safe on the server.
+    """The share of the disk for takes, and the stay of takes that are safe on the server.
 
     - `quota_bytes`: takes together may be so large
     - `least_free_bytes`: so much of the file system stays free
@@ -36,7 +36,7 @@ class Retention(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
 @dataclass(frozen=True)
 class Room:
-    """What making room came to.
+    """The outcome of making room.
 
     - `left`: stems of the takes that left
     - `used`, `free`: bytes of all takes, bytes free on the file system; both afterwards
@@ -50,7 +50,7 @@ class Room:
 
 
 class Kept(Protocol):
-    """What retention looks at in a take."""
+    """The facts of a take for retention."""
 
     @property
     def size(self) -> int:

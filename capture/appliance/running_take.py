@@ -17,7 +17,7 @@ from formats.rig import Rig
 
 @dataclass(frozen=True, kw_only=True)
 class Beginning:
-    """How a take began: by whom, when, and with how many seconds before the press [s].
+    """The beginning of a take: by whom, when, and the seconds before the press [s].
 
     pressed_s [s]: monotonic
     """

@@ -1,7 +1,8 @@
 """Keeps the sensor open: opens it in a thread of its own, tries again where that fails, and tells when it is silent.
 
-One thread opens, fetches and closes as long as the daemon lives: OpenNI2 remembers each thread that ever waited for a
-frame and asks `pthread_kill` whether it still lives, which crashes where such a thread has ended (libopenni2 2.2.0.33).
+One thread opens, fetches and closes as long as the daemon lives. OpenNI2 remembers each thread that ever waited for a
+frame, and asks `pthread_kill` whether the thread still lives. This crashes if the thread has ended (libopenni2
+2.2.0.33).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The spool: the folder in which takes lie until they are safe on the server.
 
-Every take has a number that is never given twice on this device, whatever its clock says. The files of take 42:
+Every take has a number that is never given twice on this device, even if the clock is wrong. The files of take 42:
 
     sequence                          the last number that was given
     recorder.lock                     locked by the one process that records here
@@ -309,7 +309,7 @@ class Spool:
         }  # fmt: skip
 
     def _named(self) -> Iterator[tuple[int, os.DirEntry[str]]]:
-        """Yield the number of everything that is named after a take, whatever it is."""
+        """Yield the number of every file that is named after a take."""
         with contextlib.suppress(FileNotFoundError), os.scandir(self.folder) as entries:
             for entry in entries:
                 if found := NAME.match(entry.name):
@@ -340,7 +340,7 @@ def sha256_of(path: Path) -> str:
 
 
 def _raise_what_the_disk_said(error: TakeError) -> None:
-    """Raise the disk's own error, which says nothing of a take's content; a file that is not there has none."""
+    """Raise the disk's own error, unlike an error of a take's content; a missing file raises none."""
     if isinstance(error.__cause__, OSError) and not isinstance(error.__cause__, FileNotFoundError):
         raise error.__cause__
 

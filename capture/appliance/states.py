@@ -9,7 +9,7 @@ from enum import Enum
 
 
 class State(Enum):
-    """What the appliance is doing; each value is what people are told."""
+    """The appliance's activity; each value is shown to people."""
 
     STARTING = "starting: the sensor is being opened"
     READY = "ready: waiting for the hanger to come into view"
@@ -21,7 +21,7 @@ class State(Enum):
 
 
 class Event(Enum):
-    """What leads from one state to another."""
+    """The events that lead from one state to another."""
 
     SOUND = "sensor and spool are sound"
     FAULTY = "sensor or spool fails"
@@ -57,7 +57,7 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
 
 
 class StateMachine:
-    """Where the appliance is in the table."""
+    """The appliance's place in the table."""
 
     def __init__(self) -> None:
         self.state = State.STARTING

@@ -1,4 +1,4 @@
-"""What `hangtime status` says: one dictionary for programs, and the same in a few lines for people."""
+"""The content of `hangtime status`: one dictionary for programs, and the same in a few lines for people."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ from capture.recording.condition import Condition
 
 @dataclass
 class Counts:
-    """What the daemon has counted since it was started.
+    """The daemon's counts since its start.
 
-    last_take: what became of the last take; findings: what a fitter would find in it
+    - `last_take`: the outcome of the last take
+    - `findings`: faults of the take for a fit
     """
 
     begun_s: float

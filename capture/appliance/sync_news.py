@@ -1,4 +1,4 @@
-"""What `hangtime sync`, a process of its own, says of itself, as far as the daemon shows it."""
+"""The news of `hangtime sync`, a process of its own, as far as the daemon shows them."""
 
 from __future__ import annotations
 

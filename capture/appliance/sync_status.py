@@ -1,4 +1,4 @@
-"""How sync stands: `sync-status.json` in the spool folder, and the sentences that `hangtime status` shows of it."""
+"""The state of sync: `sync-status.json` in the spool folder, and its sentences in `hangtime status`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ DAYS = ("Monday", "Tuesday", "Wednesday", "Thursday", "Friday", "Saturday", "Sun
 
 
 class Fault(msgspec.Struct, frozen=True, kw_only=True):
-    """What keeps takes from the server: one sentence, what to do next, since when and how often it was tried."""
+    """The obstacle between takes and the server: one sentence, the next action, the time since and the tries."""
 
     sentence: str
     advice: str
@@ -35,7 +35,7 @@ class Fault(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Proof(msgspec.Struct, frozen=True, kw_only=True):
-    """What came of fetching a take from the server.
+    """The outcome of fetching a take from the server.
 
     outcome: "sound": its hash is right and it opens; "whole": its hash is right, and it is encrypted; "damaged" and
         "missing" are of the server; "refused": these keys may not read
@@ -52,7 +52,7 @@ class Proof(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SyncStatus(msgspec.Struct, frozen=True, kw_only=True):
-    """How sync stands.
+    """The state of sync.
 
     - `at`: when this was written, as all times here: wall clock, ISO 8601 with its offset
     - `waiting`, `waiting_bytes`: takes without a receipt

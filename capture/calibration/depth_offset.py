@@ -1,7 +1,7 @@
-"""Where depth shows a marker's plate against where colour shows the marker: the colour-to-depth offset of one frame.
+"""The colour-to-depth offset of one frame: a marker's plate in depth against the marker in colour.
 
-A marker sits in the middle of its plate. Depth shows the plate as a piece of pixels near its plane; the middle of each
-row of that piece that has an end on both sides gives the offset along u, of each column along v:
+A marker sits in the middle of its plate. Depth shows the plate as a piece of pixels near its plane. Each row of the
+piece with an end on both sides gives the offset along u by its middle. Each column gives the offset along v:
 
     du = mean over rows (mean of the row's columns) - u_marker,         v likewise
 

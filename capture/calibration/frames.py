@@ -88,7 +88,7 @@ class StillRun:
     def add(self, corners: Floats) -> int:
         """Take in a frame's corners [px], (ids, 4, 2), NaN where not found; return how many frames are still.
 
-        A frame in which a marker is not found says nothing of it.
+        A frame without a marker says nothing on that marker.
         """
         self._centres.append(corners.mean(1))
         while _stray(np.stack(self._centres)) > STILL:

@@ -4,7 +4,8 @@ A quantity seen in n still frames is their median, with the standard deviation o
 
     sd(median)^2 = (pi / 2) sigma^2 / n_eff,    sigma = 1.4826 median|x - median|,    n_eff = n (1 - r) / (1 + r)
 
-with r the correlation of neighbouring frames. Averaging does not remove what is the same in every frame, so to it comes
+with r the correlation of neighbouring frames. Averaging does not remove errors that are the same in every frame. So
+these are added:
 
     depth       step(z) / sqrt(12), step(z) = z^2 / (8 f b): rounded disparity     a place        CENTRE_SD z / f
     plumb line  g = (p_b - p_a) / L,       sd(g)^2 = (s_a^2 + s_b^2 + 2 MOUNTING_SD^2) / L^2       about either axis
@@ -13,8 +14,8 @@ with r the correlation of neighbouring frames. Averaging does not remove what is
     offset      du = mean_k (centre of plate k in depth - of its marker in colour)
                                            sd(du)^2 = sum_k (s_k^2 + (f CUT_SD / z_k)^2) / k^2
 
-p_a, p_b: the plumb line's two markers; d, D: the hanger's markers apart as measured and as the rig says; m: midway
-between them; R: the hanger's frame (`formats.hanger`).
+The plumb line's two markers are at p_a and p_b. The hanger's markers are d apart as measured and D apart by the rig; m
+is midway between them. R is the hanger's frame (`formats.hanger`).
 Sources: median and its deviation: P. J. Huber, "Robust Statistics" (1981), chapters 3 and 5; correlated samples:
 G. V. Bayley, J. M. Hammersley, J. R. Statist. Soc. Suppl. 8 (1946); rounding: `capture.depth.surface`.
 """

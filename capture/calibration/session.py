@@ -1,11 +1,12 @@
-"""Calibrate a rig from a still scene: what is seen decides what is measured, the rest of the rig stays as it was.
+"""Calibrate a rig from a still scene: each thing in view is measured, the rest of the rig stays as it was.
 
     the hanger with its markers     depth scale, depth offset
     two markers on a plumb line     gravity
     a marker in each clip           where the clips hold, in the hanger's frame
 
-Order: the offset first, for it says where a plate's depth is; then the scale; then places, divided by the scale; then
-gravity; then the held ends, in a frame that gravity helps to define. Equations: `capture.calibration.measures`.
+The offset comes first, because it gives the place of a plate's depth. The scale follows, then places divided by the
+scale, then gravity. The held ends come last, in a frame that gravity helps to define. Equations:
+`capture.calibration.measures`.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ LEFT, RIGHT, UPPER, LOWER, LEFT_CLIP, RIGHT_CLIP = range(6)  # rows of the marke
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """What one calibration found; None where it was not measured.
+    """The result of one calibration; None for a quantity that was not measured.
 
     - `rig`: with everything that was measured
     - `frames`: still ones that were used, of how many seen

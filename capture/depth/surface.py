@@ -40,8 +40,8 @@ class SurfaceDepth:
     - `residuals` [m], (pixels,) in depth
     - `used`, (pixels,): which of the given pixels lie on the surface
     - `slope` [m/px], (2,): how depth changes along u and v
-    - `height` [px]: root of the sum of squares of the fitted pixels' distances along v from their middle, which says
-      how well the slope along v is known.
+    - `height` [px]: root of the sum of squares of the fitted pixels' distances along v from their middle; a large
+      height makes the slope along v certain
     """
 
     depth: float
@@ -132,7 +132,7 @@ class CorrelationMeter:
     neighbours. It starts from a real Kinect's and moves to the sensor's own as plates are seen.
     """
 
-    PRIOR_WEIGHT = 200.0  # pixels' worth of belief in the starting value: less than one marker plate
+    PRIOR_WEIGHT = 200.0  # pixels: weight of the starting value, less than one marker plate
 
     def __init__(self, pixels: float = CORRELATED_PIXELS) -> None:
         ratio = math.sqrt(pixels)

@@ -1,7 +1,7 @@
 """Find the corners that are tracked on the outline of a garment: one strategy per kind of garment.
 
-Panels (skirts, swatches): Harris corners (Harris and Stephens, "A combined corner and edge detector", 1988), of which
-the extremes along x and y after a turn by 45 degrees are the four wanted,
+Panels are skirts and swatches. Their candidates are Harris corners (Harris and Stephens, "A combined corner and edge
+detector", 1988). The four wanted corners are the extremes along x and y after a turn by 45 degrees:
 
     top left = min(x + y)    top right = max(x - y)    bottom right = max(x + y)    bottom left = min(x - y)
 
@@ -9,8 +9,8 @@ T-shirts: the top corners are the leftmost and the rightmost place, the tips of 
 Source of both: "Estimating the clothes characteristics with the image and depth sensors for developing virtual
 fitting room", section 2.
 
-A Harris corner of a ragged edge is good to some pixels. It is refined by the crossing of straight lines fitted to
-the two sides next to it; the top side's line is the held edge itself, known from the markers. The fitted lines run
+A Harris corner of a ragged edge is good to some pixels. Straight lines are fitted to the two sides next to the corner,
+and their crossing refines it. The top side's line is the held edge itself, known from the markers. The fitted lines run
 through the centres of the outermost pixels and are moved outwards by half a pixel to the rim of these pixels.
 """
 

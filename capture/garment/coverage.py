@@ -1,14 +1,15 @@
-"""How far a corner of the garment lies beyond the cloth that is seen, told by ways along the cloth.
+"""The distance of a garment's corner beyond the seen cloth, by ways along the cloth.
 
-Cloth hardly stretches, so a place q on it is as far from the two held ends, and from every corner that was found, along
-the seen surface as on the flat garment. The corner i, which on the flat garment is D_ai away from such an anchor a, is
+Cloth hardly stretches. So a place q on the cloth has the same distance to an anchor along the seen surface as on the
+flat garment. Anchors are the two held ends and every found corner. Corner i is D_ai away from anchor a on the flat
+garment, and is
 
     beyond_i = min over q of sqrt(mean over a of (d_a(q) - D_ai)^2)        [m]
 
-beyond the nearest place q of the cloth that is seen: nearly 0 for a corner in view, wherever the outline has it, and
-the depth of the fold for one that is folded away. Only places near the rim of the silhouette are looked at, pixel by
-pixel: there cloth that turns away steeply is lost in the block means of `capture.garment.geodesic`. A pixel's way leads
-over the nearest nodes,
+beyond the nearest place q of the seen cloth. The result is nearly 0 for a corner in view, anywhere on the outline. For
+a corner that is folded away, the result is the depth of the fold. Only places near the rim of the silhouette count,
+pixel by pixel. Cloth that turns away steeply there is lost in the block means of `capture.garment.geodesic`. A pixel's
+way leads over the nearest nodes,
 
     d_a(q) = min over nodes n near q of d_a(n) + |q - n|
 """
@@ -54,10 +55,10 @@ class SeenWays:
 
 @dataclass(frozen=True)
 class Beyond:
-    """How far each corner lies beyond the seen cloth [m], (4,), by the held ends alone and by all that can be trusted.
+    """Each corner's distance beyond the seen cloth [m], (4,), by the held ends alone and by all trusted anchors.
 
-    - `pixels` [px of the image], (4, 2): where the seen cloth comes nearest to it by the held ends
-    - `places` [m], (4, 3): the same by all that can be trusted; NaN where none is seen
+    - `pixels` [px of the image], (4, 2): the seen cloth's nearest place to the corner by the held ends
+    - `places` [m], (4, 3): the nearest place by all trusted anchors; NaN if no cloth is seen
     """
 
     by_ends: Floats

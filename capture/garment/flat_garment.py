@@ -2,9 +2,9 @@
 
     D_ij = length of the shortest way inside the outline
 
-found on a grid over the outline by the very algorithm that is used on the seen surface (`capture.garment.geodesic`), so
-that what the grid's moves add cancels. Cloth hardly stretches, so a seen D_ij that is shorter says that cloth is folded
-away between the two, or that one of them is not that corner.
+The same algorithm (`capture.garment.geodesic`) finds the ways on a grid over the outline and on the seen surface. So
+the grid's excess length cancels. Cloth hardly stretches. A seen D_ij that is shorter means folded cloth between the two
+corners, or a wrong corner.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How probable it is that a corner in doubt is folded away and cannot be seen: what is seen of it now, and before.
+"""The probability that a doubtful corner is folded out of sight, from the frame and the frames before.
 
     logit P(t) = c_0 + sum_k c_k x_k(t) + c_m m(t)
 
@@ -7,19 +7,19 @@
         held ends                                                      `capture.garment.peeking`
         outwards, across: how the cloth slants where it comes nearest by all that is known     `capture.garment.slant`
         1 for the tip of a sleeve, else 0; the same times beyond, and times outwards
-    m = logit of what was probable before, after forgetting since: P' = R + (P - R) exp(-f dt)
+    m = logit of the probability before, after forgetting since: P' = R + (P - R) exp(-f dt)
 
-Cloth that is missing speaks for a fold, and so does a rim that recedes from the sensor; one that comes nearer is bent
-forwards, and the corner is in view. Another layer behind the rim says that it may be seen there. In doubt is a corner
-whose ways to the others are too short or too long, or that was not found; one that is not has the log-odds `PLACED` for
-the frame after. A sleeve is a narrow strip beside the held end: ways to its tip are short and exact, and where it
-folds, less cloth is missing than where a hem does.
+Missing cloth speaks for a fold, and so does a rim that recedes from the sensor. A rim that comes nearer is bent
+forwards, and its corner is in view. Another layer behind the rim may be the corner in view. A corner is doubtful if it
+was not found, or if its ways to the others are too short or too long. A corner without doubt has the log-odds `PLACED`
+for the frame after. A sleeve is a narrow strip beside the held end, so ways to its tip are short and exact. A folded
+sleeve hides less cloth than a folded hem.
 
 P' is the prediction of a Markov chain with two states in continuous time (L. R. Rabiner, "A tutorial on hidden Markov
-models", Proc. IEEE 77, 1989, section III.A, forward procedure), m its log-odds. c_m < 1 since what misleads in one
-frame misleads in the next one, too. The coefficients are those that `benchmarks/hidden_corners.py` prints for the hard
-swings of the development sets; none of the sets on which figures are stated went into them. The threshold is where
-precision and recall, on cloths left out of the fit, miss their targets (95 and 90 %) by equally much.
+models", Proc. IEEE 77, 1989, section III.A, forward procedure), m its log-odds. c_m is below 1, because an error of one
+frame persists in the next one. `benchmarks/hidden_corners.py` prints the coefficients for the hard swings of the
+development sets. No set behind a published figure went into them. The threshold misses the targets of precision and
+recall (95 and 90 %) by equally much, on cloths left out of the fit.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ WEIGHTS = {
     "tip of a sleeve, slant outwards": 1.74,
 }
 TRACES = tuple(WEIGHTS)
-THRESHOLD = 0.59  # probability from which a corner is told as hidden
+THRESHOLD = 0.59  # probability from which a corner counts as hidden
 
 
 @dataclass(frozen=True)

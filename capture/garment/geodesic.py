@@ -3,11 +3,13 @@
     centre = argmax_p min_i d(p, corner_i),     d = length of the shortest way on the depth surface
 
 Source: the max-min distant point of "Estimating the clothes characteristics with the image and depth sensors for
-developing virtual fitting room", section 2, which finds d with Dijkstra's algorithm (Numerische Mathematik 1, 1959).
-Here the surface is a grid of block means of depth, each node is joined to 16 neighbours (the chess moves of king
-and knight: at most 2.7 % too long in any direction, 0.4 % near the diagonals where a panel's centre lies), and all
-four distance maps are relaxed together over the whole grid until nothing changes (Bellman 1958). That gives the
-same distances as Dijkstra's queue on the same graph, in array operations.
+developing virtual fitting room", section 2. The paper finds d with Dijkstra's algorithm (Numerische Mathematik 1,
+1959).
+
+Here the surface is a grid of block means of depth. Each node is joined to 16 neighbours, the chess moves of king and
+knight. These ways are at most 2.7 % too long in any direction, and 0.4 % near the diagonals of a panel's centre. All
+four distance maps are relaxed together over the whole grid until nothing changes (Bellman 1958). The distances are
+those of Dijkstra's queue on the same graph, in array operations.
 """
 
 from __future__ import annotations
@@ -37,8 +39,8 @@ def geodesic_distances(surface: Floats, sources: Floats) -> tuple[NDArray[np.flo
     surface [m], (rows, columns, 3), any frame, NaN where there is none; sources [m], (k, 3), on the surface.
     Returns [m], (k, rows, columns) and (k, k); infinite where no way leads, and for sources that are NaN.
 
-    All nodes lie in one line, grid after grid and row after row with a margin between, so that a move is one shift of
-    the whole line.
+    All nodes lie in one line, grid after grid and row after row, with a margin between. So a move is one shift of the
+    whole line.
     """
     rows, columns, _ = surface.shape
     count, width = len(sources), columns + MARGIN

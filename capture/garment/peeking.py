@@ -1,9 +1,9 @@
-"""What of the garment peeks out behind its rim beside one place: there a corner that is folded away may be in view.
+"""The part of the garment that peeks out behind its rim beside one place, where a folded corner may be in view.
 
     peeking [m^2]   things off the silhouette, cut away from it by a jump in depth, that can be the garment's
 
-around the place, as far as the missing cloth reaches. What can be the garment's lies below the held edge and no farther
-from either of its ends than the corner on the flat garment.
+around the place, as far as the missing cloth reaches. These things lie below the held edge. They are no farther from
+either of its ends than the corner on the flat garment.
 """
 
 from __future__ import annotations

@@ -1,15 +1,14 @@
-"""Tell a plausible garment point from a wrong one: cloth does not leap, and what is true is seen twice.
+"""Separate plausible garment points from wrong ones: cloth does not leap, and a true point is seen twice.
 
     |p(t) - p'(t)| <= 4 sd + a dt (dt + dt') / 2           p' from the last two sightings, dt' apart, going on
     |p(t) - p(t - dt)| <= 4 sd + a dt^2 / 2 + v dt         where only one sighting is known
 
-Between two sightings the mean velocity is that of the time in their middle, so the first bound is a dt^2 at a steady
-frame rate: of an evenly accelerated point the second difference.
+The mean velocity between two sightings is that of the time in their middle. So the first bound is a dt^2 at a steady
+frame rate, the second difference of an evenly accelerated point.
 
-A point that was lost for longer than `LONGEST_MEMORY` counts again from its second sighting on: a fold that looks like
-a corner for one frame does not. In the first sightings after any gap nothing yet speaks against a wrong corner but its
-looks, so its deviation is larger by `UNSETTLED_SD`. Points that fail are marked as not seen; nothing is put in their
-place.
+A point that was lost for longer than `LONGEST_MEMORY` counts again from its second sighting on. So a fold that looks
+like a corner for one frame does not count. In the first sightings after any gap, only its looks speak against a wrong
+corner. So its deviation is larger by `UNSETTLED_SD`. Points that fail are marked as not seen; nothing replaces them.
 """
 
 from __future__ import annotations
@@ -47,7 +46,7 @@ class MotionGate:
         gone = time - self._time
         missed = self._time < self._frame
         self._frame = time
-        # What was seen once says where a point is from one frame to the next, and no longer.
+        # One sighting gives a point's place for the next frame only.
         fresh = is_first | (missed & (np.isnan(self._velocity[:, 0]) | (gone > LONGEST_MEMORY)))
         dt = np.where(fresh, 0.0, gone)
         leap = np.linalg.norm(places - self._place - np.nan_to_num(self._velocity) * dt[:, None], axis=1)

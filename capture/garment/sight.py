@@ -1,8 +1,7 @@
-"""Follow the tracked points of a garment: what a frame shows of it, and which way of finding its corners it needs.
+"""Follow the tracked points of a garment: its sight in a frame, and the choice of its corner finder.
 
 A garment file's `kind` chooses a `CornerFinder` (`capture.garment.corners`), listed in `FINDERS`; a further kind of
-garment is one class there and one line here. What is done with the corners is the same for all:
-`capture.garment.tracker`.
+garment is one class there and one line here. `capture.garment.tracker` treats the corners of all kinds alike.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ FINDERS: dict[str, type[CornerFinder]] = {"skirt": PanelCorners, "swatch": Panel
 
 @dataclass(frozen=True, kw_only=True)
 class GarmentSight:
-    """What one frame shows of the garment, in the order of `garment.points`; NaN where not seen.
+    """The sight of the garment in one frame, in the order of `garment.points`; NaN where not seen.
 
     - `points` [m], (points, 3), sensor frame
     - `sd` [m], (points, 3)
@@ -33,8 +32,8 @@ class GarmentSight:
       what was found is not plausible)
     - `pixels` [px], (points, 2)
     - `outline` [px], (n, 2): the silhouette, empty where the garment was not found
-    - `quality`, 0 to 1: the mean over the points of how well each is known, times the share of the silhouette that has
-      depth; a point counts min(1, `WELL_KNOWN` / |sd|), and 0 where it is not valid
+    - `quality`, 0 to 1: the points' mean certainty, times the share of the silhouette that has depth. A valid point's
+      certainty is min(1, `WELL_KNOWN` / |sd|), and an invalid point's is 0.
     """
 
     points: Floats
@@ -47,7 +46,7 @@ class GarmentSight:
 
     @property
     def is_found(self) -> bool:
-        """The garment's silhouette was found, whatever became of its points."""
+        """The garment's silhouette was found, with or without its points."""
         return len(self.outline) > 0
 
 

@@ -1,4 +1,4 @@
-"""How the cloth slants at its rim: where a fold hides what is beyond, it bends away from the sensor.
+"""The slant of the cloth at its rim: cloth bends away from the sensor at a fold that hides the rest.
 
 Of the plane through the cloth around a place at the rim (`capture.depth.surface`)
 

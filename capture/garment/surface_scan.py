@@ -1,7 +1,7 @@
 """Scan the visible surface: a grid of places on it and the contour of the silhouette.
 
-With the silhouette's four sides T(s), B(s) from left to right and L(t), R(t) from top to bottom, each at equal steps of
-its length in the picture, the grid is the Coons patch between them
+The silhouette's four sides are T(s), B(s) from left to right and L(t), R(t) from top to bottom. Each is followed at
+equal steps of its length in the picture. The grid is the Coons patch between them:
 
     P(s, t) = (1 - t) T(s) + t B(s) + (1 - s) L(t) + s R(t)
               - (1 - s)(1 - t) T(0) - s (1 - t) T(1) - (1 - s) t B(0) - s t B(1)

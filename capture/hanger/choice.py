@@ -1,4 +1,4 @@
-"""Which tracker follows a hanger: its markers decide."""
+"""Choose the tracker of a hanger by its markers."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Find two coloured dots in a whole picture, without being told where.
+"""Find two coloured dots in a whole picture, without a hint.
 
-A dot is a piece of one hue (CIE L*a*b*, chroma above `LEAST_CHROMA`) that is as large as a disc of its diameter at its
-depth, as wide as high, and fills its box as a disc does (pi / 4). Two of them are the hanger's if they are as far apart
-in space as the rig says. Several such pairs are no answer: the user picks.
+A dot is a piece of one hue (CIE L*a*b*, chroma above `LEAST_CHROMA`). Its size is that of a disc of its diameter at its
+depth. It is as wide as high, and fills its box as a disc does (pi / 4). Two of them are the hanger's if they are as far
+apart in space as the rig says. Several such pairs are no answer: the user picks.
 """
 
 from __future__ import annotations

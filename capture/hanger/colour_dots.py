@@ -6,10 +6,11 @@ dot's share of a pixel p is
     w = clip((p - b) . (c - b) / |c - b|^2, 0, 1)        centre = sum(w x) / sum(w),    diameter = sqrt(4 sum(w) / pi)
 
 The sum is the dot's area however much it is blurred, and the mean is its place in the middle of the exposure. A sum
-that differs from pi / 4 (f D / z)^2 by more than `AREA_TOLERANCE` is a dot that is partly covered, or another thing: it
+that differs from pi / 4 (f D / z)^2 by more than `AREA_TOLERANCE` is a partly covered dot, or another thing. Such a dot
 is not placed, because its centre would be wrong. Depth and position: `capture.hanger.marker_plates`. Without a recent
-sighting dots are looked for as in `capture.hanger.colour_dot_search`. Source: mixed pixels, J. B. Adams, M. O. Smith,
-P. E. Johnson, J. Geophys. Res. 91 (1986).
+sighting dots are looked for as in `capture.hanger.colour_dot_search`.
+
+Source: mixed pixels, J. B. Adams, M. O. Smith, P. E. Johnson, J. Geophys. Res. 91 (1986).
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 A marker's centre is where the diagonals of its four sub-pixel corners meet; its depth is that of its plate
 (`capture.hanger.marker_plates`). The known distance between the markers is a check. Ids are read anew in every frame,
-so markers cannot be swapped; where blur or a finger hides the id for a moment, the marker's looks are followed
+so markers cannot be swapped. If blur or a finger hides the id for a moment, the marker's looks are followed
 (`capture.hanger.marker_following`).
 """
 
@@ -31,7 +31,7 @@ DISTANCE_TOLERANCE = 0.05  # of the marker distance; wider than a sensor's depth
 
 @dataclass(frozen=True, kw_only=True)
 class HangerSight:
-    """What one frame shows of the hanger; row 0 is the rig's first marker id, NaN where it was not found.
+    """The sight of the hanger in one frame; row 0 is the rig's first marker id, NaN where it was not found.
 
     - `corners` [px], (2, 4, 2): sub-pixel corners, clockwise from the pattern's top left
     - `centres` [px], (2, 2)
@@ -63,7 +63,7 @@ class HangerSight:
 
 
 class HangerTracker(Protocol):
-    """Follows a hanger's two markers through a recording; its plates tell how the depth noise is correlated."""
+    """Follows a hanger's two markers through a recording; its plates show the correlation of the depth noise."""
 
     correlation: CorrelationMeter
 
@@ -210,7 +210,7 @@ def check_distance(
 
 @dataclass(frozen=True)
 class ImageTrack:
-    """Where a marker was last read: centre [px], velocity [px/s], side [px]."""
+    """The last reading of a marker: centre [px], velocity [px/s], side [px]."""
 
     time: float
     centre: Floats

@@ -4,10 +4,10 @@ ArUco and AprilTag alike: both are dictionaries of OpenCV's detector (`DICT_4X4_
 Source: Garrido-Jurado et al., "Automatic generation and detection of highly reliable fiducial markers under
 occlusion", Pattern Recognition 47 (2014). Small markers are enlarged first: corners twice as fine as at 17 px.
 
-The detector compares each pixel with the mean of a square around it. Of a marker whose size is known about, one square
-does: a third of its side, in which corners are finest, or else two thirds of it, which also stands blur. OpenCV's own
-three squares, tried together, cost twice as much and merge the outlines of one black border with each other's: on
-drawn swings 93 % of the ids are read with them, 99.9 % with these two, and corners are as good.
+The detector compares each pixel with the mean of a square around it. For a marker of roughly known size, one square
+suffices. A square of a third of the marker's side gives the finest corners. A square of two thirds also works with
+blur. OpenCV's own three squares, tried together, cost twice as much and merge the outlines of one black border. On
+drawn swings they read 93 % of the ids, and these two squares read 99.9 % with equally good corners.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ class MarkerDetector:
     def __init__(self, dictionary: str, ids: tuple[int, ...], *, apart: float | None = None) -> None:
         """Look for these ids.
 
-        apart: distance of the two markers' centres over their side; of an id that is seen twice, as where a printed
-        sheet lies about, it tells which one is the hanger's
+        `apart` is the distance of the two markers' centres over their side. An id may be seen twice, for example on a
+        printed sheet in view. `apart` then decides for the hanger's own.
         """
         self.ids, self._apart = ids, apart
         known = marker_dictionary(dictionary)

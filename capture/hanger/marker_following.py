@@ -1,16 +1,16 @@
 """Follow a marker whose id cannot be read for some frames, because it is blurred or partly covered.
 
-The marker's picture when it was last read is looked for again, in two ways:
+The marker's picture from its last reading is searched in two ways:
 
     blurred    the picture, blurred along the marker's velocity by some shares of its way per frame, is moved over the
                window; where the normalised correlation is largest is the marker, to a fraction of a pixel by a parabola
     covered    points of the picture are followed one by one (pyramidal Lucas-Kanade, there and back again); those that
                agree on one turn, scale and shift (RANSAC) are the part that is not covered
 
-The picture is never renewed by what was followed, so errors do not add up; after `LONGEST_FOLLOWED` without a reading
-of the id the marker is lost. Whoever uses a followed marker checks its size against its depth and its distance to the
-other one. Sources: J. P. Lewis, "Fast normalized cross-correlation" (1995); B. D. Lucas, T. Kanade, IJCAI 1981; there
-and back: Z. Kalal, K. Mikolajczyk, J. Matas, ICPR 2010; M. A. Fischler, R. C. Bolles, Comm. ACM 24 (1981).
+Following never renews the picture, so errors do not add up. After `LONGEST_FOLLOWED` without a reading of the id the
+marker is lost. The callers check a followed marker's size against its depth and its distance to the other one. Sources:
+J. P. Lewis, "Fast normalized cross-correlation" (1995); B. D. Lucas, T. Kanade, IJCAI 1981; there and back: Z. Kalal,
+K. Mikolajczyk, J. Matas, ICPR 2010; M. A. Fischler, R. C. Bolles, Comm. ACM 24 (1981).
 """
 
 from __future__ import annotations
@@ -87,10 +87,12 @@ def keep(colour: NDArray[np.uint8], corners: Floats, time: float) -> Keepsake | 
 def follow(
     colour: NDArray[np.uint8], kept: Keepsake, expected: Floats, reach: float, step: Floats
 ) -> Followed | None:  # fmt: skip
-    """Return where a marker that was kept is now, or None where that cannot be said.
+    """Return the place of a kept marker, or None if it is unknown.
 
-    colour RGB, (H, W, 3); expected [px], (2,): where its centre should be; reach [px]: how far from there it may be;
-    step [px], (2,): its way from one frame to the next, along which it is blurred
+    - `colour` RGB, (H, W, 3)
+    - `expected` [px], (2,): the expected centre
+    - `reach` [px]: largest distance from the expected centre
+    - `step` [px], (2,): the marker's way between two frames, along which it is blurred
     """
     height, width = kept.picture.shape
     start = kept.origin + expected - kept.corners.mean(0)

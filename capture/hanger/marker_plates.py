@@ -7,9 +7,9 @@ A place (u, v) on the plate has the depth z of the plane through the plate's dep
 
 Depth may be shown (du, dv) px aside of colour (`formats.rig.Calibration`); (u, v) then has its depth at (u+du, v+dv).
 
-The pose from the four corners (solvePnP, IPPE square: Collins and Bartoli, "Infinitesimal Plane-Based Pose
-Estimation", IJCV 109, 2014) is a check: a marker only 17 pixels wide gives a depth to a few centimetres, the plate's
-depth pixels give it to a millimetre.
+The pose from the four corners is a check (solvePnP, IPPE square: Collins and Bartoli, "Infinitesimal Plane-Based Pose
+Estimation", IJCV 109, 2014). A marker only 17 pixels wide gives a depth to a few centimetres. The plate's depth pixels
+give the depth to a millimetre.
 """
 
 from __future__ import annotations

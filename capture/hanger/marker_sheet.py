@@ -1,6 +1,6 @@
 """A page of fiducial markers to print: true to scale, with scale bars to check the print.
 
-A marker of n x n bits has a black border one bit wide, so its side is n + 2 bits; around it a quiet zone of one bit
+A marker of n x n bits has a black border one bit wide, so its side is n + 2 bits. Around it a quiet zone of one bit
 stays white, which detection needs. One unit of the drawing is one millimetre; the page is A4.
 Source: S. Garrido-Jurado et al., "Automatic generation and detection of highly reliable fiducial markers under
 occlusion", Pattern Recognition 47 (2014), section 3.

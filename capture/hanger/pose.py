@@ -1,7 +1,7 @@
-"""How far the hanger pitches about its bar, from the planes of its two marker plates in depth.
+"""The hanger's pitch about its bar, from the planes of its two marker plates in depth.
 
-Two places say everything of a pose but the turn about the line between them. A plate's plane n . X = d is linear in
-inverse depth,
+Two places fix a pose except for the turn about the line between them. A plate's plane n . X = d is linear in inverse
+depth,
 
     1/z = (n_x (u - cx) / fx + n_y (v - cy) / fy + n_z) / d
 
@@ -11,7 +11,9 @@ and in the hanger's axes y (down) and z (`formats.hanger`) the pitch is
 
 with the pixel noise s and its correlated pixels (`capture.depth.surface`). Positive: the plate's lower edge is nearer
 than its upper one. Both plates are averaged by their variances. A plate that is mounted askew adds its own angle:
-compare with the still beginning of a take. Source: a plane in inverse depth, as in `capture.depth.surface`.
+compare with the still beginning of a take.
+
+Source: a plane in inverse depth, as in `capture.depth.surface`.
 """
 
 from __future__ import annotations

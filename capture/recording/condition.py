@@ -1,8 +1,9 @@
 """The one thing to say about a recording right now: for the lamp, for the command line, for people.
 
 Frames have bits (`formats.take.FrameState`), several at once and changing thirty times a second. A frame's condition is
-the most basic of what is wrong. What was announced stays until no frame has shown it for `HOLD` seconds, so that a lamp
-does not flicker; then comes what most frames have shown since, so that faults that take turns are told as well.
+the most basic of what is wrong. An announced condition stays until no frame has shown it for `HOLD` seconds, so that a
+lamp does not flicker. Then comes the condition that most frames have shown since. So faults that take turns are
+announced as well.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ HOLD = 0.4  # s without the condition that was announced: longer than markers ar
 
 
 class Lamp(Enum):
-    """How a lamp shows a condition; a lamp of one colour shows the rhythm."""
+    """A condition on the lamp; a lamp of one colour shows the rhythm."""
 
     STEADY = "green, steady"
     SLOW = "yellow, one blink a second"
@@ -26,7 +27,7 @@ class Lamp(Enum):
 
 @dataclass(frozen=True)
 class Saying:
-    """How a condition is told: what is the case, what to do, and on the lamp."""
+    """A condition in words, its next action, and its look on the lamp."""
 
     words: str
     advice: str
@@ -34,7 +35,7 @@ class Saying:
 
 
 class Condition(Enum):
-    """What is the case, the most basic first."""
+    """The conditions, the most basic first."""
 
     WRONG_SIZE = Saying("pictures of another size than the rig's", "set the rig's [sensor] to this sensor", Lamp.FAST)
     CLOCK = Saying("the sensor's clock runs backwards or leaps", "unplug and replug the sensor", Lamp.FAST)

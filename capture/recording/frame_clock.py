@@ -1,13 +1,13 @@
 """Time in a take from a sensor's clock, which may stumble, wrap around, or be set back or forward.
 
-A frame whose time does not increase cannot be placed and is left out, and so is one whose time leaps so far ahead that
-a live sensor would have counted as stalled: what it says may be wrong for this one alone. After `SET` of them in a row
-whose times follow each other the clock has been set: time goes on from where it was, one nominal interval for each
-frame that was left out or dropped. So a counter of 32 bits that begins anew costs two frames.
+A frame whose time does not increase cannot be placed and is left out. The same holds for a leap so far ahead that a
+live sensor would have counted as stalled: this one time may be wrong. After `SET` such frames in a row with consistent
+times, the clock has been set. Time then goes on from its last value, by one nominal interval for each frame that was
+left out or dropped. So a counter of 32 bits that begins anew costs two frames.
 
-A leap ahead is a pause, and kept, where something else accounts for it: the frames that were dropped, or the host's
-clock. A frame is handed over some time after it was taken, never before, so the smallest difference of both clocks so
-far says where a frame can be at the latest.
+A leap ahead is a pause, and kept, if something else explains it: dropped frames, or the host's clock. A frame is handed
+over some time after it was taken, never before. So the smallest difference of both clocks so far gives the latest
+possible time of a frame.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What is wrong with a frame, as bits of `formats.take.FrameState`: judged from the pictures and from what was found.
+"""The faults of a frame, as bits of `formats.take.FrameState`: judged from its pictures and its tracking.
 
 Ranges are those of PrimeSense's long-range sensors and of the Kinect v1, which measure from 0.8 to 3.5 m (PrimeSense,
 "Carmine 1.08" data sheet). A marker's distance comes from its size in colour, so it is known where depth is not.
@@ -25,7 +25,7 @@ IN_FRONT_OF_HANGER = 0.3  # m nearer than the hanger was: more than a hand swing
 IN_FRONT_OF_GARMENT = 0.5  # m nearer than the held edge: beyond the hem of a garment that swings up
 COVERED_HANGER, COVERED_GARMENT = 0.5, 0.25  # share of the pixels there
 LONGEST_MEMORY = 3.0  # s after which the hanger may be anywhere, unless something stands before it
-STRIDE = 8  # every so many pixels along both axes tell what the whole view is like
+STRIDE = 8  # pixels along both axes between samples of the whole view
 
 
 def picture_faults(frame: SensorFrame, camera: Sensor) -> int:
@@ -109,7 +109,7 @@ def is_garment_covered(depth: NDArray[np.uint16], held: Floats, camera: Sensor) 
 
 @dataclass(frozen=True)
 class _Sighting:
-    """Where a marker was last placed: time [s], centre [px], distance [m], side [px]."""
+    """The last placement of a marker: time [s], centre [px], distance [m], side [px]."""
 
     time: float
     centre: Floats

@@ -1,10 +1,11 @@
 """Take frames from a live sensor in a thread of its own, so that a slow disk or a busy processor loses none.
 
 OpenNI2 keeps one frame per stream: a frame that is not read within a frame's time is gone. Writing a block waits for
-the disk, and another program may take the processor; the queue bridges more than a second of that. So many pictures
-would take half of the recorder's memory, so those behind the first `UNPACKED` are packed without loss meanwhile: depth
-in steps of disparity to about a sixth, colour to what its noise allows; 3 to 4 ms a frame, in the fetching thread.
-They lie in pages of their own, which go back to the system one by one; malloc's heap would stay as large as it was.
+the disk, and another program may take the processor; the queue bridges more than a second of that. These pictures would
+take half of the recorder's memory. So pictures behind the first `UNPACKED` are packed without loss meanwhile. Depth in
+steps of disparity shrinks to about a sixth, and colour as far as its noise allows. Packing takes 3 to 4 ms a frame, in
+the fetching thread. They lie in pages of their own, which go back to the system one by one; malloc's heap would stay as
+large as it was.
 """
 
 from __future__ import annotations

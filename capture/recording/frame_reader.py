@@ -23,7 +23,7 @@ SCAN_TOLERANCE = 1e-3  # s: frames come a little early or late
 
 @dataclass(frozen=True, kw_only=True)
 class ScanPlan:
-    """How often the visible surface is kept, in scans a second, and with how many places.
+    """The rate of surface scans [1/s], and the number of their places.
 
     grid: along each side of the grid; contour: around the silhouette
     """
@@ -35,7 +35,7 @@ class ScanPlan:
 
 @dataclass(frozen=True, kw_only=True)
 class Seen:
-    """What a take keeps of a frame.
+    """The part of a frame that a take keeps.
 
     time [s]: in the take; dropped: frames that nobody received since the one before
     """

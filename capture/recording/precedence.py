@@ -1,9 +1,11 @@
 """Let a recorder come before other programs where this user may: a frame that is not fetched in time is gone.
 
 A sensor gives a frame every 33 ms and keeps only the newest. An ordinary program that has to share the processor may
-wait longer than that for its turn. Under SCHED_RR a thread runs as soon as it can, before all ordinary programs, which
-still have 5 % of the time (sched_rt_runtime_us) and, since tracking takes a fifth of one core, far more in practice.
-What fetches frames comes before what tracks them. Source: Linux man pages, sched(7).
+wait longer than that for its turn. Under SCHED_RR a thread runs as soon as it can, before all ordinary programs.
+Ordinary programs still have 5 % of the time (sched_rt_runtime_us). In practice they have far more, since tracking takes
+a fifth of one core. Fetching frames comes before tracking them.
+
+Source: Linux man pages, sched(7).
 
 It takes a right: root, or RLIMIT_RTPRIO (`systemd/limits.d`, LimitRTPRIO= in a unit).
 """

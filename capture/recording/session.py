@@ -38,10 +38,9 @@ LOOK_FOR_ROOM = 1.0  # s from one look at the disk to the next; a take with scan
 
 @dataclass(frozen=True, kw_only=True)
 class RecordingReport:
-    """What was recorded: frames, in how many the hanger and each point were seen, in how many each condition held.
+    """The recording in numbers: all frames, frames with the hanger and with each point, frames of each condition.
 
-    - `failure`: what ended the recording after the last frame, a sensor that failed or a disk that is nearly full; None
-      where it ended as it should
+    - `failure`: the fault that ended the recording, of the sensor or of a nearly full disk; None after a proper end
     - `findings`: what a fitter would find wrong with the take
     - `doubt`: why nothing can be fitted to it, and what to do; None where it can; the take was kept all the same
     """

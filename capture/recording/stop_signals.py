@@ -12,7 +12,7 @@ STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class StopRequest:
-    """Whether somebody asked to end, and when that may raise KeyboardInterrupt: at once, but not inside `held`."""
+    """A request to end, which may raise KeyboardInterrupt at once, but not inside `held`."""
 
     def __init__(self) -> None:
         self.is_asked = False
@@ -53,8 +53,8 @@ class StopRequest:
 def stopped_like_ctrl_c() -> Iterator[StopRequest]:
     """Let SIGINT, SIGTERM and SIGHUP ask to end; after the first of them, all further ones do nothing.
 
-    A user presses Ctrl-C twice, and the end of a login sends two signals. What is ignored outside, as SIGHUP is under
-    `nohup`, stays ignored. Only in the main thread are there signals; elsewhere nobody asks.
+    A user presses Ctrl-C twice, and the end of a login sends two signals. A signal that is ignored outside, as SIGHUP
+    under `nohup`, stays ignored. Only in the main thread are there signals; elsewhere nobody asks.
     """
     request = StopRequest()
 

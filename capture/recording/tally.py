@@ -1,4 +1,4 @@
-"""What a recording came to so far: frames, sights of the hanger and of each point, losses, conditions."""
+"""The counts of a recording so far: frames, sights of the hanger and of each point, losses, conditions."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from capture.recording.frame_reader import Seen
 
 
 class Tally:
-    """Counts the frames of one recording; times are told from its first frame on."""
+    """Counts the frames of one recording; times start at its first frame."""
 
     def __init__(self, points: int) -> None:
         self.frames = self.with_hanger = self.dropped = self.frame_gaps = 0

@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 
 
 class Tracked(NamedTuple):
-    """What a frame shows of hanger and garment, its state, and the ends of the held edge [m], (2, 3)."""
+    """The sight of hanger and garment in a frame, its state, and the ends of the held edge [m], (2, 3)."""
 
     hanger: HangerSight
     cloth: GarmentSight

@@ -1,9 +1,9 @@
 """Bring one take to the server: look, send, verify, and only then write its receipt.
 
-The order makes it safe to be killed anywhere: without a receipt the next run looks at the server first, and the key
-comes from the take's content, so that whatever is sent again lands on itself. A receipt says that the content was
-read back and has the SHA-256 that was sent. Where the keys may only write, the store's own checksum of what it received
-stands in, and the receipt says so.
+This order is safe against a kill at any moment. Without a receipt the next run looks at the server first. The key comes
+from the take's content, so a repeated upload replaces itself. A receipt certifies that the content was read back with
+the SHA-256 that was sent. Keys may permit writing only. Then the store's own checksum of the received content stands
+in, and the receipt says so.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ UNDATED = "undated"  # the day of a take that cannot be read
 
 @dataclass(frozen=True)
 class Target:
-    """Where takes go and as what.
+    """The destination of takes.
 
-    device: this device's name on the server
-    recipients: of age; empty: takes are sent as they are
+    - `device`: this device's name on the server
+    - `recipients`: of age; without any, takes are sent unencrypted
     """
 
     server: Server
@@ -44,7 +44,7 @@ class Target:
 
 
 def key_of(take: KeptTake, device: str, sha256: str, *, is_encrypted: bool) -> str:
-    """Return the name of a take on the server: device, day, sequence and content, whatever the clock says now."""
+    """Return the name of a take on the server from device, day, sequence and content, at any time the same."""
     ending = "mcap.age" if is_encrypted else "mcap"
     return f"{device}/{_day_of(take)}/{take.sequence:06d}-{sha256}.{ending}"
 

@@ -1,4 +1,4 @@
-"""What keeps takes from the server: the server's own reason in one sentence, and what to do next."""
+"""The obstacle between takes and the server: the server's own reason in one sentence, and the next action."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class ReadRefusedError(ServerError):
 
 @dataclass(frozen=True)
 class Answer:
-    """What a server said: status, code and message of its answer, where there was one."""
+    """A server's words: status, code and message of its answer, if any."""
 
     status: int
     code: str

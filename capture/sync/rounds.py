@@ -38,7 +38,7 @@ def now_here() -> datetime:
 
 @dataclass
 class Standing:
-    """What a process of sync knows while it runs, from one round to the next."""
+    """The memory of a process of sync from one round to the next."""
 
     last_sync: str | None = None
     verified: str | None = None

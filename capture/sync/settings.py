@@ -1,4 +1,4 @@
-"""What sync is told: the table `[sync]` of the appliance's configuration file, and where the takes lie."""
+"""The settings of sync: the table `[sync]` of the appliance's configuration file, and the folder of takes."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class SyncSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
 @dataclass(frozen=True)
 class Told:
-    """All that sync is told: its settings, the folder of takes and the folder that relative paths start from."""
+    """The whole setup of sync: its settings, the folder of takes and the folder for relative paths."""
 
     settings: SyncSettings
     spool: Path

@@ -48,6 +48,7 @@ def test_the_error_of_blocks_is_the_mean_over_their_points():
     picks = np.array([[0, 1], [0, 0], [1, 1]])
     assert errors.draw(Resampling(picks, 1.0, np.zeros(3))) == pytest.approx([10.0, 12.0, 4.0])
     assert errors.draw(Resampling(picks, 2.0, np.zeros(3))) == pytest.approx([10.0, 14.4, 1.6])
+    assert level(0.0, 2).draw(Resampling(picks, 2.0, np.zeros(3))) == pytest.approx(np.zeros(3))
 
 
 def test_closure_is_the_share_of_the_gap_that_is_removed():
@@ -64,6 +65,8 @@ def test_closure_is_not_given_where_there_is_hardly_a_gap():
     found = closure(level(16.81), level(16.0), 4.0, picks)
     assert found is not None
     assert found[0] == pytest.approx(1.0)
+    assert closure(level(4e-8), level(0.0), 0.0, picks) is None  # a floor is a micrometre at least
+    assert closure(level(6e-8), level(0.0), 0.0, picks) is not None
 
 
 def test_the_interval_of_closure_holds_nine_draws_in_ten():
@@ -80,10 +83,18 @@ def test_the_interval_of_closure_holds_nine_draws_in_ten():
 
 def test_a_draw_without_a_gap_does_not_make_closure_infinite():
     """Draws of 0 and 200 mm^2 beside a gap of 100: a quarter of it is taken to be there."""
-    base, better = errors_of(0.0, 200.0), errors_of(0.0, 100.0)
+    base, better = errors_of(0.0, 200.0), errors_of(10.0, 100.0)
     _, (low, high) = closure(base, better, 0.0, Resampling(np.array([[0, 0]] * 10 + [[1, 1]] * 10), 1.0, np.zeros(20)))
-    assert low == 0.0
+    assert low == pytest.approx(-10 / 25)
     assert high == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(("deviate", "floor"), [(1.0, 2.5), (-1.0, 0.0)])
+def test_a_floor_is_drawn_about_its_own_and_is_never_negative(deviate, floor):
+    """1 mm and once or minus once its error of 1.5 mm: 2.5 mm, or none."""
+    drawn = Resampling(np.zeros((10, 8), int), 1.0, np.full(10, deviate))
+    _, interval = closure(level(100.0), level(50.0), 1.0, drawn, floor_error_mm=1.5)
+    assert interval == pytest.approx((50 / (100 - floor**2),) * 2)
 
 
 def test_the_interval_of_an_error_holds_nine_draws_in_ten():
@@ -97,6 +108,7 @@ def test_an_error_is_above_a_known_one_where_both_its_mean_and_its_lowest_draws_
     assert exceeds(level(21.0), one, 17.0)
     assert not exceeds(level(21.0), one, 18.0)
     assert not exceeds(errors_of(*np.linspace(1, 41, 101)), HUNDRED, 17.0)
+    assert not exceeds(errors_of(*np.linspace(11, 31, 101)), HUNDRED, 17.0)
     assert exceeds(errors_of(*np.linspace(18, 24, 101)), HUNDRED, 17.0)
 
 
@@ -105,6 +117,8 @@ def test_draws_are_as_far_apart_as_few_and_correlated_blocks_ask_for():
     rng = np.random.default_rng(0)
     z = norm.ppf(0.95)
     assert resample(level(9.0), rng, 3).spread == pytest.approx(np.sqrt(8 / 7) * student.ppf(0.95, 7) / z)
+    assert resample(level(9.0, 2), rng, 3).spread == pytest.approx(np.sqrt(2) * student.ppf(0.95, 2) / z)
+    assert resample(level(9.0, 1), rng, 3).spread == pytest.approx(student.ppf(0.95, 2) / z)
     alike = np.full((8, 8), 0.5) + 0.5 * np.eye(8)
     found = resample(errors_of(*[9.0] * 8, correlation=alike), rng, 3)
     assert found.spread == pytest.approx(np.sqrt(8 / 7) * np.sqrt(8 / 3) * student.ppf(0.95, 2) / z)
@@ -140,6 +154,16 @@ def test_a_gain_is_one_sided_and_half_seconds_that_are_alike_prove_less():
     assert gain_p_value(*gaining(halves, alike)) > 1.2 * gain_p_value(*gaining(halves))
 
 
+def test_thirty_gains_that_no_draw_of_signs_repeats_are_as_sure_as_the_draws_can_say():
+    assert gain_p_value(*gaining(np.ones(30))) == pytest.approx(1 / 20001)
+
+
+def test_many_hypotheses_that_leave_one_residual_are_moved_as_one():
+    shape = np.random.default_rng(3).normal(size=60)
+    moved = solver_draws([BlockErrors(np.ones(1), np.ones(1), k * shape) for k in range(1, 13)], 1.0, 50)
+    assert moved == pytest.approx(moved[:, :1] * np.arange(1, 13), rel=1e-3, abs=1e-3)
+
+
 def test_a_wrong_solver_moves_squared_errors_by_twice_the_product_and_alike_ones_together():
     """2 N r / sqrt(9) with N = 3 mm and r = 2 mm rms: 4 mm^2; a residual at right angles moves on its own."""
     vectors = np.array([[2.0, 2.0, 2.0, 0, 0, 0], [2.0, 2.0, 2.0, 0, 0, 0], [0, 0, 0, 2.0, 2.0, 2.0]]) * np.sqrt(2 / 3)
@@ -159,6 +183,17 @@ def test_a_residual_is_gathered_by_half_seconds_in_millimetres():
     assert found.sums / found.counts == pytest.approx([9.0, 1.0, 1.0, 1.0], rel=1e-6)
     assert found.residual.shape == (60 * 20 * 3,)
     assert found.between_blocks.shape == (4, 4)
+
+
+def test_half_seconds_in_which_nothing_was_seen_are_no_blocks():
+    recording = a_still_take(0.001, rate=30, seconds=2.0)
+    valid = recording.valid.copy()
+    valid[15:30] = False
+    valid[45:60, 20:] = False
+    observer = Observer([replace(recording, valid=valid)], SI, (), frequency=0.0)
+    found = block_errors(observer, observer.residuals_of([recording.points[None] + 0.001])[0])
+    assert found.counts == pytest.approx([15 * 20, 15 * 20, 15 * 15])
+    assert found.between_blocks.shape == (3, 3)
 
 
 # Takes of 6 s, as many as a diagnosis has; the damped oscillation of a hanging sheet that swings at 0.8 Hz.

@@ -40,6 +40,64 @@ def test_a_swing_of_half_the_block_rate_is_correlated_as_the_mean_of_its_square(
     assert Ringing(1e3, 1.0, share=1.0).between_blocks(5) == pytest.approx(np.ones(5), abs=0.01)
 
 
+@pytest.mark.parametrize(("decay", "hertz"), [(0.5, 0.7), (1.5, 1.1)])
+def test_sums_of_a_swinging_square_are_correlated_as_its_double_integral_says(decay, hertz):
+    """k(m) of instants a hundredth of a block apart, summed one by one."""
+    instants = (np.arange(100) + 0.5) * BLOCK / 100
+    sums = []
+    for block in range(4):
+        apart = block * BLOCK + instants - instants[:, None]
+        sums.append((np.exp(-np.abs(apart) / decay) * np.cos(2 * np.pi * hertz * apart)) ** 2)
+    expected = [0.7 * part.sum() / sums[0].sum() for part in sums[1:]]
+    assert Ringing(decay, hertz, share=0.7).between_blocks(4)[1:] == pytest.approx(expected, rel=0.03)
+
+
+PERIOD = 1200  # frames, 40 s: after it the longest oscillation has fallen to e^-10
+
+
+def series_of(kernel, frames):
+    """Points whose autocorrelation, pooled, is exactly a periodic one: a cosine and a sine of each frequency."""
+    power = np.fft.rfft(kernel).real / PERIOD
+    power[1:-1] *= 2
+    angle = 2 * np.pi * np.arange(frames)[:, None] * np.arange(len(power)) / PERIOD
+    columns = np.concatenate([np.sqrt(power) * np.cos(angle), np.sqrt(power) * np.sin(angle), angle[:, :1]], axis=1)
+    return columns.reshape(frames, -1, 3)  # 1203 numbers a frame, the last of them 0
+
+
+def kernel_of(decay, hertz, share):
+    time = np.minimum(np.arange(PERIOD), PERIOD - np.arange(PERIOD)) / RATE
+    return share * np.exp(-time / decay) * np.cos(2 * np.pi * hertz * time) + (1 - share) * (time == 0)
+
+
+@pytest.mark.parametrize(("decay", "hertz"), [(0.1, 0.7), (4.0, 0.3), (4.0, 3.0)])
+def test_an_oscillation_on_the_grid_of_those_tried_is_found_exactly(decay, hertz):
+    """a = 0.05 in 1203 numbers: weight 0.05^2 (1203/9) 30 T/2 (1 + 1 / (1 + (2 pi f T)^2)) beside 1 - 0.05^2."""
+    kernel = kernel_of(decay, hertz, 0.05)
+    kernel[[92, 95, -92, -95]] += 0.1  # lags beyond three seconds do not count
+    found = ringing_of([series_of(kernel, 300), series_of(kernel, 5)], RATE)
+    integral = decay / 2 * (1 + 1 / (1 + (2 * np.pi * hertz * decay) ** 2))
+    weight = 0.05**2 * 1203 / 9 * RATE * integral
+    assert (found.decay, found.hertz) == pytest.approx((decay, hertz))
+    assert found.share == pytest.approx(weight / (weight + 1 - 0.05**2), rel=1e-3)
+
+
+def test_a_few_points_count_as_one_direction_and_a_short_oscillation_as_one_frame():
+    """Three numbers a frame, and 0.1 s of 5 frames/s, are no more than one of each: a^2 / (a^2 + 1 - a^2) = a^2."""
+    series = series_of(kernel_of(0.1 * 5 / RATE, 0.0, 0.5), 61)
+    assert ringing_of([series[:, k : k + 1] for k in range(401)], 5.0).share == pytest.approx(0.25, rel=1e-3)
+
+
+def test_lags_are_tried_up_to_half_the_longest_take_and_three_seconds(monkeypatch):
+    """200 frames: 90 lags beside that of none; 40 and 100: 50; of four frames two are enough, of three one is not."""
+    asked = []
+    monkeypatch.setattr(
+        "fit.gap.correlation.autocorrelation", lambda grids, lags: asked.append(lags) or autocorrelation(grids, lags)
+    )
+    for frames in ((200,), (40, 100), (4,), (3,)):
+        ringing_of([np.ones((n, 2, 3)) for n in frames], 30.0)
+    assert asked == [91, 51, 3]
+
+
 @pytest.mark.parametrize(("decay", "hertz"), [(0.5, 0.8), (1.0, 0.8), (0.8, 1.5)])
 def test_the_decay_and_the_frequency_of_an_oscillation_are_found_in_its_residual(decay, hertz):
     rng = np.random.default_rng(4)
@@ -54,6 +112,7 @@ def test_white_noise_leaves_blocks_independent():
     rng = np.random.default_rng(5)
     assert ringing_of([rng.normal(size=(200, 25, 3)) for _ in range(3)], RATE).share < 0.05
     assert ringing_of([rng.normal(size=(3, 25, 3))], RATE) == SILENT
+    assert SILENT.between_blocks(3) == pytest.approx([1.0, 0.0, 0.0])
 
 
 def test_the_oscillations_share_of_block_sums_grows_with_the_points_that_share_it():
@@ -78,14 +137,38 @@ def test_gaps_in_a_residual_do_not_count():
     assert autocorrelation([grid, grid[:1]], 3) == pytest.approx([1.0, -1.0, 1.0])
 
 
+def test_takes_are_pooled_by_their_products():
+    """1, -1, 1 ... beside 2, 2, 2 ...: (1 + 4) / 2, (-1 + 4) / 2 and (1 + 4) / 2, of which the first is one."""
+    swing = np.tile([1.0, -1.0], 50)[:, None, None] * np.ones((100, 2, 3))
+    assert autocorrelation([swing, 2 * np.ones((100, 2, 3))], 3) == pytest.approx([1.0, 0.6, 1.0])
+
+
+def test_lags_at_which_nothing_is_seen_and_residuals_of_nothing_are_uncorrelated():
+    grid = np.full((4, 1, 3), np.nan)
+    grid[[0, 3]] = 2.0
+    assert autocorrelation([grid], 4) == pytest.approx([1.0, 0.0, 0.0, 1.0], abs=1e-12)
+    assert autocorrelation([np.zeros((9, 1, 3))], 3) == pytest.approx(np.zeros(3))
+
+
+def test_the_rate_of_an_observers_frames_is_the_median_of_its_takes(monkeypatch):
+    """30, 30 and 60 frames a second, from the intervals between frames."""
+    asked = []
+    monkeypatch.setattr("fit.gap.correlation.ringing_of", lambda grids, rate: asked.append(rate) or SILENT)
+    takes = [SimpleNamespace(time=np.arange(61) / rate, duration=60 / rate) for rate in (30, 30, 60)]
+    layout = SimpleNamespace(block=np.arange(2), take=np.zeros(2, int), is_judged=np.ones(2, bool))
+    observer = SimpleNamespace(recordings=takes, layout=layout, by_place=lambda values: [values])
+    assert correlation_of(observer, np.zeros(2)) == pytest.approx(np.eye(2))
+    assert asked == [pytest.approx(30.0)]
+
+
 def test_blocks_of_other_takes_and_means_over_a_take_are_independent():
     layout = SimpleNamespace(
-        block=np.array([0, 0, 1, 2, 3, 3, 4]), take=np.array([0, 0, 0, 1, 1, 1, 0]),
-        is_judged=np.array([True] * 6 + [False]),
+        block=np.array([0, 0, 1, 2, 3, 3, 4, 5]), take=np.array([0, 0, 0, 1, 1, 1, 0, 0]),
+        is_judged=np.array([True] * 6 + [False] * 2),
     )  # fmt: skip
     found = block_correlation(layout, Ringing(1.0, 0.0, 1.0))
     near = Ringing(1.0, 0.0, 1.0).between_blocks(2)[1]
-    expected = np.eye(5)
+    expected = np.eye(6)
     expected[0, 1] = expected[1, 0] = expected[2, 3] = expected[3, 2] = near
     assert near > 0.3
     assert found == pytest.approx(expected)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from fit.gap.floor import Floor, measured_noise, noise_floor, own_noise_mm
+from fit.gap.floor import Floor, measured_noise, neighbour_noise, noise_floor, noisier, own_noise_mm
 from fit.methods import SI
 from fit.observer.residuals import Observer
+from fit.recordings.noise import held_noise
 from fit.recordings.recording import prepare
 from tests.fit.gap.test_diagnosis_parts import COARSE, a_take, truth_vector
+from tests.fit.gap.test_gap_statistics import a_still_take
 
 NOISE = 0.0011  # m, per axis: 1.9 mm of distance
 
@@ -87,6 +90,117 @@ def test_the_floor_of_a_model_that_is_far_off_is_no_less_than_the_points_own_noi
     assert own == pytest.approx(1e3 * NOISE * np.sqrt(3), rel=0.1)
 
 
-@pytest.mark.parametrize(("stated", "is_contradicted"), [(2.49, False), (2.51, True), (1.59, True)])
+@pytest.mark.parametrize(("stated", "is_contradicted"), [(2.49, False), (2.51, True), (1.61, False), (1.59, True)])
 def test_a_stated_noise_is_contradicted_by_a_quarter(stated, is_contradicted):
     assert Floor(9.0, 0.1, 2.0, stated).is_contradicted == is_contradicted
+
+
+def stilled(monkeypatch, places):
+    """A model whose cloth hangs still at places [m], (points, 3): nothing is simulated."""
+
+    def still(asked, *, frequency=None):
+        return [
+            [np.repeat(places[None, None], len(r.time), 1).repeat(len(vectors), 0) for r in observer.recordings]
+            for observer, vectors, _ in asked
+        ]
+
+    monkeypatch.setattr("fit.observer.residuals.trajectories_together", still)
+
+
+def test_the_floor_is_the_mean_over_three_replicas_and_has_their_standard_error(monkeypatch):
+    """Each replica says sqrt(|r + n|^2 - |r|^2), with the noise drawn again as it is drawn there, or the own noise."""
+    recording = a_still_take(NOISE, rate=30, seconds=1.0)
+    observer = Observer([recording], SI, (), frequency=0.0, resolution=COARSE)
+    stilled(monkeypatch, recording.points.mean(0))
+    judged, sd = recording.judged, recording.point_sd
+    (noise,) = measured_noise(observer, observer.residuals(truth_vector()[None], observer.off[None])[0])
+    own = 1e3 * np.sqrt(3 * (noise[judged] ** 2).mean())
+    rng, apart = np.random.default_rng(3), recording.points - recording.points.mean(0)
+    floors = []
+    for _ in range(3):
+        more = apart + rng.normal(size=apart.shape) * noise[:, None]
+        rng.normal(size=recording.held_seen.shape)
+        grown = [1e6 * (a[:, judged] ** 2).sum(2).mean() for a in (more, apart)]
+        floors.append(np.sqrt(max(grown[0] - grown[1], own**2)))
+    assert len(set(floors)) == 3  # none of this seed is no more than the own noise
+    found = floor_of(observer, seed=3)
+    assert found.mm == pytest.approx(np.mean(floors), rel=1e-6)
+    assert found.error_mm == pytest.approx(np.std(floors, ddof=1) / np.sqrt(3), rel=1e-6)
+    assert found.measured_mm == pytest.approx(own, rel=1e-6)
+    assert found.stated_mm == pytest.approx(1e3 * np.sqrt(3 * (sd[judged] ** 2).mean()), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("white", "independent", "stated", "expected"),
+    [
+        ([2.0, 2.0, 8.0], 4.0, 0.5, [3.0, 3.0, 8.0]),  # at most 1.5 times the white noise, at least that
+        ([2.0, 2.0, 8.0], 2.4, 0.5, [2.4, 2.4, 8.0]),
+        ([2.0, 2.0, 8.0], 4.0, 3.6, [3.6, 3.6, 8.0]),  # as much as is stated is believed
+        (None, 2.0, 1.8, [1.8, 1.8, 1.8]),  # frames too slow to show white noise
+        ([1.0, 2.0, 3.0], None, 1.8, [1.8, 2.0, 3.0]),  # too few neighbours
+    ],
+)
+def test_the_noise_of_a_point_lies_between_its_white_noise_and_half_as_much_again(
+    monkeypatch, white, independent, stated, expected
+):
+    seen = None if white is None else np.array(white)
+    for place in ("fit.gap.floor.white_noise", "fit.recordings.noise.white_noise"):
+        monkeypatch.setattr(place, lambda recording: seen)
+    monkeypatch.setattr("fit.gap.floor.neighbour_noise", lambda observer, residual: [independent])
+    observer = SimpleNamespace(recordings=[SimpleNamespace(point_sd=np.full(3, stated))])
+    assert measured_noise(observer, np.zeros(3))[0] == pytest.approx(expected)
+
+
+def test_the_points_own_noise_is_weighed_by_how_often_each_was_seen():
+    """1 mm in 10 sightings, 2 in 30 and 3 in 20 of another take: sqrt(3 (10 + 120 + 180) / 60) mm."""
+    first = np.stack([np.arange(30) < 10, np.ones(30, bool)], 1)
+    observer = SimpleNamespace(recordings=[SimpleNamespace(counted=c) for c in (first, np.ones((20, 1), bool))])
+    noise = [np.array([0.001, 0.002]), np.array([0.003])]
+    assert own_noise_mm(observer, noise) == pytest.approx(np.sqrt(3 * 310 / 60))
+
+
+def gridded(values, places):
+    """An observer of points at places of a flat grid whose residuals are these, (frames, points, 3) [m]."""
+    points = [SimpleNamespace(at_m=at) for at in places]
+    recording = SimpleNamespace(judged=np.ones(len(places), bool), garment=SimpleNamespace(points=points))
+    return SimpleNamespace(
+        recordings=[recording], layout=SimpleNamespace(metres=lambda r: r), by_place=lambda r: [values]
+    )
+
+
+def test_noise_is_what_a_point_has_that_the_middle_of_its_neighbours_has_not():
+    """2 mm of noise beside an error that is linear over the grid; frames without a neighbour say nothing."""
+    places = [(0.1 * x, -0.1 * y) for y in range(5) for x in range(5)]
+    rng = np.random.default_rng(0)
+    smooth = 0.05 * np.array(places).sum(1)[None, :, None] * np.sin(np.arange(400))[:, None, None]
+    values = smooth + rng.normal(0, 0.002, (400, 25, 3))
+    assert neighbour_noise(gridded(values, places), values)[0] == pytest.approx(0.002, rel=0.03)
+    values[rng.random((400, 25)) < 0.2] = np.nan
+    assert neighbour_noise(gridded(values, places), values)[0] == pytest.approx(0.002, rel=0.03)
+    values[1:, :10] = np.nan
+    assert neighbour_noise(gridded(values, places), values)[0] == pytest.approx(0.002, rel=0.05)
+
+
+def test_at_least_nine_points_with_neighbours_say_how_noisy_they_are():
+    """Of eleven points in a row nine are between two others; of ten eight."""
+    values = np.random.default_rng(0).normal(0, 0.002, (900, 11, 3))
+    row = [(0.1 * k, 0.0) for k in range(11)]
+    assert neighbour_noise(gridded(values, row), values)[0] == pytest.approx(0.002, rel=0.1)
+    assert neighbour_noise(gridded(values[:, 1:], row[1:]), values) == [None]
+
+
+def test_a_take_without_noise_states_more_than_is_measured():
+    assert Floor(1.0, 0.0, 0.0, 1.0).is_contradicted
+    assert Floor(1.0, 0.0, 1.0, 0.0).is_contradicted
+
+
+def test_points_and_hanger_have_their_noise_once_more():
+    recording = a_still_take(NOISE, rate=30, seconds=1.0)
+    seen = recording.held_seen + np.random.default_rng(1).normal(0, 1e-3, recording.held_seen.shape)
+    noisy = recording.with_held(seen)
+    found = noisier(noisy, np.linspace(0.001, 0.002, 25), np.random.default_rng(5))
+    rng = np.random.default_rng(5)
+    points = rng.normal(size=recording.points.shape) * np.linspace(0.001, 0.002, 25)[:, None]
+    assert found.points - noisy.points == pytest.approx(points)
+    assert found.held_seen - seen == pytest.approx(rng.normal(size=seen.shape) * held_noise(noisy))
+    assert held_noise(noisy).mean() == pytest.approx(1e-3, rel=0.3)

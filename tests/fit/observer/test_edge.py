@@ -14,8 +14,18 @@ from fit.gap.findings import notes
 from fit.gap.floor import Floor
 from fit.gap.gates import predictability_gate
 from fit.methods import SI
-from fit.observer.edge import KEPT, NUMBERS, EdgeResiduals
+from fit.observer.edge import (
+    KEPT,
+    NUMBERS,
+    EdgeErrors,
+    EdgeResiduals,
+    edge_errors,
+    is_edge_explained,
+    is_seen_on_edge,
+    is_told_by_edge,
+)
 from fit.observer.residuals import BLOCK, Observer
+from fit.recordings.noise import held_noise
 from fit.recordings.recording import MARKER_OFFSET, SILHOUETTE_OFFSET, prepare
 from fit.recordings.smoothing import steady_spline
 from formats.rig import Calibration, Sensor
@@ -171,3 +181,86 @@ def test_the_outline_of_a_skirt_says_nothing_of_how_its_edge_is_held():
     floor = Floor(1.0, 0.0, 1.0, 1.0)
     said = [" ".join(notes(1, 1, one, floor, is_predictable=True)) for one in (swatch, outline)]
     assert ["silhouette" in one for one in said] == [False, True]
+
+
+def resting(squares):
+    return EdgeErrors(resting=squares)
+
+
+def test_an_edges_error_is_counted_in_what_no_noise_makes():
+    """60 of what varies and 25 of what is constant are certain; noise makes 1.15 times the count and four."""
+    found = EdgeErrors(moving=120.0, count=40, resting=50.0)
+    assert found.shown == pytest.approx(2.0 + 2.0)
+    assert found.beyond_noise == pytest.approx((120 - 46) / 60 + (50 - 4) / 25)
+    assert EdgeErrors(moving=45.0, count=40, resting=3.9).beyond_noise == 0.0
+    assert EdgeErrors().shown == EdgeErrors().beyond_noise == EdgeErrors().mm == EdgeErrors().count == 0
+
+
+def test_an_effect_is_seen_on_the_edge_where_it_removes_a_certain_error_and_half_of_what_is_beyond_noise():
+    """Of 50, 25.1 make a certain error; of 100, 96 are beyond noise, and 48 of them may be left."""
+    assert is_seen_on_edge(resting(50.0), resting(24.9))
+    assert not is_seen_on_edge(resting(50.0), resting(25.1))
+    assert is_seen_on_edge(resting(100.0), resting(51.9))
+    assert not is_seen_on_edge(resting(100.0), resting(52.1))
+    assert is_seen_on_edge(resting(100.0), resting(51.9), by_law=48.0 / 25)
+    assert not is_seen_on_edge(resting(100.0), resting(51.9), by_law=48.2 / 25)
+    assert not is_seen_on_edge(resting(50.0), resting(25.1), by_law=0.5)
+
+
+def test_the_edge_tells_an_effect_by_a_certain_error_and_a_twentieth_of_what_a_law_may_leave():
+    """Without either effect 25 times 25: a twentieth of that less the other's is 1.25 certain errors, or 31.25."""
+    other = resting(10.0)
+    assert is_told_by_edge(resting(35.1), other, other)
+    assert not is_told_by_edge(resting(34.9), other, other)
+    assert is_told_by_edge(resting(41.3), other, resting(635.0))
+    assert not is_told_by_edge(resting(41.2), other, resting(635.0))
+
+
+def test_an_edge_is_explained_where_no_certain_error_is_left_or_what_laws_may_leave():
+    assert is_edge_explained(resting(28.9))
+    assert not is_edge_explained(resting(29.1))
+    assert not is_edge_explained(resting(29.1), by_law=0.5)
+    assert is_edge_explained(resting(53.9), by_law=2.0)
+    assert not is_edge_explained(resting(54.1), by_law=2.0)
+
+
+def test_errors_of_edges_are_gathered_over_takes():
+    """Two frames 1 mm beside a mean of 4 mm, and one of another take 3 mm beside 1: sqrt((8 25 + 4 16) / 3) mm."""
+    take = np.repeat([0, 1, 0, 1], [8, 4, 4, 4])
+    frame = np.concatenate([np.repeat([0, 1, 0], 4), np.full(8, -1)])
+    whitened = np.repeat([1.0, 3.0, 2.0, 1.0], [8, 4, 4, 4])
+    sd = np.repeat([1e-3, 1e-3, 2e-3, 1e-3], [8, 4, 4, 4])
+    found = edge_errors(take, frame, whitened, sd)
+    assert (found.moving, found.count, found.resting) == (pytest.approx(8 + 36), 12, pytest.approx((16 + 4) / 2))
+    assert found.mm == pytest.approx(np.sqrt((8 * 25 + 4 * 16) / 3))
+    assert edge_errors(take[:0], frame[:0], whitened[:0], sd[:0]) == EdgeErrors()
+
+
+def test_an_edge_may_lie_anywhere_on_its_garment():
+    recording, points = a_recording()
+    aside = [msgspec.structs.replace(p, at_m=(p.at_m[0] + 0.3, p.at_m[1])) for p in recording.garment.points]
+    moved = dataclasses.replace(recording, garment=msgspec.structs.replace(recording.garment, points=tuple(aside)))
+    for one, other in zip(numbers_of(recording, points), numbers_of(moved, points), strict=True):
+        assert other == pytest.approx(one)
+
+
+def test_a_take_without_an_edge_has_no_numbers_of_it():
+    recording, points = a_recording()
+    edge = EdgeResiduals(dataclasses.replace(recording, judged=np.ones(25, bool)))
+    assert [part.shape for part in edge.of(points[None])] == [(1, 0), (1, 0)]
+    assert len(edge.frame) == len(edge.static_sd) == 0
+
+
+def test_an_edges_numbers_are_as_uncertain_as_their_points_and_the_paths_spline_leave_them():
+    """Of 0.05 m a point the middle of five has 0.05 / sqrt(5); the path (5 pi / 9) f_c / n of its variance, halved.
+
+    Of n frames the mean is known to 1 / sqrt(n) of that beside the markers' own offsets.
+    """
+    recording, _ = a_recording(noise=1e-6, held_noise=2e-3)
+    path = np.mean(held_noise(recording) ** 2) * 5 * np.pi / 9 * recording.held_cut_off / RATE / 2
+    assert path > 1e-7
+    for sd in (1e-6, 0.05):
+        edge = EdgeResiduals(dataclasses.replace(recording, point_sd=np.full(25, sd)))
+        each = sd**2 / 5 + path
+        assert edge.sd[:, :3] == pytest.approx(np.sqrt(each), rel=1e-3)
+        assert edge.static_sd[:3] == pytest.approx(np.sqrt(MARKER_OFFSET**2 / 5 + each / len(TIME)), rel=1e-3)

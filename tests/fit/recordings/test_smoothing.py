@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,9 +13,9 @@ from fit.cloth.simulator import Simulator
 from fit.gap.floor import noise_floor
 from fit.methods import SI
 from fit.observer.residuals import Observer
-from fit.recordings.noise import held_noise
+from fit.recordings.noise import held_noise, point_noise, white_noise
 from fit.recordings.recording import prepare
-from fit.recordings.smoothing import best_cut_off, low_pass, smoothing_spline, steady_spline
+from fit.recordings.smoothing import best_cut_off, low_pass, noise_of, smoothing_spline, steady_spline
 from tests.fit.scenes import hung, material, sheet, swing, take_of
 
 FRAME = 1 / 30
@@ -123,3 +124,99 @@ def test_the_floor_counts_what_noise_of_the_hanger_does_to_the_cloth():
     floor = noise_floor(observer, vector, observer.off, np.random.default_rng(2)).mm
     assert error > 0.5
     assert floor == pytest.approx(error, rel=0.35)
+
+
+def test_the_noise_of_a_column_is_in_its_sixth_differences():
+    """1, -1, 1 ... has sixth differences of 64, of white noise those of a deviation of 64 / (0.6745 sqrt(924))."""
+    turns = np.tile([1.0, -1.0], 10)
+    assert noise_of(turns) == pytest.approx(64 / 0.6745 / np.sqrt(924), rel=1e-9)
+    assert noise_of(np.arange(20.0) ** 5) == pytest.approx(0.0, abs=1e-6)
+    assert noise_of(np.random.default_rng(0).normal(0, 0.3, 20000)) == pytest.approx(0.3, rel=0.03)
+
+
+@pytest.mark.parametrize("cut_off", [2.0, 4.0])
+def test_a_cubic_spline_halves_a_wave_at_its_cut_off(cut_off):
+    time = np.arange(0, 20, FRAME)
+    wave = np.sin(2 * np.pi * cut_off * time)[:, None]
+    left = smoothing_spline(time, wave, cut_off)(time)[150:450]
+    assert (left * wave[150:450]).sum() / (wave[150:450] ** 2).sum() == pytest.approx(0.5, abs=0.02)
+
+
+def test_a_cut_off_is_at_most_four_tenths_of_the_frame_rate():
+    time = np.arange(40) / 10
+    values = np.random.default_rng(0).normal(size=(40, 2))
+    fast, most, less = (smoothing_spline(time, values, hertz)(time) for hertz in (6.0, 4.0, 3.9))
+    assert fast == pytest.approx(most)
+    assert np.abs(fast - less).max() > 1e-3
+
+
+@pytest.mark.parametrize(("rate", "noise"), [(30.0, 1e-3), (30.0, 3e-3), (60.0, 1e-3)])
+def test_the_chosen_cut_off_has_the_least_score_of_cross_validation(rate, noise):
+    """log |y - f|^2 - 2 log(1 - tr H / n), with H as it stands above the module, tried one by one."""
+    time = np.arange(0, 4, 1 / rate)
+    values = swing(time, amplitude=0.05, hz=0.7)[:, 1:2] + np.random.default_rng(2).normal(0, noise, (len(time), 1))
+    count, turns = len(time), np.pi * np.arange(len(time)) / len(time)
+
+    def halves(angle):
+        return ((66 + 52 * np.cos(angle) + 2 * np.cos(2 * angle)) / 120) ** 2 / (2 * np.sin(angle / 2)) ** 6
+
+    def score(hertz):
+        left = values - steady_spline(time, values, hertz)(time)
+        passed = 1 + (1 / (1 + halves(2 * np.pi * hertz / rate) / halves(turns[1:]))).sum()
+        return np.log((left**2).sum()) - 2 * np.log(1 - passed / count)
+
+    tried = np.geomspace(2.0, 0.4 * rate, 120)
+    best = tried[int(np.argmin([score(hertz) for hertz in tried]))]
+    assert 2.1 < best < 0.39 * rate
+    assert best_cut_off(time, values) == pytest.approx(best, rel=0.03)
+
+
+def test_a_cut_off_is_never_below_a_hands_own_motion_nor_beyond_what_frames_show():
+    """2 Hz, and four tenths of 30 frames a second; of 4 frames a second just above 2 Hz."""
+    time, displacement = hand()
+    noise = np.random.default_rng(4).normal(0, 0.03, displacement.shape)
+    assert best_cut_off(time, 0.01 * displacement + noise) == pytest.approx(2.0, rel=0.02)
+    assert best_cut_off(time, displacement) == pytest.approx(12.0, rel=0.02)
+    slow = np.arange(20) / 4
+    assert 2.0 <= best_cut_off(slow, noise[:20]) <= 2.02
+
+
+def test_a_spline_of_few_frames_has_ten_spans_at_least():
+    """Four frames pass a steady spline as they are: there are more coefficients than frames."""
+    time = np.arange(4) * FRAME
+    assert len(steady_spline(time, np.ones((4, 1)), 6.0).t) == 2 * 5 + 10 + 1
+
+
+def frames_of(rate, count, noise, *, stated=1e-9):
+    """What noise is measured on: two points and a path of six coordinates that stand still but for noise."""
+    rng = np.random.default_rng(6)
+    time = np.arange(count) / rate
+    return SimpleNamespace(
+        time=time, duration=float(np.ptp(time)), points=noise * rng.normal(size=(count, 2, 3)),
+        valid=np.ones((count, 2), bool), held_seen=noise * rng.normal(size=(count, 6)), held_sd=stated,
+        point_sd=np.full(2, stated),
+    )  # fmt: skip
+
+
+def test_noise_is_measured_from_twenty_frames_a_second_and_eleven_frames_on():
+    slow, fast = (frames_of(rate, 900, 0.002, stated=0.001) for rate in (19.9, 20.1))
+    assert white_noise(slow) is None
+    assert point_noise(slow) == pytest.approx([0.001, 0.001])
+    assert held_noise(slow) == pytest.approx(np.full(6, 0.001))
+    assert white_noise(fast) == pytest.approx([0.002, 0.002], rel=0.1)
+    assert held_noise(fast) == pytest.approx(np.full(6, 0.002), rel=0.15)
+    assert white_noise(frames_of(30, 10, 0.002)) == pytest.approx([0.0, 0.0])
+    assert white_noise(frames_of(30, 11, 0.002)).min() > 0.0
+
+
+def test_a_points_noise_is_no_less_than_stated_and_that_of_its_axes_together():
+    """3, 4 and 0 mm a frame's axis: sqrt(25 / 3) mm; what was not seen does not count."""
+    found = frames_of(30, 3000, 1.0, stated=0.002)
+    found.points *= [0.003, 0.004, 0.0]
+    found.points[1000:, 1] = np.nan
+    found.valid[1000:, 1] = False
+    assert white_noise(found) == pytest.approx(np.full(2, 0.005 / np.sqrt(3)), rel=0.1)
+    found.point_sd[:] = [0.002, 0.004]
+    assert point_noise(found) == pytest.approx([0.005 / np.sqrt(3), 0.004], rel=0.1)
+    found.held_seen[::7] = np.nan
+    assert np.isfinite(held_noise(found)).all()

@@ -1,10 +1,9 @@
-"""How the annealed distance depends on gamma, the one factor that the paper does not give.
+"""The annealed distance against gamma, the one factor that the paper does not give.
 
-Two stand-ins for D [m] have the paper's six parameters and bounds, a floor of 0.03 and about 0.13 at the
-paper's initial values (its Fig. 6: 0.1276 before, 0.0467 after). `smooth` has bumps a few millimetres high,
-such as folding cloth makes, and mass makes up for stiffness and air. `trap` has in addition a wide second
-valley, 0.05 deep, around the initial values' side of the box. Run: python benchmarks/annealing_gamma.py
-[--seeds 10]
+Two stand-ins for D [m] have the paper's six parameters and bounds. They have a floor of 0.03 and about 0.13 at the
+paper's initial values (its Fig. 6: 0.1276 before, 0.0467 after). `smooth` has bumps a few millimetres high, as of
+folding cloth, and its mass is collinear with stiffness and air. `trap` also has a wide second local minimum, 0.05 deep,
+on the initial values' side of the box. Run: python benchmarks/annealing_gamma.py [--seeds 10]
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The appliance's figures, from the real daemon: start, memory, processor, reaction to the button, and kills.
 
-The sensor is a drawn recording that is played as a live one (30 frames a second, 640 x 480), the button a pipe of input
-events, the lamp a folder. Playing the recording costs memory and time of the daemon's own process; its thread's time is
-told apart. After each kill the daemon is started again by nobody but this script, as systemd would.
+The sensor is a drawn recording that is played as a live one (30 frames a second, 640 x 480). The button is a pipe of
+input events, and the lamp is a folder. Playing the recording costs memory and time of the daemon's own process; its
+thread's time is shown separately. After each kill this script starts the daemon again, as systemd would.
 
 Run: python benchmarks/appliance.py [--seconds 20] [--kills 25] [--seed 1]. 500 kills take about an hour.
 """

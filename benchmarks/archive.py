@@ -2,8 +2,9 @@
 
 Run: python benchmarks/archive.py
 
-Ten minutes at 30 frames a second of five points and two held ends with 2 mm of noise, and one minute at 100 of 81
-markers with 0.3 mm of noise, all swinging by 0.1 m. Times are of the processor, without what the disk takes.
+One take has ten minutes at 30 frames a second, with five points, two held ends and 2 mm of noise. The other has one
+minute at 100 frames a second, with 81 markers and 0.3 mm of noise. All swing by 0.1 m. Times are of the processor,
+without the disk's.
 """
 
 from __future__ import annotations

@@ -6,10 +6,12 @@ Run: python benchmarks/contact.py. Two scenes:
     tube     a skirt of 0.35 m x 0.45 m, front and back sewn together at the sides, swung for five seconds by 80 mm
 
 "Height" is that of the upper layer over the lower one at the end, 30 mm from the carried edge. "Crossings" are edges of
-quads that pierce the surface elsewhere, summed over ten pictures a second: of the quads on which contact acts, and of
-quads 20 mm wide, which also see what coarser ones miss and pieces that are too near along the cloth to meet. Distances
-are rms over the nodes (fold, at the end) or the tracked points (tube, seconds 0 to 1 and 1 to 5) against cloth 5 mm
-thick. Cost: processor time of 16 candidates in the lanes of one thread, the least of three, over that without contact.
+quads that pierce the surface elsewhere, summed over ten pictures a second. They are counted on the quads of contact,
+and on quads 20 mm wide. The smaller quads also see pieces that are too near along the cloth to meet.
+
+Distances are against cloth 5 mm thick, rms over the nodes or points. The fold's nodes count at the end, the tube's
+tracked points in seconds 0 to 1 and 1 to 5. Cost is the processor time of 16 candidates in the lanes of one thread, the
+least of three, over that without contact.
 """
 
 from __future__ import annotations

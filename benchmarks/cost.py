@@ -1,14 +1,15 @@
-"""Cost of the cloth against its vertices and its seconds, and what a second core brings.
+"""Cost of the cloth against its vertices and its seconds, and the gain from a second core.
 
-Run: python benchmarks/cost.py. A clamped sheet of 0.4 m x 0.4 m, 300 N/m, eight candidates in the lanes of one
-thread; processor time, which other work on the machine hardly changes, the least of five runs after one that compiles.
-The step of an explicit scheme shrinks with the mesh, so cost per vertex and second grows where cost per vertex and step
-does not. Cores: 32 candidates, on a mesh like that of most fits and on a finer one whose arrays outgrow a core's own
-cache, in two processes, one with one thread and one with two, which run in turns; the median of the pairs' ratios of
-time on the clock, and of processor time, which is 1 where a second thread costs nothing. Other work on the machine
-keeps the clock's ratio down, and so do virtual processors that share one core: what two processes get that share
-nothing is measured in the same turns. The processor time of every thread of the second process says what the code
-allows,
+Run: python benchmarks/cost.py. The sheet of 0.4 m x 0.4 m and 300 N/m is clamped, with eight candidates in the lanes of
+one thread. The cost is processor time, which other work on the machine hardly changes: the least of five runs after one
+that compiles. The step of an explicit scheme shrinks with the mesh. So cost per vertex and second grows if cost per
+vertex and step does not.
+
+For the second core, 32 candidates run on a mesh like that of most fits, and on a finer one whose arrays outgrow a
+core's own cache. Two processes, one with one thread and one with two, run in turns. The result is the median of the
+pairs' ratios, on the clock and of processor time. The latter is 1 if a second thread costs nothing. Other work on the
+machine lowers the clock's ratio, and so do virtual processors that share one core. So the gain of two separate
+processes is measured in the same turns. The processor times of the second process's threads give the limit of the code:
     (serial + sum of the workers) / (serial + the longest of them)
 """
 
@@ -121,10 +122,10 @@ def _allowed_here(elements: int) -> float:
 
 
 def by_cores(elements: int, turns: int) -> tuple[Floats, float]:
-    """Return what a second core brings, (turns, 3), and what the split allows.
+    """Return the gain from a second core, (turns, 3), and the limit of the split.
 
-    One thread's time over two threads': on the clock, of the processors; and what two processes with one thread each,
-    which share nothing, do at once against one of them alone.
+    The first two are one thread's time over two threads', on the clock and of the processors. The third is the gain of
+    two separate processes with one thread each over one of them alone.
     """
     spawn = get_context("spawn")
     with ExitStack() as stack:

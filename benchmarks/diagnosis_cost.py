@@ -1,7 +1,7 @@
-"""What a diagnosis costs: simulations a take and time, for three takes of three to four seconds with a 9 x 9 grid.
+"""Cost of a diagnosis: simulations a take and time, for three takes of three to four seconds with a 9 x 9 grid.
 
-The case is one of the blind check's generator with air drag, all effects of the library are looked for, and two more
-takes are judged on. Simulations on the finer and coarser meshes count like any other.
+The case comes from the blind check's generator, with air drag. All effects of the library are tested, and two more
+takes are held out. Simulations on the finer and coarser meshes count like any other.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
 """Memory of the recording process and frames it loses in a long recording, beside a process that takes a whole core.
 
-Three processes: one publishes pictures 30 times a second, as a live sensor's driver does, and keeps only the newest;
-one records as `hangtime record` does (precedence, queue, tracking, take on the disk); one computes for nothing. Once
-in `HITCH_EVERY` seconds tracking stands still for `HITCH` seconds, as on a disk that does not answer. Lost is what the
-recorder never got, by the publisher's own count.
+Three processes run. One publishes pictures 30 times a second, as a live sensor's driver does, and keeps only the
+newest. One records as `hangtime record` does (precedence, queue, tracking, take on the disk). One keeps a processor
+busy. Once in `HITCH_EVERY` seconds tracking stands still for `HITCH` seconds, as on a disk that does not answer. A
+frame is lost if the recorder never got it, by the publisher's own count.
 
 Run: python benchmarks/endurance.py [--minutes 30] [--hogs 1] [--ordinary]. Without an option it takes one minute. The
-publisher stands for hardware, so it runs before all others where that is permitted (root). --ordinary: the recorder
-asks for no precedence, as for a user who may not have it.
+publisher stands for hardware, so it runs before all others if permitted (root). With --ordinary the recorder asks for
+no precedence, like a user without the right.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ LOOP = 30  # pictures, a hanger that swings to and fro once
 
 
 class Board:
-    """Where pictures are put up for another process: a counter and two slots, the newest overwrites the oldest."""
+    """A noticeboard of pictures for another process: a counter and two slots, the newest overwrites the oldest."""
 
     SIZE = 64 + SLOTS * SLOT
 

@@ -1,11 +1,12 @@
-"""What noise on the hanger's path does to simulated cloth, and how much of it smoothing leaves.
+"""The effect of noise on the hanger's path on simulated cloth, and its rest after smoothing.
 
-Run: python benchmarks/hanger_noise.py [CASES]. Cases of the blind generator without any effect, each made twice from
-the same seed, with and without noise: the tool's cloth, with the generator's stiffnesses, is driven by the true path
-and by the noisy one, smoothed by a cubic spline with its cut-off at 6 Hz and by the path's own spline
-(`fit.recordings.smoothing`). Printed is by how much the points are off, root mean square over the training takes [mm],
-beside the deviation of the markers' noise, which is white: what is left of it lies below the cut-off, where hands move
-too.
+Run: python benchmarks/hanger_noise.py [CASES]. Cases of the blind generator without any effect are each made twice from
+the same seed, with and without noise. The tool's cloth has the generator's stiffnesses. The true path drives the cloth,
+then the noisy path. The noisy path is smoothed by a cubic spline with its cut-off at 6 Hz, and by the path's own spline
+(`fit.recordings.smoothing`).
+
+The script prints the points' error, root mean square over the training takes [mm], beside the deviation of the markers'
+white noise. The remaining error lies below the cut-off, where hands move too.
 """
 
 from __future__ import annotations

@@ -5,12 +5,12 @@ Run: python benchmarks/hidden_corners.py [--keep FOLDER] [--sets development dev
 
     maximise  sum_n [y_n ln P_n + (1 - y_n) ln(1 - P_n)] - L / 2 sum_k (s_k c_k)^2
 
-by Newton's iteration, s_k the trace's standard deviation. What was believed before is a trace, too, which the weights
-themselves make; so they are fitted `ROUNDS` times, first without it. Examples are the corners in doubt of the hard
-swings that are clearly hidden (y = 1) or clearly visible (0, `firmware_host.synthetic.visibility`). Scenes of one cloth
-at several distances are one motion, so that `DISTANCES` do, and all are left out together. A hidden corner that is not
-in doubt counts as missed.
-Only depth is drawn; the held edge's ends are the true ones with the noise that tracked ones have.
+by Newton's iteration, s_k the trace's standard deviation. The belief of the frame before is a trace, too, and depends
+on the weights. So the weights are fitted `ROUNDS` times, first without this trace. Examples are the corners in doubt of
+the hard swings that are clearly hidden (y = 1) or clearly visible (0, `firmware_host.synthetic.visibility`). Scenes of
+one cloth at several distances are one motion, so that `DISTANCES` do, and all are left out together. A hidden corner
+that is not in doubt counts as missed. Only depth is drawn; the held edge's ends are the true ones with the noise that
+tracked ones have.
 """
 
 from __future__ import annotations
@@ -45,11 +45,11 @@ FEW = 20  # pixels
 
 @dataclass(frozen=True)
 class Examples:
-    """Corners of one scene: time [s], (n,); traces, (n, 4, traces), NaN where not in doubt; what is true, (n, 4).
+    """Corners of one scene: time [s], (n,); traces, (n, 4, traces), NaN where not in doubt; the truth, (n, 4).
 
     - `pixels`, (n, 4): how many show the corner's neighbourhood
-    - `told`, (n, 4): by the tracker as it is, with the weights that it has, also by things in front and the picture's
-      border; corners from the top left clockwise
+    - `told`, (n, 4): the answer of today's tracker, which also considers things in front and the picture's border;
+      corners from the top left clockwise
     """
 
     cloth: str
@@ -176,7 +176,7 @@ def rates(found: list[Examples], probable: list[np.ndarray], threshold: float) -
 
 
 def print_wrong(found: list[Examples], probable: list[np.ndarray], threshold: float) -> None:
-    """Print what is told wrongly at a threshold, and what is not told, by kind."""
+    """Print the false and the missed answers at a threshold, by kind."""
     wrong = few = sleeves = others = unasked = 0
     for e, p in zip(found, probable, strict=True):
         told, missed = (p > threshold) & e.visible, e.asked & e.hidden & ~(p > threshold)

@@ -1,9 +1,10 @@
-"""The same sealed cases under more noise, more gaps and other frame rates: what the diagnosis can still see.
+"""The same sealed cases under more noise, more gaps and other frame rates: the diagnosis at its limits.
 
 Run: python benchmarks/ladder.py FOLDER [--cases 12] [--nulls 2] [--seed 7] [--workers 2] [--only base n6]. Makes,
 diagnoses and scores a set for every step, in FOLDER/STEP; interrupted, the same command goes on. About six minutes a
-step of 14 cases on two cores. "Detectable" is the smallest amplitude that a diagnosis says it could have seen, over
-that of the same effect in the same case under the first step's conditions: the median over cases and effects.
+step of 14 cases on two cores. "Detectable" is the smallest amplitude that a diagnosis could have seen, by its own
+statement. It is divided by that of the same effect and case under the first step's conditions. The figure is the median
+over cases and effects.
 """
 
 from __future__ import annotations

@@ -1,19 +1,22 @@
-"""What a swung swatch costs in other people's engines, against ours: CPU seconds per candidate at equal error.
+"""The cost of a swung swatch in foreign engines against ours: CPU seconds per candidate at equal error.
 
-Run: python benchmarks/peers.py [--peer NAME ...]. A swatch of 0.4 m x 0.4 m, 0.2 kg/m^2, stretch 300 N/m, shear 30 N/m,
-bending 1e-5 N m, held along its top edge, is swung for 4 s with a damping of 0.5 1/s. Every engine climbs a ladder of
-meshes and steps; its error is the root mean square distance of 30 points from its own finest run, over the points' own
-swing. Of the settings at or below ERROR the cheapest counts; where none is, the best is shown as missing it. The ratio
-is the median of REPEATS turns of ours and theirs. Costs are CPU seconds of the stepping loop in one thread, settling,
-start and building left out; ours are of a batch of sixteen candidates, the packing of their arrays included, times the
-share of the simulated seconds that are not settling. Explicit engines, ours among them, go up to 0.98 of the step that
-is stable by their linear bound. Shared machines slow all alike: look at ratios.
+Run: python benchmarks/peers.py [--peer NAME ...]. The swatch measures 0.4 m x 0.4 m and is held along its top edge. It
+has 0.2 kg/m^2, stretch 300 N/m, shear 30 N/m and bending 1e-5 N m. It is swung for 4 s with a damping of 0.5 1/s.
 
-Each peer runs in a Python that a variable names, HANGTIME_MUJOCO_PYTHON and the same for NEWTON, PYPBD, PYBULLET and
-BLENDER; one that is not there is skipped and said to be. Newton's steps are recorded as a graph and replayed, without
-Python in between (`peer_workers/newton_solvers_worker.py`). What differs as an engine has nothing else: pypbd and
-PyBullet have no damping but their solvers' and springs'; Blender's cloth has 8 N/m and 0.3 kg a vertex, as its solver
-stops early and the sheet floats where it is stiffer or lighter (docs/reference/blind-check.md).
+Every engine climbs a ladder of meshes and steps. Its error is the root mean square distance of 30 points from its own
+finest run, over the points' own swing. The cheapest setting at or below ERROR counts. Without one, the best setting is
+shown as a miss. The ratio is the median of REPEATS turns of ours and theirs.
+
+Costs are CPU seconds of the stepping loop in one thread, without settling, start and building. Ours are of a batch of
+sixteen candidates, with the packing of their arrays, times the unsettled share of the simulated seconds. Explicit
+engines, ours among them, go up to 0.98 of the step that is stable by their linear bound. Shared machines slow all
+alike: look at ratios.
+
+Each peer runs in a Python that a variable names: HANGTIME_MUJOCO_PYTHON and the same for NEWTON, PYPBD, PYBULLET and
+BLENDER. A missing peer is skipped and reported. Newton's steps are recorded as a graph and replayed, without Python in
+between (`peer_workers/newton_solvers_worker.py`). Some engines differ for lack of a choice. The only damping of pypbd
+and PyBullet is their solvers' and springs'. Blender's cloth has 8 N/m and 0.3 kg a vertex: its solver stops early, and
+a stiffer or lighter sheet floats (docs/reference/blind-check.md).
 """
 
 from __future__ import annotations
@@ -255,7 +258,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--peer", action="append", choices=sorted(PEERS), help="only this one; may be repeated")
     asked = parser.parse_args().peer or list(PEERS)
-    os.environ["OMP_NUM_THREADS"] = "1"  # of the peers' processes, and Taichi is told the same
+    os.environ["OMP_NUM_THREADS"] = "1"  # of the peers' processes, and of Taichi too
     base, _ = cheapest("ours", ours())
     for name in asked:
         foreign, ladder = PEERS[name]

@@ -1,9 +1,10 @@
-"""Whether fits end where they should: the diagnosis' fits against fits that begin at the truth.
+"""Check the ends of fits: the diagnosis' fits against fits that begin at the truth.
 
 Cases of the blind check's generator with one effect each (development seed: no published rate rests on it) are
-diagnosed whole. Printed per case: cost of the base fit over that of a base fit begun at the true parameters; the same
-for the refit with the planted effect, begun at the true parameters and amplitude. 1 is as good, below 1 is better (the
-generator's cloth is not the library's, so that the truth is not where the cost is least), above 1 is a worse valley.
+diagnosed whole. Two ratios are printed per case. One is the cost of the base fit over that of a base fit begun at the
+true parameters. The other is the same for the refit with the planted effect, begun at the true parameters and
+amplitude. A ratio of 1 is as good, and above 1 is a worse local minimum. Below 1 is better: the generator's cloth is
+not the library's, so the least cost is not at the truth.
 """
 
 from __future__ import annotations

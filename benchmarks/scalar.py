@@ -1,16 +1,16 @@
 """The plain rollout against the same method in C, `scalar/rollout.c`: one thread, processor time, in turns.
 
-Run: python benchmarks/scalar.py [--seconds 8] [--rounds 15]. The scene of `speed.py`: a sheet of 0.4 m x 0.45 m, 8 s
-of swing, mesh of 50 mm, as many candidates as the kernel has lanes. The C is compiled by the machine's gcc each time,
-with -O3 -march=native -ffast-math and with flags that may help it further, and works on the very arrays that
-`fit.cloth.launch` gives the kernel; its lanes are gcc's vectors. Ways run one after the other in every round, so that
-what else the machine does is the same to all; printed are medians and quartiles over the rounds, of ratios within a
-round. Calls are one call of the C against one of the kernel; whole runs are `Simulator.run`, which also packs the
-arrays and takes the results apart.
+Run: python benchmarks/scalar.py [--seconds 8] [--rounds 15]. The scene is that of `speed.py`: a sheet of 0.4 m x 0.45
+m, 8 s of swing, a mesh of 50 mm. The candidates are as many as the kernel has lanes. The machine's gcc compiles the C
+each time, with -O3 -march=native -ffast-math and with further flags. The C works on the very arrays of
+`fit.cloth.launch`; its lanes are gcc's vectors. Ways run one after the other in every round, so that other work of the
+machine affects all alike. The script prints medians and quartiles over the rounds, of ratios within a round. Calls are
+one call of the C against one of the kernel. Whole runs are `Simulator.run`, which also packs the arrays and takes the
+results apart.
 
-Both settle; the kernel also works out a pull in the first fifth of settling, of zero here since no point is seen, which
-the C leaves out: it costs the kernel less than 1 %. The kernel keeps account of what rounding loses of a step, which
-costs it a few per cent and which -ffast-math would take out of the C. Without gcc nothing is measured.
+Both settle. The kernel also computes a pull in the first fifth of settling, which the C leaves out. The pull is zero
+here since no point is seen, and costs the kernel less than 1 %. The kernel keeps the rounding error of each step, which
+costs a few per cent. In the C, -ffast-math would remove this sum. Without gcc nothing is measured.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""What each search reaches with the same number of simulated candidates, and whether its intervals hold the truth.
+"""The result of each search with the same number of simulated candidates, and the truth of its intervals.
 
-Takes come from our own solver with known parameters (so this tells of searches, not of models): a swatch held along its
-edge, two motions of six seconds that end at rest, 2 mm of white noise on every coordinate of five points. Truths are
-drawn within the ranges of `TRUTHS`. The budget counts candidates; annealing is counted by its iterations, as if it
-evaluated one at a time. With --air-drag the truths hang in air of this drag coefficient, which is a sixth parameter of
-the fits. With --trials 1 least squares never begin again where they miss by more than the noise.
-Run: python benchmarks/search.py [--truths 10] [--budget 350] [--only least-squares ...] [--spacing 0.08]
+Takes come from our own solver with known parameters. So the figures concern searches, not models. A swatch is held
+along its edge and moved twice for six seconds, ending at rest. Every coordinate of its five points has 2 mm of white
+noise. Truths are drawn within the ranges of `TRUTHS`. The budget counts candidates; annealing is counted by its
+iterations, as if it evaluated one at a time. With --air-drag the truths hang in air of this drag coefficient, which is
+a sixth parameter of the fits. With --trials 1 least squares make one trial only, even if they miss by more than the
+noise. Run: python benchmarks/search.py [--truths 10] [--budget 350] [--only least-squares ...] [--spacing 0.08]
 [--air-drag 1.2] [--trials 3]
 """
 
@@ -139,7 +139,9 @@ def run_observed(case: Case, search: str, budget: int, seed: int, trials: int) -
             after += number + 1
             history[after:] = np.minimum(history[after:], float(model.distances(step.vector[None])[0]))
         before = after
-    history[after:] = float(model.distances(found.vector[None])[0])  # of the result, whatever was seen on the way
+    history[after:] = float(
+        model.distances(found.vector[None])[0]
+    )  # of the result, not of the best candidate on the way
     return Run(history, after, found.vector, found.intervals.ends, found.intervals.is_identified)
 
 
@@ -224,11 +226,11 @@ def knowable(can: NDArray[np.bool_], right: NDArray[np.bool_], ideal: Floats) ->
 
 
 def known_by_noise(case: Case) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return how well noise lets anyone know each parameter, and whether the way to it is straight, (parameters,) each.
+    """Return the least possible interval of each parameter, and a mark for a straight way to it, (parameters,) each.
 
     The first is half of the relative 95 % interval by Cramer and Rao's bound, from the residuals' slopes at the truth
-    with the search's own prior. The way is straight where the slope over 5 % is that over 1 % to within its own size:
-    cloth that folds otherwise for a change of 5 % tells no search where the truth is.
+    with the search's own prior. The way is straight if the slopes over 5 % and over 1 % differ by less than the slope
+    itself. Cloth that folds otherwise for a change of 5 % leads no search to the truth.
     """
     recordings, count = [prepare(take) for take in case.takes], len(case.truth)
     space = case.request().space
@@ -246,7 +248,7 @@ def known_by_noise(case: Case) -> tuple[Floats, NDArray[np.bool_]]:
 
 
 def intervals(told: NDArray[np.bool_], held: NDArray[np.bool_]) -> str:
-    """Return as text how many parameters are told by the data and held by their intervals: all (those told)."""
+    """Return as text the number of parameters whose intervals hold the truth: all, and of the identified ones."""
     of_told = f"{100 * held[told].mean():.0f} %" if told.any() else "-"
     return f"{100 * told.mean():4.0f} %  {100 * held.mean():4.0f} % ({of_told})"
 

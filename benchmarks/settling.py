@@ -1,14 +1,18 @@
-"""How far from its rest the cloth is when a take begins.
+"""The cloth's distance from its rest at the beginning of a take.
 
-Run: python benchmarks/settling.py [--fabrics 6]. Swatches of 0.30 and 0.45 m with ten nodes a side; fabrics drawn from
-the `si` method's box but for its edges (log-uniform, 0.2 kg/m^2), held at the edge or at two corners, by clips as far
-apart as the cloth is wide or 15 mm nearer; five tracked points or 81, with 2 mm of white noise at 60 frames a second.
-The points show a rest of the same fabric, that of another fabric, or the same swung aside by 60 mm at the bottom, as
-where a take begins in motion. Rests are found by 30 s of settling from a stirred sheet that no point pulls.
+Run: python benchmarks/settling.py [--fabrics 6]. Swatches of 0.30 and 0.45 m have ten nodes a side. Fabrics are drawn
+from the `si` method's box without its edges (log-uniform, 0.2 kg/m^2). A swatch is held at the edge, or at two corners
+by clips. The clips are as far apart as the cloth is wide, or 15 mm nearer. Five or 81 tracked points have 2 mm of white
+noise at 60 frames a second.
 
-Two distances, means over the points, mm: of the first frame from where another 30 s at rest take it (what settling left
-to do), and from the rest that the points were made of, where it is the fabric's own (which of several folds was found).
-Printed are median, 90th percentile and largest over fabrics, sizes and points, and the share of rests found to 1 mm.
+The points show a rest of the same fabric, a rest of another fabric, or the same rest swung aside by 60 mm at the
+bottom. The last stands for a take that begins in motion. Rests come from 30 s of settling from a stirred sheet, without
+a pull.
+
+Two distances are means over the points [mm]. One is from the first frame to its place after another 30 s at rest, the
+remainder of settling. The other is from the first frame to the rest of the points, if the rest is the fabric's own. It
+shows which of several folds was found. Printed are median, 90th percentile and largest over fabrics, sizes and points,
+and the share of rests found to 1 mm.
 """
 
 from __future__ import annotations

@@ -1,12 +1,13 @@
 """Cost of a simulated candidate: alone, beside others and beside other takes; and of stretch viscosity.
 
-Run: python benchmarks/speed.py. A clamped 0.4 m x 0.45 m sheet, 8 s of swing, mesh of 50 mm; medians of five, and the
-ratio of one candidate alone to one of the batch, measured in one run. Viscous cloth: processor time of 16 candidates
-against the same without, in turns, medians of five ratios; and of Kelvin-Voigt cloth, whose steps are far shorter.
-Few candidates of several takes: processor time one take after the other against all in one call, whose lanes they
-share, in turns, medians of five ratios.
-Then by how much effects shorten the step, at their typical and their largest size; last, the clock of the printed
-annealing on a take of 20 s, as one chain and as four, the intervals of the result included.
+Run: python benchmarks/speed.py. A sheet of 0.4 m x 0.45 m is clamped and swung for 8 s, with a mesh of 50 mm. Figures
+are medians of five. One candidate alone over one of the batch is measured in one run. Viscous cloth is 16 candidates'
+processor time over that without viscosity, in turns, and the same for Kelvin-Voigt cloth, whose steps are far shorter.
+Few candidates of several takes are simulated one take after the other, and all in one call, whose lanes the takes
+share.
+
+Then the script prints the shortening of the step by effects, at their typical and their largest size. Last comes the
+clock of the printed annealing on a take of 20 s, as one chain and as four, with the result's intervals.
 """
 
 from __future__ import annotations

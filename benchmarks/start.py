@@ -1,12 +1,14 @@
-"""How long `hangtime fit` takes until its first simulation is done, with Taichi's kernels kept from an earlier run.
+"""Time of `hangtime fit` until its first simulation is done, with Taichi's kernels kept from an earlier run.
 
-Run: python benchmarks/start.py [--rounds 7]. A process as a user starts it, on a take of two seconds (a sheet, five
-points, annealing), from its start to its first line of progress; then it is ended. That line comes when the first batch
-has been simulated: the initial parameters and fifteen more, or with `--iterations 1` one more, which is as near to a
-single simulation as a fit comes. Both in turns, after a turn that fills the kernels' cache; medians on the clock and of
-the processor. Then one more process with `--iterations 1` under `python -X importtime`, which slows imports a little:
-what they cost on the clock, each library's own modules summed up; and what comes after the kernel's module, the last
-one of note, which is that first batch: Taichi finds its kept kernel and runs it.
+Run: python benchmarks/start.py [--rounds 7]. A process starts as a user would start it, on a take of two seconds (a
+sheet, five points, annealing). It runs from its start to its first line of progress and is then ended. This line comes
+when the first batch has been simulated: the initial parameters and fifteen more. With `--iterations 1` the batch has
+one more, the nearest to a single simulation. Both run in turns, after a turn that fills the kernels' cache. Figures are
+medians on the clock and of the processor.
+
+One more process runs with `--iterations 1` under `python -X importtime`, which slows imports a little. It gives the
+imports' time on the clock, each library's own modules summed up. The time after the kernel's module, the last large
+one, is the first batch: Taichi finds its kept kernel and runs it.
 """
 
 from __future__ import annotations

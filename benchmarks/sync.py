@@ -1,12 +1,13 @@
 """Takes lost, doubled, damaged: when sync is killed, when the server misbehaves, after a week offline.
 
---killed: a process of sync is ended by SIGKILL at random moments, half of the rounds against rclone's S3 server over
-TLS and half against a folder. Each round two takes are recorded; verified ones leave by a quota. At the end one run
-is left alone. --storms: a proxy between sync and server answers 500, 403, 503, 507 or another clock, resets before,
-within and after a request, answers slowly, not at all or with a flipped bit; the server is killed and started again.
-The first half of the rounds is against rclone, which ignores If-None-Match, the second against moto. --week: takes
-queue while nothing answers, then the server is there. Peak memory is that of the process, with a tenth of the takes
-and with all.
+- --killed: SIGKILL ends a process of sync at random moments. Half of the rounds are against rclone's S3 server over
+  TLS, half against a folder. Each round two takes are recorded; verified ones leave by a quota. The last run is not
+  killed.
+- --storms: a proxy stands between sync and server. It answers 500, 403, 503, 507 or another clock, slowly, not at all,
+  or with a flipped bit. It resets before, within and after a request. The server is killed and started again. The first
+  half of the rounds is against rclone, which ignores If-None-Match, the second against moto.
+- --week: takes queue while nothing answers, then the server is there. Peak memory is that of the process, with a tenth
+  of the takes and with all.
 
 Every object on the server is hashed and compared with the take that was recorded.
 
@@ -62,7 +63,7 @@ KILL_WITHIN = 1.15  # of the time that a run took last: some runs end before the
 
 @dataclass
 class Ledger:
-    """What was recorded, to be found on the server."""
+    """A recorded take, to be found on the server."""
 
     takes: dict[int, str] = field(default_factory=dict)  # sequence to SHA-256
 

@@ -1,11 +1,11 @@
-"""Tracking against the synthetic world's truth: how far off, what is told as hidden, and how long a frame takes.
+"""Tracking against the synthetic world's truth: errors, hidden points, and time per frame.
 
 Run: python benchmarks/tracking.py [--set report-5] [--keep FOLDER] [--by garment]. The scenes are those of
 `benchmarks/tracking_scenes.py`. Every figure is stated with its spread over the scenes (quartiles).
 
 Points    error [m] of a point that is visible and was given a place. Centre also as a share of the garment's width.
-Constant  what of a point's error is the same in all frames of a scene, root mean square per axis.
-Hidden    precision: of the points told as hidden, those that are; recall: of the hidden ones, those told. Both twice:
+Constant  the part of a point's error that is the same in all frames of a scene, root mean square per axis. Hidden
+precision: of the points told as hidden, those that are; recall: of the hidden ones, those told. Both twice:
           clear   as in `firmware_host.synthetic.visibility`; what is neither visible nor hidden is left out
           strict  a point is visible if the camera's ray meets it, however little of the cloth around it shows, and in
                   the projector's shadow too; all others are hidden; none is left out

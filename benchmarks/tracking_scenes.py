@@ -1,10 +1,9 @@
 """The scenes on which tracking is measured: three garments, four distances, two backgrounds, two swings, several sets.
 
-Each set simulates every garment under every swing once (its own seeds) and shows it at all distances, in turn before
-a bare wall and in a furnished room; in one scene a garment, an arm reaches in front of a lower corner, from the left
-where the seed is even, from the right where it is odd. The sets
-`development` are for looking at what goes wrong and for what is learned from examples; figures are stated of
-`report-5`, since the sets before it were seen while rules were chosen.
+Each set simulates every garment under every swing once, with its own seeds. Each garment is shown at all distances, in
+turn before a bare wall and in a furnished room. In one scene a garment, an arm reaches in front of a lower corner: from
+the left for an even seed, from the right for an odd one. The sets `development` serve to find errors and to learn from
+examples. Published figures come from `report-5`, since the earlier sets were seen while rules were chosen.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ FIRST, LAST = 0.6, 3.2  # s, the part that is shown: still, swung, stopped, ring
 
 @dataclass(frozen=True)
 class Scene:
-    """What is shown."""
+    """The content of a scene."""
 
     garment: str
     swing: str

@@ -1,14 +1,14 @@
-"""How far our cloth is from synthetic recordings when it is told their true parameters: what no fit can be blamed for.
+"""The distance of our cloth with true parameters from synthetic recordings: the part that no fit can remove.
 
 Without arguments: the four synthetic swatches, mesh 21 mm. With takes recorded from `hangtime sensor synthesise`
 (each NAME.mcap beside its NAME.truth.npz): these, mesh 50 mm, and how far the tracked points are from the true ones.
 The other cloth's diagonals pull too when it is stretched, so its membrane stiffness counts with its shear stiffness
-added. With --causes: where these fabrics' distances come from, each by two motions that differ in one thing alone; mean
-distance of the markers below the top row over the whole take, and over its first half second. With --near: how far
-cloths are whose parameters are the true ones but for one that is a third smaller or half larger, and the markers of
-their top row alone, which hangs slack between the two held corners.
-With --air-drag the swatches are swung in air, as given takes were, and our cloth is told that too.
-Run: python benchmarks/true_parameters.py [--air-drag 1.2] [--causes FABRIC ...] [--near FABRIC ...] [TAKE.mcap ...]
+added. With --causes the script prints the causes of these fabrics' distances, each by two motions that differ in one
+thing alone. The figure is the mean distance of the markers below the top row, over the whole take and over its first
+half second. With --near one true parameter is made a third smaller or half larger. The markers of the top row, which
+hangs slack between the two held corners, are then shown alone too. With --air-drag the swatches swing in air, as given
+takes did, and our cloth has the same air. Run: python benchmarks/true_parameters.py [--air-drag 1.2] [--causes FABRIC
+...] [--near FABRIC ...] [TAKE.mcap ...]
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def swatch_take(folder: Path, fabric: str, nodes: Floats, seed: int = 1) -> Take
 
 
 def flat_start(recording: Recording) -> Supporting:
-    """The recording's hanger, from which the cloth begins flat whatever its markers show."""
+    """The recording's hanger, from which the cloth begins flat, regardless of its markers."""
     bare = dataclasses.replace(recording, valid=np.zeros_like(recording.valid))
     return hanger(bare)
 

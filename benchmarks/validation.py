@@ -1,7 +1,7 @@
 """The cloth against closed forms, each at three meshes and three steps, and at a coarse mesh for information.
 
-Run: python benchmarks/validation.py. A sheet of 0.4 m x 0.45 m and 0.2 kg/m^2 that hangs from a bar, as far from the
-origin as before a sensor, unless said otherwise. References:
+Run: python benchmarks/validation.py. Unless said otherwise, a sheet of 0.4 m x 0.45 m and 0.2 kg/m^2 hangs from a bar.
+The bar is as far from the origin as before a sensor. References:
 
     swing      zeros of J0: omega_k = j_k / 2 sqrt(g / L), a hanging chain (H. Lamb, "Higher Mechanics", 1920)
     bending    omega of (T w')' - B w'''' + rho omega^2 w = 0, T = rho g z, hinged above, free below; solved here by

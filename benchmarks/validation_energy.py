@@ -3,8 +3,8 @@
     E = sum m v^2 / 2 + sum m g z + integral of k/2 (E11^2 + E22^2) + G/2 E12^2,
     E11 = (|Fu|^2 - 1)/2, E12 = Fu.Fv, less the same at rest; without bending
 
-v are central differences of 2000 pictures a second: of what swings at 250 Hz they lose a fifth of the kinetic energy,
-of slower motion less. Means over 0.9 s, nearly a period of the first swing, ten seconds apart. Rounding to single
+The velocities v are central differences of 2000 pictures a second. At 250 Hz these lose a fifth of the kinetic energy,
+and less in slower motion. Means over 0.9 s, nearly a period of the first swing, ten seconds apart. Rounding to single
 precision heats the cloth, by 1e-7 to 3e-7 W here; the swing has 1.8e-3 J.
 """
 

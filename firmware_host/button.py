@@ -1,9 +1,10 @@
-"""The appliance's button: where its changes come from, and which of them are presses.
+"""The appliance's button: the source of its changes, and the presses among them.
 
-The kernel shows a button at a GPIO as an input device (device tree overlay `gpio-key`), which is read through evdev,
-the kernel's interface; where there is no such overlay, the line itself is asked through gpiod. A named pipe that
-carries `struct input_event` stands in for a button where there is none. Source: Linux, Documentation/input/input.rst
-and include/uapi/linux/input.h.
+The kernel shows a button at a GPIO as an input device (device tree overlay `gpio-key`), which is read through evdev.
+Without this overlay, gpiod reads the line itself. A named pipe that carries `struct input_event` can replace the
+button.
+
+Source: Linux, Documentation/input/input.rst and include/uapi/linux/input.h.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ INPUTS, DEVICES = Path("/sys/class/input"), Path("/dev/input")
 
 
 class ButtonContact(ABC):
-    """Where a button's changes come from."""
+    """The source of a button's changes."""
 
     @abstractmethod
     def changes(self) -> list[bool]:
@@ -157,10 +158,10 @@ def open_contact(name: str) -> ButtonContact:
 
 
 class Presses:
-    """Which changes are presses: contacts bounce, people press twice, and a button may be stuck.
+    """Find the presses among changes: contacts bounce, people press twice, and a button may be stuck.
 
-    A press counts when the button goes down, at once. What follows within `SETTLE` is bounce; a press within `AGAIN`
-    of the one before is not one.
+    A press counts when the button goes down, at once. A change within `SETTLE` is bounce. A press within `AGAIN` of the
+    one before does not count.
     """
 
     def __init__(self, *, is_down: bool = False) -> None:

@@ -1,4 +1,4 @@
-"""What every depth sensor offers, be it live, recorded or synthetic: a stream of stamped frames with a clear end."""
+"""The contract of every depth sensor, live, recorded or synthetic: a stream of stamped frames with a clear end."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ STALL_TIMEOUT = 5.0  # s without a frame before a live sensor counts as stalled;
 
 @dataclass(frozen=True, kw_only=True)
 class SensorInfo:
-    """What is known of a sensor before its first frame.
+    """The facts of a sensor before its first frame.
 
-    `frame_count` is the number of depth frames to come, None where it is not known (live sensors).
-    `notes` are sentences about assumptions, such as a default focal length.
+    `frame_count` is the number of depth frames to come, None if unknown (live sensors). `notes` are sentences about
+    assumptions, such as a default focal length.
     """
 
     name: str

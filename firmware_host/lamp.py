@@ -1,10 +1,12 @@
 """The status lamp: a LED of this machine, driven through Linux's LED class.
 
-The kernel shows every LED as a folder `/sys/class/leds/NAME`. Steady light is `brightness` without a trigger; blinking
-is the kernel's own `timer` trigger with `delay_on` and `delay_off` in milliseconds, so that it keeps its rhythm however
-busy this program is. A LED that has this trigger already, as an appliance's udev rule gives it, keeps the trigger:
-no dark is steady light, no light is dark. Source: Linux, Documentation/leds/leds-class.rst and
-Documentation/ABI/testing/sysfs-class-led and sysfs-class-led-trigger-timer.
+The kernel shows every LED as a folder `/sys/class/leds/NAME`. Steady light is `brightness` without a trigger. Blinking
+is the kernel's own `timer` trigger with `delay_on` and `delay_off` in milliseconds. So the rhythm holds while this
+program is busy. An appliance's udev rule may give the LED this trigger already. Then the LED keeps the trigger: no dark
+time is steady light, no light time is dark.
+
+Source: Linux, Documentation/leds/leds-class.rst and Documentation/ABI/testing/sysfs-class-led and
+sysfs-class-led-trigger-timer.
 """
 
 from __future__ import annotations

@@ -62,7 +62,7 @@ class NodeType(IntEnum):
 
 
 class PixelFormat(IntEnum):
-    """What the bytes of a picture mean (OniPixelFormat)."""
+    """The format of a picture's bytes (OniPixelFormat)."""
 
     DEPTH_1_MM = 100
     DEPTH_100_UM = 101
@@ -90,7 +90,7 @@ class Record:
 
 @dataclass(frozen=True)
 class OniSummary:
-    """What a walk over a recording found: frames per stream, and whether it was closed properly.
+    """The result of a walk over a recording: frames per stream, and a mark for proper closing.
 
     - `interval_us`: between depth frames that follow each other by their numbers, the median; None of a single frame
     - `mirrored`: streams that the recording says are seen as in a mirror

@@ -1,9 +1,14 @@
 """Write .oni recordings that OpenNI2 plays, so that a synthetic or repaired take goes the way of a real one.
 
-Order of writes, chosen so that a file cut off at any moment still opens and plays to its last whole frame:
-header; per stream NODE_ADDED, its properties, STATE_READY; before the first frame the header again, now with the
-number of streams (OpenNI2's own recorder writes it only at the end, and its interrupted files do not open); DATA_BEGIN;
-frames; at the end NODE_REMOVED and the seek table per stream, END, and NODE_ADDED and the header again in place.
+The order of writes lets a file cut off at any moment open and play to its last whole frame:
+
+- header
+- per stream NODE_ADDED, its properties, STATE_READY
+- before the first frame the header again, now with the number of streams
+- DATA_BEGIN, then frames
+- at the end NODE_REMOVED and the seek table per stream, END, and NODE_ADDED and the header again in place
+
+OpenNI2's own recorder writes the number of streams only at the end, and its interrupted files do not open.
 Source: OpenNI2 2.2, Source/Core/OniRecorder.cpp and Source/Drivers/OniFile/Player*.cpp.
 """
 

@@ -1,7 +1,8 @@
 """Load OpenNI2's Python binding and the native library behind it, once per process.
 
-Two repairs: on Python 3.13 the binding's enum metaclass must finish its classes in `__init__` (ctypes builds them there
-now), and the native library is loaded by its versioned name, the only one that distributions install without headers.
+The module makes two repairs. On Python 3.13 ctypes builds classes in `__init__`, so the binding's enum metaclass must
+finish its classes there. The native library is loaded by its versioned name, the only one that distributions install
+without headers.
 """
 
 from __future__ import annotations

@@ -214,9 +214,9 @@ class OpenNI2Sensor(DepthSensor):
     def _paired(self) -> Iterator[SensorFrame]:
         """Pair each depth frame with the colour frame nearest in time, within half a frame.
 
-        A colour frame that is far ahead when depth steps back is from before the clock was set back, and one that stays
-        far ahead has a wrong stamp; depth does not wait for them. Where colour steps back first it waits for depth to
-        follow: reading on would miss depth frames meanwhile, so it is a few frames at a time in any case.
+        A clock may be set back. A colour frame that is far ahead when depth steps back is from before that moment. A
+        colour frame that stays far ahead has a wrong stamp. Depth waits for neither. If colour steps back first, it
+        waits for depth to follow, for a few frames in any case. Reading on would miss depth frames meanwhile.
         """
         half = 0.5e6 / self._info.fps
         last_index, given = 0, 0

@@ -1,7 +1,9 @@
-"""Whether the board's power supply is too weak: a Raspberry Pi's firmware tells the kernel when its 5 V sink.
+"""Detect a weak power supply of the board: a Raspberry Pi's firmware tells the kernel when its 5 V sink.
 
-USB devices drop out then, and people see a sensor that vanishes. Source: Linux, drivers/hwmon/raspberrypi-hwmon.c:
-`in0_lcrit_alarm` of the device `rpi_volt` is 1 when the voltage was below 4.63 V since the last look.
+USB devices drop out then, and people see a sensor that vanishes.
+
+Source: Linux, drivers/hwmon/raspberrypi-hwmon.c: `in0_lcrit_alarm` of the device `rpi_volt` is 1 when the voltage was
+below 4.63 V since the last look.
 """
 
 from __future__ import annotations

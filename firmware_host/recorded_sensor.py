@@ -1,8 +1,8 @@
 """Recordings that OpenNI2 plays in a process of its own: a damaged file may crash the library, not the command.
 
-The process opens the recording through a link of an ASCII name, since the library crashes on others, and sends what
-`OpenNI2Sensor` gives: `SensorInfo` first, then every frame, then None; an error in place of any. It ends with the
-pipe that it writes to. Run: python -m firmware_host.recorded_sensor LINK PIPE.
+The process opens the recording through a link of an ASCII name, since the library crashes on other names. It sends the
+output of `OpenNI2Sensor`: `SensorInfo` first, then every frame, then None. An error may replace any of them. It ends
+with the pipe that it writes to. Run: python -m firmware_host.recorded_sensor LINK PIPE.
 """
 
 from __future__ import annotations

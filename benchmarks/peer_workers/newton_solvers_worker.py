@@ -2,11 +2,11 @@
 
 A job names its `solver`, semi-implicit, xpbd or vbd, and the `iterations` of the last two. Semi-implicit has the model
 of the blind check (`fit/blind/foreign/workers/newton_worker.py`), and so has VBD, whose triangles add mu to lambda
-themselves. XPBD knows no triangles: springs of mu along both diagonals of every cell resist a shear of gamma with
-mu gamma^2 / 2 per area as the ground does, and the springs along the lines have what is then left of its stretch.
+themselves. XPBD knows no triangles. Springs of mu along both diagonals of every cell resist a shear of gamma with mu
+gamma^2 / 2 per area, as the ground does. The springs along the lines have the rest of its stretch.
 
-Bending: an edge of length e between triangles of height a has K theta^2 / 2 in all, K = k_e e^2 a in the blind check's
-worker. VBD takes k_e e theta^2 / 2; XPBD, whose gradients lack 1 / (e a), k_e e a theta^2 / 2.
+An edge of length e between triangles of height a has the bending energy K theta^2 / 2 in all. In the blind check's
+worker K = k_e e^2 a. VBD takes k_e e theta^2 / 2. XPBD's gradients lack 1 / (e a), so XPBD takes k_e e a theta^2 / 2.
 
 Two steps, damping and the held nodes' path included, are recorded as a graph and replayed: no Python runs in between.
 XPBD and VBD end a step where the held nodes are then; the semi-implicit solver takes its forces where they are before.

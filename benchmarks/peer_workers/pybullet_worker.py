@@ -1,7 +1,7 @@
 """PyBullet's mass-spring soft body as a cloth in a process of its own: answers the jobs of `benchmarks/peers.py`.
 
-Springs of the job's warp stiffness along every edge and bending springs across; the held edge hangs on anchors of
-bodies that are moved at every step. No damping but the springs'.
+Springs of the job's warp stiffness lie along every edge, and bending springs across. The held edge hangs on anchors of
+bodies that are moved at every step. The only damping is the springs'.
 """
 
 import os

@@ -40,8 +40,8 @@ class SurfaceDepth:
     - `residuals` [m], (pixels,) in depth
     - `used`, (pixels,): which of the given pixels lie on the surface
     - `slope` [m/px], (2,): how depth changes along u and v
-    - `height` [px]: root of the sum of squares of the fitted pixels' distances along v from their middle; a large
-      height makes the slope along v certain
+    - `height` [px]: root of the sum of squares of the fitted pixels' distances along v from their middle. A large
+      height makes the slope along v certain.
     """
 
     depth: float

@@ -1,4 +1,4 @@
-"""Is it a recording at all? Tell of a finished take whether a fitter can use it, while it can still be made again.
+"""Judge a finished take: can a fitter use it? The recording can still be repeated then.
 
 Every finding is a sentence and a next action. A grave one says that nothing can be fitted.
 """

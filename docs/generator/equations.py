@@ -1,8 +1,13 @@
 """Equations as the docstrings write them, in plain text, turned into TeX, and TeX into MathML for the pages.
 
-A docstring is read in a terminal first, so that its equations are plain: `f = -1/2 rho c A |v_n| v_n n   [N]`. The
-rules of that plain form are few: Greek letters by name, `_` and `^` with one word or a bracket, `sqrt(...)`, a lone dot
-for a product, and two or more spaces between an equation and its remarks.
+A docstring is read in a terminal first, so its equations are plain: `f = -1/2 rho c A |v_n| v_n n   [N]`. The plain
+form has few rules:
+
+- Greek letters by name
+- `_` and `^` with one word or a bracket
+- `sqrt(...)`
+- a lone dot for a product
+- two or more spaces between an equation and its remarks
 """
 
 from __future__ import annotations
@@ -30,7 +35,7 @@ TOKEN = re.compile(
     r"|(?P<other>.)"
 )
 
-# Where another equation or a remark begins within one column of a line.
+# The beginning of another equation or a remark within one column of a line.
 NEXT = re.compile(r"(?<=[^\s,]), (?=[A-Za-z]\w*(?:\([^)]*\))? =|[\w, ]+ (?:from|alike)\b)|;\s+")
 
 

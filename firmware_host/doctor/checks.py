@@ -18,7 +18,7 @@ KEPT_EVERY = 0.5  # s between the frames that a sample keeps for later checks
 
 
 class Verdict(Enum):
-    """How a check ended."""
+    """The status of a check."""
 
     OK = "ok"
     PROBLEM = "problem"
@@ -27,7 +27,7 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Finding:
-    """How a check ended, and in one sentence what it saw or what to do."""
+    """The end of a check: its status, and one sentence on its finding or the next action."""
 
     verdict: Verdict
     text: str
@@ -50,7 +50,7 @@ def skipped(reason: str) -> Finding:
 
 @dataclass
 class StreamSample:
-    """What came while the streams were watched.
+    """The frames that came while the streams were watched.
 
     - `times` [s]: of each frame, by the device's clock
     - `dropped`: frames that the device counted and nobody received
@@ -80,7 +80,7 @@ class StreamSample:
 
 @dataclass
 class Examination:
-    """What is examined, and what earlier checks left for later ones.
+    """The subject of the examination, and the findings that earlier checks left for later ones.
 
     - `source`: a recording or another sensor's name; None is the live sensor
     - `rig`: whose markers must be visible; None stands for the usual ones

@@ -1,4 +1,4 @@
-"""Which checks the sensor doctor runs, in which order, and which it skips because an earlier check failed.
+"""The sensor doctor: its checks, their order, and the skipping of checks after a failure.
 
 Another package adds checks through the entry point group `hangtime.sensor_checks`: each entry names a `Check`.
 Contributed checks come after the built-in ones, in the order of their names.

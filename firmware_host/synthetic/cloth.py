@@ -52,12 +52,13 @@ def simulate(
     effects: dict[str, float], progress: Callable[[float], None] = lambda share: None, rows: int = ROWS,
     columns: int = COLUMNS, unevenness: Floats | None = None,
 ) -> Floats:  # fmt: skip
-    """Return the nodes [m], (times, rows, columns, 3), sensor frame, of a garment held as it says: along its
-    whole top edge, or at its two top corners.
+    """Return the nodes [m], (times, rows, columns, 3), sensor frame, of a garment.
+
+    The garment is held along its whole top edge, or at its two top corners, as its description says.
 
     `rows` and `columns` count the nodes of a panel or of a T-shirt's body, whose sleeves have columns of their own.
-    held_ends: times [s], (n,) -> left and right end of the top edge [m], (n, 2, 3); the cloth hangs at rest at time 0;
-    unevenness: depth [m], (rows, columns), from which it settles into that rest, so that slack cloth finds its folds.
+    - `held_ends`: maps times [s], (n,), to left and right end of the top edge [m], (n, 2, 3); the cloth rests at time 0
+    - `unevenness`: depth [m], (rows, columns), from which the cloth settles, so that slack cloth finds its folds
 
     Raises:
         SensorAddressError: an unknown effect, an amplitude that no cloth can have, or times that are not numbers.

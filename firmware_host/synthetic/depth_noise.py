@@ -1,4 +1,4 @@
-"""What a structured-light depth camera makes of true depth.
+"""The measurement of true depth by a structured-light camera.
 
     lateral     every pixel looks sigma_L = 0.8 px aside (normal)
     axial       sigma_z = 0.0012 + 0.0019 (z - 0.4)^2  [m], alike over about three pixels
@@ -72,6 +72,6 @@ def in_shadow(truth: Floats, camera: Sensor) -> NDArray[np.bool_]:
     column = np.arange(width)[None] - scale / truth
     hidden = np.zeros((height, width), bool)
     nearest_right = np.minimum.accumulate(column[:, ::-1], axis=1)[:, ::-1]
-    # Seen from the projector, whatever to the right in the image has a smaller column hides this one.
+    # Seen from the projector, a pixel to the right with a smaller column hides this pixel.
     hidden[:, :-1] = nearest_right[:, 1:] < column[:, :-1] - 1.0
     return hidden

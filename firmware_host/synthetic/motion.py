@@ -1,7 +1,7 @@
 """Hand-swung hanger paths: still, swung by name, stopped, still; with the jitter of a hand.
 
-A motion is a sum of sines in displacement, yaw and roll under quintic ramps s^3 (10 - 15 s + 6 s^2), so that
-accelerations are continuous (T. Flash, N. Hogan, J. Neurosci. 5 (1985): hands move with least jerk).
+A motion is a sum of sines in displacement, yaw and roll under quintic ramps s^3 (10 - 15 s + 6 s^2). So accelerations
+are continuous (T. Flash, N. Hogan, J. Neurosci. 5 (1985): hands move with least jerk).
 """
 
 from __future__ import annotations

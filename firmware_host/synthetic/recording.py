@@ -69,7 +69,7 @@ def make_recording(
             write_whole(path, text.encode())
         partial.replace(recording)
     except BaseException as error:
-        with contextlib.suppress(OSError):  # what went wrong first is what is told
+        with contextlib.suppress(OSError):  # the first error is reported
             partial.unlink(missing_ok=True)
         if isinstance(error, OSError):
             raise OutputError(

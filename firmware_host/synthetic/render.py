@@ -1,7 +1,8 @@
 """Render the synthetic world: true depth and colour of a wall, a clamp bar, two marker plates and the cloth.
 
-Pinhole camera: u = fx x / z + cx, v = fy y / z + cy. The cloth is a grid of nodes, bilinear between them, drawn as
-points about half a pixel apart into a depth buffer; plates and bar are flat and met by each pixel's ray exactly.
+Pinhole camera: u = fx x / z + cx, v = fy y / z + cy. The cloth is a grid of nodes, bilinear between them. Its points
+are about half a pixel apart and are drawn into a depth buffer. Plates and bar are flat, and each pixel's ray meets them
+exactly.
 """
 
 from __future__ import annotations

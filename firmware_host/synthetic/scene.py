@@ -34,8 +34,8 @@ RIG = Rig(
     ),
 )  # fmt: skip
 
-# Bits of the first two markers of OpenCV's DICT_4X4_50, 1 is white, rows from the top
-# (opencv `predefined_dictionaries.hpp`, DICT_4X4_1000_BYTES; checked against OpenCV by the tests of `capture`).
+# Bits of the first two markers of OpenCV's DICT_4X4_50; 1 is white, rows from the top. Source: opencv
+# `predefined_dictionaries.hpp`, DICT_4X4_1000_BYTES; the tests of `capture` check them against OpenCV.
 MARKER_BITS = {
     0: ((1, 0, 1, 1), (0, 1, 0, 1), (0, 0, 1, 1), (0, 0, 1, 0)),
     1: ((0, 0, 0, 0), (1, 1, 1, 1), (1, 0, 0, 1), (1, 0, 1, 0)),
@@ -65,7 +65,7 @@ def demo_garment() -> Garment:
 
 @dataclass(frozen=True)
 class Placement:
-    """Where the hanger is: origin, (n, 3), and rotation, (n, 3, 3), from the hanger's frame to the sensor's."""
+    """The hanger's pose: origin, (n, 3), and rotation, (n, 3, 3), from the hanger's frame to the sensor's."""
 
     origin: Floats
     rotation: Floats

@@ -1,10 +1,10 @@
-"""What stands around the synthetic garment: a bare wall, furniture behind and beside it, and things in front of it.
+"""The surroundings of the synthetic garment: a bare wall, furniture behind and beside it, and things in front of it.
 
 Everything is a flat, upright rectangle that faces the sensor, and a floor,
 
     z_floor(v) = fy h / (v - cy),     h the floor below the sensor
 
-which is enough for a depth image: what counts is where depth jumps, by how much, and on which side is nearer.
+This suffices for a depth image, which shows the place, size and near side of each jump in depth.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 """A swatch with a grid of markers, swung before a motion capture system: noisy marker paths, and the truth.
 
-As in "Optimization of Cloth Simulation Parameters by Considering Static and Dynamic Features", section 2: 50 cm
-square, 81 markers, 120 frames a second, 500 frames, driven at the two top corners, swung back and forth; four
-fabrics. The fabrics' true properties are this file's own, away from every table value that a fit may start from. The
-cloth is `firmware_host.synthetic.cloth`, so that a fit meets equations and numerics that are not its own.
+The set-up is that of "Optimization of Cloth Simulation Parameters by Considering Static and Dynamic Features", section
+2. A swatch of 50 cm square with 81 markers is driven at the two top corners and swung back and forth. The system takes
+500 frames at 120 frames a second, of four fabrics. The fabrics' true properties are this file's own, away from every
+table value that a fit may start from. The cloth is `firmware_host.synthetic.cloth`. So a fit meets foreign equations
+and numerics.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ TO_SENSOR = np.array(
 
 @dataclass(frozen=True, kw_only=True)
 class TrueFabric:
-    """What a synthetic fabric really is: density [kg/m^2] and its cloth."""
+    """The truth of a synthetic fabric: density [kg/m^2] and its cloth."""
 
     density: float
     physics: ClothPhysics

@@ -1,23 +1,23 @@
-"""How much of a tracked point's surroundings the depth camera can see: clearly visible, clearly hidden, or neither.
+"""The visibility of a tracked point's surroundings to the depth camera: clearly visible, clearly hidden, or neither.
 
-A point has no extent; what a camera shows or does not show is the cloth around it. With X(q) the place of the flat
-garment that pixel q of the noise-free picture shows, X_p the point's, and lit(q) where the projector reaches, too,
-since a structured-light camera has no depth in the projector's shadow:
+A point has no extent; a camera shows the cloth around the point. Pixel q of the noise-free picture shows the place X(q)
+of the flat garment, and X_p is the point's place. The mark lit(q) holds if the projector reaches the place too. A
+structured-light camera has no depth in the projector's shadow.
 
     near(q) = 1 where |X(q) - X_p| < r and lit(q), else 0
     share   = z^2 / (f^2 A_p) #{q : (G near)(q) >= 1/2}        G: normal of the camera's lateral noise, 0.8 px
 
-A_p is the cloth's area within r of the point, so that share is about 1 for cloth that faces the camera unhidden and
-cos(theta) for cloth that is turned by theta. A pixel counts if it shows that cloth in at least half of its noisy looks:
-a strip one pixel wide does not (0.499), one of two pixels does (0.73).
+The cloth's area within r of the point is A_p. So share is about 1 for unhidden cloth that faces the camera, and
+cos(theta) for cloth turned by theta. A pixel counts if it shows this cloth in at least half of its noisy looks. A strip
+one pixel wide does not count (0.499), one of two pixels does (0.73).
 
     hidden      no pixel at all is near
     visible     the camera's ray meets the point, and share >= 1/4
     ambiguous   all between: seen through a gap, at a rim or edge-on. A tracker can be blamed for neither answer.
 
-r = 20 mm: the quarter disc of a right-angled corner that faces the camera then has 17 pixels at 2.5 m, more than the 12
-that a plane takes; with half of that radius it has 4. Share 1/4 is a turn of 75 degrees, well beyond the
-60 degrees up to which the noise of such cameras is known; `benchmarks/tracking.py` prints what others would change.
+With r = 20 mm, the quarter disc of a right-angled corner that faces the camera has 17 pixels at 2.5 m. A plane needs 12
+pixels; half of this radius would give 4. Share 1/4 is a turn of 75 degrees. The noise of these cameras is known up to
+60 degrees. `benchmarks/tracking.py` prints the effect of other choices.
 
 Sources: C. V. Nguyen, S. Izadi, D. Lovell, "Modeling Kinect sensor noise for improved 3D reconstruction and tracking"
 (3DIMPVT 2012), section 3 (lateral noise, angles).
@@ -46,9 +46,11 @@ _WEIGHTS = np.exp(-0.5 * (_STEPS / LATERAL_PX) ** 2) / np.exp(-0.5 * (_STEPS / L
 
 @dataclass(frozen=True)
 class PointSight:
-    """What the sensor sees of tracked points, (points,) each or (frames, points).
+    """The sensor's view of tracked points, (points,) each or (frames, points).
 
-    in_view: the camera's ray meets the point; pixels: how many show its neighbourhood at all; share: see above
+    - `in_view`: the camera's ray meets the point
+    - `pixels`: number of pixels that show its neighbourhood
+    - `share`: see above
     """
 
     in_view: NDArray[np.bool_]

@@ -4,8 +4,8 @@ A tracked point is visible where it falls into the image and nothing is nearer o
 
     z_point < max of true depth over the 3 x 3 pixels around it + 6 mm
 
-the neighbours because a corner lies on the rim of the cloth that hides it from nobody. How much of its surroundings a
-camera of this resolution and noise sees is another question: `firmware_host.synthetic.visibility`.
+The neighbours count because a corner lies on the rim of its cloth, which does not hide the corner.
+`firmware_host.synthetic.visibility` computes the visible share of its surroundings.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ EXPOSURE = 0.008  # s
 PIXEL_NOISE = 2.0  # of 255
 FIRST_STAMP = 0.001  # s: OpenNI ignores a frame at time 0
 BODY = {"t-shirt": (24, 17)}  # nodes down and across, of what is not a panel
-# A sleeve is a tube of two layers and a hem, which a flat sheet is not: it stands out by a stiffness of its own.
+# A sleeve is a tube of two layers and a hem, unlike a flat sheet. So it stands out by a stiffness of its own.
 PHYSICS = {"t-shirt": ClothPhysics(bending_stiffness=1e-3, shear_stiffness=120.0)}
 HIDING_STEP = 6e-3  # m by which a surface must be nearer to hide a point: a folded corner lies 10 mm behind
 NEAREST_SWING = 0.35  # m towards the sensor, for how densely the cloth must be drawn

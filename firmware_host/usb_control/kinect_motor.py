@@ -6,10 +6,10 @@
 Source: libfreenect, `src/tilt.c` (requests, layout, range of tilt) and `include/libfreenect.h` (lamp and motor states,
 819 counts per g, after the data sheet of Kionix's KXSD9).
 
-Axes: level, the accelerometer reads +1 g in y. Microsoft describes the same part's reading as the direction of gravity
-in axes left, up, forward, with -1 g in y when level (Kinect for Windows 1.8, NuiAccelerometerGetCurrentReading): the
-opposite sign. Hence gravity in the sensor frame (x right, y down, z away) is (x, y, -z). No device has confirmed the
-signs of x and z yet: tilting the sensor up must make the third number fall.
+Axes: level, the accelerometer reads +1 g in y. Microsoft describes the same part's reading as the direction of gravity,
+in axes left, up, forward (Kinect for Windows 1.8, NuiAccelerometerGetCurrentReading). There the level reading is -1 g
+in y, the opposite sign. Hence gravity in the sensor frame (x right, y down, z away) is (x, y, -z). No device has
+confirmed the signs of x and z yet: tilting the sensor up must make the third number fall.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Led(IntEnum):
 
 
 class Motor(IntEnum):
-    """What the motor does, freenect_tilt_status_code."""
+    """The motor's activity, freenect_tilt_status_code."""
 
     STOPPED = 0
     AT_LIMIT = 1

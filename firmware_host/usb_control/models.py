@@ -1,4 +1,4 @@
-"""Which USB devices are depth sensors, or parts of one, and what each of them can be asked.
+"""The USB devices that are depth sensors, or parts of one, and the requests that each understands.
 
 Vendor and product numbers: Debian's `60-libopenni2-0.rules` and OpenNI2's `PS1080/Sensor/XnDeviceEnumeration.cpp`
 (PS1080), `PSLink/LinkDeviceEnumeration.cpp` and `primesense-usb.rules` (PSLink), libfreenect's

@@ -43,7 +43,7 @@ RESET_STOPS_STREAMS_SINCE = (5, 2, 0)  # XnHostProtocolReset
 
 @dataclass(frozen=True)
 class Clock:
-    """Where time comes from: both in seconds."""
+    """The source of time, in seconds."""
 
     now: Callable[[], float] = time.monotonic
     sleep: Callable[[float], None] = time.sleep

@@ -1,8 +1,10 @@
-"""What the data of a PS1080's answers mean: versions, the factory's measurements, processor times, the log.
+"""Decode a PS1080's answers: versions, the factory's measurements, processor times, the log.
 
-All numbers are little-endian. Source: OpenNI2, `Source/Drivers/PS1080/Sensor/`: `XnHostProtocol.cpp` (versions,
-strings, log entries), `XnDeviceSensor.h` (XnFixedParams), `XnFirmwareTypes.h` (XnTaskCPUInfo). Lengths among the fixed
-parameters are in centimetres: `DDK/XnShiftToDepth.cpp` makes millimetres of them with a factor of 10.
+All numbers are little-endian.
+
+Source: OpenNI2, `Source/Drivers/PS1080/Sensor/`: `XnHostProtocol.cpp` (versions, strings, log entries),
+`XnDeviceSensor.h` (XnFixedParams), `XnFirmwareTypes.h` (XnTaskCPUInfo). Lengths among the fixed parameters are in
+centimetres: `DDK/XnShiftToDepth.cpp` makes millimetres of them with a factor of 10.
 """
 
 from __future__ import annotations
@@ -63,7 +65,7 @@ _WATCHDOG = struct.Struct("<ii")  # at byte 0: serial number, watchdog time
 
 @dataclass(frozen=True, kw_only=True)
 class FixedParameters:
-    """What the factory measured of this one sensor.
+    """The factory's measurements of this one sensor.
 
     - `serial`: a number of its own; the serial number of the sensor is another request
     - `watchdog`: how long the firmware waits for a sign of the host, in its own unit
@@ -104,7 +106,7 @@ _TASK = struct.Struct("<II")  # XnTaskCPUInfo
 
 @dataclass(frozen=True, kw_only=True)
 class TaskTime:
-    """How often one task of the firmware ran and how long in all [s]."""
+    """The number of runs of one task of the firmware, and their time in all [s]."""
 
     runs: int
     seconds: float

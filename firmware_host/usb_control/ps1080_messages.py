@@ -3,8 +3,10 @@
     request   u16 magic 0x4D47, u16 words of arguments, u16 opcode, u16 id, then the arguments
     reply     u16 magic 0x4252, u16 words that follow the id, u16 opcode, u16 id, u16 error, then the data
 
-All numbers are little-endian. Source: OpenNI2, `Source/Drivers/PS1080/Sensor/XnHostProtocol.h` (magics, opcodes, modes,
-error codes) and `XnHostProtocol.cpp` (sizes and checks). OpenNI2's own driver accepts a device that answers like this.
+All numbers are little-endian.
+
+Source: OpenNI2, `Source/Drivers/PS1080/Sensor/XnHostProtocol.h` (magics, opcodes, modes, error codes) and
+`XnHostProtocol.cpp` (sizes and checks). OpenNI2's own driver accepts a device that answers like this.
 """
 
 from __future__ import annotations
@@ -42,7 +44,7 @@ class Opcode(IntEnum):
 
 
 class Mode(IntEnum):
-    """What SET_MODE can ask for, XnHostProtocolModeType."""
+    """The modes of SET_MODE, XnHostProtocolModeType."""
 
     SOFT_RESET = 3
     REBOOT = 4

@@ -1,4 +1,4 @@
-"""What a sensor says of itself, as lines of name and value for people."""
+"""A sensor's answers about itself, as lines of name and value for people."""
 
 from __future__ import annotations
 

@@ -57,7 +57,9 @@ def root(
 
 
 def gather_commands() -> None:
-    """Add every package's commands to `app`; what they need of libraries they import when they run."""
+    """Add every package's commands to `app`, once; what they need of libraries they import when they run."""
+    if app.registered_groups:
+        return
     for entry in sorted(entry_points(group="hangtime.commands"), key=lambda e: e.name):
         entry.load()(app)
 

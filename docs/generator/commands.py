@@ -15,8 +15,7 @@ Part = typer.core.TyperCommand | typer.core.TyperGroup
 
 def whole_command() -> Part:
     """Return the `hangtime` command with the commands of every installed package."""
-    if not command.app.registered_groups:
-        command.gather_commands()
+    command.gather_commands()
     return get_command(command.app)
 
 

@@ -10,15 +10,6 @@ from dataclasses import dataclass
 
 from formats import command
 
-gather = command.gather_commands
-
-
-def gather_once() -> None:
-    """Add the commands of every package, where nobody has done so in this process."""
-    if not command.app.registered_groups:
-        gather()
-
-
 @dataclass(frozen=True)
 class Done:
     """How a command ended, and what it said."""
@@ -34,7 +25,7 @@ def hangtime_here(*words: object, folder: object) -> Done:
     out, err = io.StringIO(), io.StringIO()
     os.chdir(str(folder))
     sys.argv = ["hangtime", *map(str, words)]
-    command.gather_commands, command.take_streams = gather_once, lambda: None
+    command.take_streams = lambda: None
     code: object = 0
     try:
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
@@ -44,5 +35,5 @@ def hangtime_here(*words: object, folder: object) -> Done:
                 code = end.code
     finally:
         os.chdir(before)
-        sys.argv, command.gather_commands, command.take_streams = arguments, gather, streams
+        sys.argv, command.take_streams = arguments, streams
     return Done(code if isinstance(code, int) else int(code is not None), out.getvalue(), err.getvalue())

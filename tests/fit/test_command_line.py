@@ -31,7 +31,7 @@ from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_o
 FRAME = 1 / 30
 
 
-def hangtime(*words, folder):
+def real_hangtime(*words, folder):
     return subprocess.run(
         [sys.executable, "-m", "formats.command", *map(str, words)], capture_output=True, text=True, cwd=folder
     )
@@ -50,7 +50,7 @@ def swung():
 
 
 def test_bad_input_ends_the_real_command_like_that_too(tmp_path):
-    done = hangtime("fit", "gone.mcap", folder=tmp_path)
+    done = real_hangtime("fit", "gone.mcap", folder=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "hangtime: gone.mcap: cannot be read (No such file or directory); check the path\n"
 
@@ -59,7 +59,7 @@ def test_a_fit_lowers_the_error_and_says_so(tmp_path):
     """Linear damping of 3 /s against the 1.5 /s of the initial vector: forty iterations find most of it."""
     take = write_take(tmp_path / "a.mcap", a_swung_take())
     other = write_take(tmp_path / "b.mcap", a_swung_take("b", hz=0.9))
-    done = hangtime(
+    done = hangtime_here(
         "fit", take, "--held-out", other, "--iterations", 40, "--spacing", 0.1, "--out", "out", folder=tmp_path
     )
     assert done.returncode == 0, done.stderr
@@ -156,7 +156,7 @@ def test_the_kinect_map_by_hand():
 def test_a_folder_in_the_place_of_a_result_is_refused_before_the_search(tmp_path):
     write_take(tmp_path / "a.mcap", a_swung_take())
     (tmp_path / "fitted" / "fit.json").mkdir(parents=True)
-    done = hangtime("fit", "a.mcap", folder=tmp_path)
+    done = hangtime_here("fit", "a.mcap", folder=tmp_path)
     assert done.returncode == 2
     assert "fitted/fit.json: is a folder" in done.stderr
 
@@ -187,18 +187,18 @@ def test_a_fit_of_blenders_cloth_is_no_fabric_and_moves_none_of_ours(tmp_path, m
 def test_a_fit_is_tested_as_a_fabric_and_warns_of_intervals_that_are_too_short(tmp_path):
     write_take(tmp_path / "a.mcap", a_swung_take())
     words = ["a.mcap", "--spacing", 0.15, "--iterations", 2]
-    fitted = hangtime("fit", *words, "--method", "si", folder=tmp_path)
+    fitted = hangtime_here("fit", *words, "--method", "si", folder=tmp_path)
     assert fitted.returncode == 0, fitted.stderr
     assert "Fitting to a; judging on the same, as none is held out." in fitted.stderr
     assert "90 % intervals of this search are too short" in fitted.stdout
     assert "minimised" not in fitted.stdout
-    sheet_in_words = hangtime("fabric", "fitted/fit.json", folder=tmp_path)
+    sheet_in_words = hangtime_here("fabric", "fitted/fit.json", folder=tmp_path)
     assert sheet_in_words.returncode == 0, sheet_in_words.stderr
     stiffness = load_fit_result(tmp_path / "fitted/fit.json").material["bending_stiffness"]
     assert stiffness > 0
     assert "B " in sheet_in_words.stdout  # bending rigidity, as KES calls it
     with alone(tmp_path / "fitted", "fit"):
-        second = hangtime("fit", *words, folder=tmp_path)
+        second = hangtime_here("fit", *words, folder=tmp_path)
     assert second.returncode == 2
     assert "another `hangtime fit` writes here" in second.stderr
 
@@ -212,7 +212,7 @@ def test_a_diagnosis_says_what_it_found_and_leaves_its_report(tmp_path):
     save_fit_result(tmp_path / "out/fit.json", fitted)
     words = ["diagnose", "a.mcap", "--held-out", "b.mcap", "--out", "out", "--spacing", 0.15, "--seed", 3]
     words += ["--without", "air_drag", "--without", "draught"]
-    done = hangtime(*words, "--model", "lean", "--add", "hem", folder=tmp_path)
+    done = hangtime_here(*words, "--model", "lean", "--add", "hem", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "Fitting to a; judging on b." in done.stderr
     found = load_diagnosis(tmp_path / "out/diagnosis.json")
@@ -231,10 +231,10 @@ def test_a_diagnosis_says_what_it_found_and_leaves_its_report(tmp_path):
     assert not (tmp_path / "out/diagnosis.partial").exists()
     with_drag = msgspec.structs.replace(fitted, effects={"air_drag": 1.0})
     save_fit_result(tmp_path / "drag.json", with_drag)
-    kept = hangtime(*words, "--fit", "drag.json", folder=tmp_path)
+    kept = hangtime_here(*words, "--fit", "drag.json", folder=tmp_path)
     assert kept.returncode == 2
     assert "--without: the fit keeps air_drag in its model" in kept.stderr
-    again = hangtime(*words, "--model", "lean", "--add", "nothing_known", folder=tmp_path)
+    again = hangtime_here(*words, "--model", "lean", "--add", "nothing_known", folder=tmp_path)
     assert again.returncode == 2
     assert "nothing_known" in again.stderr
 
@@ -244,7 +244,7 @@ def test_a_fit_of_other_takes_is_kept_under_a_number(tmp_path):
     request = request_of(KINECT_SKIRT, [], iterations=2, seed=1, spacing=0.15)
     save_fit_result(tmp_path / "out/fit.json", calibrate([take], [], request))
     write_take(tmp_path / "b.mcap", dataclasses.replace(take, take_id="b"))
-    done = hangtime("fit", "b.mcap", "--out", "out", "--iterations", 1, "--spacing", 0.15, folder=tmp_path)
+    done = hangtime_here("fit", "b.mcap", "--out", "out", "--iterations", 1, "--spacing", 0.15, folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "is of other takes (a): kept as fit.1.json" in done.stderr
     assert load_fit_result(tmp_path / "out/fit.json").take_ids == ["b"]
@@ -257,9 +257,9 @@ def test_a_second_diagnosis_in_a_folder_and_impossible_takes_are_refused_before_
     take = take_of(flat, time, path, hung(flat, time) + path[:, None])
     write_take(tmp_path / "a.mcap", take)
     with alone(tmp_path, "diagnose"):
-        second = hangtime("diagnose", "a.mcap", "--out", ".", folder=tmp_path)
+        second = hangtime_here("diagnose", "a.mcap", "--out", ".", folder=tmp_path)
     write_take(tmp_path / "b.mcap", dataclasses.replace(take, garment=scaled(flat, 10.0)))
-    impossible = hangtime("diagnose", "b.mcap", folder=tmp_path)
+    impossible = hangtime_here("diagnose", "b.mcap", folder=tmp_path)
     assert (second.returncode, impossible.returncode) == (2, 2)
     assert "another `hangtime diagnose` writes here" in second.stderr
     assert "the garment's held edge is 4000 mm long" in impossible.stderr

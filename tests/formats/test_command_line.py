@@ -16,6 +16,7 @@ from formats.archive import read_take, verify_take, write_take
 from formats.descriptions import load_garment
 from formats.rig import Calibration
 from formats.summary import describe, summarise
+from tests.fit.here import hangtime_here
 from tests.formats.damage import chunks_of, without_end
 from tests.formats.test_archive import RIG, a_take
 from tests.shared_data import SHARED_DATA
@@ -24,7 +25,7 @@ SWUNG = SHARED_DATA / "swung-cloth"
 
 
 def hangtime(*words):
-    return subprocess.run([sys.executable, "-m", "formats.command", *map(str, words)], capture_output=True, text=True)
+    return hangtime_here(*words, folder=".")
 
 
 def swung_cloth(path, frames=40):

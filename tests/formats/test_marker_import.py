@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -15,6 +12,7 @@ from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
 from formats.importers.swatch_mocap import DOWN, MarkerOptions, import_marker_take
 from formats.swatch import swatch
+from tests.fit.here import hangtime_here
 
 GARMENT = swatch(0.05)
 
@@ -77,8 +75,8 @@ def test_c3d_in_an_unknown_unit_is_refused(tmp_path):
 def test_the_command_keeps_so_many_frames_from_the_beginning(tmp_path):
     write_marker_csv(tmp_path / "a.csv", hanging_tracks())
     (tmp_path / "g.toml").write_text(dump_description(GARMENT))
-    words = ["a.csv", "--garment", "g.toml", "--frames", "20"]
-    subprocess.run([sys.executable, "-m", "formats.command", "import", *words], check=True, cwd=tmp_path)
+    done = hangtime_here("import", "a.csv", "--garment", "g.toml", "--frames", 20, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
     assert read_take(tmp_path / "takes" / "a.mcap").time == pytest.approx(np.arange(20) / 120, abs=1e-5)
 
 
@@ -210,17 +208,11 @@ def test_bytes_that_are_no_c3d_are_refused(tmp_path):
         read_marker_tracks(tmp_path / "a.c3d")
 
 
-def hangtime(*words, folder):
-    return subprocess.run(
-        [sys.executable, "-m", "formats.command", *map(str, words)], capture_output=True, text=True, cwd=folder
-    )
-
-
 def test_from_the_command_line_a_csv_becomes_an_archive(tmp_path):
     write_marker_csv(tmp_path / "a.csv", hanging_tracks())
-    assert "81 markers, 62.5 mm apart" in hangtime("swatch", "s.toml", "--mass", 0.05, folder=tmp_path).stdout
+    assert "81 markers, 62.5 mm apart" in hangtime_here("swatch", "s.toml", "--mass", 0.05, folder=tmp_path).stdout
     assert load_garment(tmp_path / "s.toml").points == GARMENT.points
-    done = hangtime("import", "a.csv", "--garment", "s.toml", "--out", "takes", folder=tmp_path)
+    done = hangtime_here("import", "a.csv", "--garment", "s.toml", "--out", "takes", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     take = read_take(tmp_path / "takes" / "a.mcap")
     assert take.points == pytest.approx(hanging_tracks().positions, abs=1e-4)
@@ -229,7 +221,7 @@ def test_from_the_command_line_a_csv_becomes_an_archive(tmp_path):
 
 @pytest.mark.parametrize("mass", ["inf", "60", "nan", "0"])
 def test_a_swatch_of_a_weight_that_no_command_reads_is_not_written(tmp_path, mass):
-    done = hangtime("swatch", "s.toml", "--mass", mass, folder=tmp_path)
+    done = hangtime_here("swatch", "s.toml", "--mass", mass, folder=tmp_path)
     assert done.returncode == 2
     assert f"{mass} kg" in done.stderr or f"got {mass}" in done.stderr
     assert len(done.stderr.splitlines()) == 1
@@ -241,7 +233,7 @@ def test_times_in_milliseconds_are_refused_and_nothing_is_written(tmp_path):
     tracks = hanging_tracks()
     write_marker_csv(tmp_path / "a.csv", MarkerTracks(tracks.labels, 1e3 * tracks.time, tracks.positions))
     (tmp_path / "s.toml").write_text(dump_description(GARMENT))
-    done = hangtime("import", "a.csv", "--garment", "s.toml", "--out", "takes", folder=tmp_path)
+    done = hangtime_here("import", "a.csv", "--garment", "s.toml", "--out", "takes", folder=tmp_path)
     assert done.returncode == 2
     assert "a.csv: its frames are 8.33333 s apart in the median; are these milliseconds?" in done.stderr
     assert not (tmp_path / "takes").exists()
@@ -249,7 +241,7 @@ def test_times_in_milliseconds_are_refused_and_nothing_is_written(tmp_path):
 
 def test_motion_capture_without_a_garment_gives_one_sentence_and_exit_code_2(tmp_path):
     write_marker_csv(tmp_path / "a.csv", hanging_tracks())
-    done = hangtime("import", "a.csv", folder=tmp_path)
+    done = hangtime_here("import", "a.csv", folder=tmp_path)
     assert done.returncode == 2
     assert "motion capture needs to know the garment; give --garment FILE" in done.stderr
     assert not (tmp_path / "takes").exists()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from xml.etree import ElementTree
 
 import cv2
@@ -13,6 +11,7 @@ import pytest
 from capture.errors import UntrackableError
 from capture.hanger.marker_sheet import PAGE, draw_sheet, write_sheet
 from formats.errors import OutputError
+from tests.fit.here import hangtime_here
 
 PER_MM = 6  # pixels
 SVG = "{http://www.w3.org/2000/svg}"
@@ -78,8 +77,7 @@ def test_only_svg_is_written(tmp_path):
 
 def test_the_command_draws_the_markers_of_the_dictionary_at_the_size_that_it_is_told(tmp_path):
     words = ["--dictionary", "DICT_6X6_250", "--ids", "7,200", "--size", "0.08", "--out", "m.svg"]
-    command = [sys.executable, "-m", "formats.command", "markers", "print", *words]
-    subprocess.run(command, check=True, cwd=tmp_path, stdout=subprocess.DEVNULL)
+    assert hangtime_here("markers", "print", *words, folder=tmp_path).returncode == 0
     assert (tmp_path / "m.svg").read_text() == draw_sheet("DICT_6X6_250", [7, 200], 0.08)
 
 
@@ -91,13 +89,13 @@ def test_the_command_writes_the_rigs_markers(tmp_path):
         "ids = [4, 9]\nmarker_size_m = 0.04\nmarker_distance_m = 0.3\n"
         "held_m = [[-0.2, 0.05, 0.0], [0.2, 0.05, 0.0]]\n"
     )
-    words = [sys.executable, "-m", "formats.command", "markers", "print", "--rig", str(rig), "--out", "m.svg"]
-    done = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
+    words = ["markers", "print", "--rig", rig, "--out", "m.svg"]
+    done = hangtime_here(*words, folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "2 markers of 40 mm" in done.stdout
     assert "DICT_5X5_100, 40 mm" in (tmp_path / "m.svg").read_text()
-    done = subprocess.run([*words, "--ids", "2,3,5", "--overwrite"], capture_output=True, text=True, cwd=tmp_path)
+    done = hangtime_here(*words, "--ids", "2,3,5", "--overwrite", folder=tmp_path)
     assert "3 markers of 40 mm" in done.stdout
     rig.write_text(rig.read_text().replace("[hanger]", '[hanger]\nmarker = "dot"'))
-    done = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
+    done = hangtime_here(*words, folder=tmp_path)
     assert "its hanger has dots, not markers" in done.stderr

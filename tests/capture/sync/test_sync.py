@@ -25,6 +25,7 @@ from capture.sync.settings import SyncSettings, Told
 from formats.archive import read_take
 from tests.capture.appliance.spool_takes import record
 from tests.capture.sync.servers import CREDENTIALS, FAULTS, KEY, Moto, told_of
+from tests.fit.here import hangtime_here
 
 NOW = datetime(2026, 11, 25, 12, tzinfo=UTC)  # a Wednesday
 
@@ -446,12 +447,7 @@ def test_one_process_syncs_and_who_asks_whether_it_does_is_no_second_one(tmp_pat
 
 
 def hangtime(*words):
-    import subprocess
-    import sys
-
-    return subprocess.run(
-        [sys.executable, "-m", "formats.command", *map(str, words)], capture_output=True, text=True, check=False
-    )
+    return hangtime_here(*words, folder=".")
 
 
 def test_the_commands_say_what_stands_and_prune_lets_only_verified_takes_go(tmp_path, spool, three):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
 
 import msgspec
@@ -33,6 +31,7 @@ from formats.archive import read_take, write_take
 from formats.results import save_diagnosis
 from tests.fit.blind.blind_answers import diagnosis, finding
 from tests.fit.blind.test_blind_cases import guessed, planted
+from tests.fit.here import hangtime_here
 from tests.shared_data import SHARED_DATA
 
 DATA = SHARED_DATA / "swung-cloth"
@@ -61,9 +60,7 @@ def folder(untouched, tmp_path):
 
 
 def hangtime_blind(*words):
-    return subprocess.run(
-        [sys.executable, "-m", "formats.command", "blind", *map(str, words)], capture_output=True, text=True
-    )
+    return hangtime_here("blind", *words, folder=".")
 
 
 def between(take, other_time):

@@ -26,6 +26,7 @@ from formats.results import (
     save_diagnosis,
 )
 from tests.fit.blind.blind_answers import COARSE, NUMBERS, PLANTED, answer_rightly, diagnosis
+from tests.fit.here import hangtime_here
 
 
 @pytest.fixture(scope="module")
@@ -283,10 +284,7 @@ def test_a_case_that_takes_too_long_is_a_failure(a_set, tmp_path):
 
 def test_the_command_line_makes_scores_and_reports(tmp_path):
     def hangtime(*words):
-        return subprocess.run(
-            [sys.executable, "-m", "formats.command", "blind", *map(str, words)], capture_output=True, text=True,
-            cwd=tmp_path,
-        )  # fmt: skip
+        return hangtime_here("blind", *words, folder=tmp_path)
 
     made = hangtime("make", "set", "--cases", 1, "--nulls", 1, "--effect", "hem", "--seed", 3, "--side", COARSE,
                     "--noise", 0.006, "--rate", 60)  # fmt: skip

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -19,6 +16,7 @@ from fit.methods.fabrics import FABRICS, find_fabric
 from formats.archive import write_take
 from formats.results import load_fit_result
 from formats.swatch import swatch
+from tests.fit.here import hangtime_here
 from tests.fit.scenes import sheet, simulate_take, swing
 
 GARMENT = swatch(0.05, markers=5)  # 0.2 kg/m^2
@@ -105,16 +103,10 @@ def test_a_fabric_cannot_start_blenders_parameters():
         KINECT_SKIRT.starting_from(find_fabric("silk").start, "the fabric silk")
 
 
-def hangtime(*words, folder):
-    return subprocess.run(
-        [sys.executable, "-m", "formats.command", *map(str, words)], capture_output=True, text=True, cwd=folder
-    )
-
-
 def test_the_command_line_fits_from_a_fabric_and_shows_manual_against_optimised(tmp_path):
     take = write_take(tmp_path / "a.mcap", a_swung_swatch())
     words = ("--method", "mocap-swatch-weighed", "--fabric", "denim", "--iterations", 8, "--spacing", COARSE)
-    done = hangtime("fit", take, *words, "--out", "out", folder=tmp_path)
+    done = hangtime_here("fit", take, *words, "--out", "out", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     result = load_fit_result(tmp_path / "out" / "fit.json")
     assert [p.initial for p in result.parameters] == [456.0, 7.8e-5, 1.0]
@@ -139,7 +131,7 @@ def test_bad_input_gives_one_sentence_before_anything_is_simulated(tmp_path, wor
     skirt = sheet()
     row = KINECT_SKIRT.to_materials(KINECT_SKIRT.initial[None], skirt.areal_density)
     path = write_take(tmp_path / "a.mcap", simulate_take(skirt, time, swing(time), row))
-    done = hangtime("fit", path, *words, folder=tmp_path)
+    done = hangtime_here("fit", path, *words, folder=tmp_path)
     assert done.returncode == 2
     assert sentence in done.stderr
     assert "annealing" not in done.stderr

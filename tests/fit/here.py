@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from formats import command
 
+
 @dataclass(frozen=True)
 class Done:
     """How a command ended, and what it said."""

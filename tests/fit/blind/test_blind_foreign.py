@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib.util
 import json
 import sys
@@ -89,6 +90,7 @@ def test_a_hanging_sheet_rings_as_a_chain_does_and_decays_by_half_its_damping(ge
     assert decay == pytest.approx(damping / 2, abs=0.005)
 
 
+@pytest.mark.slow  # short steps: five seconds of a processor
 @with_engine(*FOREIGN)
 def test_a_sheet_as_stiff_as_a_board_swings_as_one(generator):
     """A plate hinged at its edge: sqrt(3 g / 2 L) / 2 pi = 1.0909 Hz, 1.9 % above the chain; B / rho g L^3 = 0.8."""
@@ -159,6 +161,22 @@ def test_a_draught_leans_the_sheet_as_the_plates_law_says(generator):
     assert lean == pytest.approx(0.092, rel=0.06)
 
 
+def swung_with(generator, *plants):
+    """Six points of a swung sheet with what is planted."""
+    time = np.arange(241) / SAMPLES
+    moved = np.zeros((241, 3))
+    moved[:, 1] = 0.06 * np.sin(2 * np.pi * 1.0 * time) * np.clip(time / 0.4, 0, 1) ** 3
+    places = [(x, y) for x in (-0.1, 0.0, 0.1) for y in (-0.15, -0.3)]
+    cloth = with_plants(Cloth(width=0.2, height=0.3), plants)
+    return points_of(generator, cloth, bar(0.2, moved), 1.2, places)
+
+
+@functools.cache
+def swung_without(name):
+    """The same of an engine's plain sheet."""
+    return swung_with(find_generator(name))
+
+
 @with_engine(*FOREIGN, slow=[NEWTON])
 @pytest.mark.parametrize(
     ("one", "least"),
@@ -176,14 +194,7 @@ def test_a_draught_leans_the_sheet_as_the_plates_law_says(generator):
 )
 def test_what_is_planted_moves_the_cloth(generator, one, least):
     """Points of a swung sheet with and without differ by more than the least [m] that a plant of this size does."""
-    time = np.arange(241) / SAMPLES
-    moved = np.zeros((241, 3))
-    moved[:, 1] = 0.06 * np.sin(2 * np.pi * 1.0 * time) * np.clip(time / 0.4, 0, 1) ** 3
-    plain = Cloth(width=0.2, height=0.3)
-    places = [(x, y) for x in (-0.1, 0.0, 0.1) for y in (-0.15, -0.3)]
-    without = points_of(generator, plain, bar(0.2, moved), 1.2, places)
-    found = points_of(generator, with_plants(plain, (one,)), bar(0.2, moved), 1.2, places)
-    assert np.abs(found - without).max() > least
+    assert np.abs(swung_with(generator, one) - swung_without(generator.name)).max() > least
 
 
 @pytest.mark.slow

@@ -276,14 +276,16 @@ def test_every_effect_is_exactly_off_at_zero_and_changes_something_at_its_typica
     row = material(garment)
     columns = columns_of(LIBRARY)
     plain = Simulator(recording, LIBRARY).run(row, np.zeros((1, columns[-1].stop))).points[0]
-    amplitudes = np.zeros((len(LIBRARY), columns[-1].stop))
-    for k, effect in enumerate(LIBRARY):
-        amplitudes[k, columns[k]] = effect.typical
-    moved = Simulator(recording, LIBRARY).run(np.repeat(row, len(LIBRARY), 0), amplitudes).points
-    for effect, points in zip(LIBRARY, moved, strict=True):
+    # This sheet never touches itself: `tests/fit/cloth/test_contact.py` has one that does.
+    seen = [(effect, where) for effect, where in zip(LIBRARY, columns, strict=True) if not effect.touches]
+    amplitudes = np.zeros((len(seen), columns[-1].stop))
+    for k, (effect, where) in enumerate(seen):
+        amplitudes[k, where] = effect.typical
+    moved = Simulator(recording, LIBRARY).run(np.repeat(row, len(seen), 0), amplitudes).points
+    for (effect, _), points in zip(seen, moved, strict=True):
         assert np.isfinite(points).all(), effect.name
-        # This sheet never touches itself: `tests/fit/cloth/test_contact.py` has one that does.
-        assert effect.touches or np.abs(points - plain).max() > 1e-3, effect.name
+        assert np.abs(points - plain).max() > 1e-3, effect.name
+    for effect in LIBRARY:
         assert effect.low <= 0.0 < effect.typical <= effect.high, effect.name
     without = Simulator(recording).run(row).points[0]
     # Two kernels, so rounding may differ; physics may not.

@@ -319,6 +319,7 @@ def test_a_sheet_that_is_folded_lies_on_itself_and_how_thick_it_is_hardly_matter
         assert moved <= abs(thickness - 0.005)
 
 
+@pytest.mark.slow  # the sheet above lies on itself by the same law
 def test_front_and_back_of_a_swung_skirt_do_not_pass_through_each_other():
     """Without contact they do in most pictures."""
     passed = []
@@ -348,6 +349,7 @@ def test_layers_that_hit_each_other_make_no_energy():
     assert energy.max() < 1e-4  # it starts at rest at height 0
 
 
+@pytest.mark.slow  # `test_packing.py` has contact beside another recording
 def test_a_candidate_in_contact_does_not_depend_on_its_company():
     """Alone, or beside seven others that are thicker or heavier: the same to the last bit."""
     from fit.effects import find_effects

@@ -82,6 +82,7 @@ def test_what_the_c_does_not_know_is_refused(gentle, tmp_path):
             scalar.InC(scalar.only_call(run), library)
 
 
+@pytest.mark.slow  # what the benchmark compares is compared above
 @needs_gcc
 def test_the_benchmark_prints_each_ratio_beside_its_target(monkeypatch, capsys):
     monkeypatch.setattr(scalar, "FURTHER", scalar.FURTHER[:2])  # compiling takes longest here
@@ -99,6 +100,7 @@ def test_without_a_compiler_it_says_so_and_ends_well(tmp_path):
     assert "no gcc" in done.stdout
 
 
+@pytest.mark.slow  # eight processes, none of which does what no other test does
 def test_the_start_of_a_fit_is_told_in_time_and_imports(capsys):
     start.main(["--rounds", "1"])
     said = capsys.readouterr().out

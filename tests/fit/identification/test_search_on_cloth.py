@@ -19,8 +19,8 @@ from fit.methods import KINECT_SKIRT, SI
 from fit.observer.residuals import Observer
 from fit.recordings.recording import prepare
 from formats.archive import write_take
+from tests.fit.here import hangtime_here
 from tests.fit.scenes import material, sheet, simulate_take, swing
-from tests.fit.test_command_line import hangtime
 
 MESH = 0.09  # m
 
@@ -101,7 +101,7 @@ def uninterrupted(swung):
     ("name", "stop"),
     [
         pytest.param("least-squares", 5, marks=pytest.mark.slow),
-        ("least-squares", 34),
+        pytest.param("least-squares", 34, marks=pytest.mark.slow),
         pytest.param("least-squares", 35, marks=pytest.mark.slow),
         pytest.param("least-squares", 60, marks=pytest.mark.slow),
         pytest.param("least-squares", -1, marks=pytest.mark.slow),
@@ -262,7 +262,7 @@ def test_an_interrupted_fit_by_any_search_goes_on_to_the_same_end(swung, tmp_pat
 
 def test_the_command_line_names_the_searches_there_are(tmp_path, swung):
     write_take(tmp_path / "a.mcap", swung)
-    done = hangtime("fit", "a.mcap", "--search", "guess", folder=tmp_path)
+    done = hangtime_here("fit", "a.mcap", "--search", "guess", folder=tmp_path)
     assert done.returncode == 2
     assert "known searches: annealing, restarts, tempering, cma-es, least-squares" in done.stderr
 

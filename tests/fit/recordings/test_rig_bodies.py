@@ -8,10 +8,11 @@ import msgspec
 import numpy as np
 import pytest
 
+from fit.cloth.model import Resolution
 from fit.cloth.simulator import Simulator
 from fit.engines import BlenderEngine
 from fit.errors import FitError
-from fit.identification.calibrate import calibrate
+from fit.identification.calibrate import Model
 from fit.identification.request import request_of
 from fit.methods import KINECT_SKIRT, SI
 from fit.recordings.recording import prepare
@@ -61,11 +62,8 @@ def test_cloth_swings_against_a_pole_of_its_rig_and_not_through_it():
 
 
 def test_a_fit_to_a_take_beside_a_pole_simulates_the_pole():
-    take = a_take(POLE)
-    free, stopped = (
-        calibrate([t], [], request_of(SI, [], iterations=1, seed=0, spacing=0.1)).error.train_before.mean_m
-        for t in (a_take(), take)
-    )
+    request = request_of(SI, [], iterations=1, seed=0, spacing=Resolution().spacing)
+    free, stopped = (Model([prepare(take)], request).error_before.mean_m for take in (a_take(), a_take(POLE)))
     assert abs(free - stopped) > 1e-3
 
 

@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from fit.gap.gates import FREQUENCIES, choose_frequency, disagreement, numerics_gate, predictability_gate
+from fit.gap.gates import (
+    FREQUENCIES,
+    choose_frequency,
+    convergence_gate,
+    data_gates,
+    disagreement,
+    numerics_gate,
+    predictability_gate,
+)
 from fit.methods import SI
 from tests.fit.gap.linear_scene import LinearObserver, layout_of
 
@@ -71,3 +80,94 @@ def test_a_finer_mesh_may_close_two_fifths_of_the_gap(closed, figure, passed):
     assert (gate.figure, gate.passed, gate.limit) == (pytest.approx(figure), passed, pytest.approx(40.0))
     assert "1.2 mm" in gate.sentence
     assert ("hardly a gap" in gate.sentence) == (closed is None)
+
+
+@pytest.mark.parametrize(
+    ("best_effect", "second", "passed", "limit"),
+    [(10.0, 11.4, True, 15.0), (10.0, 11.6, False, 15.0), (10.0 / 1.69, 12.9, True, 30.0),
+     (10.0 / 1.69, 13.1, False, 30.0)],
+)  # fmt: skip
+def test_starts_of_the_base_fit_end_near_each_other_beside_what_an_effect_saves(best_effect, second, passed, limit):
+    """15 %, or the square root of what the best effect makes of the cost: of 1.69, 30 %."""
+    observer = Chaotic(lambda hz: 0.0)
+    fits = [dataclasses.replace(observer.fitted(), residual=np.array([np.sqrt(cost)])) for cost in (second, 10.0)]
+    gate = convergence_gate(fits, best_effect)
+    assert (gate.passed, gate.limit) == (passed, pytest.approx(limit))
+    assert gate.figure == pytest.approx(100 * (second / 10 - 1))
+
+
+def recorded(*, seconds=4.0, travel=0.1, own=0.01, noise=0.001, impossible=0.0, is_calibrated=True, turn=0.0):
+    """A hanger that goes to and fro from frame to frame, with two points that move by `own` against it, and one aside.
+
+    turn [rad]: of hanger and points together, frame by frame, about the vertical through the hanger's middle
+    """
+    time = np.linspace(0.0, seconds, 9)
+    sign = np.tile([1.0, -1.0], 5)[:9]
+    angle = turn * np.arange(9)
+    level = np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1)
+    middle = np.stack([0 * time, travel / 2 * sign, 0 * time], 1)
+    ends = np.concatenate([middle - 0.2 * level, middle + 0.2 * level], 1)
+    down = np.array([0.0, 0.0, -0.3])
+    across = np.array([[0.1, 0.0, 0.0], [-0.1, 0.0, 0.0], [0.15, 0.0, 0.0]])
+    balance = sign - sign.mean()
+    balance /= np.sqrt((balance**2).mean())
+    points = middle[:, None] + down + across[:, :1] * level[:, None] + own * balance[:, None, None] * [0, 0, 1.0]
+    points[:, 2] += sign[:, None]  # far more, and not judged
+    return SimpleNamespace(
+        duration=seconds, time=time, held=lambda instants: ends, points=points, valid=np.ones((9, 3), bool),
+        judged=np.array([True, True, False]), point_sd=np.array([noise, noise, noise]), impossible=impossible,
+        is_calibrated=is_calibrated,
+    )  # fmt: skip
+
+
+def gate_of(name, training, held_out=()):
+    return next(gate for gate in data_gates(list(training), list(held_out)) if gate.name == name)
+
+
+def test_every_take_is_long_enough():
+    assert gate_of("length", [recorded(seconds=2.5)]).passed
+    short = gate_of("length", [recorded()], [recorded(seconds=2.4), recorded(seconds=3.0)])
+    assert (short.passed, short.figure, short.limit) == (False, pytest.approx(2.4), 2.5)
+
+
+@pytest.mark.parametrize(("travel", "passed"), [(0.029, False), (0.031, True)])
+def test_a_hanger_moves_in_the_liveliest_take_that_is_fitted_to_and_in_that_judged_on(travel, passed):
+    still, lively = recorded(travel=0.001), recorded(travel=travel)
+    for groups in (([still, recorded()], [lively, still]), ([lively, still], [recorded()]), ([lively], [])):
+        gate = gate_of("motion", *groups)
+        assert (gate.passed, gate.figure, gate.limit) == (passed, pytest.approx(1e3 * travel), pytest.approx(30.0))
+
+
+@pytest.mark.parametrize(("own", "passed"), [(0.0034, False), (0.0035, True)])
+def test_points_move_against_the_hanger_by_twice_their_noise(own, passed):
+    """1 mm an axis is 1.73 mm, twice that 3.46; the take that moves most counts, with its own noise."""
+    lively, still = recorded(own=own), recorded(own=0.001, noise=0.0001)
+    for groups in (([lively, still], [recorded(own=0.02)]), ([recorded(own=0.02)], [still, lively])):
+        gate = gate_of("cloth motion", *groups)
+        assert (gate.passed, gate.figure) == (passed, pytest.approx(1e3 * own))
+        assert gate.limit == pytest.approx(2 * np.sqrt(3))
+
+
+def test_a_board_that_turns_with_its_hanger_has_no_motion_of_its_own():
+    assert gate_of("cloth motion", [recorded(own=0.0, turn=0.2)]).figure == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("share", "passed"), [(0.049, True), (0.051, False)])
+def test_at_most_a_twentieth_of_the_sightings_are_impossible(share, passed):
+    gate = gate_of("impossible points", [recorded()], [recorded(impossible=share), recorded()])
+    assert (gate.passed, gate.figure, gate.limit) == (passed, pytest.approx(100 * share), pytest.approx(5.0))
+
+
+def test_every_rig_was_measured():
+    assert gate_of("calibration", [recorded()]).passed
+    gate = gate_of("calibration", [recorded(is_calibrated=False), recorded()], [recorded(is_calibrated=False)])
+    assert (gate.passed, gate.figure) == (False, 2)
+
+
+@pytest.mark.parametrize(("repeated", "passed"), [(1, False), (0, True)])
+def test_a_tenth_of_the_frames_may_repeat(repeated, passed):
+    """One of eight changes is none: 12.5 %."""
+    take = recorded()
+    take.points[8] = take.points[7 if repeated else 8]
+    gate = gate_of("repeated frames", [recorded(), take])
+    assert (gate.passed, gate.figure, gate.limit) == (passed, pytest.approx(12.5 * repeated), pytest.approx(10.0))

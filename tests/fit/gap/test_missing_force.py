@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 from fit.gap.missing_force import find_missing_force, sentence_of
@@ -54,3 +57,108 @@ def test_the_missing_force_is_seen_in_the_top_third_as_well():
     found = find_missing_force(observer, truth_vector())
     assert found.spatial_share["top"] > 0.0
     assert len(found.places) == 20
+
+
+GARMENT = SimpleNamespace(points=[SimpleNamespace(at_m=(0.1 * k, -0.1 * k)) for k in range(4)])
+
+
+def described(monkeypatch, *parts):
+    """The missing force of takes whose rows are given: pull, normal, third, odd, even, powers, point."""
+    given = iter(parts)
+    monkeypatch.setattr("fit.gap.missing_force._pull", lambda simulator, material, amplitudes: next(given))
+    observer = SimpleNamespace(
+        off=np.zeros(1),
+        asked=lambda vectors, rows: ([0] * len(parts),) * 3,
+        recordings=[SimpleNamespace(garment=GARMENT)],
+    )
+    return find_missing_force(observer, np.zeros(5))
+
+
+def rows_of(rng, count, pull_of, *, point, third):
+    """Rows of random velocity, acceleration and upright normals, with the pull that a law makes of them."""
+    velocity, acceleration = rng.normal(size=(2, count, 3))
+    normal = np.tile([0.0, 0.0, 1.0], (count, 1))
+    speed = velocity[:, 2:]
+    odd = np.stack([velocity, np.abs(speed) * speed * normal], 1)
+    even = np.concatenate(
+        [np.stack([acceleration, acceleration[:, 2:] * normal], 1), np.tile(np.eye(3), (count, 1, 1))], 1
+    )
+    powers = np.abs(speed) ** np.arange(0, 3.01, 0.25) * np.sign(speed)
+    pull = pull_of(velocity, acceleration)
+    return pull, normal, np.full(count, third), odd, even, powers, np.full(count, point)
+
+
+def test_a_force_is_split_by_what_it_goes_with_and_where_it_is(monkeypatch):
+    """-2 v on 3000 rows in the top third, a and v together on 1000 in the bottom one, all as large as each other."""
+    rng = np.random.default_rng(0)
+    found = described(
+        monkeypatch, rows_of(rng, 3000, lambda v, a: -2.0 * v, point=1, third=0),
+        rows_of(rng, 1000, lambda v, a: -2.0 * v, point=3, third=2),
+    )  # fmt: skip
+    assert found.odd_share == pytest.approx(1.0, abs=0.01)
+    assert found.even_share == pytest.approx(0.0, abs=0.01)
+    assert found.normal_share == pytest.approx(1 / 3, abs=0.02)
+    assert found.power == pytest.approx(-2.0 * 3.0, rel=0.05)  # of three axes of velocity 1
+    assert found.amplitude_exponent == 1.0
+    assert found.spatial_share == pytest.approx({"top": 0.75, "middle": 0.0, "bottom": 0.25}, abs=0.02)
+    assert [place.at_m for place in found.places] == [GARMENT.points[1].at_m, GARMENT.points[3].at_m]
+    assert [place.normal for place in found.places] == pytest.approx([2.0, 2.0], rel=0.05)
+    assert [place.in_plane for place in found.places] == pytest.approx([np.sqrt(8)] * 2, rel=0.05)
+
+
+def test_shares_are_what_one_kind_of_feature_explains_beyond_the_other(monkeypatch):
+    """3 v and 4 a of independent axes: 9/25 and 16/25; noise of 5 makes half of both."""
+    rng = np.random.default_rng(1)
+    found = described(monkeypatch, rows_of(rng, 4000, lambda v, a: 3.0 * v + 4.0 * a, point=0, third=1))
+    assert (found.odd_share, found.even_share) == pytest.approx((9 / 25, 16 / 25), abs=0.02)
+    assert found.power == pytest.approx(9.0, rel=0.1)
+    assert found.spatial_share["middle"] == pytest.approx(1.0)
+    noisy = described(
+        monkeypatch,
+        rows_of(rng, 4000, lambda v, a: 3.0 * v + 4.0 * a + rng.normal(0, 5.0, v.shape), point=0, third=1),
+    )
+    assert (noisy.odd_share, noisy.even_share) == pytest.approx((9 / 50, 16 / 50), abs=0.02)
+
+
+@pytest.mark.parametrize("power", [0.5, 2.0])
+def test_the_exponent_is_that_of_the_normal_speed_which_explains_most(monkeypatch, power):
+    def drag(v, a):
+        return -(np.abs(v[:, 2:]) ** power) * np.sign(v[:, 2:]) * [0.0, 0.0, 1.0]
+
+    found = described(monkeypatch, rows_of(np.random.default_rng(2), 2000, drag, point=0, third=0))
+    assert found.amplitude_exponent == power
+    assert found.normal_share == pytest.approx(1.0)
+    assert [place.in_plane for place in found.places] == pytest.approx([0.0], abs=1e-9)
+
+
+def test_a_force_that_no_power_of_the_speed_explains_has_no_exponent(monkeypatch):
+    """White noise of 1: powers explain less than a twentieth; features less than a fifth, and words say so."""
+    rng = np.random.default_rng(3)
+    found = described(monkeypatch, rows_of(rng, 2000, lambda v, a: rng.normal(size=v.shape), point=0, third=0))
+    assert found.amplitude_exponent is None
+    assert "hidden in the sensor's noise" in found.sentence
+
+
+@pytest.mark.parametrize(
+    ("odd", "even", "exponent", "words"),
+    [
+        (0.6, 0.29, 2.0, "opposes motion (features that change sign with velocity explain 60 %, others 29 %), grows "),
+        (0.6, 0.31, 2.0, "is mixed (features that change sign with velocity explain 60 %, others 31 %), grows with "
+         "speed to the power 2,"),
+        (0.31, 0.6, 2.0, "is mixed (features that change sign with velocity explain 31 %, others 60 %), and is"),
+        (0.29, 0.6, 2.0, "acts like inertia or a constant load"),
+        (0.6, 0.1, None, "others 10 %), and is strongest in the top third of the cloth (70 %)"),
+        (0.15, 0.04, 2.0, "features of the motion explain 19 % of the pull"),
+        (0.15, 0.06, 2.0, "opposes motion"),
+    ],
+)  # fmt: skip
+def test_what_the_force_goes_with_is_told_in_words(odd, even, exponent, words):
+    assert words in sentence_of(0.5, odd, even, exponent, {"top": 0.7, "bottom": 0.3}, power=-1.0)
+
+
+@pytest.mark.parametrize(
+    ("normal", "words"), [(0.61, "mostly along"), (0.59, "in all directions"), (0.21, "in all directions"),
+                          (0.19, "hardly along")],
+)  # fmt: skip
+def test_a_force_is_mostly_along_the_normal_from_three_fifths_and_hardly_below_a_fifth(normal, words):
+    assert words in sentence_of(normal, 0.6, 0.1, None, {"top": 1.0}, power=1.0)

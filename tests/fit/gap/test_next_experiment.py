@@ -12,7 +12,7 @@ import pytest
 from fit.cloth.effect import amplitudes_of
 from fit.effects import LIBRARY
 from fit.gap.hypotheses import Hypothesis
-from fit.gap.next_experiment import MENU, _apart, _inflation, _pairs, followed, imagine, propose
+from fit.gap.next_experiment import MENU, _apart, _changes, _inflation, _pairs, _rows, followed, imagine, propose
 from fit.methods import SI
 from fit.observer.residuals import Observer
 from fit.recordings.recording import prepare
@@ -102,3 +102,131 @@ def test_standard_deviations_are_larger_by_what_blocks_have_in_common():
     assert 1.0 <= _inflation(observer, white, [change]) < 1.5
     explained = dataclasses.replace(observer.fitted(), residual=7.0 * change)
     assert _inflation(observer, explained, [change]) == 1.0
+
+
+def path_of(name, *instants):
+    motion = next(m for m in MENU if m.id == name)
+    return motion.path(np.array(instants))
+
+
+def test_the_motions_of_the_menu_go_where_their_sentences_say():
+    """Quarter turns: of 0.8 Hz at 0.9375, 2.1875 and 3.4375 s the third of four, of 1.5 Hz at 1.5 s the first."""
+    swung = path_of("S3", 0.3, 0.9375, 2.1875, 3.4375)
+    assert swung == pytest.approx(np.array([[0, 0, 0], [0, -0.02, 0], [0, -0.06, 0], [0, -0.12, 0]]), abs=1e-9)
+    assert path_of("S4", 0.9375, 3.4375) == pytest.approx(swung[[1, 3]][:, [1, 0, 2]], abs=1e-9)
+    # 0.4 Hz that grow by 0.65 Hz a second: 0.725 turns after one second, 4.125 after three.
+    turns = np.array([0.725, 4.125])
+    assert path_of("S5", 1.0, 3.0)[:, 1] == pytest.approx(0.015 * np.sin(2 * np.pi * turns))
+    assert path_of("S6", 0.5, 0.625, 0.75, 4.0)[:, 1] == pytest.approx([0.0, 0.06, 0.12, 0.12])
+    assert path_of("S8", 0.2, 1.5)[:, 2] == pytest.approx([0.0, 0.05])
+    assert not path_of("S0", 0.0, 2.0).any()
+    twisted = next(m for m in MENU if m.id == "S7").yaw(np.array([0.0, 1.25 / 0.7, 1.75 / 0.7]))
+    assert np.degrees(twisted) == pytest.approx([0.0, 30.0, -30.0], abs=1e-9)
+    # A start without a jerk: half the way after 0.6 s.
+    assert path_of("S8", 0.6)[0, 2] == pytest.approx(0.05 * np.sin(2 * np.pi * 0.9) / 2)
+
+
+def test_a_motion_is_imagined_in_the_hangers_frame_whichever_way_it_hangs():
+    """Face-on is square to the bar and level; half of the bar's length stays on either side, turned by the yaw."""
+    recording = prepare(a_take())
+    (ends,) = recording.held(np.zeros(1))
+    centre, angle = ends.reshape(2, 3).mean(0), np.radians(30.0)
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1.0]])
+    aside = ((ends.reshape(2, 3) - centre) @ turn.T + centre).ravel()
+    turned = dataclasses.replace(recording, held=lambda instants: np.tile(aside, (len(instants), 1)))
+    for motion in (MENU[3], MENU[4], MENU[7], MENU[8]):
+        straight, found = (imagine(one, motion) for one in (recording, turned))
+        instants = np.array([1.0, 2.1875, 3.0])
+        expected = (straight.held(instants).reshape(-1, 2, 3) - centre) @ turn.T + centre
+        assert found.held(instants).reshape(-1, 2, 3) == pytest.approx(expected, abs=1e-9), motion.id
+        assert straight.held(instants).reshape(-1, 2, 3).mean(1) == pytest.approx(centre + motion.path(instants))
+        assert len(found.time) == 120
+        assert found.points[0] == pytest.approx((straight.points[0] - centre) @ turn.T + centre)
+
+
+def alive_of(*names):
+    return [Hypothesis((name,), SimpleNamespace(), None) for name in names]
+
+
+def proposed(monkeypatch, now, after, alive, weights, inflation=4.0):
+    """What is proposed where contributions are these now, and beside them in each motion of a menu of three."""
+    monkeypatch.setattr("fit.gap.next_experiment.MENU", MENU[:3])
+    numbers = len(now[0])
+    observer = LinearObserver(np.zeros(numbers), np.zeros((numbers, len(SI.initial))), {}, layout=layout_of(1, 1, 1))
+    none = np.zeros((numbers, len(SI.initial)))
+    for name, value in (
+        ("_changes", list(now)), ("_rows", []), ("_inflation", inflation), ("followed", []),
+        ("_imagined", [(none[: len(c[0])], list(c)) for c in after]),
+    ):  # fmt: skip
+        monkeypatch.setattr(f"fit.gap.next_experiment.{name}", lambda *given, value=value: value)
+    monkeypatch.setattr("fit.gap.next_experiment.imagine", lambda like, motion: None)
+    return propose(observer, observer.fitted(), alive_of(*alive), list(weights))
+
+
+X, Y, Z = np.eye(3)
+
+
+def test_the_motion_that_separates_two_explanations_most_is_proposed(monkeypatch):
+    """6 apart at right angles now, 3 deviations of an inflation of 4; beside (0, 8, 0) 10, or 5 deviations."""
+    now = [6.0 * X, 1e3 * Y]
+    after = [[2.0 * X, 0 * X], [8.0 * X, 0 * X], [7.0 * X, 0 * X]]
+    found = proposed(monkeypatch, now, after, ["hem", "air_drag"], [0.5, 0.5])
+    assert (found.id, found.separates) == ("S1", ["hem", "air_drag"])
+    assert (found.sigmas_now, found.sigmas_next) == pytest.approx((3.0, 5.0))
+    assert "by 5.0 standard deviations; now it is 3.0" in found.sentence
+    assert MENU[1].sentence in found.sentence
+
+
+@pytest.mark.parametrize(("more", "is_worth_it"), [(2.9, True), (2.7, False)])
+def test_a_recording_that_adds_less_than_a_standard_deviation_is_not_proposed(monkeypatch, more, is_worth_it):
+    """(sqrt(1 + 2.9^2) - 1) / 2 is 1.03, and of 2.7 0.94; how probable the effect is does not matter to that."""
+    found = proposed(monkeypatch, [X], [[more * Y]] * 3, ["hem"], [0.7])
+    assert (found is not None) == is_worth_it
+    if found:
+        assert found.separates == ["hem"]
+        assert "from no effect by" in found.sentence
+
+
+def test_what_is_more_probable_weighs_more(monkeypatch):
+    """The first motion separates the second and the third by 4 more, the second motion the first from both."""
+    now = [X, Y, Z]
+    far = [[0 * X, 4.9 * X, 0 * X], [4.9 * X, 0 * X, 0 * X], [0 * X] * 3]
+    names = ["hem", "air_drag", "draught"]
+    found = proposed(monkeypatch, now, far, names, [0.1, 0.45, 0.45], inflation=1.0)
+    assert (found.id, found.separates) == ("S0", ["air_drag", "draught"])
+    found = proposed(monkeypatch, now, far, names, [0.8, 0.15, 0.05], inflation=1.0)
+    assert (found.id, found.separates) == ("S1", ["hem", "air_drag"])
+
+
+def test_nothing_is_proposed_where_nothing_is_alive_and_no_more_than_four_are_compared(monkeypatch):
+    assert proposed(monkeypatch, [X], [[X]] * 3, [], []) is None
+    now = [X, Y, Z, 0.1 * X, 0 * X]
+    far = [[0 * X] * 4 + [50 * X]] * 3
+    names = ["hem", "air_drag", "draught", "clip_slack", "anisotropy"]
+    assert proposed(monkeypatch, now, far, names, [0.2] * 5) is None
+
+
+def test_explanations_that_turn_with_the_cloth_change_their_sign_and_a_hem_below_is_none():
+    """Of a cloth hung back to front a curl is the other way round, and of one upside down a hem is nothing."""
+    observer = LinearObserver(np.zeros(3), np.zeros((3, len(SI.initial))), {}, layout=layout_of(1, 1, 1))
+    amplitudes = observer.off.copy()
+    amplitudes[observer.columns["rest_curvature"]] = (2.0, 3.0)
+    amplitudes[observer.columns["hem"]] = 0.5
+    curl, hem = (
+        Hypothesis((name,), dataclasses.replace(observer.fitted(), amplitudes=amplitudes), None)
+        for name in ("rest_curvature", "hem")
+    )
+    for motion, signs, left in ((MENU[1], (-1, -1), 1.0), (MENU[2], (1, 1), 0.0), (MENU[3], (1, 1), 1.0)):
+        rows = _rows(observer, [curl, hem], motion.turned)
+        assert rows[0][observer.columns["rest_curvature"]] == pytest.approx(np.array([2.0, 3.0]) * signs)
+        assert rows[1][observer.columns["hem"]] == pytest.approx(0.5 * left)
+        assert np.count_nonzero(rows[0]) == 2
+
+
+def test_a_change_is_that_of_the_residual_beside_the_base_parameters():
+    rows = {"hem": np.full((1, 4), 2.0)}
+    observer = LinearObserver(np.ones(4), np.zeros((4, len(SI.initial))), rows, layout=layout_of(1, 1, 1))
+    row = observer.off.copy()
+    row[observer.columns["hem"]] = 3.0
+    (change,) = _changes(observer, observer.fitted(), [row])
+    assert change == pytest.approx(np.full(4, 6.0))

@@ -27,7 +27,7 @@ from firmware_host.button import DOWN, UP
 from firmware_host.errors import SensorError
 from formats.archive import read_take, verify_take
 from formats.take import FrameState
-from tests.capture.appliance.virtual_appliance import ROOT, VirtualAppliance, draw_recording
+from tests.capture.appliance.virtual_appliance import LONGEST, ROOT, VirtualAppliance, draw_recording
 
 FPS = 15  # of the recording that stands for the sensor
 
@@ -105,7 +105,7 @@ def test_the_commands_speak_with_it_and_it_imports_nothing_heavy_and_listens_to_
     environment = os.environ | {"HANGTIME_SOCKET": str(appliance.socket), "PYTHONPATH": str(ROOT)}
 
     def run(*words):
-        return subprocess.run([*program, *words], env=environment, capture_output=True, text=True, timeout=60)
+        return subprocess.run([*program, *words], env=environment, capture_output=True, text=True, timeout=LONGEST)
 
     assert run("start").returncode == 0
     again = run("start")
@@ -345,7 +345,7 @@ def test_a_disk_that_fails_on_fsync_is_named_and_what_is_shown_as_kept_is_readab
     appliance.wait_until(lambda told: told["recording"] and told["recording"]["seconds"] > 3.0, "recording")
     flag.touch()
     told = appliance.wait_for("fault", "saving")
-    told = appliance.wait_until(lambda told: told["faults"], "a fault", seconds=10)
+    told = appliance.wait_until(lambda told: told["faults"], "a fault")
     assert "Input/output error" in told["faults"][0]["sentence"]
     assert "replace the card" in told["faults"][0]["advice"]
     assert not Spool(appliance.spool).takes()
@@ -408,7 +408,7 @@ def test_a_file_size_limit_in_mid_take_is_a_named_fault_and_keeps_what_was_writt
     (partial,) = appliance.spool.glob("*.partial")
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.prlimit(appliance.process.pid, resource.RLIMIT_FSIZE, (partial.stat().st_size + 10, limits[1]))
-    told = appliance.wait_until(lambda told: told["faults"], "a fault", seconds=15)
+    told = appliance.wait_until(lambda told: told["faults"], "a fault")
     assert "File too large" in told["faults"][0]["sentence"]
     resource.prlimit(appliance.process.pid, resource.RLIMIT_FSIZE, limits)
     appliance.wait_until(lambda told: told["takes"] == 1, "kept")
@@ -450,7 +450,7 @@ def test_a_second_daemon_is_refused_and_the_first_goes_on(appliance):
     appliance.wait_for("armed")
     second = subprocess.run(
         [sys.executable, "-m", "capture.appliance", "--config", str(appliance.config)], cwd=ROOT,
-        env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=60,
+        env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=LONGEST,
     )  # fmt: skip
     assert second.returncode == 2
     assert "another daemon listens here; stop it first" in second.stderr

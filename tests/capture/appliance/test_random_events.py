@@ -31,7 +31,7 @@ from firmware_host.depth_sensor import SensorFrame, SensorInfo
 from firmware_host.errors import SensorStalledError
 from formats.archive import verify_take
 from formats.descriptions import dump_description
-from tests.capture.appliance.virtual_appliance import CAMERA, RIG
+from tests.capture.appliance.virtual_appliance import CAMERA, LONGEST, RIG
 from tests.capture.garment.towel import GARMENT
 from tests.capture.stage import marker_plate, pictures, plain_plate
 
@@ -126,7 +126,7 @@ class RandomEvents(RuleBasedStateMachine):
             self.appliance.step()
             if take is not None and self.appliance._take is not take:
                 self.worth += take.is_worth_keeping
-            until = time.monotonic() + 30
+            until = time.monotonic() + LONGEST
             while not self.disk.is_idle and time.monotonic() < until:
                 time.sleep(0.0005)
 

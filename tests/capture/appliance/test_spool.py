@@ -131,7 +131,7 @@ def test_one_process_records_and_another_may_look(spool):
     answers = context.Queue()
     other = context.Process(target=_is_refused, args=(spool.folder, answers))
     other.start()
-    assert "another process records here" in answers.get(timeout=60)
+    assert "another process records here" in answers.get(timeout=600)
     other.join()
     assert len(Spool(spool.folder).takes()) == 1
 

@@ -29,7 +29,7 @@ CAMERA = Sensor(width=640, height=480, fx=575.8, fy=575.8, cx=319.5, cy=239.5)
 RIG = Rig(format="hangtime-rig/1", name="virtual", gravity=(0.0, 1.0, 0.0), hanger=HANGER, sensor=CAMERA)
 BTN_0 = 0x100
 LED_FILES = {"brightness": "0", "max_brightness": "1", "trigger": "[none] timer", "delay_on": "0", "delay_off": "0"}
-LONGEST = 60.0  # s that anything is waited for, on a machine that is busy with other things
+LONGEST = 600.0  # s that anything is waited for; less says nothing on a machine that is busy with other things
 
 
 def draw_recording(path: Path, *, fps: int, seconds: float = 1.0, has_hanger: bool = True) -> None:

@@ -45,7 +45,7 @@ class Gated(DepthSensor):
 def test_frames_wait_for_a_reader_that_is_late():
     inner = Gated(12)
     with QueuedSensor(inner) as sensor:
-        assert inner.is_dry.wait(10)
+        assert inner.is_dry.wait(600)
         frames = list(sensor.frames())
         assert sensor.read() is None
     assert [frame.index for frame in frames] == list(range(12))
@@ -60,16 +60,16 @@ def test_what_does_not_fit_is_counted_in_the_next_frame_that_does():
     class Slow(Gated):
         def read(self, timeout_s=1.0):
             put.release()
-            gate.acquire(timeout=10)
+            gate.acquire(timeout=60)
             return super().read()
 
     def let_through(count):
         for _ in range(count):
             gate.release()
-            put.acquire(timeout=10)  # it asked for the one after, so this one was dealt with
+            put.acquire(timeout=60)  # it asked for the one after, so this one was dealt with
 
     with QueuedSensor(Slow(7), room=2 * SIZE) as sensor:
-        put.acquire(timeout=10)
+        put.acquire(timeout=60)
         let_through(5)
         assert [sensor.read().index for _ in range(2)] == [0, 1]
         let_through(2)
@@ -85,7 +85,7 @@ def test_a_hitch_of_a_second_costs_no_frame_and_no_bit_of_one():
     inner = Gated(0)
     inner._inner = StageSensor([(np.roll(depth, k, axis=1), np.roll(colour, k, axis=1)) for k in range(40)])
     with QueuedSensor(inner) as sensor:
-        assert inner.is_dry.wait(60)
+        assert inner.is_dry.wait(600)
         frames = list(sensor.frames())
         assert sensor.left_out == 0
     assert [frame.index for frame in frames] == list(range(40))
@@ -99,7 +99,7 @@ def test_a_frame_without_colour_that_waits_comes_out_without_colour():
     inner = Gated(0)
     inner._inner = StageSensor([(depth, None)] * (UNPACKED + 2))
     with QueuedSensor(inner) as sensor:
-        assert inner.is_dry.wait(10)
+        assert inner.is_dry.wait(600)
         frames = list(sensor.frames())
     assert len(frames) == UNPACKED + 2
     assert all(frame.colour is None and np.array_equal(frame.depth, depth) for frame in frames)

@@ -103,9 +103,9 @@ class Silent(StageSensor):
     def read(self, timeout_s=1.0):
         frame = super().read()
         if frame is None:
-            assert self.are_tracked.wait(60)
+            assert self.are_tracked.wait(600)
             send(INT)
-            assert self.goes_on.wait(60), "nobody was interrupted"
+            assert self.goes_on.wait(600), "nobody was interrupted"
         return frame
 
     def look(self, frames, total, seen):

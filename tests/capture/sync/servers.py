@@ -47,7 +47,7 @@ def free_port() -> int:
         return one.getsockname()[1]
 
 
-def wait_until_listening(port: int, seconds: float = 60.0) -> None:
+def wait_until_listening(port: int, seconds: float = 600.0) -> None:
     deadline = time.monotonic() + seconds
     while time.monotonic() < deadline:
         with socket.socket() as one:

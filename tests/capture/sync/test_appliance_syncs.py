@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 
 import pytest
 
@@ -13,6 +10,7 @@ from firmware_host import openni2_library
 from firmware_host.errors import SensorError
 from formats.archive import verify_take
 from tests.capture.appliance.virtual_appliance import ROOT, VirtualAppliance, draw_recording
+from tests.fit.here import hangtime_here
 
 
 def has_openni():
@@ -27,10 +25,7 @@ pytestmark = [pytest.mark.openni, pytest.mark.skipif(not has_openni(), reason="l
 
 
 def hangtime(*words):
-    return subprocess.run(
-        [sys.executable, "-m", "formats.command", *map(str, words)], capture_output=True, text=True, cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT)}, check=False,
-    )  # fmt: skip
+    return hangtime_here(*words, folder=ROOT)
 
 
 def test_a_take_of_the_button_is_on_the_server_and_status_says_so_and_what_is_in_the_way(tmp_path):

@@ -48,7 +48,10 @@ def said(folder):
     return (folder / "stdout").read_text() + (folder / "stderr").read_text()
 
 
-def wait_for(condition, seconds=60.0):
+HANGS = 600.0  # s of wall time; less says nothing where each process has a tenth of a processor
+
+
+def wait_for(condition, seconds=HANGS):
     """Return the first true value of a condition that another process brings about."""
     deadline = time.monotonic() + seconds
     while time.monotonic() < deadline:

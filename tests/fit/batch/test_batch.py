@@ -26,6 +26,7 @@ from fit.provenance import physics_version
 from formats.archive import read_take
 from formats.results import load_fit_result
 from tests.fit.batch.night import (
+    HANGS,
     PROGRAMS,
     SHORT,
     free_port,
@@ -77,7 +78,7 @@ def test_a_night_with_a_killed_worker_and_two_poisoned_takes(takes, tmp_path):
     wait_for(lambda: fitted_in(tmp_path / "out"))
     for victim in worker_pids(process):  # on a busy machine the batch may have ended by now
         kill(victim)
-    assert process.wait(120) == SOME_NOT_FITTED, said(tmp_path)
+    assert process.wait(HANGS) == SOME_NOT_FITTED, said(tmp_path)
     assert "5 takes: 3 fitted, 2 failed." in said(tmp_path)
     assert "cut.mcap: holds no readable header" in said(tmp_path)
     assert "noise.mcap: is not a take archive" in said(tmp_path)
@@ -96,7 +97,7 @@ def test_a_night_with_a_killed_worker_and_two_poisoned_takes(takes, tmp_path):
     # The second night starts no worker: everything is known, also what fails.
     before = {path: path.stat().st_mtime_ns for path in (tmp_path / "out/fits").iterdir()}
     again = start(*words, folder=tmp_path)
-    assert again.wait(60) == SOME_NOT_FITTED
+    assert again.wait(HANGS) == SOME_NOT_FITTED
     assert "5 takes, 0 to fit." in said(tmp_path)
     assert "3 fitted before, 2 failed" in said(tmp_path)
     assert "Dashboard" not in said(tmp_path)
@@ -117,7 +118,7 @@ def test_a_scheduler_that_is_killed_and_comes_back_loses_no_take(takes, tmp_path
         first.wait()
         wait_for(lambda: "The scheduler was lost" in said(tmp_path))
         with running(*scheduler), running(*worker):
-            assert process.wait(120) == 0, said(tmp_path)
+            assert process.wait(HANGS) == 0, said(tmp_path)
     assert "Connected again." in said(tmp_path)
     assert len(fitted_in(tmp_path / "out")) == 3
 
@@ -134,7 +135,7 @@ def test_a_take_that_ends_its_workers_is_given_up_and_tried_again_the_next_night
     )  # fmt: skip
     wait_for(lambda: (tmp_path / "out/unfinished").exists())
     kill(worker_pids(process)[0])
-    assert process.wait(60) == SOME_NOT_FITTED
+    assert process.wait(HANGS) == SOME_NOT_FITTED
     assert "swing0.mcap: every worker that took it on died" in said(tmp_path)
     assert not (tmp_path / "out/failed").exists()
     found = survey(open_store(str(night)), open_store(str(tmp_path / "out")), Plan(iterations=4000))
@@ -143,7 +144,7 @@ def test_a_take_that_ends_its_workers_is_given_up_and_tried_again_the_next_night
 
 def test_a_cluster_that_is_not_there_is_one_sentence(takes, tmp_path):
     process = start("batch", takes, "--out", "out", "--scheduler", "gone.json", "--patience", 0, folder=tmp_path)
-    assert process.wait(60) == 75
+    assert process.wait(HANGS) == 75
     assert "gone.json: no scheduler answers there (there is no file gone.json)" in said(tmp_path)
     assert "Traceback" not in said(tmp_path)
     assert "3 waiting" in (tmp_path / "out/summary.html").read_text()
@@ -173,7 +174,7 @@ def test_a_file_that_is_no_scheduler_file_is_told_at_once(takes, tmp_path, text)
 
 def test_a_night_too_short_for_its_takes_says_so_in_its_status(takes, tmp_path):
     process = start("batch", takes, "--out", "out", "--hours", 0, *SHORT, folder=tmp_path)
-    assert process.wait(60) == SOME_NOT_FITTED
+    assert process.wait(HANGS) == SOME_NOT_FITTED
     assert "3 takes: 3 waiting." in said(tmp_path)
 
 
@@ -372,9 +373,9 @@ def test_the_command_tries_what_failed_again_only_with_its_option(takes, tmp_pat
     kept.parent.mkdir(parents=True)
     kept.write_text('{"sentence": "was not understood"}')
     words = ("batch", night, "--out", "out", "--workers", 1, "--dashboard-port", 0, *SHORT)
-    assert start(*words, folder=tmp_path).wait(60) == SOME_NOT_FITTED
+    assert start(*words, folder=tmp_path).wait(HANGS) == SOME_NOT_FITTED
     assert "swing0.mcap: was not understood" in said(tmp_path)
-    assert start(*words, "--retry-failed", folder=tmp_path).wait(120) == 0, said(tmp_path)
+    assert start(*words, "--retry-failed", folder=tmp_path).wait(HANGS) == 0, said(tmp_path)
     assert "1 take: 1 fitted." in said(tmp_path)
     assert not kept.exists()
 

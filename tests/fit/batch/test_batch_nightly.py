@@ -26,7 +26,7 @@ from fit.batch.summary import Row, as_csv, as_html, sentence_of
 from fit.identification.request import Plan
 from fit.search.least_squares import BoundedSpace
 from fit.search.tempering import FEWEST_DRAWS, Tempering
-from tests.fit.batch.night import PROGRAMS, make_takes
+from tests.fit.batch.night import HANGS, PROGRAMS, make_takes
 from tests.fit.report.report_scene import fit_result
 
 ROOT = Path(__file__).parents[3]
@@ -150,7 +150,7 @@ def test_the_slurm_recipe_as_printed_fits_two_takes(tmp_path):
     make_takes(tmp_path / "takes", 2)
     done = subprocess.run(
         ["bash", "-c", script.replace("hangtime batch", "hangtime batch --iterations 8 --spacing 0.1")],
-        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=200,
+        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=HANGS,
         env={
             **os.environ, "PATH": f"{tmp_path}/bin:{PROGRAMS}:{os.environ['PATH']}", "SLURM_JOB_ID": "7",
             "SLURM_CPUS_PER_TASK": "1", "TAKES": str(tmp_path / "takes"), "RESULTS": str(tmp_path / "results"),

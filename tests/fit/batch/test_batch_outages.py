@@ -17,6 +17,7 @@ from fit.batch.summary import rows_of
 from fit.errors import UnreachableError
 from fit.identification.request import Plan
 from tests.fit.batch.night import (
+    HANGS,
     PROGRAMS,
     SHORT,
     free_port,
@@ -64,7 +65,7 @@ def test_workers_that_start_after_the_batch_are_waited_for_without_any_patience(
         process = start(*words, folder=tmp_path)
         wait_for(lambda: "Dashboard: " in said(tmp_path))
         with running(PROGRAMS / "dask", "worker", address, "--nthreads", 1, "--no-dashboard", "--no-nanny"):
-            assert process.wait(120) == 0, said(tmp_path)
+            assert process.wait(HANGS) == 0, said(tmp_path)
 
 
 @pytest.mark.slow
@@ -76,7 +77,7 @@ def test_a_batch_stops_at_its_time_of_the_day(takes, tmp_path):
         wait_for(lambda: is_listening(port))
         words = ("batch", takes, "--out", "out", "--scheduler", f"tcp://127.0.0.1:{port}", "--until", until, *SHORT)
         process = start(*words, folder=tmp_path)
-        assert process.wait(180) == SOME_NOT_FITTED, said(tmp_path)
+        assert process.wait(HANGS) == SOME_NOT_FITTED, said(tmp_path)
     assert "1 take: 1 waiting." in said(tmp_path)
     assert time.strftime("%H:%M") == until
 
@@ -94,7 +95,7 @@ def test_a_bucket_that_cannot_be_reached_may_be_tried_again_where_that_is_before
         "batch", "s3://takes", "--out", "out", *until, folder=tmp_path, AWS_ENDPOINT_URL="http://127.0.0.1:9",
         AWS_ALLOW_HTTP="true", AWS_ACCESS_KEY_ID="a", AWS_SECRET_ACCESS_KEY="b", AWS_REGION="r",
     )  # fmt: skip
-    assert process.wait(120) == status, said(tmp_path)
+    assert process.wait(HANGS) == status, said(tmp_path)
     assert "cannot be listed" in said(tmp_path)
     assert "Traceback" not in said(tmp_path)
 
@@ -128,7 +129,7 @@ def test_a_bucket_that_workers_lose_is_waited_for_and_costs_no_take(tmp_path, is
         wait_for(lambda: "1 takes, 1 to fit." in said(tmp_path))
     wait_for(lambda: "Waiting for it to come back." in said(tmp_path))
     with serving(root, port) if is_back else contextlib.nullcontext():
-        assert process.wait(120) == (0 if is_back else 75), said(tmp_path)
+        assert process.wait(HANGS) == (0 if is_back else 75), said(tmp_path)
     assert "swing0.mcap: cannot be read" in said(tmp_path)
     assert "Traceback" not in said(tmp_path)
     assert not (tmp_path / "out/failed").exists()

@@ -212,24 +212,23 @@ MEETING = """
 import os, pathlib, sys, time
 here = pathlib.Path(__file__).parent
 (here / f"begun-{os.getpid()}").touch()
-end = time.monotonic() + 30
+end = time.monotonic() + 600
 while len(list(here.glob("begun-*"))) < 2 and time.monotonic() < end:
     time.sleep(0.02)
 (here / "threads.txt").write_text(os.environ["HANGTIME_THREADS"])
-sys.exit(2 if time.monotonic() < end else 0)
+sys.exit(2 if len(list(here.glob("begun-*"))) > 1 else 0)
 """
 
 
 def test_diagnoses_run_side_by_side_and_share_the_processors(a_set, tmp_path):
     program = tmp_path / "diagnose.py"
     program.write_text(MEETING)
-    started, counts = time.monotonic(), []
+    counts = []
     failed = run_set(
         a_set, tmp_path / "answers", command=[sys.executable, str(program)], workers=2,
         progress=lambda *numbers: counts.append(numbers),
     )  # fmt: skip
-    assert failed == 5
-    assert time.monotonic() - started < 30
+    assert failed == 5  # each met another one
     assert counts == [(n, 5, n) for n in range(6)]
     assert int((tmp_path / "threads.txt").read_text()) == max(1, runtime.available_threads() // 2)
 

@@ -27,11 +27,13 @@ def test_results_do_not_depend_on_company_lanes_or_threads():
     assert np.array_equal(together[4], alone[0])
 
 
-CONTACT_TOO = pytest.param(["self_contact"], marks=pytest.mark.slow)  # sixteen lanes of contact take long to compile
+# These take long to compile in every width.
+EVERYTHING = pytest.param(["air_drag", "bending_hysteresis", "added_mass", "stretch_viscosity"], marks=pytest.mark.slow)
+CONTACT_TOO = pytest.param(["self_contact"], marks=pytest.mark.slow)
 
 
 @pytest.mark.parametrize(
-    "names", [["hem"], ["air_drag", "bending_hysteresis", "added_mass", "stretch_viscosity"], CONTACT_TOO],
+    "names", [["hem"], EVERYTHING, CONTACT_TOO],
     ids=["plain", "everything", "contact"],
 )  # fmt: skip
 def test_kernels_of_all_widths_round_alike(names, monkeypatch):

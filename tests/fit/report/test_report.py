@@ -253,7 +253,7 @@ def test_player_runs_in_a_browser_without_a_word_on_the_console(report, tmp_path
          "--disable-background-networking", "--disable-component-update", "--disable-sync", "--enable-logging=stderr",
          f"--user-data-dir={tmp_path}", "--virtual-time-budget=5000", "--window-size=1200,900", "--dump-dom",
          f"{report.as_uri()}{address}"],
-        capture_output=True, text=True, timeout=120, check=True,
+        capture_output=True, text=True, timeout=600, check=True,
     )  # fmt: skip
     assert "CONSOLE" not in done.stderr
     assert 'data-ready="yes"' in done.stdout

@@ -106,6 +106,7 @@ def test_another_set_in_the_same_folder_is_refused(a_set):
         make_set(a_set, dict.fromkeys(NUMBERS, 0), PLANTED, 5)
 
 
+@pytest.mark.slow  # each of them imports Taichi anew; above, the same seed makes the same bytes
 def test_two_processes_make_the_same_set(a_set, tmp_path):
     made = make_set(tmp_path, NUMBERS, PLANTED, 5, workers=2, side=COARSE)
     assert made.files == read_manifest(a_set).files

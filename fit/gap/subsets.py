@@ -1,0 +1,160 @@
+"""The evidence of every subset of up to three effects, from signatures alone: nothing is simulated.
+
+About a fit with residual r and Jacobian J, an effect's signatures S (columns per typical size) make the residual
+r + J b + S a. With a covariance C (`fit.gap.likelihood`), Gaussian priors b ~ N(m, Lambda^-1) and a ~ N(0, T) cut to
+the effect's range, the parameters b and the amplitudes a of a subset M are integrated in closed form. In the metric of
+C, with the base parameters projected out,
+
+    Q = C^-1 - C^-1 J (J' C^-1 J + Lambda)^-1 J' C^-1,    g = -S' Q r,  G = S' Q S
+    log p(r | M, s) = base(s) + 1/2 g_M' A^-1 g_M - 1/2 log |I + T_M G_M| + log B(A^-1 g_M, A^-1) - log B(0, T_M)
+    A = G_M + T_M^-1,   base(s) = -1/2 r' Q r - 1/2 log |C| - 1/2 log |I + Lambda^-1 J' C^-1 J|
+
+where B(mu, V) is the share of a normal distribution that lies within the ranges (signs among them). For several
+components it is the product of the conditional shares of one after another, each with the mean and variance that
+truncation left (Mendell & Elston). The size s of the discrepancy has a log-normal prior about what mesh and solver, and
+laws of the effects, are wrong by; it is summed out on a grid.
+Every effect is at work with odds CHANCE, independently of the others.
+Sources: E. I. George & R. E. McCulloch, JASA 88 (1993) (evidence of every subset); D. J. C. MacKay,
+"Information Theory, Inference, and Learning Algorithms" (2003), chapter 28; N. R. Mendell & R. C. Elston, Biometrics 30
+(1974).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import log_ndtr, logsumexp
+
+from fit.gap.likelihood import Sums
+from formats.arrays import Floats
+
+MOST_EFFECTS = 3  # at work together
+CHANCE = 1 / 24  # odds that one effect is at work: of about two dozen one, as often as not
+SIZES = 2.0  # standard deviation of an amplitude, in typical sizes, before its range cuts it
+TOGETHER = 256  # subsets worked out at once, so that their matrices stay small
+FAR = 30.0  # deviations, beyond which nothing of a normal distribution is left
+LOG_ROOT = 0.5 * float(np.log(2 * np.pi))
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Components of the effects that may be at work, in the order of the rows of `Sums` after residual and Jacobian.
+
+    effects: names, one per column; low, high, (columns,): ranges in typical sizes, less what the fit has of them
+    """
+
+    effects: tuple[str, ...]
+    low: Floats
+    high: Floats
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """What is left of the sums with the base parameters projected out, per scale.
+
+    base, (scales,): log evidence without an effect; pull, (scales, columns): g; normal, (scales, columns, columns): G
+    """
+
+    base: Floats
+    pull: Floats
+    normal: Floats
+
+
+def reduced(sums: Sums, parameters: int, precision: Floats, offset: Floats) -> Reduced:
+    """Project base parameters out of sums over rows: the residual, the Jacobian's columns, the signatures.
+
+    precision, (parameters,): of their priors; offset, (parameters,): where the fit is, less the priors' means
+    """
+    inner = sums.inner
+    of_base = slice(1, 1 + parameters)
+    hessian = inner[:, of_base, of_base] + np.diag(precision)
+    cross = np.delete(inner[:, of_base], np.s_[of_base], axis=2)  # with the residual, then with signatures
+    cross[:, :, 0] += precision * offset
+    rest = np.delete(np.delete(inner, np.s_[of_base], axis=1), np.s_[of_base], axis=2)
+    rest = rest - np.swapaxes(cross, 1, 2) @ np.linalg.solve(hessian, cross)
+    squares = rest[:, 0, 0] + float(precision @ offset**2)
+    volume = np.linalg.slogdet(hessian)[1] - np.log(precision).sum()
+    base = -0.5 * (squares + sums.log_det + volume)
+    return Reduced(base, -rest[:, 0, 1:], rest[:, 1:, 1:])
+
+
+def log_evidence(found: Reduced, columns: Columns, among: Sequence[Sequence[str]]) -> Floats:
+    """Log evidence of the effects of each subset, (subsets, scales), whatever their prior odds."""
+    places = {name: [n for n, other in enumerate(columns.effects) if other == name] for name in columns.effects}
+    at = [[n for name in subset for n in places[name]] for subset in among]
+    gained = np.zeros((len(among), len(found.base)))
+    for size in {len(one) for one in at} - {0}:
+        chosen = [n for n, one in enumerate(at) if len(one) == size]
+        for first in range(0, len(chosen), TOGETHER):
+            some = chosen[first : first + TOGETHER]
+            gained[some] = _gained(found, columns, np.array([at[n] for n in some]))
+    return np.asarray(found.base + gained)
+
+
+def _gained(found: Reduced, columns: Columns, at: NDArray[np.int64]) -> Floats:
+    """What columns, (subsets, k), add to the log evidence, (subsets, scales)."""
+    pull = np.moveaxis(found.pull[:, at], 0, 1)  # (subsets, scales, k)
+    normal = np.moveaxis(found.normal[:, at[:, :, None], at[:, None, :]], 0, 1)
+    low, high, count = columns.low[at], columns.high[at], at.shape[1]
+    posterior = normal + np.eye(count) / SIZES**2
+    covariance = np.asarray(np.linalg.inv(posterior), float)
+    mean = (covariance @ pull[..., None])[..., 0]
+    volume = 0.5 * np.linalg.slogdet(posterior)[1] + count * np.log(SIZES)
+    within = log_share(mean, covariance, low[:, None], high[:, None])
+    prior = np.tile(np.eye(count) * SIZES**2, (len(at), 1, 1))
+    before = log_share(np.zeros((len(at), count)), prior, low, high)
+    return np.asarray(0.5 * (pull * mean).sum(-1) - volume + within - before[:, None])
+
+
+def log_share(mean: Floats, covariance: Floats, low: Floats, high: Floats) -> Floats:
+    """Logarithm of the share of normal distributions, (..., k) and (..., k, k), within ranges, (..., k) -> (...,)."""
+    mean, covariance = mean.copy(), covariance.copy()
+    total = np.zeros(mean.shape[:-1])
+    for n in range(mean.shape[-1]):
+        sd = np.sqrt(covariance[..., n, n])
+        below, above = (low[..., n] - mean[..., n]) / sd, (high[..., n] - mean[..., n]) / sd
+        share = _log_between(below, above)
+        total += share
+        # Mean and variance of what is left of a standard normal distribution between two ends.
+        at_low, at_high = (np.exp(-0.5 * np.minimum(end**2, FAR**2) - LOG_ROOT - share) for end in (below, above))
+        moved = at_low - at_high
+        ends = (np.where(np.abs(end) < FAR, end * at, 0.0) for end, at in ((below, at_low), (above, at_high)))
+        kept = np.clip(1 + next(ends) - next(ends) - moved**2, 0.0, 1.0)
+        gain = covariance[..., n] / sd[..., None]
+        mean = mean + gain * moved[..., None]
+        covariance = covariance - gain[..., :, None] * gain[..., None, :] * (1 - kept)[..., None, None]
+    return total
+
+
+def _log_between(below: Floats, above: Floats) -> Floats:
+    """Logarithm of the share of a standard normal distribution between two ends, however far out both are."""
+    flip = below > 0
+    low, high = np.where(flip, -above, below), np.where(flip, -below, above)
+    top, bottom = log_ndtr(high), log_ndtr(low)
+    return np.asarray(top + np.log1p(-np.exp(np.minimum(bottom - top, -1e-12))))
+
+
+def subsets(effects: Sequence[str], *, beside: Mapping[str, bool] | None = None) -> list[tuple[str, ...]]:
+    """Return every subset of up to MOST_EFFECTS effects, the empty one first.
+
+    beside: whether an effect may be one of several
+    """
+    able = [name for name in effects if beside is None or beside[name]]
+    found = [(), *((name,) for name in effects)]
+    return found + [pair for count in range(2, MOST_EFFECTS + 1) for pair in combinations(able, count)]
+
+
+def log_prior(count: int) -> float:
+    """Logarithm of the prior odds of so many effects against none."""
+    return count * float(np.log(CHANCE))
+
+
+def summed_out(log_evidences: Floats, log_scales: Floats, middle: Floats | float, width: float) -> Floats:
+    """Sum the discrepancy's size out of log evidences, (..., scales), with a log-normal prior about `middle`."""
+    apart = (log_scales - np.log(np.asarray(middle))[..., None]) / width
+    weight = -0.5 * apart**2
+    return np.asarray(logsumexp(log_evidences + weight - logsumexp(weight, axis=-1, keepdims=True), axis=-1))

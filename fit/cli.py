@@ -10,6 +10,7 @@ import typer
 
 from fit.batch.cli import add_commands as add_batch_commands
 from fit.blind.cli import add_commands as add_blind_commands
+from fit.export.cli import add_commands as add_export_commands
 from formats.terminal import ProgressLine, say
 
 if TYPE_CHECKING:
@@ -42,6 +43,7 @@ def add_commands(app: typer.Typer) -> None:
     app.command("fit", short_help="Find the cloth parameters that follow the takes.")(fit_command)
     app.command("fabric", short_help="Show a fit as a fabric tester would.")(fabric_command)
     app.command("diagnose", short_help="Say what the simulation lacks, and how sure that is.")(diagnose_command)
+    add_export_commands(app)
     add_batch_commands(app)
     add_blind_commands(app)
 

@@ -18,7 +18,7 @@ import formats as formats_package
 # Modules that only show or hand out results, or bring takes in; every other module of `fit` and `formats` may change
 # them.
 WITHOUT_PART = (
-    "fit/api", "fit/batch", "fit/blind", "fit/report", "fit/cli.py", "fit/folders.py",
+    "fit/api", "fit/batch", "fit/blind", "fit/export", "fit/report", "fit/cli.py", "fit/folders.py",
     "formats/cli.py", "formats/command.py", "formats/importers", "formats/terminal.py",
 )  # fmt: skip
 LIBRARIES = ("cmaes", "numpy", "scipy", "taichi")

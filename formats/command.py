@@ -29,6 +29,7 @@ PACKAGES = {
     "cv2": "opencv-python-headless",
     "usb": "pyusb",
     "PIL": "pillow",
+    "pxr": "usd-core",
 }  # those that are not named as what they bring
 
 app = typer.Typer(

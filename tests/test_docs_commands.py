@@ -47,7 +47,8 @@ RULES = (
     parsed(r".*(?:swung-cloth/|--real takes)", "needs real recordings"),
     parsed(r"hangtime blind (?:run|score|strike|report)", "the blind check's tests run these, a case at a time"),
     parsed(r"\S*hangtime sensor (?:list|info|log|led|reset|play openni2:|doctor(?! synthetic))", "needs a device"),
-    Rule(r"hangtime (?:takes (?:show|verify|export)|fabric|markers print|swatch) ", "quick"),
+    parsed(r"hangtime export .*--to usd", "needs usd-core; tests/fit/export runs these"),
+    Rule(r"hangtime (?:takes (?:show|verify|export)|export|fabric|markers print|swatch) ", "quick"),
     Rule(r"hangtime import (?!demo-swatch)", "quick"),
     Rule(r"hangtime (?:sensor synthesise-swatch|import) ", "slow"),  # the second needs what the first makes
     Rule(r"hangtime sensor doctor synthetic:", "slow", (("synthetic:swing", "'synthetic:swing?seconds=1'"),)),

@@ -1,4 +1,4 @@
-"""The five calls of the Python interface: load, fit, diagnose, simulate, report.
+"""The six calls of the Python interface: load, fit, diagnose, simulate, report, export.
 
 Each call does the work of the command of its name. Both use the same code, the same defaults and one thread of linear
 algebra. So the numbers are the command's to the last digit.
@@ -197,6 +197,34 @@ def report(outcome: FitOutcome | DiagnosisOutcome, path: Path | str, *, fit: Fit
         "a result that was loaded from a file holds no takes to draw", where=path,
         advice="fit or diagnose the takes again, then write the report",
     )  # fmt: skip
+
+
+def export(
+    outcome: FitOutcome | Path | str,
+    to: str,
+    path: Path | str,
+    *,
+    take: OneTake | None = None,
+    thickness: float = 1e-3,
+    spacing: float | None = None,
+    overwrite: bool = False,
+) -> list[Path]:
+    """Write a fit for other programs, as `hangtime export` does, and return the files that were written.
+
+    outcome: a fit, or the path of its `fit.json`; to: the kind, `fit.export.kinds.KINDS`; take: whose garment and
+    motion; thickness: the fabric's [m], which no motion tells; spacing: of the mesh [m].
+
+    Raises:
+        FitError: an unknown kind, or a fit that holds no such thing.
+        OutputError: a file is there already and is not to be overwritten.
+    """
+    from fit.export.kinds import Order, read_fit
+    from fit.export.kinds import export as write
+
+    result = outcome.result if isinstance(outcome, FitOutcome) else read_fit(Path(outcome))[0]
+    whose = _each(take)[0] if take is not None else None
+    order = Order(result=result, take=whose, thickness=thickness, spacing=spacing)
+    return write(order, to, Path(path), overwrite=overwrite)
 
 
 def library_of(add: Sequence[str], without: Sequence[str]) -> tuple[Effect, ...]:

@@ -1,0 +1,79 @@
+"""Where an exported file comes from and what it does not know, in words and as plain values."""
+
+from __future__ import annotations
+
+from importlib import metadata
+from typing import Any
+
+from fit.export.fabric import MEANING_OF_STATUS, Fabric, Quantity, Status
+from formats.plain_text import plain
+from formats.results import FitResult
+
+
+def provenance(result: FitResult) -> dict[str, Any]:
+    """Return who made the fit, of what, with which error."""
+    error = result.error.held_out_after or result.error.train_after
+    return {
+        "generator": f"hangtime {metadata.version('hangtime')}",
+        "created": result.created,
+        "method": result.method,
+        "search": result.search,
+        "seed": result.seed,
+        "takes": list(result.take_ids),
+        "take_sha256": list(result.take_contents),
+        "held_out_takes": list(result.held_out_ids),
+        "mean_error_m": error.mean_m,
+        "error_is_held_out": result.error.held_out_after is not None,
+    }
+
+
+def quantity_record(quantity: Quantity) -> dict[str, Any]:
+    """Return a quantity as plain values for JSON."""
+    interval = None if quantity.low is None else [quantity.low, quantity.high]
+    return {
+        "value": quantity.value, "unit": quantity.unit, "interval_90": interval, "status": quantity.status,
+        "is_identified": quantity.is_told, "meaning": quantity.meaning,
+    }  # fmt: skip
+
+
+def origin_lines(result: FitResult) -> list[str]:
+    """Return the provenance in sentences."""
+    error = result.error.held_out_after or result.error.train_after
+    judged = "on takes held out" if result.error.held_out_after is not None else "on the takes fitted to"
+    return [
+        f"Fitted by hangtime {metadata.version('hangtime')} with the method {result.method} on {result.created}.",
+        plain(f"Takes: {', '.join(result.take_ids)}."),
+        f"Mean distance of the tracked points: {1e3 * error.mean_m:.1f} mm {judged}.",
+    ]
+
+
+def caution_lines(result: FitResult, fabric: Fabric | None) -> list[str]:
+    """Return a sentence for each number that is not what it looks like; nothing where all are identified."""
+    lines = []
+    if fabric is not None:
+        for q in fabric.quantities:
+            if not q.is_told:
+                lines.append(f"{q.name} = {short(q.value)} {q.unit}{interval_words(q)}: {MEANING_OF_STATUS[q.status]}.")
+        if fabric.layers > 1:
+            lines.append(f"The garment has {fabric.layers} layers; the numbers are of one of them.")
+        return lines
+    for p in result.parameters:
+        if p.is_identified is not True:
+            status: Status = "not identified" if p.is_identified is False else "no interval"
+            ends = _ends(p.interval_low, p.interval_high)
+            lines.append(f"{p.name} = {short(p.fitted)} {p.unit}{ends}: {MEANING_OF_STATUS[status]}.")
+    return lines
+
+
+def interval_words(quantity: Quantity) -> str:
+    """Return the interval in words, after a comma; nothing where there is none."""
+    return _ends(quantity.low, quantity.high)
+
+
+def _ends(low: float | None, high: float | None) -> str:
+    return "" if low is None or high is None else f", 90 % interval {short(low)} to {short(high)}"
+
+
+def short(value: float) -> str:
+    """Return a number with three digits, whole numbers in full."""
+    return f"{value:.0f}" if 1000 <= abs(value) < 1e6 else f"{value:.3g}"

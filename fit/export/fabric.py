@@ -1,0 +1,255 @@
+"""The fabric of a fit: its SI quantities with their intervals, and what the takes say about each of them.
+
+A quantity q is a function of the fitted parameters p (`fit.methods`, and effects that change the cloth). Its interval
+reaches from the least to the largest q over the corners of the box of the parameters' 90 % intervals. Every map is
+monotonic in each parameter, so that no corner is missed. Where one parameter alone decides q, the interval is that
+parameter's; where several do, it holds q at least as often.
+
+Layers that slide on one another share weight, tension, shear and bending (`fit.virtual_tests.sheet`); the quantities
+are of one layer.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from fit.cloth import material as mat
+from fit.cloth.effect import Effect, parameter_names
+from fit.effects import LIBRARY
+from fit.engines import OWN
+from fit.errors import FitError
+from fit.methods import Parameterisation, find_method
+from formats.arrays import Floats
+from formats.results import FitParameter, FitResult
+
+Read = Callable[[Floats], float]
+Status = Literal["measured", "not identified", "no interval", "weighed", "tied to stretch", "assumed"]
+
+MEANING_OF_STATUS: dict[Status, str] = {
+    "measured": "the takes identify it; 90 % interval",
+    "not identified": "the takes do not identify it: any value of the interval follows them as well, the value is one",
+    "no interval": "fitted, and nobody computed how sure it is",
+    "weighed": "from the garment's weight and area, not from its motion",
+    "tied to stretch": "the method ties it to the stretch stiffness; it was not measured by itself",
+    "assumed": "a constant of the method; it was not measured",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quantity:
+    """One number of a fabric in SI units; low and high are a 90 % interval, None where there is none."""
+
+    name: str
+    value: float
+    unit: str
+    meaning: str
+    status: Status
+    low: float | None = None
+    high: float | None = None
+
+    @property
+    def is_told(self) -> bool:
+        """Return whether the number is known: measured or weighed."""
+        return self.status in ("measured", "weighed")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fabric:
+    """One layer of a fitted fabric; `layers` of them make the garment's sheet."""
+
+    quantities: tuple[Quantity, ...]
+    layers: int
+
+    def __getitem__(self, name: str) -> Quantity:
+        """Return the quantity of this name."""
+        return next(q for q in self.quantities if q.name == name)
+
+    def get(self, name: str) -> float:
+        """Return a quantity's value, 0 where the fabric does not have it."""
+        return next((q.value for q in self.quantities if q.name == name), 0.0)
+
+    @property
+    def not_identified(self) -> tuple[Quantity, ...]:
+        """Return the quantities that the takes do not identify."""
+        return tuple(q for q in self.quantities if q.status in ("not identified", "no interval"))
+
+    @property
+    def whole(self) -> Fabric:
+        """Return all layers as one sheet, as the fit simulated them."""
+        if self.layers == 1:
+            return self
+        return Fabric(
+            quantities=tuple(_times(q, self.layers) if q.name in SHARED else q for q in self.quantities), layers=1
+        )
+
+
+SHARED = (
+    "areal_density", "stretch_warp", "stretch_weft", "shear", "bending_warp", "bending_weft", "bending_friction",
+    "added_mass",
+)  # fmt: skip
+# Name, unit, meaning, and how it follows from a material row.
+_FROM_MATERIAL: tuple[tuple[str, str, str, Read], ...] = (
+    ("areal_density", "kg/m^2", "mass per area", lambda r: r[mat.DENSITY]),
+    ("stretch_warp", "N/m", "tension per strain along the warp, which runs down the cloth",
+     lambda r: r[mat.STRETCH] * np.exp(r[mat.STRETCH_RATIO] / 2)),
+    ("stretch_weft", "N/m", "tension per strain along the weft, which runs across the cloth",
+     lambda r: r[mat.STRETCH] * np.exp(-r[mat.STRETCH_RATIO] / 2)),
+    ("shear", "N/m", "shear force per width and radian", lambda r: r[mat.SHEAR]),
+    ("bending_warp", "N m", "moment per width and curvature, of a bend that runs down the cloth",
+     lambda r: r[mat.BENDING] * np.exp(r[mat.BENDING_RATIO] / 2)),
+    ("bending_weft", "N m", "moment per width and curvature, of a bend that runs across the cloth",
+     lambda r: r[mat.BENDING] * np.exp(-r[mat.BENDING_RATIO] / 2)),
+    ("stretch_damping_time", "s", "membrane viscosity over membrane stiffness",
+     lambda r: r[mat.MEMBRANE_TIME] + r[mat.VISCOSITY]),
+    ("bending_damping_time", "s", "bending viscosity over bending stiffness", lambda r: r[mat.BENDING_TIME]),
+    ("velocity_damping", "1/s", "linear damping of all motion against still air", lambda r: r[mat.VELOCITY]),
+    ("stiffening", "1", "relative growth of the stretch stiffness per strain", lambda r: r[mat.STIFFENING]),
+)  # fmt: skip
+_FROM_EFFECTS = {
+    "air_drag": ("drag_coefficient", "1", "times a face's area and half the air's density and speed squared"),
+    "added_mass": ("added_mass", "kg/m^2", "mass of air that moves along in the middle of the cloth"),
+    "bending_hysteresis": ("bending_friction", "N", "largest frictional moment per width"),
+}
+
+
+def fabric_of(result: FitResult) -> Fabric:
+    """Return the fabric that a fit found.
+
+    Raises:
+        FitError: the fit has no SI values: another engine's, one that fitted the weight, or an older version's.
+    """
+    if reason := why_no_fabric(result):
+        raise FitError(reason, advice=f"this fit can be exported as {', '.join(WITHOUT_FABRIC)}")
+    method, effects = find_method(result.method), _effects(result)
+    rows = _Rows(result, method, effects)
+    found = [
+        quantity
+        for name, unit, meaning, read in _FROM_MATERIAL
+        for quantity in [_quantity(name, unit, meaning, rows, read)]
+        if quantity.value != 0.0 or name not in ("stiffening",)
+    ]
+    stretch = rows.parameters_behind(lambda r: r[mat.STRETCH])
+    found = [_tied(q, rows, stretch) if q.name == "shear" else q for q in found]
+    for effect, (name, unit, meaning) in _FROM_EFFECTS.items():
+        parameter = next((p for p in result.parameters if p.name == effect), None)
+        if parameter is not None:
+            found.append(
+                Quantity(
+                    name=name, value=parameter.fitted, unit=unit, meaning=meaning, status=_status([parameter]),
+                    low=parameter.interval_low, high=parameter.interval_high,
+                )
+            )  # fmt: skip
+    share = 1 / result.layers
+    return Fabric(quantities=tuple(_times(q, share) if q.name in SHARED else q for q in found), layers=result.layers)
+
+
+WITHOUT_FABRIC = ("csv",)
+
+
+def why_no_fabric(result: FitResult) -> str:
+    """Return why a fit says nothing about a fabric in SI units; nothing where it does.
+
+    Raises:
+        FitError: the method is not known.
+    """
+    if result.engine != OWN:
+        return f"the fit is of {result.engine}'s cloth, whose numbers have no SI values"
+    names = {p.name for p in result.parameters}
+    if fitted := sorted(names & {"mass", "density"}):
+        return (
+            f"the method {result.method} fits the {fitted[0]}, which motion does not tell, so that none of its numbers "
+            f"has an SI value; fit with si or {result.method}-weighed for those"
+        )
+    if not set(mat.NAMES) <= result.material.keys():
+        return "the fit does not hold its material; it is from an older version"
+    find_method(result.method)
+    return ""
+
+
+class _Rows:
+    """Material rows of vectors of a fit's parameters."""
+
+    def __init__(self, result: FitResult, method: Parameterisation, effects: tuple[Effect, ...]) -> None:
+        self.parameters = result.parameters
+        self._method, self._effects = method, effects
+        self._density = result.material[mat.NAMES[mat.DENSITY]]
+        self.fitted = np.array([result.material[name] for name in mat.NAMES])
+        self._values = np.array([p.fitted for p in result.parameters])
+        self._names = [p.name for p in result.parameters]
+
+    def at(self, vector: Floats) -> Floats:
+        """Return the material row of one vector."""
+        count = len(self._method.parameters)
+        row = self._method.to_materials(vector[None, :count], self._density)[0]
+        for effect in self._effects:
+            amplitude = np.array([vector[self._names.index(name)] for name in parameter_names(effect)])
+            if effect.acts_on != "measurement" and amplitude.any():
+                row = effect.material(row, amplitude)
+        return np.asarray(row)
+
+    def parameters_behind(self, read: Read) -> list[FitParameter]:
+        """Return the parameters that a quantity depends on: those that change it from end to end of their range."""
+        found = []
+        for k, p in enumerate(self.parameters):
+            ends = []
+            for end in (p.minimum, p.maximum):
+                vector = self._values.copy()
+                vector[k] = end
+                ends.append(float(read(self.at(vector))))
+            if not np.isclose(*ends, rtol=1e-9, atol=0.0):
+                found.append(p)
+        return found
+
+    def ends(self, read: Read, behind: list[FitParameter]) -> tuple[float, float] | None:
+        """Return least and largest value over the corners of the parameters' intervals; None without intervals."""
+        if not behind or any(p.interval_low is None or p.interval_high is None for p in behind):
+            return None
+        values = []
+        for corner in itertools.product(*((p.interval_low, p.interval_high) for p in behind)):
+            vector = self._values.copy()
+            for p, end in zip(behind, corner, strict=True):
+                vector[self._names.index(p.name)] = end
+            values.append(float(read(self.at(vector))))
+        return min(values), max(values)
+
+
+def _quantity(name: str, unit: str, meaning: str, rows: _Rows, read: Read) -> Quantity:
+    behind = rows.parameters_behind(read)
+    ends = rows.ends(read, behind)
+    status: Status = _status(behind) if behind else "weighed" if name == "areal_density" else "assumed"
+    low, high = ends if ends is not None else (None, None)
+    return Quantity(
+        name=name, value=float(read(rows.fitted)), unit=unit, meaning=meaning, status=status, low=low, high=high
+    )
+
+
+def _status(behind: list[FitParameter]) -> Status:
+    if any(p.is_identified is False for p in behind):
+        return "not identified"
+    return "no interval" if any(p.is_identified is None for p in behind) else "measured"
+
+
+def _tied(shear: Quantity, rows: _Rows, stretch: list[FitParameter]) -> Quantity:
+    """Return shear with its status where a method makes it a share of the stretch stiffness."""
+    behind = rows.parameters_behind(lambda r: r[mat.SHEAR])
+    if behind and [p.name for p in behind] == [p.name for p in stretch] and shear.status == "measured":
+        return replace(shear, status="tied to stretch")
+    return shear
+
+
+def _times(quantity: Quantity, share: float) -> Quantity:
+    return replace(
+        quantity, value=quantity.value * share,
+        low=None if quantity.low is None else quantity.low * share,
+        high=None if quantity.high is None else quantity.high * share,
+    )  # fmt: skip
+
+
+def _effects(result: FitResult) -> tuple[Effect, ...]:
+    """Return the effects that a fit has, in the library's order."""
+    return tuple(e for e in LIBRARY if set(parameter_names(e)) <= result.effects.keys())

@@ -1,0 +1,151 @@
+"""What a fit can be exported as: one entry a kind, and the call that writes it.
+
+A kind is made of the fit alone, of the fabric in it, or of its motion under a take's hanger.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from fit.errors import FitError
+from fit.export import presets, tables
+from fit.export.fabric import Fabric, fabric_of, why_no_fabric
+from fit.export.sheet import SWATCH_SIDE, SWATCH_SPACING, Sheet, garment_sheet, strip
+from fit.export.usd_physics import THICKNESS, usd_physics
+from fit.methods import find_method
+from formats.errors import HangtimeError
+from formats.outputs import check_name, make_output_folder, refuse_to_replace, write_bytes
+from formats.results import FitResult, load_diagnosis, load_fit_result
+from formats.take import Take
+
+LEAST_THICKNESS, MOST_THICKNESS = 1e-5, 0.02  # m, from the thinnest foil to quilted wadding
+
+
+@dataclass(frozen=True, kw_only=True)
+class Order:
+    """What is to be exported and how; take: whose garment and motion, where a kind has them."""
+
+    result: FitResult
+    take: Take | None = None
+    thickness: float = THICKNESS  # m
+    spacing: float | None = None  # m
+
+    @property
+    def fabric(self) -> Fabric:
+        """Return the fabric of the fit, one layer of it.
+
+        Raises:
+            FitError: the fit says nothing about a fabric.
+        """
+        return fabric_of(self.result)
+
+    @property
+    def fabric_if_any(self) -> Fabric | None:
+        """Return the fabric, None where the fit says nothing about one."""
+        return None if why_no_fabric(self.result) else self.fabric
+
+    @property
+    def sheet(self) -> Sheet:
+        """Return the garment of the take, a swatch where there is none."""
+        if self.take is None:
+            return strip(SWATCH_SIDE, SWATCH_SIDE, self.spacing or SWATCH_SPACING)
+        return garment_sheet(self.take.garment, self.spacing or find_method(self.result.method).spacing)
+
+    @property
+    def sheets_fabric(self) -> Fabric:
+        """Return the fabric of `sheet`: all layers of a garment as one, as the fit simulated them."""
+        return self.fabric if self.take is None else self.fabric.whole
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """A kind of export: file name's end, what it is, and what makes the files, the first under the name asked for."""
+
+    suffix: str
+    title: str
+    make: Callable[[Order], dict[str, bytes]]
+    moves: bool = False
+
+
+def _one(suffix: str, title: str, make: Callable[[Order], bytes]) -> Kind:
+    return Kind(suffix=suffix, title=title, make=lambda order: {suffix: make(order)})
+
+
+KINDS: dict[str, Kind] = {
+    "csv": _one(
+        ".csv", "every parameter and SI quantity with its interval",
+        lambda o: tables.parameters_csv(o.result, o.fabric_if_any).encode(),
+    ),
+    "table": _one(
+        ".fabric.txt", "what to type into CLO, Marvelous Designer and Browzwear",
+        lambda o: tables.software_table(o.result, o.fabric).encode(),
+    ),
+    "usd-physics": _one(
+        ".physics.usda", "the fabric as a deformable of OpenUSD",
+        lambda o: usd_physics(o.result, o.sheets_fabric, o.sheet, o.thickness),
+    ),
+    "newton": _one(
+        ".newton.json", "the numbers of Newton's cloth solvers",
+        lambda o: presets.newton_preset(o.result, o.fabric, o.spacing or SWATCH_SPACING),
+    ),
+    "mujoco": _one(
+        ".mujoco.xml", "a sheet of MuJoCo's flex", lambda o: presets.mujoco_flex(o.result, o.sheets_fabric, o.sheet)
+    ),
+}  # fmt: skip
+
+
+def read_fit(path: Path) -> tuple[FitResult, Path]:
+    """Return a fit result and its file, given that file or the folder that `hangtime fit` filled.
+
+    Raises:
+        HangtimeError: it cannot be read, or is no fit.
+    """
+    file = path / "fit.json" if path.is_dir() else path
+    try:
+        return load_fit_result(file), file
+    except HangtimeError as no_fit:
+        try:
+            load_diagnosis(file)
+        except HangtimeError:
+            raise no_fit from None
+    raise FitError("is a diagnosis, which has no fabric", where=file, advice="give the fit.json of `hangtime fit`")
+
+
+def export(order: Order, kind: str, path: Path, *, overwrite: bool = False) -> list[Path]:
+    """Write a fit as a file of a kind, and return every file that was written, the one at `path` first.
+
+    Raises:
+        FitError: an unknown kind; a fit that holds no such thing; a take that is missing or does not belong to it.
+        OutputError: a file is there already, or cannot be written.
+    """
+    if kind not in KINDS:
+        raise FitError(f"there is no export named {kind!r}", advice=f"known exports: {', '.join(KINDS)}")
+    if not LEAST_THICKNESS <= order.thickness <= MOST_THICKNESS:
+        raise FitError(
+            f"no fabric is {1e3 * order.thickness:g} mm thick", where="--thickness", advice="give metres, as in 0.0005"
+        )
+    chosen = KINDS[kind]
+    if chosen.moves and order.take is None:
+        raise FitError(
+            f"{kind} holds motion, and a fit alone has none", where="--take",
+            advice="name a take whose hanger the garment is to follow",
+        )  # fmt: skip
+    check_name(path)
+    if not overwrite:
+        refuse_to_replace(path)
+    made = chosen.make(order)
+    files = {path if suffix == chosen.suffix else path.with_suffix(suffix): raw for suffix, raw in made.items()}
+    for file in files:
+        if not overwrite:
+            refuse_to_replace(file)
+    make_output_folder(path.parent)
+    for file, raw in files.items():
+        write_bytes(file, raw)
+    return list(files)
+
+
+def default_path(fit_file: Path, kind: str) -> Path:
+    """Return the name of an export beside its fit."""
+    return fit_file.with_name(fit_file.stem + KINDS[kind].suffix)

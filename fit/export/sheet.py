@@ -1,0 +1,86 @@
+"""The cloth that an exported file holds at rest: a swatch of the fabric, or the garment of a take.
+
+World frame: z up, x along the held edge, y away from whoever looks at the front; metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.cloth.mesh import build_mesh
+from fit.errors import FitError
+from formats.arrays import Floats
+from formats.garment import Garment
+
+SWATCH_SIDE = 0.3  # m
+SWATCH_SPACING = 0.02  # m: folds of cloth that hangs by itself are several times wider
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """Cloth at rest.
+
+    name; rest [m], (nodes, 2): x across, y up on the flat cloth; start [m], (nodes, 3): hanging flat, world frame;
+    triangles, (n, 3), anticlockwise as seen from the front; held, (m,): nodes of the held edge
+    """
+
+    name: str
+    rest: Floats
+    start: Floats
+    triangles: NDArray[np.int64]
+    held: NDArray[np.int64]
+
+    @property
+    def area(self) -> float:
+        """Return the area [m^2]."""
+        a, b, c = (self.rest[self.triangles[:, k]] for k in range(3))
+        p, q = b - a, c - a
+        return float(0.5 * np.abs(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]).sum())
+
+    @property
+    def spacing(self) -> float:
+        """Return the mean distance of neighbouring nodes [m]: of a grid with two triangles a cell."""
+        return float(np.sqrt(2 * self.area / len(self.triangles)))
+
+
+def strip(width: float, height: float, spacing: float, name: str = "swatch") -> Sheet:
+    """Return a rectangle as an even grid of right triangles whose diagonals alternate, held at its top edge.
+
+    Raises:
+        FitError: the spacing does not fit into it.
+    """
+    if not 0 < spacing <= min(width, height):
+        raise FitError(
+            f"a spacing of {spacing:g} m does not fit a swatch of {width:g} m x {height:g} m", advice="choose less"
+        )
+    columns, rows = round(width / spacing) + 1, round(height / spacing) + 1
+    x, y = np.linspace(-width / 2, width / 2, columns), np.linspace(0.0, -height, rows)
+    rest = np.stack([np.tile(x, rows), np.repeat(y, columns)], 1)
+    index = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = (i.ravel() for i in (index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]))
+    odd = ((np.arange(rows - 1)[:, None] + np.arange(columns - 1)) % 2).ravel().astype(bool)[:, None]
+    first = np.where(odd, np.stack([a, c, b], 1), np.stack([a, c, d], 1))
+    second = np.where(odd, np.stack([b, c, d], 1), np.stack([a, d, b], 1))
+    return Sheet(name, rest, upright(rest), np.concatenate([first, second]), index[0])
+
+
+def garment_sheet(garment: Garment, spacing: float) -> Sheet:
+    """Return a garment with the mesh that a fit simulates it with.
+
+    Raises:
+        FitError: the garment cannot be meshed.
+    """
+    mesh = build_mesh(garment, spacing)
+    start = upright(mesh.rest)
+    start[:, 1] = mesh.bulge
+    return Sheet(
+        garment.name, mesh.rest, start, mesh.triangles.astype(np.int64), mesh.held_nodes.astype(np.int64)
+    )  # fmt: skip
+
+
+def upright(rest: Floats) -> Floats:
+    """Return flat cloth as it hangs in the world frame, (nodes, 3)."""
+    return np.stack([rest[:, 0], np.zeros(len(rest)), rest[:, 1]], 1)

@@ -1,0 +1,150 @@
+"""A fit as tables: CSV of every number, and a sheet of what to type into programs for garments.
+
+The sheet gives SI values, and what the same fabric would show on the tests that people know. 1 gf = 9.80665 mN.
+
+    strip       F = k e w: a strip of width w, stretched by the strain e
+    cantilever  B = g rho c^3: half the length c that hangs over an edge when its end is 41.5 degrees below
+
+Sources: F. T. Peirce, "The Handle of Cloth as a Measurable Quantity", Journal of the Textile Institute 21 (1930);
+ASTM D1388, option A, for the angle; S. Kawabata, "The Standardization and Analysis of Hand Evaluation" (2nd edition
+1980) for the units of `fit.virtual_tests.kes`.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import textwrap
+from collections.abc import Callable, Iterable, Sequence
+
+from fit.cloth.support import GRAVITY
+from fit.export.about import caution_lines, origin_lines, provenance, short
+from fit.export.fabric import Fabric, Quantity
+from fit.virtual_tests.kes import BENDING_UNIT, GRAM_FORCE, SHEAR_UNIT
+from formats.plain_text import spreadsheet_cell
+from formats.results import FitResult
+
+STRIP_WIDTH, STRIP_STRAIN = 0.05, 0.05  # m, 1: a strip 5 cm wide at 5 %, small enough for a straight law
+WIDTH = 100  # characters of a line of text
+
+
+def parameters_csv(result: FitResult, fabric: Fabric | None) -> str:
+    """Return a row a parameter and a row a quantity of the fabric, SI units; lines of provenance come last.
+
+    A parameter that is not identified keeps its value in its own column, `one_of_many`, and leaves `value` empty.
+    """
+    heads = ("kind", "name", "value", "interval_low", "interval_high", "unit", "status", "one_of_many", "meaning")
+    rows: list[Sequence[object]] = []
+    for p in result.parameters:
+        status = {True: "measured", False: "not identified", None: "no interval"}[p.is_identified]
+        told = p.fitted if p.is_identified is not False else None
+        other = p.fitted if p.is_identified is False else None
+        rows.append(("parameter", p.name, told, p.interval_low, p.interval_high, p.unit, status, other, p.note))
+    for q in fabric.quantities if fabric is not None else ():
+        told, other = (q.value, None) if q.status != "not identified" else (None, q.value)
+        rows.append(("fabric", q.name, told, q.low, q.high, q.unit, q.status, other, q.meaning))
+    for c in result.combinations:
+        status = "measured" if c.is_identified else "not identified"
+        rows.append(("combination", c.name, c.fitted, c.interval_low, c.interval_high, c.unit, status, None, ""))
+    for name, value in provenance(result).items():
+        text = " ".join(map(str, value)) if isinstance(value, list) else value
+        rows.append(("provenance", name, text, None, None, "", "", None, ""))
+    return as_csv(heads, rows)
+
+
+def as_csv(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return rows as CSV; numbers keep every digit, None is an empty cell."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(heads)
+    writer.writerows(["" if cell is None else spreadsheet_cell(cell) for cell in row] for row in rows)
+    return text.getvalue()
+
+
+def software_table(result: FitResult, fabric: Fabric) -> str:
+    """Return a sheet for the fabric windows of CLO, Marvelous Designer and Browzwear."""
+    density = fabric["areal_density"].value
+    rows = [
+        _row("Weight", fabric["areal_density"], "g/m2", lambda v: 1e3 * v, "type it in: all three mean this unit"),
+        ("Thickness", "-", "", "mm", "no motion tells it: measure it"),
+        *(
+            _row(f"Stretch {way}", fabric[f"stretch_{way}"], "N/m", lambda v: v, "no field has this unit: see below")
+            for way in ("warp", "weft")
+        ),
+        *(
+            _row(
+                f"  force at {100 * STRIP_STRAIN:.0f} %, {way}", fabric[f"stretch_{way}"], "gf",
+                lambda v: v * STRIP_STRAIN * STRIP_WIDTH / GRAM_FORCE, f"of a strip {100 * STRIP_WIDTH:.0f} cm wide",
+            )
+            for way in ("warp", "weft")
+        ),
+        _row("Shear", fabric["shear"], "N/m", lambda v: v, "no field has this unit: see below"),
+        _row("  KES G", fabric["shear"], "gf/(cm deg)", lambda v: v / SHEAR_UNIT, ""),
+        *(
+            _row(f"Bending {way}", fabric[f"bending_{way}"], "uN m", lambda v: 1e6 * v, "no field has this unit")
+            for way in ("warp", "weft")
+        ),
+        *(
+            _row(
+                f"  overhang at 41.5 deg, {way}", fabric[f"bending_{way}"], "mm",
+                lambda v: 2e3 * (v / (GRAVITY * density)) ** (1 / 3), "cantilever test, ASTM D1388",
+            )
+            for way in ("warp", "weft")
+        ),
+        *(
+            _row(f"  KES B, {way}", fabric[f"bending_{way}"], "gf cm2/cm", lambda v: v / BENDING_UNIT, "")
+            for way in ("warp", "weft")
+        ),
+        _row("Bending damping", fabric["bending_damping_time"], "ms", lambda v: 1e3 * v, "no field means this"),
+        _row("Air and linear damping", fabric["velocity_damping"], "1/s", lambda v: v, "no field means this"),
+    ]  # fmt: skip
+    if fabric.get("drag_coefficient"):
+        rows.append(_row("Drag coefficient", fabric["drag_coefficient"], "1", lambda v: v, "no field means this"))
+    heads = ("quantity", "value", "90 % interval", "unit", "how sure, and what to do with it")
+    lines = ["Fabric for CLO, Marvelous Designer and Browzwear", "", *origin_lines(result), ""]
+    lines += _aligned([heads, *rows])
+    lines += ["", *_wrapped(WORDS)]
+    if cautions := caution_lines(result, fabric):
+        lines += ["", "Not measured, or not told by these takes:", *_wrapped(cautions)]
+    return "\n".join(lines) + "\n"
+
+
+WORDS = (
+    "CLO and Marvelous Designer show stretch, shear and bending as numbers without a unit. Their scale is not "
+    "published, so no formula here would be honest.",
+    "In CLO and Marvelous Designer, enter weight and thickness, then use the emulator of the fabric window: it takes "
+    "forces and lengths of strips. The rows `force` and `overhang` are such readings, computed from motion.",
+    "Browzwear takes the readings of a fabric analyser. Give the same rows to whoever fills in its fabric editor.",
+    "Motion loads cloth with its own weight, hundreds of times less than a strip test. A fabric that stiffens as it "
+    "stretches shows a higher force there than this table.",
+    "Check by eye: hang a swatch of the size that was recorded, and compare its folds with the report.",
+)
+
+
+def _row(
+    name: str, quantity: Quantity, unit: str, scale: Callable[[float], float], words: str
+) -> tuple[str, str, str, str, str]:
+    ends = ""
+    if quantity.low is not None and quantity.high is not None:
+        low, high = sorted((scale(quantity.low), scale(quantity.high)))
+        ends = f"{short(low)} to {short(high)}"
+    value = short(scale(quantity.value)) if quantity.status != "not identified" else "-"
+    how = quantity.status if quantity.status != "not identified" else "NOT IDENTIFIED: only the interval is known"
+    return name, value, ends, unit, f"{how}; {words}" if words else how
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for row in rows:
+        cells = [c.rjust(w) if k == 1 else c.ljust(w) for k, (c, w) in enumerate(zip(row, widths, strict=True))]
+        lines.append("  ".join(cells).rstrip())
+    return lines
+
+
+def _wrapped(paragraphs: Iterable[str]) -> list[str]:
+    return [
+        line
+        for text in paragraphs
+        for line in textwrap.wrap(text, WIDTH, initial_indent="- ", subsequent_indent="  ", break_long_words=False)
+    ]

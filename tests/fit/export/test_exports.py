@@ -1,0 +1,160 @@
+"""Files of a fit for other programs: what is in them, and which orders are refused."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pytest
+
+from fit.errors import FitError
+from fit.export.kinds import KINDS, Order, export, read_fit
+from fit.export.sheet import garment_sheet, strip
+from formats.errors import HangtimeError, OutputError
+from formats.results import save_diagnosis, save_fit_result
+from tests.fit.export.exported import a_fit
+from tests.fit.here import hangtime_here
+from tests.fit.report.report_scene import diagnosis
+from tests.fit.scenes import hung, sheet, take_of
+
+OF_FABRIC = ("table", "usd-physics", "newton", "mujoco")
+
+
+def text_of(kind, result, **order):
+    if kind == "usd-physics":
+        pytest.importorskip("pxr", reason="usd-core is not installed")
+    made = KINDS[kind].make(Order(result=result, **order))
+    return next(iter(made.values())).decode()
+
+
+def test_a_strip_has_its_area_and_faces_the_front():
+    """0.3 m x 0.2 m at 0.05 m: 7 x 5 nodes, 48 triangles; the front looks towards -y, so x cross z turns to -y."""
+    flat = strip(0.3, 0.2, 0.05)
+    assert len(flat.rest) == 35
+    assert len(flat.triangles) == 48
+    assert flat.area == pytest.approx(0.06)
+    assert flat.spacing == pytest.approx(0.05)
+    a, b, c = (flat.start[flat.triangles[:, k]] for k in range(3))
+    assert np.cross(b - a, c - a)[:, 1].max() < 0
+    assert flat.start[flat.held, 2] == pytest.approx(0.0)
+
+
+def test_a_garments_sheet_faces_the_front_too():
+    made = garment_sheet(sheet(), 0.1)
+    a, b, c = (made.start[made.triangles[:, k]] for k in range(3))
+    assert np.cross(b - a, c - a)[:, 1].max() < 0
+    assert made.area == pytest.approx(0.4 * 0.45)
+
+
+def test_usd_holds_the_proposals_quantities_one_to_one():
+    pxr = pytest.importorskip("pxr", reason="usd-core is not installed")
+    from pxr import Usd, UsdGeom, UsdShade
+
+    assert pxr
+    made = KINDS["usd-physics"].make(Order(result=a_fit(unknown=("shear_stiffness",)), thickness=5e-4))
+    stage = Usd.Stage.CreateInMemory(".usda")
+    stage.GetRootLayer().ImportFromString(made[".physics.usda"].decode())
+    cloth = stage.GetPrimAtPath("/Garment/cloth")
+    bound = UsdShade.MaterialBindingAPI(cloth).ComputeBoundMaterial("physics")[0].GetPrim()
+    read = {a.GetName(): a.Get() for a in bound.GetAttributes()}
+    assert read["physics:surfaceStretchStiffness"] == pytest.approx(100.0)
+    assert read["physics:surfaceShearStiffness"] == pytest.approx(30.0)
+    assert read["physics:surfaceBendStiffness"] == pytest.approx(1.4e-5)
+    assert read["physics:density"] * 5e-4 == pytest.approx(0.2)
+    assert read["hangtime:velocity_damping"] == pytest.approx(0.5)
+    assert tuple(read["hangtime:stretch_warp:interval90"]) == pytest.approx((80.0, 125.0))
+    assert read["hangtime:shear:isIdentified"] is False
+    assert "do not identify it" in stage.GetRootLayer().documentation
+    assert UsdGeom.GetStageMetersPerUnit(stage) == 1.0
+    assert "PhysicsSurfaceDeformableSimAPI" in cloth.GetPrimTypeInfo().GetAppliedAPISchemas()
+    assert stage.GetDefaultPrim().GetCustomDataByKey("hangtime:takes") == "swing-01"
+
+
+def test_newtons_numbers_by_hand():
+    """Style3D: warp, weft and shear as they are, a third of B; VBD: half of the stretch, B / h with h = 2 cm."""
+    record = json.loads(text_of("newton", a_fit(effects={"air_drag": 1.2})))
+    style = record["SolverStyle3D"]
+    assert style["tri_aniso_ke"] == pytest.approx([100.0, 100.0, 30.0])
+    assert style["edge_aniso_ke"] == pytest.approx([1.4e-5 / 3] * 3)
+    assert record["SolverVBD"]["tri_ke"] == pytest.approx(50.0)
+    assert record["SolverVBD"]["edge_ke"] == pytest.approx(1.4e-5 / 0.02)
+    assert record["SolverSemiImplicit"]["tri_drag"] == pytest.approx(1.204 * 1.2 / 6)
+    assert record["SolverSemiImplicit"]["edge_ke"] == pytest.approx(1.75)
+
+
+def test_mujocos_sheet_by_hand():
+    """t = sqrt(12 x 1.4e-5 / 100) = 1.296 mm, E = 100 / t = 77.15 kPa: E t = 100 N/m, E t^3 / 12 = 1.4e-5 N m."""
+    root = ElementTree.fromstring(text_of("mujoco", a_fit(), spacing=0.05))
+    elastic = root.find("deformable/flex/elasticity").attrib
+    young, thick = float(elastic["young"]), float(elastic["thickness"])
+    assert young * thick == pytest.approx(100.0, rel=1e-6)
+    assert young * thick**3 / 12 == pytest.approx(1.4e-5, rel=1e-6)
+    bodies = root.findall("worldbody/body")
+    assert len(bodies) == 49
+    assert sum(float(b.find("inertial").get("mass")) for b in bodies) == pytest.approx(0.2 * 0.09, rel=1e-6)
+    assert sum(b.find("joint") is None for b in bodies) == 7
+    free = bodies[24]
+    assert float(free.find("joint").get("damping")) == pytest.approx(0.5 * float(free.find("inertial").get("mass")))
+
+
+@pytest.mark.parametrize("kind", ["csv", *OF_FABRIC])
+def test_every_file_says_which_number_is_not_identified(kind):
+    text = text_of(kind, a_fit(unknown=("stretch_stiffness",)))
+    assert "not identif" in text.lower()
+    assert "80" in text
+    assert "125" in text
+
+
+def test_a_take_brings_its_garment_with_all_its_layers():
+    """The sheet of a garment of two layers weighs and pulls as both do."""
+    garment = sheet()
+    time = np.arange(0, 1, 1 / 30)
+    take = take_of(garment, time, np.zeros((len(time), 3)), hung(garment, time))
+    root = ElementTree.fromstring(text_of("mujoco", a_fit(layers=2), take=take, spacing=0.1))
+    masses = [float(b.find("inertial").get("mass")) for b in root.findall("worldbody/body")]
+    assert sum(masses) == pytest.approx(0.2 * garment.area_m2, rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", OF_FABRIC)
+def test_a_kinect_skirt_has_no_file_of_a_fabric(kind, tmp_path):
+    with pytest.raises(FitError, match="none of its numbers has an SI value"):
+        export(Order(result=a_fit("kinect-skirt")), kind, tmp_path / "x")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_there_stays_unless_it_is_to_be_overwritten(tmp_path):
+    path = tmp_path / "fabric.csv"
+    path.write_text("mine")
+    with pytest.raises(OutputError):
+        export(Order(result=a_fit()), "csv", path)
+    assert path.read_text() == "mine"
+    assert export(Order(result=a_fit()), "csv", path, overwrite=True) == [path]
+    assert path.read_text().startswith("kind,name,value")
+
+
+def test_thickness_in_millimetres_is_refused(tmp_path):
+    with pytest.raises(FitError, match="no fabric is 500 mm thick"):
+        export(Order(result=a_fit(), thickness=0.5), "usd-physics", tmp_path / "x.usda")
+
+
+def test_a_folder_is_as_good_as_its_fit_and_a_diagnosis_is_none(tmp_path):
+    save_fit_result(tmp_path / "fit.json", a_fit())
+    assert read_fit(tmp_path) == (a_fit(), tmp_path / "fit.json")
+    save_diagnosis(tmp_path / "diagnosis.json", diagnosis())
+    with pytest.raises(FitError, match=r"is a diagnosis, which has no fabric; give the fit\.json"):
+        read_fit(tmp_path / "diagnosis.json")
+    (tmp_path / "other.json").write_text("{}")
+    with pytest.raises(HangtimeError, match="is not a FitResult"):
+        read_fit(tmp_path / "other.json")
+
+
+def test_the_command_writes_beside_the_fit_and_prints_the_table(tmp_path):
+    save_fit_result(tmp_path / "fit.json", a_fit())
+    done = hangtime_here("export", tmp_path / "fit.json", "--to", "newton", folder=tmp_path)
+    assert done.stdout.strip() == str(tmp_path / "fit.newton.json")
+    assert json.loads((tmp_path / "fit.newton.json").read_text())["format"] == "hangtime-newton/1"
+    assert "Stretch warp" in hangtime_here("export", tmp_path, "--to", "table", folder=tmp_path).stdout
+    again = hangtime_here("export", tmp_path, "--to", "newton", folder=tmp_path)
+    assert again.returncode == 2
+    assert "--overwrite" in again.stderr

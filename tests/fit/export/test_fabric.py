@@ -1,0 +1,116 @@
+"""The fabric of a fit: its SI quantities, their intervals, and what is said where the takes tell nothing."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import numpy as np
+import pytest
+
+from fit.errors import FitError
+from fit.export.about import caution_lines
+from fit.export.fabric import fabric_of
+from fit.export.tables import parameters_csv, software_table
+from tests.fit.export.exported import a_fit
+
+
+def test_the_quantities_of_an_si_fit_are_its_parameters():
+    fabric = fabric_of(a_fit())
+    stretch = fabric["stretch_warp"]
+    assert (stretch.value, stretch.low, stretch.high) == pytest.approx((100.0, 80.0, 125.0))
+    assert (stretch.unit, stretch.status) == ("N/m", "measured")
+    assert fabric["bending_weft"].low == pytest.approx(0.8 * 1.4e-5)
+    assert (fabric["areal_density"].value, fabric["areal_density"].status) == (0.2, "weighed")
+    assert fabric["stretch_damping_time"].status == "assumed"
+    assert fabric.not_identified == ()
+
+
+def test_warp_and_weft_by_hand():
+    """a = ln 4: warp 100 x 2, weft 100 / 2; the least warp is 80 e^((ln 4 - 0.2) / 2) = 144.77."""
+    fabric = fabric_of(a_fit(effects={"anisotropy.stretch": np.log(4), "anisotropy.bending": 0.0}))
+    assert fabric["stretch_warp"].value == pytest.approx(200.0)
+    assert fabric["stretch_weft"].value == pytest.approx(50.0)
+    assert fabric["stretch_warp"].low == pytest.approx(144.77, rel=1e-4)
+    assert fabric["stretch_weft"].low == pytest.approx(80 * np.exp(-(np.log(4) + 0.2) / 2))
+    assert fabric["bending_warp"].value == pytest.approx(1.4e-5)
+
+
+def test_air_drag_is_part_of_the_fabric():
+    drag = fabric_of(a_fit(effects={"air_drag": 1.2}))["drag_coefficient"]
+    assert (drag.value, drag.low, drag.high) == pytest.approx((1.2, 1.0, 1.4))
+
+
+def test_two_layers_share_what_forces_they_bear_and_no_times():
+    fabric = fabric_of(a_fit(layers=2))
+    assert fabric["stretch_warp"].value == pytest.approx(50.0)
+    assert fabric["stretch_warp"].high == pytest.approx(62.5)
+    assert fabric["bending_damping_time"].value == pytest.approx(2e-3)
+    assert fabric.whole["stretch_warp"].value == pytest.approx(100.0)
+
+
+def test_a_quantity_of_a_parameter_that_is_not_identified_is_not_either():
+    result = a_fit(unknown=("shear_stiffness",))
+    fabric = fabric_of(result)
+    assert [q.name for q in fabric.not_identified] == ["shear"]
+    (line,) = [line for line in caution_lines(result, fabric) if line.startswith("shear ")]
+    assert "90 % interval 24 to 37.5" in line
+    assert "do not identify it" in line
+
+
+def test_a_weighed_kinect_skirt_has_si_values_and_says_that_its_shear_is_no_measurement():
+    """Struct 30 is 300 N/m of stretch and 30 N/m of shear, which the method takes as a tenth of it."""
+    fabric = fabric_of(a_fit("kinect-skirt-weighed"))
+    assert fabric["stretch_warp"].value == pytest.approx(300.0)
+    assert fabric["shear"].status == "tied to stretch"
+    assert fabric["velocity_damping"].status == "not identified"
+
+
+@pytest.mark.parametrize("method", ["kinect-skirt", "mocap-swatch"])
+def test_a_fit_that_fitted_the_weight_has_no_fabric_and_says_what_can_be_exported(method):
+    with pytest.raises(FitError, match=r"which motion does not tell.*can be exported as csv"):
+        fabric_of(a_fit(method))
+
+
+def test_a_fit_of_blenders_cloth_has_no_fabric():
+    with pytest.raises(FitError, match="the fit is of blender's cloth, whose numbers have no SI values"):
+        fabric_of(a_fit("kinect-skirt", engine="blender"))
+
+
+def test_the_csv_keeps_an_unidentified_value_out_of_the_column_of_values():
+    result = a_fit(unknown=("shear_stiffness",))
+    rows = list(csv.DictReader(io.StringIO(parameters_csv(result, fabric_of(result)))))
+    named = {(row["kind"], row["name"]): row for row in rows}
+    shear = named["fabric", "shear"]
+    assert (shear["value"], float(shear["one_of_many"]), float(shear["interval_low"])) == ("", 30.0, 24.0)
+    assert float(named["fabric", "stretch_weft"]["value"]) == 100.0
+    assert named["parameter", "bending_stiffness"]["unit"] == "N m"
+    assert named["provenance", "takes"]["value"] == "swing-01"
+
+
+def test_the_csv_of_a_kinect_skirt_has_its_parameters_and_no_fabric():
+    rows = list(csv.DictReader(io.StringIO(parameters_csv(a_fit("kinect-skirt"), None))))
+    assert {row["kind"] for row in rows} == {"parameter", "provenance"}
+
+
+def test_the_table_by_hand():
+    """Force: 100 x 0.05 x 0.05 N = 25.5 gf; overhang: 2 (1.4e-5 / (9.80665 x 0.2))^(1/3) = 38.5 mm; G 30 / 56.19."""
+    text = software_table(a_fit(), fabric_of(a_fit()))
+    lines = {line[:30].split("  ")[0].strip(): line for line in text.splitlines() if line}
+    force = next(line for line in text.splitlines() if "force at 5 %, warp" in line)
+    assert "25.5" in force
+    assert "20.4 to 31.9" in force
+    overhang = next(line for line in text.splitlines() if "overhang at 41.5 deg, weft" in line)
+    assert "38.5" in overhang
+    assert "0.534" in next(line for line in text.splitlines() if "KES G" in line)
+    assert "200" in lines["Weight"]
+    assert "not published" in " ".join(text.split())
+
+
+def test_the_table_gives_no_number_where_the_takes_tell_none():
+    result = a_fit(unknown=("stretch_stiffness",))
+    text = software_table(result, fabric_of(result))
+    line = next(line for line in text.splitlines() if line.startswith("Stretch warp"))
+    assert "NOT IDENTIFIED" in line
+    assert line.split()[2] == "-"
+    assert "80 to 125" in line

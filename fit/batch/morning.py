@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib import resources
 
 from fit.batch.garments import Wardrobe
 from fit.batch.jobs import diagnosis_name, report_name, result_name
+from fit.batch.pages import render_page
 from fit.batch.runner import Survey
 from fit.batch.store import Store
 from fit.batch.summary import WORDS, Row, kept, sentence_of
@@ -125,11 +125,7 @@ def write_morning(morning: Morning, results: Store) -> None:
 
 def as_html(morning: Morning) -> str:
     """Return the page as HTML that needs nothing from outside."""
-    from jinja2 import Environment, PackageLoader
-
-    pages = Environment(loader=PackageLoader("fit.batch", "."), autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    style = resources.files("fit.report").joinpath("page.css").read_text(encoding="utf-8")
-    return pages.get_template("morning.html.j2").render(morning=morning, style=style)
+    return render_page("morning.html.j2", morning=morning)
 
 
 def as_text(morning: Morning) -> str:

@@ -1,4 +1,4 @@
-"""The table in the morning: what became of every take, as CSV and as one HTML page without anything from outside."""
+"""The table in the morning: the outcome of every take, as CSV and as one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib import resources
 from pathlib import Path
 from typing import TypeVar
 
 from fit.batch.jobs import result_name
+from fit.batch.pages import render_page
 from fit.batch.runner import Survey
 from fit.batch.store import Store
 from fit.errors import BatchError, UnreachableError
 from fit.identification.request import Plan
-from fit.report.text import MISSING, escaped, interval, millimetres, number, unit_of, words
+from fit.report.text import MISSING, interval, millimetres, number, unit_of, words
 from fit.search.choice import OBSERVED, has_short_intervals
 from formats.errors import ResultError
 from formats.plain_text import spreadsheet_cell
@@ -33,6 +33,7 @@ WORDS = {
     "refused": "not fitted",
     "waiting": "waiting",
 }
+TONES = {"fitted": "good", "known": "plain", "failed": "bad", "refused": "bad", "waiting": "warn"}  # of `WORDS`
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,37 +116,25 @@ def _figures(row: Row, names: list[str]) -> list[object]:
 
 
 def as_html(rows: Sequence[Row], plan: Plan) -> str:
-    """Return the table as a page: takes that need a look first, then by error."""
+    """Return the table as a page: faulty takes first, then by error."""
     order = ["failed", "refused", "waiting"]
     ranked = sorted(rows, key=lambda r: (order.index(r.state) if r.state in order else len(order), -_error(r), r.take))
     names = _parameters(rows)
     units = {p.name: p.unit for row in rows if row.result for p in row.result.parameters}
     heads = ["take", "state", "error before", "after", *names, "simulations", "time", "remark"]
-    cells = "".join(
-        f'<th scope="col"{" class=number" if 2 <= k < len(heads) - 1 else ""}>{words(h)}'
-        f"{_small_unit(units.get(h, ''))}</th>"
-        for k, h in enumerate(heads)
-    )
-    body = "".join(_html_row(row, names) for row in ranked)
     made = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     how = (
         f"Method {plan.method}, search {plan.search}, {_spent(rows, plan)}"
         f"mesh {1e3 * plan.request().resolution.spacing:g} mm, seed {plan.seed}"
     )
-    is_bad = any(row.state in ("failed", "refused") for row in rows)
-    style = resources.files("fit.report").joinpath("page.css").read_text(encoding="utf-8")
-    return (
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        '<meta name="color-scheme" content="light dark">\n<title>Hangtime batch</title>\n'
-        f"<style>\n{style}\nmain {{ max-width: none; }}\n</style>\n</head>\n<body>\n"
-        f'<header class="page-head"><p class="brand">Hangtime</p><p class="about">{escaped(f"{how} · {made}")}</p>'
-        '</header>\n<main id="main">\n'
-        f'<section class="verdict {"is-warn" if is_bad else "is-good"}"><h1>{escaped(sentence_of(rows))}</h1>'
-        "<p>Errors are mean distances of the tracked points; below each value is its 90 % interval. Parameters "
-        f"that the take does not identify have an interval only.{_warning(rows, plan)}</p></section>\n"
-        '<section><div class="scroll" tabindex="0" role="region" aria-label="Takes">'
-        f"<table><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table></div></section>\n</main>\n</body>\n</html>\n"
+    return render_page(
+        "summary.html.j2",
+        about=f"{how} · {made}",
+        is_bad=any(row.state in ("failed", "refused") for row in rows),
+        sentence=sentence_of(rows),
+        short_intervals_of=plan.search if _has_short_intervals(rows, plan) else "",
+        heads=[(words(head), unit_of(units.get(head, ""))) for head in heads],
+        lines=[_line(row, names) for row in ranked],
     )
 
 
@@ -159,44 +148,35 @@ def _spent(rows: Sequence[Row], plan: Plan) -> str:
     return f"{min(counts)}{f' to {max(counts)}' if len(counts) > 1 else ''} simulations a take, "
 
 
-def _warning(rows: Sequence[Row], plan: Plan) -> str:
-    """Say that the intervals are known to be too short, where they are."""
-    if not has_short_intervals(plan.search, plan.iterations) or not any(row.result for row in rows):
-        return ""
-    return (
-        f" Intervals by {plan.search} are known to be too short, and too many parameters count as identified. Where "
-        "measured, the intervals held the truth far less often than 90 % tells. Where they matter, use "
-        "<code>--search least-squares</code>."
-    )
+def _has_short_intervals(rows: Sequence[Row], plan: Plan) -> bool:
+    """Return whether the page shows intervals that are known to be too short."""
+    return has_short_intervals(plan.search, plan.iterations) and any(row.result for row in rows)
 
 
-def _html_row(row: Row, names: list[str]) -> str:
-    tone = {"fitted": "good", "known": "plain", "failed": "bad", "refused": "bad", "waiting": "warn"}[row.state]
-    cells = f'<th scope="row">{escaped(row.take)}</th><td><span class="tag tone-{tone}">{WORDS[row.state]}</span></td>'
+def _line(row: Row, names: list[str]) -> dict[str, object]:
+    """Return the texts of a take's line; without a result its sentence alone."""
+    line: dict[str, object] = {
+        "take": row.take, "tone": TONES[row.state], "state": WORDS[row.state], "sentence": row.sentence, "cells": None,
+    }  # fmt: skip
     result = row.result
     if result is None:
-        return f'<tr>{cells}<td colspan="{len(names) + 5}">{escaped(row.sentence)}</td></tr>'
+        return line
     by_name = {p.name: p for p in result.parameters}
-    figures = [
-        millimetres(result.error.train_before.mean_m), f"<b>{millimetres(result.error.train_after.mean_m)}</b>",
-        *(_value(by_name.get(name)) for name in names), str(result.simulations), f"{result.seconds:.0f} s",
-    ]  # fmt: skip
-    cells += "".join(f'<td class="number">{figure}</td>' for figure in figures)
-    link = f'<a href="{escaped(result_name(row.key))}">result</a>'
-    return f"<tr>{cells}<td>{link} {escaped(row.sentence)}</td></tr>"
+    return line | {
+        "before": millimetres(result.error.train_before.mean_m), "after": millimetres(result.error.train_after.mean_m),
+        "cells": [_value(by_name.get(name)) for name in names], "simulations": result.simulations,
+        "seconds": f"{result.seconds:.0f} s", "link": result_name(row.key),
+    }  # fmt: skip
 
 
-def _value(parameter: FitParameter | None) -> str:
+def _value(parameter: FitParameter | None) -> tuple[str, str]:
+    """Return a fitted value, a dash where rounding would choose it, and its interval."""
     if parameter is None:
-        return MISSING
+        return MISSING, ""
     value = MISSING if parameter.is_identified is False else number(parameter.fitted)
     if parameter.interval_low is None or parameter.interval_high is None:
-        return value
-    return f"{value}<br><small>{interval((parameter.interval_low, parameter.interval_high))}</small>"
-
-
-def _small_unit(unit: str) -> str:
-    return f"<br><small>{unit_of(unit)}</small>" if unit_of(unit) else ""
+        return value, ""
+    return value, interval((parameter.interval_low, parameter.interval_high))
 
 
 def _parameters(rows: Sequence[Row]) -> list[str]:

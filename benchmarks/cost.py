@@ -5,8 +5,8 @@ one thread. The cost is processor time, which other work on the machine hardly c
 that compiles. The step of an explicit scheme shrinks with the mesh. So cost per vertex and second grows if cost per
 vertex and step does not.
 
-For the second core, 32 candidates run on a mesh like that of most fits, and on a finer one whose arrays outgrow a
-core's own cache. Two processes, one with one thread and one with two, run in turns. The result is the median of the
+For the second core, 32 candidates run on two meshes. One is like that of most fits. The arrays of the finer one outgrow
+a core's own cache. Two processes, one with one thread and one with two, run in turns. The result is the median of the
 pairs' ratios, on the clock and of processor time. The latter is 1 if a second thread costs nothing. Other work on the
 machine lowers the clock's ratio, and so do virtual processors that share one core. So the gain of two separate
 processes is measured in the same turns. The processor times of the second process's threads give the limit of the code:

@@ -121,12 +121,10 @@ def run(case: Case, search: str, budget: int, seed: int, trials: int) -> Run:
 def run_observed(case: Case, search: str, budget: int, seed: int, trials: int) -> Run:
     """Least squares know the distance after each candidate; short windows where a descent has ended, for one more."""
     recordings = [prepare(take) for take in case.takes]
-    request = case.request()
+    request = case.request(search=search, seed=seed)
     initial = np.array([p.initial for p in request.parameters])
     model = Model(recordings, request)
-    observed, settings = begin_observed(
-        search, recordings, SI, case.effects, request.space, case.mesh, seed, model.distances_of
-    )
+    observed, settings = begin_observed(request, recordings, model.distances_of)
     found = observed.run(initial, replace(settings, trials=min(trials, settings.trials)))
     history = np.full(budget, float(model.distances(initial[None])[0]))
     before = after = 0
@@ -139,9 +137,8 @@ def run_observed(case: Case, search: str, budget: int, seed: int, trials: int) -
             after += number + 1
             history[after:] = np.minimum(history[after:], float(model.distances(step.vector[None])[0]))
         before = after
-    history[after:] = float(
-        model.distances(found.vector[None])[0]
-    )  # of the result, not of the best candidate on the way
+    # The last distance is the result's, not the best candidate's on the way.
+    history[after:] = float(model.distances(found.vector[None])[0])
     return Run(history, after, found.vector, found.intervals.ends, found.intervals.is_identified)
 
 
@@ -228,9 +225,9 @@ def knowable(can: NDArray[np.bool_], right: NDArray[np.bool_], ideal: Floats) ->
 def known_by_noise(case: Case) -> tuple[Floats, NDArray[np.bool_]]:
     """Return the least possible interval of each parameter, and a mark for a straight way to it, (parameters,) each.
 
-    The first is half of the relative 95 % interval by Cramer and Rao's bound, from the residuals' slopes at the truth
-    with the search's own prior. The way is straight if the slopes over 5 % and over 1 % differ by less than the slope
-    itself. Cloth that folds otherwise for a change of 5 % leads no search to the truth.
+    The first is half of the relative 95 % interval by Cramer and Rao's bound. It comes from the residuals' slopes at
+    the truth with the search's own prior. The way is straight if the slopes over 5 % and over 1 % differ by less than
+    the slope itself. Cloth that folds otherwise for a change of 5 % leads no search to the truth.
     """
     recordings, count = [prepare(take) for take in case.takes], len(case.truth)
     space = case.request().space

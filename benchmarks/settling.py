@@ -5,9 +5,8 @@ from the `si` method's box without its edges (log-uniform, 0.2 kg/m^2). A swatch
 by clips. The clips are as far apart as the cloth is wide, or 15 mm nearer. Five or 81 tracked points have 2 mm of white
 noise at 60 frames a second.
 
-The points show a rest of the same fabric, a rest of another fabric, or the same rest swung aside by 60 mm at the
-bottom. The last stands for a take that begins in motion. Rests come from 30 s of settling from a stirred sheet, without
-a pull.
+The points show a rest of the same fabric or of another fabric, or the same rest swung aside by 60 mm at the bottom. The
+last stands for a take that begins in motion. Rests come from 30 s of settling from a stirred sheet, without a pull.
 
 Two distances are means over the points [mm]. One is from the first frame to its place after another 30 s at rest, the
 remainder of settling. The other is from the first frame to the rest of the points, if the rest is the fabric's own. It

@@ -1,8 +1,8 @@
 """The scenes on which tracking is measured: three garments, four distances, two backgrounds, two swings, several sets.
 
 Each set simulates every garment under every swing once, with its own seeds. Each garment is shown at all distances, in
-turn before a bare wall and in a furnished room. In one scene a garment, an arm reaches in front of a lower corner: from
-the left for an even seed, from the right for an odd one. The sets `development` serve to find errors and to learn from
+turn before a bare wall and in a furnished room. In one scene a garment, an arm hides a lower corner. It comes from the
+left for an even seed, from the right for an odd one. The sets `development` serve to find errors and to learn from
 examples. Published figures come from `report-5`, since the earlier sets were seen while rules were chosen.
 """
 

@@ -1,4 +1,4 @@
-"""A recording played as a live sensor: at its own pace, again and again, for trying an appliance without hardware.
+"""A recording played as a live sensor: in real time, again and again, for trying an appliance without hardware.
 
 As with a sensor, a frame that is not fetched in its time is gone, and is counted in the next one's `dropped_before`.
 After a third of a second in which nobody fetched, the recording goes on from where it was.

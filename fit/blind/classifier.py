@@ -1,9 +1,9 @@
 """A rival that knows no physics: a classifier that names an effect from features of the gap.
 
-The features are the places of the base model's error (place, phase, frequency, direction), the shape of the missing
-force, and the gap over the noise. They leave out all findings of the diagnosis about effects. A ridge regression from
-standardised features to one-hot labels is learned, a linear discriminant. The other cases answer for every case
-(leave-one-out, exact):
+The features are of three kinds. The base model's error counts by place, phase, frequency and direction. The shape of
+the missing force and the gap over the noise count too. They leave out all findings of the diagnosis about effects. A
+ridge regression from standardised features to one-hot labels is learned, a linear discriminant. The other cases answer
+for every case (leave-one-out, exact):
 
     b = (X'X + L I)^-1 X'Y,   prediction without case i: (X_i b - h_i Y_i) / (1 - h_i),   h = diag(X (X'X + L I)^-1 X')
 

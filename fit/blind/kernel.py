@@ -270,9 +270,15 @@ def rollout(
 ):  # fmt: skip
     """Settle, then run every take; one task for each group of them.
 
-    x and the four after it, (groups x nodes x 3,); wake, (groups x triangles,); slip, (groups x hinges x 3,);
-    bob, (groups x 6,): place and speed; path, (groups x (steps + 1), 6); poles, (groups, 6); p: `NAMES`;
-    seen, (groups, samples, points x 3); shapes, (groups, samples, nodes x 6)
+    - `x` and the four after it, (groups x nodes x 3,)
+    - `wake`, (groups x triangles,)
+    - `slip`, (groups x hinges x 3,)
+    - `bob`, (groups x 6,): place and speed
+    - `path`, (groups x (steps + 1), 6)
+    - `poles`, (groups, 6)
+    - `p`: `NAMES`
+    - `seen`, (groups, samples, points x 3)
+    - `shapes`, (groups, samples, nodes x 6)
     """
     for task in range(poles.shape[0] * TASK):
         if task % TASK == 0:

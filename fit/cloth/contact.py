@@ -33,8 +33,8 @@ A sample meets its surface with twice k and c, and with all of its area.
 Sources:
 
 - R. Bridson, R. Fedkiw, J. Anderson, "Robust treatment of collisions, contact and friction for cloth animation"
-  (SIGGRAPH 2002), sections 5 to 7: points against planes of faces, thickness, repulsion scaled by mass, bounded
-  friction
+  (SIGGRAPH 2002), sections 5 to 7. From there: points against planes of faces, thickness, repulsion scaled by mass,
+  bounded friction.
 - M. Li et al., "Incremental potential contact" (SIGGRAPH 2020), section 4: contact from a potential of distances;
   Coulomb friction smoothed about rest
 - M. Li et al., "Convergent IPC" (2023): contact as an integral over the surface, weighted by area

@@ -40,8 +40,8 @@ from fit.recordings.intact import describe_missing
 from fit.recordings.recording import Recording, prepare_together
 from fit.recordings.selection import check_together
 from fit.runtime import one_thread_of_algebra
-from fit.search.choice import OBSERVED, begin, has_short_intervals
-from fit.search.intervals import Intervals, block_intervals, check_blocks, draw_intervals
+from fit.search.choice import OBSERVED, Task, begin, has_short_intervals
+from fit.search.intervals import Intervals, LinearModel, block_intervals, check_blocks, draw_intervals
 from fit.search.least_squares import DIFFERENCE
 from fit.search.steps import Step
 from fit.search.tempering import FEWEST_DRAWS, Tempering
@@ -219,7 +219,15 @@ def _ask_and_tell(model: Model, request: Request, saved: SavedSearch, progress: 
     blocks = sum(r.duration for r in model.recordings) / BLOCK
     initial = np.array([p.initial for p in request.parameters])
     steps = np.array([p.interval for p in request.parameters])
-    search = begin(request.search, initial, steps, request.space, request.settings, request.seed, numbers=blocks)
+    task = Task(
+        initial=initial,
+        steps=steps,
+        space=request.space,
+        settings=request.settings,
+        seed=request.seed,
+        numbers=blocks,
+    )
+    search = begin(request.search, task)
     if (state := saved.read()) is not None:
         with saved.continuing():
             search.restore(state)
@@ -253,10 +261,7 @@ def _ask_and_tell(model: Model, request: Request, saved: SavedSearch, progress: 
 
 def _least_squares(model: Model, request: Request, saved: SavedSearch, progress: Progress) -> _Found:
     """Least squares; what is kept are its looks and descents, and the distances on the way."""
-    search, settings = begin_observed(
-        request.search, model.recordings, request.method, request.effects, request.space, request.resolution,
-        request.seed, model.distances_of,
-    )  # fmt: skip
+    search, settings = begin_observed(request, model.recordings, model.distances_of)
     initial = np.array([p.initial for p in request.parameters])
     steps: list[Step] = []
     if (state := saved.read()) is not None:
@@ -373,7 +378,13 @@ def _intervals(model: Model, best: Floats) -> Intervals:
     stacked = np.concatenate(residuals, axis=1)
     jacobian = np.nan_to_num((stacked[1:] - stacked[0]) / step[:, None]).T
     deviation = float(np.sqrt(np.mean(stacked[0] ** 2)))
-    return block_intervals(space, best, stacked[0] / deviation, jacobian / deviation, np.concatenate(block))
+    linear = LinearModel(
+        parameters=best,
+        residuals=stacked[0] / deviation,
+        jacobian=jacobian / deviation,
+        block=np.concatenate(block),
+    )
+    return block_intervals(space, linear)
 
 
 def _half_seconds(recordings: list[Recording]) -> list[NDArray[np.int64]]:

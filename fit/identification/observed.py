@@ -26,14 +26,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fit.cloth.effect import Effect
-from fit.cloth.model import Resolution
 from fit.identification.problem import Distances, ObservedProblem
+from fit.identification.request import Request
 from fit.identification.trials import Observed, ObservedSettings, Progress, Run
-from fit.methods import Parameterisation
 from fit.recordings.recording import Recording, Windows
 from fit.search.intervals import check_blocks
-from fit.search.least_squares import BoundedSpace
 from fit.search.steps import Step
 from formats.arrays import Floats
 
@@ -67,12 +64,12 @@ class ObservedSearch(ObservedProblem):
 
 
 def begin_observed(
-    name: str, recordings: list[Recording], method: Parameterisation, effects: tuple[Effect, ...],
-    space: BoundedSpace, resolution: Resolution, seed: int, distances: Distances,
-) -> tuple[ObservedSearch, ObservedSettings]:  # fmt: skip
-    """Return the search of this name, one of `fit.search.choice.OBSERVED`, and how it is run."""
-    if name == "short-windows":
+    request: Request, recordings: list[Recording], distances: Distances
+) -> tuple[ObservedSearch, ObservedSettings]:
+    """Return the request's search, one of `fit.search.choice.OBSERVED`, and its settings."""
+    method, effects, space, resolution = request.method, request.effects, request.space, request.resolution
+    if request.search == "short-windows":
         search = ObservedSearch(recordings, method, effects, space, resolution, windows=SHORT_WINDOWS)
-        return search, ObservedSettings(pulls=(CATCHING,), seed=seed)
+        return search, ObservedSettings(pulls=(CATCHING,), seed=request.seed)
     search = ObservedSearch(recordings, method, effects, space, resolution, distances=distances)
-    return search, ObservedSettings(looks=MOST_LOOKS, trials=TRIALS, seed=seed)
+    return search, ObservedSettings(looks=MOST_LOOKS, trials=TRIALS, seed=request.seed)

@@ -28,7 +28,7 @@ from fit.search import looks as looking
 from fit.search import valleys
 from fit.search.correlation import independent
 from fit.search.emulator import Emulator
-from fit.search.intervals import PRIOR_SD, Intervals, block_intervals
+from fit.search.intervals import PRIOR_SD, Intervals, LinearModel, block_intervals
 from fit.search.least_squares import LeastSquaresResult, LeastSquaresSettings, Prior, minimise
 from fit.search.posterior import draw
 from fit.search.steps import Step
@@ -331,7 +331,10 @@ class Run:
             apart = np.stack([space.to_unit(end.vector) for end in ends]) - unit
             weights = (np.array([end.cost for end in ends]) / best.cost) ** (-0.5 * duration / RIPPLE_TIME)
             between = (weights[:, None] * apart).T @ apart / weights.sum()
-        return block_intervals(
-            space, best.parameters, best.residuals, best.jacobian * space.scale, observer.layout.block,
-            between=between, spread=spread,
-        )  # fmt: skip
+        model = LinearModel(
+            parameters=best.parameters,
+            residuals=best.residuals,
+            jacobian=best.jacobian * space.scale,
+            block=observer.layout.block,
+        )
+        return block_intervals(space, model, between=between, spread=spread)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -108,17 +109,31 @@ def has_short_intervals(name: str, iterations: int) -> bool:
     return name != "least-squares" and not has_draws
 
 
-def begin(
-    name: str, initial: Floats, steps: Floats, space: BoundedSpace, settings: AnnealingSettings, seed: int,
-    *, numbers: float,
-) -> Search:  # fmt: skip
-    """Return a search from the initial parameters, (parameters,), that may use `settings.iterations` evaluations.
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """The task of a search by distance.
 
-    steps, (parameters,): standard steps of the annealing; numbers: independent numbers behind a distance.
+    - `initial`, (parameters,): the start
+    - `steps`, (parameters,): standard steps of the annealing
+    - `settings`: of the annealing; every search may use `settings.iterations` evaluations
+    - `numbers`: independent numbers behind a distance
+    """
+
+    initial: Floats
+    steps: Floats
+    space: BoundedSpace
+    settings: AnnealingSettings
+    seed: int
+    numbers: float
+
+
+def begin(name: str, task: Task) -> Search:
+    """Return the search of this name at the start of its task.
 
     Raises:
-        FitError: there is no such search that is told distances.
+        FitError: no search by distance has this name.
     """
+    initial, space, settings, seed = task.initial, task.space, task.settings, task.seed
     if name == "cma-es":
         from fit.search.cma_es import Evolution
 
@@ -126,8 +141,8 @@ def begin(
     if name == "tempering":
         from fit.search.tempering import Tempering
 
-        return Tempering(initial, space, settings.iterations, seed, numbers=numbers)
-    box = SearchBox(minimum=space.minimum, maximum=space.maximum, interval=steps)
+        return Tempering(initial, space, settings.iterations, seed, numbers=task.numbers)
+    box = SearchBox(minimum=space.minimum, maximum=space.maximum, interval=task.steps)
     if name == "annealing":
         return Annealing(initial, box, settings, np.random.default_rng(seed))
     if name == "restarts":

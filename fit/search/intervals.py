@@ -63,15 +63,27 @@ def check_blocks(block: NDArray[np.int64]) -> None:
         raise FitError(f"intervals need {FEWEST_BLOCKS} blocks, there are {count}", advice="record a longer take")
 
 
-def block_intervals(
-    space: BoundedSpace, parameters: Floats, residuals: Floats, jacobian: Floats, block: NDArray[np.int64],
-    *, between: Floats | float = 0.0, spread: Floats | float = 0.0,
-) -> Intervals:  # fmt: skip
-    """Return intervals about `parameters`, (p,).
+@dataclass(frozen=True, kw_only=True)
+class LinearModel:
+    """The linearised model about the end of a search.
 
+    - `parameters`, (p,): the end
     - `residuals`, (m,), in units of their deviation
     - `jacobian`, (m, p): d residual / d u, u from 0 to 1 between the bounds
     - `block`, (m,): the half second to which each number belongs
+    """
+
+    parameters: Floats
+    residuals: Floats
+    jacobian: Floats
+    block: NDArray[np.int64]
+
+
+def block_intervals(
+    space: BoundedSpace, model: LinearModel, *, between: Floats | float = 0.0, spread: Floats | float = 0.0
+) -> Intervals:
+    """Return intervals about the parameters of a linearised model.
+
     - `between`, (p, p): covariance that is added, in squared shares of the box
     - `spread`, (p,): a lower limit of the deviations, in shares of the box, known from elsewhere
 
@@ -80,18 +92,18 @@ def block_intervals(
     """
     from scipy.stats import t as student
 
-    check_blocks(block)
-    names, place = np.unique(block, return_inverse=True)
-    variance, way = jackknife(residuals, jacobian, place)
+    check_blocks(model.block)
+    names, place = np.unique(model.block, return_inverse=True)
+    variance, way = jackknife(model.residuals, model.jacobian, place)
     variance = variance + between
     wider = np.maximum(1.0, spread / np.sqrt(np.diag(variance)))
     variance = variance * np.outer(wider, wider)
     deviation = np.sqrt(np.diag(variance))
     reach = float(student.ppf(0.95, len(names) - 1))
     half = np.sqrt((reach * deviation) ** 2 + way**2)
-    unit = space.to_unit(parameters)
+    unit = space.to_unit(model.parameters)
     ends = np.stack([space.from_unit(unit + sign * half) for sign in (-1, 1)], axis=1)
-    slope = space.slope(parameters)
+    slope = space.slope(model.parameters)
     covariance = variance * np.outer(slope, slope)
     return Intervals(ends, deviation < SHARE_IDENTIFIED * PRIOR_SD, covariance, way * slope, reach)
 

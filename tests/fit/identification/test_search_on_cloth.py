@@ -147,9 +147,7 @@ def test_least_squares_know_the_distance_of_every_candidate(swung):
     """It is that of the free rollouts that the result is told of, with an effect on as well."""
     request = request_of(SI, ["air_drag"], iterations=1, seed=1, spacing=MESH, search="least-squares")
     model = Model([prepare(swung)], request)
-    search, settings = begin_observed(
-        "least-squares", model.recordings, SI, request.effects, request.space, request.resolution, 1, model.distances_of
-    )
+    search, settings = begin_observed(request, model.recordings, model.distances_of)
     vectors = request.space.from_unit(np.random.default_rng(0).random((3, len(request.parameters))))
     assert search.simulate(vectors, 0.0)[1] == pytest.approx(model.distances(vectors), rel=1e-12)
     initial = np.array([p.initial for p in request.parameters])

@@ -12,9 +12,9 @@ from fit.errors import FitError
 from fit.identification.request import request_of
 from fit.methods import KINECT_SKIRT, SI
 from fit.search.annealing import AnnealingSettings
-from fit.search.choice import OBSERVED, SEARCHES, begin, check_search
+from fit.search.choice import OBSERVED, SEARCHES, Task, begin, check_search
 from fit.search.cma_es import Evolution
-from fit.search.intervals import PRIOR_SD, block_intervals, draw_intervals, jackknife
+from fit.search.intervals import PRIOR_SD, LinearModel, block_intervals, draw_intervals, jackknife
 from fit.search.least_squares import BoundedSpace
 from fit.search.tempering import Tempering
 
@@ -32,9 +32,15 @@ def bowl(candidates):
     return 0.03 + np.sqrt((apart**2).sum(1))
 
 
+def intervals_of(space, parameters, residuals, jacobian, block, **more):
+    model = LinearModel(parameters=parameters, residuals=residuals, jacobian=jacobian, block=block)
+    return block_intervals(space, model, **more)
+
+
 def begun(name, budget=120, seed=3):
     settings = AnnealingSettings(iterations=budget)
-    return begin(name, SI.initial, SI.interval, SPACE, settings, seed, numbers=24.0)
+    task = Task(initial=SI.initial, steps=SI.interval, space=SPACE, settings=settings, seed=seed, numbers=24.0)
+    return begin(name, task)
 
 
 def run(search, width, distance=bowl, batches=None):
@@ -207,7 +213,7 @@ def test_a_parameter_that_no_number_shows_keeps_the_spread_of_the_box_and_is_not
     line = BoundedSpace(minimum=np.zeros(2), maximum=np.ones(2), is_log=np.zeros(2, bool))
     noise = np.random.default_rng(0).normal(size=60)
     jacobian = np.stack([np.full(60, 100.0), np.zeros(60)], axis=1)
-    found = block_intervals(line, np.array([0.5, 0.5]), noise, jacobian, np.repeat(np.arange(12), 5))
+    found = intervals_of(line, np.array([0.5, 0.5]), noise, jacobian, np.repeat(np.arange(12), 5))
     assert found.is_identified.tolist() == [True, False]
     assert found.ends[1].tolist() == [0.0, 1.0]  # 1.80 x 0.289 is more than half of the box
     assert np.sqrt(found.covariance[1, 1]) == pytest.approx(PRIOR_SD)
@@ -224,7 +230,7 @@ def test_ninety_percent_intervals_hold_the_truth_of_a_line_in_nine_of_ten_cases_
         truth = np.array([0.1, -0.2])
         fitted = truth + 2 * np.linalg.lstsq(design, error, rcond=None)[0]
         residuals = design @ (fitted - truth) / 2 - error
-        found = block_intervals(line, fitted, 10 * residuals, 10 * design, block)
+        found = intervals_of(line, fitted, 10 * residuals, 10 * design, block)
         held.append((found.ends[:, 0] <= truth) & (truth <= found.ends[:, 1]))
     # 400 cases: 1.5 % standard error.
     assert np.mean(held, axis=0) == pytest.approx([0.9, 0.9], abs=0.045)
@@ -235,7 +241,7 @@ def test_intervals_of_a_search_that_stopped_short_reach_as_far_as_the_least_squa
     line = BoundedSpace(minimum=np.zeros(1), maximum=np.ones(1), is_log=np.zeros(1, bool))
     noise = np.random.default_rng(1).normal(size=60)
     noise -= noise.mean()
-    found = block_intervals(line, np.array([0.5]), noise - 20.0, np.full((60, 1), 100.0), np.repeat(np.arange(12), 5))
+    found = intervals_of(line, np.array([0.5]), noise - 20.0, np.full((60, 1), 100.0), np.repeat(np.arange(12), 5))
     assert found.ends[0, 1] > 0.7 > 0.5 > found.ends[0, 0]
 
 
@@ -245,9 +251,9 @@ def test_deviations_known_in_another_way_widen_an_interval_and_never_add_to_it()
     random = np.random.default_rng(3)
     noise, jacobian, block = random.normal(size=60), 50 * random.normal(size=(60, 2)), np.repeat(np.arange(12), 5)
     middle = np.array([0.5, 0.5])
-    alone = block_intervals(line, middle, noise, jacobian, block)
+    alone = intervals_of(line, middle, noise, jacobian, block)
     own = np.sqrt(np.diag(alone.covariance))
-    wider = block_intervals(line, middle, noise, jacobian, block, spread=own * [2.0, 0.5])
+    wider = intervals_of(line, middle, noise, jacobian, block, spread=own * [2.0, 0.5])
     assert np.sqrt(np.diag(wider.covariance)) == pytest.approx(own * [2.0, 1.0])
     assert wider.ends[1] == pytest.approx(alone.ends[1])
     assert np.ptp(wider.ends[0]) > 1.3 * np.ptp(alone.ends[0])

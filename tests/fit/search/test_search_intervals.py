@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fit.errors import FitError
-from fit.search.intervals import PRIOR_SD, block_intervals, check_blocks, draw_intervals, jackknife
+from fit.search.intervals import PRIOR_SD, LinearModel, block_intervals, check_blocks, draw_intervals, jackknife
 from fit.search.least_squares import BoundedSpace
 
 BLOCK = np.repeat(np.arange(3), 2)
@@ -20,8 +20,13 @@ def line(low=0.0, high=1.0, *, is_log=False):
     return BoundedSpace(minimum=np.array([low]), maximum=np.array([high]), is_log=np.array([is_log]))
 
 
+def about(space, at, values=VALUES, block=BLOCK, **more):
+    model = LinearModel(parameters=np.array([at]), residuals=values, jacobian=np.full((6, 1), SLOPE), block=block)
+    return block_intervals(space, model, **more)
+
+
 def of_three(space, at, **more):
-    return block_intervals(space, np.array([at]), VALUES, np.full((6, 1), SLOPE), BLOCK, **more)
+    return about(space, at, **more)
 
 
 def test_three_blocks_give_2_92_deviations_of_their_mean_to_each_side():
@@ -61,7 +66,7 @@ def test_a_covariance_between_ends_comes_on_top_of_the_jackknifes():
 
 def test_the_way_to_the_least_squares_counts_with_the_spread_as_a_hypotenuse():
     """Stopped 0.04 of a box of 50 short: to each side sqrt((2.92 d)^2 + 0.04^2)."""
-    short = block_intervals(line(0.0, 50.0), np.array([25.0]), VALUES + 40.0, np.full((6, 1), SLOPE), BLOCK)
+    short = about(line(0.0, 50.0), 25.0, VALUES + 40.0)
     assert short.way == pytest.approx([-0.04 * 50], rel=1e-4)
     half = 50 * np.hypot(REACH * DEVIATION, 0.04)
     assert short.ends[0] == pytest.approx([25 - half, 25 + half], rel=1e-4)
@@ -114,7 +119,7 @@ def test_three_blocks_are_enough_and_two_are_refused():
 
 
 def test_blocks_are_known_by_their_numbers_wherever_these_begin():
-    anew = block_intervals(line(), np.array([0.5]), VALUES, np.full((6, 1), SLOPE), np.array([7, 7, 3, 3, 90, 90]))
+    anew = about(line(), 0.5, block=np.array([7, 7, 3, 3, 90, 90]))
     assert anew.ends[0] == pytest.approx(of_three(line(), 0.5).ends[0])
 
 

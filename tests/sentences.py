@@ -1,0 +1,43 @@
+"""Takes prose apart into sentences and counts their words, for the tests of the documentation and of docstrings."""
+
+from __future__ import annotations
+
+import re
+
+LONGEST_SENTENCE = 25  # words (CONTRIBUTING.md, "Text")
+END = re.compile(r"(?<=[.!?])[\"*)]*\s+(?=[A-Z\d`*(\[\"“])")
+CLAUSE = re.compile(r"(?:\*\*)?(?:What|Whatever)\b")
+
+
+def blocks_of(text: str) -> list[str]:
+    """Paragraphs, list items and table cells of a page; a cell of figures parts them with semicolons."""
+    text = re.sub(r"^```.*?^```|<!--.*?-->", "", text, flags=re.DOTALL | re.MULTILINE)
+    blocks: list[str] = [""]
+    for line in text.splitlines():
+        if line.startswith("|"):
+            blocks += [part for cell in re.split(r"(?<!\\)\|", line) for part in cell.split("; ")] + [""]
+        elif not line.strip() or line.startswith("#"):
+            blocks.append("")
+        elif re.match(r"\s*(?:[-*]|\d+\.) ", line):
+            blocks.append(re.sub(r"^\s*(?:[-*]|\d+\.) ", "", line))
+        else:
+            blocks[-1] += " " + line.strip()
+    return [block.strip() for block in blocks if block.strip()]
+
+
+def sentences_of(text: str) -> list[str]:
+    """Sentences of a page; a piece of code and an equation count as one word each."""
+    found = []
+    for block in blocks_of(text):
+        plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", re.sub(r"`[^`]*`|\$[^$]+\$", "Code", block))
+        found += [sentence.strip() for sentence in END.split(plain)]
+    return [sentence for sentence in found if re.search(r"[A-Za-z]{2}", sentence)]
+
+
+def words_of(sentence: str) -> int:
+    return sum(bool(re.search(r"\w", word)) for word in sentence.split())
+
+
+def has_clause_as_subject(sentence: str) -> bool:
+    """Return whether a sentence begins with a "what" clause; a question may."""
+    return bool(CLAUSE.match(sentence)) and not sentence.endswith("?")

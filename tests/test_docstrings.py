@@ -1,0 +1,88 @@
+"""Docstrings and comments follow the rules of text in CONTRIBUTING.md, as pages do."""
+
+from __future__ import annotations
+
+import ast
+import io
+import re
+import tokenize
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.sentences import LONGEST_SENTENCE, has_clause_as_subject, sentences_of, words_of
+
+ROOT = Path(__file__).parent.parent
+UNMEASURED = ("formats", "fit/gap")  # rooms whose text is not yet plain
+ROOMS = sorted(
+    {
+        str(path.parent.relative_to(ROOT))
+        for package in ("formats", "firmware_host", "capture", "fit", "hangtime", "benchmarks", "docs")
+        for path in (ROOT / package).rglob("*.py")
+    }
+)
+MEASURED = [room for room in ROOMS if not room.startswith(UNMEASURED)]
+# Pieces of this house's old tongue that no stranger understands, and the field's words for them
+PRIVATE_WORDS = re.compile(
+    r"worn Jacobian|halt is believed|corner of the box|may be had|leaves? least of|\bis told of\b|are enough of",
+    re.IGNORECASE,
+)
+WITHOUT_PROSE = re.compile(r"(?: {4,}|.*\S {3,}\S|\s*\|)")  # an equation, a row of columns or of a table
+
+
+def docstrings(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            text = ast.get_docstring(node)
+            if text:
+                yield node.body[0].lineno, text
+
+
+def comments(source: str) -> Iterator[tuple[int, str]]:
+    """Lines of comments that follow each other are one text; a comment behind code is a text of its own."""
+    lines: list[str] = []
+    begin = end = 0
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type != tokenize.COMMENT:
+            continue
+        is_alone, row = token.line.lstrip().startswith("#"), token.start[0]
+        if not (lines and is_alone and row == end + 1):
+            if lines:
+                yield begin, "\n".join(lines)
+            lines, begin = [], row
+        lines.append(re.sub(r"^#\s?", "", token.string))
+        end = row if is_alone else 0
+    if lines:
+        yield begin, "\n".join(lines)
+
+
+def prose_of(text: str) -> str:
+    """A text without equations, tables and rows of columns."""
+    return "\n".join("" if WITHOUT_PROSE.match(line) else line for line in text.splitlines())
+
+
+def faults_of(source: str) -> list[str]:
+    """Lines and beginnings of the sentences that break a rule."""
+    found = []
+    for line, text in [*docstrings(ast.parse(source)), *comments(source)]:
+        for sentence in sentences_of(prose_of(text)):
+            count = words_of(sentence)
+            if count > LONGEST_SENTENCE or has_clause_as_subject(sentence) or PRIVATE_WORDS.search(sentence):
+                found.append(f"line {line}, {count} words: {sentence[:60]}")
+    return found
+
+
+@pytest.mark.parametrize("room", MEASURED)
+def test_no_sentence_of_docstrings_and_comments_is_long_or_has_a_clause_as_its_subject(room: str) -> None:
+    files = sorted((ROOT / room).glob("*.py"))
+    assert files
+    assert [f"{path.name}: {fault}" for path in files for fault in faults_of(path.read_text())] == []
+
+
+def test_a_long_docstring_a_long_comment_and_a_clause_are_found_and_an_equation_is_not() -> None:
+    long = " ".join(["word"] * 26) + "."
+    source = f'"""A module.\n\n{long}\n\n    {long}\n"""\nA = 1  # What is cut\n# {long[:65]}\n# {long[65:]}\n'
+    assert [fault.split(":")[0] for fault in faults_of(source)] == [
+        "line 1, 26 words", "line 7, 3 words", "line 8, 26 words",
+    ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""Limit the processor time of every test, and show how much the slowest tests take.
+"""Limit the processor time of every test, show how much the slowest tests take, and keep tests together.
 
 A limit on wall time ends healthy tests on a busy machine, where each process gets a share of a processor. Here the
 processor time counts, of the test's own process and of the processes that it started. A test that waits for something
@@ -12,6 +12,7 @@ import os
 import resource
 import signal
 from collections.abc import Iterator
+from typing import Any
 
 import psutil
 import pytest
@@ -29,6 +30,26 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "processor_time(seconds): the limit of this test instead of 300 s")
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Under `--dist loadfile`, keep the tests of a room of `fit` in one process: each compiles its kernels anew."""
+    if config.getoption("dist") != "loadfile":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class Rooms(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return room_of(nodeid)
+
+    return Rooms(config, log)
+
+
+def room_of(nodeid: str) -> str:
+    """The room of `fit` that a test is of, or else its file."""
+    file = nodeid.partition("::")[0]
+    return file.rpartition("/")[0] if file.startswith("tests/fit/") else file
 
 
 def done() -> float:

@@ -29,7 +29,7 @@ def run(folder, body, still=600.0):
 @pytest.mark.parametrize(
     "body",
     [
-        "while True: pass",
+        pytest.param("while True: pass", marks=pytest.mark.slow),
         "subprocess.run([sys.executable, '-c', 'while True: pass'], timeout=60)",
     ],
     ids=["itself", "a child"],
@@ -58,3 +58,8 @@ def test_time_in_which_the_processor_did_something_else_does_not_count(monkeypat
     clock[0] += 2.0
     with pytest.raises(pytest.fail.Exception, match="took more than 60 s"):
         watch.look()
+
+
+def test_tests_of_a_room_of_fit_stay_in_one_process_and_others_with_their_file():
+    assert conftest.room_of("tests/fit/gap/test_floor.py::test_one[a/b]") == "tests/fit/gap"
+    assert conftest.room_of("tests/formats/test_damage.py::test_one") == "tests/formats/test_damage.py"

@@ -39,10 +39,12 @@ def small(tmp_path_factory):
     return write_take(tmp_path_factory.mktemp("sound") / "a.mcap", a_take(frames=80)).read_bytes()
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 4))])
-def test_of_ten_thousand_accidents_none_gives_a_wrong_value(small, seed):
+@pytest.mark.parametrize(
+    ("seed", "count"), [(4, 500), *(pytest.param(seed, 2500, marks=pytest.mark.slow) for seed in range(4))]
+)
+def test_of_ten_thousand_accidents_none_gives_a_wrong_value(small, seed, count):
     rng, sound = np.random.default_rng(seed), take_of(small, "sound")
-    for k in range(2500):
+    for k in range(count):
         broken = damaged(small, rng)
         assert not is_wrong(broken, sound), f"accident {k} of seed {seed}"
 

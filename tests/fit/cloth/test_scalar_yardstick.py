@@ -70,6 +70,7 @@ def test_c_is_not_of_one_mesh_only(gentle, tmp_path):
     assert np.abs(call.seen - expected).max() < NEAR
 
 
+@pytest.mark.slow
 @needs_gcc
 def test_what_the_c_does_not_know_is_refused(gentle, tmp_path):
     """An observer's pull, and threads that run askew to the mesh."""

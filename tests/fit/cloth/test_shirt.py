@@ -33,6 +33,7 @@ def take():
     return simulate_take(garment, time, path, row, noise=0.001, seed=2, resolution=Resolution(spacing=MESH))
 
 
+@pytest.mark.slow
 def test_a_shirts_take_is_fitted(take):
     """Six iterations find some of its damping of 3 /s; with the stiffest fabric there is the sleeves hang down."""
     result = calibrate([take], [], request_of(SI, [], iterations=6, seed=1, spacing=MESH))

@@ -44,7 +44,7 @@ def test_peirces_formula_is_two_percent_above_the_elastica():
     assert 2.0 * np.cbrt(np.cos(angle / 2) / (8 * np.tan(angle))) == pytest.approx(1.0188, abs=2e-4)
 
 
-@pytest.mark.slow  # the force of a bias extension is one of `CASES`, which are quick
+@pytest.mark.slow
 def test_a_sample_cut_on_the_bias_is_pulled_as_a_net_of_threads_says():
     """Threads 200 times as stiff as the shear: softer than a net of inextensible ones by about sqrt(1 / 200) = 7 %.
 
@@ -58,6 +58,7 @@ def test_a_sample_cut_on_the_bias_is_pulled_as_a_net_of_threads_says():
     assert abs(coarse - fine) < 0.03
 
 
+@pytest.mark.slow
 def test_energy_is_lost_as_fast_as_damping_says():
     """At c it goes as e^(-c t): 1 - e^(-0.5) in ten seconds at 0.05 1/s."""
     lost = energy_drift(Resolution(spacing=0.05), damping=0.05)
@@ -67,7 +68,13 @@ def test_energy_is_lost_as_fast_as_damping_says():
 NEEDS_FINER = ("swung swatch, mesh doubled and step halved",)  # than 50 mm
 
 
-@pytest.mark.parametrize("name", [case.name for case in CASES])
+# `test_cloth.py` has a quicker test of meshes that converge, `test_patterns.py` of a sheet on the bias.
+SLOW = ("swung swatch, mesh doubled and step halved", "force of a bias extension")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(case.name, marks=[pytest.mark.slow] if case.name in SLOW else []) for case in CASES]
+)
 def test_a_mesh_keeps_to_the_closed_form(name):
     case = next(c for c in CASES if c.name == name)
     assert abs(case.error(Resolution(spacing=0.033 if name in NEEDS_FINER else 0.05))) < case.allowed

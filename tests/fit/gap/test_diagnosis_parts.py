@@ -174,6 +174,7 @@ def a_tube(amplitude):
 CONTACT = ("hem", "anisotropy", "self_contact", "added_mass")
 
 
+@pytest.mark.slow  # `test_screening.py` has a signature of nothing
 def test_cloth_that_never_touches_itself_says_that_contact_could_not_show():
     """A sheet that hangs from its edge never folds: no amplitude of contact would show."""
     observer = Observer([prepare(a_take())], SI, LIBRARY, frequency=1.0, resolution=COARSE)

@@ -64,3 +64,8 @@ def test_the_total_of_parts_is_their_sum_and_infinite_where_one_is_not_finite():
     parts = np.array([[1.0, 2.0, 3.5], [1.0, np.nan, 1.0], [np.inf, -np.inf, 1.0]])
     objective = SimpleNamespace(terms=lambda simulated: parts)
     assert total(objective, np.zeros(3)).tolist() == [6.5, np.inf, np.inf]
+
+
+def test_a_point_of_which_one_axis_is_missing_is_not_seen():
+    real = np.array([[[0.0, np.nan, 0.0], [0.0, 0.0, 0.0]]])
+    assert distance(real, np.array([[[9.0, 9.0, 9.0], [3e-3, 4e-3, 0.0]]])) == pytest.approx(5e-3)

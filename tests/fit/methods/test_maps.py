@@ -130,3 +130,62 @@ def test_methods_are_found_by_name_and_a_shirt_is_diagnosed_with_sewn_layers():
     assert str(refused.value) == f"there is no method named 'guess'; known methods: {', '.join(METHODS)}"
     assert base_model_of(sheet()) is SI
     assert base_model_of(msgspec.structs.replace(sheet(), kind="t-shirt")) is SI_SEWN
+
+
+# name: initial value, bounds and standard step, as the papers print them or as the modules give their sources.
+KINECT_TABLE = {
+    "mass": (1.0, 0.15, 10.0, 0.5), "struct": (30.0, 5.0, 80.0, 15.0), "bend": (20.0, 0.1, 150.0, 10.0),
+    "spring": (3.0, 0.0, 25.0, 4.0), "air": (5.0, 1.0, 10.0, 5.0), "velocity": (0.95, 0.9, 1.0, 0.01),
+}  # fmt: skip
+SWATCH_TABLE = {
+    "stretching_stiffness": (300.0, 30.0, 1000.0, 100.0), "bending_stiffness": (1.4e-5, 1e-6, 2e-4, 1e-5),
+    "damping_coefficient": (1.0, 0.02, 8.0, 0.5), "density": (0.197, 0.03, 0.5, 0.05), "thickness": (1.0, 0.5, 2.0, 0.2),
+}  # fmt: skip
+SI_TABLE = {
+    "stretch_stiffness": (300.0, 30.0, 1000.0, 100.0), "shear_stiffness": (30.0, 10.0, 220.0, 10.0),
+    "bending_stiffness": (1.4e-5, 1e-6, 2e-4, 1e-5), "bending_damping_time": (2e-3, 1e-4, 2e-2, 1e-3),
+    "velocity_damping": (1.0, 0.02, 8.0, 0.5),
+}  # fmt: skip
+
+
+def without(table, *names):
+    return {name: row for name, row in table.items() if name not in names}
+
+
+@pytest.mark.parametrize(
+    ("method", "table", "degenerate", "gamma", "is_log"),
+    [
+        (KINECT_SKIRT, KINECT_TABLE, {"mass", "struct", "bend", "air", "velocity"}, 1e5, False),
+        (KINECT_SKIRT_WEIGHED, without(KINECT_TABLE, "mass"), {"air", "velocity"}, 1e5, False),
+        (MOCAP_SWATCH, SWATCH_TABLE, {*SWATCH_TABLE} - {"damping_coefficient"}, 1e4, False),
+        (MOCAP_SWATCH_WEIGHED, without(SWATCH_TABLE, "density", "thickness"), set(), 1e4, False),
+        (SI, SI_TABLE, set(), 1e5, True),
+        (SI_SEWN, {**SI_TABLE, "bending_stiffness": (3e-4, 1e-6, 5e-3, 1e-5)}, set(), 1e5, True),
+        (LEAN, without(SI_TABLE, "shear_stiffness", "bending_damping_time"), set(), 1e5, True),
+    ],
+    ids=lambda given: getattr(given, "name", ""),
+)
+def test_a_methods_parameters_have_the_values_bounds_and_steps_of_its_table(
+    method, table, degenerate, gamma, is_log
+):
+    found = {p.name: (p.initial, p.minimum, p.maximum, p.interval) for p in method.parameters}
+    assert found == table
+    assert list(found) == list(table)
+    assert set(method.degenerate) == degenerate
+    assert (method.gamma, method.knows_layers) == (gamma, method is SI_SEWN)
+    assert {p.is_log for p in method.parameters} == {is_log}
+    assert bool(method.not_identified) == bool(degenerate)
+    of_swatch = "mocap" in method.name
+    assert (method.is_in_metres, method.spacing) == (not of_swatch, 0.0208 if of_swatch else 0.05)
+    assert method.objective.name == ("E/N" if of_swatch else "D")
+
+
+def test_four_fabrics_are_those_of_their_tables():
+    """kg/m^2, N/m, N m and kg/m^3 of fibre."""
+    found = {
+        f.name: (f.density, f.stretching_stiffness, f.bending_stiffness, f.fibre_density) for f in FABRICS.values()
+    }
+    assert found == {
+        "silk": (0.1, 86.0, 1.9e-5, 1340.0), "denim": (0.324, 456.0, 7.8e-5, 1540.0),
+        "cotton": (0.197, 1000.0, 1.4e-5, 1540.0), "polyester-rayon": (0.284, 37.0, 3.6e-5, 1425.0),
+    }  # fmt: skip

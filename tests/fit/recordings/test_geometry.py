@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -72,3 +73,44 @@ def test_all_real_swung_cloth_passes():
         pytest.skip("the real recordings are not here")
     for file in files:
         check_geometry(prepare(import_swung_cloth(file)))
+
+
+def held_at(*, edge=0.4, flat=0.2, away=0.2, frames=9, far=9):
+    """Held ends 0.4 m apart on an edge of another length, and a point below the left one, so far away in some frames.
+
+    The right end is twice as far from the point as it needs to be.
+    """
+    outline = ((0.0, 0.0), (edge, 0.0), (edge, -2.0), (0.0, -2.0))
+    point = SimpleNamespace(name="low", at_m=(0.0, -flat))
+    places = np.zeros((frames, 1, 3))
+    places[:far, 0, 2] = -away
+    places[far:, 0, 2] = -flat
+    return SimpleNamespace(
+        garment=SimpleNamespace(outline_m=outline, points=[point]), time=np.arange(frames), take_id="a",
+        held=lambda instants: np.tile([0.0, 0, 0, 0.4, 0, 0], (len(instants), 1)), points=places,
+        valid=np.ones((frames, 1), bool),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("edge", "is_possible"), [(0.271, False), (0.273, True), (1.59, True), (1.61, False)])
+def test_held_ends_are_a_quarter_to_five_quarters_of_the_edge_and_a_little_slack_apart(edge, is_possible):
+    """0.4 m: 1.25 e + 60 mm at the most, e / 4 at the least."""
+    if is_possible:
+        check_geometry(held_at(edge=edge))
+    else:
+        with pytest.raises(FitError, match="held ends are 400 mm apart"):
+            check_geometry(held_at(edge=edge))
+
+
+@pytest.mark.parametrize(("away", "is_possible"), [(0.309, True), (0.311, False)])
+def test_a_point_is_a_quarter_further_from_a_held_end_than_on_the_cloth_and_a_little_slack(away, is_possible):
+    """0.2 m: 250 mm and 60 mm, in the median of the frames."""
+    check_geometry(held_at(away=away, far=4))
+    unseen = held_at(away=away)
+    unseen.valid[:] = False
+    check_geometry(unseen)
+    if is_possible:
+        check_geometry(held_at(away=away))
+    else:
+        with pytest.raises(FitError, match="the point 'low' is 311 mm from the left held end, .* 200 mm"):
+            check_geometry(held_at(away=away, far=5))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fit.recordings.held_edge import HeldEdge
+from fit.recordings.held_edge import HeldEdge, place_along
 from tests.fit.scenes import swing
 
 FRAME = 1 / 30
@@ -72,3 +72,95 @@ def test_an_edge_of_which_one_side_alone_is_seen_tells_no_turn():
     course, rms = seen.turn()
     assert not course(seen.time).any()
     assert not rms.any()
+
+
+def stepped(drop, frames=180, alternating=1e-3):
+    """An edge whose points tremble by 1 mm from frame to frame, 3.12 mm of noise, and drop on the right after 3 s."""
+    seen = edge(slip=drop, noise=0.0)
+    sign = np.tile([1.0, -1.0], 90)
+    seen.points[..., 2] += alternating * sign[:, None]
+    seen.points[frames:] = np.nan
+    return seen
+
+
+@pytest.mark.parametrize(("errors", "is_told"), [(7.8, False), (8.2, True)])
+def test_a_step_of_eight_standard_errors_is_a_slip(errors, is_told):
+    """The outer two points drop by 0.75 and 1 of it, 0.875; of 91 and 89 frames the error is s sqrt(180 / 91 / 89)."""
+    noise = 1e-3 * 64 / 0.6745 / np.sqrt(924)
+    found = stepped(errors * noise * np.sqrt(180 / 91 / 89) / 0.875).slip_at()
+    assert found == pytest.approx(3.0 if is_told else 1.05, abs=1e-6 if is_told else 0.1)
+
+
+@pytest.mark.parametrize(("frames", "is_told"), [(111, True), (95, False)])
+def test_a_step_is_not_told_at_the_end_of_a_take(frames, is_told):
+    """Of the last five frames no step is told."""
+    assert (stepped(0.05, frames).slip_at() == pytest.approx(3.0, abs=1e-6)) == is_told
+
+
+def test_of_few_frames_no_step_is_told():
+    """Ten before and nine after it."""
+    for last, is_told in ((101, True), (100, False)):
+        few = stepped(0.05, last)
+        few.points[:81] = np.nan
+        assert (few.slip_at() == pytest.approx(3.0, abs=1e-6)) == is_told
+
+
+def test_the_left_end_may_slip_as_well():
+    mirrored = edge(slip=0.01, noise=1e-4)
+    turned = HeldEdge(mirrored.time, mirrored.points[:, ::-1] * [1.0, 1.0, 1.0], -ACROSS[::-1], mirrored.held)
+    turned.points[..., 2] = mirrored.points[..., 2]  # the same heights at the mirrored places
+    assert turned.slip_at() == pytest.approx(3.0, abs=0.05)
+
+
+def test_a_slip_follows_the_hardest_jerk_by_three_hundredths_of_a_second():
+    """A pulse of 20 mm and a tenth of a second about 1.7 s is hardest in its middle."""
+
+    def held(instants):
+        moved = 0.02 * np.exp(-(((instants - 1.7) / 0.1) ** 2))
+        ends = np.zeros((len(instants), 6))
+        ends[:, 0], ends[:, 3] = -0.2, 0.2
+        ends[:, [1, 4]] = moved[:, None]
+        return ends
+
+    time = np.arange(0, 4, FRAME)
+    assert HeldEdge(time, np.zeros((len(time), 0, 3)), np.zeros(0), held).slip_at() == pytest.approx(1.73, abs=0.004)
+
+
+def test_yaw_and_roll_are_told_apart_on_a_bar_that_hangs_askew():
+    """A bar that rises by 0.1 rad in the yz plane: yaw is about the vertical, roll against the bar's own slope."""
+    time = np.arange(0, 6, FRAME)
+    bar = 0.2 * np.array([0.0, np.cos(0.1), np.sin(0.1)])
+    level = np.array([-1.0, 0.0, 0.0])  # z x bar
+    yaw = 0.03 * np.sin(2 * np.pi * 0.5 * time)
+    roll = 0.02 * np.cos(2 * np.pi * 0.5 * time)
+    points = ACROSS[:, None] * bar / 0.2 + yaw[:, None, None] * ACROSS[:, None] * level
+    points[..., 2] += roll[:, None] * ACROSS
+    ends = np.concatenate([1.0 - bar, 1.0 + bar])
+    turn, rms = HeldEdge(time, points + 1.0, ACROSS, lambda instants: np.tile(ends, (len(instants), 1))).turn()
+    assert rms == pytest.approx([0.03 * np.sqrt(0.5), 0.02 * np.sqrt(0.5)], rel=0.006)  # 1 - cos 0.1
+    assert turn(time)[20:-20] == pytest.approx(np.stack([yaw, roll], 1)[20:-20], abs=3e-4)
+    assert turn(np.array([-1.0, 9.0])) == pytest.approx(turn(np.array([0.0, time[-1]])))  # held before and after
+
+
+@pytest.mark.parametrize(("seen", "is_told"), [((0, 2), False), ((0, 3), True)])
+def test_points_that_have_a_quarter_of_the_edges_spread_tell_its_turn(seen, is_told):
+    """0.2 m apart two of five have 0.02 of 0.1 m^2, 0.3 m apart 0.045."""
+    some = edge(noise=1e-3)
+    hidden = [k for k in range(5) if k not in seen]
+    some.points[:, hidden] = np.nan
+    assert bool(some.turn()[1].any()) == is_told
+
+
+@pytest.mark.parametrize(("frames", "is_told"), [(19, False), (20, True)])
+def test_twenty_frames_tell_a_turn(frames, is_told):
+    some = edge(noise=1e-3)
+    some.points[frames:] = np.nan
+    assert bool(some.turn()[1].any()) == is_told
+
+
+def test_a_place_is_on_the_way_between_two_ends_within_a_millionth():
+    ends = np.array([[1.0, 0.0], [3.0, 0.0]])
+    places = np.array([[1.5, 0.0], [1.0, 0.0], [3.0, 0.0], [3.1, 0.0], [0.9, 0.0], [2.0, 1e-3], [2.0, 1e-6]])
+    share, is_on = place_along(places, ends)
+    assert share == pytest.approx([0.25, 0.0, 1.0, 1.05, -0.05, 0.5, 0.5])
+    assert is_on.tolist() == [True, True, True, False, False, False, True]

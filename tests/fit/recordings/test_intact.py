@@ -43,6 +43,24 @@ def test_a_part_that_begins_at_rest_forgets_nothing():
     assert longest_intact(take).points_valid[:30].mean() > 0.9
 
 
+@pytest.mark.parametrize(("size", "is_at_rest"), [(0.0039, True), (0.0041, False)])
+def test_ends_that_tremble_by_four_millimetres_in_half_a_second_are_not_at_rest(size, is_at_rest):
+    """Fifteen frames, of which the middle one is where the ends are on average; what comes later may move."""
+    take = with_a_hole(150, 180)
+    take.held[150:] = 0.0
+    take.held[150:165, 1, 2] = size * np.sqrt(15 / 14) * np.array([1.0, -1.0] * 7 + [0.0])
+    take.held[165:, 1, 2] = 1.0
+    assert (longest_intact(take).points_valid[:30].mean() > 0.9) == is_at_rest
+
+
+def test_of_parts_with_more_frames_and_longer_ones_the_longer_is_used():
+    """Frames 0 to 299 in ten seconds, and 331 to 599 whose clock went half as fast."""
+    take = with_a_hole(300, 330)
+    later = take.time[300:]
+    slow = np.concatenate([take.time[:300], later[0] + 2 * (later - later[0])])
+    assert len(longest_intact(replace(take, time=slow)).time) == 269
+
+
 @pytest.mark.parametrize("missing", [(), ((5.0, 5.4),), ((7.0, np.inf),)])
 def test_short_gaps_and_a_lost_end_leave_the_take_as_it_is(missing):
     """0.4 s are bridged, as where the hanger was not seen for so long."""

@@ -199,6 +199,8 @@ def frames_of(rate, count, noise, *, stated=1e-9):
 
 
 def test_noise_is_measured_from_twenty_frames_a_second_and_eleven_frames_on():
+    assert white_noise(frames_of(19.8, 14, 0.002)) is None  # 13 intervals
+    assert white_noise(frames_of(20.2, 14, 0.002)) is not None
     slow, fast = (frames_of(rate, 900, 0.002, stated=0.001) for rate in (19.9, 20.1))
     assert white_noise(slow) is None
     assert point_noise(slow) == pytest.approx([0.001, 0.001])
@@ -220,3 +222,14 @@ def test_a_points_noise_is_no_less_than_stated_and_that_of_its_axes_together():
     assert point_noise(found) == pytest.approx([0.005 / np.sqrt(3), 0.004], rel=0.1)
     found.held_seen[::7] = np.nan
     assert np.isfinite(held_noise(found)).all()
+
+
+def test_a_take_may_begin_at_any_time():
+    time = np.arange(30) * FRAME
+    values = np.random.default_rng(8).normal(size=(30, 2)) + np.sin(4 * time)[:, None]
+    assert smoothing_spline(time, values)(time) == pytest.approx(smoothing_spline(time, values, 6.0)(time))
+    later = time + 50.0
+    for smoothed in (smoothing_spline, steady_spline):
+        assert smoothed(later, values, 4.0)(later) == pytest.approx(smoothed(time, values, 4.0)(time), abs=1e-6)
+    assert best_cut_off(later, values) == pytest.approx(best_cut_off(time, values), rel=1e-3)
+    assert best_cut_off(later, np.sin(4 * time)[:, None]) == pytest.approx(12.0, abs=0.15)  # 29 intervals

@@ -1,0 +1,99 @@
+"""A take's figures, each worked by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from formats.missing import missing_words
+from formats.summary import describe, summarise
+from formats.take import FrameState
+from tests.formats.test_archive import a_take
+
+FRAMES = 60
+
+
+def made():
+    """Two seconds at 30 frames a second, of which each figure is chosen."""
+    take = a_take(frames=FRAMES)
+    valid = np.ones((FRAMES, 4), bool)
+    valid[:15, 0] = False
+    valid[:, 3] = False
+    sd = np.full((FRAMES, 4, 3), 0.003)
+    sd[..., 0, :] = [0.003, 0.004, 0.0]
+    sd[:15, 0] = 9.0  # not seen
+    held = np.zeros((FRAMES, 2, 3))
+    held[10, 0] = (0.02, -0.03, 0.0)
+    held[20, 0] = (-0.02, 0.0, 0.004)
+    held_valid = np.ones((FRAMES, 2), bool)
+    held_valid[:6, 0] = False
+    held[:6] = 5.0
+    state = np.zeros(FRAMES, np.uint16)
+    state[:3] = FrameState.MARKER_LOST
+    state[2:7] |= FrameState.TOO_FAR | FrameState.CLOCK_JUMPED
+    pitch = np.full(FRAMES, np.nan)
+    pitch[:20] = 0.1
+    hidden = np.zeros((FRAMES, 4), bool)
+    hidden[:30, 3] = True
+    quality = np.full(FRAMES, np.nan)
+    quality[:5] = (0.1, 0.2, 0.9, 0.95, 1.0)
+    return replace(
+        take, time=np.arange(FRAMES) / 30 + 7.0, points_valid=valid, points_sd=sd, held=held, held_valid=held_valid,
+        state=state, pitch=pitch, points_hidden=hidden, quality=quality,
+    )  # fmt: skip
+
+
+def test_a_summary_has_the_figures_of_its_take():
+    found = summarise(made())
+    assert (found["frames"], found["duration_s"], found["rate_hz"]) == (60, pytest.approx(59 / 30, abs=5e-4), 30.0)
+    assert [p["seen_percent"] for p in found["points"]] == [75.0, 100.0, 100.0, 0.0]
+    assert [p["hidden_percent"] for p in found["points"]] == [0.0, 0.0, 0.0, 50.0]
+    # sqrt((9 + 16 + 0) / 3) mm of what was seen, and nothing of what never was.
+    assert [p["sd_mm"] for p in found["points"]] == [pytest.approx(2.89), 3.0, 3.0, None]
+    assert found["hanger_seen_percent"] == 90.0
+    assert found["hanger_travel_mm"] == [40.0, 30.0, 4.0]
+    assert found["pitch_seen_percent"] == pytest.approx(33.3)
+    assert found["quality"] == 0.9
+    states = {name: count for name, count in found["states"].items() if count}
+    assert states == {"marker lost": 3, "too far": 5, "clock jumped": 5}
+    unseen = replace(made(), held_valid=np.zeros((FRAMES, 2), bool), points_hidden=None, quality=None, pitch=None)
+    found = summarise(unseen)
+    assert found["hanger_travel_mm"] == [0.0, 0.0, 0.0]
+    assert (found["quality"], found["pitch_seen_percent"]) == (None, 0.0)
+    assert [p["hidden_percent"] for p in found["points"]] == [0.0] * 4
+
+
+def test_a_summary_says_its_figures_in_words():
+    said = describe(summarise(made()))
+    for line in (
+        "length    1.967 s, 60 frames, 30 a second", "garment   sheet, 30.0 g",
+        "hanger    seen in 90 % of the frames, travels 40 x 30 x 4 mm",
+        "point     p0             seen  75.0 %   sd 2.89 mm", "seen   0.0 %   never seen   hidden 50 %",
+        "quality   0.9 in the median frame", "state     too far in 5 frames", "note      who: me",
+    ):  # fmt: skip
+        assert line in said
+    assert "INCOMPLETE" not in said
+    assert "INCOMPLETE" in describe(summarise(replace(made(), is_complete=False)))
+
+
+@pytest.mark.parametrize(
+    ("spans", "words"),
+    [
+        ((), ""),
+        (((12.0, 13.5),), "2.00 to 3.50 s"),
+        (((12.0, np.inf),), "from 2.00 s on"),
+        (((-np.inf, 12.0),), "what was before 2.00 s"),
+        (((11.0, 12.0), (13.0, 14.0), (15.0, np.inf)), "1.00 to 2.00 s, 3.00 to 4.00 s and from 5.00 s on"),
+        (((8.0, 9.0), (11.0, 12.0)), "0.00 to 1.00 s and 3.00 to 4.00 s"),  # before the first frame that is left
+        (tuple((11.0 + k, 11.5 + k) for k in range(5)),
+         "1.00 to 1.50 s, 2.00 to 2.50 s, 3.00 to 3.50 s, 4.00 to 4.50 s and 5.00 to 5.50 s"),
+        (tuple((11.0 + k, 11.5 + k) for k in range(6)),
+         "1.00 to 1.50 s, 2.00 to 2.50 s, 3.00 to 3.50 s, 4.00 to 4.50 s and 2 more spans"),
+    ],
+)  # fmt: skip
+def test_missing_seconds_count_from_the_first_frame_and_at_most_five_spans_are_listed(spans, words):
+    take = replace(a_take(), time=a_take().time - a_take().time[0] + 10.0, missing=spans)
+    assert missing_words(take) == words
+    assert missing_words(replace(take, missing=()), spans) == words

@@ -9,7 +9,7 @@ import pytest
 
 from capture.calibration.accelerometer import ZERO_SD, gravity_of_readings
 from capture.calibration.depth_offset import plate_offset
-from capture.calibration.frames import StillFrames
+from capture.calibration.frames import StillFrames, StillRun
 from capture.calibration.measures import (
     Estimate,
     depth_scale,
@@ -19,6 +19,7 @@ from capture.calibration.measures import (
     median_of_frames,
     place_of_frames,
 )
+from capture.errors import CalibrationError
 from capture.hanger.marker_plates import CENTRE_SD, PlatePlacer
 from firmware_host.usb_control.kinect_motor import MotorState
 from formats.rig import Rig, Sensor
@@ -197,6 +198,9 @@ def test_a_plate_without_depth_or_beyond_the_picture_has_no_offset():
     whole = np.full((480, 640), 1500, np.uint16)
     for u, v in ((21, 200), (300, 21), (618, 200), (300, 458)):
         assert np.isnan(offset_of(whole, u, v)).all()
+    # A plate that is whole in the picture, where what is looked at around it is not.
+    for left, top in ((3, 187), (610, 187), (287, 3), (287, 450)):
+        assert np.isnan(offset_of(plate_image(left, top, left + 26, top + 26), left + 13.0, top + 13.0)).all()
     assert offset_of(plate_image(9, 187, 35, 213), 22.0) == pytest.approx([0.0, 0.0])
     assert offset_of(plate_image(604, 187, 630, 213), 617.0) == pytest.approx([0.0, 0.0])
     assert offset_of(plate_image(287, 9, 313, 35), 300.0, 22.0) == pytest.approx([0.0, 0.0])
@@ -214,3 +218,38 @@ def test_a_marker_is_seen_when_half_of_the_frames_show_it():
     corners[:2, 0], corners[:3, 1] = np.nan, np.nan
     still = StillFrames(corners, [], 4)
     assert (still.sees(0), still.sees(1)) == (True, False)
+
+
+@pytest.mark.parametrize("moved", [0, 3])
+def test_one_reading_of_a_moved_sensor_is_enough_to_refuse_them(moved):
+    readings = [
+        MotorState(acceleration=(0.0, 9.8 if k != moved else 14.0, 0.0), tilt_degrees=None, motor=0) for k in range(4)
+    ]
+    assert [reading.is_still for reading in readings].count(False) == 1
+    with pytest.raises(CalibrationError, match="was moved while"):
+        gravity_of_readings(readings)
+
+
+def corners_at(*centres):
+    """Two markers of 20 px about their centres, NaN where not found."""
+    return np.stack([quad(u, v, 20.0) for u, v in centres])
+
+
+@pytest.mark.parametrize(("stray", "still"), [(0.69, 4), (0.71, 1)])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_frames_are_still_in_which_no_marker_strays_by_seven_tenths_of_a_pixel(stray, still, axis):
+    """Of two markers far from each other the second strays, to one side and back; one that is gone says nothing."""
+    run, aside = StillRun(), np.zeros(2)
+    aside[axis] = stray
+    assert run.add(corners_at((100.0, 50.0), (300.0, 220.0))) == 1
+    assert run.add(corners_at((100.0, 50.0), (np.nan, np.nan))) == 2
+    assert run.add(corners_at((np.nan, np.nan), (300.0, 220.0))) == 3
+    found = run.add(corners_at((100.0, 50.0), (300.0 + aside[0], 220.0 + aside[1])))
+    assert found == still
+    assert run.add(corners_at((100.0, 50.0), (300.0 + aside[0], 220.0 + aside[1]))) == still + 1
+
+
+def test_what_moves_on_is_still_for_as_long_as_it_stays_within_the_limit():
+    """0.3 px a frame: three frames are within 0.6 px, a fourth is not."""
+    run = StillRun()
+    assert [run.add(corners_at((100.0 + 0.3 * k, 50.0))) for k in range(5)] == [1, 2, 3, 3, 3]

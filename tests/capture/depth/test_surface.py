@@ -140,3 +140,15 @@ def test_correlation_stays_between_none_and_four_fifths():
         meter = CorrelationMeter()
         meter.add(residuals, np.ones((90, 90), bool))
         assert meter.pixels == pytest.approx(pixels)
+
+
+@pytest.mark.parametrize("size", [1.0, 100.0])
+@pytest.mark.parametrize(("aside", "is_plane"), [(9.0e-3, True), (5.0e-3, False)])
+def test_pixels_within_a_thousandth_of_a_line_make_no_plane_however_long_it_is(size, aside, is_plane):
+    """Twenty pixels in a diagonal, each `aside` of it by turns: a share of 0.0298 of the square of that."""
+    along = np.arange(20) - 9.5
+    u, v = size * along, size * (along + aside * np.tile([1.0, -1.0], 10))
+    found = fitted(u, v, np.full(20, 1.6))
+    assert (found is not None) == is_plane
+    if found:
+        assert found.depth == pytest.approx(1.6)

@@ -173,9 +173,7 @@ def test_markers_held_ends_and_points_come_back_by_their_own_validity():
     markers[:2, 0] = np.nan
     held_valid, points_valid = np.ones((2, FRAMES, 2), bool)
     held_valid[0], points_valid[3:, 1] = False, False
-    found = come_back(
-        markers=markers, held=held, points=points, held_valid=held_valid, points_valid=points_valid
-    )
+    found = come_back(markers=markers, held=held, points=points, held_valid=held_valid, points_valid=points_valid)
     for name, value, valid in (("held", held, held_valid), ("points", points, points_valid)):
         assert found[name] == pytest.approx(np.where(valid[..., None], value, np.nan), abs=0.5001e-4, nan_ok=True)
         assert found[f"{name}_valid"].tolist() == valid.tolist()

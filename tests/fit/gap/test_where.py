@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from fit.gap.where import find_where
+from fit.gap.where import _phases, find_where
 from fit.methods import SI
 from fit.observer.residuals import Observer
 from tests.fit.gap.test_gap_statistics import a_still_take
@@ -63,3 +65,44 @@ def test_an_oscillation_is_found_in_its_band(scene, hertz, band):
     found = {b.name: b for b in missed(scene, by).frequency}
     assert found[band].share == pytest.approx(1.0, abs=0.01)
     assert found[band].value_mm == pytest.approx(4 * np.sqrt(3 if hertz == 0.0 else 1.5), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("point", "name"),
+    [(6, "top left"), (7, "top centre"), (9, "top right"), (11, "middle left"), (12, "middle centre"),
+     (13, "middle right"), (16, "bottom left"), (17, "bottom centre"), (23, "bottom right")],
+)  # fmt: skip
+def test_a_place_is_named_by_its_thirds_of_the_height_and_the_width(scene, point, name):
+    """Of five rows and columns the second lies at a quarter, the third in the middle, the fourth at three quarters."""
+    by = np.zeros(scene[0].points.shape)
+    by[:, point] = 0.002
+    assert [b.name for b in missed(scene, by).space if b.share > 1e-9] == [name]
+
+
+def stroke(top, begin=1.0):
+    """A hanger whose speed rises to `top` [m/s] in half a second from `begin` on, and falls again; four seconds."""
+    time = np.arange(120) / 30
+    speed = np.interp(time, [begin, begin + 0.5, begin + 1.0], [0.0, top, 0.0])
+    ends = np.zeros((120, 6))
+    ends[:, 0], ends[:, 3] = -0.2, 0.2
+    ends[:, [1, 4]] = np.concatenate([[0.0], np.cumsum(speed[1:] + speed[:-1]) / 60])[:, None]
+    return SimpleNamespace(time=time, held=lambda instants: ends)
+
+
+def test_phases_are_those_of_the_hangers_speed():
+    """0.6 m/s at 1.5 s: slower than 30 mm/s from 1.975 s on; cloth is on its own a third of a second later."""
+    named = dict(zip(np.arange(120), _phases(stroke(0.6)), strict=True))
+    for frames, name in (
+        (range(30), "hanger at rest before the swing"), (range(33, 44), "hanger speeding up"),
+        (range(46, 59), "hanger slowing down"), (range(61, 68), "hanger turning or just stopped"),
+        (range(70, 120), "ring-down, hanger at rest"),
+    ):  # fmt: skip
+        assert {str(named[k]) for k in frames} == {name}
+
+
+@pytest.mark.parametrize(("top", "moves"), [(0.029, False), (0.033, True)])
+def test_a_hanger_moves_from_three_centimetres_a_second_on(top, moves):
+    names = set(_phases(stroke(top)))
+    assert ("hanger speeding up" in names) == moves
+    assert ("ring-down, hanger at rest" in names) == moves
+    assert moves or names == {"hanger at rest before the swing"}

@@ -165,9 +165,7 @@ def without(table, *names):
     ],
     ids=lambda given: getattr(given, "name", ""),
 )
-def test_a_methods_parameters_have_the_values_bounds_and_steps_of_its_table(
-    method, table, degenerate, gamma, is_log
-):
+def test_a_methods_parameters_have_the_values_bounds_and_steps_of_its_table(method, table, degenerate, gamma, is_log):
     found = {p.name: (p.initial, p.minimum, p.maximum, p.interval) for p in method.parameters}
     assert found == table
     assert list(found) == list(table)

@@ -1,0 +1,122 @@
+"""Residuals of points that are given: what is divided by what, and where each number stands."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import msgspec
+import numpy as np
+import pytest
+
+from fit.errors import FitError
+from fit.methods import SI
+from fit.observer.residuals import LOST, Observer, trajectories_together
+from fit.recordings.recording import MARKER_OFFSET
+from tests.fit.gap.test_gap_statistics import a_still_take
+
+SD, FRAMES = 0.002, 60
+
+
+@pytest.fixture(scope="module")
+def still():
+    """Two seconds of a grid of 5 x 5 whose top row is held, with 2 mm of stated noise and none in fact."""
+    recording = a_still_take(0.0, rate=30, seconds=2.0)
+    return dataclasses.replace(recording, point_sd=np.full(25, SD))
+
+
+def observer_of(*recordings):
+    return Observer(list(recordings), SI, (), frequency=0.0)
+
+
+def residual_of(observer, *by):
+    """Whitened residual of points that are off by so much [m], (frames, points, 3) a take."""
+    return observer.residuals_of([(r.points - b)[None] for r, b in zip(observer.recordings, by, strict=True)])[0]
+
+
+def test_what_varies_is_divided_by_the_noise_and_what_is_constant_by_what_is_known_of_it(still):
+    """A constant 3 mm along y, and 1 mm to and fro along z: 0.5 deviations, and 3 of sqrt(1 + 4 / 60) mm."""
+    observer, by = observer_of(still), np.zeros(still.points.shape)
+    by[:, :, 1] = 0.003
+    by[:, :, 2] = 0.001 * np.tile([1.0, -1.0], FRAMES // 2)[:, None]
+    found, layout = residual_of(observer, by), observer.layout
+    assert len(found) == 20 * 3 * FRAMES + 20 * 3
+    moving = found[layout.is_judged].reshape(FRAMES, 20, 3)
+    assert moving[..., :2] == pytest.approx(0.0, abs=1e-9)
+    assert moving[..., 2] == pytest.approx(0.5 * np.tile([1.0, -1.0], FRAMES // 2)[:, None] * np.ones(20))
+    known = np.sqrt(MARKER_OFFSET**2 + SD**2 / FRAMES)
+    assert found[~layout.is_judged].reshape(20, 3) == pytest.approx(np.tile([0.0, 0.003 / known, 0.0], (20, 1)))
+    assert layout.sd[layout.is_judged] == pytest.approx(SD)
+    assert layout.sd[~layout.is_judged] == pytest.approx(known)
+    assert layout.metres(found).reshape(FRAMES, 20, 3) == pytest.approx(by[:, 5:])
+    assert float(observer.in_mm(found)) == pytest.approx(np.sqrt(9 + 1))
+
+
+def test_a_point_is_never_known_better_than_a_tenth_of_a_millimetre(still):
+    fine = dataclasses.replace(still, point_sd=np.full(25, 1e-6))
+    assert observer_of(fine).layout.sd[0] == pytest.approx(1e-4)
+
+
+def test_half_seconds_and_thirds_of_the_cloth_are_blocks_of_their_own_in_each_take(still):
+    """Four half-seconds a take, then top, middle and bottom: rows at 0, 3/4, 3/2, 9/4 and 3 thirds."""
+    layout = observer_of(still, still).layout
+    judged = layout.is_judged
+    frames = np.repeat(np.arange(FRAMES), 60)
+    assert layout.block[judged].tolist() == [*(frames // 15), *(4 + frames // 15)]
+    assert layout.frame[judged].tolist() == [*frames, *frames]
+    assert layout.take[judged].tolist() == [0] * 3600 + [1] * 3600
+    thirds = np.repeat([0, 1, 2, 2], 15)
+    assert layout.block[~judged].tolist() == [*(8 + thirds), *(11 + thirds)]
+    assert layout.take[~judged].tolist() == [0] * 60 + [1] * 60
+    assert set(layout.frame[~judged]) == {-1}
+    assert layout.static_of[judged][:3600].tolist() == [*np.tile(7200 + np.arange(60), FRAMES)]
+    assert layout.static_of[judged][3600:].tolist() == [*np.tile(7260 + np.arange(60), FRAMES)]
+
+
+def test_what_is_not_seen_has_no_number_and_no_part_in_a_mean(still):
+    """Of point 12 half of the frames: 2 mm there, whose mean is known to sd / sqrt(30)."""
+    valid = still.valid.copy()
+    valid[::2, 12] = valid[:, 24] = False
+    observer = observer_of(dataclasses.replace(still, valid=valid))
+    by = np.zeros(still.points.shape)
+    by[1::2, 12, 0] = 0.002
+    by[::2, 12] = by[:, 24] = np.nan
+    found, layout = residual_of(observer, by), observer.layout
+    assert len(found) == (18 * FRAMES + FRAMES // 2) * 3 + 19 * 3
+    assert found[layout.is_judged] == pytest.approx(0.0, abs=1e-9)
+    known = np.sqrt(MARKER_OFFSET**2 + SD**2 / 30)
+    mine = found[~layout.is_judged & (layout.point == 12)]
+    assert mine == pytest.approx([0.002 / known, 0.0, 0.0])
+    assert not (layout.point == 24).any()
+
+
+def test_what_blew_up_is_charged_a_thousand_deviations_a_number(still):
+    observer = observer_of(still)
+    points = np.stack([still.points, still.points, still.points])
+    points[1, 30, 10] = np.nan
+    points[2, 30, 10] += 1e6
+    found = observer.residuals_of([points])
+    assert not found[0].any()
+    assert np.isfinite(found).all()
+    assert np.abs(found[1:]).max(1).tolist() == [LOST, LOST] == [1e3, 1e3]
+    sound = observer.sound_residuals_of([points])
+    assert np.isnan(sound).all(1).tolist() == [False, True, False]
+    assert sound[2] == pytest.approx(found[2])
+
+
+def test_a_silhouettes_constant_offset_is_not_judged(still):
+    outline = dataclasses.replace(still, garment=msgspec.structs.replace(still.garment, kind="skirt_panel"))
+    observer, by = observer_of(outline), np.zeros(still.points.shape)
+    by[..., 1] = 0.003
+    by[:30, :, 0], by[30:, :, 0] = 0.001, -0.001
+    found = residual_of(observer, by)
+    assert len(found) == 20 * 3 * FRAMES
+    assert observer.layout.static_of.tolist() == [-1] * len(found)
+    assert float(observer.in_mm(found)) == pytest.approx(1.0)
+
+
+def test_observers_of_other_pulls_are_not_simulated_side_by_side(still):
+    observer = observer_of(still)
+    other = observer.with_frequency(2.0)
+    assert (other.frequency, observer.frequency, other.layout) == (2.0, 0.0, observer.layout)
+    with pytest.raises(FitError, match=r"pulls of \[0.0, 2.0\] Hz"):
+        trajectories_together([(one, SI.initial[None], one.off[None]) for one in (observer, other)])

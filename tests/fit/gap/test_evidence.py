@@ -67,7 +67,7 @@ def test_a_further_effect_is_worth_adding_by_its_share_of_the_gap_and_of_what_is
 
 
 def test_the_median_half_second_says_what_is_usually_closed():
-    """Of 13, 13 and 1000 mm^2 beyond 4 of noise: 9 of 9, 3 of 9 and nothing; of less than noise a tenth of it counts."""
+    """Of 13, 13 and 1000 mm^2 beyond 4 of noise: 9 of 9, 3 of 9 and nothing; a tenth of the noise counts at least."""
     before = BlockErrors(np.array([26.0, 13.0, 1004.0]), np.array([2.0, 1.0, 1.0]), np.zeros(3))
     after = BlockErrors(np.array([8.0, 10.0, 1004.0]), np.array([2.0, 1.0, 1.0]), np.zeros(3))
     assert share_in_median_block(before, after, 2.0) == pytest.approx(1 / 3)

@@ -139,7 +139,8 @@ KINECT_TABLE = {
 }  # fmt: skip
 SWATCH_TABLE = {
     "stretching_stiffness": (300.0, 30.0, 1000.0, 100.0), "bending_stiffness": (1.4e-5, 1e-6, 2e-4, 1e-5),
-    "damping_coefficient": (1.0, 0.02, 8.0, 0.5), "density": (0.197, 0.03, 0.5, 0.05), "thickness": (1.0, 0.5, 2.0, 0.2),
+    "damping_coefficient": (1.0, 0.02, 8.0, 0.5), "density": (0.197, 0.03, 0.5, 0.05),
+    "thickness": (1.0, 0.5, 2.0, 0.2),
 }  # fmt: skip
 SI_TABLE = {
     "stretch_stiffness": (300.0, 30.0, 1000.0, 100.0), "shear_stiffness": (30.0, 10.0, 220.0, 10.0),

@@ -112,5 +112,5 @@ def test_a_point_is_a_quarter_further_from_a_held_end_than_on_the_cloth_and_a_li
     if is_possible:
         check_geometry(held_at(away=away))
     else:
-        with pytest.raises(FitError, match="the point 'low' is 311 mm from the left held end, .* 200 mm"):
+        with pytest.raises(FitError, match=r"the point 'low' is 311 mm from the left held end, .* 200 mm"):
             check_geometry(held_at(away=away, far=5))

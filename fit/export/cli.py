@@ -17,6 +17,9 @@ class ExportKind(StrEnum):
     USD_PHYSICS = "usd-physics"
     NEWTON = "newton"
     MUJOCO = "mujoco"
+    USD = "usd"
+    GLTF = "gltf"
+    PC2 = "pc2"
 
 
 def add_commands(app: typer.Typer) -> None:
@@ -33,7 +36,8 @@ def export_command(
         typer.Option(
             "--to",
             help="csv: every number with its interval. table: what to type into CLO, Marvelous Designer and Browzwear. "
-            "usd-physics: an OpenUSD deformable. newton: a preset of Newton's cloth solvers. mujoco: a MuJoCo flex.",
+            "usd-physics: an OpenUSD deformable. newton: a preset of Newton's cloth solvers. mujoco: a MuJoCo flex. "
+            "usd, gltf, pc2: the garment in motion under the hanger of --take.",
         ),
     ],
     out: Annotated[
@@ -42,7 +46,9 @@ def export_command(
     ] = None,
     take: Annotated[
         Path | None,
-        typer.Option("--take", metavar="TAKE", help="Export the garment of this take instead of a 0.3 m swatch."),
+        typer.Option(
+            "--take", metavar="TAKE", help="The garment of this take, and its motion, instead of a 0.3 m swatch."
+        ),
     ] = None,
     thickness: Annotated[
         float,
@@ -66,7 +72,7 @@ def export_command(
     """Write a fit for other programs: its fabric in SI units, with intervals and where it comes from.
 
     Every file says which numbers the takes do not identify. A fit of kinect-skirt or mocap-swatch fits the weight, so
-    that it has no SI values; it can be written as csv.
+    that it has no SI values; it can be written as csv, and in motion.
     """
     from fit.export.kinds import KINDS, Order, default_path, export, read_fit
     from formats.archive import read_take

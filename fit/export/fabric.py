@@ -148,7 +148,7 @@ def fabric_of(result: FitResult) -> Fabric:
     return Fabric(quantities=tuple(_times(q, share) if q.name in SHARED else q for q in found), layers=result.layers)
 
 
-WITHOUT_FABRIC = ("csv",)
+WITHOUT_FABRIC = ("csv", "usd", "gltf", "pc2")
 
 
 def why_no_fabric(result: FitResult) -> str:

@@ -5,13 +5,15 @@ A kind is made of the fit alone, of the fabric in it, or of its motion under a t
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from fit.errors import FitError
-from fit.export import presets, tables
+from fit.export import caches, presets, tables
 from fit.export.fabric import Fabric, fabric_of, why_no_fabric
+from fit.export.moving import Moving, moving_cloth
 from fit.export.sheet import SWATCH_SIDE, SWATCH_SPACING, Sheet, garment_sheet, strip
 from fit.export.usd_physics import THICKNESS, usd_physics
 from fit.methods import find_method
@@ -23,7 +25,7 @@ from formats.take import Take
 LEAST_THICKNESS, MOST_THICKNESS = 1e-5, 0.02  # m, from the thinnest foil to quilted wadding
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Order:
     """What is to be exported and how; take: whose garment and motion, where a kind has them."""
 
@@ -46,6 +48,19 @@ class Order:
         """Return the fabric, None where the fit says nothing about one."""
         return None if why_no_fabric(self.result) else self.fabric
 
+    @functools.cached_property
+    def moving(self) -> Moving:
+        """Return the garment in motion.
+
+        Raises:
+            FitError: there is no take, or it cannot be simulated.
+        """
+        if self.take is None:
+            raise FitError(
+                "a fit alone holds no motion", where="--take", advice="name a take whose hanger the garment follows"
+            )
+        return moving_cloth(self.result, self.take, self.spacing)
+
     @property
     def sheet(self) -> Sheet:
         """Return the garment of the take, a swatch where there is none."""
@@ -66,18 +81,24 @@ class Kind:
     suffix: str
     title: str
     make: Callable[[Order], dict[str, bytes]]
-    moves: bool = False
 
 
 def _one(suffix: str, title: str, make: Callable[[Order], bytes]) -> Kind:
     return Kind(suffix=suffix, title=title, make=lambda order: {suffix: make(order)})
 
 
+def _csv(order: Order) -> dict[str, bytes]:
+    made = {".csv": tables.parameters_csv(order.result, order.fabric_if_any).encode()}
+    return made if order.take is None else made | {".motion.csv": caches.motion_csv(order.moving).encode()}
+
+
+def _pc2(order: Order) -> dict[str, bytes]:
+    whole = caches.obj(order.result, order.fabric_if_any, order.moving)
+    return {".pc2": caches.pc2(order.moving), ".obj": whole}
+
+
 KINDS: dict[str, Kind] = {
-    "csv": _one(
-        ".csv", "every parameter and SI quantity with its interval",
-        lambda o: tables.parameters_csv(o.result, o.fabric_if_any).encode(),
-    ),
+    "csv": Kind(suffix=".csv", title="every parameter and SI quantity with its interval, and motion", make=_csv),
     "table": _one(
         ".fabric.txt", "what to type into CLO, Marvelous Designer and Browzwear",
         lambda o: tables.software_table(o.result, o.fabric).encode(),
@@ -93,6 +114,13 @@ KINDS: dict[str, Kind] = {
     "mujoco": _one(
         ".mujoco.xml", "a sheet of MuJoCo's flex", lambda o: presets.mujoco_flex(o.result, o.sheets_fabric, o.sheet)
     ),
+    "usd": _one(
+        ".usdc", "the motion as an OpenUSD cache", lambda o: caches.usd_cache(o.result, o.fabric_if_any, o.moving)
+    ),
+    "gltf": _one(
+        ".glb", "the motion as glTF with morph targets", lambda o: caches.gltf(o.result, o.fabric_if_any, o.moving)
+    ),
+    "pc2": Kind(suffix=".pc2", title="the motion as a PC2 point cache, beside an OBJ", make=_pc2),
 }  # fmt: skip
 
 
@@ -127,11 +155,6 @@ def export(order: Order, kind: str, path: Path, *, overwrite: bool = False) -> l
             f"no fabric is {1e3 * order.thickness:g} mm thick", where="--thickness", advice="give metres, as in 0.0005"
         )
     chosen = KINDS[kind]
-    if chosen.moves and order.take is None:
-        raise FitError(
-            f"{kind} holds motion, and a fit alone has none", where="--take",
-            advice="name a take whose hanger the garment is to follow",
-        )  # fmt: skip
     check_name(path)
     if not overwrite:
         refuse_to_replace(path)

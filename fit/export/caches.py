@@ -1,0 +1,201 @@
+"""Moving cloth as files: a USD cache, glTF with morph targets, PC2 beside an OBJ, and CSV of the tracked points.
+
+USD and CSV keep the frames' own times. glTF interpolates linearly between frames and keeps their times too. PC2 has an
+even rate, to which an uneven recording is brought by cubic splines.
+
+glTF: y is up, so that (x, y, z) becomes (x, z, -y); every frame is a morph target, the difference to the first frame,
+whose weight is 1 at its time and 0 at its neighbours'. Source: Khronos, "glTF 2.0 Specification", sections 3.7.2.2 and
+3.11. PC2: "POINTCACHE2", then version 1, points, first frame, frames a sample, samples, little-endian, then points
+as float triples, sample by sample. Source: the importer of Blender's mesh cache modifier, "PC2".
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from typing import Any
+
+import numpy as np
+
+from fit.export.about import caution_lines, origin_lines, provenance
+from fit.export.fabric import Fabric
+from fit.export.moving import Moving
+from fit.export.tables import as_csv
+from fit.export.usd_physics import usd_bytes
+from formats.arrays import Floats
+from formats.results import FitResult
+
+FLOAT, UNSIGNED = 5126, 5125  # glTF's numbers of component types
+VERTICES, INDICES = 34962, 34963  # glTF's buffer targets
+CODES_PER_SECOND = 30.0  # USD time codes a second
+
+
+def words(result: FitResult, fabric: Fabric | None) -> list[str]:
+    """Return where a motion comes from and which numbers behind it are not identified."""
+    return [*origin_lines(result), *caution_lines(result, fabric)]
+
+
+def motion_csv(moving: Moving) -> str:
+    """Return a row a point and frame: the tracked points as simulated, and the ends of the held edge."""
+    named = [*moving.point_names, "held_left", "held_right"]
+    places = np.concatenate([moving.points, moving.held], axis=1)
+    rows = (
+        (float(t), name, *places[n, k].tolist())
+        for n, t in enumerate(moving.time)
+        for k, name in enumerate(named)
+    )  # fmt: skip
+    return as_csv(("time_s", "point", "x_m", "y_m", "z_m"), rows)
+
+
+def usd_cache(result: FitResult, fabric: Fabric | None, moving: Moving) -> bytes:
+    """Return a binary USD file of a mesh whose points are sampled in time, z up, metres.
+
+    Raises:
+        ModuleNotFoundError: usd-core is not installed.
+    """
+    from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    codes = moving.time * CODES_PER_SECOND
+    stage.SetTimeCodesPerSecond(CODES_PER_SECOND)
+    stage.SetFramesPerSecond(CODES_PER_SECOND)
+    stage.SetStartTimeCode(float(codes[0]))
+    stage.SetEndTimeCode(float(codes[-1]))
+    root = UsdGeom.Xform.Define(stage, "/Garment").GetPrim()
+    stage.SetDefaultPrim(root)
+    plain = {k: " ".join(map(str, v)) if isinstance(v, list) else v for k, v in provenance(result).items()}
+    root.SetCustomDataByKey("hangtime", plain)
+    mesh = UsdGeom.Mesh.Define(stage, "/Garment/cloth")
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    mesh.CreateDoubleSidedAttr(True)
+    mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(moving.triangles), 3, np.int32)))
+    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(moving.triangles.astype(np.int32).ravel()))
+    flat = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex)
+    flat.Set(Vt.Vec2fArray.FromNumpy(moving.rest.astype(np.float32)))
+    points, extent = mesh.CreatePointsAttr(), mesh.CreateExtentAttr()
+    for code, places in zip(codes.tolist(), moving.places, strict=True):
+        points.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(places)), code)
+        ends = [Gf.Vec3f(*end.tolist()) for end in (places.min(0), places.max(0))]
+        extent.Set(Vt.Vec3fArray(ends), code)
+    stage.GetRootLayer().documentation = "\n".join(words(result, fabric))
+    return usd_bytes(stage, ".usdc")
+
+
+def gltf(result: FitResult, fabric: Fabric | None, moving: Moving) -> bytes:
+    """Return a binary glTF 2.0 file of the motion."""
+    places = np.stack([moving.places[..., 0], moving.places[..., 2], -moving.places[..., 1]], -1).astype(np.float32)
+    frames = len(places)
+    file = _Glb()
+    first = file.add(places[0], "VEC3", VERTICES, has_ends=True)
+    normals = file.add(_normals(places[0], moving.triangles), "VEC3", VERTICES)
+    indices = file.add(moving.triangles.astype(np.uint32).ravel(), "SCALAR", INDICES, component=UNSIGNED)
+    flat = file.add(moving.rest.astype(np.float32), "VEC2", VERTICES)
+    targets = [{"POSITION": file.add(places[n] - places[0], "VEC3", VERTICES, has_ends=True)} for n in range(1, frames)]
+    # Weight n - 1 of frame n is 1: frame 0 is the mesh itself.
+    times = file.add(moving.time.astype(np.float32), "SCALAR", has_ends=True)
+    weights = file.add(np.eye(frames, frames - 1, -1, dtype=np.float32).ravel(), "SCALAR")
+    told = words(result, fabric)
+    return file.finish(
+        {
+            "asset": {
+                "version": "2.0", "generator": provenance(result)["generator"],
+                "extras": {"hangtime": provenance(result), "cautions": told},
+            },
+            "scene": 0,
+            "scenes": [{"nodes": [0], "name": moving.name}],
+            "nodes": [{"mesh": 0, "name": "cloth"}],
+            "materials": [
+                {
+                    "doubleSided": True, "name": "cloth",
+                    "pbrMetallicRoughness": {
+                        "baseColorFactor": [0.35, 0.45, 0.65, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.9
+                    },
+                }
+            ],
+            "meshes": [
+                {
+                    "name": "cloth", "weights": [0.0] * (frames - 1),
+                    "primitives": [
+                        {
+                            "attributes": {"POSITION": first, "NORMAL": normals, "TEXCOORD_0": flat},
+                            "indices": indices, "material": 0, "targets": targets,
+                        }
+                    ],
+                }
+            ],
+            "animations": [
+                {
+                    "name": "swing",
+                    "samplers": [{"input": times, "output": weights, "interpolation": "LINEAR"}],
+                    "channels": [{"sampler": 0, "target": {"node": 0, "path": "weights"}}],
+                }
+            ],
+        }
+    )  # fmt: skip
+
+
+class _Glb:
+    """The accessors and the binary part of a glTF file."""
+
+    def __init__(self) -> None:
+        self._bytes = bytearray()
+        self._accessors: list[dict[str, Any]] = []
+        self._views: list[dict[str, Any]] = []
+
+    def add(
+        self, values: Floats | Any, kind: str, target: int | None = None, *, component: int = FLOAT,
+        has_ends: bool = False,
+    ) -> int:  # fmt: skip
+        """Append an array and return the number of its accessor."""
+        raw = np.ascontiguousarray(values).tobytes()
+        view = {"buffer": 0, "byteOffset": len(self._bytes), "byteLength": len(raw)}
+        self._views.append(view | ({"target": target} if target is not None else {}))
+        accessor = {
+            "bufferView": len(self._views) - 1, "componentType": component, "count": len(values), "type": kind
+        }  # fmt: skip
+        if has_ends:
+            rows = np.asarray(values, np.float32).reshape(len(values), -1)
+            accessor |= {"min": rows.min(0).tolist(), "max": rows.max(0).tolist()}
+        self._accessors.append(accessor)
+        self._bytes += raw + b"\0" * (-len(raw) % 4)
+        return len(self._accessors) - 1
+
+    def finish(self, document: dict[str, Any]) -> bytes:
+        """Return the file: header, JSON chunk, binary chunk."""
+        document |= {
+            "accessors": self._accessors, "bufferViews": self._views, "buffers": [{"byteLength": len(self._bytes)}]
+        }  # fmt: skip
+        text = json.dumps(document, separators=(",", ":")).encode()
+        text += b" " * (-len(text) % 4)
+        chunks = struct.pack("<II", len(text), 0x4E4F534A) + text
+        chunks += struct.pack("<II", len(self._bytes), 0x004E4942) + bytes(self._bytes)
+        return struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks
+
+
+def _normals(places: Floats, triangles: Any) -> Floats:
+    """Return the nodes' unit normals, (nodes, 3), from the triangles that meet there, weighed by their areas."""
+    a, b, c = (places[triangles[:, k]] for k in range(3))
+    faces = np.cross(b - a, c - a)
+    sums = np.zeros(places.shape)
+    for k in range(3):
+        np.add.at(sums, triangles[:, k], faces)
+    return (sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-12)).astype(np.float32)
+
+
+def pc2(moving: Moving) -> bytes:
+    """Return a PC2 point cache at an even rate; the OBJ of `obj` has its points and faces."""
+    even = moving.even()
+    head = struct.pack("<12siiffi", b"POINTCACHE2\0", 1, even.places.shape[1], 0.0, 1.0, len(even.places))
+    return head + np.ascontiguousarray(even.places, "<f4").tobytes()
+
+
+def obj(result: FitResult, fabric: Fabric | None, moving: Moving) -> bytes:
+    """Return the first frame as an OBJ, with the words that PC2 has no room for."""
+    lines = [f"# {line}" for line in words(result, fabric)]
+    lines.append(f"# Motion: {len(moving.even().places)} samples at {moving.rate:.6g} a second, z up, metres.")
+    lines += [f"v {x:.7g} {y:.7g} {z:.7g}" for x, y, z in moving.places[0].tolist()]
+    lines += [f"vt {x:.7g} {y:.7g}" for x, y in moving.rest.tolist()]
+    lines += [f"f {' '.join(f'{i + 1}/{i + 1}' for i in face)}" for face in moving.triangles.tolist()]
+    return ("\n".join(lines) + "\n").encode()

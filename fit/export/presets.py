@@ -19,8 +19,8 @@ every direction of the bend. Hence
 
 MuJoCo's flex is isotropic: membrane E t and bending E t^3 / 12 at Poisson's ratio 0. Both are right with
 t = sqrt(12 B / k) and E = k / t, which are no thickness and no modulus of the fabric; its shear is then k / 2.
-Linear damping goes to the slides of the nodes. Neither engine has quadratic drag of cloth along its normal as a
-material: it stays a number beside.
+MuJoCo 4.0 refuses damping at the slides of a flex's nodes in a file, so that linear damping is one line to add
+after loading. Neither engine has quadratic drag of cloth along its normal as a material: it stays a number beside.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ from fit.export.sheet import SWATCH_SPACING, Sheet
 from fit.export.usd_physics import mean_of_ways
 from formats.results import FitResult
 
+SLIDES = "".join(f'<joint type="slide" axis="{axis}"/>' for axis in ("1 0 0", "0 1 0", "0 0 1"))
 FEWEST_STEPS = 4.0  # steps a period of the fastest node, for MuJoCo's semi-implicit Euler
 
 
@@ -91,20 +92,19 @@ def mujoco_flex(result: FitResult, fabric: Fabric, sheet: Sheet) -> bytes:
     stretch, bending = mean_of_ways(fabric, "stretch"), mean_of_ways(fabric, "bending")
     thickness = float(np.sqrt(12 * bending / stretch))
     masses = fabric["areal_density"].value * _node_areas(sheet)
-    rate = fabric["velocity_damping"].value
     held = set(sheet.held.tolist())
     bodies = []
     for k, (place, mass) in enumerate(zip(sheet.start.tolist(), masses.tolist(), strict=True)):
         inertial = f'<inertial pos="0 0 0" mass="{mass:.9g}" diaginertia="1e-9 1e-9 1e-9"/>'
-        slides = "".join(
-            f'<joint type="slide" axis="{axis}" damping="{rate * mass:.9g}"/>' for axis in ("1 0 0", "0 1 0", "0 0 1")
-        )
         where = " ".join(f"{x:.9g}" for x in place)
-        bodies.append(f'    <body name="n{k}" pos="{where}">{inertial}{"" if k in held else slides}</body>')
+        bodies.append(f'    <body name="n{k}" pos="{where}">{inertial}{"" if k in held else SLIDES}</body>')
     words = [
         *origin_lines(result), *caution_lines(result, fabric),
         "MuJoCo's flex is isotropic: its shear stiffness is half of the stretch stiffness, not the fabric's.",
         "thickness and young are chosen so that membrane and bending are right; they are no measurements.",
+        "Linear damping is no part of the file, since MuJoCo refuses it at a flex's nodes. After loading, in Python: "
+        "rate = model.numeric('hangtime_velocity_damping').data[0]; "
+        "model.dof_damping[:] = rate * model.body_mass[model.dof_bodyid].",
         "Quadratic air drag, if any, is no part of the flex.",
     ]  # fmt: skip
     numbers = "\n".join(f'    <numeric name="hangtime_{q.name}" data="{_numbers(q)}"/>' for q in fabric.quantities)

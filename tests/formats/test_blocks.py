@@ -123,7 +123,9 @@ def test_a_block_ends_with_the_frame_that_reaches_its_length_or_before_a_gap(tim
     assert cut_into_blocks(np.array(times, float), 1.0).tolist() == rows
 
 
-@pytest.mark.parametrize(("sd", "step"), [(1e-3, 0), (0.99e-3, 1), (2e-4, 1), (1.99e-4, 2), (1e-9, 2), (np.inf, 0)])
+@pytest.mark.parametrize(
+    ("sd", "step"), [(1e-3, 0), (0.99e-3, 1), (2e-4, 1), (1.99e-4, 2), (1e-9, 2), (np.inf, 0), (np.nan, 0)]
+)
 def test_a_block_keeps_places_in_the_coarsest_step_of_a_tenth_of_every_valid_deviation(sd, step):
     """One coordinate of one point decides; where it is not seen, the others' 10 mm do."""
     deviations = np.full((FRAMES, 2, 3), 0.01)

@@ -10,6 +10,7 @@ import typer
 
 from capture.appliance.cli import add_commands as add_appliance_commands
 from capture.sync import cli as sync_cli
+from formats.anyway import Anyway
 from formats.terminal import is_watched, say
 
 CLEAR_LINE = "\r\x1b[K"  # ECMA-48: carriage return, erase to the end of the line
@@ -46,6 +47,7 @@ def print_command(
             "--rig", metavar="RIG.toml", help="Take dictionary, size and, without --ids, numbers from this rig."
         ),
     ] = None,
+    anyway: Anyway = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the page that --out names.")] = False,
 ) -> None:
     """Write a page of markers, true to scale, with bars to check the print.
@@ -64,7 +66,7 @@ def print_command(
             f"{ids!r} is no list of numbers", where="--ids", advice="for example --ids 0,1"
         ) from None
     if rig is not None:
-        hanger = load_rig(rig).hanger
+        hanger = load_rig(rig, anyway=anyway).hanger
         if hanger is None:
             raise UntrackableError("the rig has no [hanger]", where=rig, advice="add one, or leave out --rig")
         if hanger.marker == "dot":
@@ -99,6 +101,7 @@ def calibrate_command(
             show_default="tried with a live sensor",
         ),
     ] = None,
+    anyway: Anyway = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file that --out names.")] = False,
 ) -> None:
     """Measure a rig before which everything hangs still, each value with its standard deviation.
@@ -121,8 +124,8 @@ def calibrate_command(
         if not overwrite:
             refuse_to_replace(out)
     plumb_ids, clip_ids = two_numbers(plumb, "--plumb-ids"), two_numbers(clips, "--clip-ids")
-    before = load_rig(rig)
-    with open_sensor(sensor) as source:
+    before = load_rig(rig, anyway=anyway)
+    with open_sensor(sensor, anyway=anyway) as source:
         gravity = None
         if accelerometer or (accelerometer is None and source.info.is_live):
             try:
@@ -197,6 +200,7 @@ def record_command(
         tuple[str, str] | None,
         typer.Option("--pick", metavar="X,Y X,Y", help="Pixels of the left and the right dot in the first picture."),
     ] = None,
+    anyway: Anyway = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the take that --out names.")] = False,
     scan_rate: Annotated[
         float, typer.Option("--scan-rate", metavar="HZ", min=0.0, max=60.0, help="Surface scans a second; 0 for none.")
@@ -239,7 +243,7 @@ def record_command(
     check_take_name(out, {"--sensor": sensor, "--rig": rig, "--garment": garment})
     if not overwrite:
         refuse_to_replace(out)
-    described_rig, described_garment = load_rig(rig), load_garment(garment)
+    described_rig, described_garment = load_rig(rig, anyway=anyway), load_garment(garment, anyway=anyway)
     is_terminal = is_watched()
     clear = CLEAR_LINE if is_terminal else ""
 
@@ -269,7 +273,7 @@ def record_command(
             precedence = Precedence()
             if names_live_sensor(sensor):
                 opened.enter_context(precedence)
-            source = opened.enter_context(open_sensor(sensor))
+            source = opened.enter_context(open_sensor(sensor, anyway=anyway))
             if source.info.is_live:
                 source = opened.enter_context(QueuedSensor(source))
                 precedence.begin_tracking()

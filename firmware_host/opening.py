@@ -22,8 +22,8 @@ def names_live_sensor(uri: str) -> bool:
     return uri in LIVE or uri.startswith(PLAYED)
 
 
-def open_sensor(uri: str) -> DepthSensor:
-    """Open a sensor by its name: see `FORMS`.
+def open_sensor(uri: str, *, anyway: bool = False) -> DepthSensor:
+    """Open a sensor by its name: see `FORMS`; anyway: whether a recording's stamps are believed at any rate.
 
     Raises:
         SensorUnavailableError: no such sensor; RecordingError: no such recording.
@@ -46,4 +46,4 @@ def open_sensor(uri: str) -> DepthSensor:
         raise SensorUnavailableError(f"there is no sensor {uri!r}", advice=f"give {FORMS}")
     from firmware_host.recorded_sensor import RecordedSensor
 
-    return RecordedSensor(Path(uri))
+    return RecordedSensor(Path(uri), anyway=anyway)

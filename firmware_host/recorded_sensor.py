@@ -2,7 +2,7 @@
 
 The process opens the recording through a link of an ASCII name, since the library crashes on other names. It sends the
 output of `OpenNI2Sensor`: `SensorInfo` first, then every frame, then None. An error may replace any of them. It ends
-with the pipe that it writes to. Run: python -m firmware_host.recorded_sensor LINK PIPE.
+with the pipe that it writes to. Run: python -m firmware_host.recorded_sensor LINK PIPE [--anyway].
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ LARGEST = 1 << 26  # bytes of one message: a depth and a colour frame have 1.5 M
 class RecordedSensor(DepthSensor):
     """An `.oni` recording, played in a process of its own."""
 
-    def __init__(self, path: Path) -> None:
-        """Open a recording.
+    def __init__(self, path: Path, *, anyway: bool = False) -> None:
+        """Open a recording; anyway: whether its stamps are believed whatever frame rate it states.
 
         Raises:
             SensorUnavailableError: no library.
@@ -48,6 +48,7 @@ class RecordedSensor(DepthSensor):
         reading, writing = os.pipe()
         self._pipe = os.fdopen(reading, "rb")
         words = [sys.executable, "-m", "firmware_host.recorded_sensor", os.fspath(link), str(writing)]
+        words += ["--anyway"] if anyway else []
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(part for part in sys.path if part)}
         # A session of its own: Ctrl-C is for the command, which ends this process by closing the pipe.
         self._process = subprocess.Popen(
@@ -128,7 +129,7 @@ def main() -> None:
     signal.signal(signal.SIGPIPE, signal.SIG_DFL)
     with os.fdopen(int(sys.argv[2]), "wb") as pipe:
         try:
-            with OpenNI2Sensor(Path(sys.argv[1])) as sensor:
+            with OpenNI2Sensor(Path(sys.argv[1]), anyway="--anyway" in sys.argv[3:]) as sensor:
                 _send(pipe, sensor.info)
                 for frame in sensor.frames():
                     _send(pipe, frame)

@@ -11,6 +11,7 @@ import typer
 from fit.batch.cli import add_commands as add_batch_commands
 from fit.blind.cli import add_commands as add_blind_commands
 from fit.export.cli import add_commands as add_export_commands
+from formats.anyway import Anyway
 from formats.terminal import ProgressLine, say
 
 if TYPE_CHECKING:
@@ -117,6 +118,7 @@ def fit_command(
         ),
     ] = None,
     seed: Seed = 0,
+    anyway: Anyway = False,
 ) -> None:
     """Find the cloth parameters that make the simulation follow the takes.
 
@@ -143,7 +145,7 @@ def fit_command(
         method=method, effects=tuple(effect), bounds=tuple(bounds), search=search, iterations=iterations, gamma=gamma,
         spacing=spacing, seed=seed, fabric=fabric, engine=engine,
     ).request()  # fmt: skip
-    training, testing = _read(takes, held_out, held_out_motion)
+    training, testing = _read(takes, held_out, held_out_motion, anyway)
     make_folder(out, "fit.json", "fit.partial.json", "report.html")
     progress = ProgressLine(search)
     checkpoint = out / "fit.partial.json"
@@ -219,6 +221,7 @@ def diagnose_command(
         typer.Option("--spacing", metavar="METRES", help="Mesh spacing.", show_default="a ninth of the smaller side"),
     ] = None,
     seed: Seed = 0,
+    anyway: Anyway = False,
 ) -> None:
     """Say where the simulation misses, which unmodelled effect causes the error, and how far the error would shrink.
 
@@ -245,7 +248,7 @@ def diagnose_command(
     from fit.report.gather import write_diagnosis_report
     from formats.results import load_fit_result, save_diagnosis
 
-    training, testing = _read(takes, held_out, held_out_motion)
+    training, testing = _read(takes, held_out, held_out_motion, anyway)
     fitted = load_fit_result(fit_file) if fit_file else None
     if fitted is not None and not is_of(fitted, training):
         raise FitError("the fit is of other takes", where=fit_file, advice="fit these takes first, or leave out --fit")
@@ -294,11 +297,11 @@ def diagnose_command(
     typer.echo(f"Diagnosis: {out / 'diagnosis.json'}\nReport:    {report}")
 
 
-def _read(takes: list[Path], held_out: list[Path], motions: list[str]) -> tuple[list[Take], list[Take]]:
+def _read(takes: list[Path], held_out: list[Path], motions: list[str], anyway: bool) -> tuple[list[Take], list[Take]]:
     """Takes to fit to and takes to judge on, by name or by motion."""
     from fit.api.calls import sorted_out
 
-    training, testing = sorted_out(takes, held_out, motions)
+    training, testing = sorted_out(takes, held_out, motions, anyway=anyway)
     judging = f"judging on {_listed(testing)}" if testing else "judging on the same, as none is held out"
     say(f"Fitting to {_listed(training)}; {judging}.")
     return training, testing

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from formats.anyway import Anyway
 from formats.command_groups import group_of
 from formats.takes_cli import add_takes_commands
 
@@ -42,9 +43,7 @@ def import_recordings(
     subject: Annotated[
         str, typer.Option("--subject", help="Whose markers, where several have the same names (motion capture).")
     ] = "",
-    anyway: Annotated[
-        bool, typer.Option("--anyway", help="Believe sizes, weights and times that no cloth or camera has.")
-    ] = False,
+    anyway: Anyway = False,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the takes; made if absent.")] = Path(
         "takes"
     ),
@@ -78,7 +77,7 @@ def import_recordings(
                 )  # fmt: skip
             takes.append(import_marker_take(path, described, options))
         else:
-            takes.append(import_swung_cloth(path))
+            takes.append(import_swung_cloth(path, anyway=anyway))
     for take in takes:
         write_description(out / "rig.toml", take.rig, overwrite=overwrite)
         write_description(out / "garment.toml", take.garment, overwrite=overwrite)
@@ -94,15 +93,20 @@ def describe_swatch(
     mass: Annotated[float, typer.Option("--mass", metavar="KG", help="Its weight: weigh it.", show_default=False)],
     side: Annotated[float, typer.Option("--side", metavar="METRES", help="Side of the square.")] = 0.5,
     markers: Annotated[int, typer.Option("--markers", help="Markers along each side, from edge to edge.")] = 9,
+    anyway: Anyway = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")] = False,
 ) -> None:
     """Describe a square swatch with a full grid of markers, held at its two top corners."""
     from formats.descriptions import dump_description
     from formats.outputs import check_name, refuse_to_replace, write_text
+    from formats.plausible import check_plausible_garment
     from formats.swatch import swatch
 
     check_name(path)
     if not overwrite:
         refuse_to_replace(path)
-    write_text(path, dump_description(swatch(mass, side=side, markers=markers, name=path.stem)))
+    described = swatch(mass, side=side, markers=markers, name=path.stem)
+    if not anyway:
+        check_plausible_garment(described, path, offers_anyway=True)
+    write_text(path, dump_description(described))
     typer.echo(f"{path}: {markers * markers} markers, {1e3 * side / (markers - 1):.1f} mm apart")

@@ -36,8 +36,10 @@ THINNEST_BODY, LARGEST_BODY = 0.01, 10.0  # m of radius: thinner ones slip throu
 ON_OUTLINE = 2e-3  # m by which a tracked point may lie outside the outline
 
 
-def load_garment(path: Path, *, anyway: bool = False) -> Garment:
-    """Read a garment description; anyway: whether sizes and weights that no cloth has are believed.
+def load_garment(path: Path, *, anyway: bool | None = None) -> Garment:
+    """Read a garment description.
+
+    anyway: whether sizes and weights that no cloth has are believed; None: they are not, and no option says so
 
     Raises:
         DescriptionError: the file is missing, malformed, impossible or implausible; names the field.
@@ -45,12 +47,14 @@ def load_garment(path: Path, *, anyway: bool = False) -> Garment:
     garment = _load(path, Garment)
     check_garment(garment, path)
     if not anyway:
-        check_plausible_garment(garment, path)
+        check_plausible_garment(garment, path, offers_anyway=anyway is not None)
     return garment
 
 
-def load_rig(path: Path, *, anyway: bool = False) -> Rig:
-    """Read a rig description; anyway: whether sizes that no hanger has are believed.
+def load_rig(path: Path, *, anyway: bool | None = None) -> Rig:
+    """Read a rig description.
+
+    anyway: whether sizes that no hanger has are believed; None: they are not, and no option says so
 
     Raises:
         DescriptionError: the file is missing, malformed, impossible or implausible; names the field.
@@ -58,7 +62,7 @@ def load_rig(path: Path, *, anyway: bool = False) -> Rig:
     rig = _load(path, Rig)
     check_rig(rig, path)
     if not anyway:
-        check_plausible_rig(rig, path)
+        check_plausible_rig(rig, path, offers_anyway=anyway is not None)
     return rig
 
 

@@ -10,9 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from formats.arrays import Floats
-from formats.errors import DescriptionError, TakeError
+from formats.errors import ImplausibleError
 from formats.garment import Garment
 from formats.rig import Rig
+from formats.take import Take
 
 LIGHTEST, HEAVIEST = 0.02, 1.5  # kg/m^2, each layer
 SHORTEST, LONGEST = 0.1, 3.0  # m, the longer side of the flat garment
@@ -21,22 +22,34 @@ SHORTEST_BAR, LONGEST_BAR = 0.03, 3.0  # m between the markers, and to the held 
 SLOWEST, FASTEST = 5.0, 1000.0  # frames a second
 CLOCKS = (("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9))
 UNITS = (("millimetres", 1e-3), ("centimetres", 1e-2), ("inches", 0.0254))
-ANYWAY = "or --anyway, where the command has it"
 
 
-def check_plausible_garment(garment: Garment, where: object) -> None:
+def check_plausible_take(take: Take, where: object, *, offers_anyway: bool = False) -> None:
+    """Refuse a take whose garment, hanger or times no cloth, hanger or camera has.
+
+    offers_anyway: here and below, whether the command has an option that believes them
+
+    Raises:
+        ImplausibleError: names the number, its range and the unit that fits.
+    """
+    check_plausible_garment(take.garment, where, offers_anyway=offers_anyway)
+    check_plausible_rig(take.rig, where, offers_anyway=offers_anyway)
+    check_plausible_times(take.time, where, offers_anyway=offers_anyway)
+
+
+def check_plausible_garment(garment: Garment, where: object, *, offers_anyway: bool = False) -> None:
     """Refuse a garment of a size or weight that no cloth has, and say which unit was probably meant.
 
     Raises:
-        DescriptionError: names the number, its range and the unit that fits.
+        ImplausibleError: names the number, its range and the unit that fits.
     """
     corners = np.array(garment.outline_m, float)
     side = float(np.ptp(corners, axis=0).max())
     if not SHORTEST <= side <= LONGEST:
         meant = _unit_of(side, SHORTEST, LONGEST)
-        raise DescriptionError(
+        raise ImplausibleError(
             f"outline_m is {side:g} m long, a garment {SHORTEST:g} to {LONGEST:g} m{meant}", where=where,
-            advice=f"give metres, {ANYWAY}",
+            advice=_advice("give metres", offers_anyway),
         )  # fmt: skip
     density = garment.areal_density / garment.layers
     if not LIGHTEST <= density <= HEAVIEST:
@@ -46,17 +59,17 @@ def check_plausible_garment(garment: Garment, where: object) -> None:
             if LIGHTEST <= in_grams <= HEAVIEST
             else ""
         )
-        raise DescriptionError(
+        raise ImplausibleError(
             f"mass_kg = {garment.mass_kg:g} makes {density:.3g} kg/m2, fabric has {LIGHTEST:g} to {HEAVIEST:g}{meant}",
-            where=where, advice=f"weigh it and give kilograms, {ANYWAY}",
+            where=where, advice=_advice("weigh it and give kilograms", offers_anyway),
         )  # fmt: skip
 
 
-def check_plausible_rig(rig: Rig, where: object) -> None:
+def check_plausible_rig(rig: Rig, where: object, *, offers_anyway: bool = False) -> None:
     """Refuse a hanger of a size that none has, and say which unit was probably meant.
 
     Raises:
-        DescriptionError: names the number, its range and the unit that fits.
+        ImplausibleError: names the number, its range and the unit that fits.
     """
     if rig.hanger is None:
         return
@@ -67,10 +80,14 @@ def check_plausible_rig(rig: Rig, where: object) -> None:
         ("held_m", reach, 0.01, LONGEST_BAR),
     ):
         if not least <= value <= most:
-            raise DescriptionError(
+            raise ImplausibleError(
                 f"hanger.{name} is {value:g} m, a hanger has {least:g} to {most:g} m{_unit_of(value, least, most)}",
-                where=where, advice=f"give metres, {ANYWAY}",
+                where=where, advice=_advice("give metres", offers_anyway),
             )  # fmt: skip
+
+
+def _advice(what: str, offers_anyway: bool) -> str:
+    return f"{what}, or --anyway to believe it" if offers_anyway else what
 
 
 def _unit_of(value: float, least: float, most: float) -> str:
@@ -79,11 +96,11 @@ def _unit_of(value: float, least: float, most: float) -> str:
     return f"; were {' or '.join(fitting)} meant?" if fitting else ""
 
 
-def check_plausible_times(time: Floats, where: object) -> None:
+def check_plausible_times(time: Floats, where: object, *, offers_anyway: bool = False) -> None:
     """Refuse increasing times [s], (frames,), that no camera has: frame numbers, milliseconds, microseconds.
 
     Raises:
-        TakeError: names the spacing and the unit that was probably meant.
+        ImplausibleError: names the spacing and the unit that was probably meant.
     """
     apart = float(np.median(np.diff(time))) if len(time) > 1 else 1 / SLOWEST
     if apart * 1.001 >= 1 / FASTEST and apart <= 1.001 / SLOWEST:
@@ -93,11 +110,14 @@ def check_plausible_times(time: Floats, where: object) -> None:
         meant = f"are these {fitting[0]}?" if fitting else "is its time in seconds?"
         if np.all(np.abs(np.diff(time) - 1.0) < 1e-6):
             meant = "these are frame numbers, or milliseconds at 1000 frames a second"
-        raise TakeError(
+        raise ImplausibleError(
             f"its frames are {apart:g} s apart in the median; {meant}", where=where,
-            advice="give seconds: divide milliseconds by 1e3, nanoseconds by 1e9, frame numbers by the frame rate",
+            advice=_advice(
+                "give seconds: divide milliseconds by 1e3, nanoseconds by 1e9, frame numbers by the frame rate",
+                offers_anyway,
+            ),
         )  # fmt: skip
-    raise TakeError(
+    raise ImplausibleError(
         f"its frames are {1e6 * apart:g} µs apart in the median, {1 / apart:.0f} a second; cameras deliver "
-        f"{SLOWEST:g} to {FASTEST:g}", where=where, advice="give its time in seconds",
+        f"{SLOWEST:g} to {FASTEST:g}", where=where, advice=_advice("give its time in seconds", offers_anyway),
     )  # fmt: skip

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from formats.anyway import Anyway
+
 
 def add_commands(sensor: typer.Typer) -> None:
     """Add this command to `hangtime sensor`."""
@@ -23,6 +25,7 @@ def doctor(
     device: Annotated[
         str | None, typer.Option("--device", metavar="BUS:ADDRESS", help="Which of several sensors to look at.")
     ] = None,
+    anyway: Anyway = False,
 ) -> None:
     """Check everything that a recording needs, one line each: `ok`, or what to do.
 
@@ -38,7 +41,9 @@ def doctor(
     checks = all_checks(is_recording=recording is not None)
     width = max(len(check.name) for check in checks)
     is_well = True
-    with Examination(source=recording, rig=None if rig is None else load_rig(rig), place=device) as examination:
+    with Examination(
+        source=recording, rig=None if rig is None else load_rig(rig, anyway=anyway), place=device
+    ) as examination:
         for check, finding in examine(checks, examination):
             is_well = is_well and finding.verdict is Verdict.OK
             mark = {Verdict.OK: "ok: ", Verdict.PROBLEM: "", Verdict.SKIPPED: "skipped: "}[finding.verdict]

@@ -14,6 +14,7 @@ from fit.api.results import DiagnosisOutcome, FitOutcome, SimulatedTake, Simulat
 from fit.errors import FitError
 from formats.archive import read_take
 from formats.errors import ResultError
+from formats.plausible import check_plausible_take
 from formats.results import load_diagnosis, load_fit_result
 from formats.take import Take
 
@@ -48,6 +49,7 @@ def fit(
     *,
     held_out: Takes = (),
     held_out_motion: Sequence[str] = (),
+    anyway: bool = False,
     checkpoint: Path | str | None = None,
     progress: Callable[[int, int, float], None] = lambda done, total, best: None,
     **options: Unpack[PlanOptions],
@@ -56,6 +58,7 @@ def fit(
 
     - `takes`, `held_out`: takes or paths of archives, one or several
     - `held_out_motion`: kinds of motion to judge on
+    - `anyway`: whether sizes, weights and times are believed that no cloth, hanger or camera has
     - `checkpoint`: file from which an interrupted search continues
     - `progress`: called with steps done, steps in all and the least error so far
 
@@ -68,7 +71,7 @@ def fit(
     from fit.identification.calibrate import calibrate
     from fit.identification.request import plan_of
 
-    training, testing = sorted_out(takes, held_out, held_out_motion)
+    training, testing = sorted_out(takes, held_out, held_out_motion, anyway=anyway)
     request = plan_of(options).request()
     result = calibrate(
         training, testing, request, checkpoint=Path(checkpoint) if checkpoint is not None else None, progress=progress
@@ -86,12 +89,13 @@ def diagnose(
     without: Sequence[str] = (),
     spacing: float | None = None,
     seed: int = 0,
+    anyway: bool = False,
     checkpoint: Path | str | None = None,
     progress: Callable[[str, float], None] = lambda stage, share: None,
 ) -> DiagnosisOutcome:
     """Say where the simulation misses and which unmodelled effect causes it, as `hangtime diagnose` does.
 
-    - `takes`, `held_out`, `held_out_motion`: as for `fit`
+    - `takes`, `held_out`, `held_out_motion`, `anyway`: as for `fit`
     - `model`: the base model, by its method's name
     - `add`: effects to refit in any case, without regard to the screening
     - `without`: effects to leave out of the library
@@ -105,7 +109,7 @@ def diagnose(
     from fit.gap.diagnosis import diagnose as find_gap
     from fit.methods import base_model_of, find_method
 
-    training, testing = sorted_out(takes, held_out, held_out_motion)
+    training, testing = sorted_out(takes, held_out, held_out_motion, anyway=anyway)
     library = library_of(add, without)
     findings = find_gap(
         training, testing,
@@ -126,12 +130,14 @@ def diagnose(
 def simulate(
     takes: Takes,
     parameters: FitOutcome | Mapping[str, float] | None = None,
+    *,
+    anyway: bool = False,
     **options: Unpack[PlanOptions],
 ) -> Simulation:
     """Simulate the cloth of takes from their first shape on, driven by the recorded hanger.
 
     - `parameters`: a fit, whose method, mesh and values are used, or values by name over the method's initial ones
-    - `options`: as for `fit`; method, effects, spacing, fabric and engine count here
+    - `anyway` and options: as for `fit`; method, effects, spacing, fabric and engine count here
 
     Raises:
         FitError: unknown names, values outside the ranges, or takes that cannot be simulated.
@@ -143,7 +149,7 @@ def simulate(
     from fit.recordings.recording import prepare_together
     from fit.runtime import one_thread_of_algebra
 
-    read, _ = sorted_out(takes)
+    read, _ = sorted_out(takes, anyway=anyway)
     own = parameters.request if isinstance(parameters, FitOutcome) else None
     request = own if own is not None and not options else plan_of(options).request()
     given = parameters.values if isinstance(parameters, FitOutcome) else dict(parameters or {})
@@ -242,17 +248,23 @@ def library_of(add: Sequence[str], without: Sequence[str]) -> tuple[Effect, ...]
 
 
 def sorted_out(
-    takes: Takes, held_out: Takes = (), held_out_motion: Sequence[str] = ()
+    takes: Takes, held_out: Takes = (), held_out_motion: Sequence[str] = (), *, anyway: bool = False
 ) -> tuple[list[Take], list[Take]]:
     """Return the takes to fit to and the takes to judge on, read where a path is given.
 
+    anyway: whether implausible takes are believed
+
     Raises:
-        HangtimeError: an archive cannot be read, or no take moves in a kind that is to be held out.
+        HangtimeError: an archive cannot be read, a take is implausible, or no take moves in a kind to be held out.
     """
     from fit.recordings.selection import split_by_motion
 
-    training, moving = split_by_motion(_each(takes), list(held_out_motion))
-    return training, moving + _each(held_out)
+    every, judged = _each(takes), _each(held_out)
+    if not anyway:
+        for take in every + judged:
+            check_plausible_take(take, take.take_id, offers_anyway=True)
+    training, moving = split_by_motion(every, list(held_out_motion))
+    return training, moving + judged
 
 
 def _each(takes: Takes) -> list[Take]:

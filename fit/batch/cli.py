@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fit.errors import UnreachableError
+from formats.anyway import Anyway
 from formats.terminal import say
 
 if TYPE_CHECKING:
@@ -114,6 +115,7 @@ def batch_command(
         float | None, typer.Option("--spacing", metavar="METRES", help="Mesh spacing.", show_default="the method's own")
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of every random number.")] = 0,
+    anyway: Anyway = False,
 ) -> None:
     """Fit every take of a folder or bucket, each on a core of its own.
 
@@ -163,7 +165,7 @@ def batch_command(
 
     with _none_after(ending):
         takes, results = open_store(url), open_store(out)
-        found = survey(takes, results, plan, retry_failed=retry_failed)
+        found = survey(takes, results, plan, retry_failed=retry_failed, anyway=anyway)
         say(f"{len(found.keys)} takes, {len(found.jobs)} to fit.")
         try:
             is_interrupted = work(found, "takes")
@@ -172,7 +174,7 @@ def batch_command(
             write_summary(rows, results, plan)
         morning = None
         if diagnose and not is_interrupted:
-            morning, is_interrupted = _diagnose(rows, found, takes, results, seed, retry_failed, work)
+            morning, is_interrupted = _diagnose(rows, found, takes, results, seed, retry_failed, anyway, work)
     for row in rows:
         if row.state in ("failed", "refused"):
             say(f"{row.take}: {row.sentence}")
@@ -192,7 +194,7 @@ def batch_command(
 
 
 def _diagnose(
-    rows: list[Row], found: Survey, takes: Store, results: Store, seed: int, retry_failed: bool,
+    rows: list[Row], found: Survey, takes: Store, results: Store, seed: int, retry_failed: bool, anyway: bool,
     work: Callable[[Survey, str], bool],
 ) -> tuple[Morning, bool]:  # fmt: skip
     """Diagnose every garment with enough takes; return the morning's page, and whether it was interrupted."""
@@ -200,7 +202,7 @@ def _diagnose(
     from fit.batch.morning import morning_of, write_morning
 
     every = wardrobes(rows, found, takes)
-    diagnoses = diagnoses_of(every, takes, results, seed, retry_failed=retry_failed)
+    diagnoses = diagnoses_of(every, takes, results, seed, retry_failed=retry_failed, anyway=anyway)
     say(f"{len(every)} garments, {len(diagnoses.jobs)} to diagnose.")
     try:
         is_interrupted = work(diagnoses, "garments")

@@ -49,12 +49,12 @@ def _diagnose(job: DiagnosisJob, contents: dict[str, bytes], results: Store, che
     training = [take_of(contents[name], name) for name in job.training]
     held_out = [take_of(contents[name], name) for name in job.held_out]
     try:
-        found = diagnose(training, held_out=held_out, seed=job.seed, checkpoint=checkpoint)
+        found = diagnose(training, held_out=held_out, seed=job.seed, anyway=job.anyway, checkpoint=checkpoint)
     except FitError as error:
         if checkpoint is None or error.where is None or not Path(str(error.where)).is_relative_to(checkpoint):
             raise
         shutil.rmtree(checkpoint, ignore_errors=True)  # fits that cannot be gone on from cost time, not the diagnosis
-        found = diagnose(training, held_out=held_out, seed=job.seed, checkpoint=checkpoint)
+        found = diagnose(training, held_out=held_out, seed=job.seed, anyway=job.anyway, checkpoint=checkpoint)
     with tempfile.TemporaryDirectory(prefix="hangtime-") as folder:
         page = report(found, Path(folder) / "report.html").read_bytes()
     results.write(report_name(job.key), page)

@@ -97,7 +97,13 @@ def wardrobes(rows: Sequence[Row], found: Survey, takes: Store) -> list[Wardrobe
 
 
 def diagnoses_of(
-    every: Sequence[Wardrobe], takes: Store, results: Store, seed: int, *, retry_failed: bool = False
+    every: Sequence[Wardrobe],
+    takes: Store,
+    results: Store,
+    seed: int,
+    *,
+    retry_failed: bool = False,
+    anyway: bool = False,
 ) -> Survey:
     """Return the diagnoses that are known, that failed, and that are still to be made, by the garment's name.
 
@@ -121,6 +127,7 @@ def diagnoses_of(
             found.jobs.append(
                 DiagnosisJob(
                     key=key, takes_url=takes.url, results_url=results.url, physics=physics, seed=seed,
+                    anyway=anyway,
                     training=tuple(take.name for take in one.training),
                     held_out=tuple(take.name for take in one.held_out), digests=(*training, *held_out),
                 )

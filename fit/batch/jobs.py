@@ -17,12 +17,13 @@ from fit.identification.request import Plan
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """Work that travels to a worker, and where its result is kept."""
+    """Work that travels to a worker, and where its result is kept; anyway: whether implausible takes are believed."""
 
     key: str
     takes_url: str
     results_url: str
     physics: str
+    anyway: bool = False
     patience: float = 0.0  # s for which a finished result waits for a bucket that is gone
 
 

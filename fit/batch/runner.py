@@ -57,7 +57,7 @@ class Survey:
         return [job for job in self.jobs if job.key not in self.outcomes]
 
 
-def survey(takes: Store, results: Store, plan: Plan, *, retry_failed: bool = False) -> Survey:
+def survey(takes: Store, results: Store, plan: Plan, *, retry_failed: bool = False, anyway: bool = False) -> Survey:
     """Read every take once and say what has to be done.
 
     Raises:
@@ -90,7 +90,7 @@ def survey(takes: Store, results: Store, plan: Plan, *, retry_failed: bool = Fal
         elif is_new:
             found.jobs.append(
                 Job(key=key, take=name, digest=digest, takes_url=takes.url, results_url=results.url, plan=plan,
-                    physics=physics)
+                    physics=physics, anyway=anyway)
             )  # fmt: skip
     return found
 

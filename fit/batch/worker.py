@@ -16,7 +16,7 @@ from fit.batch.jobs import Job, Outcome, Task, digest_of, failure_name, result_n
 from fit.batch.store import Store, open_store
 from fit.errors import BatchError, FitError, UnreachableError
 from fit.provenance import physics_version
-from formats.errors import HangtimeError
+from formats.errors import HangtimeError, ImplausibleError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,6 +87,8 @@ def run_errand(job: Task, errand: Errand, results: Store) -> Outcome:
         result = errand.make(contents)
     except BatchError:
         raise
+    except ImplausibleError as error:  # not kept: --anyway makes it a take like any other
+        return ended("refused", _sentence(error))
     except MemoryError:
         return ended("refused", "not enough memory; use fewer workers")
     except (OSError, ImportError) as error:
@@ -122,9 +124,12 @@ def _fit(job: Job, content: bytes, results: Store) -> bytes:
     """
     from fit.identification.calibrate import calibrate
     from formats.archive import take_of
+    from formats.plausible import check_plausible_take
     from formats.results import result_bytes
 
     take = take_of(content, job.take)
+    if not job.anyway:
+        check_plausible_take(take, job.take, offers_anyway=True)
     # In a shared folder an unfinished search outlives its worker; from a bucket the fit begins anew.
     checkpoint = results.path(search_name(job.key))
     if checkpoint is not None:

@@ -40,14 +40,15 @@ class MarkerOptions:
     """How a file of marker paths is to be understood.
 
     up: the axis that points up; frames: keep only so many from the beginning; unit: of lengths, where the file states
-    none; subject: whose markers, where several have the same names; anyway: whether implausible times are believed
+    none; subject: whose markers, where several have the same names; anyway: whether implausible times are believed,
+    None where no option says so
     """
 
     up: str = "z"
     frames: int | None = None
     unit: str | None = None
     subject: str = ""
-    anyway: bool = False
+    anyway: bool | None = None
 
 
 def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | None = None) -> Take:
@@ -108,7 +109,7 @@ def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, options: Mar
     if not (np.isfinite(time).all() and (np.diff(time) > 0).all()):
         raise TakeError("its time does not increase from frame to frame", where=path, advice="mend the first column")
     if not options.anyway:
-        check_plausible_times(time, path)
+        check_plausible_times(time, path, offers_anyway=options.anyway is not None)
     positions = tracks.positions[:frames, [columns[0] for columns in found.values()]]
     if not np.isfinite(positions).any():
         raise TakeError("none of the garment's markers was ever seen", where=path, advice="export their trajectories")

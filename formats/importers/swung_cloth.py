@@ -32,14 +32,18 @@ HELD_SD = 0.002  # m, stated by us: the robot's pose is better than the fitted o
 WHAT_TO_GIVE = "give marker paths (.c3d, .trc, .csv, .tsv) or a swung-cloth .npz, see docs/reference/file-formats.md"
 
 
-def import_swung_cloth(path: Path) -> Take:
+def import_swung_cloth(path: Path, *, anyway: bool | None = None) -> Take:
     """Return the take in one `.npz` file.
+
+    anyway: whether times that no camera has are believed; None: they are not, and no option says so
 
     Raises:
         TakeError: the file is missing or is no such recording, or its time does not increase or is not in
             seconds.
     """
     data = _load(path)
+    if not anyway:
+        check_plausible_times(data["t"].astype(float), path, offers_anyway=anyway is not None)
     time, points = data["t"].astype(float), data["points"].astype(float)
     frames = len(time)
     rest = data["rest"].astype(float)
@@ -143,4 +147,3 @@ def _check_arrays(data: dict[str, NDArray[Any]], path: Path) -> None:
             f"its time does not increase from frame to frame, first at frame {wrong[0]}, at {time[wrong[0]]:g} s",
             where=path, advice="mend 't', or leave that frame out of every array",
         )  # fmt: skip
-    check_plausible_times(time, path)

@@ -1,0 +1,11 @@
+"""`--anyway`: the option of every command that refuses numbers that no cloth, hanger or camera has."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+Anyway = Annotated[
+    bool, typer.Option("--anyway", help="Believe sizes, weights and times that no cloth, hanger or camera has.")
+]

@@ -5,7 +5,7 @@ HangtimeError
         +-- DriveError    a hanger path that no cloth can follow (gaps, jumps)
         +-- BlowUpError   a simulation that left the realm of finite numbers
         +-- BatchError    a folder, bucket or cluster that a batch cannot work with
-              +-- UnreachableError   one that cannot be reached now, and may be later; exit code 75
+              +-- UnreachableError   one that cannot be reached, or is full, now and not for ever; exit code 75
 """
 
 from __future__ import annotations
@@ -30,6 +30,6 @@ class BatchError(FitError):
 
 
 class UnreachableError(BatchError):
-    """A bucket or cluster that cannot be reached now, and may be later."""
+    """A bucket or cluster that cannot be reached now, or a disk that is full, and may be otherwise later."""
 
     exit_code = 75  # EX_TEMPFAIL of sysexits.h: what starts the command may try again

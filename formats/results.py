@@ -291,6 +291,24 @@ def load_fit_result(path: Path) -> FitResult:
     return _load(path, FitResult)
 
 
+def fit_result_from(raw: bytes, where: object) -> FitResult:
+    """Return the fit result in the bytes of its file.
+
+    Raises:
+        ResultError: they do not match the schema.
+    """
+    return _decoded(raw, FitResult, where)
+
+
+def diagnosis_from(raw: bytes, where: object) -> Diagnosis:
+    """Return the diagnosis in the bytes of its file.
+
+    Raises:
+        ResultError: they do not match the schema.
+    """
+    return _decoded(raw, Diagnosis, where)
+
+
 def save_diagnosis(path: Path, diagnosis: Diagnosis) -> None:
     """Write a diagnosis; the file appears whole or not at all."""
     _save(path, diagnosis)
@@ -328,32 +346,36 @@ def _load(path: Path, kind: type[Result]) -> Result:
         raw = path.read_bytes()
     except OSError as error:
         raise ResultError(f"cannot be read ({error.strerror})", where=path, advice="check the path") from error
+    return _decoded(raw, kind, path)
+
+
+def _decoded(raw: bytes, kind: type[Result], where: object) -> Result:
     try:
         record = msgspec.json.decode(raw, type=kind)
-    except msgspec.MsgspecError as error:
-        raise ResultError(f"is not a {kind.__name__}: {error}", where=path, advice="make it again") from error
-    _check(record, path)
+    except (msgspec.MsgspecError, RecursionError) as error:
+        raise ResultError(f"is not a {kind.__name__}: {error}", where=where, advice="make it again") from error
+    _check(record, where)
     return record
 
 
-def _check(record: FitResult | Diagnosis, path: Path) -> None:
+def _check(record: FitResult | Diagnosis, where: object) -> None:
     """Check what a schema cannot say: finite numbers, and that named effects were tested."""
-    _check_finite(msgspec.to_builtins(record), path, "")
+    _check_finite(msgspec.to_builtins(record), where, "")
     if isinstance(record, Diagnosis):
         known = {finding.id for finding in record.effects}
         for name in [*record.named, *record.alternatives, *itertools.chain(*record.alternatives.values())]:
             if name not in known:
-                raise ResultError(f"names the effect {name!r}, which is not among its findings", where=path)
+                raise ResultError(f"names the effect {name!r}, which is not among its findings", where=where)
         if record.verdict == "effect" and len(record.named) != 1:
-            raise ResultError("the verdict `effect` names exactly one effect", where=path)
+            raise ResultError("the verdict `effect` names exactly one effect", where=where)
 
 
-def _check_finite(value: Any, path: Path, at: str) -> None:
+def _check_finite(value: Any, where: object, at: str) -> None:
     if isinstance(value, float) and not math.isfinite(value):
-        raise ResultError(f"{at or 'value'} is not a finite number", where=path)
+        raise ResultError(f"{at or 'value'} is not a finite number", where=where)
     if isinstance(value, dict):
         for key, inner in value.items():
-            _check_finite(inner, path, f"{at}.{key}" if at else str(key))
+            _check_finite(inner, where, f"{at}.{key}" if at else str(key))
     elif isinstance(value, list | tuple):
         for number, inner in enumerate(value):
-            _check_finite(inner, path, f"{at}[{number}]")
+            _check_finite(inner, where, f"{at}[{number}]")

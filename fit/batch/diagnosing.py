@@ -7,6 +7,7 @@ import tempfile
 from pathlib import Path
 
 from fit.batch.jobs import DiagnosisJob, Outcome, diagnosis_name, report_name, unfinished_diagnosis
+from fit.batch.kept import has_diagnosis, keep
 from fit.batch.store import Store, open_store
 from fit.batch.worker import Errand, run_errand
 from fit.errors import FitError
@@ -29,6 +30,7 @@ def run_diagnosis(job: DiagnosisJob) -> Outcome:
 
     errand = Errand(
         result=diagnosis_name(job.key),
+        is_kept=lambda: has_diagnosis(results, job.key),
         digests=dict(zip((*job.training, *job.held_out), job.digests, strict=True)),
         done="diagnosed",
         make=lambda contents: _diagnose(job, contents, results, checkpoint),
@@ -57,5 +59,5 @@ def _diagnose(job: DiagnosisJob, contents: dict[str, bytes], results: Store, che
         found = diagnose(training, held_out=held_out, seed=job.seed, anyway=job.anyway, checkpoint=checkpoint)
     with tempfile.TemporaryDirectory(prefix="hangtime-") as folder:
         page = report(found, Path(folder) / "report.html").read_bytes()
-    results.write(report_name(job.key), page)
+    keep(results, report_name(job.key), page)
     return result_bytes(found.result, Path(diagnosis_name(job.key)))

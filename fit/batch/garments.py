@@ -11,7 +11,8 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fit.batch.jobs import DiagnosisJob, Outcome, diagnosis_key, diagnosis_name, failure_name
+from fit.batch.jobs import DiagnosisJob, Outcome, diagnosis_key, failure_name
+from fit.batch.kept import has_diagnosis
 from fit.batch.runner import Survey, kept_sentence
 from fit.batch.store import Store
 from fit.batch.summary import Row
@@ -119,10 +120,11 @@ def diagnoses_of(
         training, held_out = ([take.digest for take in part] for part in (one.training, one.held_out))
         key = diagnosis_key(training, held_out, seed, physics)
         found.keys[one.name] = key
-        if results.has(diagnosis_name(key)):
+        why = kept_sentence(results, key) if results.has(failure_name(key)) and not retry_failed else None
+        if has_diagnosis(results, key):
             found.outcomes[key] = Outcome(key=key, state="diagnosed")
-        elif results.has(failure_name(key)) and not retry_failed:
-            found.outcomes[key] = Outcome(key=key, state="failed", sentence=kept_sentence(results, key))
+        elif why is not None:
+            found.outcomes[key] = Outcome(key=key, state="failed", sentence=why)
         else:
             found.jobs.append(
                 DiagnosisJob(

@@ -8,14 +8,15 @@ from datetime import UTC, datetime
 
 from fit.batch.garments import Wardrobe
 from fit.batch.jobs import diagnosis_name, report_name, result_name
+from fit.batch.kept import kept
 from fit.batch.pages import render_page
 from fit.batch.runner import Survey
 from fit.batch.store import Store
-from fit.batch.summary import WORDS, Row, kept, sentence_of
+from fit.batch.summary import WORDS, Row, sentence_of
 from fit.errors import BatchError, UnreachableError
 from fit.identification.calibrate import TOO_SHORT
 from formats.errors import ResultError
-from formats.results import Diagnosis, load_diagnosis
+from formats.results import Diagnosis, diagnosis_from
 
 # The advice to a person on each verdict, if the diagnosis proposes no next recording.
 NEEDS = {
@@ -160,7 +161,7 @@ def _finding(one: Wardrobe, diagnoses: Survey, results: Store) -> Finding:
     if outcome.state != "diagnosed":
         return Finding(wardrobe=one, state=outcome.state, sentence=outcome.sentence)
     try:
-        found: Diagnosis = kept(results, diagnosis_name(key), load_diagnosis)
+        found: Diagnosis = kept(results, diagnosis_name(key), diagnosis_from)
     except UnreachableError:
         raise
     except (ResultError, BatchError) as error:

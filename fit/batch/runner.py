@@ -18,7 +18,8 @@ from typing import Any
 
 from fit.batch.cluster import RETRY, Workers, connect, has_workers
 from fit.batch.ending import Ending
-from fit.batch.jobs import Job, Outcome, Task, digest_of, failure_name, key_of, result_name
+from fit.batch.jobs import Job, Outcome, Task, digest_of, failure_name, key_of
+from fit.batch.kept import has_fit
 from fit.batch.store import Store
 from fit.batch.worker import run_job
 from fit.errors import BatchError, UnreachableError
@@ -67,12 +68,12 @@ def survey(takes: Store, results: Store, plan: Plan, *, retry_failed: bool = Fal
     names = takes.names("", ".mcap")
     if not names:
         raise BatchError("holds no take (*.mcap)", where=takes.url, advice="check the address")
-    fitted, failed = set(results.names("fits", ".json")), set(results.names("failed", ".json"))
+    failed = set(results.names("failed", ".json"))
     physics = physics_version()
-    found = Survey()
+    found, sizes = Survey(), {}
     for name in names:
         try:
-            digest = digest_of(takes.read(name))
+            content = takes.read(name)
         except UnreachableError:
             raise  # that is no fault of the take
         except BatchError as error:
@@ -80,18 +81,23 @@ def survey(takes: Store, results: Store, plan: Plan, *, retry_failed: bool = Fal
             found.keys[name] = key
             found.outcomes[key] = Outcome(key=key, state="refused", sentence=str(error))
             continue
+        digest = digest_of(content)
+        sizes[name] = len(content)
         key = key_of(digest, plan, physics)
         is_new = key not in found.keys.values()
         found.keys[name], found.digests[name] = key, digest
-        if result_name(key) in fitted:
+        why = kept_sentence(results, key) if failure_name(key) in failed and not retry_failed else None
+        if has_fit(results, key):
             found.outcomes[key] = Outcome(key=key, state="known")
-        elif failure_name(key) in failed and not retry_failed:
-            found.outcomes[key] = Outcome(key=key, state="failed", sentence=kept_sentence(results, key))
+        elif why is not None:
+            found.outcomes[key] = Outcome(key=key, state="failed", sentence=why)
         elif is_new:
             found.jobs.append(
                 Job(key=key, take=name, digest=digest, takes_url=takes.url, results_url=results.url, plan=plan,
                     physics=physics, anyway=anyway)
             )  # fmt: skip
+    # The smallest first: a huge take keeps no other waiting.
+    found.jobs.sort(key=lambda job: sizes[job.take] if isinstance(job, Job) else 0)
     return found
 
 
@@ -264,11 +270,11 @@ def _left(done: int, left: int, seconds: float) -> str:
     return f"about {minutes:.0f} min left" if left else "all done"
 
 
-def kept_sentence(results: Store, key: str) -> str:
-    """Return why a job failed before."""
+def kept_sentence(results: Store, key: str) -> str | None:
+    """Return why a job failed before, None where that cannot be read: then it is tried again."""
     try:
         return str(json.loads(results.read(failure_name(key)))["sentence"])
     except UnreachableError:
         raise
     except (BatchError, ValueError, KeyError, TypeError):
-        return "failed before"
+        return None

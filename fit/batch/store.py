@@ -6,6 +6,7 @@ an object, which stores show whole or not at all. A reader never meets half a fi
 
 from __future__ import annotations
 
+import errno
 import os
 from pathlib import Path
 from typing import Any, Protocol
@@ -13,7 +14,10 @@ from typing import Any, Protocol
 from fit.errors import BatchError, UnreachableError
 from formats.errors import AddressError
 from formats.store_address import advice_on, first_line, folder_of, is_out_of_reach, open_bucket
+from formats.take_reader import LARGEST_FILE
 from formats.whole_files import write_whole
+
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}  # of a disk or a quota on which somebody may make room
 
 
 class Store(Protocol):
@@ -30,11 +34,11 @@ class Store(Protocol):
         ...
 
     def read(self, name: str) -> bytes:
-        """Return a file's content; BatchError if it cannot be read."""
+        """Return a file's content; BatchError if it cannot be read, or is larger than any take."""
         ...
 
     def write(self, name: str, content: bytes) -> None:
-        """Put a file in place, whole or not at all; BatchError if it cannot be written."""
+        """Put a file in place, whole or not at all; BatchError if it cannot be written, UnreachableError if not now."""
         ...
 
     def remove(self, name: str) -> None:
@@ -79,7 +83,9 @@ class Folder:
     def read(self, name: str) -> bytes:
         """Return a file's content."""
         try:
-            return (self.root / name).read_bytes()
+            with (self.root / name).open("rb") as file:
+                _refuse_a_huge(os.fstat(file.fileno()).st_size, self.root / name)
+                return file.read()
         except OSError as error:
             raise BatchError(
                 f"cannot be read ({error.strerror})", where=self.root / name, advice="check path and permissions"
@@ -97,6 +103,8 @@ class Folder:
             finally:
                 os.close(folder)
         except OSError as error:
+            if error.errno in FULL:
+                raise store_is_full(error, path) from error
             raise BatchError(
                 f"cannot be written ({error.strerror})", where=path, advice="check space and permissions"
             ) from error
@@ -142,7 +150,9 @@ class Bucket:
     def read(self, name: str) -> bytes:
         """Return an object's content."""
         try:
-            return bytes(self._library.get(self._store, name).bytes())
+            found = self._library.get(self._store, name)
+            _refuse_a_huge(found.meta["size"], f"{self.url}/{name}")
+            return bytes(found.bytes())
         except self._errors as error:
             raise self._failure("cannot be read", f"{self.url}/{name}", error) from error
 
@@ -169,3 +179,20 @@ class Bucket:
     def _failure(self, what: str, where: str, error: Exception) -> BatchError:
         kind = UnreachableError if is_out_of_reach(error) else BatchError
         return kind(f"{what} ({first_line(error)})", where=where, advice=advice_on(error))
+
+
+def store_is_full(error: OSError, where: object) -> UnreachableError:
+    """Return the error of a disk that takes no more for now."""
+    return UnreachableError(
+        f"cannot be written ({error.strerror})", where=where,
+        advice="make room; what is finished is kept, and the same command goes on",
+    )  # fmt: skip
+
+
+def _refuse_a_huge(size: int, where: object) -> None:
+    """Refuse what no take and no result can be, before it is read."""
+    if size > LARGEST_FILE:
+        raise BatchError(
+            f"has {size / 1e9:.1f} GB, and a take {LARGEST_FILE / 1e9:.1f} GB at most", where=where,
+            advice="is it a take?",
+        )  # fmt: skip

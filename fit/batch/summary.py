@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
-import tempfile
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from pathlib import Path
-from typing import TypeVar
 
 from fit.batch.jobs import result_name
+from fit.batch.kept import kept
 from fit.batch.pages import render_page
 from fit.batch.runner import Survey
 from fit.batch.store import Store
@@ -22,9 +20,7 @@ from fit.report.text import MISSING, interval, millimetres, number, unit_of, wor
 from fit.search.choice import OBSERVED, has_short_intervals
 from formats.errors import ResultError
 from formats.plain_text import spreadsheet_cell
-from formats.results import FitParameter, FitResult, load_fit_result
-
-Kept = TypeVar("Kept")
+from formats.results import FitParameter, FitResult, fit_result_from
 
 WORDS = {
     "fitted": "fitted",
@@ -60,7 +56,7 @@ def rows_of(found: Survey, results: Store) -> list[Row]:
         result = None
         if state in ("fitted", "known"):
             try:
-                result = kept(results, result_name(key), load_fit_result)
+                result = kept(results, result_name(key), fit_result_from)
             except UnreachableError:
                 raise
             except (ResultError, BatchError) as error:
@@ -186,18 +182,3 @@ def _parameters(rows: Sequence[Row]) -> list[str]:
 
 def _error(row: Row) -> float:
     return row.result.error.train_after.mean_m if row.result else 0.0
-
-
-def kept(results: Store, name: str, load: Callable[[Path], Kept]) -> Kept:
-    """Return a result of the store, as `load` reads it from a file.
-
-    Raises:
-        BatchError, ResultError: it cannot be read.
-    """
-    path = results.path(name)
-    if path is not None:
-        return load(path)
-    with tempfile.TemporaryDirectory(prefix="hangtime-") as folder:
-        copy = Path(folder) / Path(name).name
-        copy.write_bytes(results.read(name))
-        return load(copy)

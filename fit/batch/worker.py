@@ -13,7 +13,8 @@ from pathlib import Path
 from fit import runtime
 from fit.batch.cluster import RETRY
 from fit.batch.jobs import Job, Outcome, Task, digest_of, failure_name, result_name, search_name
-from fit.batch.store import Store, open_store
+from fit.batch.kept import has_fit, keep
+from fit.batch.store import FULL, Store, open_store, store_is_full
 from fit.errors import BatchError, FitError, UnreachableError
 from fit.provenance import physics_version
 from formats.errors import HangtimeError, ImplausibleError
@@ -23,7 +24,8 @@ from formats.errors import HangtimeError, ImplausibleError
 class Errand:
     """The definition of one kind of job.
 
-    - `result`: name of what is kept at its end
+    - `result`: name of the file that is kept at its end
+    - `is_kept`: whether that file is there, and sound
     - `digests`: sha256 of each take by its name
     - `done`: the state of its outcome
     - `make`: contents of the takes by name -> the bytes of the result
@@ -31,6 +33,7 @@ class Errand:
     """
 
     result: str
+    is_kept: Callable[[], bool]
     digests: dict[str, str]
     done: str
     make: Callable[[dict[str, bytes]], bytes]
@@ -48,7 +51,8 @@ def run_job(job: Job) -> Outcome:
     """
     results = open_store(job.results_url)
     errand = Errand(
-        result=result_name(job.key), digests={job.take: job.digest}, done="fitted",
+        result=result_name(job.key), is_kept=lambda: has_fit(results, job.key),
+        digests={job.take: job.digest}, done="fitted",
         make=lambda contents: _fit(job, contents[job.take], results),
         tidy=lambda: results.remove(search_name(job.key)),
     )  # fmt: skip
@@ -74,7 +78,7 @@ def run_errand(job: Task, errand: Errand, results: Store) -> Outcome:
             "the worker has another Hangtime or other libraries than the batch; install the same versions on both",
         )
     takes = open_store(job.takes_url)
-    if results.has(errand.result):
+    if errand.is_kept():
         return ended(errand.done)
     try:
         runtime.start()  # before any take is at fault
@@ -92,6 +96,8 @@ def run_errand(job: Task, errand: Errand, results: Store) -> Outcome:
     except MemoryError:
         return ended("refused", "not enough memory; use fewer workers")
     except (OSError, ImportError) as error:
+        if isinstance(error, OSError) and error.errno in FULL:
+            raise store_is_full(error, error.filename or results.url) from error
         return ended("refused", f"this worker cannot do it ({error})")
     except Exception as error:  # no fault of a take may end a night
         sentence = _sentence(error)
@@ -110,7 +116,7 @@ def _write_patiently(results: Store, name: str, content: bytes, patience: float)
     deadline = time.monotonic() + patience
     while True:
         try:
-            return results.write(name, content)
+            return keep(results, name, content)
         except UnreachableError:
             if time.monotonic() >= deadline:
                 raise

@@ -1,0 +1,146 @@
+"""Results that were damaged are made again; a take that is too large and a disk that is full cost themselves."""
+
+from __future__ import annotations
+
+import subprocess
+from dataclasses import replace
+
+import pytest
+
+from fit.batch.jobs import diagnosis_name, failure_name, report_name, result_name
+from fit.batch.kept import CHECKSUM, has_diagnosis, has_fit, keep
+from fit.batch.runner import survey
+from fit.batch.store import open_store
+from fit.batch.worker import Errand, run_errand
+from fit.errors import UnreachableError
+from fit.identification.request import Plan
+from formats.archive import write_take
+from formats.results import result_bytes
+from tests.fit.report.report_scene import diagnosis, fit_result
+from tests.formats.full_disk import no_file_beyond
+from tests.formats.test_archive import a_take
+
+PLAN = Plan(iterations=1)
+
+
+@pytest.fixture
+def night(tmp_path):
+    """A folder with one take, and one for the results."""
+    (tmp_path / "takes").mkdir()
+    write_take(tmp_path / "takes/a.mcap", a_take(30))
+    return open_store(str(tmp_path / "takes")), open_store(str(tmp_path / "out"))
+
+
+def state_of(night):
+    found = survey(*night, PLAN)
+    (key,) = found.keys.values()
+    return found.outcomes[key].state if key in found.outcomes else "waiting"
+
+
+@pytest.mark.parametrize(
+    ("damage", "state"),
+    [
+        (lambda path: None, "known"),
+        (lambda path: path.write_text(path.read_text().replace('"simulations": ', '"simulations": 1')), "waiting"),
+        (lambda path: path.write_bytes(path.read_bytes()[:-40]), "waiting"),
+        (lambda path: path.write_bytes(b""), "waiting"),
+        (lambda path: path.unlink(), "waiting"),
+        (lambda path: path.with_name(path.name + CHECKSUM).unlink(), "known"),
+        (lambda path: path.with_name(path.name + CHECKSUM).write_bytes(b""), "waiting"),
+    ],
+    ids=["untouched", "one digit", "cut", "empty", "lost", "of an earlier version", "empty checksum"],
+)
+def test_a_result_that_is_not_what_was_written_is_made_again(night, damage, state):
+    _, results = night
+    (key,) = survey(*night, PLAN).keys.values()
+    path = results.path(result_name(key))
+    keep(results, result_name(key), result_bytes(fit_result(), path))
+    damage(path)
+    assert state_of(night) == state
+    assert has_fit(results, key) is (state == "known")
+
+
+def test_a_checksum_is_one_that_sha256sum_checks(night):
+    _, results = night
+    keep(results, "fits/k.json", b"{}")
+    folder = results.path("fits")
+    done = subprocess.run(["sha256sum", "--check", f"k.json{CHECKSUM}"], cwd=folder, capture_output=True, text=True)
+    assert done.stdout == "k.json: OK\n"
+
+
+def test_a_diagnosis_without_its_report_or_with_a_damaged_one_is_made_again(night):
+    _, results = night
+    keep(results, diagnosis_name("k"), result_bytes(diagnosis(), results.path("k")))
+    assert not has_diagnosis(results, "k")
+    keep(results, report_name("k"), b"<html>whole</html>")
+    assert has_diagnosis(results, "k")
+    results.path(report_name("k")).write_bytes(b"<html>wh")
+    assert not has_diagnosis(results, "k")
+
+
+def test_a_reason_that_cannot_be_read_is_no_reason(night):
+    _, results = night
+    (key,) = survey(*night, PLAN).keys.values()
+    results.write(failure_name(key), b'{"sentence": "the take has 3 frames"}')
+    assert state_of(night) == "failed"
+    results.write(failure_name(key), b'{"sentence": "the ta')
+    assert state_of(night) == "waiting"
+
+
+def test_a_worker_makes_a_damaged_result_again_and_keeps_a_sound_one(night):
+    _, results = night
+    (job,) = survey(*night, PLAN).jobs
+    made = []
+
+    def make(contents):
+        made.append(sorted(contents))
+        return result_bytes(fit_result(), results.path("k"))
+
+    errand = Errand(
+        result=result_name(job.key), is_kept=lambda: has_fit(results, job.key), digests={job.take: job.digest},
+        done="fitted", make=make, tidy=lambda: None,
+    )  # fmt: skip
+    for _ in range(2):
+        assert run_errand(job, errand, results).state == "fitted"
+    assert made == [["a.mcap"]]
+    results.path(result_name(job.key)).write_bytes(b"{")
+    assert run_errand(job, errand, results).state == "fitted"
+    assert made == 2 * [["a.mcap"]]
+
+
+def test_a_file_larger_than_any_take_is_refused_unread_and_the_others_wait(night):
+    takes, _ = night
+    with takes.path("huge.mcap").open("wb") as file:
+        file.truncate(300 * 10**9)
+    found = survey(*night, PLAN)
+    assert [job.take for job in found.jobs] == ["a.mcap"]
+    assert "has 300.0 GB, and a take 1.1 GB at most" in found.outcomes[found.keys["huge.mcap"]].sentence
+
+
+def test_the_smallest_take_is_fitted_first(night):
+    takes, _ = night
+    write_take(takes.path("0-long.mcap"), replace(a_take(600), take_id="long"))
+    assert [job.take for job in survey(*night, PLAN).jobs] == ["a.mcap", "0-long.mcap"]
+
+
+def test_a_full_disk_is_waited_for_as_a_bucket_out_of_reach_is(night):
+    """Exit status 75: the night goes on when somebody has made room."""
+    _, results = night
+    (job,) = survey(*night, PLAN).jobs
+
+    def make(contents):
+        with no_file_beyond(0), results.path("unfinished").open("wb") as file:
+            file.write(b"search")
+            file.flush()
+        raise AssertionError
+
+    errand = Errand(
+        result=result_name(job.key), is_kept=lambda: False, digests={job.take: job.digest}, done="fitted", make=make,
+        tidy=lambda: None,
+    )  # fmt: skip
+    with no_file_beyond(8), pytest.raises(UnreachableError, match="make room") as told:
+        results.write("fits/a.json", b"nine bytes")
+    assert told.value.exit_code == 75
+    with pytest.raises(UnreachableError, match="make room"):
+        run_errand(job, errand, results)
+    assert not results.has(failure_name(job.key))

@@ -243,6 +243,7 @@ def diagnose_command(
     from fit.errors import FitError
     from fit.folders import alone, make_folder, set_aside_other_takes
     from fit.gap.diagnosis import diagnose, ready
+    from fit.gap.gates import data_gates
     from fit.methods import base_model_of, find_method
     from fit.recordings.selection import is_of
     from fit.report.gather import write_diagnosis_report
@@ -264,6 +265,9 @@ def diagnose_command(
     base = find_method(model) if model else base_model_of(training[0].garment)
     library = library_of(add, without)
     prepared = ready(training, testing)
+    for gate in data_gates(prepared.training, prepared.held_out):
+        if not gate.passed:  # the verdict will say so too, but not before everything is simulated
+            say(f"No effect will be named: {gate.sentence[0].lower()}{gate.sentence[1:]}")
     make_folder(out, "diagnosis.json", "report.html")
     progress = ProgressLine("diagnosis")
     resolution = Resolution(spacing=spacing) if spacing is not None else None

@@ -12,6 +12,7 @@ from typing import NoReturn
 
 import typer
 
+from formats.completion import choose_shell
 from formats.errors import HangtimeError
 from formats.terminal import say, take_streams
 
@@ -30,6 +31,7 @@ PACKAGES = {
     "usb": "pyusb",
     "PIL": "pillow",
     "pxr": "usd-core",
+    "rerun": "rerun-sdk",
 }  # those that are not named as what they bring
 
 app = typer.Typer(
@@ -70,6 +72,7 @@ def main() -> None:
     try:
         take_streams()
         gather_commands()
+        choose_shell()
         app()
     except HangtimeError as error:
         _refuse(error)

@@ -18,6 +18,7 @@ class ExportKind(StrEnum):
     C3D = "c3d"
     NPZ = "npz"
     PARQUET = "parquet"
+    RRD = "rrd"
 
 
 def add_takes_commands(takes: typer.Typer) -> None:
@@ -152,15 +153,22 @@ def export_takes(
     ],
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what is already there.")] = False,
 ) -> None:
-    """Write takes for other programs: marker paths as CSV or C3D, arrays as NPZ, all takes as one Parquet table."""
+    """Write takes for other programs.
+
+    Marker paths become CSV or C3D, arrays NPZ. All takes become one Parquet table. The viewer Rerun plays RRD. C3D
+    needs the extra `mocap`, Parquet the extra `parquet`, RRD the extra `rerun`.
+    """
     from formats.archive import read_take
     from formats.errors import OutputError
     from formats.exporters.arrays import write_npz, write_parquet
     from formats.exporters.marker_files import write_c3d, write_csv
+    from formats.exporters.rerun_file import write_rrd
     from formats.outputs import make_output_folder, refuse_to_replace
     from formats.plain_text import plain
 
-    writers = {ExportKind.CSV: write_csv, ExportKind.C3D: write_c3d, ExportKind.NPZ: write_npz}
+    writers = {
+        ExportKind.CSV: write_csv, ExportKind.C3D: write_c3d, ExportKind.NPZ: write_npz, ExportKind.RRD: write_rrd,
+    }  # fmt: skip
     targets = [out if to is ExportKind.PARQUET else out / f"{path.stem}.{to.value}" for path in paths]
     for target in targets:
         if targets.count(target) > 1 and to is not ExportKind.PARQUET:

@@ -176,7 +176,7 @@ def batch_command(
         if diagnose and not is_interrupted:
             morning, is_interrupted = _diagnose(rows, found, takes, results, seed, retry_failed, anyway, work)
     for row in rows:
-        if row.state in ("failed", "refused"):
+        if row.sentence:
             say(f"{row.take}: {row.sentence}")
     place = results.path("summary.html") or f"{results.url}/summary.html"
     typer.echo(f"{sentence_of(rows)}\nSummary: {place if isinstance(place, str) else Path(place)}")

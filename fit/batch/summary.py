@@ -16,6 +16,7 @@ from fit.batch.runner import Survey
 from fit.batch.store import Store
 from fit.errors import BatchError, UnreachableError
 from fit.identification.request import Plan
+from fit.recordings.intact import IS_INCOMPLETE
 from fit.report.text import MISSING, interval, millimetres, number, unit_of, words
 from fit.search.choice import OBSERVED, has_short_intervals
 from formats.errors import ResultError
@@ -61,6 +62,8 @@ def rows_of(found: Survey, results: Store) -> list[Row]:
                 raise
             except (ResultError, BatchError) as error:
                 state, sentence = "refused", f"its result cannot be read: {error}"
+        if result is not None:
+            sentence = " ".join([sentence, *(note for note in result.notes if IS_INCOMPLETE in note)]).strip()
         rows.append(Row(take=take, key=key, state=state, sentence=sentence, result=result))
     return rows
 

@@ -191,8 +191,8 @@ def calibrate(
     """
     contents = check_together(training, held_out)[: len(training)]
     train, test = prepare_together(training, held_out)
+    check_blocks(np.concatenate(_half_seconds(train)))  # before anything is simulated
     model = Model(train, request)
-    check_blocks(np.concatenate(_half_seconds(model.recordings)))
     saved = SavedSearch(checkpoint, _key(contents, model))
     saved.read()  # one that cannot be continued is refused before anything is simulated
     judge = Model(test, request, is_fitted=False) if test else None

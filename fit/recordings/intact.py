@@ -26,6 +26,9 @@ FRAMES = (
 )  # fmt: skip
 
 
+IS_INCOMPLETE = "is incomplete ("  # of every note that `describe_missing` gives
+
+
 def stretches(take: Take) -> list[slice]:
     """Return the frames between the holes of a take."""
     holes = [end for begin, end in take.missing if math.isfinite(begin + end) and end - begin > LONGEST_GAP]
@@ -62,7 +65,7 @@ def describe_missing(takes: Sequence[Take]) -> list[str]:
             continue
         used = longest_intact(take)
         words = missing_words(take) or "its end was never written"
-        note = f"Warning: the take {take.take_id} is incomplete ({len(take.time)} frames are left; missing: {words})"
+        note = f"Warning: the take {take.take_id} {IS_INCOMPLETE}{len(take.time)} frames are left; missing: {words})"
         if len(used.time) < len(take.time):
             begin, end = used.time[0] - take.time[0], used.time[-1] - take.time[0]
             note += f"; used: {begin:.2f} to {end:.2f} s after its first frame"

@@ -60,7 +60,10 @@ def check_blocks(block: NDArray[np.int64]) -> None:
     """
     count = len(np.unique(block))
     if count < FEWEST_BLOCKS:
-        raise FitError(f"intervals need {FEWEST_BLOCKS} blocks, there are {count}", advice="record a longer take")
+        raise FitError(
+            f"the takes are too short: intervals need {FEWEST_BLOCKS} half-seconds of motion, and there are {count}",
+            advice="record a longer take",
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

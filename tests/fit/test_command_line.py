@@ -37,8 +37,8 @@ def real_hangtime(*words, folder):
     )
 
 
-def a_swung_take(name="a", damping=3.0, hz=0.7):
-    time = np.arange(0, 4, FRAME)
+def a_swung_take(name="a", damping=3.0, hz=0.7, seconds=4.0):
+    time = np.arange(0, seconds, FRAME)
     garment = sheet()
     row = material(garment, velocity_damping=damping)
     return simulate_take(garment, time, swing(time, amplitude=0.06, hz=hz), row, noise=0.002, seed=5, name=name)
@@ -216,6 +216,21 @@ def test_a_fit_is_tested_as_a_fabric_and_warns_of_intervals_that_are_too_short(t
         second = hangtime_here("fit", *words, folder=tmp_path)
     assert second.returncode == 2
     assert "another `hangtime fit` writes here" in second.stderr
+
+
+def test_a_diagnosis_says_before_it_simulates_that_the_takes_are_too_short(tmp_path, monkeypatch):
+    """Two seconds of the 2.5 that are needed; it is interrupted where the simulations would begin."""
+    write_take(tmp_path / "a.mcap", a_swung_take(seconds=2.0))
+
+    def interrupted(*_takes, **_options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("fit.gap.diagnosis.diagnose", interrupted)
+    done = hangtime_here("diagnose", "a.mcap", folder=tmp_path)
+    assert done.returncode == 130
+    assert "No effect will be named: the shortest take lasts 2.0 s; at least 2.5 s are needed: record longer." in (
+        done.stderr
+    )
 
 
 @pytest.mark.slow

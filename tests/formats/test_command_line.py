@@ -293,3 +293,18 @@ def test_nothing_from_a_file_reaches_the_terminal_as_an_escape_sequence(tmp_path
         for letter in "\x1b\x07\x9b\u202e":
             assert letter not in done.stdout + done.stderr
         assert "\\x1b" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("shell", "code", "said"),
+    [
+        ("/bin/zsh", 0, "#compdef"),
+        ("/bin/sh", 2, "hangtime: bash, zsh, fish and PowerShell complete commands, and this is sh; run the command"),
+    ],
+)
+def test_a_plain_sh_shows_the_completion_of_its_users_shell_or_says_which_shells_complete(shell, code, said):
+    """Its process is a plain `sh`, as a script's is; $SHELL is the shell that somebody types in."""
+    words = f"{sys.executable} -m formats.command --show-completion; exit $?"
+    done = subprocess.run(["sh", "-c", words], env={**os.environ, "SHELL": shell}, capture_output=True, text=True)
+    assert done.returncode == code, done.stderr
+    assert (done.stdout if code == 0 else done.stderr).startswith(said)

@@ -16,6 +16,7 @@ from formats.archive import write_take
 from formats.errors import TakeError
 from formats.exporters.arrays import write_npz, write_parquet
 from formats.exporters.marker_files import at_one_rate, marker_tracks, write_c3d, write_csv
+from formats.exporters.rerun_file import write_rrd
 from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import MarkerTracks
 from tests.formats.test_archive import a_scan, a_take
@@ -104,6 +105,34 @@ def test_parquet_holds_many_takes_of_different_garments_and_null_where_nothing_w
         assert row["x_m"] == (place[0] if seen else None)
     assert rows[3]["time_s"] == takes[1].time[3]
     assert rows[3]["sd_z_m"] == 0.003
+
+
+def test_rerun_gets_every_place_where_it_was_seen_and_nothing_where_it_was_not(tmp_path):
+    """Places to a 32-bit float, times to a microsecond; the third point is not seen in some frames."""
+    pytest.importorskip("rerun")
+    take = replace(a_take(), scans=(a_scan(0.4),))
+    write_rrd(tmp_path / "a.rrd", take)
+    assert (tmp_path / "a.rrd").read_bytes()[:4] == b"RRF2"
+    found = rerun_columns(tmp_path / "a.rrd", "/take/points/p2")
+    assert len(found["places"]) == len(take.time)
+    for places, place, seen in zip(found["places"], take.points[:, 2], take.points_valid[:, 2], strict=True):
+        expected = place.astype(np.float32)[None] if seen else np.empty((0, 3))
+        np.testing.assert_array_equal(np.reshape(places, (-1, 3)), expected)
+    assert 0 < sum(len(places) == 0 for places in found["places"]) < len(take.time)
+    np.testing.assert_allclose(found["sensor"] / 1e9, take.time, atol=0.51e-6)
+    assert len(rerun_columns(tmp_path / "a.rrd", "/take/surface")["places"]) == 1
+
+
+def rerun_columns(path, entity):
+    """The places and the times [ns] that a file of Rerun holds of one entity."""
+    from rerun.chunk import RrdReader
+
+    for chunk in RrdReader(path).stream():
+        rows = chunk.to_record_batch()
+        if chunk.entity_path == entity and "sensor" in rows.schema.names:
+            found = {"places": rows.column("Points3D:positions").to_pylist()}
+            return found | {"sensor": rows.column("sensor").to_numpy(zero_copy_only=False).astype(float)}
+    raise AssertionError(f"nothing of {entity}")
 
 
 def test_the_command_exports_every_kind_and_replaces_nothing(tmp_path):

@@ -5,15 +5,18 @@ from __future__ import annotations
 import subprocess
 from dataclasses import replace
 
+import msgspec
 import pytest
 
 from fit.batch.jobs import diagnosis_name, failure_name, report_name, result_name
 from fit.batch.kept import CHECKSUM, has_diagnosis, has_fit, keep
 from fit.batch.runner import survey
 from fit.batch.store import open_store
+from fit.batch.summary import as_csv, as_html, rows_of
 from fit.batch.worker import Errand, run_errand
 from fit.errors import UnreachableError
 from fit.identification.request import Plan
+from fit.recordings.intact import describe_missing
 from formats.archive import write_take
 from formats.results import result_bytes
 from tests.fit.report.report_scene import diagnosis, fit_result
@@ -144,3 +147,19 @@ def test_a_full_disk_is_waited_for_as_a_bucket_out_of_reach_is(night):
     with pytest.raises(UnreachableError, match="make room"):
         run_errand(job, errand, results)
     assert not results.has(failure_name(job.key))
+
+
+def test_a_take_that_lacks_seconds_is_named_in_the_nights_table_and_page(night):
+    """From 2.50 to 3.50 s of the sensor's clock, whose first frame is at 0.25 s."""
+    take = replace(a_take(150), is_complete=False, missing=((2.5, 3.5),))
+    (note,) = describe_missing([take])
+    assert "missing: 2.25 to 3.25 s" in note
+    _, results = night
+    found = survey(*night, PLAN)
+    (key,) = found.keys.values()
+    damaged = msgspec.structs.replace(fit_result(), notes=["Another note.", note])
+    keep(results, result_name(key), result_bytes(damaged, results.path("k")))
+    rows = rows_of(survey(*night, PLAN), results)
+    assert [row.sentence for row in rows] == [note]
+    for shown in (as_csv(rows), as_html(rows, PLAN)):
+        assert "missing: 2.25 to 3.25 s" in shown

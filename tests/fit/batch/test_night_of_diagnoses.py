@@ -121,6 +121,7 @@ def test_a_diagnosis_is_made_once_and_again_when_a_take_or_the_seed_changes(tmp_
     (job,) = found.jobs
     assert (job.training, job.held_out) == (("a.mcap",), ("b.mcap",))
     save_diagnosis(tmp_path / diagnosis_name(job.key), diagnosis())
+    results.write(report_name(job.key), b"<html>its report</html>")
     again = diagnoses_of([skirt_with_two_motions()], takes, results, 0)
     assert (again.jobs, again.outcomes[job.key].state) == ([], "diagnosed")
     other_take = wardrobe_of("skirt", [seen("a.mcap"), dataclasses.replace(seen("b.mcap", "twist"), digest="other")])

@@ -140,7 +140,9 @@ def test_a_saved_search_that_does_not_replay_is_named_with_its_file(tmp_path, se
 
 @pytest.mark.parametrize("search", ["annealing", "cma-es"])
 def test_a_take_of_under_three_half_seconds_is_refused_before_the_search(search):
-    with pytest.raises(FitError, match="intervals need 3 blocks, there are 2; record a longer take"):
+    with pytest.raises(
+        FitError, match="intervals need 3 half-seconds of motion, and there are 2; record a longer take"
+    ):
         calibrate([a_take(seconds=0.9)], [], asked(search), progress=never)
 
 

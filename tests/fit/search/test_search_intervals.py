@@ -115,7 +115,10 @@ def test_three_blocks_are_enough_and_two_are_refused():
     check_blocks(np.array([4, 4, 7, 9]))
     with pytest.raises(FitError) as refused:
         check_blocks(np.array([4, 4, 7, 7]))
-    assert str(refused.value) == "intervals need 3 blocks, there are 2; record a longer take"
+    assert (
+        str(refused.value)
+        == "the takes are too short: intervals need 3 half-seconds of motion, and there are 2; record a longer take"
+    )
 
 
 def test_blocks_are_known_by_their_numbers_wherever_these_begin():

@@ -1,0 +1,42 @@
+"""Completion of commands: of the shell that runs, and where that has none, of the user's own."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+from formats.errors import HangtimeError
+
+COMPLETED = ("bash", "zsh", "fish", "powershell", "pwsh")  # shells that Typer completes in
+OPTIONS = {"--show-completion", "--install-completion"}
+
+
+def choose_shell() -> None:
+    """Let Typer's two options of completion take a shell that Typer knows, where the command line has one of them.
+
+    Typer asks shellingham for the shell that runs the command, and gives up on a plain `sh`: a script's shell has no
+    completion, its user's has. `$SHELL` names that one.
+    """
+    if not OPTIONS & set(sys.argv[1:]):
+        return
+    import shellingham
+
+    detect = shellingham.detect_shell
+
+    def known() -> tuple[str, str]:
+        own = os.environ.get("SHELL", "")
+        try:
+            running = detect()
+        except shellingham.ShellDetectionFailure:
+            running = ("", "")
+        for name, program in (running, (Path(own).name, own)):
+            if name in COMPLETED:
+                return name, program
+        found = running[0] or Path(own).name or "no shell"
+        raise HangtimeError(
+            f"bash, zsh, fish and PowerShell complete commands, and this is {found}",
+            advice="run the command in one of these, or set SHELL to one",
+        )
+
+    shellingham.detect_shell = known

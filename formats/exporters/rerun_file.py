@@ -1,0 +1,93 @@
+"""All that a take tracks as an `.rrd` file, which the viewer Rerun plays: points, held edge, markers, surface, state.
+
+Entities lie below `take/`, on the timelines `sensor` (seconds of the sensor's clock) and `frame`. What is not seen in a
+frame is empty there, so that a gap stays a gap. Places are 32-bit floats in metres.
+Format and calls: rerun.io, reference of the Python SDK.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from formats.arrays import Booleans, Floats
+from formats.descriptions import dump_description
+from formats.missing import missing_words
+from formats.outputs import write_bytes
+from formats.take import Take
+
+RADIUS = 0.006  # m of a drawn point: a tracked marker has about 12 mm
+GRAVITY_LENGTH = 0.3  # m of the arrow that shows which way gravity pulls
+
+
+def write_rrd(path: Path, take: Take) -> None:
+    """Write a take for Rerun.
+
+    Raises:
+        ModuleNotFoundError: rerun-sdk is not installed.
+        OutputError: it cannot be written.
+    """
+    import rerun
+
+    with tempfile.TemporaryDirectory(prefix="hangtime-") as folder:
+        file = Path(folder) / "take.rrd"
+        with rerun.RecordingStream("hangtime", recording_id=take.take_id) as stream:
+            stream.save(file)
+            _send_still(rerun, stream, take)
+            _send_moving(rerun, stream, take)
+            stream.flush()
+            stream.disconnect()
+        write_bytes(path, file.read_bytes())
+
+
+def _send_still(rerun: Any, stream: Any, take: Take) -> None:
+    """Send what holds for the whole take: the frame, gravity, and the descriptions as text."""
+    gravity = np.asarray(take.rig.gravity)
+    axis = int(np.abs(gravity).argmax())
+    upright = f"RIGHT_HAND_{'XYZ'[axis]}_{'UP' if gravity[axis] < 0 else 'DOWN'}"
+    view = "RDF" if take.rig.sensor is not None else upright
+    stream.log("take", getattr(rerun.ViewCoordinates, view), static=True)
+    seen = take.held[np.isfinite(take.held).all((1, 2))]
+    origin = seen[0].mean(0) if len(seen) else np.zeros(3)
+    arrow = rerun.Arrows3D(origins=[origin], vectors=[GRAVITY_LENGTH * gravity], labels=["gravity"])
+    stream.log("take/gravity", arrow, static=True)
+    about = [f"take_id = {take.take_id}", f"created = {take.created}", f"source = {take.source}"]
+    about += [f"{name} = {text}" for name, text in take.notes.items()]
+    about += [f"missing: {words}"] if (words := missing_words(take)) else []
+    texts = {"about": "\n".join(about), "rig": dump_description(take.rig), "garment": dump_description(take.garment)}
+    for name, text in texts.items():
+        stream.log(f"text/{name}", rerun.TextDocument(text), static=True)
+
+
+def _send_moving(rerun: Any, stream: Any, take: Take) -> None:
+    """Send what changes from frame to frame."""
+
+    def times(seconds: Floats) -> list[Any]:
+        nanoseconds = np.rint(seconds * 1e6).astype("timedelta64[us]").astype("timedelta64[ns]")
+        return [rerun.TimeColumn("sensor", duration=nanoseconds)]
+
+    every = [*times(take.time), rerun.TimeColumn("frame", sequence=np.arange(len(take.time)))]
+
+    def send(entity: str, places: Floats, valid: Booleans, indexes: list[Any]) -> None:
+        """Send so many places a frame, (frames, places, 3), those that are valid."""
+        columns = rerun.Points3D.columns(positions=places[valid].astype(np.float32)).partition(valid.sum(1))
+        stream.log(entity, rerun.Points3D.from_fields(radii=RADIUS), static=True)
+        stream.send_columns(entity, indexes, columns)
+
+    for k, name in enumerate(take.garment.point_names):
+        entity = rerun.new_entity_path(["take", "points", name])
+        send(entity, take.points[:, k : k + 1], take.points_valid[:, k : k + 1], every)
+    for k, side in enumerate(("left", "right")):
+        send(f"take/held/{side}", take.held[:, k : k + 1], take.held_valid[:, k : k + 1], every)
+        seen = np.isfinite(take.markers[:, k : k + 1]).all(2)
+        send(f"take/markers/{side}", take.markers[:, k : k + 1], seen, every)
+    if take.scans:
+        places = [np.concatenate([scan.grid.reshape(-1, 3), scan.contour.reshape(-1, 3)]) for scan in take.scans]
+        seen = [np.isfinite(part).all(1) for part in places]
+        found = np.concatenate([part[valid] for part, valid in zip(places, seen, strict=True)]).astype(np.float32)
+        columns = rerun.Points3D.columns(positions=found).partition([int(valid.sum()) for valid in seen])
+        stream.send_columns("take/surface", times(np.array([scan.time for scan in take.scans])), columns)
+    stream.send_columns("state", every, rerun.Scalars.columns(scalars=take.state.astype(float)))

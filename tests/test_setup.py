@@ -1,0 +1,75 @@
+"""`scripts/setup`: two at once take turns. Libraries are installed by a stand-in that takes its time."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+TOOLS = ("sh", "uname", "cksum", "head", "cmp", "rm", "mkdir", "sleep", "cat", "id", "cp", "dirname", "env")
+PYTHON = """#!/bin/sh
+# Stands for a Python: writes down when it makes an environment and when it installs.
+case "$1 $2" in
+"-m venv") echo "venv begins" >>LOG; sleep 0.3; mkdir -p "$3/bin"; cp "$0" "$3/bin/python"; echo "venv ends" >>LOG ;;
+"-m pip") case "$*" in *install*) echo "pip begins" >>LOG; sleep 0.3; echo "pip ends" >>LOG ;; esac ;;
+*) exec REAL "$@" ;;
+esac
+"""
+
+
+@pytest.fixture(params=["flock", "mkdir"])
+def checkout(request, tmp_path):
+    """A checkout with the script, and a PATH that has no apt-get, and flock or not."""
+    (tmp_path / "scripts").mkdir()
+    shutil.copy(ROOT / "scripts/setup", tmp_path / "scripts/setup")
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    (tmp_path / "bin").mkdir()
+    for tool in TOOLS + (("flock",) if request.param == "flock" else ()):
+        found = shutil.which(tool)
+        if found is None:
+            pytest.skip(f"there is no {tool}")
+        (tmp_path / "bin" / tool).symlink_to(found)
+    python = tmp_path / "bin/python3.12"
+    python.write_text(PYTHON.replace("REAL", sys.executable).replace("LOG", str(tmp_path / "log")))
+    python.chmod(0o755)
+    return tmp_path
+
+
+def setting_up(checkout):
+    return subprocess.Popen(
+        ["scripts/setup"], cwd=checkout, env={**os.environ, "PATH": str(checkout / "bin")}, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
+
+
+def test_two_set_ups_at_once_make_one_environment(checkout):
+    both = [setting_up(checkout), setting_up(checkout)]
+    said = [one.communicate(timeout=60)[0] for one in both]
+    assert [one.returncode for one in both] == [0, 0], said
+    assert (checkout / "log").read_text().split("\n")[:-1] == ["venv begins", "venv ends", "pip begins", "pip ends"]
+    assert sum("another scripts/setup is at work here" in text for text in said) == 1
+    assert not (checkout / ".setup.lock.d").exists()
+
+
+def test_a_set_up_that_was_killed_is_named_or_forgotten(checkout):
+    """The kernel's lock ends with its process; a folder stays, and the sentence says which."""
+    first = setting_up(checkout)
+    while not (checkout / "log").exists():
+        time.sleep(0.02)
+    first.send_signal(signal.SIGKILL)
+    first.communicate()
+    time.sleep(0.4)  # its child, which holds the kernel's lock too, ends by itself
+    again = setting_up(checkout)
+    said = again.communicate(timeout=60)[0]
+    if (checkout / "bin/flock").exists():
+        assert again.returncode == 0, said
+    else:
+        assert again.returncode == 1
+        assert f"remove {checkout}/.setup.lock.d" in said

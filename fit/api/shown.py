@@ -42,6 +42,7 @@ def diagnosis_tables(diagnosis: Diagnosis, added: tuple[str, ...] = ()) -> list[
     remarks += [_added_line(finding) for finding in diagnosis.effects if finding.id in added]
     if diagnosis.next_experiment is not None:
         remarks.append(diagnosis.next_experiment.sentence)
+    remarks += [note for note in diagnosis.notes if note.startswith("Warning:")]
     return [Table(remarks=tuple(remarks))]
 
 

@@ -26,6 +26,7 @@ MARKS = ((b"\xff\xfe\0\0", "utf-32"), (b"\0\0\xfe\xff", "utf-32"), (b"\xff\xfe",
          (b"\xef\xbb\xbf", "utf-8-sig"))  # fmt: skip
 CAN_BE_READ = "markers can be read from .c3d, .trc, .csv and .tsv, swung cloth from .npz"
 DECIMAL_COMMA = re.compile(r"^\s*-?\d+,\d+(e[+-]?\d+)?\s*$", re.IGNORECASE)
+LONGEST_SHOWN = 40  # characters of a cell in a message
 NOT_SEEN = {"", "nan", "null", "none", "-", "n/a"}
 Rows = list[list[str]]
 
@@ -55,6 +56,8 @@ def _rows(path: Path) -> Rows:
         raise TakeError(f"has {size / 1e9:.1f} GB of text", where=path, advice="export fewer frames at once")
     try:
         raw = path.read_bytes()
+        if not raw.strip(b"\0\r\n\t "):
+            raise TakeError("is empty", where=path, advice=f"export it again; {CAN_BE_READ}")
         encoding = next((name for mark, name in MARKS if raw.startswith(mark)), "utf-8")
         if encoding == "utf-8" and b"\0" in raw[:200]:  # without a mark: every other byte of plain text is zero
             encoding = "utf-16-le" if raw[1:2] == b"\0" else "utf-16-be"
@@ -64,8 +67,12 @@ def _rows(path: Path) -> Rows:
         # A comma also parts decimals: it parts cells only where nothing else does.
         separator = "\t" if head.count("\t") else ";" if head.count(";") else ","
         return [row for row in csv.reader(lines, delimiter=separator) if any(cell.strip() for cell in row)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = getattr(error, "strerror", None) or ("not a text file" if isinstance(error, ValueError) else error)
+    except csv.Error as error:
+        raise TakeError(
+            f"has a cell of more than {csv.field_size_limit()} characters", where=path, advice="export it again"
+        ) from error
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not a text file"
         raise TakeError(f"cannot be read ({reason})", where=path, advice="export it as text again") from error
 
 
@@ -84,14 +91,28 @@ def _numbers(rows: Rows, width: int, path: Path, *, first_line: int, is_exact: b
         try:
             values[number] = [_number(cell) for cell in cells]
         except ValueError as error:
-            raise TakeError(f"line {first_line + number}: {error}", where=path, advice="mend that line") from error
+            raise TakeError(
+                f"line {first_line + number} holds {error}, which is no number", where=path,
+                advice="mend that line",
+            ) from error  # fmt: skip
     return values
 
 
 def _number(cell: str) -> float:
+    """Return the number of a cell, NaN where it says that nothing was seen.
+
+    Raises:
+        ValueError: it holds anything else, and names that.
+    """
     if cell.strip().lower() in NOT_SEEN:
         return np.nan
-    return float(cell.replace(",", ".") if DECIMAL_COMMA.match(cell) else cell)
+    try:
+        number = float(cell.replace(",", ".") if DECIMAL_COMMA.match(cell) else cell)
+    except ValueError as error:
+        raise ValueError(repr(cell.strip()[:LONGEST_SHOWN])) from error
+    if np.isinf(number):  # no place is infinite: to read it as a gap would hide a fault
+        raise ValueError(repr(cell.strip()[:LONGEST_SHOWN]))
+    return number
 
 
 def _tracks(labels: list[str], time: Floats, values: Floats, metres: float, path: Path) -> MarkerTracks:

@@ -98,7 +98,9 @@ def _load(path: Path) -> dict[str, NDArray[Any]]:
     try:
         with path.open("rb") as file:
             if not zipfile.is_zipfile(file):
-                raise TakeError("is no .npz archive", where=path, advice=WHAT_TO_GIVE)
+                raise TakeError(
+                    "is empty" if not path.stat().st_size else "is no .npz archive", where=path, advice=WHAT_TO_GIVE
+                )
             _refuse_a_bomb(file, path)
             file.seek(0)
             archive = np.load(file, allow_pickle=False)

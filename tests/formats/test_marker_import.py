@@ -186,7 +186,10 @@ def test_a_garment_without_markers_on_its_corners_is_refused(tmp_path):
         ("", "does not name the columns"),
         ("time_s,a_x_m,a_y_m\n0,1,2\n", "does not name the columns"),
         ("time_s,a_x_m,a_y_m,a_z_m\n0,1,2\n", "line 2 has 3 columns, not 4"),
-        ("time_s,a_x_m,a_y_m,a_z_m\n0,1,2,three\n", "line 2: could not convert"),
+        ("", "is empty"),
+        ("time_s,a_x_m,a_y_m,a_z_m\n0,1,2,1e999\n", "line 2 holds '1e999', which is no number"),
+        ("time_s,a_x_m,a_y_m,a_z_m\n0,1,2," + 200_000 * "3" + "\n", "has a cell of more than 131072 characters"),
+        ("time_s,a_x_m,a_y_m,a_z_m\n0,1,2,three\n", "line 2 holds .three., which is no number"),
         ("time_s,a_x_m,a_y_m,a_z_m\n0,,,\n1,0,0,0\n", "no marker was ever seen"),
     ],
 )

@@ -183,7 +183,6 @@ def test_a_garment_without_markers_on_its_corners_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("", "does not name the columns"),
         ("time_s,a_x_m,a_y_m\n0,1,2\n", "does not name the columns"),
         ("time_s,a_x_m,a_y_m,a_z_m\n0,1,2\n", "line 2 has 3 columns, not 4"),
         ("", "is empty"),

@@ -30,6 +30,7 @@ MOST_PIXELS = 100_000  # along a picture's side
 LEVEL = 0.01  # m by which another side may lie wholly higher than the held edge's lower end: flat cloth is laid by hand
 CONTROL = re.compile(r"[\x00-\x1f\x7f]")  # what a TOML string may not hold as it is, https://toml.io/en/v1.0.0#string
 UNMEASURED = "calibration.depth_offset_sd_px", math.inf  # along an axis that was never measured
+LARGEST_NUMBER = 1e9  # in any unit: squares and products of larger ones may overflow
 TOUCHING = 1e-5  # m within which corners and sides are in one place: no mesh fits between
 NEEDED_OF_BODIES = {"plane": ("normal",), "sphere": ("radius_m",), "capsule": ("to_m", "radius_m")}
 THINNEST_BODY, LARGEST_BODY = 0.01, 10.0  # m of radius: thinner ones slip through cloth that is looked at in places
@@ -105,6 +106,8 @@ def _load(path: Path, kind: type[Description]) -> Description:
         plain = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise DescriptionError(f"is not valid TOML: {error}", where=path, advice="mend that line") from error
+    except ValueError as error:  # Python reads no more than 4300 digits
+        raise DescriptionError("has a number of thousands of digits", where=path, advice="mend it") from error
     except RecursionError as error:
         raise DescriptionError("has too many brackets in each other", where=path, advice="mend it") from error
     try:
@@ -242,6 +245,8 @@ def _refuse_what_is_not_finite(description: Garment | Rig, refuse: Callable[[str
         elif isinstance(value, int | float):
             if isinstance(value, float) and not math.isfinite(value) and (field, value) != UNMEASURED:
                 refuse(f"{field} has a number that is not finite (got {value:g})")
+            elif abs(value) > LARGEST_NUMBER and (field, value) != UNMEASURED:
+                refuse(f"{field} has a number beyond {LARGEST_NUMBER:g}")
             if "_sd" in field and value < 0:
                 refuse(f"{field} is a standard deviation and cannot be below 0 (got {value:g})")
 

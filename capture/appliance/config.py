@@ -147,7 +147,7 @@ def load(path: Path) -> InForce:
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
         raise DescriptionError(f"cannot be read ({reason})", where=path, advice="check the path") from error
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # also of numbers with thousands of digits
         raise DescriptionError(f"is not valid TOML: {error}", where=path, advice="mend that line") from error
     try:
         config = _converted(plain, path.absolute().parent)

@@ -90,7 +90,7 @@ def load_settings(file: Path, spool: Path | None = None) -> Told:
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
         raise SyncError(f"cannot be read ({reason})", where=file, advice="check the path") from error
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # also of numbers with thousands of digits
         raise SyncError(f"is not valid TOML: {error}", where=file, advice="mend that line") from error
     settings = settings_of(plain.get("sync", {}), where=file)
     told = plain.get("spool", {})

@@ -15,6 +15,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.blocks import FARTHEST
 from formats.errors import TakeError
 from formats.garment import Garment, TrackedPoint
 from formats.plausible import check_plausible_times
@@ -142,6 +143,12 @@ def _check_arrays(data: dict[str, NDArray[Any]], path: Path) -> None:
         raise TakeError("has no frames", where=path, advice="export it again")
     if not np.isfinite(data["rest"]).all():
         raise TakeError("a place on the flat cloth ('rest') is not a number", where=path, advice="export it again")
+    for name in ("points", "hanger_corners", "rest"):
+        places = data[name].astype(float)
+        if np.abs(places[np.isfinite(places)]).max(initial=0.0) > FARTHEST:
+            raise TakeError(
+                f"the array {name!r} has places beyond {FARTHEST:g} m", where=path, advice="export it in metres"
+            )
     time = data["t"].astype(float)
     wrong = np.flatnonzero(~np.isfinite(time) | ~np.concatenate([[True], time[1:] > time[:-1]]))
     if len(wrong):

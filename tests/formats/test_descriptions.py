@@ -279,3 +279,21 @@ def test_an_impossible_body_is_refused(tmp_path, change, words):
     (tmp_path / "rig.toml").write_text(dump_description(msgspec.structs.replace(RIG, **change)))
     with pytest.raises(DescriptionError, match=words):
         load_rig(tmp_path / "rig.toml")
+
+
+@pytest.mark.parametrize(
+    ("number", "sentence"),
+    [
+        ("1e308", "outline_m has a number beyond 1e\\+09"),
+        ("9" * 400, "outline_m has a number beyond 1e\\+09"),
+        ("9" * 5000, "has a number of thousands of digits"),
+    ],
+    ids=["1e308", "400 digits", "5000 digits"],
+)
+def test_numbers_that_overflow_are_refused_before_anything_is_computed_with_them(tmp_path, number, sentence):
+    corners = f"[[0, 0], [{number}, 0], [{number}, -0.5], [0, -0.5]]"
+    text = dump_description(GARMENT)
+    line = next(line for line in text.splitlines() if line.startswith("outline_m"))
+    (tmp_path / "g.toml").write_text(text.replace(line, f"outline_m = {corners}"))
+    with pytest.raises(DescriptionError, match=sentence):
+        load_garment(tmp_path / "g.toml")

@@ -32,6 +32,7 @@ def with_value(place, value):
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
+        ({"points": lambda points: points + 1e300}, "the array 'points' has places beyond 1000 m"),
         ({"t": with_value(3, np.nan)}, "does not increase from frame to frame, first at frame 3, at nan s"),
         ({"t": with_value(0, np.nan)}, "first at frame 0, at nan s"),
         ({"t": with_value(slice(38, 40), np.inf)}, "first at frame 38, at inf s"),

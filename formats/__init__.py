@@ -1,1 +1,1 @@
-"""What goes over the fence: takes, rigs, garments, fit results and diagnoses, and how they are read and written."""
+"""The files that machines exchange, read and written: takes, rigs, garments, fit results and diagnoses."""

@@ -32,9 +32,13 @@ Columns = dict[str, NDArray[Any]]
 class Frame:
     """One frame's measurements in the sensor frame; NaN and False where something was not seen.
 
-    time [s]; markers, held [m], (2, 3); points [m], (points, 3); deviations per axis [m], same shapes;
-    state: bits of `formats.take.FrameState`; pitch, pitch_sd [rad]: NaN where not seen;
-    points_hidden, (points,): None where nobody looked; quality: 0 to 1
+    - `time` [s]
+    - `markers`, `held` [m], (2, 3); `points` [m], (points, 3)
+    - deviations per axis [m], in the same shapes
+    - `state`: bits of `formats.take.FrameState`
+    - `pitch`, `pitch_sd` [rad]: NaN where not seen
+    - `points_hidden`, (points,): None where nobody looked
+    - `quality`: 0 to 1
     """
 
     time: float

@@ -1,8 +1,9 @@
 """Find the sound chunks of an MCAP file, however damaged: each is judged by its own lengths and checksum.
 
-Layout of a chunk record (https://mcap.dev/spec, version 0): opcode 6, length (8 bytes), start and end time (8 each),
-unpacked size (8), CRC-32 of the unpacked records (4), name of the compression (4 bytes of length, text), length of the
-records (8), records.
+Layout of a chunk record (https://mcap.dev/spec, version 0), with the bytes of each part:
+
+    opcode 6 (1), length (8), start and end time (8 each), unpacked size (8), CRC-32 of the unpacked records (4),
+    length of the compression's name (4), that name, length of the records (8), records
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ KNOWN = {0x01, 0x02, 0x03, 0x04, 0x07, 0x08, 0x0B, 0x0C, 0x0D, 0x0E, 0x0F}  # re
 
 @dataclass
 class Findings:
-    """What was found in a file besides its messages."""
+    """The findings about a file besides its messages."""
 
     damaged: int = 0
     is_whole: bool = False  # it ends as MCAP files do
@@ -53,8 +54,8 @@ def profile_of(raw: bytes) -> str | None:
 def messages_in(raw: bytes, findings: Findings) -> Iterator[bytes]:
     """Yield the data of every message in every sound chunk, in the order of the file; go on after damage.
 
-    The time is linear in the length of the file and in what it unpacks to; a file that unpacks to more
-    than any take of its size is read that far.
+    The time is linear in the file's length and in its unpacked length. A file that unpacks to more than any take of
+    its size is read up to that limit.
     """
     at = len(MAGIC) if raw.startswith(MAGIC) else 0
     findings.damaged += at == 0

@@ -15,8 +15,8 @@ OPTIONS = {"--show-completion", "--install-completion"}
 def choose_shell() -> None:
     """Let Typer's two options of completion take a shell that Typer knows, where the command line has one of them.
 
-    Typer asks shellingham for the shell that runs the command, and gives up on a plain `sh`: a script's shell has no
-    completion, its user's has. `$SHELL` names that one.
+    Typer asks shellingham for the shell that runs the command, and gives up on a plain `sh`. A script's shell has no
+    completion, but its user's shell has. `$SHELL` names the user's shell.
     """
     if not OPTIONS & set(sys.argv[1:]):
         return

@@ -40,7 +40,7 @@ ON_OUTLINE = 2e-3  # m by which a tracked point may lie outside the outline
 def load_garment(path: Path, *, anyway: bool | None = None) -> Garment:
     """Read a garment description.
 
-    anyway: whether sizes and weights that no cloth has are believed; None: they are not, and no option says so
+    anyway: accept sizes and weights that no cloth has; None: refuse them, and name no option for it
 
     Raises:
         DescriptionError: the file is missing, malformed, impossible or implausible; names the field.
@@ -55,7 +55,7 @@ def load_garment(path: Path, *, anyway: bool | None = None) -> Garment:
 def load_rig(path: Path, *, anyway: bool | None = None) -> Rig:
     """Read a rig description.
 
-    anyway: whether sizes that no hanger has are believed; None: they are not, and no option says so
+    anyway: accept sizes that no hanger has; None: refuse them, and name no option for it
 
     Raises:
         DescriptionError: the file is missing, malformed, impossible or implausible; names the field.
@@ -195,8 +195,8 @@ def _check_held_edge(garment: Garment, refuse: Callable[[str], None]) -> None:
     if not (is_clockwise and is_on_top):
         wrong = "does not begin with the held edge" if is_clockwise else "goes anticlockwise"
         refuse(
-            f"outline_m {wrong}: x is to the right and y up, its first two corners are the top side's left and right "
-            f"end, which seem to be {list(top[0])} and {list(top[1])}, and the others follow clockwise"
+            f"outline_m {wrong}: x is to the right and y up. Begin with the top side's left and right end, which seem "
+            f"to be {list(top[0])} and {list(top[1])}. List the others clockwise"
         )
 
 
@@ -269,7 +269,7 @@ def _touches_itself(polygon: np.ndarray[Any, Any]) -> list[float] | None:
 
 
 def _touch(one: np.ndarray[Any, Any], other: np.ndarray[Any, Any]) -> bool:
-    """Whether a corner of one polygon lies on a side of the other."""
+    """Return whether a corner of one polygon lies on a side of the other."""
     return any(
         _distances_to_sides(corner, polygon).min() < TOUCHING
         for corners, polygon in ((one, other), (other, one))
@@ -289,7 +289,7 @@ def _crosses_itself(outline: np.ndarray[Any, Any]) -> bool:
 
 
 def _meet(one: np.ndarray[Any, Any], other: np.ndarray[Any, Any]) -> bool:
-    """Whether sides of two polygons cross: each parts the other's two ends."""
+    """Return whether sides of two polygons cross: each parts the other's two ends."""
 
     def hands(polygon: np.ndarray[Any, Any], places: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
         along = np.roll(polygon, -1, axis=0) - polygon
@@ -302,7 +302,7 @@ def _meet(one: np.ndarray[Any, Any], other: np.ndarray[Any, Any]) -> bool:
 
 
 def _distance_outside(place: np.ndarray[Any, Any], outline: np.ndarray[Any, Any]) -> float:
-    """How far a place lies outside a polygon [m]; 0 inside."""
+    """Return the distance of a place outside a polygon to it [m]; 0 inside."""
     ends = np.roll(outline, -1, axis=0)
     above = (outline[:, 1] > place[1]) != (ends[:, 1] > place[1])
     with np.errstate(divide="ignore", invalid="ignore"):

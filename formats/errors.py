@@ -3,7 +3,7 @@
 HangtimeError                 says what, where, and what to do next; the command line exits with its `exit_code`, 2
   +-- DescriptionError        a rig or garment file that does not hold
   +-- TakeError               a take that is missing, damaged or not a take
-  +-- ImplausibleError        a number that no cloth, hanger or camera has; also one of the two above
+  |     +-- ImplausibleError  a number that no cloth, hanger or camera has; also a DescriptionError
   +-- OutputError             a file that cannot be written, or that would replace another
   +-- AddressError            an address that leads to no folder and no bucket
   +-- ResultError             a fit result or diagnosis that does not match its schema

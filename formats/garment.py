@@ -30,12 +30,15 @@ class TrackedPoint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 class Garment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
     """A garment, flat as the sensor sees it: x to the right, y up, metres, any origin.
 
-    `outline_m` is a polygon; its corners start at the top left and go clockwise as seen by the sensor: the first two
-    are the ends of the held edge, left and right, and no other side lies wholly higher.
-    `held` says what the hanger holds: the whole top `edge` (a clamp bar) or only its two end `corners` (clips).
-    In version 2: `holes_m` are polygons cut out of it; `seams`, pairs of neighbouring corners of the outline counted
-    from 0, are the sides along which a back of the same shape is sewn on; `grain_degrees` is by how much the threads
-    are turned against x and y, anticlockwise (45: cut on the bias).
+    `outline_m` is a polygon. Its corners start at the top left and go clockwise as seen by the sensor. The first two
+    are the ends of the held edge, left and right. No other side lies wholly higher.
+    `held` names the part that the hanger holds: the whole top `edge` (a clamp bar) or its two end `corners` (clips).
+
+    Version 2 adds three fields:
+
+    - `holes_m`: polygons cut out of the outline
+    - `seams`: sides along which a back of the same shape is sewn on, each as two neighbouring corners counted from 0
+    - `grain_degrees`: the turn of the threads against x and y, anticlockwise; 45 is cut on the bias
     """
 
     format: Literal["hangtime-garment/1", "hangtime-garment/2"]
@@ -62,12 +65,12 @@ class Garment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     @property
     def is_panel(self) -> bool:
-        """Whether it is one plain piece with four corners, none of them turned in, threads along x and y."""
+        """True for one plain piece with four corners, none of them turned in, and threads along x and y."""
         return self.is_four_sided and not (self.holes_m or self.seams or self.grain_degrees)
 
     @property
     def is_four_sided(self) -> bool:
-        """Whether the outline has four corners, none of them turned in or straight."""
+        """True for an outline of four corners, none of them turned in or straight."""
         corners = self.outline_m
         turns = [
             (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])

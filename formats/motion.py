@@ -1,7 +1,7 @@
-"""Which way the hanger of a take moves, in a word: takes of one kind can be held out to judge on.
+"""Name the way the hanger of a take moves in a word: takes of one kind can be held out to judge on.
 
-With the middle m of the held edge, its mean direction b without its vertical part, up u and n = u x b, each way's share
-is that of its variance about the mean:
+The held edge has the middle m and the mean direction b without its vertical part; u points up, and n = u x b. The
+share of each way is the share of its variance about the mean:
 
     sideways  b.m      face-on  n.m      up-and-down  u.m      twist  (half the edge's length) x angle about u
 

@@ -1,7 +1,7 @@
 """Judge what a person typed or a file states: a number that no cloth, hanger or sensor has was meant in another unit.
 
-Ranges: woven and knitted fabrics weigh 0.02 to 1.5 kg/m^2 (618 fabrics of ClothDrapeTester, SIGGRAPH Asia 2022: 0.03 to
-0.7); garments that hang from a hanger have sides of 0.1 to 3 m; cameras and motion capture deliver 5 to 1000 frames a
+Woven and knitted fabrics weigh 0.02 to 1.5 kg/m^2. The 618 fabrics of ClothDrapeTester (SIGGRAPH Asia 2022) weigh 0.03
+to 0.7. Garments that hang from a hanger have sides of 0.1 to 3 m. Cameras and motion capture deliver 5 to 1000 frames a
 second.
 """
 

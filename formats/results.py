@@ -62,7 +62,7 @@ class Combination(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 
 class ObjectiveFigure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the fit minimised, before and after, mean of the takes used to fit, and its parts by name."""
+    """The minimised figure before and after the fit, mean of the takes used to fit, and its parts by name."""
 
     name: str
     unit: str
@@ -72,7 +72,7 @@ class ObjectiveFigure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
 
 
 class FitResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What a fit found."""
+    """The result of a fit."""
 
     format: Literal["hangtime-fit/1"]
     created: str
@@ -106,10 +106,11 @@ class Figure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 class Gap(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Root mean square error [mm] of the base model, with the named effect, and of the sensor's noise alone.
 
-    is_floor_most: whether a model fell below the noise that the takes seem to have, so that there is at most floor_mm
-    edge_mm: how far the tracked held edge is from where the base model has it; edge_with_effect_mm: with what is named
-    held_by_edge_mm, closure_held_by_edge: of the base model held where its edge was tracked and not where the hanger is
-    said to hold it, where the cause is unknown and that edge is off
+    - `is_floor_most`: a model fell below the noise that the takes seem to have; the noise is at most `floor_mm`
+    - `edge_mm`: distance of the tracked held edge from the base model's edge
+    - `edge_with_effect_mm`: the same with the named effect
+    - `held_by_edge_mm`, `closure_held_by_edge`: of the base model held at its tracked edge instead of the hanger's,
+      where the cause is unknown and the two edges differ
     """
 
     base_mm: Figure
@@ -126,11 +127,12 @@ class Gap(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
 
 
 class EffectFinding(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What was found about one effect of the library.
+    """The findings about one effect of the library.
 
-    explained: share of the residual, after what the base model can imitate was taken out of both; correlation: of the
-    residual with the effect as it is; fitted_share: of the squared error on the takes for fitting that a refit removes;
-    regions: of the cloth that a local effect acts in
+    - `explained`: share of the residual, after the part that the base model can imitate was taken out of both
+    - `correlation`: of the residual with the effect as it is
+    - `fitted_share`: of the squared error on the takes for fitting that a refit removes
+    - `regions`: of the cloth that a local effect acts in
     """
 
     id: str
@@ -153,7 +155,7 @@ class EffectFinding(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
 
 
 def place_of(regions: Sequence[str]) -> str:
-    """Return regions of the cloth in words, `at the top left` or `along the bottom`; nothing of none."""
+    """Return regions of the cloth in words, `at the top left` or `along the bottom`; an empty text of none."""
     for row in ("top", "bottom"):
         if set(regions) == {f"{row} left", f"{row} centre", f"{row} right"}:
             return f"along the {row}"
@@ -176,7 +178,7 @@ class VertexResidual(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
 
 
 class Where(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Where the gap lies, split four ways."""
+    """The places of the gap, split four ways."""
 
     space: list[WhereBin]
     vertices: list[VertexResidual]
@@ -194,7 +196,7 @@ class ForceAt(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
 
 class MissingForce(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the force looks like that the base model lacks.
+    """The force that the base model lacks.
 
     power [W/kg]: that it gives to the cloth in the mean, below 0 where it takes energy out; None in older results
     """
@@ -232,7 +234,7 @@ class Gate(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
 
 class Cost(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the diagnosis cost."""
+    """The cost of the diagnosis."""
 
     simulations: int
     seconds: float

@@ -26,13 +26,13 @@ class Sensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 class Hanger(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Two markers and the two ends of the held edge.
 
-    `marker` says what they are: printed fiducials of an OpenCV dictionary (ArUco or AprilTag), or round dots of one
+    `marker` names their kind: printed fiducials of an OpenCV dictionary (ArUco or AprilTag), or round dots of one
     colour each. `marker_size_m` is a fiducial's side or a dot's diameter. `dot_colours` are sRGB, 0 to 255, left dot
     first; without them two dots of any colour are looked for.
 
-    Hanger frame at each instant: origin midway between the marker centres, x from marker 0 to marker 1, y the
-    part of gravity square to x (downwards), z = x × y. `held_m` are the two ends of the garment's held top edge
-    in that frame, left end first.
+    The hanger frame at each instant has its origin midway between the marker centres. x goes from marker 0 to marker
+    1, y is the part of gravity square to x (downwards), and z = x × y. `held_m` are the two ends of the garment's held
+    top edge in that frame, left end first.
     """
 
     marker: Literal["fiducial", "dot"] = "fiducial"
@@ -45,12 +45,14 @@ class Hanger(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What `hangtime calibrate` measured; a standard deviation of None says that nothing was measured.
+    """Measurements of `hangtime calibrate`; a standard deviation of None says that nothing was measured.
 
-    `depth_scale`: measured over true depth; recording divides by it. `depth_offset_px`: where depth shows a thing
-    minus where colour shows it, right and down; recording allows for it; a deviation of inf: that axis was never
-    measured. Gravity and held ends stand in the rig itself, here is how well they are known: `gravity_sd_degrees`
-    about each of two axes square to it, `held_sd_m` per axis of the hanger's frame.
+    - `depth_scale`: measured over true depth; recording divides by it
+    - `depth_offset_px`: pixels right and down from a thing in colour to the same thing in depth; recording allows
+      for them
+    - `depth_offset_sd_px`: inf along an axis that was never measured
+    - `gravity_sd_degrees`: of the rig's gravity, about each of two axes square to it
+    - `held_sd_m`: of the rig's held ends, per axis of the hanger's frame
     """
 
     gravity_from: Literal["plumb line", "accelerometer"] | None = None
@@ -65,9 +67,9 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 class RigBody(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
     """Something that stands still where the cloth may touch it, in the sensor frame.
 
-    plane: all that lies behind the plane through `at_m` whose `normal` (of any length) points to the cloth
-    sphere: all within `radius_m` of `at_m`
-    capsule: all within `radius_m` of the straight way from `at_m` to `to_m`
+    - plane: all that lies behind the plane through `at_m` whose `normal` (of any length) points to the cloth
+    - sphere: all within `radius_m` of `at_m`
+    - capsule: all within `radius_m` of the straight way from `at_m` to `to_m`
     """
 
     kind: Literal["plane", "sphere", "capsule"]

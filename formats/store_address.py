@@ -52,11 +52,11 @@ def open_bucket(
 ) -> Any:
     """Open a bucket below a prefix; returns obstore's store. Nothing is sent before its first use.
 
-    extra: Hangtime's extra that brings the library, for the message where it is missing
-    config: the store's settings and keys by obstore's names; what is left out comes from the environment (AWS_...,
-        GOOGLE_..., AZURE_...)
-    client: obstore's settings of connections
-    retries: how often the library itself tries a failed request again; None leaves it to the library
+    - `extra`: Hangtime's extra that brings the library, for the message where it is missing
+    - `config`: the store's settings and keys by obstore's names; the environment (AWS_..., GOOGLE_..., AZURE_...)
+      gives the others
+    - `client`: obstore's settings of connections
+    - `retries`: how often the library itself tries a failed request again; None leaves it to the library
 
     Raises:
         AddressError: the library is missing, or the address or a setting is refused.

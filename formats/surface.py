@@ -1,8 +1,8 @@
 """A scan of the visible surface: a grid of places on it and its silhouette's contour, at one instant of a take.
 
 Neither are material points: an untextured garment does not show which thread is where. Cell (i, j) of the grid lies at
-fixed fractions of the way along the silhouette's sides, and contour place k at a fixed fraction of the way around it
-(`capture.garment.surface_scan`); what is fixed on the cloth only follows that as far as the silhouette does.
+fixed fractions of the way along the silhouette's sides. Contour place k lies at a fixed fraction of the way around the
+silhouette (`capture.garment.surface_scan`). Points of the cloth follow these places only as far as the silhouette does.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ MOST_PLACES = 65536  # around the silhouette
 class SurfaceScan:
     """The visible surface at `time` [s], sensor frame; NaN where it was not seen.
 
-    grid [m], (n, n, 3): rows from the top side to the bottom, columns from left to right; contour [m], (k, 3):
-    clockwise as the sensor sees it, from the top left corner
+    - `grid` [m], (n, n, 3): rows from the top side to the bottom, columns from left to right
+    - `contour` [m], (k, 3): clockwise as the sensor sees it, from the top left corner
     """
 
     time: float

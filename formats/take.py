@@ -21,23 +21,23 @@ LONGEST_GAP = 0.5  # s between two sights of the hanger that its path can be led
 class Take:
     """One recording, in the sensor frame of its rig (imported takes: the frame in which `rig.gravity` is given).
 
-    time [s], (frames,), strictly increasing: of the sensor's clock; from 0 where imported
-    held [m], (frames, 2, 3): the two ends of the held edge, left first; NaN where not valid
-    held_valid, (frames, 2)
-    held_sd [m], (frames, 2, 3): standard deviation per axis
-    points [m], (frames, points, 3): in the order of `garment.points`; NaN where not valid
-    points_valid, (frames, points)
-    points_sd [m], (frames, points, 3)
-    state, (frames,), uint16: bits of `formats.take.FrameState`
-    markers [m], (frames, 2, 3): marker centres where the rig has a hanger, else the same as `held`
-    pitch, pitch_sd [rad], (frames,): the hanger's turn about the line between its markers as their plates show it,
-    positive with the lower edge towards the sensor; NaN where not seen, None where a take was made without it
-    points_hidden, (frames, points): not valid because something hides the point; False or None where nobody looked
-    quality, (frames,): 0 to 1, how much of what could be seen was; NaN or None where nobody judged
-    scans: of the visible surface, in the order of time, fewer than frames; empty where none were taken
-    is_complete: whether the recording was finished and every frame of it is here
-    missing [s]: spans of the sensor's clock whose frames damage or an interruption cost, from the last frame before to
-    the first one after; -inf and inf where the beginning or the end is not known
+    - `time` [s], (frames,), strictly increasing: of the sensor's clock; from 0 where imported
+    - `held` [m], (frames, 2, 3): the two ends of the held edge, left first; NaN where not valid
+    - `held_valid`, (frames, 2)
+    - `held_sd` [m], (frames, 2, 3): standard deviation per axis
+    - `points` [m], (frames, points, 3): in the order of `garment.points`; NaN where not valid
+    - `points_valid`, (frames, points)
+    - `points_sd` [m], (frames, points, 3)
+    - `state`, (frames,), uint16: bits of `formats.take.FrameState`
+    - `markers` [m], (frames, 2, 3): marker centres where the rig has a hanger, else the same as `held`
+    - `pitch`, `pitch_sd` [rad], (frames,): the hanger's turn about the line between its markers. Their plates show it.
+      It is positive with the lower edge towards the sensor, NaN where not seen, and None in a take without it
+    - `points_hidden`, (frames, points): not valid because something hides the point; False or None where nobody looked
+    - `quality`, (frames,): the seen share of all that could be seen, 0 to 1; NaN or None where nobody judged
+    - `scans`: of the visible surface, in the order of time, fewer than frames; empty where none were taken
+    - `is_complete`: the recording was finished and every frame of it is here
+    - `missing` [s]: spans of the sensor's clock without frames, lost by damage or an interruption. Each goes from the
+      last frame before to the first one after; -inf and inf where the beginning or the end is not known
     """
 
     take_id: str

@@ -1,4 +1,4 @@
-"""Read takes: every block that is sound, whatever happened to the rest. See `formats/SPEC.md`."""
+"""Read takes: every sound block, also of a damaged file. See `formats/SPEC.md`."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ NO_TAKE = "give a file that `hangtime record` or `hangtime import` wrote"
 
 @dataclass(frozen=True, kw_only=True)
 class TakeReport:
-    """What `verify_take` found: what there is, what is damaged, and which spans are missing.
+    """The findings of `verify_take`: numbers of what is there, damaged and missing.
 
-    missing_frames: None where the end of the take is not known
-    spans: as `formats.take.Take.missing`, without those that an earlier file of this take had lost
+    - `missing_frames`: None where the end of the take is not known
+    - `spans`: as `formats.take.Take.missing`, without those that an earlier file of this take had lost
     """
 
     frames: int
@@ -50,7 +50,7 @@ class TakeReport:
 
     @property
     def is_sound(self) -> bool:
-        """Whether the take is finished and nothing of it is damaged or missing."""
+        """True for a finished take without damage or missing parts."""
         return self.is_complete and not (self.damaged_blocks or self.missing_frames or self.missing_scans)
 
 
@@ -234,7 +234,7 @@ def _chosen_header(contents: _Contents) -> tuple[bytes, dict[str, Any]]:
 
 
 class _Words(msgspec.Struct, frozen=True, kw_only=True):
-    """What a header says of a take besides its rig and garment."""
+    """The texts of a header besides its rig and garment."""
 
     take_id: str
     created: str
@@ -308,7 +308,7 @@ def _decoded(
     """Return the columns of the sound blocks, those blocks, and how many were not sound."""
     width, fitting = CELL_BYTES * sum(widths(points).values()), []
     left = FREE_MEMORY + MEMORY * file_bytes
-    for block in blocks:  # a still block has far more numbers than bytes, an honest one no end of them
+    for block in blocks:  # a still block has far more numbers than bytes, but none has more than STILL_BLOCK's
         left -= max(width * block["frames"] - STILL_BLOCK, 0)
         if left > 0:
             fitting.append(block)

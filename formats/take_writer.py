@@ -52,8 +52,8 @@ class TakeWriter:
     ) -> None:  # fmt: skip
         """Begin a take.
 
-        overwrite: whether a take of this name may be replaced; frames that an interrupted recording left are put aside
-        missing [s]: spans of the sensor's clock of which an earlier file of this take lost the frames
+        - `overwrite`: replace a take of this name; frames that an interrupted recording left are put aside
+        - `missing` [s]: spans of the sensor's clock whose frames an earlier file of this take lost
 
         Raises:
             DescriptionError: an impossible rig or garment.
@@ -161,7 +161,7 @@ class TakeWriter:
 
     @property
     def is_readable(self) -> bool:
-        """Whether a block is safe on the disk, so that the partial file can be read."""
+        """True once a block is safe on the disk, so that the partial file can be read."""
         return self._is_readable
 
     def keep(self) -> None:

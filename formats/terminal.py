@@ -1,4 +1,4 @@
-"""What a command says, and to whom: work goes on where nobody reads any more how far it is."""
+"""Messages of a command: its work goes on also where nobody reads them any more."""
 
 from __future__ import annotations
 

@@ -54,8 +54,8 @@ class UnfinishedFile:
     ) -> None:
         """Take hold of the file.
 
-        overwrite: whether what is under this name may be replaced; what was left unfinished is put aside
-        holds_something: whether something can be read of what was left unfinished; where not, it is replaced
+        - `overwrite`: replace the file of this name; an unfinished file is put aside
+        - `holds_something`: tells whether an unfinished file can be read; one that cannot is replaced
 
         Raises:
             OutputError: another process, or another writer of this one, is writing it; it is there and may not be
@@ -155,7 +155,7 @@ def _locked(partial: Path) -> BinaryIO:
 
 
 def _leads_to(name: Path, file: BinaryIO) -> bool:
-    """Whether a name is that of an open file."""
+    """Return whether a name is that of an open file."""
     try:
         return os.path.samestat(name.stat(), os.fstat(file.fileno()))
     except FileNotFoundError:

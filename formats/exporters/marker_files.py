@@ -1,8 +1,8 @@
 """Marker paths of a take as CSV or C3D: its tracked points, and the held edge's ends unless points sit there.
 
-CSV has each frame's own time, to 1 µs in time and place. C3D has one rate for the whole file: a take's frames are put
-at the nearest multiple of its median interval, and frames that are missing become gaps. Its places are 32-bit floats in
-millimetres.
+CSV has each frame's own time. It is exact to 1 µs and 1 µm. C3D has one rate for the whole file. The writer puts a
+take's frames at the nearest multiple of its median interval, and missing frames become gaps. Places in C3D are 32-bit
+floats in millimetres.
 """
 
 from __future__ import annotations

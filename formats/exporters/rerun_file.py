@@ -1,7 +1,7 @@
 """All that a take tracks as an `.rrd` file, which the viewer Rerun plays: points, held edge, markers, surface, state.
 
-Entities lie below `take/`, on the timelines `sensor` (seconds of the sensor's clock) and `frame`. What is not seen in a
-frame is empty there, so that a gap stays a gap. Places are 32-bit floats in metres.
+Entities lie below `take/`, on the timelines `sensor` (seconds of the sensor's clock) and `frame`. An entity is empty
+in a frame that does not show it, so that a gap stays a gap. Places are 32-bit floats in metres.
 Format and calls: rerun.io, reference of the Python SDK.
 """
 

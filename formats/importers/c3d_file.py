@@ -1,9 +1,13 @@
 """Marker paths of C3D files (https://www.c3d.org), of Intel, DEC and SGI byte order.
 
 ezc3d (https://github.com/pyomeca/ezc3d) reads them, in a process of its own: damaged files make it crash. A point with
-a negative residual was not seen. The file's header says how long it must be, which ezc3d does not look at: words 2 and
-3 (counted from 1) are the numbers of points and of analogue values a frame, 4 and 5 the first and last frame, 7 and 8
-the scale, negative where the data are floats, 9 the block of 512 bytes at which they begin.
+a negative residual was not seen. The header tells the file's least length, which ezc3d does not check. Words of the
+header, counted from 1:
+
+- 2 and 3: numbers of points and of analogue values a frame
+- 4 and 5: first and last frame
+- 7 and 8: scale, negative where the data are floats
+- 9: block of 512 bytes at which the data begin
 """
 
 from __future__ import annotations

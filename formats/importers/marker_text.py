@@ -1,7 +1,7 @@
 """Marker paths of text files: TRC, CSV of Vicon Nexus and of OptiTrack Motive, TSV of Qualisys, and our own CSV.
 
-Cells may be parted by commas, semicolons or tabs, decimals by a comma where cells are not. Which program wrote a file
-is seen from its first lines.
+Cells may be parted by commas, semicolons or tabs, decimals by a comma where cells are not. A file's first lines
+show which program wrote it.
 
 Sources: OpenSim, "Marker (.trc) Files"; Vicon Nexus, "ASCII (.csv) export"; OptiTrack, "Data Export: CSV";
 Qualisys Track Manager, "TSV export".

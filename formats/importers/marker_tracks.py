@@ -5,7 +5,7 @@ One header line, then one line per frame, metres and seconds, an empty cell wher
     time_s,row1_column1_x_m,row1_column1_y_m,row1_column1_z_m,row1_column2_x_m,...
     0.000000,0.0123,-0.2500,1.4800,...
 
-Whatever the file, a marker at exactly (0, 0, 0), or with a coordinate that is no number, was not seen.
+In every format, a marker at exactly (0, 0, 0), or with a coordinate that is no number, was not seen.
 """
 
 from __future__ import annotations

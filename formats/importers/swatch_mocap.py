@@ -1,10 +1,12 @@
 """Import of motion capture of a garment with markers: marker paths and a garment description become a take.
 
-The garment's points are the markers, by name. Those at the two top corners of its outline are where it is held: their
-paths drive the simulation ("Optimization of Cloth Simulation Parameters by Considering Static and Dynamic Features",
-section 2). Cloth cannot stretch by a quarter, so neighbouring markers further apart than that, or held corners further
-apart than the cloth is wide, mean a wrong unit, garment or naming. And it hangs: markers that are hardly lower than the
-held corners mean a wrong axis that points up.
+The garment's points are the markers, by name. The garment is held at the markers on the two top corners of its outline.
+Their paths drive the simulation. Source: "Optimization of Cloth Simulation Parameters by Considering Static and Dynamic
+Features", section 2.
+
+Cloth cannot stretch by a quarter. Neighbouring markers that are farther apart mean a wrong unit, garment or naming. The
+same holds for held corners farther apart than the cloth is wide. Markers that hang hardly lower than the held corners
+mean a wrong axis that points up.
 """
 
 from __future__ import annotations
@@ -37,11 +39,13 @@ DOWN: dict[str, Vector] = {
 
 @dataclass(frozen=True, kw_only=True)
 class MarkerOptions:
-    """How a file of marker paths is to be understood.
+    """Choices about a file of marker paths.
 
-    up: the axis that points up; frames: keep only so many from the beginning; unit: of lengths, where the file states
-    none; subject: whose markers, where several have the same names; anyway: whether implausible times are believed,
-    None where no option says so
+    - `up`: the axis that points up
+    - `frames`: keep only so many from the beginning
+    - `unit`: of lengths, where the file states none
+    - `subject`: whose markers, where several have the same names
+    - `anyway`: accept implausible times; None: refuse them, and name no option for it
     """
 
     up: str = "z"

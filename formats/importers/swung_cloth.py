@@ -1,7 +1,12 @@
 """Import of re-packed recordings of a cloth swung by a robot arm (github Alados5/tfm_matlab, IRI CSIC-UPC).
 
-One `.npz` per take: `t` (T,) s; `points` (T, 64, 3) m, an 8 x 8 grid, z up; `valid` (T, 64); `hanger_corners` (T, 2, 3)
-m, the two held corners; `rest` (64, 2) m, places on the flat cloth.
+Each take is one `.npz` file with these arrays:
+
+- `t` [s], (frames,)
+- `points` [m], (frames, 64, 3): an 8 x 8 grid, z up
+- `valid`, (frames, 64)
+- `hanger_corners` [m], (frames, 2, 3): the two held corners
+- `rest` [m], (64, 2): places on the flat cloth
 """
 
 from __future__ import annotations
@@ -36,7 +41,7 @@ WHAT_TO_GIVE = "give marker paths (.c3d, .trc, .csv, .tsv) or a swung-cloth .npz
 def import_swung_cloth(path: Path, *, anyway: bool | None = None) -> Take:
     """Return the take in one `.npz` file.
 
-    anyway: whether times that no camera has are believed; None: they are not, and no option says so
+    anyway: accept times that no camera has; None: refuse them, and name no option for it
 
     Raises:
         TakeError: the file is missing or is no such recording, or its time does not increase or is not in

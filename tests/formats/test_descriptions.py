@@ -285,7 +285,7 @@ def test_an_impossible_body_is_refused(tmp_path, change, words):
     ("number", "sentence"),
     [
         ("1e308", "outline_m has a number beyond 1e\\+09"),
-        ("9" * 400, "outline_m has a number beyond 1e\\+09"),
+        ("9" * 400, "outline_m.*Number out of range"),
         ("9" * 5000, "has a number of thousands of digits"),
     ],
     ids=["1e308", "400 digits", "5000 digits"],

@@ -65,7 +65,9 @@ def spoilt(raw):
 def test_bytes_that_are_no_archive_are_refused(tmp_path, change):
     swung_cloth(tmp_path / "r.npz")
     (tmp_path / "r.npz").write_bytes(change((tmp_path / "r.npz").read_bytes()))
-    with pytest.raises(TakeError, match=r"r\.npz: is (no|an) \.npz archive(;| that is damaged or holds objects)"):
+    with pytest.raises(
+        TakeError, match=r"r\.npz: is (empty|no .npz archive|an .npz archive that is damaged or holds objects);"
+    ):
         import_swung_cloth(tmp_path / "r.npz")
 
 

@@ -23,7 +23,7 @@ def names_live_sensor(uri: str) -> bool:
 
 
 def open_sensor(uri: str, *, anyway: bool = False) -> DepthSensor:
-    """Open a sensor by its name: see `FORMS`; anyway: whether a recording's stamps are believed at any rate.
+    """Open a sensor by its name: see `FORMS`; anyway: accept a recording's stamps at any rate.
 
     Raises:
         SensorUnavailableError: no such sensor; RecordingError: no such recording.

@@ -43,13 +43,13 @@ class OpenNI2Sensor(DepthSensor):
     def __init__(self, target: Path | None = None, *, device: str | None = None, anyway: bool = False) -> None:
         """Open a recording, or a live device by OpenNI2's name for it; without either, the first live device.
 
-        anyway: whether a recording's stamps are believed whatever frame rate it states
+        anyway: accept a recording's stamps at any stated rate
 
         Raises:
             SensorUnavailableError: no library, no device, or one that does not give what is needed.
             RecordingError: the file is missing or not a recording.
         """
-        self._path, self._believes_stamps = target, anyway
+        self._path, self._accepts_stamps = target, anyway
         self._summary = summarise(target) if target is not None else None
         self._openni2 = openni2_library.load()
         self._is_closed = False
@@ -136,7 +136,7 @@ class OpenNI2Sensor(DepthSensor):
 
     def _check_clock(self) -> None:
         """Refuse a recording whose stamps cannot be microseconds, as its frame rate shows."""
-        interval = None if self._summary is None or self._believes_stamps else self._summary.interval_us
+        interval = None if self._summary is None or self._accepts_stamps else self._summary.interval_us
         if interval is None:
             return
         faster = 1e6 / self._info.fps / interval
@@ -145,7 +145,7 @@ class OpenNI2Sensor(DepthSensor):
         how = f"{faster:.3g} times as fast" if faster > 1 else f"{1 / faster:.3g} times as slowly"
         raise self._refused(
             f"its stamps run {how} as its {self._info.fps:g} frames a second, {interval:g} us apart",
-            "record again with stamps in microseconds, or believe them with --anyway",
+            "record again with stamps in microseconds, or accept them with --anyway",
         )
 
     def _describe(self, depth: Any) -> SensorInfo:

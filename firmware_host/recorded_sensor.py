@@ -34,7 +34,7 @@ class RecordedSensor(DepthSensor):
     """An `.oni` recording, played in a process of its own."""
 
     def __init__(self, path: Path, *, anyway: bool = False) -> None:
-        """Open a recording; anyway: whether its stamps are believed whatever frame rate it states.
+        """Open a recording; anyway: accept its stamps at any stated rate.
 
         Raises:
             SensorUnavailableError: no library.

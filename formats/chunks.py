@@ -146,7 +146,7 @@ def _unpacked(packed: memoryview, size: int) -> bytes:
     stated = zstandard.frame_content_size(packed)
     if stated == size:
         return bytes(_UNPACKER.decompress(packed))
-    if stated != -1:  # a chunk states its size twice; zstd unpacks whatever the inner statement says
+    if stated != -1:  # a chunk states its size twice; zstd follows the inner statement alone
         return b""
     with _UNPACKER.stream_reader(packed) as stream:
         return bytes(stream.read(size + 1))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-HELP = {"takes": "Look at take archives, check and recover them, and let them go."}
+HELP = {"takes": "Show, check, recover, export and prune take archives."}
 
 
 def group_of(app: typer.Typer, name: str, words: str | None = None) -> typer.Typer:

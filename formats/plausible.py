@@ -27,7 +27,7 @@ UNITS = (("millimetres", 1e-3), ("centimetres", 1e-2), ("inches", 0.0254))
 def check_plausible_take(take: Take, where: object, *, offers_anyway: bool = False) -> None:
     """Refuse a take whose garment, hanger or times no cloth, hanger or camera has.
 
-    offers_anyway: here and below, whether the command has an option that believes them
+    offers_anyway: here and below, the command has an option that accepts them
 
     Raises:
         ImplausibleError: names the number, its range and the unit that fits.
@@ -87,7 +87,7 @@ def check_plausible_rig(rig: Rig, where: object, *, offers_anyway: bool = False)
 
 
 def _advice(what: str, offers_anyway: bool) -> str:
-    return f"{what}, or --anyway to believe it" if offers_anyway else what
+    return f"{what}, or --anyway to accept it" if offers_anyway else what
 
 
 def _unit_of(value: float, least: float, most: float) -> str:

@@ -1,4 +1,4 @@
-"""Numbers that no cloth, hanger or camera has are refused by every command that reads them, and believed on request."""
+"""Numbers that no cloth, hanger or camera has are refused by every command that reads them, and accepted on request."""
 
 from __future__ import annotations
 
@@ -67,17 +67,17 @@ def folder(tmp_path):
     ],
     ids=lambda words: " ".join(map(str, words[:2])),
 )
-def test_every_command_names_the_unit_that_was_probably_meant_and_its_way_to_believe_it(words, folder):
+def test_every_command_names_the_unit_that_was_probably_meant_and_its_way_to_accept_it(words, folder):
     refused = hangtime_here(*words, folder=folder)
     assert refused.returncode == 2
-    assert "or --anyway to believe it" in refused.stderr
+    assert "or --anyway to accept it" in refused.stderr
     assert any(hint in refused.stderr for hint in ("grams meant", "millimetres", "these are frame numbers"))
-    believed = hangtime_here(*words, "--anyway", folder=folder)
-    assert "--anyway" not in believed.stderr  # what is wrong besides is another matter
-    assert "Traceback" not in believed.stderr
+    accepted = hangtime_here(*words, "--anyway", folder=folder)
+    assert "--anyway" not in accepted.stderr  # what is wrong besides is another matter
+    assert "Traceback" not in accepted.stderr
 
 
-def test_a_night_leaves_an_implausible_take_out_until_it_is_told_to_believe_it(folder):
+def test_a_night_leaves_an_implausible_take_out_until_it_is_told_to_accept_it(folder):
     """It is kept as no failure, so that the same command with --anyway fits it; three frames then are too few."""
     from fit.batch.jobs import digest_of, failure_name, key_of
     from fit.batch.runner import survey
@@ -89,11 +89,11 @@ def test_a_night_leaves_an_implausible_take_out_until_it_is_told_to_believe_it(f
     (refused,) = [run_job(job) for job in survey(takes, results, plan).jobs if job.take == "grams.mcap"]
     assert refused.state == "refused"
     assert "--anyway" in refused.sentence
-    (believed,) = [run_job(job) for job in survey(takes, results, plan, anyway=True).jobs if job.take == "grams.mcap"]
-    assert believed.state == "failed"
-    assert "the take has 3 frames" in believed.sentence
-    assert believed.key == refused.key == key_of(digest_of(takes.read("grams.mcap")), plan, survey_physics())
-    assert results.has(failure_name(believed.key))
+    (accepted,) = [run_job(job) for job in survey(takes, results, plan, anyway=True).jobs if job.take == "grams.mcap"]
+    assert accepted.state == "failed"
+    assert "the take has 3 frames" in accepted.sentence
+    assert accepted.key == refused.key == key_of(digest_of(takes.read("grams.mcap")), plan, survey_physics())
+    assert results.has(failure_name(accepted.key))
 
 
 def survey_physics():

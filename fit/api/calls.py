@@ -58,7 +58,7 @@ def fit(
 
     - `takes`, `held_out`: takes or paths of archives, one or several
     - `held_out_motion`: kinds of motion to judge on
-    - `anyway`: whether sizes, weights and times are believed that no cloth, hanger or camera has
+    - `anyway`: accept sizes, weights and times that no cloth, hanger or camera has
     - `checkpoint`: file from which an interrupted search continues
     - `progress`: called with steps done, steps in all and the least error so far
 
@@ -252,7 +252,7 @@ def sorted_out(
 ) -> tuple[list[Take], list[Take]]:
     """Return the takes to fit to and the takes to judge on, read where a path is given.
 
-    anyway: whether implausible takes are believed
+    anyway: accept implausible takes
 
     Raises:
         HangtimeError: an archive cannot be read, a take is implausible, or no take moves in a kind to be held out.

@@ -17,7 +17,7 @@ from fit.identification.request import Plan
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """Work that travels to a worker, and where its result is kept; anyway: whether implausible takes are believed."""
+    """Work that travels to a worker, and where its result is kept; anyway: accept implausible takes."""
 
     key: str
     takes_url: str

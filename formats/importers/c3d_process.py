@@ -30,7 +30,7 @@ def main() -> None:
 
     try:
         content = _content(ezc3d.c3d(path))
-    except Exception:  # whatever ezc3d says, its words are for its developers
+    except Exception:  # ezc3d's own words are for its developers
         sys.exit(REFUSED)
     stream = io.BytesIO()
     np.savez(stream, **content)

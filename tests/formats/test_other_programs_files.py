@@ -9,6 +9,8 @@ import sys
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from formats.errors import TakeError
 from formats.importers.c3d_file import _in_intel_order
@@ -217,6 +219,27 @@ def test_a_text_file_of_each_program_gives_the_same_paths_however_it_writes_gaps
     path = tmp_path / f"a.{name}"
     path.write_text(WRITERS[name](drawn(), gap=gap))
     check(read_marker_tracks(path), drawn(), 1e-6)
+
+
+HALF_A_DIGIT = {"trc": 5e-9, "vicon.csv": 5e-9, "motive.csv": 5e-7, "qualisys.tsv": 5e-7, "ours.csv": 5e-6}  # m
+
+
+@pytest.mark.parametrize("name", WRITERS)
+@given(data=st.data())
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_places_of_any_size_and_sign_come_back_to_half_a_digit_and_gaps_as_gaps(tmp_path, name, data):
+    """Up to 50 m; a place at the origin means a gap, so that no coordinate is smaller than a millimetre."""
+    frames = data.draw(st.integers(1, 12))
+    size = st.floats(1e-3, 50.0) | st.floats(-50.0, -1e-3)
+    positions = np.array(data.draw(st.lists(size, min_size=9 * frames, max_size=9 * frames))).reshape(frames, 3, 3)
+    hidden = np.array(data.draw(st.lists(st.booleans(), min_size=3 * frames, max_size=3 * frames))).reshape(frames, 3)
+    hidden[0, 0] = False
+    positions[hidden] = np.nan
+    path = tmp_path / f"a.{name}"
+    path.write_text(WRITERS[name](positions))
+    found = read_marker_tracks(path).positions
+    np.testing.assert_array_equal(np.isnan(found), np.isnan(positions))
+    assert np.nanmax(np.abs(found - positions)) <= 1.001 * HALF_A_DIGIT[name]
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"])

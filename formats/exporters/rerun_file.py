@@ -82,12 +82,12 @@ def _send_moving(rerun: Any, stream: Any, take: Take) -> None:
         send(entity, take.points[:, k : k + 1], take.points_valid[:, k : k + 1], every)
     for k, side in enumerate(("left", "right")):
         send(f"take/held/{side}", take.held[:, k : k + 1], take.held_valid[:, k : k + 1], every)
-        seen = np.isfinite(take.markers[:, k : k + 1]).all(2)
-        send(f"take/markers/{side}", take.markers[:, k : k + 1], seen, every)
+        centres = take.markers[:, k : k + 1]
+        send(f"take/markers/{side}", centres, np.asarray(np.isfinite(centres).all(2)), every)
     if take.scans:
         places = [np.concatenate([scan.grid.reshape(-1, 3), scan.contour.reshape(-1, 3)]) for scan in take.scans]
-        seen = [np.isfinite(part).all(1) for part in places]
-        found = np.concatenate([part[valid] for part, valid in zip(places, seen, strict=True)]).astype(np.float32)
-        columns = rerun.Points3D.columns(positions=found).partition([int(valid.sum()) for valid in seen])
+        seen = [part[np.isfinite(part).all(1)] for part in places]
+        found = np.concatenate(seen).astype(np.float32)
+        columns = rerun.Points3D.columns(positions=found).partition([len(part) for part in seen])
         stream.send_columns("take/surface", times(np.array([scan.time for scan in take.scans])), columns)
     stream.send_columns("state", every, rerun.Scalars.columns(scalars=take.state.astype(float)))

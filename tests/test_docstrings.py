@@ -14,7 +14,10 @@ import pytest
 from tests.sentences import LONGEST_SENTENCE, has_clause_as_subject, sentences_of, words_of
 
 ROOT = Path(__file__).parent.parent
-UNMEASURED = ("formats", "fit/gap")  # rooms whose text is not yet plain
+UNMEASURED = {  # rooms and modules whose text is not yet plain
+    *("formats", "formats/importers", "formats/exporters"),
+    *(f"fit/gap/{name}.py" for name in ("evidence", "likelihood", "probabilities", "rounds", "subsets", "verdict")),
+}
 ROOMS = sorted(
     {
         str(path.parent.relative_to(ROOT))
@@ -22,7 +25,7 @@ ROOMS = sorted(
         for path in (ROOT / package).rglob("*.py")
     }
 )
-MEASURED = [room for room in ROOMS if not room.startswith(UNMEASURED)]
+MEASURED = [room for room in ROOMS if room not in UNMEASURED]
 # Pieces of this house's old tongue that no stranger understands, and the field's words for them
 PRIVATE_WORDS = re.compile(
     r"worn Jacobian|halt is believed|corner of the box|may be had|leaves? least of|\bis told of\b|are enough of",
@@ -75,7 +78,7 @@ def faults_of(source: str) -> list[str]:
 
 @pytest.mark.parametrize("room", MEASURED)
 def test_no_sentence_of_docstrings_and_comments_is_long_or_has_a_clause_as_its_subject(room: str) -> None:
-    files = sorted((ROOT / room).glob("*.py"))
+    files = [path for path in sorted((ROOT / room).glob("*.py")) if str(path.relative_to(ROOT)) not in UNMEASURED]
     assert files
     assert [f"{path.name}: {fault}" for path in files for fault in faults_of(path.read_text())] == []
 

@@ -1,12 +1,13 @@
 """The base fit: the model without any effect, under the weakest pull that keeps the takes predictable.
 
-Places over the box of parameters are looked at, first scattered ones, then those where an emulator of the residuals
-expects the least cost (`fit.search.looks`): on a coarse mesh and under a pull that makes the response smooth (a hard
-one would make every fabric follow), and from the best of them once more on the fine mesh and under the weakest pull
-that does, which tells more of the cloth. From the best two that lie apart the model is fitted. While the best two fits
-do not agree, another start is spent: the next best, then the middle between the two.
+Scattered places over the box of parameters come first, then the places where an emulator of the residuals expects the
+least cost (`fit.search.looks`). They are simulated on a coarse mesh, under a pull that makes the response smooth. A
+hard pull would make every fabric follow. The best places are simulated once more on the fine mesh, under the weakest
+smooth pull, which shows more of the cloth. The model is fitted from the best two places that lie apart. While the best
+two fits disagree, another start is spent: the next best place, then the middle between the two.
 
-Fits may agree in the wrong valley of stretch and shear: from the best end two more begin across (`fit.search.valleys`).
+Fits may agree in the wrong local minimum of stretch and shear. So two more fits begin across the valley from the best
+end (`fit.search.valleys`).
 """
 
 from __future__ import annotations
@@ -123,7 +124,7 @@ def _looked_at(
 ) -> Floats:
     """Return the first places, (places, parameters), and those that are proposed then, least cost first.
 
-    tell: is told what share of the looks is done
+    `tell` receives the finished share of the looks
     """
     done = 0
     space = Problem(observer).space

@@ -1,7 +1,7 @@
-"""Keeps the fits of a diagnosis that is not finished, so that the same command goes on where it was interrupted.
+"""Keeps the fits of an unfinished diagnosis, so that the same command continues after an interruption.
 
-One `.npz` per fit, written whole or not at all, beside `key.json`, which says of which takes and options they are, and
-`spent.json`, which says what all of them have cost.
+Each fit is one `.npz`, written whole or not at all. `key.json` beside it names the takes and options, and `spent.json`
+the cost of all fits.
 """
 
 from __future__ import annotations

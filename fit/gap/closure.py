@@ -8,8 +8,8 @@ draw to the mean is raised to the power
 
     sqrt(n / (n - 1)) sqrt(n / n_eff) t(n_eff - 1) / z,   t, z: 95 % quantiles of Student's and the normal distribution
 
-so that 90 % intervals of a damped oscillation at 0.8 Hz hold what they should (a test says how often). Each draw has a
-floor of its own as well. Where the base error is hardly above the floor the ratio means nothing and is not given.
+With this power, 90 % intervals of a damped oscillation at 0.8 Hz hold the truth as often as a test requires. Each draw
+has its own floor. If the base error is hardly above the floor, the ratio means nothing and is not given.
 Source: B. Efron & R. Tibshirani, "An Introduction to the Bootstrap" (1993), chapters 8, 12.5 and 13.
 """
 
@@ -33,15 +33,16 @@ FLIPS = 20000  # draws of the signs of differences
 SIGNIFICANT_GAP = 1.2  # base error over floor, squared: below, there is nothing to explain
 SMALLEST_GAP = 0.05  # of the squared floor; below, closure is not defined
 LEAST_GAP = 0.25  # of the gap, that is left of it in a draw at least
-FEWEST = 3.0  # independent blocks that are counted at least: two degrees of freedom; fewer tell nothing of their spread
+FEWEST = 3.0  # least count of independent blocks: two degrees of freedom; the spread of fewer is unknown
 
 
 @dataclass(frozen=True)
 class BlockErrors:
     """Squared error per block of half a second [mm^2 per point, summed] and how many points it has.
 
-    residual [mm], (numbers,): the errors themselves; edge: what is left at the held edges
-    correlation, (blocks, blocks): of the sums of the blocks; none is given where they are independent
+    - `residual` [mm], (numbers,): the errors themselves
+    - `edge`: the remaining errors at the held edges
+    - `correlation`, (blocks, blocks): of the sums of the blocks; None if they are independent
     """
 
     sums: Floats
@@ -71,8 +72,8 @@ class BlockErrors:
 class Resampling:
     """Bootstrap draws, the same for every model: of blocks, (replicas, blocks), and of the floor's error.
 
-    spread: how many times farther than the bootstrap's a draw is from the mean, in logarithms: errors are positive
-    deviates, (replicas,): of the floor, in its standard errors
+    - `spread`: a draw's distance from the mean over the bootstrap's, in logarithms, since errors are positive
+    - `deviates`, (replicas,): of the floor, in its standard errors
     """
 
     picks: NDArray[np.int64]
@@ -105,9 +106,9 @@ def resample(errors: BlockErrors, rng: np.random.Generator, floor_replicas: int)
 def solver_draws(errors: list[BlockErrors], numerics_mm: float, replicas: int) -> Floats:
     """By how much mesh and solver may have moved each mean squared error, (replicas, errors) [mm^2].
 
-    An error d of the simulation, of mean squared size N^2 and of a random direction among DIRECTIONS that a smooth
-    motion has, adds 2 d.r to the squared residual r. Over hypotheses these are normal with covariance
-    4 N^2 / DIRECTIONS <r_h r_k>: two hypotheses that leave nearly the same residual are moved together.
+    An error d of the simulation adds 2 d.r to the squared residual r. It has the mean squared size N^2 and a random
+    direction among DIRECTIONS of a smooth motion. Over hypotheses these are normal with covariance 4 N^2 / DIRECTIONS
+    <r_h r_k>. So two hypotheses with nearly the same residual are moved together.
     """
     residuals = np.stack([e.residual for e in errors])
     gram = residuals @ residuals.T / (residuals.shape[1] / 3.0)
@@ -138,8 +139,8 @@ def closure(
 def gain_p_value(before: BlockErrors, after: BlockErrors) -> float:
     """p-value of one model's leaving less than another in half-seconds that neither was fitted to.
 
-    If both were as good, each half-second's difference, free of its correlation with the others, would be as likely to
-    have the other sign: signs are drawn at random.
+    The signs are drawn at random. For equally good models, each half-second's difference has either sign with equal
+    probability, once free of correlation with the others.
     Source: R. A. Fisher, "The Design of Experiments" (1935), section 21.
     """
     gains = decorrelated((before.sums - after.sums)[:, None], before.between_blocks)[:, 0]
@@ -149,9 +150,9 @@ def gain_p_value(before: BlockErrors, after: BlockErrors) -> float:
 
 
 def exceeds(errors: BlockErrors, resampling: Resampling, known: float) -> bool:
-    """Whether a squared error is clearly above a known one [mm^2], of noise or of mesh and solver.
+    """Return whether a squared error is clearly above a known one [mm^2], of noise or of mesh and solver.
 
-    If noise were all there is, half-seconds would be independent: their correlation is no reason to doubt a gap.
+    Noise alone would make half-seconds independent. So their correlation is no reason to doubt a gap.
     """
     lowest = error_interval(errors, replace(resampling, spread=1.0))[0]
     return bool(errors.squared_mm > SIGNIFICANT_GAP * known and lowest**2 > known)

@@ -1,4 +1,4 @@
-"""How long the errors of a model stay correlated in time, and what that does to sums over half-seconds.
+"""The correlation of a model's errors in time, and its effect on sums over half-seconds.
 
 A wrong model rings with the cloth: its residual is a damped oscillation and white noise, with the autocorrelation
 
@@ -9,9 +9,9 @@ this kind are correlated as rho^2. Their sums over blocks b and b' of one take a
 
     K_bb' = w k(b - b') / k(0),   k(m) = sum of exp(-2 |t - t'| / T) cos^2(2 pi f (t - t')) over t in 0, t' in m
 
-and K_bb = 1. The share w of the oscillation in the variance of a block's sum follows from a: coherent errors have about
-DIRECTIONS degrees of freedom in space, white noise as many as there are numbers in a frame. Blocks of different takes,
-and means over a take, are independent. n correlated blocks count as n_eff = n^2 / (sum of K) independent ones.
+and K_bb = 1. The share w of the oscillation in the variance of a block's sum follows from a. Coherent errors have about
+DIRECTIONS degrees of freedom in space. White noise has as many as a frame has numbers. Blocks of different takes, and
+means over a take, are independent. n correlated blocks count as n_eff = n^2 / (sum of K) independent ones.
 Sources: M. S. Bartlett, J. Royal Stat. Soc. Suppl. 8 (1946) (variance of quadratic sums of a correlated series);
 G. E. P. Box & G. M. Jenkins, "Time Series Analysis" (1976), section 3.2 (autocorrelation of a damped oscillator).
 """
@@ -26,7 +26,7 @@ from fit.observer.residuals import BLOCK, Layout, Observer
 from formats.arrays import Floats
 
 DIRECTIONS = 9  # degrees of freedom in space of a smooth error; fits to takes without any effect say so
-LONGEST_LAG = 3.0  # s: beyond, a take of a few seconds says nothing of its autocorrelation
+LONGEST_LAG = 3.0  # s: a take of a few seconds shows no autocorrelation beyond this lag
 DECAYS = np.geomspace(0.1, 4.0, 24)  # s, of the oscillations tried
 SAMPLES = 12  # instants of a block at which the correlation is summed
 FREQUENCIES = np.arange(0.0, 3.01, 0.1)  # Hz, of the oscillations tried: hanging cloth swings below 2 Hz

@@ -1,8 +1,8 @@
-"""How small each effect could have been seen in these takes, component by component.
+"""The smallest detectable amplitude of each effect in these takes, component by component.
 
-A component shows from the larger of two amplitudes: what the score test finds with power 0.8 beside the noise
-(`fit.gap.screening`), and what moves the points by as much as the rules of the verdict ask for. What moves the tracked
-held edge may show there at a smaller one (`fit.gap.edge_fit`).
+A component shows from the larger of two amplitudes on. The score test finds the first with power 0.8 beside the noise
+(`fit.gap.screening`). The second moves the points by as much as the rules of the verdict require. A component that
+moves the tracked held edge may show there at a smaller amplitude (`fit.gap.edge_fit`).
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ def mesh_share(effect: Effect) -> float:
 
 
 def resolvable(evidence: Evidence, effect: str) -> float:
-    """Return the amplitude from which a screened effect moves the points by what the rules ask for.
+    """Return the amplitude from which a screened effect moves the points as far as the rules require.
 
-    An effect is named only if it removes more than a share of mesh and solver error, and only where the gap is clearly
-    above the noise (`fit.gap.verdict`); below that it cannot be named, however little noise there is.
+    An effect is named only if it removes more than a share of mesh and solver error. The gap must also be clearly above
+    the noise (`fit.gap.verdict`). A smaller amplitude cannot be named, even without noise.
     """
     share = mesh_share(evidence.observer.library[effect])
     needed = max(share * evidence.numerics_mm**2, (SIGNIFICANT_GAP - 1) * evidence.floor_mm**2)

@@ -85,10 +85,10 @@ def diagnose(
 ) -> Findings:
     """Diagnose the gap between takes and the base model.
 
-    effects: the library to look in
-    added: names of effects that are refitted and shown even where screening finds nothing
-    checkpoint: folder in which finished fits are kept; the caller deletes it when the result is safe.
-    prepared: the result of `ready` for these takes, where the caller has it already
+    - `effects`: the library
+    - `added`: names of effects that are refitted and shown even if screening finds nothing
+    - `checkpoint`: folder of finished fits; the caller deletes it when the result is safe
+    - `prepared`: the result of `ready` for these takes, if the caller has it already
 
     Raises:
         FitError: as `ready`, or a checkpoint of other takes or of another version.

@@ -1,12 +1,12 @@
-"""The cloth held where its edge was tracked, in place of where the hanger is said to hold it.
+"""The cloth held at its tracked edge, in place of the rig's held edge.
 
-Between the ends e_0 and e_1 of a straight held edge a point at the share f of the way lies at (1 - f) e_0 + f e_1. By
-least squares over the tracked points of the edge, per frame,
+A straight held edge has the ends e_0 and e_1. A point at the share f of the way lies at (1 - f) e_0 + f e_1. Least
+squares over the tracked points of the edge give the ends of each frame,
 
     min_e  sum_p |y_p - (1 - f_p) e_0 - f_p e_1|^2,
 
-and through the ends a path like the hanger's own (`fit.recordings.recording`), with the cut-off that its noise asks
-for. Driven by this path, and with the fabric fitted again, a model is free of every error between hanger and edge, in
+A path through the ends is smoothed like the hanger's own (`fit.recordings.recording`), with the cut-off for its noise.
+This path drives a model whose fabric is fitted again. The model is then free of every error between hanger and edge, in
 the library or not. The error that remains lies in the cloth, the air or the points. The path names no cause: effects
 are identified by their laws.
 """

@@ -1,20 +1,20 @@
 """Sizes of effects that the held edge alone identifies, and the smallest sizes that it can show.
 
-A simulated edge is where hanger and effects put it, whatever the cloth (`fit.observer.edge`). With the edge's residual
-r and its change S per unit of the amplitudes of all effects in a fit that move it, the edge alone estimates them as
+Hanger and effects alone place a simulated edge, for any cloth (`fit.observer.edge`). The edge has the residual r. S is
+its change per unit of the amplitudes of a fit's effects that move it. The edge alone estimates these amplitudes as
 
     delta = -(S'S)^-1 S'r,   cov = I^-1,   I = S'S over what varies / SLOW + S'S over what is off constantly / takes
 
 since slow noise makes SLOW times the scores of white noise, and a marker's own offset is the same in all takes.
-The cloth identifies amplitudes too. Its error e of mesh and solver [mm^2 rms per number], of a random direction among
-DIRECTIONS, makes them as uncertain as if each of its N numbers had, for the variance s^2 of its noise,
+The cloth identifies amplitudes too. Its error e of mesh and solver [mm^2 rms per number] has a random direction among
+DIRECTIONS. The error makes the amplitudes as uncertain as a smaller weight of each of its N numbers would. With the
+variance s^2 of its noise, the weight is smaller by
 
     trust = 1 + N e^2 / (DIRECTIONS s^2)
 
-times less weight (`fit.gap.closure.solver_draws`). Where the edge would have an amplitude elsewhere, by more than
-DISPUTED deviations, and lies where it was tracked with that, the fit is made again with the amplitude known from it.
-Amplitudes that the edge identifies to no better than a typical size stay (a scale of the whole scene moves edge and
-hanger alike).
+(`fit.gap.closure.solver_draws`). The edge may put an amplitude elsewhere by more than DISPUTED deviations, and agree
+with the tracked edge there. Then the fit is repeated with the edge's amplitude. An amplitude that the edge identifies
+to no better than a typical size stays. For example, a scale of the whole scene moves edge and hanger alike.
 Source: weighted least squares with a prior, A. Tarantola, "Inverse Problem Theory" (2005), section 3.2.
 """
 
@@ -128,8 +128,8 @@ def detectable_on_edge(observer: Observer, judge: Observer, screened: Screened) 
 def _solved(observer: Observer, rows: Floats, residual: Floats) -> tuple[Floats, Floats, Floats]:
     """The step that rows, (components, edge's numbers), take against a residual of the edge, and its information.
 
-    Also the deviation of each component, (components,): infinite, with a step of zero, where the edge does not
-    identify the component to better than a typical size.
+    Also return the deviation of each component, (components,). The deviation is infinite, and the step zero, if the
+    edge identifies the component to no better than a typical size.
     """
     layout = observer.layout
     still = (layout.frame < 0)[layout.is_edge]

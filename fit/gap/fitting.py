@@ -53,10 +53,13 @@ class Pinned:
 class Fitted:
     """A least-squares fit.
 
-    vector, (parameters,): base parameters; amplitudes, (components,) of all effects, zero where not active
-    active: names of the effects that were fitted, in the order of their columns in the jacobian
-    residual, (numbers,); jacobian, (numbers, parameters + components), and deviation, (parameters + components,): of
-    logs, plain values and typical sizes; pinned: what the held edge alone decided
+    - `vector`, (parameters,): base parameters
+    - `amplitudes`, (components,) of all effects, zero where not active
+    - `active`: names of the effects that were fitted, in the order of their columns in the jacobian
+    - `residual`, (numbers,)
+    - `jacobian`, (numbers, parameters + components), and deviation, (parameters + components,): of logs, plain values
+      and typical sizes
+    - `pinned`: what the held edge alone decided
     """
 
     vector: Floats
@@ -126,12 +129,14 @@ class Problem:
 class Task:
     """A fit that is wanted: of base parameters and the active effects' amplitudes, from the given ones.
 
-    vector, (parameters,); amplitudes, (components,) of all effects
-    renewals: how often an outdated Jacobian is computed anew before a halt counts; is_rough: the Jacobian of the end is
-    not needed;
-    known_cost: of a fit of the same model from elsewhere, below which this one must come or is given up
-    jacobian, (numbers, parameters + components): known near the start, it is updated by chords instead of made anew.
-    pinned: amplitudes that are known from elsewhere
+    - `vector`, (parameters,)
+    - `amplitudes`, (components,) of all effects
+    - `renewals`: how often an outdated Jacobian is computed anew before a halt counts
+    - `is_rough`: the Jacobian of the end is not needed
+    - `known_cost`: of a fit of the same model from elsewhere, below which this one must come or is given up
+    - `jacobian`, (numbers, parameters + components): known near the start, it is updated by chords instead of made
+      anew.
+    - `pinned`: amplitudes that are known from elsewhere
     """
 
     vector: Floats

@@ -1,21 +1,22 @@
 """The noise floor: the error that would be left if the model were perfect, from the noise of the takes alone.
 
-Simulation-extrapolation: add the noise to the data once more and score again with the same parameters; the growth of
-the squared error is the noise's own share, as seen by the whole pipeline, never below the points' own noise:
+The method is simulation-extrapolation: add the noise to the data once more and score again with the same parameters.
+The growth of the squared error is the noise's own share, as seen by the whole pipeline. It is never below the points'
+own noise:
 
     floor^2 = max(E^2(one more) - E^2(0), mean of 3 sigma_p^2)
 
 The noise sigma_p of each point is measured on the takes judged on. White noise w shows in sixth differences of the
-frames. Where points lie on a grid, noise of any colour shows: it is independent from point to point, while the error of
-a model is smooth over the cloth. With the residual r and the mean of opposite neighbours M r,
+frames. On a grid of points, noise of any colour shows. Noise is independent from point to point, while the error of a
+model is smooth over the cloth. With the residual r and the mean of opposite neighbours M r,
 
     s^2 = median_p  mean (r - M r)_p^2 / (1 + sum_q M_pq^2),   sigma = max(w, min(s, max(LARGEST_RATIO w, stated)))
 
 Wrinkles that the mesh lacks are no noise, hence the limit. Without a grid, slow noise cannot be measured and the figure
 that the take states is a fallback: sigma = max(w, stated). The verdict says where a stated figure is contradicted.
 The measured path of the hanger, which drives the cloth, gets its own noise once more as well, through the same
-smoothing. What is left of it shakes the cloth, by millimetres in the free motion of a noisy take, and no model of the
-cloth can know of it. The path's noise is what sixth differences show: a stated one may be the error of a constant.
+smoothing. The rest of this noise shakes the cloth, by millimetres in the free motion of a noisy take. No model of the
+cloth can follow it. Sixth differences measure the path's noise, because a stated figure may be the error of a constant.
 Sources: J. R. Cook & L. A. Stefanski, "Simulation-extrapolation estimation ...", JASA 89 (1994); T. Gasser, L. Sroka,
 C. Jennen-Steinmetz, "Residual variance and residual pattern in nonlinear regression", Biometrika 73 (1986).
 """
@@ -49,7 +50,7 @@ class Floor:
 
     @property
     def is_contradicted(self) -> bool:
-        """Whether the takes state much more or much less noise than was measured."""
+        """Return whether the takes state much more or much less noise than was measured."""
         return not 1 / CONTRADICTED <= self.stated_mm / max(self.measured_mm, 1e-9) <= CONTRADICTED
 
 
@@ -61,7 +62,7 @@ def noise_floor(observer: Observer, vector: Floats, amplitudes: Floats, rng: np.
     every = [observer.of([noisier(*one, rng) for one in given]) for _ in range(REPLICAS)]
     found = [r[0] for r in residuals_together([(o, vector[None], amplitudes[None]) for o in every])]
     grown = np.array([float(o.in_mm(r)) ** 2 for o, r in zip(every, found, strict=True)])
-    # Where little of the motion is explained, chance may make an error smaller by noise; the points' own noise stays.
+    # If a model explains little of the motion, chance may lower an error by noise. The points' own noise stays.
     own = own_noise_mm(observer, noise)
     floors = np.sqrt(np.maximum(grown - float(observer.in_mm(residual)) ** 2, own**2))
     stated = own_noise_mm(observer, [recording.point_sd for recording in observer.recordings])

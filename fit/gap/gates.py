@@ -27,7 +27,7 @@ FORGOTTEN = 0.2  # of the sensor's noise
 def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gate]:
     """Is there enough data, and does anything move, both in what is fitted to and in what is judged on?
 
-    Single takes may be still: a hanger at rest tells what leans the cloth.
+    Single takes may be still: a hanger at rest shows what leans the cloth.
     """
     groups = [group for group in (training, held_out) if group]
     every = [r for group in groups for r in group]
@@ -87,7 +87,8 @@ def choose_frequency(observer: Observer, vector: Floats) -> tuple[float, Gate]:
     """Return the weakest pull [Hz] under which the takes are predictable, and the gate that says so.
 
     Two simulations that differ by a thousandth in every stiffness must stay within a fifth of the noise of each other.
-    Where no pull does that, it is the one that leaves them nearest: hard pulls on noisy points crumple limp cloth.
+    If no pull achieves this, the pull with the nearest simulations is taken. Hard pulls on noisy points crumple limp
+    cloth.
     """
     tried: list[tuple[float, float]] = []
     most = FORGOTTEN * _mean_noise(observer)
@@ -108,7 +109,7 @@ def predictability_gate(observer: Observer, vector: Floats, amplitudes: Floats) 
 
 
 def _apart(observer: Observer, vector: Floats, amplitudes: Floats) -> float:
-    """How far apart [mm] a thousandth in every stiffness moves the points."""
+    """Return the distance [mm] by which a thousandth in every stiffness moves the points."""
     nudged = np.stack([vector, vector * (1 + NUDGE)])
     both = observer.residuals(nudged, np.stack([amplitudes, amplitudes]))
     return float(observer.in_mm(both[1] - both[0]))

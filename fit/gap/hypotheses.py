@@ -1,9 +1,9 @@
 """Hypotheses for the gap: the base model with one effect of the library, or with several, refitted and judged.
 
-Effects are shortlisted by the cost that a linear refit would save (`fit.gap.screening`), and by the distance that it
-would save, which is what hypotheses are judged by; those are refitted jointly with the base parameters, from the linear
-solution, along chords. Every hypothesis is judged by its error on the held-out takes. A further effect is added as long
-as it explains held-out error that is still there (forward selection).
+Effects are shortlisted by two savings of a linear refit: of cost (`fit.gap.screening`), and of distance, by which
+hypotheses are judged. Shortlisted effects are refitted jointly with the base parameters, from the linear solution,
+along chords. Every hypothesis is judged by its error on the held-out takes. A further effect is added as long as it
+explains held-out error that is still there (forward selection).
 Source: Y. C. Pati, R. Rezaiifar, P. Krishnaprasad, "Orthogonal matching pursuit" (1993), with refits.
 """
 

@@ -1,15 +1,16 @@
 """Describe the missing force from the observer's pull alone, without any library.
 
 The pull per mass at the tracked points, a = w^2 (y - x) + 2 w (ydot - v), is what the model needs and lacks. Sensor
-noise dominates it above the motion's own frequencies, so pull and features alike pass the same 2 Hz low-pass. It is
-split into its part along the cloth's normal n, and regressed on features of the observer's own motion that are odd
-(velocities: dissipative) or even (accelerations, constants: conservative) under time reversal:
+noise dominates it above the motion's own frequencies, so pull and features alike pass the same 2 Hz low-pass. The force
+is split into its part along the cloth's normal n and the rest. It is regressed on features of the observer's own
+motion. Odd features under time reversal are velocities and dissipative. Even features are accelerations and constants,
+and conservative:
 
     odd   v,  |v_n| v_n n          even   (dv/dt . n) n,  dv/dt,  a constant vector
 
-Whether it opposes the motion or drives it says the sign of its power, the mean of a . v: a base fit that damps more
-than the cloth does needs a force along the motion.
-The exponent p is the one for which -|v_n|^p sign(v_n) explains most of the normal part.
+The sign of its power, the mean of a . v, shows whether the force opposes the motion or drives it. A base fit that damps
+more than the cloth does needs a force along the motion. The exponent p is the one for which -|v_n|^p sign(v_n) explains
+most of the normal part.
 Source: regression of increments on model terms as in
 R. Mojgani, A. Chattopadhyay, P. Hassanzadeh, "Discovery of interpretable structural model errors", Chaos 32 (2022).
 """

@@ -1,13 +1,13 @@
 """Propose the recording that separates the remaining explanations: every motion of a menu is simulated and compared.
 
-Two explanations i and j have contributions c_i, c_j, the change of the residual at their fitted amplitudes, on the
-present takes and on a new one together. With everything projected out that base parameters and the other amplitude can
-imitate they are apart by
+Two explanations i and j have contributions c_i and c_j: the change of the residual at their fitted amplitudes. The
+contributions cover the present takes and a new one together. Base parameters and the other amplitude can imitate a
+part, which is projected out. The rest is their distance
 
     T_ij = min over (theta, beta) of | c_i - J theta - beta c_j |^2 / phi
 
-in squared standard deviations; phi is by how much block scores of the present residual exceed those of white noise. The
-motion with the largest sum of p_i p_j (sqrt T_ij(next) - sqrt T_ij(now)) is proposed.
+in squared standard deviations. The factor phi is the excess of the present residual's block scores over those of white
+noise. The motion with the largest sum of p_i p_j (sqrt T_ij(next) - sqrt T_ij(now)) is proposed.
 Sources: A. C. Atkinson, V. V. Fedorov, "The design of experiments for discriminating between two rival models",
 Biometrika 62 (1975); G. E. P. Box, W. J. Hill, Technometrics 9 (1967).
 """

@@ -1,14 +1,15 @@
 """Measure the error of mesh and step: the base model on a finer mesh, refitted once, on the same motion.
 
-The difference between the meshes, refitted or not, whichever is larger, also says how far the base mesh is from a
-converged one: with an error that falls with the square of the spacing h, and meshes whose spacings stand as q to 1,
+The larger difference between the meshes, refitted or not, also gives the base mesh's distance from a converged one. The
+error falls with the square of the spacing h. For meshes whose spacings stand as q to 1,
 
     x_h - x_0 = (x_h - x_{h/q}) / (1 - 1/q^2)
 
-A mesh has whole elements, so that q is what the two of them have and not what was asked for.
-Two solvers of the same fabric differ even where both are converged (Poisson's ratio, how damping is spread); a share
-of the motion stands for that. It was set on takes of an independent generator without any effect, apart from those that
-the published figures rest on.
+A mesh has whole elements, so q comes from the two meshes and not from the request.
+
+Two converged solvers of the same fabric still differ, by Poisson's ratio and the spread of damping. A share of the
+motion stands for this difference. The share was chosen on takes of an independent generator without any effect. No
+published figure rests on these takes.
 Source: P. J. Roache, "Verification and Validation in Computational Science and Engineering" (1998), section 5.5.
 """
 

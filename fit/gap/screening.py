@@ -1,23 +1,25 @@
 """Score test: compare the signature of every effect with the residual of the base fit.
 
-With the residual r of a fit, its Jacobian J and an effect's signatures S (change of the residual per unit of amplitude,
-one column per component, taken at the typical size), project out of both the part that fitted parameters can imitate:
+A fit has the residual r and the Jacobian J. An effect's signatures S are the change of the residual per unit of
+amplitude, one column per component, at the typical size. The part that fitted parameters can imitate is projected out
+of both:
 
     P = I - J (J'J + Lambda)^-1 J',   Sp = P S,   rp = P r
     alpha = -(Sp'Sp)^-1 Sp'rp,   explained = |Sp alpha|^2 / |rp|^2,   absorbed = 1 - |Sp|^2 / |S|^2
     T = g' (sum_b g_b g_b')^-1 g,   g = sum_b g_b
 
 where g_b are the scores Sp_b' rp_b over blocks b of half a second, free of their correlation in time
-(`fit.gap.correlation.decorrelated`). T is judged against its own wild bootstrap (the signs of the scores drawn at
-random), and the smallest p of all effects against the smallest of each draw. That controls the family-wise error under
-any correlation between effects.
-An effect that moves no point at all (cloth that never touches itself) has none of this, and no amplitude of it would
-be found. Signatures are taken against the fit; those of contact, whose step is shorter, against contact too small to
-touch anything (`Effect.no_size`), so that they are nothing where nothing touches. An effect that is far from linear (a
-rod that rings, cloth that is taut or slack) has further secants, at its `probes`; of those whose own amplitude agrees
-with the one that they find, the one that promises most is taken.
-The smallest amplitude that would be found with power 0.8 at level 0.05 is (1.645 + 0.842) sd(alpha), with block scores
-of what the best hypothesis leaves: a gap that is explained is no noise.
+(`fit.gap.correlation.decorrelated`). T is judged against its own wild bootstrap, which draws the signs of the scores at
+random. The smallest p of all effects is judged against the smallest of each draw. That controls the family-wise error
+under any correlation between effects. An effect may move no point, for example contact of cloth that never touches
+itself. Then the test gives no figures, and no amplitude could be found. Signatures are taken against the fit. Contact
+shortens the step, so its signatures are taken against contact too small to touch anything (`Effect.no_size`). Without
+contact they are then zero.
+
+Some effects are far from linear, such as a ringing rod, or taut and slack cloth. They have further secants, at their
+`probes`. A secant counts if its own amplitude agrees with the amplitude that it finds. Of these, the secant with the
+largest saving is taken. The smallest amplitude with power 0.8 at level 0.05 is (1.645 + 0.842) sd(alpha). Its block
+scores come from the best hypothesis' residual, because an explained gap is no noise.
 Sources: C. R. Rao, Proc. Camb. Phil. Soc. 44 (1948) (score test); P. H. Westfall & S. S. Young, "Resampling-based
 multiple testing" (1993), section 2.4 (min-p); A. Mendler, M. Doehler, C. E. Ventura, MSSP 154 (2021) (minimum
 detectable change).
@@ -60,13 +62,17 @@ def ended_at(observer: Observer, vector: Floats, effect: str) -> int | None:
 class Signature:
     """Result of the score test for one effect.
 
-    amplitude, (components,): of the linear refit
-    raw, projected: signatures in typical sizes, (components, numbers); the raw ones are columns of a joint Jacobian
-    contribution, (numbers,): what the effect alone would explain of the residual
-    predicted: cost that a linear refit would save; predicted_mm2: mean squared error that it would save [mm^2]
-    explained: `predicted` as a share of what the fit left; absorbed: share of the signature that parameters imitate
-    p_value: of this effect alone; family_p_value: of the family of all screened effects
-    correlation: multiple, of the residual with the raw signatures
+    - `amplitude`, (components,): of the linear refit
+    - `raw`, `projected`: signatures in typical sizes, (components, numbers); the raw ones are columns of a joint
+      Jacobian
+    - `contribution`, (numbers,): what the effect alone would explain of the residual
+    - `predicted`: cost that a linear refit would save
+    - `predicted_mm2`: mean squared error that it would save [mm^2]
+    - `explained`: `predicted` as a share of what the fit left
+    - `absorbed`: share of the signature that parameters imitate
+    - `p_value`: of this effect alone
+    - `family_p_value`: of the family of all screened effects
+    - `correlation`: multiple, of the residual with the raw signatures
     """
 
     amplitude: Floats
@@ -123,7 +129,7 @@ class Secant:
     at: float = 0.0
 
     def holds(self, amplitude: Floats) -> bool:
-        """Whether an amplitude, (components,), is one that this secant may be believed for."""
+        """Return whether this secant is valid for an amplitude, (components,)."""
         low, high = NEAR
         return self.at == 0.0 or low <= float(amplitude[0]) / self.at <= high
 
@@ -170,7 +176,7 @@ def _secants(observer: Observer, fitted: Fitted, name: str, places: Floats, move
             (moved[2 * c] - moved[2 * c + 1]) / (places[2 * c, first + c] - places[2 * c + 1, first + c])
             for c in range(count)
         ]
-        # What resists one way only shows on one side: both sides by themselves, and all probes.
+        # An effect that resists one way only shows on one side. So both sides are tried alone, and all probes.
         others = range(2 * count + 2 * len(effect.probes)) if effect.probes else range(0)
     return [Secant(np.array(main)), *(alone(n) for n in others if sizes[n] != 0.0)]
 
@@ -191,10 +197,10 @@ def screen(
 ) -> Screened:
     """Screen the chosen effects of the library against a fit, whose own effects are projected out like parameters.
 
-    known: the same effects screened against a fit of the same takes, nearby: their signatures there say which are worth
-    taking anew, and stand for those of the others.
+    `known` holds the same effects, screened against a nearby fit of the same takes. Their signatures there decide which
+    are computed anew, and stand in for the rest.
     """
-    # What stopped at the top of its range is no more free to imitate the effect that is more of it.
+    # A parameter at its upper bound cannot imitate an effect that extends it.
     stopped = [ended_at(observer, fitted.vector, name) for name in chosen]
     is_free = ~np.isin(np.arange(fitted.jacobian.shape[1]), [place for place in stopped if place is not None])
     jacobian = fitted.jacobian[:, is_free]

@@ -85,18 +85,18 @@ def synthesise(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the recording; made if absent.")],
     name: Annotated[str, typer.Option("--name", help="Name of the recording.")] = "swing",
     motion: Annotated[
-        str, typer.Option("--motion", help="How the hanger is swung: swing, mixed, gentle, twist or hard.")
+        str, typer.Option("--motion", help="Motion of the hanger: swing, mixed, gentle, twist or hard.")
     ] = "swing",
     effect: Annotated[
         str,
-        typer.Option("--effect", help="What is planted: none, air_drag, hem or time_offset."),
+        typer.Option("--effect", help="Planted effect: none, air_drag, hem or time_offset."),
     ] = "air_drag",
     amplitude: Annotated[
         float | None, typer.Option("--amplitude", help="Size of the effect in its own unit.", show_default="typical")
     ] = None,
     seconds: Annotated[float, typer.Option("--seconds", min=4.0, help="Length of the recording.")] = 8.0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of hand jitter and sensor noise.")] = 1,
-    garment: Annotated[str, typer.Option("--garment", help="What hangs there: skirt, swatch or t-shirt.")] = "skirt",
+    garment: Annotated[str, typer.Option("--garment", help="Garment: skirt, swatch or t-shirt.")] = "skirt",
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace files of these names that are already there.")
     ] = False,
@@ -130,10 +130,8 @@ def synthesise(
 
 def synthesise_swatch(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the recording; made if absent.")],
-    fabric: Annotated[
-        str, typer.Option("--fabric", help="What is swung: silk, denim, cotton or polyester-rayon.")
-    ] = "cotton",
-    motion: Annotated[str, typer.Option("--motion", help="How it is swung: swing, other or slow.")] = "swing",
+    fabric: Annotated[str, typer.Option("--fabric", help="Fabric: silk, denim, cotton or polyester-rayon.")] = "cotton",
+    motion: Annotated[str, typer.Option("--motion", help="Motion: swing, other or slow.")] = "swing",
     air_drag: Annotated[float, typer.Option("--air-drag", min=0.0, help="Drag coefficient of the still air.")] = 0.0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the markers' noise and gaps.")] = 1,
     overwrite: Annotated[

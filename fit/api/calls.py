@@ -217,8 +217,11 @@ def export(
 ) -> list[Path]:
     """Write a fit for other programs, as `hangtime export` does, and return the files that were written.
 
-    outcome: a fit, or the path of its `fit.json`; to: the kind, `fit.export.kinds.KINDS`; take: whose garment and
-    motion; thickness: the fabric's [m], which no motion tells; spacing: of the mesh [m].
+    - `outcome`: a fit, or the path of its `fit.json`
+    - `to`: the kind, `fit.export.kinds.KINDS`
+    - `take`: gives garment and motion
+    - `thickness`: the fabric's [m], which motion does not identify
+    - `spacing`: of the mesh [m]
 
     Raises:
         FitError: an unknown kind, or a fit that holds no such thing.

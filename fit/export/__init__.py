@@ -1,1 +1,1 @@
-"""What people take away: a fit as files for other programs."""
+"""The export of a fit as files for other programs."""

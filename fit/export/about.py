@@ -1,4 +1,4 @@
-"""Where an exported file comes from and what it does not know, in words and as plain values."""
+"""The origin and the limits of an exported file, in words and as plain values."""
 
 from __future__ import annotations
 

@@ -3,10 +3,13 @@
 USD and CSV keep the frames' own times. glTF interpolates linearly between frames and keeps their times too. PC2 has an
 even rate, to which an uneven recording is brought by cubic splines.
 
-glTF: y is up, so that (x, y, z) becomes (x, z, -y); every frame is a morph target, the difference to the first frame,
-whose weight is 1 at its time and 0 at its neighbours'. Source: Khronos, "glTF 2.0 Specification", sections 3.7.2.2 and
-3.11. PC2: "POINTCACHE2", then version 1, points, first frame, frames a sample, samples, little-endian, then points
-as float triples, sample by sample. Source: the importer of Blender's mesh cache modifier, "PC2".
+In glTF y is up, so (x, y, z) becomes (x, z, -y). Every frame is a morph target, the difference to the first frame. Its
+weight is 1 at its time and 0 at its neighbours'.
+
+Source: Khronos, "glTF 2.0 Specification", sections 3.7.2.2 and 3.11. PC2: "POINTCACHE2", then version 1, points, first
+frame, frames a sample, samples, little-endian, then points as float triples, sample by sample.
+
+Source: the importer of Blender's mesh cache modifier, "PC2".
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import typer
 
 
 class ExportKind(StrEnum):
-    """What `hangtime export` writes; `fit.export.kinds.KINDS` says how."""
+    """The command `hangtime export`; `fit.export.kinds.KINDS` does the work."""
 
     CSV = "csv"
     TABLE = "table"

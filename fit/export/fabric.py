@@ -2,8 +2,8 @@
 
 A quantity q is a function of the fitted parameters p (`fit.methods`, and effects that change the cloth). Its interval
 reaches from the least to the largest q over the corners of the box of the parameters' 90 % intervals. Every map is
-monotonic in each parameter, so that no corner is missed. Where one parameter alone decides q, the interval is that
-parameter's; where several do, it holds q at least as often.
+monotonic in each parameter, so that no corner is missed. If one parameter alone decides q, the interval is that
+parameter's. If several do, the interval holds q at least as often.
 
 Layers that slide on one another share weight, tension, shear and bending (`fit.virtual_tests.sheet`); the quantities
 are of one layer.

@@ -1,4 +1,4 @@
-"""What a fit can be exported as: one entry a kind, and the call that writes it.
+"""The kinds of export of a fit: one entry a kind, with the call that writes it.
 
 A kind is made of the fit alone, of the fabric in it, or of its motion under a take's hanger.
 """
@@ -27,7 +27,7 @@ LEAST_THICKNESS, MOST_THICKNESS = 1e-5, 0.02  # m, from the thinnest foil to qui
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Order:
-    """What is to be exported and how; take: whose garment and motion, where a kind has them."""
+    """The request of an export; `take` gives garment and motion, for kinds that have them."""
 
     result: FitResult
     take: Take | None = None

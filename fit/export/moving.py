@@ -26,9 +26,13 @@ MOST_UNEVEN = 0.02  # of the mean time between two frames, up to which a clock c
 class Moving:
     """Cloth in motion, world frame: z up.
 
-    name: of the take; time [s], (frames,), from 0; places [m], (frames, nodes, 3); triangles, (n, 3), anticlockwise
-    as seen from the front; rest [m], (nodes, 2), on the flat cloth; points [m], (frames, points, 3), as a tracker
-    would report them, with their names; held [m], (frames, 2, 3): ends of the held edge
+    - `name`: of the take
+    - `time` [s], (frames,), from 0
+    - `places` [m], (frames, nodes, 3)
+    - `triangles`, (n, 3), anticlockwise as seen from the front
+    - `rest` [m], (nodes, 2), on the flat cloth
+    - `points` [m], (frames, points, 3), as a tracker would report them, with their names
+    - `held` [m], (frames, 2, 3): ends of the held edge
     """
 
     name: str

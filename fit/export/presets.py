@@ -9,18 +9,18 @@ Of Newton 1.8, with its energies per rest area read from the source and the stri
     SolverSemiImplicit  mu and k = lambda + mu: tri_ke = tri_ka = stretch / 2
 
 Bending on edges of length L between triangles of areas A0 and A1, heights a, that meet at the angle theta. Cloth that
-bends to a cylinder of curvature kappa has the energy B kappa^2 / 2 per area. On an even grid bent along one side
-theta = kappa L and L^2 = A0 + A1; on equilateral triangles the three directions of edges add up to the same for
-every direction of the bend. Hence
+bends to a cylinder of curvature kappa has the energy B kappa^2 / 2 per area. An even grid bent along one side has theta
+= kappa L and L^2 = A0 + A1. On equilateral triangles the three directions of edges have the same sum for every
+direction of the bend. Hence
 
     Style3D             3 k L^2 theta^2 / (2 (A0 + A1)):  k = B / 3
     VBD                 k L theta^2 / 2:                  k = B L / (A0 + A1),  B / h on a grid of spacing h
     SemiImplicit        as k L^2 a theta^2 / 2:           k = B / ((A0 + A1) a),  B / h^3
 
-MuJoCo's flex is isotropic: membrane E t and bending E t^3 / 12 at Poisson's ratio 0. Both are right with
-t = sqrt(12 B / k) and E = k / t, which are no thickness and no modulus of the fabric; its shear is then k / 2.
-MuJoCo 4.0 refuses damping at the slides of a flex's nodes in a file, so that linear damping is one line to add
-after loading. Neither engine has quadratic drag of cloth along its normal as a material: it stays a number beside.
+MuJoCo's flex is isotropic: membrane E t and bending E t^3 / 12 at Poisson's ratio 0. Both are right with t = sqrt(12 B
+/ k) and E = k / t. These are no thickness and no modulus of the fabric. Its shear is then k / 2. MuJoCo 4.0 refuses
+damping at the slides of a flex's nodes in a file, so that linear damping is one line to add after loading. Neither
+engine has quadratic drag of cloth along its normal as a material: it stays a number beside.
 """
 
 from __future__ import annotations

@@ -23,8 +23,11 @@ SWATCH_SPACING = 0.02  # m: folds of cloth that hangs by itself are several time
 class Sheet:
     """Cloth at rest.
 
-    name; rest [m], (nodes, 2): x across, y up on the flat cloth; start [m], (nodes, 3): hanging flat, world frame;
-    triangles, (n, 3), anticlockwise as seen from the front; held, (m,): nodes of the held edge
+    - `name`
+    - `rest` [m], (nodes, 2): x across, y up on the flat cloth
+    - `start` [m], (nodes, 3): hanging flat, world frame
+    - `triangles`, (n, 3), anticlockwise as seen from the front
+    - `held`, (m,): nodes of the held edge
     """
 
     name: str

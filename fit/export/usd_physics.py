@@ -1,13 +1,13 @@
 """A fabric as a deformable in USD: the schema that AOUSD proposes, with what it leaves out under `hangtime:`.
 
 The proposal (OpenUSD-proposals #111, "Deformable Body Physics in USD") has one stretch and one shear stiffness
-[force/distance] and one bending stiffness [force x distance]. Of a plate of thickness h they are E h / (1 - nu^2), G h
-and E h^3 / (12 (1 - nu^2)): at nu = 0 the membrane and the bending stiffness of `fit.cloth.material`, one to one. Warp
-and weft share one number there, their geometric mean. Density is per volume, so that the weight needs a thickness:
-density x thickness is the fabric's mass per area, whatever the thickness is.
+[force/distance] and one bending stiffness [force x distance]. For a plate of thickness h they are E h / (1 - nu^2), G h
+and E h^3 / (12 (1 - nu^2)). At nu = 0 these are the membrane and the bending stiffness of `fit.cloth.material`, one to
+one. Warp and weft share one number there, their geometric mean. Density is per volume, so the weight needs a thickness.
+Density x thickness is the fabric's mass per area, for any thickness.
 
-Left out by the proposal, and therefore under `hangtime:`: warp and weft apart, damping, drag, intervals, how sure each
-number is, and where it comes from.
+The proposal leaves out warp and weft apart, damping, drag and intervals. It also leaves out the certainty and origin of
+each number. All these are under `hangtime:`.
 """
 
 from __future__ import annotations

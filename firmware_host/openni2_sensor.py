@@ -226,6 +226,8 @@ class OpenNI2Sensor(DepthSensor):
         broken = whole = 0  # depth frames: since the last whole one, and in all
         colours_left = np.inf if self._summary is None else self._summary.colour_frames
         held: tuple[int, np.ndarray[Any, Any]] | None = None
+        read: tuple[int, int, np.ndarray[Any, Any] | None] | None = None
+        colour: np.ndarray[Any, Any] | None
         while self._info.frame_count is None or given < self._info.frame_count:
             found = self._read(self._depth, np.uint16)
             if found is None:
@@ -264,9 +266,11 @@ class OpenNI2Sensor(DepthSensor):
             dropped = max(index - last_index - 1, 0) if last_index else broken
             last_index, last_stamp, given, broken, whole = index, stamp, given + 1, 0, whole + 1
             depth = _millimetres(depth) if self._is_fine else depth
+            colours, depths = [colour], [depth]
+            found = depth = read = colour = None  # what waits here for the next call holds no pictures
             yield SensorFrame(
-                index=index - 1, time_s=stamp * 1e-6, host_time_s=time.clock_gettime(CLOCK), depth=depth, colour=colour,
-                dropped_before=dropped,
+                index=index - 1, time_s=stamp * 1e-6, host_time_s=time.clock_gettime(CLOCK), depth=depths.pop(),
+                colour=colours.pop(), dropped_before=dropped,
             )  # fmt: skip
         if broken and not whole:
             raise RecordingError("every depth frame is damaged", where=self._info.uri, advice=COPY_AGAIN)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 import tomllib
@@ -135,6 +134,8 @@ def _named(message: str, plain: dict[str, Any], kind: type[Garment] | type[Rig])
             "radius_m",
             "normal",
         ]
+        import difflib  # here: no right file needs it
+
         close = difflib.get_close_matches(unknown.group(1), known, 1)
         hint = f"; did you mean `{close[0]}`?" if close else ""
         return f"unknown field `{unknown.group(1)}`{' in ' + field if field else ''}{hint}"

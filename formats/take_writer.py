@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from hashlib import blake2b
 from importlib.resources import files
 from pathlib import Path
 from types import TracebackType
@@ -37,6 +36,8 @@ MOST_HEADER_BYTES = 1 << 20
 
 def binding_of(header: bytes) -> bytes:
     """Return what ties blocks, scans and the end of a take to its header: the first bytes of its BLAKE2b hash."""
+    from hashlib import blake2b  # here: OpenSSL comes with it, 4 MB that an appliance does without until it records
+
     return blake2b(header, digest_size=BINDING_BYTES).digest()
 
 

@@ -101,6 +101,12 @@ def _give_memory_back() -> None:
         library.mallopt(M_MMAP_THRESHOLD, PICTURE)
 
 
+def _let_go_of_the_heap() -> None:
+    """Give back what loading the modules left free in the heap."""
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
+
+
 def _loop(appliance: Appliance, stop: threading.Event) -> None:
     """Go round until asked to stop; tell systemd how it goes, and that the loop still goes round."""
     systemd = sdnotify.SystemdNotifier()
@@ -116,6 +122,7 @@ def _loop(appliance: Appliance, stop: threading.Event) -> None:
             systemd.notify("WATCHDOG=1")
         if appliance.is_started and not was_started:
             was_started = True
+            _let_go_of_the_heap()
             systemd.notify("READY=1")
         if appliance.machine.state is not was and now - told >= 0.2:
             was, told = appliance.machine.state, now

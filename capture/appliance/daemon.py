@@ -54,7 +54,7 @@ class Appliance:
         self._power = PowerSupply(self._config.power.alarm)
         self._sync = SyncNews(self._config.spool.folder)
         self._preview = Preview()
-        self._looker = FrameTracker(in_force.rig, in_force.garment)
+        self._looker = FrameTracker(in_force.rig, in_force.garment, is_sparing=True)
         self._reader: FrameReader | None = None
         self._pre_roll: PreRoll[Seen] = PreRoll(self._config.recording.pre_roll_s)
         self._take: TakeInProgress | None = None
@@ -96,7 +96,7 @@ class Appliance:
         if not self.machine.take(event):
             return False
         LOG.info("%s", self.machine.state.value)
-        self._tell_watchers(self._clock())
+        self._tell_watchers(self._light(self._clock()))
         return True
 
     @property
@@ -372,13 +372,14 @@ class Appliance:
         )  # fmt: skip
 
     def _show(self, now: float) -> None:
-        self._panel.show(self._light(now), now)
-        self._tell_watchers(now)
+        light = self._light(now)
+        self._panel.show(light, now)
+        self._tell_watchers(light)
 
-    def _tell_watchers(self, now: float) -> None:
+    def _tell_watchers(self, light: Light) -> None:
         """Tell whoever watches, where something has changed."""
         faults = tuple(fault.name for fault in self.faults.all)
-        is_now = (self.machine.state, self._light(now), self._condition, faults)
+        is_now = (self.machine.state, light, self._condition, faults)
         if is_now != self._was:
             self._was = is_now
             if self._control.is_watched:

@@ -7,6 +7,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from capture.recording.condition import condition_of
 from capture.recording.tracking import Tracked
@@ -17,21 +18,22 @@ MARKER, POINT, LINE = (0, 200, 0), (255, 160, 0), (0, 120, 255)  # RGB
 
 
 class Preview:
-    """The last frame that was looked at, and what was seen in it."""
+    """The picture of the last frame that was looked at, and what was seen in it."""
 
     def __init__(self) -> None:
-        self._frame: SensorFrame | None = None
+        self._picture: NDArray[np.uint8] | NDArray[np.uint16] | None = None
         self._sight: Tracked | None = None
 
     def keep(self, frame: SensorFrame, sight: Tracked) -> None:
-        """Keep a frame until the next."""
-        self._frame, self._sight = frame, sight
+        """Keep the colour of a frame until the next, its depth where it has none."""
+        self._picture = frame.depth if frame.colour is None else frame.colour
+        self._sight = sight
 
     def answer(self) -> dict[str, Any]:
         """Return the line and the picture, base64; no picture where nothing was seen yet."""
-        if self._frame is None or self._sight is None:
+        if self._picture is None or self._sight is None:
             return {"line": "no frame yet", "png": ""}
-        return {"line": self._line(self._sight), "png": base64.b64encode(_png(self._frame, self._sight)).decode()}
+        return {"line": self._line(self._sight), "png": base64.b64encode(_png(self._picture, self._sight)).decode()}
 
     @staticmethod
     def _line(sight: Tracked) -> str:
@@ -44,11 +46,11 @@ class Preview:
         return f"{said.words}: hanger {away:.2f} m away, {points}" + (f"; {said.advice}" if said.advice else "")
 
 
-def _png(frame: SensorFrame, sight: Tracked) -> bytes:
-    if frame.colour is not None:
-        picture = frame.colour.copy()
+def _png(seen: NDArray[np.uint8] | NDArray[np.uint16], sight: Tracked) -> bytes:
+    if seen.ndim == 3:
+        picture = seen.astype(np.uint8)  # a copy, to draw into
     else:
-        picture = cv2.cvtColor(np.clip(frame.depth // 16, 0, 255).astype(np.uint8), cv2.COLOR_GRAY2RGB)
+        picture = cv2.cvtColor(np.clip(seen // 16, 0, 255).astype(np.uint8), cv2.COLOR_GRAY2RGB)
     for corners in sight.hanger.corners[np.isfinite(sight.hanger.corners).all((1, 2))]:
         cv2.polylines(picture, [np.rint(corners).astype(np.int32)], True, MARKER, 2)
     if len(sight.cloth.outline):

@@ -28,7 +28,6 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import hashlib
 import os
 import re
 import shutil
@@ -332,6 +331,8 @@ def sha256_of(path: Path) -> str:
     Raises:
         OSError: it cannot be read.
     """
+    import hashlib  # here: see `formats.take_writer.binding_of`
+
     total = hashlib.sha256()
     with path.open("rb") as file:
         while piece := file.read(PIECE):

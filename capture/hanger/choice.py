@@ -11,8 +11,13 @@ from capture.hanger.fiducial_tracker import HangerTracker, MarkerTracker, hanger
 from formats.rig import Rig
 
 
-def hanger_tracker(rig: Rig, picks: NDArray[np.float64] | None = None) -> HangerTracker:
-    """Return the tracker for a rig's hanger; picks [px], (2, 2): where its dots are in the first frame.
+def hanger_tracker(
+    rig: Rig, picks: NDArray[np.float64] | None = None, *, is_sparing: bool = False
+) -> HangerTracker:
+    """Return the tracker for a rig's hanger.
+
+    picks [px], (2, 2): where its dots are in the first frame
+    is_sparing: look for small markers in every second picture only, while none is in view
 
     Raises:
         UntrackableError: the rig lacks a section, or there is nothing to pick.
@@ -26,4 +31,4 @@ def hanger_tracker(rig: Rig, picks: NDArray[np.float64] | None = None) -> Hanger
             where="--pick",
             advice="leave it out, or describe dots in the rig",
         )
-    return MarkerTracker(rig)
+    return MarkerTracker(rig, is_sparing=is_sparing)

@@ -107,11 +107,11 @@ def hanger_and_sensor(rig: Rig) -> tuple[Hanger, Sensor]:
 class MarkerTracker:
     """Follows the two markers from frame to frame; the first frame needs no help."""
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig: Rig, *, is_sparing: bool = False) -> None:
         self.rig = rig
         self.hanger, self.sensor = hanger_and_sensor(rig)
         apart = self.hanger.marker_distance_m / self.hanger.marker_size_m
-        self._detector = MarkerDetector(self.hanger.dictionary, self.hanger.ids, apart=apart)
+        self._detector = MarkerDetector(self.hanger.dictionary, self.hanger.ids, apart=apart, is_sparing=is_sparing)
         offset = (rig.calibration or Calibration()).depth_offset_px
         self._placer = PlatePlacer(self.sensor, self.hanger.marker_size_m, offset)
         self.correlation = self._placer.correlation

@@ -42,13 +42,17 @@ def marker_dictionary(name: str) -> cv2.aruco.Dictionary:
 class MarkerDetector:
     """Looks for these ids of one dictionary; everything it returns is in their order."""
 
-    def __init__(self, dictionary: str, ids: tuple[int, ...], *, apart: float | None = None) -> None:
+    def __init__(
+        self, dictionary: str, ids: tuple[int, ...], *, apart: float | None = None, is_sparing: bool = False
+    ) -> None:
         """Look for these ids.
 
         `apart` is the distance of the two markers' centres over their side. An id may be seen twice, for example on a
         printed sheet in view. `apart` then decides for the hanger's own.
+        A sparing detector looks for small markers, at six times the cost, in every second whole picture only.
         """
         self.ids, self._apart = ids, apart
+        self._is_sparing, self._has_looked_finely = is_sparing, False
         known = marker_dictionary(dictionary)
         self._anywhere = cv2.aruco.ArucoDetector(known, _parameters())
         self._near = cv2.aruco.ArucoDetector(known, _parameters())
@@ -57,7 +61,8 @@ class MarkerDetector:
         """Return the corners [px], (ids, 4, 2), in a whole RGB picture, (H, W, 3); NaN where an id is not found."""
         grey = cv2.cvtColor(colour, cv2.COLOR_RGB2GRAY)
         corners = self._detect(self._anywhere, grey, 1)
-        if not np.isfinite(corners).all():
+        self._has_looked_finely = not (self._is_sparing and self._has_looked_finely)
+        if self._has_looked_finely and not np.isfinite(corners).all():
             finer = self._detect(self._anywhere, grey, 2)
             corners = np.where(np.isfinite(corners), corners, finer)
         return corners

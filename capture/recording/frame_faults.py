@@ -88,7 +88,8 @@ def view_faults(depth: NDArray[np.uint16]) -> int:
     seen = seen[seen > 0]
     if seen.size == 0:
         return 0
-    low, middle = np.percentile(seen, [5, 50])
+    seen.sort()  # `np.percentile` loads NumPy's masked arrays
+    low, middle = seen[len(seen) // 20], seen[len(seen) // 2]
     if middle < 1e3 * NEAREST:
         return FrameState.TOO_NEAR
     return FrameState.TOO_FAR if low > 1e3 * FARTHEST else 0

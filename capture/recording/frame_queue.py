@@ -125,6 +125,7 @@ class QueuedSensor(DepthSensor):
                 if missing:
                     frame = dataclasses.replace(frame, dropped_before=frame.dropped_before + missing)
                 missing = 0 if self._add(frame) else missing + 1
+                del frame  # its pictures are 1.5 MB, which nobody needs while this rests
                 self._has_rested = self._rest_s > 0
                 if self._has_rested:
                     self._awake.wait(self._rest_s)

@@ -36,15 +36,20 @@ class Tracked(NamedTuple):
 class FrameTracker:
     """Follows hanger and garment through a recording."""
 
-    def __init__(self, rig: Rig, garment: Garment, picks: Floats | None = None) -> None:
-        """Prepare for a rig and a garment; picks [px], (2, 2): where the hanger's dots are in the first frame.
+    def __init__(
+        self, rig: Rig, garment: Garment, picks: Floats | None = None, *, is_sparing: bool = False
+    ) -> None:
+        """Prepare for a rig and a garment.
+
+        picks [px], (2, 2): where the hanger's dots are in the first frame
+        is_sparing: as of `hanger_tracker`
 
         Raises:
             UntrackableError: the rig lacks a section, or one of both cannot be followed.
         """
         hanger, self.camera = hanger_and_sensor(rig)
         self.rig, self.garment = rig, garment
-        self._hanger = hanger_tracker(rig, picks)
+        self._hanger = hanger_tracker(rig, picks, is_sparing=is_sparing)
         self._cloth = garment_tracker(garment, depth_rig(rig), self._hanger.correlation)
         self._scaled = DepthScale((rig.calibration or Calibration()).depth_scale)
         self._watch = HangerWatch(hanger)

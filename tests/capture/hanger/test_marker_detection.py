@@ -1,0 +1,32 @@
+"""Small markers are found in an enlarged picture, which a sparing detector makes of every second one."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from capture.hanger.marker_detection import MarkerDetector
+
+
+def picture(side):
+    """A grey picture with both markers, so many pixels wide."""
+    image = np.full((240, 320, 3), 200, np.uint8)
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    for number in (0, 1):
+        marker = cv2.aruco.generateImageMarker(dictionary, number, 60)
+        small = cv2.resize(marker, (side, side), interpolation=cv2.INTER_AREA)
+        image[100 : 100 + side, 80 + 100 * number : 80 + 100 * number + side] = small[..., None]
+    return image
+
+
+def seen(detector, side, pictures):
+    return [bool(np.isfinite(detector.in_picture(picture(side))).all()) for _ in range(pictures)]
+
+
+def test_a_sparing_detector_finds_markers_of_13_pixels_in_every_second_picture():
+    assert seen(MarkerDetector("DICT_4X4_50", (0, 1)), 13, 3) == [True, True, True]
+    assert seen(MarkerDetector("DICT_4X4_50", (0, 1), is_sparing=True), 13, 4) == [True, False, True, False]
+
+
+def test_a_sparing_detector_finds_markers_of_30_pixels_in_every_picture():
+    assert seen(MarkerDetector("DICT_4X4_50", (0, 1), is_sparing=True), 30, 3) == [True, True, True]

@@ -74,6 +74,7 @@ def run(path: Path) -> None:
             config.spool.folder,
             least_free=config.spool.least_free_mb * 1_000_000,
             retention=_retention(config),
+            url=_server(config),
             clock=monotonic,
         )
         disk.start()
@@ -86,11 +87,20 @@ def run(path: Path) -> None:
 
 
 def _retention(config: Config) -> Retention:
-    """Return how long takes stay, which is sync's to say; sync itself complains of a table that does not hold."""
+    """Return how long takes stay, which is sync's to say.
+
+    Sync complains of a table that does not hold; until it is mended a take leaves only where the disk is full.
+    """
     try:
         return msgspec.convert(config.sync.get("retention", {}), Retention)
     except msgspec.ValidationError:
-        return Retention()
+        return Retention(quota_bytes=sys.maxsize, days=None)
+
+
+def _server(config: Config) -> str | None:
+    """Return the address of the server, which is sync's to judge; None where none is named."""
+    url = config.sync.get("url")
+    return url if isinstance(url, str) else None
 
 
 def _give_memory_back() -> None:

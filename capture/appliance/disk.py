@@ -84,8 +84,12 @@ class _Running:
 class Disk:
     """One folder of takes and the thread that writes into it."""
 
-    def __init__(self, folder: Path, *, least_free: int, retention: Retention, clock: Callable[[], float]) -> None:
-        self._spool, self._folder = Spool(folder), folder
+    def __init__(
+        self, folder: Path, *, least_free: int, retention: Retention, clock: Callable[[], float],
+        url: str | None = None,
+    ) -> None:  # fmt: skip
+        """Prepare; url: the server on which a take is safe, None for any."""
+        self._spool, self._folder, self._url = Spool(folder), folder, url
         self._least_free, self._retention, self._clock = least_free, retention, clock
         self._work: queue.SimpleQueue[_Work | None] = queue.SimpleQueue()
         self._news: queue.SimpleQueue[DiskNews] = queue.SimpleQueue()
@@ -179,7 +183,7 @@ class Disk:
         if os.statvfs(self._folder).f_flag & os.ST_RDONLY:
             raise OutputError("the disk is read-only", where=self._folder, advice="replace the card: it is worn out")
         if usage.free < self._least_free and self._take is None:
-            room = self._spool.make_room(self._retention, now=datetime.now(UTC), need=self._least_free)
+            room = self._spool.make_room(self._retention, now=datetime.now(UTC), need=self._least_free, url=self._url)
             usage = shutil.disk_usage(self._folder)
             if room.left and usage.free >= self._least_free:
                 self._news.put(DiskNews(room=usage.free))
@@ -190,7 +194,7 @@ class Disk:
 
     def _count(self) -> None:
         self._counted_at = self._clock()
-        takes = self._spool.takes()
+        takes = self._spool.takes(self._url)
         self._news.put(DiskNews(counts=(len(takes), sum(take.receipt is None for take in takes))))
 
     def _do_salvage(self) -> None:

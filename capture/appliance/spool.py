@@ -45,6 +45,7 @@ from capture.appliance.retention import Retention, Room, takes_to_leave
 from capture.errors import SpoolError
 from formats.archive import read_take, verify_take, write_take
 from formats.errors import TakeError
+from formats.store_address import without_secrets
 from formats.unfinished import unfinished_name
 from formats.whole_files import make_folders, sync_folder, write_whole
 
@@ -171,13 +172,14 @@ class Spool:
 
     # --- looking ------------------------------------------------------------------------------------
 
-    def takes(self) -> list[KeptTake]:
-        """Return the kept takes in the order of their numbers."""
-        return [self._take(number) for number in sorted(self._numbers("mcap"))]
+    def takes(self, url: str | None = None) -> list[KeptTake]:
+        """Return the kept takes in the order of their numbers; url: only receipts of this server count."""
+        found = [self._take(number) for number in sorted(self._numbers("mcap"))]
+        return found if url is None else [_as_seen_from(url, take) for take in found]
 
-    def waiting(self) -> list[KeptTake]:
-        """Return the kept takes without a receipt, in the order of their numbers."""
-        return [take for number in sorted(self._numbers("mcap")) if (take := self._take(number)).receipt is None]
+    def waiting(self, url: str | None = None) -> list[KeptTake]:
+        """Return the kept takes without a receipt, in the order of their numbers; url: as of `takes`."""
+        return [take for take in self.takes(url) if take.receipt is None]
 
     def unreadable(self) -> list[Path]:
         """Return what crashes left and nothing could be read from."""
@@ -185,16 +187,16 @@ class Spool:
 
     # --- room ---------------------------------------------------------------------------------------
 
-    def make_room(self, retention: Retention, *, now: datetime, need: int = 0) -> Room:
+    def make_room(self, retention: Retention, *, now: datetime, need: int = 0, url: str | None = None) -> Room:
         """Let verified takes leave, the oldest first, until quota and free space hold; an unsynced one never leaves.
 
-        need: bytes that are wanted on top; now: the wall clock, with its offset
+        need: bytes that are wanted on top; now: the wall clock, with its offset; url: as of `takes`
 
         Raises:
             OSError: the disk fails.
         """
         make_folders(self.folder)
-        takes = self.takes()
+        takes = self.takes(url)
         free = shutil.disk_usage(self.folder).free
         leaving = takes_to_leave(takes, retention, free=free, need=need, now=now)
         used = sum(take.size for take in takes) - sum(take.size for take in leaving)
@@ -290,10 +292,10 @@ class Spool:
         return self.folder / f"{_stem(number)}.{ending}"
 
     def _take(self, number: int) -> KeptTake:
-        return KeptTake(
-            sequence=number, path=self._file(number, "mcap"), facts=self._facts(number),
-            receipt=read_receipt(self.folder, _stem(number)),
-        )  # fmt: skip
+        path, receipt = self._file(number, "mcap"), read_receipt(self.folder, _stem(number))
+        if receipt is not None and not _is_of(receipt, path):
+            receipt = None
+        return KeptTake(sequence=number, path=path, facts=self._facts(number), receipt=receipt)
 
     def _facts(self, number: int) -> dict[str, Any]:
         with contextlib.suppress(OSError, msgspec.DecodeError):
@@ -323,6 +325,21 @@ class Spool:
             int(found[1]) for path in (self.folder / "receipts").glob("*.json") if (found := NAME.match(path.name))
         )
         return max([told, *(number for number, _ in self._named()), *received])
+
+
+def _as_seen_from(url: str, take: KeptTake) -> KeptTake:
+    """Return a take without a receipt of another server than this one."""
+    if take.receipt is None or take.receipt.url == without_secrets(url):
+        return take
+    return replace(take, receipt=None)
+
+
+def _is_of(receipt: Receipt, path: Path) -> bool:
+    """Whether a receipt can be of a take, by its size: another device's take may have been copied here."""
+    try:
+        return path.stat().st_size == receipt.bytes
+    except OSError:  # it has left meanwhile
+        return True
 
 
 def sha256_of(path: Path) -> str:

@@ -11,9 +11,7 @@ from capture.hanger.fiducial_tracker import HangerTracker, MarkerTracker, hanger
 from formats.rig import Rig
 
 
-def hanger_tracker(
-    rig: Rig, picks: NDArray[np.float64] | None = None, *, is_sparing: bool = False
-) -> HangerTracker:
+def hanger_tracker(rig: Rig, picks: NDArray[np.float64] | None = None, *, is_sparing: bool = False) -> HangerTracker:
     """Return the tracker for a rig's hanger.
 
     picks [px], (2, 2): where its dots are in the first frame

@@ -36,9 +36,7 @@ class Tracked(NamedTuple):
 class FrameTracker:
     """Follows hanger and garment through a recording."""
 
-    def __init__(
-        self, rig: Rig, garment: Garment, picks: Floats | None = None, *, is_sparing: bool = False
-    ) -> None:
+    def __init__(self, rig: Rig, garment: Garment, picks: Floats | None = None, *, is_sparing: bool = False) -> None:
         """Prepare for a rig and a garment.
 
         picks [px], (2, 2): where the hanger's dots are in the first frame

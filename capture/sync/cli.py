@@ -99,10 +99,10 @@ def prune_takes(
         retention = msgspec.structs.replace(retention, days=keep_days)
     if quota_mb is not None:
         retention = msgspec.structs.replace(retention, quota_bytes=quota_mb * 1_000_000)
-    room = Spool(told.spool).make_room(retention, now=now_here())
+    room = Spool(told.spool).make_room(retention, now=now_here(), url=told.settings.url)
     for stem in room.left:
         typer.echo(f"{stem} left; its receipt says where it is")
-    unsafe = sum(1 for _ in Spool(told.spool).waiting())
+    unsafe = sum(1 for _ in Spool(told.spool).waiting(told.settings.url))
     typer.echo(f"{len(room.left)} left, {room.used / 1e6:.1f} MB of takes stay, {room.free / 1e9:.1f} GB are free")
     if not room.is_enough:
         typer.echo(f"that is more than the configuration allows: {unsafe} takes are not safe on the server and stay")

@@ -134,7 +134,7 @@ class Sync:
     def _bring_all(self) -> SyncError | None:
         first_fault: SyncError | None = None
         tried: set[int] = set()
-        while waiting := [take for take in self.spool.waiting() if take.sequence not in tried]:
+        while waiting := [take for take in self.spool.waiting(self.target.url) if take.sequence not in tried]:
             for take in waiting:
                 tried.add(take.sequence)
                 try:
@@ -179,7 +179,7 @@ class Sync:
                 receipt_path(self.folder, take.stem).unlink(missing_ok=True)
 
     def _leave(self) -> None:
-        room = self.spool.make_room(self.told.settings.retention, now=self.clock())
+        room = self.spool.make_room(self.told.settings.retention, now=self.clock(), url=self.target.url)
         for stem in room.left:
             LOG.info("%s: left this device; it is safe on the server", stem)
 
@@ -214,7 +214,7 @@ class Sync:
 
     def _write(self) -> None:
         self._written_at = time.monotonic()
-        waiting = self.spool.waiting()
+        waiting = self.spool.waiting(self.target.url)
         write_status(
             self.folder,
             SyncStatus(

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 
 import pytest
 
 import capture.appliance.disk
+from capture.appliance.__main__ import _retention
+from capture.appliance.config import Config, SensorPart
 from capture.appliance.disk import Disk, _Running
 from capture.appliance.retention import Retention
 from capture.appliance.spool import Spool
@@ -74,3 +77,10 @@ def test_a_folder_in_the_place_of_the_counter_is_named_by_its_path(disk):
     assert str(said) == (
         f"{disk._folder / 'sequence'}: the disk cannot be written (Is a directory); remove what bears this name"
     )
+
+
+def test_retention_that_does_not_hold_lets_no_take_leave_for_its_age(tmp_path):
+    """Of `day = 900` instead of `days = 900`, which sync itself refuses: the defaults would let it leave after 30."""
+    sensor = SensorPart(rig=Path("rig.toml"), garment=Path("garment.toml"))
+    retention = _retention(Config(sensor=sensor, sync={"retention": {"day": 900}}))
+    assert (retention.days, retention.quota_bytes > 1 << 60) == (None, True)

@@ -127,7 +127,7 @@ def _write(path, size):
 
 
 def test_a_card_that_fails_is_named_within_5_s_and_what_was_kept_is_readable_after_its_repair(tmp_path, recording):
-    """The card's file lies where no room is left, so that the kernel itself fails to write: an error of input/output."""
+    """The file of the card lies where no room is left, so that the kernel itself fails to write."""
     under, disk = tmp_path / "under", tmp_path / "disk"
     with small_disk(under, "60M"):
         with (

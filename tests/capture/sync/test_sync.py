@@ -15,6 +15,7 @@ import pytest
 
 from capture.appliance.receipts import CHECKSUM, READ_BACK, receipts
 from capture.appliance.retention import Retention
+from capture.appliance.spool import Spool
 from capture.appliance.sync_status import is_syncing, only_sync, read_status, sentences
 from capture.errors import SyncError
 from capture.sync.credentials import Credentials
@@ -481,3 +482,36 @@ def test_a_configuration_that_does_not_hold_is_one_sentence_and_exit_code_2(tmp_
     done = hangtime("sync", "now", "--config", config)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert words in done.stderr
+
+
+def test_takes_go_to_a_new_server_when_the_address_changes_and_stay_until_they_are_there(tmp_path, spool, three):
+    """The first address is the default, a folder of this very disk; nothing may leave for being safe there."""
+    assert sync_of(folder_of(tmp_path, spool))[0].once() is None
+    none_stays = Retention(quota_bytes=0, least_free_bytes=0)
+    second = Told(SyncSettings(url=f"file://{tmp_path}/second", device="box", retention=none_stays), spool.folder)
+    (tmp_path / "second").write_text("no folder")
+    sync, _ = sync_of(second)
+    assert sync.once() is not None
+    assert read_status(spool.folder).waiting == 3
+    assert [take.sequence for take in spool.takes()] == [1, 2, 3]
+    (tmp_path / "second").unlink()
+    assert sync.once() is None
+    objects = {
+        str(path.relative_to(tmp_path / "second")): path.read_bytes() for path in (tmp_path / "second").rglob("*.mcap")
+    }
+    check_server(objects, three)
+    assert spool.takes() == []
+    assert {one.url for one in receipts(spool.folder)} == {second.settings.url}
+
+
+def test_a_take_of_another_device_under_a_number_with_a_receipt_is_sent_and_not_taken_for_safe(tmp_path, spool, three):
+    told = folder_of(tmp_path, spool, retention=Retention(quota_bytes=0, least_free_bytes=0))
+    assert sync_of(told)[0].once() is None
+    assert spool.takes() == []
+    with Spool(tmp_path / "other") as other:
+        foreign = record(other, 90, seed=7)
+        foreign.path.rename(spool.folder / foreign.path.name)
+    assert [take.sequence for take in spool.waiting()] == [1]
+    assert spool.make_room(told.settings.retention, now=NOW).left == ()
+    assert sync_of(told)[0].once() is None
+    assert sum(f"-{foreign.facts['sha256']}" in key for key in on_server(tmp_path)) == 1

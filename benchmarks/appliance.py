@@ -171,7 +171,7 @@ def last_number(spool: Path) -> int:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=20.0, help="for so long each state is watched; 0 for kills only")
+    parser.add_argument("--seconds", type=float, default=20.0, help="each state is watched so long; 0: kills only")
     parser.add_argument("--kills", type=int, default=25)
     parser.add_argument("--at-once", type=int, default=1, help="so many daemons are killed side by side")
     parser.add_argument("--seed", type=int, default=1)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
-from fit.gap.detectable import in_words, mesh_share, resolvable, unseen
+from fit.gap.detectable import in_words, mesh_share, resolvable, smallest_detectable, unseen
 from tests.fit.gap.verdict_scene import KINDS, evidence_of
 
 
@@ -35,3 +37,28 @@ def test_an_effect_moves_the_points_by_as_much_as_the_verdict_asks_for(name, num
     object.__setattr__(evidence, "numerics_mm", numerics)
     assert resolvable(evidence, name) == pytest.approx(size)
     assert mesh_share(KINDS[name]) == (3.0 if name == "anisotropy" else 0.5)
+
+
+def test_a_component_shows_from_what_noise_and_rules_ask_for_or_from_what_the_edge_shows(monkeypatch):
+    """Beside the residual of the model that costs least, of the base model and those with one effect."""
+    evidence = evidence_of({"air_drag": 6.0, "hem": 7.0, "clip_slack": 8.0})
+    costs = {"": 9.0, "air_drag": 5.0, "hem": 4.0, "clip_slack": 7.0}
+    given = {
+        name: dataclasses.replace(h, fitted=dataclasses.replace(h.fitted, residual=np.array([cost, 0.0, 0.0])))
+        for (name, cost), h in zip(costs.items(), [evidence.base, *evidence.singles.values()], strict=True)
+    }
+    evidence = dataclasses.replace(evidence, base=given.pop(""), singles=given)
+    asked = []
+    monkeypatch.setattr(
+        "fit.gap.screening.Signature.minimum_detectable",
+        lambda self, left, block, correlation: asked.append(left[0]) or np.array([0.2, 0.02]),
+    )
+    monkeypatch.setattr("fit.gap.detectable.correlation_of", lambda observer, residual: np.eye(1))
+    monkeypatch.setattr("fit.gap.detectable.resolvable", lambda evidence, name: 0.1)
+    edges = {"air_drag": np.inf, "hem": 0.15, "clip_slack": 0.01}
+    monkeypatch.setattr("fit.gap.detectable.detectable_on_edge", lambda observer, judge, screened: edges)
+    found = smallest_detectable(evidence)
+    assert asked == [4.0] * 3
+    assert {name: size.tolist() for name, size in found.items()} == {
+        "air_drag": [0.2, 0.1], "hem": [0.15, 0.1], "clip_slack": [0.01, 0.01]
+    }  # fmt: skip

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fit.gap.missing_force import find_missing_force, sentence_of
+from fit.gap.missing_force import _pull, find_missing_force, sentence_of
 from fit.methods import SI
 from fit.observer.residuals import Observer
 from fit.recordings.recording import prepare
@@ -162,3 +162,44 @@ def test_what_the_force_goes_with_is_told_in_words(odd, even, exponent, words):
 )  # fmt: skip
 def test_a_force_is_mostly_along_the_normal_from_three_fifths_and_hardly_below_a_fifth(normal, words):
     assert words in sentence_of(normal, 0.6, 0.1, None, {"top": 1.0}, power=1.0)
+
+
+def test_the_pull_is_that_of_a_critically_damped_spring_of_three_hertz():
+    """1 mm and 10 mm/s aside: w^2 0.001 and 2 w 0.01 with w = 2 pi 3 Hz, of judged, seen, trusted points."""
+    time = np.arange(90) / 30
+    speed = 0.1 * np.pi * np.cos(np.pi * time)
+    places = np.tile([[0.0, 0.0, z] for z in (0.0, -0.1, -0.2, -0.3)], (90, 1, 1))
+    places[..., 1] += 0.1 * np.sin(np.pi * time)[:, None]
+    velocity = np.gradient(places, time, axis=0)
+    wanted = np.concatenate([places + np.array([0.0, 0.001, 0.0]), velocity + np.array([0.0, 0.0, 0.01])], 2)
+    trust = np.ones((90, 4))
+    trust[40, 2] = 0.0
+    valid = np.ones((90, 4), bool)
+    valid[50, 3] = False
+    recording = SimpleNamespace(
+        time=time, targets=lambda instants: (wanted, trust), valid=valid, judged=np.array([False, True, True, True]),
+        garment=SimpleNamespace(points=[SimpleNamespace(at_m=(0.0, -0.1 * k)) for k in range(4)]),
+    )  # fmt: skip
+    sides = {1: np.array([0.0, 0.0, 2.0]), 2: np.array([3.0, 0.0, 0.0])}  # z x x = y
+    simulator = SimpleNamespace(
+        run=lambda *given, observer_hz, shapes: SimpleNamespace(points=places[None], shapes=np.zeros((1, 90, 4))),
+        recording=recording,
+        mesh=SimpleNamespace(points=SimpleNamespace(apply=lambda shapes, k: np.tile(sides[k], (4, 90, 1)))),
+    )
+    pull, normal, third, odd, even, powers, point = _pull(simulator, None, None)
+    count = 84 * 3 - 2
+    assert len(pull) == len(point) == count  # three frames at either end have one-sided differences
+    omega = 2 * np.pi * 3.0
+    assert pull == pytest.approx(np.tile([0.0, omega**2 * 0.001, 2 * omega * 0.01], (count, 1)), abs=1e-6)
+    assert normal == pytest.approx(np.tile([0.0, 1.0, 0.0], (count, 1)))
+    assert [int(third[point == k][0]) for k in (1, 2, 3)] == [1, 2, 2]
+    moving = np.abs(np.arange(90) - 45) < 20
+    mine = np.flatnonzero(point == 1)[moving[3:-3]]
+    assert odd[mine, 0, 1] == pytest.approx(speed[moving], abs=0.004)
+    squares = np.abs(speed) * speed
+    assert odd[mine, 1, 1] == pytest.approx(squares[moving], abs=0.008)  # a kink passes 2 Hz rounded
+    assert even[mine, 0, 1] == pytest.approx(-0.1 * np.pi**2 * np.sin(np.pi * time)[moving], abs=0.02)
+    assert even[mine, 1] == pytest.approx(even[mine, 0], abs=1e-9)  # all of it is along the normal
+    assert even[mine, 2:] == pytest.approx(np.tile(np.eye(3), (len(mine), 1, 1)))
+    assert powers[mine, 4] == pytest.approx(speed[moving], abs=0.004)
+    assert powers[mine, 8] == pytest.approx(squares[moving], abs=0.008)  # a kink passes 2 Hz rounded

@@ -83,6 +83,10 @@ def test_explanations_are_apart_by_what_parameters_and_the_other_one_cannot_imit
     assert _apart(observer, 0 * jacobian, changes, 0, -1) == pytest.approx(13.0)
     assert _apart(observer, jacobian, changes, 0, -1) == pytest.approx(np.hypot(4, 12), rel=1e-6)
     assert _apart(observer, jacobian, changes, 0, 1) == pytest.approx(12.0, rel=1e-6)
+    # Where a parameter is as well known before as by the data, half of what it could imitate is left.
+    weak = np.zeros((numbers, len(SI.initial)))
+    weak[0, 0] = 1 / 1.5
+    assert _apart(observer, weak, changes, 0, -1) == pytest.approx(np.sqrt(1.5**2 + 4**2 + 12**2), rel=1e-6)
     assert _pairs(1) == [(0, -1)]
     assert _pairs(3) == [(0, 1), (0, 2), (1, 2)]
 
@@ -116,10 +120,12 @@ def test_the_motions_of_the_menu_go_where_their_sentences_say():
     assert path_of("S4", 0.9375, 3.4375) == pytest.approx(swung[[1, 3]][:, [1, 0, 2]], abs=1e-9)
     # 0.4 Hz that grow by 0.65 Hz a second: 0.725 turns after one second, 4.125 after three.
     turns = np.array([0.725, 4.125])
-    assert path_of("S5", 1.0, 3.0)[:, 1] == pytest.approx(0.015 * np.sin(2 * np.pi * turns))
-    assert path_of("S6", 0.5, 0.625, 0.75, 4.0)[:, 1] == pytest.approx([0.0, 0.06, 0.12, 0.12])
-    assert path_of("S8", 0.2, 1.5)[:, 2] == pytest.approx([0.0, 0.05])
-    assert not path_of("S0", 0.0, 2.0).any()
+    face_on, upwards = np.array([[0.0, 1.0, 0.0]]), np.array([[0.0, 0.0, 1.0]])
+    assert path_of("S5", 1.0, 3.0) == pytest.approx(0.015 * np.sin(2 * np.pi * turns)[:, None] * face_on)
+    flicked = np.array([0.0, 0.06, 0.12, 0.12])[:, None] * face_on
+    assert path_of("S6", 0.5, 0.625, 0.75, 4.0) == pytest.approx(flicked)
+    assert path_of("S8", 0.2, 1.5) == pytest.approx(np.array([0.0, 0.05])[:, None] * upwards)
+    assert path_of("S0", 0.0, 2.0) == pytest.approx(np.zeros((2, 3)))
     twisted = next(m for m in MENU if m.id == "S7").yaw(np.array([0.0, 1.25 / 0.7, 1.75 / 0.7]))
     assert np.degrees(twisted) == pytest.approx([0.0, 30.0, -30.0], abs=1e-9)
     # A start without a jerk: half the way after 0.6 s.
@@ -196,6 +202,15 @@ def test_what_is_more_probable_weighs_more(monkeypatch):
     assert (found.id, found.separates) == ("S0", ["air_drag", "draught"])
     found = proposed(monkeypatch, now, far, names, [0.8, 0.15, 0.05], inflation=1.0)
     assert (found.id, found.separates) == ("S1", ["hem", "air_drag"])
+
+
+def test_of_several_pairs_the_one_that_gains_most_is_told(monkeypatch):
+    """The first two are ten apart with or without the recording, the second and the third one, and then five."""
+    now = [10 * X, Y, Z]
+    far = [[0 * X, 4.9 * X, 0 * X]] * 3
+    found = proposed(monkeypatch, now, far, ["hem", "air_drag", "draught"], [0.4, 0.3, 0.3], inflation=1.0)
+    assert found.separates == ["air_drag", "draught"]
+    assert (found.sigmas_now, found.sigmas_next) == pytest.approx((1.0, np.hypot(1.0, 4.9)))
 
 
 def test_nothing_is_proposed_where_nothing_is_alive_and_no_more_than_four_are_compared(monkeypatch):

@@ -265,3 +265,40 @@ def test_clips_too_far_apart_are_named_though_the_cloth_hardly_shows_it():
     assert slack.amplitude_interval[0] < -0.012 < slack.amplitude_interval[1]
     assert found.gap.edge_mm == pytest.approx(4.2, abs=0.3)  # 0.012 sqrt(1/8)
     assert found.gap.edge_with_effect_mm < 1.0
+
+
+@pytest.mark.parametrize(("slope", "is_told"), [(0.97, False), (0.99, True)])
+def test_the_edge_tells_a_component_that_it_knows_to_a_typical_size(slope, is_told):
+    """One deviation a typical size, beside a prior of five: 1 / (s^2 + 1/25) is 1 at 0.98."""
+    observer = an_observer()
+    start = dataclasses.replace(fitted_to(observer, 0.0, slope=-4.0), pinned=known_slack(observer))
+    sideways = np.roll(stretched(observer, slope), -1)
+    pinned = beside_another(observer, start, "hem", sideways[None])
+    assert np.isfinite(pinned.sd[observer.columns["hem"]]).all() == is_told
+
+
+def known_slack(observer):
+    """Slack of half a typical size that the edge decided."""
+    sd = np.full(len(observer.off), np.inf)
+    sd[observer.columns[SLACK]] = KINDS[SLACK].typical / 4
+    amplitudes = observer.off.copy()
+    amplitudes[observer.columns[SLACK]] = 0.5 * KINDS[SLACK].typical
+    return Pinned(amplitudes, sd, 7.0)
+
+
+def test_what_the_edge_decided_is_decided_anew_where_a_residual_is_left_there():
+    """2 deviations at -4 a typical size: half a one more, and one of a hem that takes 3 of sideways."""
+    observer = an_observer()
+    sideways = np.roll(stretched(observer, 3.0), -1)
+    start = dataclasses.replace(fitted_to(observer, 2.0, slope=-4.0), pinned=known_slack(observer))
+    start = dataclasses.replace(start, residual=start.residual - sideways)
+    pinned = beside_another(observer, start, "hem", sideways[None])
+    assert pinned.amplitudes[observer.columns[SLACK]] == pytest.approx(1.0 * KINDS[SLACK].typical, rel=1e-6)
+    assert pinned.amplitudes[observer.columns["hem"]] == pytest.approx(1.0 * KINDS["hem"].typical, rel=1e-6)
+
+
+def test_a_one_sided_effect_puts_the_edge_right_on_its_own_side_only():
+    observer = an_observer()
+    one_sided = next(e.name for e in LIBRARY if e.moves_edge and e.is_one_sided and len(e.components) == 1)
+    for slope, leading in ((-4.0, [one_sided]), (4.0, [])):
+        assert leads(observer, screened(observer, **{one_sided: slope}), stretched(observer, 8.0)) == leading

@@ -223,3 +223,56 @@ def test_the_sandwich_of_independent_numbers_is_the_textbook_variance_and_knows_
     # A prior as wide as the data's 1/20 halves what is told, and so the deviation.
     held = sandwich(ones, np.tile([1.0, -1.0, 1.0, 1.0], 100), block, np.array([0.05]))
     assert held[0] == pytest.approx(sandwich(ones, np.tile([1.0, -1.0, 1.0, 1.0], 100), block, free)[0] / 2, rel=1e-3)
+
+
+class Snapping(LinearObserver):
+    """Residuals that are linear, and jump by one number wherever an effect is there at all."""
+
+    jump = 0.0
+
+    def residuals(self, vectors, amplitudes):
+        return super().residuals(vectors, amplitudes) + self.jump * (amplitudes > 0).any(1)[:, None]
+
+
+def test_secants_are_taken_where_an_effect_may_be_and_beside_its_smallest_size():
+    """Of two components on both sides, of probes on both, of one-sided effects above; all within the range."""
+    row = drawn(4).normal(size=len(NONE))
+    observer = LinearObserver(0 * row, NONE, {"gravity_tilt": np.stack([row, 2 * row]), "clip_slack": row})
+    found = secants_of(observer, observer.fitted(), ("gravity_tilt", "clip_slack", "hem", "hanger_compliance"))
+    slack, compliance = KINDS["clip_slack"], KINDS["hanger_compliance"]
+    sizes = [0.0, *(sign * size for size in (slack.typical, 0.003, 0.018) for sign in (1, -1))]
+    assert [secant.at for secant in found["clip_slack"]] == pytest.approx(np.clip(sizes, slack.low, slack.high))
+    assert len(found["gravity_tilt"]) == len(found["hem"]) == 1
+    assert found["gravity_tilt"][0].rows == pytest.approx(np.stack([row, 2 * row]))
+    assert [secant.at for secant in found["hanger_compliance"]] == pytest.approx([0.0, *compliance.probes])
+
+
+def test_an_effect_that_shortens_the_step_is_compared_with_its_smallest_size():
+    """Contact of any size makes the step shorter and all residuals larger by 7: that is no signature of it."""
+    row = drawn(4).normal(size=len(NONE))
+    observer = Snapping(0 * row, NONE, {"self_contact": row, "hem": row})
+    observer.jump = 7.0
+    found = secants_of(observer, observer.fitted(), ("self_contact", "hem"))
+    assert found["self_contact"][0].rows[0] == pytest.approx(row, rel=1e-3)
+    assert found["hem"][0].rows[0] == pytest.approx(row + 7.0 / KINDS["hem"].typical)
+
+
+def test_eight_effects_that_promise_most_are_taken_anew_where_all_are_known(monkeypatch):
+    rng = drawn(11)
+    names = [e.name for e in LIBRARY if len(e.components) == 1 and not e.probes and not e.no_size and not e.in_base]
+    names = names[:10]
+    rows = np.linalg.qr(rng.normal(size=(len(NONE), 10)))[0].T
+    strengths = dict(zip(names, (3, 9, 1, 7, 5, 10, 2, 8, 6, 4), strict=True))
+    given = {name: 100.0 * row / KINDS[name].typical for name, row in zip(names, rows, strict=True)}
+    missed = -sum(strengths[name] * row for name, row in zip(names, rows, strict=True))
+    observer = LinearObserver(missed, NONE, given)
+    whole = screen(observer, observer.fitted(), names, rng)
+    asked = []
+    monkeypatch.setattr(
+        "fit.gap.screening.secants_of",
+        lambda observer, fitted, chosen: asked.append(list(chosen)) or secants_of(observer, fitted, chosen),
+    )
+    again = screen(observer, observer.fitted(), names, rng, whole)
+    assert asked == [[name for name in names if strengths[name] > 2]]
+    for name in names:
+        assert again[name].predicted == pytest.approx(strengths[name] ** 2, rel=1e-3)

@@ -93,7 +93,7 @@ def wardrobes(rows: Sequence[Row], found: Survey, takes: Store) -> list[Wardrobe
             by_garment.append((take.garment, [seen]))
         else:
             same.append(seen)
-    names = _told_apart([garment.name for garment, _ in by_garment])
+    names = _distinct([garment.name for garment, _ in by_garment])
     return [wardrobe_of(name, seen) for name, (_, seen) in zip(names, by_garment, strict=True)]
 
 
@@ -137,7 +137,7 @@ def diagnoses_of(
     return found
 
 
-def _told_apart(names: list[str]) -> list[str]:
+def _distinct(names: list[str]) -> list[str]:
     """Number garments of one name, whose descriptions differ."""
     counts, met = Counter(names), Counter[str]()
     shown = []

@@ -136,9 +136,9 @@ def _solved(observer: Observer, rows: Floats, residual: Floats) -> tuple[Floats,
     takes = max(len(np.unique(layout.take[layout.is_edge])), 1)
     weighted = rows * np.where(still, 1.0 / takes, 1.0 / SLOW)
     known = weighted @ rows.T + 1e-9 * np.eye(len(rows))
-    is_told = np.diag(np.linalg.inv(known + np.eye(len(known)) / PRIOR_AMPLITUDE**2)) < 1.0
-    of_told = known[np.ix_(is_told, is_told)]
+    is_identified = np.diag(np.linalg.inv(known + np.eye(len(known)) / PRIOR_AMPLITUDE**2)) < 1.0
+    of_identified = known[np.ix_(is_identified, is_identified)]
     step, sd = np.zeros(len(rows)), np.full(len(rows), np.inf)
-    step[is_told] = -np.linalg.solve(of_told, (weighted @ residual)[is_told])
-    sd[is_told] = np.sqrt(np.diag(np.linalg.inv(of_told)))
+    step[is_identified] = -np.linalg.solve(of_identified, (weighted @ residual)[is_identified])
+    sd[is_identified] = np.sqrt(np.diag(np.linalg.inv(of_identified)))
     return step, known, sd

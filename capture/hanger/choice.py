@@ -14,8 +14,8 @@ from formats.rig import Rig
 def hanger_tracker(rig: Rig, picks: NDArray[np.float64] | None = None, *, is_sparing: bool = False) -> HangerTracker:
     """Return the tracker for a rig's hanger.
 
-    picks [px], (2, 2): where its dots are in the first frame
-    is_sparing: look for small markers in every second picture only, while none is in view
+    - `picks` [px], (2, 2): its dots in the first frame
+    - `is_sparing`: look for small markers in every second picture only, while none is in view
 
     Raises:
         UntrackableError: the rig lacks a section, or there is nothing to pick.

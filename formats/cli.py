@@ -28,7 +28,7 @@ def import_recordings(
     ],
     garment: Annotated[
         Path | None,
-        typer.Option("--garment", metavar="FILE", help="Garment whose points are the markers (motion capture)."),
+        typer.Option("--garment", metavar="FILE", help="Garment whose points are the markers, or a .npz grid."),
     ] = None,
     up: Annotated[str, typer.Option("--up", help="Axis that points up (motion capture): x, y, z, -x, -y, -z.")] = "z",
     frames: Annotated[
@@ -77,7 +77,7 @@ def import_recordings(
                 )  # fmt: skip
             takes.append(import_marker_take(path, described, options))
         else:
-            takes.append(import_swung_cloth(path, anyway=anyway))
+            takes.append(import_swung_cloth(path, described, anyway=anyway))
     for take in takes:
         write_description(out / "rig.toml", take.rig, overwrite=overwrite)
         write_description(out / "garment.toml", take.garment, overwrite=overwrite)

@@ -205,6 +205,8 @@ def _check_version_2(garment: Garment, outline: np.ndarray[Any, Any], refuse: Ca
     """Check holes, seams and grain."""
     if garment.format == "hangtime-garment/1" and (garment.holes_m or garment.seams or garment.grain_degrees):
         refuse('holes_m, seams and grain_degrees need format = "hangtime-garment/2"')
+    if garment.format == "hangtime-garment/1" and garment.points_are is not None:
+        refuse('points_are needs format = "hangtime-garment/2"')
     for number, corners in enumerate(garment.holes_m, 1):
         hole = np.array(corners, float)
         if len(hole) < 3 or _crosses_itself(hole):

@@ -8,6 +8,7 @@ from typing import Literal
 import msgspec
 
 Polygon = tuple[tuple[float, float], ...]
+PointKind = Literal["material", "silhouette"]
 
 
 def polygon_area(corners: Polygon) -> float:
@@ -34,11 +35,13 @@ class Garment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     are the ends of the held edge, left and right. No other side lies wholly higher.
     `held` names the part that the hanger holds: the whole top `edge` (a clamp bar) or its two end `corners` (clips).
 
-    Version 2 adds three fields:
+    Version 2 adds four fields:
 
     - `holes_m`: polygons cut out of the outline
     - `seams`: sides along which a back of the same shape is sewn on, each as two neighbouring corners counted from 0
     - `grain_degrees`: the turn of the threads against x and y, anticlockwise; 45 is cut on the bias
+    - `points_are`: `material` for points that stay on the cloth (markers), `silhouette` for points found in its outline
+      (corners, a grid, a contour); the default depends on the kind of garment (`point_kind`)
     """
 
     format: Literal["hangtime-garment/1", "hangtime-garment/2"]
@@ -52,11 +55,17 @@ class Garment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     holes_m: tuple[Polygon, ...] = ()
     seams: tuple[tuple[int, int], ...] = ()
     grain_degrees: float = 0.0
+    points_are: PointKind | None = None
 
     @property
     def area_m2(self) -> float:
         """Area of the flat outline less its holes [m^2]."""
         return polygon_area(self.outline_m) - sum(polygon_area(hole) for hole in self.holes_m)
+
+    @property
+    def point_kind(self) -> PointKind:
+        """Return what the tracked points are: as stated, else markers on a swatch and a silhouette's on other kinds."""
+        return self.points_are or ("material" if self.kind == "swatch" else "silhouette")
 
     @property
     def areal_density(self) -> float:

@@ -71,6 +71,25 @@ class ObjectiveFigure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     parts: dict[str, Interval] = {}
 
 
+class CameraFinding(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What a camera made of some takes, found before anything was fitted.
+
+    name: latency, publish_time, frame_shifts, clocks, skewed_grids, held_edge, sliding_points, hanger_gap, points_are
+    figure, interval: its size in `unit`, and the 90 % interval
+    is_fault: whether the takes or the garment file must be mended; is_left: whether it was left in; everything else was
+    taken out
+    """
+
+    name: str
+    take_ids: list[str]
+    unit: str
+    sentence: str
+    figure: float | None = None
+    interval: Interval | None = None
+    is_fault: bool = False
+    is_left: bool = False
+
+
 class FitResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The result of a fit."""
 
@@ -94,6 +113,7 @@ class FitResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     engine: str = "own"  # who simulated
     take_contents: list[str] = []  # sha256 of what each take fitted to held
     layers: int = 1  # of fabric, one on the other, that were fitted as one
+    camera: list[CameraFinding] = []
 
 
 class Figure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -267,6 +287,7 @@ class Diagnosis(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     notes: list[str]
     alternatives: dict[str, list[str]] = {}
     take_contents: list[str] = []  # sha256 of what each take fitted to held
+    camera: list[CameraFinding] = []
 
 
 Result = TypeVar("Result", FitResult, Diagnosis)

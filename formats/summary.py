@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from formats.garment import PointKind
 from formats.missing import missing_words
 from formats.motion import kind_of
 from formats.plain_text import plain
@@ -27,6 +28,10 @@ STATE_NAMES = {
     FrameState.TOO_FAR: "too far",
     FrameState.VIEW_BLOCKED: "view blocked",
     FrameState.WRONG_SIZE: "wrong picture size",
+}
+POINT_WORDS: dict[PointKind, str] = {
+    "material": "material points, which stay on the cloth",
+    "silhouette": "points of a silhouette, which slide over the cloth",
 }
 
 
@@ -66,6 +71,7 @@ def summarise(take: Take) -> dict[str, Any]:
         "motion": kind_of(take),
         "hanger_travel_mm": [round(1e3 * float(s), 1) for s in swing],
         "pitch_seen_percent": 0.0 if take.pitch is None else round(100 * float(np.isfinite(take.pitch).mean()), 1),
+        "points_are": take.garment.point_kind,
         "points": points,
         "quality": round(float(np.median(quality)), 2) if quality.size else None,
         "surface_scans": len(take.scans),
@@ -104,6 +110,7 @@ def describe(summary: dict[str, Any]) -> str:
         f"travels {' x '.join(f'{t:.0f}' for t in s['hanger_travel_mm'])} mm",
         f"motion    {s['motion']}",
     ]
+    lines.append(f"tracked   {POINT_WORDS[s['points_are']]}")
     points = s["points"]
     if len(points) <= 12:
         for p in points:

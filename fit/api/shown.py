@@ -30,7 +30,7 @@ def fit_tables(result: FitResult) -> list[Table]:
         tables.append(Table(heads=heads, rows=rows))
     if warnings:
         tables[1] = Table(heads=tables[1].heads, rows=tables[1].rows, remarks=warnings)
-    return tables
+    return [*camera_table(result), *tables]
 
 
 def diagnosis_tables(diagnosis: Diagnosis, added: tuple[str, ...] = ()) -> list[Table]:
@@ -43,7 +43,12 @@ def diagnosis_tables(diagnosis: Diagnosis, added: tuple[str, ...] = ()) -> list[
     if diagnosis.next_experiment is not None:
         remarks.append(diagnosis.next_experiment.sentence)
     remarks += [note for note in diagnosis.notes if note.startswith("Warning:")]
-    return [Table(remarks=tuple(remarks))]
+    return [*camera_table(diagnosis), Table(remarks=tuple(remarks))]
+
+
+def camera_table(result: FitResult | Diagnosis) -> list[Table]:
+    """Return what a camera made of the takes, as sentences; nothing where it made nothing of them."""
+    return [Table(remarks=tuple(f"Camera: {found.sentence}" for found in result.camera))] if result.camera else []
 
 
 def effect_table(diagnosis: Diagnosis) -> Table:

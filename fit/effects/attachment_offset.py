@@ -18,18 +18,9 @@ from typing import ClassVar
 import numpy as np
 
 from fit.cloth.effect import Curve, Effect
+from fit.recordings.hanger_path import hanger_axes
 from fit.recordings.recording import Recording
 from formats.arrays import Floats
-
-
-def hanger_axes(ends: Floats) -> Floats:
-    """Return the hanger's axes, (n, 3, 3), columns x (along the bar), y (down), z, from held ends (n, 6)."""
-    x = ends[:, 3:] - ends[:, :3]
-    x = x / np.linalg.norm(x, axis=1, keepdims=True)
-    down = np.array([0.0, 0.0, -1.0])
-    y = down - (x @ down)[:, None] * x
-    y = y / np.linalg.norm(y, axis=1, keepdims=True)
-    return np.stack([x, y, np.cross(x, y)], 2)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from typing import ClassVar
 import numpy as np
 
 from fit.cloth.effect import Curve, Effect
-from fit.effects.attachment_offset import hanger_axes
+from fit.recordings.hanger_path import hanger_axes
 from fit.recordings.recording import Recording
 from formats.arrays import Floats
 

@@ -31,6 +31,7 @@ from fit.methods import SI, Parameterisation
 from fit.observer.edge import is_edge_explained
 from fit.observer.residuals import Observer
 from fit.provenance import physics_version
+from fit.recordings.camera_findings import camera_clause, describe_camera
 from fit.recordings.geometry import check_geometry
 from fit.recordings.intact import describe_missing
 from fit.recordings.recording import Recording, prepare_together
@@ -147,13 +148,17 @@ def diagnose(
     notes += describe_missing([*training, *held_out])
     if verdict.verdict == "ambiguous" and proposal is None:
         notes.append("No motion of the menu would tell apart what is named by a standard deviation more than these.")
+    camera = describe_camera(train + test)
     diagnosis = Diagnosis(
         format="hangtime-diagnosis/1",
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         take_ids=[t.take_id for t in training],
         held_out_ids=[t.take_id for t in held_out],
         verdict=verdict.verdict,  # type: ignore[arg-type]
-        sentence=verdict.sentence + edge_driven.sentence(evidence, by_edge) + described.left_out(effects, LIBRARY),
+        sentence=verdict.sentence
+        + edge_driven.sentence(evidence, by_edge)
+        + described.left_out(effects, LIBRARY)
+        + camera_clause(camera),
         named=verdict.named,
         gap=described.describe_gap(evidence, best, by_edge),
         effects=described.describe_effects(evidence, best, effects, model),
@@ -166,6 +171,7 @@ def diagnose(
         notes=notes,
         alternatives=verdict.alternatives,
         take_contents=takes.contents,
+        camera=camera,
     )
     progress("done", 1.0)
     return Findings(

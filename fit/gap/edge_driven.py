@@ -24,8 +24,9 @@ from fit.gap.evidence import Evidence
 from fit.gap.fitting import Fitted, Task, fit
 from fit.gap.hypotheses import Hypothesis, judged
 from fit.observer.residuals import Observer
+from fit.recordings.hanger_path import check_path
 from fit.recordings.held_edge import place_along
-from fit.recordings.recording import Recording, check_path
+from fit.recordings.recording import Recording
 from fit.recordings.smoothing import best_cut_off
 from formats.take import LONGEST_GAP
 
@@ -88,4 +89,4 @@ def driven_by_edge(recording: Recording) -> Recording | None:
         return None
     every = np.full((len(recording.time), 6), np.nan)
     every[seen] = ends
-    return replace(recording, held_cut_off=best_cut_off(recording.time[seen], ends)).with_held(every)
+    return replace(recording, held_cut_off=best_cut_off(recording.time[seen], ends)).with_held(every, recording.time)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from fit.effects.attachment_offset import hanger_axes
 from fit.gap.fitting import Fitted
 from fit.observer.residuals import Observer
+from fit.recordings.hanger_path import hanger_axes
 from fit.recordings.impossible_points import MOST_LEFT_OUT, describe_impossible
+from fit.recordings.point_kind import describe_contradiction
 from fit.recordings.recording import Recording
 from formats.arrays import Floats
 from formats.results import Gate
@@ -38,9 +39,11 @@ def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gat
     repeated = max(_repeated(r) for r in every)
     impossible = max(r.impossible for r in every)
     guessed = sum(not r.is_calibrated for r in every)
+    imported = sum(r.is_imported for r in every)
+    contradiction = describe_contradiction(every[0].garment, every)
     return [
         Gate(name="calibration", passed=guessed == 0, figure=guessed, limit=0.0, unit="takes",
-             sentence="Gravity, depth and where the garment is held are measured." if guessed == 0 else
+             sentence=_measured(imported) if guessed == 0 else
              f"The rig of {guessed} takes was never measured, so that a wrong number in it would pass for an effect: "
              "run `hangtime calibrate` and record with the rig that it writes."),
         Gate(name="length", passed=shortest >= SHORTEST, figure=shortest, limit=SHORTEST, unit="s",
@@ -58,7 +61,19 @@ def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gat
              f"{100 * MOST_REPEATED:.0f} % may: record with a tracker that leaves out what it did not see."),
         Gate(name="impossible points", passed=impossible <= MOST_LEFT_OUT, figure=100 * impossible,
              limit=100 * MOST_LEFT_OUT, unit="%", sentence=describe_impossible(impossible)),
+        Gate(name="kind of points", passed=not contradiction, figure=None, limit=None, unit="",
+             sentence=contradiction or f"Nothing contradicts {every[0].garment.point_kind} points."),
     ]  # fmt: skip
+
+
+def _measured(imported: int) -> str:
+    """Say who measured gravity, depth and the held edge of takes, so many of which were imported."""
+    if imported == 0:
+        return "Gravity, depth and where the garment is held are measured."
+    return (
+        f"Gravity, depth and where the garment is held are as {imported} imported takes state them; nobody measured "
+        "them here."
+    )
 
 
 def _noise(recording: Recording) -> float:

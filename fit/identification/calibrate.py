@@ -34,6 +34,7 @@ from fit.identification.saved_search import SavedSearch
 from fit.methods import distance as objective
 from fit.observer.residuals import BLOCK
 from fit.provenance import physics_version
+from fit.recordings.camera_findings import describe_camera
 from fit.recordings.geometry import check_geometry
 from fit.recordings.impossible_points import describe_impossible
 from fit.recordings.intact import describe_missing
@@ -201,7 +202,9 @@ def calibrate(
     run = _least_squares if request.search in OBSERVED else _ask_and_tell
     found = run(model, request, saved, progress)
     result = _result(model, judge, found, contents=contents, seconds=saved.seconds)
-    return msgspec.structs.replace(result, notes=[*result.notes, *describe_missing([*training, *held_out])])
+    return msgspec.structs.replace(
+        result, notes=[*result.notes, *describe_missing([*training, *held_out])], camera=describe_camera(train + test)
+    )
 
 
 @dataclass(frozen=True)

@@ -228,7 +228,7 @@ def has_static(recording: Recording) -> bool:
     """Return whether the points are material points: their constant offset from the simulation is a model-form
     error.
     """
-    return recording.garment.kind == "swatch"
+    return recording.has_material_points
 
 
 def _deviations(recording: Recording) -> Floats:

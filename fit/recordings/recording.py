@@ -9,29 +9,27 @@ for hand-made motion, within 0.1 % at 1 Hz. So sensor noise does not become acce
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from fit.errors import DriveError, FitError
+from fit.errors import FitError
 from fit.recordings.bodies import Body, capsule, half_space, sphere
+from fit.recordings.camera import Camera, edge_shown, in_place, retimed, straightened
+from fit.recordings.hanger_path import check_path, gaps_of, held_curve, is_known, led_across
 from fit.recordings.held_edge import FEWEST_FRAMES, HeldEdge, place_along
 from fit.recordings.impossible_points import MOST_LEFT_OUT, find_impossible
 from fit.recordings.intact import longest_intact
-from fit.recordings.smoothing import best_cut_off, smoothing_spline, steady_spline
+from fit.recordings.smoothing import best_cut_off, smoothing_spline
 from formats.arrays import Booleans, Floats
 from formats.garment import Garment
 from formats.rig import Rig, Vector
-from formats.take import LONGEST_GAP, Take
+from formats.take import Take
 
 Curve = Callable[[Floats], Floats]
 
-FASTEST_HANGER = 8.0  # m/s, twice what a hand can do with a hanger
-HARDEST_PULL = 150.0  # m/s^2, 15 times gravity
-OUTLYING = 10.0  # times what a path's noise is in the median, stated deviations may be too small
 ON_EDGE = 0.02  # of the points' height, within which of the held edge, or of a clip, one moves with the hanger
-NO_HAND = "no hand moves like that: check the markers' ids and the depth there"
 FEWEST_PLACES = 8  # of a point, below which it has no curve
 # The constant offset of a tracked point from its material point, per axis [m]. For a marker: glue, and the choice of
 # the marker's middle. For a corner in a silhouette: tracking of synthetic swatches (`benchmarks/tracking.py`, "constant
@@ -60,7 +58,8 @@ class Recording:
     - `points` [m], (frames, points, 3), NaN where not valid
     - `point_sd` [m], (points,): per axis, root mean square
     - `held`: maps (n,) instants [s] to (n, 6), left and right end of the held edge [m]
-    - `held_seen` [m], (frames, 6): the measured ends, NaN where not seen
+    - `held_seen` [m], (sights, 6): the measured ends, NaN where not seen
+    - `held_time` [s], (sights,): of the measured ends, on the clock of `time`; None: `time` itself
     - `held_sd` [m]: stated, per axis
     - `held_cut_off` [Hz]: of the path's spline
     - `target_curves`: per point, maps (n,) instants to (n, 6), place [m] and velocity [m/s]
@@ -72,8 +71,12 @@ class Recording:
     - `held_error` [m]: constant error of the held ends on the hanger, per axis, if the rig states one
     - `offset_sd` [m]: constant offset of a point from its material point, per axis
     - `is_calibrated`: false for a sensor whose rig nobody measured (`hangtime calibrate`)
+    - `is_imported`: gravity and held edge are as an imported file states them
     - `bodies`: the standing bodies near the cloth, in the world frame
     - `impossible`: share of the points' sightings where the cloth cannot be (`fit.recordings.impossible_points`)
+    - `camera`: the camera's faults that were taken out (`fit.recordings.camera`)
+    - `raw_points` [m], (frames, points, 3): points before they got their material places; None: `points`
+    - `gaps` [s]: begin and end of each stretch in which the hanger was lost for too long to know its path
     """
 
     take_id: str
@@ -95,8 +98,23 @@ class Recording:
     held_error: float = 0.0
     offset_sd: float = MARKER_OFFSET
     is_calibrated: bool = True
+    is_imported: bool = False
     impossible: float = 0.0
     bodies: tuple[Body, ...] = ()
+    held_time: Floats | None = None
+    camera: Camera = field(default_factory=Camera)
+    raw_points: Floats | None = None
+    gaps: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def has_material_points(self) -> bool:
+        """Whether a constant offset of its points from the simulation is an error of the model."""
+        return self.garment.point_kind == "material" or self.camera.is_placed
+
+    @property
+    def seen_points(self) -> Floats:
+        """Points as they were tracked [m], (frames, points, 3), NaN where not valid, not moved along the cloth."""
+        return self.points if self.raw_points is None else self.raw_points
 
     @property
     def counted(self) -> Booleans:
@@ -131,10 +149,14 @@ class Recording:
         """Return the same recording with other points, (frames, points, 3), their curves fitted anew."""
         return replace(self, points=points, target_curves=_target_curves(self.time, points, self.valid), windows=None)
 
-    def with_held(self, held_seen: Floats) -> Recording:
-        """Return the same recording with other measured ends of the held edge, (frames, 6), their path fitted anew."""
-        path = _held_curve(self.time, held_seen, self.held_cut_off)
-        return replace(self, held_seen=held_seen, held=path)
+    def with_held(self, held_seen: Floats, held_time: Floats | None = None) -> Recording:
+        """Return the same recording with other measured ends of the held edge, (n, 6), their path fitted anew.
+
+        held_time [s], (n,): when that was, if not when the recording's own ends were measured
+        """
+        when = self.held_time if held_time is None else held_time
+        path = held_curve(self.time if when is None else when, held_seen, self.held_cut_off)
+        return replace(self, held_seen=held_seen, held_time=when, held=path)
 
 
 def world_from_sensor(gravity: tuple[float, float, float]) -> Floats:
@@ -152,10 +174,12 @@ def world_from_sensor(gravity: tuple[float, float, float]) -> Floats:
 def prepare(take: Take) -> Recording:
     """Turn a take into a recording that can be simulated, from the first to the last sight of the hanger.
 
-    Of a take with holes only the longest intact stretch is used.
+    Of a take with holes only the longest intact stretch is used. Where the hanger is lost for longer than its path can
+    be known, both sides are used, and the cloth is not judged until it has forgotten what nobody saw. What a camera
+    makes of cloth is taken out (`fit.recordings.camera`).
 
     Raises:
-        DriveError: the hanger's path has a gap or a jump, or is hardly seen.
+        DriveError: the hanger's path has a jump, or is hardly seen.
         FitError: too few frames or points, or a body of the rig that the held edge passes through.
     """
     take = longest_intact(take)
@@ -168,9 +192,10 @@ def prepare(take: Take) -> Recording:
     rotation = world_from_sensor(take.rig.gravity)
     held_valid = np.asarray(take.held_valid.all(1) & np.isfinite(take.held).all((1, 2)))
     held_seen = np.where(held_valid[:, None], (take.held @ rotation.T).reshape(len(take.time), 6), np.nan)
-    check_path(take.take_id, (take.time - take.time[0])[held_valid], held_seen[held_valid])
+    check_path(take.take_id, (take.time - take.time[0])[held_valid], held_seen[held_valid], is_whole=False)
     kept = _within_sight(held_valid)
-    time, held_valid, held_seen = take.time[kept] - take.time[kept][0], held_valid[kept], held_seen[kept]
+    clock, held_valid, held_seen = take.time[kept] - take.time[kept][0], held_valid[kept], held_seen[kept]
+    gaps = gaps_of(clock[held_valid])
     points = take.points[kept] @ rotation.T
     valid = take.points_valid[kept] & np.isfinite(take.points[kept]).all(2)
     places = np.array([p.at_m for p in take.garment.points])
@@ -178,33 +203,53 @@ def prepare(take: Take) -> Recording:
     impossible = float(cannot_be.sum() / max(valid.sum(), 1))
     if impossible <= MOST_LEFT_OUT:
         valid &= ~cannot_be
+    seen_sd = np.where(valid[..., None], take.points_sd[kept], np.nan)
+    valid &= is_known(clock, gaps)[:, None]
     on_edge = _is_held(take.garment, places)
     judged = ~on_edge if (~on_edge).sum() >= 3 else np.ones(len(places), bool)
+    with np.errstate(invalid="ignore"):
+        point_sd = np.sqrt(np.array([np.nanmean(seen_sd[:, k] ** 2) if np.isfinite(seen_sd[:, k]).any() else 0.0
+                                     for k in range(points.shape[1])]))  # fmt: skip
+    held_sd = float(np.sqrt(np.mean(take.held_sd[kept][held_valid] ** 2)))
+    cut_off = best_cut_off(*led_across(clock[held_valid], held_seen[held_valid]))
+    path = held_curve(clock, held_seen, cut_off)
+    frames = straightened(
+        retimed(clock, np.where(valid[..., None], points, np.nan), path, take.garment, on_edge,
+                is_one_clock=take.rig.hanger is not None), take.garment,
+    )  # fmt: skip
+    camera = frames.camera
+    if (edge := edge_shown(frames, path, take.garment)) is not None:
+        held_seen, camera = edge.of(held_seen), replace(camera, edge=edge)
+        path = held_curve(clock, held_seen, cut_off)
+    at_place = in_place(frames, path, take.garment)
+    first = frames.time[0]
+    time, held_time = frames.time - first, clock - first
+    gaps = [(begin - first, end - first) for begin, end in gaps]
+    seen = frames.points if at_place is None else at_place
+    seen = np.where(is_known(time, gaps)[:, None, None], seen, np.nan)
+    valid = np.asarray(np.isfinite(seen).all(2))
     if valid[:, judged].sum() < FEWEST_FRAMES:
         raise FitError(
             "hardly any point of the garment below the held edge was seen",
             where=take.take_id,
             advice="check with `hangtime takes show`, then record again with all of the garment in view",
         )
-    seen_sd = np.where(valid[..., None], take.points_sd[kept], np.nan)
-    with np.errstate(invalid="ignore"):
-        point_sd = np.sqrt(np.array([np.nanmean(seen_sd[:, k] ** 2) if valid[:, k].any() else 0.0
-                                     for k in range(points.shape[1])]))  # fmt: skip
-    held_sd = float(np.sqrt(np.mean(take.held_sd[kept][held_valid] ** 2)))
-    cut_off = best_cut_off(time[held_valid], held_seen[held_valid])
-    held = _held_curve(time, held_seen, cut_off)
-    seen = np.where(valid[..., None], points, np.nan)
-    edge = HeldEdge(time, seen[:, on_edge], places[on_edge, 0], held)
-    turn, turn_rms = edge.turn()
+    held = held_curve(held_time, held_seen, cut_off)
+    on_row = HeldEdge(time, seen[:, on_edge], places[on_edge, 0], held)
+    turn, turn_rms = on_row.turn()
+    is_marker = take.rig.sensor is None and take.garment.point_kind == "material"
     return Recording(
         take_id=take.take_id, garment=take.garment, time=time, points=seen,
         valid=valid, point_sd=point_sd, held_sd=held_sd, held=held, held_seen=held_seen, held_cut_off=cut_off,
-        target_curves=_target_curves(time, points, valid), edge_turn=turn, turn_rms=_or_one(turn_rms),
-        slip_at=edge.slip_at(),
+        target_curves=_target_curves(time, seen, valid), edge_turn=turn, turn_rms=_or_one(turn_rms),
+        slip_at=on_row.slip_at(),
         judged=judged, held_error=_held_error(take.rig),
-        offset_sd=MARKER_OFFSET if take.rig.sensor is None else SILHOUETTE_OFFSET,
+        offset_sd=MARKER_OFFSET if is_marker else SILHOUETTE_OFFSET,
         is_calibrated=take.rig.sensor is None or take.rig.calibration is not None, impossible=impossible,
-        bodies=_bodies(take, rotation, held_seen[held_valid]),
+        is_imported=take.rig.sensor is None and take.rig.calibration is None,
+        bodies=_bodies(take, rotation, held_seen[held_valid]), held_time=held_time,
+        camera=replace(camera, is_placed=at_place is not None),
+        raw_points=None if at_place is None else frames.points, gaps=tuple(gaps),
     )  # fmt: skip
 
 
@@ -281,70 +326,6 @@ def _within_sight(held_valid: Booleans) -> slice:
     """Frames from the first to the last sight of the hanger: before and after it is fetched and put away."""
     seen = np.flatnonzero(held_valid)
     return slice(int(seen[0]), int(seen[-1]) + 1)
-
-
-def check_path(name: str, seen: Floats, places: Floats) -> None:
-    """Check that the held ends' path can be followed, from when and where they were seen, (n,) [s] and (n, 6) [m].
-
-    Raises:
-        DriveError: they were seen in too few frames, are lost for too long, or jump.
-    """
-    if len(seen) < FEWEST_FRAMES:
-        raise DriveError(
-            f"the hanger was seen in {len(seen)} frames only",
-            where=name,
-            advice="keep both markers in view; check with `hangtime takes show`",
-        )
-    gaps = np.diff(seen)
-    if gaps.max() > LONGEST_GAP:
-        at = seen[int(np.argmax(gaps))]
-        raise DriveError(
-            f"the hanger is lost for {gaps.max():.2f} s at {at:.2f} s",
-            where=name,
-            advice=f"gaps above {LONGEST_GAP} s cannot be bridged; record again with both markers in view",
-        )
-    speed = np.linalg.norm(np.diff(places.reshape(-1, 2, 3), axis=0), axis=2) / np.diff(seen)[:, None]
-    if speed.max() > FASTEST_HANGER:
-        at = seen[int(np.argmax(speed.max(1)))]
-        raise DriveError(
-            f"the hanger jumps at {at:.2f} s ({speed.max():.0f} m/s)",
-            where=name,
-            advice=NO_HAND,
-        )
-    pull, most = _accelerations(seen, places.reshape(-1, 2, 3))
-    jumps = np.flatnonzero((pull > most).any(1))
-    if len(jumps):
-        first = int(jumps[0])
-        raise DriveError(
-            f"the hanger jumps at {seen[1 + first]:.2f} s ({pull[first].max():.0f} m/s2)", where=name, advice=NO_HAND
-        )
-
-
-def _accelerations(seen: Floats, places: Floats) -> tuple[Floats, Floats]:
-    """Return how hard both ends are accelerated from frame to frame, and the most that can be, (n - 2, 2) [m/s^2].
-
-    seen [s], (n,); places [m], (n, 2, 3). Noise counts for more between close frames. A second difference of places
-    over h1 and h2 seconds has a multiple of their deviation:
-
-        2 / (h1 + h2) sqrt(1/h1^2 + (1/h1 + 1/h2)^2 + 1/h2^2)
-    """
-    before, after = np.diff(seen)[:-1, None], np.diff(seen)[1:, None]
-    slopes = np.diff(places, axis=0) / np.diff(seen)[:, None, None]
-    pull = 2 * np.linalg.norm(np.diff(slopes, axis=0), axis=2) / (before + after)
-    gain = 2 / (before + after) * np.sqrt(1 / before**2 + (1 / before + 1 / after) ** 2 + 1 / after**2)
-    return pull, np.hypot(HARDEST_PULL, OUTLYING * gain * np.median(pull / gain, axis=0))
-
-
-def _held_curve(time: Floats, held_seen: Floats, cut_off: float) -> Curve:
-    valid = np.isfinite(held_seen[:, 0])
-    splines = steady_spline(time[valid], held_seen[valid], cut_off)
-    first, last = time[valid][0], time[valid][-1]
-
-    def held_at(instants: Floats) -> Floats:
-        inside = np.clip(instants, first, last)
-        return np.asarray(splines(inside))
-
-    return held_at
 
 
 def _target_curves(time: Floats, points: Floats, valid: Booleans) -> tuple[Curve, ...]:

@@ -21,6 +21,7 @@ MOTION_BUDGET = 1_700_000  # bytes of it for motion
 SECTIONS = (  # anchor, name in the contents, title
     ("gap", "The gap", "The gap"), ("motion", "Motion", "Real against simulated motion"),
     ("errors", "Error over time", "Error over time"), ("parameters", "Parameters", "Fitted parameters"),
+    ("camera", "Camera", "What the camera made of the cloth"),
     ("method", "Before and after", "Before and after"), ("effects", "Effects", "Effects considered"),
     ("where", "Where", "Where the gap lies"), ("force", "Missing force", "What the missing force looks like"),
     ("next", "Record next", "What to record next"), ("gates", "Checks", "Checks"), ("cost", "Cost", "Cost and origin"),
@@ -60,6 +61,7 @@ def render_report(*, fit: FitResult | None, diagnosis: Diagnosis | None, motions
         "motion": sections.player(motions, shown, note),
         "errors": sections.errors(fit, motions, shown),
         "parameters": sections.parameters(fit, diagnosis),
+        "camera": sections.camera(fit, diagnosis),
         "method": sections.method(fit),
         "effects": sections.effects(diagnosis),
         "where": sections.where(diagnosis),

@@ -97,6 +97,15 @@ def parameters(fit: FitResult | None, diagnosis: Diagnosis | None) -> Markup:
     return NOTHING.join(parts)
 
 
+def camera(fit: FitResult | None, diagnosis: Diagnosis | None) -> Markup:
+    """Return what a camera made of the takes, found before anything was fitted."""
+    found = next((record.camera for record in (diagnosis, fit) if record is not None and record.camera), [])
+    if not found:
+        return NOTHING
+    intro = "Found from the points, the held row and the hanger's path alone, before any cloth was simulated."
+    return lead(intro) + piece("parts.html", "notes", [one.sentence for one in found])
+
+
 def method(fit: FitResult | None) -> Markup:
     """Return errors, objective and identified combinations before and after the fit."""
     return method_figures(fit)

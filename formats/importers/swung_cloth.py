@@ -3,10 +3,12 @@
 Each take is one `.npz` file with these arrays:
 
 - `t` [s], (frames,)
-- `points` [m], (frames, 64, 3): an 8 x 8 grid, z up
-- `valid`, (frames, 64)
+- `points` [m], (frames, points, 3): a whole grid, z up; 8 x 8 in the public recordings
+- `valid`, (frames, points)
 - `hanger_corners` [m], (frames, 2, 3): the two held corners
-- `rest` [m], (64, 2): places on the flat cloth
+- `rest` [m], (points, 2): places on the flat cloth
+
+The points are those of a silhouette, which slide over the cloth.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,24 +31,32 @@ from formats.rig import Rig
 from formats.take import Take
 
 MOST_BYTES = 1 << 28  # of all arrays: twenty hours at 9 frames a second are half of it
-FRAMES = -1  # as many as there are times
+FRAMES, POINTS = -1, -2  # as many as there are times, and places on the flat cloth
 SHAPES: dict[str, tuple[int, ...]] = {
-    "t": (FRAMES,), "points": (FRAMES, 64, 3), "valid": (FRAMES, 64), "hanger_corners": (FRAMES, 2, 3), "rest": (64, 2),
+    "t": (FRAMES,), "points": (FRAMES, POINTS, 3), "valid": (FRAMES, POINTS), "hanger_corners": (FRAMES, 2, 3),
+    "rest": (POINTS, 2),
 }  # fmt: skip
+FEWEST_POINTS = 9  # of a grid
+SAME_LINE = 1e-3  # m within which places are of one row or column
 MEDIAN_DENSITY = 0.197  # kg/m^2, median of 618 fabrics, ClothDrapeTester (SIGGRAPH Asia 2022)
+MASS_NOTE = "not recorded; the garment's weight is that of the median of 618 fabrics"
+DESCRIBED_WITHIN = 2e-3  # m between a described point and its place in the grid
 POINT_SD = (0.0028, 0.0019, 0.0028)  # m, static noise measured on these recordings
 HELD_SD = 0.002  # m, stated by us: the robot's pose is better than the fitted offset to the corners
 WHAT_TO_GIVE = "give marker paths (.c3d, .trc, .csv, .tsv) or a swung-cloth .npz, see docs/reference/file-formats.md"
 
 
-def import_swung_cloth(path: Path, *, anyway: bool | None = None) -> Take:
+def import_swung_cloth(path: Path, described: Garment | None = None, *, anyway: bool | None = None) -> Take:
     """Return the take in one `.npz` file.
+
+    described: a garment of known weight and name, with the outline and the tracked places of the file in any order and
+    from any origin
 
     anyway: accept times that no camera has; None: refuse them, and name no option for it
 
     Raises:
-        TakeError: the file is missing or is no such recording, or its time does not increase or is not in
-            seconds.
+        TakeError: the file is missing or is no such recording, its time does not increase or is not in
+            seconds, or it is of another garment than the described one.
     """
     data = _load(path)
     if not anyway:
@@ -59,14 +70,20 @@ def import_swung_cloth(path: Path, *, anyway: bool | None = None) -> Take:
     held = _left_first(data["hanger_corners"].astype(float), points, valid, rest)
     held_valid = np.isfinite(held).all(2)
     half = width / 2
-    garment = Garment(
-        format="hangtime-garment/1", name="swung cloth", kind="swatch",
+    order = np.arange(len(rest))
+    garment = described or Garment(
+        format="hangtime-garment/2", name="swung cloth", kind="swatch", points_are="silhouette",
         mass_kg=round(MEDIAN_DENSITY * width * height, 6),
         outline_m=((-half, 0.0), (half, 0.0), (half, -height), (-half, -height)), held="edge",
         points=tuple(
-            TrackedPoint(name=f"row{k // 8}_column{k % 8}", at_m=(float(x), float(y))) for k, (x, y) in enumerate(rest)
+            TrackedPoint(name=name, at_m=(float(x), float(y))) for name, (x, y) in zip(_names(rest), rest, strict=True)
         ),
     )  # fmt: skip
+    if described is not None:
+        order = _places_of(described, rest, path)
+        if described.points_are is None:
+            garment = msgspec.structs.replace(described, format="hangtime-garment/2", points_are="silhouette")
+    points, valid = points[:, order], valid[:, order]
     return Take(
         take_id=path.stem,
         created=datetime.fromtimestamp(path.stat().st_mtime, UTC).isoformat(timespec="seconds"),
@@ -83,10 +100,49 @@ def import_swung_cloth(path: Path, *, anyway: bool | None = None) -> Take:
         markers=held,
         source=f"{path.name}, re-packed from Alados5/tfm_matlab",
         notes={
-            "mass": "not recorded; the garment's weight is that of the median of 618 fabrics",
+            **({} if described is not None else {"mass": MASS_NOTE}),
             "points": "a re-gridded silhouette, not material markers: edges are eaten, corners jump",
         },
     )
+
+
+def _places_of(garment: Garment, rest: NDArray[Any], path: Path) -> NDArray[Any]:
+    """Return which place on the flat cloth each described point is, (points,).
+
+    Raises:
+        TakeError: the garment is held otherwise, has another outline, or a point where the file has none.
+    """
+    origin = np.mean(garment.outline_m[:2], axis=0)
+    outline = np.array(garment.outline_m) - origin
+    advice = "describe the grid of the file, or leave out --garment"
+    if garment.held != "edge" or np.abs(np.ptp(outline, axis=0) - np.ptp(rest, axis=0)).max() > DESCRIBED_WITHIN:
+        width, height = np.ptp(rest, axis=0)
+        raise TakeError(
+            f"its cloth is {width:g} m x {height:g} m and held along its top edge, the described garment is not",
+            where=path, advice=advice,
+        )  # fmt: skip
+    apart = np.linalg.norm((np.array([p.at_m for p in garment.points]) - origin)[:, None] - rest, axis=2)
+    astray = np.flatnonzero(apart.min(1) > DESCRIBED_WITHIN)
+    if len(astray):
+        raise TakeError(
+            f"it has no point where the described garment has {garment.points[int(astray[0])].name!r}", where=path,
+            advice=advice,
+        )  # fmt: skip
+    return np.asarray(apart.argmin(1))
+
+
+def _names(rest: NDArray[Any]) -> list[str]:
+    """Name the places of a grid by row, from the bottom, and column, from the left."""
+    row, column = (_line(rest[:, axis]) for axis in (1, 0))
+    return [f"row{r}_column{c}" for r, c in zip(row, column, strict=True)]
+
+
+def _line(values: NDArray[Any]) -> list[int]:
+    """Number the lines that values lie on, the smallest first."""
+    order = np.argsort(values, kind="stable")
+    number = np.empty(len(values), int)
+    number[order] = np.cumsum(np.diff(values[order], prepend=values[order][:1]) > SAME_LINE)
+    return [int(n) for n in number]
 
 
 def _left_first(held: NDArray[Any], points: NDArray[Any], valid: NDArray[Any], rest: NDArray[Any]) -> NDArray[Any]:
@@ -135,9 +191,11 @@ def _refuse_a_bomb(file: BinaryIO, path: Path) -> None:
 
 def _check_arrays(data: dict[str, NDArray[Any]], path: Path) -> None:
     """Refuse shapes and kinds that are not those of `SHAPES`, and times that do not increase."""
-    frames = len(data["t"]) if data["t"].ndim else 0
+    counts = {FRAMES: len(data["t"]) if data["t"].ndim else 0}
+    counts[POINTS] = data["points"].shape[1] if data["points"].ndim == 3 else 0
+    frames = counts[FRAMES]
     for name, shape in SHAPES.items():
-        found, needed = data[name].shape, tuple(frames if size == FRAMES else size for size in shape)
+        found, needed = data[name].shape, tuple(counts.get(size, size) for size in shape)
         if found != needed:
             raise TakeError(f"the array {name!r} has shape {found}, not {needed}", where=path, advice=WHAT_TO_GIVE)
         if data[name].dtype.kind not in "biuf":
@@ -154,6 +212,13 @@ def _check_arrays(data: dict[str, NDArray[Any]], path: Path) -> None:
             raise TakeError(
                 f"the array {name!r} has places beyond {FARTHEST:g} m", where=path, advice="export it in metres"
             )
+    lines = [_line(data["rest"][:, axis].astype(float)) for axis in (1, 0)]
+    size = int(np.prod([max(line, default=-1) + 1 for line in lines]))
+    if not len(set(zip(*lines, strict=True))) == size == counts[POINTS] >= FEWEST_POINTS:
+        raise TakeError(
+            f"its {counts[POINTS]} places on the flat cloth ('rest') are no whole grid", where=path,
+            advice=f"give every place once, {FEWEST_POINTS} or more of them, rows and columns along x and y",
+        )  # fmt: skip
     time = data["t"].astype(float)
     wrong = np.flatnonzero(~np.isfinite(time) | ~np.concatenate([[True], time[1:] > time[:-1]]))
     if len(wrong):

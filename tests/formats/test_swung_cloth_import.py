@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
+from formats.archive import read_take
+from formats.descriptions import dump_description, load_garment
 from formats.errors import TakeError
 from formats.importers.swung_cloth import import_swung_cloth
 from tests.formats.test_command_line import hangtime, swung_cloth
@@ -44,6 +47,8 @@ def with_value(place, value):
         ({"valid": lambda valid: valid[:, :9]}, r"the array 'valid' has shape \(40, 9\), not \(40, 64\)"),
         ({"hanger_corners": lambda held: held[:, 0]}, r"'hanger_corners' has shape \(40, 3\), not \(40, 2, 3\)"),
         ({"rest": lambda rest: rest[:8]}, r"the array 'rest' has shape \(8, 2\), not \(64, 2\)"),
+        ({"rest": with_value((5, 1), 0.02)}, r"its 64 places on the flat cloth \('rest'\) are no whole grid"),
+        ({"rest": with_value(5, 0.0)}, r"its 64 places on the flat cloth \('rest'\) are no whole grid"),
         ({"t": 0.5}, r"the array 't' has shape \(\), not \(0,\)"),
         ({"t": lambda t: np.array([f"{second:.2f} s" for second in t])}, r"'t' holds <U7, not numbers"),
         ({"points": lambda points: points + 1j}, "'points' holds complex128, not numbers"),
@@ -124,3 +129,62 @@ def test_exchanged_hands_are_put_in_order_and_a_missing_one_is_not_valid(tmp_pat
     gone = import_swung_cloth(changed(tmp_path / "c.npz", hanger_corners=with_value((5, 1, 2), np.nan)))
     assert (~gone.held_valid).sum() == 1
     assert not gone.held_valid[5].all()
+
+
+def test_any_whole_grid_is_imported_and_its_points_are_a_silhouettes(tmp_path):
+    """5 rows of 7: the last one is held, and names go by row from the bottom and column from the left."""
+    x, y = np.meshgrid(np.linspace(0, 0.3, 7), np.linspace(0, 0.2, 5))
+    rest = np.stack([x.ravel(), y.ravel()], 1)
+    points = np.stack([rest[:, 0], 0 * rest[:, 0], rest[:, 1]], 1)[None].repeat(40, 0)
+    take = import_swung_cloth(
+        changed(
+            tmp_path / "r.npz", rest=rest, points=points, valid=np.ones((40, 35)), hanger_corners=points[:, [28, 34]]
+        )
+    )
+    assert take.points.shape == (40, 35, 3)
+    assert take.garment.point_names[9] == "row1_column2"
+    assert take.garment.points[9].at_m == pytest.approx((-0.05, -0.15))
+    assert take.garment.point_kind == "silhouette"
+    assert (take.held == points[:, [28, 34]]).all()
+
+
+def described(folder, out=slice(None), **changes):
+    """A garment file like the one of `swung_cloth`, weighed, its origin elsewhere, points in another order."""
+    swung_cloth(folder / "whole.npz")
+    garment = import_swung_cloth(folder / "whole.npz").garment
+    moved = [replace(p, at_m=(p.at_m[0] + 1.0, p.at_m[1] + 2.0)) for p in reversed(garment.points)][out]
+    outline = tuple((x + 1.0, y + 2.0) for x, y in garment.outline_m)
+    whole = replace(garment, name="my cloth", mass_kg=0.02, points=tuple(moved), outline_m=outline)
+    (folder / "mine.toml").write_text(dump_description(replace(whole, **changes)))
+    return folder / "mine.toml"
+
+
+def test_a_described_garment_gives_weight_and_order_to_a_grid(tmp_path):
+    path = described(tmp_path, points_are=None)
+    done = hangtime("import", tmp_path / "whole.npz", "--garment", path, "--out", tmp_path / "takes")
+    assert done.returncode == 0, done.stderr
+    plain, take = import_swung_cloth(tmp_path / "whole.npz"), read_take(tmp_path / "takes" / "whole.mcap")
+    assert take.garment.mass_kg == 0.02
+    assert take.garment.points_are == "silhouette"
+    assert take.points == pytest.approx(plain.points[:, ::-1], abs=1e-4)  # steps of an archive
+    assert "mass" not in take.notes
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"held": "corners"}, "its cloth is 0.3 m x 0.3 m and held along its top edge, the described garment is not"),
+        ({"outline_m": ((0.8, 2.0), (1.2, 2.0), (1.2, 1.7), (0.8, 1.7))}, "its cloth is 0.3 m x 0.3 m"),
+    ],
+)
+def test_a_described_garment_of_another_cloth_is_refused(tmp_path, changes, sentence):
+    garment = load_garment(described(tmp_path, **changes))
+    with pytest.raises(TakeError, match=sentence):
+        import_swung_cloth(tmp_path / "whole.npz", garment)
+
+
+def test_a_described_point_that_the_file_has_not_is_refused_by_name(tmp_path):
+    garment = load_garment(described(tmp_path))
+    astray = replace(garment, points=(replace(garment.points[0], name="pocket", at_m=(1.01, 1.9)), *garment.points[1:]))
+    with pytest.raises(TakeError, match="it has no point where the described garment has 'pocket'"):
+        import_swung_cloth(tmp_path / "whole.npz", astray)

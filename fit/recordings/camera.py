@@ -1,0 +1,161 @@
+"""What a camera made of cloth, taken out before anything is simulated: late stamps, skewed grids, points that slide.
+
+None of it needs a cloth. In this order:
+
+    stamps   the held row says how late they are (`fit.recordings.timing`); taken out of silhouettes wherever it is
+             certain, and of material points only beyond `LATEST_LEFT`: up to there the effect `time_offset` is sound
+    skew     frames of a silhouette whose grid lies askew are left out (`fit.recordings.grids`)
+    edge     a clamped edge is as long as on the flat cloth, and lies where the middle of the top row of a silhouette
+             is while the hanger stands still
+    places   points of a silhouette's grid get the material place that their way from the held edge gives them
+
+Points and hanger in the same pictures have one clock, whose stamps are not looked at.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fit.recordings.grids import SKEWED, Grid, grid_of, placed, skew_degrees
+from fit.recordings.hanger_path import Curve, hanger_axes
+from fit.recordings.timing import CLOSEST, Timing, find_timing, in_order, row_middle
+from formats.arrays import Booleans, Floats
+from formats.garment import Garment
+
+LATEST_LEFT = 0.08  # s: a larger offset could end at the bound of 0.1 s of the effect `time_offset`
+STILL = 0.03  # m/s of the hanger
+TOP_ROW = 0.02  # of the grid's height, within which of the held edge its first row lies on it
+FEWEST_STILL = 5  # frames
+NARROWEST = 0.85  # of the flat held edge; ends nearer to each other are no eaten corners but something else
+
+
+@dataclass(frozen=True)
+class Edge:
+    """Where a held edge is in the hanger's frame, down and out [m], and how long it is [m]."""
+
+    down: float
+    out: float
+    width: float
+
+    def of(self, ends: Floats) -> Floats:
+        """Return the edge's ends [m], (n, 6), for those that the hanger's path gives, NaN where these are."""
+        found = np.full(ends.shape, np.nan)
+        known = np.isfinite(ends).all(1)
+        axes = hanger_axes(ends[known])
+        centre = ends[known].reshape(-1, 2, 3).mean(1) + axes @ np.array([0.0, self.down, self.out])
+        half = self.width / 2 * axes[:, :, 0]
+        found[known] = np.concatenate([centre - half, centre + half], 1)
+        return found
+
+
+@dataclass(frozen=True)
+class Camera:
+    """What was found and taken out of one take.
+
+    timing: what the held row says, None where it says nothing; is_retimed: whether stamps were mended by it
+    skewed, frames: how many frames were left out for a skewed grid, and how many there were with one to be seen
+    edge: where the held edge was put, None where it was left
+    is_placed: whether the points were given their material places
+    """
+
+    timing: Timing | None = None
+    is_retimed: bool = False
+    skewed: int = 0
+    frames: int = 0
+    edge: Edge | None = None
+    is_placed: bool = False
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Frames on the hanger's clock: time [s], (frames,); points [m], (frames, points, 3); kept, (frames given,)."""
+
+    time: Floats
+    points: Floats
+    kept: Booleans
+    camera: Camera = field(default_factory=Camera)
+
+
+def retimed(
+    time: Floats, points: Floats, path: Curve, garment: Garment, on_edge: Booleans, *, is_one_clock: bool
+) -> Seen:  # fmt: skip
+    """Return frames at the times at which the camera saw them, on the clock of the path of the held ends.
+
+    time [s], (frames,); points [m], (frames, points, 3), NaN where not seen; on_edge, (points,): the held row
+    is_one_clock: whether hanger and points were seen in the same pictures
+    """
+    every = np.ones(len(time), bool)
+    if is_one_clock or on_edge.sum() < 2:
+        return Seen(time, points, every)
+    is_silhouette = garment.point_kind == "silhouette"
+    across = np.array([p.at_m[0] for p in garment.points])[on_edge]
+    row = row_middle(points[:, on_edge], across - across.mean())
+    grid = grid_of(garment) if is_silhouette else None
+    if grid is not None:
+        row[~_is_straight(points, grid)] = np.nan
+    timing = find_timing(time, row, path, is_per_frame=is_silhouette)
+    if timing is None or not timing.follows or timing.is_at_end:
+        return Seen(time, points, every, Camera(timing=timing))
+    mends = timing.is_late or timing.deviation > 0 or _is_certain(timing.share_interval)
+    if not (is_silhouette and mends) and abs(timing.latency) <= LATEST_LEFT:
+        return Seen(time, points, every, Camera(timing=timing))
+    true = time - (timing.shifts if is_silhouette else timing.latency)
+    kept = (true >= time[0]) & (true <= time[-1])
+    kept[kept] = in_order(true[kept])
+    return Seen(true[kept], points[kept], kept, Camera(timing=timing, is_retimed=True))
+
+
+def straightened(seen: Seen, garment: Garment) -> Seen:
+    """Return frames without the points of silhouettes' grids that lie askew."""
+    grid = grid_of(garment) if garment.point_kind == "silhouette" else None
+    if grid is None:
+        return seen
+    skew = skew_degrees(seen.points, grid)
+    askew = np.abs(skew) > SKEWED
+    points = np.where(askew[:, None, None], np.nan, seen.points)
+    camera = Camera(
+        timing=seen.camera.timing, is_retimed=seen.camera.is_retimed, skewed=int(askew.sum()),
+        frames=int(np.isfinite(skew).sum()),
+    )  # fmt: skip
+    return Seen(seen.time, points, seen.kept, camera)
+
+
+def edge_shown(seen: Seen, path: Curve, garment: Garment) -> Edge | None:
+    """Return how a silhouette's top row shows the held edge to lie against the hanger's path.
+
+    None where the points are no silhouette's grid with a row at a clamped edge, or the ends are far from as far apart
+    as on the flat cloth.
+    """
+    grid = grid_of(garment) if garment.point_kind == "silhouette" else None
+    if grid is None or garment.held != "edge" or grid.down[0] > TOP_ROW * grid.down[-1]:
+        return None
+    ends = path(seen.time)
+    width = float(np.linalg.norm(np.subtract(garment.outline_m[1], garment.outline_m[0])))
+    apart = float(np.median(np.linalg.norm(ends[:, 3:] - ends[:, :3], axis=1)))
+    if not NARROWEST * width <= apart <= width / NARROWEST:
+        return None
+    row = row_middle(seen.points[:, grid.at[0]], grid.across - grid.across.mean())
+    middle = ends.reshape(-1, 2, 3).mean(1)
+    speed = np.linalg.norm(path(seen.time + CLOSEST) - path(seen.time - CLOSEST), axis=1) / (2 * CLOSEST * np.sqrt(2))
+    still = (speed < STILL) & np.isfinite(row).all(1)
+    if still.sum() < FEWEST_STILL:
+        return Edge(0.0, 0.0, width)
+    local = np.einsum("fij,fi->fj", hanger_axes(ends), row - middle)[still]
+    _, down, out = np.median(local, axis=0)  # along the bar both corners are eaten alike
+    return Edge(float(down), float(out), width)
+
+
+def in_place(seen: Seen, held: Curve, garment: Garment) -> Floats | None:
+    """Return the points of a silhouette's grid at their material places [m], (frames, points, 3); None of others."""
+    grid = grid_of(garment) if garment.point_kind == "silhouette" and garment.held == "edge" else None
+    return None if grid is None else placed(seen.points, held(seen.time), grid)
+
+
+def _is_straight(points: Floats, grid: Grid) -> Booleans:
+    return np.asarray(~(np.abs(skew_degrees(points, grid)) > SKEWED))
+
+
+def _is_certain(interval: tuple[float, float] | None) -> bool:
+    return interval is not None and not interval[0] <= 0.0 <= interval[1]

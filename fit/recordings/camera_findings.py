@@ -1,0 +1,194 @@
+"""Say what a camera made of some takes, with its size: late stamps, skewed grids, a moved edge, points that slide.
+
+Sizes over several takes are means of those of each take, with a 90 % interval from their spread or, where this is
+larger, from the intervals of the takes themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fit.recordings.grids import SKEWED
+from fit.recordings.point_kind import describe_contradiction
+from fit.recordings.recording import Recording
+from fit.recordings.timing import FARTHEST, FOLLOWED, Timing
+from formats.results import CameraFinding, Interval
+
+CERTAIN_LEFT = 0.02  # s that material points trail, from which it is said though it is left to the diagnosis
+MOST_SKEWED = 0.1  # of the frames: more is no accident of single frames
+
+
+def describe_camera(recordings: Sequence[Recording]) -> list[CameraFinding]:
+    """Return what a camera made of takes, and what was done about it, in the order in which it was."""
+    found = [*_gaps(recordings), *_clocks(recordings), *_skewed(recordings), *_edge(recordings), *_placed(recordings)]
+    contradiction = describe_contradiction(recordings[0].garment, recordings) if recordings else ""
+    if contradiction:
+        takes = [r.take_id for r in recordings]
+        found.append(CameraFinding(name="points_are", take_ids=takes, unit="1", sentence=contradiction, is_fault=True))
+    return found
+
+
+def camera_clause(found: Sequence[CameraFinding]) -> str:
+    """Return one sentence on what was taken out before the fit, with sizes, and the faults; nothing of none."""
+    words = [text for one in found if not one.is_fault and (text := _short(one))]
+    taken = f" Taken out before anything was fitted: {'; '.join(words)}." if words else ""
+    return taken + "".join(f" {one.sentence}" for one in found if one.is_fault)
+
+
+def _short(one: CameraFinding) -> str:
+    """Return a finding that was taken out in a few words; nothing of one that was left or is no fault of a camera."""
+    if one.figure is None or one.is_left:
+        return ""
+    if one.name == "latency":
+        low, high = one.interval or (one.figure, one.figure)
+        return f"stamps {_late(one.figure)} [{low:.3f} to {high:.3f} s]"
+    return {
+        "publish_time": f"stamps of when frames were published, {one.figure:.2f} of the interval before them",
+        "frame_shifts": f"a shift of each frame, {1e3 * one.figure:.0f} ms rms",
+        "skewed_grids": f"{100 * one.figure:.0f} % skewed grids",
+        "held_edge": f"a held edge {1e3 * one.figure:.0f} mm from where the path has it",
+        "sliding_points": f"points that slide over the cloth, by {1e3 * one.figure:.0f} mm rms",
+    }.get(one.name, "")
+
+
+def _gaps(recordings: Sequence[Recording]) -> list[CameraFinding]:
+    found = []
+    for recording in recordings:
+        if not recording.gaps:
+            continue
+        longest = max(end - begin for begin, end in recording.gaps)
+        begin = min(begin for begin, _ in recording.gaps)
+        times = "once" if len(recording.gaps) == 1 else f"{len(recording.gaps)} times"
+        found.append(CameraFinding(
+            name="hanger_gap", take_ids=[recording.take_id], figure=longest, unit="s", sentence=(
+                f"In {recording.take_id} the hanger is lost {times}, up to {longest:.2f} s, first at {begin:.2f} s: "
+                "both sides are used, and the cloth is not judged until it has forgotten what nobody saw."),
+        ))  # fmt: skip
+    return found
+
+
+def _clocks(recordings: Sequence[Recording]) -> list[CameraFinding]:
+    timed = [(r, r.camera.timing) for r in recordings if r.camera.timing is not None]
+    lost = [(r, t) for r, t in timed if not t.follows or t.is_at_end]
+    found = []
+    if lost:
+        recording, timing = min(lost, key=lambda one: one[1].explained)
+        found.append(CameraFinding(
+            name="clocks", take_ids=[r.take_id for r, _ in lost], figure=timing.explained, unit="1", is_fault=True,
+            sentence=(
+                f"The clock of the points cannot be the hanger's in {_listed([r for r, _ in lost])}: at no shift "
+                f"within {FARTHEST:g} s does the hanger's path explain {100 * FOLLOWED:.0f} % of how the held row of "
+                f"{recording.take_id} moves (at best {100 * max(timing.explained, 0.0):.0f} %). Check that path and "
+                "points are of the same take and which clock each has."),
+        ))  # fmt: skip
+    sound = [(r, t) for r, t in timed if t.follows and not t.is_at_end]
+    mended = [(r, t) for r, t in sound if r.camera.is_retimed]
+    figure, interval = _together([(t.latency, t.latency_interval) for _, t in mended]) if mended else (0.0, (0.0, 0.0))
+    if not interval[0] <= 0.0 <= interval[1]:
+        found.append(CameraFinding(
+            name="latency", take_ids=[r.take_id for r, _ in mended], figure=figure, interval=interval, unit="s",
+            sentence=(
+                f"The points' stamps are {_late(figure)} [{interval[0]:.3f} to {interval[1]:.3f} s] in "
+                f"{_listed([r for r, _ in mended])}, as the held row shows against the hanger's path. Taken out."),
+        ))  # fmt: skip
+    shares = [(r, t, t.share_interval) for r, t in mended if t.share_interval is not None]
+    certain = [(r, t.share, span) for r, t, span in shares if not span[0] <= 0.0 <= span[1]]
+    if certain:
+        figure, interval = _together([(share, span) for _, share, span in certain])
+        found.append(CameraFinding(
+            name="publish_time", take_ids=[r.take_id for r, _, _ in certain], figure=figure, interval=interval,
+            unit="1", sentence=(
+                f"Stamps say when a frame was published: they are late by {figure:.2f} [{interval[0]:.2f} to "
+                f"{interval[1]:.2f}] of what the interval to the frame before is longer than usual. Taken out."),
+        ))  # fmt: skip
+    own = [(r, t) for r, t in mended if t.deviation > 0]
+    if own:
+        deviation = float(np.sqrt(np.mean([t.deviation**2 for _, t in own])))
+        before, after = (1e3 * float(np.sqrt(np.mean(values))) for values in zip(*_rows(own), strict=True))
+        found.append(CameraFinding(
+            name="frame_shifts", take_ids=[r.take_id for r, _ in own], figure=deviation, unit="s", sentence=(
+                f"Each frame is off by a shift of its own, {1e3 * deviation:.0f} ms rms, at most a frame's interval: "
+                f"with it the held row is {after:.0f} mm from where the hanger has it, {before:.0f} mm before."),
+        ))  # fmt: skip
+    left = [(r, t) for r, t in sound if not r.camera.is_retimed and t.is_late and abs(t.latency) > CERTAIN_LEFT]
+    if left:
+        figure, interval = _together([(t.latency, t.latency_interval) for _, t in left])
+        found.append(CameraFinding(
+            name="latency", take_ids=[r.take_id for r, _ in left], figure=figure, interval=interval, unit="s",
+            is_left=True, sentence=(
+                f"The held row is {_late(figure)} [{interval[0]:.3f} to {interval[1]:.3f} s] against the hanger's "
+                "path. This was left in: it may be a clock, a tracker that lags, or the hanger."),
+        ))  # fmt: skip
+    return found
+
+
+def _rows(timed: list[tuple[Recording, Timing]]) -> list[tuple[float, float]]:
+    return [(t.before**2, t.after**2) for _, t in timed]
+
+
+def _skewed(recordings: Sequence[Recording]) -> list[CameraFinding]:
+    askew, frames = (
+        sum(values) for values in zip(*[(r.camera.skewed, r.camera.frames) for r in recordings], strict=True)
+    )
+    if not askew:
+        return []
+    share = askew / frames
+    return [CameraFinding(
+        name="skewed_grids", take_ids=[r.take_id for r in recordings if r.camera.skewed], figure=share, unit="1",
+        sentence=(
+            f"{askew} of {frames} grids ({100 * share:.0f} %) lie askew on the silhouette by more than {SKEWED:g} "
+            "degrees. They are left out."),
+    )]  # fmt: skip
+
+
+def _edge(recordings: Sequence[Recording]) -> list[CameraFinding]:
+    moved = [(r, r.camera.edge) for r in recordings if r.camera.edge is not None]
+    if not moved:
+        return []
+    down, out = (float(np.mean(values)) for values in zip(*[(e.down, e.out) for _, e in moved], strict=True))
+    where = f"{1e3 * abs(down):.0f} mm {'higher' if down < 0 else 'lower'} and {1e3 * abs(out):.0f} mm further " + (
+        "out" if out > 0 else "in"
+    )
+    return [CameraFinding(
+        name="held_edge", take_ids=[r.take_id for r, _ in moved], figure=float(np.hypot(down, out)), unit="m",
+        sentence=(
+            f"The held edge is taken from the top row of the points at rest: {where} than the hanger's path has it, "
+            "and as long as on the flat cloth."),
+    )]  # fmt: skip
+
+
+def _placed(recordings: Sequence[Recording]) -> list[CameraFinding]:
+    placed = [r for r in recordings if r.camera.is_placed]
+    if not placed:
+        return []
+    moved = np.concatenate([np.linalg.norm(r.points - r.seen_points, axis=2).ravel() for r in placed])
+    seen = float(np.mean([r.valid.mean() for r in placed]))
+    slide = float(np.sqrt(np.nanmean(moved**2))) if np.isfinite(moved).any() else 0.0
+    return [CameraFinding(
+        name="sliding_points", take_ids=[r.take_id for r in placed], figure=slide, unit="m", sentence=(
+            f"Points of a silhouette slide over the cloth, here by {1e3 * slide:.0f} mm rms: each got the material "
+            f"place that its way from the held edge gives it; {100 * seen:.0f} % of the places are seen then."),
+    )]  # fmt: skip
+
+
+def _together(values: Sequence[tuple[float, Interval]]) -> tuple[float, Interval]:
+    """Mean of figures with 90 % intervals, and its own."""
+    from scipy.special import stdtrit
+
+    figures = np.array([value for value, _ in values])
+    half = np.array([(high - low) / 2 for _, (low, high) in values])
+    mean, count = float(figures.mean()), len(values)
+    reach = float(np.sqrt((half**2).mean() / count))
+    if count > 1:
+        reach = max(reach, float(stdtrit(count - 1, 0.95) * figures.std(ddof=1) / np.sqrt(count)))
+    return mean, (mean - reach, mean + reach)
+
+
+def _late(seconds: float) -> str:
+    return f"{abs(seconds):.3f} s {'late' if seconds > 0 else 'early'}"
+
+
+def _listed(recordings: Sequence[Recording]) -> str:
+    return recordings[0].take_id if len(recordings) == 1 else f"{len(recordings)} takes"

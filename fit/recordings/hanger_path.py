@@ -1,0 +1,135 @@
+"""The path of the held ends: whether it can be followed, and the spline through it, led across what is missing.
+
+Where the hanger is lost for longer than `LONGEST_GAP`, its path is led across by piecewise cubic Hermite polynomials
+that keep the monotony of each coordinate, so that they never overshoot. How the hanger really moved there is not known:
+what the cloth does then, and until it has forgotten (`FORGOTTEN`), is simulated and not judged.
+Source: F. N. Fritsch & R. E. Carlson, "Monotone piecewise cubic interpolation", SIAM J. Numer. Anal. 17 (1980).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+
+from fit.errors import DriveError
+from fit.recordings.held_edge import FEWEST_FRAMES
+from fit.recordings.intact import FORGOTTEN
+from fit.recordings.smoothing import steady_spline
+from formats.arrays import Booleans, Floats
+from formats.take import LONGEST_GAP
+
+Curve = Callable[[Floats], Floats]
+
+FASTEST_HANGER = 8.0  # m/s, twice what a hand can do with a hanger
+HARDEST_PULL = 150.0  # m/s^2, 15 times gravity
+OUTLYING = 10.0  # times what a path's noise is in the median, stated deviations may be too small
+NO_HAND = "no hand moves like that: check the markers' ids and the depth there"
+
+
+def held_curve(time: Floats, held_seen: Floats, cut_off: float) -> Curve:
+    """Return the path of the held ends, (n,) instants [s] -> (n, 6) [m], beyond its ends at rest there.
+
+    time [s], (m,); held_seen [m], (m, 6), NaN where not seen; cut_off [Hz] of its spline
+    """
+    valid = np.isfinite(held_seen).all(1)
+    splines = steady_spline(*led_across(time[valid], held_seen[valid]), cut_off)
+    first, last = time[valid][0], time[valid][-1]
+
+    def held_at(instants: Floats) -> Floats:
+        inside = np.clip(instants, first, last)
+        return np.asarray(splines(inside))
+
+    return held_at
+
+
+def led_across(seen: Floats, places: Floats) -> tuple[Floats, Floats]:
+    """Return instants [s] and places [m], (n, 6), with those that bridge every gap longer than `LONGEST_GAP`."""
+    from scipy.interpolate import PchipInterpolator
+
+    steps = np.diff(seen)
+    gaps = np.flatnonzero(steps > LONGEST_GAP)
+    if not len(gaps):
+        return seen, places
+    usual = float(np.median(steps))
+    missing = [np.linspace(seen[k], seen[k + 1], max(round(steps[k] / usual), 2) + 1)[1:-1] for k in gaps]
+    time = np.sort(np.concatenate([seen, *missing]))
+    whole = np.asarray(PchipInterpolator(seen, places)(time))
+    whole[np.searchsorted(time, seen)] = places
+    return time, whole
+
+
+def hanger_axes(ends: Floats) -> Floats:
+    """Return the hanger's axes, (n, 3, 3), columns x (along the bar), y (down), z, from held ends (n, 6)."""
+    x = ends[:, 3:] - ends[:, :3]
+    x = x / np.linalg.norm(x, axis=1, keepdims=True)
+    down = np.array([0.0, 0.0, -1.0])
+    y = down - (x @ down)[:, None] * x
+    y = y / np.linalg.norm(y, axis=1, keepdims=True)
+    return np.stack([x, y, np.cross(x, y)], 2)
+
+
+def gaps_of(seen: Floats) -> list[tuple[float, float]]:
+    """Return from when to when [s] the hanger is lost for too long to know its path, given when it was seen, (n,)."""
+    return [(float(a), float(b)) for a, b in pairwise(seen) if b - a > LONGEST_GAP]
+
+
+def is_known(instants: Floats, gaps: list[tuple[float, float]]) -> Booleans:
+    """Return when what the cloth does follows from a path that was seen, (n,): not in gaps, nor soon after them."""
+    known = np.ones(len(instants), bool)
+    for begin, end in gaps:
+        known &= ~((instants > begin) & (instants < end + FORGOTTEN))
+    return known
+
+
+def check_path(name: str, seen: Floats, places: Floats, *, is_whole: bool = True) -> None:
+    """Check that the held ends' path can be followed, from when and where they were seen, (n,) [s] and (n, 6) [m].
+
+    is_whole: whether gaps longer than `LONGEST_GAP` are refused
+
+    Raises:
+        DriveError: they were seen in too few frames, are lost for too long where that counts, or jump.
+    """
+    if len(seen) < FEWEST_FRAMES:
+        raise DriveError(
+            f"the hanger was seen in {len(seen)} frames only",
+            where=name,
+            advice="keep both markers in view; check with `hangtime takes show`",
+        )
+    gaps = np.diff(seen)
+    if is_whole and gaps.max() > LONGEST_GAP:
+        at = seen[int(np.argmax(gaps))]
+        raise DriveError(
+            f"the hanger is lost for {gaps.max():.2f} s at {at:.2f} s",
+            where=name,
+            advice=f"gaps above {LONGEST_GAP} s cannot be bridged; record again with both markers in view",
+        )
+    speed = np.linalg.norm(np.diff(places.reshape(-1, 2, 3), axis=0), axis=2) / np.diff(seen)[:, None]
+    if speed.max() > FASTEST_HANGER:
+        at = seen[int(np.argmax(speed.max(1)))]
+        raise DriveError(
+            f"the hanger jumps at {at:.2f} s ({speed.max():.0f} m/s)",
+            where=name,
+            advice=NO_HAND,
+        )
+    pull, most = _accelerations(seen, places.reshape(-1, 2, 3))
+    jumps = np.flatnonzero((pull > most).any(1))
+    if len(jumps):
+        first = int(jumps[0])
+        raise DriveError(
+            f"the hanger jumps at {seen[1 + first]:.2f} s ({pull[first].max():.0f} m/s2)", where=name, advice=NO_HAND
+        )
+
+
+def _accelerations(seen: Floats, places: Floats) -> tuple[Floats, Floats]:
+    """Return how hard both ends are accelerated from frame to frame, and the most that can be, (n - 2, 2) [m/s^2].
+
+    seen [s], (n,); places [m], (n, 2, 3). Noise counts for more where frames are close together: a difference of
+    places over h1 and h2 seconds has 2 / (h1 + h2) sqrt(1/h1^2 + (1/h1 + 1/h2)^2 + 1/h2^2) times their deviation.
+    """
+    before, after = np.diff(seen)[:-1, None], np.diff(seen)[1:, None]
+    slopes = np.diff(places, axis=0) / np.diff(seen)[:, None, None]
+    pull = 2 * np.linalg.norm(np.diff(slopes, axis=0), axis=2) / (before + after)
+    gain = 2 / (before + after) * np.sqrt(1 / before**2 + (1 / before + 1 / after) ** 2 + 1 / after**2)
+    return pull, np.hypot(HARDEST_PULL, OUTLYING * gain * np.median(pull / gain, axis=0))

@@ -1,0 +1,292 @@
+"""When the camera saw what it shows, from the held row: no physics acts on it, so that no cloth is needed.
+
+The middle y of the tracked held row, in frames stamped t_f, is held against the hanger's path: with the hanger's frame
+A (x along the bar, y down) and the middle m of the held ends,
+
+    A(w_f)' (y_f - m(w_f)) = o + noise,   w_f = t_f - tau - s (d_f - median d) - delta_f
+
+tau is the latency, o a constant offset of the row (a silhouette is eaten there), d_f the interval to the frame before.
+A stamp that says when a frame was published is late by a constant and by a share s of the time that its own processing
+took. tau is scanned over half a second each way, together with s where frames come unevenly, and mended by Gauss-Newton
+steps; frames three times as far off as the median are left out. Each axis counts by the noise sigma that it has while
+the hanger stands still. Intervals are jackknives over half seconds.
+
+What is left, delta_f, is a shift of each frame, at most a frame's interval. With the row's velocity v and the residual
+r, both over sigma,
+
+    a_f = -(r . v) / v^2,   deviation^2 = sum (a_f^2 v^2 - 1) / sum v^2,   delta_f = a_f v^2 / (v^2 + 1 / deviation^2)
+
+Source: least squares with variable projection, G. H. Golub & V. Pereyra, SIAM J. Numer. Anal. 10 (1973); the shrinkage
+of delta is the mean of a normal number with a normal prior.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.recordings.hanger_path import Curve, hanger_axes
+from formats.arrays import Booleans, Floats
+
+FARTHEST = 0.5  # s either way: live cameras are late by 0.05 to 0.35 s
+COARSE = 0.02  # s of the scan: a swing of 2 Hz turns by 14 degrees
+SHARES = np.round(np.arange(-0.6, 1.61, 0.2), 1)  # of the preceding interval, looked at
+UNEVEN = 0.1  # of the median interval, the spread from which shares of it show
+OUTLIER = 3.0  # times the median distance
+BLOCK = 0.5  # s, half a swing
+FEWEST_BLOCKS = 5
+SHORTEST_PART = 0.25  # of the take that the scan's reach is at most
+FOLLOWED = 0.5  # of the row's squared motion, the share that the hanger's path must explain
+MOVING, STILL = 0.1, 0.03  # m/s of the row, above which time shows, and below which noise does
+LEAST_NOISE = 5e-4  # m of an axis
+FEWEST_STILL = 8  # frames from which noise is taken
+MEDIAN_TELLS = 0.37  # of what a mean square would tell of a deviation, a median absolute deviation does
+WIDEST = 0.05  # s of half an interval: wider, the hanger hardly moved
+CERTAIN = 2.5  # standard errors of the frames' own deviation
+NEXT = 1e-3  # s, a difference for slopes
+CLOSEST = 4e-3  # s between frames: nearer ones are one moment
+
+
+@dataclass(frozen=True)
+class Timing:
+    """What the held row says of a take's stamps.
+
+    latency [s]: positive where the points are stamped late; share of the interval to the frame before on top
+    latency_interval, share_interval: 90 %; share_interval None where frames come evenly
+    deviation [s]: of each frame's own shift; 0 where none shows
+    before, after [m]: root mean square distance of the row from where the hanger has it, without and with the shifts
+    explained: share of the row's squared motion that the hanger's path explains, at best
+    shifts [s], (frames,): by how much each stamp is late, in all
+    """
+
+    latency: float
+    latency_interval: tuple[float, float]
+    share: float
+    share_interval: tuple[float, float] | None
+    deviation: float
+    before: float
+    after: float
+    explained: float
+    shifts: Floats
+
+    @property
+    def is_late(self) -> bool:
+        """Whether the latency is certain."""
+        low, high = self.latency_interval
+        return low > 0.0 or high < 0.0
+
+    @property
+    def follows(self) -> bool:
+        """Whether the row follows the hanger at any shift."""
+        return self.explained >= FOLLOWED
+
+    @property
+    def is_at_end(self) -> bool:
+        """Whether the latency is as large as what was looked at."""
+        return abs(self.latency) >= FARTHEST - COARSE
+
+
+def find_timing(time: Floats, row: Floats, path: Curve, *, is_per_frame: bool = True) -> Timing | None:
+    """Return what the held row says of the stamps; None where the take is too short or the hanger too still.
+
+    time [s], (frames,); row [m], (frames, 3): its middle, NaN where not seen; path of the held ends over the same clock
+    is_per_frame: whether each frame may have a shift of its own
+    """
+    seen = np.isfinite(row).all(1)
+    reach = min(FARTHEST, SHORTEST_PART * float(time[-1] - time[0]))
+    step = np.concatenate([[0.0], np.diff(time) - np.median(np.diff(time))])
+    step[0] = 0.0
+    inside = (time > time[0] + reach) & (time < time[-1] - reach)
+    scan = _Scan(time, row, step, path, seen & inside)
+    if scan.blocks < FEWEST_BLOCKS or reach < COARSE:
+        return None
+    is_uneven = float(np.std(step)) > UNEVEN * float(np.median(np.diff(time)))
+    shares = SHARES if is_uneven else np.zeros(1)
+    for _ in range(2):
+        latency, share = scan.best(reach, shares)
+        scan = scan.without_outliers(latency, share).by_noise(latency, share)
+    if (np.linalg.norm(scan.velocity(latency, share), axis=1)[scan.used] > MOVING).sum() < FEWEST_BLOCKS:
+        return None
+    latency, share, sd = scan.mended(latency, share, is_uneven=is_uneven)
+    spread = scan.spread
+    half = spread * sd
+    if not np.isfinite(half).all() or half[0] > WIDEST:
+        return None
+    left = scan.residual(latency, share)
+    timing = Timing(
+        latency=latency, latency_interval=(latency - half[0], latency + half[0]), share=share,
+        share_interval=(share - half[1], share + half[1]) if is_uneven else None, deviation=0.0,
+        before=scan.rms(0.0, 0.0), after=float(np.sqrt((left[scan.used] ** 2).sum(1).mean())),
+        explained=1 - float((left[scan.used] ** 2).sum() / scan.motion), shifts=latency + share * step,
+    )  # fmt: skip
+    return scan.with_own_shifts(timing) if is_per_frame else timing
+
+
+@dataclass(frozen=True)
+class _Scan:
+    """The held row of one take and the path that it is held against; used: what counts; noise per axis [m], (3,)."""
+
+    time: Floats
+    row: Floats
+    step: Floats
+    path: Curve
+    used: Booleans
+    noise: Floats = field(default_factory=lambda: np.ones(3))
+    still: int = 0  # frames that the noise is of
+
+    @property
+    def block(self) -> NDArray[np.int64]:
+        return np.asarray((self.time - self.time[0]) // BLOCK, np.int64)
+
+    @property
+    def blocks(self) -> int:
+        return len(np.unique(self.block[self.used]))
+
+    @property
+    def spread(self) -> float:
+        """Half a 90 % interval in standard deviations."""
+        from scipy.special import stdtrit
+
+        return float(stdtrit(self.blocks - 1, 0.95))
+
+    @property
+    def motion(self) -> float:
+        """Sum of the row's squared distances from its mean place [m^2]."""
+        row = self.row[self.used]
+        return float(((row - row.mean(0)) ** 2).sum())
+
+    def local(self, latency: float, share: float) -> Floats:
+        """The row in the hanger's frame [m], (frames, 3), if stamps are late by so much."""
+        ends = self.path(self.time - latency - share * self.step)
+        return np.asarray(np.einsum("fij,fi->fj", hanger_axes(ends), self.row - ends.reshape(-1, 2, 3).mean(1)))
+
+    def residual(self, latency: float, share: float) -> Floats:
+        """The same about its mean over the frames that count."""
+        local = self.local(latency, share)
+        return np.asarray(local - local[self.used].mean(0))
+
+    def rms(self, latency: float, share: float) -> float:
+        """Root mean square of the residual over the frames that count [m]."""
+        return float(np.sqrt((self.residual(latency, share)[self.used] ** 2).sum(1).mean()))
+
+    def whitened(self, latency: float, share: float) -> float:
+        """Root mean square of the residual over the noise of its axes."""
+        left = self.residual(latency, share)[self.used] / self.noise
+        return float(np.sqrt((left**2).sum(1).mean()))
+
+    def velocity(self, latency: float, share: float) -> Floats:
+        """How fast the row moves through a frame that moves with the hanger's stamps [m/s], (frames, 3)."""
+        return (self.local(latency + NEXT, share) - self.local(latency, share)) / NEXT
+
+    def by_noise(self, latency: float, share: float) -> _Scan:
+        """Return the scan with the noise that each axis has in frames in which the hanger stands still."""
+        still = self.used & (np.linalg.norm(self.velocity(latency, share), axis=1) < STILL)
+        if still.sum() < FEWEST_STILL:
+            return self
+        local = self.local(latency, share)[still]
+        spread = 1.4826 * np.median(np.abs(local - np.median(local, axis=0)), axis=0)
+        return replace(self, noise=np.maximum(spread, LEAST_NOISE), still=int(still.sum()))
+
+    def best(self, reach: float, shares: Floats) -> tuple[float, float]:
+        """Return the latency and share of the smallest residual on the grid."""
+        count = 2 * int(np.floor(reach / COARSE)) + 1
+        latencies = COARSE * (np.arange(count) - count // 2)
+        coarse = min((self.whitened(t, 0.0), t, 0.0) for t in latencies)
+        if len(shares) == 1:
+            return float(coarse[1]), 0.0
+        near = latencies[np.abs(latencies - coarse[1]) < 2.5 * COARSE]
+        found = min((self.whitened(t, s), t, s) for t in near for s in shares)
+        return float(found[1]), float(found[2])
+
+    def without_outliers(self, latency: float, share: float) -> _Scan:
+        """Return the scan without the frames whose row is far off."""
+        away = np.linalg.norm(self.residual(latency, share), axis=1)
+        most = OUTLIER * float(np.median(away[self.used]))
+        return replace(self, used=self.used & (away <= max(most, 1e-6)))
+
+    def mended(self, latency: float, share: float, *, is_uneven: bool) -> tuple[float, float, Floats]:
+        """Return latency, share and their deviations, (2,), by Gauss-Newton steps and the jackknife over blocks."""
+        names = np.unique(self.block[self.used])
+        place = np.repeat(np.searchsorted(names, self.block[self.used]), 3)
+        found = np.array([latency, share])
+        for _ in range(6):
+            base = self.local(*found)[self.used] / self.noise
+            slopes = [(self.local(found[0] + NEXT, found[1])[self.used] / self.noise - base) / NEXT]
+            if is_uneven:
+                slopes.append((self.local(found[0], found[1] + NEXT)[self.used] / self.noise - base) / NEXT)
+            design = np.concatenate([np.stack(slopes, 2), -np.broadcast_to(np.eye(3), (len(base), 3, 3))], 2)
+            design = design.reshape(-1, design.shape[2])
+            whole, side = design.T @ design, design.T @ base.ravel()
+            change = -np.linalg.lstsq(whole, side, rcond=None)[0][: len(slopes)]
+            found[: len(slopes)] += np.clip(change, -COARSE, COARSE)
+        without = []
+        for block in range(len(names)):
+            part = design[place == block]
+            rest = whole - part.T @ part
+            without.append(np.linalg.lstsq(rest, side - part.T @ base.ravel()[place == block], rcond=None)[0])
+        apart = np.stack(without)[:, : len(slopes)]
+        variance = (len(names) - 1) / len(names) * ((apart - apart.mean(0)) ** 2).sum(0)
+        sd = np.zeros(2)
+        sd[: len(slopes)] = np.sqrt(variance)
+        return float(found[0]), float(found[1]), sd
+
+    def with_own_shifts(self, timing: Timing) -> Timing:
+        """Return a timing with each frame's own shift, where such shifts show."""
+        velocity = self.velocity(timing.latency, timing.share)
+        moving = self.used & (np.linalg.norm(velocity, axis=1) > MOVING)
+        left, velocity = self.residual(timing.latency, timing.share) / self.noise, velocity / self.noise
+        weight = (velocity**2).sum(1)
+        if moving.sum() < 2 * FEWEST_BLOCKS or not self.still:
+            return timing
+        own = -(left * velocity).sum(1) / np.maximum(weight, 1e-9)
+        # The noise is known to 1 / sqrt(2 * 0.37 n) of itself: so much of it, twice, may be more than was measured.
+        most = (1 + 2 / np.sqrt(2 * MEDIAN_TELLS * self.still)) ** 2
+        excess, weighed = own[moving] ** 2 * weight[moving] - most, weight[moving]
+        variance = float(excess.sum() / weighed.sum())
+        block = self.block[moving]
+        parts = np.array([(excess - variance * weighed)[block == b].sum() for b in np.unique(block)]) / weighed.sum()
+        if len(parts) < FEWEST_BLOCKS or not variance > CERTAIN * float(np.sqrt((parts**2).sum())):
+            return timing
+        interval = float(np.median(np.diff(self.time)))
+        own = own * weight / (weight + 1 / variance)
+        own = np.where(np.isfinite(own), np.clip(own, -interval, interval), 0.0)
+        shifts = timing.shifts + own
+        after = self._rms_of(shifts)
+        return replace(timing, deviation=float(np.sqrt(variance)), shifts=shifts, after=after)
+
+    def _rms_of(self, shifts: Floats) -> float:
+        ends = self.path(self.time - shifts)
+        local = np.einsum("fij,fi->fj", hanger_axes(ends), self.row - ends.reshape(-1, 2, 3).mean(1))[self.used]
+        return float(np.sqrt(((local - local.mean(0)) ** 2).sum(1).mean()))
+
+
+def row_middle(points: Floats, across: Floats) -> Floats:
+    """Return the middle of a straight row in each frame [m], (frames, 3), NaN where too little of it is seen.
+
+    points [m], (frames, points, 3), NaN where not seen; across [m], (points,): their places from the row's middle. Of
+    six points or more the outermost, which silhouettes lose, do not count.
+    """
+    if len(across) >= 6:
+        inner = np.argsort(across)[1:-1]
+        points, across = points[:, inner], across[inner]
+    seen = np.isfinite(points).all(2)
+    weight = seen.astype(float)
+    count, first, second = weight.sum(1), weight @ across, weight @ across**2
+    determinant = count * second - first**2
+    usable = determinant > 0.1 * len(across) * float((across**2).sum())
+    share = weight * (second[:, None] - first[:, None] * across) / np.where(usable, determinant, 1.0)[:, None]
+    middle = np.einsum("fp,fpx->fx", share, np.nan_to_num(points))
+    middle[~usable] = np.nan
+    return np.asarray(middle)
+
+
+def in_order(time: Floats) -> Booleans:
+    """Return which frames, (frames,), come after every one before, by `CLOSEST` at least."""
+    kept = np.zeros(len(time), bool)
+    last = -np.inf
+    for k, instant in enumerate(time):
+        if instant >= last + CLOSEST:
+            kept[k], last = True, instant
+    return kept

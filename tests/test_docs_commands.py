@@ -48,6 +48,7 @@ RULES = (
     parsed(r"hangtime blind (?:run|score|strike|report)", "the blind check's tests run these, a case at a time"),
     parsed(r"\S*hangtime sensor (?:list|info|log|led|reset|play openni2:|doctor(?! synthetic))", "needs a device"),
     parsed(r"hangtime export .*--to usd", "needs usd-core; tests/fit/export runs these"),
+    parsed(r"hangtime animate ", "needs PyAV; tests/fit/export runs these"),
     Rule(r"hangtime (?:takes (?:show|verify|export)|export|fabric|markers print|swatch) ", "quick"),
     Rule(r"hangtime import (?!demo-swatch)", "quick"),
     Rule(r"hangtime (?:sensor synthesise-swatch|import) ", "slow"),  # the second needs what the first makes

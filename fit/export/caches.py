@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from fit.export.about import caution_lines, origin_lines, provenance
+from fit.export.drawing import node_normals
 from fit.export.fabric import Fabric
 from fit.export.moving import Moving
 from fit.export.tables import as_csv
@@ -92,7 +93,7 @@ def gltf(result: FitResult, fabric: Fabric | None, moving: Moving) -> bytes:
     frames = len(places)
     file = _Glb()
     first = file.add(places[0], "VEC3", VERTICES, has_ends=True)
-    normals = file.add(_normals(places[0], moving.triangles), "VEC3", VERTICES)
+    normals = file.add(node_normals(places[0], moving.triangles).astype(np.float32), "VEC3", VERTICES)
     indices = file.add(moving.triangles.astype(np.uint32).ravel(), "SCALAR", INDICES, component=UNSIGNED)
     flat = file.add(moving.rest.astype(np.float32), "VEC2", VERTICES)
     targets = [{"POSITION": file.add(places[n] - places[0], "VEC3", VERTICES, has_ends=True)} for n in range(1, frames)]
@@ -175,16 +176,6 @@ class _Glb:
         chunks = struct.pack("<II", len(text), 0x4E4F534A) + text
         chunks += struct.pack("<II", len(self._bytes), 0x004E4942) + bytes(self._bytes)
         return struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks
-
-
-def _normals(places: Floats, triangles: Any) -> Floats:
-    """Return the nodes' unit normals, (nodes, 3), from the triangles that meet there, weighed by their areas."""
-    a, b, c = (places[triangles[:, k]] for k in range(3))
-    faces = np.cross(b - a, c - a)
-    sums = np.zeros(places.shape)
-    for k in range(3):
-        np.add.at(sums, triangles[:, k], faces)
-    return (sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-12)).astype(np.float32)
 
 
 def pc2(moving: Moving) -> bytes:

@@ -1,4 +1,4 @@
-"""Run `hangtime export`."""
+"""Run `hangtime export` and `hangtime animate`."""
 
 from __future__ import annotations
 
@@ -7,6 +7,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+
+FitFile = Annotated[
+    Path, typer.Argument(metavar="FIT", help="A result of `hangtime fit`: fit.json, or the folder that holds it.")
+]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is already there.")]
 
 
 class ExportKind(StrEnum):
@@ -23,14 +28,13 @@ class ExportKind(StrEnum):
 
 
 def add_commands(app: typer.Typer) -> None:
-    """Add `hangtime export` to the command."""
+    """Add `hangtime export` and `hangtime animate` to the command."""
     app.command("export", short_help="Write a fit for other programs.")(export_command)
+    app.command("animate", short_help="Show a fitted garment in motion, as a film or a moving mesh.")(animate_command)
 
 
 def export_command(
-    fit_file: Annotated[
-        Path, typer.Argument(metavar="FIT", help="A result of `hangtime fit`: fit.json, or the folder that holds it.")
-    ],
+    fit_file: FitFile,
     to: Annotated[
         ExportKind,
         typer.Option(
@@ -67,7 +71,7 @@ def export_command(
             show_default="0.02; with --take, that of the fit's method",
         ),
     ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what is already there.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Write a fit for other programs: its fabric in SI units, with intervals and where it comes from.
 
@@ -88,3 +92,66 @@ def export_command(
         return
     for written in export(order, to.value, out or default_path(file, to.value), overwrite=overwrite):
         typer.echo(plain(written))
+
+
+def animate_command(
+    fit_file: FitFile,
+    out: Annotated[
+        Path,
+        typer.Option("--out", metavar="FILE", help="File to write; its end decides: .mp4, .webm, .gif, .usdc or .glb."),
+    ],
+    take: Annotated[
+        Path | None,
+        typer.Option(
+            "--take", metavar="TAKE", help="The garment of this take, and its motion unless --motion gives another."
+        ),
+    ] = None,
+    motion: Annotated[
+        str,
+        typer.Option(
+            "--motion",
+            metavar="KIND",
+            help="Move the hanger anew: sideways, face-on, up-and-down, twist or mixed. Without --take, a swatch of "
+            "the fabric hangs from its two top corners.",
+        ),
+    ] = "",
+    seconds: Annotated[float, typer.Option("--seconds", help="Length of a new motion [s].")] = 6.0,
+    size: Annotated[str, typer.Option("--size", metavar="WxH", help="Pixels of a film.")] = "960x720",
+    spacing: Annotated[
+        float | None,
+        typer.Option(
+            "--spacing", metavar="METRES", help="Mesh spacing.", show_default="that of the fit's method; swatch 0.02"
+        ),
+    ] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Show a fitted garment in motion: as a film, a GIF, an OpenUSD cache or glTF.
+
+    The cloth moves under the hanger of a take, or under a new motion. The film's comment says where the fit comes from
+    and which numbers the takes do not identify. Interrupt it with Ctrl-C at any time: nothing is left behind.
+    """
+    from fit.errors import FitError
+    from fit.export.animation import Scene, animate
+    from fit.export.kinds import read_fit
+    from formats.archive import read_take
+    from formats.plain_text import plain
+    from formats.terminal import ProgressLine, say
+
+    try:
+        wide, high = (int(part) for part in size.lower().split("x"))
+    except ValueError:
+        raise FitError(f"{size!r} is not WxH", where="--size", advice="for example 960x720") from None
+    result, _ = read_fit(fit_file)
+    scene = Scene(
+        result=result, take=read_take(take) if take is not None else None, motion=motion, seconds=seconds,
+        spacing=spacing,
+    )  # fmt: skip
+    progress = ProgressLine("animate")
+    try:
+        written = animate(scene, out, size=(wide, high), overwrite=overwrite, show=progress.show)
+    except KeyboardInterrupt:
+        progress.end()
+        say("Interrupted; nothing is kept.")
+        raise typer.Exit(130) from None
+    progress.end()
+    typer.echo(plain(written))

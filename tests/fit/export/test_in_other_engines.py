@@ -16,10 +16,13 @@ import pytest
 from fit.blind.foreign.engines import find_generator
 from fit.cloth.support import GRAVITY
 from fit.export.fabric import fabric_of
+from fit.export.kinds import Order, export
 from fit.export.presets import mujoco_flex, newton_preset
 from fit.export.sheet import strip
 from fit.export.usd_physics import usd_physics
+from fit.foreign.process import BLENDER
 from tests.fit.export.exported import a_fit
+from tests.fit.scenes import hung, sheet, swing, take_of
 
 HERE = Path(__file__).parent
 LENGTH, SPACING, DENSITY = 0.5, 0.02, 0.2  # m, m, kg/m^2
@@ -81,3 +84,29 @@ def test_stock_mujoco_loads_the_flex_and_its_strip_stretches_and_swings_as_it_sh
     assert found["mass"] == pytest.approx(DENSITY * 0.06 * LENGTH, rel=1e-5)
     assert found["stretch"] == pytest.approx(STRETCH, rel=0.02)
     assert found["hertz"] == pytest.approx(HERTZ, rel=0.02)
+
+
+@pytest.fixture(scope="module")
+def swung():
+    """An order of a second of a coarse sheet's swing."""
+    time = np.arange(0, 0.9, 1 / 30)
+    take = take_of(sheet(), time, swing(time, amplitude=0.1, hz=2.0, start=0.0), hung(sheet(), time))
+    return Order(result=a_fit(), take=take, spacing=0.15)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    "not BLENDER.is_installed()", reason=f"bpy is in neither this Python nor the one that {BLENDER.variable} names"
+)
+@pytest.mark.parametrize(("kind", "suffix"), [("usd", ".usdc"), ("gltf", ".glb"), ("pc2", ".pc2")])
+def test_blender_opens_the_motion_and_moves_every_node_to_a_tenth_of_a_millimetre(swung, kind, suffix, tmp_path):
+    path = export(swung, kind, tmp_path / f"swing{suffix}")[0]
+    frames = len(swung.moving.time)
+    done = subprocess.run(
+        [BLENDER.python, HERE / "blender_motion.py", path, tmp_path / "seen.npz", str(frames)],
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-2000:]
+    with np.load(tmp_path / "seen.npz") as seen:
+        assert np.abs(seen["places"] - swung.moving.places).max() < 1e-4
+    assert np.ptp(swung.moving.places[..., 1]) > 0.05

@@ -1,0 +1,97 @@
+"""New motions of a hanger, for a fitted garment that is to be seen moving otherwise than it was recorded.
+
+Every motion is A s(t) sin(2 pi f t) of one way (`formats.motion`): along the held edge, through the cloth, up and down,
+or a turn about the vertical. `mixed` has all four at different rates. s(t) rises within RAMP and falls within RAMP
+before the last REST, as 10 u^3 - 15 u^4 + 6 u^5, whose speed and acceleration vanish at both ends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from fit.errors import FitError
+from fit.export.fabric import Fabric
+from fit.recordings.recording import Recording, prepare
+from formats.arrays import Floats
+from formats.rig import Rig
+from formats.swatch import swatch
+from formats.take import Take
+
+WAYS = ("sideways", "face-on", "up-and-down", "twist", "mixed")
+RAMP, REST = 0.6, 1.0  # s
+SHORTEST, LONGEST = 2.0, 60.0  # s
+AMPLITUDE = {"sideways": 0.10, "face-on": 0.10, "up-and-down": 0.05}  # m, swings of a hand
+TURN = np.radians(40.0)  # of a twist
+RATE = {"sideways": 0.9, "face-on": 0.8, "up-and-down": 1.3, "twist": 0.7}  # 1/s
+FPS = 30.0  # frames a second of a new motion
+SWATCH_SIDE = 0.4  # m, of a fabric that hangs without a take
+
+
+def displaced(ends: Floats, way: str, instants: Floats, seconds: float) -> Floats:
+    """Return the held ends [m], (n, 6), at instants [s] of a motion that starts from `ends`, (2, 3)."""
+    ways = WAYS[:4] if way == "mixed" else (way,)
+    share = 0.6 if way == "mixed" else 1.0
+    middle, half = ends.mean(0), 0.5 * (ends[1] - ends[0])
+    along = half * np.array([1.0, 1.0, 0.0])
+    along = along / np.linalg.norm(along)
+    axes = {"sideways": along, "face-on": np.cross([0.0, 0.0, 1.0], along), "up-and-down": np.array([0.0, 0.0, 1.0])}
+    size = _smooth(instants / RAMP) * _smooth((seconds - REST - instants) / RAMP)
+    shift, turn = np.zeros((len(instants), 3)), np.zeros(len(instants))
+    for one in ways:
+        wave = share * size * np.sin(2 * np.pi * RATE[one] * instants)
+        if one == "twist":
+            turn += TURN * wave
+        else:
+            shift += AMPLITUDE[one] * wave[:, None] * axes[one]
+    cos, sin = np.cos(turn), np.sin(turn)
+    turned = np.stack([cos * half[0] - sin * half[1], sin * half[0] + cos * half[1], np.full(len(turn), half[2])], 1)
+    centre = middle + shift
+    return np.concatenate([centre - turned, centre + turned], 1)
+
+
+def _smooth(share: Floats) -> Floats:
+    u = np.clip(share, 0.0, 1.0)
+    return np.asarray(u**3 * (10 - 15 * u + 6 * u**2))
+
+
+def new_motion(recording: Recording, way: str, seconds: float) -> Recording:
+    """Return the recording's garment on a hanger that moves in another way, seen by nobody.
+
+    Raises:
+        FitError: an unknown way, or a length that cannot be simulated in reasonable time.
+    """
+    if way not in WAYS:
+        raise FitError(f"there is no motion named {way!r}", where="--motion", advice=f"known: {', '.join(WAYS)}")
+    if not SHORTEST <= seconds <= LONGEST:
+        raise FitError(
+            f"{seconds:g} s is no length for a motion", where="--seconds", advice=f"{SHORTEST:g} to {LONGEST:g} s"
+        )
+    ends = recording.held(np.zeros(1)).reshape(2, 3)
+    time = np.arange(round(seconds * FPS) + 1) / FPS
+    count = recording.points.shape[1]
+    return replace(
+        recording, time=time, held=lambda instants: displaced(ends, way, instants, seconds),
+        held_seen=displaced(ends, way, time, seconds), points=np.full((len(time), count, 3), np.nan),
+        valid=np.zeros((len(time), count), bool),
+        edge_turn=lambda instants: np.zeros((len(instants), 2)), windows=None,
+    )  # fmt: skip
+
+
+def hung_swatch(fabric: Fabric) -> Recording:
+    """Return a swatch of the fabric that hangs still from its top corners, as if it had been recorded."""
+    garment = swatch(fabric["areal_density"].value * SWATCH_SIDE**2, side=SWATCH_SIDE, markers=5)
+    time = np.arange(0, 1, 1 / FPS)
+    top = garment.outline_m[:2]
+    # The corners come 8 % nearer to each other, as a hand holds cloth; a straight edge between them hardly folds.
+    held = np.tile([[0.92 * top[0][0], 0.0, 0.0], [0.92 * top[1][0], 0.0, 0.0]], (len(time), 1, 1))
+    points = np.tile([[0.92 * p.at_m[0], 0.0, p.at_m[1]] for p in garment.points], (len(time), 1, 1))
+    frames, count = len(time), len(garment.points)
+    take = Take(
+        take_id="swatch", created="", rig=Rig(format="hangtime-rig/1", name="none", gravity=(0.0, 0.0, -1.0)),
+        garment=garment, time=time, held=held, held_valid=np.ones((frames, 2), bool),
+        held_sd=np.full((frames, 2, 3), 1e-4), points=points, points_valid=np.ones((frames, count), bool),
+        points_sd=np.full((frames, count, 3), 1e-3), state=np.zeros(frames, np.uint16), markers=held,
+    )  # fmt: skip
+    return prepare(take)

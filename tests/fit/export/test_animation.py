@@ -1,0 +1,180 @@
+"""`hangtime animate`: new motions of a hanger, pictures of the cloth, and films that decode again."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+
+import numpy as np
+import pytest
+
+from fit.errors import FitError
+from fit.export.animation import Scene, animate
+from fit.export.drawing import SKY, Stage, node_normals
+from fit.export.fabric import fabric_of
+from fit.export.moving import Moving
+from fit.export.new_motion import AMPLITUDE, displaced, hung_swatch, new_motion
+from formats.archive import write_take
+from formats.errors import OutputError
+from formats.motion import reach_of
+from formats.results import save_fit_result
+from tests.fit.export.exported import a_fit
+from tests.fit.here import hangtime_here
+from tests.fit.scenes import hung, sheet, swing, take_of
+
+ENDS = np.array([[-0.2, 0.0, 0.0], [0.2, 0.0, 0.0]])
+SMALL = (160, 120)
+
+
+def a_take(seconds=0.8):
+    time = np.arange(0, seconds, 1 / 30)
+    return take_of(sheet(), time, swing(time, amplitude=0.1, hz=1.5, start=0.0), hung(sheet(), time))
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return Scene(result=a_fit(), take=a_take(), spacing=0.15)
+
+
+@pytest.fixture(scope="module")
+def moving(scene):
+    return scene.moving()
+
+
+@pytest.mark.parametrize("way", ["sideways", "face-on", "up-and-down", "twist"])
+def test_a_new_motion_is_of_the_kind_that_it_is_called(way):
+    """`formats.motion` finds it; it begins and ends where it hangs, and never leaves its amplitude."""
+    time = np.arange(0, 6, 1 / 30)
+    ends = displaced(ENDS, way, time, 6.0).reshape(-1, 2, 3)
+    still = take_of(sheet(), time, np.zeros((len(time), 3)), hung(sheet(), time))
+    reach = reach_of(dataclasses.replace(still, held=ends))
+    assert max(reach, key=reach.get) == way
+    assert ends[0] == pytest.approx(ENDS)
+    assert ends[-1] == pytest.approx(ENDS)
+    assert np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) == pytest.approx(0.4)
+    if way in AMPLITUDE:
+        assert 0.9 * AMPLITUDE[way] < np.abs(ends - ENDS).max() <= AMPLITUDE[way] + 1e-9
+
+
+def test_a_swatch_without_a_take_weighs_what_the_fabric_does():
+    recording = hung_swatch(fabric_of(a_fit()))
+    assert recording.garment.areal_density == pytest.approx(0.2)
+    assert new_motion(recording, "twist", 3.0).duration == pytest.approx(3.0)
+
+
+def test_unknown_motions_and_lengths_are_refused():
+    recording = hung_swatch(fabric_of(a_fit()))
+    with pytest.raises(FitError, match="there is no motion named 'salto'; known: sideways"):
+        new_motion(recording, "salto", 3.0)
+    with pytest.raises(FitError, match="600 s is no length"):
+        new_motion(recording, "twist", 600.0)
+
+
+def test_normals_of_a_flat_square_point_to_its_front():
+    places = np.array([[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1]], float)
+    normals = node_normals(places, np.array([[0, 1, 2], [0, 2, 3]]))
+    assert normals == pytest.approx(np.tile([0.0, -1.0, 0.0], (4, 1)))
+
+
+def square(turn):
+    """A square of cloth of 0.2 m that shows its front, turned about the vertical."""
+    x = np.array([-0.1, 0.1, 0.1, -0.1])
+    z = np.array([-0.2, -0.2, 0.0, 0.0])
+    places = np.stack([x * np.cos(turn), x * np.sin(turn), z], 1).astype(np.float32)
+    held = places[[3, 2]].astype(float)
+    triangles = np.array([[0, 1, 2], [0, 2, 3]])
+    return Moving("square", np.array([0.0, 1.0]), np.stack([places] * 2), triangles, np.stack([x, z], 1),
+                  np.zeros((2, 0, 3)), (), np.stack([held] * 2))  # fmt: skip
+
+
+def test_a_picture_shows_the_front_blue_the_back_brown_and_fills_most_of_its_height():
+    pytest.importorskip("PIL", reason="Pillow is not installed")
+    front = np.asarray(Stage(square(0.0), SMALL).picture(0)).astype(int)
+    back = np.asarray(Stage(square(np.pi), SMALL).picture(0)).astype(int)
+    is_cloth = front[..., 2] > front[..., 0] + 20
+    rows = np.flatnonzero(is_cloth.any(1))
+    assert 0.6 * SMALL[1] < len(rows) < SMALL[1]
+    assert is_cloth.mean() > 0.2
+    assert (back[..., 0] > back[..., 2] + 20).mean() > 0.2
+    assert not (back[..., 2] > back[..., 0] + 20).any()
+    assert tuple(front[-1, -1]) == SKY
+
+
+@pytest.mark.parametrize(("suffix", "name"), [(".mp4", "h264"), (".webm", "vp9")])
+def test_a_film_decodes_to_as_many_pictures_at_the_takes_rate(scene, suffix, name, tmp_path):
+    av = pytest.importorskip("av", reason="PyAV is not installed")
+    path = animate(scene, tmp_path / f"swing{suffix}", size=SMALL)
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        pictures = [frame.to_ndarray(format="rgb24").astype(int) for frame in container.decode(video=0)]
+        assert stream.codec_context.name in {name, "av1", "libdav1d", "libsvtav1"}
+        assert float(stream.average_rate) == pytest.approx(30.0, rel=1e-3)
+        comments = {k.lower(): v for k, v in container.metadata.items()}
+        assert "Fitted by hangtime" in comments["comment"]
+    assert len(pictures) == 24
+    assert pictures[0].shape == (120, 160, 3)
+    assert np.abs(pictures[20] - pictures[0]).mean() > 1.0  # the cloth moved
+
+
+def test_a_gif_plays_as_long_as_the_take(scene, tmp_path):
+    image = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
+    path = animate(scene, tmp_path / "swing.gif", size=SMALL)
+    with image.open(path) as gif:
+        shown = []
+        for number in range(gif.n_frames):
+            gif.seek(number)
+            shown.append(gif.info["duration"])
+        assert sum(shown) / 1000 == pytest.approx(0.8, abs=0.06)
+        assert b"Fitted by hangtime" in gif.info["comment"]
+
+
+def test_the_progress_ends_at_one_and_says_how_long_it_takes(scene, tmp_path):
+    pytest.importorskip("PIL", reason="Pillow is not installed")
+    told = []
+    animate(scene, tmp_path / "swing.gif", size=SMALL, show=lambda share, text: told.append((share, text)))
+    assert told[0] == (0.0, "simulating")
+    assert told[-1][0] == 1.0
+    assert "0 s left" in told[-1][1]
+    assert [share for share, _ in told] == sorted(share for share, _ in told)
+
+
+def test_an_animation_as_gltf_is_the_motion(scene, moving, tmp_path):
+    trimesh = pytest.importorskip("trimesh", reason="trimesh is not installed")
+    path = animate(scene, tmp_path / "swing.glb")
+    (mesh,) = trimesh.load(io.BytesIO(path.read_bytes()), file_type="glb").geometry.values()
+    assert np.ptp(mesh.bounds[:, 1]) == pytest.approx(np.ptp(moving.places[0][:, 2]), abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"path": "swing.avi"}, "avi is no format for motion"),
+        ({"size": (161, 120)}, "no film is 161 x 120 pixels"),
+        ({"scene": Scene(result=a_fit())}, "a fit alone holds no motion"),
+        ({"scene": Scene(result=a_fit("kinect-skirt"), motion="twist")}, "none of its numbers has an SI value"),
+    ],
+)
+def test_orders_that_cannot_be_met_are_refused_and_leave_nothing(scene, changes, reason, tmp_path):
+    path = tmp_path / changes.get("path", "swing.gif")
+    with pytest.raises(FitError, match=reason):
+        animate(changes.get("scene", scene), path, size=changes.get("size", SMALL))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_film_that_is_there_stays(scene, tmp_path):
+    (tmp_path / "swing.gif").write_text("mine")
+    with pytest.raises(OutputError):
+        animate(scene, tmp_path / "swing.gif")
+    assert (tmp_path / "swing.gif").read_text() == "mine"
+
+
+def test_the_command_writes_a_gif(tmp_path):
+    pytest.importorskip("PIL", reason="Pillow is not installed")
+    save_fit_result(tmp_path / "fit.json", a_fit())
+    write_take(tmp_path / "swing.mcap", a_take())
+    words = ("animate", ".", "--take", "swing.mcap", "--out", "a.gif", "--size", "160x120", "--spacing", "0.15")
+    done = hangtime_here(*words, folder=tmp_path)
+    assert done.stdout.strip() == "a.gif"
+    assert (tmp_path / "a.gif").read_bytes().startswith(b"GIF89a")
+    wrong = hangtime_here(*words[:6], "--size", "wide", folder=tmp_path)
+    assert wrong.returncode == 2

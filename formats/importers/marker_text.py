@@ -11,8 +11,10 @@ from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Iterator, Sequence
 from itertools import takewhile
 from pathlib import Path
+from typing import overload
 
 import numpy as np
 
@@ -28,7 +30,40 @@ CAN_BE_READ = "markers can be read from .c3d, .trc, .csv and .tsv, swung cloth f
 DECIMAL_COMMA = re.compile(r"^\s*-?\d+,\d+(e[+-]?\d+)?\s*$", re.IGNORECASE)
 LONGEST_SHOWN = 40  # characters of a cell in a message
 NOT_SEEN = {"", "nan", "null", "none", "-", "n/a"}
-Rows = list[list[str]]
+
+
+class Rows(Sequence[list[str]]):
+    """The cells of the lines that hold any. They are split when they are looked at: all at once take 30 times the text.
+
+    Raises:
+        TakeError: a cell is longer than any number or name.
+    """
+
+    def __init__(self, lines: list[str], separator: str, path: Path) -> None:
+        self._lines, self._separator, self._path = lines, separator, path
+
+    def __len__(self) -> int:
+        return len(self._lines)
+
+    @overload
+    def __getitem__(self, place: int) -> list[str]: ...
+    @overload
+    def __getitem__(self, place: slice) -> Rows: ...
+    def __getitem__(self, place: int | slice) -> list[str] | Rows:
+        """Return the cells of one line, or some of the lines."""
+        if isinstance(place, slice):
+            return Rows(self._lines[place], self._separator, self._path)
+        return next(iter(Rows([self._lines[place]], self._separator, self._path)))
+
+    def __iter__(self) -> Iterator[list[str]]:
+        """Yield the cells of each line."""
+        try:
+            yield from csv.reader(self._lines, delimiter=self._separator)
+        except csv.Error as error:
+            raise TakeError(
+                f"has a cell of more than {csv.field_size_limit()} characters", where=self._path,
+                advice="export it again",
+            ) from error  # fmt: skip
 
 
 def read_marker_text(path: Path, unit: str | None) -> MarkerTracks:
@@ -51,7 +86,7 @@ def read_marker_text(path: Path, unit: str | None) -> MarkerTracks:
 
 
 def _rows(path: Path) -> Rows:
-    """Return the cells of each line that is not empty."""
+    """Return the lines that are not empty."""
     if (size := path.stat().st_size) > LARGEST:
         raise TakeError(f"has {size / 1e9:.1f} GB of text", where=path, advice="export fewer frames at once")
     try:
@@ -61,16 +96,13 @@ def _rows(path: Path) -> Rows:
         encoding = next((name for mark, name in MARKS if raw.startswith(mark)), "utf-8")
         if encoding == "utf-8" and b"\0" in raw[:200]:  # without a mark: every other byte of plain text is zero
             encoding = "utf-16-le" if raw[1:2] == b"\0" else "utf-16-be"
-        text = raw.decode(encoding)
-        lines = text.splitlines()
+        lines = raw.decode(encoding).splitlines()
         head = "\n".join(lines[:50])
         # A comma also parts decimals: it parts cells only where nothing else does.
         separator = "\t" if head.count("\t") else ";" if head.count(";") else ","
-        return [row for row in csv.reader(lines, delimiter=separator) if any(cell.strip() for cell in row)]
-    except csv.Error as error:
-        raise TakeError(
-            f"has a cell of more than {csv.field_size_limit()} characters", where=path, advice="export it again"
-        ) from error
+        # In Qualisys' table a line of separators is a frame in which no marker was seen.
+        dropped = " " if head.lower().startswith("no_of_frames") else f'{separator}" \t'
+        return Rows([line for line in lines if line.strip(dropped)], separator, path)
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
         raise TakeError(f"cannot be read ({reason})", where=path, advice="export it as text again") from error
@@ -173,7 +205,7 @@ def _trc(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     names = [cell.strip() for cell in rows[3][2:] if cell.strip()]
     if len(names) != count:
         raise TakeError(f"names {len(names)} markers and states {count}", where=path, advice="export it again")
-    body = list(rows[5:])
+    body = rows[5:]
     metres = metres_of(stated.get("units", ""), unit, path)
     _refuse_fewer(len(body), _whole(stated.get("numframes", ""), "number of frames", path), path)
     values = _numbers(body, 2 + 3 * count, path, first_line=6)
@@ -194,7 +226,8 @@ def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     if len(stated) > 1:
         raise TakeError(f"states several units: {', '.join(sorted(stated))}", where=path, advice="export in one")
     metres = metres_of(next(iter(stated), ""), unit, path)
-    body = list(takewhile(lambda row: row[0].strip().lstrip("-").isdigit(), section[4:]))
+    count = sum(1 for _ in takewhile(lambda row: row[0].strip().lstrip("-").isdigit(), section[4:]))
+    body = section[4 : 4 + count]
     values = _numbers(body, len(kinds), path, first_line=begin + 6)
     return _tracks(labels, values[:, 0] / rate, values[:, [k + axis for k in at for axis in range(3)]], metres, path)
 
@@ -226,14 +259,23 @@ def _motive(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
 def _qualisys(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     """QTM's: lines of a name and its value, `MARKER_NAMES`, then a row of x, y, z a frame, in millimetres."""
     stated = {row[0].strip().upper(): row[1:] for row in rows[:20]}
+
+    def value(name: str) -> str:
+        return next(iter(stated.get(name, [])), "")
+
     names = [cell.strip() for cell in stated.get("MARKER_NAMES", []) if cell.strip()]
-    if (count := _whole(stated.get("NO_OF_MARKERS", [""])[0], "number of markers", path)) != len(names):
+    if (count := _whole(value("NO_OF_MARKERS"), "number of markers", path)) != len(names):
         raise TakeError(f"names {len(names)} markers and states {count}", where=path, advice="export it again")
-    rate = _rate(stated.get("FREQUENCY", [""])[0], path)
+    rate = _rate(value("FREQUENCY"), path)
     begin = 1 + max(k for k, row in enumerate(rows[:20]) if re.fullmatch(r"[A-Z_]+", row[0].strip()))
     has_clock = begin < len(rows) and rows[begin][0].strip().lower() == "frame"
+    count_of_frames = _whole(value("NO_OF_FRAMES"), "number of frames", path)
     body = rows[begin + has_clock :]
-    _refuse_fewer(len(body), _whole(stated["NO_OF_FRAMES"][0], "number of frames", path), path)
+    end = len(body)
+    while end > count_of_frames and not any(cell.strip() for cell in body[end - 1]):
+        end -= 1
+    body = body[:end]
+    _refuse_fewer(end, count_of_frames, path)
     values = _numbers(body, 3 * count + 2 * has_clock, path, first_line=begin + 1 + has_clock)
     time = values[:, 1] if has_clock else np.arange(len(values)) / rate
     return _tracks(names, time, values[:, 2 * has_clock :], metres_of("mm", unit, path), path)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -247,3 +249,19 @@ def test_motion_capture_without_a_garment_gives_one_sentence_and_exit_code_2(tmp
     assert done.returncode == 2
     assert "motion capture needs to know the garment; give --garment FILE" in done.stderr
     assert not (tmp_path / "takes").exists()
+
+
+def test_a_text_file_takes_a_few_times_its_own_size_of_memory(tmp_path):
+    """Two megabytes: the bytes, the lines, and 8 bytes for each number of 10 letters; all cells at once took 60 MB."""
+    cells = "0.1234567," * 120
+    text = "time_s" + "".join(f",m{k}_x_m,m{k}_y_m,m{k}_z_m" for k in range(40)) + "\n"
+    text += "".join(f"{k / 100},{cells[:-1]}\n" for k in range(1700))
+    (tmp_path / "a.csv").write_text(text)
+    tracemalloc.start()
+    try:
+        tracks = read_marker_tracks(tmp_path / "a.csv")
+        most = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert tracks.positions.shape == (1700, 40, 3)
+    assert most < 6 * len(text)

@@ -242,6 +242,15 @@ def test_places_of_any_size_and_sign_come_back_to_half_a_digit_and_gaps_as_gaps(
     assert np.nanmax(np.abs(found - positions)) <= 1.001 * HALF_A_DIGIT[name]
 
 
+@pytest.mark.parametrize("name", ["NO_OF_MARKERS", "FREQUENCY", "NO_OF_FRAMES", "MARKER_NAMES"])
+def test_a_line_of_qualisys_head_without_its_value_is_one_sentence(tmp_path, name):
+    """The fuzzer found it."""
+    text = "\n".join(name if line.startswith(name) else line for line in qualisys(drawn()).split("\n"))
+    (tmp_path / "a.tsv").write_text(text)
+    with pytest.raises(TakeError, match=r"a\.tsv: (its|names 0 markers)"):
+        read_marker_tracks(tmp_path / "a.tsv")
+
+
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"])
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_text_file_of_any_encoding(tmp_path, name, encoding):

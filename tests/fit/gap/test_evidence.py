@@ -67,13 +67,13 @@ def test_a_further_effect_is_worth_adding_by_its_share_of_the_gap_and_of_what_is
 
 
 def test_the_median_half_second_says_what_is_usually_closed():
-    """Of 13, 13 and 1000 mm^2 beyond 4 of noise: 9 of 9, 3 of 9 and nothing; a tenth of the noise counts at least."""
-    before = BlockErrors(np.array([26.0, 13.0, 1004.0]), np.array([2.0, 1.0, 1.0]), np.zeros(3))
-    after = BlockErrors(np.array([8.0, 10.0, 1004.0]), np.array([2.0, 1.0, 1.0]), np.zeros(3))
-    assert share_in_median_block(before, after, 2.0) == pytest.approx(1 / 3)
-    quiet = BlockErrors(np.full(3, 4.1), np.ones(3), np.zeros(3))
-    closed = BlockErrors(np.full(3, 4.0), np.ones(3), np.zeros(3))
-    assert share_in_median_block(quiet, closed, 2.0) == pytest.approx(0.1 / 0.4)
+    """Of 18, 18 and 1000 mm^2, 9 of them noise: 9 of 9, 3 of 9, nothing; a tenth of the noise counts at least."""
+    before = BlockErrors(np.array([36.0, 18.0, 1009.0]), np.array([2.0, 1.0, 1.0]), np.zeros(3))
+    after = BlockErrors(np.array([18.0, 15.0, 1009.0]), np.array([2.0, 1.0, 1.0]), np.zeros(3))
+    assert share_in_median_block(before, after, 3.0) == pytest.approx(1 / 3)
+    quiet = BlockErrors(np.full(3, 9.1), np.ones(3), np.zeros(3))
+    closed = BlockErrors(np.full(3, 9.0), np.ones(3), np.zeros(3))
+    assert share_in_median_block(quiet, closed, 3.0) == pytest.approx(0.1 / 0.9)
 
 
 def test_a_size_per_millimetre_is_that_of_the_mean_square_of_its_components():
@@ -98,6 +98,9 @@ def test_mesh_and_solver_widen_an_interval_unless_the_held_edge_decided():
         known = dataclasses.replace(known, fitted=dataclasses.replace(known.fitted, pinned=pinned))
         _, (low, high) = size_within(OBSERVER, known.fitted, name, 4e-3)
         assert (high - low) / 2 == pytest.approx(5e-3 if wide else 3e-3)
+    shorter = hypothesis(("clip_slack",), 6.0, sizes=-1.0, deviation=0.4)
+    assert is_beyond(OBSERVER, shorter, "clip_slack", 0.0)
+    assert not is_beyond(OBSERVER, hypothesis(("clip_slack",), 6.0, sizes=-0.6, deviation=0.4), "clip_slack", 0.0)
     near = hypothesis(("hem",), 6.0, deviation=0.4)  # 0.66 typical sizes to either side
     assert is_beyond(OBSERVER, near, "hem", 0.7 * size)
     assert not is_beyond(OBSERVER, near, "hem", 0.8 * size)  # sqrt(0.66^2 + 0.8^2) > 1
@@ -146,7 +149,19 @@ def test_what_may_be_noise_is_within_one_more_draw_of_it():
     assert found.is_within_noise(level(found.base, 5.58))
     assert not found.is_within_noise(level(found.base, 5.59))
     assert found.gap_mm2 == pytest.approx(144 - 25)
-    assert found.error_of(found.base).value == pytest.approx(12.0)
+    error = found.error_of(found.base)
+    assert (error.value, error.interval) == (pytest.approx(12.0), pytest.approx((12.0, 12.0)))
+
+
+def test_closure_has_an_interval_and_is_not_given_where_there_is_hardly_a_gap():
+    """108 of 119 mm^2, the floor known exactly; of 25.2 beside 25 nothing."""
+    found = flat_evidence({"hem": 6.0}, floor_error_mm=0.0)
+    closed = found.closure_of(found.singles["hem"])
+    assert closed.value == pytest.approx(108 / 119)
+    assert closed.interval == pytest.approx((108 / 119, 108 / 119))
+    still = flat_evidence({"hem": 5.0}, base=5.02)
+    assert still.closure_of(still.singles["hem"]) is None
+    assert flat_evidence({}).win_shares() == {}
 
 
 def test_a_cause_leaves_three_fifths_of_the_gap_at_most_and_no_more_than_its_law_may():

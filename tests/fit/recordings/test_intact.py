@@ -75,3 +75,8 @@ def test_what_is_missing_and_what_is_used_is_said():
         "Warning: the take a is incomplete (569 frames are left; missing: 4.97 to 6.03 s); "
         "used: 6.03 to 19.97 s after its first frame."
     )
+
+
+def test_of_a_take_that_only_lacks_its_end_all_that_is_left_is_used():
+    (note,) = describe_missing([replace(a_take(), is_complete=False)])
+    assert note.endswith("(150 frames are left; missing: its end was never written).")

@@ -19,6 +19,8 @@ from fit.gap.gates import (
 )
 from fit.methods import SI
 from tests.fit.gap.linear_scene import LinearObserver, layout_of
+from tests.fit.recordings.silhouettes import silhouette_sheet, swung, uneven
+from tests.fit.scenes import recording_of, sheet
 
 
 class Chaotic(LinearObserver):
@@ -96,7 +98,9 @@ def test_starts_of_the_base_fit_end_near_each_other_beside_what_an_effect_saves(
     assert gate.figure == pytest.approx(100 * (second / 10 - 1))
 
 
-def recorded(*, seconds=4.0, travel=0.1, own=0.01, noise=0.001, impossible=0.0, is_calibrated=True, turn=0.0):
+def recorded(
+    *, seconds=4.0, travel=0.1, own=0.01, noise=0.001, impossible=0.0, is_calibrated=True, turn=0.0, is_imported=False
+):
     """A hanger that goes to and fro from frame to frame, with two points that move by `own` against it, and one aside.
 
     turn [rad]: of hanger and points together, frame by frame, about the vertical through the hanger's middle
@@ -116,7 +120,7 @@ def recorded(*, seconds=4.0, travel=0.1, own=0.01, noise=0.001, impossible=0.0, 
     return SimpleNamespace(
         duration=seconds, time=time, held=lambda instants: ends, points=points, valid=np.ones((9, 3), bool),
         judged=np.array([True, True, False]), point_sd=np.array([noise, noise, noise]), impossible=impossible,
-        is_calibrated=is_calibrated,
+        is_calibrated=is_calibrated, is_imported=is_imported, garment=sheet(), seen_points=points,
     )  # fmt: skip
 
 
@@ -171,3 +175,20 @@ def test_a_tenth_of_the_frames_may_repeat(repeated, passed):
     take.points[8] = take.points[7 if repeated else 8]
     gate = gate_of("repeated frames", [recorded(), take])
     assert (gate.passed, gate.figure, gate.limit) == (passed, pytest.approx(12.5 * repeated), pytest.approx(10.0))
+
+
+def test_nobody_claims_to_have_measured_what_imported_takes_state():
+    passed = gate_of("calibration", [recorded(is_imported=True), recorded()])
+    assert passed.passed
+    assert passed.sentence.endswith("as 1 imported takes state them; nobody measured them here.")
+    assert "are measured" in gate_of("calibration", [recorded(), recorded()]).sentence
+
+
+def test_points_that_slide_though_they_are_said_to_stay_fail_a_gate():
+    time = uneven()
+    share = 0.9 + 0.08 * np.sin(2 * np.pi * 0.9 * time)
+    wrong = recording_of(swung(silhouette_sheet("material"), time, time, seen_length=share))
+    gate = gate_of("kind of points", [wrong])
+    assert not gate.passed
+    assert 'State points_are = "silhouette"' in gate.sentence
+    assert gate_of("kind of points", [recorded()]).passed

@@ -49,7 +49,8 @@ RULES = (
     parsed(r"\S*hangtime sensor (?:list|info|log|led|reset|play openni2:|doctor(?! synthetic))", "needs a device"),
     parsed(r"hangtime export .*--to usd", "needs usd-core; tests/fit/export runs these"),
     parsed(r"hangtime animate ", "needs PyAV; tests/fit/export runs these"),
-    Rule(r"hangtime (?:takes (?:show|verify|export)|export|fabric|markers print|swatch) ", "quick"),
+    Rule(r"hangtime export ", "quick", (AS_NEW,)),
+    Rule(r"hangtime (?:takes (?:show|verify|export)|fabric|markers print|swatch) ", "quick"),
     Rule(r"hangtime import (?!demo-swatch)", "quick"),
     Rule(r"hangtime (?:sensor synthesise-swatch|import) ", "slow"),  # the second needs what the first makes
     Rule(r"hangtime sensor doctor synthetic:", "slow", (("synthetic:swing", "'synthetic:swing?seconds=1'"),)),

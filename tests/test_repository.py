@@ -210,7 +210,15 @@ OURS = re.compile(r"(?:\w+=\S+ |sudo .* )*(?:\S*/)?hangtime (.+)")
 PROGRAM = re.compile(r"(?:\w+=\S+ )*(?:\S*python3? )?((?:scripts|benchmarks)/\w[\w.]*|\.ci/run|\w+\.py)( .+)?")
 OPTION = re.compile(r"(?<![\w-])--[a-z][\w-]*")
 # What texts say of other people's programs: in a line that begins with their name, or an option by itself.
-OTHER_PROGRAMS = ("sbatch", "systemctl", "systemd-analyze", "umockdev-run", "systemd-sysusers", "systemd-tmpfiles")
+OTHER_PROGRAMS = (
+    "sbatch",
+    "sha256sum",
+    "systemctl",
+    "systemd-analyze",
+    "umockdev-run",
+    "systemd-sysusers",
+    "systemd-tmpfiles",
+)
 OTHER_OPTIONS = {"--nthreads", "--protocol", "--tls-ca-file", "--tls-cert", "--tls-key"}  # dask's
 
 

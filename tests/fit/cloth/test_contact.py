@@ -58,7 +58,14 @@ def kernel():
 
 
 def pushed(cloth, contact, places, speeds=None):
-    """Forces of contact on the nodes [N], (nodes, 3), as the kernel computes them."""
+    """Forces of contact on the nodes [N], (nodes, 3), as the kernel computes them; all lanes alike."""
+    forces = pushed_lanes(cloth, contact, places, [contact.thickness] * LANES, speeds)
+    assert (forces == forces[..., :1]).all()
+    return forces[..., 0]
+
+
+def pushed_lanes(cloth, contact, places, thickness, speeds=None):
+    """The same of candidates of several thicknesses [m] side by side, (nodes, 3, lanes)."""
 
     def lanes(values):
         made = zeros((np.size(values), LANES))
@@ -69,14 +76,15 @@ def pushed(cloth, contact, places, speeds=None):
     mesh, surface = cloth
     still = np.zeros_like(places)
     f = lanes(still)
-    arguments = contact_bundle(surface, contact, np.full((1, LANES), contact.thickness), len(mesh.rest))
+    arguments = contact_bundle(surface, contact, np.array([thickness]), len(mesh.rest))
+    chosen = zeros((2, LANES))
+    chosen[:] = np.array([thickness, [DENSITY] * LANES])
     with runtime.vectors_kept():
         evaluate(
             lanes(places), lanes(still if speeds is None else speeds), f, *arguments,
-            lanes([contact.thickness, DENSITY]), len(mesh.rest),
+            chosen, len(mesh.rest),
         )  # fmt: skip
-    assert (f == f[:, :1]).all()
-    return f[:, 0].reshape(-1, 3).astype(float)
+    return f.reshape(-1, 3, LANES).astype(float)
 
 
 # Rows of samples [m] from the fold, and how wide each counts: weights of six places that integrate cubics.
@@ -134,6 +142,18 @@ def test_two_layers_push_each_other_apart_by_stiffness_times_overlap(cloth):
 def test_layers_farther_apart_than_their_thickness_do_not_touch(cloth):
     mesh, _ = cloth
     assert not pushed(cloth, Contact(thickness=0.005), folded(mesh, 0.013)[0]).any()
+
+
+def test_candidates_side_by_side_push_as_each_does_alone(cloth):
+    """Layers 3 mm apart and less, of 2 to 8 mm: to the last bit what each thickness does in all lanes."""
+    mesh, _ = cloth
+    places, _ = folded(mesh, 0.003)
+    thickness = [0.002, 0.004, 0.006, 0.008]
+    together = pushed_lanes(cloth, Contact(thickness=0.008), places, thickness)
+    for lane, one in enumerate(thickness):
+        alone = pushed_lanes(cloth, Contact(thickness=0.008), places, [one] * LANES)
+        assert (together[..., lane] == alone[..., lane]).all()
+        assert alone.any()
 
 
 def crumpled(mesh, rng):
@@ -349,7 +369,7 @@ def test_layers_that_hit_each_other_make_no_energy():
     assert energy.max() < 1e-4  # it starts at rest at height 0
 
 
-@pytest.mark.slow  # `test_packing.py` has contact beside another recording
+@pytest.mark.slow  # the test of candidates side by side is quick
 def test_a_candidate_in_contact_does_not_depend_on_its_company():
     """Alone, or beside seven others that are thicker or heavier: the same to the last bit."""
     from fit.effects import find_effects

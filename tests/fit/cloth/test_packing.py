@@ -55,7 +55,11 @@ def test_kernels_of_all_widths_round_alike(names, monkeypatch):
     assert all(np.array_equal(one, found[0]) for one in found)
 
 
-@pytest.mark.parametrize("effect", ["self_contact", "hanger_compliance", "stretch_viscosity", "filter_lag"])
+# `test_contact.py` has a quicker test of candidates side by side.
+CONTACT = pytest.param("self_contact", marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize("effect", [CONTACT, "hanger_compliance", "stretch_viscosity", "filter_lag"])
 def test_effects_of_every_kind_do_not_mind_other_recordings_in_their_lanes(effect):
     """Contact, a driven path, viscosity and a filter of what is seen; one recording counts in windows, under a pull."""
     chosen, garment, recordings = find_effects([effect]), sheet(), []

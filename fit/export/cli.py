@@ -22,6 +22,8 @@ class ExportKind(StrEnum):
     USD_PHYSICS = "usd-physics"
     NEWTON = "newton"
     MUJOCO = "mujoco"
+    U3M = "u3m"
+    BLENDER = "blender"
     USD = "usd"
     GLTF = "gltf"
     PC2 = "pc2"
@@ -41,6 +43,7 @@ def export_command(
             "--to",
             help="csv: every number with its interval. table: what to type into CLO, Marvelous Designer and Browzwear. "
             "usd-physics: an OpenUSD deformable. newton: a preset of Newton's cloth solvers. mujoco: a MuJoCo flex. "
+            "u3m: U3M 1.1. blender: a script that builds the cloth in Blender, with settings that come near. "
             "usd, gltf, pc2: the garment in motion under the hanger of --take.",
         ),
     ],
@@ -76,7 +79,7 @@ def export_command(
     """Write a fit for other programs: its fabric in SI units, with intervals and where it comes from.
 
     Every file says which numbers the takes do not identify. A fit of kinect-skirt or mocap-swatch fits the weight, so
-    that it has no SI values; it can be written as csv, and in motion.
+    that it has no SI values; it can be written as csv, and in motion, and that of kinect-skirt for Blender.
     """
     from fit.export.kinds import KINDS, Order, default_path, export, read_fit
     from formats.archive import read_take

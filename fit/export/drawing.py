@@ -22,6 +22,8 @@ SIDE, ABOVE = np.radians(28.0), np.radians(10.0)  # rad, where the camera stands
 DISTANCE = 3.2  # times the size of the motion, from which perspective looks natural
 FILLED = 0.84  # of the picture's smaller side
 FEWEST_FACES = 6000  # triangles are quartered until their shades are finer than an eye sees
+OUTSIDE_FIRST = 0.01  # m by which the outside of cloth is drawn as nearer: layers that touch may cross by as much
+SMOOTHEST_EDGE = 0.5  # cosine between a node's and a triangle's normal, below which they meet at a seam
 FINER = 2  # times as many pixels are drawn as are kept along each side
 AMBIENT = 0.42  # share of the light that comes from everywhere
 LIGHT = np.array([0.45, -0.75, 0.6])  # towards the light, world frame
@@ -38,6 +40,16 @@ def node_normals(places: Floats, triangles: NDArray[np.int64]) -> Floats:
     for k in range(3):
         np.add.at(sums, triangles[:, k], faces)
     return np.asarray(sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-12))
+
+
+def _corner_normals(places: Floats, triangles: NDArray[np.int64]) -> Floats:
+    """Return unit normals at the corners, (triangles, 3, 3): the nodes', the triangle's own where cloth has an edge."""
+    a, b, c = (places[triangles[:, k]] for k in range(3))
+    own = np.cross(b - a, c - a)
+    own /= np.maximum(np.linalg.norm(own, axis=1, keepdims=True), 1e-12)
+    smooth = node_normals(places, triangles)[triangles]
+    is_smooth = np.einsum("tkx,tx->tk", smooth, own) > SMOOTHEST_EDGE
+    return np.where(is_smooth[..., None], smooth, own[:, None])
 
 
 def _quartered(corners: Floats) -> Floats:
@@ -84,7 +96,7 @@ class Stage:
         pen = ImageDraw.Draw(image)
         places, triangles = self.moving.places[frame].astype(float), self.moving.triangles
         flat, depth = self._project(places, FINER * self._scale, (wide / 2, high / 2))
-        corners, behind, normals = flat[triangles], depth[triangles], node_normals(places, triangles)[triangles]
+        corners, behind, normals = flat[triangles], depth[triangles], _corner_normals(places, triangles)
         while len(corners) < FEWEST_FACES:
             corners, behind, normals = _quartered(corners), _quartered(behind[..., None])[..., 0], _quartered(normals)
         towards = LIGHT / np.linalg.norm(LIGHT)
@@ -95,7 +107,7 @@ class Stage:
         is_front = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0] < 0
         shade = AMBIENT + (1 - AMBIENT) * np.abs(mean @ towards)
         colours = (np.where(is_front[:, None], FRONT, BACK) * shade[:, None]).clip(0, 255).astype(int)
-        for k in np.argsort(-behind.mean(1)).tolist():
+        for k in np.argsort(-behind.mean(1) + OUTSIDE_FIRST * is_front).tolist():
             colour = tuple(colours[k].tolist())
             pen.polygon([tuple(p) for p in corners[k].tolist()], fill=colour, outline=colour)
         ends, _ = self._project(self.moving.held[frame], FINER * self._scale, (wide / 2, high / 2))

@@ -124,7 +124,8 @@ def fabric_of(result: FitResult) -> Fabric:
         FitError: the fit has no SI values: another engine's, one that fitted the weight, or an older version's.
     """
     if reason := why_no_fabric(result):
-        raise FitError(reason, advice=f"this fit can be exported as {', '.join(WITHOUT_FABRIC)}")
+        kinds = [k for k in WITHOUT_FABRIC if k != "blender" or result.method == "kinect-skirt"]
+        raise FitError(reason, advice=f"this fit can be exported as {', '.join(kinds)}")
     method, effects = find_method(result.method), _effects(result)
     rows = _Rows(result, method, effects)
     found = [
@@ -148,7 +149,7 @@ def fabric_of(result: FitResult) -> Fabric:
     return Fabric(quantities=tuple(_times(q, share) if q.name in SHARED else q for q in found), layers=result.layers)
 
 
-WITHOUT_FABRIC = ("csv", "usd", "gltf", "pc2")
+WITHOUT_FABRIC = ("csv", "blender", "usd", "gltf", "pc2")
 
 
 def why_no_fabric(result: FitResult) -> str:

@@ -12,9 +12,11 @@ from pathlib import Path
 
 from fit.errors import FitError
 from fit.export import caches, presets, tables
+from fit.export.blender_recipe import blender_script
 from fit.export.fabric import Fabric, fabric_of, why_no_fabric
 from fit.export.moving import Moving, moving_cloth
 from fit.export.sheet import SWATCH_SIDE, SWATCH_SPACING, Sheet, garment_sheet, strip
+from fit.export.u3m import u3m
 from fit.export.usd_physics import THICKNESS, usd_physics
 from fit.methods import find_method
 from formats.errors import HangtimeError
@@ -113,6 +115,11 @@ KINDS: dict[str, Kind] = {
     ),
     "mujoco": _one(
         ".mujoco.xml", "a sheet of MuJoCo's flex", lambda o: presets.mujoco_flex(o.result, o.sheets_fabric, o.sheet)
+    ),
+    "u3m": _one(".u3m", "the fabric as U3M 1.1", lambda o: u3m(o.result, o.fabric)),
+    "blender": _one(
+        ".blender.py", "a script that builds the cloth in Blender, approximately",
+        lambda o: blender_script(o.result, o.fabric_if_any, o.sheet),
     ),
     "usd": _one(
         ".usdc", "the motion as an OpenUSD cache", lambda o: caches.usd_cache(o.result, o.fabric_if_any, o.moving)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fit.cloth.effect import amplitudes_of, columns_of, parameter_names
 from fit.cloth.model import Resolution
 from fit.cloth.simulator import Simulator
-from fit.effects import LIBRARY
+from fit.effects import LIBRARY, find_effects
 from fit.engines import OWN
 from fit.errors import BlowUpError, FitError
 from fit.methods import find_method
@@ -19,6 +19,7 @@ from formats.arrays import Floats, Singles
 from formats.results import FitResult
 from formats.take import Take
 
+(CONTACT,) = find_effects(["self_contact"])
 MOST_UNEVEN = 0.02  # of the mean time between two frames, up to which a clock counts as even
 
 
@@ -75,21 +76,29 @@ def moving_cloth(result: FitResult, take: Take, spacing: float | None = None) ->
     return motion_of(result, prepare(take), spacing)
 
 
-def motion_of(result: FitResult, recording: Recording, spacing: float | None = None) -> Moving:
-    """Simulate a recording with a fit; raises as `moving_cloth` does."""
+def motion_of(
+    result: FitResult, recording: Recording, spacing: float | None = None, *, layers_apart: float = 0.0
+) -> Moving:
+    """Simulate a recording with a fit; raises as `moving_cloth` does.
+
+    layers_apart [m]: at which contact keeps layers of the cloth apart, where the fit itself knows no contact.
+    """
     if result.engine != OWN:
         raise FitError(
             f"the fit is of {result.engine}'s cloth, which keeps no shapes", advice="fit with the engine own"
         )
     method = find_method(result.method)
     effects = tuple(e for e in LIBRARY if set(parameter_names(e)) <= result.effects.keys())
+    adds_contact = layers_apart > 0 and CONTACT.name not in result.effects
+    effects += (CONTACT,) if adds_contact else ()
     simulator = Simulator(recording, effects, resolution=Resolution(spacing=spacing or method.spacing))
     names = [p.name for p in result.parameters]
     values = np.array([result.parameters[names.index(p.name)].fitted for p in method.parameters])
     density = recording.garment.mass_kg / float(simulator.mesh.area)
     amplitudes = amplitudes_of(effects)
     for effect, columns in zip(effects, columns_of(effects), strict=True):
-        amplitudes[columns] = [result.effects[name] for name in parameter_names(effect)]
+        known = result.effects | {CONTACT.name: layers_apart} if adds_contact else result.effects
+        amplitudes[columns] = [known[name] for name in parameter_names(effect)]
     done = simulator.run(method.to_materials(values[None], density), amplitudes[None], shapes=True)
     if done.shapes is None or not np.isfinite(done.points).all():
         raise BlowUpError(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import io
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -12,8 +13,9 @@ from fit.errors import FitError
 from fit.export.animation import Scene, animate
 from fit.export.drawing import SKY, Stage, node_normals
 from fit.export.fabric import fabric_of
-from fit.export.moving import Moving
+from fit.export.moving import Moving, motion_of
 from fit.export.new_motion import AMPLITUDE, displaced, hung_swatch, new_motion
+from fit.recordings.recording import prepare
 from formats.archive import write_take
 from formats.errors import OutputError
 from formats.motion import reach_of
@@ -178,3 +180,19 @@ def test_the_command_writes_a_gif(tmp_path):
     assert (tmp_path / "a.gif").read_bytes().startswith(b"GIF89a")
     wrong = hangtime_here(*words[:6], "--size", "wide", folder=tmp_path)
     assert wrong.returncode == 2
+
+
+@pytest.mark.slow
+def test_layers_of_a_sewn_garment_stay_apart_in_a_film_and_would_cross_without():
+    """Front and back start 2 cm apart, fall together, and pass through each other where nothing keeps them apart."""
+    tube = msgspec.structs.replace(sheet(mass=0.08), format="hangtime-garment/2", seams=((1, 2), (3, 0)))
+    time = np.arange(0, 1, 1 / 30)
+    recording = prepare(take_of(tube, time, np.zeros((len(time), 3)), hung(tube, time)))
+    least = {}
+    for apart in (0.0, 2e-3):
+        moving = motion_of(a_fit(), recording, 0.15, layers_apart=apart)
+        inner = np.flatnonzero((np.abs(moving.rest[:, 0]) < 0.15) & (moving.rest[:, 1] < -0.1))
+        front, back = inner[: len(inner) // 2], inner[len(inner) // 2 :]
+        assert moving.rest[front] == pytest.approx(moving.rest[back])
+        least[apart] = float((moving.places[:, back, 1] - moving.places[:, front, 1]).min())
+    assert least[0.0] < 0.0 < least[2e-3]

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import json
+import re
 import xml.etree.ElementTree as ElementTree
+from datetime import datetime
 
 import numpy as np
 import pytest
@@ -18,7 +21,7 @@ from tests.fit.here import hangtime_here
 from tests.fit.report.report_scene import diagnosis
 from tests.fit.scenes import hung, sheet, take_of
 
-OF_FABRIC = ("table", "usd-physics", "newton", "mujoco")
+OF_FABRIC = ("table", "usd-physics", "newton", "mujoco", "u3m")
 
 
 def text_of(kind, result, **order):
@@ -98,7 +101,7 @@ def test_mujocos_sheet_by_hand():
     assert [float(v) for v in numbers["hangtime_velocity_damping"]] == pytest.approx([0.5, 0.4, 0.625])
 
 
-@pytest.mark.parametrize("kind", ["csv", *OF_FABRIC])
+@pytest.mark.parametrize("kind", ["csv", "blender", *OF_FABRIC])
 def test_every_file_says_which_number_is_not_identified(kind):
     text = text_of(kind, a_fit(unknown=("stretch_stiffness",)))
     assert "not identif" in text.lower()
@@ -158,3 +161,57 @@ def test_the_command_writes_beside_the_fit_and_prints_the_table(tmp_path):
     again = hangtime_here("export", tmp_path, "--to", "newton", folder=tmp_path)
     assert again.returncode == 2
     assert "--overwrite" in again.stderr
+
+
+# What U3M 1.1 requires of a file of physics alone, in the words of its published schema.
+KEYS_OF_U3M = {"schema", "material", "custom"}
+KEYS_OF_MATERIAL = {
+    "name", "id", "created", "modified", "front", "back", "side", "physics", "metadata", "description",
+}  # fmt: skip
+KEYS_OF_PHYSICS = {"thickness", "weight", "composition", "devices", "material_type", "construction"}
+UUID4 = re.compile(r"[0-9a-f]{8}-[0-9a-f]{4}-4[0-9a-f]{3}-[89ab][0-9a-f]{3}-[0-9a-f]{12}")
+
+
+def test_u3m_has_just_the_keys_of_its_schema_the_weight_in_grams_and_the_rest_under_custom():
+    record = json.loads(text_of("u3m", a_fit()))
+    material = record["material"]
+    assert record.keys() == KEYS_OF_U3M
+    assert material.keys() == KEYS_OF_MATERIAL
+    assert material["physics"].keys() == KEYS_OF_PHYSICS
+    assert material["physics"]["weight"] == pytest.approx(200.0)
+    assert material["physics"]["devices"] == {"fab": "null"}
+    assert material["physics"]["thickness"] is None
+    assert record["schema"] == "1.1"
+    assert UUID4.fullmatch(material["id"])
+    assert datetime.fromisoformat(material["created"]).tzinfo is not None
+    shear = record["custom"]["hangtime"]["fabric"]["shear"]
+    assert (shear["value"], shear["interval_90"]) == (30.0, pytest.approx([24.0, 37.5]))
+    assert material["id"] == json.loads(text_of("u3m", a_fit()))["material"]["id"]
+    assert material["id"] != json.loads(text_of("u3m", a_fit(density=0.3)))["material"]["id"]
+
+
+def settings_of(text):
+    """The settings of a Blender script, without running it."""
+    tree = ast.parse(text)
+    found = next(n for n in tree.body if isinstance(n, ast.Assign) and n.targets[0].id == "SETTINGS")
+    return ast.literal_eval(found.value)
+
+
+def test_blenders_script_holds_the_fits_own_settings_or_those_that_come_near():
+    """Kinect-skirt at Mass 1, Air 4 and Velocity 1: as they are. SI: 100 N/m is Struct 10, 1.4e-5 N m Bend 14."""
+    own = {"mass": 1.0, "struct": 30.0, "bend": 20.0, "spring": 3.0, "air": 4.0, "velocity": 1.0}
+    found = settings_of(text_of("blender", a_fit("kinect-skirt", values=own)))
+    assert found["tension_stiffness"] == pytest.approx(30.0)
+    assert found["bending_stiffness"] == pytest.approx(20.0)
+    assert found["air_damping"] == pytest.approx(4.0)
+    near = settings_of(text_of("blender", a_fit(values={"velocity_damping": 0.05})))
+    assert near["tension_stiffness"] == pytest.approx(10.0)
+    assert near["bending_stiffness"] == pytest.approx(14.0)
+    assert near["tension_damping"] == pytest.approx(5.0)
+    assert near["air_damping"] == pytest.approx(5.0)
+    assert "APPROXIMATE" in text_of("blender", a_fit())
+
+
+def test_a_mocap_swatch_that_fitted_the_weight_makes_no_script():
+    with pytest.raises(FitError, match="fit with si, or with kinect-skirt"):
+        text_of("blender", a_fit("mocap-swatch"))

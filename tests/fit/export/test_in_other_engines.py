@@ -16,7 +16,7 @@ import pytest
 from fit.blind.foreign.engines import find_generator
 from fit.cloth.support import GRAVITY
 from fit.export.fabric import fabric_of
-from fit.export.kinds import Order, export
+from fit.export.kinds import KINDS, Order, export
 from fit.export.presets import mujoco_flex, newton_preset
 from fit.export.sheet import strip
 from fit.export.usd_physics import usd_physics
@@ -110,3 +110,32 @@ def test_blender_opens_the_motion_and_moves_every_node_to_a_tenth_of_a_millimetr
     with np.load(tmp_path / "seen.npz") as seen:
         assert np.abs(seen["places"] - swung.moving.places).max() < 1e-4
     assert np.ptp(swung.moving.places[..., 1]) > 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    "not BLENDER.is_installed()", reason=f"bpy is in neither this Python nor the one that {BLENDER.variable} names"
+)
+def test_blenders_script_hangs_the_cloth_from_its_held_edge(tmp_path):
+    """After two seconds the held edge is where it was, and the hem within a tenth of the length from its start."""
+    script = KINDS["blender"].make(Order(result=a_fit(), spacing=0.03))[".blender.py"].decode()
+    look = """
+import json
+scene = bpy.context.scene
+for frame in range(1, 61):
+    scene.frame_set(frame)
+seen = cloth.evaluated_get(bpy.context.evaluated_depsgraph_get()).data.vertices
+print(json.dumps({"held": max(abs(seen[k].co[2]) for k in HELD), "hem": min(v.co[2] for v in seen),
+                  "mass": settings.mass, "tension": settings.tension_stiffness, "pinned": settings.vertex_group_mass}))
+"""
+    path = tmp_path / "recipe.py"
+    path.write_text(
+        script.replace("import bpy", "import bpy\nbpy.ops.wm.read_factory_settings(use_empty=True)", 1) + look
+    )
+    done = subprocess.run([BLENDER.python, path], capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr[-2000:]
+    found = json.loads(done.stdout.splitlines()[-1])
+    assert found["pinned"] == "held"
+    assert found["held"] < 1e-3
+    assert -0.33 < found["hem"] < -0.29
+    assert found["tension"] > 0

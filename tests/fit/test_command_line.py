@@ -296,12 +296,13 @@ def test_a_second_diagnosis_in_a_folder_and_impossible_takes_are_refused_before_
     assert not (tmp_path / "diagnosis").exists()
 
 
+@pytest.mark.slow  # `tests/formats/test_endings.py` has every command that nobody reads
 @pytest.mark.parametrize(
     ("where", "code"),
     [
-        pytest.param("2>&-", 0, marks=pytest.mark.slow),
-        pytest.param("2>/dev/full", 0, marks=pytest.mark.slow),
-        pytest.param("2>&1 | true", 141, marks=pytest.mark.slow),
+        ("2>&-", 0),
+        ("2>/dev/full", 0),
+        ("2>&1 | true", 141),
         (">/dev/full", 2),
     ],
 )

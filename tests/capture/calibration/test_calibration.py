@@ -210,7 +210,7 @@ def test_an_accelerometer_that_does_not_answer_stops_only_who_asked_for_it(tmp_p
     live = dataclasses.replace(sensor.info, is_live=True)
     monkeypatch.setattr(StageSensor, "info", property(lambda self: live))
     monkeypatch.setattr("capture.calibration.accelerometer.connected_accelerometer", silent)
-    monkeypatch.setattr("firmware_host.opening.open_sensor", lambda text: sensor)
+    monkeypatch.setattr("firmware_host.opening.open_sensor", lambda text, **_: sensor)
     (tmp_path / "rig.toml").write_text(dump_description(RIG))
     gather_commands()
     words = ["calibrate", "--sensor", "stage", "--rig", str(tmp_path / "rig.toml")]
@@ -228,7 +228,7 @@ def test_an_accelerometer_that_does_not_answer_stops_only_who_asked_for_it(tmp_p
 
 def test_the_command_takes_plumb_line_and_clips_to_be_the_markers_it_is_told(frames, tmp_path, monkeypatch):
     """Named the other way round, gravity points up, and the left end of the held edge is on the right."""
-    monkeypatch.setattr("firmware_host.opening.open_sensor", lambda text: StageSensor(frames[:15]))
+    monkeypatch.setattr("firmware_host.opening.open_sensor", lambda text, **_: StageSensor(frames[:15]))
     (tmp_path / "rig.toml").write_text(dump_description(RIG))
     gather_commands()
     words = ["calibrate", "--sensor", "stage", "--rig", str(tmp_path / "rig.toml"), "--overwrite"]

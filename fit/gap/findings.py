@@ -6,7 +6,7 @@ import numpy as np
 
 from fit.cloth.effect import Effect, size_of
 from fit.gap.detectable import smallest_detectable
-from fit.gap.evidence import STUDENT_95, Evidence
+from fit.gap.evidence import STUDENT_95, Evidence, is_at_bound
 from fit.gap.fitting import NORMAL_95, Fitted
 from fit.gap.floor import Floor
 from fit.gap.hypotheses import Hypothesis
@@ -65,6 +65,7 @@ def describe_effects(
         beside = several if several is not None and name in several.effects else None
         sized = beside or hypothesis
         amplitude = sized.fitted.amplitudes[evidence.observer.columns[name]] if sized else signature.amplitude
+        is_held = hypothesis is not None and is_at_bound(evidence.observer, hypothesis)
         size, interval = evidence.amplitude(name, beside=beside) if sized else (size_of(amplitude), None)
         shown = smallest[name][np.isfinite(smallest[name])]
         can_show = len(shown) > 0
@@ -74,6 +75,8 @@ def describe_effects(
         if beside:
             rest = " and ".join(evidence.observer.library[n].title for n in beside.effects if n != name)
             note = f"amplitude beside {rest}; closure alone" if hypothesis else f"found beside {rest} only"
+        if is_held:
+            note = f"stopped by its bound, so that its size has no interval; {note}"
         if not can_show:
             note = "these takes could not have shown it: at its typical size it moves none of their points"
         found.append(
@@ -83,7 +86,7 @@ def describe_effects(
                 tested=True,
                 probability=likely.get(name, 0.0),
                 amplitude=size,
-                amplitude_interval=interval,
+                amplitude_interval=None if is_held else interval,
                 components=dict(zip(effect.components, amplitude.tolist(), strict=True)) if len(amplitude) > 1 else {},
                 regions=list(effect.regions(amplitude)),
                 unit=effect.unit,

@@ -119,7 +119,7 @@ def find_timing(time: Floats, row: Floats, path: Curve, *, is_per_frame: bool = 
         latency=latency, latency_interval=(latency - half[0], latency + half[0]), share=share,
         share_interval=(share - half[1], share + half[1]) if is_uneven else None, deviation=0.0,
         before=scan.rms(0.0, 0.0), after=float(np.sqrt((left[scan.used] ** 2).sum(1).mean())),
-        explained=1 - float((left[scan.used] ** 2).sum() / scan.motion), shifts=latency + share * step,
+        explained=1 - float((left[scan.used] ** 2).sum() / max(scan.motion, 1e-12)), shifts=latency + share * step,
     )  # fmt: skip
     return scan.with_own_shifts(timing) if is_per_frame else timing
 

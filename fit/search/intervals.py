@@ -14,6 +14,10 @@ stop short of the least squares. The remaining way, H^-1 s, then counts as well:
 
 A parameter is identified when its deviation is less than half of the prior's.
 
+A parameter may end at its bound with the least squares beyond it. The bound then holds the value, and the slope there
+says little of how far the value can be trusted. Such a parameter is not identified, and its half width is at least that
+of a parameter at the limit of being identified.
+
 Source: J. G. MacKinnon, M. O. Nielsen, M. D. Webb, "Fast and reliable jackknife and bootstrap methods for
 cluster-robust inference", J. Appl. Econometrics 38 (2023), their CV3J. The prior's term is that of a linear estimate
 whose prior mean has the prior's variance.
@@ -32,6 +36,7 @@ from formats.arrays import Booleans, Floats
 
 SHARE_IDENTIFIED = 0.5  # of the prior's deviation
 PRIOR_SD = 1 / np.sqrt(12)  # of a flat prior over the unit box
+AT_BOUND = 0.01  # of the box: a parameter nearer to its bound was stopped by it
 FEWEST_BLOCKS = 3
 NORMAL_90 = 1.645
 
@@ -105,10 +110,22 @@ def block_intervals(
     reach = float(student.ppf(0.95, len(names) - 1))
     half = np.sqrt((reach * deviation) ** 2 + way**2)
     unit = space.to_unit(model.parameters)
+    held = is_held_by_bound(unit, way)
+    half = np.where(held, np.maximum(half, reach * SHARE_IDENTIFIED * PRIOR_SD), half)
     ends = np.stack([space.from_unit(unit + sign * half) for sign in (-1, 1)], axis=1)
     slope = space.slope(model.parameters)
     covariance = variance * np.outer(slope, slope)
-    return Intervals(ends, deviation < SHARE_IDENTIFIED * PRIOR_SD, covariance, way * slope, reach)
+    is_identified = (deviation < SHARE_IDENTIFIED * PRIOR_SD) & ~held
+    return Intervals(ends, is_identified, covariance, way * slope, reach)
+
+
+def is_held_by_bound(unit: Floats, way: Floats) -> Booleans:
+    """Return which parameters lie at a bound with the least squares beyond it, (p,).
+
+    unit, way, (p,): place in the box and way to the least squares, in shares of the box
+    """
+    low, high = (unit <= AT_BOUND) & (unit + way < 0), (unit >= 1 - AT_BOUND) & (unit + way > 1)
+    return np.asarray(low | high)
 
 
 def draw_intervals(space: BoundedSpace, draws: Floats) -> Intervals:

@@ -103,3 +103,9 @@ def test_the_middle_of_a_row_does_not_depend_on_which_of_it_is_seen():
 
 def test_frames_that_a_shift_brings_out_of_order_are_left_out():
     assert in_order(np.array([0.0, 0.1, 0.05, 0.102, 0.2])).tolist() == [True, True, False, False, True]
+
+
+def test_a_row_that_never_moves_does_not_follow_a_hanger_that_does():
+    time = uneven()
+    found = find_timing(time, np.zeros((len(time), 3)), held_curve(time, ends_of(path(time)), 4.0))
+    assert found is None or not found.follows

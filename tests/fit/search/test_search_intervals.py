@@ -58,6 +58,19 @@ def test_an_interval_ends_at_the_bounds_of_the_box():
     assert of_three(line(), 1 - near).ends[0, 0] == pytest.approx(1 - near - REACH * DEVIATION, rel=1e-5)
 
 
+@pytest.mark.parametrize(("at", "beyond"), [(0.0, -1), (1.0, 1), (0.995, 1)])
+def test_a_parameter_that_its_bound_holds_is_not_identified_and_has_no_tight_interval(at, beyond):
+    """The least squares lie 0.02 beyond the box; half a width at the limit is 2.92 x 0.5 / sqrt(12) = 0.42."""
+    way = at - (0.5 + beyond * 0.52)
+    pushed = of_three(line(), at, values=VALUES + SLOPE * way)
+    inside = of_three(line(), at, values=VALUES - SLOPE * way if abs(way) < 0.01 else VALUES)
+    assert pushed.is_identified.tolist() == [False]
+    assert inside.is_identified.tolist() == [True]
+    width = float(np.ptp(pushed.ends[0]))
+    assert width == pytest.approx(REACH * 0.5 * PRIOR_SD, abs=0.01)
+    assert np.ptp(inside.ends[0]) < 0.01
+
+
 def test_a_covariance_between_ends_comes_on_top_of_the_jackknifes():
     """Variances 1 and 8 of the jackknife's make nine, a deviation three times as wide."""
     found = of_three(line(), 0.5, between=np.array([[8 * DEVIATION**2]]))

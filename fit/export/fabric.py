@@ -202,7 +202,7 @@ class _Rows:
                 vector = self._values.copy()
                 vector[k] = end
                 ends.append(float(read(self.at(vector))))
-            if not np.isclose(*ends, rtol=1e-9, atol=0.0):
+            if not np.isclose(ends[0], ends[1], rtol=1e-9, atol=0.0):
                 found.append(p)
         return found
 

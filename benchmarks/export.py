@@ -1,0 +1,78 @@
+"""Exports: a strip in other people's simulators against the closed form, and what a film of a sewn skirt costs.
+
+    python benchmarks/export.py [--film SECONDS]
+
+A strip of 6 cm x 50 cm and 100 N/m hangs and swings in each simulator whose Python is named: HANGTIME_NEWTON_PYTHON,
+HANGTIME_MUJOCO_PYTHON. The film is of a skirt with front and back, 0.4 m x 0.5 m, that hangs from its top edge. The
+skirt moves in four ways at once. Seconds of the film, of the clock and of the processor are printed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+
+from fit.blind.foreign.engines import find_generator
+from fit.export.animation import Scene, animate
+from fit.export.fabric import fabric_of
+from fit.export.presets import mujoco_flex, newton_preset
+from fit.export.sheet import strip
+from fit.export.usd_physics import usd_physics
+from tests.fit.export.exported import a_fit
+from tests.fit.export.test_in_other_engines import HERTZ, LENGTH, SPACING, STRETCH, answer
+from tests.fit.scenes import hung, sheet, take_of
+
+
+def strips() -> None:
+    """Print stretch and frequency in each simulator."""
+    result = a_fit(values={"velocity_damping": 0.02})
+    fabric, cloth = fabric_of(result), strip(0.06, LENGTH, SPACING)
+    print(f"right: {1e3 * STRETCH:.3f} mm, {HERTZ:.4f} Hz")
+    newton, mujoco = (find_generator(name).foreign for name in ("newton", "mujoco"))
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "strip.json").write_bytes(newton_preset(result, fabric, SPACING))
+        (folder / "strip.xml").write_bytes(mujoco_flex(result, fabric, cloth))
+        runs = [("MuJoCo flex", mujoco, "mujoco_strip.py", [folder / "strip.xml"])]
+        if newton.is_installed():
+            (folder / "strip.usda").write_bytes(usd_physics(result, fabric, cloth, 5e-4))
+            files = [folder / "strip.usda", folder / "strip.json"]
+            solvers = ("SolverStyle3D", "SolverSemiImplicit")
+            runs += [(f"Newton {s}", newton, "newton_strip.py", [*files, s]) for s in solvers]
+        for title, foreign, script, words in runs:
+            if not foreign.is_installed():
+                print(f"{title}: {foreign.variable} names no Python that has it")
+                continue
+            found = answer(foreign, script, *words)
+            print(f"{title} {found['version']}: {1e3 * found['stretch']:.3f} mm, {found['hertz']:.4f} Hz")
+
+
+def film(seconds: float) -> None:
+    """Print what a film of a sewn skirt costs."""
+    skirt = msgspec.structs.replace(
+        sheet(width=0.4, height=0.5, mass=0.08), format="hangtime-garment/2", seams=((1, 2), (3, 0))
+    )
+    instants = np.arange(0, 1, 1 / 30)
+    take = take_of(skirt, instants, np.zeros((len(instants), 3)), hung(skirt, instants))
+    scene = Scene(result=a_fit(effects={"air_drag": 1.0}), take=take, motion="mixed", seconds=seconds, spacing=0.03)
+    with tempfile.TemporaryDirectory() as name:
+        begun, spent = time.perf_counter(), time.process_time()
+        path = animate(scene, Path(name) / "skirt.mp4")
+        wall, processor = time.perf_counter() - begun, time.process_time() - spent
+        print(f"film of {seconds:g} s: {wall:.0f} s, {processor:.0f} s of the processor, {path.stat().st_size} bytes")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--film", type=float, default=10.0)
+    chosen = parser.parse_args()
+    strips()
+    film(chosen.film)

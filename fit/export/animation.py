@@ -30,7 +30,7 @@ Show = Callable[[float, str], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """What is seen: a take's own motion where `motion` is empty, a swatch of the fabric where there is no take."""
+    """A garment and its motion: the take's own where `motion` is empty; without a take, a swatch of the fabric."""
 
     result: FitResult
     take: Take | None = None

@@ -79,7 +79,7 @@ def export_command(
     """Write a fit for other programs: its fabric in SI units, with intervals and where it comes from.
 
     Every file says which numbers the takes do not identify. A fit of kinect-skirt or mocap-swatch fits the weight, so
-    that it has no SI values; it can be written as csv, and in motion, and that of kinect-skirt for Blender.
+    that it has no SI values. It can be written as csv and in motion, and that of kinect-skirt for Blender too.
     """
     from fit.export.kinds import KINDS, Order, default_path, export, read_fit
     from formats.archive import read_take

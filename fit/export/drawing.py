@@ -1,10 +1,11 @@
 """Pictures of moving cloth: shaded triangles, the farthest first, seen from in front and a little from the side.
 
 A camera in the distance d looks at the middle of the motion. A point at right r, up u and depth w from there is drawn
-at f r / (d + w), f u / (d + w). Light falls off as the cosine of its angle with the surface (Lambert), with a part that
-comes from everywhere; between nodes their normals are interpolated. Front and back have two colours.
-Source: J. F. Hughes et al., "Computer Graphics: Principles and Practice" (3rd edition 2013), section 6.3 for the
-projection, and 36.3 for the order of drawing (the painter's algorithm of M. Newell).
+at f r / (d + w), f u / (d + w). Light falls off as the cosine of its angle with the surface (Lambert). A part of the
+light comes from everywhere. Between nodes their normals are interpolated. Front and back have two colours.
+
+Source: J. F. Hughes et al., "Computer Graphics: Principles and Practice" (3rd edition 2013): section 6.3, projection;
+section 36.3, the painter's algorithm.
 """
 
 from __future__ import annotations

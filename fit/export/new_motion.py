@@ -1,8 +1,8 @@
 """New motions of a hanger, for a fitted garment that is to be seen moving otherwise than it was recorded.
 
-Every motion is A s(t) sin(2 pi f t) of one way (`formats.motion`): along the held edge, through the cloth, up and down,
-or a turn about the vertical. `mixed` has all four at different rates. s(t) rises within RAMP and falls within RAMP
-before the last REST, as 10 u^3 - 15 u^4 + 6 u^5, whose speed and acceleration vanish at both ends.
+A motion of one way (`formats.motion`) is A s(t) sin(2 pi f t). The ways are along the held edge, through the cloth, up
+and down, and a turn about the vertical. `mixed` has all four at different rates. s(t) rises within RAMP and falls
+within RAMP before the last REST. It is 10 u^3 - 15 u^4 + 6 u^5, whose speed and acceleration vanish at both ends.
 """
 
 from __future__ import annotations

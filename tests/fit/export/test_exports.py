@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import json
 import re
+import sys
 import xml.etree.ElementTree as ElementTree
 from datetime import datetime
 
@@ -14,6 +15,7 @@ import pytest
 from fit.errors import FitError
 from fit.export.kinds import KINDS, Order, export, read_fit
 from fit.export.sheet import garment_sheet, strip
+from formats import command
 from formats.errors import HangtimeError, OutputError
 from formats.results import save_diagnosis, save_fit_result
 from tests.fit.export.exported import a_fit
@@ -215,3 +217,13 @@ def test_blenders_script_holds_the_fits_own_settings_or_those_that_come_near():
 def test_a_mocap_swatch_that_fitted_the_weight_makes_no_script():
     with pytest.raises(FitError, match="fit with si, or with kinect-skirt"):
         text_of("blender", a_fit("mocap-swatch"))
+
+
+def test_a_library_that_is_missing_is_named_with_the_extra_that_brings_it(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "pxr", None)
+    monkeypatch.setattr(command, "requires", lambda name: ["usd-core>=25.11 ; extra == 'export'"])
+    save_fit_result(tmp_path / "fit.json", a_fit())
+    done = hangtime_here("export", "fit.json", "--to", "usd-physics", folder=tmp_path)
+    assert done.returncode == 2
+    assert "pxr is not installed; in Hangtime's checkout: pip install -e '.[export]'" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["fit.json"]

@@ -317,7 +317,7 @@ def run_setup(folder: Path, pythons: dict[str, str]) -> subprocess.CompletedProc
     """Run scripts/setup where only these Pythons exist, with neither apt-get nor sudo."""
     programs = folder / "programs"
     programs.mkdir()
-    for name in ("cat", "cksum", "cmp", "dirname", "env", "head", "id", "rm", "uname"):
+    for name in ("cat", "cksum", "cmp", "dirname", "env", "head", "id", "mkdir", "rm", "sleep", "uname"):
         found = shutil.which(name)
         assert found
         (programs / name).symlink_to(found)

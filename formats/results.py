@@ -49,6 +49,15 @@ class FitError(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     held_out_after: ErrorFigure | None = None
 
 
+class TrivialFigure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Errors of a rigid sheet beside a fit: `vertical` hangs straight down, `pendulum` swings about the held edge."""
+
+    name: str
+    train: ErrorFigure
+    parameters: dict[str, float] = {}
+    held_out: ErrorFigure | None = None
+
+
 class Combination(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A combination of fitted parameters that motion can tell, whether or not it tells them one by one."""
 
@@ -114,6 +123,7 @@ class FitResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     take_contents: list[str] = []  # sha256 of what each take fitted to held
     layers: int = 1  # of fabric, one on the other, that were fitted as one
     camera: list[CameraFinding] = []
+    trivial: list[TrivialFigure] = []
 
 
 class Figure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

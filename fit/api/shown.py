@@ -9,6 +9,8 @@ from __future__ import annotations
 from fit.api.tables import NOT_IDENTIFIED, Table
 from formats.results import Combination, Diagnosis, EffectFinding, ErrorFigure, FitParameter, FitResult
 
+TRIVIAL_NAMES = {"vertical": "a hanging board", "pendulum": "a pendulum of two numbers"}
+
 
 def fit_tables(result: FitResult) -> list[Table]:
     """Return the parameters, the errors, the parts of the objective, and the combinations that motion identifies."""
@@ -82,6 +84,10 @@ def _error_table(result: FitResult) -> Table:
     for name, before, after in pairs:
         rows.append((f"mean, {name}", millimetres(before.mean_m), millimetres(after.mean_m)))
         rows.append((f"largest, {name}", millimetres(before.max_m), millimetres(after.max_m)))
+    for one in result.trivial:
+        error = one.held_out or one.train
+        where = "held out" if one.held_out else "training"
+        rows.append((f"mean, {where}, {TRIVIAL_NAMES[one.name]}", "", millimetres(error.mean_m)))
     return Table(heads=("error", "before", "after"), rows=tuple(rows))
 
 

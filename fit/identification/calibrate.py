@@ -31,6 +31,7 @@ from fit.identification.combinations import describe_combinations
 from fit.identification.observed import begin_observed
 from fit.identification.request import Request
 from fit.identification.saved_search import SavedSearch
+from fit.identification.trivial import describe_trivial, trivial_figures
 from fit.methods import distance as objective
 from fit.observer.residuals import BLOCK
 from fit.provenance import physics_version
@@ -338,6 +339,15 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
         notes.append(FREE_PARAMETERS.format(names=", ".join(free)))
     if found.non_finite:
         notes.append(f"{found.non_finite} candidates blew up and were rejected.")
+    errors = FitErrors(
+        train_before=model.error_before,
+        train_after=model.error(best),
+        held_out_before=judge.error_before if judge else None,
+        held_out_after=judge.error(best) if judge else None,
+    )
+    trivial = trivial_figures(model.recordings, judge.recordings if judge else [], _error_figure)
+    after = errors.held_out_after or errors.train_after
+    notes.append(describe_trivial(after.mean_m, trivial, is_held_out=judge is not None))
     return FitResult(
         format="hangtime-fit/1",
         created=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -349,12 +359,8 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
         search=request.search,
         seed=request.seed,
         parameters=described,
-        error=FitErrors(
-            train_before=model.error_before,
-            train_after=model.error(best),
-            held_out_before=judge.error_before if judge else None,
-            held_out_after=judge.error(best) if judge else None,
-        ),
+        error=errors,
+        trivial=trivial,
         effects={
             p.name: float(best[k]) for k, p in enumerate(request.parameters) if k >= len(request.method.parameters)
         },

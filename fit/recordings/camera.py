@@ -9,7 +9,8 @@ None of it needs a cloth. In this order:
              is while the hanger stands still
     places   points of a silhouette's grid get the material place that their way from the held edge gives them
 
-Points and hanger in the same pictures have one clock, whose stamps are not looked at.
+Silhouettes are those that the garment file states (`points_are`): older files are treated as they always were. Points
+and hanger in the same pictures have one clock, whose stamps are not looked at.
 """
 
 from __future__ import annotations
@@ -89,7 +90,7 @@ def retimed(
     every = np.ones(len(time), bool)
     if is_one_clock or on_edge.sum() < 2:
         return Seen(time, points, every)
-    is_silhouette = garment.point_kind == "silhouette"
+    is_silhouette = garment.points_are == "silhouette"
     across = np.array([p.at_m[0] for p in garment.points])[on_edge]
     row = row_middle(points[:, on_edge], across - across.mean())
     grid = grid_of(garment) if is_silhouette else None
@@ -109,7 +110,7 @@ def retimed(
 
 def straightened(seen: Seen, garment: Garment) -> Seen:
     """Return frames without the points of silhouettes' grids that lie askew."""
-    grid = grid_of(garment) if garment.point_kind == "silhouette" else None
+    grid = grid_of(garment) if garment.points_are == "silhouette" else None
     if grid is None:
         return seen
     skew = skew_degrees(seen.points, grid)
@@ -128,7 +129,7 @@ def edge_shown(seen: Seen, path: Curve, garment: Garment) -> Edge | None:
     None where the points are no silhouette's grid with a row at a clamped edge, or the ends are far from as far apart
     as on the flat cloth.
     """
-    grid = grid_of(garment) if garment.point_kind == "silhouette" else None
+    grid = grid_of(garment) if garment.points_are == "silhouette" else None
     if grid is None or garment.held != "edge" or grid.down[0] > TOP_ROW * grid.down[-1]:
         return None
     ends = path(seen.time)
@@ -149,7 +150,7 @@ def edge_shown(seen: Seen, path: Curve, garment: Garment) -> Edge | None:
 
 def in_place(seen: Seen, held: Curve, garment: Garment) -> Floats | None:
     """Return the points of a silhouette's grid at their material places [m], (frames, points, 3); None of others."""
-    grid = grid_of(garment) if garment.point_kind == "silhouette" and garment.held == "edge" else None
+    grid = grid_of(garment) if garment.points_are == "silhouette" and garment.held == "edge" else None
     return None if grid is None else placed(seen.points, held(seen.time), grid)
 
 

@@ -9,6 +9,7 @@ from fit.report.text import interval, millimetres, percent, tenths, tenths_inter
 from formats.results import Diagnosis, FitResult
 
 TONES = {"none": "good", "effect": "good", "ambiguous": "warn", "several": "good", "unknown": "warn"}
+TRIVIAL_NAMES = {"vertical": "a hanging board instead", "pendulum": "a pendulum of two numbers instead"}
 VERDICT_WORDS = {
     "none": "no gap",
     "effect": "one missing effect",
@@ -83,4 +84,8 @@ def _fit_figures(fit: FitResult) -> list[tuple[str, str, str]]:
         if before is not None and after is not None:
             detail = f"mean distance; largest {1e3 * before.max_m:.0f} → {1e3 * after.max_m:.0f} mm"
             figures.append((f"fit, {name}", f"{1e3 * before.mean_m:.1f} → {millimetres(after.mean_m)}", detail))
+    for one in fit.trivial:
+        error, on = (one.held_out, "held-out takes") if one.held_out else (one.train, "takes used to fit")
+        detail = f"mean distance of a rigid sheet, {on}"
+        figures.append((TRIVIAL_NAMES[one.name], millimetres(error.mean_m), detail))
     return figures

@@ -1,0 +1,136 @@
+"""Trivial predictors of a take's points, which stand beside every fit: a fit that hardly beats them tells little.
+
+    vertical   a rigid sheet that hangs straight down from the held edge
+    pendulum   a rigid sheet on a hinge at the held edge, of length L and damping c:
+               th'' = -((g + a_z) sin th + a_n cos th) / L - c th'
+
+with the acceleration a of the held edge's middle, up (z) and along the level normal n of the edge, and th from the
+downward vertical towards n. The two numbers are fitted to the takes used for fitting, on a grid. Both get the same
+takes, hanger path and error as the fit: the mean distance of the points in a frame.
+Source: Newton's law about a moving hinge, L. D. Landau & E. M. Lifshitz, "Mechanics" (1976), section 39.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from fit.methods.distance import per_frame
+from fit.recordings.recording import Recording
+from formats.arrays import Floats
+from formats.results import ErrorFigure, TrivialFigure
+
+GRAVITY = 9.81  # m/s^2
+STEP = 0.005  # s of the pendulum: a two-hundredth of its period
+LENGTHS = np.round(np.arange(0.1, 1.01, 0.05), 2)  # m, from a handkerchief to a curtain
+DAMPINGS = np.array([0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0])  # 1/s: a real hanging cloth had 2 x 1.25
+HARDLY = 0.1  # of the trivial predictor's error: a fit that removes less of it hardly beats it
+
+
+def trivial_figures(
+    training: Sequence[Recording], held_out: Sequence[Recording], figure: Callable[[Floats, Floats], ErrorFigure]
+) -> list[TrivialFigure]:
+    """Return the errors of the trivial predictors on takes used for fitting and on those held out.
+
+    figure: makes a figure of the error in each frame [m] and its time [s], (frames,) both
+    """
+    best = fitted_pendulum(training)
+    made: tuple[tuple[str, dict[str, float], Callable[[Recording], Floats]], ...] = (
+        ("vertical", {}, vertical),
+        ("pendulum", {"length_m": best[0], "damping_per_s": best[1]}, lambda r: pendulum(r, *best)),
+    )
+    return [
+        TrivialFigure(
+            name=name, parameters=numbers, train=_figure(training, of, figure),
+            held_out=_figure(held_out, of, figure) if held_out else None,
+        )
+        for name, numbers, of in made
+    ]  # fmt: skip
+
+
+def describe_trivial(after: float, figures: Sequence[TrivialFigure], *, is_held_out: bool) -> str:
+    """Say how a fit's mean error [m] stands to the better of the trivial predictors, as a warning if hardly better."""
+    errors = [(one.held_out.mean_m if is_held_out and one.held_out else one.train.mean_m, one.name) for one in figures]
+    if not errors:
+        return ""
+    least, name = min(errors)
+    where = "held out" if is_held_out else "on the takes it was fitted to"
+    words = f"{1e3 * after:.1f} mm {where}, a rigid sheet ({name}) {1e3 * least:.1f} mm"
+    if after > least:
+        return f"Warning: the fit does not beat a trivial predictor: {words}. Its parameters tell nothing of the cloth."
+    if after > (1 - HARDLY) * least:
+        return f"Warning: the fit hardly beats a trivial predictor: {words}. Its parameters tell little of the cloth."
+    return f"The fit misses by {words}."
+
+
+def vertical(recording: Recording) -> Floats:
+    """Return the points of a sheet that hangs straight down [m], (frames, points, 3)."""
+    return _sheet(recording, np.zeros(len(recording.time)))
+
+
+def pendulum(recording: Recording, length: float, damping: float) -> Floats:
+    """Return the points of a sheet that swings as a pendulum [m], (frames, points, 3)."""
+    return _sheet(recording, swing(recording, np.array([length]), np.array([damping]))[0])
+
+
+def fitted_pendulum(recordings: Sequence[Recording]) -> tuple[float, float]:
+    """Return length [m] and damping [1/s] of the pendulum that is nearest to the points, on the grid."""
+    lengths, dampings = (grid.ravel() for grid in np.meshgrid(LENGTHS, DAMPINGS))
+    errors = np.zeros(len(lengths))
+    for recording in recordings:
+        seen = np.isfinite(recording.points[..., 0]).any(1)
+        for k, angle in enumerate(swing(recording, lengths, dampings)):
+            errors[k] += float(per_frame(recording.points, _sheet(recording, angle))[seen].mean())
+    best = int(errors.argmin())
+    return float(lengths[best]), float(dampings[best])
+
+
+def swing(recording: Recording, lengths: Floats, dampings: Floats) -> Floats:
+    """Return the angles of pendulums at the frames [rad], (pendulums, frames), at rest in the beginning."""
+    instants = np.arange(0.0, recording.duration + STEP, STEP)
+    middle, normal = _frame(recording, instants)
+    acceleration = np.gradient(np.gradient(middle, STEP, axis=0), STEP, axis=0)
+    across, up = (acceleration * normal).sum(1), acceleration[:, 2]
+    angle, rate = np.zeros(len(lengths)), np.zeros(len(lengths))
+    found = np.empty((len(instants), len(lengths)))
+    for k in range(len(instants)):
+        found[k] = angle
+        pull = -((GRAVITY + up[k]) * np.sin(angle) + across[k] * np.cos(angle)) / lengths
+        rate = rate + (pull - dampings * rate) * STEP
+        angle = angle + rate * STEP
+    return np.stack([np.interp(recording.time, instants, one) for one in found.T])
+
+
+def _sheet(recording: Recording, angle: Floats) -> Floats:
+    """Points of a rigid sheet turned about the held edge by an angle [rad], (frames,), on the flat garment's places."""
+    ends = np.asarray(recording.garment.outline_m[:2], float)
+    edge = ends[1] - ends[0]
+    along = edge / np.linalg.norm(edge)
+    places = np.array([p.at_m for p in recording.garment.points]) - ends[0]
+    share, below = places @ along / np.linalg.norm(edge), places @ np.array([along[1], -along[0]])
+    held = recording.held(recording.time).reshape(-1, 2, 3)
+    _, normal = _frame(recording, recording.time)
+    down = np.sin(angle)[:, None] * normal - np.cos(angle)[:, None] * np.array([0.0, 0.0, 1.0])
+    on_edge = held[:, None, 0] + share[None, :, None] * (held[:, None, 1] - held[:, None, 0])
+    return np.asarray(on_edge + below[None, :, None] * down[:, None])
+
+
+def _frame(recording: Recording, instants: Floats) -> tuple[Floats, Floats]:
+    """Middle of the held edge [m] and the level normal of the edge, (n, 3) each."""
+    ends = recording.held(instants).reshape(-1, 2, 3)
+    bar = ends[:, 1] - ends[:, 0]
+    normal = np.cross([0.0, 0.0, 1.0], bar)
+    return ends.mean(1), normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
+
+
+def _figure(
+    recordings: Sequence[Recording], of: Callable[[Recording], Floats], figure: Callable[[Floats, Floats], ErrorFigure]
+) -> ErrorFigure:
+    errors, times, start = [], [], 0.0
+    for recording in recordings:
+        seen = np.isfinite(recording.points[..., 0]).any(1)
+        errors.append(per_frame(recording.points, of(recording))[seen])
+        times.append(recording.time[seen] + start)
+        start = float(times[-1][-1]) + 1.0
+    return figure(np.concatenate(errors), np.concatenate(times))

@@ -1,0 +1,84 @@
+"""A rigid sheet stands beside every fit: its swing in closed form, and what a fit that hardly beats it says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from fit.identification.calibrate import calibrate
+from fit.identification.request import request_of
+from fit.identification.trivial import describe_trivial, fitted_pendulum, pendulum, swing, vertical
+from fit.methods import SI
+from fit.recordings.recording import prepare
+from formats.results import ErrorFigure, TrivialFigure
+from tests.fit.scenes import hung, material, sheet, simulate_take, take_of
+
+
+def shaken(amplitude=0.01, hz=0.5, seconds=12.0):
+    """A hanger that goes sideways through the cloth by a sine that lasts."""
+    time = np.arange(0, seconds, 1 / 30)
+    return time, np.stack([0 * time, amplitude * np.sin(2 * np.pi * hz * time), 0 * time], 1)
+
+
+def test_a_small_swing_has_the_gain_and_phase_of_a_damped_oscillator():
+    """th'' + c th' + g/L th = -a_n/L: at 0.5 Hz, L 0.4 m, c 2/s, a lag of atan(c w / (w0^2 - w^2)) once at rest."""
+    time, moved = shaken()
+    recording = prepare(take_of(sheet(), time, moved, hung(sheet(), time)))
+    length, damping, turns = 0.4, 2.0, 2 * np.pi * 0.5
+    angle = swing(recording, np.array([length]), np.array([damping]))[0]
+    forced = 0.01 * turns**2 / length / (9.81 / length - turns**2 + 1j * damping * turns)
+    true = np.imag(forced * np.exp(1j * turns * recording.time))
+    late = (recording.time > 7) & (recording.time < 11.5)
+    assert angle[late] == pytest.approx(true[late], abs=0.03 * np.abs(forced))
+
+
+def test_a_hanging_board_and_a_pendulum_are_where_the_flat_cloth_has_their_points():
+    time, moved = shaken(amplitude=0.0)
+    garment = sheet(grid=4)
+    recording = prepare(take_of(garment, time, moved, hung(garment, time)))
+    assert vertical(recording) == pytest.approx(recording.points, abs=1e-6)
+    assert pendulum(recording, 0.3, 2.0) == pytest.approx(recording.points, abs=1e-6)
+
+
+def test_the_two_numbers_of_a_pendulum_are_found_again():
+    time, moved = shaken(amplitude=0.05, hz=0.8)
+    garment = sheet()
+    empty = prepare(take_of(garment, time, moved, hung(garment, time)))
+    swung = prepare(take_of(garment, time, moved, pendulum(empty, 0.35, 1.5)))
+    assert fitted_pendulum([swung]) == (0.35, 1.5)
+
+
+@pytest.mark.parametrize(
+    ("after", "sentence"),
+    [
+        (
+            0.021,
+            "Warning: the fit does not beat a trivial predictor: 21.0 mm held out, a rigid sheet (pendulum) 20.0 mm",
+        ),
+        (0.0185, "Warning: the fit hardly beats a trivial predictor: 18.5 mm held out"),
+        (0.017, "The fit misses by 17.0 mm held out, a rigid sheet (pendulum) 20.0 mm."),
+    ],
+)
+def test_a_fit_says_how_it_stands_to_the_better_rigid_sheet(after, sentence):
+    def error(mean):
+        return ErrorFigure(mean_m=mean, max_m=mean, per_frame_m=[mean], time_s=[0.0])
+
+    figures = [
+        TrivialFigure(name="vertical", train=error(0.001), held_out=error(0.03)),
+        TrivialFigure(name="pendulum", train=error(0.001), held_out=error(0.02)),
+    ]
+    assert describe_trivial(after, figures, is_held_out=True).startswith(sentence)
+
+
+def test_every_fit_has_both_beside_it():
+    garment, (time, moved) = sheet(), shaken(amplitude=0.06, hz=0.7, seconds=2.5)
+    row = material(garment, velocity_damping=2.0)
+    takes = [simulate_take(garment, time, k * moved, row, noise=0.001, name=f"take-{k}") for k in (1, 0.7)]
+    result = calibrate(takes[:1], takes[1:], request_of(SI, [], iterations=2, seed=1, spacing=0.15))
+    assert [one.name for one in result.trivial] == ["vertical", "pendulum"]
+    assert all(one.held_out is not None for one in result.trivial)
+    assert set(result.trivial[1].parameters) == {"length_m", "damping_per_s"}
+    assert any("rigid sheet" in note for note in result.notes)
+    assert len(result.trivial[0].held_out.per_frame_m) == len(time)
+    assert replace(result, trivial=[]).trivial == []

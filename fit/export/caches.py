@@ -93,10 +93,17 @@ def gltf(result: FitResult, fabric: Fabric | None, moving: Moving) -> bytes:
     frames = len(places)
     file = _Glb()
     first = file.add(places[0], "VEC3", VERTICES, has_ends=True)
-    normals = file.add(node_normals(places[0], moving.triangles).astype(np.float32), "VEC3", VERTICES)
+    turned = np.stack([node_normals(one, moving.triangles) for one in places]).astype(np.float32)
+    normals = file.add(turned[0], "VEC3", VERTICES)
     indices = file.add(moving.triangles.astype(np.uint32).ravel(), "SCALAR", INDICES, component=UNSIGNED)
     flat = file.add(moving.rest.astype(np.float32), "VEC2", VERTICES)
-    targets = [{"POSITION": file.add(places[n] - places[0], "VEC3", VERTICES, has_ends=True)} for n in range(1, frames)]
+    targets = [
+        {
+            "POSITION": file.add(places[n] - places[0], "VEC3", VERTICES, has_ends=True),
+            "NORMAL": file.add(turned[n] - turned[0], "VEC3", VERTICES),
+        }
+        for n in range(1, frames)
+    ]
     # Weight n - 1 of frame n is 1: frame 0 is the mesh itself.
     times = file.add(moving.time.astype(np.float32), "SCALAR", has_ends=True)
     weights = file.add(np.eye(frames, frames - 1, -1, dtype=np.float32).ravel(), "SCALAR")

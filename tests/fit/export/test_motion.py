@@ -81,6 +81,8 @@ def test_pygltflib_reads_the_same_motion(order, tmp_path):
     upright = np.stack([places[..., 0], -places[..., 2], places[..., 1]], -1)
     assert np.abs(upright - order.moving.places).max() < TENTH
     assert "24 to 37.5" in " ".join(read.asset.extras["cautions"])
+    turned = array(primitive.attributes.NORMAL) + array(primitive.targets[-1]["NORMAL"])
+    assert np.linalg.norm(turned, axis=1) == pytest.approx(1.0, abs=1e-5)
     accessor = read.accessors[primitive.attributes.POSITION]
     assert accessor.min == pytest.approx(base.min(0).tolist())
 

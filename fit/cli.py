@@ -222,6 +222,15 @@ def diagnose_command(
     ] = None,
     seed: Seed = 0,
     anyway: Anyway = False,
+    by: Annotated[
+        str,
+        typer.Option(
+            "--by",
+            metavar="WHAT",
+            help="What decides: rules, or evidence (every set of up to three effects "
+            "weighed together, on the takes fitted to).",
+        ),
+    ] = "rules",
 ) -> None:
     """Say where the simulation misses, which unmodelled effect causes the error, and how far the error would shrink.
 
@@ -242,7 +251,7 @@ def diagnose_command(
     from fit.effects import find_effects
     from fit.errors import FitError
     from fit.folders import alone, make_folder, set_aside_other_takes
-    from fit.gap.diagnosis import diagnose, ready
+    from fit.gap.diagnosis import deciding, diagnose, ready
     from fit.gap.gates import data_gates
     from fit.methods import base_model_of, find_method
     from fit.recordings.selection import is_of
@@ -264,6 +273,7 @@ def diagnose_command(
         )  # fmt: skip
     base = find_method(model) if model else base_model_of(training[0].garment)
     library = library_of(add, without)
+    decided = deciding(by)
     prepared = ready(training, testing)
     for gate in data_gates(prepared.training, prepared.held_out):
         if not gate.passed:  # the verdict will say so too, but not before everything is simulated
@@ -283,6 +293,7 @@ def diagnose_command(
                 resolution=resolution,
                 seed=seed,
                 prepared=prepared,
+                by=decided,
                 progress=lambda stage, share: progress.show(share, stage),
             )
             progress.end()

@@ -90,6 +90,7 @@ def diagnose(
     spacing: float | None = None,
     seed: int = 0,
     anyway: bool = False,
+    by: str = "rules",
     checkpoint: Path | str | None = None,
     progress: Callable[[str, float], None] = lambda stage, share: None,
 ) -> DiagnosisOutcome:
@@ -100,12 +101,14 @@ def diagnose(
     - `add`: effects to refit in any case, without regard to the screening
     - `without`: effects to leave out of the library
     - `spacing`: of the mesh [m]
+    - `by`: what decides: `rules` or `evidence`
     - `checkpoint`: a folder in which finished fits are kept.
 
     Raises:
         FitError: the takes cannot be diagnosed, or there is no such model or effect.
     """
     from fit.cloth.model import Resolution
+    from fit.gap.diagnosis import deciding
     from fit.gap.diagnosis import diagnose as find_gap
     from fit.methods import base_model_of, find_method
 
@@ -119,6 +122,7 @@ def diagnose(
         checkpoint=Path(checkpoint) if checkpoint is not None else None,
         resolution=Resolution(spacing=spacing) if spacing is not None else None,
         seed=seed,
+        by=deciding(by),
         progress=progress,
     )  # fmt: skip
     return DiagnosisOutcome(

@@ -6,12 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Literal, get_args
 
 import numpy as np
 
 from fit.cloth.effect import Effect
 from fit.cloth.model import Resolution
 from fit.effects import LIBRARY
+from fit.errors import FitError
 from fit.gap import edge_driven
 from fit.gap import findings as described
 from fit.gap import gates as gate
@@ -26,6 +28,7 @@ from fit.gap.next_experiment import propose
 from fit.gap.numerics import refine
 from fit.gap.rounds import Rounds
 from fit.gap.verdict import decide, passing_effects
+from fit.gap.weighed import decide_by_mass, inclusion, weigh
 from fit.gap.where import find_where
 from fit.methods import SI, Parameterisation
 from fit.observer.edge import is_edge_explained
@@ -41,6 +44,7 @@ from formats.results import Cost, Diagnosis
 from formats.take import Take
 
 Progress = Callable[[str, float], None]
+Deciding = Literal["rules", "evidence"]
 
 CELLS = 9  # across the smaller side of the garment
 FINEST, COARSEST = 0.02, 0.06  # m, of the mesh that is chosen by itself
@@ -82,6 +86,7 @@ def diagnose(
     resolution: Resolution | None = None,
     seed: int = 0,
     prepared: Ready | None = None,
+    by: Deciding = "rules",
     progress: Progress = lambda stage, share: None,
 ) -> Findings:
     """Diagnose the gap between takes and the base model.
@@ -90,6 +95,7 @@ def diagnose(
     - `added`: names of effects that are refitted and shown even if screening finds nothing
     - `checkpoint`: folder of finished fits; the caller deletes it when the result is safe
     - `prepared`: the result of `ready` for these takes, if the caller has it already
+    - `by`: what decides: `rules`, or the `evidence` of every set of effects (`fit.gap.weighed`)
 
     Raises:
         FitError: as `ready`, or a checkpoint of other takes or of another version.
@@ -101,7 +107,7 @@ def diagnose(
     found_gates = gate.data_gates(train, test)
     resolution = resolution or fine_enough(train[0])
     observer = simulated = Observer(train, model, effects, frequency=0.0, resolution=resolution)
-    key = _key(takes, added, observer, seed)
+    key = _key(takes, added, observer, seed, by)
     kept = Checkpoint(checkpoint, key, lambda: simulated.simulations)
     fits, observer, predictability = fit_base(observer, progress, kept, seed)
     judge = observer.of(test) if test else observer
@@ -111,7 +117,12 @@ def diagnose(
     before = search.base
     resampling = resample(before.errors, rng, FLOOR_REPLICAS)
     is_off = exceeds(before.errors, resampling, noise.mm**2) or not is_edge_explained(before.errors.edge)
-    search.first_round(added, has_gap=is_off)
+    found = refined = None
+    if by == "evidence":
+        refined = refine(observer, judge, before.fitted)
+        found = weigh(search, noise, refined, added)
+    else:
+        search.first_round(added, has_gap=is_off)
     if search.base is not before:
         resampling = resample(search.base.errors, rng, FLOOR_REPLICAS)
     if search.least is not before.fitted:
@@ -121,16 +132,22 @@ def diagnose(
     found_gates += [predictability, gate.convergence_gate(search.fits, search.least.cost)]
     progress("checking mesh and step", 0.83)
     base = search.base.fitted
-    refined = refine(observer, judge, base)
+    refined = refined if refined and search.base is before else refine(observer, judge, base)
     mesh_closure = closure(search.base.errors, refined.errors, noise.mm, resampling)
     removed = mesh_closure[0] if mesh_closure else None
     found_gates.append(gate.numerics_gate(removed, refined.numerics_mm, refined.ratio))
-    search.sizes_by_edge(refined.numerics_mm)
+    if found is None:
+        search.sizes_by_edge(refined.numerics_mm)
     evidence = search.evidence(noise, refined, resampling, found_gates, is_held_out=bool(test))
-    verdict = decide(evidence)
+    verdict = decide(evidence) if found is None else decide_by_mass(evidence, found)
     # Two effects may hide each other, so that neither passes alone: pairs are tried where no single effect explains it.
     may_be_several = verdict.verdict in {"effect", "ambiguous", "unknown"} and evidence.is_predictable
-    if may_be_several and search.singles and (verdict.verdict == "unknown" or passing_effects(evidence)):
+    if (
+        found is None
+        and may_be_several
+        and search.singles
+        and (verdict.verdict == "unknown" or passing_effects(evidence))
+    ):
         progress("looking for a second effect", 0.88)
         search.further_rounds(noise.mm, refined.numerics_mm)
         evidence = search.evidence(noise, refined, resampling, found_gates, is_held_out=bool(test))
@@ -144,7 +161,7 @@ def diagnose(
     progress("drawing maps", 0.97)
     missing_force = find_missing_force(judge, base.vector)
     best, spent = search.named(verdict), kept.spent
-    notes = described.notes(len(training), len(held_out), observer, noise, is_predictable=predictability.passed)
+    notes = described.notes(len(training), len(held_out), observer, noise, is_predictable=predictability.passed, by=by)
     notes += describe_missing([*training, *held_out])
     if verdict.verdict == "ambiguous" and proposal is None:
         notes.append("No motion of the menu would tell apart what is named by a standard deviation more than these.")
@@ -161,7 +178,7 @@ def diagnose(
         + camera_clause(camera),
         named=verdict.named,
         gap=described.describe_gap(evidence, best, by_edge),
-        effects=described.describe_effects(evidence, best, effects, model),
+        effects=described.describe_effects(evidence, best, effects, model, inclusion(found) if found else None),
         where=find_where(judge, judge.residuals(base.vector[None], observer.off[None])[0]),
         missing_force=missing_force,
         next_experiment=proposal,
@@ -177,6 +194,18 @@ def diagnose(
     return Findings(
         diagnosis, takes, base, best.fitted if best else None, effects, model, resolution, observer.frequency
     )
+
+
+def deciding(name: str) -> Deciding:
+    """Return what decides, by its name.
+
+    Raises:
+        FitError: there is no such thing.
+    """
+    for known in get_args(Deciding):
+        if name == known:
+            return known  # type: ignore[no-any-return]
+    raise FitError(f"{name} decides nothing", where="--by", advice=f"choose one of: {', '.join(get_args(Deciding))}")
 
 
 def ready(training: list[Take], held_out: list[Take]) -> Ready:
@@ -203,9 +232,9 @@ def fine_enough(recording: Recording) -> Resolution:
     return Resolution(spacing=float(np.clip(round(side / CELLS, 3), FINEST, COARSEST)))
 
 
-def _key(takes: Ready, added: tuple[str, ...], observer: Observer, seed: int) -> Key:
+def _key(takes: Ready, added: tuple[str, ...], observer: Observer, seed: int, by: str = "rules") -> Key:
     return {
         "takes": takes.contents, "held_out": takes.held_out_contents, "model": observer.parameterisation.name,
-        "added": list(added), "effects": [e.name for e in observer.effects], "seed": seed,
+        "added": list(added), "effects": [e.name for e in observer.effects], "seed": seed, "by": by,
         "spacing": observer.resolution.spacing, "physics": physics_version(),
     }  # fmt: skip

@@ -17,6 +17,11 @@ from fit.observer.residuals import Observer, has_static
 from formats.results import EffectFinding, Figure, FitParameter, Gap
 
 LISTED = 3  # effects that were left out, in a sentence
+PROBABILITIES = {
+    "rules": "Probabilities are shares of draws, of held-out half-seconds and of what mesh and solver may be wrong by, "
+    "in which an effect is best and worth naming; docs/reference/blind-check.md says how far they hold.",
+    "evidence": "Probabilities are masses of the sets of effects that hold an effect, weighed on the takes fitted to.",
+}
 
 
 def describe_gap(evidence: Evidence, best: Hypothesis | None, held_by_edge: Hypothesis | None) -> Gap:
@@ -37,17 +42,19 @@ def describe_gap(evidence: Evidence, best: Hypothesis | None, held_by_edge: Hypo
 
 
 def describe_effects(
-    evidence: Evidence, best: Hypothesis | None, effects: tuple[Effect, ...], model: Parameterisation
-) -> list[EffectFinding]:
+    evidence: Evidence, best: Hypothesis | None, effects: tuple[Effect, ...], model: Parameterisation,
+    weighed: dict[str, float] | None = None,
+) -> list[EffectFinding]:  # fmt: skip
     """Describe every effect of the library, the one that closes most first.
 
-    best: the hypothesis that the verdict names, if any
+    best: the hypothesis that the verdict names, if any; weighed: probabilities by evidence, where those decided
 
     Of several effects that are named together amplitudes are of the fit with all of them.
     """
     screened, shares = evidence.screened, evidence.win_shares()
     several = best if best is not None and len(best.effects) > 1 else None
-    group, likely = groups(screened), probabilities(evidence, several)
+    group = groups(screened)
+    likely = probabilities(evidence, several) if weighed is None else weighed
     smallest = smallest_detectable(evidence)
     found = []
     for effect in effects:
@@ -71,7 +78,7 @@ def describe_effects(
         can_show = len(shown) > 0
         note = "screened only: too little of the residual to be worth a refit; amplitude linearised"
         if hypothesis:
-            note = f"best effect in {100 * shares[name]:.0f} % of bootstrap draws"
+            note = f"best effect in {100 * shares[name]:.0f} % of bootstrap draws" if weighed is None else ""
         if beside:
             rest = " and ".join(evidence.observer.library[n].title for n in beside.effects if n != name)
             note = f"amplitude beside {rest}; closure alone" if hypothesis else f"found beside {rest} only"
@@ -136,7 +143,9 @@ def left_out(effects: tuple[Effect, ...], library: tuple[Effect, ...]) -> str:
     return f" Not looked for, as asked: {', '.join(absent[:LISTED])}{more}." if absent else ""
 
 
-def notes(training: int, held_out: int, observer: Observer, floor: Floor, *, is_predictable: bool) -> list[str]:
+def notes(
+    training: int, held_out: int, observer: Observer, floor: Floor, *, is_predictable: bool, by: str = "rules"
+) -> list[str]:
     """Say what a reader must know to judge the figures."""
     free = (
         "Free rollouts, predictable as they are" if is_predictable else "Free rollouts, which no pull makes predictable"
@@ -146,8 +155,7 @@ def notes(training: int, held_out: int, observer: Observer, floor: Floor, *, is_
         f"{how}; mesh of {1e3 * observer.resolution.spacing:.0f} mm.",
         "Errors are root mean square distances of the tracked points that are not on the held edge; those on it tell "
         "how the cloth is held and timed.",
-        "Probabilities are shares of draws, of held-out half-seconds and of what mesh and solver may be wrong by, in "
-        "which an effect is best and worth naming; docs/reference/blind-check.md says how far they hold.",
+        PROBABILITIES[by],
     ]
     if floor.is_contradicted:
         said.append(

@@ -9,7 +9,8 @@ divided by sigma, white and slow noise are one first-order state-space model, wh
     u_k = phi u_(k-1) + w_k,  y_k = u_k + e_k,  phi = exp(-dt / tau);   v_k = (y_k - E y_k) / sd y_k, given all before
 
 (Kalman filter; a frame in which the point is not seen has no innovation). Offsets are one rank-one term per point and
-axis, o = the innovations of a constant: C_0 = I + sum o o', C_0^-1 = I - sum o o' / (1 + |o|^2).
+axis, o = the innovations of a constant: C_0 = I + sum o o', C_0^-1 = I - sum o o' / (1 + |o|^2). The held edge's
+numbers have noise of SLOW times the variance (`fit.gap.edge_fit`): the hanger's path is smooth, and so is its error.
 
 Discrepancy: in time the damped oscillator exp(-t / T) cos(2 pi f t) that the residual itself shows
 (`fit.gap.correlation.ringing_of`); in space the lowest shapes of a hanging sheet, J_0(xi_k sqrt(h)) down, h the height
@@ -35,6 +36,7 @@ from numpy.typing import NDArray
 from scipy.special import j0, jn_zeros
 
 from fit.gap.correlation import Ringing, ringing_of
+from fit.gap.edge_fit import SLOW
 from fit.observer.edge import NUMBERS
 from fit.observer.residuals import Layout, Observer
 from fit.recordings.recording import Recording
@@ -43,6 +45,7 @@ from formats.arrays import Booleans, Floats
 SLOW_SHARE, SLOW_LASTS = 1 / 3, 1 / 3  # of the white noise; s: slow noise, as `fit.observer.edge` has it
 ACROSS, DOWN = 3, 3  # shapes of a hanging sheet: straight, tilted and bent across; three swings down
 KEPT = 0.97  # of the variance of K_time
+FASTEST = 4.0  # Hz, of the modes of K_time: cloth that hangs swings below 2 Hz, and its second swing below 4
 MOST_ENTRIES = 3e7  # of the square root of K for a take: 240 MB
 FREE = 1e6  # standard deviations: an offset that nothing is known of
 
@@ -254,16 +257,16 @@ def _series_of_edges(layout: Layout, recordings: list[Recording]) -> list[_Serie
         frames = layout.frame[moving].reshape(-1, NUMBERS)[:, 0]
         index = np.full((len(recording.time), NUMBERS, 1), -1)
         index[frames, :, 0] = moving.reshape(-1, NUMBERS)
-        sd = layout.sd[moving].reshape(-1, NUMBERS)
+        sd = np.sqrt(SLOW) * layout.sd[moving].reshape(-1, NUMBERS)
         unit = np.ones((len(recording.time), NUMBERS))
         unit[frames] = sd
-        of_noise = (sd**2).sum(0) / len(sd) ** 2
+        of_noise = (sd**2).sum(0) / SLOW / len(sd) ** 2
         offset = np.sqrt(np.maximum(layout.sd[still] ** 2 - of_noise, 0.0))
         phi, gain, deviation = _filter(recording.time, index[..., 0] >= 0)
         found.append(
             _Series(
-                number, index, still[:, None], np.ones(unit.shape), layout.sd[still] / unit, unit, phi, gain,
-                deviation, first + np.arange(NUMBERS), offset, None,
+                number, index, still[:, None], np.full(unit.shape, 1 / np.sqrt(SLOW)), layout.sd[still] / unit, unit,
+                phi, gain, deviation, first + np.arange(NUMBERS), offset, None,
             )
         )  # fmt: skip
     return found
@@ -292,7 +295,7 @@ def _root(recording: Recording, ringing: Ringing) -> Floats:
     values, vectors = np.linalg.eigh(np.exp(-apart / ringing.decay) * np.cos(2 * np.pi * ringing.hertz * apart))
     values, vectors = np.maximum(values[::-1], 0.0), vectors[:, ::-1]
     enough = int(np.searchsorted(np.cumsum(values) / values.sum(), KEPT)) + 1
-    most = max(int(MOST_ENTRIES / (len(time) * shapes.size)), 1)
+    most = int(min(MOST_ENTRIES / (len(time) * shapes.size), 2 * FASTEST * float(np.ptp(time)))) + 1
     swings = (vectors * np.sqrt(values))[:, : min(enough, most)]
     root = shapes[:, None, :, None] * swings[None, :, None, :] / np.sqrt(3.0)
     return np.asarray(root.reshape(len(shapes), len(time), -1))

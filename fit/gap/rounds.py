@@ -329,7 +329,8 @@ class Rounds:
         return [
             (h, self._p_value(screened[name].family_p_value, start, h, len(left)))
             for h, name in zip(refitted, names, strict=True)
-            if not any(is_brought(self.observer, h, k) for k in h.effects) and not puts_edge_off(self.base, start, h)
+            if not any(is_brought(self.observer, h.fitted, k) for k in h.effects)
+            and not puts_edge_off(self.base, start, h)
         ]
 
     def _p_value(self, by_score: float, start: Hypothesis, found: Hypothesis, tested: int) -> float:

@@ -36,7 +36,6 @@ MOST_EFFECTS = 3  # at work together
 CHANCE = 1 / 24  # odds that one effect is at work: of about two dozen one, as often as not
 SIZES = 2.0  # standard deviation of an amplitude, in typical sizes, before its range cuts it
 TOGETHER = 256  # subsets worked out at once, so that their matrices stay small
-FAR = 30.0  # deviations, beyond which nothing of a normal distribution is left
 LOG_ROOT = 0.5 * float(np.log(2 * np.pi))
 
 
@@ -64,20 +63,22 @@ class Reduced:
     normal: Floats
 
 
-def reduced(sums: Sums, parameters: int, precision: Floats, offset: Floats) -> Reduced:
-    """Project base parameters out of sums over rows: the residual, the Jacobian's columns, the signatures.
+def reduced(sums: Sums, precision: Floats, offset: Floats) -> Reduced:
+    """Project what is of no interest out of sums over rows: the residual, what may imitate it, the signatures.
 
-    precision, (parameters,): of their priors; offset, (parameters,): where the fit is, less the priors' means
+    precision, (parameters,) or (scales, parameters): of the priors of what may imitate it, base parameters first
+    offset, (parameters,): where the fit is, less the priors' means
     """
     inner = sums.inner
-    of_base = slice(1, 1 + parameters)
-    hessian = inner[:, of_base, of_base] + np.diag(precision)
-    cross = np.delete(inner[:, of_base], np.s_[of_base], axis=2)  # with the residual, then with signatures
+    precision = np.broadcast_to(precision, (len(inner), len(offset)))
+    aside = slice(1, 1 + len(offset))
+    hessian = inner[:, aside, aside] + precision[:, :, None] * np.eye(len(offset))
+    cross = np.delete(inner[:, aside], np.s_[aside], axis=2)  # with the residual, then with signatures
     cross[:, :, 0] += precision * offset
-    rest = np.delete(np.delete(inner, np.s_[of_base], axis=1), np.s_[of_base], axis=2)
+    rest = np.delete(np.delete(inner, np.s_[aside], axis=1), np.s_[aside], axis=2)
     rest = rest - np.swapaxes(cross, 1, 2) @ np.linalg.solve(hessian, cross)
-    squares = rest[:, 0, 0] + float(precision @ offset**2)
-    volume = np.linalg.slogdet(hessian)[1] - np.log(precision).sum()
+    squares = rest[:, 0, 0] + precision @ offset**2
+    volume = np.linalg.slogdet(hessian)[1] - np.log(precision).sum(1)
     base = -0.5 * (squares + sums.log_det + volume)
     return Reduced(base, -rest[:, 0, 1:], rest[:, 1:, 1:])
 
@@ -120,10 +121,10 @@ def log_share(mean: Floats, covariance: Floats, low: Floats, high: Floats) -> Fl
         share = _log_between(below, above)
         total += share
         # Mean and variance of what is left of a standard normal distribution between two ends.
-        at_low, at_high = (np.exp(-0.5 * np.minimum(end**2, FAR**2) - LOG_ROOT - share) for end in (below, above))
+        at_low, at_high = (np.exp(-0.5 * end**2 - LOG_ROOT - share) for end in (below, above))
         moved = at_low - at_high
-        ends = (np.where(np.abs(end) < FAR, end * at, 0.0) for end, at in ((below, at_low), (above, at_high)))
-        kept = np.clip(1 + next(ends) - next(ends) - moved**2, 0.0, 1.0)
+        ends = [np.where(np.isinf(end), 0.0, end) for end in (below, above)]
+        kept = np.clip(1 + ends[0] * at_low - ends[1] * at_high - moved**2, 0.0, 1.0)
         gain = covariance[..., n] / sd[..., None]
         mean = mean + gain * moved[..., None]
         covariance = covariance - gain[..., :, None] * gain[..., None, :] * (1 - kept)[..., None, None]

@@ -20,7 +20,7 @@ from fit.gap.evidence import (
     puts_edge_off,
     puts_edge_right,
 )
-from fit.gap.fitting import amplitude_of
+from fit.gap.fitting import Fitted, amplitude_of
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.probabilities import probabilities
 from fit.observer.edge import is_edge_explained
@@ -38,16 +38,16 @@ def may_be_added(observer: Observer, hypothesis: Hypothesis, p_value: float) -> 
     """Whether the effect that a hypothesis adds last is significant, surely not nothing, and in its physical range."""
     _, (low, high) = amplitude_of(hypothesis.fitted, observer, hypothesis.effects[-1])
     is_sure = p_value < LEVEL and low * high > 0 and not is_at_bound(observer, hypothesis)
-    return is_sure and not any(is_brought(observer, hypothesis, k) for k in hypothesis.effects)
+    return is_sure and not any(is_brought(observer, hypothesis.fitted, k) for k in hypothesis.effects)
 
 
-def is_brought(observer: Observer, hypothesis: Hypothesis, effect: str) -> bool:
-    """Whether one effect of a hypothesis may be no more than what a sound law of another one brings along."""
+def is_brought(observer: Observer, fitted: Fitted, effect: str) -> bool:
+    """Whether one effect of a fit may be no more than what a sound law of another one brings along."""
     brought = 0.0
-    for other in hypothesis.effects:
+    for other in fitted.active:
         share = dict(observer.library[other].brings).get(observer.library[effect].name, 0.0)
-        brought += share * amplitude_of(hypothesis.fitted, observer, other)[0] if share else 0.0
-    _, (low, _) = amplitude_of(hypothesis.fitted, observer, effect)
+        brought += share * amplitude_of(fitted, observer, other)[0] if share else 0.0
+    _, (low, _) = amplitude_of(fitted, observer, effect)
     return brought > 0.0 and low <= brought
 
 
@@ -65,7 +65,7 @@ def decide(evidence: Evidence) -> Verdict:
     """Apply the rules in their order: gates, is there a gap, does an effect explain it, does it explain enough."""
     library = evidence.observer.library
     failed = [g for g in evidence.gates if not g.passed]
-    numbers = _numbers(evidence)
+    numbers = gap_numbers(evidence)
     told = evidence.told_by_edge
     # The held edge goes with the hanger, however chaotic the cloth below it is.
     passed_over = {"mesh and step", "base fit", *(["predictability"] if told else [])}
@@ -79,7 +79,7 @@ def decide(evidence: Evidence) -> Verdict:
     if several is None:
         passing = _likely(evidence, passing)
     if not passing and not (has_gap and evidence.exceeds(noise + mesh)):
-        return _no_gap(evidence, has_gap=has_gap)
+        return no_gap(evidence, has_gap=has_gap)
     if any(g.name == "base fit" for g in failed) and not told:
         return Verdict("inconclusive", [], f"No diagnosis: {failed[0].sentence} {numbers}")
     coarse = next((g for g in failed if g.name == "mesh and step"), None)
@@ -95,7 +95,7 @@ def decide(evidence: Evidence) -> Verdict:
         return Verdict("numerics", [], f"Refine first: {most} (--spacing). {numbers}")
     if not passing:
         unknown = f"There is a gap that no effect in the library explains. {numbers}"
-        return Verdict("unknown", [], unknown + _edge_is_off(evidence))
+        return Verdict("unknown", [], unknown + edge_is_off(evidence))
     best = passing[0]
     closed = evidence.closure_of(evidence.singles[best])
     if not evidence.explains_enough(evidence.singles[best]) and best not in told:
@@ -127,16 +127,16 @@ def decide(evidence: Evidence) -> Verdict:
     return Verdict(
         "effect",
         [best],
-        f"{_lacks(evidence, None, (best,))} {title}. {numbers} With {title} ({_with_unit(evidence, best)}) it "
+        f"{_lacks(evidence, None, (best,))} {title}. {numbers} With {title} ({with_unit(evidence, best)}) it "
         f"misses by {evidence.error_of(evidence.singles[best]).value:.1f} mm"
-        f"{_share_closed(evidence, evidence.singles[best])}."
+        f"{share_closed(evidence, evidence.singles[best])}."
         f"{_edge_says(evidence, best, closed) if best in told else ''}",
     )
 
 
-def _no_gap(evidence: Evidence, *, has_gap: bool) -> Verdict:
+def no_gap(evidence: Evidence, *, has_gap: bool) -> Verdict:
     """Say that there is no gap beyond noise, mesh and solver, or why these takes cannot show one."""
-    numbers, wrong = _numbers(evidence), f"{evidence.numerics_mm:.1f} mm"
+    numbers, wrong = gap_numbers(evidence), f"{evidence.numerics_mm:.1f} mm"
     if has_gap and evidence.is_coarse:
         refine = f"Refine first: mesh and solver may be wrong by {wrong}, and a gap may hide in that (--spacing)."
         return Verdict("numerics", [], f"{refine} {numbers}")
@@ -148,12 +148,13 @@ def _no_gap(evidence: Evidence, *, has_gap: bool) -> Verdict:
             f"No gap shows, but a pull of {pull:g} Hz, which these takes need to be predictable, hides small effects. "
             f"These could not have been seen: {', '.join(missed[:LISTED])}{more}. {numbers}{hidden}"
         )
-        return Verdict("inconclusive", [], said + _edge_is_off(evidence))
+        return Verdict("inconclusive", [], said + edge_is_off(evidence))
     none = f"No gap: the base model explains the motion down to noise and mesh. {numbers}{hidden}"
-    return Verdict("none", [], none + _edge_is_off(evidence))
+    return Verdict("none", [], none + edge_is_off(evidence))
 
 
-def _share_closed(evidence: Evidence, hypothesis: Hypothesis) -> str:
+def share_closed(evidence: Evidence, hypothesis: Hypothesis) -> str:
+    """Say which share of the gap a hypothesis closes."""
     closed = evidence.closure_of(hypothesis)
     if closed is None:
         return ""
@@ -177,7 +178,7 @@ def _edge_says(evidence: Evidence, effect: str, closed: Figure | None) -> str:
     return f"{said} The rest of the gap, {100 - 100 * closed.value:.0f} %, no effect in the library explains."
 
 
-def _edge_is_off(evidence: Evidence) -> str:
+def edge_is_off(evidence: Evidence) -> str:
     """Say so where no effect was named and the held edge is not where the base model has it."""
     edge = evidence.base.errors.edge
     return "" if is_edge_explained(edge) else f" The base model puts the held edge {edge.mm:.1f} mm off, beyond noise."
@@ -289,20 +290,20 @@ def _name_several(evidence: Evidence, several: Hypothesis) -> Verdict:
         library[k].title + "".join(f" (or {library[n].title}: these takes cannot tell)" for n in others.get(k, []))
         for k in several.effects
     ]
-    titles, sizes = " and ".join(causes), ", ".join(_with_unit(evidence, k, several) for k in several.effects)
+    titles, sizes = " and ".join(causes), ", ".join(with_unit(evidence, k, several) for k in several.effects)
     if not evidence.explains_enough(several):
         return Verdict(
             "unknown",
             [],
             f"There is a gap that no effect in the library explains: {titles} come nearest, and together leave "
-            f"{100 - 100 * closed.value:.0f} % of it, more than true causes would. {_numbers(evidence)}",
+            f"{100 - 100 * closed.value:.0f} % of it, more than true causes would. {gap_numbers(evidence)}",
         )
     return Verdict(
         "several",
         list(several.effects),
         f"{_lacks(evidence, several, *((k, *others.get(k, [])) for k in several.effects))} {titles}. "
-        f"{_numbers(evidence)} With them ({sizes}) it misses by {evidence.error_of(several).value:.1f} mm"
-        f"{_share_closed(evidence, several)}.",
+        f"{gap_numbers(evidence)} With them ({sizes}) it misses by {evidence.error_of(several).value:.1f} mm"
+        f"{share_closed(evidence, several)}.",
         {name: list(alike) for name, alike in others.items()},
     )
 
@@ -316,7 +317,8 @@ def _lacks(evidence: Evidence, several: Hypothesis | None, *causes: tuple[str, .
     )
 
 
-def _numbers(evidence: Evidence) -> str:
+def gap_numbers(evidence: Evidence) -> str:
+    """Say what the base model misses by and what the noise is."""
     on = "on motion not used for fitting"
     if not evidence.is_held_out:
         on = "on the motion it was fitted to (no held-out take)"
@@ -326,7 +328,8 @@ def _numbers(evidence: Evidence) -> str:
     )
 
 
-def _with_unit(evidence: Evidence, effect: str, beside: Hypothesis | None = None) -> str:
+def with_unit(evidence: Evidence, effect: str, beside: Hypothesis | None = None) -> str:
+    """Say an effect's size, its interval and its place."""
     kind = evidence.observer.library[effect]
     unit = "" if kind.unit == "1" else f" {kind.unit}"
     middle, (low, high) = evidence.amplitude(effect, beside=beside)

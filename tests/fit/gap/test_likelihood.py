@@ -8,6 +8,7 @@ import pytest
 from fit.effects import LIBRARY
 from fit.gap import likelihood
 from fit.gap.correlation import Ringing
+from fit.gap.edge_fit import SLOW
 from fit.gap.likelihood import SLOW_LASTS, SLOW_SHARE, Likelihood, shapes_of
 from fit.methods import SI
 from fit.observer.residuals import Observer
@@ -37,6 +38,7 @@ def seen():
 def exact(seen, monkeypatch):
     """The likelihood with all modes of K, and a stated ringing."""
     monkeypatch.setattr(likelihood, "KEPT", 1.0 - 1e-12)
+    monkeypatch.setattr(likelihood, "FASTEST", 30.0)
     monkeypatch.setattr(likelihood, "ringing_of", lambda *_: RINGING)
     noise = [np.full(9, 0.8 * NOISE), np.full(9, 1.2 * NOISE)]
     residual = np.zeros(len(seen.layout.take))
@@ -108,7 +110,7 @@ def test_the_held_edge_has_noise_and_offsets_and_no_discrepancy(seen, exact):
         values = (row[moving] * layout.sd[moving]).reshape(-1, 4) + row[still] * layout.sd[still]
         time = seen.recordings[k].time[layout.frame[moving].reshape(-1, 4)[:, 0]]
         offset = np.sqrt(layout.sd[still] ** 2 - (sd**2).sum(0) / len(sd) ** 2)
-        parts.append((values, sd, time, offset))
+        parts.append((values, np.sqrt(SLOW) * sd, time, offset))
     for number in range(4):
         values = np.concatenate([part[0][:, number] for part in parts])
         fixed = np.concatenate([np.full(len(p[2]), p[3][number]) for p in parts])

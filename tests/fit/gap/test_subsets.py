@@ -41,7 +41,7 @@ def test_one_effect_has_the_evidence_of_an_integral_over_its_sizes(is_one_sided)
     columns = Columns(("one",), *(np.array([end[k] for end in ends]) for k in (0, 1)))
     for size in (-1.0, 0.0, 1.5):
         residual = rng.normal(size=NUMBERS) - size * signature[0]
-        found = reduced(sums_of(np.vstack([residual, jacobian, signature])), PARAMETERS, PRECISION, OFFSET)
+        found = reduced(sums_of(np.vstack([residual, jacobian, signature])), PRECISION, OFFSET)
         got = log_evidence(found, columns, [("one",), ()])[:, 0]
         expected = by_brute_force(residual, jacobian, signature, ends)
         none = by_brute_force(residual, jacobian, np.zeros((1, NUMBERS)), ends)
@@ -57,7 +57,7 @@ def test_two_collinear_effects_have_the_evidence_of_an_integral_over_both_sizes(
     columns = Columns(("one", "other"), np.array([0.0, 0.0]), np.array([6.0, 6.0]))
     for sizes in ((1.0, 1.0), (2.0, 0.0), (0.0, 0.0)):
         residual = rng.normal(size=NUMBERS) - np.array(sizes) @ signatures
-        found = reduced(sums_of(np.vstack([residual, jacobian, signatures])), PARAMETERS, PRECISION, OFFSET)
+        found = reduced(sums_of(np.vstack([residual, jacobian, signatures])), PRECISION, OFFSET)
         got = float(log_evidence(found, columns, [("one", "other")])[0, 0])
         # The shares of two truncated components one after another are an approximation.
         assert got == pytest.approx(by_brute_force(residual, jacobian, signatures, [(0.0, 6.0)] * 2), abs=0.2)
@@ -97,7 +97,7 @@ class World:
 
     def posterior(self, residual):
         rows = np.vstack([residual, self.jacobian, self.signatures])
-        found = reduced(sums_of(rows), PARAMETERS, PRECISION, OFFSET)
+        found = reduced(sums_of(rows), PRECISION, OFFSET)
         log_mass = log_evidence(found, self.columns, self.every)[:, 0] + self.prior
         return np.exp(log_mass - logsumexp(log_mass))
 

@@ -1,0 +1,299 @@
+"""The posterior over subsets of effects: linear evidence says whom to refit, true joint refits say how likely each is.
+
+About a fit with residual r, amplitudes a_0 of its own effects and their columns S, the model is linear in total
+amplitudes: r - S a_0 + J b + S a. All subsets are weighed there (`fit.gap.subsets`); those that may win and were never
+fitted are fitted truly, jointly, from shares of their linear solution; the best fit becomes the next place to be linear
+about. The search ends when nothing that was not fitted can win. Masses are those about the last of these places: fits
+that end in different ripples of the cloth's residual differ by more than one effect makes, so that their costs say
+where to be linear, and not what is likely.
+
+Mesh and solver imitate effects. Their error of mean square s^2, of a random direction among DIRECTIONS, is beside the
+covariance of `fit.gap.likelihood` an amplitude of every component that no effect makes, N(0, tau^2),
+
+    tau = s / (sqrt(DIRECTIONS) m),   m: root mean square motion of the points by one typical size
+
+with base parameters refitted, so that a size that mesh and solver may make is no evidence. They do not move the held
+edge, which keeps its word.
+The size s has two priors, and they are two hypotheses. `known`: log-normal of width WIDTH about M, with
+
+    M^2 = mesh and solver^2 + what the hanger's noise shakes^2 + sum over effects (law_spread x motion by the effect)^2
+
+`wide`: log-uniform from M to WIDEST M, with the odds UNKNOWN: something is at work that the library does not hold.
+Twins, which look alike beside the base, are never in one subset: their difference is what no take shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.special import logsumexp
+
+from fit.gap.correlation import DIRECTIONS
+from fit.gap.fitting import Fitted, Problem, Task
+from fit.gap.hypotheses import polishing
+from fit.gap.likelihood import Likelihood
+from fit.gap.screening import GROUP_COSINE
+from fit.gap.subsets import (
+    MOST_EFFECTS,
+    SIZES,
+    Columns,
+    Reduced,
+    log_evidence,
+    log_prior,
+    reduced,
+    subsets,
+    summed_out,
+)
+from fit.gap.verdict import is_brought
+from fit.observer.residuals import Observer
+from formats.arrays import Floats
+
+Subset = tuple[str, ...]
+
+SCALES = np.geomspace(1e-4, 0.1, 48)  # m: the discrepancies that are summed over, each a seventh larger
+WIDTH = 0.5  # of the known size's logarithm: on nulls of a development set it came out at 0.5 to 1.4 times M
+WIDEST = 30.0  # times M: an unknown cause may be as large as the motion
+UNKNOWN = 1 / 6  # odds of a cause that the library does not hold
+DOZEN = 12  # subsets that are refitted in one round at most
+WITHIN = 2.5  # of the best log mass: a subset farther behind is not refitted; one that gains nothing is 3.2 behind
+ITERATIONS = 6  # of a joint refit, along chords
+SHARES = (0.3, 0.7, 1.0)  # of the joint linear solution, from which refits begin
+TRIED = 3  # effects that are refitted, however unlikely, where the base model needs an unknown cause
+LEAST_MOTION = 1e-3  # mm: what moves the points less does not move them
+
+
+@dataclass(frozen=True)
+class Mass:
+    """Log masses of subsets under a known and a wide discrepancy, each (subsets,), up to one constant."""
+
+    among: list[Subset]
+    known: Floats
+    wide: Floats
+
+    @property
+    def total(self) -> Floats:
+        """Log mass of each subset, (subsets,)."""
+        return np.logaddexp(self.known, self.wide)
+
+
+class Linear:
+    """The linear model about a fit: every subset's evidence, and its joint solution."""
+
+    def __init__(self, observer: Observer, likelihood: Likelihood, fitted: Fitted, rows: dict[str, Floats]) -> None:
+        """Weigh it.
+
+        rows, (components, numbers): signatures about the fit in typical sizes, of effects that are not in the fit
+        """
+        self.observer, self.fitted = observer, fitted
+        count, first = len(fitted.vector), len(fitted.vector)
+        self.rows = {name: own for name, own in rows.items() if own.any() and name not in fitted.active}
+        now = {name: np.zeros(len(own)) for name, own in self.rows.items()}
+        for name in fitted.active:
+            components = len(observer.library[name].components)
+            self.rows[name] = fitted.jacobian[:, first : first + components].T
+            now[name] = fitted.amplitudes[observer.columns[name]] / observer.library[name].typical
+            first += components
+        self.jacobian = fitted.jacobian[:, :count]
+        kinds = [observer.library[name] for name, own in self.rows.items() for _ in own]
+        self.columns = Columns(
+            tuple(name for name, own in self.rows.items() for _ in own),
+            np.array([kind.low / kind.typical for kind in kinds]),
+            np.array([kind.high / kind.typical for kind in kinds]),
+        )
+        signatures = np.concatenate(list(self.rows.values()))
+        self.residual = fitted.residual - np.concatenate(list(now.values())) @ signatures
+        prior = Problem(observer)
+        self.precision = prior.prior_sd**-2
+        logs = observer.parameterisation.is_log
+        initial = observer.parameterisation.initial
+        self.offset = np.where(
+            logs, np.log(np.where(logs, fitted.vector / np.where(logs, initial, 1.0), 1.0)), fitted.vector - initial
+        )
+        hat = np.linalg.solve(self.jacobian.T @ self.jacobian + np.diag(self.precision), self.jacobian.T)
+        self.seen = signatures - (signatures @ self.jacobian) @ hat
+        self.motion = np.array([max(float(observer.in_mm(row)), LEAST_MOTION) for row in self.seen])
+        on_cloth = np.where(observer.layout.is_edge, 0.0, signatures)
+        sums = likelihood.of(np.vstack([self.residual, self.jacobian.T, on_cloth, signatures]))
+        imitated = (1e3 * likelihood.scales[:, None] / np.sqrt(DIRECTIONS) / self.motion) ** -2
+        precision = np.concatenate([np.tile(self.precision, (len(imitated), 1)), imitated], 1)
+        self.reduced: Reduced = reduced(sums, precision, np.concatenate([self.offset, np.zeros(len(self.motion))]))
+        self.scales = likelihood.scales
+
+    def masses(self, among: Sequence[Subset], known_mm: float) -> Mass:
+        """Return the masses of subsets; known_mm: by which mesh, solver and the hanger's noise are wrong."""
+        evidence = log_evidence(self.reduced, self.columns, among)
+        law = np.array([self.observer.library[name].law_spread for name in self.columns.effects])
+        middle = np.full(len(among), known_mm)
+        best = evidence.argmax(1)
+        for n, subset in enumerate(among):
+            at = self._places(subset)
+            if at:
+                size = np.abs(self._solution(at, int(best[n])))
+                middle[n] = np.hypot(known_mm, float(np.sqrt(((law[at] * size * self.motion[at]) ** 2).sum())))
+        prior = np.array([log_prior(len(subset)) for subset in among])
+        logs = np.log(1e3 * self.scales)
+        known = summed_out(evidence, logs, middle, WIDTH)
+        apart = logs - np.log(middle)[:, None]
+        within = np.where((apart >= 0) & (apart <= np.log(WIDEST)), 0.0, -np.inf)
+        wide = logsumexp(evidence + within, axis=1) - logsumexp(within, axis=1)
+        return Mass(list(among), known + prior, wide + prior + float(np.log(UNKNOWN)))
+
+    def _places(self, subset: Subset) -> list[int]:
+        return [n for n, name in enumerate(self.columns.effects) if name in subset]
+
+    def _solution(self, at: list[int], scale: int) -> Floats:
+        """Total amplitudes of columns in typical sizes, within their ranges, (columns,)."""
+        normal = self.reduced.normal[scale][np.ix_(at, at)] + np.eye(len(at)) / SIZES**2
+        found = np.linalg.solve(normal, self.reduced.pull[scale][at])
+        return np.clip(found, self.columns.low[at], self.columns.high[at])
+
+    def twins(self) -> set[frozenset[str]]:
+        """Pairs of effects of one component that look alike, base parameters refitted."""
+        alone = [n for n, name in enumerate(self.columns.effects) if self.columns.effects.count(name) == 1]
+        lengths = np.maximum(np.linalg.norm(self.seen[alone], axis=1), 1e-12)
+        cosines = np.abs(self.seen[alone] @ self.seen[alone].T) / lengths[:, None] / lengths
+        names = [self.columns.effects[n] for n in alone]
+        return {frozenset((names[a], names[b])) for a, b in np.argwhere(cosines > GROUP_COSINE).tolist() if a < b}
+
+    def joint(self, subset: Subset) -> Floats:
+        """Jacobian of base parameters and a subset's amplitudes, (numbers, parameters + components)."""
+        return np.concatenate([self.jacobian, *(self.rows[name].T for name in subset)], axis=1)
+
+    def starts(self, subset: Subset) -> tuple[Floats, Floats]:
+        """Places from which to fit a subset truly: base parameters and amplitudes, a row per share."""
+        problem, joint = Problem(self.observer, subset), self.joint(subset)
+        normal = joint.T @ joint + np.diag(problem.prior_sd**-2)
+        step = -np.linalg.solve(normal, joint.T @ self.residual)
+        count, logs = len(self.fitted.vector), self.observer.parameterisation.is_log
+        size = np.clip(step[count:], 0.9 * problem.space.minimum[count:], 0.9 * problem.space.maximum[count:])
+        places = []
+        for share in SHARES:
+            moved = np.where(
+                logs, self.fitted.vector * np.exp(np.clip(share * step[:count] * logs, -1, 1)),
+                self.fitted.vector + share * step[:count] * ~logs,
+            )  # fmt: skip
+            row = self.observer.off
+            row[problem.columns] = share * size * problem.typical
+            places.append(problem.pack(moved, row))
+        return problem.unpack(np.array(places))
+
+
+@dataclass
+class Found:
+    """Fitted models and the masses of all subsets.
+
+    fits: by their effects, sorted; the base model's is of no effect
+    """
+
+    fits: dict[Subset, Fitted]
+    mass: Mass | None = None
+    twins: set[frozenset[str]] = field(default_factory=set)
+
+    def best(self) -> Subset:
+        """Return the fitted subset of the largest mass."""
+        mass = self.mass
+        assert mass is not None
+        weights = dict(zip(mass.among, mass.total, strict=True))
+        return max(self.fits, key=lambda one: float(weights.get(one, -np.inf)))
+
+    def shares(self) -> dict[Subset, tuple[float, float]]:
+        """Probability of each subset with a known and with a wide discrepancy."""
+        assert self.mass is not None
+        whole = logsumexp(self.mass.total)
+        return {
+            subset: (float(np.exp(known - whole)), float(np.exp(wide - whole)))
+            for subset, known, wide in zip(self.mass.among, self.mass.known, self.mass.wide, strict=True)
+        }
+
+
+Refit = Callable[[list[Subset], list[Task]], list[Fitted]]
+Renew = Callable[[Fitted], dict[str, Floats]]
+
+
+class Search:
+    """The search for the subsets that explain a residual, as the module says."""
+
+    def __init__(
+        self, observer: Observer, noise: list[Floats], base: Fitted, rows: dict[str, Floats], known_mm: float,
+        refit: Refit, renew: Renew,
+    ) -> None:  # fmt: skip
+        """Begin at the base fit.
+
+        noise: measured, per axis [m], (points,) a take; rows: signatures about the base fit in typical sizes
+        known_mm: by which mesh, solver and the hanger's noise are wrong
+        refit: fits tasks of some subsets; renew: signatures about another fit
+        """
+        self.observer, self.noise, self.rows, self.known_mm = observer, noise, rows, known_mm
+        self.refit, self.renew = refit, renew
+        self.found, self.about = Found({(): base}), base
+
+    def go(self, tell: Callable[[str], None] = lambda _: None) -> Found:
+        """Return the fitted models and the masses of all subsets."""
+        found = self.found
+        for turn in range(MOST_EFFECTS + 1):
+            likelihood = Likelihood(self.observer, self.noise, self.about.residual, SCALES)
+            linear = Linear(self.observer, likelihood, self.about, self.rows)
+            found.twins |= linear.twins()
+            found.mass = self._not_brought(linear.masses(self._allowed(linear), self.known_mm))
+            wanted = _wanted(found, turn)
+            if not wanted or turn == MOST_EFFECTS:
+                break
+            tell(f"refitting {len(wanted)} sets of effects")
+            found.fits.update(zip(wanted, self.refit(wanted, self._tasks(linear, wanted)), strict=True))
+            best = min(wanted, key=lambda one: found.fits[one].cost)
+            if found.fits[best].cost >= self.about.cost:
+                continue
+            found.fits[best] = self._polished(best, again=turn == 0)
+            self.about = min(found.fits[best], found.fits[()], key=lambda one: one.cost)
+            self.rows = {**self.rows, **self.renew(self.about)}
+        return found
+
+    def _not_brought(self, mass: Mass) -> Mass:
+        """Masses without the subsets in which a law of one effect brings another one along."""
+        for n, subset in enumerate(mass.among):
+            fitted = self.found.fits.get(subset)
+            if fitted is not None and any(is_brought(self.observer, fitted, name) for name in subset):
+                mass.known[n] = mass.wide[n] = -np.inf
+        return mass
+
+    def _polished(self, best: Subset, *, again: bool) -> Fitted:
+        """Fit the best subset on with a Jacobian of its own; the base model has another chance from where that ends."""
+        (fitted,) = self.refit([best], [polishing(self.found.fits[best])])
+        if again and best:
+            base = self.found.fits[()]
+            (other,) = self.refit([()], [Task(fitted.vector, self.observer.off, known_cost=base.cost)])
+            self.found.fits[()] = min(base, other, key=lambda one: one.cost)
+        return fitted
+
+    def _tasks(self, linear: Linear, wanted: list[Subset]) -> list[Task]:
+        starts = [linear.starts(subset) for subset in wanted]
+        vectors, amplitudes = (np.concatenate([start[k] for start in starts]) for k in (0, 1))
+        costs = (self.observer.residuals(vectors, amplitudes) ** 2).sum(1).reshape(len(wanted), -1)
+        return [
+            Task(
+                own[int(np.argmin(cost))], sizes[int(np.argmin(cost))], subset, ITERATIONS, renewals=0,
+                jacobian=linear.joint(subset), is_rough=True,
+            )
+            for subset, (own, sizes), cost in zip(wanted, starts, costs, strict=True)
+        ]  # fmt: skip
+
+    def _allowed(self, linear: Linear) -> list[Subset]:
+        names, library = sorted(linear.rows), self.observer.library
+        every = subsets(names, beside={name: not library[name].differs_by_solver for name in names})
+        return [one for one in every if not any(pair <= set(one) for pair in self.found.twins)]
+
+
+def _wanted(found: Found, turn: int) -> list[Subset]:
+    """Subsets that were not fitted and may win; one more effect at a time, for a refit changes what is linear."""
+    assert found.mass is not None
+    mass, total = found.mass, found.mass.total
+    order = np.argsort(-total)
+    likely = [mass.among[n] for n in order[:DOZEN] if total[n] > total[order[0]] - WITHIN]
+    chosen = [one for one in likely if len(one) <= turn + 1] or likely[:TRIED]
+    # Where the base model needs an unknown cause the linear model says little of where a refit ends.
+    base = mass.among.index(())
+    if turn == 0 and mass.wide[base] > mass.known[base]:
+        chosen += [mass.among[n] for n in order if len(mass.among[n]) == 1][:TRIED]
+    return [one for one in dict.fromkeys(chosen) if one not in found.fits]

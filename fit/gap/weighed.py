@@ -1,0 +1,158 @@
+"""The verdict as a posterior: `hangtime diagnose --by evidence`.
+
+Chosen on the takes fitted to alone (`fit.gap.posterior`); the takes judged on are opened once, for the closure of what
+was chosen. Probabilities are masses: of an effect, that of all subsets which hold it and leave a known discrepancy.
+
+| most of the mass | verdict |
+|---|---|
+| no effect, known discrepancy | `none`, or `inconclusive` under a pull that hides typical sizes |
+| any subset, wide discrepancy | `unknown` |
+| subsets of one effect | `effect`; `ambiguous` where others hold RIVAL of the mass in its place |
+| subsets of two or three | `several`, of each cause what may stand in its place |
+
+An effect that closes less than SMALLEST_CLOSURE of the gap on motion that nothing was chosen on is no cause: `unknown`.
+Gates and `numerics` are those of `fit.gap.verdict`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fit.gap.evidence import RIVAL, SMALLEST_CLOSURE, Evidence
+from fit.gap.fitting import Fitted, Task, fit
+from fit.gap.floor import Floor, measured_noise
+from fit.gap.hypotheses import Hypothesis, judged
+from fit.gap.numerics import Refined
+from fit.gap.posterior import Found, Search, Subset
+from fit.gap.rounds import Rounds, kept_as
+from fit.gap.screening import screen
+from fit.gap.verdict import LIKELY, SURE, Verdict, edge_is_off, gap_numbers, no_gap, share_closed, with_unit
+from formats.arrays import Floats
+
+
+def weigh(rounds: Rounds, noise: Floor, refined: Refined, added: tuple[str, ...]) -> Found:
+    """Weigh every subset of effects, refit those that may win, and judge what was refitted; `rounds` takes it all.
+
+    added: names of effects that are refitted and shown whatever their mass
+    """
+    base = rounds.base.fitted
+    rounds.screened = screen(rounds.observer, base, rounds.tested, rounds.rng)
+    rows = {name: one.raw for name, one in rounds.screened.items()}
+    shaken = max(noise.mm**2 - noise.measured_mm**2, 0.0)
+    known = float(np.sqrt(refined.numerics_mm**2 + shaken))
+    made: dict[str, int] = {}
+
+    def refit(wanted: list[Subset], tasks: list[Task]) -> list[Fitted]:
+        names = []
+        for subset in wanted:
+            name = kept_as(subset) or "base"
+            made[name] = made.get(name, 0) + 1
+            names.append(f"weighed-{name}-{made[name]}")
+        return rounds.kept.recall(names, lambda: fit(rounds.observer, tasks))
+
+    def renew(about: Fitted) -> dict[str, Floats]:
+        left = [name for name in rounds.tested if name not in about.active]
+        found = screen(rounds.observer, about, left, rounds.rng, rounds.screened)
+        return {name: one.raw for name, one in found.items()}
+
+    search = Search(rounds.observer, measured_noise(rounds.observer, base.residual), base, rows, known, refit, renew)
+    found = search.go(lambda stage: rounds.progress(stage, 0.5))
+    if found.fits[()] is not base:
+        (rounds.base,) = judged(rounds.judge, [found.fits[()]])
+        rounds.fits = sorted([*rounds.fits, found.fits[()]], key=lambda one: one.cost)
+    singles = [one for one in found.fits.values() if len(one.active) == 1]
+    best = found.fits[found.best()]
+    several = [best] if len(best.active) > 1 else []
+    opened = judged(rounds.judge, singles + several)
+    rounds.singles = {h.effects[0]: h for h in opened if len(h.effects) == 1}
+    rounds.joint = [(h, 0.0) for h in opened if len(h.effects) > 1]
+    return found
+
+
+def inclusion(found: Found) -> dict[str, float]:
+    """Probability of each effect: the mass of the subsets that hold it and leave a known discrepancy."""
+    likely: dict[str, float] = {}
+    for subset, (known, _) in found.shares().items():
+        for name in subset:
+            likely[name] = likely.get(name, 0.0) + known
+    return likely
+
+
+def decide_by_mass(evidence: Evidence, found: Found) -> Verdict:
+    """Say what most of the mass says."""
+    failed = [g for g in evidence.gates if not g.passed and g.name not in {"mesh and step", "base fit"}]
+    figures = gap_numbers(evidence)
+    if failed:
+        return Verdict("inconclusive", [], f"No diagnosis: {failed[0].sentence} {figures}")
+    shares = found.shares()
+    unknown = sum(wide for _, wide in shares.values())
+    nothing = shares[()][0]
+    named = 1.0 - unknown - nothing
+    if nothing >= max(unknown, named):
+        return no_gap(evidence, has_gap=evidence.exceeds(evidence.floor_mm**2))
+    coarse = next((g for g in evidence.gates if g.name == "mesh and step" and not g.passed), None)
+    best = max((s for s in found.fits if s), key=lambda s: shares.get(s, (0.0, 0.0))[0], default=())
+    hypothesis = _judged(evidence, best)
+    closed = evidence.closure_of(hypothesis) if hypothesis else None
+    if coarse is not None and 100 * (closed.value if closed else 0.0) <= (coarse.figure or 0.0):
+        return Verdict("numerics", [], f"Refine first: {coarse.sentence} {figures}")
+    gap = f"There is a gap that no effect in the library explains. {figures}"
+    if unknown >= named or hypothesis is None:
+        return Verdict("unknown", [], gap + edge_is_off(evidence))
+    if closed is not None and closed.value < SMALLEST_CLOSURE:
+        titles = " and ".join(evidence.observer.library[name].title for name in best)
+        more = f" On the motion that was fitted {titles} would; on the other one it closes {100 * closed.value:.0f} %."
+        return Verdict("unknown", [], gap + more)
+    others = {name: _instead(shares, best, name) for name in best}
+    return _named(evidence, found, hypothesis, {name: held for name, held in others.items() if held})
+
+
+def _judged(evidence: Evidence, subset: Subset) -> Hypothesis | None:
+    if len(subset) == 1:
+        return evidence.singles.get(subset[0])
+    return next((h for h, _ in evidence.joint if set(h.effects) == set(subset)), None)
+
+
+def _instead(shares: dict[Subset, tuple[float, float]], best: Subset, name: str) -> list[str]:
+    """Effects that hold much of the mass in the place of one of the best subset's, likeliest first."""
+    rest = set(best) - {name}
+    swaps = [
+        (known, next(iter(set(subset) - rest)))
+        for subset, (known, _) in shares.items()
+        if len(subset) == len(best) and rest < set(subset) and name not in subset
+    ]
+    return [other for known, other in sorted(swaps, reverse=True) if known >= RIVAL * (known + shares[best][0])]
+
+
+def _named(evidence: Evidence, found: Found, best: Hypothesis, others: dict[str, list[str]]) -> Verdict:
+    library, likely = evidence.observer.library, inclusion(found)
+    shares = found.shares()
+    if len(best.effects) == 1 and others:
+        names = [best.effects[0], *next(iter(others.values()))]
+        either = " or ".join(library[name].title for name in names)
+        said = f"{either[0].upper()}{either[1:]}: these takes cannot tell them apart. {gap_numbers(evidence)}"
+        return Verdict("ambiguous", names, said)
+    causes = [
+        library[name].title
+        + "".join(f" (or {library[n].title}: these takes cannot tell)" for n in others.get(name, []))
+        for name in best.effects
+    ]
+    least = min(min(likely[name] + sum(_swapped(shares, best.effects, name, n) for n in others.get(name, [])), 1.0)
+                for name in best.effects)  # fmt: skip
+    lacks = (
+        "The model lacks" if least >= SURE else "The model probably lacks" if least >= LIKELY else "The model may lack"
+    )
+    sizes = ", ".join(with_unit(evidence, name, best) for name in best.effects)
+    titles = " and ".join(causes)
+    verdict = "effect" if len(best.effects) == 1 else "several"
+    return Verdict(
+        verdict, list(best.effects),
+        f"{lacks} {titles}. {gap_numbers(evidence)} With {'it' if verdict == 'effect' else 'them'} ({sizes}) it misses "
+        f"by {evidence.error_of(best).value:.1f} mm{share_closed(evidence, best)}.",
+        others,
+    )  # fmt: skip
+
+
+def _swapped(shares: dict[Subset, tuple[float, float]], best: Subset, name: str, other: str) -> float:
+    swapped = tuple(sorted({*best, other} - {name}))
+    return shares.get(swapped, (0.0, 0.0))[0]

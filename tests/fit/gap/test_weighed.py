@@ -1,0 +1,76 @@
+"""The verdict by masses: figures made up so that each line of the table can be worked by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fit.gap.posterior import Found, Mass
+from fit.gap.weighed import decide_by_mass, inclusion
+from tests.fit.gap.verdict_scene import CHAOTIC, COARSE, evidence_of
+
+
+def found_of(shares, twins=()):
+    """Masses of subsets, {names: (known, wide)}, all of them fitted."""
+    among = list(shares)
+    known, wide = (np.array([np.log(max(shares[one][k], 1e-12)) for one in among]) for k in (0, 1))
+    return Found(dict.fromkeys(among), Mass(among, known, wide), set(twins))
+
+
+def test_most_of_the_mass_without_an_effect_is_none():
+    verdict = decide_by_mass(evidence_of({}, base=5.2), found_of({(): (0.9, 0.02), ("air_drag",): (0.08, 0.0)}))
+    assert verdict.verdict == "none"
+
+
+def test_most_of_the_mass_on_one_effect_names_it_and_says_how_sure_that_is():
+    evidence = evidence_of({"air_drag": 5.5, "hem": 11.0})
+    sure = found_of({(): (0.02, 0.03), ("air_drag",): (0.9, 0.0), ("hem",): (0.05, 0.0)})
+    verdict = decide_by_mass(evidence, sure)
+    assert (verdict.verdict, verdict.named) == ("effect", ["air_drag"])
+    assert verdict.sentence.startswith("The model lacks air drag")
+    unsure = found_of({(): (0.2, 0.1), ("air_drag",): (0.65, 0.0), ("hem",): (0.05, 0.0)})
+    assert decide_by_mass(evidence, unsure).sentence.startswith("The model probably lacks air drag")
+
+
+def test_an_effect_that_holds_a_tenth_in_the_place_of_the_best_is_told_with_it():
+    evidence = evidence_of({"time_offset": 5.5, "filter_lag": 5.6, "hem": 11.0})
+    shares = {(): (0.01, 0.0), ("time_offset",): (0.7, 0.0), ("filter_lag",): (0.25, 0.0), ("hem",): (0.04, 0.0)}
+    verdict = decide_by_mass(evidence, found_of(shares))
+    assert (verdict.verdict, verdict.named) == ("ambiguous", ["time_offset", "filter_lag"])
+
+
+def test_of_two_causes_each_has_what_may_stand_in_its_place():
+    evidence = evidence_of({"time_offset": 9.0, "air_drag": 8.0}, joint=[(("air_drag", "time_offset"), 5.4)])
+    shares = {
+        (): (0.01, 0.0), ("air_drag",): (0.05, 0.0), ("air_drag", "time_offset"): (0.6, 0.0),
+        ("air_drag", "filter_lag"): (0.3, 0.0), ("hem", "time_offset"): (0.04, 0.0),
+    }  # fmt: skip
+    verdict = decide_by_mass(evidence, found_of(shares))
+    assert (verdict.verdict, verdict.named) == ("several", ["air_drag", "time_offset"])
+    assert verdict.alternatives == {"time_offset": ["filter_lag"]}
+    assert "(or " in verdict.sentence
+
+
+def test_a_wide_discrepancy_is_unknown_whatever_subset_it_is_of():
+    evidence = evidence_of({"air_drag": 8.0})
+    shares = {(): (0.0, 0.5), ("air_drag",): (0.2, 0.3)}
+    assert decide_by_mass(evidence, found_of(shares)).verdict == "unknown"
+    assert inclusion(found_of(shares))["air_drag"] == pytest.approx(0.2)
+
+
+def test_an_effect_that_closes_little_on_other_motion_is_no_cause():
+    verdict = decide_by_mass(evidence_of({"air_drag": 11.0}), found_of({(): (0.1, 0.0), ("air_drag",): (0.9, 0.0)}))
+    assert verdict.verdict == "unknown"
+    assert "on the other one it closes 19 %" in verdict.sentence
+
+
+def test_gates_come_first():
+    shares = found_of({(): (0.1, 0.0), ("air_drag",): (0.9, 0.0)})
+    assert decide_by_mass(evidence_of({"air_drag": 5.5}, gate_list=[CHAOTIC]), shares).verdict == "inconclusive"
+    # The finer mesh closes 60 % of the gap, the effect 97 or 50 %.
+    coarse = evidence_of({"air_drag": 5.5}, gate_list=[COARSE])
+    assert decide_by_mass(coarse, shares).verdict == "effect"
+    weaker = dataclasses.replace(coarse, singles=evidence_of({"air_drag": 9.2}).singles)
+    assert decide_by_mass(weaker, shares).verdict == "numerics"

@@ -14,7 +14,9 @@ from fit.effects.clock_drift import ClockDrift
 from fit.effects.corner_erosion import CornerErosion
 from fit.effects.depth_scale import DepthScale
 from fit.effects.draught import Draught
+from fit.effects.eroded_outline import ErodedOutline
 from fit.effects.filter_lag import FilterLag
+from fit.effects.frame_timing import FrameTiming
 from fit.effects.gravity_tilt import GravityTilt
 from fit.effects.hanger_compliance import HangerCompliance
 from fit.effects.hanger_rotation import HangerRotation
@@ -23,6 +25,7 @@ from fit.effects.mass_distribution import MassDistribution
 from fit.effects.rest_curvature import RestCurvature
 from fit.effects.self_contact import SelfContact
 from fit.effects.shear_stiffness import ShearStiffness
+from fit.effects.sliding_points import SlidingPoints
 from fit.effects.strain_stiffening import StrainStiffening
 from fit.effects.stretch_viscosity import StretchViscosity
 from fit.effects.time_offset import TimeOffset
@@ -56,6 +59,9 @@ LIBRARY: tuple[Effect, ...] = (
     CornerErosion(),
     ClockDrift(),
     TrackerSmoothing(),
+    SlidingPoints(),
+    ErodedOutline(),
+    FrameTiming(),
 )
 
 

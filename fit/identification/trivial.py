@@ -4,9 +4,9 @@
     pendulum   a rigid sheet on a hinge at the held edge, of length L and damping c:
                th'' = -((g + a_z) sin th + a_n cos th) / L - c th'
 
-with the acceleration a of the held edge's middle, up (z) and along the level normal n of the edge, and th from the
-downward vertical towards n. The two numbers are fitted to the takes used for fitting, on a grid. Both get the same
-takes, hanger path and error as the fit: the mean distance of the points in a frame.
+The held edge's middle has the acceleration a, up (z) and along the level normal n of the edge. The angle th is measured
+from the downward vertical towards n. The two numbers are fitted to the takes used for fitting, on a grid. Both get the
+same takes, hanger path and error as the fit: the mean distance of the points in a frame.
 Source: Newton's law about a moving hinge, L. D. Landau & E. M. Lifshitz, "Mechanics" (1976), section 39.
 """
 

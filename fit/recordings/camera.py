@@ -1,16 +1,15 @@
-"""What a camera made of cloth, taken out before anything is simulated: late stamps, skewed grids, points that slide.
+"""Take out a camera's faults before anything is simulated: late stamps, skewed grids, points that slide.
 
-None of it needs a cloth. In this order:
+None of it needs a cloth. The steps are taken in this order:
 
-    stamps   the held row says how late they are (`fit.recordings.timing`); taken out of silhouettes wherever it is
-             certain, and of material points only beyond `LATEST_LEFT`: up to there the effect `time_offset` is sound
-    skew     frames of a silhouette whose grid lies askew are left out (`fit.recordings.grids`)
-    edge     a clamped edge is as long as on the flat cloth, and lies where the middle of the top row of a silhouette
-             is while the hanger stands still
-    places   points of a silhouette's grid get the material place that their way from the held edge gives them
+- stamps: the held row tells how late they are (`fit.recordings.timing`). They are mended for silhouettes, and for
+  material points beyond `LATEST_LEFT`. Up to there the effect `time_offset` is sound.
+- skew: frames of a silhouette whose grid lies askew are left out (`fit.recordings.grids`)
+- edge: a clamped edge is as long as on the flat cloth. It lies at the middle of a silhouette's top row at rest.
+- places: points of a silhouette's grid get the material place of their way from the held edge
 
-Silhouettes are those that the garment file states (`points_are`): older files are treated as they always were. Points
-and hanger in the same pictures have one clock, whose stamps are not looked at.
+A silhouette is one that the garment file states (`points_are`). Older files are treated as before. Points and hanger of
+the same pictures have one clock, and its stamps are not examined.
 """
 
 from __future__ import annotations
@@ -30,6 +29,23 @@ STILL = 0.03  # m/s of the hanger
 TOP_ROW = 0.02  # of the grid's height, within which of the held edge its first row lies on it
 FEWEST_STILL = 5  # frames
 NARROWEST = 0.85  # of the flat held edge; ends nearer to each other are no eaten corners but something else
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraSteps:
+    """Which of a camera's faults are taken out: all, but for whoever wants to know what each of them is worth.
+
+    stamps: a constant latency and a share of the interval before; shifts: of each frame by itself, beside them
+    """
+
+    stamps: bool = True
+    shifts: bool = True
+    skew: bool = True
+    edge: bool = True
+    places: bool = True
+
+
+EVERY_STEP = CameraSteps()
 
 
 @dataclass(frozen=True)
@@ -53,12 +69,14 @@ class Edge:
 
 @dataclass(frozen=True)
 class Camera:
-    """What was found and taken out of one take.
+    """Findings on one take, and the faults that were taken out.
 
-    timing: what the held row says, None where it says nothing; is_retimed: whether stamps were mended by it
-    skewed, frames: how many frames were left out for a skewed grid, and how many there were with one to be seen
-    edge: where the held edge was put, None where it was left
-    is_placed: whether the points were given their material places
+    - `timing`: from the held row; None if the row tells nothing
+    - `is_retimed`: whether the stamps were mended by it
+    - `skewed`: number of frames left out for a skewed grid
+    - `frames`: number of frames with a grid
+    - `edge`: the new place of the held edge; None if it was left
+    - `is_placed`: whether the points were given their material places
     """
 
     timing: Timing | None = None
@@ -80,15 +98,17 @@ class Seen:
 
 
 def retimed(
-    time: Floats, points: Floats, path: Curve, garment: Garment, on_edge: Booleans, *, is_one_clock: bool
+    time: Floats, points: Floats, path: Curve, garment: Garment, on_edge: Booleans, *, is_per_frame: bool
 ) -> Seen:  # fmt: skip
     """Return frames at the times at which the camera saw them, on the clock of the path of the held ends.
 
-    time [s], (frames,); points [m], (frames, points, 3), NaN where not seen; on_edge, (points,): the held row
-    is_one_clock: whether hanger and points were seen in the same pictures
+    - `time` [s], (frames,)
+    - `points` [m], (frames, points, 3), NaN where not seen
+    - `on_edge`, (points,): the held row
+    - `is_per_frame`: whether frames of a silhouette get shifts of their own
     """
     every = np.ones(len(time), bool)
-    if is_one_clock or on_edge.sum() < 2:
+    if on_edge.sum() < 2:
         return Seen(time, points, every)
     is_silhouette = garment.points_are == "silhouette"
     across = np.array([p.at_m[0] for p in garment.points])[on_edge]
@@ -96,7 +116,7 @@ def retimed(
     grid = grid_of(garment) if is_silhouette else None
     if grid is not None:
         row[~_is_straight(points, grid)] = np.nan
-    timing = find_timing(time, row, path, is_per_frame=is_silhouette)
+    timing = find_timing(time, row, path, is_per_frame=is_per_frame and is_silhouette)
     if timing is None or not timing.follows or timing.is_at_end:
         return Seen(time, points, every, Camera(timing=timing))
     mends = timing.is_late or timing.deviation > 0 or _is_certain(timing.share_interval)
@@ -126,8 +146,8 @@ def straightened(seen: Seen, garment: Garment) -> Seen:
 def edge_shown(seen: Seen, path: Curve, garment: Garment) -> Edge | None:
     """Return how a silhouette's top row shows the held edge to lie against the hanger's path.
 
-    None where the points are no silhouette's grid with a row at a clamped edge, or the ends are far from as far apart
-    as on the flat cloth.
+    The result is None unless the points are a silhouette's grid with a row at a clamped edge. It is also None if the
+    distance of the ends is far from that on the flat cloth.
     """
     grid = grid_of(garment) if garment.points_are == "silhouette" else None
     if grid is None or garment.held != "edge" or grid.down[0] > TOP_ROW * grid.down[-1]:

@@ -1,7 +1,7 @@
 """Say what a camera made of some takes, with its size: late stamps, skewed grids, a moved edge, points that slide.
 
-Sizes over several takes are means of those of each take, with a 90 % interval from their spread or, where this is
-larger, from the intervals of the takes themselves.
+Sizes over several takes are means over the takes. Their 90 % interval comes from the spread over the takes or from the
+intervals of the takes, whichever is larger.
 """
 
 from __future__ import annotations

@@ -1,21 +1,22 @@
-"""Grids that are laid over a silhouette: which lie askew, and where on the cloth their points are, frame by frame.
+"""Grids on a silhouette: recognise skewed ones, and find the material place of each point in each frame.
 
-A grid lies askew where its rows meet its columns at another angle than a right one. With the medians r and c of the
-steps along rows and columns of a frame,
+A grid lies askew if its rows and columns do not meet at a right angle. With the medians r and c of the steps along rows
+and columns of a frame,
 
     skew = arcsin (r . c / (|r| |c|))
 
-At rest, when cloth is not sheared, 623 frames of sixteen real takes (github Alados5/tfm_matlab) fall in two heaps: one
-about 0.5 degrees, with a deviation of 1.2, and one about 5 degrees. `SKEWED` leaves the first one whole.
+Cloth at rest is not sheared. There 623 frames of sixteen real takes (github Alados5/tfm_matlab) fall in two heaps. One
+lies about 0.5 degrees with a deviation of 1.2, the other about 5 degrees. `SKEWED` leaves the first one whole.
 
-A point's material place is its way from the held edge: u along the edge, from the foot of its perpendicular on it, and
-w down the cloth, from that foot along its column, without the part of each step that goes along the edge:
+A point's material place is its way from the held edge. The way u goes along the edge, to the foot of the point's
+perpendicular. The way w goes down the cloth from that foot, along the point's column. It leaves out the part of each
+step along the edge:
 
     w_0 = (x_0 - foot_0) . down,   w_k = w_k-1 + |q_k - q_k-1|,   q = x less its part along the edge
 
-Between the points so placed the cloth is read off at the nominal places, linearly over triangles. Where the silhouette
-does not cover the cloth, nothing is seen. What is lost this way is stated: no error in the plane of the cloth can be
-seen along a column any more.
+The cloth between the points so placed is read off at the nominal places, linearly over triangles. A place that the
+silhouette does not cover is not seen. Errors along a column, in the plane of the cloth, are no longer visible after
+this step.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The path of the held ends: whether it can be followed, and the spline through it, led across what is missing.
 
-Where the hanger is lost for longer than `LONGEST_GAP`, its path is led across by piecewise cubic Hermite polynomials
-that keep the monotony of each coordinate, so that they never overshoot. How the hanger really moved there is not known:
-what the cloth does then, and until it has forgotten (`FORGOTTEN`), is simulated and not judged.
+Piecewise cubic Hermite polynomials lead the path across gaps longer than `LONGEST_GAP`. They keep the monotony of each
+coordinate, so they never overshoot. The true motion there is not known. The cloth is simulated, but it is not judged in
+the gap and until it has forgotten the gap (`FORGOTTEN`).
 Source: F. N. Fritsch & R. E. Carlson, "Monotone piecewise cubic interpolation", SIAM J. Numer. Anal. 17 (1980).
 """
 
@@ -125,8 +125,10 @@ def check_path(name: str, seen: Floats, places: Floats, *, is_whole: bool = True
 def _accelerations(seen: Floats, places: Floats) -> tuple[Floats, Floats]:
     """Return how hard both ends are accelerated from frame to frame, and the most that can be, (n - 2, 2) [m/s^2].
 
-    seen [s], (n,); places [m], (n, 2, 3). Noise counts for more where frames are close together: a difference of
-    places over h1 and h2 seconds has 2 / (h1 + h2) sqrt(1/h1^2 + (1/h1 + 1/h2)^2 + 1/h2^2) times their deviation.
+    seen [s], (n,); places [m], (n, 2, 3). Noise counts for more between close frames. A second difference of places
+    over h1 and h2 seconds has a multiple of their deviation:
+
+        2 / (h1 + h2) sqrt(1/h1^2 + (1/h1 + 1/h2)^2 + 1/h2^2)
     """
     before, after = np.diff(seen)[:-1, None], np.diff(seen)[1:, None]
     slopes = np.diff(places, axis=0) / np.diff(seen)[:, None, None]

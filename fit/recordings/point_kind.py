@@ -7,8 +7,9 @@ camera sees of it. With the pairs p of neighbours down the cloth, or along the h
     c(t) = median_p |x_p1 - x_p2| / d_p,   change^2 = (1.4826 MAD_t c)^2 - noise^2,   noise^2 = 3.14 s^2 / (d^2 P)
 
 change is the larger of the two directions; noise is what white noise s per axis of P pairs leaves in the median.
-Markers on simulated swatches of twelve blind cases and of three fabrics of motion capture change by 0.1 to 0.9 %,
-re-gridded silhouettes of sixteen real takes (github Alados5/tfm_matlab) by 2.2 to 6.5 %. In between nothing is said.
+Markers on simulated swatches, twelve blind cases and three fabrics of motion capture, change by 0.1 to 0.9 %.
+Re-gridded silhouettes of sixteen real takes (github Alados5/tfm_matlab) change by 2.2 to 6.5 %. A change between both
+decides nothing.
 Source: the variance of a median of normal numbers, pi / 2 of the mean's; M. G. Kendall & A. Stuart, "The Advanced
 Theory of Statistics" 1 (1977), section 10.10.
 """

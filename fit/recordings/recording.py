@@ -16,7 +16,7 @@ import numpy as np
 
 from fit.errors import FitError
 from fit.recordings.bodies import Body, capsule, half_space, sphere
-from fit.recordings.camera import Camera, edge_shown, in_place, retimed, straightened
+from fit.recordings.camera import EVERY_STEP, Camera, CameraSteps, Seen, edge_shown, in_place, retimed, straightened
 from fit.recordings.hanger_path import check_path, gaps_of, held_curve, is_known, led_across
 from fit.recordings.held_edge import FEWEST_FRAMES, HeldEdge, place_along
 from fit.recordings.impossible_points import MOST_LEFT_OUT, find_impossible
@@ -171,12 +171,12 @@ def world_from_sensor(gravity: tuple[float, float, float]) -> Floats:
     return np.stack([across, np.cross(up, across), up])
 
 
-def prepare(take: Take) -> Recording:
+def prepare(take: Take, steps: CameraSteps = EVERY_STEP) -> Recording:
     """Turn a take into a recording that can be simulated, from the first to the last sight of the hanger.
 
-    Of a take with holes only the longest intact stretch is used. Where the hanger is lost for longer than its path can
-    be known, both sides are used, and the cloth is not judged until it has forgotten what nobody saw. What a camera
-    makes of cloth is taken out (`fit.recordings.camera`).
+    Of a take with holes only the longest intact stretch is used. Both sides of a gap in the hanger's path are
+    used, and the cloth is not judged until it has forgotten the gap. The camera's faults are taken out
+    (`fit.recordings.camera`).
 
     Raises:
         DriveError: the hanger's path has a jump, or is hardly seen.
@@ -213,15 +213,16 @@ def prepare(take: Take) -> Recording:
     held_sd = float(np.sqrt(np.mean(take.held_sd[kept][held_valid] ** 2)))
     cut_off = best_cut_off(*led_across(clock[held_valid], held_seen[held_valid]))
     path = held_curve(clock, held_seen, cut_off)
-    frames = straightened(
-        retimed(clock, np.where(valid[..., None], points, np.nan), path, take.garment, on_edge,
-                is_one_clock=take.rig.hanger is not None), take.garment,
-    )  # fmt: skip
+    frames = Seen(clock, np.where(valid[..., None], points, np.nan), np.ones(len(clock), bool))
+    if steps.stamps and take.rig.hanger is None:  # else points and hanger were seen in the same pictures
+        frames = retimed(clock, frames.points, path, take.garment, on_edge, is_per_frame=steps.shifts)
+    if steps.skew:
+        frames = straightened(frames, take.garment)
     camera = frames.camera
-    if (edge := edge_shown(frames, path, take.garment)) is not None:
+    if steps.edge and (edge := edge_shown(frames, path, take.garment)) is not None:
         held_seen, camera = edge.of(held_seen), replace(camera, edge=edge)
         path = held_curve(clock, held_seen, cut_off)
-    at_place = in_place(frames, path, take.garment)
+    at_place = in_place(frames, path, take.garment) if steps.places else None
     first = frames.time[0]
     time, held_time = frames.time - first, clock - first
     gaps = [(begin - first, end - first) for begin, end in gaps]

@@ -1,22 +1,25 @@
-"""When the camera saw what it shows, from the held row: no physics acts on it, so that no cloth is needed.
+"""Find the time at which the camera saw each frame, from the held row: no physics acts on it, so no cloth is needed.
 
-The middle y of the tracked held row, in frames stamped t_f, is held against the hanger's path: with the hanger's frame
-A (x along the bar, y down) and the middle m of the held ends,
+The middle y of the tracked held row has stamps t_f. It is compared with the hanger's path. The hanger's frame A has
+x along the bar and y down, about the middle m of the held ends:
 
     A(w_f)' (y_f - m(w_f)) = o + noise,   w_f = t_f - tau - s (d_f - median d) - delta_f
 
-tau is the latency, o a constant offset of the row (a silhouette is eaten there), d_f the interval to the frame before.
-A stamp that says when a frame was published is late by a constant and by a share s of the time that its own processing
-took. tau is scanned over half a second each way, together with s where frames come unevenly, and mended by Gauss-Newton
-steps; frames three times as far off as the median are left out. Each axis counts by the noise sigma that it has while
-the hanger stands still. Intervals are jackknives over half seconds.
+- tau: the latency
+- o: a constant offset of the row, for a silhouette is eaten there
+- d_f: the interval to the frame before
+- s: a share of that interval. Stamps of publishing are late by it, because processing took so long.
 
-What is left, delta_f, is a shift of each frame, at most a frame's interval. With the row's velocity v and the residual
-r, both over sigma,
+tau is scanned over half a second each way, together with s for uneven frames. Gauss-Newton steps follow. Frames three
+times as far off as the median are left out. Each axis counts by its noise sigma while the hanger stands still.
+Intervals are jackknives over half seconds.
+
+The rest, delta_f, is a shift of each frame, at most a frame's interval. With the row's velocity v and the residual r,
+both over sigma,
 
     a_f = -(r . v) / v^2,   deviation^2 = sum (a_f^2 v^2 - 1) / sum v^2,   delta_f = a_f v^2 / (v^2 + 1 / deviation^2)
 
-Source: least squares with variable projection, G. H. Golub & V. Pereyra, SIAM J. Numer. Anal. 10 (1973); the shrinkage
+Source: least squares with variable projection, G. H. Golub & V. Pereyra, SIAM J. Numer. Anal. 10 (1973). The shrinkage
 of delta is the mean of a normal number with a normal prior.
 """
 
@@ -51,14 +54,15 @@ CLOSEST = 4e-3  # s between frames: nearer ones are one moment
 
 @dataclass(frozen=True)
 class Timing:
-    """What the held row says of a take's stamps.
+    """The stamps of a take, as the held row shows them.
 
-    latency [s]: positive where the points are stamped late; share of the interval to the frame before on top
-    latency_interval, share_interval: 90 %; share_interval None where frames come evenly
-    deviation [s]: of each frame's own shift; 0 where none shows
-    before, after [m]: root mean square distance of the row from where the hanger has it, without and with the shifts
-    explained: share of the row's squared motion that the hanger's path explains, at best
-    shifts [s], (frames,): by how much each stamp is late, in all
+    - `latency` [s]: positive for late stamps
+    - `share`: of the interval to the frame before, on top of the latency
+    - `latency_interval`, `share_interval`: 90 %; the latter is None for even frames
+    - `deviation` [s]: of each frame's own shift; 0 if none shows
+    - `before`, `after` [m]: rms distance of the row from its place by the hanger, without and with the shifts
+    - `explained`: share of the row's squared motion that the hanger's path explains, at best
+    - `shifts` [s], (frames,): the whole lateness of each stamp
     """
 
     latency: float
@@ -91,8 +95,10 @@ class Timing:
 def find_timing(time: Floats, row: Floats, path: Curve, *, is_per_frame: bool = True) -> Timing | None:
     """Return what the held row says of the stamps; None where the take is too short or the hanger too still.
 
-    time [s], (frames,); row [m], (frames, 3): its middle, NaN where not seen; path of the held ends over the same clock
-    is_per_frame: whether each frame may have a shift of its own
+    - `time` [s], (frames,)
+    - `row` [m], (frames, 3): its middle, NaN where not seen
+    - `path`: of the held ends, on the same clock
+    - `is_per_frame`: whether each frame may have a shift of its own
     """
     seen = np.isfinite(row).all(1)
     reach = min(FARTHEST, SHORTEST_PART * float(time[-1] - time[0]))

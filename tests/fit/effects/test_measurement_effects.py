@@ -11,6 +11,7 @@ from fit.effects import LIBRARY
 from fit.effects.tracker_smoothing import opposite_neighbours
 from fit.recordings.recording import prepare
 from tests.fit.effects.test_effects import FRAME, driven, effect, observed
+from tests.fit.recordings.silhouettes import silhouette_sheet, swung, uneven
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 
 
@@ -58,6 +59,50 @@ def test_a_lagging_tracker_trails_by_its_time_constant_times_the_speed():
     # The simulated cloth is late already: ahead by 30 mm, and behind by as much once the start is forgotten.
     assert (ramp - lagging)[20:, 0, 0] == pytest.approx(0.0, abs=1e-6)
     assert (lagging - ramp)[0, 0, 0] == pytest.approx(0.03)
+
+
+def test_stamps_of_publishing_show_points_as_they_were_by_a_share_of_the_interval_before():
+    """At 1 m/s, a frame that comes 0.05 s later than usual is 0.9 of it behind; never by more than an interval."""
+    garment, time = sheet(grid=5), np.arange(0, 4, FRAME)
+    time[40:] += 0.02
+    time[60:] += 0.5
+    ramp = np.zeros((len(time), 25, 3))
+    ramp[:, :, 0] = time[:, None]
+    recording = prepare(take_of(garment, time, np.zeros((len(time), 3)), hung(garment, time)))
+    behind = (ramp - effect("frame_timing").observe(ramp, recording, np.array([0.9])))[:, 0, 0]
+    assert behind[40] == pytest.approx(0.9 * 0.02, abs=1e-6)
+    assert behind[60] == pytest.approx(FRAME, abs=1e-6)
+    assert np.abs(np.delete(behind, [40, 60])).max() < 1e-9
+    even = np.zeros((40, 25, 3)) + np.arange(40)[:, None, None]
+    assert observed("frame_timing", 0.9, even) == pytest.approx(even, abs=1e-9)
+
+
+def test_a_grid_slides_as_its_length_shows():
+    """Laid over 0.82 to 0.98 of the cloth: with all of it the simulated points are where the grid has them."""
+    time = uneven()
+    share = 0.9 + 0.08 * np.sin(2 * np.pi * 0.9 * time)
+    slid = prepare(swung(silhouette_sheet("material"), time, time, seen_length=share))
+    stays = prepare(swung(silhouette_sheet("material"), time, time))
+    before = np.abs(stays.points - slid.points).max()
+    seen = effect("sliding_points").observe(stays.points, slid, np.array([1.0]))
+    assert before > 0.04
+    assert np.abs(seen - slid.points).max() < 0.004  # the path of the held edge is a spline
+    assert (effect("sliding_points").observe(stays.points, stays, np.array([1.0])) == stays.points).all()
+    placed = prepare(swung(silhouette_sheet(), time, time, seen_length=share))
+    assert (effect("sliding_points").observe(placed.points, placed, np.array([1.0])) is placed.points) is True
+
+
+def test_an_outline_is_eaten_on_one_side_of_the_swing_and_longer_on_the_other():
+    """A flat sheet that leans by 30 degrees loses 0.06 m x 1/2 at its border, half of it in the middle."""
+    time = np.arange(40) * FRAME
+    flat = hung(sheet(grid=5), time)
+    for lean in (30.0, -30.0, 0.0):
+        sine, cosine = np.sin(np.radians(lean)), np.cos(np.radians(lean))
+        leant = np.stack([flat[..., 0], -sine * flat[..., 2], cosine * flat[..., 2]], 2)
+        lost = np.linalg.norm(leant[0], axis=1) - np.linalg.norm(observed("eroded_outline", 0.06, leant)[0], axis=1)
+        assert lost[22] == pytest.approx(0.06 * sine, abs=1e-6)
+        assert lost[12] == pytest.approx(0.03 * sine, abs=1e-6)
+        assert lost[:5] == pytest.approx(0.0)
 
 
 def test_a_lag_has_the_cloth_follow_a_path_that_is_as_late():

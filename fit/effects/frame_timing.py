@@ -1,0 +1,54 @@
+"""Frame timing: each frame's stamp says when it was published, later by a share of the time its processing took.
+
+    y(t_f) = x(t_f - a (d_f - median d)),   |a (d_f - median d)| <= median d
+
+with the interval d_f to the frame before. A stamp that is late by the same time in every frame is a time offset.
+Between frames the simulated points follow cubic splines. Frames that come evenly are left as they are.
+
+The amplitude is a, the share of the preceding interval; positive where stamps are late.
+
+Believe it when points are late in frames that come late, at the held row as well. It needs frames that come unevenly.
+
+Source: stamps of a public recording of swung cloth (github Alados5/tfm_matlab), late by 0.86 of the interval before.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fit.cloth.effect import Effect
+from fit.recordings.recording import Recording
+from formats.arrays import Floats
+
+
+@dataclass(frozen=True)
+class FrameTiming(Effect):
+    """Share of the interval to the frame before by which a frame's stamp is late."""
+
+    name: ClassVar[str] = "frame_timing"
+    title: ClassVar[str] = "stamps that say when frames were published"
+    acts_on: ClassVar[str] = "measurement"
+    unit: ClassVar[str] = "1"
+    low: ClassVar[float] = -0.5
+    high: ClassVar[float] = 1.5
+    typical: ClassVar[float] = 0.5
+    law_spread: ClassVar[float] = 0.1  # what else a computer does between two frames
+
+    def observe(self, points: Floats, recording: Recording, amplitude: Floats) -> Floats:
+        """Return the points as they were when the camera saw them."""
+        from scipy.interpolate import CubicSpline
+
+        late = amplitude[0] * uneven_intervals(recording.time)
+        if not late.any() or not np.isfinite(points).all():
+            return points
+        most = float(np.median(np.diff(recording.time)))
+        instants = recording.time - np.clip(late, -most, most)
+        inside = np.clip(instants, recording.time[0], recording.time[-1])
+        return np.asarray(CubicSpline(recording.time, points)(inside))
+
+
+def uneven_intervals(time: Floats) -> Floats:
+    """Return by how much the interval before each frame is longer than the median one [s], (frames,), 0 at first."""
+    steps = np.diff(time)
+    return np.asarray(np.concatenate([[0.0], steps - np.median(steps)]))

@@ -360,6 +360,11 @@ def check_rig(rig: Rig, where: object) -> None:
 
 def _check_bodies(rig: Rig, refuse: Callable[[str], None]) -> None:
     """Check that each body has what its kind needs, nothing else, and a size that cloth can meet."""
+    if not isinstance(rig.camera_at_m, msgspec.UnsetType):
+        if rig.format == "hangtime-rig/1":
+            refuse('camera_at_m needs format = "hangtime-rig/2"')
+        if rig.sensor is not None:
+            refuse("camera_at_m: the sensor is in the origin of its own frame; leave camera_at_m out")
     if rig.near and rig.format == "hangtime-rig/1":
         refuse('bodies need format = "hangtime-rig/2"')
     for number, body in enumerate(rig.near, 1):

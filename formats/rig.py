@@ -85,7 +85,7 @@ class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     Sensor frame: x right, y down, z away from the sensor, metres. `gravity` is a unit vector in it.
     `hanger` and `sensor` are absent where the held points were measured by other means (imported takes);
     `calibration` is absent until `hangtime calibrate` has run. In version 2: `bodies`, absent where nothing stands
-    near.
+    near, and `camera_at_m`, the place of the camera where the frame is not its own (imported takes).
     """
 
     format: Literal["hangtime-rig/1", "hangtime-rig/2"]
@@ -95,6 +95,13 @@ class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     sensor: Sensor | None = None
     calibration: Calibration | None = None
     bodies: tuple[RigBody, ...] | msgspec.UnsetType = msgspec.UNSET  # written only where there are any
+
+    camera_at_m: Vector | msgspec.UnsetType = msgspec.UNSET  # written only where it is stated
+
+    @property
+    def viewpoint(self) -> Vector:
+        """Where the rays of depth begin [m]: at the camera, in the origin unless stated."""
+        return (0.0, 0.0, 0.0) if isinstance(self.camera_at_m, msgspec.UnsetType) else self.camera_at_m
 
     @property
     def near(self) -> tuple[RigBody, ...]:

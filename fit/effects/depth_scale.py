@@ -1,9 +1,11 @@
 """Depth scale: the sensor reads every distance too long or too short by the same share.
 
-    y = (1 + s) x        about the sensor
+    y = c + (1 + s) (x - c)        c: the camera
 
 The error concerns the points alone if the hanger was measured by other means. Otherwise it concerns the whole scene,
-hanger included. In that case measured / (1 + s) drives the cloth, and the simulated points are scaled back.
+hanger included. In that case the path scaled back drives the cloth, and the simulated points are scaled. The camera is
+in the origin of the sensor's frame. The rig of an imported take states its place (`camera_at_m`). Without a statement
+it is the origin there as well.
 
 The amplitude is s, of the points alone and of the whole scene; positive reads distances too long.
 
@@ -40,12 +42,16 @@ class DepthScale(Effect):
 
     def drive(self, path: Curve, recording: Recording, amplitude: Floats) -> Curve:
         """Return the true path of the held ends behind the scaled one."""
-        return lambda instants: path(instants) / (1.0 + amplitude[1])
+        camera = np.tile(recording.viewpoint, 2)
+        return lambda instants: camera + (path(instants) - camera) / (1.0 + amplitude[1])
 
     def observe(self, points: Floats, recording: Recording, amplitude: Floats) -> Floats:
         """Return the points as the sensor scales them."""
-        return np.asarray(points * ((1.0 + amplitude[0]) * (1.0 + amplitude[1])))
+        scale = (1.0 + amplitude[0]) * (1.0 + amplitude[1])
+        return np.asarray(points * scale + np.array(recording.viewpoint) * (1.0 - scale))
 
     def unobserved(self, targets: Floats, recording: Recording, amplitude: Floats) -> Floats:
         """Return targets scaled back."""
-        return np.asarray(targets / ((1.0 + amplitude[0]) * (1.0 + amplitude[1])))
+        scale = (1.0 + amplitude[0]) * (1.0 + amplitude[1])
+        camera = np.concatenate([recording.viewpoint, np.zeros(3)])
+        return np.asarray(targets / scale + camera * (1.0 - 1.0 / scale))

@@ -74,6 +74,7 @@ class Recording:
     - `is_imported`: gravity and held edge are as an imported file states them
     - `bodies`: the standing bodies near the cloth, in the world frame
     - `impossible`: share of the points' sightings where the cloth cannot be (`fit.recordings.impossible_points`)
+    - `viewpoint` [m], world frame: the camera, where rays of depth begin
     - `camera`: the camera's faults that were taken out (`fit.recordings.camera`)
     - `raw_points` [m], (frames, points, 3): points before they got their material places; None: `points`
     - `gaps` [s]: begin and end of each stretch in which the hanger was lost for too long to know its path
@@ -102,6 +103,7 @@ class Recording:
     impossible: float = 0.0
     bodies: tuple[Body, ...] = ()
     held_time: Floats | None = None
+    viewpoint: Vector = (0.0, 0.0, 0.0)
     camera: Camera = field(default_factory=Camera)
     raw_points: Floats | None = None
     gaps: tuple[tuple[float, float], ...] = ()
@@ -249,6 +251,7 @@ def prepare(take: Take, steps: CameraSteps = EVERY_STEP) -> Recording:
         is_calibrated=take.rig.sensor is None or take.rig.calibration is not None, impossible=impossible,
         is_imported=take.rig.sensor is None and take.rig.calibration is None,
         bodies=_bodies(take, rotation, held_seen[held_valid]), held_time=held_time,
+        viewpoint=_world(rotation, take.rig.viewpoint),
         camera=replace(camera, is_placed=at_place is not None),
         raw_points=None if at_place is None else frames.points, gaps=tuple(gaps),
     )  # fmt: skip
@@ -285,6 +288,11 @@ def _is_held(garment: Garment, places: Floats) -> Booleans:
     return np.asarray(apart < ON_EDGE * float(np.ptp(places[:, 1])))
 
 
+def _world(rotation: Floats, place: Vector) -> Vector:
+    x, y, z = (rotation @ place).tolist()
+    return x, y, z
+
+
 def _bodies(take: Take, rotation: Floats, ends: Floats) -> tuple[Body, ...]:
     """Return the rig's bodies in the world frame; ends [m], (n, 6), of the held edge, which stays outside of them.
 
@@ -294,17 +302,13 @@ def _bodies(take: Take, rotation: Floats, ends: Floats) -> tuple[Body, ...]:
     share = np.linspace(0, 1, 11)[:, None]
     edge = ends[:, None, :3] * (1 - share) + ends[:, None, 3:] * share
 
-    def world(place: Vector) -> Vector:
-        x, y, z = (rotation @ place).tolist()
-        return x, y, z
-
     found: list[Body] = []
     for number, body in enumerate(take.rig.near, 1):
-        at, radius = world(body.at_m), body.radius_m or 0.0
+        at, radius = _world(rotation, body.at_m), body.radius_m or 0.0
         if body.normal is not None:
-            found.append(half_space(at, world(body.normal)))
+            found.append(half_space(at, _world(rotation, body.normal)))
         elif body.to_m is not None:
-            found.append(capsule(at, world(body.to_m), radius))
+            found.append(capsule(at, _world(rotation, body.to_m), radius))
         else:
             found.append(sphere(at, radius))
         depth = -float(found[-1].distance(edge).min())

@@ -16,6 +16,25 @@ from formats.outputs import write_description
 from formats.rig import Calibration, Hanger, Rig, RigBody, Sensor
 from tests.formats.test_archive import GARMENT
 
+
+def test_the_cameras_place_is_kept_and_stated_only_for_other_frames_than_its_own(tmp_path):
+    rig = Rig(format="hangtime-rig/2", name="arm", gravity=(0.0, 0.0, -1.0), camera_at_m=(0.0, -2.0, 0.3))
+    path = tmp_path / "rig.toml"
+    path.write_text(dump_description(rig))
+    assert load_rig(path) == rig
+    assert load_rig(path).viewpoint == (0.0, -2.0, 0.3)
+    for change, sentence in (
+        ({"format": "hangtime-rig/1"}, 'camera_at_m needs format = "hangtime-rig/2"'),
+        (
+            {"sensor": Sensor(width=640, height=480, fx=570.0, fy=570.0, cx=320.0, cy=240.0)},
+            "the sensor is in the origin",
+        ),
+    ):
+        path.write_text(dump_description(msgspec.structs.replace(rig, **change)))
+        with pytest.raises(DescriptionError, match=sentence):
+            load_rig(path)
+
+
 HANGER = Hanger(
     dictionary="DICT_4X4_50",
     ids=(0, 1),

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+
+import msgspec
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -49,6 +52,21 @@ def test_depth_scale_lengthens_every_distance_from_the_sensor():
     assert observed("depth_scale", (0.01, 0.0), points)[0, 0] == pytest.approx([0.101, 1.515, -0.303])
     _, before, after = driven("depth_scale", (0.0, 0.02))
     assert after == pytest.approx(before / 1.02)
+
+
+def test_depths_are_scaled_about_the_camera_wherever_the_frame_has_its_origin():
+    """From a camera 2 m in front, a point 0.3 m below it and on its axis's plane moves 1 % of 2 m away."""
+    garment, time = sheet(grid=5), np.arange(0, 2, FRAME)
+    take = take_of(garment, time, np.zeros((len(time), 3)), hung(garment, time))
+    rig = msgspec.structs.replace(take.rig, format="hangtime-rig/2", camera_at_m=(0.0, -2.0, 0.0))
+    recording = prepare(dataclasses.replace(take, rig=rig))
+    points = np.tile([0.0, 0.0, -0.3], (len(time), 25, 1))
+    seen = effect("depth_scale").observe(points, recording, np.array([0.01, 0.0]))
+    assert seen[0, 0] == pytest.approx([0.0, 0.02, -0.303])
+    targets = np.concatenate([seen, 0 * seen], 2)
+    assert effect("depth_scale").unobserved(targets, recording, np.array([0.01, 0.0]))[..., :3] == pytest.approx(points)
+    after = effect("depth_scale").drive(recording.held, recording, np.array([0.0, 0.02]))(time[:1]).reshape(2, 3)
+    assert after[:, 1] == pytest.approx(-2.0 + 2.0 / 1.02)
 
 
 def test_a_lagging_tracker_trails_by_its_time_constant_times_the_speed():

@@ -161,32 +161,46 @@ def score_command(
     answered: Annotated[
         bool, typer.Option("--answered", help="Count only cases that have an answer, though others have none.")
     ] = False,
-) -> None:
-    """Hash the answers, open the seal, print every rate with its 95 % interval, and record that the seal was opened."""
+    beside: Annotated[
+        Path | None,
+        typer.Option("--beside", metavar="RIVALS", help="Score these answers too, and print both side by side.",
+                     show_default=False),
+    ] = None,
+) -> None:  # fmt: skip
+    """Hash the answers, open the seal, print every rate with its 95 % interval, and record that the seal was opened.
+
+    With --beside the rates of two folders of answers stand side by side: of the rules and of the evidence, for example.
+    """
     from fit.blind.real_scoring import RealScore
     from fit.blind.scoring import SCORE, score_set
 
     score = score_set(folder, answers, some=answered)
+    rival = score_set(folder, beside, some=answered) if beside is not None else None
     if isinstance(score, RealScore):
         print_real(score)
+        if isinstance(rival, RealScore):
+            print_real(rival)
     else:
         typer.echo(f"{len(score.cases)} cases, opening {score.look} of this seal; answers {score.answers}")
-        print_score(score)
+        if rival is not None:
+            typer.echo(f"beside: {len(rival.cases)} cases, opening {rival.look}; answers {rival.answers}")
+        print_score(score, None if isinstance(rival, RealScore) else rival)
     typer.echo(f"Score: {answers / SCORE}")
 
 
-def print_score(score: Score) -> None:
-    """Print every rate, also by size, and the rivals'."""
+def print_score(score: Score, beside: Score | None = None) -> None:
+    """Print every rate, also by size, and the rivals'; beside: of other answers, which stand beside them."""
     from fit.blind.page import ROWS, figure
 
     bins = [name for name, rates in score.by_size.items() if rates.cases]
     for title, name, asked in ROWS:
         said = figure(score.overall, name)
-        typer.echo(f"{title:<48} {said:<32}" + (f" asked: {asked}" if asked else ""))
+        other = f" {figure(beside.overall, name):<32}" if beside else ""
+        typer.echo(f"{title:<48} {said:<32}{other}" + (f" asked: {asked}" if asked else ""))
         for size in bins:
-            part = figure(score.by_size[size], name)
-            if part != "–":
-                typer.echo(f"    {size + ' x detectable':<44} {part}")
+            part, other = figure(score.by_size[size], name), figure(beside.by_size[size], name) if beside else "–"
+            if (part, other) != ("–", "–"):
+                typer.echo(f"    {size + ' x detectable':<44} {part:<32}" + (f" {other}" if beside else ""))
     typer.echo(f"{'baseline: chance':<48} {100 * score.chance:.0f} %")
     print_rates((f"baseline: {name}", rate) for name, rate in score.baselines.items())
     for note in score.notes:

@@ -102,7 +102,7 @@ class Linear:
             np.array([kind.low / kind.typical for kind in kinds]),
             np.array([kind.high / kind.typical for kind in kinds]),
         )
-        signatures = np.concatenate(list(self.rows.values()))
+        self.signatures = signatures = np.concatenate(list(self.rows.values()))
         self.residual = fitted.residual - np.concatenate(list(now.values())) @ signatures
         prior = Problem(observer)
         self.precision = prior.prior_sd**-2
@@ -163,20 +163,22 @@ class Linear:
 
     def starts(self, subset: Subset) -> tuple[Floats, Floats]:
         """Places from which to fit a subset truly: base parameters and amplitudes, a row per share."""
-        problem, joint = Problem(self.observer, subset), self.joint(subset)
-        normal = joint.T @ joint + np.diag(problem.prior_sd**-2)
-        step = -np.linalg.solve(normal, joint.T @ self.residual)
+        problem, at = Problem(self.observer, subset), self._places(subset)
+        order = np.argsort([subset.index(self.columns.effects[n]) for n in at], kind="stable")
+        scale = int(log_evidence(self.reduced, self.columns, [subset])[0].argmax())
+        size = self._solution(at, scale)
         count, logs = len(self.fitted.vector), self.observer.parameterisation.is_log
-        size = np.clip(step[count:], 0.9 * problem.space.minimum[count:], 0.9 * problem.space.maximum[count:])
+        normal = self.jacobian.T @ self.jacobian + np.diag(self.precision)
         places = []
         for share in SHARES:
+            left = self.residual + share * size @ self.signatures[at]
+            step = -np.linalg.solve(normal, self.jacobian.T @ left)
             moved = np.where(
-                logs, self.fitted.vector * np.exp(np.clip(share * step[:count] * logs, -1, 1)),
-                self.fitted.vector + share * step[:count] * ~logs,
-            )  # fmt: skip
+                logs, self.fitted.vector * np.exp(np.clip(step * logs, -1, 1)), self.fitted.vector + step * ~logs
+            )
             row = self.observer.off
-            row[problem.columns] = share * size * problem.typical
-            places.append(problem.pack(moved, row))
+            row[problem.columns] = share * size[order] * problem.typical
+            places.append(problem.pack(moved[:count], row))
         return problem.unpack(np.array(places))
 
 

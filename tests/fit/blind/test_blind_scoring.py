@@ -20,6 +20,7 @@ from fit.blind.scoring import ANSWERS_HASHES, LOOKS, SCORE, score_set, summarise
 from fit.errors import FitError
 from formats.results import Cost, save_diagnosis
 from tests.fit.blind.blind_answers import COARSE, NUMBERS, PLANTED, answer_rightly, diagnosis, finding
+from tests.fit.here import hangtime_here
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +49,18 @@ def test_right_answers_get_full_marks(a_set, tmp_path):
     assert any("no probabilities" in note for note in score.notes)
     assert (tmp_path / SCORE).exists()
     assert len((tmp_path / ANSWERS_HASHES).read_text().splitlines()) == 5
+
+
+def test_two_folders_of_answers_stand_side_by_side(a_set, tmp_path):
+    answers, rivals = tmp_path / "answers", tmp_path / "rivals"
+    answer_rightly(a_set, answers)
+    for truth in open_labels(a_set).truths:
+        save_diagnosis(rivals / truth.id / "diagnosis.json", diagnosis("none"))
+    said = hangtime_here("blind", "score", a_set, answers, "--beside", rivals, folder=tmp_path)
+    assert said.returncode == 0, said.stderr
+    (line,) = [line for line in said.stdout.splitlines() if line.startswith("pairs: both named")]
+    assert line.index("1/1") < line.index("0/1")
+    assert (rivals / SCORE).exists()
 
 
 def test_what_the_sensor_gives_has_steps():

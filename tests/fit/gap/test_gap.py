@@ -22,6 +22,7 @@ from fit.methods import SI
 from fit.recordings.recording import prepare
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 
+COARSE = Resolution(spacing=0.1)
 FRAME = 1 / 30
 NOISE = 0.003
 
@@ -193,22 +194,39 @@ def test_two_effects_of_which_neither_passes_alone_are_looked_for_together(monke
     Without the second one, the gap would be said to be unknown.
     """
     monkeypatch.setattr("fit.gap.verdict.SMALLEST_CLOSURE", 0.6)
+    training, judging = of_a_drifting_clock_and_an_offset()
+    found = diagnose([training], [judging], resolution=COARSE).diagnosis
+    assert {f.id for f in found.effects if f.closure and 0.25 < f.closure.value < 0.6} >= set(found.named)
+    assert found.verdict == "several", found.sentence
+    assert set(found.named) == {"clock_drift", "attachment_offset"}
+
+
+@pytest.mark.slow
+def test_two_effects_are_weighed_together_for_fewer_simulations():
+    training, judging = of_a_drifting_clock_and_an_offset()
+    found = diagnose([training], [judging], resolution=COARSE, by="evidence").diagnosis
+    assert found.verdict == "several", found.sentence
+    clock = {"clock_drift", *found.alternatives.get("clock_drift", [])}
+    assert "attachment_offset" in found.named
+    assert clock & set(found.named)
+    assert found.gap.closure.value > 0.9
+    assert found.cost.simulations < 2 * 400
+
+
+def of_a_drifting_clock_and_an_offset():
+    """A take to fit to and one to judge on, of the solver's own cloth, which both show."""
     time = np.arange(0, 5, FRAME)
     first = swing(time, amplitude=0.06, hz=0.7, stop=4, sideways=0.02)
     first += swing(time, amplitude=0.05, hz=1.0, start=1.5, stop=4)
     second = swing(time, amplitude=0.08, hz=0.6, stop=4, sideways=0.03)
     second += swing(time, amplitude=0.03, hz=1.2, start=1, stop=4)
-    garment, coarse = sheet(grid=5), Resolution(spacing=0.1)
+    garment = sheet(grid=5)
     row = material(garment, velocity_damping=1.5, bending_stiffness=3e-5, shear_stiffness=40.0)
     both = amplitudes_of(LIBRARY, attachment_offset=(0.009, 0.005, 0.006), clock_drift=0.012)[None]
-    training, judging = (
+    return (
         simulate_take(
             garment, time, moved, row, effects=LIBRARY, amplitudes=both, noise=0.001, seed=seed, name=name,
-            resolution=coarse,
+            resolution=COARSE,
         )
         for seed, (name, moved) in enumerate((("a", first), ("b", second)))
     )  # fmt: skip
-    found = diagnose([training], [judging], resolution=coarse).diagnosis
-    assert {f.id for f in found.effects if f.closure and 0.25 < f.closure.value < 0.6} >= set(found.named)
-    assert found.verdict == "several", found.sentence
-    assert set(found.named) == {"clock_drift", "attachment_offset"}

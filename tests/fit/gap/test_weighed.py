@@ -7,6 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from fit.errors import FitError
+from fit.gap.diagnosis import deciding
 from fit.gap.posterior import Found, Mass
 from fit.gap.weighed import decide_by_mass, inclusion
 from tests.fit.gap.verdict_scene import CHAOTIC, COARSE, evidence_of
@@ -74,3 +76,10 @@ def test_gates_come_first():
     assert decide_by_mass(coarse, shares).verdict == "effect"
     weaker = dataclasses.replace(coarse, singles=evidence_of({"air_drag": 9.2}).singles)
     assert decide_by_mass(weaker, shares).verdict == "numerics"
+
+
+def test_what_decides_nothing_is_refused_with_what_does():
+    assert deciding("evidence") == "evidence"
+    with pytest.raises(FitError, match="tea leaves decides nothing") as refused:
+        deciding("tea leaves")
+    assert "rules, evidence" in str(refused.value)

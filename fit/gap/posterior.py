@@ -31,7 +31,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from fit.gap.correlation import DIRECTIONS
-from fit.gap.fitting import Fitted, Problem, Task
+from fit.gap.fitting import COST_TOLERANCE, Fitted, Problem, Task
 from fit.gap.hypotheses import polishing
 from fit.gap.likelihood import Likelihood
 from fit.gap.screening import GROUP_COSINE
@@ -60,17 +60,22 @@ DOZEN = 12  # subsets that are refitted in one round at most
 WITHIN = 2.5  # of the best log mass: a subset farther behind is not refitted; one that gains nothing is 3.2 behind
 ITERATIONS = 6  # of a joint refit, along chords
 SHARES = (0.3, 0.7, 1.0)  # of the joint linear solution, from which refits begin
+LEAST_KEPT = 0.25  # of a promised size: a fit that keeps less found another valley
 TRIED = 3  # effects that are refitted, however unlikely, where the base model needs an unknown cause
 LEAST_MOTION = 1e-3  # mm: what moves the points less does not move them
 
 
 @dataclass(frozen=True)
 class Mass:
-    """Log masses of subsets under a known and a wide discrepancy, each (subsets,), up to one constant."""
+    """Log masses of subsets under a known and a wide discrepancy, each (subsets,), up to one constant.
+
+    sharp: as if the discrepancy were no more than mesh and solver, which says what explains most
+    """
 
     among: list[Subset]
     known: Floats
     wide: Floats
+    sharp: Floats
 
     @property
     def total(self) -> Floats:
@@ -138,7 +143,8 @@ class Linear:
         apart = logs - np.log(middle)[:, None]
         within = np.where((apart >= 0) & (apart <= np.log(WIDEST)), 0.0, -np.inf)
         wide = logsumexp(evidence + within, axis=1) - logsumexp(within, axis=1)
-        return Mass(list(among), known + prior, wide + prior + float(np.log(UNKNOWN)))
+        sharp = evidence[:, int(np.abs(logs - np.log(known_mm)).argmin())]
+        return Mass(list(among), known + prior, wide + prior + float(np.log(UNKNOWN)), sharp + prior)
 
     def _places(self, subset: Subset) -> list[int]:
         return [n for n, name in enumerate(self.columns.effects) if name in subset]
@@ -156,6 +162,17 @@ class Linear:
         cosines = np.abs(self.seen[alone] @ self.seen[alone].T) / lengths[:, None] / lengths
         names = [self.columns.effects[n] for n in alone]
         return {frozenset((names[a], names[b])) for a, b in np.argwhere(cosines > GROUP_COSINE).tolist() if a < b}
+
+    def sizes(self, subset: Subset) -> dict[str, float]:
+        """Largest component of each effect of a subset at its solution, in its own unit."""
+        at = self._places(subset)
+        found = self._solution(at, int(log_evidence(self.reduced, self.columns, [subset])[0].argmax()))
+        names = [self.columns.effects[n] for n in at]
+        typical = {name: self.observer.library[name].typical for name in subset}
+        return {
+            name: max(abs(float(size)) for own, size in zip(names, found, strict=True) if own == name) * typical[name]
+            for name in subset
+        }
 
     def joint(self, subset: Subset) -> Floats:
         """Jacobian of base parameters and a subset's amplitudes, (numbers, parameters + components)."""
@@ -230,6 +247,7 @@ class Search:
         self.observer, self.noise, self.rows, self.known_mm = observer, noise, rows, known_mm
         self.refit, self.renew = refit, renew
         self.found, self.about = Found({(): base}), base
+        self.refuted: list[Subset] = []  # about the present fit
 
     def go(self, tell: Callable[[str], None] = lambda _: None) -> Found:
         """Return the fitted models and the masses of all subsets."""
@@ -238,26 +256,42 @@ class Search:
             likelihood = Likelihood(self.observer, self.noise, self.about.residual, SCALES)
             linear = Linear(self.observer, likelihood, self.about, self.rows)
             found.twins |= linear.twins()
-            found.mass = self._not_brought(linear.masses(self._allowed(linear), self.known_mm))
+            found.mass = self._possible(linear.masses(self._allowed(linear), self.known_mm))
             wanted = _wanted(found, turn)
             if not wanted or turn == MOST_EFFECTS:
                 break
             tell(f"refitting {len(wanted)} sets of effects")
             found.fits.update(zip(wanted, self.refit(wanted, self._tasks(linear, wanted)), strict=True))
             best = min(wanted, key=lambda one: found.fits[one].cost)
-            if found.fits[best].cost >= self.about.cost:
+            self.refuted += [one for one in wanted if self._refutes(linear, found.fits[one])]
+            if best in self.refuted:
                 continue
+            self.refuted.clear()
             found.fits[best] = self._polished(best, again=turn == 0)
             self.about = min(found.fits[best], found.fits[()], key=lambda one: one.cost)
             self.rows = {**self.rows, **self.renew(self.about)}
         return found
 
-    def _not_brought(self, mass: Mass) -> Mass:
-        """Masses without the subsets in which a law of one effect brings another one along."""
+    def _refutes(self, linear: Linear, fitted: Fitted) -> bool:
+        """Whether a true fit keeps nothing of what was promised: of the cost, or of an effect's size."""
+        if fitted.cost >= (1 - COST_TOLERANCE) * self.about.cost:
+            return True
+        promised = linear.sizes(fitted.active)
+        kept = {name: float(np.abs(fitted.amplitudes[self.observer.columns[name]]).max()) for name in fitted.active}
+        return any(kept[name] < LEAST_KEPT * promised[name] for name in fitted.active)
+
+    def _possible(self, mass: Mass) -> Mass:
+        """Masses without the subsets that fits refute: what keeps no promise when fitted truly, and what is brought.
+
+        A secant of a strongly non-linear effect may promise what no size of the effect keeps; it then promises no more
+        beside others. Brought along is an effect that a sound law of another one holds as well.
+        """
         for n, subset in enumerate(mass.among):
             fitted = self.found.fits.get(subset)
-            if fitted is not None and any(is_brought(self.observer, fitted, name) for name in subset):
-                mass.known[n] = mass.wide[n] = -np.inf
+            is_known = fitted is not None and subset not in self.refuted
+            is_refuted = not is_known and any(set(one) <= set(subset) for one in self.refuted)
+            if is_refuted or (fitted and any(is_brought(self.observer, fitted, name) for name in subset)):
+                mass.known[n] = mass.wide[n] = mass.sharp[n] = -np.inf
         return mass
 
     def _polished(self, best: Subset, *, again: bool) -> Fitted:
@@ -297,5 +331,5 @@ def _wanted(found: Found, turn: int) -> list[Subset]:
     # Where the base model needs an unknown cause the linear model says little of where a refit ends.
     base = mass.among.index(())
     if turn == 0 and mass.wide[base] > mass.known[base]:
-        chosen += [mass.among[n] for n in order if len(mass.among[n]) == 1][:TRIED]
+        chosen += [mass.among[n] for n in np.argsort(-mass.sharp) if len(mass.among[n]) == 1][:TRIED]
     return [one for one in dict.fromkeys(chosen) if one not in found.fits]

@@ -142,3 +142,14 @@ def test_what_the_mesh_may_make_is_no_evidence(world):
     linear = Linear(world, Likelihood(world, noise, base.residual, SCALES), base, dict(world.rows))
     mass = linear.masses([(), ("air_drag",)], MESH)
     assert mass.total[1] < mass.total[0] - 2.0
+
+
+def test_what_lowers_no_cost_when_it_is_fitted_truly_is_refuted(world):
+    """A secant promises that drag explains the residual, and no size of the effect does."""
+    world.missed = world.missed - 1.5 * world.rows["air_drag"][0]
+    search, asked = world.search()
+    world.rows["air_drag"] = 0.0 * world.rows["air_drag"]
+    found = search.go()
+    assert ("air_drag",) in asked
+    assert max(sum(found.shares().get(one, (0.0, 0.0))) for one in found.mass.among if "air_drag" in one) < 1e-9
+    assert "air_drag" not in found.best()

@@ -18,7 +18,7 @@ def found_of(shares, twins=()):
     """Masses of subsets, {names: (known, wide)}, all of them fitted."""
     among = list(shares)
     known, wide = (np.array([np.log(max(shares[one][k], 1e-12)) for one in among]) for k in (0, 1))
-    return Found(dict.fromkeys(among), Mass(among, known, wide), set(twins))
+    return Found(dict.fromkeys(among), Mass(among, known, wide, known), set(twins))
 
 
 def test_most_of_the_mass_without_an_effect_is_none():

@@ -71,8 +71,8 @@ def newton_preset(result: FitResult, fabric: Fabric, spacing: float = SWATCH_SPA
             "call": "ModelBuilder.add_cloth_mesh",
             "density": density, "tri_ke": stretch / 2, "tri_ka": 0.0, "tri_kd": 0.0,
             "edge_ke": bending / spacing, "edge_kd": bending / spacing * damping,
-            "note": "Shear is half of the stretch stiffness, whatever the fabric's is. A clamped strip sagged by 1.8 times "
-            "what it should: the bending is not verified.",
+            "note": "Shear is half of the stretch stiffness, whatever the fabric's is. A clamped strip sagged by 1.8 "
+            "times what it should: the bending is not verified.",
         },
         "SolverSemiImplicit": {
             "call": "ModelBuilder.add_cloth_mesh",

@@ -117,7 +117,7 @@ def calibrate_command(
     from firmware_host.errors import FirmwareError
     from firmware_host.opening import open_sensor
     from formats.descriptions import check_rig, dump_description, load_rig
-    from formats.outputs import refuse_to_replace, write_text
+    from formats.outputs import check_is_no_input, refuse_to_replace, write_text
 
     if out is not None:
         check_is_no_input(out, {"--sensor": sensor})  # a rig may be replaced by what was measured of it
@@ -167,23 +167,11 @@ def check_take_name(out: Path, inputs: Mapping[str, str | Path]) -> None:
         OutputError: it does not end in .mcap, by which takes are found, or one of the inputs would be replaced.
     """
     from formats.errors import OutputError
+    from formats.outputs import check_is_no_input
 
     if out.suffix != ".mcap":
         raise OutputError("takes are written as MCAP", where=out, advice="give a name that ends in .mcap")
     check_is_no_input(out, inputs)
-
-
-def check_is_no_input(out: Path, inputs: Mapping[str, str | Path]) -> None:
-    """Check that a file to be written is none of those that other options name.
-
-    Raises:
-        OutputError: it is.
-    """
-    from formats.errors import OutputError
-
-    for option, path in inputs.items():
-        if out.exists() and Path(path).exists() and out.samefile(path):
-            raise OutputError(f"is what {option} reads", where=out, advice="give another name to --out")
 
 
 def record_command(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Mapping
 from pathlib import Path
 
 from formats.descriptions import check_garment, check_rig, dump_description, load_garment, load_rig
@@ -38,6 +39,17 @@ def refuse_to_replace(path: Path, text: str | None = None) -> None:
     partial = unfinished_name(path)
     if partial.exists() and partial.stat().st_size > 0:  # an empty one lost nothing, or its writer's lock refuses
         raise left_unfinished(partial)
+
+
+def check_is_no_input(out: Path, inputs: Mapping[str, str | Path]) -> None:
+    """Check that a file to be written is none of those that other options name.
+
+    Raises:
+        OutputError: it is.
+    """
+    for option, path in inputs.items():
+        if out.exists() and Path(path).exists() and out.samefile(path):
+            raise OutputError(f"is what {option} reads", where=out, advice="give another name to --out")
 
 
 def make_output_folder(folder: Path) -> None:

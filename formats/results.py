@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar, get_args, get_type_hints
 
 import msgspec
 
@@ -300,6 +300,9 @@ class Diagnosis(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     camera: list[CameraFinding] = []
 
 
+POSITIVE = ("areal_density", "stretch_stiffness", "bending_stiffness")  # of every material: others are divided by them
+LARGEST = 1e100  # SI: products of three such numbers are still finite in double precision
+
 Result = TypeVar("Result", FitResult, Diagnosis)
 
 SCHEMAS = {"fit-result.json": FitResult, "diagnosis.json": Diagnosis}
@@ -386,14 +389,35 @@ def _decoded(raw: bytes, kind: type[Result], where: object) -> Result:
     try:
         record = msgspec.json.decode(raw, type=kind)
     except (msgspec.MsgspecError, RecursionError) as error:
+        _refuse_other_version(raw, kind, where)
         raise ResultError(f"is not a {kind.__name__}: {error}", where=where, advice="make it again") from error
     _check(record, where)
     return record
 
 
+def _refuse_other_version(raw: bytes, kind: type[Result], where: object) -> None:
+    """Raise where a file names another version of its own format."""
+    (known,) = get_args(get_type_hints(kind)["format"])
+    try:
+        named = msgspec.json.decode(raw, type=_Named).format
+    except (msgspec.MsgspecError, RecursionError):
+        return
+    if named != known and named.split("/")[0] == known.split("/")[0]:
+        raise ResultError(
+            f"has the format {named}, and this version of Hangtime reads {known}", where=where,
+            advice="read it with the version that wrote it, or make it again",
+        )  # fmt: skip
+
+
+class _Named(msgspec.Struct):
+    format: str
+
+
 def _check(record: FitResult | Diagnosis, where: object) -> None:
     """Check what a schema cannot say: finite numbers, and that named effects were tested."""
     _check_finite(msgspec.to_builtins(record), where, "")
+    if isinstance(record, FitResult):
+        _check_fit(record, where)
     if isinstance(record, Diagnosis):
         known = {finding.id for finding in record.effects}
         for name in [*record.named, *record.alternatives, *itertools.chain(*record.alternatives.values())]:
@@ -401,6 +425,20 @@ def _check(record: FitResult | Diagnosis, where: object) -> None:
                 raise ResultError(f"names the effect {name!r}, which is not among its findings", where=where)
         if record.verdict == "effect" and len(record.named) != 1:
             raise ResultError("the verdict `effect` names exactly one effect", where=where)
+
+
+def _check_fit(result: FitResult, where: object) -> None:
+    """Check that a fit belongs together: layers, intervals and material."""
+    again = "fit again"
+    if result.layers < 1:
+        raise ResultError(f"layers is {result.layers}, and cloth has one or more", where=where, advice=again)
+    for p in result.parameters:
+        low, high = p.interval_low, p.interval_high
+        if (low is None) != (high is None) or (low is not None and high is not None and low > high):
+            raise ResultError(f"the interval of {p.name} has not a lower and an upper end", where=where, advice=again)
+    for name in POSITIVE:
+        if not 0 < result.material.get(name, 1.0) < LARGEST:
+            raise ResultError(f"no cloth has {name} = {result.material[name]:g}", where=where, advice=again)
 
 
 def _check_finite(value: Any, where: object, at: str) -> None:

@@ -41,7 +41,8 @@ def origin_lines(result: FitResult) -> list[str]:
     error = result.error.held_out_after or result.error.train_after
     judged = "on takes held out" if result.error.held_out_after is not None else "on the takes fitted to"
     return [
-        f"Fitted by hangtime {metadata.version('hangtime')} with the method {result.method} on {result.created}.",
+        f"Fitted by hangtime {metadata.version('hangtime')} with the method {plain(result.method)} on "
+        f"{plain(result.created)}.",
         plain(f"Takes: {', '.join(result.take_ids)}."),
         f"Mean distance of the tracked points: {1e3 * error.mean_m:.1f} mm {judged}.",
     ]
@@ -61,7 +62,7 @@ def caution_lines(result: FitResult, fabric: Fabric | None) -> list[str]:
         if p.is_identified is not True:
             status: Status = "not identified" if p.is_identified is False else "no interval"
             ends = _ends(p.interval_low, p.interval_high)
-            lines.append(f"{p.name} = {short(p.fitted)} {p.unit}{ends}: {MEANING_OF_STATUS[status]}.")
+            lines.append(plain(f"{p.name} = {short(p.fitted)} {p.unit}{ends}: {MEANING_OF_STATUS[status]}."))
     return lines
 
 

@@ -12,6 +12,7 @@ from fit.export import caches
 from fit.export.fabric import fabric_of, why_no_fabric
 from fit.export.moving import Moving, motion_of
 from fit.export.new_motion import hung_swatch, new_motion
+from fit.export.sheet import check_spacing
 from fit.export.video import CODECS, DEFAULT_SIZE, film
 from fit.methods import find_method
 from fit.recordings.recording import prepare
@@ -77,6 +78,7 @@ def animate(
             f"no film is {size[0]} x {size[1]} pixels large", where="--size",
             advice=f"give even numbers from {SMALLEST} to {LARGEST}, as in 960x720",
         )  # fmt: skip
+    check_spacing(scene.spacing)
     check_name(path)
     if not overwrite:
         refuse_to_replace(path)

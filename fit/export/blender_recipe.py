@@ -43,7 +43,7 @@ def blender_script(result: FitResult, fabric: Fabric | None, sheet: Sheet) -> by
     ]
     lines = "\n".join(f"# {line}" for line in told)
     return SCRIPT.format(
-        lines=lines, name=json.dumps(sheet.name), settings=json.dumps(values, indent=4), held=json.dumps(held),
+        lines=lines, name=repr(sheet.name), settings=json.dumps(values, indent=4), held=json.dumps(held),
         mesh=json.dumps(mesh), fps=FPS,
     ).encode()  # fmt: skip
 

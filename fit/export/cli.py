@@ -83,6 +83,7 @@ def export_command(
     """
     from fit.export.kinds import KINDS, Order, default_path, export, read_fit
     from formats.archive import read_take
+    from formats.outputs import check_is_no_input
     from formats.plain_text import plain
 
     result, file = read_fit(fit_file)
@@ -93,7 +94,9 @@ def export_command(
         made = KINDS[to.value].make(order)
         typer.echo(next(iter(made.values())).decode(), nl=False)
         return
-    for written in export(order, to.value, out or default_path(file, to.value), overwrite=overwrite):
+    path = out or default_path(file, to.value)
+    check_is_no_input(path, {"FIT": file} | ({"--take": take} if take is not None else {}))
+    for written in export(order, to.value, path, overwrite=overwrite):
         typer.echo(plain(written))
 
 

@@ -125,8 +125,11 @@ def fabric_of(result: FitResult) -> Fabric:
     """
     if reason := why_no_fabric(result):
         kinds = [k for k in WITHOUT_FABRIC if k != "blender" or result.method == "kinect-skirt"]
+        if result.engine != OWN:  # its cloth keeps no shapes
+            kinds = [k for k in kinds if k in ("csv", "blender")]
         raise FitError(reason, advice=f"this fit can be exported as {', '.join(kinds)}")
     method, effects = find_method(result.method), _effects(result)
+    _check_belongs_together(result, method)
     rows = _Rows(result, method, effects)
     found = [
         quantity
@@ -147,6 +150,15 @@ def fabric_of(result: FitResult) -> Fabric:
             )  # fmt: skip
     share = 1 / result.layers
     return Fabric(quantities=tuple(_times(q, share) if q.name in SHARED else q for q in found), layers=result.layers)
+
+
+def _check_belongs_together(result: FitResult, method: Parameterisation) -> None:
+    """Refuse a fit that lacks parameters of its method or of its effects."""
+    wanted = [p.name for p in method.parameters] + sorted(result.effects)
+    if missing := [name for name in wanted if name not in {p.name for p in result.parameters}]:
+        raise FitError(
+            f"the fit lacks {missing[0]}, a parameter of its method {method.name} or of its effects", advice="fit again"
+        )
 
 
 WITHOUT_FABRIC = ("csv", "blender", "usd", "gltf", "pc2")
@@ -185,8 +197,8 @@ class _Rows:
 
     def at(self, vector: Floats) -> Floats:
         """Return the material row of one vector."""
-        count = len(self._method.parameters)
-        row = self._method.to_materials(vector[None, :count], self._density)[0]
+        own = [self._names.index(p.name) for p in self._method.parameters]
+        row = self._method.to_materials(vector[None, own], self._density)[0]
         for effect in self._effects:
             amplitude = np.array([vector[self._names.index(name)] for name in parameter_names(effect)])
             if effect.acts_on != "measurement" and amplitude.any():

@@ -15,7 +15,7 @@ from fit.export import caches, presets, tables
 from fit.export.blender_recipe import blender_script
 from fit.export.fabric import Fabric, fabric_of, why_no_fabric
 from fit.export.moving import Moving, moving_cloth
-from fit.export.sheet import SWATCH_SIDE, SWATCH_SPACING, Sheet, garment_sheet, strip
+from fit.export.sheet import SWATCH_SIDE, SWATCH_SPACING, Sheet, check_spacing, check_strip, garment_sheet, strip
 from fit.export.u3m import u3m
 from fit.export.usd_physics import THICKNESS, usd_physics
 from fit.methods import find_method
@@ -71,6 +71,17 @@ class Order:
         return garment_sheet(self.take.garment, self.spacing or find_method(self.result.method).spacing)
 
     @property
+    def grid_spacing(self) -> float:
+        """Return the spacing of a swatch's grid [m].
+
+        Raises:
+            FitError: no swatch has such a grid.
+        """
+        spacing = self.spacing or SWATCH_SPACING
+        check_strip(SWATCH_SIDE, SWATCH_SIDE, spacing)
+        return spacing
+
+    @property
     def sheets_fabric(self) -> Fabric:
         """Return the fabric of `sheet`: all layers of a garment as one, as the fit simulated them."""
         return self.fabric if self.take is None else self.fabric.whole
@@ -78,11 +89,12 @@ class Order:
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """A kind of export: file name's end, what it is, and what makes the files, the first under the name asked for."""
+    """A kind of export: file name's end, what it is, what makes the files, and the ends of those beside the first."""
 
     suffix: str
     title: str
     make: Callable[[Order], dict[str, bytes]]
+    beside: tuple[str, ...] = ()
 
 
 def _one(suffix: str, title: str, make: Callable[[Order], bytes]) -> Kind:
@@ -100,7 +112,10 @@ def _pc2(order: Order) -> dict[str, bytes]:
 
 
 KINDS: dict[str, Kind] = {
-    "csv": Kind(suffix=".csv", title="every parameter and SI quantity with its interval, and motion", make=_csv),
+    "csv": Kind(
+        suffix=".csv", title="every parameter and SI quantity with its interval, and motion", make=_csv,
+        beside=(".motion.csv",),
+    ),
     "table": _one(
         ".fabric.txt", "what to type into CLO, Marvelous Designer and Browzwear",
         lambda o: tables.software_table(o.result, o.fabric).encode(),
@@ -111,7 +126,7 @@ KINDS: dict[str, Kind] = {
     ),
     "newton": _one(
         ".newton.json", "the numbers of Newton's cloth solvers",
-        lambda o: presets.newton_preset(o.result, o.fabric, o.spacing or SWATCH_SPACING),
+        lambda o: presets.newton_preset(o.result, o.fabric, o.grid_spacing),
     ),
     "mujoco": _one(
         ".mujoco.xml", "a sheet of MuJoCo's flex", lambda o: presets.mujoco_flex(o.result, o.sheets_fabric, o.sheet)
@@ -127,7 +142,7 @@ KINDS: dict[str, Kind] = {
     "gltf": _one(
         ".glb", "the motion as glTF with morph targets", lambda o: caches.gltf(o.result, o.fabric_if_any, o.moving)
     ),
-    "pc2": Kind(suffix=".pc2", title="the motion as a PC2 point cache, beside an OBJ", make=_pc2),
+    "pc2": Kind(suffix=".pc2", title="the motion as a PC2 point cache, beside an OBJ", make=_pc2, beside=(".obj",)),
 }  # fmt: skip
 
 
@@ -161,15 +176,22 @@ def export(order: Order, kind: str, path: Path, *, overwrite: bool = False) -> l
         raise FitError(
             f"no fabric is {1e3 * order.thickness:g} mm thick", where="--thickness", advice="give metres, as in 0.0005"
         )
+    check_spacing(order.spacing)
     chosen = KINDS[kind]
     check_name(path)
+    beside = chosen.beside if order.take is not None else ()
+    if path.suffix in beside:
+        raise FitError(
+            f"{path.suffix} is the end of the file beside it",
+            where=path,
+            advice=f"give a name that ends in {chosen.suffix}",
+        )
+    names = {suffix: path.with_suffix(suffix) for suffix in beside} | {chosen.suffix: path}
     if not overwrite:
-        refuse_to_replace(path)
-    made = chosen.make(order)
-    files = {path if suffix == chosen.suffix else path.with_suffix(suffix): raw for suffix, raw in made.items()}
-    for file in files:
-        if not overwrite:
+        for file in names.values():
             refuse_to_replace(file)
+    made = chosen.make(order)
+    files = {names[suffix]: raw for suffix, raw in made.items()}
     make_output_folder(path.parent)
     for file, raw in files.items():
         write_bytes(file, raw)

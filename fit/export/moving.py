@@ -89,10 +89,16 @@ def motion_of(
         )
     method = find_method(result.method)
     effects = tuple(e for e in LIBRARY if set(parameter_names(e)) <= result.effects.keys())
+    if unknown := sorted(result.effects.keys() - {name for e in effects for name in parameter_names(e)}):
+        raise FitError(
+            f"this version of Hangtime knows no effect {unknown[0]}", advice="use the version that fitted it"
+        )
     adds_contact = layers_apart > 0 and CONTACT.name not in result.effects
     effects += (CONTACT,) if adds_contact else ()
     simulator = Simulator(recording, effects, resolution=Resolution(spacing=spacing or method.spacing))
     names = [p.name for p in result.parameters]
+    if missing := [p.name for p in method.parameters if p.name not in names]:
+        raise FitError(f"the fit lacks {missing[0]}, a parameter of the method {method.name}", advice="fit again")
     values = np.array([result.parameters[names.index(p.name)].fitted for p in method.parameters])
     density = recording.garment.mass_kg / float(simulator.mesh.area)
     amplitudes = amplitudes_of(effects)

@@ -31,6 +31,7 @@ engine has quadratic drag of cloth along its normal as a material: it stays a nu
 from __future__ import annotations
 
 import json
+import re
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
@@ -115,7 +116,7 @@ def mujoco_flex(result: FitResult, fabric: Fabric, sheet: Sheet) -> bytes:
         "Quadratic air drag, if any, is no part of the flex.",
     ]  # fmt: skip
     numbers = "\n".join(f'    <numeric name="hangtime_{q.name}" data="{_numbers(q)}"/>' for q in fabric.quantities)
-    comment = "\n".join(f"  {line}" for line in words).replace("--", "- -")
+    comment = re.sub("-(?=-)", "- ", "\n".join(f"  {line}" for line in words))  # XML 1.0, section 2.5: no --
     names = " ".join(f"n{k}" for k in range(len(sheet.rest)))
     elements = " ".join(map(str, sheet.triangles.ravel().tolist()))
     text = f"""<mujoco model={quoteattr(sheet.name)}>

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.cloth.mesh import build_mesh
+from fit.cloth.mesh import MOST_NODES, build_mesh
 from fit.errors import FitError
 from formats.arrays import Floats
 from formats.garment import Garment
@@ -49,16 +49,37 @@ class Sheet:
         return float(np.sqrt(2 * self.area / len(self.triangles)))
 
 
+def check_spacing(spacing: float | None) -> None:
+    """Refuse what is no distance; None is the default.
+
+    Raises:
+        FitError: the spacing is not above 0, or not finite.
+    """
+    if spacing is not None and not 0 < spacing < np.inf:
+        raise FitError(f"the mesh spacing is {spacing:g} m", where="--spacing", advice="give metres, for example 0.05")
+
+
+def check_strip(width: float, height: float, spacing: float) -> None:
+    """Refuse a grid that does not fit a rectangle, or has too many nodes.
+
+    Raises:
+        FitError: the spacing is too fine or too coarse.
+    """
+    finest, coarsest = np.sqrt(width * height / MOST_NODES), min(width, height)
+    if not finest <= spacing <= coarsest:
+        raise FitError(
+            f"a spacing of {spacing:g} m does not fit a swatch of {width:g} m x {height:g} m", where="--spacing",
+            advice=f"give {finest:.2g} to {coarsest:g} m",
+        )  # fmt: skip
+
+
 def strip(width: float, height: float, spacing: float, name: str = "swatch") -> Sheet:
     """Return a rectangle as an even grid of right triangles whose diagonals alternate, held at its top edge.
 
     Raises:
         FitError: the spacing does not fit into it.
     """
-    if not 0 < spacing <= min(width, height):
-        raise FitError(
-            f"a spacing of {spacing:g} m does not fit a swatch of {width:g} m x {height:g} m", advice="choose less"
-        )
+    check_strip(width, height, spacing)
     columns, rows = round(width / spacing) + 1, round(height / spacing) + 1
     x, y = np.linspace(-width / 2, width / 2, columns), np.linspace(0.0, -height, rows)
     rest = np.stack([np.tile(x, rows), np.repeat(y, columns)], 1)

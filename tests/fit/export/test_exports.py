@@ -9,15 +9,17 @@ import sys
 import xml.etree.ElementTree as ElementTree
 from datetime import datetime
 
+import msgspec
 import numpy as np
 import pytest
 
 from fit.errors import FitError
+from fit.export.fabric import fabric_of
 from fit.export.kinds import KINDS, Order, export, read_fit
 from fit.export.sheet import garment_sheet, strip
 from formats import command
 from formats.errors import HangtimeError, OutputError
-from formats.results import save_diagnosis, save_fit_result
+from formats.results import fit_result_from, save_diagnosis, save_fit_result
 from tests.fit.export.exported import a_fit
 from tests.fit.here import hangtime_here
 from tests.fit.report.report_scene import diagnosis
@@ -227,3 +229,86 @@ def test_a_library_that_is_missing_is_named_with_the_extra_that_brings_it(monkey
     assert done.returncode == 2
     assert "pxr is not installed; in Hangtime's checkout: pip install -e '.[export]'" in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["fit.json"]
+
+
+def test_words_of_a_fit_run_no_line_in_blender_and_end_no_comment():
+    evil = msgspec.structs.replace(a_fit(), created="x\nimport os\n\x1b[31m", take_ids=["a--->", "b----c"])
+    script = ast.parse(text_of("blender", evil))
+    assert [name.name for node in script.body if isinstance(node, ast.Import) for name in node.names] == ["bpy"]
+    assert "\x1b" not in text_of("table", evil)
+    text = text_of("mujoco", evil)
+    ElementTree.fromstring(text)
+    assert "--" not in text.split("<!--")[1].split("-->")[0]
+
+
+def test_blenders_script_names_a_garment_beyond_the_first_plane_of_unicode():
+    text = text_of("blender", a_fit(), take=garments_take("dress \N{DRESS}"), spacing=0.1)
+    assert ast.literal_eval(re.search("NAME = (.*)", text)[1]) == "dress \N{DRESS}"
+
+
+def garments_take(name):
+    garment = msgspec.structs.replace(sheet(), name=name)
+    time = np.arange(0, 1, 1 / 30)
+    return take_of(garment, time, np.zeros((len(time), 3)), hung(garment, time))
+
+
+@pytest.mark.parametrize("spacing", [0.0, -0.02, float("nan"), float("inf"), 1e-6, 1.0])
+def test_a_grid_that_no_swatch_has_is_refused(spacing, tmp_path):
+    with pytest.raises(FitError, match="spacing"):
+        export(Order(result=a_fit(), spacing=spacing), "newton", tmp_path / "x.json")
+
+
+def test_a_point_cache_is_not_lost_under_its_obj(tmp_path):
+    with pytest.raises(FitError, match=r"\.obj is the end of the file beside it; give a name that ends in \.pc2"):
+        export(Order(result=a_fit(), take=garments_take("sheet")), "pc2", tmp_path / "x.obj")
+
+
+def test_a_file_beside_is_refused_before_the_work_and_only_where_it_is_written(tmp_path):
+    (tmp_path / "x.motion.csv").write_text("mine")
+    with pytest.raises(OutputError, match="already there"):
+        export(Order(result=a_fit(), take=garments_take("sheet")), "csv", tmp_path / "x.csv")
+    assert export(Order(result=a_fit()), "csv", tmp_path / "x.csv") == [tmp_path / "x.csv"]
+
+
+def test_an_export_does_not_replace_the_fit_it_reads(tmp_path):
+    save_fit_result(tmp_path / "fit.json", a_fit())
+    done = hangtime_here(
+        "export", tmp_path, "--to", "csv", "--out", tmp_path / "fit.json", "--overwrite", folder=tmp_path
+    )
+    assert "is what FIT reads" in done.stderr
+    assert read_fit(tmp_path)[0] == a_fit()
+
+
+def test_parameters_in_another_order_give_the_same_fabric():
+    turned = msgspec.structs.replace(a_fit(), parameters=a_fit().parameters[::-1])
+    assert fabric_of(turned) == fabric_of(a_fit())
+    with pytest.raises(FitError, match="lacks stretch_stiffness"):
+        fabric_of(msgspec.structs.replace(a_fit(), parameters=a_fit().parameters[1:]))
+    with pytest.raises(FitError, match="lacks air_drag"):
+        fabric_of(msgspec.structs.replace(a_fit(), effects={"air_drag": 1.0}))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"format": "hangtime-fit/2"}, "this version of Hangtime reads hangtime-fit/1"),
+        ({"layers": 0}, "layers is 0"),
+        ({"material": {"bending_stiffness": 0.0}}, "no cloth has bending_stiffness = 0"),
+    ],
+)
+def test_a_fit_that_does_not_belong_together_is_refused_where_it_is_read(change, words):
+    raw = msgspec.json.encode(msgspec.to_builtins(a_fit()) | change)
+    with pytest.raises(HangtimeError, match=words):
+        fit_result_from(raw, "fit.json")
+
+
+def test_an_interval_without_two_ends_is_refused():
+    fit = msgspec.to_builtins(a_fit())
+    fit["parameters"][0]["interval_low"] = None
+    with pytest.raises(HangtimeError, match="the interval of stretch_stiffness"):
+        fit_result_from(msgspec.json.encode(fit), "fit.json")
+
+
+def test_a_fit_of_another_engine_is_offered_what_it_can_be_exported_as():
+    with pytest.raises(FitError, match=r"exported as csv$"):
+        fabric_of(a_fit(engine="blender"))

@@ -159,7 +159,7 @@ def share_closed(evidence: Evidence, hypothesis: Hypothesis) -> str:
     if closed is None:
         return ""
     low, high = closed.interval or (closed.value, closed.value)
-    noise = ", all of it to within the noise" if evidence.is_within_noise(hypothesis) else ""
+    noise = ". The remaining error is within the noise" if evidence.is_within_noise(hypothesis) else ""
     return f": {100 * closed.value:.0f} % of the gap is closed [{100 * low:.0f} to {100 * high:.0f} %]{noise}"
 
 

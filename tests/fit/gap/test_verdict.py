@@ -155,12 +155,12 @@ def test_a_model_that_leaves_no_more_than_the_noise_closes_the_gap_to_within_it(
     """144 - 22 of 144 - 25 mm^2 are 102 %; with 6.0 mm, 91 %, and the noise is known to 5.0 + 5.84 x 0.08 = 5.5."""
     below = decide(evidence_of({"air_drag": 4.7})).sentence
     assert "102 % of the gap is closed" in below
-    assert ", all of it to within the noise." in below
+    assert "The remaining error is within the noise." in below
     assert "the sensor's noise alone is 5.0 mm" in below
     for mm, is_within in ((5.4, True), (5.5, False)):
         assert ("within the noise" in decide(evidence_of({"air_drag": mm})).sentence) == is_within
     joint = evidence_of({"air_drag": 9.0}, joint=[(("air_drag", "hem"), 4.9)])
-    assert ", all of it to within the noise." in decide(joint).sentence
+    assert "The remaining error is within the noise." in decide(joint).sentence
 
 
 @pytest.mark.parametrize(

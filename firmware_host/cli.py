@@ -1,4 +1,4 @@
-"""`hangtime sensor`: list, play, synthesise, synthesise-swatch, and what `usb_control` and `doctor` add."""
+"""`hangtime sensor`: list, play, three kinds of synthesis, and what `usb_control` and `doctor` add."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ def add_commands(app: typer.Typer) -> None:
     sensor.command("play")(play)
     sensor.command("synthesise")(synthesise)
     sensor.command("synthesise-swatch")(synthesise_swatch)
+    sensor.command("synthesise-silhouette")(synthesise_silhouette)
     add_usb_commands(sensor)
     add_doctor(sensor)
     app.add_typer(sensor, name="sensor")
@@ -148,4 +149,37 @@ def synthesise_swatch(
         out, fabric=fabric, motion=motion, air_drag=air_drag, seed=seed, overwrite=overwrite
     )  # fmt: skip
     for path in paths:
+        typer.echo(str(path))
+
+
+def synthesise_silhouette(
+    out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the recording; made if absent.")],
+    name: Annotated[str, typer.Option("--name", help="Name of the recording.")] = "silhouette",
+    latency: Annotated[float, typer.Option("--latency", metavar="SECONDS", help="Lateness of every stamp.")] = 0.0,
+    publish_share: Annotated[
+        float, typer.Option("--publish-share", help="Share of the interval before by which a stamp is late.")
+    ] = 0.0,
+    skewed: Annotated[float, typer.Option("--skewed", help="Share of the frames with a skewed grid.")] = 0.0,
+    eroded: Annotated[float, typer.Option("--eroded", metavar="METRES", help="Border that is not seen.")] = 0.0,
+    eaten: Annotated[
+        float, typer.Option("--eaten-by-pose", metavar="METRES", help="Loss of the bottom border per unit of lean.")
+    ] = 0.0,
+    noise: Annotated[float, typer.Option("--noise", metavar="METRES", help="White noise per axis.")] = 0.002,
+    seconds: Annotated[float, typer.Option("--seconds", help="Length of the recording.")] = 12.0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of intervals, skew and noise.")] = 1,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace files of these names that are already there.")
+    ] = False,
+) -> None:
+    """Make a re-gridded silhouette of swung cloth, with a camera's faults switched on one by one.
+
+    Writes DIR/NAME.npz, which `hangtime import` reads, and its truth DIR/NAME.truth.npz.
+    """
+    from firmware_host.synthetic.silhouette import CameraFaults, make_silhouette_take
+
+    faults = CameraFaults(
+        latency=latency, publish_share=publish_share, skewed_share=skewed, eroded_border=eroded, eaten_by_pose=eaten,
+        noise=noise,
+    )  # fmt: skip
+    for path in make_silhouette_take(out, name, faults, seconds=seconds, seed=seed, overwrite=overwrite):
         typer.echo(str(path))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from firmware_host.synthetic.silhouette import CameraFaults, make_silhouette_take
 from fit.recordings.camera_findings import camera_clause, describe_camera
 from fit.recordings.intact import FORGOTTEN
 from fit.recordings.point_kind import kind_shown
@@ -157,3 +158,20 @@ def _later(time, held, late):
     """The ends' path as a hanger clock that is ahead shows it: at each stamp where they are `late` s later."""
     flat = held.reshape(len(time), -1)
     return np.stack([np.interp(time + late, time, axis) for axis in flat.T], 1).reshape(held.shape)
+
+
+def test_a_synthetic_cameras_faults_are_found_with_their_sizes(tmp_path):
+    """The cloth is another program's; seen are 12 s at 9 frames a second with 2 mm of noise."""
+    faults = CameraFaults(noise=0.002, latency=0.2, publish_share=0.9, skewed_share=0.2, eaten_by_pose=0.06)
+    made = make_silhouette_take(tmp_path, "a", faults)
+    take = import_swung_cloth(made[0])
+    found = found_of(take)
+    with np.load(made[1]) as truth:
+        askew = truth["is_skewed"].mean()
+    assert found["latency"].figure == pytest.approx(0.2, abs=0.01)
+    assert found["publish_time"].figure == pytest.approx(0.9, abs=0.12)
+    assert found["skewed_grids"].figure == pytest.approx(askew, abs=0.03)
+    assert found["sliding_points"].figure > 0.005
+    assert set(found) <= {"latency", "publish_time", "frame_shifts", "skewed_grids", "held_edge", "sliding_points"}
+    low, high = found["latency"].interval
+    assert low - 0.003 < 0.2 < high + 0.003

@@ -1,0 +1,227 @@
+"""Make a re-gridded silhouette of swung cloth: a camera's faults, each switchable and with its truth.
+
+A cloth of 0.3 m is clamped along its top edge and swung through its plane. A camera with uneven frames lays a grid of 8
+x 8 points evenly over what it sees of the cloth. The faults are those that public recordings of swung cloth have
+(github Alados5/tfm_matlab):
+
+- latency: a stamp is late by a constant
+- publish share: it is late, on top, by a share of the excess of the interval to the frame before over the usual one
+- skew: in a share of the frames the grid lies askew
+- eroded border: the left, right and bottom border is not seen
+- eaten by pose: the bottom border is lost, or gained, in proportion to the cloth's lean g:
+
+      length seen = l - border - loss g,   g = mean of (down the cloth) . n,   n = up x bar
+
+The hanger's path is measured by other means, on the stamps' clock. The file is an `.npz` that `hangtime import` reads.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_host.errors import SensorAddressError
+from firmware_host.synthetic.cloth import ClothPhysics, simulate
+from firmware_host.synthetic.swatch import TO_SENSOR
+from formats.errors import OutputError
+from formats.garment import Garment, TrackedPoint
+from formats.outputs import make_output_folder, refuse_to_replace
+from formats.whole_files import write_whole
+
+Floats = NDArray[np.float64]
+
+SIDE, GRID = 0.3, 8  # m, and points along it, as in the recordings
+NODES = 9  # of the cloth along its side
+DENSITY = 0.197  # kg/m^2, median of 618 fabrics, ClothDrapeTester (SIGGRAPH Asia 2022)
+PHYSICS = ClothPhysics(linear_damping=1.5)
+RATE, UNEVEN = 9.0, 0.3  # frames a second, and the spread of their intervals, as in the recordings
+AWAY, HERTZ, REST = 0.1, 0.7, 1.5  # m and Hz of the swing, and s of rest at either end
+FINE = 100.0  # instants a second at which the true cloth is kept
+LONGEST = 120.0  # s
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraFaults:
+    """A camera's faults: late stamps [s], shares, skew [degrees], losses and noise [m]; at 0 the camera is perfect."""
+
+    latency: float = 0.0
+    publish_share: float = 0.0
+    skewed_share: float = 0.0
+    skew: float = 6.0
+    eroded_border: float = 0.0
+    eaten_by_pose: float = 0.0
+    noise: float = 0.0
+
+
+@dataclass(frozen=True)
+class Silhouette:
+    """A recording and its truth.
+
+    - `stamps` [s], (frames,), and `exposures` [s], (frames,): when each frame was stamped and when it was seen
+    - `points` [m], (frames, 64, 3), z up, and `valid`, (frames, 64)
+    - `ends` [m], (frames, 2, 3): of the held edge, at the stamps
+    - `places` [m], (frames, 64, 2): where on the flat cloth each point was
+    - `lean`, (frames,); `is_skewed`, (frames,)
+    """
+
+    stamps: Floats
+    exposures: Floats
+    points: Floats
+    valid: NDArray[np.bool_]
+    ends: Floats
+    places: Floats
+    lean: Floats
+    is_skewed: NDArray[np.bool_]
+
+
+def held_path(instants: Floats) -> Floats:
+    """Return the held edge's ends [m], (n, 2, 3), z up, of a hanger that rests, swings and goes on swinging."""
+    ramp = np.clip((instants - REST) / 0.6, 0, 1)
+    ramp = ramp**3 * (10 - 15 * ramp + 6 * ramp**2)
+    place = np.zeros((len(instants), 2, 3))
+    place[:, 0, 0], place[:, 1, 0] = -SIDE / 2, SIDE / 2
+    place[:, :, 1] = (AWAY * ramp * np.sin(2 * np.pi * HERTZ * (instants - REST)))[:, None]
+    return place
+
+
+def swung_cloth(seconds: float, progress: Callable[[float], None] = lambda share: None) -> tuple[Floats, Floats]:
+    """Return instants [s], (n,), and the true cloth [m], (n, rows, columns, 3), z up."""
+    half = SIDE / 2
+    garment = Garment(
+        format="hangtime-garment/1", name="silhouette", kind="swatch", mass_kg=DENSITY * SIDE**2, held="edge",
+        outline_m=((-half, 0.0), (half, 0.0), (half, -SIDE), (-half, -SIDE)),
+        points=(TrackedPoint(name="middle", at_m=(0.0, -half)),),
+    )  # fmt: skip
+    fine = np.arange(0.0, seconds, 1 / FINE)
+    nodes = simulate(
+        garment, lambda t: held_path(t) @ TO_SENSOR.T, fine, physics=PHYSICS, effects={}, rows=NODES, columns=NODES,
+        progress=progress,
+    )  # fmt: skip
+    return fine, np.asarray(nodes @ TO_SENSOR)
+
+
+def seen_silhouette(
+    faults: CameraFaults,
+    *,
+    seconds: float = 12.0,
+    seed: int = 1,
+    progress: Callable[[float], None] = lambda share: None,
+) -> Silhouette:
+    """Return a recording of so many seconds with these faults.
+
+    Raises:
+        SensorAddressError: a fault or a length that no recording has.
+    """
+    _check(faults, seconds, seed)
+    random = np.random.default_rng([seed, 64])
+    fine, nodes = swung_cloth(seconds, progress)
+    steps = (1 + UNEVEN * random.standard_normal(int(seconds * RATE)).clip(-2, 2)) / RATE
+    stamps = np.cumsum(steps)
+    late = np.concatenate([[0.0], np.diff(stamps) - np.median(np.diff(stamps))])
+    exposures = stamps - faults.latency - faults.publish_share * late
+    there = (exposures >= 0.0) & (exposures <= fine[-1])
+    stamps, exposures = stamps[there], exposures[there]
+    is_skewed = random.random(len(exposures)) < faults.skewed_share
+    angles = np.radians(faults.skew) * is_skewed * random.choice([-1.0, 1.0], len(exposures))
+    return _laid(faults, (fine, nodes), (stamps, exposures), angles, random)
+
+
+def make_silhouette_take(
+    out: Path, name: str, faults: CameraFaults, *, seconds: float = 12.0, seed: int = 1, overwrite: bool = False,
+    progress: Callable[[float], None] = lambda share: None,
+) -> list[Path]:  # fmt: skip
+    """Write NAME.npz and NAME.truth.npz into `out`; return the paths.
+
+    Raises:
+        SensorAddressError: a fault or a length that no recording has.
+        OutputError: the folder cannot be made or written to, or a file is there and is not to be overwritten.
+    """
+    paths = [out / f"{name}.npz", out / f"{name}.truth.npz"]
+    if not overwrite:
+        for path in paths:
+            refuse_to_replace(path)
+    made = seen_silhouette(faults, seconds=seconds, seed=seed, progress=progress)
+    make_output_folder(out)
+    across, up = np.meshgrid(np.linspace(0, SIDE, GRID), np.linspace(0, SIDE, GRID))
+    arrays = {
+        "t": made.stamps, "points": made.points, "valid": made.valid, "hanger_corners": made.ends,
+        "rest": np.stack([across.ravel(), up.ravel()], 1),
+    }  # fmt: skip
+    truth = {
+        "exposures": made.exposures, "places": made.places, "lean": made.lean, "is_skewed": made.is_skewed,
+        **asdict(faults),
+    }  # fmt: skip
+    try:
+        for path, content in zip(paths, (arrays, truth), strict=True):
+            file = io.BytesIO()
+            np.savez(file, **content)
+            write_whole(path, file.getvalue())
+    except OSError as error:
+        raise OutputError(
+            f"cannot be written ({error.strerror})", where=error.filename, advice="make room on the disk"
+        ) from error
+    return paths
+
+
+def _laid(
+    faults: CameraFaults, cloth: tuple[Floats, Floats], times: tuple[Floats, Floats], angles: Floats,
+    random: np.random.Generator,
+) -> Silhouette:  # fmt: skip
+    """Lay the grid over what is seen of the cloth in every frame."""
+    stamps, exposures = times
+    shapes = _at(*cloth, exposures)
+    down = np.diff(shapes, axis=1)
+    lean = (down[..., 1] / np.linalg.norm(down, axis=-1)).mean((1, 2))  # up x bar is y: the bar is x
+    border = faults.eroded_border
+    share = np.linspace(0, 1, GRID)
+    points = np.full((len(stamps), GRID * GRID, 3), np.nan)
+    places = np.empty((len(stamps), GRID * GRID, 2))
+    for frame, shape in enumerate(shapes):
+        length = SIDE - border - faults.eaten_by_pose * lean[frame]
+        below, right = np.meshgrid(length * share[::-1], border + (SIDE - 2 * border) * share, indexing="ij")
+        right = right + np.tan(angles[frame]) * (below - length / 2)
+        places[frame] = np.stack([right.ravel(), SIDE - below.ravel()], 1)
+        points[frame] = _on(shape, below.ravel() / SIDE, right.ravel() / SIDE)
+    points += faults.noise * random.standard_normal(points.shape)
+    return Silhouette(
+        stamps, exposures, points, np.isfinite(points).all(2), held_path(stamps), places, lean, angles != 0.0
+    )
+
+
+def _at(fine: Floats, nodes: Floats, instants: Floats) -> Floats:
+    """The cloth at some instants, linearly between those at which it is known."""
+    after = np.clip(np.searchsorted(fine, instants), 1, len(fine) - 1)
+    share = ((instants - fine[after - 1]) / (fine[after] - fine[after - 1]))[:, None, None, None]
+    return np.asarray(nodes[after - 1] * (1 - share) + nodes[after] * share)
+
+
+def _on(shape: Floats, down: Floats, across: Floats) -> Floats:
+    """Places on a cloth, (n, 3), at shares of its length and width, (n,), or straight on beyond its border."""
+    rows, columns = shape.shape[:2]
+    row = np.clip((down * (rows - 1)).astype(int), 0, rows - 2)
+    column = np.clip((across * (columns - 1)).astype(int), 0, columns - 2)
+    v, u = (down * (rows - 1) - row)[:, None], (across * (columns - 1) - column)[:, None]
+    upper = shape[row, column] * (1 - u) + shape[row, column + 1] * u
+    lower = shape[row + 1, column] * (1 - u) + shape[row + 1, column + 1] * u
+    return np.asarray(upper * (1 - v) + lower * v)
+
+
+def _check(faults: CameraFaults, seconds: float, seed: int) -> None:
+    limits = {
+        "latency": (-0.5, 0.5), "publish_share": (0.0, 1.0), "skewed_share": (0.0, 1.0), "skew": (0.0, 30.0),
+        "eroded_border": (0.0, 0.05), "eaten_by_pose": (-0.15, 0.15), "noise": (0.0, 0.02),
+    }  # fmt: skip
+    for name, (low, high) in limits.items():
+        if not low <= getattr(faults, name) <= high:
+            raise SensorAddressError(
+                f"{name} cannot be {getattr(faults, name):g}", advice=f"choose {low:g} to {high:g}"
+            )
+    if not 4.0 <= seconds <= LONGEST:
+        raise SensorAddressError(f"{seconds:g} s is no length of a recording", advice=f"choose 4 to {LONGEST:g} s")
+    if seed < 0:
+        raise SensorAddressError(f"the seed {seed} is below 0", advice="give 0 or more")

@@ -162,6 +162,32 @@ def test_a_loaded_result_cannot_draw_takes_that_it_does_not_hold(fitted, tmp_pat
         hangtime.report(loaded, tmp_path / "report.html")
 
 
+def test_a_loaded_fit_is_simulated_with_its_own_method_and_effects(takes, fitted, tmp_path):
+    loaded = hangtime.load(fitted.save(tmp_path / "fit.json"))
+    simulation = hangtime.simulate(takes / "swing.mcap", loaded, spacing=QUICK["spacing"])
+    assert simulation.values == fitted.values
+    assert simulation.error.mean_m == fitted.result.error.held_out_after.mean_m
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda take: hangtime.fit(take, methud="si"), "there is no option named 'methud'; known options: method,"),
+        (lambda take: hangtime.fit(take, iterations=0), "iterations is 0; give a whole number from 1 on"),
+        (lambda take: hangtime.fit(take, iterations=2.5), r"iterations is 2\.5"),
+        (lambda take: hangtime.fit(take, seed=-1), "seed is -1; give a whole number from 0 on"),
+        (lambda take: hangtime.fit(take, effects="drag"), "there is no effect named 'drag'"),
+        (lambda take: hangtime.fit(take, held_out_motion="slow"), "there is no kind of motion named 'slow'"),
+        (lambda take: hangtime.diagnose(take, add="drag"), "there is no effect named 'drag'"),
+        (lambda take: hangtime.diagnose([]), "no take was given; name at least one"),
+        (lambda take: hangtime.simulate([]), "no take was given; name at least one"),
+    ],
+)
+def test_a_careless_call_is_refused_with_what_to_do(takes, call, sentence):
+    with pytest.raises(hangtime.HangtimeError, match=sentence):
+        call(takes / "swing.mcap")
+
+
 def test_a_file_that_is_no_result_is_named(tmp_path):
     (tmp_path / "other.json").write_text("{}")
     with pytest.raises(hangtime.HangtimeError, match=r"other\.json: is not a FitResult"):

@@ -57,7 +57,7 @@ def fit(
     """Find the cloth parameters that make the simulation follow the takes, as `hangtime fit` does.
 
     - `takes`, `held_out`: takes or paths of archives, one or several
-    - `held_out_motion`: kinds of motion to judge on
+    - `held_out_motion`: kinds of motion to judge on, one or several
     - `anyway`: accept sizes, weights and times that no cloth, hanger or camera has
     - `checkpoint`: file from which an interrupted search continues
     - `progress`: called with steps done, steps in all and the least error so far
@@ -110,9 +110,13 @@ def diagnose(
     from fit.cloth.model import Resolution
     from fit.gap.diagnosis import deciding
     from fit.gap.diagnosis import diagnose as find_gap
+    from fit.identification.request import each
     from fit.methods import base_model_of, find_method
 
     training, testing = sorted_out(takes, held_out, held_out_motion, anyway=anyway)
+    if not training:
+        raise FitError("no take was given", advice="name at least one take archive")
+    add, without = each(add), each(without)
     library = library_of(add, without)
     findings = find_gap(
         training, testing,
@@ -140,7 +144,8 @@ def simulate(
 ) -> Simulation:
     """Simulate the cloth of takes from their first shape on, driven by the recorded hanger.
 
-    - `parameters`: a fit, whose method, mesh and values are used, or values by name over the method's initial ones
+    - `parameters`: a fit, or values by name over the method's initial ones. A fit brings its method, effects, engine
+      and values, and its mesh unless it was loaded from a file, which holds no spacing
     - `anyway` and options: as for `fit`; method, effects, spacing, fabric and engine count here
 
     Raises:
@@ -154,7 +159,11 @@ def simulate(
     from fit.runtime import one_thread_of_algebra
 
     read, _ = sorted_out(takes, anyway=anyway)
+    if not read:
+        raise FitError("no take was given", where="simulate", advice="name at least one take archive")
     own = parameters.request if isinstance(parameters, FitOutcome) else None
+    if isinstance(parameters, FitOutcome) and own is None:
+        options = {**parameters.options, **options}
     request = own if own is not None and not options else plan_of(options).request()
     given = parameters.values if isinstance(parameters, FitOutcome) else dict(parameters or {})
     if unknown := sorted(given.keys() - {p.name for p in request.parameters}):
@@ -264,13 +273,14 @@ def sorted_out(
     Raises:
         HangtimeError: an archive cannot be read, a take is implausible, or no take moves in a kind to be held out.
     """
+    from fit.identification.request import each
     from fit.recordings.selection import split_by_motion
 
     every, judged = _each(takes), _each(held_out)
     if not anyway:
         for take in every + judged:
             check_plausible_take(take, take.take_id, offers_anyway=True)
-    training, moving = split_by_motion(every, list(held_out_motion))
+    training, moving = split_by_motion(every, each(held_out_motion))
     return training, moving + judged
 
 

@@ -18,7 +18,7 @@ from formats.take import Take
 
 if TYPE_CHECKING:
     from fit.gap.diagnosis import Findings
-    from fit.identification.request import Request
+    from fit.identification.request import PlanOptions, Request
 
 
 class _Shown:
@@ -52,6 +52,12 @@ class FitOutcome(_Shown):
     def values(self) -> dict[str, float]:
         """Fitted values by name, in the units of the result; `simulate` takes them."""
         return {p.name: p.fitted for p in self.result.parameters}
+
+    @property
+    def options(self) -> PlanOptions:
+        """The options of `simulate` that the result tells; it does not hold the spacing of its mesh."""
+        names = sorted({name.split(".")[0] for name in self.result.effects})
+        return {"method": self.result.method, "effects": names, "engine": self.result.engine}
 
     def to_dict(self) -> dict[str, Any]:
         """Return the whole result as plain Python values, as `fit.json` holds them."""

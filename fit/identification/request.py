@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TypedDict
 
 import numpy as np
@@ -121,9 +121,21 @@ class PlanOptions(TypedDict, total=False):
 
 
 def plan_of(options: PlanOptions) -> Plan:
-    """Return the plan of these options, defaults where they say nothing."""
-    listed = {"effects": tuple(options.get("effects", ())), "bounds": tuple(options.get("bounds", ()))}
+    """Return the plan of these options, defaults where they say nothing.
+
+    Raises:
+        FitError: there is no such option.
+    """
+    known = [f.name for f in fields(Plan)]
+    if unknown := sorted(options.keys() - set(known)):
+        raise FitError(f"there is no option named {unknown[0]!r}", advice=f"known options: {', '.join(known)}")
+    listed = {"effects": tuple(each(options.get("effects", ()))), "bounds": tuple(each(options.get("bounds", ())))}
     return Plan(**{**options, **listed})  # type: ignore[arg-type]
+
+
+def each(names: str | Sequence[str]) -> list[str]:
+    """Return names as a list: one text is one name, and not its letters."""
+    return [names] if isinstance(names, str) else list(names)
 
 
 def request_of(
@@ -142,9 +154,12 @@ def request_of(
 
     Raises:
         FitError: an unknown effect, engine or search; an effect twice or one that the method has; a gamma that is not
-            above 0; a spacing that is not above 0; bounds that are crossed, malformed, given twice, of no parameter or
+            above 0; a spacing that is not above 0; iterations or a seed that is no count; bounds that are crossed,
+            malformed, given twice, of no parameter or
             beyond its range.
     """
+    _check_count(iterations, "iterations", least=1)
+    _check_count(seed, "seed", least=0)
     if check_search(search) in OBSERVED and engine != OWN:
         raise FitError(
             f"{search} simulates with our own cloth only, not with {engine}", where="--search",
@@ -189,6 +204,11 @@ def _check_effects(method: Parameterisation, effects: tuple[Effect, ...]) -> Non
                 where="--effect",
                 advice=f"leave {effect.name} out; --bounds {effect.in_base}=LOW:HIGH narrows it",
             )
+
+
+def _check_count(number: int, name: str, *, least: int) -> None:
+    if not isinstance(number, int | np.integer) or number < least:
+        raise FitError(f"{name} is {number!r}", where=f"--{name}", advice=f"give a whole number from {least} on")
 
 
 def _check_spacing(spacing: float) -> None:

@@ -90,7 +90,8 @@ def main() -> None:
             raise
         what = "cannot be written" if error.errno in UNWRITABLE else "cannot be used"
         where = error.filename or "output"  # what stdout raises names nothing
-        _refuse(HangtimeError(f"{what} ({error.strerror})", where=where, advice=MAKE_ROOM))
+        advice = MAKE_ROOM if error.errno in UNWRITABLE else "check the path"
+        _refuse(HangtimeError(f"{what} ({error.strerror})", where=where, advice=advice))
 
 
 def _how_to_get(library: str) -> str:

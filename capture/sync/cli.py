@@ -90,10 +90,13 @@ def prune_takes(
     import msgspec
 
     from capture.appliance.spool import Spool
+    from capture.errors import SyncError
     from capture.sync.rounds import now_here
     from capture.sync.settings import Told, load_settings, settings_of
 
     told = load_settings(config, spool) if spool is None or config.exists() else Told(settings_of({}), spool)
+    if not told.spool.is_dir():
+        raise SyncError("is no folder, so that no take is in it", where=told.spool, advice="check the path")
     retention = told.settings.retention
     if keep_days is not None:
         retention = msgspec.structs.replace(retention, days=keep_days)

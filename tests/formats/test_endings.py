@@ -72,7 +72,7 @@ def test_a_file_in_the_place_of_a_folder_is_one_sentence(tmp_path):
     (tmp_path / "a").touch()
     done = run(SAVES, "save", tmp_path / "a")
     assert done.returncode == 2
-    assert done.stderr.startswith(f"hangtime: {tmp_path}/a: cannot be used (File exists)")
+    assert done.stderr.startswith(f"hangtime: {tmp_path}/a: cannot be used (File exists); check the path")
 
 
 @pytest.mark.parametrize(

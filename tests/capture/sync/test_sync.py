@@ -451,6 +451,13 @@ def hangtime(*words):
     return hangtime_here(*words, folder=".")
 
 
+def test_prune_makes_no_folder_where_no_takes_are(tmp_path):
+    done = hangtime("takes", "prune", "--spool", tmp_path / "spoool")
+    assert done.returncode == 2
+    assert "spoool: is no folder, so that no take is in it; check the path" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_the_commands_say_what_stands_and_prune_lets_only_verified_takes_go(tmp_path, spool, three):
     config = tmp_path / "appliance.toml"
     config.write_text(f'[spool]\nfolder = "spool"\n[sync]\nurl = "file://{tmp_path}/server"\ndevice = "box"\n')

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -17,6 +18,8 @@ from fit.errors import BatchError, UnreachableError
 from fit.identification.calibrate import TOO_SHORT
 from formats.errors import ResultError
 from formats.results import Diagnosis, diagnosis_from
+
+DIGEST = re.compile(r"-[0-9a-f]{64}(\.mcap)?$")  # a synced take's key ends with its SHA-256
 
 # The advice to a person on each verdict, if the diagnosis proposes no next recording.
 NEEDS = {
@@ -50,12 +53,12 @@ class Finding:
     @property
     def training(self) -> tuple[str, ...]:
         """Names of the takes to fit to."""
-        return tuple(take.name for take in self.wardrobe.training)
+        return tuple(short_name(take.name) for take in self.wardrobe.training)
 
     @property
     def held_out(self) -> tuple[str, ...]:
         """Names of the takes to judge on."""
-        return tuple(take.name for take in self.wardrobe.held_out)
+        return tuple(short_name(take.name) for take in self.wardrobe.held_out)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +105,7 @@ def morning_of(
         error = row.result.error if row.result else None
         lines.append(
             TakeLine(
-                take=row.take, garment=garment, motion=motion, state=WORDS[row.state],
+                take=short_name(row.take), garment=garment, motion=motion, state=WORDS[row.state],
                 before=f"{1e3 * error.train_before.mean_m:.1f}" if error else "",
                 after=f"{1e3 * error.train_after.mean_m:.1f}" if error else "",
                 verdict=verdicts.get(garment, ""), link=result_name(row.key) if row.result else "",
@@ -151,6 +154,11 @@ def as_text(morning: Morning) -> str:
     return "\n".join(lines) + "\n"
 
 
+def short_name(take: str) -> str:
+    """Return a take's name without the digest that its key on a server ends with."""
+    return DIGEST.sub("", take)
+
+
 def _finding(one: Wardrobe, diagnoses: Survey, results: Store) -> Finding:
     if one.missing:
         return Finding(wardrobe=one, state="lacking", sentence=f"Not diagnosed: {one.missing}.")
@@ -174,10 +182,10 @@ def _finding(one: Wardrobe, diagnoses: Survey, results: Store) -> Finding:
 
 
 def _needs_of_takes(rows: Sequence[Row]) -> list[tuple[str, str]]:
-    needs = [(row.take, row.sentence) for row in rows if row.state in ("failed", "refused")]
+    needs = [(short_name(row.take), row.sentence) for row in rows if row.state in ("failed", "refused")]
     for row in rows:
         notes = row.result.notes if row.result else []
-        needs += [(row.take, note) for note in notes if note.startswith("Warning:") and note != TOO_SHORT]
+        needs += [(short_name(row.take), note) for note in notes if note.startswith("Warning:") and note != TOO_SHORT]
     return needs
 
 

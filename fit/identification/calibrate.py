@@ -5,8 +5,7 @@ through the whole take without any pull. The candidate's distance is the mean of
 (`fit.methods.distance`: D; `fit.methods.swatch_error`: E). Least squares (`fit.identification.observed`) sees the
 points' residuals instead. Every search reports errors of free rollouts.
 
-Intervals come from the linearised model about the result, by the jackknife over half seconds (`fit.search.intervals`).
-The model's differences span a twentieth of the box, wider than the ripples that folds make. Tempering takes its
+Intervals come from the linearised model about the result (`fit.identification.free_intervals`). Tempering takes its
 intervals from its draws.
 """
 
@@ -21,13 +20,13 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from fit.cloth.effect import columns_of
 from fit.cloth.material import NAMES
 from fit.engines import OWN, find_engine
 from fit.errors import BlowUpError
 from fit.identification.combinations import describe_combinations
+from fit.identification.free_intervals import blocks_of, free_intervals
 from fit.identification.observed import begin_observed
 from fit.identification.request import Request
 from fit.identification.saved_search import SavedSearch
@@ -43,8 +42,7 @@ from fit.recordings.recording import Recording, prepare_together
 from fit.recordings.selection import check_together
 from fit.runtime import one_thread_of_algebra
 from fit.search.choice import OBSERVED, Task, begin, has_short_intervals
-from fit.search.intervals import Intervals, LinearModel, block_intervals, check_blocks, draw_intervals
-from fit.search.least_squares import DIFFERENCE
+from fit.search.intervals import Intervals, check_blocks, draw_intervals
 from fit.search.steps import Step
 from fit.search.tempering import FEWEST_DRAWS, Tempering
 from formats.arrays import Floats
@@ -193,7 +191,7 @@ def calibrate(
     """
     contents = check_together(training, held_out)[: len(training)]
     train, test = prepare_together(training, held_out)
-    check_blocks(np.concatenate(_half_seconds(train)))  # before anything is simulated
+    check_blocks(np.concatenate(blocks_of(train)))  # before anything is simulated
     model = Model(train, request)
     saved = SavedSearch(checkpoint, _key(contents, model))
     saved.read()  # one that cannot be continued is refused before anything is simulated
@@ -258,7 +256,7 @@ def _ask_and_tell(model: Model, request: Request, saved: SavedSearch, progress: 
     if isinstance(search, Tempering) and len(search.draws) >= FEWEST_DRAWS:
         intervals = draw_intervals(request.space, search.draws)
     else:
-        intervals = _intervals(model, search.best)
+        intervals = free_intervals(request.space, model.recordings, model.points, search.best)
     takes, history = len(model.recordings), [float(v) for v in search.best_history]
     return _Found(search.best, intervals, history, search.evaluations * takes, search.non_finite)
 
@@ -373,34 +371,3 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
         objective=model.objective_figure(initial, best),
         combinations=(describe_combinations(model.material_rows, initial, best, reach, intervals) if is_own else []),
     )
-
-
-def _intervals(model: Model, best: Floats) -> Intervals:
-    """Intervals about the end of a search that knows no residuals, from one more batch of free rollouts."""
-    space = model.request.space
-    unit = space.to_unit(best)
-    step = np.where(unit + DIFFERENCE <= 1, DIFFERENCE, -DIFFERENCE)
-    candidates = space.from_unit(np.concatenate([unit[None], unit + np.diag(step)]))
-    residuals, block = [], _half_seconds(model.recordings)
-    for recording, points in zip(model.recordings, model.points(candidates), strict=True):
-        residuals.append((recording.points - points)[:, recording.valid].reshape(len(candidates), -1))
-    stacked = np.concatenate(residuals, axis=1)
-    jacobian = np.nan_to_num((stacked[1:] - stacked[0]) / step[:, None]).T
-    deviation = float(np.sqrt(np.mean(stacked[0] ** 2)))
-    linear = LinearModel(
-        parameters=best,
-        residuals=stacked[0] / deviation,
-        jacobian=jacobian / deviation,
-        block=np.concatenate(block),
-    )
-    return block_intervals(space, linear)
-
-
-def _half_seconds(recordings: list[Recording]) -> list[NDArray[np.int64]]:
-    """Per recording the block to which each of its numbers belongs; no two recordings share one."""
-    found, first = [], 0
-    for recording in recordings:
-        half_second = (recording.time / BLOCK).astype(np.int64) + first
-        found.append(np.repeat(half_second[np.nonzero(recording.valid)[0]], 3))
-        first = int(half_second[-1]) + 1
-    return found

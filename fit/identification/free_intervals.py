@@ -1,8 +1,8 @@
 """Intervals of a search that knows distances alone, from the residuals of one more batch of free rollouts.
 
-The model is linearised about the search's best parameters: each parameter moves once by a twentieth of its box
-(`fit.search.least_squares.DIFFERENCE`), wider than the ripples that folds make. The jackknife over half seconds then gives the intervals
-(`fit.search.intervals`).
+The model is linearised about the search's best parameters. Each parameter moves once by a twentieth of its box
+(`fit.search.least_squares.DIFFERENCE`), wider than the ripples that folds make. The jackknife over half seconds then
+gives the intervals (`fit.search.intervals`).
 """
 
 from __future__ import annotations

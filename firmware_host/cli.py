@@ -16,11 +16,11 @@ def add_commands(app: typer.Typer) -> None:
     from firmware_host.usb_control.cli import add_commands as add_usb_commands
 
     sensor = typer.Typer(help="Sensors and sensor recordings.", no_args_is_help=True)
-    sensor.command("list")(list_sensors)
-    sensor.command("play")(play)
-    sensor.command("synthesise")(synthesise)
-    sensor.command("synthesise-swatch")(synthesise_swatch)
-    sensor.command("synthesise-silhouette")(synthesise_silhouette)
+    sensor.command("list", short_help="List the sensors on the USB bus.")(list_sensors)
+    sensor.command("play", short_help="Play a recording or sensor to its end.")(play)
+    sensor.command("synthesise", short_help="Make a sensor recording without a sensor.")(synthesise)
+    sensor.command("synthesise-swatch", short_help="Make motion capture without cameras.")(synthesise_swatch)
+    sensor.command("synthesise-silhouette", short_help="Make a silhouette of swung cloth.")(synthesise_silhouette)
     add_usb_commands(sensor)
     add_doctor(sensor)
     app.add_typer(sensor, name="sensor")

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from formats.take import Take
 
 Takes = Annotated[
-    list[Path], typer.Argument(metavar="TAKE...", help="Take archives (.mcap) to fit to.", show_default=False)
+    list[Path], typer.Argument(metavar="TAKE", help="Take archives (.mcap) to fit to.", show_default=False)
 ]
 HeldOut = Annotated[
     list[Path],
@@ -176,16 +176,18 @@ def fit_command(
 
 
 def fabric_command(
-    fit_file: Annotated[Path, typer.Argument(metavar="FIT.json", help="A result of `hangtime fit`.")],
+    fit_file: Annotated[
+        Path, typer.Argument(metavar="FIT", help="A result of `hangtime fit`: fit.json, or the folder that holds it.")
+    ],
 ) -> None:
     """Test a fitted fabric virtually: tension, shear and bending in KES units.
 
     The sheet shows the values beside those of fabrics that were measured elsewhere.
     """
+    from fit.export.kinds import read_fit
     from fit.virtual_tests.sheet import sheet_of
-    from formats.results import load_fit_result
 
-    typer.echo(sheet_of(load_fit_result(fit_file)))
+    typer.echo(sheet_of(read_fit(fit_file)[0]))
 
 
 def diagnose_command(

@@ -23,7 +23,7 @@ def import_recordings(
     paths: Annotated[
         list[Path],
         typer.Argument(
-            metavar="FILE...", help="Motion capture (.c3d, .trc, .csv, .tsv) or swung-cloth recordings (.npz)."
+            metavar="FILE", help="Motion capture (.c3d, .trc, .csv, .tsv) or swung-cloth recordings (.npz)."
         ),
     ],
     garment: Annotated[

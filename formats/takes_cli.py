@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-Takes = Annotated[list[Path], typer.Argument(metavar="TAKE...", help="Take archives (.mcap).")]
+Takes = Annotated[list[Path], typer.Argument(metavar="TAKE", help="Take archives (.mcap).")]
 
 
 class ExportKind(StrEnum):
@@ -23,10 +23,10 @@ class ExportKind(StrEnum):
 
 def add_takes_commands(takes: typer.Typer) -> None:
     """Add the commands to `hangtime takes`."""
-    takes.command("list")(list_takes)
-    takes.command("show")(show_take)
+    takes.command("list", short_help="List takes with length, motion and garment.")(list_takes)
+    takes.command("show", short_help="Show what a take holds.")(show_take)
     takes.command("verify")(verify_takes)
-    takes.command("recover")(recover_takes)
+    takes.command("recover", short_help="Make a sound file of what a damaged take holds.")(recover_takes)
     takes.command("export")(export_takes)
 
 

@@ -220,3 +220,10 @@ def test_a_page_exports_no_fabric_of_a_fit_that_has_none(page):
     commands = [text for of_page, text in shown_commands() if of_page == page]
     if any(re.search(r"hangtime export .*--to (table|usd-physics|newton|mujoco|u3m)", text) for text in commands):
         assert [t for t in commands if re.search(r"hangtime fit ", t) and "--method si" not in t] == []
+
+
+def test_every_list_of_commands_fits_its_terminal(tmp_path, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    for words in ([], ["takes"], ["sync"], ["sensor"], ["blind"], ["markers"]):
+        shown = hangtime_here(*words, "--help", folder=tmp_path).stdout
+        assert [line for line in shown.split("Commands:")[1].splitlines() if line.endswith("...")] == []

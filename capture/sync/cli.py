@@ -19,11 +19,11 @@ def add_commands(app: typer.Typer) -> None:
     """Add the commands of sync to the `hangtime` command."""
     from formats.command_groups import group_of
 
-    sync = group_of(app, "sync", "Bring kept takes to the server, verify them there, and prove it every week.")
-    sync.command("run")(run_sync)
-    sync.command("now")(sync_now)
+    sync = group_of(app, "sync", "Bring kept takes to the server, and verify them there.")
+    sync.command("run", short_help="Bring takes to the server until none waits.")(run_sync)
+    sync.command("now", short_help="Bring takes to the server once.")(sync_now)
     sync.command("prove")(prove_sync)
-    sync.command("status")(show_sync)
+    sync.command("status", short_help="Say what waits and what is safe.")(show_sync)
     group_of(app, "takes").command("prune")(prune_takes)
 
 

@@ -45,7 +45,8 @@ def parameters_csv(result: FitResult, fabric: Fabric | None) -> str:
         rows.append(("fabric", q.name, told, q.low, q.high, q.unit, q.status, other, q.meaning))
     for c in result.combinations:
         status = "measured" if c.is_identified else "not identified"
-        rows.append(("combination", c.name, c.fitted, c.interval_low, c.interval_high, c.unit, status, None, ""))
+        told, other = (c.fitted, None) if c.is_identified else (None, c.fitted)
+        rows.append(("combination", c.name, told, c.interval_low, c.interval_high, c.unit, status, other, ""))
     for name, value in provenance(result).items():
         text = " ".join(map(str, value)) if isinstance(value, list) else value
         rows.append(("provenance", name, text, None, None, "", "", None, ""))

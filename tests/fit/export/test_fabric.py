@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -12,6 +13,7 @@ from fit.errors import FitError
 from fit.export.about import caution_lines
 from fit.export.fabric import fabric_of
 from fit.export.tables import parameters_csv, software_table
+from formats.results import Combination
 from tests.fit.export.exported import a_fit
 
 
@@ -114,3 +116,14 @@ def test_the_table_gives_no_number_where_the_takes_tell_none():
     assert "NOT IDENTIFIED" in line
     assert line.split()[2] == "-"
     assert "80 to 125" in line
+
+
+def test_a_combination_that_is_not_identified_keeps_its_value_apart_too():
+    ratio = Combination(
+        name="bending / density", unit="N m", initial=1.0, fitted=2.0, interval_low=1.0, interval_high=3.0,
+        is_identified=False,
+    )  # fmt: skip
+    result = msgspec.structs.replace(a_fit(), combinations=[ratio])
+    rows = list(csv.DictReader(io.StringIO(parameters_csv(result, None))))
+    (row,) = [row for row in rows if row["kind"] == "combination"]
+    assert (row["value"], row["one_of_many"]) == ("", "2.0")

@@ -26,8 +26,8 @@ from fit.methods import find_method
 from fit.methods.fabrics import find_fabric
 from fit.methods.mocap_swatch import SPACING
 from formats.descriptions import load_garment
+from formats.fit_records import FitResult
 from formats.importers.swatch_mocap import import_marker_take
-from formats.results import FitResult
 
 FABRICS = ("cotton", "silk", "denim", "polyester-rayon")
 HELD_OUT = "other"

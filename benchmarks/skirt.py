@@ -24,7 +24,7 @@ from fit.identification.calibrate import calibrate
 from fit.identification.request import request_of
 from fit.methods import find_method
 from formats.archive import read_take
-from formats.results import FitResult
+from formats.fit_records import FitResult
 from formats.take import Take
 
 MOTIONS = ("swing", "mixed", "gentle", "twist")

@@ -12,8 +12,10 @@ import msgspec
 from fit.api.shown import diagnosis_tables, effect_table, error_row, fit_tables
 from fit.api.tables import Table, as_csv, as_html, as_text
 from formats.arrays import Booleans, Floats
+from formats.diagnosis_records import Diagnosis
+from formats.fit_records import ErrorFigure, FitResult
 from formats.outputs import write_text
-from formats.results import Diagnosis, ErrorFigure, FitResult, save_diagnosis, save_fit_result
+from formats.results import save_diagnosis, save_fit_result
 from formats.take import Take
 
 if TYPE_CHECKING:

@@ -7,7 +7,8 @@ rounding decides at which of them a search ends.
 from __future__ import annotations
 
 from fit.api.tables import NOT_IDENTIFIED, Table
-from formats.results import Combination, Diagnosis, EffectFinding, ErrorFigure, FitParameter, FitResult
+from formats.diagnosis_records import Diagnosis, EffectFinding
+from formats.fit_records import Combination, ErrorFigure, FitParameter, FitResult
 
 TRIVIAL_NAMES = {"vertical": "a hanging board", "pendulum": "a pendulum of two numbers"}
 

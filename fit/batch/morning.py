@@ -16,8 +16,9 @@ from fit.batch.store import Store
 from fit.batch.summary import WORDS, Row, sentence_of
 from fit.errors import BatchError, UnreachableError
 from fit.identification.calibrate import TOO_SHORT
+from formats.diagnosis_records import Diagnosis
 from formats.errors import ResultError
-from formats.results import Diagnosis, diagnosis_from
+from formats.results import diagnosis_from
 
 DIGEST = re.compile(r"-[0-9a-f]{64}(\.mcap)?$")  # a synced take's key ends with its SHA-256
 

@@ -20,8 +20,9 @@ from fit.recordings.intact import IS_INCOMPLETE
 from fit.report.text import MISSING, interval, millimetres, number, unit_of, words
 from fit.search.choice import OBSERVED, has_short_intervals
 from formats.errors import ResultError
+from formats.fit_records import FitParameter, FitResult
 from formats.plain_text import spreadsheet_cell
-from formats.results import FitParameter, FitResult, fit_result_from
+from formats.results import fit_result_from
 
 WORDS = {
     "fitted": "fitted",

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from formats.results import Diagnosis
+from formats.diagnosis_records import Diagnosis
 
 RIDGE = 10.0  # of standardised features: a few cases of each label cannot teach fifty of them
 LARGEST_RATIO = 20.0  # of gap to noise

@@ -31,8 +31,9 @@ from fit.blind.cases import Kind, Look, Truth
 from fit.blind.classifier import features_of
 from fit.blind.rates import brier
 from fit.blind.running import DIAGNOSIS
+from formats.diagnosis_records import Diagnosis, EffectFinding
 from formats.errors import ResultError
-from formats.results import Diagnosis, EffectFinding, load_diagnosis
+from formats.results import load_diagnosis
 
 BINS = ("below 0.5", "0.5 to 1", "1 to 2", "2 to 4", "above 4", "not known")  # times the minimum detectable
 EDGES = (0.5, 1.0, 2.0, 4.0)

@@ -28,8 +28,9 @@ from fit.blind.rates import Rate, median, rate_of
 from fit.blind.real import RealTruth
 from fit.blind.running import DIAGNOSIS
 from formats.arrays import Floats
+from formats.diagnosis_records import Diagnosis, EffectFinding
 from formats.errors import ResultError
-from formats.results import Diagnosis, EffectFinding, load_diagnosis
+from formats.results import load_diagnosis
 
 REAL_SCORE_FORMAT = "hangtime-blind-real-score/1"
 RIGHT_SIZE = 0.5  # of the planted amplitude

@@ -6,8 +6,8 @@ from importlib import metadata
 from typing import Any
 
 from fit.export.fabric import MEANING_OF_STATUS, Fabric, Quantity, Status
+from formats.fit_records import FitResult
 from formats.plain_text import plain
-from formats.results import FitResult
 
 
 def provenance(result: FitResult) -> dict[str, Any]:

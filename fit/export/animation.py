@@ -16,8 +16,8 @@ from fit.export.sheet import check_spacing
 from fit.export.video import CODECS, DEFAULT_SIZE, film
 from fit.methods import find_method
 from fit.recordings.recording import prepare
+from formats.fit_records import FitResult
 from formats.outputs import check_name, make_output_folder, refuse_to_replace, write_bytes
-from formats.results import FitResult
 from formats.take import Take
 
 FILMS = (*CODECS, ".gif")

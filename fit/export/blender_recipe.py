@@ -23,7 +23,7 @@ from fit.export.about import caution_lines, origin_lines
 from fit.export.fabric import Fabric, why_no_fabric
 from fit.export.sheet import Sheet
 from fit.export.usd_physics import mean_of_ways
-from formats.results import FitResult
+from formats.fit_records import FitResult
 
 SETTINGS = ("mass", "tension_stiffness", "bending_stiffness", "tension_damping", "air_damping", "shear_stiffness")
 

@@ -27,7 +27,7 @@ from fit.export.moving import Moving
 from fit.export.tables import as_csv
 from fit.export.usd_physics import usd_bytes
 from formats.arrays import Floats
-from formats.results import FitResult
+from formats.fit_records import FitResult
 
 FLOAT, UNSIGNED = 5126, 5125  # glTF's numbers of component types
 VERTICES, INDICES = 34962, 34963  # glTF's buffer targets

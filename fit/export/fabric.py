@@ -25,7 +25,7 @@ from fit.engines import OWN
 from fit.errors import FitError
 from fit.methods import Parameterisation, find_method
 from formats.arrays import Floats
-from formats.results import FitParameter, FitResult
+from formats.fit_records import FitParameter, FitResult
 
 Read = Callable[[Floats], float]
 Status = Literal["measured", "not identified", "no interval", "weighed", "tied to stretch", "assumed"]

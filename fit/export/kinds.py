@@ -20,8 +20,9 @@ from fit.export.u3m import u3m
 from fit.export.usd_physics import THICKNESS, usd_physics
 from fit.methods import find_method
 from formats.errors import HangtimeError
+from formats.fit_records import FitResult
 from formats.outputs import check_name, make_output_folder, refuse_to_replace, write_bytes
-from formats.results import FitResult, load_diagnosis, load_fit_result
+from formats.results import load_diagnosis, load_fit_result
 from formats.take import Take
 
 LEAST_THICKNESS, MOST_THICKNESS = 1e-5, 0.02  # m, from the thinnest foil to quilted wadding

@@ -16,7 +16,7 @@ from fit.errors import BlowUpError, FitError
 from fit.methods import find_method
 from fit.recordings.recording import Recording, prepare
 from formats.arrays import Floats, Singles
-from formats.results import FitResult
+from formats.fit_records import FitResult
 from formats.take import Take
 
 (CONTACT,) = find_effects(["self_contact"])

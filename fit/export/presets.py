@@ -42,7 +42,7 @@ from fit.export.about import caution_lines, origin_lines, provenance, quantity_r
 from fit.export.fabric import Fabric, Quantity
 from fit.export.sheet import SWATCH_SPACING, Sheet
 from fit.export.usd_physics import mean_of_ways
-from formats.results import FitResult
+from formats.fit_records import FitResult
 
 SLIDES = "".join(f'<joint type="slide" axis="{axis}"/>' for axis in ("1 0 0", "0 1 0", "0 0 1"))
 FEWEST_STEPS = 4.0  # steps a period of the fastest node, for MuJoCo's semi-implicit Euler

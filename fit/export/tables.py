@@ -21,8 +21,8 @@ from fit.cloth.support import GRAVITY
 from fit.export.about import caution_lines, origin_lines, provenance, short
 from fit.export.fabric import Fabric, Quantity
 from fit.virtual_tests.kes import BENDING_UNIT, GRAM_FORCE, SHEAR_UNIT
+from formats.fit_records import FitResult
 from formats.plain_text import spreadsheet_cell
-from formats.results import FitResult
 
 STRIP_WIDTH, STRIP_STRAIN = 0.05, 0.05  # m, 1: a strip 5 cm wide at 5 %, small enough for a straight law
 WIDTH = 100  # characters of a line of text

@@ -16,7 +16,7 @@ import msgspec
 
 from fit.export.about import caution_lines, provenance, quantity_record
 from fit.export.fabric import Fabric
-from formats.results import FitResult
+from formats.fit_records import FitResult
 
 
 def u3m(result: FitResult, fabric: Fabric) -> bytes:

@@ -21,7 +21,7 @@ import numpy as np
 from fit.export.about import caution_lines, origin_lines, provenance
 from fit.export.fabric import Fabric, Quantity
 from fit.export.sheet import Sheet
-from formats.results import FitResult
+from formats.fit_records import FitResult
 
 THICKNESS = 1e-3  # m: the proposal's own fallback; no motion tells a thickness
 ROOT, CLOTH, MATERIAL = "/Garment", "/Garment/cloth", "/Garment/fabric"

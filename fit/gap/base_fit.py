@@ -24,7 +24,7 @@ from fit.gap.fitting import Fitted, Problem, Task, fit
 from fit.observer.residuals import Observer
 from fit.search import looks, valleys
 from formats.arrays import Floats
-from formats.results import Gate
+from formats.diagnosis_records import Gate
 
 Progress = Callable[[str, float], None]
 

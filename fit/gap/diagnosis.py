@@ -40,7 +40,7 @@ from fit.recordings.intact import describe_missing
 from fit.recordings.recording import Recording, prepare_together
 from fit.recordings.selection import check_together
 from fit.runtime import one_thread_of_algebra
-from formats.results import Cost, Diagnosis
+from formats.diagnosis_records import Cost, Diagnosis
 from formats.take import Take
 
 Progress = Callable[[str, float], None]

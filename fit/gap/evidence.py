@@ -23,7 +23,7 @@ from fit.gap.screening import GROUP_COSINE, Screened, Signature, cosine
 from fit.observer.edge import LEAST_BY_LAW, is_edge_explained, is_seen_on_edge, is_told_by_edge
 from fit.observer.residuals import Observer
 from formats.arrays import Booleans, Floats
-from formats.results import Figure, Gate
+from formats.diagnosis_records import Figure, Gate
 
 SMALLEST_CLOSURE = 0.25  # an effect that removes less of the gap is not its cause
 MOST_LEFT = 0.6  # of the gap that a cause may leave unexplained, beyond noise and mesh

@@ -14,7 +14,8 @@ from fit.gap.probabilities import probabilities
 from fit.gap.screening import groups
 from fit.methods import Parameterisation
 from fit.observer.residuals import Observer, has_static
-from formats.results import EffectFinding, Figure, FitParameter, Gap
+from formats.diagnosis_records import EffectFinding, Figure, Gap
+from formats.fit_records import FitParameter
 
 LISTED = 3  # effects that were left out, in a sentence
 PROBABILITIES = {

@@ -11,7 +11,7 @@ from fit.recordings.impossible_points import MOST_LEFT_OUT, describe_impossible
 from fit.recordings.point_kind import describe_contradiction
 from fit.recordings.recording import Recording
 from formats.arrays import Floats
-from formats.results import Gate
+from formats.diagnosis_records import Gate
 
 SHORTEST = 2.5  # s of motion: five blocks a take, below which no statistic holds
 MOST_REPEATED = 0.1  # of the frames

@@ -26,7 +26,7 @@ from fit.cloth.simulator import Simulator
 from fit.observer.residuals import Observer
 from fit.recordings.smoothing import low_pass
 from formats.arrays import Floats
-from formats.results import ForceAt, MissingForce
+from formats.diagnosis_records import ForceAt, MissingForce
 
 FREQUENCY = 3.0  # Hz: strong enough that the observer's states are those of the data
 LOW_PASS = 2.0  # Hz

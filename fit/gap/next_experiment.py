@@ -26,7 +26,7 @@ from fit.observer.residuals import Observer, residuals_together
 from fit.recordings.held_edge import HeldEdge
 from fit.recordings.recording import Recording
 from formats.arrays import Floats
-from formats.results import NextExperiment
+from formats.diagnosis_records import NextExperiment
 
 SECONDS, RATE = 4.0, 30.0
 STEP = 0.01  # of the box, for the Jacobian

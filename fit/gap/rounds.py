@@ -35,7 +35,7 @@ from fit.gap.screening import GROUP_COSINE, Screened, cosine, ended_at, screen, 
 from fit.gap.verdict import LEVEL, Verdict, is_brought, may_be_added
 from fit.observer.edge import is_edge_explained, is_told_by_edge
 from fit.observer.residuals import Observer
-from formats.results import Gate
+from formats.diagnosis_records import Gate
 
 Progress = Callable[[str, float], None]
 

@@ -25,7 +25,7 @@ from fit.gap.hypotheses import Hypothesis
 from fit.gap.probabilities import probabilities
 from fit.observer.edge import is_edge_explained
 from fit.observer.residuals import Observer
-from formats.results import Figure, place_of
+from formats.diagnosis_records import Figure, place_of
 
 LEVEL = 0.05  # family-wise
 CLEAR_WIN = 0.8  # share of bootstrap draws in which the winner beats every other effect

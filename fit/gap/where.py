@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from fit.observer.residuals import Observer
 from formats.arrays import Floats
-from formats.results import VertexResidual, Where, WhereBin
+from formats.diagnosis_records import VertexResidual, Where, WhereBin
 
 STILL_SPEED = 0.03  # m/s of the hanger: below, the hand rests
 RING_DOWN = 0.3  # s of rest after which motion is the cloth's own

@@ -46,8 +46,8 @@ from fit.search.intervals import Intervals, check_blocks, draw_intervals
 from fit.search.steps import Step
 from fit.search.tempering import FEWEST_DRAWS, Tempering
 from formats.arrays import Floats
-from formats.results import ErrorFigure, FitParameter, FitResult, ObjectiveFigure
-from formats.results import FitError as FitErrors
+from formats.fit_records import ErrorFigure, FitParameter, FitResult, ObjectiveFigure
+from formats.fit_records import FitError as FitErrors
 from formats.take import Take
 
 Progress = Callable[[int, int, float], None]

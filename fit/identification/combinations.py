@@ -23,7 +23,7 @@ import numpy as np
 from fit.cloth import material as mat
 from fit.search.intervals import Intervals
 from formats.arrays import Floats
-from formats.results import Combination
+from formats.fit_records import Combination
 
 NEARBY = 1e-3  # of the range, for the differences
 # Name, unit, column, whether it is divided by the density.

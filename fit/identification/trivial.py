@@ -19,7 +19,7 @@ import numpy as np
 from fit.methods.distance import per_frame
 from fit.recordings.recording import Recording
 from formats.arrays import Floats
-from formats.results import ErrorFigure, TrivialFigure
+from formats.fit_records import ErrorFigure, TrivialFigure
 
 GRAVITY = 9.81  # m/s^2
 STEP = 0.005  # s of the pendulum: a two-hundredth of its period

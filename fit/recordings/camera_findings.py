@@ -14,7 +14,7 @@ from fit.recordings.grids import SKEWED
 from fit.recordings.point_kind import describe_contradiction
 from fit.recordings.recording import Recording
 from fit.recordings.timing import FARTHEST, FOLLOWED, Timing
-from formats.results import CameraFinding, Interval
+from formats.fit_records import CameraFinding, Interval
 
 CERTAIN_LEFT = 0.02  # s that material points trail, from which it is said though it is left to the diagnosis
 MOST_SKEWED = 0.1  # of the frames: more is no accident of single frames

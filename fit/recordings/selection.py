@@ -9,8 +9,9 @@ import msgspec
 import numpy as np
 
 from fit.errors import FitError
+from formats.diagnosis_records import Diagnosis
+from formats.fit_records import FitResult
 from formats.motion import KINDS, kind_of
-from formats.results import Diagnosis, FitResult
 from formats.take import Take
 
 

@@ -6,7 +6,8 @@ from markupsafe import Markup
 
 from fit.report.templating import piece
 from fit.report.text import interval, millimetres, percent, tenths, tenths_interval
-from formats.results import Diagnosis, FitResult
+from formats.diagnosis_records import Diagnosis
+from formats.fit_records import FitResult
 
 TONES = {"none": "good", "effect": "good", "ambiguous": "warn", "several": "good", "unknown": "warn"}
 TRIVIAL_NAMES = {"vertical": "a hanging board instead", "pendulum": "a pendulum of two numbers instead"}

@@ -15,7 +15,7 @@ from markupsafe import Markup
 from fit.report.templating import NOTHING, piece
 from fit.report.text import number, percent, tenths, tenths_interval, words
 from formats.arrays import Floats
-from formats.results import EffectFinding, Figure, ForceAt, Gap, VertexResidual, WhereBin
+from formats.diagnosis_records import EffectFinding, Figure, ForceAt, Gap, VertexResidual, WhereBin
 
 MOST_LABELS = 12  # vertices that are labelled with their error; more would overlap
 

@@ -19,7 +19,7 @@ from fit.methods import find_method
 from fit.recordings.recording import Recording, prepare_together
 from fit.report import ReportMotion, write_report
 from formats.arrays import Floats
-from formats.results import FitResult
+from formats.fit_records import FitResult
 from formats.take import Take
 
 

@@ -11,7 +11,7 @@ from fit.report.charts import Curve, error_chart
 from fit.report.tables import row_of, table
 from fit.report.templating import NOTHING, piece
 from fit.report.text import interval, number, percent, unit_of
-from formats.results import Combination, FitResult, ObjectiveFigure
+from formats.fit_records import Combination, FitResult, ObjectiveFigure
 
 
 def method_figures(fit: FitResult | None) -> Markup:

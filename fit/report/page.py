@@ -13,7 +13,8 @@ from fit.errors import FitError
 from fit.report import answer, sections
 from fit.report.motion import ReportMotion, pack_motions
 from fit.report.templating import render
-from formats.results import Diagnosis, FitResult
+from formats.diagnosis_records import Diagnosis
+from formats.fit_records import FitResult
 from formats.whole_files import write_whole
 
 MOTION_BUDGET = 1_700_000  # bytes of it for motion

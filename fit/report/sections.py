@@ -24,7 +24,8 @@ from fit.report.motion import RUNS, ReportMotion
 from fit.report.tables import effect_table, parameter_table
 from fit.report.templating import NOTHING, piece
 from fit.report.text import MISSING, duration, number, percent, words
-from formats.results import Diagnosis, ErrorFigure, FitResult, Gate, MissingForce
+from formats.diagnosis_records import Diagnosis, Gate, MissingForce
+from formats.fit_records import ErrorFigure, FitResult
 
 
 def gap(diagnosis: Diagnosis | None) -> Markup:

@@ -9,7 +9,8 @@ from markupsafe import Markup
 
 from fit.report.templating import NOTHING, piece
 from fit.report.text import MISSING, interval, number, percent, probability, unit_of, words
-from formats.results import EffectFinding, FitParameter, place_of
+from formats.diagnosis_records import EffectFinding, place_of
+from formats.fit_records import FitParameter
 
 
 def parameter_table(rows: Sequence[FitParameter]) -> Markup:

@@ -7,7 +7,7 @@ from fit.engines import OWN
 from fit.errors import FitError
 from fit.virtual_tests.fabric_ranges import QUANTILES, TEN, range_of_ten, share_below
 from fit.virtual_tests.kes import make_sheet
-from formats.results import FitResult
+from formats.fit_records import FitResult
 
 FRICTION = "bending_hysteresis"  # the effect that brings friction into bending
 SHARED = ("areal_density", "stretch_stiffness", "shear_stiffness", "bending_stiffness")  # by layers that slide

@@ -10,16 +10,9 @@ import msgspec
 import pytest
 
 import formats
+from formats.diagnosis_records import place_of
 from formats.errors import ResultError
-from formats.results import (
-    SCHEMAS,
-    load_diagnosis,
-    load_fit_result,
-    place_of,
-    save_diagnosis,
-    save_fit_result,
-    schema_of,
-)
+from formats.results import SCHEMAS, load_diagnosis, load_fit_result, save_diagnosis, save_fit_result, schema_of
 from tests.fit.report.report_scene import diagnosis, fit_result
 
 SCHEMA_FOLDER = Path(formats.__file__).parent / "schemas"

@@ -4,16 +4,8 @@ from __future__ import annotations
 
 from fit.blind.foreign.engines import OWN
 from fit.blind.making import open_labels
-from formats.results import (
-    Cost,
-    Diagnosis,
-    EffectFinding,
-    Figure,
-    Gap,
-    Where,
-    WhereBin,
-    save_diagnosis,
-)
+from formats.diagnosis_records import Cost, Diagnosis, EffectFinding, Figure, Gap, Where, WhereBin
+from formats.results import save_diagnosis
 
 COARSE = 0.1  # m of a triangle: a case in half a second
 NUMBERS = {"single": 2, "null": 1, "pair": 1, "unknown": 1}

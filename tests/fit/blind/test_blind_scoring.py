@@ -18,7 +18,8 @@ from fit.blind.plants import PLANTS
 from fit.blind.rates import brier, rate_of, wilson
 from fit.blind.scoring import ANSWERS_HASHES, LOOKS, SCORE, score_set, summarise
 from fit.errors import FitError
-from formats.results import Cost, save_diagnosis
+from formats.diagnosis_records import Cost
+from formats.results import save_diagnosis
 from tests.fit.blind.blind_answers import COARSE, NUMBERS, PLANTED, answer_rightly, diagnosis, finding
 from tests.fit.here import hangtime_here
 

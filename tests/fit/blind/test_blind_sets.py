@@ -21,10 +21,7 @@ from fit.blind.running import run_set
 from fit.blind.scoring import hash_answers, summarise
 from fit.errors import FitError
 from formats.archive import read_take
-from formats.results import (
-    load_diagnosis,
-    save_diagnosis,
-)
+from formats.results import load_diagnosis, save_diagnosis
 from tests.fit.blind.blind_answers import COARSE, NUMBERS, PLANTED, answer_rightly, diagnosis
 from tests.fit.here import hangtime_here
 

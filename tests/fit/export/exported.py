@@ -7,7 +7,7 @@ import numpy as np
 from fit.cloth.material import NAMES
 from fit.effects import find_effects
 from fit.methods import find_method
-from formats.results import ErrorFigure, FitError, FitParameter, FitResult
+from formats.fit_records import ErrorFigure, FitError, FitParameter, FitResult
 
 VALUES = {
     "stretch_stiffness": 100.0, "shear_stiffness": 30.0, "bending_stiffness": 1.4e-5, "bending_damping_time": 2e-3,

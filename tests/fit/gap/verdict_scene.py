@@ -16,7 +16,7 @@ from fit.gap.hypotheses import Hypothesis
 from fit.gap.screening import Signature
 from fit.methods import SI
 from fit.observer.edge import EdgeErrors
-from formats.results import Gate
+from formats.diagnosis_records import Gate
 
 BLOCKS = 12
 KINDS = {effect.name: effect for effect in LIBRARY}

@@ -11,7 +11,7 @@ from fit.identification.request import request_of
 from fit.identification.trivial import describe_trivial, fitted_pendulum, pendulum, swing, vertical
 from fit.methods import SI
 from fit.recordings.recording import prepare
-from formats.results import ErrorFigure, TrivialFigure
+from formats.fit_records import ErrorFigure, TrivialFigure
 from tests.fit.scenes import hung, material, sheet, simulate_take, take_of
 
 

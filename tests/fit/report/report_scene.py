@@ -5,15 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from fit.report import ReportMotion
-from formats.results import (
+from formats.diagnosis_records import (
     Cost,
     Diagnosis,
     EffectFinding,
-    ErrorFigure,
     Figure,
-    FitError,
-    FitParameter,
-    FitResult,
     Gap,
     Gate,
     MissingForce,
@@ -22,6 +18,7 @@ from formats.results import (
     Where,
     WhereBin,
 )
+from formats.fit_records import ErrorFigure, FitError, FitParameter, FitResult
 
 POINTS = ("top_left", "top_right", "bottom_right", "bottom_left", "centre")
 WIDTH, HEIGHT, SIDE = 0.44, 0.40, 17  # m, m, vertices along a side

@@ -1,0 +1,184 @@
+"""Records of a diagnosis: its gap, effects, places, checks and cost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import msgspec
+
+from formats.fit_records import CameraFinding, FitParameter, Interval
+
+
+class Figure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A figure and its 90 % interval."""
+
+    value: float
+    interval: Interval | None = None
+
+
+class Gap(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Root mean square error [mm] of the base model, with the named effect, and of the sensor's noise alone.
+
+    - `is_floor_most`: a model fell below the noise that the takes seem to have; the noise is at most `floor_mm`
+    - `edge_mm`: distance of the tracked held edge from the base model's edge
+    - `edge_with_effect_mm`: the same with the named effect
+    - `held_by_edge_mm`, `closure_held_by_edge`: of the base model held at its tracked edge instead of the hanger's,
+      where the cause is unknown and the two edges differ
+    """
+
+    base_mm: Figure
+    floor_mm: Figure
+    is_floor_most: bool = False
+    numerics_mm: float | None = None
+    with_effect_mm: Figure | None = None
+    closure: Figure | None = None
+    is_held_out: bool = False
+    edge_mm: float | None = None
+    edge_with_effect_mm: float | None = None
+    held_by_edge_mm: Figure | None = None
+    closure_held_by_edge: Figure | None = None
+
+
+class EffectFinding(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The findings about one effect of the library.
+
+    - `explained`: share of the residual, after the part that the base model can imitate was taken out of both
+    - `correlation`: of the residual with the effect as it is
+    - `fitted_share`: of the squared error on the takes for fitting that a refit removes
+    - `regions`: of the cloth that a local effect acts in
+    """
+
+    id: str
+    group: str
+    tested: bool
+    amplitude: float
+    unit: str
+    probability: float | None = None
+    amplitude_interval: Interval | None = None
+    closure: Figure | None = None
+    p_value: float | None = None
+    minimum_detectable: float | None = None
+    explained: float | None = None
+    absorbed: float | None = None
+    correlation: float | None = None
+    fitted_share: float | None = None
+    components: dict[str, float] = {}
+    regions: list[str] = []
+    note: str = ""
+
+
+def place_of(regions: Sequence[str]) -> str:
+    """Return regions of the cloth in words, `at the top left` or `along the bottom`; an empty text of none."""
+    for row in ("top", "bottom"):
+        if set(regions) == {f"{row} left", f"{row} centre", f"{row} right"}:
+            return f"along the {row}"
+    return f"at the {' and '.join(regions)}" if regions else ""
+
+
+class WhereBin(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One place, phase, frequency band or direction and its share of the squared error."""
+
+    name: str
+    value_mm: float
+    share: float
+
+
+class VertexResidual(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Root mean square residual at one place of the flat garment."""
+
+    at_m: tuple[float, float]
+    value_mm: float
+
+
+class Where(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The places of the gap, split four ways."""
+
+    space: list[WhereBin]
+    vertices: list[VertexResidual]
+    time: list[WhereBin]
+    frequency: list[WhereBin]
+    term: list[WhereBin]
+
+
+class ForceAt(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Root mean square of the missing force per mass [m/s^2] at one place of the flat garment, in two directions."""
+
+    at_m: tuple[float, float]
+    normal: float
+    in_plane: float
+
+
+class MissingForce(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The force that the base model lacks.
+
+    power [W/kg]: that it gives to the cloth in the mean, below 0 where it takes energy out; None in older results
+    """
+
+    normal_share: float
+    odd_share: float
+    even_share: float
+    amplitude_exponent: float | None
+    spatial_share: dict[str, float]
+    sentence: str
+    places: list[ForceAt] = []
+    power: float | None = None
+
+
+class NextExperiment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The recording that would settle most."""
+
+    id: str
+    motion: str
+    separates: list[str]
+    sentence: str
+    sigmas_next: float | None = None
+    sigmas_now: float | None = None
+
+
+class Gate(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A condition that must hold before anything is diagnosed."""
+
+    name: str
+    passed: bool
+    figure: float | None
+    limit: float | None
+    unit: str
+    sentence: str
+
+
+class Cost(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The cost of the diagnosis."""
+
+    simulations: int
+    seconds: float
+
+
+Verdict = Literal["none", "effect", "ambiguous", "several", "unknown", "numerics", "inconclusive"]
+
+
+class Diagnosis(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The sim-to-real gap of some takes: how large, where, why, and what would help.
+
+    alternatives: of an effect that is one of several, others that do nearly as well in its place
+    """
+
+    format: Literal["hangtime-diagnosis/1"]
+    created: str
+    take_ids: list[str]
+    held_out_ids: list[str]
+    verdict: Verdict
+    sentence: str
+    named: list[str]
+    gap: Gap
+    effects: list[EffectFinding]
+    where: Where
+    missing_force: MissingForce | None
+    next_experiment: NextExperiment | None
+    gates: list[Gate]
+    cost: Cost
+    base_parameters: list[FitParameter]
+    notes: list[str]
+    alternatives: dict[str, list[str]] = {}
+    take_contents: list[str] = []  # sha256 of what each take fitted to held
+    camera: list[CameraFinding] = []

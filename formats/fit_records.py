@@ -1,0 +1,119 @@
+"""Records of a fit: its parameters, errors and combinations, and its takes."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+Interval = tuple[float, float]
+
+
+class FitParameter(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One fitted parameter, its bounds and its 90 % interval."""
+
+    name: str
+    unit: str
+    initial: float
+    fitted: float
+    minimum: float
+    maximum: float
+    interval_low: float | None = None
+    interval_high: float | None = None
+    is_identified: bool | None = None
+    note: str = ""
+
+
+class ErrorFigure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Distance of the tracked points [m], averaged over the points of each frame."""
+
+    mean_m: float
+    max_m: float
+    per_frame_m: list[float]
+    time_s: list[float]
+
+
+class FitError(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Errors before (initial parameters) and after the fit."""
+
+    train_before: ErrorFigure
+    train_after: ErrorFigure
+    held_out_before: ErrorFigure | None = None
+    held_out_after: ErrorFigure | None = None
+
+
+class TrivialFigure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Errors of a rigid sheet beside a fit: `vertical` hangs straight down, `pendulum` swings about the held edge."""
+
+    name: str
+    train: ErrorFigure
+    parameters: dict[str, float] = {}
+    held_out: ErrorFigure | None = None
+
+
+class Combination(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A combination of fitted parameters that motion can tell, whether or not it tells them one by one."""
+
+    name: str
+    unit: str
+    initial: float
+    fitted: float
+    interval_low: float
+    interval_high: float
+    is_identified: bool
+
+
+class ObjectiveFigure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The minimised figure before and after the fit, mean of the takes used to fit, and its parts by name."""
+
+    name: str
+    unit: str
+    before: float
+    after: float
+    parts: dict[str, Interval] = {}
+
+
+class CameraFinding(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What a camera made of some takes, found before anything was fitted.
+
+    name: latency, publish_time, frame_shifts, clocks, skewed_grids, held_edge, sliding_points, hanger_gap, points_are
+    figure, interval: its size in `unit`, and the 90 % interval
+    is_fault: whether the takes or the garment file must be mended; is_left: whether it was left in; everything else was
+    taken out
+    """
+
+    name: str
+    take_ids: list[str]
+    unit: str
+    sentence: str
+    figure: float | None = None
+    interval: Interval | None = None
+    is_fault: bool = False
+    is_left: bool = False
+
+
+class FitResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The result of a fit."""
+
+    format: Literal["hangtime-fit/1"]
+    created: str
+    take_ids: list[str]
+    held_out_ids: list[str]
+    method: str
+    search: str
+    seed: int
+    parameters: list[FitParameter]
+    error: FitError
+    effects: dict[str, float]
+    history: list[float]
+    simulations: int
+    seconds: float
+    notes: list[str]
+    objective: ObjectiveFigure | None = None
+    combinations: list[Combination] = []
+    material: dict[str, float] = {}  # SI, what the solver was told in the end, effects on the cloth included
+    engine: str = "own"  # who simulated
+    take_contents: list[str] = []  # sha256 of what each take fitted to held
+    layers: int = 1  # of fabric, one on the other, that were fitted as one
+    camera: list[CameraFinding] = []
+    trivial: list[TrivialFigure] = []

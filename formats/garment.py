@@ -40,8 +40,8 @@ class Garment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     - `holes_m`: polygons cut out of the outline
     - `seams`: sides along which a back of the same shape is sewn on, each as two neighbouring corners counted from 0
     - `grain_degrees`: the turn of the threads against x and y, anticlockwise; 45 is cut on the bias
-    - `points_are`: `material` for points that stay on the cloth (markers), `silhouette` for points found in its outline
-      (corners, a grid, a contour); the default depends on the kind of garment (`point_kind`)
+    - `points_are`: `material` for points that stay on the cloth, such as markers. `silhouette` for points found in its
+      outline: corners, a grid, a contour. The default depends on the kind of garment (`point_kind`).
     """
 
     format: Literal["hangtime-garment/1", "hangtime-garment/2"]

@@ -30,9 +30,9 @@ class Hanger(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     colour each. `marker_size_m` is a fiducial's side or a dot's diameter. `dot_colours` are sRGB, 0 to 255, left dot
     first; without them two dots of any colour are looked for.
 
-    The hanger frame at each instant has its origin midway between the marker centres. x goes from marker 0 to marker
-    1, y is the part of gravity square to x (downwards), and z = x × y. `held_m` are the two ends of the garment's held
-    top edge in that frame, left end first.
+    The hanger frame at each instant has its origin midway between the marker centres. Its x axis goes from marker 0 to
+    marker 1. Its y axis is the part of gravity square to x (downwards), and z = x × y. `held_m` are the two ends of
+    the garment's held top edge in that frame, left end first.
     """
 
     marker: Literal["fiducial", "dot"] = "fiducial"

@@ -15,7 +15,6 @@ from tests.sentences import LONGEST_SENTENCE, has_clause_as_subject, sentences_o
 
 ROOT = Path(__file__).parent.parent
 UNMEASURED = {  # rooms and modules whose text is not yet plain
-    *("formats", "formats/importers", "formats/exporters"),
     *(f"fit/gap/{name}.py" for name in ("evidence", "likelihood", "probabilities", "rounds", "subsets", "verdict")),
 }
 ROOMS = sorted(

@@ -1,14 +1,14 @@
 """The posterior over subsets of effects: linear evidence says whom to refit, true joint refits say how likely each is.
 
-About a fit with residual r, amplitudes a_0 of its own effects and their columns S, the model is linear in total
-amplitudes: r - S a_0 + J b + S a. All subsets are weighed there (`fit.gap.subsets`); those that may win and were never
-fitted are fitted truly, jointly, from shares of their linear solution; the best fit becomes the next place to be linear
-about. The search ends when nothing that was not fitted can win. Masses are those about the last of these places: fits
-that end in different ripples of the cloth's residual differ by more than one effect makes, so that their costs say
-where to be linear, and not what is likely.
+A fit has residual r, amplitudes a_0 of its own effects, and their columns S. About it the model is linear in the total
+amplitudes: r - S a_0 + J b + S a. All subsets are weighed there (`fit.gap.subsets`). Subsets that may win and were
+never fitted are refitted jointly, from shares of their linear solution. The best fit becomes the next place to be
+linear about. The search ends when no subset without a fit can win. Masses are those about the last of these places.
+Costs of fits do not decide how likely a subset is, because fits end in different ripples of the cloth's residual.
+The ripples differ by more than one effect makes.
 
-Mesh and solver imitate effects. Their error of mean square s^2, of a random direction among DIRECTIONS, is beside the
-covariance of `fit.gap.likelihood` an amplitude of every component that no effect makes, N(0, tau^2),
+Mesh and solver imitate effects. Their error has mean square s^2 and a random direction among DIRECTIONS. It stands
+beside the covariance of `fit.gap.likelihood`, as an amplitude of every component that no effect makes, N(0, tau^2),
 
     tau = s / (sqrt(DIRECTIONS) m),   m: root mean square motion of the points by one typical size
 
@@ -240,9 +240,11 @@ class Search:
     ) -> None:  # fmt: skip
         """Begin at the base fit.
 
-        noise: measured, per axis [m], (points,) a take; rows: signatures about the base fit in typical sizes
-        known_mm: by which mesh, solver and the hanger's noise are wrong
-        refit: fits tasks of some subsets; renew: signatures about another fit
+        - `noise`: measured, per axis [m], (points,) a take
+        - `rows`: signatures about the base fit in typical sizes
+        - `known_mm`: by which mesh, solver and the hanger's noise are wrong
+        - `refit`: fits tasks of some subsets
+        - `renew`: signatures about another fit
         """
         self.observer, self.noise, self.rows, self.known_mm = observer, noise, rows, known_mm
         self.refit, self.renew = refit, renew

@@ -18,6 +18,8 @@ The size s has two priors, and they are two hypotheses. `known`: log-normal of w
 
     M^2 = mesh and solver^2 + what the hanger's noise shakes^2 + sum over effects (law_spread x motion by the effect)^2
 
+where any law leaves LEAST_BY_LAW of a gap, to LAW_DEVIATIONS deviations (`fit.gap.evidence`).
+
 `wide`: log-uniform from M to WIDEST M, with the odds UNKNOWN: something is at work that the library does not hold.
 Twins, which look alike beside the base, are never in one subset: their difference is what no take shows.
 """
@@ -31,6 +33,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from fit.gap.correlation import DIRECTIONS
+from fit.gap.evidence import LAW_DEVIATIONS
 from fit.gap.fitting import COST_TOLERANCE, Fitted, Problem, Task
 from fit.gap.hypotheses import polishing
 from fit.gap.likelihood import Likelihood
@@ -47,6 +50,7 @@ from fit.gap.subsets import (
     summed_out,
 )
 from fit.gap.verdict import is_brought
+from fit.observer.edge import LEAST_BY_LAW
 from fit.observer.residuals import Observer
 from formats.arrays import Floats
 
@@ -129,7 +133,8 @@ class Linear:
     def masses(self, among: Sequence[Subset], known_mm: float) -> Mass:
         """Return the masses of subsets; known_mm: by which mesh, solver and the hanger's noise are wrong."""
         evidence = log_evidence(self.reduced, self.columns, among)
-        law = np.array([self.observer.library[name].law_spread for name in self.columns.effects])
+        spread = np.array([self.observer.library[name].law_spread for name in self.columns.effects])
+        law = np.maximum(spread, np.sqrt(LEAST_BY_LAW) / LAW_DEVIATIONS)
         middle = np.full(len(among), known_mm)
         best = evidence.argmax(1)
         for n, subset in enumerate(among):

@@ -13,7 +13,7 @@ from fit.errors import FitError
 from fit.export.about import caution_lines
 from fit.export.fabric import fabric_of
 from fit.export.tables import parameters_csv, software_table
-from formats.results import Combination
+from formats.fit_records import Combination
 from tests.fit.export.exported import a_fit
 
 

@@ -123,6 +123,13 @@ def test_an_outline_is_eaten_on_one_side_of_the_swing_and_longer_on_the_other():
         assert lost[:5] == pytest.approx(0.0)
 
 
+def test_no_outline_is_eaten_where_the_points_are_stated_as_material():
+    time = uneven()
+    for stated, stays in (("material", True), (None, False)):
+        take = prepare(swung(silhouette_sheet(stated), time, time))
+        assert (effect("eroded_outline").observe(take.points, take, np.array([0.06])) is take.points) == stays
+
+
 def test_a_lag_has_the_cloth_follow_a_path_that_is_as_late():
     late = [driven(name, 0.03, lambda time: swing(time)) for name in ("filter_lag", "time_offset")]
     assert late[0][2] == pytest.approx(late[1][2])

@@ -75,7 +75,7 @@ def test_a_simulation_with_a_fit_has_its_errors_to_the_last_digit(takes, fitted)
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_linear_algebra_has_one_thread_in_a_fit_and_the_callers_number_after_it(takes, monkeypatch, threads):
-    from fit.identification import calibrate as fitting
+    from fit.identification import free_intervals as fitting
 
     import scipy.linalg  # noqa: F401  isort: skip - brings its own library, whose threads count as well
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-TOOLS = ("cat", "cksum", "cmp", "dirname", "env", "head", "id", "rm", "uname")
+TOOLS = ("cat", "cksum", "cmp", "dirname", "env", "head", "id", "mkdir", "rm", "uname")
 OTHER = "3.13" if sys.version_info[:2] < (3, 13) else "3.12"
 # Says that it is another version, and cannot make an environment.
 ANOTHER_PYTHON = f"""case "$*" in

@@ -288,11 +288,12 @@ def test_a_second_diagnosis_in_a_folder_and_impossible_takes_are_refused_before_
     write_take(tmp_path / "a.mcap", take)
     with alone(tmp_path, "diagnose"):
         second = hangtime_here("diagnose", "a.mcap", "--out", ".", folder=tmp_path)
-    write_take(tmp_path / "b.mcap", dataclasses.replace(take, garment=scaled(flat, 2.5)))
+    heavy = msgspec.structs.replace(scaled(flat, 6.0), mass_kg=1.3)
+    write_take(tmp_path / "b.mcap", dataclasses.replace(take, garment=heavy))
     impossible = hangtime_here("diagnose", "b.mcap", folder=tmp_path)
     assert (second.returncode, impossible.returncode) == (2, 2)
     assert "another `hangtime diagnose` writes here" in second.stderr
-    assert "the garment's held edge is 1000 mm long" in impossible.stderr
+    assert "the garment's held edge is 2400 mm long" in impossible.stderr
     assert not (tmp_path / "diagnosis").exists()
 
 

@@ -36,9 +36,9 @@ def ran(name):
 
 @pytest.mark.slow
 def test_an_archive_is_as_small_as_it_is_said_to_be():
-    size = re.search(r"size +([0-9.]+) bytes a frame", ran("archive"))
+    size = re.search(r"2 mm: ([0-9.]+) bytes a frame", ran("archive"))
     assert size is not None
-    assert 0 < float(size[1]) <= 45
+    assert 0 < float(size[1]) <= 30
 
 
 @pytest.mark.slow

@@ -94,8 +94,7 @@ def decide(evidence: Evidence) -> Verdict:
         most = f"mesh and solver may be wrong by {evidence.numerics_mm:.1f} mm, and most of the gap may be that"
         return Verdict("numerics", [], f"Refine first: {most} (--spacing). {numbers}")
     if not passing:
-        unknown = f"There is a gap that no effect in the library explains. {numbers}"
-        return Verdict("unknown", [], unknown + edge_is_off(evidence))
+        return Verdict("unknown", [], f"{_unnamed(evidence)} {numbers}{edge_is_off(evidence)}")
     best = passing[0]
     closed = evidence.closure_of(evidence.singles[best])
     if not evidence.explains_enough(evidence.singles[best]) and best not in told:
@@ -187,6 +186,21 @@ def edge_is_off(evidence: Evidence) -> str:
 def _closed(evidence: Evidence, effect: str) -> float:
     closed = evidence.closure_of(evidence.singles[effect])
     return closed.value if closed is not None else 0.0
+
+
+def _unnamed(evidence: Evidence) -> str:
+    """Say that no effect is named, and which effect comes near on evidence that is too weak."""
+    near = [
+        k for k, h in evidence.singles.items()
+        if evidence.explains_enough(h) and k not in evidence.contradicted and not is_at_bound(evidence.observer, h)
+    ]  # fmt: skip
+    if not near:
+        return "There is a gap that no effect in the library explains."
+    best = max(near, key=lambda k: _closed(evidence, k))
+    return (
+        f"There is a gap, and no effect in the library explains it for sure: {evidence.observer.library[best].title} "
+        f"would close {100 * _closed(evidence, best):.0f} % of it, but the evidence is too weak to name it."
+    )
 
 
 def passing_effects(evidence: Evidence) -> list[str]:

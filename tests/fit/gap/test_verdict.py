@@ -132,7 +132,16 @@ def test_an_amplitude_that_may_be_nothing_is_not_named(deviation, verdict):
     (lift,) = evidence.singles.values()
     fitted = dataclasses.replace(lift.fitted, deviation=np.full(6, deviation))
     singles = {"air_lift": dataclasses.replace(lift, fitted=fitted)}
-    assert decide(dataclasses.replace(evidence, singles=singles)).verdict == verdict
+    found = decide(dataclasses.replace(evidence, singles=singles))
+    assert found.verdict == verdict
+    # 144 - 36 of 144 - 25 mm^2 are 91 %.
+    weak = "explains it for sure: air lift would close 91 % of it, but the evidence is too weak"
+    assert (weak in found.sentence) == (verdict == "unknown")
+
+
+def test_at_the_end_of_its_range_or_with_little_closed_no_effect_is_said_to_come_near():
+    for evidence in (evidence_of({"air_drag": 6.0}, sizes=2.5), evidence_of({"air_drag": 11.9})):
+        assert "There is a gap that no effect in the library explains." in decide(evidence).sentence
 
 
 @pytest.mark.parametrize(

@@ -197,9 +197,10 @@ def _unnamed(evidence: Evidence) -> str:
     if not near:
         return "There is a gap that no effect in the library explains."
     best = max(near, key=lambda k: _closed(evidence, k))
+    title = evidence.observer.library[best].title
     return (
-        f"There is a gap, and no effect in the library explains it for sure: {evidence.observer.library[best].title} "
-        f"would close {100 * _closed(evidence, best):.0f} % of it, but the evidence is too weak to name it."
+        f"There is a gap, and no effect in the library explains it for sure. {title[0].upper()}{title[1:]} would close "
+        f"{100 * _closed(evidence, best):.0f} % of it, but the evidence is too weak to name it."
     )
 
 

@@ -135,7 +135,7 @@ def test_an_amplitude_that_may_be_nothing_is_not_named(deviation, verdict):
     found = decide(dataclasses.replace(evidence, singles=singles))
     assert found.verdict == verdict
     # 144 - 36 of 144 - 25 mm^2 are 91 %.
-    weak = "explains it for sure: air lift would close 91 % of it, but the evidence is too weak"
+    weak = "explains it for sure. Air lift would close 91 % of it, but the evidence is too weak"
     assert (weak in found.sentence) == (verdict == "unknown")
 
 

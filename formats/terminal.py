@@ -12,7 +12,8 @@ def say(text: str, end: str = "\n") -> None:
     if sys.stderr is None:  # closed before us
         return
     try:
-        print(text, end=end, file=sys.stderr, flush=True)
+        sys.stderr.write(text + end)  # in one piece, or lines of processes side by side run into each other
+        sys.stderr.flush()
     except (OSError, ValueError):  # full, a pipe that was closed, or closed by this process
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115 - open as long as the process
 

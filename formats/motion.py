@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from formats.arrays import Floats
 from formats.take import Take
 
 STILL = 0.004  # m, root mean square: sensors' noise is 1 to 3 mm
@@ -20,18 +21,25 @@ WAYS = ("sideways", "face-on", "up-and-down", "twist")
 KINDS = (*WAYS, "mixed", "still")
 
 
+def axes_of(take: Take) -> dict[str, Floats]:
+    """Return the unit vectors of the three straight ways, (3,) each; zeros where the hanger was never seen."""
+    ends = take.held[take.held_valid.all(1)]
+    up = -np.asarray(take.rig.gravity, float)
+    up /= np.linalg.norm(up)
+    bar = ends[:, 1] - ends[:, 0]
+    along = (bar - np.outer(bar @ up, up)).sum(0)
+    along /= max(float(np.linalg.norm(along)), 1e-12)
+    return {"sideways": along, "face-on": np.cross(up, along), "up-and-down": up}
+
+
 def reach_of(take: Take) -> dict[str, float]:
     """Root mean square of the hanger's motion [m] in each of the four ways; zeros where it was hardly seen."""
     ends = take.held[take.held_valid.all(1)]
     if len(ends) < 2:
         return dict.fromkeys(WAYS, 0.0)
-    up = -np.asarray(take.rig.gravity, float)
-    up /= np.linalg.norm(up)
+    along, through, up = axes_of(take).values()
     bar = ends[:, 1] - ends[:, 0]
     level = bar - np.outer(bar @ up, up)
-    along = level.mean(0)
-    along /= max(float(np.linalg.norm(along)), 1e-12)
-    through = np.cross(up, along)
     middle = ends.mean(1)
     angle = np.unwrap(np.arctan2(level @ through, level @ along))
     half = 0.5 * float(np.median(np.linalg.norm(bar, axis=1)))

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from formats.arrays import Floats
+from formats.motion import axes_of
 from formats.outputs import write_bytes
 from formats.take import Take
 
@@ -18,17 +19,18 @@ COLOURS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#8c564b", "#1
 MOST_LINES = 12  # tracked points that are drawn
 
 
-def sideways(take: Take) -> tuple[list[str], Floats]:
-    """Return names and sideways paths [m], (frames, paths), of the held edge's middle and of each tracked point.
+def paths_of(take: Take) -> tuple[str, list[str], Floats]:
+    """Return the way in which most is moved, names, and paths in that way [m], (frames, paths).
 
-    Sideways is along the mean held edge, less its own mean; NaN where not seen.
+    The paths are those of the held edge's middle and of each tracked point, less their own means; NaN where not seen.
+    The way is `sideways`, `face-on` or `up-and-down` (`formats.motion`).
     """
     names = ["held edge", *take.garment.point_names]
     places = np.concatenate([take.held.mean(1, keepdims=True), take.points], axis=1)
-    along = _mean(take.held[:, 1] - take.held[:, 0])
-    along = along / max(float(np.linalg.norm(along)), 1e-9)
-    paths = places @ along
-    return names, paths - _mean(paths)
+    apart = places - _mean(places)
+    found = {way: apart @ axis for way, axis in axes_of(take).items()}
+    most = max(found, key=lambda way: float(np.nansum(found[way] ** 2)))
+    return most, names, found[most]
 
 
 def _mean(values: Floats) -> Floats:
@@ -39,8 +41,8 @@ def _mean(values: Floats) -> Floats:
 
 
 def draw_in_letters(take: Take) -> str:
-    """Return a picture of the held edge's and the lowest point's way sideways over time, in braille letters."""
-    _, paths = sideways(take)
+    """Return a picture of the held edge's and the lowest point's way over time, in braille letters."""
+    way, _, paths = paths_of(take)
     lowest = 1 + int(np.argmin([point.at_m[1] for point in take.garment.points]))
     shown = paths[:, [0, lowest]]
     reach = float(np.nanmax(np.abs(shown), initial=0.0)) or 1e-3
@@ -56,12 +58,12 @@ def draw_in_letters(take: Take) -> str:
     top, bottom = f"{1e3 * reach:+.0f} mm", f"{-1e3 * reach:+.0f} mm"
     labels = [top, *[""] * (LINES - 2), bottom]
     drawn = [f"{label:>9} {line}" for label, line in zip(labels, lines, strict=True)]
-    caption = f"sideways over {span:.1f} s: the held edge and the lowest tracked point"
+    caption = f"{way} over {span:.1f} s: the held edge and the lowest tracked point"
     return "\n".join([*drawn, f"{'':>9} {caption}"])
 
 
 def draw_png(take: Take, path: Path) -> None:
-    """Draw the way sideways of the held edge and the tracked points over time as a PNG picture.
+    """Draw the way of the held edge and the tracked points over time as a PNG picture.
 
     Raises:
         ModuleNotFoundError: Pillow is not installed.
@@ -69,7 +71,7 @@ def draw_png(take: Take, path: Path) -> None:
     """
     from PIL import Image, ImageDraw
 
-    names, paths = sideways(take)
+    way, names, paths = paths_of(take)
     names, paths = names[:MOST_LINES], paths[:, :MOST_LINES]
     reach = float(np.nanmax(np.abs(paths), initial=0.0)) or 1e-3
     span = float(take.time[-1] - take.time[0]) or 1.0
@@ -91,7 +93,7 @@ def draw_png(take: Take, path: Path) -> None:
         for start, stop in _stretches(np.isfinite(paths[:, number])):
             pen.line(list(zip(x[start:stop], y[start:stop, number], strict=True)), fill=colour, width=2)
         pen.text((right + 12, top + 18 * number), name.encode("ascii", "replace").decode()[:20], fill=colour)
-    pen.text((left, 16), f"sideways, {len(take.time)} frames in {span:.1f} s", fill="black")
+    pen.text((left, 16), f"{way}, {len(take.time)} frames in {span:.1f} s", fill="black")
     stream = io.BytesIO()
     picture.save(stream, "PNG")
     write_bytes(path, stream.getvalue())

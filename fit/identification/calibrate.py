@@ -54,8 +54,8 @@ Progress = Callable[[int, int, float], None]
 
 CHECKPOINT_EVERY = 10.0  # s
 TOO_SHORT = (
-    "Warning: 90 % intervals of this search are too short, and what it calls told may not be: it knows of one valley "
-    "only. Where they matter, use --search least-squares."
+    "Warning: 90 % intervals of this search are too short, and it may call parameters identified that are not: it "
+    "explores one local minimum. Where they matter, use --search least-squares."
 )
 FREE_PARAMETERS = (
     "Not identified: {names}. Read the 90 % interval of each. The fitted value is one of many that follow the takes "

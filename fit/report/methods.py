@@ -10,7 +10,7 @@ from markupsafe import Markup
 from fit.report.charts import Curve, error_chart
 from fit.report.tables import row_of, table
 from fit.report.templating import NOTHING, piece
-from fit.report.text import interval, number, percent, unit_of
+from fit.report.text import MISSING, interval, number, percent, unit_of
 from formats.fit_records import Combination, FitResult, ObjectiveFigure
 
 
@@ -74,7 +74,7 @@ def _combination_table(found: Sequence[Combination]) -> Markup:
         return NOTHING
     rows = [
         row_of(c.name, (
-            number(c.initial), bold(number(c.fitted)) + unit_of(c.unit),
+            number(c.initial), bold(number(c.fitted)) + unit_of(c.unit) if c.is_identified else MISSING,
             interval((c.interval_low, c.interval_high)), "yes" if c.is_identified else "no",
         ))
         for c in found

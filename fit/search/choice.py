@@ -99,7 +99,7 @@ def check_search(name: str) -> str:
 
 
 def has_short_intervals(name: str, iterations: int) -> bool:
-    """Return whether a search's 90 % intervals are too short, since it knows of one valley (docs/reference/search.md).
+    """Return whether a search's 90 % intervals are too short: it explores one local minimum (docs/reference/search.md).
 
     Not those of least squares, nor of tempering where so many candidates leave draws enough for intervals of their own.
     """

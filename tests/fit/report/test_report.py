@@ -19,7 +19,7 @@ from fit.errors import FitError
 from fit.report import sections, write_report
 from fit.report.motion import MESH_STEP, POINT_STEP, pack, pack_motions
 from fit.report.page import render_report
-from fit.report.tables import effect_table
+from fit.report.tables import effect_table, parameter_table
 from fit.report.text import interval, number, percent, probability
 from formats.results import load_diagnosis, save_diagnosis, save_fit_result
 from tests.fit.report.report_scene import diagnosis, fit_result, motion
@@ -97,6 +97,16 @@ def test_the_figures_of_the_records_are_on_the_page(report):
                    "8.4 standard deviations, against 2.1 now", "best distance so far",
                    "Errors before and after"):  # fmt: skip
         assert figure in text, figure
+
+
+def test_a_parameter_that_is_not_identified_is_an_interval_and_never_a_number():
+    """Of the mass, 1.7, the page shows 1.36 to 2.04 and no mark at 1.7; struct is a number with its mark."""
+    mass, struct = fit_result().parameters[:2]
+    shown = [str(parameter_table([p])) for p in (mass, struct)]
+    assert "1.36 to 2.04" in shown[0]
+    assert "1.7<" not in shown[0]
+    assert "<b>61.2</b>" in shown[1]
+    assert [page.count('class="to"') for page in shown] == [0, 1]
 
 
 def test_figure_6_of_the_paper_is_a_table_with_its_own_63_percent():

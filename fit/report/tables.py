@@ -56,10 +56,10 @@ def _parameter_row(row: FitParameter) -> Markup:
         left, right = place(ends[0]), place(ends[1])
         within = (left, max(right - left, 0))
     return piece("tables.html", "parameter", {
-        "name": words(row.name), "initial": number(row.initial),
-        "fitted": number(row.fitted), "is_identified": row.is_identified is not False, "unit": unit_of(row.unit), "interval": interval(ends) or MISSING, "within": within,
-        "begins": place(row.initial), "ends": place(row.fitted), "missing": MISSING, "minimum": number(row.minimum),
-        "maximum": number(row.maximum), "is_log": is_log,
+        "name": words(row.name), "initial": number(row.initial), "fitted": number(row.fitted),
+        "is_identified": row.is_identified is not False, "missing": MISSING, "unit": unit_of(row.unit),
+        "interval": interval(ends) or MISSING, "within": within, "begins": place(row.initial),
+        "ends": place(row.fitted), "minimum": number(row.minimum), "maximum": number(row.maximum), "is_log": is_log,
         "remark": f"Not identified. {row.note}".strip() if row.is_identified is False else row.note,
     })  # fmt: skip
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -12,6 +13,8 @@ from formats.garment import Garment
 from formats.rig import Rig
 from formats.unfinished import already_there, left_unfinished, not_utf8, unfinished_name
 from formats.whole_files import make_folders, make_writable, write_whole
+
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
 def check_name(path: Path) -> None:
@@ -84,7 +87,13 @@ def write_bytes(path: Path, content: bytes) -> None:
     try:
         write_whole(path, content)
     except OSError as error:
-        raise OutputError(f"cannot be written ({error.strerror})", where=path, advice="check the folder") from error
+        raise unwritable(path, error) from error
+
+
+def unwritable(path: Path, error: OSError) -> OutputError:
+    """Return the error of a file that cannot be written; only a full disk asks for room."""
+    advice = "make room on the disk" if error.errno in FULL else "check the folder"
+    return OutputError(f"cannot be written ({error.strerror})", where=path, advice=advice)
 
 
 def write_description(path: Path, description: Garment | Rig, *, overwrite: bool) -> None:

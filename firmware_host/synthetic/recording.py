@@ -16,8 +16,7 @@ from firmware_host.synthetic.scene import CAMERA, FPS, RIG
 from firmware_host.synthetic.world import FIRST_STAMP, TYPICAL, Progress, World, make_world
 from formats.descriptions import dump_description
 from formats.errors import OutputError
-from formats.outputs import make_output_folder, refuse_to_replace
-from formats.whole_files import write_whole
+from formats.outputs import make_output_folder, refuse_to_replace, unwritable, write_bytes, write_text
 
 
 def make_recording(
@@ -64,18 +63,15 @@ def make_recording(
     }
     try:
         _write_frames(partial, world, progress)
-        write_whole(truth, _truth(world, meta))
+        write_bytes(truth, _truth(world, meta))
         for path, text in described.items():
-            write_whole(path, text.encode())
+            write_text(path, text)
         partial.replace(recording)
     except BaseException as error:
         with contextlib.suppress(OSError):  # the first error is reported
             partial.unlink(missing_ok=True)
         if isinstance(error, OSError):
-            raise OutputError(
-                f"cannot be written ({error.strerror})", where=error.filename2 or error.filename or out,
-                advice="make room on the disk, or choose another folder",
-            ) from error  # fmt: skip
+            raise unwritable(recording, error) from error
         raise
     return paths
 

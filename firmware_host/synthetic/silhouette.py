@@ -28,10 +28,8 @@ from numpy.typing import NDArray
 from firmware_host.errors import SensorAddressError
 from firmware_host.synthetic.cloth import ClothPhysics, simulate
 from firmware_host.synthetic.swatch import TO_SENSOR
-from formats.errors import OutputError
 from formats.garment import Garment, TrackedPoint
-from formats.outputs import make_output_folder, refuse_to_replace
-from formats.whole_files import write_whole
+from formats.outputs import make_output_folder, refuse_to_replace, write_bytes
 
 Floats = NDArray[np.float64]
 
@@ -156,15 +154,10 @@ def make_silhouette_take(
         "exposures": made.exposures, "places": made.places, "lean": made.lean, "is_skewed": made.is_skewed,
         **asdict(faults),
     }  # fmt: skip
-    try:
-        for path, content in zip(paths, (arrays, truth), strict=True):
-            file = io.BytesIO()
-            np.savez(file, **content)
-            write_whole(path, file.getvalue())
-    except OSError as error:
-        raise OutputError(
-            f"cannot be written ({error.strerror})", where=error.filename, advice="make room on the disk"
-        ) from error
+    for path, content in zip(paths, (arrays, truth), strict=True):
+        file = io.BytesIO()
+        np.savez(file, **content)
+        write_bytes(path, file.getvalue())
     return paths
 
 

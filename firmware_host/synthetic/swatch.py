@@ -20,12 +20,10 @@ from numpy.typing import NDArray
 from firmware_host.errors import SensorAddressError
 from firmware_host.synthetic.cloth import ClothPhysics, simulate
 from formats.descriptions import dump_description
-from formats.errors import OutputError
 from formats.garment import Garment
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
-from formats.outputs import make_output_folder, refuse_to_replace
+from formats.outputs import make_output_folder, refuse_to_replace, write_bytes, write_text
 from formats.swatch import MARKERS, SIDE, swatch
-from formats.whole_files import write_whole
 
 Floats = NDArray[np.float64]
 
@@ -113,14 +111,9 @@ def make_swatch_take(
         content, time=time, markers=nodes, density=true.density, air_drag=air_drag,
         **{name: getattr(true.physics, name) for name in ClothPhysics.__dataclass_fields__},
     )  # fmt: skip
-    try:
-        write_whole(truth, content.getvalue())
-        write_whole(description, described.encode())
-        write_marker_csv(marks, tracks)
-    except OSError as error:
-        raise OutputError(
-            f"cannot be written ({error.strerror})", where=error.filename, advice="make room on the disk"
-        ) from error
+    write_bytes(truth, content.getvalue())
+    write_text(description, described)
+    write_marker_csv(marks, tracks)
     return paths
 
 

@@ -42,7 +42,7 @@ def write_csv(path: Path, take: Take) -> None:
     """Write the marker paths of a take as CSV (`hangtime import` reads it).
 
     Raises:
-        OSError: it cannot be written.
+        OutputError: it cannot be written.
     """
     write_marker_csv(path, marker_tracks(take))
 

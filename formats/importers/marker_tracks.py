@@ -19,7 +19,7 @@ import numpy as np
 
 from formats.arrays import Booleans, Floats
 from formats.importers.units import AXES
-from formats.whole_files import write_whole
+from formats.outputs import write_text
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def write_marker_csv(path: Path, tracks: MarkerTracks) -> Path:
     """Write marker paths as CSV, to 1 µm, whole or not at all; return the path.
 
     Raises:
-        OSError: it cannot be written.
+        OutputError: it cannot be written.
     """
     columns = ["time_s", *(label + axis for label in tracks.labels for axis in AXES)]
     flat = tracks.positions.reshape(len(tracks.time), -1)
@@ -65,5 +65,5 @@ def write_marker_csv(path: Path, tracks: MarkerTracks) -> Path:
     writer.writerow(columns)
     for time, row in zip(tracks.time, flat, strict=True):
         writer.writerow([f"{time:.6f}", *("" if np.isnan(value) else f"{value:.6f}" for value in row)])
-    write_whole(path, text.getvalue().encode())
+    write_text(path, text.getvalue())
     return path

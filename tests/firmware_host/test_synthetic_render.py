@@ -142,7 +142,7 @@ def test_truth_that_cannot_be_written_is_named_and_no_recording_is_left(
 ) -> None:
     monkeypatch.setattr(recording, "make_world", lambda **_: flat_world(2))
     (tmp_path / "take.truth.npz").mkdir()
-    with pytest.raises(OutputError, match=r"take.truth.npz: cannot be written \(Is a directory\); make room"):
+    with pytest.raises(OutputError, match=r"take.truth.npz: cannot be written \(Is a directory\); check the folder"):
         recording.make_recording(tmp_path, "take", overwrite=True)
     assert [path.name for path in tmp_path.iterdir()] == ["take.truth.npz"]
 

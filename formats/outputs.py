@@ -29,6 +29,18 @@ def check_name(path: Path) -> None:
         raise not_utf8(path) from error
 
 
+def check_stem(name: str) -> None:
+    """Refuse a name from which files' names are to be made and cannot be.
+
+    Raises:
+        OutputError: it is empty or has a slash.
+    """
+    if not name or "/" in name:
+        raise OutputError(
+            f"the name {name!r} is none that a file can have", where="--name", advice="give one without a slash"
+        )
+
+
 def refuse_to_replace(path: Path, text: str | None = None) -> None:
     """Do nothing unless a file of this name is there, or the beginning of one that was never finished.
 

@@ -15,8 +15,7 @@ from firmware_host.synthetic.garments import GARMENTS
 from firmware_host.synthetic.scene import CAMERA, FPS, RIG
 from firmware_host.synthetic.world import FIRST_STAMP, TYPICAL, Progress, World, make_world
 from formats.descriptions import dump_description
-from formats.errors import OutputError
-from formats.outputs import make_output_folder, refuse_to_replace, unwritable, write_bytes, write_text
+from formats.outputs import check_stem, make_output_folder, refuse_to_replace, unwritable, write_bytes, write_text
 
 
 def make_recording(
@@ -31,10 +30,7 @@ def make_recording(
         OutputError: no name that files can have; the folder or another file cannot be written, or one of them is there
             with something else in it and they are not to be overwritten.
     """
-    if not name or "/" in name:
-        raise OutputError(
-            f"the name {name!r} is none that a file can have", where="--name", advice="give one without a slash"
-        )
+    check_stem(name)
     if garment not in GARMENTS:
         raise SensorAddressError(
             f"the synthetic world has no garment {garment!r}", advice=f"choose of {', '.join(GARMENTS)}"

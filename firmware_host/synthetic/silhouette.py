@@ -29,7 +29,7 @@ from firmware_host.errors import SensorAddressError
 from firmware_host.synthetic.cloth import ClothPhysics, simulate
 from firmware_host.synthetic.swatch import TO_SENSOR
 from formats.garment import Garment, TrackedPoint
-from formats.outputs import make_output_folder, refuse_to_replace, write_bytes
+from formats.outputs import check_stem, make_output_folder, refuse_to_replace, write_bytes
 
 Floats = NDArray[np.float64]
 
@@ -137,14 +137,16 @@ def make_silhouette_take(
 
     Raises:
         SensorAddressError: a fault or a length that no recording has.
-        OutputError: the folder cannot be made or written to, or a file is there and is not to be overwritten.
+        OutputError: no name that files can have; the folder cannot be made or written to, or a file is there and is not
+            to be overwritten.
     """
+    check_stem(name)
     paths = [out / f"{name}.npz", out / f"{name}.truth.npz"]
     if not overwrite:
         for path in paths:
             refuse_to_replace(path)
-    made = seen_silhouette(faults, seconds=seconds, seed=seed, progress=progress)
     make_output_folder(out)
+    made = seen_silhouette(faults, seconds=seconds, seed=seed, progress=progress)
     across, up = np.meshgrid(np.linspace(0, SIDE, GRID), np.linspace(0, SIDE, GRID))
     arrays = {
         "t": made.stamps, "points": made.points, "valid": made.valid, "hanger_corners": made.ends,

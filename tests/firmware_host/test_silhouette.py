@@ -10,6 +10,7 @@ import pytest
 from firmware_host.errors import SensorAddressError
 from firmware_host.synthetic import silhouette
 from firmware_host.synthetic.silhouette import SIDE, CameraFaults, held_path, make_silhouette_take, seen_silhouette
+from formats.errors import OutputError
 from formats.importers.swung_cloth import import_swung_cloth
 
 KNOWN = cache(lambda: silhouette.swung_cloth(6.0))  # the cloth is the same whatever sees it
@@ -65,6 +66,18 @@ def test_the_files_become_a_take_of_a_silhouette(tmp_path):
     with np.load(paths[1]) as truth:
         assert len(truth["exposures"]) == len(take.time)
         assert truth["latency"] == 0.1
+
+
+@pytest.mark.parametrize(
+    ("folder", "name", "says"), [("file", "a", "cannot be made"), ("new", "a/b", "none that a file can have")]
+)
+def test_a_place_that_cannot_be_written_is_told_before_the_cloth_is_simulated(
+    tmp_path, monkeypatch, folder, name, says
+):
+    (tmp_path / "file").write_text("mine")
+    monkeypatch.setattr(silhouette, "swung_cloth", lambda *_: pytest.fail("the cloth was simulated"))
+    with pytest.raises(OutputError, match=says):
+        make_silhouette_take(tmp_path / folder, name, CameraFaults())
 
 
 @pytest.mark.parametrize(("fault", "value"), [("latency", 0.6), ("noise", float("nan")), ("skewed_share", -0.1)])

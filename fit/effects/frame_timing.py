@@ -19,6 +19,7 @@ import numpy as np
 
 from fit.cloth.effect import Effect
 from fit.recordings.recording import Recording
+from fit.recordings.timing import uneven_intervals
 from formats.arrays import Floats
 
 
@@ -46,9 +47,3 @@ class FrameTiming(Effect):
         instants = recording.time - np.clip(late, -most, most)
         inside = np.clip(instants, recording.time[0], recording.time[-1])
         return np.asarray(CubicSpline(recording.time, points)(inside))
-
-
-def uneven_intervals(time: Floats) -> Floats:
-    """Return by how much the interval before each frame is longer than the median one [s], (frames,), 0 at first."""
-    steps = np.diff(time)
-    return np.asarray(np.concatenate([[0.0], steps - np.median(steps)]))

@@ -14,12 +14,12 @@ the same pictures have one clock, and its stamps are not examined.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fit.recordings.grids import SKEWED, Grid, grid_of, placed, skew_degrees
-from fit.recordings.hanger_path import Curve, hanger_axes
+from fit.recordings.hanger_path import Curve, hanger_axes, in_hanger_frame
 from fit.recordings.timing import CLOSEST, Timing, find_timing, in_order, row_middle
 from formats.arrays import Booleans, Floats
 from formats.garment import Garment
@@ -89,11 +89,10 @@ class Camera:
 
 @dataclass(frozen=True)
 class Seen:
-    """Frames on the hanger's clock: time [s], (frames,); points [m], (frames, points, 3); kept, (frames given,)."""
+    """Frames on the hanger's clock: time [s], (frames,); points [m], (frames, points, 3)."""
 
     time: Floats
     points: Floats
-    kept: Booleans
     camera: Camera = field(default_factory=Camera)
 
 
@@ -107,40 +106,34 @@ def retimed(
     - `on_edge`, (points,): the held row
     - `is_per_frame`: whether frames of a silhouette get shifts of their own
     """
-    every = np.ones(len(time), bool)
     if on_edge.sum() < 2:
-        return Seen(time, points, every)
+        return Seen(time, points)
     is_silhouette = garment.points_are == "silhouette"
     across = np.array([p.at_m[0] for p in garment.points])[on_edge]
     row = row_middle(points[:, on_edge], across - across.mean())
-    grid = grid_of(garment) if is_silhouette else None
-    if grid is not None:
+    if (grid := _grid_of_silhouette(garment)) is not None:
         row[~_is_straight(points, grid)] = np.nan
     timing = find_timing(time, row, path, is_per_frame=is_per_frame and is_silhouette)
     if timing is None or not timing.follows or timing.is_at_end:
-        return Seen(time, points, every, Camera(timing=timing))
+        return Seen(time, points, Camera(timing=timing))
     mends = timing.is_late or timing.deviation > 0 or _is_certain(timing.share_interval)
     if not (is_silhouette and mends) and abs(timing.latency) <= LATEST_LEFT:
-        return Seen(time, points, every, Camera(timing=timing))
+        return Seen(time, points, Camera(timing=timing))
     true = time - (timing.shifts if is_silhouette else timing.latency)
     kept = (true >= time[0]) & (true <= time[-1])
     kept[kept] = in_order(true[kept])
-    return Seen(true[kept], points[kept], kept, Camera(timing=timing, is_retimed=True))
+    return Seen(true[kept], points[kept], Camera(timing=timing, is_retimed=True))
 
 
 def straightened(seen: Seen, garment: Garment) -> Seen:
     """Return frames without the points of silhouettes' grids that lie askew."""
-    grid = grid_of(garment) if garment.points_are == "silhouette" else None
+    grid = _grid_of_silhouette(garment)
     if grid is None:
         return seen
     skew = skew_degrees(seen.points, grid)
     askew = np.abs(skew) > SKEWED
-    points = np.where(askew[:, None, None], np.nan, seen.points)
-    camera = Camera(
-        timing=seen.camera.timing, is_retimed=seen.camera.is_retimed, skewed=int(askew.sum()),
-        frames=int(np.isfinite(skew).sum()),
-    )  # fmt: skip
-    return Seen(seen.time, points, seen.kept, camera)
+    camera = replace(seen.camera, skewed=int(askew.sum()), frames=int(np.isfinite(skew).sum()))
+    return replace(seen, points=np.where(askew[:, None, None], np.nan, seen.points), camera=camera)
 
 
 def edge_shown(seen: Seen, path: Curve, garment: Garment) -> Edge | None:
@@ -149,7 +142,7 @@ def edge_shown(seen: Seen, path: Curve, garment: Garment) -> Edge | None:
     The result is None unless the points are a silhouette's grid with a row at a clamped edge. It is also None if the
     distance of the ends is far from that on the flat cloth.
     """
-    grid = grid_of(garment) if garment.points_are == "silhouette" else None
+    grid = _grid_of_silhouette(garment)
     if grid is None or garment.held != "edge" or grid.down[0] > TOP_ROW * grid.down[-1]:
         return None
     ends = path(seen.time)
@@ -158,20 +151,23 @@ def edge_shown(seen: Seen, path: Curve, garment: Garment) -> Edge | None:
     if not NARROWEST * width <= apart <= width / NARROWEST:
         return None
     row = row_middle(seen.points[:, grid.at[0]], grid.across - grid.across.mean())
-    middle = ends.reshape(-1, 2, 3).mean(1)
     speed = np.linalg.norm(path(seen.time + CLOSEST) - path(seen.time - CLOSEST), axis=1) / (2 * CLOSEST * np.sqrt(2))
     still = (speed < STILL) & np.isfinite(row).all(1)
     if still.sum() < FEWEST_STILL:
         return Edge(0.0, 0.0, width)
-    local = np.einsum("fij,fi->fj", hanger_axes(ends), row - middle)[still]
+    local = in_hanger_frame(row, ends)[still]
     _, down, out = np.median(local, axis=0)  # along the bar both corners are eaten alike
     return Edge(float(down), float(out), width)
 
 
 def in_place(seen: Seen, held: Curve, garment: Garment) -> Floats | None:
     """Return the points of a silhouette's grid at their material places [m], (frames, points, 3); None of others."""
-    grid = grid_of(garment) if garment.points_are == "silhouette" and garment.held == "edge" else None
-    return None if grid is None else placed(seen.points, held(seen.time), grid)
+    grid = _grid_of_silhouette(garment)
+    return None if grid is None or garment.held != "edge" else placed(seen.points, held(seen.time), grid)
+
+
+def _grid_of_silhouette(garment: Garment) -> Grid | None:
+    return grid_of(garment) if garment.points_are == "silhouette" else None
 
 
 def _is_straight(points: Floats, grid: Grid) -> Booleans:

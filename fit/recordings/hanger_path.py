@@ -70,6 +70,17 @@ def hanger_axes(ends: Floats) -> Floats:
     return np.stack([x, y, np.cross(x, y)], 2)
 
 
+def in_hanger_frame(places: Floats, ends: Floats) -> Floats:
+    """Return places [m], (n, 3), on the hanger's axes about the middle of held ends [m], (n, 6)."""
+    return np.asarray(np.einsum("fij,fi->fj", hanger_axes(ends), places - ends.reshape(-1, 2, 3).mean(1)))
+
+
+def level_normal(ends: Floats) -> Floats:
+    """Return the level unit vectors across the line between held ends, (n, 3), from held ends (n, 6)."""
+    normal = np.cross([0.0, 0.0, 1.0], ends[:, 3:] - ends[:, :3])
+    return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9))
+
+
 def gaps_of(seen: Floats) -> list[tuple[float, float]]:
     """Return from when to when [s] the hanger is lost for too long to know its path, given when it was seen, (n,)."""
     return [(float(a), float(b)) for a, b in pairwise(seen) if b - a > LONGEST_GAP]

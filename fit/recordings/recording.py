@@ -215,7 +215,7 @@ def prepare(take: Take, steps: CameraSteps = EVERY_STEP) -> Recording:
     held_sd = float(np.sqrt(np.mean(take.held_sd[kept][held_valid] ** 2)))
     cut_off = best_cut_off(*led_across(clock[held_valid], held_seen[held_valid]))
     path = held_curve(clock, held_seen, cut_off)
-    frames = Seen(clock, np.where(valid[..., None], points, np.nan), np.ones(len(clock), bool))
+    frames = Seen(clock, np.where(valid[..., None], points, np.nan))
     if steps.stamps and take.rig.hanger is None:  # else points and hanger were seen in the same pictures
         frames = retimed(clock, frames.points, path, take.garment, on_edge, is_per_frame=steps.shifts)
     if steps.skew:

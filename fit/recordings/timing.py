@@ -30,7 +30,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.recordings.hanger_path import Curve, hanger_axes
+from fit.recordings.hanger_path import Curve, in_hanger_frame
 from formats.arrays import Booleans, Floats
 
 FARTHEST = 0.5  # s either way: live cameras are late by 0.05 to 0.35 s
@@ -102,8 +102,7 @@ def find_timing(time: Floats, row: Floats, path: Curve, *, is_per_frame: bool = 
     """
     seen = np.isfinite(row).all(1)
     reach = min(FARTHEST, SHORTEST_PART * float(time[-1] - time[0]))
-    step = np.concatenate([[0.0], np.diff(time) - np.median(np.diff(time))])
-    step[0] = 0.0
+    step = uneven_intervals(time)
     inside = (time > time[0] + reach) & (time < time[-1] - reach)
     scan = _Scan(time, row, step, path, seen & inside)
     if scan.blocks < FEWEST_BLOCKS or reach < COARSE:
@@ -165,8 +164,7 @@ class _Scan:
 
     def local(self, latency: float, share: float) -> Floats:
         """The row in the hanger's frame [m], (frames, 3), if stamps are late by so much."""
-        ends = self.path(self.time - latency - share * self.step)
-        return np.asarray(np.einsum("fij,fi->fj", hanger_axes(ends), self.row - ends.reshape(-1, 2, 3).mean(1)))
+        return in_hanger_frame(self.row, self.path(self.time - latency - share * self.step))
 
     def residual(self, latency: float, share: float) -> Floats:
         """The same about its mean over the frames that count."""
@@ -263,9 +261,14 @@ class _Scan:
         return replace(timing, deviation=float(np.sqrt(variance)), shifts=shifts, after=after)
 
     def _rms_of(self, shifts: Floats) -> float:
-        ends = self.path(self.time - shifts)
-        local = np.einsum("fij,fi->fj", hanger_axes(ends), self.row - ends.reshape(-1, 2, 3).mean(1))[self.used]
+        local = in_hanger_frame(self.row, self.path(self.time - shifts))[self.used]
         return float(np.sqrt(((local - local.mean(0)) ** 2).sum(1).mean()))
+
+
+def uneven_intervals(time: Floats) -> Floats:
+    """Return by how much the interval before each frame is longer than the median one [s], (frames,), 0 at first."""
+    steps = np.diff(time)
+    return np.asarray(np.concatenate([[0.0], steps - np.median(steps)]))
 
 
 def row_middle(points: Floats, across: Floats) -> Floats:

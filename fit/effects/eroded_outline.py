@@ -20,6 +20,7 @@ from typing import ClassVar
 import numpy as np
 
 from fit.cloth.effect import Effect
+from fit.recordings.hanger_path import level_normal
 from fit.recordings.recording import Recording
 from formats.arrays import Floats
 
@@ -45,11 +46,9 @@ class ErodedOutline(Effect):
         edge = outline[1] - outline[0]
         places = np.array([p.at_m for p in recording.garment.points]) - outline[0]
         share, way = places @ edge / (edge @ edge), places @ np.array([edge[1], -edge[0]]) / np.linalg.norm(edge)
-        ends = recording.held(recording.time).reshape(-1, 2, 3)
-        bar = ends[:, 1] - ends[:, 0]
-        normal = np.cross([0.0, 0.0, 1.0], bar)
-        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
-        apart = points - (ends[:, None, 0] + share[None, :, None] * bar[:, None])
+        held = recording.held(recording.time)
+        normal, ends = level_normal(held), held.reshape(-1, 2, 3)
+        apart = points - (ends[:, None, 0] + share[None, :, None] * (ends[:, None, 1] - ends[:, None, 0]))
         down = apart / np.maximum(np.linalg.norm(apart, axis=2, keepdims=True), 1e-9)
         far = np.maximum(way, 0.0) / max(float(way.max()), 1e-9)
         lean = np.einsum("fpx,fx,p->f", down, normal, far / max(float(far.sum()), 1e-9))

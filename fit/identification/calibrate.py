@@ -343,7 +343,7 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
         held_out_before=judge.error_before if judge else None,
         held_out_after=judge.error(best) if judge else None,
     )
-    trivial = trivial_figures(model.recordings, judge.recordings if judge else [], _error_figure)
+    trivial = trivial_figures(model, judge)
     after = errors.held_out_after or errors.train_after
     notes.append(describe_trivial(after.mean_m, trivial, is_held_out=judge is not None))
     return FitResult(

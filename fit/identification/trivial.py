@@ -13,10 +13,12 @@ Source: Newton's law about a moving hinge, L. D. Landau & E. M. Lifshitz, "Mecha
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Protocol
 
 import numpy as np
 
-from fit.methods.distance import per_frame
+from fit.methods.distance import distance
+from fit.recordings.hanger_path import level_normal
 from fit.recordings.recording import Recording
 from formats.arrays import Floats
 from formats.fit_records import ErrorFigure, TrivialFigure
@@ -28,22 +30,30 @@ DAMPINGS = np.array([0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0])  # 1/s: a re
 HARDLY = 0.1  # of the trivial predictor's error: a fit that removes less of it hardly beats it
 
 
-def trivial_figures(
-    training: Sequence[Recording], held_out: Sequence[Recording], figure: Callable[[Floats, Floats], ErrorFigure]
-) -> list[TrivialFigure]:
-    """Return the errors of the trivial predictors on takes used for fitting and on those held out.
+class Judge(Protocol):
+    """Takes, and the error of points on them."""
 
-    figure: makes a figure of the error in each frame [m] and its time [s], (frames,) both
-    """
-    best = fitted_pendulum(training)
+    @property
+    def recordings(self) -> list[Recording]:
+        """Return the takes."""
+        ...
+
+    def errors_of(self, points: list[Floats]) -> tuple[ErrorFigure, list[ErrorFigure]]:
+        """Return the mean error of points [m], (frames, points, 3) a take, and the error of each take."""
+        ...
+
+
+def trivial_figures(training: Judge, held_out: Judge | None) -> list[TrivialFigure]:
+    """Return the errors of the trivial predictors on takes used for fitting and on those held out."""
+    best = fitted_pendulum(training.recordings)
     made: tuple[tuple[str, dict[str, float], Callable[[Recording], Floats]], ...] = (
         ("vertical", {}, vertical),
         ("pendulum", {"length_m": best[0], "damping_per_s": best[1]}, lambda r: pendulum(r, *best)),
     )
     return [
         TrivialFigure(
-            name=name, parameters=numbers, train=_figure(training, of, figure),
-            held_out=_figure(held_out, of, figure) if held_out else None,
+            name=name, parameters=numbers, train=_error(training, of),
+            held_out=_error(held_out, of) if held_out else None,
         )
         for name, numbers, of in made
     ]  # fmt: skip
@@ -66,12 +76,12 @@ def describe_trivial(after: float, figures: Sequence[TrivialFigure], *, is_held_
 
 def vertical(recording: Recording) -> Floats:
     """Return the points of a sheet that hangs straight down [m], (frames, points, 3)."""
-    return _sheet(recording, np.zeros(len(recording.time)))
+    return _sheet(recording)(np.zeros(len(recording.time)))
 
 
 def pendulum(recording: Recording, length: float, damping: float) -> Floats:
     """Return the points of a sheet that swings as a pendulum [m], (frames, points, 3)."""
-    return _sheet(recording, swing(recording, np.array([length]), np.array([damping]))[0])
+    return _sheet(recording)(swing(recording, np.array([length]), np.array([damping]))[0])
 
 
 def fitted_pendulum(recordings: Sequence[Recording]) -> tuple[float, float]:
@@ -79,9 +89,9 @@ def fitted_pendulum(recordings: Sequence[Recording]) -> tuple[float, float]:
     lengths, dampings = (grid.ravel() for grid in np.meshgrid(LENGTHS, DAMPINGS))
     errors = np.zeros(len(lengths))
     for recording in recordings:
-        seen = np.isfinite(recording.points[..., 0]).any(1)
+        sheet = _sheet(recording)
         for k, angle in enumerate(swing(recording, lengths, dampings)):
-            errors[k] += float(per_frame(recording.points, _sheet(recording, angle))[seen].mean())
+            errors[k] += float(distance(recording.points, sheet(angle)))
     best = int(errors.argmin())
     return float(lengths[best]), float(dampings[best])
 
@@ -89,9 +99,10 @@ def fitted_pendulum(recordings: Sequence[Recording]) -> tuple[float, float]:
 def swing(recording: Recording, lengths: Floats, dampings: Floats) -> Floats:
     """Return the angles of pendulums at the frames [rad], (pendulums, frames), at rest in the beginning."""
     instants = np.arange(0.0, recording.duration + STEP, STEP)
-    middle, normal = _frame(recording, instants)
+    ends = recording.held(instants)
+    middle = ends.reshape(-1, 2, 3).mean(1)
     acceleration = np.gradient(np.gradient(middle, STEP, axis=0), STEP, axis=0)
-    across, up = (acceleration * normal).sum(1), acceleration[:, 2]
+    across, up = (acceleration * level_normal(ends)).sum(1), acceleration[:, 2]
     angle, rate = np.zeros(len(lengths)), np.zeros(len(lengths))
     found = np.empty((len(instants), len(lengths)))
     for k in range(len(instants)):
@@ -102,35 +113,23 @@ def swing(recording: Recording, lengths: Floats, dampings: Floats) -> Floats:
     return np.stack([np.interp(recording.time, instants, one) for one in found.T])
 
 
-def _sheet(recording: Recording, angle: Floats) -> Floats:
-    """Points of a rigid sheet turned about the held edge by an angle [rad], (frames,), on the flat garment's places."""
+def _sheet(recording: Recording) -> Callable[[Floats], Floats]:
+    """Return a rigid sheet: its points [m], (frames, points, 3), by its angle about the held edge [rad], (frames,)."""
     ends = np.asarray(recording.garment.outline_m[:2], float)
     edge = ends[1] - ends[0]
     along = edge / np.linalg.norm(edge)
     places = np.array([p.at_m for p in recording.garment.points]) - ends[0]
     share, below = places @ along / np.linalg.norm(edge), places @ np.array([along[1], -along[0]])
-    held = recording.held(recording.time).reshape(-1, 2, 3)
-    _, normal = _frame(recording, recording.time)
-    down = np.sin(angle)[:, None] * normal - np.cos(angle)[:, None] * np.array([0.0, 0.0, 1.0])
+    ends = recording.held(recording.time)
+    normal, held = level_normal(ends), ends.reshape(-1, 2, 3)
     on_edge = held[:, None, 0] + share[None, :, None] * (held[:, None, 1] - held[:, None, 0])
-    return np.asarray(on_edge + below[None, :, None] * down[:, None])
+
+    def turned(angle: Floats) -> Floats:
+        down = np.sin(angle)[:, None] * normal - np.cos(angle)[:, None] * np.array([0.0, 0.0, 1.0])
+        return np.asarray(on_edge + below[None, :, None] * down[:, None])
+
+    return turned
 
 
-def _frame(recording: Recording, instants: Floats) -> tuple[Floats, Floats]:
-    """Middle of the held edge [m] and the level normal of the edge, (n, 3) each."""
-    ends = recording.held(instants).reshape(-1, 2, 3)
-    bar = ends[:, 1] - ends[:, 0]
-    normal = np.cross([0.0, 0.0, 1.0], bar)
-    return ends.mean(1), normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
-
-
-def _figure(
-    recordings: Sequence[Recording], of: Callable[[Recording], Floats], figure: Callable[[Floats, Floats], ErrorFigure]
-) -> ErrorFigure:
-    errors, times, start = [], [], 0.0
-    for recording in recordings:
-        seen = np.isfinite(recording.points[..., 0]).any(1)
-        errors.append(per_frame(recording.points, of(recording))[seen])
-        times.append(recording.time[seen] + start)
-        start = float(times[-1][-1]) + 1.0
-    return figure(np.concatenate(errors), np.concatenate(times))
+def _error(judge: Judge, of: Callable[[Recording], Floats]) -> ErrorFigure:
+    return judge.errors_of([of(recording) for recording in judge.recordings])[0]

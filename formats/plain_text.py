@@ -28,17 +28,3 @@ def _escaped(letter: str) -> str:
         if letter == "\t"
         else letter.encode("unicode_escape", "surrogatepass").decode()
     )
-
-
-def spreadsheet_cell(cell: object) -> object:
-    """Return what a spreadsheet shows as it stands: a text that it would run as a formula gets an apostrophe before it.
-
-    Source: OWASP, "CSV Injection".
-    """
-    if not isinstance(cell, str) or not cell.startswith(("=", "+", "-", "@", "\t", "\r")):
-        return cell
-    try:
-        float(cell)
-    except ValueError:
-        return f"'{cell}"
-    return cell

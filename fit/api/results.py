@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from fit.api.shown import diagnosis_tables, effect_table, error_row, fit_tables
-from fit.api.tables import Table, as_csv, as_html, as_text
+from fit.api.tables import Table, as_html, as_text
 from formats.arrays import Booleans, Floats
 from formats.diagnosis_records import Diagnosis
 from formats.fit_records import ErrorFigure, FitResult
 from formats.outputs import write_text
 from formats.results import save_diagnosis, save_fit_result
+from formats.rows import csv_text
 from formats.take import Take
 
 if TYPE_CHECKING:
@@ -185,7 +186,7 @@ class Simulation(_Shown):
 
 
 def _csv(heads: tuple[str, ...], rows: Any, path: Path | str | None) -> str:
-    text = as_csv(heads, rows)
+    text = csv_text(heads, rows)
     if path is not None:
         write_text(Path(path), text)
     return text

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
-from formats.plain_text import spreadsheet_cell
+from formats.rows import aligned
 
 NOT_IDENTIFIED = "not identified"
 
@@ -45,15 +43,7 @@ class Table:
     def text(self) -> str:
         """Return the table for a terminal: columns two spaces apart, remarks below."""
         every = [self.heads, *self.rows] if self.heads else list(self.rows)
-        widths = [max(map(len, column)) for column in zip(*every, strict=True)]
-        lines = []
-        for row in every:
-            cells = [
-                cell.rjust(width) if k in self.right else cell.ljust(width)
-                for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-            ]
-            lines.append("  ".join(cells).rstrip())
-        return "\n".join([*lines, *self.remarks])
+        return "\n".join([*aligned(every, self.right), *self.remarks])
 
 
 def as_text(tables: Iterable[Table]) -> str:
@@ -66,12 +56,3 @@ def as_html(tables: Iterable[Table]) -> str:
     from jinja2 import Environment
 
     return Environment(autoescape=True).from_string(_HTML).render(tables=list(tables))
-
-
-def as_csv(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return rows as CSV; numbers keep every digit, and None is an empty cell."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(heads)
-    writer.writerows(["" if cell is None else spreadsheet_cell(cell) for cell in row] for row in rows)
-    return text.getvalue()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,8 +19,8 @@ from fit.report.text import MISSING, interval, millimetres, number, unit_of, wor
 from fit.search.choice import OBSERVED, has_short_intervals
 from formats.errors import ResultError
 from formats.fit_records import FitParameter, FitResult
-from formats.plain_text import spreadsheet_cell
 from formats.results import fit_result_from
+from formats.rows import csv_text
 
 WORDS = {
     "fitted": "fitted",
@@ -88,12 +86,8 @@ def as_csv(rows: Sequence[Row]) -> str:
     head = ["take", "take_id", "state", "error_before_mm", "error_after_mm", "simulations", "seconds"]
     for name in names:
         head += [name, f"{name}_low", f"{name}_high", f"{name}_is_identified"]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*head, "remark", "key"])
-    for row in rows:
-        writer.writerow([spreadsheet_cell(c) for c in (row.take, *_figures(row, names), row.sentence, row.key)])
-    return text.getvalue()
+    figures = ((row.take, *_figures(row, names), row.sentence, row.key) for row in rows)
+    return csv_text([*head, "remark", "key"], figures)
 
 
 def _figures(row: Row, names: list[str]) -> list[object]:

@@ -24,10 +24,10 @@ from fit.export.about import caution_lines, origin_lines, provenance
 from fit.export.drawing import node_normals
 from fit.export.fabric import Fabric
 from fit.export.moving import Moving
-from fit.export.tables import as_csv
 from fit.export.usd_physics import usd_bytes
 from formats.arrays import Floats
 from formats.fit_records import FitResult
+from formats.rows import csv_text
 
 FLOAT, UNSIGNED = 5126, 5125  # glTF's numbers of component types
 VERTICES, INDICES = 34962, 34963  # glTF's buffer targets
@@ -48,7 +48,7 @@ def motion_csv(moving: Moving) -> str:
         for n, t in enumerate(moving.time)
         for k, name in enumerate(named)
     )  # fmt: skip
-    return as_csv(("time_s", "point", "x_m", "y_m", "z_m"), rows)
+    return csv_text(("time_s", "point", "x_m", "y_m", "z_m"), rows)
 
 
 def usd_cache(result: FitResult, fabric: Fabric | None, moving: Moving) -> bytes:

@@ -12,8 +12,6 @@ ASTM D1388, option A, for the angle; S. Kawabata, "The Standardization and Analy
 
 from __future__ import annotations
 
-import csv
-import io
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
 
@@ -22,7 +20,7 @@ from fit.export.about import caution_lines, origin_lines, provenance, short
 from fit.export.fabric import Fabric, Quantity
 from fit.virtual_tests.kes import BENDING_UNIT, GRAM_FORCE, SHEAR_UNIT
 from formats.fit_records import FitResult
-from formats.plain_text import spreadsheet_cell
+from formats.rows import aligned, csv_text
 
 STRIP_WIDTH, STRIP_STRAIN = 0.05, 0.05  # m, 1: a strip 5 cm wide at 5 %, small enough for a straight law
 WIDTH = 100  # characters of a line of text
@@ -50,16 +48,7 @@ def parameters_csv(result: FitResult, fabric: Fabric | None) -> str:
     for name, value in provenance(result).items():
         text = " ".join(map(str, value)) if isinstance(value, list) else value
         rows.append(("provenance", name, text, None, None, "", "", None, ""))
-    return as_csv(heads, rows)
-
-
-def as_csv(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return rows as CSV; numbers keep every digit, None is an empty cell."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(heads)
-    writer.writerows(["" if cell is None else spreadsheet_cell(cell) for cell in row] for row in rows)
-    return text.getvalue()
+    return csv_text(heads, rows)
 
 
 def software_table(result: FitResult, fabric: Fabric) -> str:
@@ -103,7 +92,7 @@ def software_table(result: FitResult, fabric: Fabric) -> str:
         rows.append(_row("Drag coefficient", fabric["drag_coefficient"], "1", lambda v: v, "no field means this"))
     heads = ("quantity", "value", "90 % interval", "unit", "how sure, and what to do with it")
     lines = ["Fabric for CLO, Marvelous Designer and Browzwear", "", *origin_lines(result), ""]
-    lines += _aligned([heads, *rows])
+    lines += aligned([heads, *rows], right=(1,))
     lines += ["", *_wrapped(WORDS)]
     if cautions := caution_lines(result, fabric):
         lines += ["", "Not measured, or not told by these takes:", *_wrapped(cautions)]
@@ -132,15 +121,6 @@ def _row(
     value = short(scale(quantity.value)) if quantity.status != "not identified" else "-"
     how = quantity.status if quantity.status != "not identified" else "NOT IDENTIFIED: only the interval is known"
     return name, value, ends, unit, f"{how}; {words}" if words else how
-
-
-def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = []
-    for row in rows:
-        cells = [c.rjust(w) if k == 1 else c.ljust(w) for k, (c, w) in enumerate(zip(row, widths, strict=True))]
-        lines.append("  ".join(cells).rstrip())
-    return lines
 
 
 def _wrapped(paragraphs: Iterable[str]) -> list[str]:

@@ -1,11 +1,11 @@
-"""Text from files is harmless to terminals and spreadsheets, and otherwise as it was."""
+"""Text from files is harmless to terminals, and otherwise as it was."""
 
 from __future__ import annotations
 
 import pytest
 
 from formats.errors import TakeError
-from formats.plain_text import LONGEST, plain, spreadsheet_cell
+from formats.plain_text import LONGEST, plain
 
 
 @pytest.mark.parametrize(
@@ -26,12 +26,3 @@ def test_what_is_no_letter_is_shown_by_its_code(text, shown):
 
 def test_an_error_shows_a_files_text_by_its_code():
     assert str(TakeError("is \x1b[2J", where="a\x07b")) == "a\\x07b: is \\x1b[2J"
-
-
-@pytest.mark.parametrize(
-    ("cell", "written"),
-    [("=1+1", "'=1+1"), ("@SUM(A1)", "'@SUM(A1)"), ("-swing", "'-swing"), ("-0.5", "-0.5"), ("+1e3", "+1e3"),
-     (-0.5, -0.5), ("a=1", "a=1"), ("", "")],
-)  # fmt: skip
-def test_a_spreadsheet_runs_no_text(cell, written):
-    assert spreadsheet_cell(cell) == written

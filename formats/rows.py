@@ -1,0 +1,41 @@
+"""Rows of cells as text: CSV of which a spreadsheet runs nothing, and columns for a terminal."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Container, Iterable, Sequence
+
+
+def csv_text(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return rows as CSV; numbers keep every digit, and None is an empty cell."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(heads)
+    writer.writerows(map(spreadsheet_cell, row) for row in rows)
+    return text.getvalue()
+
+
+def spreadsheet_cell(cell: object) -> object:
+    """Return what a spreadsheet shows as it stands: a text that it would run as a formula gets an apostrophe before it.
+
+    Source: OWASP, "CSV Injection".
+    """
+    if not isinstance(cell, str) or not cell.startswith(("=", "+", "-", "@", "\t", "\r")):
+        return cell
+    try:
+        float(cell)
+    except ValueError:
+        return f"'{cell}"
+    return cell
+
+
+def aligned(rows: Sequence[Sequence[str]], right: Container[int] = ()) -> list[str]:
+    """Return a line a row with columns two spaces apart, those of `right` set to the right, as numbers are."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for row in rows:
+        sized = enumerate(zip(row, widths, strict=True))
+        cells = [cell.rjust(width) if k in right else cell.ljust(width) for k, (cell, width) in sized]
+        lines.append("  ".join(cells).rstrip())
+    return lines

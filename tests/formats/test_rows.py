@@ -1,0 +1,26 @@
+"""Rows of cells as CSV that a spreadsheet shows as it stands, and as columns."""
+
+from __future__ import annotations
+
+import pytest
+
+from formats.rows import aligned, csv_text, spreadsheet_cell
+
+
+@pytest.mark.parametrize(
+    ("cell", "written"),
+    [("=1+1", "'=1+1"), ("@SUM(A1)", "'@SUM(A1)"), ("-swing", "'-swing"), ("-0.5", "-0.5"), ("+1e3", "+1e3"),
+     (-0.5, -0.5), ("a=1", "a=1"), ("", "")],
+)  # fmt: skip
+def test_a_spreadsheet_runs_no_text(cell, written):
+    assert spreadsheet_cell(cell) == written
+
+
+def test_numbers_keep_every_digit_nothing_is_an_empty_cell_and_text_is_quoted():
+    """0.1 + 0.2 has seventeen digits; the comma in a text parts no cells, and the formula is none."""
+    rows = [(0.1 + 0.2, None, "a, b"), (-1e-9, True, "=1+1")]
+    assert csv_text(("x", "low", "note"), rows) == ('x,low,note\n0.30000000000000004,,"a, b"\n-1e-09,True,\'=1+1\n')
+
+
+def test_columns_stand_two_spaces_apart_and_numbers_to_the_right():
+    assert aligned([("name", "mm"), ("a", "12.5")], right=(1,)) == ["name    mm", "a     12.5"]

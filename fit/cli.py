@@ -184,7 +184,7 @@ def fabric_command(
 
     The sheet shows the values beside those of fabrics that were measured elsewhere.
     """
-    from fit.export.kinds import read_fit
+    from fit.folders import read_fit
     from fit.virtual_tests.sheet import sheet_of
 
     typer.echo(sheet_of(read_fit(fit_file)[0]))

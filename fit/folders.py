@@ -1,4 +1,4 @@
-"""Folders for results, refused before the work that would fill them and not after it."""
+"""Folders of results: refused before the work that would fill them and not after it, and read again."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from pathlib import Path
 
 from fit.errors import FitError
 from fit.recordings.selection import is_of
-from formats.errors import ResultError
+from formats.errors import HangtimeError, ResultError
+from formats.fit_records import FitResult
 from formats.results import load_diagnosis, load_fit_result
 from formats.take import Take
 from formats.whole_files import make_writable
@@ -79,6 +80,23 @@ def set_aside_other_takes(path: Path, training: list[Take]) -> str:
         if one.exists():
             one.rename(_numbered(one, number))
     return f"{path} {whose}: kept as {_numbered(path, number).name}, with its report."
+
+
+def read_fit(path: Path) -> tuple[FitResult, Path]:
+    """Return a fit result and its file, given that file or the folder that `hangtime fit` filled.
+
+    Raises:
+        HangtimeError: it cannot be read, or is no fit.
+    """
+    file = path / "fit.json" if path.is_dir() else path
+    try:
+        return load_fit_result(file), file
+    except HangtimeError as no_fit:
+        try:
+            load_diagnosis(file)
+        except HangtimeError:
+            raise no_fit from None
+    raise FitError("is a diagnosis, which has no fabric", where=file, advice="give the fit.json of `hangtime fit`")
 
 
 def _numbered(path: Path, number: int) -> Path:

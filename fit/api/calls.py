@@ -240,8 +240,9 @@ def export(
         FitError: an unknown kind, or a fit that holds no such thing.
         OutputError: a file is there already and is not to be overwritten.
     """
-    from fit.export.kinds import Order, read_fit
+    from fit.export.kinds import Order
     from fit.export.kinds import export as write
+    from fit.folders import read_fit
 
     result = outcome.result if isinstance(outcome, FitOutcome) else read_fit(Path(outcome))[0]
     whose = _each(take)[0] if take is not None else None

@@ -81,7 +81,8 @@ def export_command(
     Every file says which numbers the takes do not identify. A fit of kinect-skirt or mocap-swatch fits the weight, so
     that it has no SI values. It can be written as csv and in motion, and that of kinect-skirt for Blender too.
     """
-    from fit.export.kinds import KINDS, Order, default_path, export, read_fit
+    from fit.export.kinds import KINDS, Order, default_path, export
+    from fit.folders import read_fit
     from formats.archive import read_take
     from formats.outputs import check_is_no_input
     from formats.plain_text import plain
@@ -138,7 +139,7 @@ def animate_command(
     """
     from fit.errors import FitError
     from fit.export.animation import Scene, animate
-    from fit.export.kinds import read_fit
+    from fit.folders import read_fit
     from formats.archive import read_take
     from formats.plain_text import plain
     from formats.terminal import ProgressLine, say

@@ -19,10 +19,8 @@ from fit.export.sheet import SWATCH_SIDE, SWATCH_SPACING, Sheet, check_spacing, 
 from fit.export.u3m import u3m
 from fit.export.usd_physics import THICKNESS, usd_physics
 from fit.methods import find_method
-from formats.errors import HangtimeError
 from formats.fit_records import FitResult
 from formats.outputs import check_name, make_output_folder, refuse_to_replace, write_bytes
-from formats.results import load_diagnosis, load_fit_result
 from formats.take import Take
 
 LEAST_THICKNESS, MOST_THICKNESS = 1e-5, 0.02  # m, from the thinnest foil to quilted wadding
@@ -145,23 +143,6 @@ KINDS: dict[str, Kind] = {
     ),
     "pc2": Kind(suffix=".pc2", title="the motion as a PC2 point cache, beside an OBJ", make=_pc2, beside=(".obj",)),
 }  # fmt: skip
-
-
-def read_fit(path: Path) -> tuple[FitResult, Path]:
-    """Return a fit result and its file, given that file or the folder that `hangtime fit` filled.
-
-    Raises:
-        HangtimeError: it cannot be read, or is no fit.
-    """
-    file = path / "fit.json" if path.is_dir() else path
-    try:
-        return load_fit_result(file), file
-    except HangtimeError as no_fit:
-        try:
-            load_diagnosis(file)
-        except HangtimeError:
-            raise no_fit from None
-    raise FitError("is a diagnosis, which has no fabric", where=file, advice="give the fit.json of `hangtime fit`")
 
 
 def export(order: Order, kind: str, path: Path, *, overwrite: bool = False) -> list[Path]:

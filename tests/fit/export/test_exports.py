@@ -15,8 +15,9 @@ import pytest
 
 from fit.errors import FitError
 from fit.export.fabric import fabric_of
-from fit.export.kinds import KINDS, Order, export, read_fit
+from fit.export.kinds import KINDS, Order, export
 from fit.export.sheet import garment_sheet, strip
+from fit.folders import read_fit
 from formats import command
 from formats.errors import HangtimeError, OutputError
 from formats.results import fit_result_from, save_diagnosis, save_fit_result

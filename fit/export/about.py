@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import metadata
 from typing import Any
 
-from fit.export.fabric import MEANING_OF_STATUS, Fabric, Quantity, Status
+from fit.export.fabric import MEANING_OF_STATUS, Fabric, Quantity, status_of
 from formats.fit_records import FitResult
 from formats.plain_text import plain
 
@@ -60,9 +60,8 @@ def caution_lines(result: FitResult, fabric: Fabric | None) -> list[str]:
         return lines
     for p in result.parameters:
         if p.is_identified is not True:
-            status: Status = "not identified" if p.is_identified is False else "no interval"
             ends = _ends(p.interval_low, p.interval_high)
-            lines.append(plain(f"{p.name} = {short(p.fitted)} {p.unit}{ends}: {MEANING_OF_STATUS[status]}."))
+            lines.append(plain(f"{p.name} = {short(p.fitted)} {p.unit}{ends}: {MEANING_OF_STATUS[status_of([p])]}."))
     return lines
 
 

@@ -12,7 +12,7 @@ are of one layer.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -25,7 +25,7 @@ from fit.engines import OWN
 from fit.errors import FitError
 from fit.methods import Parameterisation, find_method
 from formats.arrays import Floats
-from formats.fit_records import FitParameter, FitResult
+from formats.fit_records import Combination, FitParameter, FitResult
 
 Read = Callable[[Floats], float]
 Status = Literal["measured", "not identified", "no interval", "weighed", "tied to stretch", "assumed"]
@@ -144,7 +144,7 @@ def fabric_of(result: FitResult) -> Fabric:
         if parameter is not None:
             found.append(
                 Quantity(
-                    name=name, value=parameter.fitted, unit=unit, meaning=meaning, status=_status([parameter]),
+                    name=name, value=parameter.fitted, unit=unit, meaning=meaning, status=status_of([parameter]),
                     low=parameter.interval_low, high=parameter.interval_high,
                 )
             )  # fmt: skip
@@ -234,14 +234,15 @@ class _Rows:
 def _quantity(name: str, unit: str, meaning: str, rows: _Rows, read: Read) -> Quantity:
     behind = rows.parameters_behind(read)
     ends = rows.ends(read, behind)
-    status: Status = _status(behind) if behind else "weighed" if name == "areal_density" else "assumed"
+    status: Status = status_of(behind) if behind else "weighed" if name == "areal_density" else "assumed"
     low, high = ends if ends is not None else (None, None)
     return Quantity(
         name=name, value=float(read(rows.fitted)), unit=unit, meaning=meaning, status=status, low=low, high=high
     )
 
 
-def _status(behind: list[FitParameter]) -> Status:
+def status_of(behind: Sequence[FitParameter | Combination]) -> Status:
+    """Return what the takes say about a number that follows from these fitted ones."""
     if any(p.is_identified is False for p in behind):
         return "not identified"
     return "no interval" if any(p.is_identified is None for p in behind) else "measured"

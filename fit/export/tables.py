@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 from fit.cloth.support import GRAVITY
 from fit.export.about import caution_lines, origin_lines, provenance, short
-from fit.export.fabric import Fabric, Quantity
+from fit.export.fabric import Fabric, Quantity, status_of
 from fit.virtual_tests.kes import BENDING_UNIT, GRAM_FORCE, SHEAR_UNIT
 from formats.fit_records import FitResult
 from formats.rows import aligned, csv_text
@@ -32,23 +32,25 @@ def parameters_csv(result: FitResult, fabric: Fabric | None) -> str:
     A parameter that is not identified keeps its value in its own column, `one_of_many`, and leaves `value` empty.
     """
     heads = ("kind", "name", "value", "interval_low", "interval_high", "unit", "status", "one_of_many", "meaning")
-    rows: list[Sequence[object]] = []
-    for p in result.parameters:
-        status = {True: "measured", False: "not identified", None: "no interval"}[p.is_identified]
-        told = p.fitted if p.is_identified is not False else None
-        other = p.fitted if p.is_identified is False else None
-        rows.append(("parameter", p.name, told, p.interval_low, p.interval_high, p.unit, status, other, p.note))
+    rows: list[Sequence[object]] = [
+        ("parameter", p.name, p.fitted, p.interval_low, p.interval_high, p.unit, status_of([p]), p.note)
+        for p in result.parameters
+    ]
     for q in fabric.quantities if fabric is not None else ():
-        told, other = (q.value, None) if q.status != "not identified" else (None, q.value)
-        rows.append(("fabric", q.name, told, q.low, q.high, q.unit, q.status, other, q.meaning))
+        rows.append(("fabric", q.name, q.value, q.low, q.high, q.unit, q.status, q.meaning))
     for c in result.combinations:
-        status = "measured" if c.is_identified else "not identified"
-        told, other = (c.fitted, None) if c.is_identified else (None, c.fitted)
-        rows.append(("combination", c.name, told, c.interval_low, c.interval_high, c.unit, status, other, ""))
+        rows.append(("combination", c.name, c.fitted, c.interval_low, c.interval_high, c.unit, status_of([c]), ""))
     for name, value in provenance(result).items():
         text = " ".join(map(str, value)) if isinstance(value, list) else value
-        rows.append(("provenance", name, text, None, None, "", "", None, ""))
-    return csv_text(heads, rows)
+        rows.append(("provenance", name, text, None, None, "", "", ""))
+    return csv_text(heads, map(_set_apart, rows))
+
+
+def _set_apart(row: Sequence[object]) -> Sequence[object]:
+    """Return a row with its value in the column `one_of_many` where the takes do not identify it."""
+    kind, name, value, low, high, unit, status, meaning = row
+    told, other = (None, value) if status == "not identified" else (value, None)
+    return kind, name, told, low, high, unit, status, other, meaning
 
 
 def software_table(result: FitResult, fabric: Fabric) -> str:

@@ -27,6 +27,11 @@ def provenance(result: FitResult) -> dict[str, Any]:
     }
 
 
+def flat_provenance(result: FitResult) -> dict[str, Any]:
+    """Return the provenance with each list as one text, for formats that hold no lists."""
+    return {k: " ".join(map(str, v)) if isinstance(v, list) else v for k, v in provenance(result).items()}
+
+
 def quantity_record(quantity: Quantity) -> dict[str, Any]:
     """Return a quantity as plain values for JSON."""
     interval = None if quantity.low is None else [quantity.low, quantity.high]

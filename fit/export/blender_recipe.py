@@ -22,7 +22,6 @@ from fit.errors import FitError
 from fit.export.about import caution_lines, origin_lines
 from fit.export.fabric import Fabric, why_no_fabric
 from fit.export.sheet import Sheet
-from fit.export.usd_physics import mean_of_ways
 from formats.fit_records import FitResult
 
 SETTINGS = ("mass", "tension_stiffness", "bending_stiffness", "tension_damping", "air_damping", "shear_stiffness")
@@ -57,7 +56,7 @@ def _six(result: FitResult, fabric: Fabric | None) -> Any:
         raise FitError(why_no_fabric(result), advice="fit with si, or with kinect-skirt for Blender's own settings")
     return np.array(
         [
-            1.0, mean_of_ways(fabric, "stretch") / 10, 1e6 * mean_of_ways(fabric, "bending"),
+            1.0, fabric.mean_of_ways("stretch") / 10, 1e6 * fabric.mean_of_ways("bending"),
             fabric["bending_damping_time"].value / 4e-4, fabric["velocity_damping"].value / AIR_RATE, 1.0,
         ]
     )  # fmt: skip

@@ -24,7 +24,7 @@ from fit.export.about import caution_lines, origin_lines, provenance
 from fit.export.drawing import node_normals
 from fit.export.fabric import Fabric
 from fit.export.moving import Moving
-from fit.export.usd_physics import usd_bytes
+from fit.export.usd_stage import define_cloth, new_stage, usd_bytes
 from formats.arrays import Floats
 from formats.fit_records import FitResult
 from formats.rows import csv_text
@@ -57,25 +57,15 @@ def usd_cache(result: FitResult, fabric: Fabric | None, moving: Moving) -> bytes
     Raises:
         ModuleNotFoundError: usd-core is not installed.
     """
-    from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+    from pxr import Gf, Sdf, UsdGeom, Vt
 
-    stage = Usd.Stage.CreateInMemory()
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
-    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    stage = new_stage(result)
     codes = moving.time * CODES_PER_SECOND
     stage.SetTimeCodesPerSecond(CODES_PER_SECOND)
     stage.SetFramesPerSecond(CODES_PER_SECOND)
     stage.SetStartTimeCode(float(codes[0]))
     stage.SetEndTimeCode(float(codes[-1]))
-    root = UsdGeom.Xform.Define(stage, "/Garment").GetPrim()
-    stage.SetDefaultPrim(root)
-    plain = {k: " ".join(map(str, v)) if isinstance(v, list) else v for k, v in provenance(result).items()}
-    root.SetCustomDataByKey("hangtime", plain)
-    mesh = UsdGeom.Mesh.Define(stage, "/Garment/cloth")
-    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-    mesh.CreateDoubleSidedAttr(True)
-    mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(moving.triangles), 3, np.int32)))
-    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(moving.triangles.astype(np.int32).ravel()))
+    mesh = define_cloth(stage, moving.triangles)
     flat = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex)
     flat.Set(Vt.Vec2fArray.FromNumpy(moving.rest.astype(np.float32)))
     points, extent = mesh.CreatePointsAttr(), mesh.CreateExtentAttr()

@@ -73,6 +73,10 @@ class Fabric:
         """Return a quantity's value, 0 where the fabric does not have it."""
         return next((q.value for q in self.quantities if q.name == name), 0.0)
 
+    def mean_of_ways(self, name: str) -> float:
+        """Return the geometric mean of warp and weft, for a format that knows one direction."""
+        return float(np.sqrt(self[f"{name}_warp"].value * self[f"{name}_weft"].value))
+
     @property
     def not_identified(self) -> tuple[Quantity, ...]:
         """Return the quantities that the takes do not identify."""

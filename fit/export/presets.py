@@ -41,7 +41,6 @@ from fit.effects.air_drag import AIR_DENSITY
 from fit.export.about import caution_lines, origin_lines, provenance, quantity_record
 from fit.export.fabric import Fabric, Quantity
 from fit.export.sheet import SWATCH_SPACING, Sheet
-from fit.export.usd_physics import mean_of_ways
 from formats.fit_records import FitResult
 
 SLIDES = "".join(f'<joint type="slide" axis="{axis}"/>' for axis in ("1 0 0", "0 1 0", "0 0 1"))
@@ -50,7 +49,7 @@ FEWEST_STEPS = 4.0  # steps a period of the fastest node, for MuJoCo's semi-impl
 
 def newton_preset(result: FitResult, fabric: Fabric, spacing: float = SWATCH_SPACING) -> bytes:
     """Return the numbers of Newton's solvers as JSON; those of edges are for a square grid of this spacing [m]."""
-    stretch, bending = mean_of_ways(fabric, "stretch"), mean_of_ways(fabric, "bending")
+    stretch, bending = fabric.mean_of_ways("stretch"), fabric.mean_of_ways("bending")
     density = fabric["areal_density"].value
     ways = [fabric["stretch_weft"].value, fabric["stretch_warp"].value, fabric["shear"].value]
     bends = [fabric["bending_weft"].value / 3, fabric["bending_warp"].value / 3, bending / 3]
@@ -97,7 +96,7 @@ def newton_preset(result: FitResult, fabric: Fabric, spacing: float = SWATCH_SPA
 
 def mujoco_flex(result: FitResult, fabric: Fabric, sheet: Sheet) -> bytes:
     """Return a sheet of MuJoCo's flex as MJCF that hangs from its held edge."""
-    stretch, bending = mean_of_ways(fabric, "stretch"), mean_of_ways(fabric, "bending")
+    stretch, bending = fabric.mean_of_ways("stretch"), fabric.mean_of_ways("bending")
     thickness = float(np.sqrt(12 * bending / stretch))
     masses = fabric["areal_density"].value * _node_areas(sheet)
     held = set(sheet.held.tolist())
@@ -164,6 +163,6 @@ def _timestep(fabric: Fabric, sheet: Sheet) -> float:
     a, b, c = (sheet.rest[sheet.triangles[:, k]] for k in range(3))
     shortest = min(float(np.linalg.norm(p - q, axis=1).min()) for p, q in ((a, b), (b, c), (c, a)))
     density = fabric["areal_density"].value
-    wave = np.sqrt(4 * mean_of_ways(fabric, "stretch") / density) / shortest
-    bend = np.sqrt(16 * mean_of_ways(fabric, "bending") / density) / shortest**2
+    wave = np.sqrt(4 * fabric.mean_of_ways("stretch") / density) / shortest
+    bend = np.sqrt(16 * fabric.mean_of_ways("bending") / density) / shortest**2
     return float(min(2e-3, 1 / (FEWEST_STEPS / 2 * np.hypot(wave, bend))))

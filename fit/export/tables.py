@@ -16,7 +16,7 @@ import textwrap
 from collections.abc import Callable, Iterable, Sequence
 
 from fit.cloth.support import GRAVITY
-from fit.export.about import caution_lines, origin_lines, provenance, short
+from fit.export.about import caution_lines, flat_provenance, origin_lines, short
 from fit.export.fabric import Fabric, Quantity, status_of
 from fit.virtual_tests.kes import BENDING_UNIT, GRAM_FORCE, SHEAR_UNIT
 from formats.fit_records import FitResult
@@ -40,9 +40,8 @@ def parameters_csv(result: FitResult, fabric: Fabric | None) -> str:
         rows.append(("fabric", q.name, q.value, q.low, q.high, q.unit, q.status, q.meaning))
     for c in result.combinations:
         rows.append(("combination", c.name, c.fitted, c.interval_low, c.interval_high, c.unit, status_of([c]), ""))
-    for name, value in provenance(result).items():
-        text = " ".join(map(str, value)) if isinstance(value, list) else value
-        rows.append(("provenance", name, text, None, None, "", "", ""))
+    for name, value in flat_provenance(result).items():
+        rows.append(("provenance", name, value, None, None, "", "", ""))
     return csv_text(heads, map(_set_apart, rows))
 
 

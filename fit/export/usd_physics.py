@@ -12,19 +12,18 @@ each number. All these are under `hangtime:`.
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fit.export.about import caution_lines, origin_lines, provenance
+from fit.export.about import caution_lines, origin_lines
 from fit.export.fabric import Fabric, Quantity
-from fit.export.sheet import Sheet
+from fit.export.sheet import Sheet, upright
+from fit.export.usd_stage import ROOT, define_cloth, new_stage, usd_bytes
 from formats.fit_records import FitResult
 
 THICKNESS = 1e-3  # m: the proposal's own fallback; no motion tells a thickness
-ROOT, CLOTH, MATERIAL = "/Garment", "/Garment/cloth", "/Garment/fabric"
+MATERIAL = f"{ROOT}/fabric"
 
 
 def usd_physics(result: FitResult, fabric: Fabric, sheet: Sheet, thickness: float = THICKNESS) -> bytes:
@@ -33,19 +32,13 @@ def usd_physics(result: FitResult, fabric: Fabric, sheet: Sheet, thickness: floa
     Raises:
         ModuleNotFoundError: usd-core is not installed.
     """
-    from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
+    from pxr import UsdPhysics, UsdShade
 
-    stage = Usd.Stage.CreateInMemory()
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
-    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    stage = new_stage(result)
     UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
-    root = UsdGeom.Xform.Define(stage, ROOT).GetPrim()
-    stage.SetDefaultPrim(root)
-    root.AddAppliedSchema("PhysicsDeformableBodyAPI")
-    root.SetCustomDataByKey("hangtime", _plain(provenance(result)))
-    _cloth(stage, sheet, thickness)
+    stage.GetDefaultPrim().AddAppliedSchema("PhysicsDeformableBodyAPI")
+    cloth = _cloth(stage, sheet, thickness)
     material = _material(stage, fabric, thickness)
-    cloth = stage.GetPrimAtPath(CLOTH)
     UsdShade.MaterialBindingAPI.Apply(cloth).Bind(material, UsdShade.Tokens.weakerThanDescendants, "physics")
     words = [
         *origin_lines(result),
@@ -57,33 +50,18 @@ def usd_physics(result: FitResult, fabric: Fabric, sheet: Sheet, thickness: floa
     return usd_bytes(stage, ".usda")
 
 
-def usd_bytes(stage: Any, suffix: str) -> bytes:
-    """Return a stage as the bytes of its file."""
-    with tempfile.TemporaryDirectory(prefix="hangtime-usd-") as folder:
-        path = Path(folder) / f"stage{suffix}"
-        if not stage.GetRootLayer().Export(str(path)):
-            raise OSError(f"usd-core could not write {path}")
-        return path.read_bytes()
+def _cloth(stage: Any, sheet: Sheet, thickness: float) -> Any:
+    """Define the mesh with its flat rest shape, and return its prim."""
+    from pxr import Sdf, Vt
 
-
-def _cloth(stage: Any, sheet: Sheet, thickness: float) -> None:
-    """Define the mesh with its flat rest shape."""
-    from pxr import Sdf, UsdGeom, Vt
-
-    mesh = UsdGeom.Mesh.Define(stage, CLOTH)
-    points = Vt.Vec3fArray.FromNumpy(sheet.start.astype(np.float32))
-    mesh.CreatePointsAttr(points)
+    mesh = define_cloth(stage, sheet.triangles)
+    mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(sheet.start.astype(np.float32)))
     mesh.CreateExtentAttr(
         Vt.Vec3fArray.FromNumpy(np.stack([sheet.start.min(0), sheet.start.max(0)]).astype(np.float32))
     )
-    mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(sheet.triangles), 3, np.int32)))
-    corners = sheet.triangles.astype(np.int32)
-    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(corners.ravel()))
-    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-    mesh.CreateDoubleSidedAttr(True)
     prim = mesh.GetPrim()
     prim.AddAppliedSchema("PhysicsSurfaceDeformableSimAPI")
-    flat = np.stack([sheet.rest[:, 0], np.zeros(len(sheet.rest)), sheet.rest[:, 1]], 1).astype(np.float32)
+    flat, corners = upright(sheet.rest).astype(np.float32), sheet.triangles.astype(np.int32)
     types = Sdf.ValueTypeNames
     for name, kind, value in (
         ("physics:restShapePoints", types.Point3fArray, Vt.Vec3fArray.FromNumpy(flat)),
@@ -93,6 +71,7 @@ def _cloth(stage: Any, sheet: Sheet, thickness: float) -> None:
         ("hangtime:heldPoints", types.IntArray, Vt.IntArray.FromNumpy(sheet.held.astype(np.int32))),
     ):
         prim.CreateAttribute(name, kind).Set(value)
+    return prim
 
 
 def _material(stage: Any, fabric: Fabric, thickness: float) -> Any:
@@ -102,7 +81,7 @@ def _material(stage: Any, fabric: Fabric, thickness: float) -> Any:
     material = UsdShade.Material.Define(stage, MATERIAL)
     prim = material.GetPrim()
     prim.AddAppliedSchema("PhysicsSurfaceDeformableMaterialAPI")
-    stretch, bending = mean_of_ways(fabric, "stretch"), mean_of_ways(fabric, "bending")
+    stretch, bending = fabric.mean_of_ways("stretch"), fabric.mean_of_ways("bending")
     for name, value in (
         ("density", fabric["areal_density"].value / thickness),
         ("poissonsRatio", 0.0),
@@ -129,13 +108,3 @@ def _own(prim: Any, quantity: Quantity) -> None:
     prim.CreateAttribute(f"{name}:isIdentified", types.Bool).Set(quantity.is_told)
     if quantity.low is not None and quantity.high is not None:
         prim.CreateAttribute(f"{name}:interval90", types.Double2).Set(Gf.Vec2d(quantity.low, quantity.high))
-
-
-def mean_of_ways(fabric: Fabric, name: str) -> float:
-    """Return the geometric mean of warp and weft, for a format that knows one direction."""
-    return float(np.sqrt(fabric[f"{name}_warp"].value * fabric[f"{name}_weft"].value))
-
-
-def _plain(values: dict[str, Any]) -> dict[str, Any]:
-    """Return values that USD takes as custom data: lists of text become one text."""
-    return {name: " ".join(map(str, value)) if isinstance(value, list) else value for name, value in values.items()}

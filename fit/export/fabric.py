@@ -132,7 +132,7 @@ def fabric_of(result: FitResult) -> Fabric:
         if result.engine != OWN:  # its cloth keeps no shapes
             kinds = [k for k in kinds if k in ("csv", "blender")]
         raise FitError(reason, advice=f"this fit can be exported as {', '.join(kinds)}")
-    method, effects = find_method(result.method), _effects(result)
+    method, effects = find_method(result.method), effects_of(result)
     _check_belongs_together(result, method)
     rows = _Rows(result, method, effects)
     found = [
@@ -268,6 +268,6 @@ def _times(quantity: Quantity, share: float) -> Quantity:
     )  # fmt: skip
 
 
-def _effects(result: FitResult) -> tuple[Effect, ...]:
+def effects_of(result: FitResult) -> tuple[Effect, ...]:
     """Return the effects that a fit has, in the library's order."""
     return tuple(e for e in LIBRARY if set(parameter_names(e)) <= result.effects.keys())

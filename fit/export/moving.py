@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.cloth.effect import amplitudes_of, columns_of, parameter_names
+from fit.cloth.effect import parameter_names
 from fit.cloth.model import Resolution
 from fit.cloth.simulator import Simulator
-from fit.effects import LIBRARY, find_effects
+from fit.effects import find_effects
 from fit.engines import OWN
 from fit.errors import BlowUpError, FitError
+from fit.export.fabric import effects_of
 from fit.methods import find_method
 from fit.recordings.recording import Recording, prepare
 from formats.arrays import Floats, Singles
@@ -88,23 +89,21 @@ def motion_of(
             f"the fit is of {result.engine}'s cloth, which keeps no shapes", advice="fit with the engine own"
         )
     method = find_method(result.method)
-    effects = tuple(e for e in LIBRARY if set(parameter_names(e)) <= result.effects.keys())
+    effects = effects_of(result)
     if unknown := sorted(result.effects.keys() - {name for e in effects for name in parameter_names(e)}):
         raise FitError(
             f"this version of Hangtime knows no effect {unknown[0]}", advice="use the version that fitted it"
         )
-    adds_contact = layers_apart > 0 and CONTACT.name not in result.effects
-    effects += (CONTACT,) if adds_contact else ()
+    if layers_apart > 0 and CONTACT not in effects:
+        effects += (CONTACT,)
     simulator = Simulator(recording, effects, resolution=Resolution(spacing=spacing or method.spacing))
-    names = [p.name for p in result.parameters]
-    if missing := [p.name for p in method.parameters if p.name not in names]:
+    fitted = {p.name: p.fitted for p in result.parameters}
+    if missing := [p.name for p in method.parameters if p.name not in fitted]:
         raise FitError(f"the fit lacks {missing[0]}, a parameter of the method {method.name}", advice="fit again")
-    values = np.array([result.parameters[names.index(p.name)].fitted for p in method.parameters])
+    values = np.array([fitted[p.name] for p in method.parameters])
     density = recording.garment.mass_kg / float(simulator.mesh.area)
-    amplitudes = amplitudes_of(effects)
-    for effect, columns in zip(effects, columns_of(effects), strict=True):
-        known = result.effects | {CONTACT.name: layers_apart} if adds_contact else result.effects
-        amplitudes[columns] = [known[name] for name in parameter_names(effect)]
+    known = {CONTACT.name: layers_apart} | result.effects
+    amplitudes = np.array([known[name] for effect in effects for name in parameter_names(effect)])
     done = simulator.run(method.to_materials(values[None], density), amplitudes[None], shapes=True)
     if done.shapes is None or not np.isfinite(done.points).all():
         raise BlowUpError(

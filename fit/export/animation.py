@@ -12,9 +12,8 @@ from fit.export import caches
 from fit.export.fabric import fabric_of, why_no_fabric
 from fit.export.moving import Moving, motion_of
 from fit.export.new_motion import hung_swatch, new_motion
-from fit.export.sheet import check_spacing
+from fit.export.sheet import SWATCH_SPACING, check_spacing
 from fit.export.video import CODECS, DEFAULT_SIZE, film
-from fit.methods import find_method
 from fit.recordings.recording import prepare
 from formats.fit_records import FitResult
 from formats.outputs import check_name, make_output_folder, refuse_to_replace, write_bytes
@@ -23,7 +22,6 @@ from formats.take import Take
 FILMS = (*CODECS, ".gif")
 SUFFIXES = (*FILMS, ".usdc", ".glb")
 SMALLEST, LARGEST = 64, 4096  # px
-SWATCH_SPACING = 0.02  # m
 LAYERS_APART = 2e-3  # m, of sewn garments: a thick fabric (KES, at 0.05 kPa: 0.2 to 2 mm)
 
 Show = Callable[[float, str], None]
@@ -53,7 +51,7 @@ class Scene:
         recording = prepare(self.take) if self.take is not None else hung_swatch(fabric_of(self.result))
         if self.motion:
             recording = new_motion(recording, self.motion, self.seconds)
-        spacing = self.spacing or (find_method(self.result.method).spacing if self.take is not None else SWATCH_SPACING)
+        spacing = SWATCH_SPACING if self.spacing is None and self.take is None else self.spacing
         apart = LAYERS_APART if recording.garment.seams else 0.0
         return motion_of(self.result, recording, spacing, layers_apart=apart)
 

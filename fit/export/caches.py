@@ -176,16 +176,15 @@ class _Glb:
 
 
 def pc2(moving: Moving) -> bytes:
-    """Return a PC2 point cache at an even rate; the OBJ of `obj` has its points and faces."""
-    even = moving.even()
-    head = struct.pack("<12siiffi", b"POINTCACHE2\0", 1, even.places.shape[1], 0.0, 1.0, len(even.places))
-    return head + np.ascontiguousarray(even.places, "<f4").tobytes()
+    """Return a PC2 point cache of a motion at an even rate; the OBJ of `obj` has its points and faces."""
+    head = struct.pack("<12siiffi", b"POINTCACHE2\0", 1, moving.places.shape[1], 0.0, 1.0, len(moving.places))
+    return head + np.ascontiguousarray(moving.places, "<f4").tobytes()
 
 
 def obj(result: FitResult, fabric: Fabric | None, moving: Moving) -> bytes:
-    """Return the first frame as an OBJ, with the words that PC2 has no room for."""
+    """Return the first frame of the motion of `pc2` as an OBJ, with the words that PC2 has no room for."""
     lines = [f"# {line}" for line in words(result, fabric)]
-    lines.append(f"# Motion: {len(moving.even().places)} samples at {moving.rate:.6g} a second, z up, metres.")
+    lines.append(f"# Motion: {len(moving.places)} samples at {moving.rate:.6g} a second, z up, metres.")
     lines += [f"v {x:.7g} {y:.7g} {z:.7g}" for x, y, z in moving.places[0].tolist()]
     lines += [f"vt {x:.7g} {y:.7g}" for x, y in moving.rest.tolist()]
     lines += [f"f {' '.join(f'{i + 1}/{i + 1}' for i in face)}" for face in moving.triangles.tolist()]

@@ -88,16 +88,15 @@ class Order:
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """A kind of export: file name's end, what it is, what makes the files, and the ends of those beside the first."""
+    """A kind of export: file name's end, what makes the files, and the ends of those beside the first."""
 
     suffix: str
-    title: str
     make: Callable[[Order], dict[str, bytes]]
     beside: tuple[str, ...] = ()
 
 
-def _one(suffix: str, title: str, make: Callable[[Order], bytes]) -> Kind:
-    return Kind(suffix=suffix, title=title, make=lambda order: {suffix: make(order)})
+def _one(suffix: str, make: Callable[[Order], bytes]) -> Kind:
+    return Kind(suffix=suffix, make=lambda order: {suffix: make(order)})
 
 
 def _csv(order: Order) -> dict[str, bytes]:
@@ -106,43 +105,22 @@ def _csv(order: Order) -> dict[str, bytes]:
 
 
 def _pc2(order: Order) -> dict[str, bytes]:
-    whole = caches.obj(order.result, order.fabric_if_any, order.moving)
-    return {".pc2": caches.pc2(order.moving), ".obj": whole}
+    even = order.moving.even()
+    return {".pc2": caches.pc2(even), ".obj": caches.obj(order.result, order.fabric_if_any, even)}
 
 
 KINDS: dict[str, Kind] = {
-    "csv": Kind(
-        suffix=".csv", title="every parameter and SI quantity with its interval, and motion", make=_csv,
-        beside=(".motion.csv",),
-    ),
-    "table": _one(
-        ".fabric.txt", "what to type into CLO, Marvelous Designer and Browzwear",
-        lambda o: tables.software_table(o.result, o.fabric).encode(),
-    ),
-    "usd-physics": _one(
-        ".physics.usda", "the fabric as a deformable of OpenUSD",
-        lambda o: usd_physics(o.result, o.sheets_fabric, o.sheet, o.thickness),
-    ),
-    "newton": _one(
-        ".newton.json", "the numbers of Newton's cloth solvers",
-        lambda o: presets.newton_preset(o.result, o.fabric, o.grid_spacing),
-    ),
-    "mujoco": _one(
-        ".mujoco.xml", "a sheet of MuJoCo's flex", lambda o: presets.mujoco_flex(o.result, o.sheets_fabric, o.sheet)
-    ),
-    "u3m": _one(".u3m", "the fabric as U3M 1.1", lambda o: u3m(o.result, o.fabric)),
-    "blender": _one(
-        ".blender.py", "a script that builds the cloth in Blender, approximately",
-        lambda o: blender_script(o.result, o.fabric_if_any, o.sheet),
-    ),
-    "usd": _one(
-        ".usdc", "the motion as an OpenUSD cache", lambda o: caches.usd_cache(o.result, o.fabric_if_any, o.moving)
-    ),
-    "gltf": _one(
-        ".glb", "the motion as glTF with morph targets", lambda o: caches.gltf(o.result, o.fabric_if_any, o.moving)
-    ),
-    "pc2": Kind(suffix=".pc2", title="the motion as a PC2 point cache, beside an OBJ", make=_pc2, beside=(".obj",)),
-}  # fmt: skip
+    "csv": Kind(suffix=".csv", make=_csv, beside=(".motion.csv",)),
+    "table": _one(".fabric.txt", lambda o: tables.software_table(o.result, o.fabric).encode()),
+    "usd-physics": _one(".physics.usda", lambda o: usd_physics(o.result, o.sheets_fabric, o.sheet, o.thickness)),
+    "newton": _one(".newton.json", lambda o: presets.newton_preset(o.result, o.fabric, o.grid_spacing)),
+    "mujoco": _one(".mujoco.xml", lambda o: presets.mujoco_flex(o.result, o.sheets_fabric, o.sheet)),
+    "u3m": _one(".u3m", lambda o: u3m(o.result, o.fabric)),
+    "blender": _one(".blender.py", lambda o: blender_script(o.result, o.fabric_if_any, o.sheet)),
+    "usd": _one(".usdc", lambda o: caches.usd_cache(o.result, o.fabric_if_any, o.moving)),
+    "gltf": _one(".glb", lambda o: caches.gltf(o.result, o.fabric_if_any, o.moving)),
+    "pc2": Kind(suffix=".pc2", make=_pc2, beside=(".obj",)),
+}
 
 
 def export(order: Order, kind: str, path: Path, *, overwrite: bool = False) -> list[Path]:

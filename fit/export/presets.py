@@ -37,6 +37,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from fit.cloth.support import GRAVITY
 from fit.effects.air_drag import AIR_DENSITY
 from fit.export.about import caution_lines, origin_lines, provenance, quantity_record
 from fit.export.fabric import Fabric, Quantity
@@ -98,7 +99,7 @@ def mujoco_flex(result: FitResult, fabric: Fabric, sheet: Sheet) -> bytes:
     """Return a sheet of MuJoCo's flex as MJCF that hangs from its held edge."""
     stretch, bending = fabric.mean_of_ways("stretch"), fabric.mean_of_ways("bending")
     thickness = float(np.sqrt(12 * bending / stretch))
-    masses = fabric["areal_density"].value * _node_areas(sheet)
+    masses = fabric["areal_density"].value * sheet.node_areas
     held = set(sheet.held.tolist())
     bodies = []
     for k, (place, mass) in enumerate(zip(sheet.start.tolist(), masses.tolist(), strict=True)):
@@ -123,7 +124,7 @@ def mujoco_flex(result: FitResult, fabric: Fabric, sheet: Sheet) -> bytes:
 {comment}
   hangtime_NAME holds a value and, where it has one, its 90 % interval.
   -->
-  <option timestep="{_timestep(fabric, sheet):.3g}" integrator="Euler" gravity="0 0 -9.80665"/>
+  <option timestep="{_timestep(fabric, sheet):.3g}" integrator="Euler" gravity="0 0 {-GRAVITY}"/>
   <size memory="500M"/>
   <custom>
     <text name="hangtime_provenance" data={quoteattr(json.dumps(provenance(result)))}/>
@@ -148,14 +149,6 @@ def mujoco_flex(result: FitResult, fabric: Fabric, sheet: Sheet) -> bytes:
 def _numbers(quantity: Quantity) -> str:
     ends = [] if quantity.low is None or quantity.high is None else [quantity.low, quantity.high]
     return " ".join(f"{value:.9g}" for value in (quantity.value, *ends))
-
-
-def _node_areas(sheet: Sheet) -> Any:
-    """Return each node's third of its triangles' areas [m^2], (nodes,)."""
-    a, b, c = (sheet.rest[sheet.triangles[:, k]] for k in range(3))
-    p, q = b - a, c - a
-    areas = 0.5 * np.abs(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])
-    return np.bincount(sheet.triangles.ravel(), np.repeat(areas / 3, 3), minlength=len(sheet.rest))
 
 
 def _timestep(fabric: Fabric, sheet: Sheet) -> float:

@@ -37,16 +37,12 @@ class Sheet:
     held: NDArray[np.int64]
 
     @property
-    def area(self) -> float:
-        """Return the area [m^2]."""
+    def node_areas(self) -> Floats:
+        """Return each node's third of its triangles' areas [m^2], (nodes,)."""
         a, b, c = (self.rest[self.triangles[:, k]] for k in range(3))
         p, q = b - a, c - a
-        return float(0.5 * np.abs(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]).sum())
-
-    @property
-    def spacing(self) -> float:
-        """Return the mean distance of neighbouring nodes [m]: of a grid with two triangles a cell."""
-        return float(np.sqrt(2 * self.area / len(self.triangles)))
+        areas = 0.5 * np.abs(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])
+        return np.bincount(self.triangles.ravel(), np.repeat(areas / 3, 3), minlength=len(self.rest))
 
 
 def check_spacing(spacing: float | None) -> None:

@@ -13,13 +13,11 @@ import warnings
 import newton
 import numpy as np
 import warp as wp
+from hanging_chain import AMPLITUDE, SETTLE, SETTLING, SWING, first_mode, frequency
 from newton.solvers import SolverSemiImplicit, SolverStyle3D, SolverVBD, style3d
 
 GRAVITY = 9.80665  # m/s^2
-SETTLE, SWING = 0.6, 2.6  # s
-AMPLITUDE = 0.01  # m/s per unit of the mode: swings of some millimetres
 STEPS = {"SolverStyle3D": 5e-3, "SolverVBD": 1e-3, "SolverSemiImplicit": 1e-4}  # s
-SETTLING = 20.0  # 1/s of velocity, while the strip settles
 
 
 def loaded(path):
@@ -108,23 +106,6 @@ def main():
     out["hertz"] = frequency(np.array(track), dt)
     out["version"] = newton.__version__
     print(json.dumps(out))
-
-
-def first_mode(height):
-    """Return J0(2.404826 sqrt(height)), the first mode of a chain, from its power series."""
-    z = -((2.404826**2) * height) / 4
-    total, term = np.ones_like(z), np.ones_like(z)
-    for k in range(1, 20):
-        term = term * z / k**2
-        total += term
-    return total
-
-
-def frequency(track, dt):
-    """Return how often a second the track swings, from its crossings of zero."""
-    at = np.flatnonzero(np.diff(np.sign(track[1:]))) + 1
-    exact = (at + track[at] / (track[at] - track[at + 1])) * dt
-    return float((len(exact) - 1) / 2 / (exact[-1] - exact[0]))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Silhouettes whose every pixel is known: a mask and a depth that a formula gives."""
+"""Silhouettes whose every pixel is known, a mask and a depth that a formula gives, and surfaces of known nodes."""
 
 from __future__ import annotations
 
@@ -6,8 +6,13 @@ import cv2
 import numpy as np
 
 from capture.garment.silhouette import Silhouette, Window
+from formats.rig import Sensor
 
 LEFT, TOP = 200, 150  # px, where the window begins in the picture
+LEFT_TOP = np.array([LEFT, TOP])
+SQUARE = Sensor(width=640, height=480, fx=500.0, fy=500.0, cx=319.5, cy=239.5)
+PIXEL = 1.6 / 500.0  # m that a pixel of SQUARE spans 1.6 m away
+H = 0.02  # m between nodes
 
 
 def silhouette(mask, depth=1.6, raw=None):
@@ -26,3 +31,13 @@ def rectangle(left, top, right, bottom, shape=(160, 200)):
     mask = np.zeros(shape, np.uint8)
     mask[top : bottom + 1, left : right + 1] = 1
     return mask
+
+
+def sheet(rows=9, columns=12, slope=0.0):
+    """A flat surface [m], (rows, columns, 3), whose depth rises by `slope` along x."""
+    y, x = np.indices((rows, columns)) * H
+    return np.stack([x, y, 1.6 + slope * x], axis=-1)
+
+
+RECTANGLE = np.array([[20, 20], [179, 20], [179, 139], [20, 139]], float)  # px of the window
+WHOLE = rectangle(20, 20, 179, 139)

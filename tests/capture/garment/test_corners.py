@@ -1,0 +1,97 @@
+"""Corners of outlines whose every pixel is known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from capture.garment.corners import CURL_SD, HARRIS_SD, HELD_SD, PanelCorners, ShirtCorners
+from tests.capture.garment.flat_cloth import LEFT, LEFT_TOP, RECTANGLE, WHOLE, rectangle, silhouette
+
+SIDES = np.full((4, 2), 120.0)
+
+
+def window_held(left, right):
+    return np.array([left, right], float) + LEFT_TOP
+
+
+def test_corners_of_a_rectangle_lie_at_the_rims_of_its_outermost_pixels():
+    """Half a pixel outside their centres; the top side is where the held edge says."""
+    found = PanelCorners().find(silhouette(WHOLE), window_held([20, 18], [179, 18]), SIDES)
+    expected = LEFT_TOP + np.array([[19.5, 18], [179.5, 18], [179.5, 139.5], [19.5, 139.5]])
+    assert found.pixels == pytest.approx(expected, abs=1e-6)
+    # A side of up to 45 px from 3 px on is 43 pixels: 2 x 0.8 px / sqrt 43 and 0.5 px of curl.
+    side = math.hypot(1.6 / math.sqrt(43), CURL_SD)
+    assert found.sd == pytest.approx(np.array([[side, HELD_SD]] * 2 + [[side, side]] * 2), rel=1e-6)
+
+
+def test_a_shorter_side_gives_a_shorter_line():
+    """0.6 of 50 px are 30: 28 pixels from 3 px on."""
+    found = PanelCorners().find(silhouette(WHOLE), window_held([20, 20], [179, 20]), np.full((4, 2), 50.0))
+    assert found.sd[2] == pytest.approx([math.hypot(1.6 / math.sqrt(28), CURL_SD)] * 2, rel=1e-6)
+    # Each side has its own: before the corner the one to the right, after it the one below.
+    sides = np.tile([50.0, 30.0], (4, 1))
+    sd = PanelCorners().find(silhouette(WHOLE), window_held([20, 20], [179, 20]), sides).sd[2]
+    assert sd == pytest.approx([math.hypot(1.6 / math.sqrt(n), CURL_SD) for n in (28, 16)], rel=1e-6)
+
+
+def test_sides_too_short_for_a_line_leave_the_corner_as_it_was_found():
+    found = PanelCorners().find(silhouette(WHOLE), window_held([20, 20], [179, 20]), np.full((4, 2), 10.0))
+    assert found.sd.tolist() == [[HARRIS_SD] * 2] * 4
+    assert found.pixels == pytest.approx(LEFT_TOP + RECTANGLE, abs=2)
+
+
+def test_a_held_edge_far_from_the_corners_leaves_them_as_they_were_found():
+    """A crossing more than 10 px away is none."""
+    for above, refined in ((9, True), (11, False)):
+        found = PanelCorners().find(silhouette(WHOLE), window_held([20, 20 - above], [179, 20 - above]), SIDES)
+        assert (found.sd[0, 1] == HELD_SD) == refined
+        assert (found.sd[0, 0] == HARRIS_SD) != refined
+
+
+def test_corners_of_a_turned_rectangle_are_found_to_a_third_of_a_pixel():
+    """Turned by 12 degrees about its middle, drawn pixel by pixel where their centres lie inside."""
+    rows, columns = np.indices((200, 220)).astype(float)
+    c, s = math.cos(math.radians(12)), math.sin(math.radians(12))
+    x, y = c * (columns - 110) + s * (rows - 100), -s * (columns - 110) + c * (rows - 100)
+    mask = (np.abs(x) <= 70) & (np.abs(y) <= 50)
+    true = np.array(
+        [[c * a - s * b + 110, s * a + c * b + 100] for a, b in ((-70, -50), (70, -50), (70, 50), (-70, 50))]
+    )
+    found = PanelCorners().find(silhouette(mask), true[:2] + LEFT_TOP, SIDES)
+    assert np.abs(found.pixels - LEFT_TOP - true).max() < 0.35
+    normals = np.hypot([c, s], [s, c])
+    assert found.sd[2] == pytest.approx(normals * math.hypot(1.6 / math.sqrt(46), CURL_SD), rel=0.05)
+
+
+def test_a_line_of_pixels_has_no_four_corners():
+    line = rectangle(20, 20, 20, 139)
+    for finder in (PanelCorners(), ShirtCorners()):
+        found = finder.find(silhouette(line), window_held([20, 20], [22, 20]), SIDES)
+        assert found.pixels.shape == found.sd.shape == (4, 2)
+        assert np.isnan([found.pixels, found.sd]).all()
+
+
+def test_a_shirts_upper_corners_are_its_outermost_places():
+    """A T of 160 px whose sleeves end slanted, 20 px lower outside than a panel's corner would be."""
+    mask = rectangle(60, 20, 139, 139)
+    for k in range(40):
+        mask[20 + k // 2 : 60 + k // 2, 60 - k] = 1
+        mask[20 + k // 2 : 60 + k // 2, 139 + k] = 1
+    shirt = ShirtCorners()
+    assert shirt.tips == (0, 1)
+    assert PanelCorners().tips == ()
+    found = shirt.find(silhouette(mask), window_held([60, 20], [139, 20]), SIDES)
+    assert found.pixels[:2, 0] == pytest.approx([LEFT + 21, LEFT + 178], abs=2.5)
+    assert found.pixels[2:] == pytest.approx(LEFT_TOP + np.array([[139.5, 139.5], [59.5, 139.5]]), abs=0.1)
+
+
+def test_corners_of_a_flat_outline_by_the_same_rule():
+    """In metres and y up: a hexagon with sleeves at (-3, 1) and (3, 1.1)."""
+    outline = np.array([[-2.0, 2.0], [2.0, 2.0], [3.0, 1.1], [2.0, -2.0], [-2.0, -2.1], [-3.0, 1.0]])
+    assert PanelCorners().flat_corners(outline).tolist() == [[-2, 2], [3, 1.1], [2, -2], [-2, -2.1]]
+    assert ShirtCorners().flat_corners(outline).tolist() == [[-3, 1], [3, 1.1], [2, -2], [-2, -2.1]]
+    square = np.array([[-1.0, 1.0], [1.1, 1.0], [1.0, -1.0], [-1.0, -1.1]])
+    assert PanelCorners().flat_corners(square).tolist() == square.tolist()

@@ -1,0 +1,42 @@
+"""The slant of flat cloth at its rim, worked by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from capture.garment.slant import AROUND, LEVEL, rim_slant
+from tests.capture.garment.flat_cloth import LEFT, PIXEL, SQUARE, TOP, WHOLE, rectangle, silhouette
+
+
+@pytest.mark.parametrize(("outwards", "along"), [(0.5, 0.0), (-0.5, 0.0), (0.3, 0.4), (0.3, -0.4)])
+def test_the_slant_at_a_straight_rim_is_exact(outwards, along):
+    """n . X = d with n = (-a, -b, 1) has the slope dz/dx = a where it is level with the ray."""
+    pixel = np.array([LEFT + 119.0, TOP + 89.0])
+    rows, columns = np.indices(WHOLE.shape)
+    slope = np.array([outwards, along]) * 1.6 / SQUARE.fx
+    inverse = (1 - (slope[0] * (columns - 119) + slope[1] * (rows - 89)) / 1.6) / 1.6
+    slant = rim_slant(silhouette(rectangle(20, 20, 119, 139), 1 / inverse), pixel, 1.6, SQUARE)
+    assert slant == pytest.approx((math.atan(outwards), abs(math.atan(along))), abs=1e-4)
+
+
+def test_cloth_farther_than_fifty_millimetres_does_not_tell_the_slant():
+    """Of 15.6 px; beyond, it bends by half a metre a metre."""
+    rows, columns = np.indices(WHOLE.shape)
+    far = AROUND * SQUARE.fx / 1.6
+    away = np.hypot(columns - 119, rows - 89)
+    depth = np.where(away <= far, 1.6, 1.6 + 0.5 * PIXEL * (away - far))
+    pixel = np.array([LEFT + 119.0, TOP + 89.0])
+    slant = rim_slant(silhouette(rectangle(20, 20, 119, 139), depth), pixel, 1.6, SQUARE)
+    assert slant == pytest.approx(LEVEL, abs=1e-5)
+
+
+def test_half_the_distance_doubles_the_pixels_that_tell_the_slant():
+    depth = np.full(WHOLE.shape, 0.8)
+    _, columns = np.indices(WHOLE.shape)
+    depth += 0.4 * 0.8 / SQUARE.fx * (columns - 119)
+    pixel = np.array([LEFT + 119.0, TOP + 89.0])
+    slant = rim_slant(silhouette(rectangle(20, 20, 119, 139), depth), pixel, 0.8, SQUARE)
+    assert slant.outwards == pytest.approx(math.atan(0.4), abs=0.02)

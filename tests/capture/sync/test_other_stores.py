@@ -32,7 +32,7 @@ from capture.sync.server import PART, ReadRefusedError, open_server
 from capture.sync.settings import SyncSettings, Told
 from fit.batch.store import open_store
 from tests.capture.sync.servers import HOST, free_port, wait_until_listening
-from tests.capture.sync.test_sync import check_server, sync_of
+from tests.capture.sync.syncing import check_server, sync_of
 
 pytestmark = pytest.mark.slow  # a server's start takes seconds
 ROOT = Path(__file__).parents[3]

@@ -1,16 +1,12 @@
-"""Takes come to the server once, whole and in order; what is in the way is one sentence."""
+"""Takes come to the server once, whole and in order, and are verified there."""
 
 from __future__ import annotations
 
-import errno
 import hashlib
-import os
 import random
 from concurrent.futures import ThreadPoolExecutor
-from datetime import UTC, datetime, timedelta
-from pathlib import Path
+from datetime import datetime, timedelta
 
-import msgspec
 import pytest
 
 from capture.appliance.receipts import CHECKSUM, READ_BACK, receipts
@@ -18,42 +14,13 @@ from capture.appliance.retention import Retention
 from capture.appliance.spool import Spool
 from capture.appliance.sync_status import is_syncing, only_sync, read_status, sentences
 from capture.errors import SyncError
-from capture.sync.credentials import Credentials
-from capture.sync.pace import LONGEST_WAIT, Rate, wait_after
-from capture.sync.rounds import SAME_DISK, Sync
+from capture.sync.rounds import SAME_DISK
 from capture.sync.server import PART, sums_of
 from capture.sync.settings import SyncSettings, Told
 from formats.archive import read_take
 from tests.capture.appliance.spool_takes import record
-from tests.capture.sync.servers import CREDENTIALS, FAULTS, KEY, Moto, told_of
-from tests.fit.here import hangtime_here
-
-NOW = datetime(2026, 11, 25, 12, tzinfo=UTC)  # a Wednesday
-
-
-def sync_of(told, credentials=CREDENTIALS, now=NOW):
-    waits: list[float] = []
-    made = Sync(told, credentials, clock=lambda: now, sleep=waits.append, chance=random.Random(1))
-    return made, waits
-
-
-def folder_of(tmp_path, spool, **named):
-    return Told(SyncSettings(url=f"file://{tmp_path}/server", device="box", **named), spool.folder)
-
-
-def on_server(tmp_path):
-    top = tmp_path / "server"
-    return {str(path.relative_to(top)): path.read_bytes() for path in top.rglob("*") if path.is_file()}
-
-
-def check_server(objects, takes):
-    """One object a take, named after its content."""
-    assert sorted(objects) == [
-        f"box/2026-11-20/{take.sequence:06d}-{take.facts['sha256']}.mcap"
-        for take in sorted(takes, key=lambda t: t.sequence)
-    ]
-    for key, content in objects.items():
-        assert hashlib.sha256(content).hexdigest() == key.split("-")[-1].removesuffix(".mcap")
+from tests.capture.sync.servers import Moto, told_of
+from tests.capture.sync.syncing import NOW, check_server, folder_of, on_server, sync_of
 
 
 @pytest.mark.parametrize("kind", ["folder", "bucket"])
@@ -135,111 +102,6 @@ def test_moto_takes_them_too(tmp_path, far, spool, three):
     assert len(objects) == 4
     assert {hashlib.sha256(content).hexdigest() in key for key, content in objects.items()} == {True}
     assert [key for key in objects if key.startswith("box/undated/000004-")]
-
-
-# --- what is in the way -----------------------------------------------------------------------------
-
-SAID = {
-    "500": ("the server fails (500 InternalError: We encountered an internal error)", "look into the server's log"),
-    "403": ("the server refuses this device (403 AccessDenied: Access Denied)", "allow the keys of this device"),
-    "skewed": ("the server refuses the clock of this device (403 RequestTimeTooSkewed", "to a time server"),
-    "busy": ("the server asks to wait (503 SlowDown", "nothing"),
-    "full": ("the server is full (507 InsufficientStorage: The disk is full)", "make room on the server"),
-    "reset before": ("the connection to the server broke", "tries again by itself"),
-    "reset in request": ("the connection to the server broke", "tries again by itself"),
-    "answer lost": ("the connection to the server broke", "tries again by itself"),
-    "silent": ("the server does not answer in time", "a slow one needs a longer timeout_s"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("fault", SAID)
-def test_the_servers_own_reason_is_one_sentence_with_the_next_action(far, spool, three, fault):
-    server, proxy, authority = far
-    proxy.fault = lambda method, path: fault if method == "PUT" else ""
-    told = told_of(spool.folder, proxy, authority)
-    patience = {"timeout_s": 1.0} if fault == "silent" else {}
-    assert sync_of(told_of(spool.folder, proxy, authority, **patience))[0].once() is not None
-    status = read_status(spool.folder)
-    sentence, advice = SAID[fault]
-    assert sentence in status.fault.sentence
-    assert advice in status.fault.advice
-    assert (status.waiting, status.fault.tries) == (3, 1)
-    (first, *_) = sentences(status, NOW)
-    assert first.startswith("Sync fails: ")
-    assert first.count(". Next: ") == 1
-    assert "\n" not in first
-    # Once it is over, everything arrives and nothing is said of it any more.
-    proxy.fault = lambda method, path: ""
-    assert sync_of(told)[0].run() is None
-    check_server(server.objects(), three)
-    assert read_status(spool.folder).fault is None
-
-
-@pytest.mark.parametrize(
-    ("named", "sentence", "advice"),
-    [
-        ({"endpoint": "https://127.0.0.1:9"}, "nothing answers at the server's address", "start the server"),
-        ({"endpoint": "https://no-such-host.invalid"}, "the server's name cannot be found", "check the network"),
-        ({"ca": None}, "does not trust the server's certificate (UnknownIssuer)", "the server's own authority as ca"),
-        ({"url": "s3://other"}, "the server knows no such place (404 NoSuchBucket", "make the bucket"),
-    ],
-    ids=["refused", "no-name", "unknown-authority", "no-bucket"],
-)  # fmt: skip
-def test_a_server_that_cannot_be_spoken_to_is_one_sentence(far, spool, three, named, sentence, advice):
-    _, proxy, authority = far
-    fault = sync_of(told_of(spool.folder, proxy, authority, **named))[0].once()
-    assert sentence in fault.what
-    assert advice in fault.advice
-
-
-def test_wrong_keys_are_one_sentence_and_none_of_them_is_in_it(far, spool, three):
-    _, proxy, authority = far
-    wrong = Credentials({"access_key_id": KEY, "secret_access_key": "another-secret"})
-    fault = sync_of(told_of(spool.folder, proxy, authority), wrong)[0].once()
-    assert "the server does not accept the keys of this device (403 SignatureDoesNotMatch" in fault.what
-    assert KEY not in (spool.folder / "sync-status.json").read_text()
-
-
-def test_a_server_folder_that_is_full_or_forbidden_is_one_sentence(tmp_path, spool, three, monkeypatch):
-    told = folder_of(tmp_path, spool)
-    for number, sentence in ((errno.ENOSPC, "the server's disk is full"), (errno.EROFS, "cannot be written")):
-        with monkeypatch.context() as patch:
-            patch.setattr(
-                "capture.sync.server.make_folders", lambda folder, n=number: _raise(OSError(n, os.strerror(n)))
-            )
-            fault = sync_of(told)[0].once()
-        assert sentence in fault.what
-    assert sync_of(told)[0].once() is None
-    check_server(on_server(tmp_path), three)
-
-
-def _raise(error):
-    raise error
-
-
-def test_one_take_that_cannot_be_read_does_not_keep_the_others(tmp_path, spool, three, monkeypatch):
-    """The second take can be listed and not opened: the others are brought, and the fault names it."""
-    opened = Path.open
-
-    def failing(path, *words, **options):
-        if path == three[1].path:
-            raise OSError(errno.EIO, os.strerror(errno.EIO))
-        return opened(path, *words, **options)
-
-    monkeypatch.setattr(Path, "open", failing)
-    fault = sync_of(folder_of(tmp_path, spool))[0].once()
-    assert "take-000002.mcap: the take cannot be read" in str(fault)
-    assert len(on_server(tmp_path)) == 2
-
-
-def test_a_take_that_the_disk_changed_is_brought_and_named(tmp_path, spool, three):
-    raw = bytearray(three[0].path.read_bytes())
-    raw[-40] ^= 1
-    three[0].path.write_bytes(raw)
-    assert sync_of(folder_of(tmp_path, spool))[0].once() is None
-    status = read_status(spool.folder)
-    assert status.damaged == (1,)
-    assert "changed takes after they were kept: 1. Next: replace the disk." in sentences(status, NOW)[0]
 
 
 # --- what verified means ---------------------------------------------------------------------------
@@ -364,71 +226,6 @@ def test_verified_takes_leave_the_device_and_are_still_proved(tmp_path, spool, t
     assert read_status(spool.folder).safe == 3
 
 
-# --- pace -------------------------------------------------------------------------------------------
-
-
-def test_waits_double_up_to_five_minutes_and_half_of_each_is_chance():
-    chance = random.Random(0)
-    waits = [[wait_after(tries, chance) for _ in range(200)] for tries in (1, 2, 5, 50)]
-    for whole, found in zip((2.0, 4.0, 32.0, LONGEST_WAIT), waits, strict=True):
-        assert whole / 2 <= min(found) < 0.55 * whole
-        assert 0.95 * whole < max(found) <= whole
-
-
-def test_a_server_that_fails_four_times_is_waited_for_ever_longer(far, spool, three):
-    server, proxy, authority = far
-    answers = iter(["500", "busy", "reset before", "500"])
-    proxy.fault = lambda method, path: next(answers, "") if method == "PUT" else ""
-    sync, waits = sync_of(told_of(spool.folder, proxy, authority))
-    assert sync.run() is None
-    assert [whole / 2 <= wait <= whole for whole, wait in zip((2, 4, 8, 16), waits, strict=True)] == [True] * 4
-    check_server(server.objects(), three)
-
-
-def test_a_rate_of_1000_bytes_a_second_sends_5000_bytes_in_5_seconds():
-    now = [100.0]
-    rate = Rate(1000.0, clock=lambda: now[0], sleep=lambda seconds: now.__setitem__(0, now[0] + seconds))
-    for _ in range(6):
-        rate.wait_for(1000)
-    assert now[0] == pytest.approx(105.0)
-
-
-# --- settings ---------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("table", "words"),
-    [
-        ({"url": "ftp://server"}, "neither a folder nor a bucket"),
-        ({"device": "a/b"}, "give letters, digits"),
-        ({"bytes_per_second": 0}, "must be positive"),
-        ({"password": "x"}, "unknown field"),
-        ({"retention": {"days": -1}}, "days is negative"),
-        ({"timeout_s": 0.1}, "give 1 to 86400 seconds"),
-    ],
-)  # fmt: skip
-def test_settings_that_do_not_hold_are_one_sentence(table, words):
-    from capture.sync.settings import settings_of
-
-    with pytest.raises(SyncError, match=words):
-        settings_of(table, where="a.toml")
-
-
-def test_every_setting_is_documented():
-    """Each name of [sync] and of its retention is in the table's docstring and in the how-to."""
-    from pathlib import Path
-
-    guide = (Path(__file__).parents[3] / "docs/how-to/sync.md").read_text()
-    for struct in (SyncSettings, Retention):
-        for field in msgspec.structs.fields(struct):
-            assert f"`{field.name}`" in guide, field.name
-            assert field.name in struct.__doc__, field.name
-
-
-def test_every_fault_of_the_proxy_is_one_that_the_rounds_meet():
-    assert len(FAULTS) == len(set(FAULTS)) == 13
-
-
 def test_one_process_syncs_and_who_asks_whether_it_does_is_no_second_one(tmp_path, spool, three):
     """The daemon asks once a second: 300 questions during one run neither stop it nor see it after its end."""
     told = folder_of(tmp_path, spool)
@@ -442,53 +239,6 @@ def test_one_process_syncs_and_who_asks_whether_it_does_is_no_second_one(tmp_pat
             assert sync_of(told)[0].once() is None
         asked.result()
     assert not is_syncing(spool.folder)
-
-
-# --- the commands -----------------------------------------------------------------------------------
-
-
-def hangtime(*words):
-    return hangtime_here(*words, folder=".")
-
-
-def test_prune_makes_no_folder_where_no_takes_are(tmp_path):
-    done = hangtime("takes", "prune", "--spool", tmp_path / "spoool")
-    assert done.returncode == 2
-    assert "spoool: is no folder, so that no take is in it; check the path" in done.stderr
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_the_commands_say_what_stands_and_prune_lets_only_verified_takes_go(tmp_path, spool, three):
-    config = tmp_path / "appliance.toml"
-    config.write_text(f'[spool]\nfolder = "spool"\n[sync]\nurl = "file://{tmp_path}/server"\ndevice = "box"\n')
-    assert "Sync has not run yet. Next: set url in [sync]" in hangtime("sync", "status", "--config", config).stdout
-    pruned = hangtime("takes", "prune", "--config", config, "--quota-mb", 0)
-    assert "0 left" in pruned.stdout
-    assert "3 takes are not safe on the server and stay" in pruned.stdout
-    done = hangtime("sync", "run", "--config", config)
-    assert (done.returncode, done.stderr.count("safe on the server (read back)")) == (0, 3)
-    shown = hangtime("sync", "status", "--config", config).stdout
-    assert "0 takes wait, 3 safe on the server, last sync: today at" in shown
-    assert ", sound." in shown
-    assert hangtime("sync", "prove", "--config", config).returncode == 0
-    assert "take-000003 left" in hangtime("takes", "prune", "--config", config, "--quota-mb", 0).stdout
-
-
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        (None, "cannot be read (No such file or directory)"), ("[sync", "is not valid TOML"),
-        ("[sync]\nurl = 1\n", "does not hold"),
-    ],
-    ids=["missing", "no-toml", "wrong-type"],
-)  # fmt: skip
-def test_a_configuration_that_does_not_hold_is_one_sentence_and_exit_code_2(tmp_path, content, words):
-    config = tmp_path / "appliance.toml"
-    if content is not None:
-        config.write_text(content)
-    done = hangtime("sync", "now", "--config", config)
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert words in done.stderr
 
 
 def test_takes_go_to_a_new_server_when_the_address_changes_and_stay_until_they_are_there(tmp_path, spool, three):

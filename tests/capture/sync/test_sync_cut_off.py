@@ -15,7 +15,7 @@ from capture.sync.settings import SyncSettings, Told
 from tests.capture.appliance.power_cut import Disk
 from tests.capture.appliance.spool_takes import record
 from tests.capture.sync.servers import CREDENTIALS
-from tests.capture.sync.test_sync import check_server, on_server
+from tests.capture.sync.syncing import check_server, on_server
 
 
 def told_of(spool, server, quota=1 << 30):

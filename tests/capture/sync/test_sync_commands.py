@@ -1,0 +1,85 @@
+"""The settings and the commands of sync."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from capture.appliance.retention import Retention
+from capture.errors import SyncError
+from capture.sync.settings import SyncSettings
+from tests.fit.here import hangtime_here
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ({"url": "ftp://server"}, "neither a folder nor a bucket"),
+        ({"device": "a/b"}, "give letters, digits"),
+        ({"bytes_per_second": 0}, "must be positive"),
+        ({"password": "x"}, "unknown field"),
+        ({"retention": {"days": -1}}, "days is negative"),
+        ({"timeout_s": 0.1}, "give 1 to 86400 seconds"),
+    ],
+)  # fmt: skip
+def test_settings_that_do_not_hold_are_one_sentence(table, words):
+    from capture.sync.settings import settings_of
+
+    with pytest.raises(SyncError, match=words):
+        settings_of(table, where="a.toml")
+
+
+def test_every_setting_is_documented():
+    """Each name of [sync] and of its retention is in the table's docstring and in the how-to."""
+
+    guide = (Path(__file__).parents[3] / "docs/how-to/sync.md").read_text()
+    for struct in (SyncSettings, Retention):
+        for field in msgspec.structs.fields(struct):
+            assert f"`{field.name}`" in guide, field.name
+            assert field.name in struct.__doc__, field.name
+
+
+def hangtime(*words):
+    return hangtime_here(*words, folder=".")
+
+
+def test_prune_makes_no_folder_where_no_takes_are(tmp_path):
+    done = hangtime("takes", "prune", "--spool", tmp_path / "spoool")
+    assert done.returncode == 2
+    assert "spoool: is no folder, so that no take is in it; check the path" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_commands_say_what_stands_and_prune_lets_only_verified_takes_go(tmp_path, spool, three):
+    config = tmp_path / "appliance.toml"
+    config.write_text(f'[spool]\nfolder = "spool"\n[sync]\nurl = "file://{tmp_path}/server"\ndevice = "box"\n')
+    assert "Sync has not run yet. Next: set url in [sync]" in hangtime("sync", "status", "--config", config).stdout
+    pruned = hangtime("takes", "prune", "--config", config, "--quota-mb", 0)
+    assert "0 left" in pruned.stdout
+    assert "3 takes are not safe on the server and stay" in pruned.stdout
+    done = hangtime("sync", "run", "--config", config)
+    assert (done.returncode, done.stderr.count("safe on the server (read back)")) == (0, 3)
+    shown = hangtime("sync", "status", "--config", config).stdout
+    assert "0 takes wait, 3 safe on the server, last sync: today at" in shown
+    assert ", sound." in shown
+    assert hangtime("sync", "prove", "--config", config).returncode == 0
+    assert "take-000003 left" in hangtime("takes", "prune", "--config", config, "--quota-mb", 0).stdout
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, "cannot be read (No such file or directory)"), ("[sync", "is not valid TOML"),
+        ("[sync]\nurl = 1\n", "does not hold"),
+    ],
+    ids=["missing", "no-toml", "wrong-type"],
+)  # fmt: skip
+def test_a_configuration_that_does_not_hold_is_one_sentence_and_exit_code_2(tmp_path, content, words):
+    config = tmp_path / "appliance.toml"
+    if content is not None:
+        config.write_text(content)
+    done = hangtime("sync", "now", "--config", config)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert words in done.stderr

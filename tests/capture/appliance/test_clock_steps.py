@@ -12,12 +12,10 @@ import pytest
 
 from capture.appliance.spool import Spool
 from formats.archive import read_take, verify_take
-from tests.capture.appliance.test_daemon import FPS, has_openni
-from tests.capture.appliance.virtual_appliance import VirtualAppliance, draw_recording
+from tests.capture.appliance.real_daemon import needs_openni
+from tests.capture.appliance.virtual_appliance import VirtualAppliance
 
-pytestmark = [
-    pytest.mark.slow, pytest.mark.openni, pytest.mark.skipif(not has_openni(), reason="libopenni2 is not here"),
-]  # fmt: skip
+pytestmark = [pytest.mark.slow, *needs_openni]
 HOUR, DAY = 3600, 86_400  # s
 LATE = 0.5  # s of a busy machine
 
@@ -34,12 +32,12 @@ def shim(tmp_path):
     return offset, {"LD_PRELOAD": str(library), "CLOCK_OFFSET": str(offset)}
 
 
-def test_a_wall_clock_of_1970_that_leaps_and_runs_backwards_changes_no_duration_and_loses_no_take(tmp_path, shim):
+def test_a_wall_clock_of_1970_that_leaps_and_runs_backwards_changes_no_duration_and_loses_no_take(
+    tmp_path, recording, shim
+):
     offset, environment = shim
     in_1970 = 60 - int(time.time())
     leaps = [[in_1970, 0, -2 * HOUR], [3 * HOUR, -3 * HOUR], [20 * 365 * DAY, in_1970]]  # of take 1, 2 and 3, in s
-    recording = tmp_path / "swing.oni"
-    draw_recording(recording, fps=FPS, seconds=2.0)
     lasted = []
     with VirtualAppliance(tmp_path / "a", recording) as appliance:
         offset.write_text(str(in_1970))
@@ -77,10 +75,8 @@ def test_a_wall_clock_of_1970_that_leaps_and_runs_backwards_changes_no_duration_
         assert seconds - lost < after_press < seconds + LATE
 
 
-def test_a_sensor_that_is_silent_while_the_clock_leaps_is_named_within_a_second_all_the_same(tmp_path, shim):
+def test_a_sensor_that_is_silent_while_the_clock_leaps_is_named_within_a_second_all_the_same(tmp_path, recording, shim):
     offset, environment = shim
-    recording = tmp_path / "swing.oni"
-    draw_recording(recording, fps=FPS, seconds=2.0)
     with VirtualAppliance(tmp_path / "a", recording) as appliance:
         appliance.start(environment=environment)
         appliance.wait_for("armed")

@@ -1,4 +1,4 @@
-"""The real daemon, a process of its own: button, lamp, socket, kills, and disks that are bad."""
+"""The real daemon, a process of its own: button, lamp, socket, configuration and kills."""
 
 from __future__ import annotations
 
@@ -6,66 +6,25 @@ import json
 import os
 import random
 import re
-import resource
 import signal
 import stat
 import subprocess
 import sys
-import time
-from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from capture.appliance.control import ControlServer, ask, listen
-from capture.appliance.showing import ARMED, FAULT, RECORDING
+from capture.appliance.showing import ARMED, RECORDING
 from capture.appliance.spool import Spool
 from capture.errors import ControlError
-from firmware_host import openni2_library
 from firmware_host.button import DOWN, UP
-from firmware_host.errors import SensorError
 from formats.archive import read_take, verify_take
 from formats.take import FrameState
+from tests.capture.appliance.real_daemon import needs_openni, recorded
 from tests.capture.appliance.virtual_appliance import LONGEST, ROOT, VirtualAppliance, draw_recording
 
-FPS = 15  # of the recording that stands for the sensor
-
-
-def has_openni():
-    try:
-        openni2_library.load()
-    except SensorError:
-        return False
-    return True
-
-
-pytestmark = [pytest.mark.openni, pytest.mark.skipif(not has_openni(), reason="libopenni2 is not here")]
-
-
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory):
-    path = tmp_path_factory.mktemp("sensor") / "swing.oni"
-    draw_recording(path, fps=FPS, seconds=2.0)
-    return path
-
-
-@pytest.fixture
-def appliance(tmp_path, recording):
-    with VirtualAppliance(tmp_path, recording) as one:
-        yield one
-
-
-def recorded(appliance, seconds=1.5):
-    """Record for so long by the button; return the status afterwards."""
-    appliance.wait_until(lambda told: told["state"] == "armed" and told["pre_roll_s"] >= 1.9, "armed with a pre-roll")
-    before = appliance.ask("status")["takes"]
-    appliance.press()
-    appliance.wait_until(
-        lambda told: told["recording"] and told["recording"]["seconds"] >= 2.0 + seconds, f"recording {seconds} s"
-    )
-    appliance.press()
-    return appliance.wait_until(lambda told: told["takes"] > before, "kept")
+pytestmark = needs_openni
 
 
 def test_a_press_records_with_two_seconds_before_it_and_a_second_press_keeps_the_take(appliance):
@@ -220,200 +179,6 @@ def test_a_bad_configuration_at_the_start_is_shown_and_the_last_good_one_records
     assert (fault["name"], fault["blocks"]) == ("config", False)
     assert "unknown field `buton`" in fault["sentence"]
     assert recorded(appliance)["takes"] == 1
-
-
-def test_a_sensor_that_goes_silent_is_named_within_a_second_and_the_gap_is_in_the_take(appliance):
-    appliance.start()
-    appliance.wait_for("armed")
-    appliance.ask("start")
-    appliance.wait_until(lambda told: told["recording"] and told["recording"]["frames"] > 15, "recording")
-    appliance.cord.write_text("silent")
-    told = appliance.wait_until(lambda told: told["faults"], "a fault")
-    (fault,) = told["faults"]
-    assert fault["name"] == "sensor_silent"
-    since = float(re.search(r"no frame for (\d\.\d) s", fault["sentence"])[1]) - fault["for_s"]
-    assert 0.8 <= since <= 1.0  # s between the last frame and the fault
-    assert (told["state"], told["lamp"]) == ("recording", "tracking lost")
-    appliance.cord.write_text("")
-    told = appliance.wait_until(lambda told: not told["faults"], "frames again")
-    assert told["state"] == "recording"
-    appliance.press()
-    appliance.wait_until(lambda told: told["takes"] == 1, "kept")
-    (kept,) = Spool(appliance.spool).takes()
-    take = read_take(kept.path)
-    gap = int(np.argmax(np.diff(take.time))) + 1
-    assert np.diff(take.time).max() > 0.8
-    assert take.state[gap] & FrameState.FRAMES_DROPPED_BEFORE  # the gap is in the take
-    assert told["gaps"] >= 1
-
-
-@pytest.mark.slow
-def test_a_sensor_that_stays_silent_for_five_seconds_ends_the_take_and_the_next_one_records(appliance):
-    appliance.start()
-    appliance.wait_for("armed")
-    appliance.ask("start")
-    appliance.wait_until(lambda told: told["recording"] and told["recording"]["frames"] > 15, "recording")
-    appliance.cord.write_text("silent")
-    told = appliance.wait_for("fault")
-    assert "no frame for 5 s" in told["faults"][0]["sentence"]
-    assert told["lamp"] == FAULT.name
-    (kept,) = Spool(appliance.spool).takes()
-    assert "no frame for 5 s" in kept.facts["ended_by"]
-    assert appliance.ask("start")["what"].startswith("nothing can be recorded: ")
-    appliance.cord.write_text("")
-    appliance.wait_for("armed")
-    assert recorded(appliance)["takes"] == 2
-
-
-def test_a_sensor_that_vanishes_after_too_low_a_voltage_blames_the_power_supply(tmp_path, recording):
-    alarm = tmp_path / "in0_lcrit_alarm"
-    alarm.write_text("0\n")
-    with VirtualAppliance(tmp_path / "a", recording, f'[power]\nalarm = "{alarm}"\n') as appliance:
-        appliance.start()
-        appliance.wait_for("armed")
-        alarm.write_text("1\n")
-        appliance.wait_until(lambda told: "power" in {fault["name"] for fault in told["faults"]}, "low voltage")
-        appliance.cord.write_text("unplugged")
-        told = appliance.wait_for("fault")
-        sensor = next(fault for fault in told["faults"] if fault["name"] == "sensor")
-        assert "after the board's voltage was too low" in sensor["sentence"]
-        assert sensor["advice"].startswith("use a stronger power supply")
-
-
-@pytest.mark.slow
-def test_unplugged_and_plugged_in_again_in_mid_take_keeps_the_take_and_records_the_next(appliance):
-    appliance.start()
-    appliance.wait_for("armed")
-    appliance.ask("start")
-    appliance.wait_until(lambda told: told["recording"] and told["recording"]["frames"] > 15, "recording")
-    appliance.cord.write_text("unplugged")
-    appliance.wait_for("fault")
-    appliance.cord.write_text("")
-    appliance.wait_for("armed")
-    assert recorded(appliance)["takes"] == 2
-    assert all(verify_take(kept.path).is_sound for kept in Spool(appliance.spool).takes())
-
-
-BAD_DISK = """
-import os, time
-whole = os.fsync
-def fsync(handle):
-    if os.path.exists({flag!r}):
-        time.sleep({seconds})
-        if {fails}:
-            raise OSError(5, "Input/output error")
-    whole(handle)
-os.fsync = fsync
-"""
-
-
-def bad_disk(appliance, *, seconds=0.0, fails=False):
-    """Return Python that makes every fsync of the daemon slow, or fail, while a file is there; and the file."""
-    flag = appliance.folder / "bad"
-    return BAD_DISK.format(flag=str(flag), seconds=seconds, fails=fails), flag
-
-
-@pytest.mark.slow
-def test_a_disk_that_hangs_is_named_within_five_seconds_and_the_take_is_ended_not_thinned(appliance):
-    before, flag = bad_disk(appliance, seconds=7.0)
-    appliance.start(before=before)
-    appliance.wait_for("armed")
-    appliance.ask("start")
-    appliance.wait_until(lambda told: told["recording"] and told["recording"]["frames"] > 15, "recording")
-    begun = time.monotonic()
-    flag.touch()
-    told = appliance.wait_until(lambda told: told["faults"], "a fault")
-    behind = float(re.search(r"not finished writing for (\d\.\d) s", told["faults"][0]["sentence"])[1])
-    assert told["faults"][0]["name"] == "disk_slow"
-    assert behind <= 5.0 < time.monotonic() - begun + 5.0
-    assert told["state"] in ("recording", "saving")
-    flag.unlink()
-    told = appliance.wait_until(lambda told: told["takes"] == 1 and not told["faults"], "mended")
-    (kept,) = Spool(appliance.spool).takes()
-    take = read_take(kept.path)
-    assert "has not finished writing" in kept.facts["ended_by"]
-    steps = np.diff(take.time)
-    told_of = (take.state[1:] & FrameState.FRAMES_DROPPED_BEFORE) > 0
-    assert (steps[~told_of] < 1.5 / FPS).all()  # no frame is missing without being told of
-
-
-def test_a_disk_that_fails_on_fsync_is_named_and_what_is_shown_as_kept_is_readable(appliance):
-    before, flag = bad_disk(appliance, fails=True)
-    appliance.start(before=before)
-    appliance.wait_for("armed")
-    appliance.ask("start")
-    appliance.wait_until(lambda told: told["recording"] and told["recording"]["seconds"] > 3.0, "recording")
-    flag.touch()
-    told = appliance.wait_for("fault", "saving")
-    told = appliance.wait_until(lambda told: told["faults"], "a fault")
-    assert "Input/output error" in told["faults"][0]["sentence"]
-    assert "replace the card" in told["faults"][0]["advice"]
-    assert not Spool(appliance.spool).takes()
-    flag.unlink()
-    appliance.wait_until(lambda told: told["takes"] == 1 and not told["faults"], "mended")
-    (kept,) = Spool(appliance.spool).takes()
-    assert verify_take(kept.path).is_sound
-    assert len(read_take(kept.path).time) > 15
-
-
-@contextmanager
-def small_disk(folder, size):
-    folder.mkdir()
-    made = subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(folder)], capture_output=True)
-    if made.returncode:
-        pytest.skip("this user may not mount")
-    try:
-        yield
-    finally:
-        subprocess.run(["umount", "-l", str(folder)], check=True)
-
-
-@pytest.mark.slow
-def test_a_disk_that_fills_up_or_turns_read_only_is_named_and_mends_by_itself(tmp_path, recording):
-    disk = tmp_path / "disk"
-    with (
-        small_disk(disk, "80M"),
-        VirtualAppliance(tmp_path / "a", recording, "least_free_mb = 20\n", spool=disk / "takes") as appliance,
-    ):
-        appliance.start()
-        appliance.wait_for("armed")
-        appliance.ask("start")
-        appliance.wait_until(lambda told: told["recording"] and told["recording"]["frames"] > 15, "recording")
-        filler = disk / "filler"
-        filler.write_bytes(bytes(77_000_000))  # less than 8 MB are left
-        told = appliance.wait_for("fault", "saving")
-        told = appliance.wait_until(lambda told: told["takes"] == 1, "kept")
-        assert re.search(r"only \d MB are left on the disk", told["faults"][0]["sentence"])
-        assert "hangtime sync" in told["faults"][0]["advice"]
-        (kept,) = Spool(appliance.spool).takes()
-        assert verify_take(kept.path).is_sound
-        filler.unlink()
-        appliance.wait_for("armed")
-        appliance.kill(signal.SIGTERM)
-        subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)
-        appliance.start()
-        told = appliance.wait_for("fault")
-        assert "Read-only file system" in told["faults"][0]["sentence"]
-        assert appliance.ask("start")["what"].startswith("nothing can be recorded")
-        subprocess.run(["mount", "-o", "remount,rw", str(disk)], check=True)
-        appliance.wait_for("armed")
-        assert recorded(appliance)["takes"] == 2
-
-
-def test_a_file_size_limit_in_mid_take_is_a_named_fault_and_keeps_what_was_written(appliance):
-    appliance.start(environment={})
-    appliance.wait_for("armed")
-    appliance.ask("start")
-    appliance.wait_until(lambda told: told["recording"] and told["recording"]["seconds"] > 3.0, "recording")
-    (partial,) = appliance.spool.glob("*.partial")
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.prlimit(appliance.process.pid, resource.RLIMIT_FSIZE, (partial.stat().st_size + 10, limits[1]))
-    told = appliance.wait_until(lambda told: told["faults"], "a fault")
-    assert "File too large" in told["faults"][0]["sentence"]
-    resource.prlimit(appliance.process.pid, resource.RLIMIT_FSIZE, limits)
-    appliance.wait_until(lambda told: told["takes"] == 1, "kept")
-    (kept,) = Spool(appliance.spool).takes()
-    assert len(read_take(kept.path).time) > 15
 
 
 def test_a_take_in_which_the_hanger_was_hardly_seen_is_not_kept_and_says_why(tmp_path):

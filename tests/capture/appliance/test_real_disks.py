@@ -19,21 +19,12 @@ import pytest
 
 from capture.appliance.spool import Spool
 from formats.archive import read_take, verify_take
-from tests.capture.appliance.test_daemon import FPS, has_openni, recorded, small_disk
-from tests.capture.appliance.virtual_appliance import VirtualAppliance, draw_recording
+from tests.capture.appliance.real_daemon import FPS, needs_openni, recorded, small_disk
+from tests.capture.appliance.virtual_appliance import VirtualAppliance
 
-pytestmark = [
-    pytest.mark.slow, pytest.mark.openni, pytest.mark.skipif(not has_openni(), reason="libopenni2 is not here"),
-]  # fmt: skip
+pytestmark = [pytest.mark.slow, *needs_openni]
 LIMIT = Path("/sys/fs/cgroup/blkio/blkio.throttle.write_bps_device")
 SLOW = 50_000  # bytes a second
-
-
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory):
-    path = tmp_path_factory.mktemp("sensor") / "swing.oni"
-    draw_recording(path, fps=FPS, seconds=2.0)
-    return path
 
 
 def run(*words):

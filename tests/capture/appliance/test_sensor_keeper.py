@@ -6,12 +6,10 @@ import os
 import subprocess
 import sys
 
-import pytest
-
-from tests.capture.appliance.test_daemon import FPS, has_openni
+from tests.capture.appliance.real_daemon import FPS, needs_openni
 from tests.capture.appliance.virtual_appliance import ROOT, draw_recording
 
-pytestmark = [pytest.mark.openni, pytest.mark.skipif(not has_openni(), reason="libopenni2 is not here")]
+pytestmark = needs_openni
 
 REPLUG = """
 import sys

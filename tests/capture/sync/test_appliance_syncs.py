@@ -4,24 +4,12 @@ from __future__ import annotations
 
 import json
 
-import pytest
-
-from firmware_host import openni2_library
-from firmware_host.errors import SensorError
 from formats.archive import verify_take
+from tests.capture.appliance.real_daemon import needs_openni
 from tests.capture.appliance.virtual_appliance import ROOT, VirtualAppliance, draw_recording
 from tests.fit.here import hangtime_here
 
-
-def has_openni():
-    try:
-        openni2_library.load()
-    except SensorError:
-        return False
-    return True
-
-
-pytestmark = [pytest.mark.openni, pytest.mark.skipif(not has_openni(), reason="libopenni2 is not here")]
+pytestmark = needs_openni
 
 
 def hangtime(*words):

@@ -1,4 +1,4 @@
-"""What holds for the repository as a whole: import rules, texts, scripts, device rules."""
+"""What holds for the repository as a whole: import rules, texts, scripts."""
 
 from __future__ import annotations
 
@@ -13,22 +13,8 @@ import textwrap
 from pathlib import Path
 
 import pytest
-import typer
 
-from docs.generator.commands import whole_command
-
-ROOT = Path(__file__).parent.parent
-PACKAGES = ("formats", "firmware_host", "capture", "fit", "hangtime")
-MODULES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
-SCRIPTS = [*sorted((ROOT / "scripts").iterdir()), ROOT / ".ci/run"]
-SUFFIXES = {"", ".md", ".toml", ".py", ".js", ".css", ".html", ".json", ".rules", ".conf"}
-FOLDERS = (*PACKAGES, "docs", "benchmarks", "scripts", "systemd", "tests")
-TEXTS = [
-    path
-    for path in [*ROOT.glob("*.*"), ROOT / ".ci/run", *(p for folder in FOLDERS for p in (ROOT / folder).rglob("*"))]
-    if path.is_file() and path.suffix in SUFFIXES and path.name != ".git"
-    if not any(part == "__pycache__" or part.endswith("_cache") for part in path.parts)
-]
+from tests.repository import MODULES, PACKAGES, ROOT, SCRIPTS, TEXTS, name_of
 
 # package: what of ours and of the large libraries its modules may import
 MAY_IMPORT = {
@@ -39,10 +25,6 @@ MAY_IMPORT = {
     "hangtime": {"formats", "fit", "hangtime"},
 }
 GUARDED = set().union(*MAY_IMPORT.values())
-
-
-def name_of(path: Path) -> str:
-    return str(path.relative_to(ROOT))
 
 
 def imports(path: Path) -> set[str]:
@@ -206,91 +188,6 @@ def test_every_link_to_a_file_leads_to_a_file() -> None:
     assert dead == []
 
 
-OURS = re.compile(r"(?:\w+=\S+ |sudo .* )*(?:\S*/)?hangtime (.+)")
-PROGRAM = re.compile(r"(?:\w+=\S+ )*(?:\S*python3? )?((?:scripts|benchmarks)/\w[\w.]*|\.ci/run|\w+\.py)( .+)?")
-OPTION = re.compile(r"(?<![\w-])--[a-z][\w-]*")
-# What texts say of other people's programs: in a line that begins with their name, or an option by itself.
-OTHER_PROGRAMS = (
-    "sbatch",
-    "sha256sum",
-    "systemctl",
-    "systemd-analyze",
-    "umockdev-run",
-    "systemd-sysusers",
-    "systemd-tmpfiles",
-)
-OTHER_OPTIONS = {"--nthreads", "--protocol", "--tls-ca-file", "--tls-cert", "--tls-key"}  # dask's
-
-
-def shown_code() -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
-    """What the texts show, as (file, line): every line of their code blocks, and every piece of code in a sentence."""
-    in_blocks, in_sentences = [], []
-    for path in TEXTS:
-        if path.suffix != ".md":
-            continue
-        text = path.read_text().replace("\\\n", " ")
-        fenced, rest = re.findall(r"```.*?\n(.*?)```", text, re.DOTALL), re.sub(r"```.*?```", "", text, flags=re.DOTALL)
-        blocks = fenced + re.findall(r"^ {4}\S.*$", rest, re.MULTILINE)
-        lines = [line.split(" # ")[0].strip() for block in blocks for line in block.splitlines()]
-        in_blocks += [(name_of(path), line) for line in lines]
-        in_sentences += [(name_of(path), " ".join(code.split())) for code in re.findall(r"`([^`]+)`", rest)]
-    return in_blocks, in_sentences
-
-
-def options_of(part: typer.core.TyperCommand | typer.core.TyperGroup) -> set[str]:
-    """Long options of a command, or of all below a group."""
-    own = {option for parameter in part.params for option in (*parameter.opts, *parameter.secondary_opts)}
-    below = [options_of(inner) for inner in getattr(part, "commands", {}).values()]
-    return set().union({"--help"}, {option for option in own if option.startswith("--")}, *below)
-
-
-def options_of_program(path: Path) -> set[str]:
-    """Long options that a script's `case` or a benchmark's parser names; those of another script that it hands on."""
-    if path == ROOT / ".ci/run":
-        return options_of_program(ROOT / "scripts/test")
-    found = re.findall(r'"(--[a-z][\w-]*)"|^ +(?:-\w \| )?(--[a-z][\w-]*)\)', path.read_text(), re.MULTILINE)
-    return {"--help"}.union(*found) - {""}
-
-
-def test_every_command_that_a_text_shows_exists_with_its_options() -> None:
-    """Of `list|play` each; a sentence may name a group alone, and end in dots."""
-    whole = whole_command()
-    in_blocks, in_sentences = shown_code()
-    shown = [(file, code, found[1]) for file, code in in_blocks + in_sentences if (found := OURS.fullmatch(code))]
-    assert len(shown) > 100
-    for file, code, rest in shown:
-        part, words = whole, rest.split()
-        while isinstance(part, typer.core.TyperGroup) and words and not words[0].startswith("-"):
-            names = words.pop(0).split("|")
-            assert set(names) <= set(part.commands), f"{file}: {code}"
-            part = part.commands[names[0]]
-        assert set(OPTION.findall(" ".join(words))) <= options_of(part), f"{file}: {code}"
-
-
-def test_every_script_and_benchmark_that_a_text_shows_exists_with_its_options() -> None:
-    in_blocks, in_sentences = shown_code()
-    shown = [(file, code, found) for file, code in in_blocks + in_sentences if (found := PROGRAM.fullmatch(code))]
-    assert len(shown) > 60
-    for file, code, found in shown:
-        name = found[1] if "/" in found[1] else f"benchmarks/{found[1]}"
-        assert (ROOT / name).exists() or name == "benchmarks/NAME.py" or "/" not in found[1], f"{file}: {code}"
-        if options := set(OPTION.findall(found[2] or "")):
-            assert options <= options_of_program(ROOT / name), f"{file}: {code}"
-
-
-def test_every_option_in_a_sentence_is_one_of_a_command_a_script_or_a_benchmark() -> None:
-    known = options_of(whole_command()) | OTHER_OPTIONS
-    known = known.union(*map(options_of_program, [*SCRIPTS, *(ROOT / "benchmarks").glob("*.py")]))
-    unknown = [
-        f"{file}: {option} in `{code}`"
-        for file, code in shown_code()[1]
-        if code.split()[0] not in OTHER_PROGRAMS
-        for option in OPTION.findall(code)
-        if option not in known
-    ]
-    assert unknown == []
-
-
 # --- scripts ------------------------------------------------------------------------------------
 
 
@@ -345,89 +242,6 @@ def test_setup_names_the_one_debian_package_that_a_python_without_ensurepip_need
     assert done.returncode == 1
     assert f"sudo apt-get install python{sys.version_info[0]}.{sys.version_info[1]}-venv" in done.stderr
     assert not (tmp_path / ".venv").exists()
-
-
-HANGTIME = """#!/bin/sh
-# Writes what each command would write.
-echo "$*" >>calls
-out() { while [ "$1" != --out ]; do shift; done; echo "$2"; }
-case "$1 $2" in
-    "sensor synthesise") mkdir -p "$3" && for f in "$5.oni" rig.toml garment.toml; do echo >"$3/$f"; done ;;
-    record*) echo >"$(out "$@")" ;;
-    fit*) [ ! -e broken ] || exit 2; echo >"$(out "$@")/fit.json"; echo >"$(out "$@")/report.html" ;;
-    diagnose*) echo '{"sentence": "Air is missing."}' >"$(out "$@")/diagnosis.json"; echo >"$(out "$@")/report.html" ;;
-esac
-"""
-
-
-@pytest.fixture
-def demo(tmp_path: Path) -> Path:
-    """A checkout whose `hangtime` only touches its outputs."""
-    for folder in (*PACKAGES, "scripts", ".venv/bin"):
-        (tmp_path / folder).mkdir(parents=True)
-    shutil.copy(ROOT / "scripts/demo", tmp_path / "scripts")
-    for name, text in {"scripts/setup": "#!/bin/sh\n", ".venv/bin/hangtime": HANGTIME}.items():
-        (tmp_path / name).write_text(text)
-        (tmp_path / name).chmod(0o755)
-    (tmp_path / ".venv/bin/python").symlink_to(sys.executable)
-    return tmp_path
-
-
-def run_demo(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([folder / "scripts/demo", *arguments], capture_output=True, text=True, check=False)
-
-
-def test_the_second_demo_skips_all_4_steps_and_still_says_the_verdict(demo: Path) -> None:
-    assert run_demo(demo).returncode == 0
-    again = run_demo(demo)
-    assert again.stdout.count("up to date, skipped") == 4
-    assert "verdict: Air is missing." in again.stdout
-    assert run_demo(demo, "--fresh").stdout.count("up to date, skipped") == 0
-
-
-def test_changed_fitting_code_repeats_2_of_the_demos_4_steps(demo: Path) -> None:
-    run_demo(demo)
-    (demo / "fit/model.py").write_text("")
-    assert run_demo(demo).stdout.count("up to date, skipped") == 2
-
-
-def test_a_demo_step_that_failed_ends_the_demo_and_runs_again(demo: Path) -> None:
-    (demo / "broken").touch()
-    assert run_demo(demo).returncode == 2
-    assert not (demo / "demo/diagnosis.json").exists()
-    (demo / "broken").unlink()
-    assert run_demo(demo).stdout.count("up to date, skipped") == 2
-
-
-# --- device rules -------------------------------------------------------------------------------
-
-
-def device_rules(path: Path) -> list[dict[str, str]]:
-    """The rules of a udev file that name a product, each as key to value."""
-    lines = [line for line in path.read_text().splitlines() if line and not line.startswith("#")]
-    pairs = [dict(re.findall(r'([A-Z]+(?:\{\w+\})?)(?:==|!=|\+=|:=|=)"([^"]*)"', line)) for line in lines]
-    return [rule for rule in pairs if "ATTR{idProduct}" in rule]
-
-
-def test_the_sensor_rules_win_over_debians_number_60_and_open_no_device_to_everybody() -> None:
-    path = ROOT / "systemd/udev/55-hangtime-depth-sensor.rules"
-    assert int(path.name.split("-")[0]) < 60
-    for rule in device_rules(path):
-        assert (rule["MODE"], rule["GROUP"], rule["TAG"]) == ("0660", "plugdev", "uaccess")
-    assert path.read_text().count('MODE:="0660"') == len(device_rules(path)) >= 3
-
-
-def test_the_sensor_rules_cover_every_device_that_debian_opens_to_everybody() -> None:
-    debian = Path("/usr/lib/udev/rules.d/60-libopenni2-0.rules")
-    if not debian.exists():
-        debian = Path("/lib/udev/rules.d/60-libopenni2-0.rules")
-    if not debian.exists():
-        pytest.skip("libopenni2-0 is not installed")
-    path = ROOT / "systemd/udev/55-hangtime-depth-sensor.rules"
-    ours = {(r["ATTR{idVendor}"], p) for r in device_rules(path) for p in r["ATTR{idProduct}"].split("|")}
-    theirs = {(r["ATTR{idVendor}"], r["ATTR{idProduct}"]) for r in device_rules(debian)}
-    assert len(theirs) >= 10
-    assert theirs <= ours
 
 
 def test_systemd_folder_is_no_python_package() -> None:

@@ -1,0 +1,63 @@
+"""`scripts/demo` skips the steps whose inputs did not change, and repeats the others."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.repository import PACKAGES, ROOT
+
+HANGTIME = """#!/bin/sh
+# Writes what each command would write.
+echo "$*" >>calls
+out() { while [ "$1" != --out ]; do shift; done; echo "$2"; }
+case "$1 $2" in
+    "sensor synthesise") mkdir -p "$3" && for f in "$5.oni" rig.toml garment.toml; do echo >"$3/$f"; done ;;
+    record*) echo >"$(out "$@")" ;;
+    fit*) [ ! -e broken ] || exit 2; echo >"$(out "$@")/fit.json"; echo >"$(out "$@")/report.html" ;;
+    diagnose*) echo '{"sentence": "Air is missing."}' >"$(out "$@")/diagnosis.json"; echo >"$(out "$@")/report.html" ;;
+esac
+"""
+
+
+@pytest.fixture
+def demo(tmp_path: Path) -> Path:
+    """A checkout whose `hangtime` only touches its outputs."""
+    for folder in (*PACKAGES, "scripts", ".venv/bin"):
+        (tmp_path / folder).mkdir(parents=True)
+    shutil.copy(ROOT / "scripts/demo", tmp_path / "scripts")
+    for name, text in {"scripts/setup": "#!/bin/sh\n", ".venv/bin/hangtime": HANGTIME}.items():
+        (tmp_path / name).write_text(text)
+        (tmp_path / name).chmod(0o755)
+    (tmp_path / ".venv/bin/python").symlink_to(sys.executable)
+    return tmp_path
+
+
+def run_demo(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([folder / "scripts/demo", *arguments], capture_output=True, text=True, check=False)
+
+
+def test_the_second_demo_skips_all_4_steps_and_still_says_the_verdict(demo: Path) -> None:
+    assert run_demo(demo).returncode == 0
+    again = run_demo(demo)
+    assert again.stdout.count("up to date, skipped") == 4
+    assert "verdict: Air is missing." in again.stdout
+    assert run_demo(demo, "--fresh").stdout.count("up to date, skipped") == 0
+
+
+def test_changed_fitting_code_repeats_2_of_the_demos_4_steps(demo: Path) -> None:
+    run_demo(demo)
+    (demo / "fit/model.py").write_text("")
+    assert run_demo(demo).stdout.count("up to date, skipped") == 2
+
+
+def test_a_demo_step_that_failed_ends_the_demo_and_runs_again(demo: Path) -> None:
+    (demo / "broken").touch()
+    assert run_demo(demo).returncode == 2
+    assert not (demo / "demo/diagnosis.json").exists()
+    (demo / "broken").unlink()
+    assert run_demo(demo).stdout.count("up to date, skipped") == 2

@@ -11,6 +11,13 @@ import typer
 FitFile = Annotated[
     Path, typer.Argument(metavar="FIT", help="A result of `hangtime fit`: fit.json, or the folder that holds it.")
 ]
+Spacing = Annotated[
+    float | None,
+    typer.Option(
+        "--spacing", metavar="METRES", help="Mesh spacing.",
+        show_default="0.02; with --take, that of the fit's method",
+    ),
+]  # fmt: skip
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is already there.")]
 
 
@@ -65,15 +72,7 @@ def export_command(
             help="The fabric's thickness, which no motion tells. It turns weight into density in usd-physics.",
         ),
     ] = 1e-3,
-    spacing: Annotated[
-        float | None,
-        typer.Option(
-            "--spacing",
-            metavar="METRES",
-            help="Mesh spacing.",
-            show_default="0.02; with --take, that of the fit's method",
-        ),
-    ] = None,
+    spacing: Spacing = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Write a fit for other programs: its fabric in SI units, with intervals and where it comes from.
@@ -124,12 +123,7 @@ def animate_command(
     ] = "",
     seconds: Annotated[float, typer.Option("--seconds", help="Length of a new motion [s].")] = 6.0,
     size: Annotated[str, typer.Option("--size", metavar="WxH", help="Pixels of a film.")] = "960x720",
-    spacing: Annotated[
-        float | None,
-        typer.Option(
-            "--spacing", metavar="METRES", help="Mesh spacing.", show_default="that of the fit's method; swatch 0.02"
-        ),
-    ] = None,
+    spacing: Spacing = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Show a fitted garment in motion: as a film, a GIF, an OpenUSD cache or glTF.

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from fit.errors import FitError
+from fit.export.cli import ExportKind
 from fit.export.fabric import fabric_of
 from fit.export.kinds import KINDS, Order, export
 from fit.export.sheet import garment_sheet, strip
@@ -104,6 +105,10 @@ def test_mujocos_sheet_by_hand():
     assert sum(b.find("joint") is None for b in bodies) == 7
     numbers = {n.get("name"): n.get("data").split() for n in root.findall("custom/numeric")}
     assert [float(v) for v in numbers["hangtime_velocity_damping"]] == pytest.approx([0.5, 0.4, 0.625])
+
+
+def test_the_command_offers_every_kind_that_there_is():
+    assert [kind.value for kind in ExportKind] == list(KINDS)
 
 
 @pytest.mark.parametrize("kind", ["csv", "blender", *OF_FABRIC])

@@ -19,7 +19,7 @@ from typing import ClassVar
 import numpy as np
 
 from fit.cloth.effect import Effect
-from fit.recordings.grids import Grid, grid_of, length_seen
+from fit.recordings.grids import Grid
 from fit.recordings.recording import Recording
 from formats.arrays import Floats
 
@@ -43,7 +43,7 @@ class SlidingPoints(Effect):
         """Return the points where the grid has slid to."""
         if amplitude[0] == 0.0 or recording.camera.is_placed:
             return points
-        grid = grid_of(recording.garment)
+        grid = recording.grid
         slide = None if grid is None else slides(recording, grid)
         if grid is None or slide is None:
             return points
@@ -57,7 +57,7 @@ class SlidingPoints(Effect):
 
 def slides(recording: Recording, grid: Grid) -> Floats | None:
     """Return the share by which the tracked grid is longer than the flat one, (frames,); None of a grid that stays."""
-    length = length_seen(recording.seen_points, recording.held(recording.time), grid)
+    length = recording.grid_length
     seen = np.isfinite(length)
     if seen.sum() < 2:
         return None

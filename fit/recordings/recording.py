@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ import numpy as np
 from fit.errors import FitError
 from fit.recordings.bodies import Body, capsule, half_space, sphere
 from fit.recordings.camera import EVERY_STEP, Camera, CameraSteps, Seen, edge_shown, in_place, retimed, straightened
+from fit.recordings.grids import Grid, grid_of, length_seen
 from fit.recordings.hanger_path import check_path, gaps_of, held_curve, is_known, led_across
 from fit.recordings.held_edge import FEWEST_FRAMES, HeldEdge, place_along
 from fit.recordings.impossible_points import MOST_LEFT_OUT, find_impossible
@@ -117,6 +119,18 @@ class Recording:
     def seen_points(self) -> Floats:
         """Points as they were tracked [m], (frames, points, 3), NaN where not valid, not moved along the cloth."""
         return self.points if self.raw_points is None else self.raw_points
+
+    @cached_property
+    def grid(self) -> Grid | None:
+        """The grid that its points make."""
+        return grid_of(self.garment)
+
+    @cached_property
+    def grid_length(self) -> Floats:
+        """Length of the tracked grid down the cloth [m], (frames,), NaN where unseen or where there is no grid."""
+        if self.grid is None:
+            return np.full(len(self.time), np.nan)
+        return length_seen(self.seen_points, self.held(self.time), self.grid)
 
     @property
     def counted(self) -> Booleans:

@@ -276,8 +276,8 @@ def test_every_effect_is_exactly_off_at_zero_and_changes_something_at_its_typica
     row = material(garment)
     columns = columns_of(LIBRARY)
     plain = Simulator(recording, LIBRARY).run(row, np.zeros((1, columns[-1].stop))).points[0]
-    # This sheet never touches itself: `tests/fit/cloth/test_contact.py` has one that does. Its frames come evenly, and
-    # its grid keeps its lengths: `tests/fit/effects/test_measurement_effects.py` has others.
+    # This sheet never touches itself: `tests/fit/cloth/test_contact_in_motion.py` has one that does. Its frames come
+    # evenly, and its grid keeps its lengths: `tests/fit/effects/test_measurement_effects.py` has others.
     camera = ("sliding_points", "frame_timing")
     seen = [
         (effect, where) for effect, where in zip(LIBRARY, columns, strict=True)

@@ -42,7 +42,9 @@ class Sheet:
         a, b, c = (self.rest[self.triangles[:, k]] for k in range(3))
         p, q = b - a, c - a
         areas = 0.5 * np.abs(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])
-        return np.bincount(self.triangles.ravel(), np.repeat(areas / 3, 3), minlength=len(self.rest))
+        shared = np.zeros(len(self.rest))
+        np.add.at(shared, self.triangles.ravel(), np.repeat(areas / 3, 3))
+        return shared
 
 
 def check_spacing(spacing: float | None) -> None:

@@ -1,4 +1,4 @@
-"""What every exported USD file shares: z up, metres, one root with its provenance, and one mesh of cloth."""
+"""Open exported USD files: z up, metres, one root with its provenance, and one mesh of cloth."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from formats.rig import Rig
 from formats.unfinished import already_there, left_unfinished, not_utf8, unfinished_name
 from formats.whole_files import make_folders, make_writable, write_whole
 
-FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}  # of a disk or a quota on which somebody may make room
 
 
 def check_name(path: Path) -> None:

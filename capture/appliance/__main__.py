@@ -27,12 +27,12 @@ from capture.appliance.retention import Retention
 from capture.appliance.sensor_keeper import SensorKeeper
 from capture.appliance.states import State
 from capture.appliance.wall_clock import monotonic
+from capture.recording.stop_signals import STOPPING
 from firmware_host.opening import open_sensor
 from formats.errors import HangtimeError
 
 M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8  # `man 3 mallopt`
 PICTURE = 256 * 1024  # bytes; larger pieces of memory go back to the system when they are freed
-STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def main() -> None:

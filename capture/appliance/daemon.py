@@ -10,7 +10,7 @@ from typing import Any
 
 from capture.appliance.config import CONTOUR, InForce
 from capture.appliance.control import ControlServer
-from capture.appliance.disk import LEAST_ROOM, Disk, DiskNews
+from capture.appliance.disk import Disk, DiskNews
 from capture.appliance.faults import FaultBook
 from capture.appliance.log import LOG
 from capture.appliance.panel import Panel
@@ -25,6 +25,7 @@ from capture.appliance.sync_news import SyncNews
 from capture.errors import CaptureError
 from capture.recording.condition import Condition
 from capture.recording.frame_reader import FrameReader, ScanPlan, Seen
+from capture.recording.session import LEAST_ROOM
 from capture.recording.tracking import FrameTracker
 from firmware_host.depth_sensor import SensorFrame
 from firmware_host.errors import SensorStalledError

@@ -27,7 +27,6 @@ from formats.garment import Garment
 from formats.rig import Rig
 from formats.whole_files import make_writable
 
-LEAST_ROOM = 8_000_000  # bytes: below, a take is ended while there is room to end it whole
 READING = 60.0  # s that the processor may take to read and judge a take, before the disk is blamed
 COUNT_EVERY = 10.0  # s from one count of the takes to the next: sync's receipts come meanwhile
 

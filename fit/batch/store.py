@@ -6,18 +6,16 @@ an object, which stores show whole or not at all. A reader never meets half a fi
 
 from __future__ import annotations
 
-import errno
 import os
 from pathlib import Path
 from typing import Any, Protocol
 
 from fit.errors import BatchError, UnreachableError
 from formats.errors import AddressError
+from formats.outputs import FULL
 from formats.store_address import advice_on, first_line, folder_of, is_out_of_reach, open_bucket
 from formats.take_reader import LARGEST_FILE
 from formats.whole_files import write_whole
-
-FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}  # of a disk or a quota on which somebody may make room
 
 
 class Store(Protocol):

@@ -14,10 +14,11 @@ from fit import runtime
 from fit.batch.cluster import RETRY
 from fit.batch.jobs import Job, Outcome, Task, digest_of, failure_name, result_name, search_name
 from fit.batch.kept import has_fit, keep
-from fit.batch.store import FULL, Store, open_store, store_is_full
+from fit.batch.store import Store, open_store, store_is_full
 from fit.errors import BatchError, FitError, UnreachableError
 from fit.provenance import physics_version
 from formats.errors import HangtimeError, ImplausibleError
+from formats.outputs import FULL
 
 
 @dataclass(frozen=True, kw_only=True)

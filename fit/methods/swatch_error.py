@@ -46,12 +46,12 @@ from fit.errors import FitError
 from fit.recordings.recording import FEWEST_PLACES, Recording
 from fit.recordings.smoothing import CUT_OFF, low_pass
 from formats.arrays import Booleans, Floats
+from formats.swatch import FEWEST_MARKERS
 
 Integers = NDArray[np.int64]
 
 ALPHA, BETA, GAMMA = 1.0, 0.5, 2.0  # section 3
 NEEDED_FRAMES = 100  # section 2 used 500; below, an average over frames says little
-FEWEST_MARKERS = 4  # along each side: a Catmull-Rom segment needs four
 SAME_PLACE = 1e-3  # m
 NOISE_GAIN = float(np.sqrt(2 * (0.25 + 9 + 25 + 9 + 0.25)))  # curvature times pitch squared per deviation of the places
 MOST_NOISE = 0.5  # of the measured curvature

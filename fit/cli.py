@@ -138,6 +138,7 @@ def fit_command(
     from fit.identification.calibrate import calibrate
     from fit.identification.request import Plan
     from fit.report.gather import write_fit_report
+    from fit.report.origin import command_line
     from fit.search.choice import OBSERVED
     from formats.results import save_fit_result
 
@@ -161,7 +162,7 @@ def fit_command(
             progress.end()
             aside = set_aside_other_takes(out / "fit.json", training)
             save_fit_result(out / "fit.json", result)
-            report = write_fit_report(out / "report.html", result, training, testing, request)
+            report = write_fit_report(out / "report.html", result, training, testing, request, command_line())
             checkpoint.unlink(missing_ok=True)  # not before the report is there: the same command then goes on
     except KeyboardInterrupt:
         progress.end()
@@ -258,6 +259,7 @@ def diagnose_command(
     from fit.methods import base_model_of, find_method
     from fit.recordings.selection import is_of
     from fit.report.gather import write_diagnosis_report
+    from fit.report.origin import command_line
     from formats.results import load_fit_result, save_diagnosis
 
     training, testing = _read(takes, held_out, held_out_motion, anyway)
@@ -301,7 +303,7 @@ def diagnose_command(
             progress.end()
             aside = set_aside_other_takes(out / "diagnosis.json", training)
             save_diagnosis(out / "diagnosis.json", findings.diagnosis)
-            report = write_diagnosis_report(out / "report.html", findings, fitted)
+            report = write_diagnosis_report(out / "report.html", findings, fitted, (training, testing), command_line())
             # Not before the report, which may fail too.
             shutil.rmtree(out / "diagnosis.partial", ignore_errors=True)
     except KeyboardInterrupt:

@@ -74,7 +74,7 @@ def set_aside_other_takes(path: Path, training: list[Take]) -> str:
         if is_of(kept, training):
             return ""
         whose = f"is of other takes ({', '.join(kept.take_ids)})"
-    both = (path, path.with_name("report.html"))
+    both = (path, path.with_name("report.html"), path.with_name("report.motion.npz"))
     number = next(n for n in itertools.count(1) if not any(_numbered(one, n).exists() for one in both))
     for one in both:
         if one.exists():

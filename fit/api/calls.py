@@ -211,7 +211,7 @@ def report(outcome: FitOutcome | DiagnosisOutcome, path: Path | str, *, fit: Fit
             return write_fit_report(path, outcome.result, training, testing, outcome.request)
         if isinstance(outcome, DiagnosisOutcome) and outcome.findings is not None:
             shown = fit.result if fit is not None else None
-            return write_diagnosis_report(path, outcome.findings, shown)
+            return write_diagnosis_report(path, outcome.findings, shown, (training, testing))
     raise FitError(
         "a result that was loaded from a file holds no takes to draw", where=path,
         advice="fit or diagnose the takes again, then write the report",

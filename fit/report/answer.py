@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from markupsafe import Markup
 
+from fit.report.effects import meaning_of
+from fit.report.motion import ReportMotion, rms_of
 from fit.report.templating import piece
-from fit.report.text import interval, millimetres, percent, tenths, tenths_interval
+from fit.report.text import interval, millimetres, number, percent, tenths, tenths_interval
 from formats.diagnosis_records import Diagnosis
 from formats.fit_records import FitResult
 
 TONES = {"none": "good", "effect": "good", "ambiguous": "warn", "several": "good", "unknown": "warn"}
-TRIVIAL_NAMES = {"vertical": "a hanging board instead", "pendulum": "a pendulum of two numbers instead"}
 VERDICT_WORDS = {
     "none": "no gap",
     "effect": "one missing effect",
@@ -22,19 +25,19 @@ VERDICT_WORDS = {
 }
 
 
-def verdict(fit: FitResult | None, diagnosis: Diagnosis | None) -> Markup:
+def verdict(fit: FitResult | None, diagnosis: Diagnosis | None, motions: Sequence[ReportMotion] = ()) -> Markup:
     """Return the answer in one sentence, with the figures that carry it."""
     tone, tag = "plain", "fit"
     if diagnosis is not None:
         sentence = diagnosis.sentence
         tone, tag = TONES.get(diagnosis.verdict, "bad"), VERDICT_WORDS.get(diagnosis.verdict, diagnosis.verdict)
+        figures = _gap_figures(diagnosis) + _fit_beside(fit, motions)
     else:
-        sentence = _fit_sentence(fit)
-    lists = [_gap_figures(diagnosis)] if diagnosis is not None else []
-    lists += [_fit_figures(fit)] if fit is not None else []
+        sentence = _fit_sentence(fit, motions)
+        figures = _fit_figures(fit, motions) if fit is not None else []
     # The first sentence is large, the rest smaller.
     first, separator, rest = sentence.partition(". ")
-    return piece("parts.html", "answer", tone, tag, first + separator.strip(), rest, lists)
+    return piece("parts.html", "answer", tone, tag, first + separator.strip(), rest, figures)
 
 
 def named(diagnosis: Diagnosis) -> str:
@@ -45,6 +48,25 @@ def named(diagnosis: Diagnosis) -> str:
     return " and ".join(names) or "the best effect"
 
 
+def run_names(fit: FitResult | None, diagnosis: Diagnosis | None) -> dict[str, str]:
+    """Return how the page calls each run."""
+    return {
+        "before": "before the fit",
+        "after": "after the fit",
+        "base": "base model",
+        "with_effect": f"with {named(diagnosis)}" if diagnosis is not None else "with the effect",
+        "fit": f"the fit ({fit.method})" if fit is not None else "the fit",
+    }
+
+
+def _judged(motions: Sequence[ReportMotion]) -> tuple[list[ReportMotion], str]:
+    """Return the motions that errors are judged on, the held-out ones where there are some, and words for them."""
+    held_out = [motion for motion in motions if motion.is_held_out]
+    if held_out:
+        return held_out, "on motion not used to fit"
+    return list(motions), "on the motion it was fitted to"
+
+
 def _gap_figures(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
     gap = diagnosis.gap
     on = "on motion not used to fit" if gap.is_held_out else "on the motion it was fitted to"
@@ -52,6 +74,12 @@ def _gap_figures(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
     if gap.with_effect_mm is not None:
         figures.append((f"with {named(diagnosis)}", tenths(gap.with_effect_mm.value), on))
     figures.append(("the sensor's noise alone", tenths(gap.floor_mm.value), tenths_interval(gap.floor_mm.interval)))
+    for effect in diagnosis.effects:
+        if effect.id in diagnosis.named:
+            unit = "" if effect.unit in ("", "1") else f" {effect.unit}"
+            ends = f" ({interval(effect.amplitude_interval)}{unit})" if effect.amplitude_interval else ""
+            meaning = meaning_of(effect.id, effect.amplitude) + ends
+            figures.append((f"size of {effect.id.replace('_', ' ')}", number(effect.amplitude) + unit, meaning))
     if gap.edge_mm is not None and gap.edge_with_effect_mm is not None:
         with_it = f"{tenths(gap.edge_with_effect_mm)} with {named(diagnosis)}; noise in both"
         figures.append(("base model has the held edge off by", tenths(gap.edge_mm), with_it))
@@ -64,29 +92,43 @@ def _gap_figures(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
     return figures
 
 
-def _fit_sentence(fit: FitResult | None) -> str:
+def _fit_beside(fit: FitResult | None, motions: Sequence[ReportMotion]) -> list[tuple[str, str, str]]:
+    """Return the figure of a fit that is shown beside a diagnosis, by the diagnosis' own measure."""
+    judged, on = _judged(motions)
+    error = rms_of(judged, "fit")
+    return [] if fit is None or error is None else [(f"the fit ({fit.method}) misses by", millimetres(error), on)]
+
+
+def _fit_sentence(fit: FitResult | None, motions: Sequence[ReportMotion]) -> str:
     if fit is None:
         return "Real and simulated motion, without a fit or a diagnosis."
+    judged, on = _judged(motions)
+    before, after = rms_of(judged, "before"), rms_of(judged, "after")
+    if after is not None:
+        against = f", against {millimetres(before)} before the fit" if before is not None else ""
+        return f"The fitted simulation misses the real cloth by {millimetres(after)} {on}{against}."
     error = fit.error
     if error.held_out_after is not None:
-        after, before, on = error.held_out_after, error.held_out_before, "on motion not used to fit"
+        shown, begun, on = error.held_out_after, error.held_out_before, "on motion not used to fit"
     else:
-        after, before, on = error.train_after, error.train_before, "on the motion it was fitted to"
-    against = f", against {millimetres(before.mean_m)} before the fit" if before is not None else ""
-    return f"The fitted simulation stays {millimetres(after.mean_m)} from the real cloth on average {on}{against}."
+        shown, begun, on = error.train_after, error.train_before, "on the motion it was fitted to"
+    against = f", against {millimetres(begun.mean_m)} before the fit" if begun is not None else ""
+    return f"The fitted simulation stays {millimetres(shown.mean_m)} from the real cloth on average {on}{against}."
 
 
-def _fit_figures(fit: FitResult) -> list[tuple[str, str, str]]:
+def _fit_figures(fit: FitResult, motions: Sequence[ReportMotion]) -> list[tuple[str, str, str]]:
+    """Return the errors before and after: root mean square where the motion is known, else as the fit states them."""
     figures = []
-    for name, before, after in (
-        ("takes used to fit", fit.error.train_before, fit.error.train_after),
-        ("held-out takes", fit.error.held_out_before, fit.error.held_out_after),
-    ):
-        if before is not None and after is not None:
-            detail = f"mean distance; largest {1e3 * before.max_m:.0f} → {1e3 * after.max_m:.0f} mm"
+    groups = (
+        ("held-out takes", [m for m in motions if m.is_held_out], fit.error.held_out_before, fit.error.held_out_after),
+        ("takes used to fit", [m for m in motions if not m.is_held_out], fit.error.train_before, fit.error.train_after),
+    )
+    for name, shown, before, after in groups:
+        begun, reached = rms_of(shown, "before"), rms_of(shown, "after")
+        if begun is not None and reached is not None:
+            detail = "root mean square distance of the free points"
+            figures.append((f"fit, {name}", f"{1e3 * begun:.1f} → {millimetres(reached)}", detail))
+        elif not motions and before is not None and after is not None:
+            detail = f"mean distance of all points; largest {1e3 * before.max_m:.0f} → {1e3 * after.max_m:.0f} mm"
             figures.append((f"fit, {name}", f"{1e3 * before.mean_m:.1f} → {millimetres(after.mean_m)}", detail))
-    for one in fit.trivial:
-        error, on = (one.held_out, "held-out takes") if one.held_out else (one.train, "takes used to fit")
-        detail = f"mean distance of a rigid sheet, {on}"
-        figures.append((TRIVIAL_NAMES[one.name], millimetres(error.mean_m), detail))
     return figures

@@ -21,18 +21,24 @@ MOST_LABELS = 12  # vertices that are labelled with their error; more would over
 
 Part = tuple[str, float, float]  # of a bar: its kind, where it begins and where it ends
 
-RUN_NAMES = {"before": "before the fit", "after": "after the fit", "with_effect": "with the effect"}
-RUN_CLASSES = {"before": "is-before", "after": "is-after", "with_effect": "is-effect"}
+RUN_CLASSES = {
+    "before": "is-before", "after": "is-after", "base": "is-after", "with_effect": "is-effect", "fit": "is-fit",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Curve:
-    """Mean and, where known, largest error over time [m], (frames,) each; `name` replaces the figures in the legend."""
+    """An error over time and, where known, that of the worst point [m], (frames,) each.
+
+    - `name`: of the run, in the legend
+    - `whole` [m]: the figure of all frames, and what it is called; None: the legend shows no figures
+    """
 
     run: str
-    mean: Floats
+    values: Floats
     largest: Floats | None = None
     name: str = ""
+    whole: tuple[str, float] | None = None
 
 
 def gap_bars(gap: Gap, effect_name: str) -> Markup:
@@ -107,8 +113,8 @@ def where_bars(title: str, bins: Sequence[WhereBin], cloth: Markup = NOTHING) ->
     return piece("charts.html", "where", title, rows, cloth)
 
 
-def force_map(places: Sequence[ForceAt]) -> Markup:
-    """Return the garment from the front with the missing force at each point.
+def force_map(places: Sequence[ForceAt], outline: Floats | None = None) -> Markup:
+    """Return the garment from the front with the missing force at each point; outline [m], (corners, 2), of it.
 
     A disc is its part along the normal, a bar across it the part in the plane, both as large as they are strong.
     """
@@ -116,7 +122,8 @@ def force_map(places: Sequence[ForceAt]) -> Markup:
         return NOTHING
     at = np.array([(p.at_m[0], -p.at_m[1]) for p in places])
     most = max([max(p.normal, p.in_plane) for p in places] + [1e-12])
-    size = float(max(np.ptp(at, axis=0).max(), 0.05))
+    shape = _shape(at, outline)
+    size = float(max(np.ptp(shape, axis=0).max(), 0.05))
     reach = size * min(0.08, 0.55 / math.sqrt(len(places)))
     marks = [
         {
@@ -127,21 +134,25 @@ def force_map(places: Sequence[ForceAt]) -> Markup:
         }
         for (x, y), p in zip(at, places, strict=True)
     ]  # fmt: skip
-    box = _box(at.min(axis=0) - 1.6 * reach, np.ptp(at, axis=0) + 3.2 * reach)
-    return piece("charts.html", "force_map", box, _outline(at), marks, number(most, 2))
+    box = _box(shape.min(axis=0) - 1.6 * reach, np.ptp(shape, axis=0) + 3.2 * reach)
+    return piece("charts.html", "force_map", box, _polygon(shape), marks, number(most, 2))
 
 
-def cloth_map(vertices: Sequence[VertexResidual]) -> Markup:
-    """Return the garment seen from the front, a spot per vertex coloured by its error."""
+def cloth_map(vertices: Sequence[VertexResidual], outline: Floats | None = None) -> Markup:
+    """Return the garment seen from the front, a spot per vertex coloured by its error.
+
+    outline [m], (corners, 2): of the garment; without it the points' own hull is drawn
+    """
     known = [v for v in vertices if math.isfinite(v.value_mm) and all(math.isfinite(x) for x in v.at_m)]
     if not known:
         return NOTHING
     places = np.array([(v.at_m[0], -v.at_m[-1]) for v in known])
     values = np.array([v.value_mm for v in known])
     low, high = float(values.min()), float(values.max())
-    size = float(max(np.ptp(places, axis=0).max(), 0.05))
+    shape = _shape(places, outline)
+    size = float(max(np.ptp(shape, axis=0).max(), 0.05))
     spot = size * min(0.06, 0.5 / math.sqrt(len(known)))
-    extent = np.ptp(places, axis=0) + 3 * spot
+    extent = np.ptp(shape, axis=0) + 3 * spot
     spots = [
         {
             "x": _fine(x), "y": _fine(y), "radius": _fine(spot), "title": tenths(v),
@@ -151,13 +162,13 @@ def cloth_map(vertices: Sequence[VertexResidual]) -> Markup:
     ]  # fmt: skip
     labels = []
     if len(known) <= MOST_LABELS:
-        extent[0] += 4 * spot
+        extent[0] += 7 * spot
         labels = [
-            {"x": _fine(x + 1.4 * spot), "y": _fine(y + 0.45 * spot), "size": _fine(1.25 * spot), "text": f"{v:.1f}"}
+            {"x": _fine(x + 1.4 * spot), "y": _fine(y + 0.45 * spot), "size": _fine(1.25 * spot), "text": tenths(v)}
             for (x, y), v in zip(places, values, strict=True)
         ]
-    box = _box(places.min(axis=0) - 1.5 * spot, extent)
-    return piece("charts.html", "cloth_map", box, _outline(places), spots, labels, tenths(low), tenths(high))
+    box = _box(shape.min(axis=0) - 1.5 * spot, extent)
+    return piece("charts.html", "cloth_map", box, _polygon(shape), spots, labels, tenths(low), tenths(high))
 
 
 def _fine(value: float) -> str:
@@ -168,8 +179,13 @@ def _box(corner: Floats, extent: Floats) -> str:
     return " ".join(_fine(value) for value in (*corner, *extent))
 
 
-def _outline(places: Floats) -> str:
-    return " ".join(f"{x:.4f},{y:.4f}" for x, y in _hull(places))
+def _shape(places: Floats, outline: Floats | None) -> Floats:
+    """Return the corners to draw, y down [m], (corners, 2): the garment's own, or else the hull of its points."""
+    return np.array(_hull(places)) if outline is None else np.asarray(outline) * (1.0, -1.0)
+
+
+def _polygon(corners: Floats) -> str:
+    return " ".join(f"{x:.4f},{y:.4f}" for x, y in corners)
 
 
 def _hull(places: Floats) -> list[tuple[float, float]]:
@@ -195,28 +211,26 @@ def error_chart(
     unit: str = "mm",
 ) -> Markup:  # fmt: skip
     """Return errors [m], shown in thousandths, over time as a figure; `motion` ties it to a motion of the player."""
-    curves = [curve for curve in curves if np.isfinite(curve.mean).any()]
+    curves = [curve for curve in curves if np.isfinite(curve.values).any()]
     if len(time) < 2 or not curves:
         return NOTHING
     start, end = float(time[0]), float(time[-1])
-    drawn = [part for curve in curves for part in (curve.mean, curve.largest) if part is not None]
+    drawn = [part for curve in curves for part in (curve.values, curve.largest) if part is not None]
     top, steps = _nice_top(1e3 * max(float(np.nanmax(part)) for part in drawn))
     lines, legend = [], []
     for curve in curves:
         style = RUN_CLASSES[curve.run]
         if curve.largest is not None:
             lines.append((f"largest {style}", _path(time, 1e3 * curve.largest, top)))
-        lines.append((style, _path(time, 1e3 * curve.mean, top)))
+        lines.append((style, _path(time, 1e3 * curve.values, top)))
         colour = f"var(--{style.removeprefix('is-')})"
-        if curve.name:
+        if curve.whole is None:
             legend.append((colour, "is-line", curve.name))
             continue
-        mean = 1e3 * float(np.nanmean(curve.mean))
-        lines.append((f"mean {style}", f"M0 {100 * (1 - mean / top):.2f}H100"))
-        worst = 1e3 * float(np.nanmax(curve.mean if curve.largest is None else curve.largest))
-        worst_name = "worst frame" if curve.largest is None else "worst point"
-        text = f"{RUN_NAMES[curve.run]}: mean {mean:.1f} mm, {worst_name} {worst:.1f} mm"
-        legend.append((colour, "is-line", text))
+        kind, whole = curve.whole[0], 1e3 * curve.whole[1]
+        lines.append((f"mean {style}", f"M0 {100 * (1 - whole / top):.2f}H100"))
+        worst = 1e3 * float(np.nanmax(curve.values))
+        legend.append((colour, "is-line", f"{curve.name}: {kind} {whole:.1f} mm, worst frame {worst:.1f} mm"))
     return piece("charts.html", "error_chart", {
         "caption": caption, "legend": legend, "lines": lines, "axis": axis, "unit": unit, "motion": motion,
         "start": _fine(start), "end": _fine(end),

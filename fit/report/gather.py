@@ -1,10 +1,9 @@
-"""Gather what a report shows: simulate the takes once more before, after and with the named effect, shapes kept."""
+"""Gather what a report shows: simulate the takes once more, each run of the report, shapes kept."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,72 +15,90 @@ from fit.engines.plain_grid import plain_grid
 from fit.gap.diagnosis import Findings
 from fit.identification.request import Request
 from fit.methods import find_method
+from fit.observer.residuals import has_static
 from fit.recordings.recording import Recording, prepare_together
-from fit.report import ReportMotion, write_report
+from fit.report.kept import created_of, save_motions
+from fit.report.motion import ReportMotion, Run
+from fit.report.origin import Origin, origin_of
+from fit.report.page import write_report
 from formats.arrays import Floats
 from formats.fit_records import FitResult
 from formats.take import Take
 
 
 def write_fit_report(
-    path: Path, result: FitResult, training: list[Take], held_out: list[Take], request: Request
+    path: Path, result: FitResult, training: list[Take], held_out: list[Take], request: Request, command: str = ""
 ) -> Path:
-    """Write the report of a fit and return its path."""
+    """Write the report of a fit and return its path; its motion is kept beside it.
+
+    command: that made the fit, as the page is to show it
+    """
     initial = np.array([p.initial for p in result.parameters])
     fitted = np.array([p.fitted for p in result.parameters])
     count = len(request.method.parameters)
+    names, vectors = ("before", "after"), np.stack([initial, fitted])
     motions = []
     for recording, is_held_out in _both(*prepare_together(training, held_out)):
         if request.engine != OWN:
-            motions.append(_motion_of_engine(recording, is_held_out, request, np.stack([initial, fitted])))
+            motions.append(_motion_of_engine(recording, is_held_out, request, vectors))
             continue
         simulator = Simulator(recording, request.effects, resolution=request.resolution)
         density = recording.garment.mass_kg / float(simulator.mesh.area)
-        vectors = np.stack([initial, fitted])
         materials = request.method.to_materials(vectors[:, :count], density)
         done = simulator.run(materials, vectors[:, count:], shapes=True)
-        motions.append(
-            _motion(recording, is_held_out, simulator.mesh.triangles, done.points, done.shapes, ("before", "after"))
-        )
-    write_report(path, fit=result, diagnosis=None, motions=motions)
-    return path
+        triangles = simulator.mesh.triangles
+        motions.append(_motion(recording, is_held_out, triangles, _runs(names, done.points, done.shapes)))
+    origin = origin_of(training, held_out, command)
+    return _written(path, result, None, motions, origin)
 
 
 def write_diagnosis_report(
     path: Path,
     findings: Findings,
     fitted: FitResult | None,
+    takes: tuple[Sequence[Take], Sequence[Take]] = ((), ()),
+    command: str = "",
 ) -> Path:
     """Write the report of a diagnosis, with the fit beside it where there is one, and return its path.
 
-    Cloth moves under the pull of the diagnosis. `before` is the model with default parameters. `after` is the fit with
-    its effects, or the diagnosis' base fit if no fit of our own engine exists. `with_effect` is the base model refitted
-    with the effect that the verdict names.
+    Cloth moves under the pull of the diagnosis. `base` is the fitted base model, and `with_effect` the same refitted
+    with the effect that the verdict names. `fit` is the fit with its effects, where one of our own engine exists.
+
+    - takes: fitted to, and held out
+    - command: that made the diagnosis, as the page is to show it
     """
     motions = []
-    is_named = bool(findings.diagnosis.named) and findings.best is not None
     off = amplitudes_of(findings.effects)
+    best = findings.best if findings.diagnosis.named else None
     for recording, is_held_out in _both(findings.takes.training, findings.takes.held_out):
         simulator = Simulator(recording, findings.effects, resolution=findings.resolution)
         density = recording.garment.mass_kg / float(simulator.mesh.area)
-        rows, amplitudes, names = [], [off, off], ["before", "after"]
+        rows, amplitudes, names = [findings.model.to_materials(findings.base.vector[None], density)], [off], ["base"]
+        if best is not None:
+            rows.append(findings.model.to_materials(best.vector[None], density))
+            amplitudes.append(best.amplitudes)
+            names.append("with_effect")
         if fitted is not None and fitted.engine == OWN:
             method = find_method(fitted.method)
-            values = np.array([[p.initial for p in fitted.parameters], [p.fitted for p in fitted.parameters]])
-            rows += list(method.to_materials(values[:, : len(method.parameters)], density))
-            names_of_all = [name for effect in findings.effects for name in parameter_names(effect)]
-            amplitudes[1] = np.array([fitted.effects.get(name, 0.0) for name in names_of_all])
-        else:
-            rows += list(findings.model.to_materials(np.stack([findings.model.initial, findings.base.vector]), density))
-        if is_named and findings.best is not None:
-            rows += list(findings.model.to_materials(findings.best.vector[None], density))
-            amplitudes.append(findings.best.amplitudes)
-            names.append("with_effect")
+            values = np.array([[p.fitted for p in fitted.parameters]])
+            rows.append(method.to_materials(values[:, : len(method.parameters)], density))
+            all_names = [name for effect in findings.effects for name in parameter_names(effect)]
+            amplitudes.append(np.array([fitted.effects.get(name, 0.0) for name in all_names]))
+            names.append("fit")
         pull = findings.frequency
-        done = simulator.run(np.array(rows), np.array(amplitudes), observer_hz=pull, shapes=True)
-        motion = _motion(recording, is_held_out, simulator.mesh.triangles, done.points, done.shapes, tuple(names))
-        motions.append(replace(motion, pull_hz=pull))
-    write_report(path, fit=fitted, diagnosis=findings.diagnosis, motions=motions)
+        done = simulator.run(np.concatenate(rows), np.array(amplitudes), observer_hz=pull, shapes=True)
+        runs = _runs(tuple(names), done.points, done.shapes)
+        motions.append(_motion(recording, is_held_out, simulator.mesh.triangles, runs, pull))
+    origin = origin_of(takes[0], takes[1], command, findings.takes.contents, findings.takes.held_out_contents)
+    return _written(path, fitted, findings, motions, origin)
+
+
+def _written(
+    path: Path, fitted: FitResult | None, findings: Findings | None, motions: list[ReportMotion], origin: Origin
+) -> Path:
+    diagnosis = findings.diagnosis if findings is not None else None
+    write_report(path, fit=fitted, diagnosis=diagnosis, motions=motions, origin=origin)
+    save_motions(path, motions, origin, created_of(fitted, diagnosis))
     return path
 
 
@@ -94,26 +111,33 @@ def _motion_of_engine(recording: Recording, is_held_out: bool, request: Request,
     """Motion of an engine that gives points only."""
     engine = find_engine(request.engine)(recording, request.method, request.effects, request.resolution)
     grid = plain_grid(recording.garment, request.resolution.spacing)
-    return _motion(recording, is_held_out, grid.triangles, engine.points(vectors), None, ("before", "after"))
+    return _motion(recording, is_held_out, grid.triangles, _runs(("before", "after"), engine.points(vectors), None))
+
+
+def _runs(names: Sequence[str], points: Floats, shapes: NDArray[np.float32] | None) -> dict[str, Run]:
+    """Return the runs that did not blow up."""
+    return {
+        name: Run(points=points[k], mesh=None if shapes is None else shapes[k].astype(float))
+        for k, name in enumerate(names)
+        if np.isfinite(points[k]).all()
+    }
 
 
 def _motion(
-    recording: Recording, is_held_out: bool, triangles: NDArray[np.signedinteger], points: Floats,
-    shapes: NDArray[np.float32] | None, names: tuple[str, ...],
+    recording: Recording, is_held_out: bool, triangles: NDArray[np.signedinteger], runs: dict[str, Run],
+    pull_hz: float = 0.0,
 ) -> ReportMotion:  # fmt: skip
-    runs: dict[str, Any] = {}
-    for k, name in enumerate(names):
-        if np.isfinite(points[k]).all():
-            runs[name] = points[k]
-            if shapes is not None:
-                runs["mesh_" + name] = shapes[k].astype(float)
     return ReportMotion(
         take_id=recording.take_id,
         is_held_out=is_held_out,
         time=recording.time,
         real=recording.points,
         point_names=tuple(p.name for p in recording.garment.points),
+        runs=runs,
         triangles=triangles.astype(np.int64),
+        pull_hz=pull_hz,
         held=recording.held(recording.time).reshape(-1, 2, 3),
-        **runs,
+        free=recording.judged,
+        is_material=has_static(recording),
+        outline=np.array(recording.garment.outline_m),
     )

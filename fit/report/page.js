@@ -6,9 +6,10 @@
   if (!box || !source.length) return;
   const canvas = box.querySelector("canvas"), ink = canvas.getContext("2d");
   const part = (name) => box.querySelector(`[data-part="${name}"]`);
-  const RUNS = ["before", "after", "with_effect"];
+  const RUNS = ["before", "after", "base", "with_effect", "fit"];
+  const TRAIL = 0.7; // s of the past that a trail shows
   const VIEWS = { front: [0, 0.04], side: [Math.PI / 2, 0.04], oblique: [0.65, 0.28] };
-  const state = { motion: 0, run: "after", time: 0, playing: false, speed: 1, yaw: 0.65, pitch: 0.28, zoom: 1, cloth: "error", errors: true };
+  const state = { motion: 0, run: "", other: "", compare: "", trails: true, time: 0, playing: false, speed: 1, yaw: 0.65, pitch: 0.28, zoom: 1, cloth: "error", errors: true };
   const motions = [];
   let colours = {}, drawn = 0;
 
@@ -37,6 +38,7 @@
       motion.meshes[run] = await unpack(given.meshes[run]);
     }
     motion.triangles = given.triangles;
+    Object.assign(motion, linesOf(given.triangles));
     measure(motion);
     motion.worst = largestError(motion);
     motions[index] = motion;
@@ -61,11 +63,26 @@
     motion.heading = Math.hypot(x, y) > 1e-9 ? Math.atan2(y, x) : 0;
   }
 
+  /* The garment's own lines: sides of its quadrilaterals (two triangles that follow one another), and its outline. */
+  function linesOf(triangles) {
+    const count = new Map(), diagonals = new Set(), key = (a, b) => (a < b ? `${a} ${b}` : `${b} ${a}`);
+    triangles.forEach(([a, b, c], n) => {
+      const sides = [key(a, b), key(b, c), key(c, a)];
+      for (const side of sides) count.set(side, (count.get(side) || 0) + 1);
+      if (n % 2 === 1) {
+        const [x, y, z] = triangles[n - 1];
+        for (const side of sides) if ([key(x, y), key(y, z), key(z, x)].includes(side)) diagonals.add(side);
+      }
+    });
+    const pairs = (found) => found.map((side) => side.split(" ").map(Number)), every = [...count.keys()];
+    return { wire: pairs(every.filter((side) => !diagonals.has(side))), rim: pairs(every.filter((side) => count.get(side) === 1)) };
+  }
+
   /* Error [m] that the darkest colour stands for: exceeded by one in twenty, over all runs, rounded up. */
   function largestError(motion) {
     const found = [];
     for (const run of Object.values(motion.points)) {
-      if (run) for (let f = 0; f < run.frames; f += 3) for (let i = 0; i < run.count; i++) found.push(distance(motion, run, f, i));
+      if (run) for (let f = 0; f < run.frames; f += 3) for (let i = 0; i < run.count; i++) if (motion.free[i]) found.push(distance(motion, run, f, i));
     }
     const known = found.filter(Number.isFinite).sort((a, b) => a - b);
     const size = known.length ? known[Math.floor(0.95 * (known.length - 1))] : 0.01;
@@ -77,20 +94,37 @@
     return Math.hypot(...real.map((v, k) => v - model[k]));
   }
 
-  /* Error between the points: mean of theirs, weighted by the inverse fourth power of the distance (Shepard 1968). */
+  /* Root mean square distance of the free points that are seen in a frame, and the farthest of them. */
+  function errorOf(motion, run, frame) {
+    let sum = 0, count = 0, largest = -1, name = "";
+    for (let i = 0; i < run.count; i++) {
+      const size = motion.free[i] ? distance(motion, run, frame, i) : NaN;
+      if (!Number.isFinite(size)) continue;
+      sum += size * size; count += 1;
+      if (size > largest) { largest = size; name = motion.point_names[i]; }
+    }
+    return { rms: count ? Math.sqrt(sum / count) : NaN, count, largest, name };
+  }
+
+  /* Error between the points: mean of theirs, weighted by the inverse fourth power of the distance (Shepard 1968).
+     Not a number, which is drawn grey, where points that are not seen weigh more than those that are. */
   function errorsBetween(motion, run, frame, places) {
     const known = [];
+    let isSeen = false;
     for (let i = 0; i < run.count; i++) {
       const size = distance(motion, run, frame, i);
-      if (Number.isFinite(size)) known.push([at(run, frame, i), size]);
+      known.push([at(run, frame, i), size]);
+      isSeen = isSeen || (motion.free[i] && Number.isFinite(size));
     }
+    if (!isSeen) return places.map(() => NaN);
     return places.map((p) => {
-      let sum = 0, weights = 0;
+      let sum = 0, weights = 0, all = 0;
       for (const [q, size] of known) {
         const square = (p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2 + 1e-6, weight = 1 / (square * square);
-        sum += weight * size; weights += weight;
+        all += weight;
+        if (Number.isFinite(size)) { sum += weight * size; weights += weight; }
       }
-      return weights ? sum / weights : NaN;
+      return weights > 0.5 * all ? sum / weights : NaN;
     });
   }
 
@@ -111,8 +145,8 @@
 
   function readColours() {
     const style = getComputedStyle(document.documentElement), get = (name) => style.getPropertyValue(name).trim();
-    for (const name of ["ink", "soft", "line", "real", "before", "after", "effect", "cloth", "cloth-back", "low", "high"]) colours[name] = get(`--${name}`);
-    colours.with_effect = colours.effect;
+    for (const name of ["ink", "soft", "line", "real", "before", "after", "effect", "fit", "cloth", "cloth-back", "low", "high", "unknown"]) colours[name] = get(`--${name}`);
+    colours.with_effect = colours.effect; colours.base = colours.after;
   }
 
   function projector(motion, width, height) {
@@ -143,22 +177,40 @@
     }
   }
 
-  function drawCloth(motion, mesh, frame, project) {
-    const triangles = motion.triangles;
+  /* Lines of the mesh, given the vertices on the canvas. */
+  function drawLines(lines, seen, colour, thickness) {
+    ink.strokeStyle = colour; ink.lineWidth = thickness; ink.beginPath();
+    for (const [a, b] of lines) { ink.moveTo(seen[a][0], seen[a][1]); ink.lineTo(seen[b][0], seen[b][1]); }
+    ink.stroke();
+  }
+
+  function drawGhost(motion, name, frame, project) {
+    const mesh = motion.meshes[name], points = motion.points[name];
+    if (mesh && state.cloth !== "none") {
+      const seen = [];
+      for (let i = 0; i < mesh.count; i++) seen.push(project(at(mesh, frame, i)));
+      ink.globalAlpha = 0.35; drawLines(motion.wire, seen, colours[name], 0.7);
+      ink.globalAlpha = 0.9; drawLines(motion.rim, seen, colours[name], 1.6); ink.globalAlpha = 1;
+    }
+    for (let i = 0; points && i < points.count; i++) {
+      const q = project(at(points, frame, i));
+      ink.strokeStyle = colours[name]; ink.lineWidth = 1.6; ink.beginPath(); ink.arc(q[0], q[1], 4, 0, 7); ink.stroke();
+    }
+  }
+
+  function drawCloth(motion, name, frame, project) {
+    const triangles = motion.triangles, mesh = motion.meshes[name];
     if (!mesh || !triangles.length || state.cloth === "none") return;
     const world = [], seen = [];
     for (let i = 0; i < mesh.count; i++) { world.push(at(mesh, frame, i)); seen.push(project(world[i])); }
     if (state.cloth === "wire") {
-      ink.strokeStyle = `rgb(${colours.cloth} / .65)`; ink.lineWidth = 0.8; ink.beginPath();
-      for (const [a, b, c] of triangles) {
-        ink.moveTo(seen[a][0], seen[a][1]); ink.lineTo(seen[b][0], seen[b][1]); ink.lineTo(seen[c][0], seen[c][1]); ink.lineTo(seen[a][0], seen[a][1]);
-      }
-      ink.stroke();
+      drawLines(motion.wire, seen, `rgb(${colours.cloth} / .65)`, 0.8);
+      drawLines(motion.rim, seen, `rgb(${colours.cloth})`, 2);
       return;
     }
-    const run = motion.points[state.run], isError = state.cloth === "error" && run;
+    const run = motion.points[name], isError = state.cloth === "error" && run;
     const errors = isError ? errorsBetween(motion, run, frame, world) : [];
-    const low = rgb(colours.low), high = rgb(colours.high);
+    const low = rgb(colours.low), high = rgb(colours.high), unknown = rgb(colours.unknown);
     const order = triangles.map((t) => [seen[t[0]][2] + seen[t[1]][2] + seen[t[2]][2], t]).sort((p, q) => q[0] - p[0]);
     const front = colours.cloth.split(" ").map(Number), back = colours["cloth-back"].split(" ").map(Number);
     ink.lineWidth = 0.7; ink.lineJoin = "round";
@@ -170,12 +222,16 @@
       const side = (seen[b][0] - seen[a][0]) * (seen[c][1] - seen[a][1]) - (seen[b][1] - seen[a][1]) * (seen[c][0] - seen[a][0]);
       const light = 0.62 + 0.45 * Math.abs(n[0] * 0.35 + n[1] * -0.55 + n[2] * 0.76) / size;
       const share = isError ? Math.min(1, (errors[a] + errors[b] + errors[c]) / 3 / motion.worst) : NaN;
-      const plain = Number.isFinite(share) ? low.map((v, i) => v + share * (high[i] - v)) : side < 0 ? front : back;
+      const isKnown = Number.isFinite(share), bare = side < 0 ? front : back;
+      const plain = isKnown ? low.map((v, i) => v + share * (high[i] - v)) : isError ? unknown : bare;
       const tint = plain.map((v) => Math.min(255, Math.round(v * light)));
       ink.fillStyle = ink.strokeStyle = `rgb(${tint.join(" ")} / .93)`;
       ink.beginPath(); ink.moveTo(seen[a][0], seen[a][1]); ink.lineTo(seen[b][0], seen[b][1]); ink.lineTo(seen[c][0], seen[c][1]); ink.closePath();
       ink.fill(); ink.stroke();
     }
+    if (isError) box.dataset.grey = (errors.filter((size) => !Number.isFinite(size)).length / errors.length).toFixed(2);
+    ink.globalAlpha = 0.14; drawLines(motion.wire, seen, colours.ink, 0.6);
+    ink.globalAlpha = 0.8; drawLines(motion.rim, seen, colours.ink, 1.4); ink.globalAlpha = 1;
   }
 
   const rgb = (hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16));
@@ -187,7 +243,7 @@
     ink.fillStyle = shade; ink.fillRect(left, height - 22, long, 8);
     ink.strokeStyle = colours.soft; ink.lineWidth = 0.8; ink.strokeRect(left, height - 22, long, 8);
     ink.fillStyle = colours.soft; ink.font = "12px system-ui, sans-serif";
-    ink.fillText("error", left, height - 28); ink.textAlign = "right";
+    ink.fillText("error 0", left, height - 28); ink.textAlign = "right";
     ink.fillText(`${Math.round(1e3 * motion.worst)} mm`, left + long, height - 28); ink.textAlign = "left";
   }
 
@@ -197,37 +253,76 @@
     ink.fillStyle = colours.soft; ink.font = "12px system-ui, sans-serif"; ink.fillText("10 cm", 14, height - 22);
   }
 
-  function draw() {
-    const motion = motions[state.motion];
-    if (!motion) return;
-    const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
-    if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
-      canvas.width = Math.round(width * ratio); canvas.height = Math.round(height * ratio);
+  /* Where a point was in the last moments; a place that was not seen breaks the line. */
+  function drawTrail(motion, track, point, frame, project, colour) {
+    const first = frameAt(motion, motion.time[frame] - TRAIL);
+    ink.strokeStyle = colour; ink.lineWidth = 1.4; ink.globalAlpha = 0.6; ink.beginPath();
+    let isOn = false;
+    for (let f = first; f <= frame; f++) {
+      const place = at(track, f, point), isSeen = place.every(Number.isFinite);
+      if (isSeen) { const p = project(place); if (isOn) ink.lineTo(p[0], p[1]); else ink.moveTo(p[0], p[1]); }
+      isOn = isSeen;
     }
-    ink.setTransform(ratio, 0, 0, ratio, 0, 0); ink.clearRect(0, 0, width, height);
-    const project = projector(motion, width, height), frame = frameAt(motion, state.time);
+    ink.stroke(); ink.globalAlpha = 1;
+  }
+
+  const millimetres = (size) => (Number.isFinite(size) ? `${(1e3 * size).toFixed(1)} mm` : "no free point seen");
+  const nameOf = (run) => box.querySelector(`[data-run="${run}"]`).textContent;
+
+  function drawPane(motion, name, frame, width, height, label) {
+    const project = projector(motion, width, height), run = motion.points[name];
     drawFloor(motion, project);
-    drawCloth(motion, motion.meshes[state.run], frame, project);
+    if (state.compare === "ghost" && state.other !== name && motion.points[state.other]) drawGhost(motion, state.other, frame, project);
+    drawCloth(motion, name, frame, project);
     if (motion.held) {
       const ends = [at(motion.held, frame, 0), at(motion.held, frame, 1)];
       if (ends.flat().every(Number.isFinite)) line(ends.map(project), colours.ink, 5);
     }
-    const run = motion.points[state.run];
-    let sum = 0, count = 0, worst = -1, name = "";
     for (let i = 0; i < motion.real.count; i++) {
       const real = at(motion.real, frame, i), model = run && at(run, frame, i);
       const isSeen = real.every(Number.isFinite), p = project(real), q = model && project(model);
+      if (state.trails && motion.free[i]) {
+        drawTrail(motion, motion.real, i, frame, project, colours.real);
+        if (run) drawTrail(motion, run, i, frame, project, colours[name]);
+      }
       if (model && model.every(Number.isFinite)) {
-        if (isSeen) {
-          const apart = Math.hypot(...real.map((v, k) => v - model[k]));
-          sum += apart; count += 1;
-          if (apart > worst) { worst = apart; name = motion.point_names[i]; }
-          if (state.errors) line([p, q], colours.real, 1.6);
-        }
-        ink.strokeStyle = colours[state.run]; ink.lineWidth = 2.2; ink.strokeRect(q[0] - 4.5, q[1] - 4.5, 9, 9);
+        if (isSeen && state.errors) line([p, q], colours.real, 1.6);
+        ink.strokeStyle = colours[name]; ink.lineWidth = 2.2; ink.strokeRect(q[0] - 4.5, q[1] - 4.5, 9, 9);
       }
       if (isSeen) { ink.fillStyle = colours.real; ink.beginPath(); ink.arc(p[0], p[1], 5, 0, 7); ink.fill(); }
     }
+    if (label && run) {
+      ink.font = "600 14px system-ui, sans-serif"; ink.fillStyle = colours[name];
+      ink.fillText(`${nameOf(name)}: ${millimetres(errorOf(motion, run, frame).rms)}`, 14, 22);
+      const ghost = state.compare === "ghost" && state.other !== name && motion.points[state.other];
+      if (ghost) {
+        ink.fillStyle = colours[state.other];
+        ink.fillText(`ghost, ${nameOf(state.other)}: ${millimetres(errorOf(motion, ghost, frame).rms)}`, 14, 42);
+      }
+    }
+    return project;
+  }
+
+  function draw() {
+    const motion = motions[state.motion];
+    if (!motion) return;
+    const isPair = state.compare === "both" && motion.points[state.other] && state.other !== state.run;
+    canvas.classList.toggle("is-pair", Boolean(isPair));
+    const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
+    if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+      canvas.width = Math.round(width * ratio); canvas.height = Math.round(height * ratio);
+    }
+    const frame = frameAt(motion, state.time), isWide = width >= 620, shown = isPair ? [state.run, state.other] : [state.run];
+    const across = isPair && isWide ? width / 2 : width, down = isPair && !isWide ? height / 2 : height;
+    ink.setTransform(ratio, 0, 0, ratio, 0, 0); ink.clearRect(0, 0, width, height);
+    let project = null;
+    shown.forEach((name, n) => {
+      const left = isWide ? n * across : 0, top = isWide ? 0 : n * down;
+      ink.save(); ink.translate(left, top); ink.beginPath(); ink.rect(0, 0, across, down); ink.clip();
+      project = drawPane(motion, name, frame, across, down, shown.length > 1 || state.compare === "ghost");
+      ink.restore();
+      if (n) line(isWide ? [[left, 0], [left, height]] : [[0, top], [width, top]], colours.line, 2);
+    });
     drawScale(motion, project, height);
     drawLegend(motion, width, height);
     const end = motion.time[motion.time.length - 1], now = motion.time[frame];
@@ -235,14 +330,24 @@
     part("scrub").value = String(frame);
     box.dataset.worst = String(motion.worst);
     part("scrub").setAttribute("aria-valuetext", `${now.toFixed(2)} seconds`);
-    part("readout").textContent = count
-      ? `Mean error now ${(1e3 * sum / count).toFixed(1)} mm over ${count} points, largest ${(1e3 * worst).toFixed(1)} mm at ${name.replaceAll("_", " ")}.`
-      : "No tracked point is seen in this frame.";
+    tell(motion, frame);
     for (const plot of document.querySelectorAll(".plot[data-motion]")) {
       const cursor = plot.querySelector(".cursor"), span = Number(plot.dataset.end) - Number(plot.dataset.start);
       cursor.hidden = Number(plot.dataset.motion) !== state.motion;
       cursor.style.left = `${Math.max(0, Math.min(100, 100 * (now - Number(plot.dataset.start)) / span))}%`;
     }
+  }
+
+  /* Say the error of the frame in words, of the run that is shown and of the one it is compared with. */
+  function tell(motion, frame) {
+    const run = motion.points[state.run], other = state.compare !== "one" && state.other !== state.run && motion.points[state.other];
+    const found = run ? errorOf(motion, run, frame) : { count: 0 };
+    let text = "No free point is seen in this frame.";
+    if (found.count) {
+      text = `Error now, ${nameOf(state.run)}: ${millimetres(found.rms)} (root mean square of ${found.count} free point${found.count > 1 ? "s" : ""}), largest ${millimetres(found.largest)} at ${found.name.replaceAll("_", " ")}`;
+      text += other ? `; ${nameOf(state.other)}: ${millimetres(errorOf(motion, other, frame).rms)}.` : ".";
+    }
+    part("readout").textContent = text;
   }
 
   function press(group, value) {
@@ -252,7 +357,9 @@
   function show(changes = {}) {
     Object.assign(state, changes);
     state.pitch = Math.max(-1.5, Math.min(1.5, state.pitch)); state.zoom = Math.max(0.4, Math.min(5, state.zoom));
-    press("run", state.run); press("cloth", state.cloth);
+    press("run", state.run); press("cloth", state.cloth); press("compare", state.compare);
+    if (part("other")) part("other").value = state.other;
+    part("errors").checked = state.errors; part("trails").checked = state.trails;
     const view = Object.keys(VIEWS).find((v) => Math.abs(VIEWS[v][0] - state.yaw) < 1e-6 && Math.abs(VIEWS[v][1] - state.pitch) < 1e-6);
     press("view", view || "");
     part("play").textContent = state.playing ? "Pause" : "Play";
@@ -266,9 +373,18 @@
     const runs = RUNS.filter((run) => motion.points[run]);
     for (const button of box.querySelectorAll("[data-cloth]")) button.disabled = !Object.values(motion.meshes).some(Boolean);
     if (part("motion")) part("motion").value = String(index);
-    const run = runs.includes(changes.run || state.run) ? changes.run || state.run : runs[runs.length - 1] || "after";
-    show({ time: motion.time[0], ...changes, motion: index, run });
+    const keep = (wanted, other) => (runs.includes(wanted) ? wanted : other);
+    const run = keep(changes.run, keep(state.run, runs[0] || ""));
+    const other = keep(changes.other, keep(state.other, runs.find((name) => name !== run) || run));
+    const compare = runs.length < 2 ? "one" : changes.compare || state.compare || "both";
+    show({ time: motion.time[motion.worst_frame], ...changes, motion: index, run, other, compare });
   }
+
+  /* Runs are compared with one another: one that takes the other's place gives it its own. */
+  function pick(run) { show({ run, other: run === state.other ? state.run : state.other }); }
+  const COMPARE = ["one", "both", "ghost"];
+  const turnPage = () => part("other") && show({ compare: COMPARE[(COMPARE.indexOf(state.compare) + 1) % COMPARE.length] });
+  const worst = () => show({ playing: false, time: motions[state.motion].time[motions[state.motion].worst_frame] });
 
   let before = 0;
   function tick(now) {
@@ -290,7 +406,9 @@
     const button = event.target.closest("button");
     if (!button) return;
     if (button.dataset.part === "play") play(!state.playing);
-    if (button.dataset.run) show({ run: button.dataset.run });
+    if (button.dataset.part === "worst") worst();
+    if (button.dataset.run) pick(button.dataset.run);
+    if (button.dataset.compare) show({ compare: button.dataset.compare });
     if (button.dataset.view) turn(button.dataset.view);
     if (button.dataset.cloth) show({ cloth: button.dataset.cloth });
     if (button.dataset.zoom) show({ zoom: state.zoom * Number(button.dataset.zoom) });
@@ -298,6 +416,8 @@
   part("scrub").addEventListener("input", (event) => show({ playing: false, time: motions[state.motion].time[Number(event.target.value)] }));
   part("speed").addEventListener("change", (event) => show({ speed: Number(event.target.value) }));
   part("errors").addEventListener("change", (event) => show({ errors: event.target.checked }));
+  part("trails").addEventListener("change", (event) => show({ trails: event.target.checked }));
+  if (part("other")) part("other").addEventListener("change", (event) => show({ other: event.target.value, compare: state.compare === "one" ? "both" : state.compare }));
   if (part("motion")) part("motion").addEventListener("change", (event) => choose(Number(event.target.value)));
   let held = null;
   canvas.addEventListener("pointerdown", (event) => { held = [event.clientX, event.clientY]; canvas.setPointerCapture(event.pointerId); });
@@ -318,6 +438,9 @@
     else if (turned && event.shiftKey) show({ yaw: state.yaw + turned[0], pitch: state.pitch + turned[1] });
     else if (key === "ArrowLeft") step(-1);
     else if (key === "ArrowRight") step(1);
+    else if (key === "w") worst();
+    else if (key === "c") turnPage();
+    else if (key === "t") show({ trails: !state.trails });
     else if (key === "f") turn("front");
     else if (key === "s") turn("side");
     else if (key === "+" || key === "-") show({ zoom: state.zoom * (key === "+" ? 1.2 : 1 / 1.2) });
@@ -332,11 +455,12 @@
     });
   }
 
-  /* An address such as report.html#t=1.2&view=side&run=before&motion=0&cloth=wire opens the player in that state. */
+  /* An address such as report.html#t=1.2&view=side&run=base&other=fit&compare=ghost&motion=0&cloth=wire opens the player in that state. */
   function fromAddress() {
     const wanted = new URLSearchParams(location.hash.slice(1)), changes = {};
     if (wanted.get("view") in VIEWS) [changes.yaw, changes.pitch] = VIEWS[wanted.get("view")];
-    if (RUNS.includes(wanted.get("run"))) changes.run = wanted.get("run");
+    for (const which of ["run", "other"]) if (RUNS.includes(wanted.get(which))) changes[which] = wanted.get(which);
+    if (COMPARE.includes(wanted.get("compare"))) changes.compare = wanted.get("compare");
     if (["error", "shaded", "wire", "none"].includes(wanted.get("cloth"))) changes.cloth = wanted.get("cloth");
     if (wanted.has("t") && Number.isFinite(Number(wanted.get("t")))) changes.time = Number(wanted.get("t"));
     const motion = Math.max(0, Math.min(source.length - 1, Math.trunc(Number(wanted.get("motion"))) || 0));
@@ -351,4 +475,13 @@
     () => { box.dataset.ready = "yes"; },
     (error) => { part("readout").textContent = `This browser cannot unpack the motion (${error.message}); any browser from 2023 on can.`; part("readout").className = "readout warning"; },
   );
+})();
+
+/* Paper shows what the screen folds away. */
+(() => {
+  const folded = [];
+  window.addEventListener("beforeprint", () => {
+    for (const part of document.querySelectorAll("details:not([open])")) { folded.push(part); part.open = true; }
+  });
+  window.addEventListener("afterprint", () => { for (const part of folded.splice(0)) part.open = false; });
 })();

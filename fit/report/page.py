@@ -6,27 +6,30 @@ import json
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 from markupsafe import Markup
 
 from fit.errors import FitError
 from fit.report import answer, sections
-from fit.report.motion import ReportMotion, pack_motions
+from fit.report.motion import ReportMotion
+from fit.report.origin import Origin
+from fit.report.packing import pack_motions
 from fit.report.templating import render
 from formats.diagnosis_records import Diagnosis
 from formats.fit_records import FitResult
 from formats.whole_files import write_whole
 
-MOTION_BUDGET = 1_700_000  # bytes of it for motion
+PAGE_BUDGET = 1_450_000  # bytes of the whole file: what most programs still send by mail without a word
 
 SECTIONS = (  # anchor, name in the contents, title
     ("gap", "The gap", "The gap"), ("motion", "Motion", "Real against simulated motion"),
     ("errors", "Error over time", "Error over time"), ("parameters", "Parameters", "Fitted parameters"),
     ("camera", "Camera", "What the camera made of the cloth"),
-    ("method", "Before and after", "Before and after"), ("effects", "Effects", "Effects considered"),
+    ("method", "As published", "As the published method counts"), ("effects", "Effects", "Effects considered"),
     ("where", "Where", "Where the gap lies"), ("force", "Missing force", "What the missing force looks like"),
-    ("next", "Record next", "What to record next"), ("gates", "Checks", "Checks"), ("cost", "Cost", "Cost and origin"),
-    ("reading", "How to read this", "How to read this"),
+    ("next", "Record next", "What to record next"), ("gates", "Checks", "Checks"), ("cost", "Cost", "Cost and notes"),
+    ("reading", "How to read this", "How to read this"), ("origin", "Origin", "Where this page comes from"),
 )  # fmt: skip
 
 
@@ -36,14 +39,15 @@ def write_report(
     fit: FitResult | None,
     diagnosis: Diagnosis | None,
     motions: Sequence[ReportMotion] = (),
+    origin: Origin | None = None,
 ) -> Path:
-    """Write the report and return its path; either result may be missing, and so may the motions.
+    """Write the report and return its path; either result may be missing, and so may motions and origin.
 
     Raises:
         FitError: the file cannot be written there.
     """
     path = Path(path)
-    page = render_report(fit=fit, diagnosis=diagnosis, motions=motions)
+    page = render_report(fit=fit, diagnosis=diagnosis, motions=motions, origin=origin)
     try:
         write_whole(path, page.encode())
     except OSError as error:
@@ -53,24 +57,40 @@ def write_report(
     return path
 
 
-def render_report(*, fit: FitResult | None, diagnosis: Diagnosis | None, motions: Sequence[ReportMotion] = ()) -> str:
-    """Return the report as HTML text."""
-    packed, note = pack_motions(motions, MOTION_BUDGET)
-    shown = len(packed)
+def render_report(
+    *,
+    fit: FitResult | None,
+    diagnosis: Diagnosis | None,
+    motions: Sequence[ReportMotion] = (),
+    origin: Origin | None = None,
+) -> str:
+    """Return the report as HTML text; motion fills what the rest leaves of its budget."""
+    rest = len(_page(fit, diagnosis, motions, origin, ([], len(motions), "")).encode())
+    packed, note = pack_motions(motions, max(PAGE_BUDGET - rest, 0))
+    return _page(fit, diagnosis, motions, origin, (packed, len(packed), note))
+
+
+def _page(
+    fit: FitResult | None, diagnosis: Diagnosis | None, motions: Sequence[ReportMotion], origin: Origin | None,
+    played: tuple[list[dict[str, Any]], int, str],
+) -> str:  # fmt: skip
+    packed, shown, note = played
+    outline = next((motion.outline for motion in motions if motion.outline is not None), None)
     parts = {
         "gap": sections.gap(diagnosis),
-        "motion": sections.player(motions, shown, note),
-        "errors": sections.errors(fit, motions, shown),
+        "motion": sections.player(motions, shown, note, fit, diagnosis),
+        "errors": sections.errors(fit, motions, shown, diagnosis),
         "parameters": sections.parameters(fit, diagnosis),
         "camera": sections.camera(fit, diagnosis),
         "method": sections.method(fit),
         "effects": sections.effects(diagnosis),
-        "where": sections.where(diagnosis),
-        "force": sections.missing_force(diagnosis.missing_force if diagnosis is not None else None),
+        "where": sections.where(diagnosis, outline),
+        "force": sections.missing_force(diagnosis.missing_force if diagnosis is not None else None, outline),
         "next": sections.next_experiment(diagnosis),
         "gates": sections.gates(diagnosis),
         "cost": sections.cost(fit, diagnosis),
         "reading": sections.reading(),
+        "origin": sections.origin(origin),
     }
     takes = _takes(fit, diagnosis, motions)
     created = next((record.created for record in (diagnosis, fit) if record is not None), "")
@@ -80,7 +100,7 @@ def render_report(*, fit: FitResult | None, diagnosis: Diagnosis | None, motions
         takes=takes,
         about=" · ".join(part for part in (takes, created) if part),
         style=Markup(_packaged("page.css")),
-        answer=answer.verdict(fit, diagnosis),
+        answer=answer.verdict(fit, diagnosis, motions),
         parts=[
             {"anchor": anchor, "short": short, "title": title, "body": parts[anchor]}
             for anchor, short, title in SECTIONS

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 
 import numpy as np
 from markupsafe import Markup
 
-from fit.report.answer import named
+from fit.effects import LIBRARY
+from fit.errors import FitError
+from fit.methods import find_method
+from fit.report.answer import named, run_names
 from fit.report.charts import (
-    RUN_NAMES,
     Curve,
     cloth_map,
     effect_bars,
@@ -19,13 +22,22 @@ from fit.report.charts import (
     gap_bars,
     where_bars,
 )  # fmt: skip
+from fit.report.effects import meaning_of
 from fit.report.methods import headed, method_figures, search_history
-from fit.report.motion import RUNS, ReportMotion
+from fit.report.motion import RUNS, ReportMotion, rms_of
+from fit.report.origin import Origin
 from fit.report.tables import effect_table, parameter_table
 from fit.report.templating import NOTHING, piece
 from fit.report.text import MISSING, duration, number, percent, words
+from formats.arrays import Floats
 from formats.diagnosis_records import Diagnosis, Gate, MissingForce
 from formats.fit_records import ErrorFigure, FitResult
+
+MEASURE = "Root mean square distance between simulated and real free points (points that the hanger does not hold)"
+# The order of a failed check stands behind the last colon of its sentence.
+ORDER = re.compile(r": (?:run|record|swing|check|refine|weigh|come|mend|choose)\b[^:]*\.$")
+POINTS_SHOWN = 6  # points with a curve of their own, the worst ones
+MOST_POINTS = 400  # of a curve of one point: more are finer than a screen's pixels
 
 
 def gap(diagnosis: Diagnosis | None) -> Markup:
@@ -35,50 +47,89 @@ def gap(diagnosis: Diagnosis | None) -> Markup:
     where = "measured on takes that were not used to fit" if diagnosis.gap.is_held_out else (
         "measured on the takes it was fitted to, so it flatters: give a held-out take for an honest figure"
     )  # fmt: skip
-    intro = f"Root mean square distance between simulated and real points, {where}. Whiskers are 90 % intervals."
+    intro = f"{MEASURE}, {where}. Whiskers are 90 % intervals."
     return lead(intro) + gap_bars(diagnosis.gap, named(diagnosis))
 
 
-def player(motions: Sequence[ReportMotion], shown: int, note: str) -> Markup:
+def player(
+    motions: Sequence[ReportMotion], shown: int, note: str, fit: FitResult | None = None,
+    diagnosis: Diagnosis | None = None,
+) -> Markup:  # fmt: skip
     """Return the controls of the motion player for the first `shown` motions."""
     if not shown:
         return NOTHING
-    played = motions[:shown]
-    runs = [(run, RUN_NAMES[run]) for run in RUNS if any(motion.points(run) is not None for motion in played)]
+    played, names = motions[:shown], run_names(fit, diagnosis)
+    runs = [(run, names[run]) for run in RUNS if any(run in motion.runs for motion in played)]
     takes = [motion.take_id + (" (held out)" if motion.is_held_out else "") for motion in played]
     pull = max(motion.pull_hz for motion in played)
-    return piece("player.html", "player", takes, runs, f"{pull:g}" if pull else "", note)
+    moved = max(
+        (float(np.linalg.norm(m.offset(run), axis=1).max()) for m in played for run in m.shown), default=0.0
+    )  # fmt: skip
+    return piece(
+        "player.html", "player", takes, runs, f"{pull:g}" if pull else "", note,
+        f"{1e3 * moved:.0f}" if moved > 0 else "",
+    )  # fmt: skip
 
 
-def errors(fit: FitResult | None, motions: Sequence[ReportMotion], shown: int) -> Markup:
-    """Return the error over time before and after, of every motion, or of the fit result where there is no motion."""
-    charts = []
+def errors(
+    fit: FitResult | None, motions: Sequence[ReportMotion], shown: int, diagnosis: Diagnosis | None = None
+) -> Markup:
+    """Return the error over time of every run of every motion, or of the fit result where there is no motion."""
+    charts, names = [], run_names(fit, diagnosis)
     for index, motion in enumerate(motions):
         curves = []
-        for run in RUNS:
-            apart = motion.errors(run)
-            if apart is not None:
-                is_seen = np.isfinite(apart).any(axis=1)
-                mean, largest = np.full(len(apart), np.nan), np.full(len(apart), np.nan)
-                mean[is_seen] = np.nanmean(apart[is_seen], axis=1)
-                largest[is_seen] = np.nanmax(apart[is_seen], axis=1)
-                curves.append(Curve(run, mean, largest))
+        for run in motion.shown:
+            whole = rms_of([motion], run)
+            if whole is not None:
+                apart = motion.errors(run)
+                largest = np.max(apart, axis=1, initial=-1.0, where=np.isfinite(apart))
+                largest = np.where(largest < 0, np.nan, largest)
+                curves.append(Curve(run, motion.rms(run), largest, names[run], ("rms", whole)))
         kind = "held out: not used to fit" if motion.is_held_out else "used to fit"
         tied = index if index < shown else None
         charts.append(error_chart(f"{motion.take_id} ({kind})", motion.time, curves, motion=tied))
+        if tied is not None:
+            charts.append(_by_point(motion, index, names))
     if not any(charts) and fit is not None:
         charts = [
             _figure_chart("takes used to fit", fit.error.train_before, fit.error.train_after),
             _figure_chart("held-out takes", fit.error.held_out_before, fit.error.held_out_after),
         ]
+        intro = "Distance between real and simulated points in each frame: the mean over the points, and dashed of all."
+    else:
+        intro = (
+            f"{MEASURE}, in each frame; thin, the worst point; dashed, all frames. A curve breaks where no free point "
+            "is seen."
+        )
     if not any(charts):
         return NOTHING
-    intro = (
-        "Distance between real and simulated points in each frame: thick, the mean over the points; thin, the worst "
-        "point; dashed, the mean over all frames."
-    )
     hint = " Click a chart to move the player there." if shown else ""
     return lead(intro + hint) + NOTHING.join(charts)
+
+
+def _by_point(motion: ReportMotion, index: int, names: dict[str, str]) -> Markup:
+    """Return a curve for each of the worst free points, folded away."""
+    if not motion.shown:
+        return NOTHING
+    size = np.nan_to_num(
+        np.sqrt(np.nanmean(np.where(motion.counted, motion.errors(motion.shown[0]) ** 2, 0.0), axis=0))
+    )
+    worst = [int(k) for k in np.argsort(-size)[:POINTS_SHOWN] if motion.counted[:, k].any()]
+    every = max(1, math.ceil(len(motion.time) / MOST_POINTS))
+    charts = []
+    for k in worst:
+        curves = []
+        for run in motion.shown:
+            apart = motion.errors(run)[:, k]
+            whole = float(np.sqrt(np.nanmean(apart**2)))
+            curves.append(Curve(run, apart[::every], None, names[run], ("rms", whole)))
+        caption = f"{motion.point_names[k].replace('_', ' ')}, distance of this point"
+        charts.append(error_chart(caption, motion.time[::every], curves, motion=index))
+    shown = f"the {len(worst)} worst of " if len(worst) < int(motion.counted.any(0).sum()) else ""
+    title = f"{motion.take_id}: point by point ({shown}{int(motion.counted.any(0).sum())} free points)"
+    return piece(
+        "parts.html", "details", title, Markup('<div class="points">{}</div>').format(NOTHING.join(charts)), False
+    )
 
 
 def parameters(fit: FitResult | None, diagnosis: Diagnosis | None) -> Markup:
@@ -86,16 +137,31 @@ def parameters(fit: FitResult | None, diagnosis: Diagnosis | None) -> Markup:
     parts = []
     if fit is not None:
         about = Markup("Method <code>{}</code>, search <code>{}</code>.").format(fit.method, fit.search)
-        parts += [lead(about), parameter_table(fit.parameters)]
+        parts += [lead(about), parameter_table(fit.parameters, _meanings(fit))]
         parts += [note(said) for said in fit.notes if said.startswith("Warning:")]
-        switched_on = [(name.replace("_", " "), number(amplitude)) for name, amplitude in fit.effects.items()]
+        switched_on = [(name.replace("_", " "), _size(name, size)) for name, size in fit.effects.items()]
         if switched_on:
-            parts.append(headed("Effects in this fit, and their amplitudes", pairs(switched_on)))
+            parts.append(headed("Effects in this fit, and their sizes", pairs(switched_on)))
         parts.append(search_history(fit))
     if diagnosis is not None and diagnosis.base_parameters:
         table = parameter_table(diagnosis.base_parameters)
         parts.append(headed("Base model of the diagnosis", table) if parts else table)
     return NOTHING.join(parts)
+
+
+def _meanings(fit: FitResult) -> dict[str, str]:
+    """Return what the parameters of a fit's method mean, by name; nothing for a method that is not known."""
+    try:
+        return {p.name: p.meaning for p in find_method(fit.method).parameters}
+    except FitError:
+        return {}
+
+
+def _size(name: str, amplitude: float) -> str:
+    """Return an effect's amplitude with its unit and meaning; name: the effect's, a component's after a dot."""
+    effect = name.partition(".")[0]
+    unit = next((f" {known.unit}" for known in LIBRARY if known.name == effect and known.unit != "1"), "")
+    return f"{number(amplitude)}{unit}: {meaning_of(effect, amplitude)}"
 
 
 def camera(fit: FitResult | None, diagnosis: Diagnosis | None) -> Markup:
@@ -108,8 +174,13 @@ def camera(fit: FitResult | None, diagnosis: Diagnosis | None) -> Markup:
 
 
 def method(fit: FitResult | None) -> Markup:
-    """Return errors, objective and identified combinations before and after the fit."""
-    return method_figures(fit)
+    """Return errors by the published method, objective and identified combinations before and after the fit."""
+    found = method_figures(fit)
+    return (
+        piece("parts.html", "details", "Errors as the published method counts them, objective", found, False)
+        if (found)
+        else NOTHING
+    )
 
 
 def effects(diagnosis: Diagnosis | None) -> Markup:
@@ -121,8 +192,8 @@ def effects(diagnosis: Diagnosis | None) -> Markup:
     body = NOTHING
     if refitted:
         intro = (
-            "The error that each effect alone would leave, everything fitted again; striped: removed, solid: above "
-            "the noise still."
+            "Root mean square error that each effect alone would leave, everything fitted again; striped: removed, "
+            "solid: above the noise still."
         )
         body += lead(intro) + effect_bars(diagnosis.gap, refitted, diagnosis.named)
         body += effect_table(refitted, diagnosis.named)
@@ -132,13 +203,13 @@ def effects(diagnosis: Diagnosis | None) -> Markup:
     return body
 
 
-def where(diagnosis: Diagnosis | None) -> Markup:
+def where(diagnosis: Diagnosis | None, outline: Floats | None = None) -> Markup:
     """Return the four maps of the gap's places."""
     if diagnosis is None:
         return NOTHING
     found = diagnosis.where
     maps = (
-        where_bars("On the cloth", found.space, cloth_map(found.vertices))
+        where_bars("On the cloth", found.space, cloth_map(found.vertices, outline))
         + where_bars("When in the motion", found.time)
         + where_bars("At which frequency", found.frequency)
         + where_bars("In which direction", found.term)
@@ -149,7 +220,7 @@ def where(diagnosis: Diagnosis | None) -> Markup:
     return lead(intro) + Markup('<div class="maps">{}</div>').format(maps)
 
 
-def missing_force(found: MissingForce | None) -> Markup:
+def missing_force(found: MissingForce | None, outline: Floats | None = None) -> Markup:
     """Return what the missing force looks like, whether or not the library has a name for it."""
     if found is None:
         return NOTHING
@@ -161,7 +232,8 @@ def missing_force(found: MissingForce | None) -> Markup:
         ("grows with speed to the power of", number(found.amplitude_exponent)),
         ("place", ", ".join(f"{words(name)} {percent(share)}" for name, share in shares.items()) or MISSING),
     ]
-    return Markup("<p>{}</p>").format(found.sentence) + force_map(found.places) + pairs(figures)
+    said = lead("Shares are of the mean squared force per mass.")
+    return Markup("<p>{}</p>").format(found.sentence) + said + force_map(found.places, outline) + pairs(figures)
 
 
 def _energy(power: float | None) -> str:
@@ -227,6 +299,14 @@ def reading() -> Markup:
     return piece("parts.html", "reading", READING)
 
 
+def origin(found: Origin | None) -> Markup:
+    """Return where the page comes from, to the digest of every take."""
+    if found is None:
+        return NOTHING
+    rows = [(f"take {take}, {part}", f"sha256 {digest}") for take, part, digest in found.takes]
+    return pairs([*found.facts, *rows])
+
+
 def lead(text: str) -> Markup:
     """Return the paragraph that a section begins with."""
     return piece("parts.html", "lead", text)
@@ -250,11 +330,15 @@ def _figure_chart(caption: str, before: ErrorFigure | None, after: ErrorFigure |
     stamps = np.array([math.nan if t is None else t for t in given[0][1].time_s], dtype=float)
     passed = np.diff(stamps, prepend=stamps[:1] if len(stamps) else 0.0)
     time = np.cumsum(np.where(passed >= 0, passed, 0.0))
+    names = run_names(None, None)
     curves = [
-        Curve(run, np.array([math.nan if v is None else v for v in figure.per_frame_m], dtype=float))
+        Curve(
+            run, np.array([math.nan if v is None else v for v in figure.per_frame_m], dtype=float), None, names[run],
+            ("mean", figure.mean_m),
+        )
         for run, figure in given
-    ]
-    if any(len(curve.mean) != len(time) for curve in curves):
+    ]  # fmt: skip
+    if any(len(curve.values) != len(time) for curve in curves):
         return NOTHING
     return error_chart(caption, time, curves)
 
@@ -264,4 +348,7 @@ def _gate(gate: Gate) -> dict[str, object]:
     figures = f"{number(gate.figure)}{unit}" if gate.figure is not None else "not measured"
     if gate.limit is not None:
         figures += f", limit {number(gate.limit)}{unit}"
-    return {"passed": gate.passed, "sentence": gate.sentence, "name": words(gate.name), "figures": figures}
+    said = gate.sentence
+    if gate.passed:
+        said = ORDER.sub(".", said)
+    return {"passed": gate.passed, "sentence": said, "name": words(gate.name), "figures": figures}

@@ -3,32 +3,43 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
+from fit.report.effects import meaning_of, sentence_of, sketch_of
 from fit.report.templating import NOTHING, piece
 from fit.report.text import MISSING, interval, number, percent, probability, unit_of, words
 from formats.diagnosis_records import EffectFinding, place_of
 from formats.fit_records import FitParameter
 
 
-def parameter_table(rows: Sequence[FitParameter]) -> Markup:
-    """Return a table of parameters with their bounds drawn."""
-    heads = ("parameter", "initial", "fitted", "90 % interval", "from minimum to maximum", "remark")
-    return table("Fitted parameters", heads, [_parameter_row(row) for row in rows], numeric=(1, 2, 3))
+def parameter_table(rows: Sequence[FitParameter], meanings: Mapping[str, str] | None = None) -> Markup:
+    """Return a table of parameters with their bounds drawn; meanings: of those that bring none, by name."""
+    heads = ("parameter", "initial", "fitted", "90 % interval", "from minimum to maximum", "meaning")
+    known = meanings or {}
+    return table(
+        "Fitted parameters", heads, [_parameter_row(row, known.get(row.name, "")) for row in rows], numeric=(1, 2, 3)
+    )
 
 
 def effect_table(effects: Sequence[EffectFinding], named: Sequence[str]) -> Markup:
     """Return a table of effects; those of `named` are marked."""
     rows = [_effect_row(effect, effect.id in named) for effect in effects]
-    heads = ("effect", "probability", "amplitude", "gap closed", "p", "smallest that would show", "remark")
+    heads = ("effect", "probability", "size", "gap closed", "chance by noise (p)", "smallest that would show")
     return table("Effects of the library", heads, rows, numeric=range(1, 6))
 
 
 def table(label: str, heads: Sequence[str], rows: Sequence[Markup], numeric: Sequence[int] | range) -> Markup:
     """Return a table with these column heads and ready rows; `numeric` columns are set right."""
-    return piece("parts.html", "table", label, heads, NOTHING.join(rows), numeric)
+    return piece("parts.html", "table", label, heads, NOTHING.join(_labelled(row, heads) for row in rows), numeric)
+
+
+def _labelled(row: Markup, heads: Sequence[str]) -> Markup:
+    """Return a row whose cells name their columns, for screens too narrow for a table."""
+    first, *cells = str(row).split("<td")
+    named = (f'<td data-head="{escape(head)}"{cell}' for head, cell in zip(heads[1:], cells, strict=True))
+    return Markup(first + "".join(named))
 
 
 def row_of(name: str, cells: Sequence[str]) -> Markup:
@@ -36,7 +47,7 @@ def row_of(name: str, cells: Sequence[str]) -> Markup:
     return piece("parts.html", "row", words(name) if name.isidentifier() else name, cells)
 
 
-def _parameter_row(row: FitParameter) -> Markup:
+def _parameter_row(row: FitParameter, meaning: str) -> Markup:
     ends = (
         (row.interval_low, row.interval_high)
         if row.interval_low is not None and row.interval_high is not None
@@ -51,6 +62,8 @@ def _parameter_row(row: FitParameter) -> Markup:
             low, high, at = math.log(low), math.log(high), math.log(at)
         return 100 * (at - low) / (high - low) if high > low else 50.0
 
+    about = meaning if meaning in row.note or not row.note else f"{meaning}. {row.note}" if meaning else row.note
+    about = row.note if meaning and meaning in row.note else about
     within = None
     if ends is not None:
         left, right = place(ends[0]), place(ends[1])
@@ -58,16 +71,19 @@ def _parameter_row(row: FitParameter) -> Markup:
     return piece("tables.html", "parameter", {
         "name": words(row.name), "initial": number(row.initial), "fitted": number(row.fitted),
         "is_identified": row.is_identified is not False, "missing": MISSING, "unit": unit_of(row.unit),
-        "interval": interval(ends) or MISSING, "within": within, "begins": place(row.initial),
+        "interval": interval(ends) or MISSING, "has_interval": bool(interval(ends)), "within": within,
+        "begins": place(row.initial),
         "ends": place(row.fitted), "minimum": number(row.minimum), "maximum": number(row.maximum), "is_log": is_log,
-        "remark": f"Not identified. {row.note}".strip() if row.is_identified is False else row.note,
+        "remark": ". ".join(said for said in ("Not identified" if row.is_identified is False else "", about) if said),
     })  # fmt: skip
 
 
 def _effect_row(effect: EffectFinding, is_named: bool) -> Markup:
     name, unit = words(effect.id), unit_of(effect.unit)
+    about = {"sketch": sketch_of(effect.id), "sentence": sentence_of(effect.id)}
     if not effect.tested:
-        return piece("tables.html", "untested", name, is_named, MISSING, effect.note or "not tested")
+        about["remark"] = effect.note or "not tested"
+        return piece("tables.html", "untested", name, about, is_named, MISSING)
     twin = f"Not told apart from {effect.group.replace('_', ' ')}. " if effect.group not in ("", effect.id) else ""
     absorbed = ""
     if effect.absorbed is not None and effect.absorbed > 0.5:
@@ -76,9 +92,11 @@ def _effect_row(effect: EffectFinding, is_named: bool) -> Markup:
     least = number(effect.minimum_detectable) + unit if effect.minimum_detectable is not None else MISSING
     closure = effect.closure
     return piece("tables.html", "effect", {
-        "name": name, "is_named": is_named, "probability": percent(effect.probability),
+        "name": name, "about": {**about, "remark": place + twin + absorbed + effect.note}, "is_named": is_named,
+        "probability": percent(effect.probability),
         "amplitude": number(effect.amplitude), "unit": unit, "spread": interval(effect.amplitude_interval),
+        "meaning": meaning_of(effect.id, effect.amplitude),
         "closure": percent(closure.value) if closure is not None else MISSING,
         "closure_ends": interval(closure.interval, 100, 2) if closure is not None else "",
-        "p_value": probability(effect.p_value), "least": least, "remark": place + twin + absorbed + effect.note,
+        "p_value": probability(effect.p_value), "least": least,
     })  # fmt: skip

@@ -44,11 +44,11 @@ def tenths(value: float | None, unit: str = "mm") -> str:
     return MISSING if value is None or not math.isfinite(value) else f"{value:.1f} {unit}".replace("-", "−")
 
 
-def tenths_interval(ends: tuple[float, float] | None) -> str:
-    """Return an interval as `low to high` with one decimal, or nothing."""
+def tenths_interval(ends: tuple[float, float] | None, unit: str = "mm") -> str:
+    """Return an interval as `low to high` with one decimal and its unit, or nothing."""
     if ends is None or not all(math.isfinite(end) for end in ends):
         return ""
-    return f"{ends[0]:.1f} to {ends[1]:.1f}"
+    return f"{ends[0]:.1f} to {ends[1]:.1f} {unit}"
 
 
 def percent(share: float | None) -> str:

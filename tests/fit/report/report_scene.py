@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fit.report import ReportMotion
+from fit.report import ReportMotion, Run
 from formats.diagnosis_records import (
     Cost,
     Diagnosis,
@@ -45,20 +45,25 @@ def triangles():
     return np.array(found)
 
 
-def motion(take_id="swing-01", is_held_out=False, seconds=6.0, noise=0.003):
-    """A motion whose model lags before the fit, less after it, and hardly with the effect."""
+OUTLINE = np.array([(-WIDTH / 2, 0), (WIDTH / 2, 0), (WIDTH / 2, -HEIGHT), (-WIDTH / 2, -HEIGHT)])
+
+
+def motion(
+    take_id="swing-01", is_held_out=False, seconds=6.0, noise=0.003, names=("fit", "base", "with_effect"), **more
+):
+    """A motion whose model lags most in its first run, less in the second, and hardly in the third."""
     time = np.arange(0, seconds, 1 / 30)
     corners = [0, SIDE - 1, SIDE * SIDE - 1, SIDE * (SIDE - 1), SIDE * (SIDE // 2) + SIDE // 2]
     real = sheet(time, 0.16, 0.5)[:, corners] + np.random.default_rng(4).normal(0, noise, (len(time), 5, 3))
     real[40:52, 2] = np.nan  # a corner hidden behind a fold
     meshes = [sheet(time, lag, gain) for lag, gain in ((0.05, 0.85), (0.12, 0.62), (0.155, 0.51))]
-    before, after, with_effect = (mesh[:, corners] for mesh in meshes)
-    return ReportMotion(
-        take_id=take_id, is_held_out=is_held_out, time=time, real=real, point_names=POINTS,
-        before=before, after=after, with_effect=with_effect,
-        mesh_before=meshes[0], mesh_after=meshes[1], mesh_with_effect=meshes[2],
-        triangles=triangles(), held=sheet(time, 0.16, 0.5)[:, [0, SIDE - 1]],
-    )  # fmt: skip
+    runs = {name: Run(points=mesh[:, corners], mesh=mesh) for name, mesh in zip(names, meshes, strict=False)}
+    given = {
+        "take_id": take_id, "is_held_out": is_held_out, "time": time, "real": real, "point_names": POINTS,
+        "runs": runs, "triangles": triangles(), "held": sheet(time, 0.16, 0.5)[:, [0, SIDE - 1]],
+        "free": np.array([False, False, True, True, True]), "outline": OUTLINE,
+    }  # fmt: skip
+    return ReportMotion(**{**given, **more})
 
 
 def fit_result():

@@ -1,0 +1,125 @@
+"""Keep a report's motion beside it, so that `hangtime report` makes the page again without a simulation."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.errors import FitError
+from fit.report.motion import ReportMotion, Run
+from fit.report.origin import Origin
+from formats.arrays import Floats
+from formats.diagnosis_records import Diagnosis
+from formats.fit_records import FitResult
+from formats.whole_files import write_whole
+
+FORMAT = "hangtime-report-motion/1"
+STEP = 1e-4  # m: places are rounded to it, a tenth of the sensor's noise
+NOT_SEEN, LARGEST = np.iinfo(np.int32).min, 10**8  # 10 km: a place farther away is of cloth that blew up
+FAULT = "is no motion of a report"
+
+
+class _Head(msgspec.Struct, frozen=True, kw_only=True):
+    format: str
+    created: str
+    origin: Origin
+    takes: list[dict[str, Any]]
+
+
+def place_beside(report: Path) -> Path:
+    """Return the file that keeps the motion of a report: `report.html` has `report.motion.npz`."""
+    return report.with_suffix(".motion.npz")
+
+
+def created_of(fit: FitResult | None, diagnosis: Diagnosis | None) -> str:
+    """Return the instant at which the result that a report's motion is of was made."""
+    return next((record.created for record in (diagnosis, fit) if record is not None), "")
+
+
+def save_motions(report: Path, motions: list[ReportMotion], origin: Origin, created: str) -> None:
+    """Keep a report's motions and origin beside it.
+
+    created: of the result that the report shows; a page of another result will not use them
+
+    Raises:
+        FitError: the file cannot be written.
+    """
+    takes: list[dict[str, Any]] = []
+    arrays: dict[str, Any] = {}
+    for number, motion in enumerate(motions):
+        takes.append({
+            "take_id": motion.take_id, "is_held_out": motion.is_held_out, "point_names": list(motion.point_names),
+            "runs": list(motion.shown), "pull_hz": motion.pull_hz, "is_material": motion.is_material,
+        })  # fmt: skip
+        tracks = {"real": motion.real, "held": motion.held}
+        tracks |= {f"points_{name}": run.points for name, run in motion.runs.items()}
+        tracks |= {f"mesh_{name}": run.mesh for name, run in motion.runs.items()}
+        arrays |= {f"{number}_{name}": _rounded(track) for name, track in tracks.items() if track is not None}
+        plain = {"time": motion.time, "triangles": motion.triangles, "free": motion.free, "outline": motion.outline}
+        arrays |= {f"{number}_{name}": np.asarray(value) for name, value in plain.items() if value is not None}
+    head = msgspec.json.encode(_Head(format=FORMAT, created=created, origin=origin, takes=takes))
+    packed = io.BytesIO()
+    np.savez_compressed(packed, head=np.frombuffer(head, np.uint8), **arrays)
+    path = place_beside(report)
+    try:
+        write_whole(path, packed.getvalue())
+    except OSError as error:
+        raise FitError(
+            f"the report's motion cannot be written ({error.strerror})", where=path, advice="choose another folder"
+        ) from error
+
+
+def load_motions(report: Path, created: str) -> tuple[list[ReportMotion], Origin | None]:
+    """Return the motions and the origin kept beside a report; nothing where none are, or those of another result.
+
+    Raises:
+        FitError: the file is there and cannot be read.
+    """
+    path = place_beside(report)
+    if not path.exists():
+        return [], None
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            head = msgspec.json.decode(arrays["head"].tobytes(), type=_Head)
+            if head.format != FORMAT:
+                raise FitError(f"{FAULT} of this version", where=path, advice="fit or diagnose the takes again")
+            if head.created != created:
+                return [], None
+            return [_motion(number, take, arrays) for number, take in enumerate(head.takes)], head.origin
+    except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile, msgspec.MsgspecError) as error:
+        raise FitError(FAULT, where=path, advice="remove it, or fit or diagnose the takes again") from error
+
+
+def _motion(number: int, take: dict[str, Any], arrays: Any) -> ReportMotion:
+    def plain(name: str) -> Any:
+        return arrays.get(f"{number}_{name}")
+
+    def track(name: str) -> Any:
+        found = plain(name)
+        if found is None:
+            return None
+        steps = np.cumsum(found, axis=0, dtype=np.int32)
+        return np.where(steps == NOT_SEEN, np.nan, steps * STEP)
+
+    def run(name: str) -> Run:
+        return Run(points=track(f"points_{name}"), mesh=track(f"mesh_{name}"))
+
+    return ReportMotion(
+        take_id=take["take_id"], is_held_out=take["is_held_out"], time=plain("time"), real=track("real"),
+        point_names=tuple(take["point_names"]), runs={name: run(name) for name in take["runs"]},
+        triangles=plain("triangles"), pull_hz=take["pull_hz"], held=track("held"), free=plain("free"),
+        is_material=take["is_material"], outline=plain("outline"),
+    )  # fmt: skip
+
+
+def _rounded(track: Floats) -> NDArray[np.int32]:
+    """Return places [m], (frames, n, 3), as differences of whole steps from frame to frame, modulo 2^32."""
+    known = np.isfinite(track)
+    steps = np.clip(np.round(np.where(known, track, 0.0) / STEP), -LARGEST, LARGEST).astype(np.int32)
+    return np.diff(np.where(known, steps, np.int32(NOT_SEEN)), axis=0, prepend=np.int32(0))

@@ -1,0 +1,84 @@
+"""Provenance of a report: program, command, garment, sensor and takes that it comes from."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Sequence
+from importlib.metadata import version
+
+import msgspec
+import numpy as np
+
+from fit.provenance import physics_version
+from fit.recordings.selection import content_of
+from formats.garment import Garment
+from formats.rig import Rig
+from formats.take import Take
+
+
+class Origin(msgspec.Struct, frozen=True, kw_only=True):
+    """Facts about a report's origin.
+
+    - `facts`: names with their values, as the page lists them
+    - `takes`: take, its part, and the sha256 of its content
+    """
+
+    facts: list[tuple[str, str]] = []
+    takes: list[tuple[str, str, str]] = []
+
+
+def command_line() -> str:
+    """Return the command that runs, as a shell would read it."""
+    return shlex.join(["hangtime", *sys.argv[1:]])
+
+
+def origin_of(
+    training: Sequence[Take],
+    held_out: Sequence[Take],
+    command: str = "",
+    contents: Sequence[str] | None = None,
+    held_out_contents: Sequence[str] | None = None,
+) -> Origin:
+    """Return the origin of a result of these takes.
+
+    contents, held_out_contents: sha256 of what they hold, where known; they are computed otherwise
+    """
+    facts = [("Hangtime", version("hangtime")), ("simulation and libraries", f"sha256 {physics_version()}")]
+    if command:
+        facts.insert(1, ("command", command))
+    if training:
+        facts += [("garment", _garment(training[0].garment)), ("mass", f"{1e3 * training[0].garment.mass_kg:g} g")]
+        facts.append(("sensor", _sensor(training[0].rig, training[0].source)))
+        facts.append(("calibration", _calibration(training[0].rig)))
+    rows = []
+    for part, takes, known in (("fitted to", training, contents), ("held out", held_out, held_out_contents)):
+        for number, take in enumerate(takes):
+            rows.append((take.take_id, part, known[number] if known else content_of(take)))
+    return Origin(facts=facts, takes=rows)
+
+
+def _garment(garment: Garment) -> str:
+    wide, high = np.ptp(np.array(garment.outline_m), axis=0)
+    layers = f", {garment.layers} layers" if garment.layers > 1 else ""
+    sewn = ", front and back sewn" if garment.seams else ""
+    return (
+        f"{garment.name}: {garment.kind}, {1e3 * wide:.0f} × {1e3 * high:.0f} mm{layers}{sewn}, held by its "
+        f"{'top edge' if garment.held == 'edge' else 'two top corners'}, {len(garment.points)} tracked points "
+        f"({garment.point_kind})"
+    )
+
+
+def _sensor(rig: Rig, source: str) -> str:
+    if rig.sensor is None:
+        return f"none: imported points{f' ({source})' if source else ''}"
+    named = f"{source}, " if source else ""
+    return f"{named}{rig.sensor.width} × {rig.sensor.height} pixels, focal length {rig.sensor.fx:.0f} pixels"
+
+
+def _calibration(rig: Rig) -> str:
+    found = rig.calibration
+    if found is None:
+        return "none" if rig.sensor is not None else "as the imported file states"
+    scale = "not measured" if found.depth_scale_sd is None else f"± {100 * found.depth_scale_sd:.1f} %"
+    return f"gravity from {found.gravity_from or 'nothing'}; depth scale {found.depth_scale:.4f} ({scale})"

@@ -1,0 +1,121 @@
+"""The one measure of the report's errors, and the motion that is kept beside a page."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fit.cloth.model import Resolution
+from fit.errors import FitError
+from fit.methods import SI
+from fit.observer.residuals import Observer
+from fit.recordings.recording import prepare
+from fit.recordings.selection import content_of
+from fit.report import Run, sections
+from fit.report.gather import _motion as motion_of
+from fit.report.kept import load_motions, place_beside, save_motions
+from fit.report.motion import rms_of
+from fit.report.origin import Origin, origin_of
+from tests.fit.report.report_scene import fit_result, motion
+from tests.fit.scenes import sheet, swing, take_of
+
+
+@pytest.mark.parametrize("kind", ["material", "silhouette"])
+def test_the_pages_error_is_the_diagnosis_own(kind):
+    """Held points and, for a silhouette, each point's mean offset are no error; 3 mm and more are put there."""
+    time = np.arange(0, 3, 1 / 30)
+    garment = sheet()
+    points = np.array([(x, 0.0, y) for x, y in (p.at_m for p in garment.points)]) + swing(time)[:, None]
+    take = take_of(garment, time, swing(time), points=points)
+    take = replace(take, garment=type(garment)(**{**_fields(garment), "points_are": kind}))
+    recording = prepare(take)
+    rng = np.random.default_rng(2)
+    simulated = recording.points + 0.003 * np.arange(5)[:, None] + rng.normal(0, 0.004, recording.points.shape)
+    observer = Observer([recording], SI, (), frequency=0.0, resolution=Resolution(spacing=0.15))
+    shown = motion_of(recording, False, np.zeros((0, 3), int), {"base": Run(points=simulated)})
+    wanted = observer.in_mm(observer.residuals_of([simulated[None]]))[0]
+    assert 1e3 * rms_of([shown], "base") == pytest.approx(wanted, rel=1e-6)
+
+
+def _fields(garment):
+    return {name: getattr(garment, name) for name in garment.__struct_fields__}
+
+
+def test_the_rms_of_a_frame_by_hand():
+    """Three free points, 3, 4 and 12 mm off: the root of 169 / 3 is 7.51 mm. The held ones, 50 mm off, do not count."""
+    still = np.zeros((2, 5, 3))
+    off = still.copy()
+    off[:, :, 1] = np.array([50, 50, 3, 4, 12]) * 1e-3
+    shown = motion(time=np.array([0.0, 0.1]), real=still, runs={"base": Run(points=off)}, held=None, triangles=None)
+    assert 1e3 * shown.rms("base") == pytest.approx([7.5056, 7.5056], abs=1e-3)
+    hidden = still.copy()
+    hidden[1, 4] = np.nan  # the worst one: the root of 25 / 2 is left
+    assert 1e3 * replace(shown, real=hidden).rms("base")[1] == pytest.approx(3.5355, abs=1e-3)
+
+
+def test_a_curve_breaks_where_no_free_point_is_seen():
+    """Before, the held points alone made it fall there from 48 mm to 4 mm."""
+    real = motion().real.copy()
+    real[100:110, 2:] = np.nan
+    lost = motion(real=real)
+    assert np.isnan(lost.rms("base")[100:110]).all()
+    assert np.isfinite(lost.rms("base")[[99, 110]]).all()
+    whole, broken = (str(sections.errors(None, [m], 0)) for m in (motion(), lost))
+    begins = [page.split('class="is-after" d="')[1].split('"')[0].count("M") for page in (whole, broken)]
+    assert begins == [1, 2]
+
+
+def test_the_figures_of_charts_and_answer_are_of_one_measure():
+    from fit.report.answer import verdict
+
+    both = [motion("swing-02", is_held_out=True), motion(noise=0.02)]
+    answer = str(verdict(fit_result(), None, [replace(m, runs=_renamed(m)) for m in both]))
+    held_out = rms_of(both[:1], "base")
+    assert f"misses the real cloth by {1e3 * held_out:.1f} mm on motion not used to fit" in answer
+    assert f"→ {1e3 * held_out:.1f} mm" in answer
+    assert "mean distance" not in answer
+
+
+def _renamed(shown):
+    return {"before": shown.runs["fit"], "after": shown.runs["base"]}
+
+
+def test_a_motion_kept_beside_a_page_comes_back(tmp_path):
+    page = tmp_path / "report.html"
+    shown = [motion(), motion("swing-02", is_held_out=True, is_material=False, pull_hz=1.5)]
+    origin = Origin(facts=[("command", "hangtime fit a")], takes=[("a", "fitted to", "00")])
+    save_motions(page, shown, origin, "2026")
+    found, whose = load_motions(page, "2026")
+    assert whose == origin
+    for before, after in zip(shown, found, strict=True):
+        assert after.shown == before.shown
+        assert (after.take_id, after.is_held_out, after.pull_hz) == (before.take_id, before.is_held_out, before.pull_hz)
+        assert np.array_equal(np.isnan(after.real), np.isnan(before.real))
+        for name in before.shown:
+            assert np.abs(after.runs[name].mesh - before.runs[name].mesh).max() < 0.51e-4
+            assert after.rms(name) == pytest.approx(before.rms(name), abs=1e-4)
+    assert load_motions(page, "2027") == ([], None)  # of another result
+    assert load_motions(tmp_path / "other.html", "2026") == ([], None)
+
+
+@pytest.mark.parametrize("content", [b"", b"PK not a file", b"\x93NUMPY"])
+def test_a_damaged_motion_is_refused_in_one_sentence(content, tmp_path):
+    place_beside(tmp_path / "report.html").write_bytes(content)
+    with pytest.raises(FitError, match=r"report\.motion\.npz: is no motion of a report"):
+        load_motions(tmp_path / "report.html", "2026")
+
+
+def test_an_origin_names_garment_mass_sensor_and_the_digest_of_every_take():
+    time = np.arange(0, 3, 1 / 30)
+    take, other = (take_of(sheet(), time, swing(time), name=name) for name in ("a", "b"))
+    found = origin_of([take], [other], "hangtime fit a.mcap")
+    facts = dict(found.facts)
+    assert facts["mass"] == "36 g"
+    assert facts["garment"].startswith("sheet: swatch, 400 × 450 mm, held by its top edge, 5 tracked points (material)")
+    assert facts["sensor"].startswith("none: imported points")
+    assert facts["command"] == "hangtime fit a.mcap"
+    assert found.takes == [("a", "fitted to", content_of(take)), ("b", "held out", content_of(other))]
+    assert len(facts["simulation and libraries"].removeprefix("sha256 ")) == 2 * hashlib.sha256().digest_size

@@ -1,16 +1,27 @@
 """Closure, the share of the gap that an effect removes on motion that was not used to fit it.
 
-    closure = (E_base^2 - E_effect^2) / (E_base^2 - floor^2)
+    closure = (E_base^2 - E_effect^2) / (E_base^2 - floor^2) = D / G
 
-with mean squared errors on the same frames. Intervals come from a bootstrap over blocks of half a second, the errors of
-both models drawn together. Half-seconds of one take are correlated (`fit.gap.correlation`) and few: the ratio of each
-draw to the mean is raised to the power
+with mean squared errors on the same frames. It is a ratio of sums over blocks of half a second, D = sum d_b and
+G = sum g_b. The variance of such a ratio is
+
+    Var = (n - 1) / n sum ((d_b - closure g_b) / (G - g_b))^2 n_w / n_eff,   n_w = G^2 / sum g_b^2,
+    n_eff = G^2 / (g' K g)
+
+the jackknife over n blocks. An effect that removes the same share in every block is sure, however much the motion of
+the blocks differs. Where one block holds most of the gap, nothing is. Blocks of one take are correlated by K
+(`fit.gap.correlation`). They count as n_eff, and Student's t has n_eff - 1 degrees of freedom. The same t tests whether
+an effect closes anything. A floor of its own standard error widens the interval. If the base error is hardly above the
+floor, the ratio means nothing and is not given.
+
+Probabilities draw blocks at random (bootstrap), the errors of all models together. The ratio of each draw to the mean
+is raised to the power
 
     sqrt(n / (n - 1)) sqrt(n / n_eff) t(n_eff - 1) / z,   t, z: 95 % quantiles of Student's and the normal distribution
 
-With this power, 90 % intervals of a damped oscillation at 0.8 Hz hold the truth as often as a test requires. Each draw
-has its own floor. If the base error is hardly above the floor, the ratio means nothing and is not given.
-Source: B. Efron & R. Tibshirani, "An Introduction to the Bootstrap" (1993), chapters 8, 12.5 and 13.
+Sources: W. G. Cochran, "Sampling Techniques" (1977), section 6.17 (jackknife of a ratio); L. Kish, "Survey Sampling"
+(1965), section 11.7 (n of unequal weights); B. Efron & R. Tibshirani, "An Introduction to the Bootstrap" (1993),
+chapters 8 and 12.5.
 """
 
 from __future__ import annotations
@@ -22,17 +33,15 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from fit.gap.correlation import DIRECTIONS, correlation_of, decorrelated, effective_count
+from fit.gap.correlation import DIRECTIONS, correlation_of, effective_count
 from fit.observer.edge import EdgeErrors
 from fit.observer.residuals import Observer
 from formats.arrays import Floats
 
 REPLICAS = 1000
-TIE = 1e-9  # of a sum, within which two of them are the same
-FLIPS = 20000  # draws of the signs of differences
 SIGNIFICANT_GAP = 1.2  # base error over floor, squared: below, there is nothing to explain
 SMALLEST_GAP = 0.05  # of the squared floor; below, closure is not defined
-LEAST_GAP = 0.25  # of the gap, that is left of it in a draw at least
+TINY = 1e-6  # of the gap, that is left of it without a block
 FEWEST = 3.0  # least count of independent blocks: two degrees of freedom; the spread of fewer is unknown
 
 
@@ -70,15 +79,13 @@ class BlockErrors:
 
 @dataclass(frozen=True)
 class Resampling:
-    """Bootstrap draws, the same for every model: of blocks, (replicas, blocks), and of the floor's error.
+    """Bootstrap draws of blocks, (replicas, blocks), the same for every model.
 
-    - `spread`: a draw's distance from the mean over the bootstrap's, in logarithms, since errors are positive
-    - `deviates`, (replicas,): of the floor, in its standard errors
+    spread: a draw's distance from the mean over the bootstrap's, in logarithms, since errors are positive
     """
 
     picks: NDArray[np.int64]
     spread: float
-    deviates: Floats
 
 
 def block_errors(observer: Observer, residual: Floats) -> BlockErrors:
@@ -93,14 +100,13 @@ def block_errors(observer: Observer, residual: Floats) -> BlockErrors:
     return BlockErrors(sums[seen], count[seen], millimetres, observer.edge_errors(residual), correlation)
 
 
-def resample(errors: BlockErrors, rng: np.random.Generator, floor_replicas: int) -> Resampling:
-    """Draw blocks, as correlated as a model's errors show, and errors of a floor that is the mean of some replicas."""
+def resample(errors: BlockErrors, rng: np.random.Generator) -> Resampling:
+    """Draw blocks, as correlated as a model's errors show."""
     blocks = len(errors.sums)
-    effective = max(effective_count(errors.between_blocks), FEWEST)
+    effective = max(effective_count(errors.between_blocks, np.ones(blocks)), FEWEST)
     wider = float(student.ppf(0.95, effective - 1) / norm.ppf(0.95))
     spread = wider * float(np.sqrt(blocks / max(blocks - 1, 1) * max(blocks / effective, 1.0)))
-    picks = rng.integers(0, blocks, size=(REPLICAS, blocks))
-    return Resampling(picks, spread, rng.standard_t(floor_replicas - 1, REPLICAS))
+    return Resampling(rng.integers(0, blocks, size=(REPLICAS, blocks)), spread)
 
 
 def solver_draws(errors: list[BlockErrors], numerics_mm: float, replicas: int) -> Floats:
@@ -118,35 +124,60 @@ def solver_draws(errors: list[BlockErrors], numerics_mm: float, replicas: int) -
     return np.asarray(2.0 * numerics_mm / np.sqrt(DIRECTIONS) * normal @ root.T)
 
 
+@dataclass(frozen=True)
+class Share:
+    """A share of an error that one model closes, with its standard error and the degrees of freedom of that."""
+
+    value: float
+    error: float
+    freedom: float
+
+    @property
+    def p_value(self) -> float:
+        """Probability of so large a share, or a larger one, if nothing is closed."""
+        return float(student.sf(self.value / max(self.error, 1e-12), self.freedom))
+
+
+def share_of(before: BlockErrors, after: BlockErrors, known: float) -> Share:
+    """Return the share of one model's error beyond a known one [mm^2] that another model closes."""
+    gains, gaps = before.sums - after.sums, before.sums - known * before.counts
+    value = float(gains.sum() / gaps.sum())
+    whole, blocks, weights = float(gaps.sum()), len(gaps), np.maximum(gaps, 0.0)
+    alike = max(effective_count(np.eye(blocks), weights), 1.0)
+    effective = max(effective_count(before.between_blocks, weights), FEWEST)
+    rest = np.maximum(whole - weights, TINY * whole)
+    squares = float((((gains - value * gaps) / rest) ** 2).sum()) * max(blocks - 1, 1) / blocks
+    return Share(value, float(np.sqrt(squares * max(alike / effective, 1.0))), effective - 1)
+
+
 def closure(
-    base: BlockErrors, with_effect: BlockErrors, floor_mm: float, resampling: Resampling, floor_error_mm: float = 0.0
+    base: BlockErrors, with_effect: BlockErrors, floor_mm: float, floor_error_mm: float = 0.0, replicas: int = 2
 ) -> tuple[float, tuple[float, float]] | None:
     """Return closure and its 90 % interval, or None where there is hardly a gap.
 
-    floor_error_mm: standard error of the floor
+    floor_error_mm: standard error of the floor, a mean over so many replicas
     """
-    gap = base.squared_mm - floor_mm**2
-    if gap < SMALLEST_GAP * max(floor_mm**2, 1e-6):
+    if not has_share(base, floor_mm):
         return None
-    value = (base.squared_mm - with_effect.squared_mm) / gap
-    floors = np.maximum(floor_mm + floor_error_mm * resampling.deviates, 0.0)
-    base_drawn = base.draw(resampling)
-    drawn = (base_drawn - with_effect.draw(resampling)) / np.maximum(base_drawn - floors**2, LEAST_GAP * gap)
-    low, high = np.quantile(drawn, [0.05, 0.95])
-    return float(value), (float(low), float(high))
+    found = share_of(base, with_effect, floor_mm**2)
+    by_blocks = float(student.ppf(0.95, found.freedom)) * found.error
+    # d closure / d floor = 2 floor closure / gap
+    moved = 2 * floor_mm * floor_error_mm * found.value / (base.squared_mm - floor_mm**2)
+    half = float(np.hypot(by_blocks, student.ppf(0.95, replicas - 1) * moved))
+    return found.value, (found.value - half, found.value + half)
 
 
-def gain_p_value(before: BlockErrors, after: BlockErrors) -> float:
-    """p-value of one model's leaving less than another in half-seconds that neither was fitted to.
+def has_share(errors: BlockErrors, floor_mm: float) -> bool:
+    """Return whether enough of an error is beyond the noise for a share of that to mean anything."""
+    return errors.squared_mm - floor_mm**2 >= SMALLEST_GAP * max(floor_mm**2, 1e-6)
 
-    The signs are drawn at random. For equally good models, each half-second's difference has either sign with equal
-    probability, once free of correlation with the others.
-    Source: R. A. Fisher, "The Design of Experiments" (1935), section 21.
+
+def gain_p_value(before: BlockErrors, after: BlockErrors, floor_mm: float) -> float:
+    """p-value of one model's leaving less than another on motion that neither was fitted to.
+
+    The share is of what is beyond the noise, or of all where there is hardly anything beyond it.
     """
-    gains = decorrelated((before.sums - after.sums)[:, None], before.between_blocks)[:, 0]
-    signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(FLIPS, len(gains)))
-    # A draw of the very signs that were seen is a tie, however the sums round.
-    return float((1 + np.sum(signs @ gains >= gains.sum() - TIE * np.abs(gains).sum())) / (1 + FLIPS))
+    return share_of(before, after, floor_mm**2 if has_share(before, floor_mm) else 0.0).p_value
 
 
 def exceeds(errors: BlockErrors, resampling: Resampling, known: float) -> bool:

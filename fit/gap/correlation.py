@@ -11,7 +11,7 @@ this kind are correlated as rho^2. Their sums over blocks b and b' of one take a
 
 and K_bb = 1. The share w of the oscillation in the variance of a block's sum follows from a. Coherent errors have about
 DIRECTIONS degrees of freedom in space. White noise has as many as a frame has numbers. Blocks of different takes, and
-means over a take, are independent. n correlated blocks count as n_eff = n^2 / (sum of K) independent ones.
+means over a take, are independent. Blocks of weights w count as n_eff = (sum of w)^2 / (w' K w) independent ones.
 Sources: M. S. Bartlett, J. Royal Stat. Soc. Suppl. 8 (1946) (variance of quadratic sums of a correlated series);
 G. E. P. Box & G. M. Jenkins, "Time Series Analysis" (1976), section 3.2 (autocorrelation of a damped oscillator).
 """
@@ -107,15 +107,6 @@ def correlation_of(observer: Observer, residual: Floats) -> Floats:
     return block_correlation(observer.layout, ringing_of(grids, rate))
 
 
-def effective_count(correlation: Floats) -> float:
-    """Number of independent blocks that hold as much information as correlated ones, (blocks, blocks)."""
-    return len(correlation) ** 2 / float(correlation.sum())
-
-
-def decorrelated(scores: Floats, correlation: Floats) -> Floats:
-    """Return block scores, (blocks, components), as uncorrelated terms of their generalised least-squares sum.
-
-    With K = L L' the terms are (L^-1 1)_b (L^-1 g)_b; they add up to 1' K^-1 g.
-    """
-    root = np.linalg.cholesky(correlation + 1e-9 * np.eye(len(correlation)))
-    return np.asarray(np.linalg.solve(root, np.ones(len(root)))[:, None] * np.linalg.solve(root, scores))
+def effective_count(correlation: Floats, weights: Floats) -> float:
+    """Number of independent blocks of one weight that are worth correlated ones of these, (blocks,)."""
+    return float(weights.sum()) ** 2 / max(float(weights @ correlation @ weights), 1e-30)

@@ -21,7 +21,6 @@ from fit.gap.base_fit import fit_base
 from fit.gap.checkpoint import Checkpoint, Key
 from fit.gap.closure import closure, exceeds, resample
 from fit.gap.fitting import Fitted
-from fit.gap.floor import REPLICAS as FLOOR_REPLICAS
 from fit.gap.floor import noise_floor
 from fit.gap.missing_force import find_missing_force
 from fit.gap.next_experiment import propose
@@ -111,11 +110,11 @@ def diagnose(
     kept = Checkpoint(checkpoint, key, lambda: simulated.simulations)
     fits, observer, predictability = fit_base(observer, progress, kept, seed)
     judge = observer.of(test) if test else observer
-    search = Rounds(observer, judge, fits, rng, progress, kept)
+    search = Rounds(observer, judge, fits, progress, kept)
     progress("noise floor", 0.3)
     noise = noise_floor(judge, search.base.fitted.vector, observer.off, rng)
     before = search.base
-    resampling = resample(before.errors, rng, FLOOR_REPLICAS)
+    resampling = resample(before.errors, rng)
     is_off = exceeds(before.errors, resampling, noise.mm**2) or not is_edge_explained(before.errors.edge)
     found = refined = None
     if by == "evidence":
@@ -124,7 +123,7 @@ def diagnose(
     else:
         search.first_round(added, has_gap=is_off)
     if search.base is not before:
-        resampling = resample(search.base.errors, rng, FLOOR_REPLICAS)
+        resampling = resample(search.base.errors, rng)
     if search.least is not before.fitted:
         noise = noise_floor(judge, search.least.vector, search.least.amplitudes, rng)
     if not predictability.passed:
@@ -133,7 +132,7 @@ def diagnose(
     progress("checking mesh and step", 0.83)
     base = search.base.fitted
     refined = refined if refined and search.base is before else refine(observer, judge, base)
-    mesh_closure = closure(search.base.errors, refined.errors, noise.mm, resampling)
+    mesh_closure = closure(search.base.errors, refined.errors, noise.mm)
     removed = mesh_closure[0] if mesh_closure else None
     found_gates.append(gate.numerics_gate(removed, refined.numerics_mm, refined.ratio))
     if found is None:

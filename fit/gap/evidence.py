@@ -14,10 +14,12 @@ from fit.gap.closure import (
     closure,
     error_interval,
     exceeds,
+    gain_p_value,
     solver_draws,
 )
 from fit.gap.correlation import DIRECTIONS
 from fit.gap.fitting import NORMAL_95, Fitted, amplitude_of
+from fit.gap.floor import REPLICAS as FLOOR_REPLICAS
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.screening import GROUP_COSINE, Screened, Signature, cosine
 from fit.observer.edge import LEAST_BY_LAW, is_edge_explained, is_seen_on_edge, is_told_by_edge
@@ -190,9 +192,7 @@ class Evidence:
 
         The share is above 1 where the hypothesis leaves less than the noise was taken to be.
         """
-        found = closure(
-            self.base.errors, hypothesis.errors, self.floor_mm, self.resampling, floor_error_mm=self.floor_error_mm
-        )
+        found = closure(self.base.errors, hypothesis.errors, self.floor_mm, self.floor_error_mm, FLOOR_REPLICAS)
         return Figure(value=found[0], interval=found[1]) if found is not None else None
 
     def is_within_noise(self, hypothesis: Hypothesis) -> bool:
@@ -207,8 +207,12 @@ class Evidence:
         )
 
     def p_value(self, effect: str) -> float:
-        """Family-wise p-value of an effect of the library."""
-        return self.screened[effect].family_p_value
+        """Family-wise p-value (Bonferroni) of a refitted effect's closing nothing.
+
+        Where the takes judged on chose nothing, the family is what was refitted. Else it is all that was screened.
+        """
+        family = len(self.singles) if self.is_held_out else len(self.screened)
+        return min(1.0, family * gain_p_value(self.base.errors, self.singles[effect].errors, self.floor_mm))
 
     def amplitude(
         self, effect: str, *, beside: Hypothesis | None = None, any_law: bool = True

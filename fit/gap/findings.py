@@ -73,6 +73,9 @@ def describe_effects(
         beside = several if several is not None and name in several.effects else None
         sized = beside or hypothesis
         amplitude = sized.fitted.amplitudes[evidence.observer.columns[name]] if sized else signature.amplitude
+        # The held edge, several effects together and masses decide without this test.
+        by_other = beside is not None or weighed is not None or name in evidence.told_by_edge
+        is_tested_by_closure = hypothesis is not None and not by_other
         is_held = hypothesis is not None and is_at_bound(evidence.observer, hypothesis)
         size, interval = evidence.amplitude(name, beside=beside) if sized else (size_of(amplitude), None)
         shown = smallest[name][np.isfinite(smallest[name])]
@@ -99,7 +102,7 @@ def describe_effects(
                 regions=list(effect.regions(amplitude)),
                 unit=effect.unit,
                 closure=evidence.closure_of(hypothesis) if hypothesis else None,
-                p_value=signature.family_p_value,
+                p_value=evidence.p_value(name) if is_tested_by_closure else None,
                 minimum_detectable=float(shown.max()) if can_show else None,
                 explained=signature.explained,
                 absorbed=signature.absorbed if can_show else None,

@@ -53,10 +53,9 @@ class Rounds:
     """The hypotheses so far: the base model, one more effect each, and what is added to the best of them."""
 
     def __init__(
-        self, observer: Observer, judge: Observer, fits: list[Fitted], rng: np.random.Generator, progress: Progress,
-        kept: Checkpoint,
+        self, observer: Observer, judge: Observer, fits: list[Fitted], progress: Progress, kept: Checkpoint,
     ) -> None:  # fmt: skip
-        self.observer, self.judge, self.rng, self.progress, self.kept = observer, judge, rng, progress, kept
+        self.observer, self.judge, self.progress, self.kept = observer, judge, progress, kept
         self.fits = fits
         own = {p.name for p in observer.parameterisation.parameters}
         self.tested = tuple(
@@ -77,7 +76,7 @@ class Rounds:
         Without a gap there is nothing that an effect could explain: only those in `added` are refitted.
         """
         self.progress("screening", 0.32)
-        self.screened = screen(self.observer, self.base.fitted, self.tested, self.rng)
+        self.screened = screen(self.observer, self.base.fitted, self.tested)
         chosen = self._and_leads(shortlist(self.screened), self.screened, self.base.fitted) if has_gap else []
         chosen += [name for name in self.screened if name in added and name not in chosen]
         if not chosen:
@@ -102,7 +101,7 @@ class Rounds:
         self.fits.sort(key=lambda f: f.cost)
         if self.fits[0] is not self.base.fitted:
             (self.base,) = judged(self.judge, self.fits[:1])
-            self.screened = screen(self.observer, self.base.fitted, self.tested, self.rng, self.screened)
+            self.screened = screen(self.observer, self.base.fitted, self.tested, self.screened)
 
     def sizes_by_edge(self, numerics: float) -> None:
         """Fit effects again whose size the held edge would surely have elsewhere; numerics [mm]."""
@@ -175,15 +174,16 @@ class Rounds:
             by_law = edge_left_by_law(self.observer, self.base, best)
             if not is_left and is_edge_explained(best.errors.edge, by_law):
                 return
-            tried = [pair for start in starts for pair in self._with_another(start)]
+            tried = [pair for start in starts for pair in self._with_another(start, floor)]
             if not tried:
                 return
             found, p_value = self._best_of_tried(tried, best)
             if self._is_hopeful(found, p_value) and self._is_needed(best, found, floor, PROMISING):
                 found = self._polished(found)
                 if len(found.effects) == 2 and may_be_added(self.observer, found, p_value):
-                    found, p_value = self._better_of_twins(found, p_value)
+                    found = self._better_of_twins(found, p_value, floor)
                 (found,) = self._by_edge([found], numerics)
+                p_value = self._p_value(best, found, len(tried), floor)
             self.joint.append((found, p_value))
             if not may_be_added(self.observer, found, p_value) or not self._is_needed(best, found, floor):
                 return
@@ -264,7 +264,7 @@ class Rounds:
             if k not in self.singles or alone.fitted.cost < self.singles[k].fitted.cost:
                 self.singles[k] = alone
 
-    def _better_of_twins(self, pair: Hypothesis, p_value: float) -> tuple[Hypothesis, float]:
+    def _better_of_twins(self, pair: Hypothesis, p_value: float, floor: float) -> Hypothesis:
         """Return two effects, or what leaves less with a twin, which looks like it alone, in the place of one of them.
 
         What was tried is kept as `instead`, for the verdict to say which of them the takes cannot tell apart.
@@ -272,12 +272,12 @@ class Rounds:
         found = [(pair, p_value)]
         for kept, replaced in (pair.effects[::-1], pair.effects):
             twins = self._twins(replaced, kept)
-            tried = self._with_another(self.singles[kept], twins) if twins and kept in self.singles else []
+            tried = self._with_another(self.singles[kept], floor, twins) if twins and kept in self.singles else []
             near = [one for one in tried if _held_out_error(one) < POLISHED_WITHIN * pair.errors.squared_mm]
             found += [(self._polished(h), p) for h, p in near]
-        best, p_value = min(found, key=_held_out_error)
+        best, _ = min(found, key=_held_out_error)
         self.instead = [h for h, p in found if h is not best and may_be_added(self.observer, h, p)]
-        return best, p_value
+        return best
 
     def _twins(self, effect: str, kept: str) -> tuple[str, ...]:
         """Effects that look like one of two, beside the other one where that was screened, or else alone."""
@@ -307,7 +307,9 @@ class Rounds:
             found = [*found, nearest]
         return list({h.effects: h for h in found if h is not order[0]}.values())
 
-    def _with_another(self, start: Hypothesis, chosen: tuple[str, ...] | None = None) -> list[tuple[Hypothesis, float]]:
+    def _with_another(
+        self, start: Hypothesis, floor: float, chosen: tuple[str, ...] | None = None
+    ) -> list[tuple[Hypothesis, float]]:
         """Refits with one more effect each, of the few that promise most, and their p-values; chosen: of these alone.
 
         What one of the start's effects may bring along is left out (`fit.gap.verdict.is_brought`), and what would put
@@ -321,27 +323,27 @@ class Rounds:
         )
         if not left:
             return []
-        screened = screen(self.observer, start.fitted, left, self.rng, self.screened)
+        screened = screen(self.observer, start.fitted, left, self.screened)
         if chosen is None and len(start.effects) == 1:
             self.beside[start.effects[0]] = screened
         names = self._and_leads(further(screened, SECONDS_TRIED), screened, start.fitted)
         refitted = self._refit(start.fitted, screened, names, "" if chosen is None else "-as-twin")
         return [
-            (h, self._p_value(screened[name].family_p_value, start, h, len(left)))
-            for h, name in zip(refitted, names, strict=True)
+            (h, self._p_value(start, h, len(names), floor))
+            for h in refitted
             if not any(is_brought(self.observer, h.fitted, k) for k in h.effects)
             and not puts_edge_off(self.base, start, h)
         ]
 
-    def _p_value(self, by_score: float, start: Hypothesis, found: Hypothesis, tested: int) -> float:
-        """Family-wise p-value of a further effect of so many, by the score test or by what it closes on held-out takes.
+    def _p_value(self, before: Hypothesis, found: Hypothesis, refitted: int, floor: float) -> float:
+        """Family-wise p-value of a further effect, one of so many that were refitted, as `Evidence.p_value` has it.
 
-        The score test looks along a line from where the first effect ended, which without the second one may be a
-        valley of its own; the refit has left it. The smaller one of two counts twice (Bonferroni).
+        What puts the held edge right is certain, whatever it does for the cloth (`fit.observer.edge`).
         """
-        if self.judge is self.observer:
-            return by_score
-        return min(1.0, 2 * min(by_score, tested * gain_p_value(start.errors, found.errors)))
+        if puts_edge_right(self.observer, self.base, before, found):
+            return 0.0
+        family = len(self.tested) if self.judge is self.observer else refitted
+        return min(1.0, family * gain_p_value(before.errors, found.errors, floor))
 
     def _refit(self, start: Fitted, screened: Screened, names: list[str], kind: str = "") -> list[Hypothesis]:
         def go() -> list[Fitted]:

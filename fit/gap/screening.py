@@ -1,4 +1,4 @@
-"""Score test: compare the signature of every effect with the residual of the base fit.
+"""Screening: compare the signature of every effect with the residual of the base fit.
 
 A fit has the residual r and the Jacobian J. An effect's signatures S are the change of the residual per unit of
 amplitude, one column per component, at the typical size. The part that fitted parameters can imitate is projected out
@@ -6,23 +6,17 @@ of both:
 
     P = I - J (J'J + Lambda)^-1 J',   Sp = P S,   rp = P r
     alpha = -(Sp'Sp)^-1 Sp'rp,   explained = |Sp alpha|^2 / |rp|^2,   absorbed = 1 - |Sp|^2 / |S|^2
-    T = g' (sum_b g_b g_b')^-1 g,   g = sum_b g_b
 
-where g_b are the scores Sp_b' rp_b over blocks b of half a second, free of their correlation in time
-(`fit.gap.correlation.decorrelated`). T is judged against its own wild bootstrap, which draws the signs of the scores at
-random. The smallest p of all effects is judged against the smallest of each draw. That controls the family-wise error
-under any correlation between effects. An effect may move no point, for example contact of cloth that never touches
-itself. Then the test gives no figures, and no amplitude could be found. Signatures are taken against the fit. Contact
-shortens the step, so its signatures are taken against contact too small to touch anything (`Effect.no_size`). Without
-contact they are then zero.
+No effect is named for that: a refit is judged on other motion (`fit.gap.closure`). An effect may move no point, for
+example contact of cloth that never touches itself. Then there are no figures, and no amplitude could be found.
+Signatures are taken against the fit. Contact shortens the step, so its signatures are taken against contact too small
+to touch anything (`Effect.no_size`). Without contact they are then zero.
 
 Some effects are far from linear, such as a ringing rod, or taut and slack cloth. They have further secants, at their
 `probes`. A secant counts if its own amplitude agrees with the amplitude that it finds. Of these, the secant with the
 largest saving is taken. The smallest amplitude with power 0.8 at level 0.05 is (1.645 + 0.842) sd(alpha). Its block
 scores come from the best hypothesis' residual, because an explained gap is no noise.
-Sources: C. R. Rao, Proc. Camb. Phil. Soc. 44 (1948) (score test); P. H. Westfall & S. S. Young, "Resampling-based
-multiple testing" (1993), section 2.4 (min-p); A. Mendler, M. Doehler, C. E. Ventura, MSSP 154 (2021) (minimum
-detectable change).
+Source: A. Mendler, M. Doehler, C. E. Ventura, MSSP 154 (2021) (minimum detectable change).
 """
 
 from __future__ import annotations
@@ -34,13 +28,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.cloth.effect import Effect
-from fit.gap.closure import TIE
-from fit.gap.correlation import correlation_of, decorrelated, effective_count
+from fit.gap.correlation import effective_count
 from fit.gap.fitting import Fitted, Problem
 from fit.observer.residuals import Observer
 from formats.arrays import Floats
 
-REPLICAS = 2000
 DETECTION = 1.645 + 0.842  # one-sided 5 % and power 80 %
 GROUP_COSINE = 0.9  # signatures with a larger cosine are collinear: they form a group
 RENEWED = 8  # effects whose signatures are taken anew where those of a fit nearby are known
@@ -60,7 +52,7 @@ def ended_at(observer: Observer, vector: Floats, effect: str) -> int | None:
 
 @dataclass(frozen=True)
 class Signature:
-    """Result of the score test for one effect.
+    """Result of the screening for one effect.
 
     - `amplitude`, (components,): of the linear refit
     - `raw`, `projected`: signatures in typical sizes, (components, numbers); the raw ones are columns of a joint
@@ -70,8 +62,6 @@ class Signature:
     - `predicted_mm2`: mean squared error that it would save [mm^2]
     - `explained`: `predicted` as a share of what the fit left
     - `absorbed`: share of the signature that parameters imitate
-    - `p_value`: of this effect alone
-    - `family_p_value`: of the family of all screened effects
     - `correlation`: multiple, of the residual with the raw signatures
     """
 
@@ -84,8 +74,6 @@ class Signature:
     predicted_mm2: float
     explained: float
     absorbed: float
-    p_value: float
-    family_p_value: float
     correlation: float
 
     @property
@@ -104,7 +92,12 @@ class Signature:
         found = np.full(len(rows), np.inf)
         scores = block_scores(rows[moves], left, block)
         inverse = np.linalg.pinv(rows[moves] @ rows[moves].T, hermitian=True)
-        spread = inverse @ (scores.T @ scores) @ inverse * (len(correlation) / effective_count(correlation))
+        spread = (
+            inverse
+            @ (scores.T @ scores)
+            @ inverse
+            * (len(correlation) / effective_count(correlation, np.ones(len(correlation))))
+        )
         found[moves] = DETECTION * self.typical * np.sqrt(np.maximum(np.diag(spread), 0.0))
         return found
 
@@ -192,7 +185,6 @@ def screen(
     observer: Observer,
     fitted: Fitted,
     chosen: Sequence[str],
-    rng: np.random.Generator,
     known: Screened | None = None,
 ) -> Screened:
     """Screen the chosen effects of the library against a fit, whose own effects are projected out like parameters.
@@ -211,7 +203,6 @@ def screen(
         return np.asarray(rows - (rows @ jacobian) @ hat)
 
     rest = project(fitted.residual[None])[0]
-    blocks = observer.layout.block
 
     def score(name: str, secants: list[Secant]) -> list[_Scored]:
         """Return those of an effect's secants that hold for the amplitude that they find."""
@@ -225,9 +216,6 @@ def screen(
     for name, secants in secants_of(observer, fitted, renewed).items():
         tried[name] = score(name, secants)
     scored = {name: max(tried[name], key=lambda one: one.predicted) for name in chosen}
-    correlation = correlation_of(observer, rest)
-    gains = [decorrelated(block_scores(one.seen, rest, blocks), correlation) for one in scored.values()]
-    p_value, family = sign_test(gains, [observer.library[name].is_one_sided for name in chosen], rng)
     left, left_mm2 = max(float(rest @ rest), 1e-12), float(observer.in_mm(rest)) ** 2
     return {
         name: Signature(
@@ -236,9 +224,9 @@ def screen(
             predicted_mm2=left_mm2 - float(observer.in_mm(rest + one.contribution)) ** 2,
             explained=one.predicted / left,
             absorbed=1 - float((one.seen**2).sum()) / max(float((one.raw**2).sum()), 1e-12),
-            p_value=float(p_value[n]), family_p_value=float(family[n]), correlation=one.correlation,
+            correlation=one.correlation,
         )
-        for n, (name, one) in enumerate(scored.items())
+        for name, one in scored.items()
     }  # fmt: skip
 
 
@@ -289,42 +277,6 @@ def block_scores(rows: Floats, residual: Floats, block: NDArray[np.int64]) -> Fl
     found = np.zeros((int(block.max()) + 1, len(rows)))
     np.add.at(found, block, (rows * residual).T)
     return found
-
-
-def sign_test(gains: Sequence[Floats], is_one_sided: Sequence[bool], rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Return p-values, own and family-wise, (effects,), of block scores, (blocks, components) each.
-
-    All effects get the same signs in a draw, so that the family-wise p-value knows how they hang together.
-    """
-    signs = rng.choice([-1.0, 1.0], size=(REPLICAS, len(gains[0])))
-    seen, drawn = [], []
-    for gain, one_sided in zip(gains, is_one_sided, strict=True):
-        squares = gain.T @ gain
-        meat = squares + 1e-12 * max(float(np.trace(squares)), 1e-30) * np.eye(len(squares))
-        seen.append(_statistic(gain.sum(0)[None], meat, one_sided)[0])
-        drawn.append(_statistic(signs @ gain, meat, one_sided))
-    return _p_values(np.array(seen), np.array(drawn))
-
-
-def _statistic(total: Floats, meat: Floats, is_one_sided: bool) -> Floats:
-    """T of block scores summed with signs, (draws, components) -> (draws,); a one-sided one counts only if it fits."""
-    value = np.einsum("dc,cd->d", total, np.linalg.solve(meat, total.T))
-    return np.where(total[:, 0] < 0, value, -value) if is_one_sided else np.asarray(value)
-
-
-def _p_values(statistic: Floats, drawn: Floats) -> tuple[Floats, Floats]:
-    """Own and family-wise p-values from statistics, (effects,), and draws, (effects, replicas).
-
-    An effect whose draws are all alike moves nothing and is not one of the family.
-    """
-    replicas = drawn.shape[1]
-    # With few blocks the very signs that were seen are drawn again and again: ties, however the sums round.
-    own = (1 + (drawn >= (statistic - TIE * np.abs(statistic))[:, None]).sum(1)) / (1 + replicas)
-    # p-value of every draw among all draws of its own effect
-    order = np.argsort(np.argsort(-drawn[np.ptp(drawn, axis=1) > 0], axis=1), axis=1)
-    smallest = ((1 + order) / replicas).min(0, initial=1.0)
-    family = (1 + (smallest[None] <= own[:, None]).sum(1)) / (1 + replicas)
-    return own, family
 
 
 def groups(screened: Screened) -> dict[str, str]:

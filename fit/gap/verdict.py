@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-
+from fit.gap.closure import gain_p_value
 from fit.gap.detectable import LISTED, mesh_share, smallest_detectable, unseen
 from fit.gap.evidence import (
     NEAR,
     NEAR_TWIN,
     RIVAL,
-    SECOND_GAIN,
     SMALLEST_CLOSURE,
     Evidence,
     best_of,
@@ -211,22 +209,13 @@ def passing_effects(evidence: Evidence) -> list[str]:
         if k in evidence.told_by_edge:
             continue
         closed = evidence.closure_of(hypothesis)
-        if closed is None or closed.interval is None or is_at_bound(evidence.observer, hypothesis):
-            continue
-        if k in evidence.contradicted:
+        if closed is None or k in evidence.contradicted or is_at_bound(evidence.observer, hypothesis):
             continue
         _, (low, high) = evidence.amplitude(k, any_law=False)
-        # The score test is blind to effects that act in few half-seconds; held-out motion is not.
         gain = evidence.base.errors.squared_mm - hypothesis.errors.squared_mm
-        is_certain = evidence.p_value(k) < LEVEL or closed.interval[0] >= SMALLEST_CLOSURE
         is_resolved = gain > mesh_share(evidence.observer.library[k]) * evidence.numerics_mm**2
-        if (
-            is_certain
-            and is_resolved
-            and closed.value >= SMALLEST_CLOSURE
-            and closed.interval[0] > 0
-            and low * high > 0
-        ):
+        is_certain = evidence.p_value(k) < LEVEL
+        if is_certain and is_resolved and closed.value >= SMALLEST_CLOSURE and low * high > 0:
             passing.append((closed.value, k))
     return told_effects(evidence) + [k for _, k in sorted(passing, reverse=True)]
 
@@ -259,18 +248,16 @@ def _several(evidence: Evidence, passing: list[str]) -> Hypothesis | None:
     before = best_of(evidence.observer, evidence.singles)[0]
     gap = evidence.gap_mm2
     for hypothesis, p_value in evidence.joint:
-        gain = (before.errors.draw(evidence.resampling) - hypothesis.errors.draw(evidence.resampling)) / gap
-        # What acts for a moment (a slip) closes little in most draws of half-seconds: the motion fitted to decides.
-        is_certain = np.quantile(gain, 0.05) > 0 or (hypothesis.fitted.cost < (1 - SECOND_GAIN) * before.fitted.cost)
         is_enough = closes_enough(evidence.observer, gap, before, hypothesis, evidence.floor_mm)
         added = evidence.observer.library[hypothesis.effects[-1]]
         saved = before.errors.squared_mm - hypothesis.errors.squared_mm
         is_resolved = saved > mesh_share(added) * evidence.numerics_mm**2
         is_seen = puts_edge_right(evidence.observer, evidence.base, before, hypothesis)
         # What the held edge shows may do nothing for the cloth, but it must not surely make it worse.
-        is_shown = is_seen and np.quantile(gain, 0.95) >= 0
+        is_shown = is_seen and gain_p_value(hypothesis.errors, before.errors, evidence.floor_mm) >= LEVEL
         # As of the first effect: noise, mesh and solver together must not make its size.
         _, (low, high) = evidence.amplitude(hypothesis.effects[-1], beside=hypothesis, any_law=False)
+        is_certain = gain_p_value(before.errors, hypothesis.errors, evidence.floor_mm) < LEVEL
         closes = is_certain and is_enough and is_resolved and low * high > 0
         is_needed = (closes or is_shown) and _adds_to_told(evidence, hypothesis, gap)
         is_needed = is_needed and not puts_edge_off(evidence.base, before, hypothesis)

@@ -36,7 +36,7 @@ def weigh(rounds: Rounds, noise: Floor, refined: Refined, added: tuple[str, ...]
     added: names of effects that are refitted and shown whatever their mass
     """
     base = rounds.base.fitted
-    rounds.screened = screen(rounds.observer, base, rounds.tested, rounds.rng)
+    rounds.screened = screen(rounds.observer, base, rounds.tested)
     rows = {name: one.raw for name, one in rounds.screened.items()}
     shaken = max(noise.mm**2 - noise.measured_mm**2, 0.0)
     known = float(np.sqrt(refined.numerics_mm**2 + shaken))
@@ -52,7 +52,7 @@ def weigh(rounds: Rounds, noise: Floor, refined: Refined, added: tuple[str, ...]
 
     def renew(about: Fitted) -> dict[str, Floats]:
         left = [name for name in rounds.tested if name not in about.active]
-        found = screen(rounds.observer, about, left, rounds.rng, rounds.screened)
+        found = screen(rounds.observer, about, left, rounds.screened)
         return {name: one.raw for name, one in found.items()}
 
     search = Search(rounds.observer, measured_noise(rounds.observer, base.residual), base, rows, known, refit, renew)

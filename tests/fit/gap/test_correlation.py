@@ -14,7 +14,6 @@ from fit.gap.correlation import (
     autocorrelation,
     block_correlation,
     correlation_of,
-    decorrelated,
     effective_count,
     ringing_of,
 )
@@ -178,18 +177,9 @@ def test_blocks_that_are_alike_count_once():
     """n blocks with a correlation of c: n / (1 + (n - 1) c)."""
     for count, alike in ((10, 0.0), (10, 0.5), (4, 1.0)):
         correlation = np.full((count, count), alike) + (1 - alike) * np.eye(count)
-        assert effective_count(correlation) == pytest.approx(count / (1 + (count - 1) * alike))
-
-
-def test_decorrelated_scores_add_up_to_the_generalised_least_squares_sum_and_are_uncorrelated():
-    correlation = np.array([[1.0, 0.6, 0.2], [0.6, 1.0, 0.6], [0.2, 0.6, 1.0]])
-    scores = np.array([[1.0, 2.0], [-3.0, 0.5], [2.0, 1.0]])
-    found = decorrelated(scores, correlation)
-    assert found.sum(0) == pytest.approx(np.ones(3) @ np.linalg.inv(correlation) @ scores, rel=1e-6)
-    assert decorrelated(scores, np.eye(3)) == pytest.approx(scores, rel=1e-6)
-    drawn = np.random.default_rng(0).multivariate_normal(np.zeros(3), correlation, 20000)
-    covariance = np.cov(decorrelated(drawn.T, correlation))
-    assert np.abs(covariance - np.diag(np.diag(covariance))).max() < 0.02 * covariance.max()
+        assert effective_count(correlation, np.ones(count)) == pytest.approx(count / (1 + (count - 1) * alike))
+    # One that holds nearly all counts as one.
+    assert effective_count(np.eye(3), np.array([1.0, 1.0, 98.0])) == pytest.approx(1e4 / 9606)
 
 
 def test_a_residual_that_is_noise_leaves_an_observers_half_seconds_independent():

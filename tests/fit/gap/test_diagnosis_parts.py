@@ -65,15 +65,13 @@ def most_promising(screened):
     return max(screened, key=lambda name: screened[name].predicted)
 
 
-def test_screening_ranks_the_planted_effect_first_and_is_sure_of_it():
+def test_screening_ranks_the_planted_effect_first():
     observer = Observer(
         [prepare(a_take(effect="hem", amplitude=0.01, seconds=6.0))], SI, LIBRARY, frequency=0.0, resolution=COARSE
     )
     chosen = ("hem", "anisotropy", "clip_slack", "draught")
-    found = screen(observer, fitted_at(observer, truth_vector()), chosen, np.random.default_rng(0))
+    found = screen(observer, fitted_at(observer, truth_vector()), chosen)
     assert most_promising(found) == "hem"
-    assert found["hem"].family_p_value < 0.05
-    assert all(one.family_p_value >= one.p_value for one in found.values())
     # The signature is a secant at the typical size, which is what was planted.
     assert found["hem"].amplitude[0] == pytest.approx(0.01, rel=0.3)
 
@@ -91,7 +89,7 @@ def test_effects_far_from_linear_are_found_at_sizes_far_from_the_typical(name, a
     take = a_take(effect=name, amplitude=amplitude, noise=0.0005)
     observer = Observer([prepare(take)], SI, LIBRARY, frequency=0.0, resolution=COARSE)
     chosen = (name, "hem", "draught")
-    found = screen(observer, fitted_at(observer, truth_vector()), chosen, np.random.default_rng(0))
+    found = screen(observer, fitted_at(observer, truth_vector()), chosen)
     assert most_promising(found) == name
     assert found[name].amplitude[0] == pytest.approx(amplitude, rel=far)
 
@@ -106,8 +104,8 @@ def test_viscosity_beyond_what_the_base_model_may_have_is_an_effect_where_its_fi
     fitted = fitted_at(observer, vector)
     assert (ended_at(observer, vector, viscosity) is not None) == is_seen
     assert ended_at(observer, vector, "shear_stiffness") is None
-    assert (viscosity in Rounds(observer, observer, [fitted], *[None] * 3).tested) == is_seen
-    found = screen(observer, fitted, (viscosity, hem), np.random.default_rng(0))
+    assert (viscosity in Rounds(observer, observer, [fitted], *[None] * 2).tested) == is_seen
+    found = screen(observer, fitted, (viscosity, hem))
     assert (found[viscosity].absorbed < 0.5) == is_seen
     if is_seen:
         assert found[viscosity].amplitude[0] == pytest.approx(2e-6 - 2e-2 * 3e-5 + 2e-3 * 3e-5, rel=0.4)
@@ -119,13 +117,12 @@ def test_signatures_that_are_known_from_nearby_are_taken_anew_only_where_they_pr
         fitted_at(observer, truth_vector()),
         tuple(e.name for e in LIBRARY if not e.in_base and not e.touches and not e.bends),
     )
-    whole = screen(observer, fitted, chosen, np.random.default_rng(0))
+    whole = screen(observer, fitted, chosen)
     before = observer.simulations
-    again = screen(observer, fitted, chosen, np.random.default_rng(0), whole)
+    again = screen(observer, fitted, chosen, whole)
     for name in chosen:
         # 1e-4: rounding in single precision leaves 7e-6 under some seeds of jitter.
         assert again[name].predicted == pytest.approx(whole[name].predicted, rel=1e-4)
-        assert again[name].family_p_value == pytest.approx(whole[name].family_p_value)
     # Eight of them, and the known ones' cost nothing.
     assert observer.simulations - before < 0.75 * before
 
@@ -134,7 +131,7 @@ def test_screening_says_how_much_nearer_the_points_would_be():
     """A hem that is all there is: with it nothing is missed but 1 mm of noise, 3 mm^2 and less for what a fit takes."""
     observer = Observer([prepare(a_take(effect="hem", amplitude=0.01))], SI, LIBRARY, frequency=0.0, resolution=COARSE)
     fitted = fitted_at(observer, truth_vector())
-    found = screen(observer, fitted, ("hem",), np.random.default_rng(0))["hem"]
+    found = screen(observer, fitted, ("hem",))["hem"]
     unexplained = found.predicted_mm2 / found.explained
     assert unexplained > 10
     assert unexplained - found.predicted_mm2 == pytest.approx(3.0, rel=0.5)
@@ -150,13 +147,6 @@ def test_what_brings_the_points_nearer_is_refitted_though_it_saves_little_cost(n
         "idle": signature((0, 0, 1), predicted=1.0, predicted_mm2=0.2),
     }
     assert set(shortlist(found)) == refitted
-
-
-def test_nothing_is_sure_of_an_effect_where_there_is_none():
-    observer = Observer([prepare(a_take())], SI, LIBRARY, frequency=0.0, resolution=COARSE)
-    chosen = ("hem", "clip_slip", "clip_slack", "added_mass")
-    found = screen(observer, fitted_at(observer, truth_vector()), chosen, np.random.default_rng(0))
-    assert min(one.family_p_value for one in found.values()) > 0.05
 
 
 def a_tube(amplitude):
@@ -179,7 +169,7 @@ def test_cloth_that_never_touches_itself_says_that_contact_could_not_show():
     """A sheet that hangs from its edge never folds: no amplitude of contact would show."""
     observer = Observer([prepare(a_take())], SI, LIBRARY, frequency=1.0, resolution=COARSE)
     fitted = fitted_at(observer, truth_vector())
-    found = screen(observer, fitted, CONTACT, np.random.default_rng(0))
+    found = screen(observer, fitted, CONTACT)
     left, layout = fitted.residual, observer.layout
     alone = np.eye(int(layout.block.max()) + 1)
     least = {name: one.minimum_detectable(left, layout.block, alone)[0] for name, one in found.items()}
@@ -188,14 +178,13 @@ def test_cloth_that_never_touches_itself_says_that_contact_could_not_show():
     contact = found["self_contact"]
     assert not contact.raw.any()
     assert contact.predicted == 0.0
-    assert contact.p_value == contact.family_p_value == 1.0
 
 
 @pytest.mark.slow
 def test_the_layers_of_a_tube_that_slap_show_contact():
     observer = Observer([prepare(a_tube(0.005))], SI, LIBRARY, frequency=1.0, resolution=COARSE)
     fitted = fitted_at(observer, truth_vector())
-    found = screen(observer, fitted, CONTACT, np.random.default_rng(0))
+    found = screen(observer, fitted, CONTACT)
     alone = np.eye(int(observer.layout.block.max()) + 1)
     assert found["self_contact"].minimum_detectable(fitted.residual, observer.layout.block, alone)[0] < 0.008
     assert most_promising(found) == "self_contact"

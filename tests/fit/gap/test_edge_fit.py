@@ -175,9 +175,9 @@ def test_fits_that_go_on_from_what_the_edge_decided_keep_it():
     beyond = across_valleys(observer, start)
     assert beyond
     assert all(task.pinned is start.pinned for task in beyond)
-    found = screen(observer, start, ("rest_curvature",), np.random.default_rng(0))
+    found = screen(observer, start, ("rest_curvature",))
     freed = dataclasses.replace(start, pinned=None)
-    imitable = screen(observer, freed, tuple(found), np.random.default_rng(0))["rest_curvature"].absorbed
+    imitable = screen(observer, freed, tuple(found))["rest_curvature"].absorbed
     assert found["rest_curvature"].absorbed < imitable - 1e-3  # a size that is decided imitates nothing
     (both,) = fit(observer, refits(observer, start, found, ["rest_curvature"]))
     assert both.pinned.amplitudes[columns] == pytest.approx(-0.012, rel=0.05)

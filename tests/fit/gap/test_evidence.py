@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fit.effects import LIBRARY
-from fit.gap.closure import BlockErrors, Resampling
+from fit.gap.closure import BlockErrors, Resampling, gain_p_value
 from fit.gap.evidence import (
     are_worth_adding,
     best_of,
@@ -24,7 +24,7 @@ from fit.gap.fitting import Pinned
 from tests.fit.gap.verdict_scene import EFFECTS, KINDS, evidence_of, hypothesis, signature
 
 OBSERVER = SimpleNamespace(**EFFECTS)
-ONE = Resampling(np.zeros((40, 12), int), 1.0, np.zeros(40))  # every draw is the first half-second
+ONE = Resampling(np.zeros((40, 12), int), 1.0)  # every draw is the first half-second
 
 
 def level(one, mm):
@@ -140,7 +140,15 @@ def test_effects_that_leave_least_come_first_and_those_at_a_bound_last():
 
 
 def test_the_p_value_of_an_effect_is_that_of_the_family():
-    assert evidence_of({"hem": 6.0}, p=0.2).p_value("hem") == 0.2
+    """Of two that were refitted and judged elsewhere; of all three screened where nothing was held out."""
+    evidence = evidence_of({"hem": 11.5, "air_drag": 11.0}, joint=[(("hem", "draught"), 10.0)])
+    alone = gain_p_value(evidence.base.errors, evidence.singles["hem"].errors, 5.0)
+    assert 0 < alone < 0.1
+    assert evidence.p_value("hem") == pytest.approx(2 * alone)
+    fitted_to = dataclasses.replace(evidence, is_held_out=False)
+    assert fitted_to.p_value("hem") == pytest.approx(3 * alone)
+    worse = evidence_of({"hem": 12.5, "air_drag": 11.0})
+    assert worse.p_value("hem") == 1.0
 
 
 def test_what_may_be_noise_is_within_one_more_draw_of_it():
@@ -181,7 +189,7 @@ def test_a_cause_leaves_three_fifths_of_the_gap_at_most_and_no_more_than_its_law
 
 def test_draws_are_won_by_what_leaves_least_in_them():
     """Of four draws of one half-second each the hem leaves less in three."""
-    picks = Resampling(np.repeat(np.arange(4)[:, None], 12, 1), 1.0, np.zeros(4))
+    picks = Resampling(np.repeat(np.arange(4)[:, None], 12, 1), 1.0)
     found = flat_evidence({"hem": 6.0, "air_drag": 6.0}, resampling=picks)
     sums = found.singles["hem"].errors.sums.copy()
     sums[:3], sums[3] = 100.0, 900.0

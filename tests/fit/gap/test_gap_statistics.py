@@ -13,19 +13,20 @@ from fit.gap.where import find_where
 from fit.methods import SI
 from fit.observer.residuals import Observer
 from fit.recordings.recording import prepare
-from tests.fit.gap.verdict_scene import hypothesis
+from tests.fit.gap.verdict_scene import EFFECTS, hypothesis, with_edge
 from tests.fit.scenes import hung, sheet, swing, take_of
 
 
-def test_a_further_effect_that_one_of_two_tests_finds_counts_half_as_sure(monkeypatch):
-    monkeypatch.setattr("fit.gap.rounds.gain_p_value", lambda before, after: 0.001)
-    search = SimpleNamespace(judge=1, observer=2)
+def test_a_further_effect_counts_among_those_that_were_refitted_beside_the_same_ones(monkeypatch):
+    """Of three where other takes judge; of all five that were looked for where none do; none where the edge tells."""
+    monkeypatch.setattr("fit.gap.rounds.gain_p_value", lambda before, after, floor: 0.01)
+    search = SimpleNamespace(judge=1, observer=SimpleNamespace(**EFFECTS), base=hypothesis((), 12.0), tested=[""] * 5)
     start, found = hypothesis(("hem",), 9.0), hypothesis(("hem", "air_drag"), 6.0)
-    assert Rounds._p_value(search, 0.2, start, found, 25) == pytest.approx(2 * 25 * 0.001)
-    assert Rounds._p_value(search, 0.004, start, found, 25) == pytest.approx(2 * 0.004)
-    assert Rounds._p_value(search, 0.7, start, found, 900) == 1.0
-    alone = SimpleNamespace(judge=1, observer=1)  # nothing is held out
-    assert Rounds._p_value(alone, 0.004, start, found, 25) == 0.004
+    assert Rounds._p_value(search, start, found, 3, 5.0) == pytest.approx(0.03)
+    assert Rounds._p_value(search, start, found, 900, 5.0) == 1.0
+    search.judge = search.observer
+    assert Rounds._p_value(search, start, found, 3, 5.0) == pytest.approx(0.05)
+    assert Rounds._p_value(search, with_edge(start, 2000), with_edge(found, 1150), 3, 5.0) == 0.0
 
 
 def a_still_take(noise, rate=60, seconds=4.0):

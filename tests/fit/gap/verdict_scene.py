@@ -21,7 +21,7 @@ from formats.diagnosis_records import Gate
 BLOCKS = 12
 KINDS = {effect.name: effect for effect in LIBRARY}
 EFFECTS = {"effects": LIBRARY, "library": KINDS, "columns": dict(zip(KINDS, columns_of(LIBRARY), strict=True))}
-RESAMPLING = Resampling(np.random.default_rng(1).integers(0, BLOCKS, (400, BLOCKS)), 1.0, np.zeros(400))
+RESAMPLING = Resampling(np.random.default_rng(1).integers(0, BLOCKS, (400, BLOCKS)), 1.0)
 NO_EDGE = SimpleNamespace(block=np.zeros(3, int), is_edge=np.zeros(3, bool), frame=np.zeros(3, int))
 
 
@@ -43,8 +43,7 @@ def signature(contribution=(1.0,), **changes):
     """What screening says of an effect, with figures that are all different unless they are given."""
     given = {
         "amplitude": np.zeros(1), "raw": np.ones((1, 3)), "projected": np.ones((1, 3)), "typical": 0.001,
-        "predicted": 9.0, "predicted_mm2": 4.0, "explained": 0.3, "absorbed": 0.2, "p_value": 0.0002,
-        "family_p_value": 0.001, "correlation": 0.4,
+        "predicted": 9.0, "predicted_mm2": 4.0, "explained": 0.3, "absorbed": 0.2, "correlation": 0.4,
     }  # fmt: skip
     return Signature(contribution=np.asarray(contribution, float), **(given | changes))
 
@@ -59,7 +58,6 @@ def evidence_of(
     *,
     base=12.0,
     floor=5.0,
-    p=0.001,
     gate_list=(),
     joint=(),
     joint_p=0.001,
@@ -72,7 +70,7 @@ def evidence_of(
     found = {h.effects[0]: h for h in given}
     every = dict.fromkeys([*found, *(name for names, _ in joint for name in names)])
     rows = np.eye(len(every))
-    screened = {name: signature(rows[n], family_p_value=p, p_value=p / 10) for n, name in enumerate(every)}
+    screened = {name: signature(rows[n]) for n, name in enumerate(every)}
     observer = SimpleNamespace(**EFFECTS, in_mm=lambda row: 2.0, layout=NO_EDGE, frequency=0.0)
     return Evidence(
         observer=observer, judge=observer,

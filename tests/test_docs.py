@@ -73,7 +73,7 @@ def test_a_link_from_a_shown_file_holds_where_the_page_is() -> None:
     text = with_shown_files("[a](../docs/decisions/x.md#y) [b](peers.py) [c](../formats/SPEC.md)", "benchmarks/a.md")
     assert text == "[a](../docs/decisions/x.md#y) [b](peers.py) [c](../docs/reference/take-archive.md)"
     shown = with_shown_files("<!-- shown: benchmarks/README.md -->", "docs/reference/benchmarks.md")
-    assert "(../decisions/0032-what-rounding-loses-is-kept.md)" in shown
+    assert "(../decisions/0032-compensated-summation.md)" in shown
 
 
 def test_every_page_that_code_names_exists() -> None:

@@ -6,6 +6,12 @@ import re
 
 LONGEST_SENTENCE = 25  # words (CONTRIBUTING.md, "Text")
 END = re.compile(r"(?<=[.!?])[\"*)]*\s+(?=[A-Z\d`*(\[\"“])")
+# Pieces of this house's old tongue that no stranger understands, and the field's words for them
+PRIVATE_WORDS = re.compile(
+    r"worn Jacobian|halt is believed|corner of the box|may be had|leaves? least of|\bis told of\b|are enough of"
+    r"|no vote\b|tells? of by itself|told (?:by|that) (?:itself|so)|asks? for itself|without company",
+    re.IGNORECASE,
+)
 CLAUSE = re.compile(r"(?:\*\*)?(?:What|Whatever)\b")
 
 

@@ -23,11 +23,11 @@ from pathlib import Path
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from fit.cloth.contact import Contact, Surface, surface_of
+from fit.cloth.contact import Contact, surface_of
+from fit.cloth.crossings import crossings
 from fit.cloth.simulator import Simulator
 from fit.cloth.support import Clamp, clamps
 from fit.recordings.bodies import half_space
@@ -39,33 +39,6 @@ Floats = NDArray[np.float64]
 SIDE, DENSITY = 0.3, 0.2  # m and kg/m^2 of the folded sheet
 THICKNESSES = (0.0, 0.002, 0.004, 0.005, 0.006, 0.008)  # m
 FINE = 0.02  # m between the samples of the finer count
-
-
-def crossings(surface: Surface, nodes: Floats) -> int:
-    """Return how many quad edges pierce triangles of the surface that are farther along the cloth.
-
-    Source: T. Moeller, B. Trumbore, "Fast, minimum storage ray/triangle intersection" (1997).
-    """
-    y, quads = surface.samples.apply(nodes), surface.quads
-    triangles = np.concatenate([quads[:, [0, 2, 3]], quads[:, [0, 3, 1]]])
-    edges = np.unique(np.sort(np.concatenate([quads[:, p] for p in ([0, 1], [0, 2], [1, 3], [2, 3])]), axis=1), axis=0)
-    middles, centres = y[edges].mean(1), y[triangles].mean(1)
-    reach = np.linalg.norm(y[edges[:, 0]] - middles, axis=1).max()
-    reach += np.linalg.norm(y[triangles] - centres[:, None], axis=2).max()
-    near = cKDTree(middles).sparse_distance_matrix(cKDTree(centres), reach, output_type="coo_matrix")
-    edge, triangle = edges[near.row], triangles[near.col]
-    quad = near.col % len(quads)
-    is_far = surface.may_meet[edge[:, 0], quad] & surface.may_meet[edge[:, 1], quad]
-    edge, triangle = edge[is_far], triangle[is_far]
-    start, way, corner = y[edge[:, 0]], y[edge[:, 1]] - y[edge[:, 0]], y[triangle[:, 0]]
-    one, two = y[triangle[:, 1]] - corner, y[triangle[:, 2]] - corner
-    p = np.cross(way, two)
-    scale = (one * p).sum(1)
-    inverse = 1 / np.where(np.abs(scale) < 1e-14, np.inf, scale)
-    s = start - corner
-    q = np.cross(s, one)
-    u, v, t = (s * p).sum(1) * inverse, (way * q).sum(1) * inverse, (two * q).sum(1) * inverse
-    return int(((u >= 0) & (v >= 0) & (u + v <= 1) & (t >= 0) & (t <= 1) & (inverse != 0)).sum())
 
 
 def turned_over(thickness: float) -> tuple[Simulator, Floats]:

@@ -231,9 +231,15 @@ class Row(NamedTuple):
 
 
 class Counts(NamedTuple):
-    """Whole numbers of one group: frames and steps, and where its rows of `path` and of `targets` begin."""
+    """Whole numbers of one group: frames and steps, and where its rows of `path` and of `targets` begin.
+
+    A call of the kernel simulates the frames from `first_frame` to before `end_frame`, from the step `first_step` on.
+    """
 
     frames: Number
+    first_frame: Number
+    end_frame: Number
+    first_step: Number
     settle_steps: Number
     first_path: Number
     first_target: Number

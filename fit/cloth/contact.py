@@ -27,8 +27,9 @@ c. Two layers have the reduced mass rho / 2 and bounce at omega with damping zet
     a layer of weight rho g rests by 2 g / omega^2 = 20 um within d, and
     it takes a speed of omega d, 5 m/s for d = 5 mm, to drive one layer through another.
 So no memory of the layers' sides is needed, and d may be as small as the speeds allow. Friction creeps: below the
-sliding limit it is a dashpot, which a layer's weight drives at g / (zeta omega) = 3 cm/s. A body (`Body`) is immovable.
-A sample meets its surface with twice k and c, and with all of its area.
+sliding limit it is a dashpot, which a layer's weight drives at g / (zeta omega) = 3 cm/s. A body (`Body`) stands
+still, or moves as it is told (`BodyMotion`), whatever the cloth does. A sample meets its surface with twice k and c,
+and with all of its area; w is then its velocity against the body's.
 
 Sources:
 
@@ -56,7 +57,7 @@ from fit.cloth import spectral
 from fit.cloth.elements import CORNERS, Integers, Stencils, bilinear_slopes, joined_stencils
 from fit.cloth.mesh import ClothMesh
 from fit.errors import FitError
-from fit.recordings.bodies import Body
+from fit.recordings.bodies import Body, BodyMotion
 from formats.arrays import Booleans, Floats
 
 CONTACT_OMEGA = 1000.0  # 1/s, of two layers against each other: well below the cloth's own highest frequency
@@ -76,6 +77,7 @@ class Contact:
     - `thickness` [m]: distance at which layers of the cloth are kept apart, 0: they pass through each other
     - `friction` [1]: coefficient of friction between layers and against bodies
     - `bodies`
+    - `motion` of the bodies; None: they stand still
     - `clearance` [m]: distance from their surface at which the cloth is kept
     - `spacing` [m]: of the samples, at most; a body that is thinner slips through between them
     """
@@ -85,6 +87,7 @@ class Contact:
     bodies: tuple[Body, ...] = ()
     clearance: float = 0.002
     spacing: float = 0.04
+    motion: BodyMotion | None = None
 
     def __post_init__(self) -> None:
         """Raise FitError for numbers that no contact can have."""
@@ -97,6 +100,8 @@ class Contact:
             raise FitError("bodies need a clearance above 0", advice="two millimetres cannot be seen")
         if not 0.005 <= self.spacing <= 0.1:
             raise FitError(f"samples {self.spacing} m apart are not between 0.005 and 0.1")
+        if self.motion is not None and self.motion.poses.shape[1] != len(self.bodies):
+            raise FitError(f"{len(self.bodies)} bodies move on {self.motion.poses.shape[1]} paths")
         for body in self.bodies:
             if body.thickness < self.spacing:
                 raise FitError(
@@ -140,6 +145,15 @@ class Surface:
         return np.packbits(rows, axis=1, bitorder="little").view("<i4").ravel()
 
 
+def divided(mesh: ClothMesh, spacing: float) -> tuple[Stencils, Integers]:
+    """Return samples about `spacing` [m] apart or less, and the quads between them, (quads, 4): a b / c d."""
+    corners = mesh.rest[mesh.cells[:, CORNERS]]
+    sides = np.linalg.norm(corners[:, [1, 3, 2, 0]] - corners[:, [0, 1, 3, 2]], axis=2)
+    division = max(FEWEST_QUADS, int(np.ceil(float(sides.mean()) / spacing - 1e-9)))
+    samples, index = _samples(mesh, np.linspace(-1.0, 1.0, division + 1))
+    return samples, _quads(index)
+
+
 def surface_of(mesh: ClothMesh, spacing: float) -> Surface:
     """Return the surface of a mesh with samples about `spacing` [m] apart or less."""
     corners = mesh.rest[mesh.cells[:, CORNERS]]
@@ -148,8 +162,7 @@ def surface_of(mesh: ClothMesh, spacing: float) -> Surface:
     local = np.linspace(-1.0, 1.0, division + 1)
     samples, index = _samples(mesh, local)
     area = np.bincount(index.ravel(), _areas(corners, local).ravel(), len(samples)).astype(float)
-    a, b, c, d = (i.ravel() for i in (index[:, :-1, :-1], index[:, :-1, 1:], index[:, 1:, :-1], index[:, 1:, 1:]))
-    quads = np.stack([a, b, c, d], 1)
+    quads = _quads(index).astype(np.int64)
     places = samples.apply(mesh.rest)
     diagonal = np.maximum(
         *(np.linalg.norm(places[quads[:, p]] - places[quads[:, q]], axis=1) for p, q in ((0, 3), (1, 2)))
@@ -167,6 +180,12 @@ def surface_of(mesh: ClothMesh, spacing: float) -> Surface:
         carried=float(np.bincount(samples.rows(), np.abs(samples.weights[:, 0])).max()),
         rate=_largest_rate(samples, area, mesh.node_area),
     )
+
+
+def _quads(index: NDArray[np.int64]) -> Integers:
+    """Return the quads between samples that stand in rows, (cells, n, n)."""
+    a, b, c, d = (i.ravel() for i in (index[:, :-1, :-1], index[:, :-1, 1:], index[:, 1:, :-1], index[:, 1:, 1:]))
+    return np.stack([a, b, c, d], 1).astype(np.int32)
 
 
 def _samples(mesh: ClothMesh, local: Floats) -> tuple[Stencils, NDArray[np.int64]]:

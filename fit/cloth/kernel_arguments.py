@@ -62,23 +62,29 @@ def contact_bundle(surface: Surface, contact: Contact, thickness: Floats, nodes:
 
     thickness [m], (groups, lanes): distances at which layers are kept apart
     """
-    from fit.cloth.nearby import LIST_COUNTS, PANEL, SPOT
+    from fit.cloth.nearby import BODY, LIST_COUNTS, PANEL, SPOT, WAYS
 
     samples, quads, bodies = len(surface.area), len(surface.quads), contact.bodies
     groups, lanes = thickness.shape
     most = (int(surface.may_meet.sum()) if thickness.any() else 0) + samples * len(bodies)
+    motion = contact.motion if bodies else None
+    spacing, instants = (0.0, 0) if motion is None else (motion.spacing, len(motion.poses))
+    standing = np.zeros((len(bodies), BODY))
+    for row, body in zip(standing, bodies, strict=True):
+        row[: len(body.row())] = body.row()
     numbers = np.concatenate(
         [
             surface.samples.weights[:, 0], surface.area, surface.reach, surface.windows.ravel(),
-            *(body.row() for body in bodies),
-            [surface.carried, contact.friction, contact.clearance], thickness.max(1),
+            [surface.carried, contact.friction, contact.clearance, spacing], thickness.max(1),
+            np.tile(standing.ravel(), groups), np.zeros(WAYS * groups),
+            *([] if motion is None else [motion.way(bodies), motion.poses.ravel()]),
         ]
     )  # fmt: skip
     front = -(-len(numbers) // lanes)
     memory = zeros((front + groups * (SPOT * samples + PANEL * quads + 6 * nodes + 1), lanes))
     alone = memory.reshape(-1)
     alone[: len(numbers)] = numbers
-    sizes = np.array([samples, quads, len(bodies), most, front])
+    sizes = np.array([samples, quads, len(bodies), most, front, instants])
     known = np.concatenate([sizes, 3 * surface.samples.nodes, SPOT * surface.quads.ravel(), surface.words()])
     # Room for every pair there is, hardly any of which is ever touched.
     whole = np.zeros(len(known) + groups * (LIST_COUNTS + 2 * (samples + quads + most)), np.int32)

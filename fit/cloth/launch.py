@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fit import runtime
 from fit.cloth.bundles import (
+    COUNTS,
     Candidates,
     Clock,
     Counts,
@@ -36,14 +37,23 @@ from formats.arrays import Floats, Singles
 Numbers = TypeVar("Numbers", Floats, Singles, Integers)
 
 
-def launch(groups: Sequence[Group], observer_hz: float) -> None:
-    """Simulate groups of one cloth and one kernel, and fill in their results."""
+Progress = Callable[[float], None]
+PIECES = 100  # into which a simulation is cut that tells how far it is, and that can be interrupted between them
+
+
+def launch(groups: Sequence[Group], observer_hz: float, progress: Progress | None = None) -> None:
+    """Simulate groups of one cloth and one kernel, and fill in their results; progress hears of the share done."""
     lanes, calls = plan(groups, runtime.available_threads(), runtime.lane_widths(), is_pulled=observer_hz > 0)
-    for tasks in calls:
-        _call(tasks, lanes, observer_hz)
+    for number, tasks in enumerate(calls):
+
+        def told(share: float, number: int = number) -> None:
+            if progress is not None:
+                progress((number + share) / len(calls))
+
+        _call(tasks, lanes, observer_hz, PIECES if progress is not None else 1, told)
 
 
-def _call(tasks: list[Task], lanes: int, observer_hz: float) -> None:
+def _call(tasks: list[Task], lanes: int, observer_hz: float, pieces: int, progress: Progress) -> None:
     """Run one kernel on tasks of at most `lanes` members."""
     from fit.cloth.rollout import make_rollout
 
@@ -53,20 +63,40 @@ def _call(tasks: list[Task], lanes: int, observer_hz: float) -> None:
     every = [pair for parts in filled for pair in parts]
     amplitudes = np.concatenate([g.candidates.amplitudes[k] for g, k in every])
     motion, results = _motion(courses, lanes, kind), _results(tasks, courses, lanes)
+    driven = _driven(tasks, courses, lanes, observer_hz)
     bundles = (
         motion,
         *_membrane(tasks, kind),
         *_bending(tasks, amplitudes, kind),
         _contact(tasks, amplitudes, lanes),
-        *_driven(tasks, courses, lanes, observer_hz),
+        *driven,
         _candidates(every, amplitudes, kind),
         results,
     )
     kernel = make_rollout(kind)
-    with runtime.vectors_kept():
-        kernel(**by_name(bundles))
+    for share in _pieces(driven[-1], pieces):
+        with runtime.vectors_kept():
+            kernel(**by_name(bundles))
+        progress(share)
     forces = motion.f.reshape(len(tasks), -1, 3, lanes)
     _hand_back(courses, _from_lanes(results.seen), _from_lanes(results.shapes), _from_lanes(forces), lanes)
+
+
+def _pieces(clock: Clock, pieces: int) -> Iterator[float]:
+    """Set the counts for one piece of the frames after the other, and yield the share that is done after it.
+
+    All that a simulation remembers is in the kernel's arrays, so that pieces give what one call would give.
+    """
+    counts, steps = clock.counts, clock.frame_step
+    ends = counts[:, COUNTS.frames].copy()
+    most = int(ends.max())
+    for piece in range(min(pieces, most)):
+        counts[:, COUNTS.first_frame] = counts[:, COUNTS.end_frame]
+        counts[:, COUNTS.end_frame] = np.minimum(ends, -(-most * (piece + 1) // min(pieces, most)))
+        if piece > 0:
+            last = np.maximum(counts[:, COUNTS.first_frame] - 1, 0)
+            counts[:, COUNTS.first_step] = np.take_along_axis(steps, last[:, None], 1)[:, 0]
+        yield (piece + 1) / min(pieces, most)
 
 
 def _kind(group: Group, lanes: int) -> Kind:
@@ -165,9 +195,13 @@ def _driven(
         gain=omega**2,
         damping=2 * omega,
     )
+    settle_steps = np.array([round(support.settle_time / t.dt) for t in tasks], np.int32)
     counts = Counts(
         frames=np.array([len(c.steps) for c in courses], np.int32),
-        settle_steps=np.array([round(support.settle_time / t.dt) for t in tasks], np.int32),
+        first_frame=np.zeros(len(tasks), np.int32),
+        end_frame=np.zeros(len(tasks), np.int32),
+        first_step=-settle_steps,
+        settle_steps=settle_steps,
         first_path=first_path,
         first_target=first_target,
         steps_per_target=np.array([c.every for c in courses], np.int32),

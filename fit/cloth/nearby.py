@@ -7,18 +7,22 @@ pair could touch. A sample moves by `Surface.carried` times the node's way at mo
     2 carried max |x - x_then| <= m,   m = NEAR, or WATCHED where nothing is watched
 
 (L. Verlet, Phys. Rev. 159 (1967), section II). Every pair that touches is computed, and every other pair adds exactly
-nothing. So a candidate's result does not depend on the other lanes.
+nothing. So a candidate's result does not depend on the other lanes. Bodies that move (`fit.cloth.driven`) may go m / 2
+beside that, and (WATCHED - NEAR) / 2 before pairs are watched anew.
 
 A kernel takes 64 arrays at most, so contact has three, each holding several things one after the other:
-    whole      samples, quads, bodies, length of a list, where the vectors begin in `memory`; nodes of the samples,
-               times 3; corners of the quads, times `SPOT`; who may meet, a bit per quad, a row of words per sample;
-               then, per group, what it has listed: counts; marks of samples and quads; those that take part, samples
-               from the front, quads from the end; pairs, those with bodies from the end; pairs that are watched
+    whole      samples, quads, bodies, length of a list, where the vectors begin in `memory`, instants of the bodies'
+               motion, 0 if they stand still; nodes of the samples, times 3; corners of the quads, times `SPOT`; who
+               may meet, a bit per quad, a row of words per sample; then, per group, what it has listed: counts; marks
+               of samples and quads; those that take part, samples from the front, quads from the end; pairs, those
+               with bodies from the end; pairs that are watched
     memory     vectors of lanes, after the numbers of `alone`: `SPOT` per sample (place, velocity, force), `PANEL` per
                quad (`face_quad`), places of the nodes when pairs were last chosen, and watched; a gauge per group
     alone      the same memory number by number. At its front: weights of the samples' nodes; areas; reaches and
-               windows of the quads; bodies; carried, friction, clearance, and per group the largest distance between
-               layers. What must be decided for all lanes at once is written as a vector and read here.
+               windows of the quads; carried, friction, clearance, time between instants; per group the largest distance
+               between layers, then the bodies, `BODY` each, then the bodies' way now and when pairs were last chosen
+               and watched; the bodies' way and poses at every instant. What must be decided for all lanes at once is
+               written as a vector and read here.
 """
 
 # No `from __future__ import annotations` here: Taichi reads the annotations of functions.
@@ -30,11 +34,15 @@ from fit.cloth.lanes import magnitude, within
 WATCHED = 0.05  # m beyond contact; pairs are sought anew when a sample has moved by half of it
 NEAR = 0.005  # m beyond contact; pairs are chosen anew when a sample has moved by half of it
 MOVED = 2.5  # times `NEAR` that a sample may have moved against the plane of a quad, or along it, see `beside`
-SPOT, PANEL, BODY = 9, 30, 16  # numbers of a sample, a quad and a body
+SPOT, PANEL, BODY = 9, 30, 29  # numbers of a sample, a quad and a body: `Body.row`, then the rates of its pose
+RADIUS, TAPER, RATE = 15, 16, 17  # of a body's numbers
+CARRIED, FRICTION, CLEARANCE, INSTANT, THICKNESS = range(5)  # of the numbers behind those of the quads
+WAY_NOW, WAY_CHOSEN, WAY_WATCHED, WAYS = range(4)  # of a group's ways; how many
+POSE = 12  # numbers of a pose
 CENTRE, NORMAL, FIRST, SECOND, SPEED, SPEED_1, SPEED_2, FORCE = 0, 3, 6, 9, 12, 15, 18, 21  # of a quad's numbers
 MARKED, WATCHING, PAIRS, SPOTS, PANELS, BODIES = range(6)  # of the counts; MARKED: whether there are lists
 LIST_COUNTS = 6  # how many of them
-HEADER = 5  # sizes at the front of `whole`
+HEADER = 6  # sizes at the front of `whole`
 WORD = 32  # bits
 TINY = 1e-20  # m^4 or m: added so that nothing is divided by zero
 
@@ -131,29 +139,58 @@ def beside(at, facing, windows, memory: ti.template(), alone: ti.template(), thi
 
 
 @ti.func
-def body_distance(at, body, memory: ti.template(), alone: ti.template()):
-    """Return the distance of a sample from a body [m], negative inside, and the way out."""
+def numbers_at(samples, count):
+    """Return where the numbers of all of contact begin."""
+    return 17 * samples + 5 * count
+
+
+@ti.func
+def bodies_at(samples, count, groups, bodies, b):
+    """Return where the bodies of a group begin."""
+    return numbers_at(samples, count) + THICKNESS + groups + BODY * bodies * b
+
+
+@ti.func
+def ways_at(samples, count, groups, bodies, b):
+    """Return where the ways of a group begin."""
+    return bodies_at(samples, count, groups, bodies, groups) + WAYS * b
+
+
+@ti.func
+def in_body(at, body, memory: ti.template(), alone: ti.template()):
+    """Return where a sample is along the axes of a body, from its centre [m]."""
     d0, d1, d2 = memory[at] - alone[body], memory[at + 1] - alone[body + 1], memory[at + 2] - alone[body + 2]
     p0 = alone[body + 3] * d0 + alone[body + 4] * d1 + alone[body + 5] * d2
     p1 = alone[body + 6] * d0 + alone[body + 7] * d1 + alone[body + 8] * d2
     p2 = alone[body + 9] * d0 + alone[body + 10] * d1 + alone[body + 11] * d2
+    return p0, p1, p2
+
+
+@ti.func
+def body_distance(p0, p1, p2, body, alone: ti.template()):
+    """Return the distance [m] from a body of a place along its axes, negative inside, and the way out."""
     q0, q1 = magnitude(p0) - alone[body + 12], magnitude(p1) - alone[body + 13]
     q2 = magnitude(p2) - alone[body + 14]
     o0, o1, o2 = ti.max(q0, 0.0), ti.max(q1, 0.0), ti.max(q2, 0.0)
     outside = ti.sqrt(o0 * o0 + o1 * o1 + o2 * o2)
     deepest = ti.max(q0, ti.max(q1, q2))
     # Outside the way out is that from the nearest place, inside that to the nearest side.
-    zero = 0.0 * d0
+    zero = 0.0 * p0
     one = zero + 1.0
     g0 = ti.select(deepest < zero, ti.select(q0 >= deepest, one, zero), o0 / (outside + TINY))
     g1 = ti.select(deepest < zero, ti.select(q1 >= deepest, one, zero), o1 / (outside + TINY))
     g2 = ti.select(deepest < zero, ti.select(q2 >= deepest, one, zero), o2 / (outside + TINY))
     g0, g1 = ti.select(p0 < zero, zero - g0, g0), ti.select(p1 < zero, zero - g1, g1)
     g2 = ti.select(p2 < zero, zero - g2, g2)
+    taper, half = alone[body + TAPER], alone[body + 14]
+    radius = alone[body + RADIUS] + taper * ti.min(ti.max(p2, zero - half), zero + half)
+    g2 = g2 - ti.select(q2 < zero, zero + taper, zero)
+    slant = 1.0 / ti.sqrt(1.0 + taper * taper)
+    g0, g1, g2 = slant * g0, slant * g1, slant * g2
     n0 = alone[body + 3] * g0 + alone[body + 6] * g1 + alone[body + 9] * g2
     n1 = alone[body + 4] * g0 + alone[body + 7] * g1 + alone[body + 10] * g2
     n2 = alone[body + 5] * g0 + alone[body + 8] * g1 + alone[body + 11] * g2
-    return outside + ti.min(deepest, 0.0) - alone[body + 15], n0, n1, n2
+    return slant * (outside + ti.min(deepest, 0.0) - radius), n0, n1, n2
 
 
 @ti.func
@@ -170,7 +207,7 @@ def find_places(
 
 @ti.func
 def watch(
-    mine, first, front, gauge, watched, whole: ti.template(), memory: ti.template(),
+    mine, first, front, gauge, watched, standing, whole: ti.template(), memory: ti.template(),
     alone: ti.template(), thickness, clearance, lanes: ti.template(),
 ):  # fmt: skip
     """List pairs within `WATCHED` of contact: sample times quads plus quad, and after all of these with bodies."""
@@ -200,9 +237,9 @@ def watch(
                                 found += 1
     for s in range(samples):
         for body in range(bodies):
-            far, _n0, _n1, _n2 = body_distance(
-                within(first + SPOT * s), 17 * samples + 5 * count + BODY * body, memory, alone
-            )
+            at_body = standing + BODY * body
+            p0, p1, p2 = in_body(within(first + SPOT * s), at_body, memory, alone)
+            far, _n0, _n1, _n2 = body_distance(p0, p1, p2, at_body, alone)
             memory[gauge] = far - (clearance + WATCHED)
             if least(alone, gauge * lanes, lanes) < 0.0:
                 whole[mine + watched + found] = samples * count + s * bodies + body
@@ -212,7 +249,7 @@ def watch(
 
 @ti.func
 def choose(
-    mine, first, front, gauge, watched, whole: ti.template(), memory: ti.template(),
+    mine, first, front, gauge, watched, standing, whole: ti.template(), memory: ti.template(),
     alone: ti.template(), thickness, clearance, lanes: ti.template(),
 ):  # fmt: skip
     """List those watched that are within `NEAR` of contact, and who takes part in them."""
@@ -226,9 +263,9 @@ def choose(
         s, q, body = code // count, code % count, -1
         if code >= samples * count:
             s, body = (code - samples * count) // bodies, (code - samples * count) % bodies
-            far, _n0, _n1, _n2 = body_distance(
-                within(first + SPOT * s), 17 * samples + 5 * count + BODY * body, memory, alone
-            )
+            at_body = standing + BODY * body
+            p0, p1, p2 = in_body(within(first + SPOT * s), at_body, memory, alone)
+            far, _n0, _n1, _n2 = body_distance(p0, p1, p2, at_body, alone)
             memory[gauge] = far - (clearance + NEAR)
         else:
             at, windows = within(first + SPOT * s), 17 * samples + count + 4 * q
@@ -293,19 +330,29 @@ def find_pairs(
 ):  # fmt: skip
     """Bring the lists up to date where something may have come near since they were made."""
     samples, count, bodies, most = whole[0], whole[1], whole[2], whole[3]
-    numbers = 17 * samples + 5 * count + BODY * bodies
-    carried, clearance, thickness = alone[numbers], alone[numbers + 2], alone[numbers + 3 + b]
+    numbers, standing = numbers_at(samples, count), bodies_at(samples, count, groups, bodies, b)
+    carried, clearance = alone[numbers + CARRIED], alone[numbers + CLEARANCE]
+    thickness = alone[numbers + THICKNESS + b]
     before, watched = then + 3 * nodes * groups, LIST_COUNTS + 2 * (samples + count) + most
     margin = NEAR
     if whole[mine + WATCHING] == 0:
         margin = WATCHED
     is_new = whole[mine + MARKED] == 0
+    ways = ways_at(samples, count, groups, bodies, b)
+    way = alone[ways + WAY_NOW]
+    if way - alone[ways + WAY_CHOSEN] > 0.5 * margin:
+        is_new = True
     if is_new or has_moved(home, nodes, x, then, gauge, memory, alone, margin / (2.0 * carried), lanes):
+        alone[ways + WAY_CHOSEN] = way
         find_places(home, first, front, samples, count, x, whole, alone, memory)
         far = (WATCHED - NEAR) / (2.0 * carried)
+        is_new = whole[mine + MARKED] == 0
+        if way - alone[ways + WAY_WATCHED] > 0.5 * (WATCHED - NEAR):
+            is_new = True
         if is_new or has_moved(home, nodes, x, before, gauge, memory, alone, far, lanes):
-            watch(mine, first, front, gauge, watched, whole, memory, alone, thickness, clearance, lanes)
+            alone[ways + WAY_WATCHED] = way
+            watch(mine, first, front, gauge, watched, standing, whole, memory, alone, thickness, clearance, lanes)
             remember(home, nodes, x, before, memory)
-        choose(mine, first, front, gauge, watched, whole, memory, alone, thickness, clearance, lanes)
+        choose(mine, first, front, gauge, watched, standing, whole, memory, alone, thickness, clearance, lanes)
         remember(home, nodes, x, then, memory)
         whole[mine + MARKED] = 1

@@ -276,8 +276,12 @@ def make_rollout(kind: Kind):
                 first_path, first_target = clock.counts[b, COUNTS.first_path], clock.counts[b, COUNTS.first_target]
                 steps_per_target = clock.counts[b, COUNTS.steps_per_target]
                 dt, last_step, zero = clock.time_step[b], clock.frame_step[b, frames - 1], vec(0.0)
-                step, pulled_until = -settle_steps, ti.cast(settle_steps * (SETTLE_PULLED - 1.0), ti.i32)
-                for frame in range(frames):
+                first_frame, end_frame = clock.counts[b, COUNTS.first_frame], clock.counts[b, COUNTS.end_frame]
+                step, pulled_until = (
+                    clock.counts[b, COUNTS.first_step],
+                    ti.cast(settle_steps * (SETTLE_PULLED - 1.0), ti.i32),
+                )
+                for frame in range(first_frame, end_frame):
                     while step < clock.frame_step[b, frame]:
                         is_settling = step < 0
                         now = ti.max(step, 0)
@@ -317,7 +321,7 @@ def make_rollout(kind: Kind):
                             touching(
                                 b, home, count, groups, nodes.x, nodes.v, nodes.f, touch.contact_whole,
                                 touch.contact_memory, touch.contact_alone, stiffness.thickness, stiffness.density,
-                                kind.lanes,
+                                ti.cast(now, ti.f32) * dt, moving, kind.lanes,
                             )  # fmt: skip
                         give = 1.0 / (1.0 + 0.5 * dt * rate)
                         keep, push = give * (1.0 - 0.5 * dt * rate), give * dt

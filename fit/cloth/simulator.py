@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fit.cloth.launch import launch
+from fit.cloth.launch import Progress, launch
 from fit.cloth.model import ClothModel, Rollouts
 from formats.arrays import Floats
 
@@ -13,18 +13,22 @@ class Simulator(ClothModel):
     """Simulate one recording for any number of candidates (`fit.cloth.model.ClothModel` says what a candidate is)."""
 
     def run(
-        self, materials: Floats, amplitudes: Floats | None = None, *, observer_hz: float = 0.0, shapes: bool = False
-    ) -> Rollouts:
+        self, materials: Floats, amplitudes: Floats | None = None, *, observer_hz: float = 0.0, shapes: bool = False,
+        progress: Progress | None = None,
+    ) -> Rollouts:  # fmt: skip
         """Simulate candidates; `shapes` keeps the nodes of every frame and the last forces on them.
 
         - `materials`, (candidates, parameters)
         - `amplitudes`, (candidates, components of all effects), 0 where None
         - `observer_hz`: natural frequency of the pull towards the measured points, 0 for a free rollout.
+        - `progress`: is told the share of the frames that is done, again and again; what it raises ends the simulation.
 
         Raises:
             FitError: the shapes of the arguments do not fit together.
         """
-        return run_together([self], [materials], [amplitudes], observer_hz=observer_hz, shapes=shapes)[0]
+        return run_together(
+            [self], [materials], [amplitudes], observer_hz=observer_hz, shapes=shapes, progress=progress
+        )[0]
 
 
 def run_together(
@@ -34,6 +38,7 @@ def run_together(
     *,
     observer_hz: float = 0.0,
     shapes: bool = False,
+    progress: Progress | None = None,
 ) -> list[Rollouts]:
     """Simulate candidates on several recordings side by side; for each recording what `Simulator.run` would return.
 
@@ -44,6 +49,6 @@ def run_together(
     while waiting:
         first = waiting[0]
         alike = [g for g in waiting if g.kernel == first.kernel and g.model.is_like(first.model)]
-        launch(alike, observer_hz)
+        launch(alike, observer_hz, progress)
         waiting = [g for g in waiting if g not in alike]
     return [s.finish(candidates) for s, (candidates, _) in zip(simulators, asked, strict=True)]

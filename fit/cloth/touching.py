@@ -8,29 +8,36 @@ Places, lists and memory are those of `fit.cloth.nearby`.
 import taichi as ti
 
 from fit.cloth.contact import CONTACT_DAMPING, CONTACT_OMEGA, WINDOW
+from fit.cloth.driven import drive
 from fit.cloth.lanes import magnitude, within
 from fit.cloth.nearby import (
     BODIES,
     BODY,
+    CLEARANCE,
     FORCE,
+    FRICTION,
     HEADER,
     LIST_COUNTS,
     NORMAL,
     PAIRS,
     PANEL,
     PANELS,
+    RATE,
     SPEED,
     SPEED_1,
     SPEED_2,
     SPOT,
     SPOTS,
     WORD,
+    bodies_at,
     body_distance,
     carry,
     corners,
     face_quad,
     find_pairs,
+    in_body,
     located,
+    numbers_at,
 )  # fmt: skip
 
 SHARPNESS = 1 / (2 * WINDOW - 1)  # of a window's fall about a quad's edge
@@ -90,10 +97,14 @@ def lean(
     at, body, area, memory: ti.template(), alone: ti.template(), clearance, stiffness, viscosity, friction
 ):  # fmt: skip
     """Push a sample away from a body, which does not give way."""
-    gap, n0, n1, n2 = body_distance(at, body, memory, alone)
+    p0, p1, p2 = in_body(at, body, memory, alone)
+    gap, n0, n1, n2 = body_distance(p0, p1, p2, body, alone)
+    rate = body + RATE
+    u0 = memory[at + 3] - (alone[rate] + alone[rate + 3] * p0 + alone[rate + 6] * p1 + alone[rate + 9] * p2)
+    u1 = memory[at + 4] - (alone[rate + 1] + alone[rate + 4] * p0 + alone[rate + 7] * p1 + alone[rate + 10] * p2)
+    u2 = memory[at + 5] - (alone[rate + 2] + alone[rate + 5] * p0 + alone[rate + 8] * p1 + alone[rate + 11] * p2)
     f0, f1, f2 = traction(
-        gap, 1.0, n0, n1, n2, memory[at + 3], memory[at + 4], memory[at + 5], clearance,
-        2.0 * stiffness, 2.0 * viscosity, friction,
+        gap, 1.0, n0, n1, n2, u0, u1, u2, clearance, 2.0 * stiffness, 2.0 * viscosity, friction
     )  # fmt: skip
     memory[at + 6] = memory[at + 6] + area * f0
     memory[at + 7] = memory[at + 7] + area * f1
@@ -127,10 +138,10 @@ def give_nodes(
 @ti.func
 def touching(
     b, home, nodes, groups, x: ti.template(), v: ti.template(), f: ti.template(), whole: ti.template(),
-    memory: ti.template(), alone: ti.template(), distance, density,
+    memory: ti.template(), alone: ti.template(), distance, density, time, moving,
     lanes: ti.template(),
 ):  # fmt: skip
-    """Add the forces of contact to those on the nodes."""
+    """Add the forces of contact to those on the nodes, with bodies as at `time` [s]; moving: 0 for bodies at rest."""
     samples, count, bodies, most = whole[0], whole[1], whole[2], whole[3]
     first = whole[4] + SPOT * samples * b
     front = whole[4] + SPOT * samples * groups + PANEL * count * b
@@ -138,9 +149,11 @@ def touching(
     gauge = whole[4] + (SPOT * samples + PANEL * count + 6 * nodes) * groups + b
     mine = HEADER + 16 * samples + 4 * count + samples * ((count + WORD - 1) // WORD)
     mine += b * (LIST_COUNTS + 2 * (samples + count + most))
+    if whole[5] > 0:
+        drive(b, groups, time, moving, whole, alone)
     find_pairs(b, mine, home, nodes, first, front, then, gauge, x, whole, memory, alone, groups, lanes)
-    bodies_at = 17 * samples + 5 * count
-    friction, clearance = alone[bodies_at + BODY * bodies + 1], alone[bodies_at + BODY * bodies + 2]
+    numbers, standing = numbers_at(samples, count), bodies_at(samples, count, groups, bodies, b)
+    friction, clearance = alone[numbers + FRICTION], alone[numbers + CLEARANCE]
     listed, pairs = LIST_COUNTS + samples + count, LIST_COUNTS + 2 * (samples + count)
     stiffness, viscosity = 0.5 * CONTACT_OMEGA * CONTACT_OMEGA * density, CONTACT_DAMPING * CONTACT_OMEGA * density
     for n in range(whole[mine + SPOTS]):
@@ -165,7 +178,7 @@ def touching(
         code = whole[mine + pairs + most - 1 - n]
         s, body = code // bodies, code % bodies
         lean(
-            within(first + SPOT * s), bodies_at + BODY * body, alone[16 * samples + s], memory, alone, clearance,
+            within(first + SPOT * s), standing + BODY * body, alone[16 * samples + s], memory, alone, clearance,
             stiffness, viscosity, friction,
         )  # fmt: skip
     for n in range(whole[mine + PANELS]):

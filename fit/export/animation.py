@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from fit.cloth.launch import Progress
 from fit.errors import FitError
 from fit.export import caches
 from fit.export.fabric import fabric_of, why_no_fabric
@@ -14,6 +15,7 @@ from fit.export.moving import Moving, motion_of
 from fit.export.new_motion import hung_swatch, new_motion
 from fit.export.sheet import SWATCH_SPACING, check_spacing
 from fit.export.video import CODECS, DEFAULT_SIZE, film
+from fit.export.worn import FigureOrder, worn
 from fit.recordings.recording import prepare
 from formats.fit_records import FitResult
 from formats.outputs import check_name, make_output_folder, refuse_to_replace, write_bytes
@@ -24,25 +26,44 @@ SUFFIXES = (*FILMS, ".usdc", ".glb")
 SMALLEST, LARGEST = 64, 4096  # px
 LAYERS_APART = 2e-3  # m, of sewn garments: a thick fabric (KES, at 0.05 kPa: 0.2 to 2 mm)
 
+SIMULATED = 0.6  # of the time of a film, about, that its simulation takes
 Show = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class Animated:
+    """The file that was written, and sentences on how the motion went."""
+
+    path: Path
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """A garment and its motion: the take's own where `motion` is empty; without a take, a swatch of the fabric."""
+    """A garment and its motion: the take's own where `motion` is empty; without a take, a swatch of the fabric.
+
+    With a `figure`, a skirt that it wears: the take's, or one of the fabric.
+    """
 
     result: FitResult
     take: Take | None = None
     motion: str = ""
     seconds: float = 6.0  # of a new motion
     spacing: float | None = None  # m
+    figure: FigureOrder | None = None
 
-    def moving(self) -> Moving:
-        """Simulate it.
+    def moving(self, progress: Progress | None = None) -> Moving:
+        """Simulate it; progress is told the share that is done.
 
         Raises:
-            FitError: neither take nor motion, a fit without a fabric and without a take, or an unknown motion.
+            FitError: neither take nor motion, a fit without a fabric and without a take, or an unknown motion. With a
+                figure, what `fit.export.worn` refuses.
         """
+        if self.figure is not None:
+            if self.motion:
+                raise FitError("a figure moves by itself", where="--motion", advice="leave out --motion or --figure")
+            garment = self.take.garment if self.take is not None else None
+            return worn(self.result, garment, self.figure, self.seconds, spacing=self.spacing, progress=progress)
         if self.take is None and not self.motion:
             raise FitError(
                 "a fit alone holds no motion", where="--take",
@@ -53,13 +74,13 @@ class Scene:
             recording = new_motion(recording, self.motion, self.seconds)
         spacing = SWATCH_SPACING if self.spacing is None and self.take is None else self.spacing
         apart = LAYERS_APART if recording.garment.seams else 0.0
-        return motion_of(self.result, recording, spacing, layers_apart=apart)
+        return motion_of(self.result, recording, spacing, layers_apart=apart, progress=progress)
 
 
 def animate(
     scene: Scene, path: Path, *, size: tuple[int, int] = DEFAULT_SIZE, overwrite: bool = False,
     show: Show = lambda share, text: None,
-) -> Path:  # fmt: skip
+) -> Animated:  # fmt: skip
     """Simulate a scene and write it in the format of the path's end, whole or not at all.
 
     Raises:
@@ -81,20 +102,28 @@ def animate(
     if not overwrite:
         refuse_to_replace(path)
     make_output_folder(path.parent)
-    show(0.0, "simulating")
-    moving = scene.moving()
+    is_film = suffix in FILMS
+    moving = scene.moving(_timed(show, "simulating", 0.0, SIMULATED if is_film else 1.0))
     fabric = None if why_no_fabric(scene.result) else fabric_of(scene.result)
     if suffix == ".usdc":
         raw = caches.usd_cache(scene.result, fabric, moving)
     elif suffix == ".glb":
         raw = caches.gltf(scene.result, fabric, moving)
     else:
-        begun = clock.monotonic()
-
-        def drawn(done: int, total: int) -> None:
-            left = (clock.monotonic() - begun) / done * (total - done)
-            show(done / total, f"picture {done} of {total}, {left:.0f} s left")
-
-        raw = film(moving, suffix, " ".join(caches.words(scene.result, fabric)), size, drawn)
+        drawn = _timed(show, "drawing", SIMULATED, 1.0)
+        words = " ".join([*caches.words(scene.result, fabric), *moving.remarks])
+        raw = film(moving, suffix, words, size, lambda done, total: drawn(done / total))
     write_bytes(path, raw)
-    return path
+    return Animated(path, moving.remarks)
+
+
+def _timed(show: Show, doing: str, first: float, last: float) -> Progress:
+    """Return what shows the share of one part of the work, within all of it, and how long that part still takes."""
+    begun = clock.monotonic()
+    show(first, doing)
+
+    def told(share: float) -> None:
+        left = (clock.monotonic() - begun) / max(share, 1e-9) * (1 - share)
+        show(first + share * (last - first), f"{doing}, {left:.0f} s left")
+
+    return told

@@ -4,7 +4,7 @@ USD and CSV keep the frames' own times. glTF interpolates linearly between frame
 even rate, to which an uneven recording is brought by cubic splines.
 
 In glTF y is up, so (x, y, z) becomes (x, z, -y). Every frame is a morph target, the difference to the first frame. Its
-weight is 1 at its time and 0 at its neighbours'.
+weight is 1 at its time and 0 at its neighbours'. The parts of a figure are rigid, and move as such in both.
 
 Source: Khronos, "glTF 2.0 Specification", sections 3.7.2.2 and 3.11. PC2: "POINTCACHE2", then version 1, points, first
 frame, frames a sample, samples, little-endian, then points as float triples, sample by sample.
@@ -24,13 +24,15 @@ from fit.export.about import caution_lines, origin_lines, provenance
 from fit.export.drawing import node_normals
 from fit.export.fabric import Fabric
 from fit.export.moving import Moving
-from fit.export.usd_stage import define_cloth, new_stage, usd_bytes
+from fit.export.solids import Solids
+from fit.export.usd_stage import FIGURE, define_cloth, define_mesh, new_stage, usd_bytes
 from formats.arrays import Floats
 from formats.fit_records import FitResult
 from formats.rows import csv_text
 
 FLOAT, UNSIGNED = 5126, 5125  # glTF's numbers of component types
 VERTICES, INDICES = 34962, 34963  # glTF's buffer targets
+SKIN = (0.77, 0.74, 0.71)  # RGB, of a figure
 CODES_PER_SECOND = 30.0  # USD time codes a second
 
 
@@ -73,8 +75,27 @@ def usd_cache(result: FitResult, fabric: Fabric | None, moving: Moving) -> bytes
         points.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(places)), code)
         ends = [Gf.Vec3f(*end.tolist()) for end in (places.min(0), places.max(0))]
         extent.Set(Vt.Vec3fArray(ends), code)
-    stage.GetRootLayer().documentation = "\n".join(words(result, fabric))
+    if moving.figure is not None:
+        _usd_figure(stage, moving.figure, moving.time, codes)
+    stage.GetRootLayer().documentation = "\n".join([*words(result, fabric), *moving.remarks])
     return usd_bytes(stage, ".usdc")
+
+
+def _usd_figure(stage: Any, figure: Solids, time: Floats, codes: Floats) -> None:
+    """Add the parts of a figure: rigid meshes whose transforms are sampled in time."""
+    from pxr import Gf, UsdGeom, Vt
+
+    UsdGeom.Xform.Define(stage, FIGURE)
+    poses = figure.motion.at(time)
+    for k, (name, (places, triangles)) in enumerate(zip(figure.names, figure.meshes, strict=True)):
+        mesh = define_mesh(stage, f"{FIGURE}/{name}", triangles)
+        mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(places.astype(np.float32)))
+        mesh.CreateExtentAttr(Vt.Vec3fArray([Gf.Vec3f(*end.tolist()) for end in (places.min(0), places.max(0))]))
+        mesh.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*SKIN)]))
+        move = mesh.AddTransformOp()
+        for code, pose in zip(codes.tolist(), poses[:, k].tolist(), strict=True):
+            rows = [*pose[3:6], 0.0, *pose[6:9], 0.0, *pose[9:12], 0.0, *pose[:3], 1.0]
+            move.Set(Gf.Matrix4d(*rows), code)
 
 
 def gltf(result: FitResult, fabric: Fabric | None, moving: Moving) -> bytes:
@@ -97,7 +118,8 @@ def gltf(result: FitResult, fabric: Fabric | None, moving: Moving) -> bytes:
     # Weight n - 1 of frame n is 1: frame 0 is the mesh itself.
     times = file.add(moving.time.astype(np.float32), "SCALAR", has_ends=True)
     weights = file.add(np.eye(frames, frames - 1, -1, dtype=np.float32).ravel(), "SCALAR")
-    told = words(result, fabric)
+    told = [*words(result, fabric), *moving.remarks]
+    meshes, nodes, samplers, channels = _gltf_figure(file, moving.figure, moving.time, times)
     return file.finish(
         {
             "asset": {
@@ -105,15 +127,23 @@ def gltf(result: FitResult, fabric: Fabric | None, moving: Moving) -> bytes:
                 "extras": {"hangtime": provenance(result), "cautions": told},
             },
             "scene": 0,
-            "scenes": [{"nodes": [0], "name": moving.name}],
-            "nodes": [{"mesh": 0, "name": "cloth"}],
+            "scenes": [{"nodes": list(range(1 + len(nodes))), "name": moving.name}],
+            "nodes": [{"mesh": 0, "name": "cloth"}, *nodes],
             "materials": [
                 {
                     "doubleSided": True, "name": "cloth",
                     "pbrMetallicRoughness": {
                         "baseColorFactor": [0.35, 0.45, 0.65, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.9
                     },
-                }
+                },
+                *(
+                    [{
+                        "name": "figure",
+                        "pbrMetallicRoughness": {
+                            "baseColorFactor": [*SKIN, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.8
+                        },
+                    }] if nodes else []
+                ),
             ],
             "meshes": [
                 {
@@ -124,17 +154,57 @@ def gltf(result: FitResult, fabric: Fabric | None, moving: Moving) -> bytes:
                             "indices": indices, "material": 0, "targets": targets,
                         }
                     ],
-                }
+                },
+                *meshes,
             ],
             "animations": [
                 {
                     "name": "swing",
-                    "samplers": [{"input": times, "output": weights, "interpolation": "LINEAR"}],
-                    "channels": [{"sampler": 0, "target": {"node": 0, "path": "weights"}}],
+                    "samplers": [{"input": times, "output": weights, "interpolation": "LINEAR"}, *samplers],
+                    "channels": [{"sampler": 0, "target": {"node": 0, "path": "weights"}}, *channels],
                 }
             ],
         }
     )  # fmt: skip
+
+
+def _gltf_figure(
+    file: _Glb, figure: Solids | None, time: Floats, times: int
+) -> tuple[list[Any], list[Any], list[Any], list[Any]]:
+    """Add the parts of a figure to a file: meshes, nodes, and samplers and channels of their motion."""
+    meshes: list[Any] = []
+    nodes: list[Any] = []
+    samplers: list[Any] = []
+    channels: list[Any] = []
+    if figure is None:
+        return meshes, nodes, samplers, channels
+    from scipy.spatial.transform import Rotation
+
+    turned = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    poses = figure.motion.at(time)
+    for k, (name, (places, triangles)) in enumerate(zip(figure.names, figure.meshes, strict=True)):
+        moved = poses[:, k, :3] @ turned.T
+        turns = Rotation.from_matrix(turned @ poses[:, k, 3:].reshape(-1, 3, 3).transpose(0, 2, 1)).as_quat()
+        # The quaternions q and -q are one turn; from q to the opposite of its neighbour a player turns the long way.
+        flips = np.cumprod(np.concatenate([[1.0], np.where((turns[1:] * turns[:-1]).sum(1) < 0, -1.0, 1.0)]))
+        position = file.add(places.astype(np.float32), "VEC3", VERTICES, has_ends=True)
+        normals = file.add(node_normals(places, triangles).astype(np.float32), "VEC3", VERTICES)
+        indices = file.add(triangles.astype(np.uint32).ravel(), "SCALAR", INDICES, component=UNSIGNED)
+        meshes.append(
+            {
+                "name": name,
+                "primitives": [
+                    {"attributes": {"POSITION": position, "NORMAL": normals}, "indices": indices, "material": 1}
+                ],
+            }
+        )
+        node, first = 1 + k, 1 + 2 * k
+        nodes.append({"mesh": 1 + k, "name": name, "translation": moved[0].tolist(), "rotation": turns[0].tolist()})
+        for path, values, kind in (("translation", moved, "VEC3"), ("rotation", turns * flips[:, None], "VEC4")):
+            output = file.add(values.astype(np.float32), kind)
+            samplers.append({"input": times, "output": output, "interpolation": "LINEAR"})
+            channels.append({"sampler": first + (path == "rotation"), "target": {"node": node, "path": path}})
+    return meshes, nodes, samplers, channels
 
 
 class _Glb:

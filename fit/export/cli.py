@@ -121,18 +121,35 @@ def animate_command(
             "the fabric hangs from its two top corners.",
         ),
     ] = "",
-    seconds: Annotated[float, typer.Option("--seconds", help="Length of a new motion [s].")] = 6.0,
+    figure: Annotated[
+        str,
+        typer.Option(
+            "--figure",
+            metavar="KIND",
+            help="Let a figure wear the skirt, closed front and back: walk. Without --take, a plain skirt of the "
+            "fabric.",
+        ),
+    ] = "",
+    bvh: Annotated[
+        Path | None,
+        typer.Option("--bvh", metavar="FILE", help="The figure moves as this BVH file says, after two seconds' lead."),
+    ] = None,
+    speed: Annotated[float, typer.Option("--speed", help="Speed of a walk by rule [m/s].")] = 1.2,
+    height: Annotated[float, typer.Option("--height", help="Height of the figure [m].")] = 1.7,
+    seconds: Annotated[float, typer.Option("--seconds", help="Length of a new motion or of a walk [s].")] = 6.0,
     size: Annotated[str, typer.Option("--size", metavar="WxH", help="Pixels of a film.")] = "960x720",
     spacing: Spacing = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Show a fitted garment in motion: as a film, a GIF, an OpenUSD cache or glTF.
 
-    The cloth moves under the hanger of a take, or under a new motion. The film's comment says where the fit comes from
+    The cloth moves under the hanger of a take, under a new motion, or on a walking figure. A figure that walks through
+    the cloth is refused, with the frame. The film's comment says where the fit comes from
     and which numbers the takes do not identify. Interrupt it with Ctrl-C at any time: nothing is left behind.
     """
     from fit.errors import FitError
     from fit.export.animation import Scene, animate
+    from fit.export.worn import FigureOrder
     from fit.folders import read_fit
     from formats.archive import read_take
     from formats.plain_text import plain
@@ -143,9 +160,10 @@ def animate_command(
     except ValueError:
         raise FitError(f"{size!r} is not WxH", where="--size", advice="for example 960x720") from None
     result, _ = read_fit(fit_file)
+    walking = FigureOrder(kind=figure or "walk", bvh=bvh, speed=speed, height=height) if figure or bvh else None
     scene = Scene(
         result=result, take=read_take(take) if take is not None else None, motion=motion, seconds=seconds,
-        spacing=spacing,
+        spacing=spacing, figure=walking,
     )  # fmt: skip
     progress = ProgressLine("animate")
     try:
@@ -155,4 +173,6 @@ def animate_command(
         say("Interrupted; nothing is kept.")
         raise typer.Exit(130) from None
     progress.end()
-    typer.echo(plain(written))
+    for remark in written.remarks:
+        say(remark)
+    typer.echo(plain(written.path))

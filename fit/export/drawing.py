@@ -1,36 +1,45 @@
-"""Pictures of moving cloth: shaded triangles, the farthest first, seen from in front and a little from the side.
+"""Pictures of moving cloth: shaded triangles, the nearest in each pixel, seen from in front and a little from the side.
 
-A camera in the distance d looks at the middle of the motion. A point at right r, up u and depth w from there is drawn
-at f r / (d + w), f u / (d + w). Light falls off as the cosine of its angle with the surface (Lambert). A part of the
-light comes from everywhere. Between nodes their normals are interpolated. Front and back have two colours.
+A camera in the distance d looks at the middle of the motion, or follows a figure. A point at right r, up u and depth w
+from there is drawn at f r / (d + w), f u / (d + w). Light falls off as the cosine of its angle with the surface
+(Lambert). A part of the light comes from everywhere. Between nodes their normals are interpolated. Front and back have
+two colours. A figure walks on a floor with a line every half metre, on which it casts a shadow from straight above.
 
-Source: J. F. Hughes et al., "Computer Graphics: Principles and Practice" (3rd edition 2013): section 6.3, projection;
-section 36.3, the painter's algorithm.
+Source: J. F. Hughes et al., "Computer Graphics: Principles and Practice" (3rd edition 2013): section 6.3, projection.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fit.export.moving import Moving
+from fit.export.raster import FINER, Faces, drawn
 from formats.arrays import Floats
 
 SIDE, ABOVE = np.radians(28.0), np.radians(10.0)  # rad, where the camera stands
+BESIDE = np.radians(52.0)  # rad, the same where it follows a figure: a stride is seen from the side
+ASIDE = np.radians(70.0)  # rad that the light stands farther to the left of a camera that follows a figure
 DISTANCE = 3.2  # times the size of the motion, from which perspective looks natural
 FILLED = 0.84  # of the picture's smaller side
-FEWEST_FACES = 6000  # triangles are quartered until their shades are finer than an eye sees
 OUTSIDE_FIRST = 0.01  # m by which the outside of cloth is drawn as nearer: layers that touch may cross by as much
 SMOOTHEST_EDGE = 0.5  # cosine between a node's and a triangle's normal, below which they meet at a seam
-FINER = 2  # times as many pixels are drawn as are kept along each side
 AMBIENT = 0.42  # share of the light that comes from everywhere
 LIGHT = np.array([0.45, -0.75, 0.6])  # towards the light, world frame
 FRONT, BACK = np.array([74, 119, 176]), np.array([206, 156, 96])  # RGB
+SKIN = np.array([196, 188, 180])
 SKY = (244, 245, 247)
+LINE, SHADOW = np.array([222, 224, 228]), np.array([208, 210, 215])
 BAR, WORDS = (70, 74, 80), (60, 64, 70)
+END_SIZE = 4  # px, of the ends of the bar that holds the cloth
+PIECES = 24  # of a line on the floor
+FLOOR_LINES, LINE_WIDTH, FLOOR_WIDTH = 0.5, 0.012, 3.0  # m: between lines, of a line, from end to end
+Seen = Callable[[Floats], Floats]
+
+BEHIND = 100.0  # m by which shadows and lines are drawn as farther than all that stands on the floor
 
 
 def node_normals(places: Floats, triangles: NDArray[np.int64]) -> Floats:
@@ -53,36 +62,39 @@ def _corner_normals(places: Floats, triangles: NDArray[np.int64]) -> Floats:
     return np.where(is_smooth[..., None], smooth, own[:, None])
 
 
-def _quartered(corners: Floats) -> Floats:
-    """Return four triangles for each, (4 n, 3, width), with values at the middles of its sides."""
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
-    return np.concatenate([np.stack(t, 1) for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
-
-
 class Stage:
     """The camera for one motion, and its pictures."""
 
     def __init__(self, moving: Moving, size: tuple[int, int]) -> None:
         self.moving, self.size = moving, size
-        every = np.concatenate([moving.places.reshape(-1, 3), moving.held.reshape(-1, 3)])
+        side = SIDE if moving.figure is None else BESIDE
+        right = np.array([np.cos(side), np.sin(side), 0.0])
+        away = np.array([-np.sin(side) * np.cos(ABOVE), np.cos(side) * np.cos(ABOVE), -np.sin(ABOVE)])
+        self._axes = np.stack([right, np.cross(right, away), away])
+        self._followed = moving.followed
+        every = np.concatenate([moving.places - self._followed[:, None], moving.held - self._followed[:, None]], 1)
+        if moving.figure is not None:
+            few = range(0, len(moving.time), max(len(moving.time) // 30, 1))
+            seen = [moving.figure.places(float(moving.time[n])) - self._followed[n] for n in few]
+            every = np.concatenate([every.reshape(-1, 3), *seen])
+        every = every.reshape(-1, 3)
         low, high = every.min(0), every.max(0)
         self._middle = 0.5 * (low + high)
-        right = np.array([np.cos(SIDE), np.sin(SIDE), 0.0])
-        away = np.array([-np.sin(SIDE) * np.cos(ABOVE), np.cos(SIDE) * np.cos(ABOVE), -np.sin(ABOVE)])
-        self._axes = np.stack([right, np.cross(right, away), away])
         extent = float(np.linalg.norm(high - low))
         self._distance = DISTANCE * extent
-        seen = self._project(every, 1.0, (0, 0))[0]
-        reach = np.abs(seen).max(0)
+        reach = np.abs(self._project(every, np.zeros(3), 1.0, (0, 0))[..., :2]).max(0)
         self._scale = FILLED * float(np.min(0.5 * np.array(size) / reach))
+        turn = 0.0 if moving.figure is None else BESIDE - SIDE - ASIDE
+        cos, sin = np.cos(turn), np.sin(turn)
+        light = np.array([cos * LIGHT[0] - sin * LIGHT[1], sin * LIGHT[0] + cos * LIGHT[1], LIGHT[2]])
+        self._light = light / np.linalg.norm(light)
 
-    def _project(self, places: Floats, scale: float, centre: tuple[float, float]) -> tuple[Floats, Floats]:
-        """Return places in the picture [px], (..., 2), y down, and depths [m]."""
-        local = (places - self._middle) @ self._axes.T
-        depth = local[..., 2]
-        flat = local[..., :2] * (scale * self._distance / (self._distance + depth))[..., None]
-        return np.stack([centre[0] + flat[..., 0], centre[1] - flat[..., 1]], -1), depth
+    def _project(self, places: Floats, followed: Floats, scale: float, centre: tuple[float, float]) -> Floats:
+        """Return places in the picture, (..., 3): right and down [px], and distance [m] along the camera's view."""
+        local = (places - followed - self._middle) @ self._axes.T
+        far = self._distance + local[..., 2]
+        flat = local[..., :2] * (scale * self._distance / far)[..., None]
+        return np.stack([centre[0] + flat[..., 0], centre[1] - flat[..., 1], far], -1)
 
     def picture(self, frame: int) -> Any:
         """Return one frame as a Pillow image.
@@ -93,33 +105,77 @@ class Stage:
         from PIL import Image, ImageDraw
 
         wide, high = (FINER * n for n in self.size)
-        image = Image.new("RGB", (wide, high), SKY)
-        pen = ImageDraw.Draw(image)
-        places, triangles = self.moving.places[frame].astype(float), self.moving.triangles
-        flat, depth = self._project(places, FINER * self._scale, (wide / 2, high / 2))
-        corners, behind, normals = flat[triangles], depth[triangles], _corner_normals(places, triangles)
-        while len(corners) < FEWEST_FACES:
-            corners, behind, normals = _quartered(corners), _quartered(behind[..., None])[..., 0], _quartered(normals)
-        towards = LIGHT / np.linalg.norm(LIGHT)
-        mean = normals.mean(1)
-        mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
-        # The picture's y runs down: what turns anticlockwise on the cloth's front turns clockwise there.
+        moving, followed = self.moving, self._followed[frame]
+
+        def seen(places: Floats) -> Floats:
+            return self._project(places, followed, FINER * self._scale, (wide / 2, high / 2))
+
+        places, triangles = moving.places[frame].astype(float), moving.triangles
+        corners = seen(places)[triangles]
         p, q = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         is_front = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0] < 0
-        shade = AMBIENT + (1 - AMBIENT) * np.abs(mean @ towards)
-        colours = (np.where(is_front[:, None], FRONT, BACK) * shade[:, None]).clip(0, 255).astype(int)
-        for k in np.argsort(-behind.mean(1) + OUTSIDE_FIRST * is_front).tolist():
-            colour = tuple(colours[k].tolist())
-            pen.polygon([tuple(p) for p in corners[k].tolist()], fill=colour, outline=colour)
-        ends, _ = self._project(self.moving.held[frame], FINER * self._scale, (wide / 2, high / 2))
-        pen.line([tuple(p) for p in ends.tolist()], fill=BAR, width=3 * FINER)
-        for x, y in ends.tolist():
-            pen.ellipse((x - 4 * FINER, y - 4 * FINER, x + 4 * FINER, y + 4 * FINER), fill=BAR)
-        image = image.resize(self.size, Image.Resampling.BOX)
-        ImageDraw.Draw(image).text((12, 10), f"{self.moving.name}   {self.moving.time[frame]:.2f} s", fill=WORDS)
+        corners[..., 2] -= OUTSIDE_FIRST * is_front[:, None]
+        faces = [_faces(corners, _corner_normals(places, triangles), FRONT, BACK)]
+        if moving.figure is not None:
+            body, parts = moving.figure.places(float(moving.time[frame])), moving.figure.triangles
+            faces.append(_faces(seen(body)[parts], _corner_normals(body, parts), SKIN, SKIN))
+            faces += [self._shadow(seen, p[t]) for p, t in ((places, triangles), (body, parts))]
+            faces.append(self._floor(seen, followed))
+        else:
+            faces.append(self._bar(seen(moving.held[frame])))
+        picture = drawn(Faces.together(*faces), self.size, np.array(SKY), self._light, AMBIENT)
+        image = Image.fromarray(picture)
+        ImageDraw.Draw(image).text((12, 10), f"{moving.name}   {moving.time[frame]:.2f} s", fill=WORDS)
         return image
+
+    @staticmethod
+    def _bar(ends: Floats) -> Faces:
+        """Return the held edge's bar and its ends, in front of all; ends, (2, 3), in the picture."""
+        along = ends[1, :2] - ends[0, :2]
+        across = FINER * np.array([-along[1], along[0]]) / max(float(np.linalg.norm(along)), 1e-9)
+        quad = np.array([ends[0, :2] - across, ends[1, :2] - across, ends[1, :2] + across, ends[0, :2] + across])
+        turns = np.linspace(0, 2 * np.pi, 13)
+        rim = END_SIZE * FINER * np.stack([np.cos(turns), np.sin(turns)], 1)
+        discs = [np.array([end, end + rim[k], end + rim[k + 1]]) for end in ends[:, :2] for k in range(12)]
+        flat = np.concatenate([quad[[[0, 1, 2], [0, 2, 3]]], discs])
+        return _flat(np.concatenate([flat, np.full((len(flat), 3, 1), 1e-2)], 2), np.array(BAR))
+
+    @staticmethod
+    def _shadow(seen: Seen, corners: Floats) -> Faces:
+        """Return triangles, (n, 3, 3), pressed flat on the floor."""
+        return _flat(seen(corners * [1.0, 1.0, 0.0]) + np.array([0.0, 0.0, BEHIND]), SHADOW)
+
+    @staticmethod
+    def _floor(seen: Seen, followed: Floats) -> Faces:
+        """Return the lines on the floor about the figure."""
+        half, apart = FLOOR_WIDTH / 2, FLOOR_LINES
+        count = int(half / apart)
+        quads = []
+        for axis in range(2):
+            middle = apart * np.round(followed[axis] / apart)
+            for k in range(-count, count + 1):
+                at, low = middle + k * apart, followed[1 - axis] - half
+                quad = np.zeros((PIECES, 4, 3))
+                quad[..., axis] = at + LINE_WIDTH * np.array([-0.5, 0.5, 0.5, -0.5])
+                quad[..., 1 - axis] = low + FLOOR_WIDTH / PIECES * (np.arange(PIECES)[:, None] + np.array([0, 0, 1, 1]))
+                quads.append(quad)
+        corners = np.concatenate(quads)[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 3)
+        return _flat(seen(corners) + np.array([0.0, 0.0, 2 * BEHIND]), LINE)
 
     def pictures(self) -> Iterator[Any]:
         """Yield every frame as a Pillow image."""
         for frame in range(len(self.moving.time)):
             yield self.picture(frame)
+
+
+def _faces(corners: Floats, normals: Floats, front: Floats, back: Floats) -> Faces:
+    """Return triangles of one piece."""
+    count = len(corners)
+    return Faces(corners, normals, np.tile(front, (count, 1)), np.tile(back, (count, 1)), np.ones(count))
+
+
+def _flat(corners: Floats, colour: Floats) -> Faces:
+    """Return triangles of one colour that no light shades."""
+    count = len(corners)
+    colours = np.tile(colour, (count, 1))
+    return Faces(corners, np.ones((count, 3, 3)), colours, colours, np.zeros(count))

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.cloth.effect import parameter_names
+from fit.cloth.effect import Effect, parameter_names
+from fit.cloth.launch import Progress
 from fit.cloth.model import Resolution
 from fit.cloth.simulator import Simulator
 from fit.effects import find_effects
 from fit.engines import OWN
 from fit.errors import BlowUpError, FitError
 from fit.export.fabric import effects_of
+from fit.export.solids import Solids
 from fit.methods import find_method
 from fit.recordings.recording import Recording, prepare
 from formats.arrays import Floats, Singles
@@ -35,6 +37,8 @@ class Moving:
     - `rest` [m], (nodes, 2), on the flat cloth
     - `points` [m], (frames, points, 3), as a tracker would report them, with their names
     - `held` [m], (frames, 2, 3): ends of the held edge
+    - `figure` that wears it, if any
+    - `remarks`: sentences on how it went
     """
 
     name: str
@@ -45,6 +49,14 @@ class Moving:
     points: Floats
     point_names: tuple[str, ...]
     held: Floats
+    figure: Solids | None = None
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def followed(self) -> Floats:
+        """Return what a camera follows [m], (frames, 3): where a figure is on the floor, or the origin."""
+        middle = self.held.mean(1) * [1.0, 1.0, 0.0]
+        return middle if self.figure is not None else np.zeros_like(middle)
 
     @property
     def rate(self) -> float:
@@ -61,9 +73,9 @@ class Moving:
             return self
         instants = np.arange(int(np.floor((self.time[-1] - self.time[0]) * wanted + 1e-9)) + 1) / wanted + self.time[0]
         changed = {name: CubicSpline(self.time, getattr(self, name))(instants) for name in ("places", "points", "held")}
-        return Moving(
-            name=self.name, time=instants, places=changed["places"].astype(np.float32), triangles=self.triangles,
-            rest=self.rest, points=changed["points"], point_names=self.point_names, held=changed["held"],
+        return replace(
+            self, time=instants, places=changed["places"].astype(np.float32), points=changed["points"],
+            held=changed["held"],
         )  # fmt: skip
 
 
@@ -78,33 +90,24 @@ def moving_cloth(result: FitResult, take: Take, spacing: float | None = None) ->
 
 
 def motion_of(
-    result: FitResult, recording: Recording, spacing: float | None = None, *, layers_apart: float = 0.0
-) -> Moving:
+    result: FitResult, recording: Recording, spacing: float | None = None, *, layers_apart: float = 0.0,
+    progress: Progress | None = None,
+) -> Moving:  # fmt: skip
     """Simulate a recording with a fit; raises as `moving_cloth` does.
 
     layers_apart [m]: at which contact keeps layers of the cloth apart, where the fit itself knows no contact.
+    progress: is told the share that is done
     """
-    if result.engine != OWN:
-        raise FitError(
-            f"the fit is of {result.engine}'s cloth, which keeps no shapes", advice="fit with the engine own"
-        )
+    check_engine(result)
     method = find_method(result.method)
-    effects = effects_of(result)
-    if unknown := sorted(result.effects.keys() - {name for e in effects for name in parameter_names(e)}):
-        raise FitError(
-            f"this version of Hangtime knows no effect {unknown[0]}", advice="use the version that fitted it"
-        )
+    effects = known_effects(result)
     if layers_apart > 0 and CONTACT not in effects:
         effects += (CONTACT,)
     simulator = Simulator(recording, effects, resolution=Resolution(spacing=spacing or method.spacing))
-    fitted = {p.name: p.fitted for p in result.parameters}
-    if missing := [p.name for p in method.parameters if p.name not in fitted]:
-        raise FitError(f"the fit lacks {missing[0]}, a parameter of the method {method.name}", advice="fit again")
-    values = np.array([fitted[p.name] for p in method.parameters])
     density = recording.garment.mass_kg / float(simulator.mesh.area)
     known = {CONTACT.name: layers_apart} | result.effects
     amplitudes = np.array([known[name] for effect in effects for name in parameter_names(effect)])
-    done = simulator.run(method.to_materials(values[None], density), amplitudes[None], shapes=True)
+    done = simulator.run(material_rows(result, density), amplitudes[None], shapes=True, progress=progress)
     if done.shapes is None or not np.isfinite(done.points).all():
         raise BlowUpError(
             "the simulation of this take blew up", where=recording.take_id, advice="use a coarser mesh (--spacing)"
@@ -114,3 +117,42 @@ def motion_of(
         triangles=simulator.mesh.triangles.astype(np.int64), rest=simulator.mesh.rest, points=done.points[0],
         point_names=recording.garment.point_names, held=recording.held(recording.time).reshape(-1, 2, 3),
     )  # fmt: skip
+
+
+def check_engine(result: FitResult) -> None:
+    """Refuse a fit whose cloth keeps no shapes.
+
+    Raises:
+        FitError: the fit is of another engine.
+    """
+    if result.engine != OWN:
+        raise FitError(
+            f"the fit is of {result.engine}'s cloth, which keeps no shapes", advice="fit with the engine own"
+        )
+
+
+def known_effects(result: FitResult) -> tuple[Effect, ...]:
+    """Return the effects of a fit.
+
+    Raises:
+        FitError: one of them is not in the library.
+    """
+    effects = effects_of(result)
+    if unknown := sorted(result.effects.keys() - {name for e in effects for name in parameter_names(e)}):
+        raise FitError(
+            f"this version of Hangtime knows no effect {unknown[0]}", advice="use the version that fitted it"
+        )
+    return effects
+
+
+def material_rows(result: FitResult, density: float) -> Floats:
+    """Return the fitted material at a density [kg/m^2], (1, parameters).
+
+    Raises:
+        FitError: the fit lacks a parameter of its method.
+    """
+    method = find_method(result.method)
+    fitted = {p.name: p.fitted for p in result.parameters}
+    if missing := [p.name for p in method.parameters if p.name not in fitted]:
+        raise FitError(f"the fit lacks {missing[0]}, a parameter of the method {method.name}", advice="fit again")
+    return method.to_materials(np.array([[fitted[p.name] for p in method.parameters]]), density)

@@ -15,6 +15,7 @@ from fit.errors import FitError
 from fit.export.fabric import Fabric
 from fit.recordings.recording import Recording, prepare
 from formats.arrays import Floats
+from formats.garment import Garment
 from formats.rig import Rig
 from formats.swatch import swatch
 from formats.take import Take
@@ -82,14 +83,19 @@ def new_motion(recording: Recording, way: str, seconds: float) -> Recording:
 def hung_swatch(fabric: Fabric) -> Recording:
     """Return a swatch of the fabric that hangs still from its top corners, as if it had been recorded."""
     garment = swatch(fabric["areal_density"].value * SWATCH_SIDE**2, side=SWATCH_SIDE, markers=5)
+    # The corners come 8 % nearer to each other, as a hand holds cloth; a straight edge between them hardly folds.
+    return hung_still(garment, "swatch", 0.92)
+
+
+def hung_still(garment: Garment, name: str, wide: float = 1.0) -> Recording:
+    """Return a garment that hangs still from its held edge, as if it had been recorded; wide: times its width."""
     time = np.arange(0, 1, 1 / FPS)
     top = garment.outline_m[:2]
-    # The corners come 8 % nearer to each other, as a hand holds cloth; a straight edge between them hardly folds.
-    held = np.tile([[0.92 * top[0][0], 0.0, 0.0], [0.92 * top[1][0], 0.0, 0.0]], (len(time), 1, 1))
-    points = np.tile([[0.92 * p.at_m[0], 0.0, p.at_m[1]] for p in garment.points], (len(time), 1, 1))
+    held = np.tile([[wide * top[0][0], 0.0, 0.0], [wide * top[1][0], 0.0, 0.0]], (len(time), 1, 1))
+    points = np.tile([[wide * p.at_m[0], 0.0, p.at_m[1]] for p in garment.points], (len(time), 1, 1))
     frames, count = len(time), len(garment.points)
     take = Take(
-        take_id="swatch", created="", rig=Rig(format="hangtime-rig/1", name="none", gravity=(0.0, 0.0, -1.0)),
+        take_id=name, created="", rig=Rig(format="hangtime-rig/1", name="none", gravity=(0.0, 0.0, -1.0)),
         garment=garment, time=time, held=held, held_valid=np.ones((frames, 2), bool),
         held_sd=np.full((frames, 2, 3), 1e-4), points=points, points_valid=np.ones((frames, count), bool),
         points_sd=np.full((frames, count, 3), 1e-3), state=np.zeros(frames, np.uint16), markers=held,

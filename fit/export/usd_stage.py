@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fit.export.about import flat_provenance
 from formats.fit_records import FitResult
 
-ROOT, CLOTH = "/Garment", "/Garment/cloth"
+ROOT, CLOTH, FIGURE = "/Garment", "/Garment/cloth", "/Garment/figure"
 
 
 def new_stage(result: FitResult) -> Any:
@@ -34,13 +34,19 @@ def new_stage(result: FitResult) -> Any:
 
 def define_cloth(stage: Any, triangles: NDArray[np.signedinteger]) -> Any:
     """Return the mesh of the cloth with its faces, seen from both sides; its points are the caller's."""
+    mesh = define_mesh(stage, CLOTH, triangles)
+    mesh.CreateDoubleSidedAttr(True)
+    return mesh
+
+
+def define_mesh(stage: Any, path: str, triangles: NDArray[np.signedinteger]) -> Any:
+    """Return a mesh with its faces; its points are the caller's."""
     from pxr import UsdGeom, Vt
 
-    mesh = UsdGeom.Mesh.Define(stage, CLOTH)
+    mesh = UsdGeom.Mesh.Define(stage, path)
     mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(triangles), 3, np.int32)))
     mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(triangles.astype(np.int32).ravel()))
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-    mesh.CreateDoubleSidedAttr(True)
     return mesh
 
 

@@ -1,8 +1,8 @@
-"""Bodies that stand still in the room and that cloth may touch: spheres, capsules, half-spaces and boxes."""
+"""Bodies that cloth may touch: spheres, capsules, half-spaces and boxes that stand still, or move on given paths."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,15 +12,17 @@ from formats.arrays import Floats
 
 @dataclass(frozen=True, kw_only=True)
 class Body:
-    """A box with rounded edges that stands still: sphere, capsule, half-space and box are all of its kind.
+    """A box with rounded edges: sphere, capsule, half-space and box are all of its kind.
 
     centre [m], world frame; axes, (3, 3): unit vectors along its sides; half_size [m], (3,), before rounding by radius
+    [m], which is that of the middle: along the third axis it grows by `taper` [m/m] from end to end of the side.
     """
 
     centre: tuple[float, float, float]
     axes: tuple[tuple[float, float, float], ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     half_size: tuple[float, float, float] = (0.0, 0.0, 0.0)
     radius: float = 0.0
+    taper: float = 0.0
 
     def __post_init__(self) -> None:
         """Raise FitError for what is no body."""
@@ -30,21 +32,65 @@ class Body:
             raise FitError(f"a body of half sizes {self.half_size} m and radius {self.radius} m has no inside")
         if axes.shape != (3, 3) or not np.allclose(axes @ axes.T, np.eye(3), atol=1e-6):
             raise FitError("a body's axes are not three unit vectors square to each other")
+        if not abs(self.taper) * self.half_size[2] < max(self.radius, 1e-12):
+            raise FitError(f"a body of radius {self.radius} m that tapers by {self.taper} has no end")
 
     def row(self) -> Floats:
-        """Return centre, axes, half sizes and radius, (16,)."""
-        return np.concatenate([self.centre, np.ravel(self.axes), self.half_size, [self.radius]])
+        """Return centre, axes, half sizes, radius and taper, (17,)."""
+        return np.concatenate([self.centre, np.ravel(self.axes), self.half_size, [self.radius, self.taper]])
 
     @property
     def thickness(self) -> float:
         """Its smallest width [m]."""
-        return 2 * (min(self.half_size) + self.radius)
+        return 2 * (min(self.half_size) + self.radius - abs(self.taper) * self.half_size[2])
 
     def distance(self, places: Floats) -> Floats:
         """Distances [m] of places (..., 3) from its surface, negative inside: what the kernel computes."""
-        beyond = np.abs((places - np.array(self.centre)) @ np.array(self.axes).T) - np.array(self.half_size)
+        local = (places - np.array(self.centre)) @ np.array(self.axes).T
+        beyond = np.abs(local) - np.array(self.half_size)
         outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1)
-        return np.asarray(outside + np.minimum(beyond.max(-1), 0.0) - self.radius)
+        radius = self.radius + self.taper * np.clip(local[..., 2], -self.half_size[2], self.half_size[2])
+        return np.asarray((outside + np.minimum(beyond.max(-1), 0.0) - radius) / np.hypot(1.0, self.taper))
+
+
+@dataclass(frozen=True, eq=False)
+class BodyMotion:
+    """Paths of bodies: where each is at even instants from 0 on, linear between them.
+
+    - `spacing` [s] of the instants
+    - `poses`, (instants, bodies, 12): centre [m], world frame, and the three axes
+    """
+
+    spacing: float
+    poses: Floats
+
+    def at(self, instants: Floats) -> Floats:
+        """Return the poses at instants [s], (n, bodies, 12), with unit axes square to each other."""
+        place = np.clip(np.asarray(instants) / self.spacing, 0, len(self.poses) - 1)
+        first = np.minimum(place.astype(int), len(self.poses) - 2)
+        part = (place - first)[:, None, None]
+        poses = (1 - part) * self.poses[first] + part * self.poses[first + 1]
+        axes = poses[..., 3:].reshape(*poses.shape[:2], 3, 3)
+        third = axes[..., 2, :] / np.linalg.norm(axes[..., 2, :], axis=-1, keepdims=True)
+        first = axes[..., 0, :] - (axes[..., 0, :] * third).sum(-1, keepdims=True) * third
+        first /= np.linalg.norm(first, axis=-1, keepdims=True)
+        return np.concatenate([poses[..., :3], first, np.cross(third, first), third], axis=-1)
+
+    def way(self, bodies: tuple[Body, ...]) -> Floats:
+        """Return how far any place of any body has gone at most [m], (instants,), summed from the first one on."""
+        sign = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
+        reach = np.array([np.add(b.half_size, b.radius + abs(b.taper) * b.half_size[2]) for b in bodies])
+        corners = sign[None] * reach[:, None]
+        steps = np.diff(self.poses, axis=0)
+        gone = steps[:, :, None, :3] + np.einsum(
+            "bck,nbkx->nbcx", corners, steps[..., 3:].reshape(*steps.shape[:2], 3, 3)
+        )
+        return np.concatenate([[0.0], np.cumsum(np.linalg.norm(gone, axis=-1).max((1, 2)))])
+
+
+def placed(body: Body, pose: Floats) -> Body:
+    """Return a body elsewhere; pose, (12,), as in `BodyMotion`."""
+    return replace(body, centre=_triple(pose[:3]), axes=tuple(_triple(axis) for axis in pose[3:].reshape(3, 3)))
 
 
 def sphere(centre: tuple[float, float, float], radius: float) -> Body:

@@ -46,7 +46,7 @@ def kernel():
     ):  # fmt: skip
         for task in range(512):
             if task == 0:
-                touching(0, 0, nodes, 1, x, v, f, w, memory, alone, chosen[0], chosen[1], LANES)
+                touching(0, 0, nodes, 1, x, v, f, w, memory, alone, chosen[0], chosen[1], 0.0, 1.0, LANES)
 
     return evaluate
 

@@ -105,7 +105,7 @@ def test_a_picture_shows_the_front_blue_the_back_brown_and_fills_most_of_its_hei
 @pytest.mark.parametrize(("suffix", "name"), [(".mp4", "h264"), (".webm", "vp9")])
 def test_a_film_decodes_to_as_many_pictures_at_the_takes_rate(scene, suffix, name, tmp_path):
     av = pytest.importorskip("av", reason="PyAV is not installed")
-    path = animate(scene, tmp_path / f"swing{suffix}", size=SMALL)
+    path = animate(scene, tmp_path / f"swing{suffix}", size=SMALL).path
     with av.open(str(path)) as container:
         stream = container.streams.video[0]
         pictures = [frame.to_ndarray(format="rgb24").astype(int) for frame in container.decode(video=0)]
@@ -120,7 +120,7 @@ def test_a_film_decodes_to_as_many_pictures_at_the_takes_rate(scene, suffix, nam
 
 def test_a_gif_plays_as_long_as_the_take(scene, tmp_path):
     image = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
-    path = animate(scene, tmp_path / "swing.gif", size=SMALL)
+    path = animate(scene, tmp_path / "swing.gif", size=SMALL).path
     with image.open(path) as gif:
         shown = []
         for number in range(gif.n_frames):
@@ -142,7 +142,7 @@ def test_the_progress_ends_at_one_and_says_how_long_it_takes(scene, tmp_path):
 
 def test_an_animation_as_gltf_is_the_motion(scene, moving, tmp_path):
     trimesh = pytest.importorskip("trimesh", reason="trimesh is not installed")
-    path = animate(scene, tmp_path / "swing.glb")
+    path = animate(scene, tmp_path / "swing.glb").path
     (mesh,) = trimesh.load(io.BytesIO(path.read_bytes()), file_type="glb").geometry.values()
     assert np.ptp(mesh.bounds[:, 1]) == pytest.approx(np.ptp(moving.places[0][:, 2]), abs=1e-4)
 

@@ -1,0 +1,155 @@
+"""A fitted skirt on a walking figure: simulated, checked against body and itself, and made fine enough to be drawn.
+
+The cloth is drawn with smaller pieces than its elements, on their own cubic surface. Effects on the hanger and on the
+measurement are left out, because there is neither.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fit.cloth import material as mat
+from fit.cloth.contact import divided
+from fit.cloth.crossings import crossings
+from fit.cloth.effect import parameter_names
+from fit.cloth.launch import Progress
+from fit.cloth.model import Resolution
+from fit.cloth.simulator import Simulator
+from fit.errors import BlowUpError, FitError
+from fit.export.fabric import fabric_of
+from fit.export.moving import CONTACT, Moving, check_engine, known_effects, material_rows
+from fit.export.new_motion import FPS, SHORTEST, hung_still
+from fit.export.solids import Solids
+from fit.figure.bvh import read_bvh
+from fit.figure.dressmaking import plain_skirt, sewn_skirt
+from fit.figure.gait import NORMAL, walk
+from fit.figure.parts import TOUCHING, figure_in
+from fit.figure.skeleton import STANDARD_HEIGHT, SkeletonMotion
+from fit.figure.wearing import looked_at, wear
+from formats.arrays import Singles
+from formats.fit_records import FitResult
+from formats.garment import Garment
+
+KINDS = ("walk",)
+SPACING = 0.03  # m between nodes: folds of a skirt are several times wider
+DRAWN_SPACING = 0.012  # m between the corners of what is drawn
+LONGEST = 20.0  # s: single precision tells micrometres as far as a figure walks in them
+SHORTEST_FIGURE, TALLEST_FIGURE = 0.8, 2.3  # m
+MOST_STRETCHED = 0.15  # woven cloth gives way by some percent, on the bias by more
+SHARED = (mat.DENSITY, mat.STRETCH, mat.SHEAR, mat.BENDING)  # by layers that slide on one another
+
+
+@dataclass(frozen=True, kw_only=True)
+class FigureOrder:
+    """How the figure moves: by rule, or as a BVH file says."""
+
+    kind: str = "walk"
+    bvh: Path | None = None
+    speed: float = NORMAL  # m/s
+    height: float = STANDARD_HEIGHT  # m
+
+    def skeleton(self, seconds: float) -> SkeletonMotion:
+        """Return the figure's joints.
+
+        Raises:
+            FitError: an unknown kind, a speed, a height or a length that no walk has, or no BVH file.
+        """
+        if self.kind not in KINDS:
+            raise FitError(f"no figure moves by {self.kind!r}", where="--figure", advice=f"known: {', '.join(KINDS)}")
+        if not SHORTEST_FIGURE <= self.height <= TALLEST_FIGURE:
+            raise FitError(
+                f"nobody is {self.height:g} m tall", where="--height",
+                advice=f"give {SHORTEST_FIGURE:g} to {TALLEST_FIGURE:g} m",
+            )  # fmt: skip
+        if not SHORTEST <= seconds <= LONGEST:
+            raise FitError(
+                f"{seconds:g} s is no length for a figure's walk", where="--seconds",
+                advice=f"{SHORTEST:g} to {LONGEST:g} s",
+            )  # fmt: skip
+        if self.bvh is not None:
+            return read_bvh(self.bvh, self.height, seconds)
+        return walk(seconds, self.speed, self.height)
+
+
+def worn(
+    result: FitResult, garment: Garment | None, order: FigureOrder, seconds: float, *, spacing: float | None = None,
+    progress: Progress | None = None,
+) -> Moving:  # fmt: skip
+    """Return a skirt on a walking figure; without a garment, a plain one of the fitted fabric.
+
+    Raises:
+        FitError: what no figure can wear or do, or a figure that walks through the cloth.
+        BlowUpError: the simulation did not stay finite.
+    """
+    check_engine(result)
+    flat = plain_skirt(fabric_of(result)["areal_density"].value) if garment is None else garment
+    sewn, share = sewn_skirt(flat)
+    skeleton = order.skeleton(seconds)
+    seconds = min(seconds, np.floor(skeleton.seconds * FPS) / FPS)
+    figure = figure_in(sewn, skeleton)
+    dressed = wear(hung_still(sewn, flat.name), figure, seconds, FPS)
+    effects = tuple(e for e in known_effects(result) if e.acts_on in ("cloth", "air") and e != CONTACT)
+    simulator = Simulator(
+        dressed.recording, effects, resolution=Resolution(spacing=spacing or SPACING), support=dressed.support,
+        contact=dressed.contact,
+    )  # fmt: skip
+    row = material_rows(result, sewn.mass_kg / float(simulator.mesh.area) / share)
+    row[:, SHARED] *= share
+    amplitudes = np.array([[result.effects[name] for e in effects for name in parameter_names(e)]])
+    done = simulator.run(row, amplitudes, shapes=True, progress=progress)
+    if done.shapes is None or not np.isfinite(done.shapes).all():
+        raise BlowUpError("the skirt on the figure blew up", where=flat.name, advice="use a coarser mesh (--spacing)")
+    shapes, time = done.shapes[0], dressed.recording.time
+    bodies, motion = figure.only(TOUCHING)
+    trouble = looked_at(simulator.surface, shapes, time, bodies, motion)
+    if (found := trouble.first()) is not None:
+        frame, part = found
+        raise FitError(
+            f"the figure walks through the cloth with its {TOUCHING[part].replace('_', ' ')} in frame {frame}, at "
+            f"{time[frame]:.2f} s", where=flat.name, advice="let it move slower, or give a wider skirt",
+        )  # fmt: skip
+    crossed = [crossings(simulator.surface, nodes.astype(float)) for nodes in shapes[:: int(FPS / 10)]]
+    samples, quads = divided(simulator.mesh, DRAWN_SPACING)
+    triangles = np.concatenate([quads[:, [0, 2, 3]], quads[:, [0, 3, 1]]]).astype(np.int64)
+    return Moving(
+        name=flat.name, time=time, places=np.stack([samples.apply(n.astype(float)).astype(np.float32) for n in shapes]),
+        triangles=triangles, rest=samples.apply(simulator.mesh.rest), points=done.points[0],
+        point_names=sewn.point_names, held=dressed.recording.held(time).reshape(-1, 2, 3),
+        figure=Solids(figure.names, figure.bodies, figure.motion),
+        remarks=_remarks(crossed, float(trouble.depths.max()), _stretched(simulator, shapes)),
+    )  # fmt: skip
+
+
+def _stretched(simulator: Simulator, shapes: Singles) -> float:
+    """Return by which share the cloth is stretched at most, along warp or weft between samples of contact."""
+    surface = simulator.surface
+    sides = np.concatenate([surface.quads[:, pair] for pair in ([0, 1], [0, 2])])
+    rest = surface.samples.apply(simulator.mesh.rest)
+    length = np.linalg.norm(rest[sides[:, 0]] - rest[sides[:, 1]], axis=1)
+    most = 0.0
+    for nodes in shapes:
+        places = surface.samples.apply(nodes.astype(float))
+        most = max(most, float((np.linalg.norm(places[sides[:, 0]] - places[sides[:, 1]], axis=1) / length).max()))
+    return most - 1
+
+
+def _remarks(crossed: list[int], deepest: float, stretched: float) -> tuple[str, ...]:
+    """Return what is to be said on crossings, on the body, and on cloth that is pulled too far."""
+    pictures = sum(1 for count in crossed if count)
+    itself = (
+        f"The skirt never crosses itself, in {len(crossed)} pictures looked at." if not pictures else
+        f"The skirt crosses itself in {pictures} of {len(crossed)} pictures looked at, at {sum(crossed)} places in all."
+    )  # fmt: skip
+    body = (
+        f"Cloth and body overlap by up to {1e3 * deepest:.1f} mm." if deepest > 0 else
+        f"Cloth and body stay at least {-1e3 * deepest:.1f} mm apart."
+    )  # fmt: skip
+    if stretched <= MOST_STRETCHED:
+        return itself, body
+    far = (
+        f"The skirt is stretched by up to {100 * stretched:.0f} %: it is tight for these steps, or its fabric is soft."
+    )
+    return itself, body, far

@@ -1,0 +1,1 @@
+"""A walking figure that wears a fitted skirt."""

@@ -1,0 +1,81 @@
+"""A skirt's girth down its length, and the garment with its back sewn on.
+
+A skirt that is described by its front alone has a back of the same shape. A flat sheet that stands for both layers is
+taken apart: front and back then have half of its weight and stiffness each.
+"""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+
+from fit.errors import FitError
+from formats.arrays import Floats
+from formats.garment import Garment, TrackedPoint
+
+WAIST, FLARE, LENGTH = 0.40, 0.56, 0.50  # m: front of a skirt, its top, its hem and its length
+LOWEST_SHARE = 0.25  # of the height, in which the hem is
+
+
+def plain_skirt(density: float) -> Garment:
+    """Return the front of a skirt of an areal density [kg/m^2], for a fabric that was no skirt."""
+    outline = ((-WAIST / 2, 0.0), (WAIST / 2, 0.0), (FLARE / 2, -LENGTH), (-FLARE / 2, -LENGTH))
+    names = ("top_left", "top_right", "bottom_right", "bottom_left")
+    return Garment(
+        format="hangtime-garment/1", name="skirt of the fabric", kind="skirt",
+        mass_kg=density * (WAIST + FLARE) / 2 * LENGTH, outline_m=outline, held="edge",
+        points=tuple(TrackedPoint(name=n, at_m=p) for n, p in zip(names, outline, strict=True)),
+    )  # fmt: skip
+
+
+def sewn_skirt(garment: Garment) -> tuple[Garment, float]:
+    """Return a skirt with its back, and the share of the flat sheet's weight and stiffness that front and back have.
+
+    Raises:
+        FitError: the garment is no skirt.
+    """
+    if garment.kind != "skirt":
+        raise FitError(
+            f"the figure wears skirts, and {garment.name} is a {garment.kind}", where="--take",
+            advice="leave out --take: the figure then wears a skirt of the fabric",
+        )  # fmt: skip
+    if garment.seams:
+        return msgspec.structs.replace(garment, held="edge"), 1.0
+    share = 1.0 if garment.layers == 1 else 0.5
+    outline = garment.outline_m
+    sides = [(k, (k + 1) % len(outline)) for k in range(len(outline))]
+    seams = tuple(side for side in sides[1:] if not _is_hem(outline, side))
+    sewn = msgspec.structs.replace(
+        garment, format="hangtime-garment/2", held="edge", seams=seams, layers=1,
+        mass_kg=garment.mass_kg * 2 * share, points_are=garment.point_kind,
+    )  # fmt: skip
+    return sewn, share
+
+
+def _is_hem(outline: tuple[tuple[float, float], ...], side: tuple[int, int]) -> bool:
+    """Return whether a side of an outline is part of the bottom edge."""
+    one, other = (np.array(outline[k]) for k in side)
+    heights = np.array(outline)[:, 1]
+    lowest = heights.min() + LOWEST_SHARE * np.ptp(heights)
+    return bool((one[1] + other[1]) / 2 < lowest and (one - other)[0] > abs((one - other)[1]))
+
+
+def ends_at(garment: Garment, below: Floats) -> tuple[Floats, Floats]:
+    """Return the left and right ends of the front [m], (n,), at distances below its top [m]; the nearest there are."""
+    outline = np.array(garment.outline_m)
+    after = np.roll(outline, -1, 0)
+    heights = np.clip(outline[:, 1].max() - np.asarray(below, float), outline[:, 1].min(), outline[:, 1].max())
+    left, right = np.full(len(heights), np.inf), np.full(len(heights), -np.inf)
+    for a, b in zip(outline, after, strict=True):
+        low, high = min(a[1], b[1]) - 1e-9, max(a[1], b[1]) + 1e-9
+        crosses = (heights >= low) & (heights <= high)
+        share = np.clip((heights - a[1]) / (b[1] - a[1]), 0, 1) if abs(b[1] - a[1]) > 1e-9 else np.zeros(len(heights))
+        for x in ((a[0] + share * (b[0] - a[0])), *((a[0], b[0]) if abs(b[1] - a[1]) <= 1e-9 else ())):
+            left, right = np.where(crosses, np.minimum(left, x), left), np.where(crosses, np.maximum(right, x), right)
+    return left, right
+
+
+def girth(garment: Garment, below: Floats) -> Floats:
+    """Return how far it is round the sewn skirt [m], (n,), at distances below its top [m]."""
+    left, right = ends_at(garment, below)
+    return np.asarray(2 * (right - left))

@@ -1,0 +1,148 @@
+"""A skirt on a figure: its band moves with the hips, and the rest of it hangs free and touches the body.
+
+The skirt begins round the figure that stands. Down its length it is the curve of its own girth (`fit.figure.parts`),
+and it settles from there. The band is held as it goes round the hips, without slip.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fit.cloth.contact import Contact, Surface
+from fit.cloth.crossings import pierces
+from fit.cloth.mesh import ClothMesh
+from fit.cloth.support import FIRST_SWING, GRAVITY, Support, Supporting
+from fit.errors import FitError
+from fit.figure.dressmaking import ends_at, girth
+from fit.figure.parts import CLEARANCE, TOUCHING, Figure, round_of
+from fit.recordings.bodies import Body, BodyMotion, placed
+from fit.recordings.recording import Curve, Recording
+from formats.arrays import Booleans, Floats
+from formats.garment import Garment
+
+FRICTION = 0.3  # 1: smooth woven fabric on skin or tights, which slide
+LAYERS_APART = 2e-3  # m: a thick fabric (KES, at 0.05 kPa: 0.2 to 2 mm)
+SAMPLES_APART = 0.025  # m
+DEEPEST = (
+    0.012  # m that cloth may be inside a body: what two thighs that meet pinch is told from a leg that went through
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Worn:
+    """A skirt on a figure, ready to be simulated."""
+
+    recording: Recording
+    support: Supporting
+    contact: Contact
+
+
+def wear(recording: Recording, figure: Figure, seconds: float, fps: float) -> Worn:
+    """Return a recording's sewn garment on a figure, seen by nobody, with frames of `fps` a second."""
+    time = np.arange(round(seconds * fps) + 1) / fps
+    count = recording.points.shape[1]
+    bodies, motion = figure.only(TOUCHING)
+    worn = replace(
+        recording, time=time, points=np.full((len(time), count, 3), np.nan), valid=np.zeros((len(time), count), bool),
+        windows=None, bodies=(), held=lambda instants: _ends(recording.garment, figure, instants),
+        held_seen=_ends(recording.garment, figure, time), held_time=None,
+        edge_turn=lambda instants: np.zeros((len(instants), 2)),
+    )  # fmt: skip
+    contact = Contact(
+        thickness=LAYERS_APART, friction=FRICTION, bodies=bodies, clearance=CLEARANCE, spacing=SAMPLES_APART,
+        motion=motion,
+    )  # fmt: skip
+    return Worn(worn, held_by(recording.garment, figure), contact)
+
+
+def held_by(garment: Garment, figure: Figure) -> Supporting:
+    """Return what holds a sewn skirt: the band on the hips."""
+
+    def support(mesh: ClothMesh) -> Support:
+        places = around(garment, mesh, figure.half_side)
+        held = mesh.held_nodes
+        path = _band_path(figure)
+        frame = figure.band[0, 3:].reshape(3, 3)
+        start = figure.band[0, :3] + places @ frame
+        return Support(
+            nodes=held,
+            shares=np.column_stack([np.ones(len(held)), places[held, :2]]),
+            path=path,
+            start=lambda handles: np.repeat(start[None], len(handles), 0),
+            settle_damping=float(2 * FIRST_SWING * np.sqrt(GRAVITY / np.ptp(mesh.rest[:, 1]))),
+        )
+
+    return support
+
+
+def around(garment: Garment, mesh: ClothMesh, half_side: float) -> Floats:
+    """Return where the nodes of a sewn skirt begin [m], (nodes, 3): to the left, to the back and up from the band."""
+    is_back = np.ones(len(mesh.rest), bool)
+    is_back[mesh.cells[: len(mesh.cells) // 2]] = False
+    below = mesh.rest[:, 1].max() - mesh.rest[:, 1]
+    left, right = ends_at(garment, below)
+    u = np.clip((mesh.rest[:, 0] - left) / (right - left), 0, 1)
+    radius = round_of(girth(garment, below), half_side)
+    if radius.min() <= 0:
+        raise FitError("the skirt is too narrow to go round a figure", where=garment.name)
+    quarter = np.pi * radius / 2
+    way = u * (2 * quarter + 2 * half_side)
+    first, last = np.clip(way / radius, 0, np.pi / 2), np.clip((way - quarter - 2 * half_side) / radius, 0, np.pi / 2)
+    across = -half_side - radius * np.cos(first) + np.clip(way - quarter, 0, 2 * half_side) + radius * np.sin(last)
+    depth = radius * (np.sin(first) - 1 + np.cos(last))
+    heights = np.linspace(0, below.max(), 101)
+    radii = round_of(girth(garment, heights), half_side)
+    fall = np.sqrt(np.clip(1 - (np.diff(radii) / np.diff(heights)) ** 2, 0.25, 1.0))
+    down = np.interp(below, heights, np.concatenate([[0.0], np.cumsum(fall * np.diff(heights))]))
+    return np.stack([across, np.where(is_back, depth, -depth), -down], 1)
+
+
+def _band_path(figure: Figure) -> Curve:
+    """Return the centre of the band and its first two axes at instants [s], (n,) -> (n, 9)."""
+    from scipy.interpolate import CubicSpline
+
+    last = figure.motion.spacing * (len(figure.band) - 1)
+    curve = CubicSpline(np.linspace(0, last, len(figure.band)), figure.band[:, :9])
+    return lambda instants: np.asarray(curve(np.clip(instants, 0, last)))
+
+
+def _ends(garment: Garment, figure: Figure, instants: Floats) -> Floats:
+    """Return the two seams' ends at the band [m], (n, 6)."""
+    pose = _band_path(figure)(instants)
+    half = figure.half_side + float(round_of(girth(garment, np.zeros(1)), figure.half_side)[0])
+    return np.concatenate([pose[:, :3] - half * pose[:, 3:6], pose[:, :3] + half * pose[:, 3:6]], 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Trouble:
+    """What went wrong between cloth and bodies, frame by frame.
+
+    - `depths` [m], (frames, bodies): how deep the cloth is inside a body, below 0 where it is outside
+    - `is_through`, (frames, bodies): whether the axis of a body goes through the cloth
+    """
+
+    depths: Floats
+    is_through: Booleans
+
+    def first(self) -> tuple[int, int] | None:
+        """Return the first frame in which a body went through the cloth, and which one; None if none did."""
+        bad = self.is_through | (self.depths > DEEPEST)
+        return None if not bad.any() else (int(np.argmax(bad.any(1))), int(np.argmax(bad[np.argmax(bad.any(1))])))
+
+
+def looked_at(surface: Surface, shapes: Floats, time: Floats, bodies: tuple[Body, ...], motion: BodyMotion) -> Trouble:
+    """Return how cloth and bodies met; shapes [m], (frames, nodes, 3), at instants [s]."""
+    poses, quads = motion.at(time), surface.quads
+    triangles = np.concatenate([quads[:, [0, 2, 3]], quads[:, [0, 3, 1]]])
+    halves = np.array([body.half_size[2] for body in bodies])[:, None]
+    deep, through = np.empty((len(time), len(bodies))), np.zeros((len(time), len(bodies)), bool)
+    for n, nodes in enumerate(shapes):
+        places = surface.samples.apply(nodes.astype(float))
+        deep[n] = [-placed(b, pose).distance(places).min() for b, pose in zip(bodies, poses[n], strict=True)]
+        along = halves * poses[n, :, 9:]
+        corners = np.tile(places[triangles], (len(bodies), 1, 1))
+        start, end = (np.repeat(poses[n, :, :3] + sign * along, len(triangles), 0) for sign in (-1, 1))
+        through[n] = pierces(start, end, corners).reshape(len(bodies), -1).any(1)
+    return Trouble(deep, through)

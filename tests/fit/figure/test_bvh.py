@@ -1,0 +1,83 @@
+"""BVH files: a walk written and read again, turns worked by hand, and files that are refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fit.errors import FitError
+from fit.figure.bvh import LEAD, _places, read_bvh
+from fit.figure.gait import walk
+from tests.fit.figure.walking import bvh_of
+
+TWO_BONES = """HIERARCHY
+ROOT Hips
+{
+  OFFSET 0 0 0
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+  JOINT Arm
+  {
+    OFFSET 0 10 0
+    CHANNELS 3 Zrotation Xrotation Yrotation
+    End Site
+    {
+      OFFSET 0 5 0
+    }
+  }
+}
+MOTION
+Frames: 2
+Frame Time: 0.033333
+1 2 3 0 0 0 0 0 0
+1 2 3 90 0 0 0 90 0
+"""
+
+
+def test_turns_follow_each_other_in_the_order_of_their_channels(tmp_path):
+    """The root turns y to -x; the second bone first turns about x, y to z, and the root leaves z where it is."""
+    path = tmp_path / "two.bvh"
+    path.write_text(TWO_BONES)
+    joints, times, places = _places(path)
+    assert [j.name for j in joints] == ["Hips", "Arm", "Site"]
+    assert times == pytest.approx([0, 0.033333])
+    assert places[0] == pytest.approx(np.array([[1, 2, 3], [1, 12, 3], [1, 17, 3]]))
+    assert places[1] == pytest.approx(np.array([[1, 2, 3], [-9, 2, 3], [-9, 2, 8]]))
+
+
+def test_a_walk_that_is_written_and_read_is_the_walk_after_its_lead(tmp_path):
+    """Centimetres, y up, another direction: the figure is in metres, z up, and as tall as it is said to be."""
+    source = walk(6.0, 1.1, 1.70)
+    path = tmp_path / "walk.bvh"
+    path.write_text(bvh_of(source))
+    found = read_bvh(path, 1.70, 6.0)
+    assert found.joints["pelvis"][0, 2] == pytest.approx(source.joints["pelvis"][0, 2], abs=1e-3)
+    late = int((LEAD + 0.5) / found.spacing)
+    lag = int(LEAD / 2 / found.spacing)
+    for joint in ("pelvis", "left_knee", "right_ankle", "left_wrist"):
+        expected = source.joints[joint][late - lag : len(found.pelvis) - lag]
+        assert np.abs(found.joints[joint][late:] - expected).max() < 3.5e-3
+    assert found.length("left_hip", "left_knee") == pytest.approx(1.70 * 0.245, rel=0.01)
+
+
+def test_twice_as_tall_a_figure_is_twice_as_large(tmp_path):
+    path = tmp_path / "walk.bvh"
+    path.write_text(bvh_of(walk(3.0), units=39.37))
+    small, large = read_bvh(path, 1.0, 3.0), read_bvh(path, 2.0, 3.0)
+    assert large.joints["left_knee"] == pytest.approx(2 * small.joints["left_knee"], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("nothing", "is no BVH file"),
+        (TWO_BONES, "has no joint that is a left hip; name it LeftUpleg; it has Hips, Arm"),
+        (TWO_BONES.replace("Frames: 2", "Frames: 3"), "says 3 frames of 9 numbers"),
+        (TWO_BONES.replace("90 0 0 0 90", "90 0 nine 0 90"), "something else than numbers"),
+        (TWO_BONES.replace("OFFSET 0 10 0", "OFFSET 0 ten 0"), "has a damaged hierarchy"),
+    ],
+)
+def test_files_that_hold_no_person_are_refused(text, reason, tmp_path):
+    path = tmp_path / "wrong.bvh"
+    path.write_text(text)
+    with pytest.raises(FitError, match=reason):
+        read_bvh(path, 1.7)

@@ -253,7 +253,7 @@ def _several(evidence: Evidence, passing: list[str]) -> Hypothesis | None:
         saved = before.errors.squared_mm - hypothesis.errors.squared_mm
         is_resolved = saved > mesh_share(added) * evidence.numerics_mm**2
         is_seen = puts_edge_right(evidence.observer, evidence.base, before, hypothesis)
-        # What the held edge shows may do nothing for the cloth, but it must not surely make it worse.
+        # An effect that the held edge shows may close nothing of the gap, but must not surely widen the gap.
         is_shown = is_seen and gain_p_value(hypothesis.errors, before.errors, evidence.floor_mm) >= LEVEL
         # As of the first effect: noise, mesh and solver together must not make its size.
         _, (low, high) = evidence.amplitude(hypothesis.effects[-1], beside=hypothesis, any_law=False)

@@ -1,10 +1,11 @@
 """Probability that each effect is at work, from draws of the held-out error.
 
-Drawn are blocks of the held-out takes, the error of mesh and solver (`fit.gap.closure.solver_draws`), and the share of
-the gap that a true cause may leave unexplained beyond noise, mesh and solver: the library's laws are not nature's. That
-limit is logistic about LEFT with a width of LEFT_WIDTH. On cases of known truth (`docs/reference/blind-check.md`)
-nearly every effect that left less than a tenth was the cause, and about half of those that left a fifth to three
-fifths. Sound laws of an effect leave some of the gap too, which is a second limit (`Evidence.most_by_law`).
+A draw picks blocks of the held-out takes, an error of mesh and solver (`fit.gap.closure.solver_draws`), and a limit.
+The limit is the share of the gap that a true cause may leave unexplained beyond noise, mesh and solver, because the
+library's laws are not nature's. The limit is logistic about LEFT with a width of LEFT_WIDTH. It was chosen on cases of
+known truth (`docs/reference/blind-check.md`). There nearly every effect that left less than a tenth was the cause, and
+about half of those that left a fifth to three fifths. Sound laws of an effect leave some of the gap too, which is a
+second limit (`Evidence.most_by_law`).
 
 In a draw an effect is at work if it leaves the least error, is worth naming and leaves no more than both limits.
 Several effects are at work together where they leave no more than the limits and the last of them was worth adding.
@@ -14,8 +15,8 @@ in the place of one of them, the twin counts in the draws in which it leaves les
 Effects that the held edge contradicts (`Evidence.contradicted`) are not at work. An effect that the edge identifies
 (`Evidence.told_by_edge`) is at work wherever nothing else is; of several, the one that leaves least.
 
-Shares of draws are too low. On cases whose truth was known, with anything at work in a share S of the draws, the odds
-that an effect of the library was at work were about ODDS times S / (1 - S). All shares are scaled alike.
+Shares of draws are too low. Take cases of known truth in which any effect is at work in a share S of the draws. The
+odds that an effect of the library was at work there were about ODDS times S / (1 - S). All shares are scaled alike.
 """
 
 from __future__ import annotations

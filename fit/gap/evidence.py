@@ -29,8 +29,8 @@ from formats.diagnosis_records import Figure, Gate
 
 SMALLEST_CLOSURE = 0.25  # an effect that removes less of the gap is not its cause
 MOST_LEFT = 0.6  # of the gap that a cause may leave unexplained, beyond noise and mesh
-# Sound laws of an effect differ by its `law_spread`, in amplitude and so in motion; of the gap they leave the square of
-# that, to three deviations, or a twentieth. An error of mesh and solver adds twice its square at most.
+# Sound laws of an effect differ by its `law_spread`, in amplitude and so in motion. Of the gap they leave the square of
+# three such deviations, or a twentieth if that is more. An error of mesh and solver adds twice its square at most.
 LAW_DEVIATIONS, MESH_TWICE = 3.0, 2.0
 STUDENT_95 = 2.92  # of t with two degrees of freedom, 95 % one-sided: of the mean of three replicas of the noise
 # One more draw of the noise is within so many standard errors of that mean: t times sqrt(3) sqrt(1 + 1/3).
@@ -152,8 +152,9 @@ def is_beyond(observer: Observer, hypothesis: Hypothesis, effect: str, wrong: fl
 class Evidence:
     """Evidence for a verdict: hypotheses with their held-out errors, noise floor [mm], mesh error [mm], gates.
 
-    joint: with further effects, and the last one's p-value; instead: two effects, one of them in the place of a twin
-    observer, judge: of the takes fitted to and judged on; floor_error_mm: standard error of the floor
+    joint: hypotheses with further effects, each with the p-value of the last effect.
+    instead: hypotheses of two effects, one of them in the place of a twin.
+    observer, judge: of the fitted and of the held-out takes. floor_error_mm: standard error of the floor.
     """
 
     observer: Observer
@@ -219,8 +220,8 @@ class Evidence:
     ) -> tuple[float, tuple[float, float]]:
         """Size of a refitted effect and its 90 % interval: noise, mesh and solver, and the law of the effect itself.
 
-        beside: several effects that it is one of, else it is taken alone
-        any_law: whether the interval is to hold for every sound law of the effect, or for the library's alone.
+        beside: a hypothesis of several effects, this one among them; without it the effect is taken alone.
+        any_law: whether the interval holds for every sound law of the effect, or for the library's alone.
         """
         wrong = wrong_by_mesh(self.numerics_mm, per_millimetre(self.observer, self.screened[effect]))
         size, (low, high) = size_within(self.observer, (beside or self.singles[effect]).fitted, effect, wrong)
@@ -246,8 +247,8 @@ class Evidence:
     def alternatives(self, several: Hypothesis) -> dict[str, dict[str, Hypothesis]]:
         """Twins of each of two effects, which do nearly as well in its place, with their hypotheses.
 
-        A twin closes NEAR_TWIN of what the effect closes beside the other one; or it closes NEAR of that, and leaves
-        less in RIVAL of the draws.
+        A twin closes at least the share NEAR_TWIN of the error that the effect closes beside the other one. Or it
+        closes the share NEAR of this error, and leaves less in RIVAL of the draws.
         """
         found: dict[str, dict[str, Hypothesis]] = {}
         for other in self.instead:
@@ -327,8 +328,8 @@ class Evidence:
         """In which draws each refitted effect leaves the least error and is worth naming, each (replicas,).
 
         Worth naming: the base error of the draw is clearly above the noise, and the effect closes a quarter of it.
-        What was stopped by the end of its physical range, or is contradicted by the held edge, is no rival, and never
-        worth naming.
+        Two kinds of effects are no rivals, and never worth naming. The end of the physical range stopped the first
+        kind, and the held edge contradicts the second.
         base, (replicas,), drawn, each (replicas,): mean squared errors [mm^2]
         """
         possible = {
@@ -361,7 +362,7 @@ class Evidence:
         return np.asarray(noise + MESH_TWICE * self.numerics_mm**2 + share * gap)
 
     def explains_enough(self, hypothesis: Hypothesis) -> bool:
-        """Whether what a hypothesis leaves, beyond noise and mesh, is small against the gap."""
+        """Whether the error that a hypothesis leaves, beyond noise and mesh, is small against the gap."""
         left = hypothesis.errors.squared_mm - self.floor_mm**2 - self.numerics_mm**2
         by_law = float(self.most_by_law(hypothesis, np.array(self.gap_mm2)))
         return left <= MOST_LEFT * self.gap_mm2 and hypothesis.errors.squared_mm <= by_law

@@ -1,18 +1,18 @@
 """The evidence of every subset of up to three effects, from signatures alone: nothing is simulated.
 
 About a fit with residual r and Jacobian J, an effect's signatures S (columns per typical size) make the residual
-r + J b + S a. With a covariance C (`fit.gap.likelihood`), Gaussian priors b ~ N(m, Lambda^-1) and a ~ N(0, T) cut to
-the effect's range, the parameters b and the amplitudes a of a subset M are integrated in closed form. In the metric of
-C, with the base parameters projected out,
+r + J b + S a. Its covariance is C (`fit.gap.likelihood`). The priors are Gaussian, b ~ N(m, Lambda^-1) and a ~ N(0, T),
+the second one cut to the effect's range. The parameters b and the amplitudes a of a subset M are integrated in closed
+form. In the metric of C, with the base parameters projected out,
 
     Q = C^-1 - C^-1 J (J' C^-1 J + Lambda)^-1 J' C^-1,    g = -S' Q r,  G = S' Q S
     log p(r | M, s) = base(s) + 1/2 g_M' A^-1 g_M - 1/2 log |I + T_M G_M| + log B(A^-1 g_M, A^-1) - log B(0, T_M)
     A = G_M + T_M^-1,   base(s) = -1/2 r' Q r - 1/2 log |C| - 1/2 log |I + Lambda^-1 J' C^-1 J|
 
 where B(mu, V) is the share of a normal distribution that lies within the ranges (signs among them). For several
-components it is the product of the conditional shares of one after another, each with the mean and variance that
-truncation left (Mendell & Elston). The size s of the discrepancy has a log-normal prior about what mesh and solver, and
-laws of the effects, are wrong by; it is summed out on a grid.
+components it is the product of conditional shares, one component after another. Each has the mean and variance that
+the truncation of those before it leaves (Mendell & Elston). The size s of the discrepancy has a log-normal prior. Its
+middle is the possible error of mesh, solver and the effects' laws; the size is summed out on a grid.
 Every effect is at work with odds CHANCE, independently of the others.
 Sources: E. I. George & R. E. McCulloch, JASA 88 (1993) (evidence of every subset); D. J. C. MacKay,
 "Information Theory, Inference, and Learning Algorithms" (2003), chapter 28; N. R. Mendell & R. C. Elston, Biometrics 30
@@ -53,7 +53,7 @@ class Columns:
 
 @dataclass(frozen=True)
 class Reduced:
-    """What is left of the sums with the base parameters projected out, per scale.
+    """Sums with the base parameters projected out, per scale.
 
     base, (scales,): log evidence without an effect; pull, (scales, columns): g; normal, (scales, columns, columns): G
     """
@@ -64,10 +64,11 @@ class Reduced:
 
 
 def reduced(sums: Sums, precision: Floats, offset: Floats) -> Reduced:
-    """Project what is of no interest out of sums over rows: the residual, what may imitate it, the signatures.
+    """Project nuisance parameters out of sums over rows: the residual, the nuisance parameters, the signatures.
 
-    precision, (parameters,) or (scales, parameters): of the priors of what may imitate it, base parameters first
-    offset, (parameters,): where the fit is, less the priors' means
+    Nuisance parameters may imitate an effect; the base parameters come first.
+    precision, (parameters,) or (scales, parameters): of the priors of the nuisance parameters.
+    offset, (parameters,): place of the fit less the priors' means.
     """
     inner = sums.inner
     precision = np.broadcast_to(precision, (len(inner), len(offset)))
@@ -97,7 +98,7 @@ def log_evidence(found: Reduced, columns: Columns, among: Sequence[Sequence[str]
 
 
 def _gained(found: Reduced, columns: Columns, at: NDArray[np.int64]) -> Floats:
-    """What columns, (subsets, k), add to the log evidence, (subsets, scales)."""
+    """Return the gain of columns, (subsets, k), in log evidence, (subsets, scales)."""
     pull = np.moveaxis(found.pull[:, at], 0, 1)  # (subsets, scales, k)
     normal = np.moveaxis(found.normal[:, at[:, :, None], at[:, None, :]], 0, 1)
     low, high, count = columns.low[at], columns.high[at], at.shape[1]
@@ -120,7 +121,7 @@ def log_share(mean: Floats, covariance: Floats, low: Floats, high: Floats) -> Fl
         below, above = (low[..., n] - mean[..., n]) / sd, (high[..., n] - mean[..., n]) / sd
         share = _log_between(below, above)
         total += share
-        # Mean and variance of what is left of a standard normal distribution between two ends.
+        # Mean and variance of a standard normal distribution cut off at two ends.
         at_low, at_high = (np.exp(-0.5 * end**2 - LOG_ROOT - share) for end in (below, above))
         moved = at_low - at_high
         ends = [np.where(np.isinf(end), 0.0, end) for end in (below, above)]

@@ -162,8 +162,8 @@ class Rounds:
     def further_rounds(self, floor: float, numerics: float) -> None:
         """Add effects to the best one as long as there is something left to explain.
 
-        A further effect must close a share of the gap, and of what is left of it, or be seen on the held edge
-        (`fit.gap.evidence`): where less is left, none is looked for.
+        A further effect must close a share of the gap and of its rest, or show on the held edge (`fit.gap.evidence`).
+        Where less is left, none is looked for.
         """
         order = best_of(self.observer, self.singles)
         best, starts = order[0], [order[0], *self._rivals(order)]
@@ -202,10 +202,11 @@ class Rounds:
         return is_enough or puts_edge_right(self.observer, self.base, before, found)
 
     def _best_of_tried(self, tried: list[tuple[Hypothesis, float]], before: Hypothesis) -> tuple[Hypothesis, float]:
-        """Return what leaves least of what may be added; where nothing may, of what might once fitted on, or of all.
+        """Return the best of the further effects that were tried: the one of least held-out error.
 
-        The same effects, found in another order, may be added if either order may. What the held edge shows comes
-        first, with the effect that puts it right.
+        It is the best of those that may be added. Without any it is the best of the hopeful ones, else of all. The same
+        effects, found in another order, may be added if either order may. Effects that put the held edge right come
+        first.
         """
         real = [(h, p) for h, p in tried if may_be_added(self.observer, h, p)]
         seen = [(h, p) for h, p in real if puts_edge_right(self.observer, self.base, before, h)]
@@ -224,10 +225,10 @@ class Rounds:
         return judged(self.judge, self._fitted_on([joint.fitted]))[0]
 
     def _drop_idle(self, several: Hypothesis, p_value: float, numerics: float) -> None:
-        """Fit several effects again without those that are left with nothing to do, in the place of all that led there.
+        """Fit several effects again without the idle ones; the fit takes the place of all joint hypotheses.
 
-        An effect that was there first may have made up for one that was found later, so that beside it its size is no
-        more than noise, mesh and solver make.
+        An earlier effect may have made up for a later one. Beside the later one its size is then no larger than the
+        error of noise, mesh and solver.
         """
         wrong = {k: wrong_by_mesh(numerics, per_millimetre(self.observer, self.screened[k])) for k in several.effects}
         kept = tuple(
@@ -244,10 +245,10 @@ class Rounds:
         self.joint = [(found, p_value)]
 
     def _each_alone(self, pair: Hypothesis, numerics: float) -> None:
-        """Fit each of two effects without the other from where both ended, and keep what fits better than before.
+        """Fit each of two effects without the other from where both ended, and keep fits that are better than before.
 
-        One that was refitted into a poor valley alone may need no other from there. What the held edge disputes is
-        fitted with the edge's size, as before.
+        An effect whose refit ended in a poor local minimum may need no other from there. Where the held edge disputes
+        a size, the fit has the edge's size, as before.
         """
         columns, both = self.observer.columns, pair.fitted
         amplitudes = {
@@ -265,9 +266,10 @@ class Rounds:
                 self.singles[k] = alone
 
     def _better_of_twins(self, pair: Hypothesis, p_value: float, floor: float) -> Hypothesis:
-        """Return two effects, or what leaves less with a twin, which looks like it alone, in the place of one of them.
+        """Return two effects, or a better hypothesis with a twin in the place of one of them.
 
-        What was tried is kept as `instead`, for the verdict to say which of them the takes cannot tell apart.
+        A twin looks like the effect alone. The hypotheses that were tried are kept as `instead`. From them the verdict
+        says which effects the takes cannot tell apart.
         """
         found = [(pair, p_value)]
         for kept, replaced in (pair.effects[::-1], pair.effects):
@@ -291,9 +293,9 @@ class Rounds:
     def _rivals(self, order: list[Hypothesis]) -> list[Hypothesis]:
         """Return other starts for pairs: the next best effect, where it closes nearly as much, and the best fit.
 
-        An effect of two may do little for held-out motion while the other one is missing, and yet be the one that the
-        motion fitted to shows most of, or that puts the held edge where the best one does not: even one that is driven
-        to the end of its range, by what the missing one does to the cloth.
+        While the other effect of two is missing, an effect may do little for held-out motion. Yet the fitted motion may
+        show most of it, or it may put the held edge right where the best one does not. This holds even for an effect
+        that the missing one drives to the end of its range.
         """
         base = self.base.errors.squared_mm
         least = RIVAL_SHARE * (base - order[0].errors.squared_mm)
@@ -312,8 +314,8 @@ class Rounds:
     ) -> list[tuple[Hypothesis, float]]:
         """Refits with one more effect each, of the few that promise most, and their p-values; chosen: of these alone.
 
-        What one of the start's effects may bring along is left out (`fit.gap.verdict.is_brought`), and what would put
-        the held edge off.
+        Effects that one of the start's effects may bring along are left out (`fit.gap.verdict.is_brought`). So are
+        effects that would put the held edge off.
         """
         library = self.observer.library
         left = tuple(
@@ -338,7 +340,7 @@ class Rounds:
     def _p_value(self, before: Hypothesis, found: Hypothesis, refitted: int, floor: float) -> float:
         """Family-wise p-value of a further effect, one of so many that were refitted, as `Evidence.p_value` has it.
 
-        What puts the held edge right is certain, whatever it does for the cloth (`fit.observer.edge`).
+        An effect that puts the held edge right is certain, whatever it does for the cloth (`fit.observer.edge`).
         """
         if puts_edge_right(self.observer, self.base, before, found):
             return 0.0
@@ -366,7 +368,7 @@ class Rounds:
         self, noise: Floor, refined: Refined, resampling: Resampling, gates: list[Gate], *,
         is_held_out: bool,
     ) -> Evidence:  # fmt: skip
-        """Gather what the verdict is decided on; noise: of the takes judged on."""
+        """Gather the evidence for the verdict; noise: of the held-out takes."""
         return Evidence(
             observer=self.observer, judge=self.judge, screened=self.screened, base=self.base, singles=self.singles,
             joint=self.joint, instead=self.instead, floor_mm=noise.mm, numerics_mm=refined.numerics_mm,

@@ -95,8 +95,8 @@ def motion_of(
 ) -> Moving:  # fmt: skip
     """Simulate a recording with a fit; raises as `moving_cloth` does.
 
-    layers_apart [m]: at which contact keeps layers of the cloth apart, where the fit itself knows no contact.
-    progress: is told the share that is done
+    - layers_apart [m]: distance that contact keeps between layers of the cloth, where the fit has no contact
+    - progress: receives the share that is done
     """
     check_engine(result)
     method = find_method(result.method)

@@ -1,9 +1,9 @@
 """The body of a figure: rounded boxes and tapering capsules between its joints, as wide as the skirt allows.
 
-Hips and thighs lie side by side in the cross-section of two half circles of radius r and two straight sides of 2 a,
-whose girth is G = 4 a + 2 pi r. The skirt's band is such a curve, with the half width a + r and the depth r in the
-ratio DEPTH. The hips fill the band but for the cloth's clearance. Further down they and the thighs widen by SHARE of
-what the skirt widens by. Other widths are shares of the height, and those of the legs follow the thighs.
+Hips and thighs lie side by side in a cross-section of two half circles of radius r and two straight sides of 2 a. Its
+girth is G = 4 a + 2 pi r. The skirt's band is such a curve, with the half width a + r and the depth r in the ratio
+DEPTH. The hips fill the band but for the cloth's clearance. Further down the skirt widens, and hips and thighs widen by
+SHARE of it. Other widths are shares of the height, and those of the legs follow the thighs.
 
 Source: A. R. Tilley, Henry Dreyfuss Associates, "The Measure of Man and Woman" (2002): widths in round numbers.
 """

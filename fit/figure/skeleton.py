@@ -5,8 +5,8 @@ height.
 
 Source: R. Drillis, R. Contini, "Body Segment Parameters" (1966), as in D. A. Winter, "Biomechanics and Motor Control of
 Human Movement" (4th edition 2009), figure 4.1: lengths of the segments. A. L. Bell, D. R. Pedersen, R. A. Brand, "A
-comparison of the accuracy of several hip center location prediction methods", J. Biomech. 23 (1990): the hips' centres
-lie 72 % of the width between the iliac spines apart, 0.10 of the height for a spine width of 0.24 m.
+comparison of the accuracy of several hip center location prediction methods", J. Biomech. 23 (1990): distance of the
+hips' centres. It is 72 % of the width between the iliac spines, 0.10 of the height for a spine width of 0.24 m.
 """
 
 from __future__ import annotations

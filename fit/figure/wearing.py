@@ -117,7 +117,7 @@ def _ends(garment: Garment, figure: Figure, instants: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Trouble:
-    """What went wrong between cloth and bodies, frame by frame.
+    """Faults between cloth and bodies, frame by frame.
 
     - `depths` [m], (frames, bodies): how deep the cloth is inside a body, below 0 where it is outside
     - `is_through`, (frames, bodies): whether the axis of a body goes through the cloth

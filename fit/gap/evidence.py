@@ -152,9 +152,10 @@ def is_beyond(observer: Observer, hypothesis: Hypothesis, effect: str, wrong: fl
 class Evidence:
     """Evidence for a verdict: hypotheses with their held-out errors, noise floor [mm], mesh error [mm], gates.
 
-    joint: hypotheses with further effects, each with the p-value of the last effect.
-    instead: hypotheses of two effects, one of them in the place of a twin.
-    observer, judge: of the fitted and of the held-out takes. floor_error_mm: standard error of the floor.
+    - joint: hypotheses with further effects, each with the p-value of the last effect
+    - instead: hypotheses of two effects, one of them in the place of a twin
+    - observer, judge: of the fitted and of the held-out takes
+    - floor_error_mm: standard error of the floor
     """
 
     observer: Observer
@@ -220,8 +221,8 @@ class Evidence:
     ) -> tuple[float, tuple[float, float]]:
         """Size of a refitted effect and its 90 % interval: noise, mesh and solver, and the law of the effect itself.
 
-        beside: a hypothesis of several effects, this one among them; without it the effect is taken alone.
-        any_law: whether the interval holds for every sound law of the effect, or for the library's alone.
+        - beside: a hypothesis of several effects, this one among them; without it the effect is taken alone
+        - any_law: whether the interval holds for every sound law of the effect, or for the library's alone
         """
         wrong = wrong_by_mesh(self.numerics_mm, per_millimetre(self.observer, self.screened[effect]))
         size, (low, high) = size_within(self.observer, (beside or self.singles[effect]).fitted, effect, wrong)
@@ -330,7 +331,8 @@ class Evidence:
         Worth naming: the base error of the draw is clearly above the noise, and the effect closes a quarter of it.
         Two kinds of effects are no rivals, and never worth naming. The end of the physical range stopped the first
         kind, and the held edge contradicts the second.
-        base, (replicas,), drawn, each (replicas,): mean squared errors [mm^2]
+
+        - base, (replicas,), drawn, each (replicas,): mean squared errors [mm^2]
         """
         possible = {
             k: d

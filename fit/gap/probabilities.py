@@ -1,11 +1,11 @@
 """Probability that each effect is at work, from draws of the held-out error.
 
 A draw picks blocks of the held-out takes, an error of mesh and solver (`fit.gap.closure.solver_draws`), and a limit.
-The limit is the share of the gap that a true cause may leave unexplained beyond noise, mesh and solver, because the
-library's laws are not nature's. The limit is logistic about LEFT with a width of LEFT_WIDTH. It was chosen on cases of
-known truth (`docs/reference/blind-check.md`). There nearly every effect that left less than a tenth was the cause, and
-about half of those that left a fifth to three fifths. Sound laws of an effect leave some of the gap too, which is a
-second limit (`Evidence.most_by_law`).
+The limit is the share of the gap that a true cause may leave unexplained beyond noise, mesh and solver. A true cause
+leaves such a share because the library's laws are not nature's. The limit is logistic about LEFT with a width of
+LEFT_WIDTH. It was chosen on cases of known truth (`docs/reference/blind-check.md`). There nearly every effect that left
+less than a tenth was the cause, and about half of those that left a fifth to three fifths. Sound laws of an effect
+leave some of the gap too, which is a second limit (`Evidence.most_by_law`).
 
 In a draw an effect is at work if it leaves the least error, is worth naming and leaves no more than both limits.
 Several effects are at work together where they leave no more than the limits and the last of them was worth adding.

@@ -67,8 +67,9 @@ def reduced(sums: Sums, precision: Floats, offset: Floats) -> Reduced:
     """Project nuisance parameters out of sums over rows: the residual, the nuisance parameters, the signatures.
 
     Nuisance parameters may imitate an effect; the base parameters come first.
-    precision, (parameters,) or (scales, parameters): of the priors of the nuisance parameters.
-    offset, (parameters,): place of the fit less the priors' means.
+
+    - precision, (parameters,) or (scales, parameters): of the priors of the nuisance parameters
+    - offset, (parameters,): place of the fit less the priors' means
     """
     inner = sums.inner
     precision = np.broadcast_to(precision, (len(inner), len(offset)))

@@ -14,8 +14,11 @@ from formats.arrays import Floats
 class Body:
     """A box with rounded edges: sphere, capsule, half-space and box are all of its kind.
 
-    centre [m], world frame; axes, (3, 3): unit vectors along its sides; half_size [m], (3,), before rounding by radius
-    [m], which is that of the middle: along the third axis it grows by `taper` [m/m] from end to end of the side.
+    - centre [m], world frame
+    - axes, (3, 3): unit vectors along its sides
+    - half_size [m], (3,): before rounding
+    - radius [m]: of the rounding, in the middle of the third side
+    - taper [m/m]: growth of the radius along the third axis, from end to end of the side
     """
 
     centre: tuple[float, float, float]

@@ -2,21 +2,26 @@
 
     y = f(theta, a) + d + e,    e ~ N(0, R),    d ~ N(0, s^2 K),    K = K_time x K_space x I_3
 
-Noise R of a point: white noise sigma as measured on the take (`fit.gap.floor.measured_noise`); slow noise, SLOW_SHARE
-of it, that is forgotten over SLOW_LASTS; and a constant offset of the point, the same in all takes. With the residual
-divided by sigma, white and slow noise are one first-order state-space model, whose innovations are white:
+Noise R of a point has three parts. White noise sigma is measured on the take (`fit.gap.floor.measured_noise`). Slow
+noise is SLOW_SHARE of it and decays over SLOW_LASTS. A constant offset of the point is the same in all takes. With the
+residual divided by sigma, white and slow noise are one first-order state-space model, whose innovations are white:
 
     u_k = phi u_(k-1) + w_k,  y_k = u_k + e_k,  phi = exp(-dt / tau);   v_k = (y_k - E y_k) / sd y_k, given all before
 
 (Kalman filter; a frame in which the point is not seen has no innovation). Offsets are one rank-one term per point and
-axis, o = the innovations of a constant: C_0 = I + sum o o', C_0^-1 = I - sum o o' / (1 + |o|^2). The held edge's
-numbers have noise of SLOW times the variance (`fit.gap.edge_fit`): the hanger's path is smooth, and so is its error.
+axis, with o the innovations of a constant:
 
-Discrepancy: in time the damped oscillator exp(-t / T) cos(2 pi f t) that the residual itself shows
-(`fit.gap.correlation.ringing_of`); in space the lowest shapes of a hanging sheet, J_0(xi_k sqrt(h)) down, h the height
-above the lower edge as a share of the sheet's, and cos(pi i u) across: zero at the held edge, each with the
-variance (i + k)^-2. K is scaled so that s is the root mean square distance [m] of a judged point. Its square root B,
-(numbers, modes), holds the modes of K_time that make KEPT of the variance. With G = B' C_0^-1 B = U L U',
+    C_0 = I + sum o o',   C_0^-1 = I - sum o o' / (1 + |o|^2)
+
+The held edge's numbers have noise of SLOW times the variance (`fit.gap.edge_fit`): the hanger's path is smooth, and so
+is its error.
+
+In time the discrepancy is the damped oscillator exp(-t / T) cos(2 pi f t) that the residual itself shows
+(`fit.gap.correlation.ringing_of`). In space it has the lowest shapes of a hanging sheet: J_0(xi_k sqrt(h)) down and
+cos(pi i u) across. Here h is the height above the lower edge as a share of the sheet's. The shapes are zero at the held
+edge, each with the variance (i + k)^-2. K is scaled so that s is the root mean square distance [m] of a judged point.
+Its square root B, (numbers, modes), holds the modes of K_time that make KEPT of the variance. With
+G = B' C_0^-1 B = U L U',
 
     x' C^-1 y = x' C_0^-1 y - sum_k s^2 / (1 + s^2 L_k) (U' B' C_0^-1 x)_k (U' B' C_0^-1 y)_k
     log |C| = log |C_0| + sum_k log(1 + s^2 L_k)
@@ -131,11 +136,13 @@ class Likelihood:
 class _Series:
     """Series of one take that are filtered side by side: points, or the four numbers of its held edge.
 
-    index, (frames, series, axes): places in the stacked residual, -1 where not seen; still, (series, axes): those of
-    means, -1 without; scale, still_scale, (frames, series) or (series,): what turns numbers into units of noise
-    unit [m], (frames, series): of the noise; phi, (frames,), gain, sd, (frames, series): of the filter
-    offset, (series,): which offsets they have; offset_sd [m], (series,)
-    place, (series,): points of the take's garment that they are; None of a held edge
+    - index, (frames, series, axes): places in the stacked residual, -1 where not seen
+    - still, (series, axes): places of the means, -1 without
+    - scale, still_scale, (frames, series) or (series,): factors from numbers to units of noise
+    - unit [m], (frames, series): unit of the noise
+    - phi, (frames,), gain, sd, (frames, series): of the filter
+    - offset, (series,): numbers of their offsets; offset_sd [m], (series,)
+    - place, (series,): their points of the take's garment; None of a held edge
     """
 
     take: int

@@ -11,6 +11,8 @@ import typer
 from capture.appliance.cli import add_commands as add_appliance_commands
 from capture.sync import cli as sync_cli
 from formats.anyway import Anyway
+from formats.command_groups import RECORD
+from formats.telling import know, tell, tell_entry
 from formats.terminal import is_watched, say
 
 CLEAR_LINE = "\r\x1b[K"  # ECMA-48: carriage return, erase to the end of the line
@@ -23,11 +25,15 @@ NOT_FIRST = (
 def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
     add_appliance_commands(app)
-    app.command("record", short_help="Track hanger and garment and keep them as a take.")(record_command)
-    app.command("calibrate", short_help="Measure gravity, depth and clips of a rig.")(calibrate_command)
+    app.command("record", rich_help_panel=RECORD, short_help="Track hanger and garment and keep them as a take.")(
+        record_command
+    )
+    app.command("calibrate", rich_help_panel=RECORD, short_help="Measure gravity, depth and clips of a rig.")(
+        calibrate_command
+    )
     markers = typer.Typer(no_args_is_help=True, help="The hanger's fiducial markers.")
     markers.command("print", short_help="Write a page of markers to print.")(print_command)
-    app.add_typer(markers, name="markers", short_help="The hanger's fiducial markers.")
+    app.add_typer(markers, name="markers", rich_help_panel=RECORD, short_help="The hanger's fiducial markers.")
     sync_cli.add_commands(app)
 
 
@@ -75,7 +81,9 @@ def print_command(
         numbers = numbers if ids else list(hanger.ids)
     if not overwrite:
         refuse_to_replace(out)
-    typer.echo(f"{write_sheet(out, dictionary, numbers, size)}: {len(numbers)} markers of {1e3 * size:g} mm")
+    sheet = write_sheet(out, dictionary, numbers, size)
+    words = f"{sheet}: {len(numbers)} markers of {1e3 * size:g} mm"
+    tell(words, file=str(sheet), ids=numbers, dictionary=dictionary, size_m=size)
 
 
 def calibrate_command(
@@ -110,6 +118,8 @@ def calibrate_command(
     and so does a sensor's accelerometer. A marker in each clip, its black upper edge where the clip holds, gives the
     ends of the held edge. The rest of the rig stays as it was. Without --out nothing is written.
     """
+    from msgspec import to_builtins
+
     from capture.calibration.accelerometer import connected_accelerometer
     from capture.calibration.report import lines
     from capture.calibration.session import calibrate
@@ -133,16 +143,17 @@ def calibrate_command(
             except (FirmwareError, CalibrationError) as error:
                 if accelerometer:
                     raise
-                typer.echo(f"without the accelerometer: {error}", err=True)
+                say(f"without the accelerometer: {error}")
         measured = calibrate(
             source, before, plumb_ids=plumb_ids, clip_ids=clip_ids, seconds=seconds, accelerometer=gravity
         )
     for line in lines(measured, before):
-        typer.echo(line)
+        tell(line)
+    know(rig=to_builtins(measured.rig), file=str(out) if out is not None else None)
     if out is not None:
         check_rig(measured.rig, out)
         write_text(out, dump_description(measured.rig))
-        typer.echo(f"{out}: written")
+        tell(f"{out}: written")
 
 
 def two_numbers(text: str, option: str) -> tuple[int, int]:
@@ -276,14 +287,21 @@ def record_command(
             f"{name} {100 * share:.0f} %"
             for name, share in zip(described_garment.point_names, report.point_share, strict=True)
         )
-        typer.echo(f"{report.path}: {report.frames} frames{', stopped early' if report.is_interrupted else ''}")
-        typer.echo(f"hanger seen in {100 * report.with_hanger / max(report.frames, 1):.0f} %; {points}")
+        hanger_share = report.with_hanger / max(report.frames, 1)
+        shares = dict(zip(described_garment.point_names, map(float, report.point_share), strict=True))
+        tell(
+            f"{report.path}: {report.frames} frames{', stopped early' if report.is_interrupted else ''}",
+            file=str(report.path), frames=report.frames, is_interrupted=report.is_interrupted,
+            hanger_share=hanger_share, point_share=shares, conditions={}, findings=[],
+        )  # fmt: skip
+        tell(f"hanger seen in {100 * hanger_share:.0f} %; {points}")
         for condition, count in sorted(report.conditions.items(), key=lambda item: -item[1]):
             if condition is not Condition.GOOD:
-                typer.echo(f"in {count} frames {condition.value.words}")
+                tell(f"in {count} frames {condition.value.words}")
+        know(conditions={c.value.words: count for c, count in report.conditions.items()})
         for finding in report.findings:
             if not finding.is_grave:
-                typer.echo(f"{finding.words}; {finding.advice}")
+                tell_entry("findings", f"{finding.words}; {finding.advice}", words=finding.words, advice=finding.advice)
         complaint = report.failure or report.doubt
         if complaint is not None:
             raise complaint

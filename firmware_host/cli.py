@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from formats.command_groups import RECORD
+from formats.telling import know, tell
 from formats.terminal import is_watched, say
 
 
@@ -23,27 +25,26 @@ def add_commands(app: typer.Typer) -> None:
     sensor.command("synthesise-silhouette", short_help="Make a silhouette of swung cloth.")(synthesise_silhouette)
     add_usb_commands(sensor)
     add_doctor(sensor)
-    app.add_typer(sensor, name="sensor")
+    app.add_typer(sensor, name="sensor", rich_help_panel=RECORD)
 
 
 def list_sensors() -> None:
     """List the depth sensors on the USB bus, and those that OpenNI2 sees."""
     from firmware_host import openni2_library
     from firmware_host.usb_control.devices import find_devices
-    from firmware_host.usb_control.report import place_lines
+    from firmware_host.usb_control.report import place_lines, tell_sensor
 
     devices = find_devices()
     for device in devices:
-        typer.echo(device.model.name)
-        for name, value in place_lines(device):
-            typer.echo(f"    {name:<14} {value}")
+        tell_sensor(device.model.name, place_lines(device))
     uris = openni2_library.load().Device.enumerate_uris()
     for uri in uris:
-        typer.echo(f"OpenNI2 sees {uri.decode(errors='replace')}")
+        tell(f"OpenNI2 sees {uri.decode(errors='replace')}")
+    know(openni2=[uri.decode(errors="replace") for uri in uris])
     if not devices and not uris:
-        typer.echo("No depth sensor is connected.")
+        tell("No depth sensor is connected.")
     elif not uris:
-        typer.echo("OpenNI2 sees none of them; `hangtime sensor doctor` says why.")
+        tell("OpenNI2 sees none of them; `hangtime sensor doctor` says why.")
 
 
 def play(
@@ -60,11 +61,11 @@ def play(
     first = last = 0.0
     with open_sensor(source) as sensor:
         info = sensor.info
-        typer.echo(f"{info.name}: {info.intrinsics.width} x {info.intrinsics.height}, {info.fps:g} frames a second")
+        tell(f"{info.name}: {info.intrinsics.width} x {info.intrinsics.height}, {info.fps:g} frames a second")
         camera = info.intrinsics
-        typer.echo(f"for rig.toml: fx = {camera.fx:.1f}, fy = {camera.fy:.1f}, cx = {camera.cx:g}, cy = {camera.cy:g}")
+        tell(f"for rig.toml: fx = {camera.fx:.1f}, fy = {camera.fy:.1f}, cx = {camera.cx:g}, cy = {camera.cy:g}")
         for note in info.notes:
-            typer.echo(f"note: {note}")
+            tell(f"note: {note}")
         for frame in sensor.frames():
             first = frame.time_s if count == 0 else first
             last = frame.time_s
@@ -75,11 +76,14 @@ def play(
             if count == max_frames:
                 break
     rate = f"{(count - 1) / (last - first):.1f} a second" if last > first else "its clock was set back"
-    typer.echo(
+    depth = float(np.mean(coverage)) if coverage else 0.0
+    tell(
         f"{count} frames in {max(last - first, 0):.2f} s ({rate}), "
-        f"{dropped} dropped, {without_colour} without colour; "
-        f"depth in {100 * float(np.mean(coverage)) if coverage else 0:.0f} % of the pixels"
-    )
+        f"{dropped} dropped, {without_colour} without colour; depth in {100 * depth:.0f} % of the pixels",
+        name=info.name, width=camera.width, height=camera.height, fx=camera.fx, fy=camera.fy, cx=camera.cx,
+        cy=camera.cy, notes=list(info.notes), frames=count, duration_s=max(last - first, 0.0), dropped=dropped,
+        without_colour=without_colour, depth_share=depth,
+    )  # fmt: skip
 
 
 def synthesise(
@@ -125,8 +129,7 @@ def synthesise(
     )  # fmt: skip
     if is_watched():
         say("")
-    for path in paths:
-        typer.echo(str(path))
+    tell("\n".join(map(str, paths)), files=list(map(str, paths)))
 
 
 def synthesise_swatch(
@@ -148,8 +151,7 @@ def synthesise_swatch(
     paths = make_swatch_take(
         out, fabric=fabric, motion=motion, air_drag=air_drag, seed=seed, overwrite=overwrite
     )  # fmt: skip
-    for path in paths:
-        typer.echo(str(path))
+    tell("\n".join(map(str, paths)), files=list(map(str, paths)))
 
 
 def synthesise_silhouette(
@@ -181,5 +183,5 @@ def synthesise_silhouette(
         latency=latency, publish_share=publish_share, skewed_share=skewed, eroded_border=eroded, eaten_by_pose=eaten,
         noise=noise,
     )  # fmt: skip
-    for path in make_silhouette_take(out, name, faults, seconds=seconds, seed=seed, overwrite=overwrite):
-        typer.echo(str(path))
+    paths = make_silhouette_take(out, name, faults, seconds=seconds, seed=seed, overwrite=overwrite)
+    tell("\n".join(map(str, paths)), files=list(map(str, paths)))

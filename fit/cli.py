@@ -11,7 +11,10 @@ import typer
 from fit.batch.cli import add_commands as add_batch_commands
 from fit.blind.cli import add_commands as add_blind_commands
 from fit.export.cli import add_commands as add_export_commands
+from fit.report.cli import add_commands as add_report_commands
 from formats.anyway import Anyway
+from formats.command_groups import FIT
+from formats.telling import know, tell
 from formats.terminal import ProgressLine, say
 
 if TYPE_CHECKING:
@@ -34,6 +37,10 @@ HeldOutMotion = Annotated[
     ),
 ]
 Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results. It is made if absent.")]
+Plot = Annotated[
+    Path | None,
+    typer.Option("--plot", metavar="FILE.png", help="Also draw the error over time of every take; replaces FILE.png."),
+]
 Seed = Annotated[
     int, typer.Option("--seed", min=0, help="Seed of every random number; the same seed gives the same result.")
 ]
@@ -41,9 +48,12 @@ Seed = Annotated[
 
 def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
-    app.command("fit", short_help="Find the cloth parameters that follow the takes.")(fit_command)
-    app.command("fabric", short_help="Show a fit as a fabric tester would.")(fabric_command)
-    app.command("diagnose", short_help="Say what the simulation lacks, and how sure that is.")(diagnose_command)
+    app.command("fit", rich_help_panel=FIT, short_help="Find the cloth parameters that follow the takes.")(fit_command)
+    app.command("fabric", rich_help_panel=FIT, short_help="Show a fit as a fabric tester would.")(fabric_command)
+    app.command("diagnose", rich_help_panel=FIT, short_help="Say what the simulation lacks, and how sure that is.")(
+        diagnose_command
+    )
+    add_report_commands(app)
     add_export_commands(app)
     add_batch_commands(app)
     add_blind_commands(app)
@@ -119,6 +129,7 @@ def fit_command(
     ] = None,
     seed: Seed = 0,
     anyway: Anyway = False,
+    plot: Plot = None,
 ) -> None:
     """Find the cloth parameters that make the simulation follow the takes.
 
@@ -132,11 +143,14 @@ def fit_command(
     The command writes DIR/fit.json and DIR/report.html. Interrupt it with Ctrl-C at any time: the same command goes on
     where it was. The least-squares searches go on from their last finished step.
     """
+    from msgspec import to_builtins
+
     from fit.api.shown import fit_tables
     from fit.api.tables import as_text
     from fit.folders import alone, make_folder, set_aside_other_takes
     from fit.identification.calibrate import calibrate
     from fit.identification.request import Plan
+    from fit.report.again import plot_of
     from fit.report.gather import write_fit_report
     from fit.report.origin import command_line
     from fit.search.choice import OBSERVED
@@ -150,8 +164,13 @@ def fit_command(
     make_folder(out, "fit.json", "fit.partial.json", "report.html")
     progress = ProgressLine(search)
     checkpoint = out / "fit.partial.json"
+    is_resumed = checkpoint.exists()
 
     def show(done: int, total: int, best: float) -> None:
+        nonlocal is_resumed
+        if is_resumed:
+            say(f"Going on from {done} of {total}.")
+            is_resumed = False
         error = f"mean error {1e3 * best:.1f} mm" if request.method.is_in_metres else f"error E/N {best:.3f}"
         count = f"step {done} of at most {total}" if search in OBSERVED else f"{done}/{total}"
         progress.show(done / total, f"{count}, {error}")
@@ -172,8 +191,11 @@ def fit_command(
         raise typer.Exit(130) from None
     if aside:
         say(aside)
-    typer.echo(as_text(fit_tables(result)))
-    typer.echo(f"Fit result: {out / 'fit.json'}\nReport:     {report}")
+    if plot is not None:
+        plot_of(report, result, None, plot)
+    know(fit=to_builtins(result), file=str(out / "fit.json"), report=str(report))
+    tell(as_text(fit_tables(result)))
+    tell(f"Fit result: {out / 'fit.json'}\nReport:     {report}")
 
 
 def fabric_command(
@@ -185,10 +207,13 @@ def fabric_command(
 
     The sheet shows the values beside those of fabrics that were measured elsewhere.
     """
-    from fit.folders import read_fit
-    from fit.virtual_tests.sheet import sheet_of
+    from dataclasses import asdict
 
-    typer.echo(sheet_of(read_fit(fit_file)[0]))
+    from fit.folders import read_fit
+    from fit.virtual_tests.sheet import sheet_of, tests_of
+
+    result = read_fit(fit_file)[0]
+    tell(sheet_of(result), material=result.material, tests=asdict(tests_of(result)))
 
 
 def diagnose_command(
@@ -225,6 +250,7 @@ def diagnose_command(
     ] = None,
     seed: Seed = 0,
     anyway: Anyway = False,
+    plot: Plot = None,
     by: Annotated[
         str,
         typer.Option(
@@ -244,20 +270,23 @@ def diagnose_command(
     Give takes of several strengths of one motion, and hold another motion out (--held-out or --held-out-motion).
 
     The command writes DIR/diagnosis.json and DIR/report.html. Interrupt it with Ctrl-C at any time: the same command
-    goes on with the fits that it has finished.
+    goes on with the fits that it has finished. Exit code 4: the verdict is inconclusive.
     """
+    from msgspec import to_builtins
+
     from fit.api.calls import library_of
     from fit.api.shown import diagnosis_tables
     from fit.api.tables import as_text
     from fit.cloth.effect import parameter_names
     from fit.cloth.model import Resolution
     from fit.effects import find_effects
-    from fit.errors import FitError
+    from fit.errors import INCONCLUSIVE, FitError
     from fit.folders import alone, make_folder, set_aside_other_takes
     from fit.gap.diagnosis import deciding, diagnose, ready
     from fit.gap.gates import data_gates
     from fit.methods import base_model_of, find_method
     from fit.recordings.selection import is_of
+    from fit.report.again import plot_of
     from fit.report.gather import write_diagnosis_report
     from fit.report.origin import command_line
     from formats.results import load_fit_result, save_diagnosis
@@ -283,6 +312,8 @@ def diagnose_command(
         if not gate.passed:  # the verdict will say so too, but not before everything is simulated
             say(f"No effect will be named: {gate.sentence[0].lower()}{gate.sentence[1:]}")
     make_folder(out, "diagnosis.json", "report.html")
+    if finished := len(list((out / "diagnosis.partial").glob("*.npz"))):
+        say(f"Going on with {finished} finished fits.")
     progress = ProgressLine("diagnosis")
     resolution = Resolution(spacing=spacing) if spacing is not None else None
     try:
@@ -312,8 +343,13 @@ def diagnose_command(
         raise typer.Exit(130) from None
     if aside:
         say(aside)
-    typer.echo(as_text(diagnosis_tables(findings.diagnosis, tuple(add))))
-    typer.echo(f"Diagnosis: {out / 'diagnosis.json'}\nReport:    {report}")
+    if plot is not None:
+        plot_of(report, fitted, findings.diagnosis, plot)
+    know(diagnosis=to_builtins(findings.diagnosis), file=str(out / "diagnosis.json"), report=str(report))
+    tell(as_text(diagnosis_tables(findings.diagnosis, tuple(add))))
+    tell(f"Diagnosis: {out / 'diagnosis.json'}\nReport:    {report}")
+    if findings.diagnosis.verdict == "inconclusive":
+        raise typer.Exit(INCONCLUSIVE)
 
 
 def _read(takes: list[Path], held_out: list[Path], motions: list[str], anyway: bool) -> tuple[list[Take], list[Take]]:

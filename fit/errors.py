@@ -12,6 +12,8 @@ from __future__ import annotations
 
 from formats.errors import HangtimeError
 
+INCONCLUSIVE = 4  # exit code of `hangtime diagnose`, which did its work: the takes cannot decide
+
 
 class FitError(HangtimeError):
     """A fit or diagnosis that cannot be started or finished as asked."""

@@ -8,15 +8,18 @@ from typing import Annotated
 import typer
 
 from formats.anyway import Anyway
-from formats.command_groups import group_of
+from formats.command_groups import TAKES, group_of
 from formats.takes_cli import add_takes_commands
+from formats.telling import tell, tell_entry
 
 
 def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
     add_takes_commands(group_of(app, "takes"))
-    app.command("import", short_help="Turn other people's recordings into takes.")(import_recordings)
-    app.command("swatch", short_help="Describe a square swatch with markers.")(describe_swatch)
+    app.command("import", rich_help_panel=TAKES, short_help="Turn other people's recordings into takes.")(
+        import_recordings
+    )
+    app.command("swatch", rich_help_panel=TAKES, short_help="Describe a square swatch with markers.")(describe_swatch)
 
 
 def import_recordings(
@@ -85,7 +88,9 @@ def import_recordings(
             target = write_take(out / f"{take.take_id}.mcap", take, overwrite=overwrite)
         except OSError as error:
             raise OutputError(f"cannot be written ({error.strerror})", where=out, advice="check the folder") from error
-        typer.echo(f"{target}: {len(take.time)} frames, {take.time[-1]:.1f} s")
+        length = float(take.time[-1])
+        words = f"{target}: {len(take.time)} frames, {length:.1f} s"
+        tell_entry("takes", words, file=str(target), frames=len(take.time), duration_s=length)
 
 
 def describe_swatch(
@@ -109,4 +114,6 @@ def describe_swatch(
     if not anyway:
         check_plausible_garment(described, path, offers_anyway=True)
     write_text(path, dump_description(described))
-    typer.echo(f"{path}: {markers * markers} markers, {1e3 * side / (markers - 1):.1f} mm apart")
+    apart = 1e3 * side / (markers - 1)
+    words = f"{path}: {markers * markers} markers, {apart:.1f} mm apart"
+    tell(words, file=str(path), markers=markers * markers, apart_mm=apart)

@@ -8,10 +8,12 @@ import platform
 import re
 import sys
 from importlib.metadata import entry_points, requires, version
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import typer
+from typer.main import get_command
 
+from formats import help_pages, telling
 from formats.completion import choose_shell
 from formats.errors import HangtimeError
 from formats.terminal import say, take_streams
@@ -67,19 +69,35 @@ def gather_commands() -> None:
         entry.load()(app)
 
 
+def whole() -> Any:
+    """Return the `hangtime` command, with the commands of every installed package and the options that all have."""
+    gather_commands()
+    help_pages.add_pages(app)
+    made = get_command(app)
+    help_pages.finish(made)
+    return made
+
+
 def main() -> None:
     """Run the command line; an error that a user can act on becomes one sentence on stderr and its exit code."""
     try:
         take_streams()
-        gather_commands()
+        telling.begin()
+        command = whole()
         choose_shell()
-        app()
+        try:
+            command()
+        finally:  # a command that failed at a part of its work has told the rest
+            telling.end()
     except HangtimeError as error:
         _refuse(error)
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)
     except SystemExit as end:  # Typer's own, 1, where a reader of stdout went away
         sys.exit(CUT_OFF if isinstance(end.__context__, BrokenPipeError) else end.code)
+    except BrokenPipeError:  # a reader of the JSON document went away
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - open as long as the process
+        sys.exit(CUT_OFF)
     except ModuleNotFoundError as error:
         library = (error.name or "").split(".")[0]
         if library in {"", "formats", "firmware_host", "capture", "fit"}:
@@ -107,7 +125,7 @@ def _how_to_get(library: str) -> str:
 
 
 def _refuse(error: HangtimeError) -> NoReturn:
-    say(f"hangtime: {error}")
+    say(f"hangtime: {error}", is_error=True)
     sys.exit(error.exit_code)
 
 

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import typer
 
+# Headings of the list of commands
+PANELS = (
+    "Record a garment", "Keep takes", "Fit and diagnose", "Take results away", "Check the diagnosis itself", "Others",
+)  # fmt: skip
+RECORD, TAKES, FIT, OUT, CHECK, OTHER = PANELS
 HELP = {"takes": "Show, check, recover, export and prune take archives."}
+PANEL_OF = {"takes": TAKES}
 
 
-def group_of(app: typer.Typer, name: str, words: str | None = None) -> typer.Typer:
+def group_of(app: typer.Typer, name: str, words: str | None = None, panel: str | None = None) -> typer.Typer:
     """Return the group of this name; it is made where no package made it before.
 
-    words: its help text, where `HELP` has none
+    - words: its help text, where `HELP` has none
+    - panel: heading under which it stands in the list of commands; `PANEL_OF` has those of shared groups
     """
     for group in app.registered_groups:
         if group.name == name and group.typer_instance is not None:
             return group.typer_instance
     made = typer.Typer(help=HELP.get(name, words), no_args_is_help=True)
-    app.add_typer(made, name=name)
+    app.add_typer(made, name=name, rich_help_panel=PANEL_OF.get(name, panel))
     return made

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from typing import Any
 
@@ -79,19 +78,6 @@ def summarise(take: Take) -> dict[str, Any]:
         "source": take.source,
         "notes": take.notes,
     }
-
-
-def as_json(summary: dict[str, Any]) -> str:
-    """Return a summary as JSON; a number that is not finite, which JSON does not have, becomes null."""
-    return json.dumps(_finite(summary), indent=2, allow_nan=False)
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(inner) for inner in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def describe(summary: dict[str, Any]) -> str:

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from formats.telling import tell, tell_entry
+
 Takes = Annotated[list[Path], typer.Argument(metavar="TAKE", help="Take archives (.mcap).")]
 
 
@@ -49,39 +51,43 @@ def list_takes(
         try:
             take, report = read_with_report(path)
         except TakeError as error:
-            typer.echo(f"lost        {error}")
+            tell_entry("takes", f"lost        {error}", file=str(path), state="lost", error=str(error))
             all_read = False
             continue
         length = float(take.time[-1] - take.time[0])
-        typer.echo(
-            f"{_word(report.is_sound, report.damaged_blocks):<11} {plain(path.relative_to(folder))}: {length:.1f} s, "
-            f"{kind_of(take)}, {plain(take.garment.name)}, {plain(take.created)}"
-        )
+        state = _word(report.is_sound, report.damaged_blocks)
+        tell_entry(
+            "takes",
+            f"{state:<11} {plain(path.relative_to(folder))}: {length:.1f} s, {kind_of(take)}, "
+            f"{plain(take.garment.name)}, {plain(take.created)}",
+            file=str(path), state=state, duration_s=length, motion=kind_of(take), garment=take.garment.name,
+            created=take.created,
+        )  # fmt: skip
     if not all_read:
         raise typer.Exit(2)
 
 
 def show_take(
     path: Annotated[Path, typer.Argument(metavar="TAKE", help="A take archive (.mcap), or what one left (.partial).")],
-    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    png: Annotated[
-        Path | None, typer.Option("--png", metavar="FILE", help="Also draw the paths of the tracked points.")
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", "--png", metavar="FILE.png", help="Also draw the paths of the tracked points."),
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")] = False,
 ) -> None:
     """Show what a take holds: length, rate, garment, how often each point was seen and how noisy it is."""
     from formats.archive import read_take
     from formats.outputs import refuse_to_replace
-    from formats.summary import as_json, describe, summarise
+    from formats.summary import describe, summarise
     from formats.take_picture import draw_in_letters, draw_png
 
     take = read_take(path)
     summary = summarise(take)
-    typer.echo(as_json(summary) if json else f"{describe(summary)}\n\n{draw_in_letters(take)}")
-    if png is not None:
+    tell(f"{describe(summary)}\n\n{draw_in_letters(take)}", **summary)
+    if plot is not None:
         if not overwrite:
-            refuse_to_replace(png)
-        draw_png(take, png)
+            refuse_to_replace(plot)
+        draw_png(take, plot)
 
 
 def verify_takes(paths: Takes) -> None:
@@ -96,7 +102,7 @@ def verify_takes(paths: Takes) -> None:
         try:
             take, report = read_with_report(path)
         except TakeError as error:
-            typer.echo(f"lost        {error}")
+            tell_entry("takes", f"lost        {error}", file=str(path), state="lost", error=str(error))
             all_sound = False
             continue
         rest = ""
@@ -112,7 +118,12 @@ def verify_takes(paths: Takes) -> None:
         elif take.missing:
             rest = f"; an earlier file had lost {missing_words(take)}"
         word = _word(report.is_sound, report.damaged_blocks)
-        typer.echo(f"{word:<11} {plain(path)}: {report.frames} frames in {report.blocks} blocks{rest}")
+        tell_entry(
+            "takes", f"{word:<11} {plain(path)}: {report.frames} frames in {report.blocks} blocks{rest}",
+            file=str(path), state=word, frames=report.frames, blocks=report.blocks,
+            damaged_blocks=report.damaged_blocks, missing_frames=report.missing_frames,
+            missing_scans=report.missing_scans,
+        )  # fmt: skip
         all_sound &= report.is_sound
     if not all_sound:
         raise typer.Exit(2)
@@ -142,7 +153,10 @@ def recover_takes(
         lost = missing_words(take)
         told = f"missing: {lost}" if lost else "nothing is missing"
         scans = f", {report.missing_scans} scans of the surface are lost" if report.missing_scans else ""
-        typer.echo(f"{plain(target)}: {len(take.time)} frames, {told}{scans}")
+        words = f"{plain(target)}: {len(take.time)} frames, {told}{scans}"
+        tell_entry(
+            "takes", words, file=str(target), frames=len(take.time), missing=lost, lost_scans=report.missing_scans
+        )
 
 
 def export_takes(
@@ -177,10 +191,10 @@ def export_takes(
             refuse_to_replace(target)
     if to is ExportKind.PARQUET:
         write_parquet(out, [read_take(path) for path in paths])
-        typer.echo(f"{plain(out)}: {len(paths)} takes")
+        tell(f"{plain(out)}: {len(paths)} takes", files=[str(out)], takes=len(paths))
         return
     make_output_folder(out)
     for path, target in zip(paths, targets, strict=True):
         take = read_take(path)
         writers[to](target, take)
-        typer.echo(f"{plain(target)}: {len(take.time)} frames")
+        tell_entry("files", f"{plain(target)}: {len(take.time)} frames", file=str(target), frames=len(take.time))

@@ -5,11 +5,33 @@ from __future__ import annotations
 import io
 import os
 import sys
+import time as clock
+from collections.abc import Callable
+
+BAR = 24  # characters of a progress bar
+SURE_AFTER, SURE_SHARE = 3.0, 0.02  # s, and share done, from which the time that is left can be told
 
 
-def say(text: str, end: str = "\n") -> None:
-    """Print to stderr; where nobody reads it any more, this and all that follows goes nowhere."""
-    if sys.stderr is None:  # closed before us
+class _Hushed:
+    is_on = False
+
+
+def hush(*, is_quiet: bool = True) -> None:
+    """Say nothing from here on but errors (`--quiet`), or speak again."""
+    _Hushed.is_on = is_quiet
+
+
+def is_hushed() -> bool:
+    """Return whether nothing but errors is to be said."""
+    return _Hushed.is_on
+
+
+def say(text: str, end: str = "\n", *, is_error: bool = False) -> None:
+    """Print to stderr; where nobody reads it any more, this and all that follows goes nowhere.
+
+    is_error: said even where `--quiet` asks for silence
+    """
+    if sys.stderr is None or (_Hushed.is_on and not is_error):  # closed before us
         return
     try:
         sys.stderr.write(text + end)  # in one piece, or lines of processes side by side run into each other
@@ -35,24 +57,57 @@ def take_streams() -> None:
 
 
 class ProgressLine:
-    """One line on a terminal that shows how far a long job is; a few whole lines where output is not a terminal."""
+    """One line on a terminal that shows how far a long job is; a few whole lines where output is not a terminal.
 
-    def __init__(self, title: str) -> None:
-        self._title = title
+    The time that is left is told from the speed since this process began. Work of an earlier process does not count.
+    """
+
+    def __init__(self, title: str, now: Callable[[], float] = clock.monotonic) -> None:
+        """Begin the line; now: a clock [s]."""
+        self._title, self._now = title, now
         self._is_terminal = is_watched()
         self._last = -1.0
+        self._begun: tuple[float, float] | None = None  # when, and at which share
 
     def show(self, share: float, text: str) -> None:
         """Show the share done, 0 to 1, and a few words."""
+        left = self._left(share)
         if self._is_terminal:
-            filled = round(24 * share)
-            bar = "#" * filled + "." * (24 - filled)
-            say(f"\r{self._title} [{bar}] {100 * share:3.0f} %  {text[:60]:<60}", end="")
+            filled = round(BAR * share)
+            bar = "#" * filled + "." * (BAR - filled)
+            width = max(20, min(100, _columns()) - len(self._title) - BAR - 12)
+            words = f"{text}, {left}" if left else text
+            say(f"\r{self._title} [{bar}] {100 * share:3.0f} %  {words[:width]:<{width}}", end="")
         elif share >= self._last + 0.1:
-            say(f"{self._title}: {100 * share:.0f} %, {text}")
+            say(f"{self._title}: {100 * share:.0f} %, {text}{f', {left}' if left else ''}")
             self._last = share
 
     def end(self) -> None:
         """Leave the line."""
         if self._is_terminal:
             say("")
+
+    def _left(self, share: float) -> str:
+        """Return the time that is left in words, empty while it cannot be told."""
+        now = self._now()
+        if self._begun is None or share < self._begun[1]:
+            self._begun = (now, share)
+        begun, first = self._begun
+        if now - begun < SURE_AFTER or share - first < SURE_SHARE or share >= 1.0:
+            return ""
+        return f"about {in_words((now - begun) * (1.0 - share) / (share - first))} left"
+
+
+def in_words(seconds: float) -> str:
+    """Return a time as `40 s`, `3 min` or `2 h 5 min`."""
+    if seconds < 90:
+        return f"{max(1, round(seconds))} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def _columns() -> int:
+    try:
+        return os.get_terminal_size(2).columns  # of stderr
+    except OSError:
+        return 80

@@ -50,7 +50,7 @@ RULES = (
     parsed(r"hangtime export .*--to usd", "needs usd-core; tests/fit/export runs these"),
     parsed(r"hangtime animate ", "needs PyAV; tests/fit/export runs these"),
     Rule(r"hangtime export ", "quick", (AS_NEW,)),
-    Rule(r"hangtime (?:takes (?:show|verify|export)|fabric|markers print|swatch) ", "quick"),
+    Rule(r"hangtime (?:takes (?:show|verify|export)|fabric|report|compare|markers print|swatch) ", "quick"),
     Rule(r"hangtime import (?!demo-swatch)", "quick"),
     Rule(r"hangtime (?:sensor synthesise-swatch|import) ", "slow"),  # the second needs what the first makes
     Rule(r"hangtime sensor doctor synthetic:", "slow", (("synthetic:swing", "'synthetic:swing?seconds=1'"),)),
@@ -164,7 +164,7 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
             write_take(folder / "demo" / f"{name}.mcap", take)
     for name, hz in (("swing", 0.7), ("other", 0.9)):
         (folder / f"{name}.csv").write_text(marker_paths(time, hz))
-    for out in ("results", "demo"):
+    for out in ("results", "demo", "other-results"):
         run(folder, f"hangtime fit swing.mcap --method si --iterations 4 --spacing 0.15 --out {out}")
     return folder
 
@@ -226,4 +226,4 @@ def test_every_list_of_commands_fits_its_terminal(tmp_path, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     for words in ([], ["takes"], ["sync"], ["sensor"], ["blind"], ["markers"]):
         shown = hangtime_here(*words, "--help", folder=tmp_path).stdout
-        assert [line for line in shown.split("Commands:")[1].splitlines() if line.endswith("...")] == []
+        assert [line for line in shown.splitlines()[1:] if line.endswith("...")] == []

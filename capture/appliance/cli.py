@@ -10,6 +10,10 @@ from typing import Annotated, Any
 
 import typer
 
+from formats.command_groups import RECORD
+from formats.help_pages import TOLD
+from formats.telling import tell
+
 CONFIG = Annotated[Path, typer.Option("--config", metavar="FILE.toml", help="The appliance's configuration.")]
 SOCKET = Annotated[
     Path, typer.Option("--socket", metavar="PATH", envvar="HANGTIME_SOCKET", help="Where the daemon listens.")
@@ -19,11 +23,14 @@ DEFAULT_CONFIG, DEFAULT_SOCKET = Path("/etc/hangtime/appliance.toml"), Path("/ru
 
 def add_commands(app: typer.Typer) -> None:
     """Add the appliance's commands to the `hangtime` command."""
-    app.command("daemon", short_help="Be the appliance: record at the press of a button.")(daemon_command)
-    app.command("start", short_help="Let the appliance begin a take.")(start_command)
-    app.command("stop", short_help="Let the appliance end its take.")(stop_command)
-    app.command("status", short_help="Say how the appliance is, and what to do.")(status_command)
-    app.command("watch", short_help="Say how the appliance is at every change.")(watch_command)
+    for name, command, words in (
+        ("daemon", daemon_command, "Be the appliance: record at the press of a button."),
+        ("start", start_command, "Let the appliance begin a take."),
+        ("stop", stop_command, "Let the appliance end its take."),
+        ("status", status_command, "Say how the appliance is, and what to do."),
+        ("watch", watch_command, "Say how the appliance is at every change."),
+    ):
+        app.command(name, rich_help_panel=RECORD, short_help=words)(command)
 
 
 def daemon_command(config: CONFIG = DEFAULT_CONFIG) -> None:
@@ -37,18 +44,17 @@ def daemon_command(config: CONFIG = DEFAULT_CONFIG) -> None:
 def start_command(socket: SOCKET = DEFAULT_SOCKET) -> None:
     """Let the appliance begin a take, with the seconds before this command."""
     _do(socket, "start")
-    typer.echo("recording")
+    tell("recording", doing="recording")
 
 
 def stop_command(socket: SOCKET = DEFAULT_SOCKET) -> None:
     """Let the appliance end its take and keep it."""
     _do(socket, "stop")
-    typer.echo("saving")
+    tell("saving", doing="saving")
 
 
 def status_command(
     socket: SOCKET = DEFAULT_SOCKET,
-    as_json: Annotated[bool, typer.Option("--json", help="Print it for programs.")] = False,
     preview: Annotated[
         Path | None, typer.Option("--preview", metavar="FILE.png", help="Also write what the sensor sees.")
     ] = None,
@@ -64,7 +70,7 @@ def status_command(
     told = ask(socket, "status")
     seen = ask(socket, "preview")
     told["sees"] = seen["line"]
-    typer.echo(json.dumps(told, indent=2) if as_json else "\n".join([*lines(told), f"sees: {seen['line']}"]))
+    tell("\n".join([*lines(told), f"sees: {seen['line']}"]), **told)
     if preview is not None:
         write_whole(preview, picture_in(seen))
     if told["state"] == "fault":
@@ -73,7 +79,9 @@ def status_command(
 
 def watch_command(
     socket: SOCKET = DEFAULT_SOCKET,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one object a line, for programs.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", rich_help_panel=TOLD, help="Print one object a line, for programs.")
+    ] = False,
 ) -> None:
     """Say how the appliance is at every change, until Ctrl-C."""
     from capture.appliance.control import listen

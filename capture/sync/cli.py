@@ -7,6 +7,9 @@ from typing import Annotated
 
 import typer
 
+from formats.help_pages import TOLD
+from formats.telling import know, tell
+
 Config = Annotated[Path, typer.Option("--config", metavar="FILE", help="The appliance's configuration.")]
 SpoolFolder = Annotated[
     Path | None,
@@ -17,12 +20,12 @@ CONFIG = Path("/etc/hangtime/appliance.toml")
 
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of sync to the `hangtime` command."""
-    from formats.command_groups import group_of
+    from formats.command_groups import RECORD, group_of
 
-    sync = group_of(app, "sync", "Bring kept takes to the server, and verify them there.")
+    sync = group_of(app, "sync", "Bring kept takes to the server, and verify them there.", RECORD)
     sync.command("run", short_help="Bring takes to the server until none waits.")(run_sync)
     sync.command("now", short_help="Bring takes to the server once.")(sync_now)
-    sync.command("prove")(prove_sync)
+    sync.command("prove", short_help="Fetch one take at random and check it.")(prove_sync)
     sync.command("status", short_help="Say what waits and what is safe.")(show_sync)
     group_of(app, "takes").command("prune")(prune_takes)
 
@@ -54,7 +57,7 @@ def prove_sync(config: Config = CONFIG, spool: SpoolFolder = None) -> None:
 def show_sync(
     config: Config = CONFIG,
     spool: SpoolFolder = None,
-    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    json: Annotated[bool, typer.Option("--json", rich_help_panel=TOLD, help="Print JSON instead of words.")] = False,
 ) -> None:
     """Say how sync stands: what waits, what is safe, what is in the way, when it was last proved."""
     from capture.appliance.sync_status import FILE, is_syncing, read_status, sentences
@@ -67,9 +70,9 @@ def show_sync(
         typer.echo("null" if status is None else (folder / FILE).read_text().strip())
         return
     if is_syncing(folder):
-        typer.echo("Syncing now.")
+        tell("Syncing now.")
     for sentence in sentences(status, now_here()):
-        typer.echo(sentence)
+        tell(sentence)
 
 
 def prune_takes(
@@ -104,14 +107,17 @@ def prune_takes(
         retention = msgspec.structs.replace(retention, quota_bytes=quota_mb * 1_000_000)
     room = Spool(told.spool).make_room(retention, now=now_here(), url=told.settings.url)
     for stem in room.left:
-        typer.echo(f"{stem} left; its receipt says where it is")
+        tell(f"{stem} left; its receipt says where it is")
     unsafe = sum(1 for _ in Spool(told.spool).waiting(told.settings.url))
-    typer.echo(f"{len(room.left)} left, {room.used / 1e6:.1f} MB of takes stay, {room.free / 1e9:.1f} GB are free")
+    know(left=list(room.left), used_bytes=room.used, free_bytes=room.free, is_enough=room.is_enough, unsafe=unsafe)
+    tell(f"{len(room.left)} left, {room.used / 1e6:.1f} MB of takes stay, {room.free / 1e9:.1f} GB are free")
     if not room.is_enough:
-        typer.echo(f"that is more than the configuration allows: {unsafe} takes are not safe on the server and stay")
+        tell(f"that is more than the configuration allows: {unsafe} takes are not safe on the server and stay")
 
 
 def _start(command: str, config: Path, spool: Path | None) -> None:
     from capture.sync.process import start
 
-    raise typer.Exit(start(command, config, spool))
+    code = start(command, config, spool)
+    know(exit_code=code)
+    raise typer.Exit(code)

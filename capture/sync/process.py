@@ -42,11 +42,11 @@ def start(command: str, config: Path, spool: Path | None) -> int:
         listen(credentials)
         return work(command, Sync(told, credentials), told)
     except HangtimeError as error:
-        say(credentials.hide(f"hangtime sync: {error}"))
+        say(credentials.hide(f"hangtime sync: {error}"), is_error=True)
         return REFUSED
     except OSError as error:
         where = error.filename or "the folder of takes"
-        say(f"hangtime sync: {where}: cannot be used ({error.strerror}); check the disk of this device")
+        say(f"hangtime sync: {where}: cannot be used ({error.strerror}); check the disk of this device", is_error=True)
         return REFUSED
 
 
@@ -69,7 +69,7 @@ def work(command: str, sync: Sync, told: Told) -> int:
         try:
             proof = sync.prove()
         except SyncError as fault:
-            say(sync.credentials.hide(f"hangtime sync: {fault}"))
+            say(sync.credentials.hide(f"hangtime sync: {fault}"), is_error=True)
             return LATER
         if proof is None:
             say(f"hangtime sync: nothing of {told.spool} is on {told.settings.url} yet")
@@ -78,5 +78,5 @@ def work(command: str, sync: Sync, told: Told) -> int:
     in_the_way = sync.run() if command == "run" else sync.once()
     if in_the_way is None:
         return SAFE
-    say(sync.credentials.hide(f"hangtime sync: {in_the_way}"))
+    say(sync.credentials.hide(f"hangtime sync: {in_the_way}"), is_error=True)
     return LATER

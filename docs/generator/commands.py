@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterator
 
 import typer
-from typer.main import get_command
 
 from formats import command
 
@@ -15,8 +14,7 @@ Part = typer.core.TyperCommand | typer.core.TyperGroup
 
 def whole_command() -> Part:
     """Return the `hangtime` command with the commands of every installed package."""
-    command.gather_commands()
-    return get_command(command.app)
+    return command.whole()
 
 
 def every_command(part: Part, name: str = "hangtime") -> Iterator[tuple[str, Part]]:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from formats.anyway import Anyway
+from formats.telling import tell_entry
 
 
 def add_commands(sensor: typer.Typer) -> None:
@@ -47,6 +48,7 @@ def doctor(
         for check, finding in examine(checks, examination):
             is_well = is_well and finding.verdict is Verdict.OK
             mark = {Verdict.OK: "ok: ", Verdict.PROBLEM: "", Verdict.SKIPPED: "skipped: "}[finding.verdict]
-            typer.echo(f"{check.name:<{width}}  {mark}{finding.text}")
+            words = f"{check.name:<{width}}  {mark}{finding.text}"
+            tell_entry("checks", words, name=check.name, verdict=finding.verdict.name.lower(), text=finding.text)
     if not is_well:
         raise typer.Exit(1)

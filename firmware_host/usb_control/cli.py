@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from formats.telling import tell
+
 Place = Annotated[
     str | None,
     typer.Option("--device", metavar="BUS:ADDRESS", help="Which one, as `hangtime sensor list` shows it."),
@@ -25,13 +27,11 @@ def info(device: Place = None) -> None:
     """Ask the sensor for firmware, serial number, platform; a Kinect for tilt, acceleration and gravity."""
     from firmware_host.usb_control import devices
     from firmware_host.usb_control.models import Protocol
-    from firmware_host.usb_control.report import information, place_lines
+    from firmware_host.usb_control.report import information, place_lines, tell_sensor
 
     found = devices.find_devices()
     for chosen in devices.choose(found, (Protocol.PS1080, Protocol.KINECT_MOTOR), "what it knows of itself", device):
-        typer.echo(chosen.model.name)
-        for name, value in place_lines(chosen) + information(chosen):
-            typer.echo(f"    {name:<14} {value}")
+        tell_sensor(chosen.model.name, place_lines(chosen) + information(chosen))
 
 
 def log(device: Place = None) -> None:
@@ -43,10 +43,7 @@ def log(device: Place = None) -> None:
     chosen = devices.choose(devices.find_devices(), (Protocol.PS1080,), "a log", device)[0]
     with closing(chosen.open_link()) as link:
         lines = Ps1080(link, chosen.where).log()
-    for line in lines:
-        typer.echo(line)
-    if not lines:
-        typer.echo("The log is empty.")
+    tell("\n".join(lines) if lines else "The log is empty.", lines=list(lines))
 
 
 def reset(
@@ -79,7 +76,8 @@ def reset(
     seconds = wait_until_answering(find_again)
     if seconds is None:
         raise UsbTimeoutError("it does not answer after the reset", where=chosen.where, advice="unplug and replug it")
-    typer.echo(f"{chosen.where}: {'rebooted' if reboot else 'reset'}, answers again after {seconds:.1f} s")
+    done = "rebooted" if reboot else "reset"
+    tell(f"{chosen.where}: {done}, answers again after {seconds:.1f} s", where=chosen.where, done=done, seconds=seconds)
 
 
 def led(
@@ -111,4 +109,4 @@ def led(
             KinectMotor(link, chosen.where).set_led(colours[colour])
         else:
             Ps1080(link, chosen.where).set_led(colour == "on")
-    typer.echo(f"{chosen.where}: lamp {colour}")
+    tell(f"{chosen.where}: lamp {colour}", where=chosen.where, lamp=colour)

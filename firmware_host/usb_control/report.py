@@ -10,10 +10,18 @@ from firmware_host.usb_control.devices import SPEEDS, UsbDevice
 from firmware_host.usb_control.kinect_motor import KinectMotor, Motor
 from firmware_host.usb_control.models import Protocol
 from firmware_host.usb_control.ps1080 import Ps1080
+from formats.telling import tell_entry
 
 Lines = list[tuple[str, str]]
 
 MOTOR_WORDS = {Motor.STOPPED: "stopped", Motor.AT_LIMIT: "at its limit", Motor.MOVING: "moving"}
+
+
+def tell_sensor(name: str, lines: Lines) -> None:
+    """Tell a sensor's name and what is known of it, a line each."""
+    tell_entry(
+        "sensors", "\n".join([name, *(f"    {of:<14} {value}" for of, value in lines)]), name=name, facts=dict(lines)
+    )
 
 
 def driver_status(device: UsbDevice) -> str:

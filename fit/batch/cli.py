@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from fit.errors import UnreachableError
 from formats.anyway import Anyway
+from formats.command_groups import FIT
+from formats.telling import tell
 from formats.terminal import say
 
 if TYPE_CHECKING:
@@ -26,7 +27,9 @@ NEXT_TRY = 900.0  # s after which the nightly service tries again (RestartSec in
 
 def add_commands(app: typer.Typer) -> None:
     """Add `hangtime batch` to the command."""
-    app.command("batch", short_help="Fit every take of a folder or bucket, over night or on a cluster.")(batch_command)
+    app.command(
+        "batch", rich_help_panel=FIT, short_help="Fit every take of a folder or bucket, over night or on a cluster."
+    )(batch_command)
 
 
 def batch_command(
@@ -179,12 +182,15 @@ def batch_command(
         if row.sentence:
             say(f"{row.take}: {row.sentence}")
     place = results.path("summary.html") or f"{results.url}/summary.html"
-    typer.echo(f"{sentence_of(rows)}\nSummary: {place if isinstance(place, str) else Path(place)}")
+    shown = str(place)
+    told = [{"take": row.take, "state": row.state, "sentence": row.sentence} for row in rows]
+    tell(f"{sentence_of(rows)}\nSummary: {shown}", summary=shown, takes=told)
     if morning is not None:
         page = results.path("morning.html") or f"{results.url}/morning.html"
         for who, what in morning.needs:
             say(f"{who}: {what}")
-        typer.echo(f"{morning.headline}\nMorning page: {page}")
+        needs = [{"who": who, "what": what} for who, what in morning.needs]
+        tell(f"{morning.headline}\nMorning page: {page}", morning=str(page), headline=morning.headline, needs=needs)
     if is_interrupted:
         say("Interrupted; the same command goes on.")
         raise typer.Exit(130)

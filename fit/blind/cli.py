@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fit.errors import FitError
+from formats.command_groups import CHECK
+from formats.telling import tell
 from formats.terminal import is_watched, say
 
 if TYPE_CHECKING:
@@ -37,7 +40,7 @@ Workers = Annotated[int, typer.Option("--workers", min=1, help="Diagnoses side b
 
 def add_commands(app: typer.Typer) -> None:
     """Add the group `blind` to the `hangtime` command."""
-    app.add_typer(blind)
+    app.add_typer(blind, rich_help_panel=CHECK)
 
 
 @blind.command("make", short_help="Simulate cases with withheld effects and seal their labels.")
@@ -117,7 +120,8 @@ def make_command(
                 folder, numbers, engine.plants(effect), seed, workers=workers, side=side, generator=engine,
                 sensor=sensor, progress=show,
             )  # fmt: skip
-    typer.echo(f"{len(manifest.cases)} cases in {folder / 'cases'}; labels sealed as {manifest.sealed}")
+    words = f"{len(manifest.cases)} cases in {folder / 'cases'}; labels sealed as {manifest.sealed}"
+    tell(words, cases=len(manifest.cases), sealed=manifest.sealed)
 
 
 @blind.command("run", short_help="Diagnose every case of a set.")
@@ -151,7 +155,8 @@ def run_command(
         failed = run_set(
             folder, answers, options=option, again=again, limit=limit, workers=workers, takes=takes, progress=show
         )
-    typer.echo(f"Answers in {answers}" + (f"; {failed} cases ended without a diagnosis" if failed else ""))
+    without = f"; {failed} cases ended without a diagnosis" if failed else ""
+    tell(f"Answers in {answers}{without}", answers=str(answers), failed=failed)
 
 
 @blind.command("score", short_help="Hash the answers, open the seal, print every rate.")
@@ -181,11 +186,12 @@ def score_command(
         if isinstance(rival, RealScore):
             print_real(rival)
     else:
-        typer.echo(f"{len(score.cases)} cases, opening {score.look} of this seal; answers {score.answers}")
+        tell(f"{len(score.cases)} cases, opening {score.look} of this seal; answers {score.answers}")
         if rival is not None:
-            typer.echo(f"beside: {len(rival.cases)} cases, opening {rival.look}; answers {rival.answers}")
+            tell(f"beside: {len(rival.cases)} cases, opening {rival.look}; answers {rival.answers}")
         print_score(score, None if isinstance(rival, RealScore) else rival)
-    typer.echo(f"Score: {answers / SCORE}")
+    known = {name: json.loads((at / SCORE).read_text()) for name, at in (("score", answers), ("beside", beside)) if at}
+    tell(f"Score: {answers / SCORE}", **known)
 
 
 def print_score(score: Score, beside: Score | None = None) -> None:
@@ -196,34 +202,34 @@ def print_score(score: Score, beside: Score | None = None) -> None:
     for title, name, asked in ROWS:
         said = figure(score.overall, name)
         other = f" {figure(beside.overall, name):<32}" if beside else ""
-        typer.echo(f"{title:<48} {said:<32}{other}" + (f" asked: {asked}" if asked else ""))
+        tell(f"{title:<48} {said:<32}{other}" + (f" asked: {asked}" if asked else ""))
         for size in bins:
             part, other = figure(score.by_size[size], name), figure(beside.by_size[size], name) if beside else "–"
             if (part, other) != ("–", "–"):
-                typer.echo(f"    {size + ' x detectable':<44} {part:<32}" + (f" {other}" if beside else ""))
-    typer.echo(f"{'baseline: chance':<48} {100 * score.chance:.0f} %")
+                tell(f"    {size + ' x detectable':<44} {part:<32}" + (f" {other}" if beside else ""))
+    tell(f"{'baseline: chance':<48} {100 * score.chance:.0f} %")
     print_rates((f"baseline: {name}", rate) for name, rate in score.baselines.items())
     for note in score.notes:
-        typer.echo(note)
+        tell(note)
 
 
 def print_rates(rates: Iterable[tuple[str, Rate]]) -> None:
     """Print titled rates, a line each."""
     for title, rate in rates:
-        typer.echo(f"{title:<48} {rate}")
+        tell(f"{title:<48} {rate}")
 
 
 def print_real(score: RealScore) -> None:
     """Print what planted faults changed in the diagnosis of real takes, case by case and in sum."""
-    typer.echo(f"{len(score.cases)} planted cases, opening {score.look} of this seal; answers {score.answers}")
+    tell(f"{len(score.cases)} planted cases, opening {score.look} of this seal; answers {score.answers}")
     for case, said in score.untouched.items():
-        typer.echo(f"untouched takes {case}: {said}")
-    typer.echo(f"{'planted':<20}{'amplitude':>11}{'x detectable':>14}{'error':>8}  {'moved most':<20}named")
+        tell(f"untouched takes {case}: {said}")
+    tell(f"{'planted':<20}{'amplitude':>11}{'x detectable':>14}{'error':>8}  {'moved most':<20}named")
     for one in score.cases:
         ratio = "–" if one.ratio is None else f"{one.ratio:.2g}"
         error = "–" if one.error is None else f"{100 * one.error:.0f} %"
         named = ", ".join(one.named) or f"({one.verdict})"
-        typer.echo(f"{one.planted:<20}{one.amplitude:>11.3g}{ratio:>14}{error:>8}  {one.moved_most or '–':<20}{named}")
+        tell(f"{one.planted:<20}{one.amplitude:>11.3g}{ratio:>14}{error:>8}  {one.moved_most or '–':<20}{named}")
     print_rates((
         ("the planted effect's group moved most", score.moved_most),
         ("by the right size, within half", score.right_size),
@@ -231,7 +237,7 @@ def print_real(score: RealScore) -> None:
         ("newly named", score.newly_named),
     ))  # fmt: skip
     if score.without_answer:
-        typer.echo(f"{score.without_answer} cases have no estimate to compare; they count in no rate of sizes")
+        tell(f"{score.without_answer} cases have no estimate to compare; they count in no rate of sizes")
 
 
 @blind.command("strike", short_help="Diagnose scored cases without what was planted in the library.")
@@ -263,7 +269,7 @@ def strike_command(
         )  # fmt: skip
     for case in struck.cases:
         said = ", ".join(case.named) or f"({case.verdict})"
-        typer.echo(f"{case.planted:<20}{case.ratio:>8.3g} x detectable  {case.said:<9}{said}")
+        tell(f"{case.planted:<20}{case.ratio:>8.3g} x detectable  {case.said:<9}{said}")
     print_rates((
         ("`unknown`", struck.unknown),
         ("`unknown` where nothing looks like it", struck.unknown_without_twin),
@@ -272,7 +278,7 @@ def strike_command(
         ("nothing named, no gap or no data", struck.nothing),
         ("confident and wrong", struck.confident_and_wrong),
     ))  # fmt: skip
-    typer.echo(f"Struck: {out / STRUCK}")
+    tell(f"Struck: {out / STRUCK}", struck=json.loads((out / STRUCK).read_text()))
 
 
 @blind.command("report", short_help="Write the score as one HTML file.")
@@ -291,7 +297,8 @@ def report_command(
     check_page_name(out, (folder, answers))
     if not overwrite:
         refuse_to_replace(out)
-    typer.echo(f"Report: {write_page(answers, out)}")
+    page = write_page(answers, out)
+    tell(f"Report: {page}", report=str(page))
 
 
 @contextmanager

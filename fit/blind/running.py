@@ -17,7 +17,7 @@ from pathlib import Path
 
 from fit import runtime
 from fit.blind.making import changed_files, read_manifest
-from fit.errors import FitError
+from fit.errors import INCONCLUSIVE, FitError
 from fit.folders import alone, make_folder
 from formats.whole_files import write_whole
 
@@ -134,7 +134,7 @@ class _Diagnoses:
         if code in {130, -signal.SIGINT}:  # the next run goes on with the fits kept in its folder
             raise KeyboardInterrupt
         write_whole(work / LOG, said.encode())
-        if code == 0 and _is_done(work):
+        if code in {0, INCONCLUSIVE} and _is_done(work):
             (work / FAILURE).unlink(missing_ok=True)
         else:
             (work / DIAGNOSIS).unlink(missing_ok=True)

@@ -8,6 +8,9 @@ from typing import Annotated
 
 import typer
 
+from formats.command_groups import OUT
+from formats.telling import tell, tell_entry
+
 FitFile = Annotated[
     Path, typer.Argument(metavar="FIT", help="A result of `hangtime fit`: fit.json, or the folder that holds it.")
 ]
@@ -38,8 +41,10 @@ class ExportKind(StrEnum):
 
 def add_commands(app: typer.Typer) -> None:
     """Add `hangtime export` and `hangtime animate` to the command."""
-    app.command("export", short_help="Write a fit for other programs.")(export_command)
-    app.command("animate", short_help="Show a fitted garment in motion, as a film or a moving mesh.")(animate_command)
+    app.command("export", rich_help_panel=OUT, short_help="Write a fit for other programs.")(export_command)
+    app.command(
+        "animate", rich_help_panel=OUT, short_help="Show a fitted garment in motion, as a film or a moving mesh."
+    )(animate_command)
 
 
 def export_command(
@@ -92,12 +97,13 @@ def export_command(
     )
     if to is ExportKind.TABLE and out is None:
         made = KINDS[to.value].make(order)
-        typer.echo(next(iter(made.values())).decode(), nl=False)
+        sheet = next(iter(made.values())).decode()
+        tell(sheet.removesuffix("\n"), table=sheet)
         return
     path = out or default_path(file, to.value)
     check_is_no_input(path, {"FIT": file} | ({"--take": take} if take is not None else {}))
     for written in export(order, to.value, path, overwrite=overwrite):
-        typer.echo(plain(written))
+        tell_entry("files", plain(written), file=str(written))
 
 
 def animate_command(
@@ -175,4 +181,4 @@ def animate_command(
     progress.end()
     for remark in written.remarks:
         say(remark)
-    typer.echo(plain(written.path))
+    tell(plain(written.path), file=str(written.path), remarks=list(written.remarks))

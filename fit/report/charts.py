@@ -216,7 +216,7 @@ def error_chart(
         return NOTHING
     start, end = float(time[0]), float(time[-1])
     drawn = [part for curve in curves for part in (curve.values, curve.largest) if part is not None]
-    top, steps = _nice_top(1e3 * max(float(np.nanmax(part)) for part in drawn))
+    top, steps = axis_top(1e3 * max(float(np.nanmax(part)) for part in drawn))
     lines, legend = [], []
     for curve in curves:
         style = RUN_CLASSES[curve.run]
@@ -253,8 +253,8 @@ def _path(time: Floats, values: Floats, top: float) -> str:
     return "".join(parts)
 
 
-def _nice_top(largest: float) -> tuple[float, int]:
-    """Top of an axis from zero and its number of steps."""
+def axis_top(largest: float) -> tuple[float, int]:
+    """Return the top of an axis from zero and its number of steps."""
     if not largest > 0:
         return 1.0, 2
     raw = largest / 4

@@ -17,7 +17,7 @@ from fit.identification.request import Request
 from fit.methods import find_method
 from fit.observer.residuals import has_static
 from fit.recordings.recording import Recording, prepare_together
-from fit.report.kept import created_of, save_motions
+from fit.report.kept import created_of, load_motions, save_motions
 from fit.report.motion import ReportMotion, Run
 from fit.report.origin import Origin, origin_of
 from fit.report.page import write_report
@@ -96,10 +96,12 @@ def write_diagnosis_report(
 def _written(
     path: Path, fitted: FitResult | None, findings: Findings | None, motions: list[ReportMotion], origin: Origin
 ) -> Path:
+    """Keep the motion, and write the page from what was kept, so that `hangtime report` makes the same page again."""
     diagnosis = findings.diagnosis if findings is not None else None
-    write_report(path, fit=fitted, diagnosis=diagnosis, motions=motions, origin=origin)
-    save_motions(path, motions, origin, created_of(fitted, diagnosis))
-    return path
+    created = created_of(fitted, diagnosis)
+    save_motions(path, motions, origin, created)
+    kept, known = load_motions(path, created)
+    return write_report(path, fit=fitted, diagnosis=diagnosis, motions=kept, origin=known)
 
 
 def _both(training: list[Recording], held_out: list[Recording]) -> list[tuple[Recording, bool]]:

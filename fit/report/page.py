@@ -99,7 +99,7 @@ def _page(
         "page.html",
         takes=takes,
         about=" · ".join(part for part in (takes, created) if part),
-        style=Markup(_packaged("page.css")),
+        style=Markup(packaged("page.css")),
         answer=answer.verdict(fit, diagnosis, motions),
         parts=[
             {"anchor": anchor, "short": short, "title": title, "body": parts[anchor]}
@@ -108,11 +108,12 @@ def _page(
         ],
         # Inside a script element only "</" and "<!--" would end or bend the data.
         motions=Markup(data.replace("<", "\\u003c")),
-        script=Markup(_packaged("page.js")),
+        script=Markup(packaged("page.js")),
     )
 
 
-def _packaged(name: str) -> str:
+def packaged(name: str) -> str:
+    """Return a text file of this package."""
     return resources.files("fit.report").joinpath(name).read_text(encoding="utf-8")
 
 

@@ -6,15 +6,15 @@ from fit.cloth.material import NAMES
 from fit.engines import OWN
 from fit.errors import FitError
 from fit.virtual_tests.fabric_ranges import QUANTILES, TEN, range_of_ten, share_below
-from fit.virtual_tests.kes import make_sheet
+from fit.virtual_tests.kes import Sheet, make_sheet
 from formats.fit_records import FitResult
 
 FRICTION = "bending_hysteresis"  # the effect that brings friction into bending
 SHARED = ("areal_density", "stretch_stiffness", "shear_stiffness", "bending_stiffness")  # by layers that slide
 
 
-def sheet_of(result: FitResult) -> str:
-    """Return the sheet of a fit result: of one layer, where the garment has several that slide on one another.
+def tests_of(result: FitResult) -> Sheet:
+    """Return the virtual tests of a fit: of one layer, where the garment has several that slide on one another.
 
     Raises:
         FitError: the result does not hold its material, or is of another engine.
@@ -27,7 +27,16 @@ def sheet_of(result: FitResult) -> str:
     if not set(NAMES) <= result.material.keys():
         raise FitError("the fit result does not hold its material", advice="it is from an older version: fit again")
     material = {name: value / (result.layers if name in SHARED else 1) for name, value in result.material.items()}
-    sheet = make_sheet(material, result.effects.get(FRICTION, 0.0) / result.layers)
+    return make_sheet(material, result.effects.get(FRICTION, 0.0) / result.layers)
+
+
+def sheet_of(result: FitResult) -> str:
+    """Return the sheet of a fit result: of one layer, where the garment has several that slide on one another.
+
+    Raises:
+        FitError: the result does not hold its material, or is of another engine.
+    """
+    sheet = tests_of(result)
     head = f"{'quantity':<30}{'unit':<14}{'warp':>9}{'weft':>9}   {'ten fabrics':<18}618 fabrics"
     lines = [f"Virtual fabric tests of {', '.join(result.take_ids)} ({result.method})", "", head]
 

@@ -14,7 +14,7 @@ import pytest
 
 from fit.cloth.model import Resolution
 from fit.effects import LIBRARY, find_effects
-from fit.errors import FitError
+from fit.errors import INCONCLUSIVE, FitError
 from fit.folders import alone
 from fit.gap.diagnosis import diagnose
 from fit.identification.calibrate import calibrate
@@ -230,6 +230,22 @@ def test_a_diagnosis_says_before_it_simulates_that_the_takes_are_too_short(tmp_p
     assert "No effect will be named: the shortest take lasts 2.0 s; at least 2.5 s are needed: record longer." in (
         done.stderr
     )
+
+
+def test_takes_that_cannot_decide_end_with_a_code_of_their_own_and_with_a_report(tmp_path):
+    """Two seconds of the 2.5 that are needed, with one effect in the library."""
+    pytest.importorskip("PIL")
+    write_take(tmp_path / "a.mcap", a_swung_take(seconds=2.0))
+    without = [word for e in LIBRARY if e.name != "hem" for word in ("--without", e.name)]
+    words = ["diagnose", "a.mcap", "--model", "lean", "--spacing", 0.2, "--plot", "e.png", "--json", *without]
+    done = hangtime_here(*words, folder=tmp_path)
+    assert done.returncode == INCONCLUSIVE == 4
+    told = json.loads(done.stdout)
+    assert told["diagnosis"]["verdict"] == "inconclusive"
+    assert (tmp_path / told["report"]).exists()
+    assert (tmp_path / "e.png").read_bytes().startswith(b"\x89PNG")
+    page = (tmp_path / told["report"]).read_text()
+    assert "hangtime diagnose a.mcap --model lean" in page  # the origin
 
 
 @pytest.mark.slow

@@ -6,6 +6,10 @@ import os
 import subprocess
 import sys
 
+import pytest
+
+from formats.terminal import ProgressLine, hush, in_words, say
+
 
 def test_a_message_and_the_end_of_its_line_are_written_in_one_piece():
     """Packets keep writes apart, and an unbuffered stream passes each write on."""
@@ -17,3 +21,51 @@ def test_a_message_and_the_end_of_its_line_are_written_in_one_piece():
         words = [sys.executable, "-u", "-c", said]
         subprocess.run(words, stderr=theirs, check=True, env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
         assert ours.recv(100) == b"camera 40 %\n"
+
+
+class Clock:
+    """A clock that is set by hand [s]."""
+
+    now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+def test_progress_tells_the_time_that_is_left_from_the_speed_of_this_process(capsys):
+    """It goes on at 40 %; 10 s for 20 % more leave 20 s for the last 40 %."""
+    clock = Clock()
+    line = ProgressLine("annealing", clock)
+    line.show(0.4, "140/350")
+    clock.now += 10.0
+    line.show(0.6, "210/350")
+    said = capsys.readouterr().err.splitlines()
+    assert said == ["annealing: 40 %, 140/350", "annealing: 60 %, 210/350, about 20 s left"]
+
+
+def test_progress_tells_no_time_before_it_can_know_it(capsys):
+    clock = Clock()
+    line = ProgressLine("fit", clock)
+    for after, share in ((0.0, 0.0), (1.0, 0.5), (4.0, 1.0)):
+        clock.now = 100.0 + after
+        line.show(share, "step")
+    assert "left" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [(0.2, "1 s"), (89.0, "89 s"), (130.0, "2 min"), (5400.0, "1 h 30 min"), (7500.0, "2 h 5 min")],
+)
+def test_times_in_words(seconds, words):
+    assert in_words(seconds) == words
+
+
+def test_a_hushed_process_says_its_errors_alone(capsys):
+    hush()
+    try:
+        say("progress")
+        say("hangtime: gone", is_error=True)
+    finally:
+        hush(is_quiet=False)
+    say("again")
+    assert capsys.readouterr().err == "hangtime: gone\nagain\n"

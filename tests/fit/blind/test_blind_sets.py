@@ -141,6 +141,7 @@ if case == (here / "fails.txt").read_text():
     print("hangtime: the cloth flew apart", file=sys.stderr)
     sys.exit(2)
 (out / "diagnosis.json").write_bytes((here / "answer.json").read_bytes())
+sys.exit(4 if "inconclusive" in (here / "answer.json").read_text() else 0)
 """
 
 
@@ -165,6 +166,15 @@ def test_running_skips_what_is_done_and_records_failures(a_set, tmp_path):
     (tmp_path / "fails.txt").write_text("nobody")
     assert run_set(a_set, answers, command=command, again=True) == 0
     hash_answers(a_set, answers)
+
+
+def test_a_diagnosis_that_cannot_decide_is_an_answer_for_all_its_exit_code(a_set, tmp_path):
+    program, answers = tmp_path / "diagnose.py", tmp_path / "answers"
+    program.write_text(STAND_IN)
+    (tmp_path / "fails.txt").write_text("nobody")
+    save_diagnosis(tmp_path / "answer.json", diagnosis("inconclusive"))
+    assert run_set(a_set, answers, command=[sys.executable, str(program)]) == 0
+    assert load_diagnosis(answers / read_manifest(a_set).cases[0] / "diagnosis.json").verdict == "inconclusive"
 
 
 @pytest.mark.parametrize("takes", [1, 2])

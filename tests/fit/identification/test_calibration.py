@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -106,6 +107,23 @@ def test_an_interruption_of_the_report_keeps_the_search(monkeypatch, tmp_path):
     monkeypatch.setattr("fit.report.gather.write_fit_report", lambda path, *rest: path)
     fit_command([tmp_path / "a.mcap"], method="lean", iterations=6, spacing=0.1, out=out)
     assert not (out / "fit.partial.json").exists()
+
+
+def test_an_interrupted_fit_says_from_where_it_goes_on(monkeypatch, tmp_path, capsys):
+    """It is interrupted where the first of its forty iterations are shown."""
+    write_take(tmp_path / "a.mcap", a_take())
+    asked = {"method": "lean", "iterations": 40, "spacing": 0.15, "out": tmp_path / "out"}
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("formats.terminal.ProgressLine.show", interrupt)
+        with pytest.raises(typer.Exit):
+            fit_command([tmp_path / "a.mcap"], **asked)
+    assert "Going on" not in capsys.readouterr().err
+    fit_command([tmp_path / "a.mcap"], **asked)
+    assert re.search(r"^Going on from \d+ of 40\.$", capsys.readouterr().err, re.MULTILINE)
 
 
 def test_a_saved_search_of_another_version_of_the_engine_is_refused(engine, monkeypatch, tmp_path):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fit.report import ReportMotion, Run
+from fit.report.motion import ReportMotion, Run
 from formats.diagnosis_records import (
     Cost,
     Diagnosis,

@@ -14,10 +14,10 @@ from fit.methods import SI
 from fit.observer.residuals import Observer
 from fit.recordings.recording import prepare
 from fit.recordings.selection import content_of
-from fit.report import Run, sections
+from fit.report import sections
 from fit.report.gather import _motion as motion_of
 from fit.report.kept import load_motions, place_beside, save_motions
-from fit.report.motion import rms_of
+from fit.report.motion import Run, rms_of
 from fit.report.origin import Origin, origin_of
 from tests.fit.report.report_scene import fit_result, motion
 from tests.fit.scenes import sheet, swing, take_of

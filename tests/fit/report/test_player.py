@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fit.report import Run, write_report
+from fit.report.motion import Run
 from fit.report.packing import MESH_STEP, POINT_STEP, pack, pack_motions
-from fit.report.page import render_report
+from fit.report.page import render_report, write_report
 from tests.fit.report.report_scene import diagnosis, fit_result, motion
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")

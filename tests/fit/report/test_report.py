@@ -15,10 +15,11 @@ from fit.effects import LIBRARY
 from fit.errors import FitError
 from fit.gap.gates import data_gates
 from fit.recordings.recording import prepare
-from fit.report import Run, charts, sections, write_report
+from fit.report import charts, sections
 from fit.report.effects import meaning_of, sentence_of, sketch_of
+from fit.report.motion import Run
 from fit.report.origin import Origin
-from fit.report.page import render_report
+from fit.report.page import render_report, write_report
 from fit.report.tables import effect_table, parameter_table
 from fit.report.text import interval, number, percent, probability
 from formats.results import load_diagnosis, save_diagnosis, save_fit_result

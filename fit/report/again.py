@@ -1,0 +1,98 @@
+"""Make a report again from the files of a results folder, without takes and without a simulation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from fit.errors import FitError
+from fit.report.answer import run_names
+from fit.report.kept import created_of, load_motions
+from fit.report.motion import ReportMotion
+from fit.report.page import write_report
+from fit.report.plot import draw_plot
+from formats.diagnosis_records import Diagnosis
+from formats.errors import HangtimeError
+from formats.fit_records import FitResult
+from formats.results import load_diagnosis, load_fit_result
+
+
+@dataclass(frozen=True)
+class Results:
+    """The results of a folder; a fit of other takes than the diagnosis' is left out."""
+
+    fit: FitResult | None
+    diagnosis: Diagnosis | None
+
+
+def results_in(folder: Path) -> Results:
+    """Return the results of a folder.
+
+    Raises:
+        HangtimeError: it holds neither a fit nor a diagnosis, or one that cannot be read.
+    """
+    if not folder.is_dir():
+        raise FitError("is no folder of results", where=folder, advice="give the folder that --out named")
+    fit_file, diagnosis_file = folder / "fit.json", folder / "diagnosis.json"
+    fit = load_fit_result(fit_file) if fit_file.exists() else None
+    diagnosis = load_diagnosis(diagnosis_file) if diagnosis_file.exists() else None
+    if fit is None and diagnosis is None:
+        raise FitError(
+            "holds neither fit.json nor diagnosis.json", where=folder,
+            advice="`hangtime fit` and `hangtime diagnose` write them",
+        )  # fmt: skip
+    if fit is not None and diagnosis is not None and not _is_together(fit, diagnosis):
+        fit = None
+    return Results(fit, diagnosis)
+
+
+def write_again(folder: Path, out: Path | None = None) -> tuple[Path, list[ReportMotion]]:
+    """Write the report of a folder's results anew; return its path and the motion that it plays.
+
+    The motion and the origin come from `report.motion.npz`. Without it the page has neither.
+
+    Raises:
+        HangtimeError: as `results_in`, or a file cannot be read or written.
+    """
+    found = results_in(folder)
+    motions, origin = load_motions(folder / "report.html", created_of(found.fit, found.diagnosis))
+    path = out or folder / "report.html"
+    write_report(path, fit=found.fit, diagnosis=found.diagnosis, motions=motions, origin=origin)
+    return path, motions
+
+
+def plot_of(report: Path, fit: FitResult | None, diagnosis: Diagnosis | None, out: Path) -> None:
+    """Draw the errors over time of a report that was just written, from the motion kept beside it.
+
+    Raises:
+        HangtimeError: no motion of these results is kept, or the picture cannot be written.
+    """
+    motions, _ = load_motions(report, created_of(fit, diagnosis))
+    draw_plot(motions, run_names(fit, diagnosis), out)
+
+
+def _is_together(fit: FitResult, diagnosis: Diagnosis) -> bool:
+    """Return whether a fit and a diagnosis are of the same takes, by content where both tell it."""
+    if fit.take_contents and diagnosis.take_contents:
+        return fit.take_contents == diagnosis.take_contents
+    return fit.take_ids == diagnosis.take_ids
+
+
+def one_of(path: Path) -> FitResult | Diagnosis:
+    """Return a result by its file, or the fit of a folder, and its diagnosis where it holds no fit.
+
+    Raises:
+        HangtimeError: it is none, or cannot be read.
+    """
+    if path.is_dir():
+        found = results_in(path)
+        result = found.fit or found.diagnosis
+        if result is not None:
+            return result
+    try:
+        return load_fit_result(path)
+    except HangtimeError as no_fit:
+        try:
+            return load_diagnosis(path)
+        except HangtimeError:
+            raise no_fit from None

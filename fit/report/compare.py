@@ -1,0 +1,192 @@
+"""Set fits, diagnoses or takes side by side: the same rows for the terminal, for a page and for programs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from markupsafe import Markup
+
+from fit.errors import FitError
+from fit.report.again import one_of
+from fit.report.page import packaged
+from fit.report.tables import row_of, table
+from fit.report.templating import piece, render
+from fit.report.text import interval, number, percent, tenths
+from formats.archive import read_take
+from formats.diagnosis_records import Diagnosis
+from formats.fit_records import ErrorFigure, FitParameter, FitResult
+from formats.summary import summarise
+from formats.take import Take
+
+NONE = "–"
+Compared = FitResult | Diagnosis | Take
+
+
+@dataclass(frozen=True)
+class SideBySide:
+    """Rows of words, each a name and a cell for every column; `records`: the same as plain values."""
+
+    kind: str
+    heads: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    records: tuple[dict[str, Any], ...]
+
+    def page(self) -> str:
+        """Return the comparison as an HTML page that needs nothing else."""
+        rows = [row_of(row[0], row[1:]) for row in self.rows]
+        body = table("Side by side", ("", *self.heads), rows, range(1, len(self.heads) + 1))
+        title = f"{len(self.heads)} {self.kind} side by side"
+        style = Markup(packaged("page.css"))
+        return render(
+            "compare.html", style=style, title=title, body=piece("parts.html", "section", "compared", title, body)
+        )
+
+
+def read_all(paths: Sequence[Path]) -> list[Compared]:
+    """Return what paths name: a take archive, a result file, or a folder of results.
+
+    Raises:
+        HangtimeError: one cannot be read.
+        FitError: fewer than two, or things of different kinds.
+    """
+    if len(paths) < 2:
+        raise FitError("one thing has nothing to be compared with", where=paths[0], advice="name two or more")
+    found: list[Compared] = [read_take(p) if p.suffix in (".mcap", ".partial") else one_of(p) for p in paths]
+    for path, other in zip(paths, found, strict=True):
+        if type(other) is not type(found[0]):
+            raise FitError(
+                f"is a {KINDS[type(other)][0]}, and {paths[0]} is a {KINDS[type(found[0])][0]}", where=path,
+                advice="compare things of one kind",
+            )  # fmt: skip
+    return found
+
+
+def compare(paths: Sequence[Path]) -> SideBySide:
+    """Return fits, diagnoses or takes side by side.
+
+    Raises:
+        HangtimeError: as `read_all`.
+    """
+    found = read_all(paths)
+    kind, rows_of = KINDS[type(found[0])]
+    names = _short(paths)
+    columns = [rows_of(one) for one in found]
+    labels = list(dict.fromkeys(label for column in columns for label in column))
+    rows = [(label, *(column.get(label, NONE) for column in columns)) for label in labels]
+    if kind == "fit":
+        rows = [(*row, _agree(row[0], found)) for row in rows]
+        names = [*names, "intervals overlap"]
+    records = tuple(
+        {"file": str(path)} | (summarise(one) if isinstance(one, Take) else msgspec.to_builtins(one))
+        for path, one in zip(paths, found, strict=True)
+    )
+    return SideBySide(f"{kind}s" if kind != "diagnosis" else "diagnoses", tuple(names), tuple(rows), records)
+
+
+def _short(paths: Sequence[Path]) -> list[str]:
+    """Return names of paths that tell them apart: without what they have in common at their ends."""
+    parts = [list(path.parts) for path in paths]
+    while all(len(part) > 1 for part in parts) and len({part[-1] for part in parts}) == 1:
+        parts = [part[:-1] for part in parts]
+    while all(len(part) > 1 for part in parts) and len({part[0] for part in parts}) == 1:
+        parts = [part[1:] for part in parts]
+    return ["/".join(part) for part in parts]
+
+
+def _fit_rows(fit: object) -> dict[str, str]:
+    assert isinstance(fit, FitResult)
+    rows = {"method": fit.method, "search": fit.search, "takes fitted to": ", ".join(fit.take_ids)}
+    rows["takes held out"] = ", ".join(fit.held_out_ids) or "none"
+    for parameter in fit.parameters:
+        unit = "" if parameter.unit in ("", "1") else f" [{parameter.unit}]"
+        rows[f"{parameter.name}{unit}"] = _value(parameter.fitted, _ends(parameter), parameter.is_identified)
+    for c in fit.combinations:
+        rows[f"{c.name} [{c.unit}]"] = _value(c.fitted, (c.interval_low, c.interval_high), c.is_identified)
+    for name, before, after in (
+        ("mean error, takes fitted to", fit.error.train_before, fit.error.train_after),
+        ("mean error, takes held out", fit.error.held_out_before, fit.error.held_out_after),
+    ):
+        rows[name] = _change(before, after)
+    rows["simulations"] = f"{fit.simulations} in {fit.seconds:.0f} s"
+    return rows
+
+
+def _diagnosis_rows(diagnosis: object) -> dict[str, str]:
+    assert isinstance(diagnosis, Diagnosis)
+    gap = diagnosis.gap
+    rows = {"verdict": diagnosis.verdict, "names": ", ".join(diagnosis.named).replace("_", " ") or NONE}
+    rows["takes fitted to"] = ", ".join(diagnosis.take_ids)
+    rows["takes held out"] = ", ".join(diagnosis.held_out_ids) or "none"
+    rows["base model, rms"] = tenths(gap.base_mm.value)
+    rows["with what is named, rms"] = tenths(gap.with_effect_mm.value) if gap.with_effect_mm else NONE
+    rows["sensor's noise, rms"] = tenths(gap.floor_mm.value)
+    rows["share of the gap closed"] = percent(gap.closure.value) if gap.closure else NONE
+    for effect in sorted(diagnosis.effects, key=lambda e: -(e.probability or 0.0)):
+        if effect.id in diagnosis.named or (effect.probability or 0.0) >= 0.1:
+            unit = "" if effect.unit in ("", "1") else f" {effect.unit}"
+            chance = f", probability {percent(effect.probability)}" if effect.probability is not None else ""
+            ends = f" ({interval(effect.amplitude_interval)})" if effect.amplitude_interval else ""
+            rows[effect.id.replace("_", " ")] = f"{number(effect.amplitude)}{unit}{ends}{chance}"
+    for parameter in diagnosis.base_parameters:
+        unit = "" if parameter.unit in ("", "1") else f" [{parameter.unit}]"
+        rows[f"{parameter.name}{unit}"] = _value(parameter.fitted, _ends(parameter), parameter.is_identified)
+    return rows
+
+
+def _take_rows(take: object) -> dict[str, str]:
+    assert isinstance(take, Take)
+    known = summarise(take)
+    rate = f", {known['rate_hz']:g} a second" if known["rate_hz"] is not None else ""
+    rows = {
+        "garment": f"{known['garment']}, {1e3 * known['mass_kg']:.1f} g",
+        "length": f"{known['duration_s']:g} s, {known['frames']} frames{rate}",
+        "motion": known["motion"],
+        "hanger travels": " x ".join(f"{t:.0f}" for t in known["hanger_travel_mm"]) + " mm",
+        "hanger seen": f"{known['hanger_seen_percent']:g} %",
+        "rig": known["rig"],
+    }
+    for point in known["points"]:
+        noise = f", noise {point['sd_mm']:g} mm" if point["sd_mm"] is not None else ""
+        rows[point["name"].replace("_", " ")] = f"seen {point['seen_percent']:g} %{noise}"
+    return rows
+
+
+KINDS: dict[type, tuple[str, Any]] = {
+    FitResult: ("fit", _fit_rows),
+    Diagnosis: ("diagnosis", _diagnosis_rows),
+    Take: ("take", _take_rows),
+}
+
+
+def _ends(parameter: FitParameter) -> tuple[float, float] | None:
+    low, high = parameter.interval_low, parameter.interval_high
+    return None if low is None or high is None else (low, high)
+
+
+def _value(value: float, ends: tuple[float, float] | None, is_identified: bool | None) -> str:
+    if is_identified is False:
+        return f"not identified ({interval(ends)})" if ends else "not identified"
+    return f"{number(value)} ({interval(ends)})" if ends else number(value)
+
+
+def _change(before: ErrorFigure | None, after: ErrorFigure | None) -> str:
+    if before is None or after is None:
+        return NONE
+    return f"{1e3 * before.mean_m:.1f} → {1e3 * after.mean_m:.1f} mm"
+
+
+def _agree(label: str, fits: Sequence[Compared]) -> str:
+    """Say whether the intervals of a parameter or a combination have a value in common; nothing of other rows."""
+    found = []
+    for fit in fits:
+        assert isinstance(fit, FitResult)
+        every = [(p.name, p.unit, _ends(p)) for p in fit.parameters]
+        every += [(c.name, c.unit, (c.interval_low, c.interval_high)) for c in fit.combinations]
+        found += [ends for name, unit, ends in every if label in (name, f"{name} [{unit}]") and ends is not None]
+    if len(found) < len(fits):
+        return ""
+    return "yes" if max(low for low, _ in found) <= min(high for _, high in found) else "no"

@@ -1,0 +1,133 @@
+"""Pages of `--help`: commands by what they are for, options by what they decide; on a terminal, Rich draws them.
+
+A pipe, a file and a dumb terminal get the same groups as plain text. `--json` and `--quiet` are added here, to every
+command that tells something.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_command
+
+from formats import telling
+from formats.command_groups import OTHER, PANELS
+
+TOLD = "What is told"
+# Headings of options that several commands have; others stand under "Options".
+HEADINGS = {
+    "Judge on": ("--held-out", "--held-out-motion"),
+    "Model": ("--method", "--model", "--fabric", "--engine", "--effect", "--add", "--without", "--by", "--spacing"),
+    "Search": ("--search", "--iterations", "--gamma", "--bounds", "--seed"),
+    "Files written": ("--out", "--plot", "--preview", "--overwrite"),
+}
+HEADING_OF = {option: heading for heading, options in HEADINGS.items() for option in options}
+# Commands that tell nothing when they end. They run on, or are services.
+WITHOUT_QUIET = ("daemon", "watch", "sync run")
+WITHOUT_JSON = ("daemon", "sync run")
+
+
+class Contents(TyperGroup):
+    """A list of commands under the headings that their panels name."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands of each panel under its heading, in their order."""
+        shown = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
+        known = [(name, command) for name, command in shown if command is not None and not command.hidden]
+        width = formatter.width - 6 - max((len(name) for name, _ in known), default=0)
+        for panel in dict.fromkeys(_panel_of(command, "Commands") for _, command in known):
+            with formatter.section(panel):
+                formatter.write_dl(
+                    [(name, c.get_short_help_str(width)) for name, c in known if _panel_of(c, "Commands") == panel]
+                )
+
+
+class Page(TyperCommand):
+    """A command's options under the headings that their panels name."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write arguments first, then the options of each panel under its heading."""
+        records: dict[str, list[tuple[str, str]]] = {}
+        for parameter in self.get_params(ctx):
+            found = parameter.get_help_record(ctx)
+            if found is not None:
+                kind = "Arguments" if parameter.param_type_name == "argument" else _panel_of(parameter, "Options")
+                records.setdefault(kind, []).append(found)
+        order = ["Arguments", *HEADINGS, "Options", TOLD]
+        for panel in sorted(records, key=order.index):
+            with formatter.section(panel):
+                formatter.write_dl(records[panel])
+
+
+def add_pages(app: typer.Typer) -> None:
+    """Let every command and every group of an app have pages of these kinds."""
+    app.info.cls = Contents
+    for command in app.registered_commands:
+        command.cls = Page
+    for group in app.registered_groups:
+        group.cls = Contents
+        if group.typer_instance is not None:
+            add_pages(group.typer_instance)
+
+
+def finish(root: Any) -> None:
+    """Give every command of the whole its `--json` and `--quiet`, and all the way of drawing that suits the output."""
+    mode, told = drawing(), _told_options()
+    root.commands = dict(sorted(root.commands.items(), key=lambda item: PANELS.index(_panel_of(item[1], OTHER))))
+    for name, command in every_part(root):
+        command.rich_markup_mode = mode
+        if getattr(command, "commands", None) is not None:
+            continue
+        for parameter in command.params:
+            heading = next((HEADING_OF[option] for option in parameter.opts if option in HEADING_OF), None)
+            if heading is not None and parameter.rich_help_panel is None:
+                parameter.rich_help_panel = heading
+        taken = {option for parameter in command.params for option in parameter.opts}
+        if name not in WITHOUT_JSON and "--json" not in taken:
+            command.params.append(told["json"])
+        if name not in WITHOUT_QUIET:
+            command.params.append(told["quiet"])
+
+
+def every_part(part: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield every group and command below a part with its name, without the program's."""
+    yield name, part
+    for word, inner in (getattr(part, "commands", None) or {}).items():
+        yield from every_part(inner, f"{name} {word}".strip())
+
+
+def drawing() -> Literal["markdown"] | None:
+    """Return how Typer draws help and errors: with Rich on a terminal, else as plain text."""
+    is_terminal = sys.stdout is not None and sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
+    return "markdown" if is_terminal else None
+
+
+def _told_options() -> dict[str, Any]:
+    """Return the options that every command gets, by name; Typer makes them from a command that is never run."""
+    donor = typer.Typer(add_completion=False)
+
+    @donor.command()
+    def told(
+        json: Annotated[
+            bool,
+            typer.Option("--json", callback=telling.ask_json, expose_value=False, is_eager=True, rich_help_panel=TOLD,
+                         help="Print JSON instead of words."),
+        ] = False,
+        quiet: Annotated[
+            bool,
+            typer.Option("--quiet", "-q", callback=telling.ask_quiet, expose_value=False, is_eager=True,
+                         rich_help_panel=TOLD, help="Print no words and no progress, only errors."),
+        ] = False,
+    ) -> None:  # fmt: skip
+        """Tell."""
+
+    return {parameter.name or "": parameter for parameter in get_command(donor).params}
+
+
+def _panel_of(part: Any, otherwise: str) -> str:
+    return getattr(part, "rich_help_panel", None) or otherwise

@@ -1,0 +1,85 @@
+"""Tell what a command found: words for people, a JSON document for programs (`--json`), or nothing (`--quiet`).
+
+A command calls `tell` for every sentence, with its facts as plain values. Facts of several calls make one document.
+A name with several entries, such as the takes of `hangtime takes list`, is told with `tell_entry` and becomes a list.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from typing import Any
+
+from formats import terminal
+
+
+class _Mode:
+    as_json = False
+    document: dict[str, Any] = {}  # noqa: RUF012 - replaced by `begin`
+
+
+def begin() -> None:
+    """Forget what an earlier command of this process told, and how."""
+    _Mode.as_json, _Mode.document = False, {}
+    terminal.hush(is_quiet=False)
+
+
+def ask_json(is_asked: bool) -> None:
+    """Tell facts instead of words from here on."""
+    _Mode.as_json = is_asked or _Mode.as_json
+
+
+def ask_quiet(is_asked: bool) -> None:
+    """Tell no words, and show no progress, from here on; errors are still said."""
+    if is_asked:
+        terminal.hush()
+
+
+def is_json() -> bool:
+    """Return whether facts are asked for instead of words."""
+    return _Mode.as_json
+
+
+def tell(words: str, /, **facts: Any) -> None:
+    """Print words on stdout, or keep the facts that they are of for the JSON document."""
+    _Mode.document.update(facts)
+    if not _Mode.as_json and not terminal.is_hushed():
+        _print(words)
+
+
+def know(**facts: Any) -> None:
+    """Keep facts for the JSON document for which there are no words."""
+    _Mode.document.update(facts)
+
+
+def tell_entry(name: str, words: str, /, **facts: Any) -> None:
+    """Print words on stdout, or keep their facts as one entry of the list `name` of the JSON document."""
+    _Mode.document.setdefault(name, []).append(facts)
+    if not _Mode.as_json and not terminal.is_hushed():
+        _print(words)
+
+
+def end() -> None:
+    """Print the JSON document, where one is asked for."""
+    if _Mode.as_json:
+        _print(as_json(_Mode.document))
+        _Mode.as_json = False
+
+
+def _print(text: str) -> None:
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()  # a full disk or a closed pipe is met here
+
+
+def as_json(value: Any) -> str:
+    """Return plain values as JSON; a number that is not finite, which JSON does not have, becomes null."""
+    return json.dumps(_finite(value), indent=2, allow_nan=False, ensure_ascii=False)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,131 @@
+"""`hangtime report` makes a page again without a simulation; `hangtime compare` sets results side by side."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import msgspec
+import numpy as np
+import pytest
+
+from fit.report.answer import run_names
+from fit.report.kept import load_motions, save_motions
+from fit.report.origin import Origin
+from fit.report.page import write_report
+from fit.report.plot import COLOURS, draw_plot
+from formats.archive import write_take
+from formats.results import save_diagnosis, save_fit_result
+from tests.fit.here import hangtime_here
+from tests.fit.report.report_scene import diagnosis, fit_result, motion
+from tests.fit.scenes import hung, sheet, swing, take_of
+
+ORIGIN = Origin(facts=[("Hangtime", "0.1.0")], takes=[("swing-01", "fitted to", "beef")])
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder as `fit` and then `diagnose` leave it."""
+    out = tmp_path / "out"
+    out.mkdir()
+    save_fit_result(out / "fit.json", fit_result())
+    save_diagnosis(out / "diagnosis.json", diagnosis())
+    page, motions = out / "report.html", [motion("swing-02", is_held_out=True), motion()]
+    save_motions(page, motions, ORIGIN, diagnosis().created)
+    kept, origin = load_motions(page, diagnosis().created)
+    write_report(page, fit=fit_result(), diagnosis=diagnosis(), motions=kept, origin=origin)
+    return out
+
+
+def test_a_report_made_again_is_the_same_page(folder, tmp_path):
+    before = (folder / "report.html").read_bytes()
+    (folder / "report.html").unlink()
+    done = hangtime_here("report", "out", folder=tmp_path)
+    assert (done.returncode, done.stdout) == (0, "Report: out/report.html\n")
+    assert (folder / "report.html").read_bytes() == before
+    assert b"beef" in before
+
+
+def words_of(page):
+    """The words of a page without script and style."""
+    bare = re.sub(r"<(script|style).*?</\1>", "", page, flags=re.S)
+    return " ".join(re.sub(r"<[^>]*>", " ", bare).split())
+
+
+def test_a_folder_without_kept_motion_makes_a_page_that_says_so(folder, tmp_path):
+    (folder / "report.motion.npz").unlink()
+    done = hangtime_here("report", "out", "--out", "again.html", "--json", folder=tmp_path)
+    assert "has no player" in done.stderr
+    assert json.loads(done.stdout) == {"report": "again.html", "takes": []}
+    assert 'id="player"' not in (tmp_path / "again.html").read_text()
+    assert hangtime_here("report", "out", "--out", "again.html", folder=tmp_path).returncode == 2  # it is there
+
+
+def test_a_folder_without_results_is_refused_in_one_sentence(tmp_path):
+    done = hangtime_here("report", ".", folder=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("hangtime: .: holds neither fit.json nor diagnosis.json; ")
+    assert "is no folder of results" in hangtime_here("report", "gone", folder=tmp_path).stderr
+
+
+def test_a_fit_of_other_takes_than_the_diagnosis_is_left_out(folder, tmp_path):
+    save_fit_result(folder / "fit.json", msgspec.structs.replace(fit_result(), take_ids=["elsewhere"]))
+    hangtime_here("report", "out", folder=tmp_path)
+    assert "kinect-skirt" not in words_of((folder / "report.html").read_text())
+
+
+def test_a_plot_draws_each_run_in_its_colour_and_nothing_where_no_free_point_is_seen(folder, tmp_path):
+    image = pytest.importorskip("PIL.Image")
+    assert hangtime_here("report", "out", "--plot", "error.png", folder=tmp_path).returncode == 0
+    picture = np.asarray(image.open(tmp_path / "error.png").convert("RGB"))
+    assert picture.shape == (680, 1200, 3)  # two takes, a panel each
+    blue, red = (tuple(int(COLOURS[run][k : k + 2], 16) for k in (1, 3, 5)) for run in ("base", "fit"))
+    assert all((picture == colour).all(axis=2).sum() > 1000 for colour in (blue, red))
+    real = motion().real.copy()
+    real[60:120, 2:] = np.nan  # the middle third of six seconds
+    draw_plot([motion(real=real)], run_names(None, None), tmp_path / "lost.png")
+    lost = np.asarray(image.open(tmp_path / "lost.png").convert("RGB"))[80:290]
+    drawn = (lost == blue).all(axis=2).any(axis=0)
+    assert not drawn[84 + 380 : 84 + 710].any()
+    assert drawn[84 : 84 + 360].mean() > 0.9
+
+
+def test_fits_side_by_side_say_whether_their_intervals_overlap(folder, tmp_path):
+    """Struct 49 to 73.4 against 20 to 30 has nothing in common; bend is the same in both."""
+    other = tmp_path / "other"
+    other.mkdir()
+    changed = [
+        msgspec.structs.replace(p, fitted=25.0, interval_low=20.0, interval_high=30.0) if p.name == "struct" else p
+        for p in fit_result().parameters
+    ]
+    save_fit_result(other / "fit.json", msgspec.structs.replace(fit_result(), parameters=changed))
+    done = hangtime_here("compare", "out", "other", "--out", "both.html", folder=tmp_path)
+    assert done.returncode == 0
+    rows = {line.split("  ")[0]: line for line in done.stdout.splitlines()}
+    assert re.search(r"^ +out +other +intervals overlap$", done.stdout, re.MULTILINE)
+    assert re.search(r"61\.2 \(49 to 73\.4\) +25 \(20 to 30\) +no$", rows["struct [Blender]"])
+    assert rows["bend [Blender]"].endswith("yes")
+    assert "not identified (1.36 to 2.04)" in rows["mass [Blender]"]
+    page = (tmp_path / "both.html").read_text()
+    assert "25 (20 to 30)" in page
+    assert "<script" not in page
+    told = json.loads(hangtime_here("compare", "out", "other", "--json", folder=tmp_path).stdout)
+    assert [one["file"] for one in told["compared"]] == ["out", "other"]
+    assert told["compared"][1]["parameters"][1]["fitted"] == 25.0
+
+
+def test_diagnoses_and_takes_stand_side_by_side_too(folder, tmp_path):
+    save_diagnosis(tmp_path / "b.json", diagnosis(verdict="none", named=[]))
+    shown = hangtime_here("compare", "out/diagnosis.json", "b.json", folder=tmp_path).stdout
+    assert re.search(r"^verdict +effect +none$", shown, re.MULTILINE)
+    assert re.search(r"^base model, rms +12\.3 mm +12\.3 mm$", shown, re.MULTILINE)
+    time, garment = np.arange(0, 3, 1 / 30), sheet()
+    for name, high in (("a", 0.05), ("b", 0.1)):
+        moved = swing(time, amplitude=high)
+        write_take(tmp_path / f"{name}.mcap", take_of(garment, time, moved, hung(garment, time), name=name))
+    shown = hangtime_here("compare", "a.mcap", "b.mcap", folder=tmp_path).stdout
+    assert re.search(r"^hanger travels +0 x 100 x 0 mm +0 x 200 x 0 mm$", shown, re.MULTILINE)
+    mixed = hangtime_here("compare", "a.mcap", "out", folder=tmp_path)
+    assert mixed.returncode == 2
+    assert "out: is a fit, and a.mcap is a take; compare things of one kind" in mixed.stderr
+    assert "name two or more" in hangtime_here("compare", "a.mcap", folder=tmp_path).stderr

@@ -1,0 +1,130 @@
+"""Every command of `hangtime` reads well in a terminal: its pages, its options, what it tells programs and nobody."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import re
+import subprocess
+import sys
+
+import pytest
+import typer
+
+from docs.generator.commands import every_command, whole_command
+from formats import help_pages
+from formats.command_groups import OTHER, PANELS
+from tests.fit.here import hangtime_here
+from tests.sentences import LONGEST_SENTENCE, sentences_of, words_of
+
+COMMANDS = dict(every_command(whole_command()))
+NAMES = sorted(COMMANDS)
+# Commands that run on tell what happens as it happens; the two of the appliance that are services tell the journal.
+ON_AND_ON = {f"hangtime {name}" for name in (*help_pages.WITHOUT_QUIET, *help_pages.WITHOUT_JSON)}
+
+
+def options_of(name):
+    return {option: p for p in COMMANDS[name].params for option in (*p.opts, *p.secondary_opts)}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_command_is_summed_up_in_one_sentence_and_every_option_is_explained(name):
+    command = COMMANDS[name]
+    first = sentences_of(" ".join(command.help.split("\n\n")[0].split()))[0]
+    assert words_of(first) <= LONGEST_SENTENCE
+    assert not command.get_short_help_str(66).endswith("...")
+    for parameter in command.params:
+        assert getattr(parameter, "help", None), f"{name} {parameter.name}"
+        assert parameter.help.rstrip().endswith("."), f"{name} {parameter.name}: {parameter.help}"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_page_shows_every_option_under_a_heading(name):
+    context = typer.Context(COMMANDS[name], info_name=name, help_option_names=["-h", "--help"], terminal_width=100)
+    shown = COMMANDS[name].get_help(context)
+    for option in [*(option for option in options_of(name) if option.startswith("-")), "-h", "--help"]:
+        assert re.search(rf"(?<![\w-]){option}(?![\w-])", shown), option
+    headings = re.findall(r"^(\w[\w ]*):$", shown, re.MULTILINE)
+    known = ["Arguments", *help_pages.HEADINGS, "Options", help_pages.TOLD]
+    assert headings == [heading for heading in known if heading in headings]
+
+
+@pytest.mark.parametrize("words", [["takes"], ["takes", "show"], ["fit"], ["sync", "now"]])
+def test_both_ways_to_ask_for_help_work_at_every_depth(words, tmp_path):
+    short = hangtime_here(*words, "-h", folder=tmp_path)
+    assert short.returncode == 0
+    assert short.stdout == hangtime_here(*words, "--help", folder=tmp_path).stdout
+
+
+def test_commands_tell_programs_json_and_are_quiet_when_asked():
+    for name in NAMES:
+        options = options_of(name)
+        assert "--quiet" in options or name in ON_AND_ON, name
+        assert "--json" in options or name in ON_AND_ON, name
+    assert {"hangtime daemon", "hangtime watch", "hangtime sync run"} == ON_AND_ON
+
+
+def test_the_list_of_commands_stands_under_headings_in_the_order_of_work(tmp_path):
+    shown = hangtime_here("-h", folder=tmp_path).stdout
+    headings = re.findall(r"^(\w[\w ]*):$", shown, re.MULTILINE)
+    assert headings == ["Options", *(panel for panel in PANELS if panel != OTHER)]
+    assert shown.index("  record ") < shown.index("  import ") < shown.index("  fit ") < shown.index("  export ")
+
+
+def test_the_version_is_told_by_the_command_and_by_the_module(tmp_path):
+    told = hangtime_here("--version", folder=tmp_path).stdout
+    assert re.fullmatch(r"hangtime \d+\.\d+\.\d+\S*\n", told)
+    done = subprocess.run([sys.executable, "-m", "hangtime", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout == told
+
+
+def test_a_command_tells_words_or_json_or_nothing(tmp_path):
+    words = ("swatch", "s.toml", "--mass", 0.05, "--overwrite")
+    assert hangtime_here(*words, folder=tmp_path).stdout == "s.toml: 81 markers, 62.5 mm apart\n"
+    assert json.loads(hangtime_here(*words, "--json", folder=tmp_path).stdout) == {
+        "file": "s.toml", "markers": 81, "apart_mm": 62.5,
+    }  # fmt: skip
+    quiet = hangtime_here(*words, "--quiet", folder=tmp_path)
+    assert (quiet.returncode, quiet.stdout, quiet.stderr) == (0, "", "")
+    assert hangtime_here(*words, folder=tmp_path).stdout  # the next command of this process speaks again
+
+
+def test_a_quiet_command_still_says_its_error(tmp_path):
+    done = hangtime_here("takes", "show", "gone.mcap", "-q", folder=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("hangtime: gone.mcap: ")
+
+
+def on_a_terminal(*words, **environment):
+    """What the command writes to a terminal of 100 columns."""
+    ours, theirs = pty.openpty()
+    known = {key: value for key, value in os.environ.items() if key not in ("NO_COLOR", "FORCE_COLOR")}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "hangtime", *words], stdout=theirs, stderr=theirs, stdin=theirs,
+        env={**known, "TERM": "xterm-256color", "COLUMNS": "100", **environment},
+    )  # fmt: skip
+    os.close(theirs)
+    written = b""
+    while True:
+        try:
+            part = os.read(ours, 65536)
+        except OSError:  # Linux: the other end is closed
+            break
+        if not part:
+            break
+        written += part
+    os.close(ours)
+    assert process.wait() == 0
+    return written.decode()
+
+
+def test_a_terminal_gets_boxes_and_colours_unless_it_wants_none(tmp_path):
+    colour = re.compile(r"\x1b\[[0-9;]*3[0-9]")
+    drawn = on_a_terminal("compare", "-h")
+    assert "╭─" in drawn
+    assert colour.search(drawn)
+    assert not colour.search(on_a_terminal("compare", "-h", NO_COLOR="1"))
+    plain = hangtime_here("compare", "-h", folder=tmp_path).stdout  # not a terminal
+    assert "╭─" not in plain
+    assert "\x1b" not in plain

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import json
 import struct
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -41,16 +42,21 @@ def words(result: FitResult, fabric: Fabric | None) -> list[str]:
     return [*origin_lines(result), *caution_lines(result, fabric)]
 
 
+MOTION_HEADS = ("time_s", "point", "x_m", "y_m", "z_m")
+
+
 def motion_csv(moving: Moving) -> str:
-    """Return a row a point and frame: the tracked points as simulated, and the ends of the held edge."""
+    """Return `motion_rows` as CSV."""
+    return csv_text(MOTION_HEADS, motion_rows(moving))
+
+
+def motion_rows(moving: Moving) -> Iterator[Sequence[object]]:
+    """Yield a row a point and frame: the tracked points as simulated, and the ends of the held edge."""
     named = [*moving.point_names, "held_left", "held_right"]
     places = np.concatenate([moving.points, moving.held], axis=1)
-    rows = (
-        (float(t), name, *places[n, k].tolist())
-        for n, t in enumerate(moving.time)
-        for k, name in enumerate(named)
-    )  # fmt: skip
-    return csv_text(("time_s", "point", "x_m", "y_m", "z_m"), rows)
+    for n, t in enumerate(moving.time):
+        for k, name in enumerate(named):
+            yield (float(t), name, *places[n, k].tolist())
 
 
 def usd_cache(result: FitResult, fabric: Fabric | None, moving: Moving) -> bytes:

@@ -28,6 +28,7 @@ class ExportKind(StrEnum):
     """The command `hangtime export`; `fit.export.kinds.KINDS` does the work."""
 
     CSV = "csv"
+    PARQUET = "parquet"
     TABLE = "table"
     USD_PHYSICS = "usd-physics"
     NEWTON = "newton"
@@ -36,6 +37,7 @@ class ExportKind(StrEnum):
     BLENDER = "blender"
     USD = "usd"
     GLTF = "gltf"
+    ABC = "abc"
     PC2 = "pc2"
 
 
@@ -53,10 +55,10 @@ def export_command(
         ExportKind,
         typer.Option(
             "--to",
-            help="csv: every number with its interval. table: what to type into CLO, Marvelous Designer and Browzwear. "
-            "usd-physics: an OpenUSD deformable. newton: a preset of Newton's cloth solvers. mujoco: a MuJoCo flex. "
-            "u3m: U3M 1.1. blender: a script that builds the cloth in Blender, with settings that come near. "
-            "usd, gltf, pc2: the garment in motion under the hanger of --take.",
+            help="csv, parquet: every number with its interval. table: what to type into CLO, Marvelous Designer and "
+            "Browzwear. usd-physics: an OpenUSD deformable. newton: a preset of Newton's cloth solvers. mujoco: a "
+            "MuJoCo flex. u3m: U3M 1.1. blender: a script that builds the cloth in Blender, with settings that come "
+            "near. usd, gltf, pc2, abc: the garment in motion under the hanger of --take; Blender's Python writes abc.",
         ),
     ],
     out: Annotated[

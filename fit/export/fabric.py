@@ -130,7 +130,7 @@ def fabric_of(result: FitResult) -> Fabric:
     if reason := why_no_fabric(result):
         kinds = [k for k in WITHOUT_FABRIC if k != "blender" or result.method == "kinect-skirt"]
         if result.engine != OWN:  # its cloth keeps no shapes
-            kinds = [k for k in kinds if k in ("csv", "blender")]
+            kinds = [k for k in kinds if k in ("csv", "parquet", "blender")]
         raise FitError(reason, advice=f"this fit can be exported as {', '.join(kinds)}")
     method, effects = find_method(result.method), effects_of(result)
     _check_belongs_together(result, method)
@@ -165,7 +165,7 @@ def _check_belongs_together(result: FitResult, method: Parameterisation) -> None
         )
 
 
-WITHOUT_FABRIC = ("csv", "blender", "usd", "gltf", "pc2")
+WITHOUT_FABRIC = ("csv", "parquet", "blender", "usd", "gltf", "pc2", "abc")
 
 
 def why_no_fabric(result: FitResult) -> str:

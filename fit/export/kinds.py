@@ -12,9 +12,11 @@ from pathlib import Path
 
 from fit.errors import FitError
 from fit.export import caches, presets, tables
+from fit.export.alembic import alembic
 from fit.export.blender_recipe import blender_script
 from fit.export.fabric import Fabric, fabric_of, why_no_fabric
 from fit.export.moving import Moving, moving_cloth
+from fit.export.parquet import parquet
 from fit.export.sheet import SWATCH_SIDE, SWATCH_SPACING, Sheet, check_spacing, check_strip, garment_sheet, strip
 from fit.export.u3m import u3m
 from fit.export.usd_physics import THICKNESS, usd_physics
@@ -104,6 +106,15 @@ def _csv(order: Order) -> dict[str, bytes]:
     return made if order.take is None else made | {".motion.csv": caches.motion_csv(order.moving).encode()}
 
 
+def _parquet(order: Order) -> dict[str, bytes]:
+    rows = tables.parameter_rows(order.result, order.fabric_if_any)
+    made = {".parquet": parquet(tables.PARAMETER_HEADS, rows, order.result)}
+    if order.take is None:
+        return made
+    motion = caches.motion_rows(order.moving)
+    return made | {".motion.parquet": parquet(caches.MOTION_HEADS, motion, order.result)}
+
+
 def _pc2(order: Order) -> dict[str, bytes]:
     even = order.moving.even()
     return {".pc2": caches.pc2(even), ".obj": caches.obj(order.result, order.fabric_if_any, even)}
@@ -111,6 +122,7 @@ def _pc2(order: Order) -> dict[str, bytes]:
 
 KINDS: dict[str, Kind] = {
     "csv": Kind(suffix=".csv", make=_csv, beside=(".motion.csv",)),
+    "parquet": Kind(suffix=".parquet", make=_parquet, beside=(".motion.parquet",)),
     "table": _one(".fabric.txt", lambda o: tables.software_table(o.result, o.fabric).encode()),
     "usd-physics": _one(".physics.usda", lambda o: usd_physics(o.result, o.sheets_fabric, o.sheet, o.thickness)),
     "newton": _one(".newton.json", lambda o: presets.newton_preset(o.result, o.fabric, o.grid_spacing)),
@@ -119,6 +131,7 @@ KINDS: dict[str, Kind] = {
     "blender": _one(".blender.py", lambda o: blender_script(o.result, o.fabric_if_any, o.sheet)),
     "usd": _one(".usdc", lambda o: caches.usd_cache(o.result, o.fabric_if_any, o.moving)),
     "gltf": _one(".glb", lambda o: caches.gltf(o.result, o.fabric_if_any, o.moving)),
+    "abc": _one(".abc", lambda o: alembic(o.moving.even())),
     "pc2": Kind(suffix=".pc2", make=_pc2, beside=(".obj",)),
 }
 

@@ -26,12 +26,22 @@ STRIP_WIDTH, STRIP_STRAIN = 0.05, 0.05  # m, 1: a strip 5 cm wide at 5 %, small 
 WIDTH = 100  # characters of a line of text
 
 
+PARAMETER_HEADS = (
+    "kind", "name", "value", "interval_low", "interval_high", "unit", "status", "one_of_many", "meaning",
+)  # fmt: skip
+
+
 def parameters_csv(result: FitResult, fabric: Fabric | None) -> str:
-    """Return a row a parameter and a row a quantity of the fabric, SI units; lines of provenance come last.
+    """Return `parameter_rows` as CSV; lines of provenance come last."""
+    origin = [("provenance", k, v, None, None, "", "", None, "") for k, v in flat_provenance(result).items()]
+    return csv_text(PARAMETER_HEADS, [*parameter_rows(result, fabric), *origin])
+
+
+def parameter_rows(result: FitResult, fabric: Fabric | None) -> list[Sequence[object]]:
+    """Return a row a parameter and a row a quantity of the fabric, SI units, under `PARAMETER_HEADS`.
 
     A parameter that is not identified keeps its value in its own column, `one_of_many`, and leaves `value` empty.
     """
-    heads = ("kind", "name", "value", "interval_low", "interval_high", "unit", "status", "one_of_many", "meaning")
     rows: list[Sequence[object]] = [
         ("parameter", p.name, p.fitted, p.interval_low, p.interval_high, p.unit, status_of([p]), p.note)
         for p in result.parameters
@@ -40,9 +50,7 @@ def parameters_csv(result: FitResult, fabric: Fabric | None) -> str:
         rows.append(("fabric", q.name, q.value, q.low, q.high, q.unit, q.status, q.meaning))
     for c in result.combinations:
         rows.append(("combination", c.name, c.fitted, c.interval_low, c.interval_high, c.unit, status_of([c]), ""))
-    for name, value in flat_provenance(result).items():
-        rows.append(("provenance", name, value, None, None, "", "", ""))
-    return csv_text(heads, map(_set_apart, rows))
+    return list(map(_set_apart, rows))
 
 
 def _set_apart(row: Sequence[object]) -> Sequence[object]:

@@ -2,7 +2,7 @@
 
 blender_motion.py FILE OUT.npz FRAMES
 
-FILE is .usdc, .glb or .pc2 (beside its .obj); frames are 1/30 s apart and count from 0.
+FILE is .usdc, .glb, .abc or .pc2 (beside its .obj); frames are 1/30 s apart and count from 0.
 """
 
 import sys
@@ -22,6 +22,8 @@ def main():
     scene.render.fps, scene.render.fps_base = FPS, 1.0
     if path.suffix == ".usdc":
         bpy.ops.wm.usd_import(filepath=str(path), set_frame_range=True)
+    elif path.suffix == ".abc":
+        bpy.ops.wm.alembic_import(filepath=str(path))
     elif path.suffix == ".glb":
         bpy.ops.import_scene.gltf(filepath=str(path))
     else:

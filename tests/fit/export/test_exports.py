@@ -316,5 +316,20 @@ def test_an_interval_without_two_ends_is_refused():
 
 
 def test_a_fit_of_another_engine_is_offered_what_it_can_be_exported_as():
-    with pytest.raises(FitError, match=r"exported as csv$"):
+    with pytest.raises(FitError, match=r"exported as csv, parquet$"):
         fabric_of(a_fit(engine="blender"))
+
+
+def test_parquet_holds_what_csv_does_with_numbers_as_numbers(tmp_path):
+    pq = pytest.importorskip("pyarrow.parquet", reason="PyArrow is not installed")
+    order = Order(result=a_fit(unknown=("shear_stiffness",)), take=garments_take("sheet"), spacing=0.15)
+    numbers, motion = export(order, "parquet", tmp_path / "fit.parquet")
+    table = pq.read_table(numbers)
+    rows = {row["name"]: row for row in table.to_pylist() if row["kind"] == "parameter"}
+    assert rows["stretch_stiffness"]["value"] == pytest.approx(100.0)
+    assert (rows["shear_stiffness"]["value"], rows["shear_stiffness"]["one_of_many"]) == (None, 30.0)
+    assert json.loads(table.schema.metadata[b"hangtime"])["takes"] == ["swing-01"]
+    moved = pq.read_table(motion).to_pylist()
+    assert motion.name == "fit.motion.parquet"
+    assert {row["point"] for row in moved} >= {"held_left", "centre"}
+    assert isinstance(moved[0]["x_m"], float)

@@ -98,7 +98,7 @@ def swung():
 @pytest.mark.skipif(
     "not BLENDER.is_installed()", reason=f"bpy is in neither this Python nor the one that {BLENDER.variable} names"
 )
-@pytest.mark.parametrize(("kind", "suffix"), [("usd", ".usdc"), ("gltf", ".glb"), ("pc2", ".pc2")])
+@pytest.mark.parametrize(("kind", "suffix"), [("usd", ".usdc"), ("gltf", ".glb"), ("pc2", ".pc2"), ("abc", ".abc")])
 def test_blender_opens_the_motion_and_moves_every_node_to_a_tenth_of_a_millimetre(swung, kind, suffix, tmp_path):
     path = export(swung, kind, tmp_path / f"swing{suffix}")[0]
     frames = len(swung.moving.time)

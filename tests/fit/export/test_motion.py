@@ -181,3 +181,10 @@ def test_the_command_writes_the_motion_beside_the_fit(order, tmp_path):
     assert done.stdout.split() == ["fit.pc2", "fit.obj"]
     again = hangtime_here(*words, folder=tmp_path)
     assert again.returncode == 2
+
+
+def test_alembic_without_blender_says_what_to_take_instead(order, monkeypatch, tmp_path):
+    monkeypatch.setenv("HANGTIME_BLENDER_PYTHON", str(tmp_path / "no-python"))
+    with pytest.raises(FitError, match=r"Alembic is written by Blender, .*; or take --to usd"):
+        export(order, "abc", tmp_path / "swing.abc")
+    assert list(tmp_path.iterdir()) == []

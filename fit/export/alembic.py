@@ -1,0 +1,52 @@
+"""Moving cloth as Alembic, written by Blender's own Python.
+
+PyPI has no kept library that writes Alembic. Blender is on PyPI as `bpy`, and writes it. It gets
+the triangles and their places at an even rate. The file has z up, metres, and a sample a frame.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from fit.errors import FitError
+from fit.export.moving import Moving
+from fit.foreign.process import BLENDER, WORKER_FOLDER
+
+WRITER = WORKER_FOLDER / "alembic_writer.py"
+LONGEST = 900.0  # s that Blender may take
+
+
+def alembic(moving: Moving) -> bytes:
+    """Return an Alembic file of a motion at an even rate.
+
+    Raises:
+        FitError: there is no Blender for Python, or it could not write the file.
+    """
+    if not BLENDER.is_installed():
+        absent = BLENDER.absent()
+        raise FitError(
+            f"Alembic is written by Blender, and {absent.what}", where=BLENDER.python,
+            advice=f"{absent.advice}; or take --to usd, which Houdini, Maya, Unreal and Blender open",
+        )  # fmt: skip
+    with tempfile.TemporaryDirectory(prefix="hangtime-alembic-") as name:
+        folder = Path(name)
+        np.savez(
+            folder / "job.npz", places=moving.places, triangles=moving.triangles, rest=moving.rest, fps=moving.rate
+        )
+        try:
+            done = subprocess.run(
+                [BLENDER.python, WRITER, folder / "job.npz", folder / "cloth.abc"], capture_output=True, text=True,
+                timeout=LONGEST,
+            )  # fmt: skip
+        except subprocess.TimeoutExpired:
+            raise FitError("Blender did not end", where=BLENDER.python, advice="give a shorter take") from None
+        if done.returncode != 0 or not (folder / "cloth.abc").exists():
+            raise FitError(
+                f"Blender could not write Alembic: {(done.stderr.strip().splitlines() or ['no reason given'])[-1]}",
+                where=BLENDER.python, advice="take --to usd instead",
+            )  # fmt: skip
+        return (folder / "cloth.abc").read_bytes()

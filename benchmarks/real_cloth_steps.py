@@ -1,6 +1,6 @@
 """Go step by step from raw recordings of swung cloth to the error that is left, and show the worth of each step.
 
-    benchmarks/real_cloth_steps.py FOLDER [TAKE ...]
+    benchmarks/real_cloth_steps.py FOLDER [--pictures DIR] [TAKE ...]
 
 FOLDER holds the `.npz` recordings (docs/notebook/real-cloth.md). The named takes are fitted to, four of them unless
 named. All others are held out. Each row adds one step to the row above and fits the cloth anew. It prints two errors
@@ -9,6 +9,7 @@ of the held-out takes, root mean square in millimetres:
 - `points`: from the simulated points to the points as this step prepares them
 - `surface`: from the raw points to the simulated cloth, wherever along it they are
 
+With `--pictures`, each row draws what it leaves of one held-out take, as `DIR/step-N.png`.
 Only the second is measured on the same points in every row, but for stamps and skewed grids.
 """
 
@@ -35,11 +36,13 @@ from fit.observer.residuals import Observer
 from fit.recordings.camera import CameraSteps
 from fit.recordings.grids import grid_of
 from fit.recordings.recording import Recording, prepare
+from fit.report.residual_picture import draw_residuals
 from formats.importers.swung_cloth import import_swung_cloth
 from formats.take import Take
 
 Floats = NDArray[np.float64]
 FITTED = ("range30_rep1", "range60_rep4", "range90_rep2", "range120_rep1")  # one of each size of swing
+DRAWN = "range90_rep3"  # the held-out take of the pictures
 SPACING = 0.033  # m, a ninth of the cloth: the diagnosis' own mesh
 FINE = 10  # places between neighbours of the grid, at which the simulated surface is sampled: 4 mm
 RAW = CameraSteps(stamps=False, shifts=False, skew=False, edge=False, places=False)
@@ -106,8 +109,8 @@ def shown(name: str, recordings: list[Recording], simulated: list[Floats], more:
     sys.stdout.flush()
 
 
-def main(folder: Path, names: tuple[str, ...]) -> None:
-    """Print the table."""
+def main(folder: Path, names: tuple[str, ...], pictures: Path | None) -> None:
+    """Print the table, and draw what each row leaves of the held-out take `DRAWN`, or of the first."""
     every = sorted(folder.glob("*.npz"))
     training = [path for path in every if path.stem in names]
     testing = [path for path in every if path.stem not in names]
@@ -117,7 +120,8 @@ def main(folder: Path, names: tuple[str, ...]) -> None:
     train: list[Recording] = []
     test: list[Recording] = []
     start = SI.initial
-    for name, steps, effects in ROWS:
+    drawn = [path.stem for path in testing].index(DRAWN) if DRAWN in {path.stem for path in testing} else 0
+    for number, (name, steps, effects) in enumerate(ROWS, 1):
         if steps != before:
             train, test, before = prepared(training, steps), prepared(testing, steps), steps
             numbers = fitted_pendulum(train)
@@ -137,7 +141,15 @@ def main(folder: Path, names: tuple[str, ...]) -> None:
         columns = observer.columns
         sizes += [f"{effect} {np.round(best.amplitudes[columns[effect]], 3).tolist()}" for effect in effects]
         shown(name, test, [points[0] for points in free], ", ".join(sizes))
+        if pictures is not None:
+            pictures.mkdir(parents=True, exist_ok=True)
+            draw_residuals(
+                test[drawn], free[drawn][0], pictures / f"step-{number}.png", f"{test[drawn].take_id}, {name}"
+            )
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), tuple(sys.argv[2:]) or FITTED)
+    given = sys.argv[1:]
+    where = Path(given.pop(given.index("--pictures") + 1)) if "--pictures" in given else None
+    rest = [one for one in given if one != "--pictures"]
+    main(Path(rest[0]), tuple(rest[1:]) or FITTED, where)

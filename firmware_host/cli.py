@@ -161,6 +161,13 @@ def synthesise_silhouette(
     publish_share: Annotated[
         float, typer.Option("--publish-share", help="Share of the interval before by which a stamp is late.")
     ] = 0.0,
+    jitter: Annotated[
+        float, typer.Option("--jitter", metavar="SECONDS", help="Deviation of each stamp's own shift.")
+    ] = 0.0,
+    path_below: Annotated[
+        float, typer.Option("--path-below", metavar="METRES", help="How far the hanger's path lies below the edge.")
+    ] = 0.0,
+    depth_scale: Annotated[float, typer.Option("--depth-scale", help="Share by which depths are read too long.")] = 0.0,
     skewed: Annotated[float, typer.Option("--skewed", help="Share of the frames with a skewed grid.")] = 0.0,
     eroded: Annotated[float, typer.Option("--eroded", metavar="METRES", help="Border that is not seen.")] = 0.0,
     eaten: Annotated[
@@ -180,8 +187,8 @@ def synthesise_silhouette(
     from firmware_host.synthetic.silhouette import CameraFaults, make_silhouette_take
 
     faults = CameraFaults(
-        latency=latency, publish_share=publish_share, skewed_share=skewed, eroded_border=eroded, eaten_by_pose=eaten,
-        noise=noise,
+        latency=latency, publish_share=publish_share, jitter=jitter, path_below=path_below, depth_scale=depth_scale,
+        skewed_share=skewed, eroded_border=eroded, eaten_by_pose=eaten, noise=noise,
     )  # fmt: skip
     paths = make_silhouette_take(out, name, faults, seconds=seconds, seed=seed, overwrite=overwrite)
     tell("\n".join(map(str, paths)), files=list(map(str, paths)))

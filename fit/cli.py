@@ -260,6 +260,14 @@ def diagnose_command(
             "weighed together, on the takes fitted to).",
         ),
     ] = "rules",
+    arrows: Annotated[
+        Path | None,
+        typer.Option(
+            "--arrows",
+            metavar="FILE.png",
+            help="Also draw what is left of the first take judged on, as arrows; replaces FILE.png.",
+        ),
+    ] = None,
 ) -> None:
     """Say where the simulation misses, which unmodelled effect causes the error, and how far the error would shrink.
 
@@ -287,10 +295,12 @@ def diagnose_command(
     from fit.methods import base_model_of, find_method
     from fit.recordings.selection import is_of
     from fit.report.again import plot_of
-    from fit.report.gather import write_diagnosis_report
+    from fit.report.gather import draw_left, write_diagnosis_report
     from fit.report.origin import command_line
     from formats.results import load_fit_result, save_diagnosis
 
+    if arrows is not None:
+        import PIL  # noqa: F401 - before the work, not after it
     training, testing = _read(takes, held_out, held_out_motion, anyway)
     fitted = load_fit_result(fit_file) if fit_file else None
     if fitted is not None and not is_of(fitted, training):
@@ -335,6 +345,8 @@ def diagnose_command(
             aside = set_aside_other_takes(out / "diagnosis.json", training)
             save_diagnosis(out / "diagnosis.json", findings.diagnosis)
             report = write_diagnosis_report(out / "report.html", findings, fitted, (training, testing), command_line())
+            if arrows is not None:
+                draw_left(arrows, findings)
             # Not before the report, which may fail too.
             shutil.rmtree(out / "diagnosis.partial", ignore_errors=True)
     except KeyboardInterrupt:

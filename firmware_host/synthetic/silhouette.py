@@ -6,6 +6,9 @@ x 8 points evenly over what it sees of the cloth. The faults are those that publ
 
 - latency: a stamp is late by a constant
 - publish share: it is late, on top, by a share of the excess of the interval to the frame before over the usual one
+- jitter: each stamp is off by a normal shift of its own, half an interval at most
+- path below: the hanger's path lies below the true held edge
+- depth scale: distances from a camera 1.5 m before the cloth are read too long by a share
 - skew: in a share of the frames the grid lies askew
 - eroded border: the left, right and bottom border is not seen
 - eaten by pose: the bottom border is lost, or gained, in proportion to the cloth's lean g:
@@ -39,16 +42,23 @@ DENSITY = 0.197  # kg/m^2, median of 618 fabrics, ClothDrapeTester (SIGGRAPH Asi
 PHYSICS = ClothPhysics(linear_damping=1.5)
 RATE, UNEVEN = 9.0, 0.3  # frames a second, and the spread of their intervals, as in the recordings
 AWAY, HERTZ, REST = 0.1, 0.7, 1.5  # m and Hz of the swing, and s of rest at either end
+CAMERA = np.array([0.0, -1.5, 0.0])  # m, where depths begin
 FINE = 100.0  # instants a second at which the true cloth is kept
 LONGEST = 120.0  # s
 
 
 @dataclass(frozen=True, kw_only=True)
 class CameraFaults:
-    """A camera's faults: late stamps [s], shares, skew [degrees], losses and noise [m]; at 0 the camera is perfect."""
+    """A camera's faults: late and shifted stamps [s], shares, skew [degrees], offsets, losses and noise [m].
+
+    At 0 the camera is perfect.
+    """
 
     latency: float = 0.0
     publish_share: float = 0.0
+    jitter: float = 0.0
+    path_below: float = 0.0
+    depth_scale: float = 0.0
     skewed_share: float = 0.0
     skew: float = 6.0
     eroded_border: float = 0.0
@@ -121,7 +131,9 @@ def seen_silhouette(
     steps = (1 + UNEVEN * random.standard_normal(int(seconds * RATE)).clip(-2, 2)) / RATE
     stamps = np.cumsum(steps)
     late = np.concatenate([[0.0], np.diff(stamps) - np.median(np.diff(stamps))])
-    exposures = stamps - faults.latency - faults.publish_share * late
+    most = np.median(np.diff(stamps)) / 2
+    own = np.clip(faults.jitter * np.random.default_rng([seed, 65]).standard_normal(len(stamps)), -most, most)
+    exposures = stamps - faults.latency - faults.publish_share * late - own
     there = (exposures >= 0.0) & (exposures <= fine[-1])
     stamps, exposures = stamps[there], exposures[there]
     is_skewed = random.random(len(exposures)) < faults.skewed_share
@@ -182,10 +194,10 @@ def _laid(
         right = right + np.tan(angles[frame]) * (below - length / 2)
         places[frame] = np.stack([right.ravel(), SIDE - below.ravel()], 1)
         points[frame] = _on(shape, below.ravel() / SIDE, right.ravel() / SIDE)
+    points += faults.depth_scale * (points - CAMERA)
     points += faults.noise * random.standard_normal(points.shape)
-    return Silhouette(
-        stamps, exposures, points, np.isfinite(points).all(2), held_path(stamps), places, lean, angles != 0.0
-    )
+    ends = held_path(stamps) - [0.0, 0.0, faults.path_below]
+    return Silhouette(stamps, exposures, points, np.isfinite(points).all(2), ends, places, lean, angles != 0.0)
 
 
 def _at(fine: Floats, nodes: Floats, instants: Floats) -> Floats:
@@ -208,7 +220,8 @@ def _on(shape: Floats, down: Floats, across: Floats) -> Floats:
 
 def _check(faults: CameraFaults, seconds: float, seed: int) -> None:
     limits = {
-        "latency": (-0.5, 0.5), "publish_share": (0.0, 1.0), "skewed_share": (0.0, 1.0), "skew": (0.0, 30.0),
+        "latency": (-0.5, 0.5), "publish_share": (0.0, 1.0), "jitter": (0.0, 0.1),
+        "path_below": (-0.05, 0.05), "depth_scale": (-0.1, 0.1), "skewed_share": (0.0, 1.0), "skew": (0.0, 30.0),
         "eroded_border": (0.0, 0.05), "eaten_by_pose": (-0.15, 0.15), "noise": (0.0, 0.02),
     }  # fmt: skip
     for name, (low, high) in limits.items():

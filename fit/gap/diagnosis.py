@@ -14,7 +14,7 @@ from fit.cloth.effect import Effect
 from fit.cloth.model import Resolution
 from fit.effects import LIBRARY
 from fit.errors import FitError
-from fit.gap import edge_driven
+from fit.gap import edge_driven, from_raw
 from fit.gap import findings as described
 from fit.gap import gates as gate
 from fit.gap.base_fit import fit_base
@@ -155,6 +155,7 @@ def diagnose(
     if verdict.verdict == "unknown" and not is_edge_explained(search.base.errors.edge):
         progress("holding the cloth where its edge was tracked", 0.92)
         by_edge = edge_driven.held_by_edge(observer, judge, base, kept)
+    raw_mm = from_raw.raw_error_mm(observer, judge, training, held_out, base, kept)
     progress("imagining the next recording", 0.93)
     proposal = propose(observer, base, *search.alive(evidence, verdict))
     progress("drawing maps", 0.97)
@@ -165,6 +166,7 @@ def diagnose(
     if verdict.verdict == "ambiguous" and proposal is None:
         notes.append("No motion of the menu would tell apart what is named by a standard deviation more than these.")
     camera = describe_camera(train + test)
+    gap = from_raw.with_raw(described.describe_gap(evidence, best, by_edge), raw_mm)
     diagnosis = Diagnosis(
         format="hangtime-diagnosis/1",
         created=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -174,9 +176,11 @@ def diagnose(
         sentence=verdict.sentence
         + edge_driven.sentence(evidence, by_edge)
         + described.left_out(effects, LIBRARY)
-        + camera_clause(camera),
+        + described.at_bounds(model, base)
+        + camera_clause(camera)
+        + from_raw.sentence(gap),
         named=verdict.named,
-        gap=described.describe_gap(evidence, best, by_edge),
+        gap=gap,
         effects=described.describe_effects(evidence, best, effects, model, inclusion(found) if found else None),
         where=find_where(judge, judge.residuals(base.vector[None], observer.off[None])[0]),
         missing_force=missing_force,

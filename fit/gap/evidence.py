@@ -39,6 +39,7 @@ AT_BOUND = 0.01  # of an effect's range: an amplitude nearer to its end was stop
 # A further effect closes a tenth of the gap, and a third of the error that the effects before it leave beyond noise.
 # Or it closes most of that error, which a wrong law of an effect that is there rarely does. Most counts on average or
 # in the median half-second: where cloth becomes unpredictable for a moment, that moment holds nearly all of the error.
+MOST_LEFT_OF_SILHOUETTE = 0.5  # of the gap: what a camera leaves of a silhouette is no noise, and no floor holds it all
 SECOND_GAIN, SHARE_OF_LEFT = 0.1, 1 / 3
 MOST_OF_LEFT = 0.6
 LEAST_GAIN, LEAST_GAIN_BY_LAW = 0.01, 0.03  # beside effects of one exact law; beside others at most
@@ -47,10 +48,10 @@ NEAR, NEAR_TWIN = 0.8, 0.9  # of the winner's closure from which an effect, or o
 RIVAL = 0.1  # share of bootstrap draws that makes an effect a rival
 
 
-def is_at_bound(observer: Observer, hypothesis: Hypothesis) -> bool:
-    """Whether the effect that a hypothesis adds last was stopped by the end of its physical range."""
-    last = hypothesis.effects[-1]
-    effect, amplitude = observer.library[last], hypothesis.fitted.amplitudes[observer.columns[last]]
+def is_at_bound(observer: Observer, hypothesis: Hypothesis, effect_name: str | None = None) -> bool:
+    """Whether an effect of a hypothesis, or the one it adds last, was stopped by the end of its physical range."""
+    name = effect_name or hypothesis.effects[-1]
+    effect, amplitude = observer.library[name], hypothesis.fitted.amplitudes[observer.columns[name]]
     reach = AT_BOUND * (effect.high - effect.low)
     below = amplitude < effect.low + reach if effect.low < 0 else np.zeros(len(amplitude), bool)
     return bool((below | (amplitude > effect.high - reach)).any())
@@ -363,8 +364,16 @@ class Evidence:
         noise = min(SIGNIFICANT_GAP * self.floor_mm**2, (self.floor_mm + ONE_MORE * self.floor_error_mm) ** 2)
         return np.asarray(noise + MESH_TWICE * self.numerics_mm**2 + share * gap)
 
+    @property
+    def is_silhouette(self) -> bool:
+        """Whether all points judged are a silhouette's, put at their material places."""
+        recordings = self.judge.recordings
+        return len(recordings) > 0 and all(recording.camera.is_placed for recording in recordings)
+
     def explains_enough(self, hypothesis: Hypothesis) -> bool:
         """Whether the error that a hypothesis leaves, beyond noise and mesh, is small against the gap."""
         left = hypothesis.errors.squared_mm - self.floor_mm**2 - self.numerics_mm**2
+        if self.is_silhouette:
+            return left <= MOST_LEFT_OF_SILHOUETTE * self.gap_mm2
         by_law = float(self.most_by_law(hypothesis, np.array(self.gap_mm2)))
         return left <= MOST_LEFT * self.gap_mm2 and hypothesis.errors.squared_mm <= by_law

@@ -12,11 +12,12 @@ from fit.gap.floor import Floor
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.probabilities import probabilities
 from fit.gap.screening import groups
-from fit.methods import Parameterisation
+from fit.methods import Parameter, Parameterisation
 from fit.observer.residuals import Observer, has_static
 from formats.diagnosis_records import EffectFinding, Figure, Gap
 from formats.fit_records import FitParameter
 
+AT_BOUND = 0.01  # of a base parameter's range: a fit that ends nearer to its end was stopped by it
 LISTED = 3  # effects that were left out, in a sentence
 PROBABILITIES = {
     "rules": "Probabilities are shares of draws, of held-out half-seconds and of what mesh and solver may be wrong by, "
@@ -76,7 +77,7 @@ def describe_effects(
         # The held edge, several effects together and masses decide without this test.
         by_other = beside is not None or weighed is not None or name in evidence.told_by_edge
         is_tested_by_closure = hypothesis is not None and not by_other
-        is_held = hypothesis is not None and is_at_bound(evidence.observer, hypothesis)
+        is_held = sized is not None and is_at_bound(evidence.observer, sized, name)
         size, interval = evidence.amplitude(name, beside=beside) if sized else (size_of(amplitude), None)
         shown = smallest[name][np.isfinite(smallest[name])]
         can_show = len(shown) > 0
@@ -123,6 +124,9 @@ def base_parameters(model: Parameterisation, fitted: Fitted) -> list[FitParamete
             (value * np.exp(-spread), value * np.exp(spread)) if parameter.is_log else (value - spread, value + spread)
         )
         low, high = max(low, parameter.minimum), min(high, parameter.maximum)
+        stopped = _stopped(parameter, value)
+        if stopped:  # how far it would have gone the fit cannot say
+            low, high = parameter.minimum, parameter.maximum
         described.append(
             FitParameter(
                 name=parameter.name,
@@ -133,11 +137,37 @@ def base_parameters(model: Parameterisation, fitted: Fitted) -> list[FitParamete
                 maximum=parameter.maximum,
                 interval_low=float(low),
                 interval_high=float(high),
-                is_identified=bool(spread < 0.7) if parameter.is_log else None,
-                note=parameter.meaning,
+                is_identified=bool(spread < 0.7 and not stopped) if parameter.is_log else None,
+                note=f"{parameter.meaning}; stopped by its bound" if stopped else parameter.meaning,
             )
         )
     return described
+
+
+def _stopped(parameter: Parameter, value: float) -> bool:
+    """Whether a fit was stopped by the end of a base parameter's range."""
+    low, high, at = parameter.minimum, parameter.maximum, value
+    if parameter.is_log:
+        low, high, at = float(np.log(low)), float(np.log(high)), float(np.log(value))
+    reach = AT_BOUND * (high - low)
+    return at < low + reach or at > high - reach
+
+
+def at_bounds(model: Parameterisation, fitted: Fitted) -> str:
+    """Say which parameters of the base fit were stopped by their bounds; nothing where none was."""
+    names = [
+        f"{p.name.replace('_', ' ')} ({value:.3g} {p.unit})"
+        for p, value in zip(model.parameters, fitted.vector.tolist(), strict=True)
+        if _stopped(p, value)
+    ]
+    if not names:
+        return ""
+    listed = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+    is_one = len(names) == 1
+    return (
+        f" The base fit ends at the bound of {listed}: {'its value says' if is_one else 'their values say'} more of "
+        "the range than of the cloth."
+    )
 
 
 def left_out(effects: tuple[Effect, ...], library: tuple[Effect, ...]) -> str:

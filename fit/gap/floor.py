@@ -17,6 +17,8 @@ that the take states is a fallback: sigma = max(w, stated). The verdict says whe
 The measured path of the hanger, which drives the cloth, gets its own noise once more as well, through the same
 smoothing. The rest of this noise shakes the cloth, by millimetres in the free motion of a noisy take. No model of the
 cloth can follow it. Sixth differences measure the path's noise, because a stated figure may be the error of a constant.
+A silhouette's camera leaves more than noise. The held row, on which no physics acts, is still off across the cloth when
+the camera's faults are taken out. All points of a frame share this error, which is added in squares.
 Sources: J. R. Cook & L. A. Stefanski, "Simulation-extrapolation estimation ...", JASA 89 (1994); T. Gasser, L. Sroka,
 C. Jennen-Steinmetz, "Residual variance and residual pattern in nonlinear regression", Biometrika 73 (1986).
 """
@@ -64,7 +66,7 @@ def noise_floor(observer: Observer, vector: Floats, amplitudes: Floats, rng: np.
     grown = np.array([float(o.in_mm(r)) ** 2 for o, r in zip(every, found, strict=True)])
     # If a model explains little of the motion, chance may lower an error by noise. The points' own noise stays.
     own = own_noise_mm(observer, noise)
-    floors = np.sqrt(np.maximum(grown - float(observer.in_mm(residual)) ** 2, own**2))
+    floors = np.sqrt(np.maximum(grown - float(observer.in_mm(residual)) ** 2, own**2) + row_off_mm(observer) ** 2)
     stated = own_noise_mm(observer, [recording.point_sd for recording in observer.recordings])
     return Floor(float(floors.mean()), float(floors.std(ddof=1) / np.sqrt(REPLICAS)), own, stated)
 
@@ -88,6 +90,12 @@ def own_noise_mm(observer: Observer, noise: list[Floats]) -> float:
     seen = [recording.counted.sum(0) for recording in observer.recordings]
     squares = sum(float((3 * own**2 * n).sum()) for own, n in zip(noise, seen, strict=True))
     return 1e3 * float(np.sqrt(squares / sum(int(n.sum()) for n in seen)))
+
+
+def row_off_mm(observer: Observer) -> float:
+    """Root mean square error [mm] that the held row of silhouettes still has; 0 of other points."""
+    off = [(recording.camera.row_off, int(recording.counted.sum())) for recording in observer.recordings]
+    return 1e3 * float(np.sqrt(sum(value**2 * n for value, n in off) / sum(n for _, n in off)))
 
 
 def noisier(recording: Recording, noise: Floats, rng: np.random.Generator) -> Recording:

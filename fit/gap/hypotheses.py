@@ -45,10 +45,8 @@ def shortlist(screened: Screened) -> list[str]:
     order = sorted(screened, key=lambda name: -screened[name].predicted)
     best = order[0]
     chosen = _not_trifling(screened, order[:SHORTLIST])
-    by_distance = sorted(screened, key=lambda name: -screened[name].predicted_mm2)
-    seen = SEEN_SHARE * max(screened[by_distance[0]].predicted_mm2, 0.0)
-    chosen += [name for name in by_distance[:MOST_SEEN] if screened[name].predicted_mm2 > seen and name not in chosen]
-    for leader in (best, by_distance[0]):
+    chosen += _seen_most(screened, chosen)
+    for leader in (best, max(screened, key=lambda name: screened[name].predicted_mm2)):
         twins = [name for name in order if name not in chosen and abs(cosine(screened[leader], screened[name])) > ALIKE]
         chosen += twins[:2] if leader in chosen else []
     return chosen
@@ -57,11 +55,20 @@ def shortlist(screened: Screened) -> list[str]:
 def further(screened: Screened, most: int) -> list[str]:
     """Return the effects that are tried beside other effects, most promising first.
 
-    They are judged by distance, so that what saves cost and brings no point nearer is left out.
+    They are judged by distance, so that what saves cost and brings no point nearer is left out. Static effects save
+    little cost, as in `shortlist`. So those that bring points nearest are tried as well.
     """
     nearest = max(one.predicted_mm2 for one in screened.values())
     nearer = [name for name, one in screened.items() if nearest <= 0.0 or one.predicted_mm2 >= LEAST_SHARE * nearest]
-    return _not_trifling(screened, sorted(nearer, key=lambda name: -screened[name].predicted)[:most])
+    chosen = _not_trifling(screened, sorted(nearer, key=lambda name: -screened[name].predicted)[:most])
+    return chosen + _seen_most(screened, chosen, most)
+
+
+def _seen_most(screened: Screened, chosen: list[str], most: int = MOST_SEEN) -> list[str]:
+    """Return the few effects that bring points nearest, less those chosen already."""
+    by_distance = sorted(screened, key=lambda name: -screened[name].predicted_mm2)
+    least = SEEN_SHARE * max(screened[by_distance[0]].predicted_mm2, 0.0)
+    return [name for name in by_distance[:most] if screened[name].predicted_mm2 > least and name not in chosen]
 
 
 def _not_trifling(screened: Screened, order: list[str]) -> list[str]:

@@ -157,6 +157,8 @@ def share_closed(evidence: Evidence, hypothesis: Hypothesis) -> str:
         return ""
     low, high = closed.interval or (closed.value, closed.value)
     noise = ". The remaining error is within the noise" if evidence.is_within_noise(hypothesis) else ""
+    if evidence.is_silhouette and not noise:
+        noise = f". The rest, {100 - 100 * closed.value:.0f} %, no effect explains: a camera's faults are part of it"
     return f": {100 * closed.value:.0f} % of the gap is closed [{100 * low:.0f} to {100 * high:.0f} %]{noise}"
 
 

@@ -14,6 +14,9 @@ numbers are split in two parts. The noise of points and path limits the varying 
 
 with the error `ends` of the held ends' places on the hanger, if the rig states one.
 
+The middle of a silhouette's row has an error of its own, which its points share (`fit.recordings.row_and_rest`). It
+adds to `path`.
+
 The path's noise is the part of white noise that passes its spline. A steady spline (`fit.recordings.smoothing`) of
 cut-off f_c at n frames a second passes this share of the variance:
 
@@ -40,6 +43,7 @@ from fit.recordings.recording import Recording
 from formats.arrays import Floats
 
 KEPT = 5 * np.pi / 9  # of the variance of white noise, per cut-off over rate
+FROM_ROW = 1e-3  # m: error of a held edge that is taken from its row at rest, some 30 frames with 3 mm
 FEWEST_POINTS = 2  # for one stretch
 NUMBERS = 4  # of a frame: three of the middle, one of the stretch
 MOVING_CERTAIN, RESTING_CERTAIN = (
@@ -144,10 +148,13 @@ class EdgeResiduals:
         self._measured = np.nan_to_num(recording.points[self.frame][:, on_edge])
         rate = (len(recording.time) - 1) / recording.duration
         path = float(np.sqrt((held_noise(recording) ** 2).mean() * KEPT * recording.held_cut_off / rate / 2))
+        path = float(np.hypot(path, recording.camera.row_off))
         squared = point_noise(recording)[on_edge] ** 2
         weights = np.stack([*[self._middle] * 3, self._arm * self._slope], 1)
         self.sd = np.sqrt(weights**2 @ squared + path**2)
-        offsets = recording.offset_sd * np.linalg.norm(weights.sum(0) / max(len(weights), 1), axis=1)
+        # An edge that was taken from its own row lies there, however far silhouettes sit beside their material.
+        own = FROM_ROW if recording.camera.edge is not None else recording.offset_sd
+        offsets = own * np.linalg.norm(weights.sum(0) / max(len(weights), 1), axis=1)
         width = float(np.linalg.norm(held[:, 1] - held[:, 0], axis=1).mean()) if len(held) else 1.0
         # Of two ends that are off independently the middle is by e / sqrt(2), their distance by sqrt(2) e.
         ends = recording.held_error * np.array([*[np.sqrt(0.5)] * 3, np.sqrt(2.0) * self._arm / width])

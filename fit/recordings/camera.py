@@ -8,6 +8,9 @@ None of it needs a cloth. The steps are taken in this order:
 - edge: a clamped edge is as long as on the flat cloth. It lies at the middle of a silhouette's top row at rest.
 - places: points of a silhouette's grid get the material place of their way from the held edge
 
+Then it is said how far the outline is eaten (`fit.recordings.outline`), how the held row still errs, and how the cloth
+leans at rest (`fit.recordings.row_and_rest`).
+
 A silhouette is one that the garment file states (`points_are`). Older files are treated as before. Points and hanger of
 the same pictures have one clock, and its stamps are not examined.
 """
@@ -18,8 +21,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fit.recordings.grids import SKEWED, Grid, grid_of, placed, skew_degrees
+from fit.recordings.grids import SKEWED, Grid, grid_of, length_seen, placed, skew_degrees
 from fit.recordings.hanger_path import Curve, hanger_axes, in_hanger_frame
+from fit.recordings.outline import Outline, find_outline
+from fit.recordings.row_and_rest import Lean, find_lean, row_off
 from fit.recordings.timing import CLOSEST, Timing, find_timing, in_order, row_middle
 from formats.arrays import Booleans, Floats
 from formats.garment import Garment
@@ -77,6 +82,9 @@ class Camera:
     - `frames`: number of frames with a grid
     - `edge`: the new place of the held edge; None if it was left
     - `is_placed`: whether the points were given their material places
+    - `outline`: how far it is eaten; None of other points than a silhouette's grid
+    - `row_off` [m]: error of the held row across the cloth when all of this is taken out, root mean square
+    - `lean`: of the cloth while the hanger stands still; None where that is not seen
     """
 
     timing: Timing | None = None
@@ -85,6 +93,9 @@ class Camera:
     frames: int = 0
     edge: Edge | None = None
     is_placed: bool = False
+    outline: Outline | None = None
+    row_off: float = 0.0
+    lean: Lean | None = None
 
 
 @dataclass(frozen=True)
@@ -114,10 +125,9 @@ def retimed(
     if (grid := _grid_of_silhouette(garment)) is not None:
         row[~_is_straight(points, grid)] = np.nan
     timing = find_timing(time, row, path, is_per_frame=is_per_frame and is_silhouette)
-    if timing is None or not timing.follows or timing.is_at_end:
+    if timing is None or not timing.is_of_hanger:
         return Seen(time, points, Camera(timing=timing))
-    mends = timing.is_late or timing.deviation > 0 or _is_certain(timing.share_interval)
-    if not (is_silhouette and mends) and abs(timing.latency) <= LATEST_LEFT:
+    if not (is_silhouette and timing.is_off) and abs(timing.latency) <= LATEST_LEFT:
         return Seen(time, points, Camera(timing=timing))
     true = time - (timing.shifts if is_silhouette else timing.latency)
     kept = (true >= time[0]) & (true <= time[-1])
@@ -151,8 +161,7 @@ def edge_shown(seen: Seen, path: Curve, garment: Garment) -> Edge | None:
     if not NARROWEST * width <= apart <= width / NARROWEST:
         return None
     row = row_middle(seen.points[:, grid.at[0]], grid.across - grid.across.mean())
-    speed = np.linalg.norm(path(seen.time + CLOSEST) - path(seen.time - CLOSEST), axis=1) / (2 * CLOSEST * np.sqrt(2))
-    still = (speed < STILL) & np.isfinite(row).all(1)
+    still = _is_still(seen.time, path) & np.isfinite(row).all(1)
     if still.sum() < FEWEST_STILL:
         return Edge(0.0, 0.0, width)
     local = in_hanger_frame(row, ends)[still]
@@ -166,13 +175,28 @@ def in_place(seen: Seen, held: Curve, garment: Garment) -> Floats | None:
     return None if grid is None or garment.held != "edge" else placed(seen.points, held(seen.time), grid)
 
 
+def examined(seen: Seen, held: Curve, garment: Garment) -> Camera:
+    """Return the findings on frames whose points get their places: what is eaten, how the row errs, how cloth leans."""
+    grid = _grid_of_silhouette(garment)
+    if grid is None or garment.held != "edge":
+        return seen.camera
+    ends = held(seen.time)
+    outline = find_outline(seen.time, seen.points, ends, length_seen(seen.points, ends, grid), grid)
+    off = 0.0 if grid.down[0] > TOP_ROW * grid.down[-1] else row_off(seen.points, ends, grid)
+    still = _is_still(seen.time, held)
+    lean = find_lean(seen.time[still], seen.points[still], ends[still], grid)
+    return replace(seen.camera, is_placed=True, outline=outline, row_off=off, lean=lean)
+
+
+def _is_still(time: Floats, path: Curve) -> Booleans:
+    """Return the frames in which the hanger stands still, (frames,)."""
+    speed = np.linalg.norm(path(time + CLOSEST) - path(time - CLOSEST), axis=1) / (2 * CLOSEST * np.sqrt(2))
+    return np.asarray(speed < STILL)
+
+
 def _grid_of_silhouette(garment: Garment) -> Grid | None:
     return grid_of(garment) if garment.points_are == "silhouette" else None
 
 
 def _is_straight(points: Floats, grid: Grid) -> Booleans:
     return np.asarray(~(np.abs(skew_degrees(points, grid)) > SKEWED))
-
-
-def _is_certain(interval: tuple[float, float] | None) -> bool:
-    return interval is not None and not interval[0] <= 0.0 <= interval[1]

@@ -1,7 +1,8 @@
-"""Say what a camera made of some takes, with its size: late stamps, skewed grids, a moved edge, points that slide.
+"""Say what a camera made of some takes, with its size: late stamps, skewed grids, a moved edge, points that slide,
+an eaten outline, wrong depths, a lean.
 
-Sizes over several takes are means over the takes. Their 90 % interval comes from the spread over the takes or from the
-intervals of the takes, whichever is larger.
+Sizes over several takes are means over the takes. What is known better counts more. Their 90 % interval comes from the
+spread over the takes or from the intervals of the takes, whichever is larger.
 """
 
 from __future__ import annotations
@@ -13,16 +14,25 @@ import numpy as np
 from fit.recordings.grids import SKEWED
 from fit.recordings.point_kind import describe_contradiction
 from fit.recordings.recording import Recording
-from fit.recordings.timing import FARTHEST, FOLLOWED, Timing
+from fit.recordings.timing import FARTHEST, FOLLOWED, Timing, is_sure
 from formats.fit_records import CameraFinding, Interval
 
 CERTAIN_LEFT = 0.02  # s that material points trail, from which it is said though it is left to the diagnosis
-MOST_SKEWED = 0.1  # of the frames: more is no accident of single frames
+LEAST_EDGE = 0.002  # m that the edge is moved by, from which it is said
+LEAST_SLIDE = 0.003  # m rms beyond noise, from which points are said to slide
+LEAST_BORDER = 0.002  # m that grids of a perfect silhouette may seem to be short, by the cloth's own stretch and folds
+LEAST_SCALE = 0.003  # of depths
+LEAST_LEAN = 0.005  # rad, 0.3 degrees
+LEAST_BY_POSE = 0.01  # m per unit of lean, the same
 
 
 def describe_camera(recordings: Sequence[Recording]) -> list[CameraFinding]:
     """Return what a camera made of takes, and what was done about it, in the order in which it was."""
-    found = [*_gaps(recordings), *_clocks(recordings), *_skewed(recordings), *_edge(recordings), *_placed(recordings)]
+    found = [*_gaps(recordings), *_clocks(recordings), *_skewed(recordings)]
+    # Where points and path do not belong together, nothing more follows from both.
+    sound = [r for r in recordings if (t := r.camera.timing) is None or t.is_of_hanger]
+    for more in (_edge, _placed, _eaten, _scaled, _leaning):
+        found += more(sound)
     contradiction = describe_contradiction(recordings[0].garment, recordings) if recordings else ""
     if contradiction:
         takes = [r.take_id for r in recordings]
@@ -50,6 +60,8 @@ def _short(one: CameraFinding) -> str:
         "skewed_grids": f"{100 * one.figure:.0f} % skewed grids",
         "held_edge": f"a held edge {1e3 * one.figure:.0f} mm from where the path has it",
         "sliding_points": f"points that slide over the cloth, by {1e3 * one.figure:.0f} mm rms",
+        "eaten_border": f"a border eaten by {1e3 * one.figure:.1f} mm",
+        "eaten_by_pose": f"an outline eaten by pose, {1e3 * one.figure:.0f} mm per unit of lean",
     }.get(one.name, "")
 
 
@@ -71,7 +83,7 @@ def _gaps(recordings: Sequence[Recording]) -> list[CameraFinding]:
 
 def _clocks(recordings: Sequence[Recording]) -> list[CameraFinding]:
     timed = [(r, r.camera.timing) for r in recordings if r.camera.timing is not None]
-    lost = [(r, t) for r, t in timed if not t.follows or t.is_at_end]
+    lost = [(r, t) for r, t in timed if not t.is_of_hanger]
     found = []
     if lost:
         recording, timing = min(lost, key=lambda one: one[1].explained)
@@ -83,22 +95,21 @@ def _clocks(recordings: Sequence[Recording]) -> list[CameraFinding]:
                 f"{recording.take_id} moves (at best {100 * max(timing.explained, 0.0):.0f} %). Check that path and "
                 "points are of the same take and which clock each has."),
         ))  # fmt: skip
-    sound = [(r, t) for r, t in timed if t.follows and not t.is_at_end]
+    sound = [(r, t) for r, t in timed if t.is_of_hanger]
     mended = [(r, t) for r, t in sound if r.camera.is_retimed]
     figure, interval = _together([(t.latency, t.latency_interval) for _, t in mended]) if mended else (0.0, (0.0, 0.0))
-    if not interval[0] <= 0.0 <= interval[1]:
+    if mended and is_sure(interval):
         found.append(CameraFinding(
             name="latency", take_ids=[r.take_id for r, _ in mended], figure=figure, interval=interval, unit="s",
             sentence=(
                 f"The points' stamps are {_late(figure)} [{interval[0]:.3f} to {interval[1]:.3f} s] in "
                 f"{_listed([r for r, _ in mended])}, as the held row shows against the hanger's path. Taken out."),
         ))  # fmt: skip
-    shares = [(r, t, t.share_interval) for r, t in mended if t.share_interval is not None]
-    certain = [(r, t.share, span) for r, t, span in shares if not span[0] <= 0.0 <= span[1]]
-    if certain:
-        figure, interval = _together([(share, span) for _, share, span in certain])
+    shares = [(r, t.share, t.share_interval) for r, t in mended if t.share_interval is not None]
+    figure, interval = _together([(share, span) for _, share, span in shares]) if shares else (0.0, (0.0, 0.0))
+    if shares and is_sure(interval):
         found.append(CameraFinding(
-            name="publish_time", take_ids=[r.take_id for r, _, _ in certain], figure=figure, interval=interval,
+            name="publish_time", take_ids=[r.take_id for r, _, _ in shares], figure=figure, interval=interval,
             unit="1", sentence=(
                 f"Stamps say when a frame was published: they are late by {figure:.2f} [{interval[0]:.2f} to "
                 f"{interval[1]:.2f}] of what the interval to the frame before is longer than usual. Taken out."),
@@ -148,6 +159,8 @@ def _edge(recordings: Sequence[Recording]) -> list[CameraFinding]:
     if not moved:
         return []
     down, out = (float(np.mean(values)) for values in zip(*[(e.down, e.out) for _, e in moved], strict=True))
+    if np.hypot(down, out) < LEAST_EDGE:
+        return []
     where = f"{1e3 * abs(down):.0f} mm {'higher' if down < 0 else 'lower'} and {1e3 * abs(out):.0f} mm further " + (
         "out" if out > 0 else "in"
     )
@@ -165,7 +178,11 @@ def _placed(recordings: Sequence[Recording]) -> list[CameraFinding]:
         return []
     moved = np.concatenate([np.linalg.norm(r.points - r.seen_points, axis=2).ravel() for r in placed])
     seen = float(np.mean([r.valid.mean() for r in placed]))
-    slide = float(np.sqrt(np.nanmean(moved**2))) if np.isfinite(moved).any() else 0.0
+    # Noise along the cloth's two directions is taken out by the way, and is no sliding.
+    noise = 2 * float(np.mean([np.mean(r.point_sd**2) for r in placed]))
+    slide = float(np.sqrt(max(np.nanmean(moved**2) - noise, 0.0))) if np.isfinite(moved).any() else 0.0
+    if slide < LEAST_SLIDE:
+        return []
     return [CameraFinding(
         name="sliding_points", take_ids=[r.take_id for r in placed], figure=slide, unit="m", sentence=(
             f"Points of a silhouette slide over the cloth, here by {1e3 * slide:.0f} mm rms: each got the material "
@@ -173,16 +190,83 @@ def _placed(recordings: Sequence[Recording]) -> list[CameraFinding]:
     )]  # fmt: skip
 
 
+def _eaten(recordings: Sequence[Recording]) -> list[CameraFinding]:
+    """Return by how much the borders are eaten, and how much more by pose, where that is certain."""
+    shown = [(r, r.camera.outline) for r in recordings if r.camera.outline is not None]
+    found = []
+    bottom, bottom_span = _together([(o.bottom, o.bottom_interval) for _, o in shown]) if shown else (0.0, (0.0, 0.0))
+    side, side_span = _together([(o.side, o.side_interval) for _, o in shown]) if shown else (0.0, (0.0, 0.0))
+    figure = (bottom + 2 * side) / 3
+    half = float(np.hypot(bottom_span[1] - bottom, 2 * (side_span[1] - side))) / 3
+    if figure > LEAST_BORDER and is_sure((figure - half, figure + half)):
+        found.append(CameraFinding(
+            name="eaten_border", take_ids=[r.take_id for r, _ in shown], figure=figure, unit="m",
+            interval=(figure - half, figure + half), sentence=(
+                f"The silhouette ends inside the cloth: by {1e3 * bottom:.1f} mm [{1e3 * bottom_span[0]:.1f} to "
+                f"{1e3 * bottom_span[1]:.1f}] at the bottom and {1e3 * side:.1f} mm [{1e3 * side_span[0]:.1f} to "
+                f"{1e3 * side_span[1]:.1f}] at each side. Places beyond it count as unseen."),
+        ))  # fmt: skip
+    leaning = [
+        (r, (o.by_pose, o.by_pose_interval)) for r, o in shown
+        if o.by_pose is not None and o.by_pose_interval is not None
+    ]  # fmt: skip
+    if leaning:
+        figure, span = _together([(value, interval) for _, (value, interval) in leaning])
+        if abs(figure) > LEAST_BY_POSE and is_sure(span):
+            found.append(CameraFinding(
+                name="eaten_by_pose", take_ids=[r.take_id for r, _ in leaning], figure=figure, interval=span, unit="m",
+                sentence=(
+                    f"The silhouette's length depends on pose: it loses {1e3 * figure:.0f} mm [{1e3 * span[0]:.0f} to "
+                    f"{1e3 * span[1]:.0f}] per unit of lean. Places beyond it count as unseen."),
+            ))  # fmt: skip
+    return found
+
+
+def _scaled(recordings: Sequence[Recording]) -> list[CameraFinding]:
+    """Return by how much depths are wrong, as the held row travels against the hanger's path."""
+    timed = [(r, r.camera.timing) for r in recordings if r.camera.timing is not None]
+    shown = [(r, t.scale, t.scale_interval) for r, t in timed]
+    known = [(r, scale, span) for r, scale, span in shown if span is not None]
+    figure, span = _together([(scale, interval) for _, scale, interval in known]) if known else (0.0, (0.0, 0.0))
+    if abs(figure) < LEAST_SCALE or not is_sure(span):
+        return []
+    return [CameraFinding(
+        name="depth_scale", take_ids=[r.take_id for r, _, _ in known], figure=figure, interval=span, unit="1",
+        is_left=True, sentence=(
+            f"The held row travels {100 * abs(figure):.1f} % [{100 * span[0]:.1f} to {100 * span[1]:.1f}] "
+            f"{'farther' if figure > 0 else 'less far'} than the hanger, away from the camera and back: depths and "
+            "path differ in scale. This was left in."),
+    )]  # fmt: skip
+
+
+def _leaning(recordings: Sequence[Recording]) -> list[CameraFinding]:
+    """Return the lean of cloth at rest."""
+    shown = [(r, lean.angle, lean.interval) for r in recordings if (lean := r.camera.lean) is not None]
+    figure, span = _together([(angle, interval) for _, angle, interval in shown]) if shown else (0.0, (0.0, 0.0))
+    if abs(figure) < LEAST_LEAN or not is_sure(span):
+        return []
+    degrees = [float(np.degrees(value)) for value in (figure, *span)]
+    return [CameraFinding(
+        name="lean", take_ids=[r.take_id for r, _, _ in shown], figure=figure, interval=span, unit="rad", is_left=True,
+        sentence=(
+            f"At rest the cloth leans out of the vertical by {degrees[0]:.1f} degrees [{degrees[1]:.1f} to "
+            f"{degrees[2]:.1f}]: gravity or the camera is tilted, or a draught is steady. This was left in."),
+    )]  # fmt: skip
+
+
 def _together(values: Sequence[tuple[float, Interval]]) -> tuple[float, Interval]:
-    """Mean of figures with 90 % intervals, and its own."""
+    """Mean of figures with 90 % intervals, and its own; figures that are less known than the median count less."""
     from scipy.special import stdtrit
 
     figures = np.array([value for value, _ in values])
     half = np.array([(high - low) / 2 for _, (low, high) in values])
-    mean, count = float(figures.mean()), len(values)
-    reach = float(np.sqrt((half**2).mean() / count))
+    weight = 1.0 / np.maximum(half**2 + float(np.median(half)) ** 2, 1e-30)
+    weight /= weight.sum()
+    mean, count = float(weight @ figures), len(values)
+    reach = float(np.sqrt((weight**2 * half**2).sum()))
     if count > 1:
-        reach = max(reach, float(stdtrit(count - 1, 0.95) * figures.std(ddof=1) / np.sqrt(count)))
+        spread = np.sqrt(weight @ (figures - mean) ** 2 * (weight**2).sum() * count / (count - 1))
+        reach = max(reach, float(stdtrit(count - 1, 0.95) * spread))
     return mean, (mean - reach, mean + reach)
 
 

@@ -17,7 +17,17 @@ import numpy as np
 
 from fit.errors import FitError
 from fit.recordings.bodies import Body, capsule, half_space, sphere
-from fit.recordings.camera import EVERY_STEP, Camera, CameraSteps, Seen, edge_shown, in_place, retimed, straightened
+from fit.recordings.camera import (
+    EVERY_STEP,
+    Camera,
+    CameraSteps,
+    Seen,
+    edge_shown,
+    examined,
+    in_place,
+    retimed,
+    straightened,
+)
 from fit.recordings.grids import Grid, grid_of, length_seen
 from fit.recordings.hanger_path import check_path, gaps_of, held_curve, is_known, led_across
 from fit.recordings.held_edge import FEWEST_FRAMES, HeldEdge, place_along
@@ -239,6 +249,8 @@ def prepare(take: Take, steps: CameraSteps = EVERY_STEP) -> Recording:
         held_seen, camera = edge.of(held_seen), replace(camera, edge=edge)
         path = held_curve(clock, held_seen, cut_off)
     at_place = in_place(frames, path, take.garment) if steps.places else None
+    if at_place is not None:
+        camera = examined(replace(frames, camera=camera), path, take.garment)
     first = frames.time[0]
     time, held_time = frames.time - first, clock - first
     gaps = [(begin - first, end - first) for begin, end in gaps]
@@ -266,7 +278,7 @@ def prepare(take: Take, steps: CameraSteps = EVERY_STEP) -> Recording:
         is_imported=take.rig.sensor is None and take.rig.calibration is None,
         bodies=_bodies(take, rotation, held_seen[held_valid]), held_time=held_time,
         viewpoint=_world(rotation, take.rig.viewpoint),
-        camera=replace(camera, is_placed=at_place is not None),
+        camera=camera,
         raw_points=None if at_place is None else frames.points, gaps=tuple(gaps),
     )  # fmt: skip
 

@@ -30,7 +30,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.recordings.hanger_path import Curve, in_hanger_frame
+from fit.recordings.hanger_path import Curve, hanger_axes, in_hanger_frame
+from fit.recordings.robust_line import interval_of, robust_line
 from formats.arrays import Booleans, Floats
 
 FARTHEST = 0.5  # s either way: live cameras are late by 0.05 to 0.35 s
@@ -41,12 +42,14 @@ OUTLIER = 3.0  # times the median distance
 BLOCK = 0.5  # s, half a swing
 FEWEST_BLOCKS = 5
 SHORTEST_PART = 0.25  # of the take that the scan's reach is at most
-FOLLOWED = 0.5  # of the row's squared motion, the share that the hanger's path must explain
+FOLLOWED = 0.7  # of the row's squared motion that the hanger's path must explain; real silhouettes have 0.91 to 0.99
+LEAST_TRAVEL = 0.02  # m, standard deviation of the hanger's way across the cloth, from which a scale is told
 MOVING, STILL = 0.1, 0.03  # m/s of the row, above which time shows, and below which noise does
 LEAST_NOISE = 5e-4  # m of an axis
 FEWEST_STILL = 8  # frames from which noise is taken
 MEDIAN_TELLS = 0.37  # of what a mean square would tell of a deviation, a median absolute deviation does
 WIDEST = 0.05  # s of half an interval: wider, the hanger hardly moved
+SURELY = 1.8  # halves of a 90 % interval: three standard errors, so that of six findings hardly one in fifty is false
 CERTAIN = 2.5  # standard errors of the frames' own deviation
 NEXT = 1e-3  # s, a difference for slopes
 CLOSEST = 4e-3  # s between frames: nearer ones are one moment
@@ -63,6 +66,8 @@ class Timing:
     - `before`, `after` [m]: rms distance of the row from its place by the hanger, without and with the shifts
     - `explained`: share of the row's squared motion that the hanger's path explains, at best
     - `shifts` [s], (frames,): the whole lateness of each stamp
+    - `scale`: share by which the row travels farther across the cloth than the path; its 90 % interval is None where
+      the hanger hardly travels that way
     """
 
     latency: float
@@ -74,12 +79,19 @@ class Timing:
     after: float
     explained: float
     shifts: Floats
+    scale: float = 0.0
+    scale_interval: tuple[float, float] | None = None
 
     @property
     def is_late(self) -> bool:
         """Whether the latency is certain."""
-        low, high = self.latency_interval
-        return low > 0.0 or high < 0.0
+        return is_sure(self.latency_interval)
+
+    @property
+    def is_off(self) -> bool:
+        """Whether stamps are likelier off than not: the 90 % interval of the latency or of the share is beyond zero."""
+        known = [self.latency_interval, *([self.share_interval] if self.share_interval is not None else [])]
+        return self.deviation > 0 or any(low > 0.0 or high < 0.0 for low, high in known)
 
     @property
     def follows(self) -> bool:
@@ -87,9 +99,20 @@ class Timing:
         return self.explained >= FOLLOWED
 
     @property
+    def is_of_hanger(self) -> bool:
+        """Whether the points' clock can be the hanger's: the row follows, at a shift that was looked at."""
+        return self.follows and not self.is_at_end
+
+    @property
     def is_at_end(self) -> bool:
         """Whether the latency is as large as what was looked at."""
         return abs(self.latency) >= FARTHEST - COARSE
+
+
+def is_sure(interval: tuple[float, float]) -> bool:
+    """Return whether a figure of this 90 % interval is surely not zero."""
+    low, high = interval
+    return abs(low + high) / 2 > SURELY * (high - low) / 2
 
 
 def find_timing(time: Floats, row: Floats, path: Curve, *, is_per_frame: bool = True) -> Timing | None:
@@ -116,9 +139,7 @@ def find_timing(time: Floats, row: Floats, path: Curve, *, is_per_frame: bool = 
         return None
     latency, share, sd = scan.mended(latency, share, is_uneven=is_uneven)
     spread = scan.spread
-    half = spread * sd
-    if not np.isfinite(half).all() or half[0] > WIDEST:
-        return None
+    half = np.where(np.isfinite(sd), spread * sd, np.inf)
     left = scan.residual(latency, share)
     timing = Timing(
         latency=latency, latency_interval=(latency - half[0], latency + half[0]), share=share,
@@ -126,6 +147,9 @@ def find_timing(time: Floats, row: Floats, path: Curve, *, is_per_frame: bool = 
         before=scan.rms(0.0, 0.0), after=float(np.sqrt((left[scan.used] ** 2).sum(1).mean())),
         explained=1 - float((left[scan.used] ** 2).sum() / max(scan.motion, 1e-12)), shifts=latency + share * step,
     )  # fmt: skip
+    if half[0] > WIDEST:  # the hanger tells no time, or it is another one's
+        return None if timing.is_of_hanger else timing
+    timing = scan.with_scale(timing)
     return scan.with_own_shifts(timing) if is_per_frame else timing
 
 
@@ -235,6 +259,24 @@ class _Scan:
         sd = np.zeros(2)
         sd[: len(slopes)] = np.sqrt(variance)
         return float(found[0]), float(found[1]), sd
+
+    def with_scale(self, timing: Timing) -> Timing:
+        """Return a timing with the scale of the row's way across the cloth, before frames get shifts of their own.
+
+        A shift of each frame would hide it. Beside the scale k, the line has the row's velocity v, for the latency:
+        o + k (w - mean w) + e v.
+        """
+        ends = self.path(self.time - timing.latency - timing.share * self.step)[self.used]
+        normal = hanger_axes(ends)[:, :, 2].mean(0)
+        travel = ends.reshape(-1, 2, 3).mean(1) @ normal / np.linalg.norm(normal)
+        block = self.block[self.used]
+        if travel.std() < LEAST_TRAVEL or len(np.unique(block)) < FEWEST_BLOCKS:
+            return timing
+        out = self.local(timing.latency, timing.share)[self.used, 2]
+        velocity = self.velocity(timing.latency, timing.share)[self.used, 2]
+        design = np.stack([np.ones(len(out)), travel - travel.mean(), velocity], 1)
+        line, half = robust_line(design, out, block)
+        return replace(timing, scale=float(line[1]), scale_interval=interval_of(line[1], half[1]))
 
     def with_own_shifts(self, timing: Timing) -> Timing:
         """Return a timing with each frame's own shift, where such shifts show."""

@@ -104,6 +104,24 @@ def _written(
     return write_report(path, fit=fitted, diagnosis=diagnosis, motions=kept, origin=known)
 
 
+def draw_left(path: Path, findings: Findings) -> None:
+    """Draw what the named model, or else the base model, leaves of the first take that is judged on.
+
+    Raises:
+        ModuleNotFoundError: Pillow is not installed.
+        OutputError: the file cannot be written.
+    """
+    from fit.report.residual_picture import draw_residuals
+
+    recording = (findings.takes.held_out or findings.takes.training)[0]
+    best = findings.best if findings.diagnosis.named and findings.best is not None else findings.base
+    simulator = Simulator(recording, findings.effects, resolution=findings.resolution)
+    density = recording.garment.mass_kg / float(simulator.mesh.area)
+    rows = findings.model.to_materials(best.vector[None], density)
+    done = simulator.run(rows, best.amplitudes[None], observer_hz=findings.frequency)
+    draw_residuals(recording, done.points[0], path, f"{recording.take_id}, {' and '.join(best.active) or 'base model'}")
+
+
 def _both(training: list[Recording], held_out: list[Recording]) -> list[tuple[Recording, bool]]:
     """Held-out takes first: their errors are the ones that count."""
     return [(r, True) for r in held_out] + [(r, False) for r in training]

@@ -124,12 +124,12 @@ def test_what_brings_no_point_nearer_is_not_refitted_for_that():
 
 
 def test_further_effects_save_cost_and_a_twentieth_of_the_most_distance():
-    """Best first, at most three; of 10 mm^2 half a one is enough."""
+    """Best first, at most three, of 10 mm^2 half a one is enough; then what saves 5 of 10 mm^2 or more."""
     found = promising(
         first=(50.0, 0.49), second=(20.0, 0.51), third=(40.0, 10.0), trifle=(1.9, 5.0), fifth=(30.0, 6.0),
         sixth=(10.0, 6.0),
     )  # fmt: skip
-    assert further(found, 3) == ["third", "fifth", "second"]
+    assert further(found, 3) == ["third", "fifth", "second", "sixth"]
     assert further(found, 9) == ["third", "fifth", "second", "sixth"]
     assert further(promising(first=(5.0, -1.0), second=(9.0, -2.0)), 9) == ["second", "first"]
     assert further(promising(first=(5.0, 0.9), second=(9.0, 0.01)), 9) == ["first"]

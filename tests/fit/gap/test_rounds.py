@@ -302,7 +302,8 @@ def test_what_was_a_start_and_is_not_looked_for_beside_others_has_the_twins_it_h
 
 
 def test_what_brings_no_point_nearer_is_not_tried_beside_another_effect():
-    """Of 10 mm^2 that the best would save a twentieth is 0.5; then the three that save most cost, but trifles."""
+    """Of 10 mm^2 that the best would save a twentieth is 0.5; then the three that save most cost, but trifles; then f,
+    which saves 9 of 10 mm^2."""
     saved = {
         "a": (90.0, -2.0),
         "b": (50.0, 10.0),
@@ -312,8 +313,8 @@ def test_what_brings_no_point_nearer_is_not_tried_beside_another_effect():
         "f": (2.0, 9.0),
     }
     found = {name: signature(predicted=cost, predicted_mm2=mm2) for name, (cost, mm2) in saved.items()}
-    assert further(found, 3) == ["b", "d", "e"]
-    assert further(found, 4) == ["b", "d", "e"]  # the last saves 2 of 50
+    assert further(found, 3) == ["b", "d", "e", "f"]
+    assert further(found, 1) == ["b"]  # the nearest one is the first already
     found = {name: signature(predicted=cost, predicted_mm2=-1.0) for name, (cost, _) in saved.items()}
     assert further(found, 2) == ["a", "b"]
 

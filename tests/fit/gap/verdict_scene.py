@@ -71,7 +71,7 @@ def evidence_of(
     every = dict.fromkeys([*found, *(name for names, _ in joint for name in names)])
     rows = np.eye(len(every))
     screened = {name: signature(rows[n]) for n, name in enumerate(every)}
-    observer = SimpleNamespace(**EFFECTS, in_mm=lambda row: 2.0, layout=NO_EDGE, frequency=0.0)
+    observer = SimpleNamespace(**EFFECTS, in_mm=lambda row: 2.0, layout=NO_EDGE, frequency=0.0, recordings=[])
     return Evidence(
         observer=observer, judge=observer,
         screened=screened, base=hypothesis((), base), singles=found,

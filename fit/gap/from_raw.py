@@ -1,0 +1,75 @@
+"""The whole way from what a camera reported to what is left: the base model judged on points as they were tracked.
+
+The camera's faults are taken out of silhouettes before anything is fitted (`fit.recordings.camera`). What that is worth
+does not show in a gap that begins afterwards. So the base model is fitted once more, to the same takes with nothing
+taken out and with the points judged as if they stayed on the cloth. With the errors E of the raw points and of the
+verdict's model, and the noise floor,
+
+    closure from raw = (E_raw^2 - E^2) / (E_raw^2 - floor^2)
+
+The two errors are of different points of the same takes, hence no interval. What points err in the cloth's plane is
+gone by construction when they get their material places.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+from msgspec.structs import replace as changed
+
+from fit.gap.checkpoint import Checkpoint
+from fit.gap.fitting import Fitted, Task, fit
+from fit.gap.hypotheses import judged
+from fit.observer.residuals import Observer
+from fit.recordings.camera import CameraSteps
+from fit.recordings.recording import Recording, prepare
+from formats.diagnosis_records import Gap
+from formats.take import Take
+
+NOTHING = CameraSteps(stamps=False, shifts=False, skew=False, edge=False, places=False)
+
+
+def raw_recordings(takes: Sequence[Take]) -> list[Recording]:
+    """Return recordings of takes from which none of a camera's faults was taken out."""
+    return [prepare(replace(one, garment=changed(one.garment, points_are="material")), NOTHING) for one in takes]
+
+
+def raw_error_mm(
+    observer: Observer, judge: Observer, training: Sequence[Take], held_out: Sequence[Take], base: Fitted,
+    kept: Checkpoint,
+) -> float | None:  # fmt: skip
+    """Return the base model's error on the raw points [mm], fitted to them; None where the camera's were left alone.
+
+    observer, judge: of the takes fitted to and judged on; base: the fit that is begun from
+    """
+    if not any(recording.camera.is_placed for recording in (*observer.recordings, *judge.recordings)):
+        return None
+    there = observer.of(raw_recordings(training))
+    tested = observer.of(raw_recordings(held_out)) if held_out else there
+    starts = (base.vector, observer.parameterisation.initial)
+    tasks = [Task(vector, observer.off, is_rough=True) for vector in starts]
+    found = kept.recall([f"raw-{k}" for k in range(len(tasks))], partial(fit, there, tasks))
+    best = min(found, key=lambda one: one.cost)
+    return float(judged(tested, [best])[0].errors.squared_mm ** 0.5)
+
+
+def with_raw(gap: Gap, raw_mm: float | None) -> Gap:
+    """Return a gap with what the base model misses the raw points by, and the share closed on the way from there."""
+    if raw_mm is None:
+        return gap
+    after, floor = (gap.with_effect_mm or gap.base_mm).value, gap.floor_mm.value
+    whole = raw_mm**2 - floor**2
+    return changed(gap, raw_mm=raw_mm, closure_from_raw=(raw_mm**2 - after**2) / whole if whole > 0 else None)
+
+
+def sentence(gap: Gap) -> str:
+    """Say how far it is from the raw points to what is left; nothing where nothing was taken out of them."""
+    if gap.raw_mm is None or gap.closure_from_raw is None:
+        return ""
+    after = (gap.with_effect_mm or gap.base_mm).value
+    return (
+        f" From the points as tracked, which the base model misses by {gap.raw_mm:.1f} mm, to {after:.1f} mm "
+        f"{100 * gap.closure_from_raw:.0f} % of the gap is closed."
+    )

@@ -1,0 +1,62 @@
+"""What a camera's own errors leave of a silhouette: an error of the held row, and the lean of cloth at rest.
+
+No physics acts on the held row. When late stamps are mended, it still lies off its usual place across the cloth, in the
+hanger's frame. No cloth explains that error. All points of a frame share it.
+
+Limp cloth at rest hangs along gravity. Its lean out of the vertical, along the level normal of the held edge, is a tilt
+of the rig's gravity or of the camera, or a steady draught. The lean is a robust mean over the frames at rest
+(`fit.recordings.robust_line`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fit.recordings.grids import Grid
+from fit.recordings.hanger_path import in_hanger_frame
+from fit.recordings.outline import lean_of
+from fit.recordings.robust_line import interval_of, robust_line, seconds_apart
+from fit.recordings.timing import row_middle
+from formats.arrays import Floats
+
+FEWEST_AT_REST = 3  # half seconds
+OUTLIER = 5.0  # times the median distance: a frame whose row is lost, and not off
+
+
+@dataclass(frozen=True)
+class Lean:
+    """Lean of cloth at rest [rad], with its 90 % interval; positive along the level normal of the held edge."""
+
+    angle: float
+    interval: tuple[float, float]
+
+
+def row_off(points: Floats, ends: Floats, grid: Grid) -> float:
+    """Return by how much the held row is off its usual place across the cloth [m], root mean square over frames.
+
+    points [m], (frames, points, 3), NaN where not seen; ends [m], (frames, 6), of the held edge
+    """
+    row = row_middle(points[:, grid.at[0]], grid.across - grid.across.mean())
+    there = np.isfinite(row).all(1)
+    if not there.any():
+        return 0.0
+    away = in_hanger_frame(row, ends)[there, 2]
+    away = np.abs(away - np.median(away))
+    kept = away <= max(OUTLIER * float(np.median(away)), 1e-6)
+    return float(np.sqrt(np.mean(away[kept] ** 2)))
+
+
+def find_lean(time: Floats, points: Floats, ends: Floats, grid: Grid) -> Lean | None:
+    """Return the lean of the cloth in frames in which the hanger stands still; None of too few.
+
+    time [s], (frames,); points [m], (frames, points, 3), NaN where not seen; ends [m], (frames, 6)
+    """
+    lean = lean_of(points, ends, grid)
+    seen = np.isfinite(lean)
+    if not seen.any() or len(np.unique(block := seconds_apart(time[seen]))) < FEWEST_AT_REST:
+        return None
+    angles = np.arcsin(np.clip(lean[seen], -1.0, 1.0))
+    (middle,), (half,) = robust_line(np.ones((len(angles), 1)), angles, block)
+    return Lean(float(middle), interval_of(middle, half))

@@ -77,8 +77,8 @@ def _gap_figures(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
     for effect in diagnosis.effects:
         if effect.id in diagnosis.named:
             unit = "" if effect.unit in ("", "1") else f" {effect.unit}"
-            ends = f" ({interval(effect.amplitude_interval)}{unit})" if effect.amplitude_interval else ""
-            meaning = meaning_of(effect.id, effect.amplitude) + ends
+            ends = f"{interval(effect.amplitude_interval)}{unit}; " if effect.amplitude_interval else ""
+            meaning = ends + meaning_of(effect.id, effect.amplitude)
             figures.append((f"size of {effect.id.replace('_', ' ')}", number(effect.amplitude) + unit, meaning))
     if gap.edge_mm is not None and gap.edge_with_effect_mm is not None:
         with_it = f"{tenths(gap.edge_with_effect_mm)} with {named(diagnosis)}; noise in both"

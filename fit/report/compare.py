@@ -39,7 +39,7 @@ class SideBySide:
         """Return the comparison as an HTML page that needs nothing else."""
         rows = [row_of(row[0], row[1:]) for row in self.rows]
         body = table("Side by side", ("", *self.heads), rows, range(1, len(self.heads) + 1))
-        title = f"{len(self.heads)} {self.kind} side by side"
+        title = f"{len(self.records)} {self.kind} side by side"
         style = Markup(packaged("page.css"))
         return render(
             "compare.html", style=style, title=title, body=piece("parts.html", "section", "compared", title, body)

@@ -86,8 +86,9 @@ def _combination_table(found: Sequence[Combination]) -> Markup:
         return NOTHING
     rows = [
         row_of(c.name, (
-            number(c.initial), bold(number(c.fitted)) + unit_of(c.unit) if c.is_identified else MISSING,
-            interval((c.interval_low, c.interval_high)), "yes" if c.is_identified else "no",
+            number(c.initial) + unit_of(c.unit),
+            bold(number(c.fitted)) + unit_of(c.unit) if c.is_identified else MISSING,
+            interval((c.interval_low, c.interval_high)) + unit_of(c.unit), "yes" if c.is_identified else "no",
         ))
         for c in found
     ]  # fmt: skip

@@ -62,8 +62,10 @@ def _parameter_row(row: FitParameter, meaning: str) -> Markup:
             low, high, at = math.log(low), math.log(high), math.log(at)
         return 100 * (at - low) / (high - low) if high > low else 50.0
 
-    about = meaning if meaning in row.note or not row.note else f"{meaning}. {row.note}" if meaning else row.note
-    about = row.note if meaning and meaning in row.note else about
+    parts = [
+        meaning if meaning not in row.note else "", "not identified" if row.is_identified is False else "", row.note
+    ]  # fmt: skip
+    about = ". ".join(part[0].upper() + part[1:].rstrip(".") for part in parts if part)
     within = None
     if ends is not None:
         left, right = place(ends[0]), place(ends[1])
@@ -74,7 +76,7 @@ def _parameter_row(row: FitParameter, meaning: str) -> Markup:
         "interval": interval(ends) or MISSING, "has_interval": bool(interval(ends)), "within": within,
         "begins": place(row.initial),
         "ends": place(row.fitted), "minimum": number(row.minimum), "maximum": number(row.maximum), "is_log": is_log,
-        "remark": ". ".join(said for said in ("Not identified" if row.is_identified is False else "", about) if said),
+        "remark": f"{about}." if about else "",
     })  # fmt: skip
 
 

@@ -107,6 +107,7 @@ def test_fits_side_by_side_say_whether_their_intervals_overlap(folder, tmp_path)
     assert rows["bend [Blender]"].endswith("yes")
     assert "not identified (1.36 to 2.04)" in rows["mass [Blender]"]
     page = (tmp_path / "both.html").read_text()
+    assert "2 fits side by side" in page
     assert "25 (20 to 30)" in page
     assert "<script" not in page
     told = json.loads(hangtime_here("compare", "out", "other", "--json", folder=tmp_path).stdout)

@@ -101,7 +101,7 @@ def test_meshes_are_thinned_then_dropped_and_takes_left_out_to_keep_to_the_budge
 
 
 def test_a_page_of_long_noisy_motion_stays_below_a_megabyte_and_a_half(tmp_path):
-    noisy = motion(seconds=40.0)
+    noisy = motion(seconds=30.0)
     base = noisy.runs["base"]
     shaken = Run(points=base.points, mesh=base.mesh + np.random.default_rng(1).normal(0, 0.01, base.mesh.shape))
     three = [replace(noisy, runs={**noisy.runs, "base": shaken})] * 3

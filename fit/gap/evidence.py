@@ -361,8 +361,24 @@ class Evidence:
         """Largest mean squared error that sound laws of a hypothesis' effects leave of a gap, both (...,) [mm^2]."""
         spread = max(self.observer.library[k].law_spread for k in hypothesis.effects)
         share = max((LAW_DEVIATIONS * spread) ** 2, LEAST_BY_LAW)
+        return np.asarray(self.most_by_noise + share * gap)
+
+    @property
+    def most_by_noise(self) -> float:
+        """Largest mean squared error that noise, mesh and solver leave of a right model [mm^2]."""
         noise = min(SIGNIFICANT_GAP * self.floor_mm**2, (self.floor_mm + ONE_MORE * self.floor_error_mm) ** 2)
-        return np.asarray(noise + MESH_TWICE * self.numerics_mm**2 + share * gap)
+        return noise + MESH_TWICE * self.numerics_mm**2
+
+    def is_law_of(self, before: Hypothesis, after: Hypothesis) -> bool:
+        """Whether a further effect may be no more than what sound laws of those before it leave.
+
+        It closes no more than that may be, nor a tenth of the gap, and not all that is left. A small effect that is
+        there would leave noise, mesh and solver.
+        """
+        spread = max(self.observer.library[k].law_spread for k in before.effects)
+        saved = before.errors.squared_mm - after.errors.squared_mm
+        is_within = saved <= min((LAW_DEVIATIONS * spread) ** 2, SECOND_GAIN) * self.gap_mm2
+        return is_within and after.errors.squared_mm > self.most_by_noise
 
     @property
     def is_silhouette(self) -> bool:

@@ -261,6 +261,7 @@ def _several(evidence: Evidence, passing: list[str]) -> Hypothesis | None:
         _, (low, high) = evidence.amplitude(hypothesis.effects[-1], beside=hypothesis, any_law=False)
         is_certain = gain_p_value(before.errors, hypothesis.errors, evidence.floor_mm) < LEVEL
         closes = is_certain and is_enough and is_resolved and low * high > 0
+        closes = closes and not evidence.is_law_of(before, hypothesis)
         is_needed = (closes or is_shown) and _adds_to_told(evidence, hypothesis, gap)
         is_needed = is_needed and not puts_edge_off(evidence.base, before, hypothesis)
         is_needed = is_needed and not any(

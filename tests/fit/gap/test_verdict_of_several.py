@@ -67,6 +67,12 @@ def test_effects_that_are_named_together_are_described_by_their_fit_together(mon
     assert sizes["time_offset"][0] == pytest.approx(find_effects(["time_offset"])[0].typical)
     alone = {f.id: f.amplitude for f in describe_effects(evidence, None, LIBRARY, SI)}
     assert alone["air_drag"] == pytest.approx(1.2)
+    # A p-value is told where it decides: not of several together, nor where masses do.
+    tested = {f.id: f.p_value for f in described}
+    assert (tested["air_drag"], tested["hem"]) == (None, None)
+    assert tested["time_offset"] == evidence.p_value("time_offset")
+    by_mass = describe_effects(evidence, None, LIBRARY, SI, {"time_offset": 0.4})
+    assert {f.p_value for f in by_mass} == {None}
 
 
 @pytest.mark.parametrize(
@@ -98,6 +104,22 @@ def test_beside_an_exact_law_a_further_effect_that_closes_little_is_named(first,
     assert least_gain(evidence.observer, evidence.joint[0][0]) == 0.03  # a hem may be stiff as well
     assert least_gain(evidence.observer, next(iter(evidence.singles.values()))) == left
     evidence = dataclasses.replace(evidence, numerics_mm=numerics)
+    assert decide(evidence).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("first", "left", "verdict"),
+    [("draught", 6.2, "effect"), ("draught", 5.6, "several"), ("gravity_tilt", 6.2, "several")],
+)
+def test_beside_a_loose_law_a_small_effect_is_named_only_where_nothing_is_left(first, left, verdict):
+    """Of 375 mm^2 the first leaves 38 beyond the noise of 25, and the hem closes 7 % of 375, or 8 % and nearly all.
+
+    A draught's law may leave 36 %, and at most a tenth is asked for; gravity's leaves nothing.
+    """
+    evidence = evidence_of({first: 8.0}, base=20.0, joint=[((first, "hem"), left)])
+    evidence = dataclasses.replace(evidence, numerics_mm=2.0 if left < 6 else 1.0)
+    before, (after, _) = evidence.singles[first], evidence.joint[0]
+    assert evidence.is_law_of(before, after) == (verdict == "effect")
     assert decide(evidence).verdict == verdict
 
 

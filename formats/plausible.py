@@ -20,6 +20,7 @@ SHORTEST, LONGEST = 0.1, 3.0  # m, the longer side of the flat garment
 SMALLEST_MARKER, LARGEST_MARKER = 0.005, 0.5  # m
 SHORTEST_BAR, LONGEST_BAR = 0.03, 3.0  # m between the markers, and to the held ends
 SLOWEST, FASTEST = 5.0, 1000.0  # frames a second
+RATE_WITHIN = 1.2  # times: so far may stamps and a stated frame rate disagree
 CLOCKS = (("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9))
 UNITS = (("millimetres", 1e-3), ("centimetres", 1e-2), ("inches", 0.0254))
 
@@ -120,4 +121,21 @@ def check_plausible_times(time: Floats, where: object, *, offers_anyway: bool = 
     raise ImplausibleError(
         f"its frames are {1e6 * apart:g} µs apart in the median, {1 / apart:.0f} a second; cameras deliver "
         f"{SLOWEST:g} to {FASTEST:g}", where=where, advice=_advice("give its time in seconds", offers_anyway),
+    )  # fmt: skip
+
+
+def check_stated_rate(time: Floats, rate: float | None, where: object, *, offers_anyway: bool = False) -> None:
+    """Refuse increasing times [s], (frames,), that contradict the frame rate [1/s] that the same file states.
+
+    Raises:
+        ImplausibleError: names both.
+    """
+    if rate is None or len(time) < 2:
+        return
+    found = 1 / float(np.median(np.diff(time)))
+    if 1 / RATE_WITHIN <= found / rate <= RATE_WITHIN:
+        return
+    raise ImplausibleError(
+        f"its times come at {found:.4g} frames a second, and it states {rate:.4g}", where=where,
+        advice=_advice("export it again with times in seconds", offers_anyway),
     )  # fmt: skip

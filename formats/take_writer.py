@@ -28,6 +28,7 @@ VERSION = 2
 PROFILE = f"hangtime-take/{VERSION}"
 BLOCK_SECONDS = 1.0  # lost at most in a power cut
 HEADER_EVERY = 30  # blocks: the header is repeated, and once more at the end, so that no flipped bit loses the take
+SECOND_HEADER = 5  # blocks before it: an interrupted recording survives the loss of its first page
 HEADER, BLOCK, SURFACE, END = "/header", "/block", "/surface", "/end"
 NO_INDEX = IndexType(0)  # of chunks: 77 bytes a second, and no reader of takes skips any
 BINDING_BYTES = 8
@@ -202,7 +203,7 @@ class TakeWriter:
 
     def _write_blocks(self, columns: Columns, rows: np.ndarray[Any, np.dtype[np.int64]]) -> None:
         for block in encode_blocks(columns, rows, self._count):
-            if self._blocks and self._blocks % HEADER_EVERY == 0:
+            if self._blocks % HEADER_EVERY == SECOND_HEADER:
                 self._write(HEADER, self._header)
             self._write(BLOCK, msgpack.packb({"take": self._binding, **block}), block["start"])
             self._count += block["frames"]

@@ -8,6 +8,7 @@ header, counted from 1:
 - 4 and 5: first and last frame
 - 7 and 8: scale, negative where the data are floats
 - 9: block of 512 bytes at which the data begin
+- 11 and 12: frame rate, a float
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import struct
 import subprocess
 import sys
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +38,7 @@ KEY = 0x50  # second byte of every C3D file
 INTEL, DEC, SGI = 84, 85, 86
 LARGEST = 1 << 30  # bytes
 LONGEST_RATE = 10_000.0  # frames a second
+MOST_FRAMES = 65535  # that the header can state
 
 
 def read_c3d(path: Path, unit: str | None) -> MarkerTracks:
@@ -48,8 +51,8 @@ def read_c3d(path: Path, unit: str | None) -> MarkerTracks:
     size = path.stat().st_size
     if size > LARGEST:
         raise TakeError(f"has {size / 1e9:.1f} GB, which no C3D file has", where=path, advice="check the path")
-    processor = _refuse_a_short_file(path, size)
-    content = _read_apart(path, size, processor)
+    header = _refuse_a_short_file(path, size)
+    content = _read_apart(path, size, header.processor)
     labels = [str(label) for label in content["labels"]]
     positions, rate = content["positions"], float(content["rate"])
     points = positions.shape[1]
@@ -60,11 +63,13 @@ def read_c3d(path: Path, unit: str | None) -> MarkerTracks:
         )  # fmt: skip
     if not 0 < rate <= LONGEST_RATE:
         raise TakeError(f"states {rate:g} frames a second", where=path, advice="export it again with its frame rate")
+    _refuse_a_long_file(len(positions), int(content["stated"]), header, path)
     # Labels beyond the points name nothing; points beyond the labels have no name.
     labels = [*labels[:points], *(f"unlabelled_{k}" for k in range(len(labels), points))]
     scale = _scale(content["units"].tolist(), points, unit, path)
     positions = as_seen(positions * scale[:, None], content["residuals"] < 0)
-    return MarkerTracks(tuple(labels), np.asarray(np.arange(len(positions)) / rate, float), positions)
+    time = np.asarray(np.arange(len(positions)) / rate, float)
+    return MarkerTracks(tuple(labels), time, positions, header.rate)
 
 
 def _scale(units: list[str], points: int, unit: str | None, path: Path) -> Floats:
@@ -75,11 +80,24 @@ def _scale(units: list[str], points: int, unit: str | None, path: Path) -> Float
     return np.full(points, metres_of(stated[0] if stated else "", unit, path))
 
 
-def _refuse_a_short_file(path: Path, size: int) -> int:
-    """Refuse a file that ends before the last frame that its header states; return its processor's number."""
+@dataclass(frozen=True)
+class _Header:
+    """The processor's number; frames that the file has room for; rate [1/s], None where the header states none.
+
+    is_at_its_most: whether the header counts as many frames as it can
+    """
+
+    processor: int
+    held: int
+    is_at_its_most: bool
+    rate: float | None
+
+
+def _refuse_a_short_file(path: Path, size: int) -> _Header:
+    """Refuse a file that ends before the last frame that its header states; return what its header says."""
     with path.open("rb") as file:
         head = file.read(BLOCK)
-        if len(head) < BLOCK or head[1] != KEY:
+        if len(head) < BLOCK or head[1] != KEY or not head[0]:
             raise TakeError("is no C3D file that can be read (its first block is none)", where=path,
                             advice="export it again")  # fmt: skip
         file.seek(BLOCK * (head[0] - 1) + 3)
@@ -91,14 +109,37 @@ def _refuse_a_short_file(path: Path, size: int) -> int:
     is_float = bool(head[12 + {SGI: 0, DEC: 1}.get(processor, 3)] & 0x80)
     width = (4 * points + analogue) * (4 if is_float else 2)
     frames = last - first + 1
-    if width and frames > 0 and start > 1:
-        held = (size - BLOCK * (start - 1)) // width
-        if held < frames and last < 65535:  # longer recordings state their length elsewhere
-            raise TakeError(
-                f"holds {max(held, 0)} of the {frames} frames that its header states", where=path,
-                advice="it is cut off: copy or export it again",
-            )  # fmt: skip
-    return processor
+    held = (size - BLOCK * (start - 1)) // width if width and start > 1 else 0
+    if width and frames > 0 and start > 1 and held < frames and last < MOST_FRAMES:
+        raise _cut_off(max(held, 0), frames, "its header states", path)
+    if processor == DEC:
+        rate = struct.unpack("<f", head[22:24] + head[20:22])[0] / 4
+    else:
+        rate = struct.unpack_from(f"{order}f", head, 20)[0]
+    return _Header(processor, held, last == MOST_FRAMES and first <= 1, rate if 0 < rate < LONGEST_RATE else None)
+
+
+def _refuse_a_long_file(read: int, stated: int, header: _Header, path: Path) -> None:
+    """Refuse a file of as many frames as its header can state, or more, of which some were not read.
+
+    read: frames that were; stated: by the parameters, 0 where they state none
+    """
+    if not header.is_at_its_most:
+        return
+    if read < (stated or MOST_FRAMES):
+        raise _cut_off(read, stated or MOST_FRAMES, f"its {'parameters state' if stated else 'header states'}", path)
+    if header.held > read + BLOCK // 8:  # the last block's rest may look like frames, of a 16-bit point each
+        raise TakeError(
+            f"has room for {header.held} frames and states {read}: its header counts no further", where=path,
+            advice="export it in shorter parts, or as text",
+        )  # fmt: skip
+
+
+def _cut_off(found: int, stated: int, what: str, path: Path) -> TakeError:
+    return TakeError(
+        f"holds {found} of the {stated} frames that {what}", where=path,
+        advice="it is cut off: copy or export it again",
+    )  # fmt: skip
 
 
 def _read_apart(path: Path, size: int, processor: int) -> dict[str, NDArray[Any]]:

@@ -52,8 +52,26 @@ def _content(file: Any) -> dict[str, Any]:
         "rate": float(rates[0]) if len(rates) else 0.0,
         "positions": np.moveaxis(values, 0, -1).swapaxes(0, 1),
         "residuals": np.asarray(file["data"]["meta_points"]["residuals"][0], float).T,
-        "frames": int(file["header"]["points"]["last_frame"]) - int(file["header"]["points"]["first_frame"]) + 1,
+        "stated": _stated_frames(file["parameters"]),
     }
+
+
+def _stated_frames(parameters: Any) -> int:
+    """Return the number of frames by parameters that count further than the header's 16 bits, 0 where there are none.
+
+    ezc3d sets POINT:FRAMES to what it read. Source: the C3D file format, user guide: TRIAL:ACTUAL_START_FIELD and
+    ACTUAL_END_FIELD hold two words of 16 bits, the lower first; POINT:LONG_FRAMES is a float.
+    """
+
+    def numbers(group: str, name: str) -> list[float]:
+        found = parameters[group][name]["value"] if group in parameters and name in parameters[group] else []
+        return [float(number) for number in np.ravel(found) if np.isfinite(number)]
+
+    begin, end = (numbers("TRIAL", f"ACTUAL_{which}_FIELD") for which in ("START", "END"))
+    if len(begin) == len(end) == 2:
+        first, last = (int(low) % 65536 + 65536 * (int(high) % 65536) for low, high in (begin, end))
+        return max(last - first + 1, 0)
+    return max(int(next(iter(numbers("POINT", "LONG_FRAMES")), 0)), 0)
 
 
 if __name__ == "__main__":

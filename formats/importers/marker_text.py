@@ -28,8 +28,13 @@ MARKS = ((b"\xff\xfe\0\0", "utf-32"), (b"\0\0\xfe\xff", "utf-32"), (b"\xff\xfe",
          (b"\xef\xbb\xbf", "utf-8-sig"))  # fmt: skip
 CAN_BE_READ = "markers can be read from .c3d, .trc, .csv and .tsv, swung cloth from .npz"
 DECIMAL_COMMA = re.compile(r"^\s*-?\d+,\d+(e[+-]?\d+)?\s*$", re.IGNORECASE)
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)  # `float` takes 1_0 as well
 LONGEST_SHOWN = 40  # characters of a cell in a message
-NOT_SEEN = {"", "nan", "null", "none", "-", "n/a"}
+LONGEST_HEAD = 1000  # lines above the first frame: Qualisys writes one for each event
+# Of programs, spreadsheets (#N/A), R (NA), and the C libraries of Windows (-nan(ind), 1.#QNAN).
+NOT_SEEN = {
+    "", "-", "--", "nan", "null", "none", "n/a", "na", "#n/a", "#n/v", "nan(ind)", "1.#ind", "1.#qnan", "1.#nan",
+}  # fmt: skip
 
 
 class Rows(Sequence[list[str]]):
@@ -39,8 +44,9 @@ class Rows(Sequence[list[str]]):
         TakeError: a cell is longer than any number or name.
     """
 
-    def __init__(self, lines: list[str], separator: str, path: Path) -> None:
-        self._lines, self._separator, self._path = lines, separator, path
+    def __init__(self, lines: list[str], separator: str, path: Path, *, is_cut: bool = False) -> None:
+        """Hold lines; is_cut: the last one has no end, so that it may be the part of one that was being written."""
+        self._lines, self._separator, self._path, self.is_cut = lines, separator, path, is_cut
 
     def __len__(self) -> int:
         return len(self._lines)
@@ -52,7 +58,8 @@ class Rows(Sequence[list[str]]):
     def __getitem__(self, place: int | slice) -> list[str] | Rows:
         """Return the cells of one line, or some of the lines."""
         if isinstance(place, slice):
-            return Rows(self._lines[place], self._separator, self._path)
+            has_last = range(len(self._lines))[place][-1:] == range(len(self._lines))[-1:]
+            return Rows(self._lines[place], self._separator, self._path, is_cut=self.is_cut and has_last)
         return next(iter(Rows([self._lines[place]], self._separator, self._path)))
 
     def __iter__(self) -> Iterator[list[str]]:
@@ -90,31 +97,53 @@ def _rows(path: Path) -> Rows:
     if (size := path.stat().st_size) > LARGEST:
         raise TakeError(f"has {size / 1e9:.1f} GB of text", where=path, advice="export fewer frames at once")
     try:
-        raw = path.read_bytes()
+        raw = path.read_bytes().rstrip(b"\x1a")  # Ctrl-Z, with which programs of DOS end a text
         if not raw.strip(b"\0\r\n\t "):
             raise TakeError("is empty", where=path, advice=f"export it again; {CAN_BE_READ}")
         encoding = next((name for mark, name in MARKS if raw.startswith(mark)), "utf-8")
         if encoding == "utf-8" and b"\0" in raw[:200]:  # without a mark: every other byte of plain text is zero
             encoding = "utf-16-le" if raw[1:2] == b"\0" else "utf-16-be"
-        lines = raw.decode(encoding).splitlines()
+        text = _decoded(raw, encoding)
+        lines = text.splitlines()
         head = "\n".join(lines[:50])
         # A comma also parts decimals: it parts cells only where nothing else does.
         separator = "\t" if head.count("\t") else ";" if head.count(";") else ","
         # In Qualisys' table a line of separators is a frame in which no marker was seen.
         dropped = " " if head.lower().startswith("no_of_frames") else f'{separator}" \t'
-        return Rows([line for line in lines if line.strip(dropped)], separator, path)
+        is_cut = not text.endswith(("\n", "\r"))
+        return Rows([line for line in lines if line.strip(dropped)], separator, path, is_cut=is_cut)
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
         raise TakeError(f"cannot be read ({reason})", where=path, advice="export it as text again") from error
 
 
+def _decoded(raw: bytes, encoding: str) -> str:
+    """Return the text of bytes; what is text but no UTF-8 is of western Windows, whose µ and ä are single bytes.
+
+    Raises:
+        UnicodeDecodeError: it is no text.
+    """
+    try:
+        return raw.decode(encoding)
+    except UnicodeDecodeError:
+        if encoding != "utf-8" or any(byte < 32 and byte not in b"\t\n\r" for byte in set(raw)):
+            raise
+        return raw.decode("cp1252", errors="replace")
+
+
 def _numbers(rows: Rows, width: int, path: Path, *, first_line: int, is_exact: bool = False) -> Floats:
     """Return rows of numbers, (rows, width), NaN for a cell that says that nothing was seen.
 
-    is_exact: whether a line must have as many cells as the first one has; else ends of lines may be left out
+    is_exact: whether a line must have as many cells as the first one has; else ends of lines may be left out, but not
+    of a last line that has no end itself
     """
     values = np.full((len(rows), width), np.nan)
     for number, row in enumerate(rows):
+        if rows.is_cut and number == len(rows) - 1 and len(row) < width:
+            raise TakeError(
+                f"ends within line {first_line + number}, after {len(row)} of its {width} cells", where=path,
+                advice="it is cut off: copy or export it again",
+            )  # fmt: skip
         cells = row if is_exact else [*row[:width], *[""] * (width - len(row))]
         if len(cells) != width:
             raise TakeError(
@@ -136,22 +165,23 @@ def _number(cell: str) -> float:
     Raises:
         ValueError: it holds anything else, and names that.
     """
-    if cell.strip().lower() in NOT_SEEN:
+    word = cell.strip().lower()
+    if word.lstrip("+-") in NOT_SEEN or word in NOT_SEEN:
         return np.nan
-    try:
-        number = float(cell.replace(",", ".") if DECIMAL_COMMA.match(cell) else cell)
-    except ValueError as error:
-        raise ValueError(repr(cell.strip()[:LONGEST_SHOWN])) from error
-    if np.isinf(number):  # no place is infinite: to read it as a gap would hide a fault
+    plain = word.replace(",", ".") if DECIMAL_COMMA.match(word) else word
+    # No place is infinite, as 1e999 is: to read it as a gap would hide a fault.
+    if not NUMBER.fullmatch(plain) or np.isinf(number := float(plain)):
         raise ValueError(repr(cell.strip()[:LONGEST_SHOWN]))
     return number
 
 
-def _tracks(labels: list[str], time: Floats, values: Floats, metres: float, path: Path) -> MarkerTracks:
+def _tracks(
+    labels: list[str], time: Floats, values: Floats, metres: float, path: Path, rate: float | None = None
+) -> MarkerTracks:
     if not labels:
         raise TakeError("names no markers", where=path, advice="export the trajectories with their names")
     positions = values[:, : 3 * len(labels)].reshape(len(values), len(labels), 3) * metres
-    return MarkerTracks(tuple(label.strip() for label in labels), time, as_seen(positions))
+    return MarkerTracks(tuple(label.strip() for label in labels), time, as_seen(positions), rate)
 
 
 def _cell(row: list[str], at: int) -> str:
@@ -173,6 +203,15 @@ def _rate(cell: str, path: Path) -> float:
     if not 0 < rate < 1e4:
         raise TakeError(f"its frame rate is {cell.strip()!r}", where=path, advice="export it with its frame rate")
     return rate
+
+
+def _rate_beside_times(cell: str) -> float | None:
+    """Return the frame rate that a file with a time for each frame states, None where it states none."""
+    try:
+        rate = _number(cell)
+    except ValueError:
+        return None
+    return rate if rate > 0 else None
 
 
 def _refuse_fewer(found: int, stated: int, path: Path) -> None:
@@ -209,7 +248,8 @@ def _trc(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     metres = metres_of(stated.get("units", ""), unit, path)
     _refuse_fewer(len(body), _whole(stated.get("numframes", ""), "number of frames", path), path)
     values = _numbers(body, 2 + 3 * count, path, first_line=6)
-    return _tracks(names, values[:, 1], values[:, 2:], metres, path)
+    rate = _rate_beside_times(stated.get("datarate", ""))
+    return _tracks(names, values[:, 1], values[:, 2:], metres, path, rate)
 
 
 def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
@@ -253,12 +293,15 @@ def _motive(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     values = _numbers(body, len(axes), path, first_line=begin + 2)
     metres = metres_of(stated.get("length units", ""), unit, path)
     columns = [k + axis for k in at for axis in range(3)]
-    return _tracks([names[k] if k < len(names) else "" for k in at], values[:, 1], values[:, columns], metres, path)
+    labels = [names[k] if k < len(names) else "" for k in at]
+    rate = _rate_beside_times(stated.get("export frame rate", "") or stated.get("capture frame rate", ""))
+    return _tracks(labels, values[:, 1], values[:, columns], metres, path, rate)
 
 
 def _qualisys(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     """QTM's: lines of a name and its value, `MARKER_NAMES`, then a row of x, y, z a frame, in millimetres."""
-    stated = {row[0].strip().upper(): row[1:] for row in rows[:20]}
+    head = list(takewhile(lambda row: re.fullmatch(r"[A-Z_]+", row[0].strip()), rows[:LONGEST_HEAD]))
+    stated = {row[0].strip().upper(): row[1:] for row in head}
 
     def value(name: str) -> str:
         return next(iter(stated.get(name, [])), "")
@@ -267,7 +310,7 @@ def _qualisys(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     if (count := _whole(value("NO_OF_MARKERS"), "number of markers", path)) != len(names):
         raise TakeError(f"names {len(names)} markers and states {count}", where=path, advice="export it again")
     rate = _rate(value("FREQUENCY"), path)
-    begin = 1 + max(k for k, row in enumerate(rows[:20]) if re.fullmatch(r"[A-Z_]+", row[0].strip()))
+    begin = len(head)
     has_clock = begin < len(rows) and rows[begin][0].strip().lower() == "frame"
     count_of_frames = _whole(value("NO_OF_FRAMES"), "number of frames", path)
     body = rows[begin + has_clock :]
@@ -278,4 +321,4 @@ def _qualisys(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     _refuse_fewer(end, count_of_frames, path)
     values = _numbers(body, 3 * count + 2 * has_clock, path, first_line=begin + 1 + has_clock)
     time = values[:, 1] if has_clock else np.arange(len(values)) / rate
-    return _tracks(names, time, values[:, 2 * has_clock :], metres_of("mm", unit, path), path)
+    return _tracks(names, time, values[:, 2 * has_clock :], metres_of("mm", unit, path), path, rate)

@@ -26,12 +26,14 @@ from formats.outputs import write_text
 class MarkerTracks:
     """Named marker paths: time [s], (frames,); positions [m], (frames, markers, 3), NaN where not seen.
 
-    labels: as the file has them, a subject's name before a colon included
+    - `labels`: as the file has them, a subject's name before a colon included
+    - `rate` [1/s]: what the file states besides the times, None where it states none
     """
 
     labels: tuple[str, ...]
     time: Floats
     positions: Floats
+    rate: float | None = None
 
     def columns_named(self, name: str, subject: str = "") -> list[int]:
         """Return which markers have this name, of any subject where none is given."""

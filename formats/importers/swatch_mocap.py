@@ -22,7 +22,7 @@ from formats.errors import TakeError
 from formats.garment import Garment
 from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import MarkerTracks
-from formats.plausible import check_plausible_times
+from formats.plausible import check_plausible_times, check_stated_rate
 from formats.rig import Rig, Vector
 from formats.take import FrameState, Take
 
@@ -30,6 +30,8 @@ MARKER_SD = 3e-4  # m, stated by us: optical systems with a dozen cameras keep 0
 ON_CORNER = 2e-3  # m by which a marker may miss the corner of the outline
 FEWEST_FRAMES = 20  # as for any fit
 LONGEST_STRETCH = 1.25  # of the flat distance
+LEAST_WIDTH = 0.6  # of the flat distances, in the median over neighbours: folds shorten some, a wrong unit all
+AS_NEAR = 1.1  # times the distance of the nearest marker: so far are neighbours
 LEAST_DROP = 1 / 3  # of the flat drop, in the median over the take: swung by 70 degrees throughout
 DOWN: dict[str, Vector] = {
     "x": (-1.0, 0.0, 0.0), "y": (0.0, -1.0, 0.0), "z": (0.0, 0.0, -1.0),
@@ -69,6 +71,7 @@ def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | No
     tracks = read_marker_tracks(path, options.unit)
     time, positions = _of_garment(tracks, garment, path, options)
     left, right = _held_markers(garment, path)
+    _check_held(positions, garment, (left, right), path)
     _check_distances(positions, garment, (left, right), path)
     _check_up(positions, garment, (left, right), path, up)
     seen = np.asarray(np.isfinite(positions).all(2))
@@ -114,6 +117,7 @@ def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, options: Mar
         raise TakeError("its time does not increase from frame to frame", where=path, advice="mend the first column")
     if not options.anyway:
         check_plausible_times(time, path, offers_anyway=options.anyway is not None)
+        check_stated_rate(time, tracks.rate, path, offers_anyway=options.anyway is not None)
     positions = tracks.positions[:frames, [columns[0] for columns in found.values()]]
     if not np.isfinite(positions).any():
         raise TakeError("none of the garment's markers was ever seen", where=path, advice="export their trajectories")
@@ -136,24 +140,49 @@ def _held_markers(garment: Garment, path: Path) -> tuple[int, int]:
     return found[0], found[1]
 
 
+def _check_held(positions: Floats, garment: Garment, held: tuple[int, int], path: Path) -> None:
+    """Refuse a take whose two top corners were never seen together: nothing can be fitted to it."""
+    seen = np.isfinite(positions[:, held]).all(axis=2)
+    if seen.all(axis=1).any():
+        return
+    names = [repr(garment.points[k].name) for k, there in zip(held, seen.any(axis=0), strict=True) if not there]
+    never = "was never seen" if len(names) == 1 else "were never seen"
+    what = f"{' and '.join(names)} {never}" if names else f"the two markers on its top corners {never} together"
+    raise TakeError(
+        what, where=path, advice="the markers on the two top corners drive the simulation: record with both in view"
+    )
+
+
 def _check_distances(positions: Floats, garment: Garment, held: tuple[int, int], path: Path) -> None:
-    """Refuse markers further apart than cloth can stretch: each against its nearest neighbour, and the corners."""
+    """Refuse neighbours and corners further apart than cloth can stretch, and neighbours that are all far too near."""
     places = np.array([point.at_m for point in garment.points], float)
     flat = np.linalg.norm(places[:, None] - places[None], axis=2)
     np.fill_diagonal(flat, np.inf)
-    pairs = [(k, int(np.argmin(flat[k]))) for k in range(len(places))] + [held]
-    for first, second in pairs:
+    near = flat <= AS_NEAR * flat.min(axis=1, keepdims=True)
+    pairs = [(int(a), int(b)) for a, b in zip(*np.nonzero(np.triu(near | near.T)), strict=True)]
+    widths = {}
+    for first, second in [*pairs, held]:
         apart = np.linalg.norm(positions[:, first] - positions[:, second], axis=1)
         both = np.isfinite(apart)
-        distance = float(np.linalg.norm(places[first] - places[second]))
-        if both.any() and np.median(apart[both]) > LONGEST_STRETCH * distance:
+        if not both.any():
+            continue
+        found, distance = float(np.median(apart[both])), float(np.linalg.norm(places[first] - places[second]))
+        widths[first, second] = found / distance
+        if found > LONGEST_STRETCH * distance:
             names = garment.points[first].name, garment.points[second].name
             raise TakeError(
-                f"markers {names[0]!r} and {names[1]!r} are {1e3 * np.median(apart[both]):.0f} mm apart, "
+                f"markers {names[0]!r} and {names[1]!r} are {1e3 * found:.0f} mm apart, "
                 f"on the flat garment {1e3 * distance:.0f} mm",
                 where=path,
                 advice="check the unit, the garment's size and the names of the markers",
             )
+    shares = [widths[pair] for pair in pairs if pair in widths]
+    if shares and np.median(shares) < LEAST_WIDTH:
+        raise TakeError(
+            f"neighbouring markers are {np.median(shares):.2g} of their distance on the flat garment apart in the "
+            "median",
+            where=path, advice="check the unit and the garment's size",
+        )  # fmt: skip
 
 
 def _check_up(positions: Floats, garment: Garment, held: tuple[int, int], path: Path, up: str) -> None:

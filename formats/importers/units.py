@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
+import unicodedata
+
 from formats.errors import TakeError
 
 METRES = {"m": 1.0, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
 SPELLINGS = {
     "metre": "m", "meter": "m", "decimetre": "dm", "decimeter": "dm", "centimetre": "cm", "centimeter": "cm",
-    "millimetre": "mm", "millimeter": "mm", "micrometre": "um", "micrometer": "um", "micron": "um", "µm": "um",
+    "millimetre": "mm", "millimeter": "mm", "micrometre": "um", "micrometer": "um", "micron": "um", "\u03bcm": "um",
     "inch": "in", "inche": "in", "foot": "ft", "feet": "ft",
 }  # fmt: skip
+SYMBOL_BEHIND = re.compile(r"(\w+) ?[(\[](\w+)")  # metre (m), its last bracket stripped
 AXES = ("_x_m", "_y_m", "_z_m")
 
 
@@ -38,5 +42,11 @@ def metres_of(stated: str, given: str | None, where: object) -> float:
 
 
 def _short(unit: str) -> str:
-    word = unit.strip().strip("[]().").lower()
+    """Return a unit's symbol, or its word where it is unknown: without accents, brackets and plural."""
+    letters = unicodedata.normalize("NFKD", unit)  # turns the micro sign into the Greek letter
+    word = "".join(letter for letter in letters if not unicodedata.combining(letter)).lower().replace("(s)", "")
+    word = word.strip(" \t[]().'\"")
+    if both := SYMBOL_BEHIND.fullmatch(word):
+        outer, inner = _short(both[1]), _short(both[2])
+        return inner if outer == inner else word
     return SPELLINGS.get(word, SPELLINGS.get(word.rstrip("s"), word))

@@ -73,6 +73,15 @@ def test_a_lost_page_costs_what_it_held(long, zeroed):
     assert not is_wrong(bytes(broken), take_of(long, "sound"))
 
 
+def test_an_interrupted_recording_that_lost_its_first_page_keeps_what_was_behind_it(long):
+    """Ten seconds in, it has a second header."""
+    blocks = [(begin, content) for begin, _, content in chunks_of(long) if "table" in content]
+    broken = bytes(PAGE) + long[PAGE : blocks[10][0]]
+    behind = sum(content["frames"] for begin, content in blocks[:10] if begin >= PAGE)
+    assert len(take_of(broken, "broken").time) == behind >= 200
+    assert not is_wrong(broken, take_of(long, "sound"))
+
+
 @pytest.mark.parametrize("page", range(5))
 def test_a_page_that_comes_twice_costs_the_chunk_that_it_parts(long, page):
     broken = long[: (page + 1) * PAGE] + long[page * PAGE :]

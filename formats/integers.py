@@ -25,6 +25,8 @@ LARGEST = 2**31 - 1  # of a number in a table: its first value of a block has 32
 ESCAPE = 24  # a quotient of so much says that z stands among the exceptions, in eight bytes
 LARGEST_K = 30
 ORDERS = (1, 2, 3)
+LONG = 4096  # rows: beyond them, as scans have, a column at a time is quicker than a row at a time
+HALF = 1 << 63
 CODE_BYTES = 5  # a column: its code, and its first value
 
 
@@ -212,7 +214,11 @@ def _decoded(coded: list[bytes], rows: Integers, columns: int) -> tuple[Integers
 
 
 def _summed(residual: Integers, first: Integers, order: Integers, rows: Integers) -> Integers:
-    """Undo the prediction row by row, in all blocks and columns at once."""
+    """Undo the prediction row by row, in all blocks and columns at once; a single long table column by column."""
+    if not residual.size:
+        return residual
+    if len(rows) == 1 and rows[0] > LONG:
+        return np.column_stack([_column(*parts) for parts in zip(residual.T, first[0], order[0], strict=True)])
     starts = np.cumsum(rows) - rows
     residual[starts] = first
     longest_first = np.argsort(-rows, kind="stable")
@@ -223,3 +229,21 @@ def _summed(residual: Integers, first: Integers, order: Integers, rows: Integers
         before = (residual[np.maximum(at - back, start)] for back in (1, 2, 3))
         residual[at] += _predicted(order[:count], *before)
     return residual
+
+
+def _column(residual: Integers, first: int, order: int) -> Integers:
+    """Undo the prediction in one column, as `_summed` does; sums beyond 64 bits, which no writer makes, begin anew."""
+    residual = residual.copy()
+    if order != ORDERS[-1]:
+        residual[0] = first if order == 1 else 0
+        for _ in range(order):
+            residual = np.cumsum(residual)
+        return residual if order == 1 else residual + first
+    one = two = three = int(first)
+    values = [one]
+    for rest in residual[1:].tolist():
+        one, two, three = rest + one + (one - three >> 1), one, two
+        if not -HALF <= one < HALF:
+            one = (one + HALF) % (2 * HALF) - HALF
+        values.append(one)
+    return np.array(values, np.int64)

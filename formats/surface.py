@@ -69,17 +69,28 @@ def _coded(places: Floats, where: str) -> bytes:
     return encode_tables(np.column_stack([whole, seen]), np.array([len(places)]))[0]
 
 
+def places_of(content: dict[str, Any]) -> int:
+    """Return how many places a `/surface` message says it has.
+
+    Raises:
+        ValueError, KeyError: they cannot be.
+    """
+    size, count = content["grid_size"], content["contour_size"]
+    if type(size) is not int or type(count) is not int or not (0 <= size <= LARGEST_GRID and 0 <= count <= MOST_PLACES):
+        raise ValueError(f"{size!r} x {size!r} places and {count!r} around them cannot be")
+    return size * size + count
+
+
 def decode_scan(content: dict[str, Any]) -> SurfaceScan:
     """Return the scan of a `/surface` message.
 
     Raises:
         ValueError, KeyError, TypeError: the content does not hold together.
     """
+    places_of(content)  # refuses what cannot be
     size, count, time = content["grid_size"], content["contour_size"], content["surface"]
-    if not all(type(number) is int for number in (size, count, time)) or abs(time) > LATEST:
-        raise ValueError(f"sizes {size!r} and {count!r} at {time!r} are not whole numbers")
-    if not (0 <= size <= LARGEST_GRID and 0 <= count <= MOST_PLACES):
-        raise ValueError(f"{size} x {size} places and {count} around them cannot be")
+    if type(time) is not int or abs(time) > LATEST:
+        raise ValueError(f"{time!r} is no time")
     grid = _places(content["grid"], size * size)
     return SurfaceScan(time=time / TICKS, grid=grid.reshape(size, size, 3), contour=_places(content["contour"], count))
 

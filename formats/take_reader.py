@@ -19,14 +19,14 @@ from formats.descriptions import check_garment, check_rig
 from formats.errors import DescriptionError, TakeError
 from formats.garment import Garment
 from formats.rig import Rig
-from formats.surface import SurfaceScan, decode_scan
+from formats.surface import SurfaceScan, decode_scan, places_of
 from formats.take import Span, Take
 from formats.take_writer import MOST_HEADER_BYTES, PROFILE, VERSION, binding_of
 
 LARGEST_FILE = 1 << 30  # bytes: ten hours of 81 markers at 120 frames a second are half of it
 LOOKED_AT = 1 << 22  # bytes of a file of another profile: a take's header comes again and again
 CELL_BYTES = 24  # of memory that a number of a table takes while it is read
-FREE_MEMORY, MEMORY, STILL_BLOCK = 1 << 26, 160, 1 << 17  # bytes: for a file, each of its bytes, and each block
+FREE_MEMORY, MEMORY, STILL_TABLE = 1 << 26, 160, 1 << 17  # bytes: for a file, each of its bytes, block or scan
 MOST_CONTAINERS = 20_000  # maps and lists of a message: a garment of 2000 points has a third of them
 NO_TAKE = "give a file that `hangtime record` or `hangtime import` wrote"
 
@@ -143,11 +143,12 @@ def _read(raw: bytes, path: object) -> tuple[Take, TakeReport]:
     blocks, strange = _in_order(contents.blocks, ours)
     ends = [end for end in contents.ends if end.get("take") == ours and _is_end(end, version)]
     damaged += strange + len(contents.ends) - len(ends)
-    columns, kept, lost = _decoded(blocks, len(garment.points), version, len(raw))
+    memory = _Memory(FREE_MEMORY + MEMORY * len(raw))
+    columns, kept, lost = _decoded(blocks, len(garment.points), version, memory)
+    columns, kept, out_of_order = _increasing(columns, kept) if kept else (columns, kept, 0)
     if not kept:
         raise TakeError("holds no frame", where=path, advice="the recording ended before its first second")
-    scans, lost_scans = _scans(contents.scans, ours, version)
-    columns, kept, out_of_order = _increasing(columns, kept)
+    scans, lost_scans = _scans(contents.scans, ours, version, memory)
     damaged += lost + lost_scans + out_of_order
     end = ends[-1] if ends else None
     spans, missing_frames = _missing(kept, columns["time"], end)
@@ -302,16 +303,24 @@ def _is_table(block: dict[str, Any]) -> bool:
     )
 
 
+@dataclass
+class _Memory:
+    """The bytes that a file's tables may still take while they are read."""
+
+    left: int
+
+    def fits(self, numbers: int) -> bool:
+        """Set aside what a table takes: a still one has far more numbers than bytes, few more than STILL_TABLE."""
+        self.left -= max(CELL_BYTES * numbers - STILL_TABLE, 0)
+        return self.left > 0
+
+
 def _decoded(
-    blocks: list[dict[str, Any]], points: int, version: int, file_bytes: int
+    blocks: list[dict[str, Any]], points: int, version: int, memory: _Memory
 ) -> tuple[Columns, list[dict[str, Any]], int]:
     """Return the columns of the sound blocks, those blocks, and how many were not sound."""
-    width, fitting = CELL_BYTES * sum(widths(points).values()), []
-    left = FREE_MEMORY + MEMORY * file_bytes
-    for block in blocks:  # a still block has far more numbers than bytes, but none has more than STILL_BLOCK's
-        left -= max(width * block["frames"] - STILL_BLOCK, 0)
-        if left > 0:
-            fitting.append(block)
+    width = sum(widths(points).values())
+    fitting = [block for block in blocks if memory.fits(width * block["frames"])]
     lost = len(blocks) - len(fitting)
     if version == 1:
         decoded, kept = [], []
@@ -345,7 +354,9 @@ def _increasing(columns: Columns, kept: list[dict[str, Any]]) -> tuple[Columns, 
     return {name: values[stays] for name, values in columns.items()}, sound, int(bad.sum())
 
 
-def _scans(messages: list[dict[str, Any]], binding: bytes | None, version: int) -> tuple[list[SurfaceScan], int]:
+def _scans(
+    messages: list[dict[str, Any]], binding: bytes | None, version: int, memory: _Memory
+) -> tuple[list[SurfaceScan], int]:
     """Return the scans of one take, and how many messages are none; a copy is no damage."""
     decode = version_1.decode_scan if version == 1 else decode_scan
     found: dict[Any, dict[str, Any]] = {}
@@ -358,6 +369,8 @@ def _scans(messages: list[dict[str, Any]], binding: bytes | None, version: int) 
             lost += found[repr(content["surface"])] != content
             continue
         try:
+            if not memory.fits(places_of(content) * 4):
+                raise ValueError("too many places")
             scans.append(decode(content))
         except (ValueError, KeyError, TypeError):
             lost += 1

@@ -142,10 +142,12 @@ def _held_markers(garment: Garment, path: Path) -> tuple[int, int]:
 
 def _check_held(positions: Floats, garment: Garment, held: tuple[int, int], path: Path) -> None:
     """Refuse a take whose two top corners were never seen together: nothing can be fitted to it."""
-    seen = np.isfinite(positions[:, held]).all(axis=2)
-    if seen.all(axis=1).any():
+    seen = np.asarray(np.isfinite(positions[:, held]).all(axis=2))
+    if np.asarray(seen.all(axis=1)).any():
         return
-    names = [repr(garment.points[k].name) for k, there in zip(held, seen.any(axis=0), strict=True) if not there]
+    names = [
+        repr(garment.points[k].name) for k, there in zip(held, np.asarray(seen.any(axis=0)), strict=True) if not there
+    ]
     never = "was never seen" if len(names) == 1 else "were never seen"
     what = f"{' and '.join(names)} {never}" if names else f"the two markers on its top corners {never} together"
     raise TakeError(

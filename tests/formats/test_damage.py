@@ -226,6 +226,29 @@ def test_many_blocks_that_say_that_nothing_moved_are_bounded(raw):
     assert most < 256 << 20
 
 
+def test_many_large_scans_in_few_bytes_are_bounded(raw):
+    """Three kilobytes claim 300 scans of 327,680 places: at most 256 MB and a few seconds are taken."""
+    at = chunks_of(raw)[1][0]
+    scan = {"take": chunks_of(raw)[1][2]["take"], "grid_size": 512, "contour_size": 65536}
+    still = {"grid": bytes(24), "contour": bytes(24)}
+    more = b"".join(chunk_of(scan | still | {"surface": k}) for k in range(300))
+    bomb = raw[:at] + more + raw[at:]
+    start = time.process_time()
+    most, said = peak_of(lambda: take_of(bomb, "bomb"))
+    assert said == ""
+    assert most < 256 << 20
+    assert time.process_time() - start < 5
+    assert 0 < len(take_of(bomb, "bomb").scans) < 10
+
+
+def test_a_take_whose_time_stands_still_in_every_block_is_one_sentence(raw):
+    blocks = [content for _, _, content in chunks_of(raw) if "table" in content]
+    still = chunk_of(blocks[0] | {"table": bytes(5 * (28 + 8 * 4) + 4)})
+    at = chunks_of(raw)[1][0]
+    with pytest.raises(TakeError, match="holds no frame"):
+        take_of(raw[:at] + still, "still")
+
+
 def test_a_file_of_300_gigabytes_is_refused_unread(tmp_path):
     path = tmp_path / "huge.mcap"
     path.write_bytes(b"\x89MCAP0\r\n" + struct.pack("<BQI", 1, 12, 4) + b"ros2" + bytes(4))

@@ -75,6 +75,48 @@ def test_any_table_comes_back_from_ours_and_from_the_tiny_reader(data):
         assert table(raw, count, columns) == values[start : start + count].tolist()
 
 
+@pytest.mark.parametrize("kind", ["noise", "walk", "drift", "glide", "leaps", "still"])
+def test_a_long_table_comes_back_from_ours_and_from_the_tiny_reader(kind):
+    """Those of scans are decoded column by column."""
+    rng, rows = np.random.default_rng(4), 5000
+    noise = rng.integers(-300, 300, (rows, 3))
+    values = {
+        "noise": noise, "drift": noise + 40 * np.arange(rows)[:, None],
+        "walk": np.cumsum(noise, axis=0), "glide": np.cumsum(np.cumsum(noise // 60, axis=0), axis=0),
+        "leaps": np.where(rng.random((rows, 3)) < 0.01, LARGEST, np.cumsum(noise, axis=0)), "still": 0 * noise - 7,
+    }[kind]  # fmt: skip
+    coded = one(values)
+    back, sound = decode_tables([coded], np.array([rows]), 3)
+    assert sound.all()
+    assert np.array_equal(back, values)
+    assert table(coded, rows, 3) == values.tolist()
+
+
+def test_the_three_orders_of_a_long_table_are_those_of_a_short_one():
+    rng = np.random.default_rng(5)
+    for order in (1, 2, 3):
+        z = rng.integers(0, 8, 5000 - 1)
+        for rows in (20, 5000):
+            unary = np.concatenate([np.eye(9, dtype=bool)[count, : count + 1] for count in z[: rows - 1]])
+            coded = bytes([32 * order, 6, 0, 0, 0]) + bytes(4) + np.packbits(unary, bitorder="little").tobytes()
+            values, sound = decode_tables([coded], np.array([rows]), 1)
+            assert sound.all()
+            assert values[:20, 0].tolist() == [row[0] for row in table(coded, rows, 1)][:20]
+        assert values[:, 0].tolist() == [row[0] for row in table(coded, rows, 1)]
+
+
+def test_sums_beyond_64_bits_end_no_long_table():
+    """Exceptions of 2^62 in each row: no writer makes them, and any numbers are right."""
+    rows = 5000
+    for order in (1, 2, 3):
+        head = bytes([32 * order]) + bytes(4) + (rows - 1).to_bytes(4, "little")
+        unary = np.tile(np.arange(25) == 24, rows - 1)
+        raw = head + (2**62).to_bytes(8, "little") * (rows - 1) + np.packbits(unary, bitorder="little").tobytes()
+        values, sound = decode_tables([raw], np.array([rows]), 1)
+        assert sound.all()
+        assert len(values) == rows
+
+
 @given(st.binary(max_size=200), st.integers(1, 50), st.integers(1, 5))
 @settings(max_examples=300, deadline=None)
 def test_any_bytes_are_a_table_or_none(raw, rows, columns):

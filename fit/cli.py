@@ -67,12 +67,13 @@ def fit_command(
         str,
         typer.Option(
             "--method",
-            help="Parameters to fit. kinect-skirt: the six Blender parameters of the Kinect-skirt paper. mocap-swatch: "
-            "the five parameters and the error E of the motion capture paper, for a swatch with a grid of markers. "
-            "kinect-skirt-weighed, mocap-swatch-weighed: the same with the weight known. si: physical units. si-sewn: "
-            "si for garments with sleeves and hems. lean: si without shear and bending damping.",
+            help="Parameters to fit. si: physical units, the weight is known. si-sewn: si for garments with sleeves "
+            "and hems. lean: si without shear and bending damping. kinect-skirt: the six Blender parameters of the "
+            "Kinect-skirt paper. mocap-swatch: the five parameters and the error E of the motion capture paper, for a "
+            "swatch with a grid of markers. kinect-skirt-weighed, mocap-swatch-weighed: the same with the weight "
+            "known.",
         ),
-    ] = "kinect-skirt",
+    ] = "si",
     fabric: Annotated[
         str | None,
         typer.Option(
@@ -95,11 +96,12 @@ def fit_command(
         str,
         typer.Option(
             "--search",
-            help="annealing: as in the paper, one chain. restarts: four shorter chains. tempering: parallel "
-            "tempering, with intervals of the posterior. cma-es: covariance matrix adaptation. least-squares: the "
-            "quickest, with the best intervals. short-windows: least squares on stretches of two seconds.",
+            help="least-squares: the quickest, with the best intervals. annealing: as in the papers, one chain. "
+            "restarts: four shorter chains. tempering: parallel tempering, with intervals of the posterior. cma-es: "
+            "covariance matrix adaptation. short-windows: least squares on stretches of two seconds.",
+            show_default="least-squares; annealing for the methods of the papers",
         ),
-    ] = "annealing",
+    ] = "",
     iterations: Annotated[
         int,
         typer.Option(

@@ -85,7 +85,11 @@ def test_a_night_leaves_an_implausible_take_out_until_it_is_told_to_accept_it(fo
     from fit.batch.worker import run_job
     from fit.identification.request import Plan
 
-    takes, results, plan = open_store(str(folder / "takes")), open_store(str(folder / "out")), Plan(iterations=1)
+    takes, results, plan = (
+        open_store(str(folder / "takes")),
+        open_store(str(folder / "out")),
+        Plan(method="kinect-skirt", iterations=1),
+    )
     (refused,) = [run_job(job) for job in survey(takes, results, plan).jobs if job.take == "grams.mcap"]
     assert refused.state == "refused"
     assert "--anyway" in refused.sentence

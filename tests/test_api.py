@@ -24,7 +24,7 @@ from tests.fit.scenes import material, sheet, simulate_take, swing
 
 ROOT = Path(__file__).parents[1]
 TUTORIAL = ROOT / "docs/tutorial/python.md"
-QUICK = {"method": "si", "iterations": 12, "spacing": 0.1, "seed": 3}
+QUICK = {"method": "si", "search": "annealing", "iterations": 12, "spacing": 0.1, "seed": 3}
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def without_time(result):
 
 def test_a_fit_is_the_commands_to_the_last_digit(takes, fitted, tmp_path):
     """The command runs in a process of its own; here linear algebra may use as many threads as there are."""
-    words = ("--method", "si", "--iterations", 12, "--spacing", 0.1, "--seed", 3, "--out", "out")
+    words = ("--search", "annealing", "--iterations", 12, "--spacing", 0.1, "--seed", 3, "--out", "out")
     said = command("fit", takes / "gentle.mcap", "--held-out", takes / "swing.mcap", *words, folder=tmp_path)
     assert without_time(fitted.result) == without_time(load_fit_result(tmp_path / "out/fit.json"))
     assert said.startswith(str(fitted))
@@ -87,7 +87,7 @@ def test_linear_algebra_has_one_thread_in_a_fit_and_the_callers_number_after_it(
 
     monkeypatch.setattr(fitting, "block_intervals", look)
     with threadpool_limits(limits=threads, user_api="blas"):
-        hangtime.fit(takes / "gentle.mcap", method="lean", iterations=1, spacing=0.2)
+        hangtime.fit(takes / "gentle.mcap", method="lean", search="annealing", iterations=1, spacing=0.2)
         after = {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
     assert set(seen) == {1}
     assert len(seen) >= 1

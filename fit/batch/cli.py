@@ -94,13 +94,15 @@ def batch_command(
             "morning.",
         ),
     ] = False,
-    method: Annotated[str, typer.Option("--method", help="As for `hangtime fit`, like all below.")] = "kinect-skirt",
+    method: Annotated[str, typer.Option("--method", help="As for `hangtime fit`, like all below.")] = "si",
     fabric: Annotated[str | None, typer.Option("--fabric", help="Start from this fabric's table values.")] = None,
     effect: Annotated[
         list[str], typer.Option("--effect", metavar="NAME", help="Also fit the size of this effect.")
     ] = [],  # noqa: B006
     bounds: Annotated[list[str], typer.Option("--bounds", metavar="NAME=LOW:HIGH", help="Narrower bounds.")] = [],  # noqa: B006
-    search: Annotated[str, typer.Option("--search", help="Search for the parameters.")] = "annealing",
+    search: Annotated[
+        str, typer.Option("--search", help="Search for the parameters.", show_default="the method's own")
+    ] = "",
     iterations: Annotated[
         int,
         typer.Option(

@@ -78,16 +78,26 @@ class Request:
 class Plan:
     """The options of `hangtime fit`, as plain values that a worker or a notebook can hand on."""
 
-    method: str = "kinect-skirt"
+    method: str = "si"
     effects: tuple[str, ...] = ()
     bounds: tuple[str, ...] = ()  # NAME=LOW:HIGH
-    search: str = "annealing"
+    search: str = ""  # the method's own where empty; annealing for another engine's cloth
     iterations: int = 350
     gamma: float | None = None  # the method's own where None
     spacing: float | None = None  # m; the method's own where None
     seed: int = 0
     fabric: str | None = None
     engine: str = OWN
+
+    def __post_init__(self) -> None:
+        """Choose the search, so that plans are equal if they do the same.
+
+        Raises:
+            FitError: an unknown method.
+        """
+        if not self.search:
+            chosen = find_method(self.method).search if self.engine == OWN else "annealing"
+            object.__setattr__(self, "search", chosen)
 
     def request(self) -> Request:
         """Return the request for the fitter.

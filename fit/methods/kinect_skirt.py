@@ -67,6 +67,7 @@ KINECT_SKIRT = Parameterisation(
         "Air and Velocity are told apart by nothing."
     ),
     degenerate=("mass", "struct", "bend", "air", "velocity"),
+    search="annealing",
 )  # fmt: skip
 
 

@@ -36,6 +36,7 @@ class Parameterisation:
       `fit.cloth.material.NAMES`
     - `degenerate`: parameters that are not identifiable, only their ratios
     - `gamma`: the annealing's factor per unit of the objective
+    - `search`: the one that finds its parameters by default; a published method has the one of its paper
     - `knows_layers`: the method allows for the stiffness of layers sewn together
     """
 
@@ -46,6 +47,7 @@ class Parameterisation:
     degenerate: tuple[str, ...] = ()
     objective: Callable[[Recording], Objective] = TrajectoryDistance
     gamma: float = 1e5  # 1/m, see fit.search.annealing
+    search: str = "least-squares"
     is_in_metres: bool = True  # whether the objective is a mean distance
     spacing: float = 0.05  # m, of the mesh by default
     knows_layers: bool = False

@@ -63,6 +63,7 @@ MOCAP_SWATCH = Parameterisation(
         Parameter(name="thickness", unit="x nominal", initial=1.0, minimum=0.5, maximum=2.0, interval=0.2,
                   meaning="multiple of the fabric's nominal thickness"),
     ),
+    search="annealing",
     to_materials=_materials,
     not_identified=(
         "Motion tells stretching / density, bending x thickness^2 / density and the damping coefficient; density and "

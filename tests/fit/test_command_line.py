@@ -60,8 +60,9 @@ def test_a_fit_lowers_the_error_and_says_so(tmp_path):
     take = write_take(tmp_path / "a.mcap", a_swung_take())
     other = write_take(tmp_path / "b.mcap", a_swung_take("b", hz=0.9))
     done = hangtime_here(
-        "fit", take, "--held-out", other, "--iterations", 40, "--spacing", 0.1, "--out", "out", folder=tmp_path
-    )
+        "fit", take, "--held-out", other, "--method", "kinect-skirt", "--iterations", 40, "--spacing", 0.1,
+        "--out", "out", folder=tmp_path,
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
     result = load_fit_result(tmp_path / "out" / "fit.json")
     assert result.error.train_after.mean_m < 0.8 * result.error.train_before.mean_m
@@ -100,11 +101,14 @@ def test_a_saved_search_of_other_takes_is_refused(tmp_path):
         (("fit", "a.mcap", "--spacing", "3"), "mesh spacing 3.0 m does not fit"),
         (("fit", "a.mcap", "--spacing", "1e-6"), "choose a spacing from 0.0008 m to half of its smaller side"),
         (("diagnose", "a.mcap", "--spacing", "1e-6"), "choose a spacing from 0.0008 m to half of its smaller side"),
-        (("fit", "a.mcap", "--bounds", "bend=20:3"), "the lower bound of bend, 20, is not below its upper bound, 3"),
+        (("fit", "a.mcap", "--bounds", "velocity_damping=4:3"), "the lower bound of velocity_damping, 4, is not below"),
         (("fit", "a.mcap", "--bounds", "bent=3:20"), "there is no parameter named 'bent'"),
-        (("fit", "a.mcap", "--bounds", "bend=3"), "'bend=3' is not NAME=LOW:HIGH"),
-        (("fit", "a.mcap", "--bounds", "bend=3:900"), "3 to 900 leaves the range of bend"),
-        (("fit", "a.mcap", "--bounds", "bend=3:20", "--bounds", "bend=3:9"), "bend is given twice"),
+        (("fit", "a.mcap", "--bounds", "shear_stiffness=30"), "'shear_stiffness=30' is not NAME=LOW:HIGH"),
+        (("fit", "a.mcap", "--bounds", "velocity_damping=3:900"), "3 to 900 leaves the range of velocity_damping"),
+        (
+            ("fit", "a.mcap", "--bounds", "velocity_damping=3:4", "--bounds", "velocity_damping=3:5"),
+            "velocity_damping is given twice",
+        ),
         (("fit", "a.mcap", "--method", "mocap-swatch", "--search", "tempering"), "tempering draws by how likely"),
         (("diagnose", "a.mcap", "--fit", "gone.json"), "gone.json: cannot be read"),
         (("diagnose", "a.mcap", "--held-out-motion", "twist"), "no take moves 'twist'"),
@@ -201,7 +205,7 @@ def test_a_fit_of_blenders_cloth_moves_none_of_ours(two_takes, ours, theirs, tmp
 def test_a_fit_is_tested_as_a_fabric_and_warns_of_intervals_that_are_too_short(tmp_path):
     write_take(tmp_path / "a.mcap", a_swung_take())
     words = ["a.mcap", "--spacing", 0.15, "--iterations", 2]
-    fitted = hangtime_here("fit", *words, "--method", "si", folder=tmp_path)
+    fitted = hangtime_here("fit", *words, "--search", "annealing", folder=tmp_path)
     assert fitted.returncode == 0, fitted.stderr
     assert "Fitting to a; judging on the same, as none is held out." in fitted.stderr
     assert "90 % intervals of this search are too short" in fitted.stdout
@@ -289,7 +293,19 @@ def test_a_fit_of_other_takes_is_kept_under_a_number(tmp_path):
     request = request_of(KINECT_SKIRT, [], iterations=2, seed=1, spacing=0.15)
     save_fit_result(tmp_path / "out/fit.json", calibrate([take], [], request))
     write_take(tmp_path / "b.mcap", dataclasses.replace(take, take_id="b"))
-    done = hangtime_here("fit", "b.mcap", "--out", "out", "--iterations", 1, "--spacing", 0.15, folder=tmp_path)
+    done = hangtime_here(
+        "fit",
+        "b.mcap",
+        "--out",
+        "out",
+        "--method",
+        "kinect-skirt",
+        "--iterations",
+        1,
+        "--spacing",
+        0.15,
+        folder=tmp_path,
+    )
     assert done.returncode == 0, done.stderr
     assert "is of other takes (a): kept as fit.1.json" in done.stderr
     assert load_fit_result(tmp_path / "out/fit.json").take_ids == ["b"]
@@ -324,7 +340,19 @@ def test_a_second_diagnosis_in_a_folder_and_impossible_takes_are_refused_before_
 )
 def test_a_fit_that_nobody_reads_is_finished_all_the_same(tmp_path, where, code):
     write_take(tmp_path / "a.mcap", a_swung_take())
-    words = [sys.executable, "-m", "formats.command", "fit", "a.mcap", "--iterations", "2", "--spacing", "0.15"]
+    words = [
+        sys.executable,
+        "-m",
+        "formats.command",
+        "fit",
+        "a.mcap",
+        "--search",
+        "annealing",
+        "--iterations",
+        "2",
+        "--spacing",
+        "0.15",
+    ]
     done = subprocess.run(
         ["bash", "-c", f"{shlex.join(words)} {where}; exit ${{PIPESTATUS[0]}}"], capture_output=True, text=True,
         cwd=tmp_path,

@@ -18,7 +18,7 @@ import psutil
 from formats.archive import write_take
 from tests.fit.scenes import material, sheet, simulate_take, swing
 
-SHORT = ("--iterations", "8", "--spacing", "0.1")
+SHORT = ("--method", "kinect-skirt", "--iterations", "8", "--spacing", "0.1")
 PROGRAMS = Path(sys.executable).parent
 
 

@@ -42,7 +42,7 @@ from tests.fit.batch.night import (
 )
 from tests.fit.here import hangtime_here
 
-PLAN = Plan(iterations=8, spacing=0.1)
+PLAN = Plan(method="kinect-skirt", iterations=8, spacing=0.1)
 
 
 @pytest.fixture(scope="module")
@@ -130,7 +130,8 @@ def test_a_take_that_ends_its_workers_is_given_up_and_tried_again_the_next_night
     night.mkdir()
     (night / "swing0.mcap").write_bytes((takes / "swing0.mcap").read_bytes())
     process = start(
-        "batch", night, "--out", "out", "--workers", 1, "--dashboard-port", 0, "--iterations", 4000, folder=tmp_path,
+        "batch", night, "--out", "out", "--workers", 1, "--dashboard-port", 0, "--method",
+        "kinect-skirt", "--iterations", 4000, folder=tmp_path,
         DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0",
     )  # fmt: skip
     wait_for(lambda: (tmp_path / "out/unfinished").exists())
@@ -138,7 +139,9 @@ def test_a_take_that_ends_its_workers_is_given_up_and_tried_again_the_next_night
     assert process.wait(HANGS) == SOME_NOT_FITTED
     assert "swing0.mcap: every worker that took it on died" in said(tmp_path)
     assert not (tmp_path / "out/failed").exists()
-    found = survey(open_store(str(night)), open_store(str(tmp_path / "out")), Plan(iterations=4000))
+    found = survey(
+        open_store(str(night)), open_store(str(tmp_path / "out")), Plan(method="kinect-skirt", iterations=4000)
+    )
     assert [job.take for job in found.waiting] == ["swing0.mcap"]
 
 
@@ -206,14 +209,19 @@ def test_bad_input_gives_one_sentence_and_exit_code_2(tmp_path, words, sentence)
 
 def test_the_key_changes_with_the_take_every_option_and_the_physics_and_with_nothing_else():
     other = {
-        "method": "si", "effects": ("air_drag",), "bounds": ("bend=1:2",), "iterations": 9, "gamma": 1.0,
-        "spacing": 0.05, "seed": 1, "search": "cma-es", "fabric": "silk",
+        "method": "kinect-skirt-weighed", "effects": ("air_drag",), "bounds": ("bend=1:2",), "iterations": 9,
+        "gamma": 1.0, "spacing": 0.05, "seed": 1, "search": "cma-es", "fabric": "silk",
     }  # fmt: skip
     plain = key_of("take", PLAN, "physics")
-    keys = [key_of("take", Plan(**{"iterations": 8, "spacing": 0.1, k: v}), "physics") for k, v in other.items()]
+    keys = [
+        key_of("take", Plan(**{"method": "kinect-skirt", "iterations": 8, "spacing": 0.1, k: v}), "physics")
+        for k, v in other.items()
+    ]
     keys += [key_of("another", PLAN, "physics"), key_of("take", PLAN, "other")]
     assert len({plain, *keys}) == len(other) + 3
-    assert key_of("take", Plan(spacing=0.1, iterations=8), "physics") == plain
+    assert (
+        key_of("take", Plan(spacing=0.1, method="kinect-skirt", iterations=8, search="annealing"), "physics") == plain
+    )
 
 
 def test_the_physics_is_the_source_of_every_module_that_a_fit_loads():
@@ -324,7 +332,7 @@ def test_a_worker_that_can_keep_no_kernels_is_no_fault_of_the_take(takes, tmp_pa
 
 def test_an_unfinished_search_goes_on_where_its_worker_died(takes, tmp_path):
     """A mark of 1000 simulations that only the unfinished search carries is in the result."""
-    job = job_of(takes / "swing0.mcap", tmp_path, plan=Plan(iterations=60, spacing=0.1))
+    job = job_of(takes / "swing0.mcap", tmp_path, plan=Plan(method="kinect-skirt", iterations=60, spacing=0.1))
     unfinished = tmp_path / search_name(job.key)
     unfinished.parent.mkdir()
     take = read_take(takes / "swing0.mcap")

@@ -23,7 +23,7 @@ from tests.fit.report.report_scene import diagnosis, fit_result
 from tests.formats.full_disk import no_file_beyond
 from tests.formats.test_archive import a_take
 
-PLAN = Plan(iterations=1)
+PLAN = Plan(method="kinect-skirt", iterations=1)
 
 
 @pytest.fixture

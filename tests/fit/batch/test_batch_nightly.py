@@ -26,7 +26,7 @@ from fit.batch.summary import Row, as_csv, as_html, sentence_of
 from fit.identification.request import Plan
 from fit.search.least_squares import BoundedSpace
 from fit.search.tempering import FEWEST_DRAWS, Tempering
-from tests.fit.batch.night import HANGS, PROGRAMS, make_takes
+from tests.fit.batch.night import HANGS, PROGRAMS, SHORT, make_takes
 from tests.fit.report.report_scene import fit_result
 
 ROOT = Path(__file__).parents[3]
@@ -149,7 +149,7 @@ def test_the_slurm_recipe_as_printed_fits_two_takes(tmp_path):
     (tmp_path / "takes").mkdir()
     make_takes(tmp_path / "takes", 2)
     done = subprocess.run(
-        ["bash", "-c", script.replace("hangtime batch", "hangtime batch --iterations 8 --spacing 0.1")],
+        ["bash", "-c", script.replace("hangtime batch", f"hangtime batch {' '.join(SHORT)}")],
         cwd=tmp_path, capture_output=True, text=True, check=False, timeout=HANGS,
         env={
             **os.environ, "PATH": f"{tmp_path}/bin:{PROGRAMS}:{os.environ['PATH']}", "SLURM_JOB_ID": "7",
@@ -220,7 +220,7 @@ def test_the_page_is_whole_escapes_what_it_shows_and_begins_with_what_needs_a_lo
             if self.open and self.open[-1] == "th" and data.endswith(".mcap"):
                 self.names.append(data)
 
-    page = as_html(rows, Plan())
+    page = as_html(rows, Plan(method="kinect-skirt"))
     cells = Cells()
     cells.feed(page)
     assert cells.open == []

@@ -123,7 +123,7 @@ def test_takes_of_a_bucket_are_fitted_into_a_bucket_once(server, tmp_path):
     folder = make_takes(tmp_path, 1)
     takes, results = open_store("s3://takes/night"), open_store("s3://takes/results")
     takes.write("monday/swing0.mcap", (folder / "swing0.mcap").read_bytes())
-    plan = Plan(iterations=4, spacing=0.1)
+    plan = Plan(method="kinect-skirt", iterations=4, spacing=0.1)
     found = survey(takes, results, plan)
     (job,) = found.waiting
     found.outcomes[job.key] = run_job(job)

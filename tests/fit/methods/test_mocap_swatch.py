@@ -123,7 +123,7 @@ def test_the_command_line_fits_from_a_fabric_and_shows_manual_against_optimised(
     [
         (("--method", "mocap-swatch"), "are not a full grid of 4 x 4 markers or more"),
         (("--method", "mocap-swatch", "--fabric", "tweed"), "there is no fabric named 'tweed'"),
-        (("--fabric", "silk"), "cannot start from the fabric silk"),
+        (("--method", "kinect-skirt", "--fabric", "silk"), "cannot start from the fabric silk"),
     ],
 )
 def test_bad_input_gives_one_sentence_before_anything_is_simulated(tmp_path, words, sentence):

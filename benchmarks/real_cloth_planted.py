@@ -3,10 +3,14 @@
     benchmarks/real_cloth_planted.py FOLDER [TOGETHER]
 
 FOLDER holds the `.npz` recordings (docs/notebook/real-cloth.md). They are read in groups of TOGETHER takes (4 unless
-given), as one diagnosis reads them. Four faults are planted in every group: stamps 60 ms late, gravity tilted by 2
-degrees across the cloth, depths 1.5 % too long from the rig's origin, and every border eaten by 10 mm.
+given), as one diagnosis reads them. Four faults are planted in every group:
 
-What a camera's section of a fit or a diagnosis finds (`fit.recordings.camera_findings`) is read before and after. The
+- stamps 60 ms late
+- gravity tilted by 2 degrees across the cloth
+- depths 1.5 % too long from the rig's origin
+- every border eaten by 10 mm
+
+The findings of a fit's or a diagnosis' camera section (`fit.recordings.camera_findings`) are read before and after. The
 change of each figure counts in its typical size, that of the effect of its kind. A fault counts as moved most if its
 figure changes most. It counts as named if its figure is named afterwards, with a size nearer to the planted one than
 half of it. Nothing is simulated.

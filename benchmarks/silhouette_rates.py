@@ -7,9 +7,9 @@ material points. A clean silhouette keeps its lengths, so that `points_are` is n
 Each kind of fault is planted in FAULTY recordings (20 unless given). All are made by `hangtime sensor
 synthesise-silhouette`'s own code, whose cloth is not the fitter's.
 
-Detectable is what is named with a power of 80 %, 3.9 standard deviations of the figure on the clean
-recordings, beyond the least that is said. Each kind is planted at twice that. Kinds that have no size are planted as
-they are. A kind counts as found if it is named. The error of its size is a median.
+The detectable size is named with a power of 80 %. It lies 3.9 standard deviations of the figure on the clean recordings
+beyond the least size that is named. Each kind is planted at twice its detectable size. Kinds that have no size are
+planted as they are. A kind counts as found if it is named. The error of its size is a median.
 """
 
 from __future__ import annotations

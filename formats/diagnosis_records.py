@@ -25,8 +25,8 @@ class Gap(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     - `edge_with_effect_mm`: the same with the named effect
     - `held_by_edge_mm`, `closure_held_by_edge`: of the base model held at its tracked edge instead of the hanger's,
       where the cause is unknown and the two edges differ
-    - `raw_mm`, `closure_from_raw`: of the base model on the points as they were tracked, where a camera's faults were
-      taken out of them, and the share of the gap that is closed from there
+    - `raw_mm`: of the base model on the points as tracked, where a camera's faults were taken out of them
+    - `closure_from_raw`: share of the gap, as seen from `raw_mm`, that camera and effect close together
     """
 
     base_mm: Figure

@@ -1,13 +1,13 @@
 """The whole way from what a camera reported to what is left: the base model judged on points as they were tracked.
 
-The camera's faults are taken out of silhouettes before anything is fitted (`fit.recordings.camera`). What that is worth
-does not show in a gap that begins afterwards. So the base model is fitted once more, to the same takes with nothing
-taken out and with the points judged as if they stayed on the cloth. With the errors E of the raw points and of the
+The camera's faults are taken out of silhouettes before anything is fitted (`fit.recordings.camera`). A gap that begins
+afterwards does not show the gain of this step. So the base model is fitted once more, to the same takes with nothing
+taken out. The points are judged as if they stayed on the cloth. With the errors E of the raw points and of the
 verdict's model, and the noise floor,
 
     closure from raw = (E_raw^2 - E^2) / (E_raw^2 - floor^2)
 
-The two errors are of different points of the same takes, hence no interval. What points err in the cloth's plane is
+The two errors are of different points of the same takes, hence no interval. The points' error in the cloth's plane is
 gone by construction when they get their material places.
 """
 

@@ -1,7 +1,7 @@
-"""Say what a camera made of some takes, with its size: late stamps, skewed grids, a moved edge, points that slide,
-an eaten outline, wrong depths, a lean.
+"""Name a camera's faults in some takes, with their sizes.
 
-Sizes over several takes are means over the takes. What is known better counts more. Their 90 % interval comes from the
+The faults are late stamps, skewed grids, a moved edge, points that slide, an eaten outline, wrong depths, and a lean.
+Sizes over several takes are means over the takes, weighted by their certainty. Their 90 % interval comes from the
 spread over the takes or from the intervals of the takes, whichever is larger.
 """
 

@@ -29,7 +29,7 @@ FEWEST_STEPS = 12  # of a grid that a frame shows
 
 @dataclass(frozen=True)
 class Outline:
-    """What is eaten of an outline, with 90 % intervals.
+    """Losses of an outline at its borders, with 90 % intervals.
 
     - `bottom` [m]: of the border opposite to the held edge
     - `side` [m]: of each border beside it

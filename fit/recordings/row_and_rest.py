@@ -1,11 +1,11 @@
-"""What a camera's own errors leave of a silhouette: an error of the held row, and the lean of cloth at rest.
+"""Two errors that a camera leaves in a silhouette: an error of the held row, and the lean of cloth at rest.
 
 No physics acts on the held row. When late stamps are mended, it still lies off its usual place across the cloth, in the
 hanger's frame. No cloth explains that error. All points of a frame share it.
 
-Limp cloth at rest hangs along gravity. Its lean out of the vertical, along the level normal of the held edge, is a tilt
-of the rig's gravity or of the camera, or a steady draught. The lean is a robust mean over the frames at rest
-(`fit.recordings.robust_line`).
+Limp cloth at rest hangs along gravity. It may lean out of the vertical, along the level normal of the held edge. The
+reason is a tilt of the rig's gravity or of the camera, or a steady draught. The lean is a robust mean over the frames
+at rest (`fit.recordings.robust_line`).
 """
 
 from __future__ import annotations

@@ -66,8 +66,8 @@ class Timing:
     - `before`, `after` [m]: rms distance of the row from its place by the hanger, without and with the shifts
     - `explained`: share of the row's squared motion that the hanger's path explains, at best
     - `shifts` [s], (frames,): the whole lateness of each stamp
-    - `scale`: share by which the row travels farther across the cloth than the path; its 90 % interval is None where
-      the hanger hardly travels that way
+    - `scale`: share by which the row travels farther across the cloth than the path
+    - `scale_interval`: 90 %; None where the hanger hardly travels that way
     """
 
     latency: float

@@ -134,8 +134,8 @@ def _decoded(raw: bytes, encoding: str) -> str:
 def _numbers(rows: Rows, width: int, path: Path, *, first_line: int, is_exact: bool = False) -> Floats:
     """Return rows of numbers, (rows, width), NaN for a cell that says that nothing was seen.
 
-    is_exact: whether a line must have as many cells as the first one has; else ends of lines may be left out, but not
-    of a last line that has no end itself
+    is_exact: whether a line must have as many cells as the first one has. Without it, ends of lines may be left out,
+    but not of a last line that has no end itself.
     """
     values = np.full((len(rows), width), np.nan)
     for number, row in enumerate(rows):

@@ -9,7 +9,7 @@ import typer
 
 from formats.command_groups import RECORD
 from formats.telling import know, tell
-from formats.terminal import is_watched, say
+from formats.terminal import ProgressLine
 
 
 def add_commands(app: typer.Typer) -> None:
@@ -112,23 +112,12 @@ def synthesise(
     """
     from firmware_host.synthetic.recording import make_recording
 
-    last = -10
-
-    def show(stage: str, share: float) -> None:
-        nonlocal last
-        percent = round(100 * share)
-        if is_watched():
-            say(f"\r{name}: {stage} {percent:3d} %", end="")
-        elif percent >= last + 25 or percent < last:
-            say(f"{name}: {stage} {percent} %")
-            last = percent
-
+    progress = ProgressLine(name)
     paths = make_recording(
         out, name, motion=motion, effect=effect, amplitude=amplitude, seconds=seconds, seed=seed,
-        garment=garment, progress=show, overwrite=overwrite,
+        garment=garment, progress=lambda stage, share: progress.show(share, stage), overwrite=overwrite,
     )  # fmt: skip
-    if is_watched():
-        say("")
+    progress.end()
     tell("\n".join(map(str, paths)), files=list(map(str, paths)))
 
 

@@ -6,16 +6,22 @@ import json
 import os
 import pty
 import re
+import shlex
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 import typer
 
 from docs.generator.commands import every_command, whole_command
 from formats import help_pages
+from formats.archive import write_take
 from formats.command_groups import OTHER, PANELS
+from formats.results import save_fit_result
 from tests.fit.here import hangtime_here
+from tests.fit.report.report_scene import fit_result
+from tests.fit.scenes import hung, sheet, swing, take_of
 from tests.sentences import LONGEST_SENTENCE, sentences_of, words_of
 
 COMMANDS = dict(every_command(whole_command()))
@@ -88,6 +94,40 @@ def test_a_command_tells_words_or_json_or_nothing(tmp_path):
     quiet = hangtime_here(*words, "--quiet", folder=tmp_path)
     assert (quiet.returncode, quiet.stdout, quiet.stderr) == (0, "", "")
     assert hangtime_here(*words, folder=tmp_path).stdout  # the next command of this process speaks again
+
+
+TOLD_AS_JSON = (
+    (("takes", "list", "."), "takes"), (("takes", "show", "a.mcap"), "duration_s"),
+    (("takes", "verify", "a.mcap"), "takes"), (("takes", "recover", "a.mcap"), "takes"),
+    (("takes", "export", "a.mcap", "--to", "csv", "--out", "e"), "files"),
+    (("compare", "a.mcap", "b.mcap"), "compared"), (("report", "out"), "report"),
+    (("export", "out", "--to", "csv", "--out", "f.csv"), "files"), (("compare", "out", "out"), "compared"),
+    (("swatch", "s.toml", "--mass", "0.05"), "markers"),
+)  # fmt: skip
+
+
+def test_what_a_command_tells_programs_is_one_json_document_and_nothing_else(tmp_path):
+    time, garment = np.arange(0, 3, 1 / 30), sheet()
+    for name in ("a", "b"):
+        write_take(tmp_path / f"{name}.mcap", take_of(garment, time, swing(time), hung(garment, time), name=name))
+    (tmp_path / "out").mkdir()
+    save_fit_result(tmp_path / "out/fit.json", fit_result())
+    for words, name in TOLD_AS_JSON:
+        done = hangtime_here(*words, "--json", "--quiet", folder=tmp_path)
+        assert (done.returncode, done.stderr) == (0, ""), words
+        assert json.loads(done.stdout)[name], words
+
+
+@pytest.mark.parametrize(("reader", "code"), [("true", 141), ("cat > /dev/null", 0)])
+def test_json_that_nobody_reads_ends_like_words_that_nobody_reads(reader, code, tmp_path):
+    words = f"{shlex.quote(sys.executable)} -m formats.command swatch s.toml --mass 0.05 --json"
+    told = tmp_path / "code"
+    done = subprocess.run(
+        ["sh", "-c", f"({{ sleep 0.5; {words}; echo $? > {told}; }}) | {reader}"], capture_output=True, text=True,
+        cwd=tmp_path, check=False,
+    )  # fmt: skip
+    assert done.stderr == ""
+    assert told.read_text().strip() == str(code)
 
 
 def test_a_quiet_command_still_says_its_error(tmp_path):

@@ -13,7 +13,7 @@ import typer
 from fit.errors import FitError
 from formats.command_groups import CHECK
 from formats.telling import tell
-from formats.terminal import is_watched, say
+from formats.terminal import ProgressLine, say
 
 if TYPE_CHECKING:
     from fit.blind.cases import Kind
@@ -315,22 +315,16 @@ def counting(title: str, kept: str) -> Iterator[Callable[..., None]]:
 
 
 class CountLine:
-    """A line on a terminal that counts cases; a few whole lines where output is not a terminal."""
+    """Cases on a progress line, with how many of them ended without a diagnosis."""
 
     def __init__(self, title: str) -> None:
-        self._title, self._last = title, -1.0
-        self._is_terminal = is_watched()
+        self._line = ProgressLine(title)
 
     def show(self, done: int, total: int, failed: int = 0) -> None:
         """Show how many are done, and how many of them without a diagnosis."""
-        text = f"{self._title}: {done}/{total} cases" + (f", {failed} without a diagnosis" if failed else "")
-        if self._is_terminal:
-            say(f"\r{text:<70}", end="")
-        elif done == total or done / total >= self._last + 0.1:
-            say(text)
-            self._last = done / total
+        without = f", {failed} without a diagnosis" if failed else ""
+        self._line.show(done / max(total, 1), f"{done}/{total} cases{without}")
 
     def end(self) -> None:
         """Leave the line."""
-        if self._is_terminal:
-            say("")
+        self._line.end()

@@ -46,19 +46,24 @@ def results_in(folder: Path) -> Results:
     return Results(fit, diagnosis)
 
 
-def write_again(folder: Path, out: Path | None = None) -> tuple[Path, list[ReportMotion]]:
-    """Write the report of a folder's results anew; return its path and the motion that it plays.
+def write_again(folder: Path, out: Path | None = None) -> tuple[Path, Results, list[ReportMotion]]:
+    """Write the report of a folder's results anew; return its path, and the results and the motion that it shows.
 
-    The motion and the origin come from `report.motion.npz`. Without it the page has neither.
+    The motion and the origin come from `report.motion.npz`. Without it the page has neither. Where that motion is of a
+    fit that was made after the diagnosis, the page is of the fit, as it was.
 
     Raises:
         HangtimeError: as `results_in`, or a file cannot be read or written.
     """
     found = results_in(folder)
     motions, origin = load_motions(folder / "report.html", created_of(found.fit, found.diagnosis))
+    if not motions and found.diagnosis is not None and (folder / "fit.json").exists():
+        later = Results(load_fit_result(folder / "fit.json"), None)
+        motions, origin = load_motions(folder / "report.html", created_of(later.fit, None))
+        found = later if motions else found
     path = out or folder / "report.html"
     write_report(path, fit=found.fit, diagnosis=found.diagnosis, motions=motions, origin=origin)
-    return path, motions
+    return path, found, motions
 
 
 def plot_of(report: Path, fit: FitResult | None, diagnosis: Diagnosis | None, out: Path) -> None:

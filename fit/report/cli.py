@@ -40,7 +40,7 @@ def report_command(
     Nothing is simulated, and no take is read. DIR/report.html is replaced. Without DIR/report.motion.npz the page has
     neither player nor origin.
     """
-    from fit.report.again import results_in, write_again
+    from fit.report.again import write_again
     from fit.report.answer import run_names
     from fit.report.plot import draw_plot
     from formats.outputs import refuse_to_replace
@@ -48,11 +48,10 @@ def report_command(
     for path in (out, plot):
         if path is not None and not overwrite:
             refuse_to_replace(path)
-    report, motions = write_again(folder, out)
+    report, found, motions = write_again(folder, out)
     if not motions:
         say("No motion of these results is kept in the folder, so the page has no player.")
     if plot is not None:
-        found = results_in(folder)
         draw_plot(motions, run_names(found.fit, found.diagnosis), plot)
     tell(f"Report: {report}", report=str(report), takes=[motion.take_id for motion in motions])
 

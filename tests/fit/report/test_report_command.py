@@ -74,6 +74,15 @@ def test_a_fit_of_other_takes_than_the_diagnosis_is_left_out(folder, tmp_path):
     assert "kinect-skirt" not in words_of((folder / "report.html").read_text())
 
 
+def test_a_fit_made_after_the_diagnosis_has_its_own_page_again(folder, tmp_path):
+    later = msgspec.structs.replace(fit_result(), created="2026-04-01T00:00:00Z", take_ids=["elsewhere"])
+    save_fit_result(folder / "fit.json", later)
+    save_motions(folder / "report.html", [motion("elsewhere", names=("before", "after"))], ORIGIN, later.created)
+    done = hangtime_here("report", "out", "--json", folder=tmp_path)
+    assert json.loads(done.stdout)["takes"] == ["elsewhere"]
+    assert "air drag" not in words_of((folder / "report.html").read_text())
+
+
 def test_a_plot_draws_each_run_in_its_colour_and_nothing_where_no_free_point_is_seen(folder, tmp_path):
     image = pytest.importorskip("PIL.Image")
     assert hangtime_here("report", "out", "--plot", "error.png", folder=tmp_path).returncode == 0

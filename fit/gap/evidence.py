@@ -86,7 +86,12 @@ def edge_left_by_law(observer: Observer, base: Hypothesis, hypothesis: Hypothesi
 
 
 def puts_edge_right(observer: Observer, base: Hypothesis, before: Hypothesis, found: Hypothesis) -> bool:
-    """Whether a further effect is seen on the held edge, beyond what laws of those before it may leave there."""
+    """Whether a further effect is seen on the held edge, beyond what laws of those before it may leave there.
+
+    The held row of silhouettes has told stamps and place of the edge already, and shows nothing more.
+    """
+    if any(recording.camera.is_placed for recording in observer.recordings):
+        return False
     return is_seen_on_edge(before.errors.edge, found.errors.edge, edge_left_by_law(observer, base, before))
 
 

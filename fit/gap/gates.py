@@ -6,6 +6,7 @@ import numpy as np
 
 from fit.gap.fitting import Fitted
 from fit.observer.residuals import Observer
+from fit.recordings.camera_findings import foreign_clock
 from fit.recordings.hanger_path import hanger_axes
 from fit.recordings.impossible_points import MOST_LEFT_OUT, describe_impossible
 from fit.recordings.point_kind import describe_contradiction
@@ -41,6 +42,7 @@ def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gat
     guessed = sum(not r.is_calibrated for r in every)
     imported = sum(r.is_imported for r in every)
     contradiction = describe_contradiction(every[0].garment, every)
+    strange = foreign_clock(every)
     return [
         Gate(name="calibration", passed=guessed == 0, figure=guessed, limit=0.0, unit="takes",
              sentence=_measured(imported) if guessed == 0 else
@@ -61,6 +63,9 @@ def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gat
              f"{100 * MOST_REPEATED:.0f} % may: record with a tracker that leaves out what it did not see."),
         Gate(name="impossible points", passed=impossible <= MOST_LEFT_OUT, figure=100 * impossible,
              limit=100 * MOST_LEFT_OUT, unit="%", sentence=describe_impossible(impossible)),
+        Gate(name="clocks", passed=strange is None, figure=len(strange.take_ids) if strange else 0, limit=0.0,
+             unit="takes",
+             sentence=strange.sentence if strange else "Points and hanger can have one clock in every take."),
         Gate(name="kind of points", passed=not contradiction, figure=None, limit=None, unit="",
              sentence=contradiction or f"Nothing contradicts {every[0].garment.point_kind} points."),
     ]  # fmt: skip

@@ -81,20 +81,27 @@ def _gaps(recordings: Sequence[Recording]) -> list[CameraFinding]:
     return found
 
 
-def _clocks(recordings: Sequence[Recording]) -> list[CameraFinding]:
+def foreign_clock(recordings: Sequence[Recording]) -> CameraFinding | None:
+    """Return what to say of takes whose points cannot have the hanger's clock; None where all can."""
     timed = [(r, r.camera.timing) for r in recordings if r.camera.timing is not None]
     lost = [(r, t) for r, t in timed if not t.is_of_hanger]
-    found = []
-    if lost:
-        recording, timing = min(lost, key=lambda one: one[1].explained)
-        found.append(CameraFinding(
-            name="clocks", take_ids=[r.take_id for r, _ in lost], figure=timing.explained, unit="1", is_fault=True,
-            sentence=(
-                f"The clock of the points cannot be the hanger's in {_listed([r for r, _ in lost])}: at no shift "
-                f"within {FARTHEST:g} s does the hanger's path explain {100 * FOLLOWED:.0f} % of how the held row of "
-                f"{recording.take_id} moves (at best {100 * max(timing.explained, 0.0):.0f} %). Check that path and "
-                "points are of the same take and which clock each has."),
-        ))  # fmt: skip
+    if not lost:
+        return None
+    recording, timing = min(lost, key=lambda one: one[1].explained)
+    return CameraFinding(
+        name="clocks", take_ids=[r.take_id for r, _ in lost], figure=timing.explained, unit="1", is_fault=True,
+        sentence=(
+            f"The clock of the points cannot be the hanger's in {_listed([r for r, _ in lost])}: at no shift "
+            f"within {FARTHEST:g} s does the hanger's path explain {100 * FOLLOWED:.0f} % of how the held row of "
+            f"{recording.take_id} moves (at best {100 * max(timing.explained, 0.0):.0f} %). Check that path and "
+            "points are of the same take and which clock each has."),
+    )  # fmt: skip
+
+
+def _clocks(recordings: Sequence[Recording]) -> list[CameraFinding]:
+    timed = [(r, r.camera.timing) for r in recordings if r.camera.timing is not None]
+    foreign = foreign_clock(recordings)
+    found = [foreign] if foreign is not None else []
     sound = [(r, t) for r, t in timed if t.is_of_hanger]
     mended = [(r, t) for r, t in sound if r.camera.is_retimed]
     figure, interval = _together([(t.latency, t.latency_interval) for _, t in mended]) if mended else (0.0, (0.0, 0.0))

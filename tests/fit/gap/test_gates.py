@@ -99,7 +99,16 @@ def test_starts_of_the_base_fit_end_near_each_other_beside_what_an_effect_saves(
 
 
 def recorded(
-    *, seconds=4.0, travel=0.1, own=0.01, noise=0.001, impossible=0.0, is_calibrated=True, turn=0.0, is_imported=False
+    *,
+    seconds=4.0,
+    travel=0.1,
+    own=0.01,
+    noise=0.001,
+    impossible=0.0,
+    is_calibrated=True,
+    turn=0.0,
+    is_imported=False,
+    timing=None,
 ):
     """A hanger that goes to and fro from frame to frame, with two points that move by `own` against it, and one aside.
 
@@ -121,7 +130,16 @@ def recorded(
         duration=seconds, time=time, held=lambda instants: ends, points=points, valid=np.ones((9, 3), bool),
         judged=np.array([True, True, False]), point_sd=np.array([noise, noise, noise]), impossible=impossible,
         is_calibrated=is_calibrated, is_imported=is_imported, garment=sheet(), seen_points=points,
+        camera=SimpleNamespace(timing=timing), take_id="shown",
     )  # fmt: skip
+
+
+def test_points_on_a_clock_that_is_not_the_hangers_say_nothing_of_the_cloth():
+    foreign = SimpleNamespace(is_of_hanger=False, explained=0.64)
+    gate = gate_of("clocks", [recorded(), recorded(timing=foreign)])
+    assert not gate.passed
+    assert "at best 64 %" in gate.sentence
+    assert gate_of("clocks", [recorded(timing=SimpleNamespace(is_of_hanger=True, explained=0.98))]).passed
 
 
 def gate_of(name, training, held_out=()):

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from fit.gap.evidence import puts_edge_right
 from fit.gap.findings import at_bounds, base_parameters
 from fit.gap.from_raw import sentence, with_raw
 from fit.gap.verdict import decide
 from fit.methods import SI
-from tests.fit.gap.verdict_scene import evidence_of, hypothesis
+from tests.fit.gap.verdict_scene import EFFECTS, evidence_of, hypothesis, with_edge
 from tests.formats.test_results import diagnosis
 
 
@@ -54,3 +55,12 @@ def test_of_a_silhouette_a_cause_is_named_that_leaves_less_than_half_and_the_res
     little = evidence_of({"air_drag": 9.5})
     little.judge.recordings.append(SimpleNamespace(camera=SimpleNamespace(is_placed=True)))
     assert decide(little).verdict == "unknown"
+
+
+def test_the_held_row_of_silhouettes_names_nothing_by_itself():
+    """Without the effect the edge is off by 9000 squared deviations of 1000, with it by none beyond noise."""
+    edges = with_edge(hypothesis((), 12.0), 9000.0), with_edge(hypothesis(("frame_timing",), 11.9), 1000.0)
+    observer = SimpleNamespace(**EFFECTS | {"recordings": []})
+    assert puts_edge_right(observer, edges[0], *edges)
+    observer.recordings.append(SimpleNamespace(camera=SimpleNamespace(is_placed=True)))
+    assert not puts_edge_right(observer, edges[0], *edges)

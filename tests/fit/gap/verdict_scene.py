@@ -20,7 +20,10 @@ from formats.diagnosis_records import Gate
 
 BLOCKS = 12
 KINDS = {effect.name: effect for effect in LIBRARY}
-EFFECTS = {"effects": LIBRARY, "library": KINDS, "columns": dict(zip(KINDS, columns_of(LIBRARY), strict=True))}
+EFFECTS = {
+    "effects": LIBRARY, "library": KINDS, "columns": dict(zip(KINDS, columns_of(LIBRARY), strict=True)),
+    "recordings": (),
+}  # fmt: skip
 RESAMPLING = Resampling(np.random.default_rng(1).integers(0, BLOCKS, (400, BLOCKS)), 1.0)
 NO_EDGE = SimpleNamespace(block=np.zeros(3, int), is_edge=np.zeros(3, bool), frame=np.zeros(3, int))
 
@@ -71,7 +74,7 @@ def evidence_of(
     every = dict.fromkeys([*found, *(name for names, _ in joint for name in names)])
     rows = np.eye(len(every))
     screened = {name: signature(rows[n]) for n, name in enumerate(every)}
-    observer = SimpleNamespace(**EFFECTS, in_mm=lambda row: 2.0, layout=NO_EDGE, frequency=0.0, recordings=[])
+    observer = SimpleNamespace(**EFFECTS | {"recordings": []}, in_mm=lambda row: 2.0, layout=NO_EDGE, frequency=0.0)
     return Evidence(
         observer=observer, judge=observer,
         screened=screened, base=hypothesis((), base), singles=found,

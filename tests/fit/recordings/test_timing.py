@@ -109,3 +109,13 @@ def test_a_row_that_never_moves_does_not_follow_a_hanger_that_does():
     time = uneven()
     found = find_timing(time, np.zeros((len(time), 3)), held_curve(time, ends_of(path(time)), 4.0))
     assert found is None or not found.follows
+
+
+def test_a_row_that_only_partly_moves_like_the_hanger_is_of_another_clock():
+    """The path of another take: the row swings at another rate, and no shift explains 70 % of it."""
+    time = uneven()
+    fine = np.linspace(time[0], time[-1], 4000)
+    slower = np.stack([np.interp(0.6 * time, fine, axis) for axis in path(fine).T], 1)
+    found = find_timing(time, slower, held_curve(time, ends_of(path(time)), 4.0))
+    assert found is not None
+    assert not found.is_of_hanger

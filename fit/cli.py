@@ -158,13 +158,15 @@ def fit_command(
     from fit.search.choice import OBSERVED
     from formats.results import save_fit_result
 
+    if plot is not None:
+        import PIL  # noqa: F401 - before the work, not after it
     request = Plan(
         method=method, effects=tuple(effect), bounds=tuple(bounds), search=search, iterations=iterations, gamma=gamma,
         spacing=spacing, seed=seed, fabric=fabric, engine=engine,
     ).request()  # fmt: skip
     training, testing = _read(takes, held_out, held_out_motion, anyway)
     make_folder(out, "fit.json", "fit.partial.json", "report.html")
-    progress = ProgressLine(search)
+    progress = ProgressLine(request.search)
     checkpoint = out / "fit.partial.json"
     is_resumed = checkpoint.exists()
 
@@ -174,7 +176,7 @@ def fit_command(
             say(f"Going on from {done} of {total}.")
             is_resumed = False
         error = f"mean error {1e3 * best:.1f} mm" if request.method.is_in_metres else f"error E/N {best:.3f}"
-        count = f"step {done} of at most {total}" if search in OBSERVED else f"{done}/{total}"
+        count = f"step {done} of at most {total}" if request.search in OBSERVED else f"{done}/{total}"
         progress.show(done / total, f"{count}, {error}")
 
     try:
@@ -301,7 +303,7 @@ def diagnose_command(
     from fit.report.origin import command_line
     from formats.results import load_fit_result, save_diagnosis
 
-    if arrows is not None:
+    if arrows is not None or plot is not None:
         import PIL  # noqa: F401 - before the work, not after it
     training, testing = _read(takes, held_out, held_out_motion, anyway)
     fitted = load_fit_result(fit_file) if fit_file else None

@@ -24,7 +24,7 @@ HEADINGS = {
     "Judge on": ("--held-out", "--held-out-motion"),
     "Model": ("--method", "--model", "--fabric", "--engine", "--effect", "--add", "--without", "--by", "--spacing"),
     "Search": ("--search", "--iterations", "--gamma", "--bounds", "--seed"),
-    "Files written": ("--out", "--plot", "--preview", "--overwrite"),
+    "Files written": ("--out", "--plot", "--arrows", "--preview", "--overwrite"),
 }
 HEADING_OF = {option: heading for heading, options in HEADINGS.items() for option in options}
 # Commands that tell nothing when they end. They run on, or are services.

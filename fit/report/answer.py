@@ -80,6 +80,9 @@ def _gap_figures(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
             ends = f"{interval(effect.amplitude_interval)}{unit}; " if effect.amplitude_interval else ""
             meaning = ends + meaning_of(effect.id, effect.amplitude)
             figures.append((f"size of {effect.id.replace('_', ' ')}", number(effect.amplitude) + unit, meaning))
+    if gap.raw_mm is not None and gap.closure_from_raw is not None:
+        closed = f"{percent(gap.closure_from_raw)} of the gap from there closed, the camera's faults included"
+        figures.append(("base model on the points as tracked", tenths(gap.raw_mm), closed))
     if gap.edge_mm is not None and gap.edge_with_effect_mm is not None:
         with_it = f"{tenths(gap.edge_with_effect_mm)} with {named(diagnosis)}; noise in both"
         figures.append(("base model has the held edge off by", tenths(gap.edge_mm), with_it))

@@ -45,6 +45,8 @@ def report_command(
     from fit.report.plot import draw_plot
     from formats.outputs import refuse_to_replace
 
+    if plot is not None:
+        import PIL  # noqa: F401 - before the page is replaced
     for path in (out, plot):
         if path is not None and not overwrite:
             refuse_to_replace(path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 import shlex
 import subprocess
 import sys
@@ -72,6 +73,7 @@ def test_a_fit_lowers_the_error_and_says_so(tmp_path):
     assert result.history == sorted(result.history, reverse=True)
     assert not (tmp_path / "out" / "fit.partial.json").exists()
     assert "mean, held out" in done.stdout
+    assert re.search(r"^annealing: \d+ %, \d+/40, mean error ", done.stderr, re.MULTILINE)
     assert (tmp_path / "out" / "report.html").read_text().startswith("<!doctype html>")
 
 

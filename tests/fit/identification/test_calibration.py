@@ -112,7 +112,7 @@ def test_an_interruption_of_the_report_keeps_the_search(monkeypatch, tmp_path):
 def test_an_interrupted_fit_says_from_where_it_goes_on(monkeypatch, tmp_path, capsys):
     """It is interrupted where the first of its forty iterations are shown."""
     write_take(tmp_path / "a.mcap", a_take())
-    asked = {"method": "lean", "iterations": 40, "spacing": 0.15, "out": tmp_path / "out"}
+    asked = {"method": "lean", "search": "annealing", "iterations": 40, "spacing": 0.15, "out": tmp_path / "out"}
 
     def interrupt(*_):
         raise KeyboardInterrupt

@@ -119,6 +119,13 @@ def test_what_a_fit_warns_of_stands_below_its_table():
     assert "By hand." not in table
 
 
+def test_a_gap_on_the_points_as_tracked_stands_beside_the_one_without_the_cameras_faults():
+    gap = msgspec.structs.replace(diagnosis().gap, raw_mm=20.0, closure_from_raw=0.95)
+    page = render_report(fit=None, diagnosis=diagnosis(gap=gap))
+    assert "base model on the points as tracked</dt><dd>20.0 mm<small>95 % of the gap from there closed" in page
+    assert "as tracked" not in render_report(fit=None, diagnosis=diagnosis())
+
+
 def test_gap_bar_is_split_at_floor_and_at_what_the_effect_leaves():
     text = render_report(fit=None, diagnosis=diagnosis())
     row = re.search(r'<span class="name">base model</span><span class="track">(.*?)</span>', text).group(1)

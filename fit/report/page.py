@@ -108,7 +108,7 @@ def _page(
         ],
         # Inside a script element only "</" and "<!--" would end or bend the data.
         motions=Markup(data.replace("<", "\\u003c")),
-        script=Markup(packaged("page.js")),
+        script=Markup(packaged("motion.js") + packaged("page.js")),
     )
 
 

@@ -12,16 +12,33 @@ import numpy as np
 from fit.errors import FitError
 from fit.recordings.impossible_points import LONGEST_STRETCH
 from fit.recordings.recording import Recording
+from fit.recordings.timing import FARTHEST, FOLLOWED
 
 SLACK = 0.06  # m, held ends and points are measured by different means: 26 mm in the median on the worst real takes
 SHORTEST_EDGE = 0.25  # of the held edge: held ends closer than that are a wrong unit, not slack
+
+
+def _refuse_a_foreign_clock(recording: Recording) -> None:
+    """Name the likelier cause of points that are far from where they are held: a path of another clock or take.
+
+    Raises:
+        FitError: the held row does not move as the hanger's path does, at any shift.
+    """
+    timing = recording.camera.timing
+    if timing is not None and not timing.is_of_hanger:
+        raise FitError(
+            f"the points' clock cannot be the hanger's: at no shift within {FARTHEST:g} s does its path explain "
+            f"{100 * FOLLOWED:.0f} % of how the held row moves (at best {100 * max(timing.explained, 0.0):.0f} %)",
+            where=recording.take_id, advice="check that path and points are of one take, and which clock each has",
+        )  # fmt: skip
 
 
 def check_geometry(recording: Recording) -> None:
     """Refuse a take whose points cannot belong to its garment.
 
     Raises:
-        FitError: held ends or a point further apart than the cloth is long, or held ends hardly apart at all.
+        FitError: held ends or a point further apart than the cloth is long, or held ends hardly apart at all; or the
+            points are that far off because their clock is not the hanger's.
     """
     outline = np.asarray(recording.garment.outline_m, float)
     held = recording.held(recording.time).reshape(-1, 2, 3)
@@ -39,6 +56,7 @@ def check_geometry(recording: Recording) -> None:
             flat = float(np.linalg.norm(np.asarray(point.at_m) - outline[end]))
             away = np.linalg.norm(recording.points[seen, k] - held[seen, end], axis=1)
             if seen.any() and np.median(away) > LONGEST_STRETCH * flat + SLACK:
+                _refuse_a_foreign_clock(recording)
                 raise FitError(
                     f"the point {point.name!r} is {1e3 * np.median(away):.0f} mm from the {('left', 'right')[end]} "
                     f"held end, on the flat garment {1e3 * flat:.0f} mm",

@@ -16,6 +16,7 @@ from fit.methods import SI
 from fit.recordings.geometry import check_geometry
 from fit.recordings.recording import prepare
 from formats.importers.swung_cloth import import_swung_cloth
+from tests.fit.recordings.silhouettes import path, silhouette_sheet, swung, uneven
 from tests.fit.scenes import hung, sheet, swing, take_of
 from tests.shared_data import SHARED_DATA
 
@@ -86,6 +87,7 @@ def held_at(*, edge=0.4, flat=0.2, away=0.2, frames=9, far=9):
     places[:far, 0, 2] = -away
     places[far:, 0, 2] = -flat
     return SimpleNamespace(
+        camera=SimpleNamespace(timing=None),
         garment=SimpleNamespace(outline_m=outline, points=[point]), time=np.arange(frames), take_id="a",
         held=lambda instants: np.tile([0.0, 0, 0, 0.4, 0, 0], (len(instants), 1)), points=places,
         valid=np.ones((frames, 1), bool),
@@ -114,3 +116,14 @@ def test_a_point_is_a_quarter_further_from_a_held_end_than_on_the_cloth_and_a_li
     else:
         with pytest.raises(FitError, match=r"the point 'low' is 311 mm from the left held end, .* 200 mm"):
             check_geometry(held_at(away=away, far=5))
+
+
+def test_points_far_from_a_path_of_another_clock_are_refused_for_that_clock():
+    """The hanger swings at another rate and farther than the row that it is said to hold."""
+    time = uneven()
+    take = swung(silhouette_sheet(), time, time)
+    fine = np.linspace(time[0], time[-1], 4000)
+    slower = np.stack([np.interp(0.6 * time, fine, axis) for axis in path(fine).T], 1)
+    far = take.held + ((3 * slower - path(time)) * [0, 1, 0])[:, None]
+    with pytest.raises(FitError, match="points' clock cannot be the hanger's"):
+        check_geometry(prepare(dataclasses.replace(take, held=far, markers=far)))

@@ -102,9 +102,15 @@ class ReportMotion:
 
     @property
     def worst_frame(self) -> int:
-        """Return the frame with the largest error of the first run, 0 where there is none."""
-        first = self.rms(self.shown[0]) if self.shown else np.full(1, np.nan)
-        return int(np.nanargmax(first)) if np.isfinite(first).any() else 0
+        """Return the frame with the largest error of the first run, 0 where there is none.
+
+        Frames that show less than half of the free points that any frame shows do not count.
+        """
+        if not self.shown or not self.counted.any():
+            return 0
+        count = self.counted.sum(1)
+        first = np.where(2 * count >= count.max(), self.rms(self.shown[0]), np.nan)
+        return int(np.nanargmax(first))
 
 
 def rms_of(motions: list[ReportMotion], name: str) -> float | None:

@@ -56,6 +56,19 @@ def test_the_rms_of_a_frame_by_hand():
     assert 1e3 * replace(shown, real=hidden).rms("base")[1] == pytest.approx(3.5355, abs=1e-3)
 
 
+def test_the_worst_frame_is_one_that_shows_half_of_the_free_points():
+    """Frame 1 is 30 mm off and frame 2 is 90 mm off, but shows one point of three."""
+    still = np.zeros((3, 5, 3))
+    off = still.copy()
+    off[1, :, 0], off[2, :, 0] = 0.03, 0.09
+    real = still.copy()
+    real[2, 3:] = np.nan
+    given = {"time": np.arange(3.0), "runs": {"base": Run(points=off)}, "held": None, "triangles": None}
+    assert motion(real=real, **given).worst_frame == 1
+    assert motion(real=still, **given).worst_frame == 2
+    assert motion(real=np.full_like(still, np.nan), **given).worst_frame == 0
+
+
 def test_a_curve_breaks_where_no_free_point_is_seen():
     """Before, the held points alone made it fall there from 48 mm to 4 mm."""
     real = motion().real.copy()

@@ -102,6 +102,9 @@ def synthesise(
     seconds: Annotated[float, typer.Option("--seconds", min=4.0, help="Length of the recording.")] = 8.0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of hand jitter and sensor noise.")] = 1,
     garment: Annotated[str, typer.Option("--garment", help="Garment: skirt, swatch or t-shirt.")] = "skirt",
+    fabric: Annotated[
+        str, typer.Option("--fabric", help="Fabric: plain, or felt, which is far from where fits begin.")
+    ] = "plain",
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace files of these names that are already there.")
     ] = False,
@@ -115,7 +118,8 @@ def synthesise(
     progress = ProgressLine(name)
     paths = make_recording(
         out, name, motion=motion, effect=effect, amplitude=amplitude, seconds=seconds, seed=seed,
-        garment=garment, progress=lambda stage, share: progress.show(share, stage), overwrite=overwrite,
+        garment=garment, fabric=fabric, progress=lambda stage, share: progress.show(share, stage),
+        overwrite=overwrite,
     )  # fmt: skip
     progress.end()
     tell("\n".join(map(str, paths)), files=list(map(str, paths)))

@@ -68,10 +68,10 @@ def fit_command(
         typer.Option(
             "--method",
             help="Parameters to fit. si: physical units, the weight is known. si-sewn: si for garments with sleeves "
-            "and hems. lean: si without shear and bending damping. kinect-skirt: the six Blender parameters of the "
-            "Kinect-skirt paper. mocap-swatch: the five parameters and the error E of the motion capture paper, for a "
-            "swatch with a grid of markers. kinect-skirt-weighed, mocap-swatch-weighed: the same with the weight "
-            "known.",
+            "and hems. si-outline: si, fitted to the outline alone. lean: si without shear and bending damping. "
+            "kinect-skirt: the six Blender parameters of the Kinect-skirt paper. mocap-swatch: the five parameters and "
+            "the error E of the motion capture paper, for a swatch with a grid of markers. kinect-skirt-weighed, "
+            "mocap-swatch-weighed: the same with the weight known.",
         ),
     ] = "si",
     fabric: Annotated[

@@ -20,13 +20,14 @@ from formats.outputs import check_stem, make_output_folder, refuse_to_replace, u
 
 def make_recording(
     out: Path, name: str, *, motion: str = "swing", effect: str = "air_drag", amplitude: float | None = None,
-    seconds: float = 8.0, seed: int = 1, garment: str = "skirt", progress: Progress = lambda stage, share: None,
+    seconds: float = 8.0, seed: int = 1, garment: str = "skirt", fabric: str = "plain",
+    progress: Progress = lambda stage, share: None,
     overwrite: bool = False,
 ) -> list[Path]:  # fmt: skip
     """Write NAME.oni, NAME.truth.npz, rig.toml and garment.toml into a folder and return their paths.
 
     Raises:
-        RecordingError: the recording cannot be written; SensorAddressError: no such motion, effect or garment.
+        RecordingError: the recording cannot be written; SensorAddressError: no such motion, effect, garment or fabric.
         OutputError: no name that files can have; the folder or another file cannot be written, or one of them is there
             with something else in it and they are not to be overwritten.
     """
@@ -45,7 +46,7 @@ def make_recording(
             refuse_to_replace(path, described.get(path))
     make_output_folder(out)
     world = make_world(
-        motion=motion, effect=effect, amplitude=amplitude, seconds=seconds, seed=seed, garment=worn,
+        motion=motion, effect=effect, amplitude=amplitude, seconds=seconds, seed=seed, garment=worn, fabric=fabric,
         progress=lambda stage, share: progress(stage, 0.3 * share),
     )  # fmt: skip
     partial = recording.with_name(recording.name + ".partial")
@@ -56,6 +57,7 @@ def make_recording(
         "seconds": seconds,
         "seed": seed,
         "garment": garment,
+        "fabric": fabric,
     }
     try:
         _write_frames(partial, world, progress)

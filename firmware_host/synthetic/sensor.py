@@ -23,25 +23,28 @@ class SyntheticSensor(DepthSensor):
 
     @classmethod
     def from_uri(cls, uri: str) -> Self:
-        """Open `synthetic:MOTION?effect=NAME&amplitude=A&seconds=S&seed=N`.
+        """Open `synthetic:MOTION?effect=NAME&amplitude=A&seconds=S&seed=N&fabric=NAME`.
 
         Raises:
-            SensorAddressError: an unknown motion, effect or option, or a number that no world has.
+            SensorAddressError: an unknown motion, effect, fabric or option, or a number that no world has.
         """
         motion, _, query = uri.removeprefix("synthetic:").partition("?")
         options = dict(parse_qsl(query))
-        unknown = set(options) - {"effect", "amplitude", "seconds", "seed"}
+        unknown = set(options) - {"effect", "amplitude", "seconds", "seed", "fabric"}
         if unknown:
             raise SensorAddressError(
-                f"unknown option {sorted(unknown)[0]!r}", where=uri, advice="choose of effect, amplitude, seconds, seed"
-            )
+                f"unknown option {sorted(unknown)[0]!r}", where=uri,
+                advice="choose of effect, amplitude, seconds, seed, fabric",
+            )  # fmt: skip
         try:
             amplitude = float(options["amplitude"]) if "amplitude" in options else None
             seconds, seed = float(options.get("seconds", 8)), int(options.get("seed", 1))
         except ValueError as error:
             raise SensorAddressError(f"an option is not a number: {error}", where=uri) from error
-        effect = options.get("effect", "none")
-        world = make_world(motion=motion or "swing", effect=effect, amplitude=amplitude, seconds=seconds, seed=seed)
+        effect, fabric = options.get("effect", "none"), options.get("fabric", "plain")
+        world = make_world(
+            motion=motion or "swing", effect=effect, amplitude=amplitude, seconds=seconds, seed=seed, fabric=fabric
+        )
         return cls(world, uri)
 
     @property

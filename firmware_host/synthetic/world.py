@@ -37,6 +37,11 @@ PIXEL_NOISE = 2.0  # of 255
 FIRST_STAMP = 0.001  # s: OpenNI ignores a frame at time 0
 BODY = {"t-shirt": (24, 17)}  # nodes down and across, of what is not a panel
 # A sleeve is a tube of two layers and a hem, unlike a flat sheet. So it stands out by a stiffness of its own.
+# What a skirt is made of; the felt is far from where fits begin.
+FABRICS = {
+    "plain": ClothPhysics(),
+    "felt": ClothPhysics(stretch_stiffness=90.0, shear_stiffness=14.0, bending_stiffness=1.6e-4, linear_damping=3.5),
+}
 PHYSICS = {"t-shirt": ClothPhysics(bending_stiffness=1e-3, shear_stiffness=120.0)}
 HIDING_STEP = 6e-3  # m by which a surface must be nearer to hide a point: a folded corner lies 10 mm behind
 NEAREST_SWING = 0.35  # m towards the sensor, for how densely the cloth must be drawn
@@ -128,15 +133,18 @@ class World:
 
 def make_world(
     *, motion: str, effect: str, amplitude: float | None, seconds: float, seed: int,
-    progress: Progress = lambda stage, share: None, garment: Garment | None = None,
+    progress: Progress = lambda stage, share: None, garment: Garment | None = None, fabric: str = "plain",
 ) -> World:  # fmt: skip
     """Simulate the demo's skirt, or another garment, under a named motion with a planted effect.
 
-    The effect has an amplitude or, where none is given, its typical one.
+    The effect has an amplitude or, where none is given, its typical one. A garment that has physics of its own takes
+    the plain fabric alone.
 
     Raises:
-        SensorAddressError: there is no such effect or motion, or a number that no world has.
+        SensorAddressError: there is no such effect, motion or fabric, or a number that no world has.
     """
+    if fabric not in FABRICS:
+        raise SensorAddressError(f"there is no fabric {fabric!r}", advice=f"choose of {', '.join(FABRICS)}")
     if effect not in TYPICAL:
         raise SensorAddressError(
             f"the synthetic world has no effect {effect!r}", advice=f"choose of {', '.join(TYPICAL)}"
@@ -160,7 +168,7 @@ def make_world(
 
     seen = np.maximum(time - size, 0.0) if effect == "time_offset" else time
     effects = {effect: size} if effect in {"air_drag", "hem"} else {}
-    physics = PHYSICS.get(garment.kind, ClothPhysics())
+    physics = PHYSICS.get(garment.kind, FABRICS[fabric])
     nodes = simulate(
         garment, lambda times: placed(times).held, seen, physics=physics, effects=effects,
         progress=lambda share: progress("cloth", share), rows=rows, columns=columns,

@@ -6,7 +6,7 @@ from fit.errors import FitError
 from fit.methods.kinect_skirt import KINECT_SKIRT, KINECT_SKIRT_WEIGHED
 from fit.methods.method import Parameter, Parameterisation
 from fit.methods.mocap_swatch import MOCAP_SWATCH, MOCAP_SWATCH_WEIGHED
-from fit.methods.physical_units import LEAN, SI, SI_SEWN
+from fit.methods.physical_units import LEAN, SI, SI_OUTLINE, SI_SEWN
 from formats.garment import Garment
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "MOCAP_SWATCH",
     "MOCAP_SWATCH_WEIGHED",
     "SI",
+    "SI_OUTLINE",
     "SI_SEWN",
     "Parameter",
     "Parameterisation",
@@ -25,7 +26,8 @@ __all__ = [
 ]
 
 METHODS = {
-    p.name: p for p in (KINECT_SKIRT, KINECT_SKIRT_WEIGHED, MOCAP_SWATCH, MOCAP_SWATCH_WEIGHED, SI, SI_SEWN, LEAN)
+    p.name: p
+    for p in (KINECT_SKIRT, KINECT_SKIRT_WEIGHED, MOCAP_SWATCH, MOCAP_SWATCH_WEIGHED, SI, SI_OUTLINE, SI_SEWN, LEAN)
 }
 
 

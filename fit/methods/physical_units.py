@@ -3,6 +3,8 @@
 `si` is the diagnosis' base model; every parameter is identifiable in principle. `lean` is `si` without shear stiffness
 and bending viscosity. With `lean` both are effects of the diagnosis' library.
 
+`si-outline` is `si` fitted to the cloth's outline alone (`fit.methods.outline`).
+
 `si-sewn` is `si` for a garment whose flat sheet stands for several layers. Take two layers of membrane stiffness k and
 bending stiffness B, sewn together at a distance d. They bend about the middle between them. One layer is stretched by
 kappa d/2, and the other is compressed by the same strain:
@@ -19,6 +21,7 @@ import numpy as np
 
 from fit.cloth import material as mat
 from fit.methods.method import Parameter, Parameterisation
+from fit.methods.outline import OutlineDistance
 from formats.arrays import Floats
 
 
@@ -55,6 +58,8 @@ SI = Parameterisation(
     to_materials=_si_materials,
     not_identified="",
 )  # fmt: skip
+
+SI_OUTLINE = replace(SI, name="si-outline", objective=OutlineDistance, search="cma-es")
 
 TWO_LAYERS = 3e-4  # N m: those of 300 N/m, 1.4 mm apart
 FAR_LAYERS = 5e-3  # N m: 6 mm apart

@@ -10,6 +10,7 @@ import pytest
 
 from firmware_host.synthetic.cloth import ClothPhysics, simulate
 from firmware_host.synthetic.motion import MOTIONS, hanger_pose
+from firmware_host.synthetic.world import make_world
 from formats.garment import Garment
 
 WIDTH, HEIGHT = 0.2, 0.45  # m
@@ -123,3 +124,14 @@ def test_another_seed_is_another_hand_of_a_millimetre() -> None:
     one, other = (hanger_pose("swing", time, seed, 8.0).displacement for seed in (1, 2))
     # Two independent jitters of 1 mm in all three axes together differ by 1.4 mm rms.
     assert np.sqrt(((one - other) ** 2).sum(axis=1).mean()) == pytest.approx(1.4e-3, rel=0.3)
+
+
+@pytest.mark.slow
+def test_a_skirt_of_felt_comes_to_rest_where_a_plain_one_still_swings() -> None:
+    """Damped at 3.5 and 0.25 1/s: after a second exp(-1.6) is left of what the plain one keeps."""
+    left = {}
+    for fabric in ("plain", "felt"):
+        world = make_world(motion="swing", effect="none", amplitude=None, seconds=5.0, seed=1, fabric=fabric)
+        late = world.points[-15:]
+        left[fabric] = float(np.ptp(late, axis=0).max())
+    assert left["felt"] < 0.5 * left["plain"]

@@ -1,0 +1,53 @@
+"""The distance of outlines: what slides along the edge costs nothing, and what leaves it costs its way."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fit.errors import FitError
+from fit.identification.request import Plan
+from fit.methods.outline import OutlineDistance, to_polygon
+from fit.recordings.recording import prepare
+from tests.fit.scenes import hung, sheet, take_of
+
+SQUARE = np.array([[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]])
+
+
+def test_points_are_as_far_from_a_polygon_as_from_its_nearest_side_or_corner():
+    points = np.array([[[0.5, -0.2], [1.3, 1.4], [0.5, 0.4], [1.0, 0.7]]])
+    assert to_polygon(points, SQUARE) == pytest.approx(np.array([[0.2, 0.5, 0.4, 0.0]]))
+
+
+def outline_of(grid=5):
+    time = np.arange(0, 1, 1 / 30)
+    garment = sheet(grid=grid)
+    recording = prepare(take_of(garment, time, np.zeros((len(time), 3)), hung(garment, time)))
+    return OutlineDistance(recording), hung(garment, time)[None]
+
+
+def test_only_the_sixteen_points_of_the_edge_count():
+    """A 5 x 5 grid: the nine inner points may be anywhere, and nobody sees depth."""
+    objective, points = outline_of()
+    moved = points.copy()
+    inner = [k for k in range(25) if 0 < k % 5 < 4 and 0 < k // 5 < 4]
+    moved[:, :, inner] += 0.3
+    moved[..., 1] += 0.2
+    assert objective.terms(moved) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_cloth_that_hangs_lower_costs_its_hem_and_its_corners():
+    """10 mm lower: seen sides are met but for the top row's 5 points and the hem's 5, and so the other way round.
+
+    The top corners lie 10 mm above the simulated sides' ends, the hem's are on its sides; of 16 points 5 are 10 mm off
+    each way, but for hem corners seen that lie on simulated sides: (5 + 3) / 16 and (3 + 5) / 16 of 10 mm.
+    """
+    objective, points = outline_of()
+    lower = points - [0.0, 0.0, 0.01]
+    assert objective.terms(lower) == pytest.approx(0.01 * 8 / 16, abs=1e-6)
+
+
+def test_it_is_searched_for_without_residuals_of_points_and_needs_an_edge():
+    assert Plan(method="si-outline").search == "cma-es"
+    with pytest.raises(FitError, match="tracked points are on the garment's edge"):
+        outline_of(grid=1)

@@ -37,7 +37,7 @@ PIXEL_NOISE = 2.0  # of 255
 FIRST_STAMP = 0.001  # s: OpenNI ignores a frame at time 0
 BODY = {"t-shirt": (24, 17)}  # nodes down and across, of what is not a panel
 # A sleeve is a tube of two layers and a hem, unlike a flat sheet. So it stands out by a stiffness of its own.
-# What a skirt is made of; the felt is far from where fits begin.
+# The fabrics of a skirt. Felt is far from the values that fits begin with.
 FABRICS = {
     "plain": ClothPhysics(),
     "felt": ClothPhysics(stretch_stiffness=90.0, shear_stiffness=14.0, bending_stiffness=1.6e-4, linear_damping=3.5),

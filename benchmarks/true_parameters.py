@@ -7,14 +7,16 @@ added. With --causes the script prints the causes of these fabrics' distances, e
 thing alone. The figure is the mean distance of the markers below the top row, over the whole take and over its first
 half second. With --near one true parameter is made a third smaller or half larger. The markers of the top row, which
 hangs slack between the two held corners, are then shown alone too. With --air-drag the swatches swing in air, as given
-takes did, and our cloth has the same air. Run: python benchmarks/true_parameters.py [--air-drag 1.2] [--causes FABRIC
-...] [--near FABRIC ...] [TAKE.mcap ...]
+takes did, and our cloth has the same air. With --fit the held-out error of a fit stands beside it. Its excess is the
+quotient of the two. Run: python benchmarks/true_parameters.py [--air-drag 1.2] [--causes FABRIC ...] [--near FABRIC
+...] [--fit fit.json] [TAKE.mcap ...]
 """
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
+import json
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -32,6 +34,7 @@ from firmware_host.synthetic.swatch import (
     measured,
     swung_markers,
 )
+from firmware_host.synthetic.world import FABRICS as SKIRTS
 from firmware_host.synthetic.world import PHYSICS
 from fit.cloth import material as mat
 from fit.cloth.model import Resolution
@@ -45,6 +48,7 @@ from formats.archive import read_take
 from formats.descriptions import load_garment
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
 from formats.importers.swatch_mocap import import_marker_take
+from formats.results import load_fit_result
 from formats.swatch import MARKERS, SIDE, swatch
 from formats.take import Take
 
@@ -168,20 +172,24 @@ def mean_and_maximum(by_frame: NDArray[np.float64]) -> tuple[float, float]:
 
 
 def main(
-    takes: Sequence[str], causes_of: Sequence[str] = (), air_drag: float = 0.0, near_to: Sequence[str] = ()
-) -> None:
+    takes: Sequence[str], causes_of: Sequence[str] = (), air_drag: float = 0.0, near_to: Sequence[str] = (),
+    fit: Path | None = None,
+) -> None:  # fmt: skip
     """Print a line a take, in millimetres, or the causes, or what cloths nearby do."""
     for name in map(Path, takes):
         take = read_take(name)
         with np.load(name.with_suffix(".truth.npz")) as truth:
             path = truth["points"].reshape(len(truth["time"]), -1)
             there = np.stack([np.interp(take.time, truth["time"], column) for column in path.T], 1)
+            fabric = json.loads(str(truth["meta"])).get("fabric", "plain")
         seen = np.where(take.points_valid[..., None], take.points, np.nan)
         tracked = mean_and_maximum(objective.per_frame(seen, there.reshape(seen.shape)))
-        found = distance_at_truth(take, PHYSICS.get(take.garment.kind, ClothPhysics()), 0.05, air_drag)
+        found = distance_at_truth(take, PHYSICS.get(take.garment.kind, SKIRTS[fabric]), 0.05, air_drag)
         print(
             f"{name.name:28} {1e3 * found[0]:6.1f} mm, maximum {1e3 * found[1]:6.1f}; tracking {1e3 * tracked[0]:.1f}"
         )
+        if fit is not None and (error := load_fit_result(fit).error.held_out_after) is not None:
+            print(f"{'':28} {1e3 * error.mean_m:6.1f} mm by {fit}, excess {error.mean_m / found[0]:.2f}")
     with tempfile.TemporaryDirectory() as folder:
         if causes_of:
             print_causes(Path(folder), causes_of)
@@ -204,5 +212,6 @@ if __name__ == "__main__":
         "--near", nargs="+", choices=FABRICS, default=[], metavar="FABRIC", help="what cloths do that are nearly true"
     )
     parser.add_argument("--air-drag", type=float, default=0.0, help="drag coefficient of the recordings' air")
+    parser.add_argument("--fit", type=Path, help="a fit that was judged on the take")
     chosen = parser.parse_args()
-    main(chosen.takes, chosen.causes, chosen.air_drag, chosen.near)
+    main(chosen.takes, chosen.causes, chosen.air_drag, chosen.near, chosen.fit)

@@ -61,3 +61,12 @@ def test_a_demo_step_that_failed_ends_the_demo_and_runs_again(demo: Path) -> Non
     assert not (demo / "demo/diagnosis.json").exists()
     (demo / "broken").unlink()
     assert run_demo(demo).stdout.count("up to date, skipped") == 2
+
+
+def test_the_demo_of_felt_has_a_folder_and_a_fabric_of_its_own(demo: Path) -> None:
+    assert run_demo(demo, "--felt").returncode == 0
+    assert (demo / "demo-felt/report.html").exists()
+    assert not (demo / "demo").exists()
+    made = [line for line in (demo / "calls").read_text().splitlines() if line.startswith("sensor synthesise")]
+    assert len(made) == 3
+    assert all("--fabric felt" in line for line in made)

@@ -130,7 +130,11 @@ def _clocks(recordings: Sequence[Recording]) -> list[CameraFinding]:
                 f"Each frame is off by a shift of its own, {1e3 * deviation:.0f} ms rms, at most a frame's interval: "
                 f"with it the held row is {after:.0f} mm from where the hanger has it, {before:.0f} mm before."),
         ))  # fmt: skip
-    left = [(r, t) for r, t in sound if not r.camera.is_retimed and t.is_late and abs(t.latency) > CERTAIN_LEFT]
+    left = [
+        (r, t)
+        for r, t in sound
+        if not r.camera.is_retimed and is_sure(t.latency_interval) and abs(t.latency) > CERTAIN_LEFT
+    ]
     if left:
         figure, interval = _together([(t.latency, t.latency_interval) for _, t in left])
         found.append(CameraFinding(

@@ -84,8 +84,9 @@ class Timing:
 
     @property
     def is_late(self) -> bool:
-        """Whether the latency is certain."""
-        return is_sure(self.latency_interval)
+        """Whether the 90 % interval of the latency is beyond zero; it is named where it is sure (`is_sure`)."""
+        low, high = self.latency_interval
+        return low > 0.0 or high < 0.0
 
     @property
     def is_off(self) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -103,27 +102,21 @@ def animate(
         refuse_to_replace(path)
     make_output_folder(path.parent)
     is_film = suffix in FILMS
-    moving = scene.moving(_timed(show, "simulating", 0.0, SIMULATED if is_film else 1.0))
+    moving = scene.moving(_part(show, "simulating", 0.0, SIMULATED if is_film else 1.0))
     fabric = None if why_no_fabric(scene.result) else fabric_of(scene.result)
     if suffix == ".usdc":
         raw = caches.usd_cache(scene.result, fabric, moving)
     elif suffix == ".glb":
         raw = caches.gltf(scene.result, fabric, moving)
     else:
-        drawn = _timed(show, "drawing", SIMULATED, 1.0)
+        drawn = _part(show, "drawing", SIMULATED, 1.0)
         words = " ".join([*caches.words(scene.result, fabric), *moving.remarks])
         raw = film(moving, suffix, words, size, lambda done, total: drawn(done / total))
     write_bytes(path, raw)
     return Animated(path, moving.remarks)
 
 
-def _timed(show: Show, doing: str, first: float, last: float) -> Progress:
-    """Return what shows the share of one part of the work, within all of it, and how long that part still takes."""
-    begun = clock.monotonic()
+def _part(show: Show, doing: str, first: float, last: float) -> Progress:
+    """Return a display of the share of one part of the work, within all of it."""
     show(first, doing)
-
-    def told(share: float) -> None:
-        left = (clock.monotonic() - begun) / max(share, 1e-9) * (1 - share)
-        show(first + share * (last - first), f"{doing}, {left:.0f} s left")
-
-    return told
+    return lambda share: show(first + share * (last - first), doing)

@@ -24,6 +24,7 @@ LARGEST_CHUNK = 1 << 24  # bytes unpacked: a second of 500 markers at 500 frames
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 LARGEST_WINDOW = 1 << 23  # bytes that zstd may look back
 FREE_BYTES, UNPACKED = 1 << 27, 64  # bytes that a file may unpack to: so many, and so many for each of its own
+FREE_RECORDS, RECORDS = 1 << 17, 64  # records in a file's chunks: so many, and one for so many of its own bytes
 SLAB = 1 << 22  # bytes searched at once for the next chunk
 FIXED = 45  # bytes of a chunk record without its compression's name, its records and their length
 LONGEST_NAME = 16  # bytes of a compression's name
@@ -39,6 +40,7 @@ class Findings:
     is_whole: bool = False  # it ends as MCAP files do
     other_compressions: set[str] = field(default_factory=set)
     unpacked: int = 0  # bytes
+    records: int = 0  # within chunks
 
 
 def profile_of(raw: bytes) -> str | None:
@@ -55,23 +57,23 @@ def messages_in(raw: bytes, findings: Findings) -> Iterator[bytes]:
     """Yield the data of every message in every sound chunk, in the order of the file; go on after damage.
 
     The time is linear in the file's length and in its unpacked length. A file that unpacks to more than any take of
-    its size is read up to that limit.
+    its size, or to more records, is read up to that limit.
     """
     at = len(MAGIC) if raw.startswith(MAGIC) else 0
     findings.damaged += at == 0
-    limit = FREE_BYTES + UNPACKED * len(raw)
+    limit, most_records = FREE_BYTES + UNPACKED * len(raw), FREE_RECORDS + len(raw) // RECORDS
     starts = _Starts(raw)
     was_sound = True
     while at + 9 <= len(raw):
         opcode, end = raw[at], at + 9 + struct.unpack_from("<Q", raw, at + 1)[0]
         is_within = end <= len(raw)
         records = _records(raw, at, end, findings) if opcode == Opcode.CHUNK and is_within else None
-        if findings.unpacked > limit:
+        if findings.unpacked > limit or findings.records > most_records:
             findings.damaged += 1
             return
         if records is not None:
             was_sound = True
-            yield from _message_data(records)
+            yield from _message_data(records, findings, most_records)
         elif opcode in KNOWN and is_within and end - at <= LONGEST_RECORD:
             if opcode == Opcode.FOOTER and raw[end:] == MAGIC:
                 findings.is_whole = True
@@ -155,10 +157,11 @@ def _unpacked(packed: memoryview, size: int) -> bytes:
 _UNPACKER = zstandard.ZstdDecompressor(max_window_size=LARGEST_WINDOW)
 
 
-def _message_data(records: bytes) -> Iterator[bytes]:
+def _message_data(records: bytes, findings: Findings, most: int) -> Iterator[bytes]:
     """Yield the data of the messages among a chunk's records: after the opcode and length, 22 bytes of stamps."""
     at = 0
-    while at + 9 <= len(records):
+    while at + 9 <= len(records) and findings.records <= most:
+        findings.records += 1
         end = at + 9 + int.from_bytes(records[at + 1 : at + 9], "little")
         if records[at] == Opcode.MESSAGE and at + 31 <= end <= len(records):
             yield records[at + 31 : end]

@@ -20,13 +20,12 @@ from formats.errors import DescriptionError, TakeError
 from formats.garment import Garment
 from formats.rig import Rig
 from formats.surface import SurfaceScan, decode_scan, places_of
+from formats.table_memory import TableMemory
 from formats.take import Span, Take
 from formats.take_writer import MOST_HEADER_BYTES, PROFILE, VERSION, binding_of
 
 LARGEST_FILE = 1 << 30  # bytes: ten hours of 81 markers at 120 frames a second are half of it
 LOOKED_AT = 1 << 22  # bytes of a file of another profile: a take's header comes again and again
-CELL_BYTES = 24  # of memory that a number of a table takes while it is read
-FREE_MEMORY, MEMORY, STILL_TABLE = 1 << 26, 160, 1 << 17  # bytes: for a file, each of its bytes, block or scan
 MOST_CONTAINERS = 20_000  # maps and lists of a message: a garment of 2000 points has a third of them
 NO_TAKE = "give a file that `hangtime record` or `hangtime import` wrote"
 
@@ -93,6 +92,7 @@ def read_with_report(path: Path) -> tuple[Take, TakeReport]:
 def _bytes_of(path: Path) -> bytes:
     """Return the bytes of a file; of one that is too large or no take only as many as show that."""
     try:
+        _refuse_what_has_no_end(path)
         with path.open("rb") as file:
             size = path.stat().st_size
             raw = file.read(LOOKED_AT)
@@ -128,6 +128,11 @@ class _Contents:
     damaged: int = 0
 
 
+def _refuse_what_has_no_end(path: Path) -> None:
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise TakeError("is a pipe or a device", where=path, advice=NO_TAKE)
+
+
 def _read(raw: bytes, path: object) -> tuple[Take, TakeReport]:
     if not raw:
         raise TakeError("is empty", where=path, advice="give a take archive")
@@ -143,7 +148,7 @@ def _read(raw: bytes, path: object) -> tuple[Take, TakeReport]:
     blocks, strange = _in_order(contents.blocks, ours)
     ends = [end for end in contents.ends if end.get("take") == ours and _is_end(end, version)]
     damaged += strange + len(contents.ends) - len(ends)
-    memory = _Memory(FREE_MEMORY + MEMORY * len(raw))
+    memory = TableMemory.of(len(raw))
     columns, kept, lost = _decoded(blocks, len(garment.points), version, memory)
     columns, kept, out_of_order = _increasing(columns, kept) if kept else (columns, kept, 0)
     if not kept:
@@ -303,20 +308,8 @@ def _is_table(block: dict[str, Any]) -> bool:
     )
 
 
-@dataclass
-class _Memory:
-    """The bytes that a file's tables may still take while they are read."""
-
-    left: int
-
-    def fits(self, numbers: int) -> bool:
-        """Set aside what a table takes: a still one has far more numbers than bytes, few more than STILL_TABLE."""
-        self.left -= max(CELL_BYTES * numbers - STILL_TABLE, 0)
-        return self.left > 0
-
-
 def _decoded(
-    blocks: list[dict[str, Any]], points: int, version: int, memory: _Memory
+    blocks: list[dict[str, Any]], points: int, version: int, memory: TableMemory
 ) -> tuple[Columns, list[dict[str, Any]], int]:
     """Return the columns of the sound blocks, those blocks, and how many were not sound."""
     width = sum(widths(points).values())
@@ -355,7 +348,7 @@ def _increasing(columns: Columns, kept: list[dict[str, Any]]) -> tuple[Columns, 
 
 
 def _scans(
-    messages: list[dict[str, Any]], binding: bytes | None, version: int, memory: _Memory
+    messages: list[dict[str, Any]], binding: bytes | None, version: int, memory: TableMemory
 ) -> tuple[list[SurfaceScan], int]:
     """Return the scans of one take, and how many messages are none; a copy is no damage."""
     decode = version_1.decode_scan if version == 1 else decode_scan

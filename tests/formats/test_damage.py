@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 import time
 import tracemalloc
@@ -123,7 +124,12 @@ def test_a_take_that_lost_its_scans_or_its_frames_is_not_sound(raw, tmp_path):
 def chunk_of(content, *, crc=None, compression=b"zstd"):
     """A chunk of one message; crc: instead of the right one."""
     data = msgpack.packb(content) if not isinstance(content, bytes) else content
-    records = struct.pack("<BQHIQQ", 5, 22 + len(data), 1, 0, 0, 0) + data
+    return chunk_of_records(
+        struct.pack("<BQHIQQ", 5, 22 + len(data), 1, 0, 0, 0) + data, crc=crc, compression=compression
+    )
+
+
+def chunk_of_records(records, *, crc=None, compression=b"zstd"):
     packed = zstandard.compress(records) if compression == b"zstd" else records
     crc = zlib.crc32(records) if crc is None else crc
     body = struct.pack("<QQQII", 0, 0, len(records), crc, len(compression)) + compression
@@ -224,6 +230,25 @@ def test_many_blocks_that_say_that_nothing_moved_are_bounded(raw):
     )
     most, _ = peak_of(lambda: take_of(raw[:at] + more + raw[at:], "bomb"))
     assert most < 256 << 20
+
+
+@pytest.mark.parametrize("record", [bytes(9), b"\x05" + struct.pack("<Q", 22) + bytes(22)])
+def test_many_records_in_few_bytes_are_bounded(raw, record):
+    """A hundred kilobytes of millions of records; the take before them is read."""
+    whole = raw[: chunks_of(raw)[-1][1]]  # without the end of the file, behind which nothing is read
+    bomb = whole + chunk_of_records(record * ((1 << 24) // len(record))) * 8
+    start = time.process_time()
+    assert len(take_of(bomb, "bomb").time) == 150
+    findings = Findings()
+    list(messages_in(bomb[len(whole) :], findings))
+    assert findings.records < 150_000
+    assert time.process_time() - start < 5
+
+
+def test_a_pipe_is_no_take(tmp_path):
+    os.mkfifo(tmp_path / "a.mcap")
+    with pytest.raises(TakeError, match="is a pipe or a device"):
+        read_take(tmp_path / "a.mcap")
 
 
 def test_many_large_scans_in_few_bytes_are_bounded(raw):

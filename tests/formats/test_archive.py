@@ -130,6 +130,16 @@ def test_an_interrupted_recording_leaves_a_readable_partial_file(tmp_path):
     assert not back.is_complete
 
 
+def test_a_recorder_cuts_blocks_where_a_whole_take_is_cut(tmp_path):
+    """At 8 frames a second, whose times are exact, a block ends with the frame that reaches one second."""
+    take = a_take(frames=40)
+    take = replace(take, time=np.arange(40) / 8)
+    with TakeWriter(tmp_path / "a.mcap", take_id="a", created="now", rig=RIG, garment=GARMENT) as writer:
+        for k in range(40):
+            writer.append(frame_of(take, k))
+    assert verify_take(tmp_path / "a.mcap").blocks == verify_take(write_take(tmp_path / "b.mcap", take)).blocks == 5
+
+
 def frame_of(take, k):
     return Frame(
         time=float(take.time[k]), markers=take.markers[k], held=take.held[k], held_valid=take.held_valid[k],

@@ -117,6 +117,21 @@ def test_sums_beyond_64_bits_end_no_long_table():
         assert len(values) == rows
 
 
+@pytest.mark.parametrize("order", [0, 4, 7])
+def test_one_column_of_an_order_that_is_none_spoils_its_table(order):
+    """Orders are 1 to 3; a code of order 0 and some k is none."""
+    coded = bytearray(one([[10, 10], [12, 12], [11, 11]]))
+    assert coded[0] & 31 > 0
+    assert decode_tables([bytes(coded)], np.array([3]), 2)[1].all()
+    coded[0] = 32 * order + (coded[0] & 31)
+    assert not decode_tables([bytes(coded)], np.array([3]), 2)[1].any()
+
+
+def test_a_table_that_ends_within_its_head_is_none():
+    _, sound = decode_tables([bytes(5 * 4 + 3), bytes(5 * 4 + 4)], np.array([2, 2]), 4)
+    assert sound.tolist() == [False, True]
+
+
 @given(st.binary(max_size=200), st.integers(1, 50), st.integers(1, 5))
 @settings(max_examples=300, deadline=None)
 def test_any_bytes_are_a_table_or_none(raw, rows, columns):

@@ -73,6 +73,18 @@ def test_a_head_of_qualisys_may_have_a_line_for_each_of_many_events(tmp_path):
     check(read_marker_tracks(path), drawn(), 1e-6)
 
 
+def test_times_and_numbers_of_frames_of_qualisys_are_no_places(tmp_path):
+    """Where they are exported, a row of names stands above them."""
+    path = tmp_path / "a.tsv"
+    lines = qualisys(drawn()).splitlines()
+    body = [f"{k + 1}\t{k / 50:.5f}\t{line}" for k, line in enumerate(lines[7:])]
+    path.write_text("\n".join([*lines[:7], "Frame\tTime\t" + "\t".join("XYZ" * 3), *body, ""]))
+    tracks = read_marker_tracks(path)
+    assert tracks.time[1] == 0.02
+    assert tracks.rate == 100.0
+    check(replace(tracks, time=tracks.time / 2), drawn(), 1e-6)
+
+
 @pytest.mark.parametrize(
     ("stated", "metres"),
     [("Meter (m)", 1.0), ("millimetre(s)", 1e-3), ("millim\u00e8tres", 1e-3), ("\u03bcm", 1e-6), ("\u00b5m", 1e-6),

@@ -11,11 +11,12 @@ def plain(text: object) -> str:
     Bytes of a file's name that are no UTF-8 stay as they are: the name must be shown as it can be typed.
     """
     letters = str(text)
-    shown = "".join(letter if _is_harmless(letter) else _escaped(letter) for letter in letters[:LONGEST])
+    shown = "".join(letter if is_harmless(letter) else _escaped(letter) for letter in letters[:LONGEST])
     return shown if len(letters) <= LONGEST else shown + " ..."
 
 
-def _is_harmless(letter: str) -> bool:
+def is_harmless(letter: str) -> bool:
+    """Return whether a terminal shows a letter and does nothing else."""
     # Surrogates stand for bytes of a name; those from 0x80 to 0x9F are control characters to some terminals.
     return letter.isprintable() or "\udca0" <= letter <= "\udcff"
 

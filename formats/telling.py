@@ -12,6 +12,7 @@ import sys
 from typing import Any
 
 from formats import terminal
+from formats.plain_text import is_harmless
 
 
 class _Mode:
@@ -73,8 +74,12 @@ def _print(text: str) -> None:
 
 
 def as_json(value: Any) -> str:
-    """Return plain values as JSON; a number that is not finite, which JSON does not have, becomes null."""
-    return json.dumps(_finite(value), indent=2, allow_nan=False, ensure_ascii=False)
+    """Return plain values as JSON; a number that is not finite, which JSON does not have, becomes null.
+
+    Control characters and those that turn the direction of writing are escaped, for a terminal may show it.
+    """
+    text = json.dumps(_finite(value), indent=2, allow_nan=False, ensure_ascii=False)
+    return "".join(letter if letter == "\n" or is_harmless(letter) else json.dumps(letter)[1:-1] for letter in text)
 
 
 def _finite(value: Any) -> Any:

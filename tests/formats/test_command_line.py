@@ -289,6 +289,9 @@ def test_nothing_from_a_file_reaches_the_terminal_as_an_escape_sequence(tmp_path
     path = write_take(tmp_path / f"a{evil[1:]}.mcap", take)
     (tmp_path / "bad\x1b[31m.mcap").write_bytes(b"no take")
     for words in (("show", path), ("verify", path, tmp_path / "bad\x1b[31m.mcap"), ("list", tmp_path)):
+        told = hangtime("takes", *words, "--json").stdout
+        assert not set(told) & set("\x1b\x07\x9b\u202e")
+        assert any(text in told for text in (r"\u001b]0;owned\u0007\u009b31m\u202e", r"\u001b[31m"))
         done = hangtime("takes", *words)
         for letter in "\x1b\x07\x9b\u202e":
             assert letter not in done.stdout + done.stderr

@@ -17,6 +17,7 @@ import zstandard
 from formats.archive import read_take, take_of, verify_take, write_take
 from formats.chunks import Findings, messages_in
 from formats.errors import TakeError
+from formats.surface import places_of
 from tests.formats.damage import PAGE, chunks_of, damaged, is_wrong
 from tests.formats.test_archive import a_scan, a_take
 
@@ -264,6 +265,13 @@ def test_many_large_scans_in_few_bytes_are_bounded(raw):
     assert most < 256 << 20
     assert time.process_time() - start < 5
     assert 0 < len(take_of(bomb, "bomb").scans) < 10
+
+
+def test_a_scan_has_the_places_of_its_grid_and_those_around_it():
+    assert places_of({"grid_size": 5, "contour_size": 12}) == 37
+    for size, count in ((-1, 0), (513, 0), (0, 65537), (True, 0), (1.0, 0), (0, None)):
+        with pytest.raises(ValueError, match="cannot be"):
+            places_of({"grid_size": size, "contour_size": count})
 
 
 def test_a_take_whose_time_stands_still_in_every_block_is_one_sentence(raw):

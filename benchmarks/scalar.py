@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from fit import runtime
-from fit.cloth import lines, rollout
+from fit.cloth import bundles, lines, rollout
 from fit.cloth.bundles import Kind
 from fit.cloth.lines import IN_LINES
 from fit.cloth.simulator import Simulator
@@ -157,7 +157,8 @@ class InC:
             "shears": len(given["shear_area"]), "few_bends": bends.get(IN_LINES, 0), "many_bends": bends.get(MANY, 0),
             "twists": len(given["twist_root"]), "held_nodes": len(given["held"]), "handles": made.handles,
             "points": given["pull"].shape[1], "point_kinds": given["point_weights"].shape[1],
-            "frames": int(given["counts"][0, 0]), "settle_steps": int(given["counts"][0, 1]),
+            "frames": int(given["counts"][0, bundles.COUNTS.frames]),
+            "settle_steps": int(given["counts"][0, bundles.COUNTS.settle_steps]),
         }  # fmt: skip
         self._kept = arrays  # the task holds addresses only
         self._task = Task(

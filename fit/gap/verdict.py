@@ -159,6 +159,8 @@ def share_closed(evidence: Evidence, hypothesis: Hypothesis) -> str:
     noise = ". The remaining error is within the noise" if evidence.is_within_noise(hypothesis) else ""
     if evidence.is_silhouette and not noise:
         noise = f". The rest, {100 - 100 * closed.value:.0f} %, no effect explains: a camera's faults are part of it"
+    if closed.value <= 0:
+        return f", which closes nothing of the gap{noise}"
     return f": {100 * closed.value:.0f} % of the gap is closed [{100 * low:.0f} to {100 * high:.0f} %]{noise}"
 
 
@@ -174,7 +176,7 @@ def _edge_says(evidence: Evidence, effect: str, closed: Figure | None) -> str:
         return f"{said} These takes say nothing more of the cloth, which is not predictable in them."
     if closed is None or evidence.explains_enough(hypothesis):
         return said
-    return f"{said} The rest of the gap, {100 - 100 * closed.value:.0f} %, no effect in the library explains."
+    return f"{said} The rest of the gap, {100 - 100 * max(closed.value, 0):.0f} %, no effect in the library explains."
 
 
 def edge_is_off(evidence: Evidence) -> str:

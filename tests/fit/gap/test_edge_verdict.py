@@ -162,6 +162,9 @@ def test_the_sentence_says_what_the_edge_tells_and_what_no_effect_explains():
     assert "The rest" not in decide(told(5.3)).sentence
     small = decide(told(5.05, base=5.1)).sentence
     assert "it misses by 5.0 mm. The held edge" in small
+    worse = decide(told(12.0)).sentence  # as wrong as the base model
+    assert "it misses by 12.0 mm, which closes nothing of the gap. The held edge" in worse
+    assert "The rest of the gap, 100 %, no effect in the library explains." in worse
 
 
 @pytest.mark.parametrize(("base", "verdict"), [(5.1, "none"), (12.0, "unknown")])

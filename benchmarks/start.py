@@ -51,7 +51,7 @@ def small_take(folder: Path) -> Path:
 def fitting(take: Path, iterations: int, *options: str) -> Iterator[subprocess.Popen[str]]:
     """`hangtime fit` on a take, ended when the block is left; options are the interpreter's."""
     out = tempfile.mkdtemp(dir=take.parent)  # a fit that is ended may leave what the next one would go on from
-    words = ["fit", take.name, "--iterations", str(iterations), "--out", out]
+    words = ["fit", take.name, "--search", "annealing", "--iterations", str(iterations), "--out", out]
     command = [sys.executable, *options, "-m", "formats.command", *words]
     with subprocess.Popen(
         command, cwd=take.parent, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True

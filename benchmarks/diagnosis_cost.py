@@ -14,7 +14,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hangtime` does, or end
 from msgspec.structs import replace
 
 from fit.blind.cases import draw_truth, make_takes
-from fit.blind.foreign.engines import OWN
+from fit.blind.foreign.engines import OWN_GENERATOR
 from fit.gap.diagnosis import diagnose
 
 SIMULATIONS_PER_TAKE = 400
@@ -23,7 +23,7 @@ SECONDS = 180
 
 def main(seed: int = 5) -> None:
     """Diagnose one case and print its cost beside the targets."""
-    truth = draw_truth("cost", "single", OWN.plants(["air_drag"]), (seed, 0))
+    truth = draw_truth("cost", "single", OWN_GENERATOR.plants(["air_drag"]), (seed, 0))
     truth = replace(truth, look=replace(truth.look, grid=9))
     takes = make_takes(truth)
     found = diagnose(

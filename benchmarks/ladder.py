@@ -17,7 +17,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hangtime` does, or end
 
 import numpy as np
 
-from fit.blind.foreign.engines import OWN
+from fit.blind.foreign.engines import OWN_GENERATOR
 from fit.blind.judging import answer_of
 from fit.blind.making import make_set
 from fit.blind.rates import rate_of
@@ -52,7 +52,7 @@ def main(arguments: list[str] | None = None) -> None:
     for name in chosen.only:
         folder, sensor = chosen.folder / name, STEPS[name]
         numbers = {"single": chosen.cases, "null": chosen.nulls, "pair": 0, "unknown": 0}
-        make_set(folder / "set", numbers, OWN.plants([]), chosen.seed, workers=chosen.workers, sensor=sensor)
+        make_set(folder / "set", numbers, OWN_GENERATOR.plants([]), chosen.seed, workers=chosen.workers, sensor=sensor)
         run_set(folder / "set", folder / "answers", workers=chosen.workers)
         if not (folder / "answers" / SCORE).exists():  # every opening counts
             score_set(folder / "set", folder / "answers")

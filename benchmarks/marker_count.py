@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from firmware_host.synthetic.cloth import simulate
-from firmware_host.synthetic.swatch import FABRICS, FPS, MOTIONS, TO_SENSOR, measured
+from firmware_host.synthetic.swatch import FPS, SWATCH_MOTIONS, TO_SENSOR, TRUE_FABRICS, measured
 from fit.cloth.model import Resolution
 from fit.cloth.simulator import Simulator
 from fit.export.moving import material_rows
@@ -40,11 +40,11 @@ from formats.fit_records import FitResult
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
 from formats.importers.swatch_mocap import import_marker_take
 from formats.results import load_fit_result, save_fit_result
-from formats.swatch import SIDE as LENGTH
+from formats.swatch import SWATCH_SIDE as LENGTH
 from formats.swatch import swatch
 from formats.take import Take
 
-SIDE = 9  # markers along each side
+SWATCH_SIDE = 9  # markers along each side
 CELLS, SECONDS = 4, 4.2  # of the other cloth between two markers; as long as the paper's 500 frames
 GRIDS = {81: 9, 49: 7, 25: 5, 16: 4, 9: 3, 5: 0}
 SPACING = 0.05  # m
@@ -54,8 +54,8 @@ def chosen(count: int) -> NDArray[np.int64]:
     """Return which of the 81 markers are left."""
     if count == 5:
         return np.array([0, 8, 40, 72, 80])
-    lines = np.unique(np.round(np.linspace(0, SIDE - 1, GRIDS[count])).astype(int))
-    return np.asarray((SIDE * lines[:, None] + lines).ravel())
+    lines = np.unique(np.round(np.linspace(0, SWATCH_SIDE - 1, GRIDS[count])).astype(int))
+    return np.asarray((SWATCH_SIDE * lines[:, None] + lines).ravel())
 
 
 def fewer(take: Take, count: int) -> Take:
@@ -71,20 +71,20 @@ def fewer(take: Take, count: int) -> Take:
 
 def recorded(fabric: str, motion: str, folder: Path) -> Take:
     """Return a take of a swatch that is swung through the cloth and up and down, held along its top edge."""
-    true = FABRICS[fabric]
+    true = TRUE_FABRICS[fabric]
     garment = msgspec.structs.replace(swatch(true.density * LENGTH**2, name=fabric), held="edge")
     time = np.arange(round(SECONDS * FPS)) / FPS
 
     def ends(instants: NDArray[np.float64]) -> NDArray[np.float64]:
         ramp = np.clip(instants / 0.5, 0.0, 1.0)
         ramp = ramp**3 * (10 - 15 * ramp + 6 * ramp**2)
-        swung = sum(a * (np.sin(2 * np.pi * f * instants + p) - np.sin(p)) for f, a, p in MOTIONS[motion]) * ramp
+        swung = sum(a * (np.sin(2 * np.pi * f * instants + p) - np.sin(p)) for f, a, p in SWATCH_MOTIONS[motion]) * ramp
         place = np.zeros((len(instants), 2, 3))
         place[:, 0, 0], place[:, 1, 0] = -LENGTH / 2, LENGTH / 2
         place[:, :, 2] = np.asarray(swung)[:, None]
         return place
 
-    count = (SIDE - 1) * CELLS + 1
+    count = (SWATCH_SIDE - 1) * CELLS + 1
     nodes = simulate(garment, ends, time, physics=true.physics, effects={}, rows=count, columns=count)
     markers = nodes[:, ::CELLS, ::CELLS].reshape(len(time), -1, 3) @ TO_SENSOR
     seen = measured(markers, np.random.default_rng([1, 81]))

@@ -19,12 +19,12 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hangtime` does, or ends depend on the number of processors
 
 import fit.methods.swatch_error
-from firmware_host.synthetic.swatch import MOTIONS, make_swatch_take
+from firmware_host.synthetic.swatch import SWATCH_MOTIONS, make_swatch_take
 from fit.identification.calibrate import calibrate
 from fit.identification.request import request_of
 from fit.methods import find_method
 from fit.methods.fabrics import find_fabric
-from fit.methods.mocap_swatch import SPACING
+from fit.methods.mocap_swatch import NODE_SPACING
 from formats.descriptions import load_garment
 from formats.fit_records import FitResult
 from formats.importers.swatch_mocap import import_marker_take
@@ -58,12 +58,12 @@ def main(arguments: list[str] | None = None) -> list[FitResult]:
     parser.add_argument("--method", default="mocap-swatch")
     parser.add_argument("--effect", nargs="+", default=[])
     parser.add_argument("--search", default="annealing")
-    parser.add_argument("--spacing", type=float, default=SPACING)
+    parser.add_argument("--spacing", type=float, default=NODE_SPACING)
     parser.add_argument("--length-unit", type=float, default=1.0)
     parser.add_argument("--air-drag", type=float, default=0.0)
     parser.add_argument("--iterations", type=int, default=350)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--training", nargs="+", default=["swing"], choices=sorted(set(MOTIONS) - {HELD_OUT}))
+    parser.add_argument("--training", nargs="+", default=["swing"], choices=sorted(set(SWATCH_MOTIONS) - {HELD_OUT}))
     chosen = parser.parse_args(arguments)
     print(
         f"{' with '.join([chosen.method, *chosen.effect])}, {chosen.search}, mesh {1e3 * chosen.spacing:.1f} mm, "

@@ -20,7 +20,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hangtime` does, or end
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.marker_count import SPACING, error_of, recorded
-from firmware_host.synthetic.swatch import FABRICS
+from firmware_host.synthetic.swatch import TRUE_FABRICS
 from fit.identification.calibrate import calibrate
 from fit.identification.request import request_of
 from fit.methods import find_method
@@ -53,7 +53,7 @@ def main(arguments: list[str] | None = None) -> None:
     with tempfile.TemporaryDirectory() as temporary:
         folder = told.folder or Path(temporary)
         for fabric in told.fabric:
-            true = FABRICS[fabric].physics
+            true = TRUE_FABRICS[fabric].physics
             print(
                 f"{fabric}: true stretch {true.stretch_stiffness:g}, shear {true.shear_stiffness:g}, bending "
                 f"{true.bending_stiffness:g}, damping {true.linear_damping:g}"

@@ -33,7 +33,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import numpy as np
 
 from fit import runtime
-from fit.blind.engine import SAMPLES, Cloth, Engine, held_fraction, hung, resample
+from fit.blind.engine import SAMPLES_A_SECOND, Cloth, Engine, held_fraction, hung, resample
 from fit.blind.foreign.engines import MUJOCO
 from fit.blind.foreign.jobs import make_job, points_on
 from fit.blind.sheet import make_grid
@@ -65,7 +65,7 @@ Run = Callable[[], tuple[np.ndarray, float]]  # points (frames, points, 3) and C
 
 def path() -> np.ndarray:
     """Ends of the held edge [m], (samples, 6): face-on at 0.8 Hz and 60 mm, ramped in over 0.6 s."""
-    now = np.arange(round(DURATION * SAMPLES) + 1) / SAMPLES
+    now = np.arange(round(DURATION * SAMPLES_A_SECOND) + 1) / SAMPLES_A_SECOND
     ramp = np.clip(now / 0.6, 0, 1) ** 3 * (10 - 15 * np.clip(now / 0.6, 0, 1) + 6 * np.clip(now / 0.6, 0, 1) ** 2)
     ends = np.zeros((len(now), 6))
     ends[:, [1, 4]] = (0.06 * np.sin(2 * np.pi * 0.8 * now) * ramp)[:, None]
@@ -84,7 +84,7 @@ def ours() -> Iterator[tuple[str, Run]]:
     runtime.start(1)
     garment = sheet(SIZE, SIZE, mass=CLOTH.mass, grid=GRID)
     instants, ends = np.arange(0, DURATION + 1e-9, 1 / FRAMES), path()
-    moved = np.stack([np.interp(instants, np.arange(len(ends)) / SAMPLES, ends[:, c]) for c in range(3)], 1)
+    moved = np.stack([np.interp(instants, np.arange(len(ends)) / SAMPLES_A_SECOND, ends[:, c]) for c in range(3)], 1)
     recording = prepare(take_of(garment, instants, moved - ends[0, :3], hung_points(garment, instants)))
     row = material(
         garment, stretch_stiffness=CLOTH.stretch, shear_stiffness=CLOTH.shear, bending_stiffness=CLOTH.bending,
@@ -136,7 +136,7 @@ def job_run(process: ForeignProcess, cells: int, step: float, **settings: str | 
         answer = process.answer(**job.arrays, **{name: np.array(value) for name, value in settings.items()})
         seen = points_on(job.sheet, answer["nodes"].astype(float), PLACES)[0]
         at = np.arange(0, DURATION + 1e-9, 1 / FRAMES)
-        return at_frames(seen, np.arange(len(seen)) / SAMPLES, at), float(answer["seconds"].sum())
+        return at_frames(seen, np.arange(len(seen)) / SAMPLES_A_SECOND, at), float(answer["seconds"].sum())
 
     return run
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.blind.cases import Truth, draw_truth, make_takes, rounds
-from fit.blind.foreign.engines import OWN
+from fit.blind.foreign.engines import OWN_GENERATOR
 from fit.cloth.effect import amplitudes_of
 from fit.effects import LIBRARY
 from fit.gap.diagnosis import diagnose
@@ -60,7 +60,7 @@ def ratios(truth: Truth) -> tuple[float, float | None]:
 
 def main(cases: int = 8, seed: int = 991) -> None:
     """Print both ratios of every case and how many end in the truth's valley."""
-    plants = [p for p in OWN.plants([]) if p.id not in IN_BASE]
+    plants = [p for p in OWN_GENERATOR.plants([]) if p.id not in IN_BASE]
     drawn = rounds(np.random.default_rng(seed), tuple(plants), cases)
     both = []
     for number, plant in enumerate(drawn):

@@ -26,30 +26,30 @@ from numpy.typing import NDArray
 
 from firmware_host.synthetic.cloth import ClothPhysics
 from firmware_host.synthetic.swatch import (
-    CELLS,
-    FABRICS,
+    CELLS_BETWEEN_MARKERS,
     FPS,
     FRAMES,
+    TRUE_FABRICS,
     make_swatch_take,
     measured,
     swung_markers,
 )
-from firmware_host.synthetic.world import FABRICS as SKIRTS
-from firmware_host.synthetic.world import PHYSICS
+from firmware_host.synthetic.world import GARMENT_PHYSICS
+from firmware_host.synthetic.world import TRUE_FABRICS as SKIRTS
 from fit.cloth import material as mat
 from fit.cloth.model import Resolution
 from fit.cloth.simulator import Simulator
 from fit.cloth.support import Supporting, hanger
 from fit.effects import find_effects
 from fit.methods import distance as objective
-from fit.methods.mocap_swatch import SPACING
+from fit.methods.mocap_swatch import NODE_SPACING
 from fit.recordings.recording import Recording, prepare
 from formats.archive import read_take
 from formats.descriptions import load_garment
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
 from formats.importers.swatch_mocap import import_marker_take
 from formats.results import load_fit_result
-from formats.swatch import MARKERS, SIDE, swatch
+from formats.swatch import MARKERS, SWATCH_SIDE, swatch
 from formats.take import Take
 
 Floats = NDArray[np.float64]
@@ -99,7 +99,7 @@ def near(take: Take, physics: ClothPhysics, air_drag: float) -> dict[str, tuple[
         for factor in FACTORS
     }
     seen = prepare(take).points
-    apart = np.linalg.norm(simulated(take, list(changed.values()), SPACING, air_drag) - seen, axis=3)
+    apart = np.linalg.norm(simulated(take, list(changed.values()), NODE_SPACING, air_drag) - seen, axis=3)
     return {
         name: (float(np.nanmean(one)), float(np.nanmean(one[:, :MARKERS])))
         for name, one in zip(changed, apart, strict=True)
@@ -111,13 +111,13 @@ def print_near(folder: Path, fabrics: Sequence[str], air_drag: float) -> None:
     for fabric in fabrics:
         for motion in COMPARED:
             take = synthetic_take(folder, fabric, motion, air_drag)
-            for name, (whole, top) in near(take, FABRICS[fabric].physics, air_drag).items():
+            for name, (whole, top) in near(take, TRUE_FABRICS[fabric].physics, air_drag).items():
                 print(f"{take.take_id:28} {name:28} {1e3 * whole:6.1f} mm, top row {1e3 * top:6.1f}", flush=True)
 
 
 def swatch_take(folder: Path, fabric: str, nodes: Floats, seed: int = 1) -> Take:
     """Return the take of a swatch whose markers were at `nodes` [m], (frames, 81, 3); each seed has other noise."""
-    garment = swatch(FABRICS[fabric].density * SIDE**2)
+    garment = swatch(TRUE_FABRICS[fabric].density * SWATCH_SIDE**2)
     tracks = MarkerTracks(garment.point_names, TIME, measured(nodes, np.random.default_rng(seed)))
     write_marker_csv(folder / "take.csv", tracks)
     return import_marker_take(folder / "take.csv", garment)
@@ -131,12 +131,15 @@ def flat_start(recording: Recording) -> Supporting:
 
 def causes(folder: Path, fabric: str, motion: str) -> dict[str, tuple[float, float]]:
     """Return distances [m], of the whole take and of its first half second, by what the two motions differ in."""
-    garment, true = swatch(FABRICS[fabric].density * SIDE**2), FABRICS[fabric]
-    coarse, fine = (swung_markers(garment, TIME, motion, true, cells=cells) for cells in (CELLS, 2 * CELLS))
+    garment, true = swatch(TRUE_FABRICS[fabric].density * SWATCH_SIDE**2), TRUE_FABRICS[fabric]
+    coarse, fine = (
+        swung_markers(garment, TIME, motion, true, cells=cells)
+        for cells in (CELLS_BETWEEN_MARKERS, 2 * CELLS_BETWEEN_MARKERS)
+    )
     take, noisy, finer = (swatch_take(folder, fabric, n, s) for n, s in ((coarse, 1), (coarse, 2), (fine, 1)))
     row = mat.as_rows([true_material(take, true.physics)])
 
-    def ours(take: Take, spacing: float = SPACING, *, flat: bool = False) -> Floats:
+    def ours(take: Take, spacing: float = NODE_SPACING, *, flat: bool = False) -> Floats:
         recording = prepare(take)
         support = flat_start(recording) if flat else None
         return Simulator(recording, resolution=Resolution(spacing=spacing), support=support).run(row).points[0]
@@ -184,7 +187,7 @@ def main(
             fabric = json.loads(str(truth["meta"])).get("fabric", "plain")
         seen = np.where(take.points_valid[..., None], take.points, np.nan)
         tracked = mean_and_maximum(objective.per_frame(seen, there.reshape(seen.shape)))
-        found = distance_at_truth(take, PHYSICS.get(take.garment.kind, SKIRTS[fabric]), 0.05, air_drag)
+        found = distance_at_truth(take, GARMENT_PHYSICS.get(take.garment.kind, SKIRTS[fabric]), 0.05, air_drag)
         print(
             f"{name.name:28} {1e3 * found[0]:6.1f} mm, maximum {1e3 * found[1]:6.1f}; tracking {1e3 * tracked[0]:.1f}"
         )
@@ -195,10 +198,10 @@ def main(
             print_causes(Path(folder), causes_of)
         if near_to:
             print_near(Path(folder), near_to, air_drag)
-        for fabric in FABRICS if not (takes or causes_of or near_to) else ():
+        for fabric in TRUE_FABRICS if not (takes or causes_of or near_to) else ():
             for motion in COMPARED:
                 take = synthetic_take(Path(folder), fabric, motion, air_drag)
-                found = distance_at_truth(take, FABRICS[fabric].physics, SPACING, air_drag)
+                found = distance_at_truth(take, TRUE_FABRICS[fabric].physics, NODE_SPACING, air_drag)
                 print(f"{take.take_id:28} {1e3 * found[0]:6.1f} mm, maximum {1e3 * found[1]:6.1f}", flush=True)
 
 
@@ -206,10 +209,15 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("takes", nargs="*", metavar="TAKE.mcap")
     parser.add_argument(
-        "--causes", nargs="+", choices=FABRICS, default=[], metavar="FABRIC", help="where theirs come from"
+        "--causes", nargs="+", choices=TRUE_FABRICS, default=[], metavar="FABRIC", help="where theirs come from"
     )
     parser.add_argument(
-        "--near", nargs="+", choices=FABRICS, default=[], metavar="FABRIC", help="what cloths do that are nearly true"
+        "--near",
+        nargs="+",
+        choices=TRUE_FABRICS,
+        default=[],
+        metavar="FABRIC",
+        help="what cloths do that are nearly true",
     )
     parser.add_argument("--air-drag", type=float, default=0.0, help="drag coefficient of the recordings' air")
     parser.add_argument("--fit", type=Path, help="a fit that was judged on the take")

@@ -20,7 +20,7 @@ from pathlib import Path
 from firmware_host.errors import ButtonError
 
 EVENT = struct.Struct("llHHi")  # struct input_event: seconds, microseconds, type, code, value
-KEY = 1  # EV_KEY
+KEY_EVENT = 1  # EV_KEY
 UP, DOWN = 0, 1  # values of a key's event; 2 is the keyboard's own repetition
 SETTLE = 0.03  # s after a change in which contacts bounce
 AGAIN = 0.5  # s after a press in which a further one is the same person's impatience
@@ -84,7 +84,7 @@ class EventContact(ButtonContact):
         whole = len(content) - len(content) % EVENT.size
         self._rest = content[whole:]
         events = EVENT.iter_unpack(content[:whole])
-        return [value == DOWN for _, _, kind, _, value in events if kind == KEY and value in (UP, DOWN)]
+        return [value == DOWN for _, _, kind, _, value in events if kind == KEY_EVENT and value in (UP, DOWN)]
 
     def is_down(self) -> bool:
         """Return whether any key of the device is down; a pipe does not say."""

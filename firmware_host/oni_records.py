@@ -27,7 +27,7 @@ RECORD_HEADER = struct.Struct("<IIIIIQ")
 RECORD_MAGIC = int.from_bytes(b"NIR\0", "little")
 STAMP = struct.Struct("<QI")  # of a frame: time stamp, number
 SEEK_ENTRY = struct.Struct("<QIQ")  # time stamp, configuration id, position in the file
-MOST_NODES = 255  # devices and streams; real recordings have up to 5, and the player makes room for all at once
+MOST_ONI_NODES = 255  # devices and streams; real recordings have up to 5, and the player makes room for all at once
 LARGEST_RECORD = 1 << 28  # bytes; a 4K colour frame has 25 MB, so anything larger is damage
 PROPERTY_SIZES = {  # bytes of a value that the player copies into a place of just that size
     "xnFOV": 16,  # XnFieldOfView, two doubles
@@ -124,7 +124,7 @@ def read_records(path: Path) -> Iterator[Record]:
                 where=path,
                 advice="give a file recorded by OpenNI2, NiViewer or `hangtime sensor synthesise`",
             )
-        if FILE_HEADER.unpack(header)[-1] > MOST_NODES:
+        if FILE_HEADER.unpack(header)[-1] > MOST_ONI_NODES:
             raise _damaged(path, FILE_HEADER.size - 4)
         position = FILE_HEADER.size
         while position + RECORD_HEADER.size <= size:

@@ -16,9 +16,9 @@ from typing import Any
 
 from firmware_host.errors import SensorUnavailableError
 
-LIBRARY = "libOpenNI2.so.0"
-ADVICE = "install it: apt-get install libopenni2-0"
-SETTINGS = Path("/etc/openni2/OpenNI.ini")  # Debian's place; [Drivers] Repository= names the folder of drivers
+LIBRARY_NAME = "libOpenNI2.so.0"
+INSTALL_ADVICE = "install it: apt-get install libopenni2-0"
+SETTINGS_FILE = Path("/etc/openni2/OpenNI.ini")  # Debian's place; [Drivers] Repository= names the folder of drivers
 DRIVER_FOLDERS = (  # beside the library, where no setting says otherwise
     "/usr/lib/*/OpenNI2/Drivers", "/usr/lib/OpenNI2/Drivers", "/usr/lib64/OpenNI2/Drivers",
     "/usr/local/lib/OpenNI2/Drivers", "/usr/local/lib/*/OpenNI2/Drivers",
@@ -43,15 +43,17 @@ def load() -> Any:
             "the Python package `openni` is not installed", advice="in Hangtime's checkout: pip install -e '.[capture]'"
         ) from error
     try:
-        _openni2.load_dll(LIBRARY)
+        _openni2.load_dll(LIBRARY_NAME)
     except OSError as error:
-        raise SensorUnavailableError(f"the OpenNI2 library ({LIBRARY}) is not installed", advice=ADVICE) from error
+        raise SensorUnavailableError(
+            f"the OpenNI2 library ({LIBRARY_NAME}) is not installed", advice=INSTALL_ADVICE
+        ) from error
     try:
         _openni2.oniInitialize(_openni2.ONI_API_VERSION)
     except openni2.OpenNIError as error:
         raise SensorUnavailableError(f"OpenNI2 does not start: {reason(error)}", advice="check its drivers") from error
     openni2._openni2_initialized = True
-    openni2.loaded_dll_directory = LIBRARY
+    openni2.loaded_dll_directory = LIBRARY_NAME
     _loaded["module"] = openni2
     return openni2
 
@@ -96,7 +98,7 @@ def find_driver(name: str) -> Path | None:
     folders = [folder for pattern in DRIVER_FOLDERS for folder in sorted(Path("/").glob(pattern.lstrip("/")))]
     settings = configparser.ConfigParser(interpolation=None, strict=False)
     try:
-        settings.read(SETTINGS)
+        settings.read(SETTINGS_FILE)
         chosen = settings.get("Drivers", "Repository", fallback="").strip()
     except (configparser.Error, UnicodeDecodeError):
         chosen = ""

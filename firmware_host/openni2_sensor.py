@@ -30,7 +30,7 @@ CLOCK = time.CLOCK_BOOTTIME  # monotonic, and goes on while the computer sleeps
 END_WAIT = 1.0  # s without a frame after which a recording of unknown length has ended
 MOST_COLOURS = 4  # colour frames that are read for one depth frame, while they are too old for it
 FAR_AHEAD = 1_000_000  # us between a depth and a colour frame that are not of one clock, or of its beginning
-PATIENCE = 30  # depth frames that a colour frame so far ahead is kept for
+COLOUR_PATIENCE = 30  # depth frames that a colour frame so far ahead is kept for
 ROUND, AROUND = 1 << 32, 10_000_000  # us: what a stamp of 32 bits counts to, and how near to it one begins anew
 FASTER_AT_MOST, SLOWER_AT_MOST = 1.25, 10.0  # times its frame rate: sensors slow down in the dark, none is hasty
 RATE_WITHIN = 0.2  # of the stated rate, without a word
@@ -257,7 +257,7 @@ class OpenNI2Sensor(DepthSensor):
                     if has_stepped_back and held[0] < stamp - half:
                         break
                 waited = waited + 1 if held[0] > stamp + FAR_AHEAD else 0
-                if held[0] < stamp - half or (waited and (stamp < last_stamp or waited > PATIENCE)):
+                if held[0] < stamp - half or (waited and (stamp < last_stamp or waited > COLOUR_PATIENCE)):
                     held = None  # of no use for this frame and all that follow
                     continue
                 if held[0] <= stamp + half:

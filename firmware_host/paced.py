@@ -16,8 +16,8 @@ from firmware_host.depth_sensor import STALL_TIMEOUT, DepthSensor, SensorFrame, 
 from firmware_host.errors import SensorStalledError, SensorUnavailableError
 
 SILENT, UNPLUGGED = "silent", "unplugged"  # what the file may say
-LOOK = 0.01  # s from one look at the file to the next
-FOLLOWED = 0.3  # s that the recording keeps up with the clock while nobody fetches
+POLL_INTERVAL = 0.01  # s from one look at the file to the next
+LONGEST_LEAD = 0.3  # s that the recording keeps up with the clock while nobody fetches
 
 
 class PacedSensor(DepthSensor):
@@ -64,18 +64,18 @@ class PacedSensor(DepthSensor):
             if said == SILENT:
                 if now - waited_since >= timeout_s:
                     raise SensorStalledError(f"no frame for {timeout_s:g} s", where=self._uri, advice="replug it")
-                self._sleep(LOOK)
+                self._sleep(POLL_INTERVAL)
                 continue
             due = int((now - self._began) / interval)  # frames that have come by now
             if due < self._number:
                 self._sleep(
-                    min(self._began + self._number * interval - now, LOOK)
+                    min(self._began + self._number * interval - now, POLL_INTERVAL)
                     if self._cord
                     else max(self._began + self._number * interval - now, 0.0)
                 )
                 continue
             missed = due - self._number
-            frame = self._advance(missed + 1 if missed < FOLLOWED * self._inner.info.fps else 1)
+            frame = self._advance(missed + 1 if missed < LONGEST_LEAD * self._inner.info.fps else 1)
             self._number = due + 1
             return dataclasses.replace(
                 frame, index=due, time_s=(due + 1) * interval, host_time_s=self._clock(), dropped_before=missed

@@ -27,7 +27,7 @@ from firmware_host.oni_records import summarise
 from firmware_host.openni2_sensor import CLOCK, COPY_AGAIN, OpenNI2Sensor
 
 LONGEST_SILENCE = 60.0  # s: OpenNI2 gives a frame of a recording in milliseconds, a busy computer in a second
-LARGEST = 1 << 26  # bytes of one message: a depth and a colour frame have 1.5 MB
+LARGEST_MESSAGE = 1 << 26  # bytes of one message: a depth and a colour frame have 1.5 MB
 
 
 class RecordedSensor(DepthSensor):
@@ -86,7 +86,7 @@ class RecordedSensor(DepthSensor):
         """Return the next message; an error in it, and a process that crashed, are raised."""
         try:
             (size,) = struct.unpack("<Q", self._bytes(8))
-            content = pickle.loads(self._bytes(min(size, LARGEST)))
+            content = pickle.loads(self._bytes(min(size, LARGEST_MESSAGE)))
         except EOFError as error:
             self.close()
             raise RecordingError(

@@ -16,8 +16,8 @@ from formats.integers import Integers, decode_tables, encode_tables
 MOST_ROWS = 4096  # frames of a block: a second of the fastest cameras
 TICKS = 10**6  # a second
 LATEST = 10**16  # ticks, three centuries, in which sums of seconds still keep their microseconds
-STEPS = np.array([1e-4, 2e-5, 1e-6])  # m: places are stored in the coarsest that is a tenth of each deviation
-FARTHEST = 1000.0  # m: no sensor sees so far, and the finest step reaches twice as far
+PLACE_STEPS = np.array([1e-4, 2e-5, 1e-6])  # m: places are stored in the coarsest that is a tenth of each deviation
+FARTHEST_PLACE = 1000.0  # m: no sensor sees so far, and the finest step reaches twice as far
 ANGLE_STEP = 1e-4  # rad: a hundredth of what a depth sensor can tell
 MOST_TURN = 1000.0  # rad
 QUALITY_STEPS, NO_QUALITY = 254, 255
@@ -105,11 +105,11 @@ def check_columns(columns: Columns, *, points: int, take_id: str, first: int, af
         if (bad := valid & ~finite).any():
             row, place = (int(at[0]) for at in np.nonzero(bad))
             refuse(row, f"{thing} {place} is marked valid but is not a number")
-        far = valid & (np.abs(np.where(finite[..., None], values, 0.0)).max(2, initial=0.0) > FARTHEST)
+        far = valid & (np.abs(np.where(finite[..., None], values, 0.0)).max(2, initial=0.0) > FARTHEST_PLACE)
         if far.any():
             row, place = (int(at[0]) for at in np.nonzero(far))
             distance = np.abs(values[row, place]).max()
-            refuse(row, f"{thing} {place} lies {distance:g} m away", f"give metres, at most {FARTHEST:g}")
+            refuse(row, f"{thing} {place} lies {distance:g} m away", f"give metres, at most {FARTHEST_PLACE:g}")
     for name in ("points_sd", "held_sd", "pitch_sd"):
         sd = columns[name].reshape(len(time), -1)
         cannot_be = (sd < 0) | ((sd > 0) & (sd < SMALLEST_SD)) | (np.isfinite(sd) & (sd > LARGEST_SD))
@@ -147,7 +147,7 @@ def encode_blocks(columns: Columns, rows: Integers, first: int) -> list[dict[str
         [_steps(columns[f"{name}_sd"], columns[f"{name}_valid"], starts) for name in ("held", "points")], 1
     )
     ticks = np.rint(columns["time"] * TICKS).astype(np.int64)
-    held_step, points_step = STEPS[np.repeat(steps, rows, axis=0)].T
+    held_step, points_step = PLACE_STEPS[np.repeat(steps, rows, axis=0)].T
     held = _quantised(columns["held"], columns["held_valid"], held_step)
     markers_valid = np.asarray(np.isfinite(columns["markers"]).all(2))
     markers = _quantised(columns["markers"], markers_valid, held_step)
@@ -197,7 +197,9 @@ def _steps(sd: Floats, valid: Booleans, starts: Integers) -> Integers:
     """Return which step each block has: the coarsest that is at most a tenth of every deviation of a valid place."""
     sd = np.where(valid[..., None] & (sd >= 0), sd, np.inf).reshape(len(sd), -1)
     least = np.minimum.reduceat(sd.min(1, initial=np.inf), starts)
-    return np.select([least >= 10 * step * (1 - 1e-9) for step in STEPS], range(len(STEPS)), len(STEPS) - 1)
+    return np.select(
+        [least >= 10 * step * (1 - 1e-9) for step in PLACE_STEPS], range(len(PLACE_STEPS)), len(PLACE_STEPS) - 1
+    )
 
 
 def _quantised(values: Floats, valid: Booleans, step: Floats) -> Integers:
@@ -251,7 +253,7 @@ def decode_blocks(blocks: Sequence[dict[str, Any]], points: int) -> tuple[Column
     kept = [block for block, good in zip(blocks, sound, strict=True) if good]
     edges = np.cumsum([0, *width.values()])
     parts = {name: table[:, a:b] for name, a, b in zip(width, edges[:-1], edges[1:], strict=True)}
-    steps = STEPS[np.array([block["steps"] for block in kept], np.int64).reshape(-1, 2)]
+    steps = PLACE_STEPS[np.array([block["steps"] for block in kept], np.int64).reshape(-1, 2)]
     held_step, points_step = (column[:, None, None] for column in np.repeat(steps, rows, axis=0).T)
     start = np.repeat(np.array([block["start"] for block in kept], np.int64), rows)
     count = len(table)

@@ -19,7 +19,7 @@ from mcap.opcode import Opcode
 
 from formats.integers import Integers
 
-MAGIC = b"\x89MCAP0\r\n"
+MCAP_MAGIC = b"\x89MCAP0\r\n"
 LARGEST_CHUNK = 1 << 24  # bytes unpacked: a second of 500 markers at 500 frames a second, twice over
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 LARGEST_WINDOW = 1 << 23  # bytes that zstd may look back
@@ -45,7 +45,7 @@ class Findings:
 
 def profile_of(raw: bytes) -> str | None:
     """Return the profile that an MCAP file states, None where its beginning does not hold."""
-    if not raw.startswith(MAGIC) or len(raw) < 21 or raw[8] != Opcode.HEADER:
+    if not raw.startswith(MCAP_MAGIC) or len(raw) < 21 or raw[8] != Opcode.HEADER:
         return None
     length, size = struct.unpack_from("<QI", raw, 9)
     if not 8 <= length <= LONGEST_RECORD or size > min(length - 8, 4096):
@@ -59,7 +59,7 @@ def messages_in(raw: bytes, findings: Findings) -> Iterator[bytes]:
     The time is linear in the file's length and in its unpacked length. A file that unpacks to more than any take of
     its size, or to more records, is read up to that limit.
     """
-    at = len(MAGIC) if raw.startswith(MAGIC) else 0
+    at = len(MCAP_MAGIC) if raw.startswith(MCAP_MAGIC) else 0
     findings.damaged += at == 0
     limit, most_records = FREE_BYTES + UNPACKED * len(raw), FREE_RECORDS + len(raw) // RECORDS
     starts = _Starts(raw)
@@ -75,7 +75,7 @@ def messages_in(raw: bytes, findings: Findings) -> Iterator[bytes]:
             was_sound = True
             yield from _message_data(records, findings, most_records)
         elif opcode in KNOWN and is_within and end - at <= LONGEST_RECORD:
-            if opcode == Opcode.FOOTER and raw[end:] == MAGIC:
+            if opcode == Opcode.FOOTER and raw[end:] == MCAP_MAGIC:
                 findings.is_whole = True
                 return
         else:

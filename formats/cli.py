@@ -56,7 +56,7 @@ def import_recordings(
     from formats.archive import write_take
     from formats.descriptions import load_garment
     from formats.errors import OutputError, TakeError
-    from formats.importers.marker_files import ENDINGS
+    from formats.importers.marker_files import FILE_ENDINGS
     from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
     from formats.importers.swung_cloth import import_swung_cloth
     from formats.outputs import check_name, refuse_to_replace, write_description
@@ -72,7 +72,7 @@ def import_recordings(
             )
         if not overwrite:
             refuse_to_replace(out / f"{path.stem}.mcap")
-        if path.suffix.lower() in ENDINGS:
+        if path.suffix.lower() in FILE_ENDINGS:
             if described is None:
                 raise TakeError(
                     "motion capture needs to know the garment", where=path,

@@ -26,7 +26,9 @@ HEAVIEST = 50.0  # kg
 DEPTH_SCALES = 0.8, 1.25  # measured over true depth; farther off, a distance was measured wrong
 LARGEST_OFFSET = 30.0  # px between depth and colour; PrimeSense's unregistered images differ by up to this at 0.8 m
 MOST_PIXELS = 100_000  # along a picture's side
-LEVEL = 0.01  # m by which another side may lie wholly higher than the held edge's lower end: flat cloth is laid by hand
+HEIGHT_TOLERANCE = (
+    0.01  # m by which another side may lie wholly higher than the held edge's lower end: flat cloth is laid by hand
+)
 CONTROL = re.compile(r"[\x00-\x1f\x7f]")  # what a TOML string may not hold as it is, https://toml.io/en/v1.0.0#string
 UNMEASURED = "calibration.depth_offset_sd_px", math.inf  # along an axis that was never measured
 LARGEST_NUMBER = 1e9  # in any unit: squares and products of larger ones may overflow
@@ -192,7 +194,7 @@ def _check_held_edge(garment: Garment, refuse: Callable[[str], None]) -> None:
     sides = list(zip(in_order, (*in_order[1:], in_order[0]), strict=True))
     top = max(sides, key=lambda side: (min(side[0][1], side[1][1]), abs(side[1][0] - side[0][0])))
     (left, left_y), (right, right_y) = corners[:2]
-    is_on_top = left < right and min(left_y, right_y) > min(top[0][1], top[1][1]) - LEVEL
+    is_on_top = left < right and min(left_y, right_y) > min(top[0][1], top[1][1]) - HEIGHT_TOLERANCE
     if not (is_clockwise and is_on_top):
         wrong = "does not begin with the held edge" if is_clockwise else "goes anticlockwise"
         refuse(

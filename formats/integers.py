@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 Integers = NDArray[np.int64]
 
-LARGEST = 2**31 - 1  # of a number in a table: its first value of a block has 32 bits
+LARGEST_INTEGER = 2**31 - 1  # of a number in a table: its first value of a block has 32 bits
 ESCAPE = 24  # a quotient of so much says that z stands among the exceptions, in eight bytes
 LARGEST_K = 30
 ORDERS = (1, 2, 3)
@@ -33,7 +33,7 @@ CODE_BYTES = 5  # a column: its code, and its first value
 def encode_tables(values: Integers, rows: Integers) -> list[bytes]:
     """Return the bytes of each block of a table.
 
-    values: (sum of rows, columns), each at most `LARGEST` in size; rows, (blocks,): how many rows each block has
+    values: (sum of rows, columns), each at most `LARGEST_INTEGER` in size; rows, (blocks,): rows of each block
     """
     starts = np.cumsum(rows) - rows
     first = values[starts]

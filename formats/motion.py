@@ -15,10 +15,10 @@ import numpy as np
 from formats.arrays import Floats
 from formats.take import Take
 
-STILL = 0.004  # m, root mean square: sensors' noise is 1 to 3 mm
-LARGEST = 0.7
+STILL_MOTION = 0.004  # m, root mean square: sensors' noise is 1 to 3 mm
+LARGEST_SECOND_SHARE = 0.7
 WAYS = ("sideways", "face-on", "up-and-down", "twist")
-KINDS = (*WAYS, "mixed", "still")
+MOTION_KINDS = (*WAYS, "mixed", "still")
 
 
 def axes_of(take: Take) -> dict[str, Floats]:
@@ -48,10 +48,10 @@ def reach_of(take: Take) -> dict[str, float]:
 
 
 def kind_of(take: Take) -> str:
-    """Return one of `KINDS`."""
+    """Return one of `MOTION_KINDS`."""
     reach = reach_of(take)
     total = sum(r**2 for r in reach.values())
-    if total < STILL**2:
+    if total < STILL_MOTION**2:
         return "still"
     way = max(reach, key=reach.__getitem__)
-    return way if reach[way] ** 2 > LARGEST * total else "mixed"
+    return way if reach[way] ** 2 > LARGEST_SECOND_SHARE * total else "mixed"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-LONGEST = 2000  # characters of one text
+LONGEST_TEXT = 2000  # characters of one text
 
 
 def plain(text: object) -> str:
@@ -11,8 +11,8 @@ def plain(text: object) -> str:
     Bytes of a file's name that are no UTF-8 stay as they are: the name must be shown as it can be typed.
     """
     letters = str(text)
-    shown = "".join(letter if is_harmless(letter) else _escaped(letter) for letter in letters[:LONGEST])
-    return shown if len(letters) <= LONGEST else shown + " ..."
+    shown = "".join(letter if is_harmless(letter) else _escaped(letter) for letter in letters[:LONGEST_TEXT])
+    return shown if len(letters) <= LONGEST_TEXT else shown + " ..."
 
 
 def is_harmless(letter: str) -> bool:

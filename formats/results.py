@@ -15,7 +15,7 @@ from formats.fit_records import FitResult
 from formats.whole_files import write_whole
 
 POSITIVE = ("areal_density", "stretch_stiffness", "bending_stiffness")  # of every material: others are divided by them
-LARGEST = 1e100  # SI: products of three such numbers are still finite in double precision
+LARGEST_NUMBER = 1e100  # SI: products of three such numbers are still finite in double precision
 
 Result = TypeVar("Result", FitResult, Diagnosis)
 
@@ -151,7 +151,7 @@ def _check_fit(result: FitResult, where: object) -> None:
         if (low is None) != (high is None) or (low is not None and high is not None and low > high):
             raise ResultError(f"the interval of {p.name} has not a lower and an upper end", where=where, advice=again)
     for name in POSITIVE:
-        if not 0 < result.material.get(name, 1.0) < LARGEST:
+        if not 0 < result.material.get(name, 1.0) < LARGEST_NUMBER:
             raise ResultError(f"no cloth has {name} = {result.material[name]:g}", where=where, advice=again)
 
 

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from formats.arrays import Floats
-from formats.blocks import FARTHEST, LATEST, TICKS
+from formats.blocks import FARTHEST_PLACE, LATEST, TICKS
 from formats.errors import TakeError
 from formats.integers import decode_tables, encode_tables
 
-STEP = 1e-4  # m
+PLACE_STEP = 1e-4  # m
 LARGEST_GRID = 512  # places along a side: more than a depth sensor has on a garment
-MOST_PLACES = 65536  # around the silhouette
+MOST_OUTLINE_PLACES = 65536  # around the silhouette
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +43,7 @@ def encode_scan(scan: SurfaceScan) -> dict[str, Any]:
     """
     size, count = len(scan.grid), len(scan.contour)
     where = f"scan at {scan.time:g} s"
-    if size > LARGEST_GRID or count > MOST_PLACES or scan.grid.shape[:2] != (size, size):
+    if size > LARGEST_GRID or count > MOST_OUTLINE_PLACES or scan.grid.shape[:2] != (size, size):
         raise TakeError(f"has {scan.grid.shape[:2]} places and {count} around them", where=where)
     if not abs(scan.time) <= LATEST / TICKS:
         raise TakeError("lies centuries away", where=where, advice="give its time in seconds")
@@ -62,10 +62,10 @@ def _coded(places: Floats, where: str) -> bytes:
         return b""
     seen = np.asarray(np.isfinite(places).all(1))
     shown = np.where(seen[:, None], places, 0.0)
-    if np.abs(shown).max() > FARTHEST:
+    if np.abs(shown).max() > FARTHEST_PLACE:
         raise TakeError(f"a place lies {np.abs(shown).max():g} m away", where=where, advice="give metres")
     last = np.maximum.accumulate(np.where(seen, np.arange(len(places)), 0))
-    whole = np.rint(shown[last] / STEP).astype(np.int64)
+    whole = np.rint(shown[last] / PLACE_STEP).astype(np.int64)
     return encode_tables(np.column_stack([whole, seen]), np.array([len(places)]))[0]
 
 
@@ -76,7 +76,11 @@ def places_of(content: dict[str, Any]) -> int:
         ValueError, KeyError: they cannot be.
     """
     size, count = content["grid_size"], content["contour_size"]
-    if type(size) is not int or type(count) is not int or not (0 <= size <= LARGEST_GRID and 0 <= count <= MOST_PLACES):
+    if (
+        type(size) is not int
+        or type(count) is not int
+        or not (0 <= size <= LARGEST_GRID and 0 <= count <= MOST_OUTLINE_PLACES)
+    ):
         raise ValueError(f"{size!r} x {size!r} places and {count!r} around them cannot be")
     return size * size + count
 
@@ -104,6 +108,6 @@ def _places(raw: object, count: int) -> Floats:
     table, sound = decode_tables([raw], np.array([count]), 4)
     if not sound.all():
         raise ValueError(f"{len(raw)} bytes do not hold {count} places")
-    places = np.asarray(table[:, :3] * STEP, float)
+    places = np.asarray(table[:, :3] * PLACE_STEP, float)
     places[table[:, 3] == 0] = np.nan
     return places

@@ -11,12 +11,12 @@ from formats.descriptions import check_garment
 from formats.errors import DescriptionError
 from formats.garment import Garment, TrackedPoint
 
-SIDE = 0.5  # m, section 2
+SWATCH_SIDE = 0.5  # m, section 2
 MARKERS = 9  # along each side, section 2: 81 in all
 FEWEST_MARKERS = 4  # along each side: a Catmull-Rom segment needs four
 
 
-def swatch(mass: float, *, side: float = SIDE, markers: int = MARKERS, name: str = "swatch") -> Garment:
+def swatch(mass: float, *, side: float = SWATCH_SIDE, markers: int = MARKERS, name: str = "swatch") -> Garment:
     """Return a square swatch of this mass [kg] and side [m] with `markers` x `markers` markers from edge to edge.
 
     Markers are named `row1_column1` (top left as the sensor sees it) to `row9_column9` (bottom right).

@@ -13,8 +13,8 @@ import msgspec
 import numpy as np
 
 from formats import version_1
-from formats.blocks import LATEST, MOST_ROWS, STEPS, TICKS, Columns, decode_blocks, widths
-from formats.chunks import MAGIC, Findings, messages_in, profile_of
+from formats.blocks import LATEST, MOST_ROWS, PLACE_STEPS, TICKS, Columns, decode_blocks, widths
+from formats.chunks import MCAP_MAGIC, Findings, messages_in, profile_of
 from formats.descriptions import check_garment, check_rig
 from formats.errors import DescriptionError, TakeError
 from formats.garment import Garment
@@ -25,7 +25,7 @@ from formats.take import Span, Take
 from formats.take_writer import MOST_HEADER_BYTES, PROFILE, VERSION, binding_of
 
 LARGEST_FILE = 1 << 30  # bytes: ten hours of 81 markers at 120 frames a second are half of it
-LOOKED_AT = 1 << 22  # bytes of a file of another profile: a take's header comes again and again
+SEARCHED_BYTES = 1 << 22  # bytes of a file of another profile: a take's header comes again and again
 MOST_CONTAINERS = 20_000  # maps and lists of a message: a garment of 2000 points has a third of them
 NO_TAKE = "give a file that `hangtime record` or `hangtime import` wrote"
 
@@ -95,7 +95,7 @@ def _bytes_of(path: Path) -> bytes:
         _refuse_what_has_no_end(path)
         with path.open("rb") as file:
             size = path.stat().st_size
-            raw = file.read(LOOKED_AT)
+            raw = file.read(SEARCHED_BYTES)
             profile = profile_of(raw)
             if size > LARGEST_FILE:
                 told = f" and its profile says {profile}" if profile and not _is_ours(profile) else ""
@@ -186,7 +186,7 @@ def _no_header(raw: bytes, findings: Findings, path: object) -> TakeError:
     if profile is not None and not _is_ours(profile):
         told = f"its profile says {profile}" if profile else "it is an MCAP file without a profile"
         return TakeError(f"is not a take archive: {told}", where=path, advice=NO_TAKE)
-    if raw.startswith(MAGIC) or b"hangtime-take" in raw[:4096]:
+    if raw.startswith(MCAP_MAGIC) or b"hangtime-take" in raw[:4096]:
         return TakeError(
             "holds no readable header", where=path, advice="it is not a take archive, or too little of it is left"
         )
@@ -304,7 +304,7 @@ def _is_table(block: dict[str, Any]) -> bool:
         isinstance(block.get("table"), bytes)
         and isinstance(steps, list)
         and len(steps) == 2
-        and all(_is_number(step, 0, len(STEPS) - 1) for step in steps)
+        and all(_is_number(step, 0, len(PLACE_STEPS) - 1) for step in steps)
     )
 
 

@@ -14,7 +14,7 @@ from formats.command_groups import RECORD
 from formats.help_pages import TOLD
 from formats.telling import tell
 
-CONFIG = Annotated[Path, typer.Option("--config", metavar="FILE.toml", help="The appliance's configuration.")]
+CONFIG_OPTION = Annotated[Path, typer.Option("--config", metavar="FILE.toml", help="The appliance's configuration.")]
 SOCKET = Annotated[
     Path, typer.Option("--socket", metavar="PATH", envvar="HANGTIME_SOCKET", help="Where the daemon listens.")
 ]
@@ -33,7 +33,7 @@ def add_commands(app: typer.Typer) -> None:
         app.command(name, rich_help_panel=RECORD, short_help=words)(command)
 
 
-def daemon_command(config: CONFIG = DEFAULT_CONFIG) -> None:
+def daemon_command(config: CONFIG_OPTION = DEFAULT_CONFIG) -> None:
     """Be the appliance: wait for the hanger, record at the press of a button, keep every take.
 
     The process is replaced by one that holds no command line: `python -m capture.appliance`.

@@ -40,7 +40,7 @@ class SensorPart(Part, frozen=True, kw_only=True):
     ] = "openni2:"
 
 
-MOST_PLACES = 1_000_000  # of all scans of a take: 24 MB of memory, and 20 s of a fast core, when it is judged
+MOST_SCAN_PLACES = 1_000_000  # of all scans of a take: 24 MB of memory, and 20 s of a fast core, when it is judged
 
 
 class RecordingPart(Part, frozen=True, kw_only=True):
@@ -58,7 +58,7 @@ class RecordingPart(Part, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         scans = self.scan_rate_hz * (self.pre_roll_s + self.longest_s)
         places = scans * self.scan_points * (self.scan_points + CONTOUR)
-        if places > MOST_PLACES:
+        if places > MOST_SCAN_PLACES:
             raise ValueError(
                 f"the scans of the longest take have {places / 1e6:.1f} million places, at most 1 million can be "
                 "judged; lower scan_rate_hz, scan_points or longest_s"

@@ -21,7 +21,7 @@ from capture.errors import ControlError
 
 LONGEST_QUESTION = 4096  # bytes
 MOST_ASKERS = 16  # at once; one more, and the daemon hangs up on whoever has been silent for longest
-PATIENCE = 10.0  # s that an asker waits for an answer: a daemon that records answers within one frame
+ANSWER_PATIENCE = 10.0  # s that an asker waits for an answer: a daemon that records answers within one frame
 MODE = 0o660
 UNIT = "hangtime-capture"
 SEE_UNIT = f"see `systemctl status {UNIT}`"
@@ -151,7 +151,7 @@ def listen(path: Path, do: str) -> Iterator[dict[str, Any]]:
         with contextlib.suppress(ConnectionError):  # it hung up, which the next line tells
             connection.sendall(json.dumps({"do": do}).encode() + b"\n")
         with connection.makefile("rb") as answers:
-            connection.settimeout(PATIENCE)
+            connection.settimeout(ANSWER_PATIENCE)
             count = 0
             while True:
                 try:
@@ -160,7 +160,7 @@ def listen(path: Path, do: str) -> Iterator[dict[str, Any]]:
                     line = b""
                 except TimeoutError:
                     raise ControlError(
-                        f"the daemon has not answered for {PATIENCE:g} s", where=path,
+                        f"the daemon has not answered for {ANSWER_PATIENCE:g} s", where=path,
                         advice=SEE_UNIT,
                     ) from None  # fmt: skip
                 if not line:
@@ -170,7 +170,7 @@ def listen(path: Path, do: str) -> Iterator[dict[str, Any]]:
                         )
                     return
                 count += 1
-                connection.settimeout(None if do == "watch" else PATIENCE)
+                connection.settimeout(None if do == "watch" else ANSWER_PATIENCE)
                 yield _told(line, path)
 
 
@@ -189,7 +189,7 @@ def picture_in(answer: dict[str, Any]) -> bytes:
 
 def _connected(path: Path) -> socket.socket:
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    connection.settimeout(PATIENCE)
+    connection.settimeout(ANSWER_PATIENCE)
     try:
         connection.connect(str(path))
     except OSError as error:

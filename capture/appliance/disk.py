@@ -27,7 +27,7 @@ from formats.garment import Garment
 from formats.rig import Rig
 from formats.whole_files import make_writable
 
-READING = 60.0  # s that the processor may take to read and judge a take, before the disk is blamed
+READING_TIME = 60.0  # s that the processor may take to read and judge a take, before the disk is blamed
 COUNT_EVERY = 10.0  # s from one count of the takes to the next: sync's receipts come meanwhile
 
 
@@ -161,7 +161,7 @@ class Disk:
     @contextmanager
     def _reading(self) -> Iterator[None]:
         """Read a take that is on the disk: the processor's time for this is no sign of a slow disk."""
-        self._busy_since = self._clock() + READING
+        self._busy_since = self._clock() + READING_TIME
         yield
         self._busy_since = self._clock()
 

@@ -13,7 +13,7 @@ from capture.recording.condition import condition_of
 from capture.recording.tracking import Tracked
 from firmware_host.depth_sensor import SensorFrame
 
-WIDTH = 320  # px of the picture
+PICTURE_WIDTH = 320  # px of the picture
 MARKER, POINT, LINE = (0, 200, 0), (255, 160, 0), (0, 120, 255)  # RGB
 
 
@@ -57,7 +57,7 @@ def _png(seen: NDArray[np.uint8] | NDArray[np.uint16], sight: Tracked) -> bytes:
         cv2.polylines(picture, [np.rint(sight.cloth.outline).astype(np.int32)], True, LINE, 1)
     for pixel in sight.cloth.pixels[sight.cloth.valid]:
         cv2.circle(picture, tuple(int(v) for v in np.rint(pixel)), 5, POINT, 2)
-    height = round(picture.shape[0] * WIDTH / picture.shape[1])
-    small = cv2.resize(picture, (WIDTH, height), interpolation=cv2.INTER_AREA)
+    height = round(picture.shape[0] * PICTURE_WIDTH / picture.shape[1])
+    small = cv2.resize(picture, (PICTURE_WIDTH, height), interpolation=cv2.INTER_AREA)
     done, content = cv2.imencode(".png", cv2.cvtColor(small, cv2.COLOR_RGB2BGR))
     return content.tobytes() if done else b""

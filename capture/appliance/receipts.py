@@ -14,7 +14,7 @@ import msgspec
 from formats.whole_files import make_folders, write_whole
 
 READ_BACK = "read back"  # the object was fetched and its SHA-256 is that of what was sent
-CHECKSUM = "store's checksum"  # the store answered with the checksum of what was sent; the device may not read
+STORE_CHECKSUM = "store's checksum"  # the store answered with the checksum of what was sent; the device may not read
 
 
 class Receipt(msgspec.Struct, frozen=True, kw_only=True):

@@ -20,7 +20,7 @@ from formats.rig import Rig
 
 RETRY = 2.0  # s from one try to open the sensor to the next: a USB reset takes about as long
 REST = 0.4  # s from one frame to the next while nobody needs more
-SILENT = 0.9  # s without a frame after which a sensor is named silent: within a second of the last frame
+SILENT_AFTER = 0.9  # s without a frame after which a sensor is named silent: within a second of the last frame
 
 
 class SensorKeeper:
@@ -53,7 +53,7 @@ class SensorKeeper:
     def silent_s(self, now: float) -> float | None:
         """Return since when there has been no frame [s], where that is too long; None where all is well."""
         silent = now - self._last_frame
-        return silent if self._queue is not None and silent > SILENT else None
+        return silent if self._queue is not None and silent > SILENT_AFTER else None
 
     def next_frame(self, wait_s: float) -> SensorFrame | None:
         """Return the next frame, None where none came in this time or no sensor is open."""

@@ -28,17 +28,17 @@ class Light:
 
 
 FAULT = Light("fault", "nothing can be recorded; `hangtime status` says why", 125, 125, is_red=True)
-LOST = Light("tracking lost", "recording, but hanger or garment is not seen", 500, 500, is_red=True)
+LOST_LIGHT = Light("tracking lost", "recording, but hanger or garment is not seen", 500, 500, is_red=True)
 BEHIND = Light("behind", "recording, but the last two seconds are not on the disk yet", 250, 1000)
 RECORDING = Light("recording", "recording; all but the last two seconds is on the disk", 1000, 0)
 SAVING = Light("saving", "the end of the take is being put on the disk", 250, 250)
 DOUBT = Light("look", "the last take has a flaw, or something needs a look: `hangtime status`", 60, 940, is_red=True)
-KEPT = Light("kept", "the take is on the disk under its name; shown for three seconds", 3000, 0)
+KEPT_LIGHT = Light("kept", "the take is on the disk under its name; shown for three seconds", 3000, 0)
 ARMED = Light("armed", "hanger in view: press", 1500, 500)
 SYNCING = Light("syncing", "takes are on their way to the server", 60, 440)
-READY = Light("ready", "waiting for the hanger", 60, 2940)
+READY_LIGHT = Light("ready", "waiting for the hanger", 60, 2940)
 STARTING = Light("starting", "the sensor is being opened", 60, 60)
-LIGHTS = (FAULT, LOST, BEHIND, RECORDING, SAVING, KEPT, DOUBT, ARMED, SYNCING, READY, STARTING)
+LIGHTS = (FAULT, LOST_LIGHT, BEHIND, RECORDING, SAVING, KEPT_LIGHT, DOUBT, ARMED, SYNCING, READY_LIGHT, STARTING)
 
 BEHIND_S = 2.0  # s: what may be lost of a running take
 KEPT_S = 3.0  # s for which a kept take is shown
@@ -54,17 +54,17 @@ def light_of(state: State, *, is_tracking: bool, behind_s: float, kept_ago_s: fl
     """
     if state is State.RECORDING:
         if not is_tracking:
-            return LOST
+            return LOST_LIGHT
         return BEHIND if behind_s > BEHIND_S else RECORDING
     if state is State.FAULT:
         return FAULT
     if state in (State.STARTING, State.SAVING):
         return {State.STARTING: STARTING, State.SAVING: SAVING}[state]
     if kept_ago_s < KEPT_S:
-        return KEPT
+        return KEPT_LIGHT
     if has_complaint:
         return DOUBT
-    return {State.ARMED: ARMED, State.SYNCING: SYNCING, State.READY: READY}[state]
+    return {State.ARMED: ARMED, State.SYNCING: SYNCING, State.READY: READY_LIGHT}[state]
 
 
 class Lamps:

@@ -14,7 +14,7 @@ from typing import Literal
 
 import msgspec
 
-from capture.appliance.receipts import CHECKSUM
+from capture.appliance.receipts import STORE_CHECKSUM
 from capture.errors import SyncError
 from formats.whole_files import write_whole
 
@@ -157,7 +157,7 @@ def sentences(status: SyncStatus | None, now: datetime) -> list[str]:
     last = f"last sync: {day_of(status.last_sync, now)}" if status.last_sync else "nothing was synced yet"
     told.append(f"{count}, {status.safe} safe on the server, {last}.")
     told.append(f"Last proved: {proved(status.proof, now)}.")
-    if status.verified == CHECKSUM:
+    if status.verified == STORE_CHECKSUM:
         told.append(
             "The keys of this device may only write: takes are verified by the store's checksum, not read back."
         )

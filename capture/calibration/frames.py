@@ -14,8 +14,8 @@ from firmware_host.depth_sensor import MOST_FRAMES, DepthSensor
 
 Floats = NDArray[np.float64]
 
-STILL = 0.7  # px that a marker may stray within still frames: 2 mm at 1.6 m, five times its reading noise
-FEWEST_STILL = 15  # frames, half a second: less can be the turning point of a swing
+STILL_PIXELS = 0.7  # px that a marker may stray within still frames: 2 mm at 1.6 m, five times its reading noise
+FEWEST_STILL_FRAMES = 15  # frames, half a second: less can be the turning point of a swing
 MOST_KEPT = 90  # frames; three seconds, after which the noise that averages out is small beside what does not
 
 
@@ -71,9 +71,9 @@ def watch(sensor: DepthSensor, detector: MarkerDetector, seconds: float) -> Stil
             f"none of the markers {', '.join(map(str, detector.ids))} was seen in {seen} frames", where=where,
             advice="hang the hanger 1.2 to 2.5 m before the sensor, markers towards it, in even light",
         )  # fmt: skip
-    if longest < FEWEST_STILL:
+    if longest < FEWEST_STILL_FRAMES:
         raise CalibrationError(
-            f"nothing hung still for {FEWEST_STILL} frames", where=where,
+            f"nothing hung still for {FEWEST_STILL_FRAMES} frames", where=where,
             advice="put the hanger on a hook, let it and the plumb line come to rest, and do not touch them",
         )  # fmt: skip
     return StillFrames(np.stack([corners for corners, _ in best]), [depth for _, depth in best], seen=seen)
@@ -91,7 +91,7 @@ class StillRun:
         A frame without a marker says nothing on that marker.
         """
         self._centres.append(corners.mean(1))
-        while _stray(np.stack(self._centres)) > STILL:
+        while _stray(np.stack(self._centres)) > STILL_PIXELS:
             del self._centres[0]
         return len(self._centres)
 

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.depth.surface import BASELINE, DISPARITY_STEPS
-from capture.hanger.marker_plates import CENTRE_SD
+from capture.hanger.marker_plates import MARKER_CENTRE_SD
 from formats.hanger import hanger_frame
 from formats.rig import Rig, Sensor
 
@@ -71,7 +71,7 @@ def place_of_frames(positions: Floats, sensor: Sensor) -> Estimate:
     z = float(place.value[2])
     rounding = z**2 / (DISPARITY_STEPS * BASELINE * sensor.fx) / np.sqrt(12.0)
     along_ray = place.value / z * rounding
-    across = np.array([z * CENTRE_SD / sensor.fx, z * CENTRE_SD / sensor.fy, 0.0])
+    across = np.array([z * MARKER_CENTRE_SD / sensor.fx, z * MARKER_CENTRE_SD / sensor.fy, 0.0])
     return Estimate(place.value, np.sqrt(place.sd**2 + along_ray**2 + across**2))
 
 

@@ -40,7 +40,7 @@ SHORTEST_ARM = 8  # outline pixels; fewer do not make a line
 FARTHEST_REFINEMENT = 10.0  # px between a Harris corner and the crossing that replaces it
 FLATTEST_CROSSING = 0.34  # sine of 20 degrees
 CURL_SD = 0.5  # px, a side is not quite straight near its end
-HELD_SD = 0.3  # px, the held edge is a rigid step from the markers, and a bar's rim is as ragged as any
+CORNER_SD = 0.3  # px, the held edge is a rigid step from the markers, and a bar's rim is as ragged as any
 HARRIS_SD = 2.5  # px, of an unrefined Harris corner on a ragged edge
 
 
@@ -151,7 +151,7 @@ def _refine(silhouette: Silhouette, starts: list[int], held: Floats | None, side
         lines: list[tuple[Floats, float] | None] = []
         for neighbour, side in (((i - 1) % 4, sides[i, 0]), ((i + 1) % 4, sides[i, 1])):
             if top is not None and {i, neighbour} == {0, 1}:
-                lines.append((top, HELD_SD))
+                lines.append((top, CORNER_SD))
             else:
                 lines.append(
                     _side_line(outline, starts[i], starts[neighbour], middle, min(LONGEST_ARM, STRAIGHT * side))

@@ -29,10 +29,10 @@ from formats.rig import Sensor
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
-RIM = 6  # px inwards from the outline: two fifths of a node's block at 1.6 m
-STRIDE = 2  # every so many pixels along both axes
-NEAR = 2  # nodes to every side whose ways are taken on to a pixel
-RIM_KERNEL = np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8)
+INNER_RIM = 6  # px inwards from the outline: two fifths of a node's block at 1.6 m
+PIXEL_STRIDE = 2  # every so many pixels along both axes
+NEIGHBOUR_NODES = 2  # nodes to every side whose ways are taken on to a pixel
+INNER_RIM_KERNEL = np.ones((2 * INNER_RIM + 1, 2 * INNER_RIM + 1), np.uint8)
 NOWHERE = 9.0  # m, more than any garment: no way leads to any place
 
 
@@ -96,7 +96,7 @@ def _ways_to(
     places: Floats, rows: NDArray[np.intp], columns: NDArray[np.intp], maps: NDArray[np.float32], ways: SeenWays
 ) -> Floats:
     """Return the ways [m], (maps, places), to places between the nodes; `NOWHERE` where none leads."""
-    steps = np.arange(-NEAR, NEAR + 1)
+    steps = np.arange(-NEIGHBOUR_NODES, NEIGHBOUR_NODES + 1)
     down, across = (part.reshape(-1, 1) for part in np.meshgrid(steps, steps, indexing="ij"))
     node_rows = np.clip(rows // ways.cell + down, 0, ways.surface.shape[0] - 1)
     node_columns = np.clip(columns // ways.cell + across, 0, ways.surface.shape[1] - 1)
@@ -107,10 +107,10 @@ def _ways_to(
 
 def _rim_places(silhouette: Silhouette, sensor: Sensor) -> tuple[Floats, NDArray[np.intp], NDArray[np.intp]]:
     """Return cloth near the rim [m], (places, 3), and its rows and columns [px of the window]."""
-    inner = cv2.erode(silhouette.mask, RIM_KERNEL, borderType=cv2.BORDER_CONSTANT, borderValue=0)
-    part = (slice(None, None, STRIDE), slice(None, None, STRIDE))
+    inner = cv2.erode(silhouette.mask, INNER_RIM_KERNEL, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    part = (slice(None, None, PIXEL_STRIDE), slice(None, None, PIXEL_STRIDE))
     rows, columns = np.nonzero((silhouette.depth[part] > 0) & (inner[part] == 0))
-    rows, columns = STRIDE * rows, STRIDE * columns
+    rows, columns = PIXEL_STRIDE * rows, PIXEL_STRIDE * columns
     z = silhouette.depth[rows, columns].astype(np.float64)
     x = z * (columns + silhouette.window.left - sensor.cx) / sensor.fx
     y = z * (rows + silhouette.window.top - sensor.cy) / sensor.fy

@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 
 CORNER_MATCH = 0.01  # m, a tracked point this near to an outline corner is that corner
 CENTRE = 4  # the role of the centre, after the four corners
-STEP = 0.025  # m of the grid
+GRID_STEP = 0.025  # m of the grid
 CENTRE_MATCH = 0.01  # m that a garment file's centre may lie beside where the tracker looks for it
 AS_GOOD = 0.003  # m by which its nearest corner may be nearer: on wide garments the grid itself is off by 10 mm
 
@@ -72,8 +72,8 @@ def flat_garment(garment: Garment, corners: Floats) -> FlatGarment:
 def _laid_flat(outline: Floats) -> Floats:
     """Grid of places [m], (rows, columns, 3), NaN outside the outline."""
     low, high = outline.min(0), outline.max(0)
-    x = np.arange(low[0] + 0.5 * STEP, high[0], STEP)
-    y = np.arange(high[1] - 0.5 * STEP, low[1], -STEP)
+    x = np.arange(low[0] + 0.5 * GRID_STEP, high[0], GRID_STEP)
+    y = np.arange(high[1] - 0.5 * GRID_STEP, low[1], -GRID_STEP)
     places = np.stack(np.meshgrid(x, y), axis=-1)
     ends = np.roll(outline, -1, axis=0)
     above = (outline[:, 1] > places[..., 1:]) != (ends[:, 1] > places[..., 1:])
@@ -116,7 +116,9 @@ def _check_centre(garment: Garment, index: int, corners: Floats, surface: Floats
     if place is None or garment.holes_m:
         return
     outline = np.array(garment.outline_m, float)
-    found = np.array([outline[:, 0].min() + (place[1] + 0.5) * STEP, outline[:, 1].max() - (place[0] + 0.5) * STEP])
+    found = np.array(
+        [outline[:, 0].min() + (place[1] + 0.5) * GRID_STEP, outline[:, 1].max() - (place[0] + 0.5) * GRID_STEP]
+    )
     point = garment.points[index]
     given = np.array(point.at_m)
     off = float(np.linalg.norm(given - found))

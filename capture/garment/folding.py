@@ -38,7 +38,7 @@ PEEKING = 2e-5  # m^2: A, a pixel and a half at 2 m
 FORGETTING, REST = 4.9, 1 / 3  # 1/s: f, and R: on development cloths left out the best of five pairs, by little
 PLACED = -3.0  # log-odds: one in twenty, more than in fact, since the frame after may show what this one did not
 MOST = 8.0  # log-odds that nothing goes beyond, so that one frame can speak against many
-WEIGHTS = {
+FOLD_WEIGHTS = {
     "beyond": 2.61,
     "peeking, at the outline": -0.95,
     "peeking, at the nearest cloth": -1.04,
@@ -48,7 +48,7 @@ WEIGHTS = {
     "tip of a sleeve, beyond": 3.51,
     "tip of a sleeve, slant outwards": 1.74,
 }
-TRACES = tuple(WEIGHTS)
+TRACES = tuple(FOLD_WEIGHTS)
 THRESHOLD = 0.59  # probability from which a corner counts as hidden
 
 
@@ -61,7 +61,7 @@ class Weights:
     before: float
 
 
-FITTED = Weights(0.16, np.array([WEIGHTS[name] for name in TRACES]), 0.60)
+FITTED = Weights(0.16, np.array([FOLD_WEIGHTS[name] for name in TRACES]), 0.60)
 
 
 def traces(beyond: float, outline: float, nearest: float, slant: Slant, *, is_tip: bool) -> Floats:

@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 MOVES = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1))
 STEEPEST_STEP = 2.0  # way over the surface per way across it; a steeper step joins two folds, not one surface
 SOURCE_REACH = 2.5  # grid steps from a corner to the nodes that its distance map starts from
-MARGIN = 2  # nodes of padding around the grid so that every move stays inside the arrays
+GRID_PADDING = 2  # nodes of padding around the grid so that every move stays inside the arrays
 FIT_REACH = 2  # nodes to either side over which a distance map is smoothed by a parabola
 WHOLE_PATCH = np.ones((2 * FIT_REACH + 1, 2 * FIT_REACH + 1), np.uint8)
 FINE_STEPS = 8  # places per grid step at which the smoothed maps are compared
@@ -43,8 +43,8 @@ def geodesic_distances(surface: Floats, sources: Floats) -> tuple[NDArray[np.flo
     whole line.
     """
     rows, columns, _ = surface.shape
-    count, width = len(sources), columns + MARGIN
-    margin, nodes = MARGIN * width, (rows + MARGIN) * width
+    count, width = len(sources), columns + GRID_PADDING
+    margin, nodes = GRID_PADDING * width, (rows + GRID_PADDING) * width
     line = np.full((3, nodes + margin), np.nan, dtype=np.float32)
     line[:, :nodes].reshape(3, -1, width)[:, :rows, :columns] = surface.transpose(2, 0, 1)
     spacing = _spacing(surface)
@@ -59,7 +59,7 @@ def geodesic_distances(surface: Floats, sources: Floats) -> tuple[NDArray[np.flo
         steps.append((shift, np.tile(length, count)))
     away = np.sqrt(((line[:, :nodes] - sources[:, :, None].astype(np.float32)) ** 2).sum(1))
     start = np.where(away < SOURCE_REACH * spacing, away, np.float32(np.inf))
-    distance = _relaxed(start.ravel(), steps, margin + MARGIN).reshape(count, nodes)
+    distance = _relaxed(start.ravel(), steps, margin + GRID_PADDING).reshape(count, nodes)
     apart = np.empty((count, count))
     for j, reached in enumerate(start):
         near = np.flatnonzero(reached < np.inf)

@@ -26,7 +26,7 @@ Booleans = NDArray[np.bool_]
 
 LOOK_AROUND = 12  # px: wider than the missing pixels beside a near thing (43 px m (1 / 1.25 m - 1 / 1.6 m) = 8 px)
 NEARER_PIXELS = 20
-BORDER = 3  # px
+OCCLUSION_BORDER = 3  # px
 COVERED = 0.025  # of the longest distance on the flat garment, missing at a corner beside a nearer thing
 SHORT = 0.025  # of the distance on the flat garment: geodesics of the seen surface scatter by 1.5 %
 SHORT_MORE = 0.008  # m, the corners' own errors
@@ -48,7 +48,10 @@ def _around(silhouette: Silhouette, pixel: Floats, reach: int) -> tuple[slice, s
 
 def is_at_border(pixel: Floats, shape: tuple[int, ...]) -> bool:
     """Return whether a pixel lies at the border of a picture (height, width)."""
-    return not (BORDER <= pixel[0] <= shape[1] - 1 - BORDER and BORDER <= pixel[1] <= shape[0] - 1 - BORDER)
+    return not (
+        OCCLUSION_BORDER <= pixel[0] <= shape[1] - 1 - OCCLUSION_BORDER
+        and OCCLUSION_BORDER <= pixel[1] <= shape[0] - 1 - OCCLUSION_BORDER
+    )
 
 
 def folded_away(seen: Floats, flat: Floats, trusted: Booleans) -> tuple[Booleans, Booleans]:

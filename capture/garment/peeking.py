@@ -22,7 +22,7 @@ DEEPER = 1.5  # of that, in depth: the fold need not lie where it is looked for
 LEAST_AROUND, MOST_AROUND = 6, 90  # px
 BELOW = 0.04  # m below the held edge: above are bar, plates and hand
 STRETCH, SLACK = 1.03, 0.02  # of a way on the flat garment, and m: the farthest that cloth can be from a held end
-FEWEST_NEIGHBOURS = 4 / 9  # of 3 x 3 pixels off the silhouette; fewer are noise of the rim
+LEAST_SHARE_OUTSIDE = 4 / 9  # of 3 x 3 pixels off the silhouette; fewer are noise of the rim
 DEPTH_AROUND = 4  # px whose median is the depth of a place
 
 
@@ -50,7 +50,7 @@ def peeking_area(
     window = silhouette.window
     first = np.array([around[1].start + window.left, around[0].start + window.top], float)
     off &= _below(first, rows, columns, held, sensor, z) & (silhouette.depth[around] == 0)
-    off &= cv2.blur(off.astype(np.float32), (3, 3), borderType=cv2.BORDER_CONSTANT) > FEWEST_NEIGHBOURS - 0.01
+    off &= cv2.blur(off.astype(np.float32), (3, 3), borderType=cv2.BORDER_CONSTANT) > LEAST_SHARE_OUTSIDE - 0.01
     return _count_within(raw, off, first, held, ways, sensor) * z**2 / (sensor.fx * sensor.fy)
 
 

@@ -22,9 +22,9 @@ from formats.rig import Sensor
 Floats = NDArray[np.float64]
 
 PATCH_RADIUS = 14  # px around a point whose cloth tells its depth: 39 mm at 1.6 m, flat to 1 mm
-RIM = 2  # px at the silhouette's edge whose depth may be mixed
+MIXED_RIM = 2  # px at the silhouette's edge whose depth may be mixed
 PATCH_SPREAD = 0.06  # m, how far a steep cloth reaches in depth across the patch
-CORE = np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8)
+CORE = np.ones((2 * MIXED_RIM + 1, 2 * MIXED_RIM + 1), np.uint8)
 
 
 def project(places: Floats, sensor: Sensor) -> Floats:
@@ -55,7 +55,7 @@ class Placer:
         if right - left < 2 or bottom - top < 2:
             return np.full(3, np.nan), np.full(3, np.nan)
         # A little wider, so that the patch's own border is not taken for the cloth's.
-        wide = (slice(max(top - RIM, 0), bottom + RIM), slice(max(left - RIM, 0), right + RIM))
+        wide = (slice(max(top - MIXED_RIM, 0), bottom + MIXED_RIM), slice(max(left - MIXED_RIM, 0), right + MIXED_RIM))
         core = cv2.erode(self._silhouette.mask[wide], CORE, borderType=cv2.BORDER_CONSTANT, borderValue=0)
         inner = (slice(top - wide[0].start, None), slice(left - wide[1].start, None))
         patch = self._silhouette.depth[top:bottom, left:right]

@@ -6,7 +6,7 @@
 The mean velocity between two sightings is that of the time in their middle. So the first bound is a dt^2 at a steady
 frame rate, the second difference of an evenly accelerated point.
 
-A point that was lost for longer than `LONGEST_MEMORY` counts again from its second sighting on. So a fold that looks
+A point that was lost for longer than `POINT_MEMORY` counts again from its second sighting on. So a fold that looks
 like a corner for one frame does not count. In the first sightings after any gap, only its looks speak against a wrong
 corner. So its deviation is larger by `UNSETTLED_SD`. Points that fail are marked as not seen; nothing replaces them.
 """
@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 HARDEST_WHIP = 60.0  # m/s^2, a free corner turning round at the end of a hard swing
-FASTEST = 6.0  # m/s, the hem in the hardest swing by hand
-LONGEST_MEMORY = 0.2  # s, after this a point may have gone anywhere
+FASTEST_POINT = 6.0  # m/s, the hem in the hardest swing by hand
+POINT_MEMORY = 0.2  # s, after this a point may have gone anywhere
 
 SETTLED = 2  # sightings in frame after frame, after which a prediction speaks for the next one
 UNSETTLED_SD = 0.010  # m along each axis: on the development set's hard swings these are off by 18 mm rms, others by 8
@@ -47,10 +47,10 @@ class MotionGate:
         missed = self._time < self._frame
         self._frame = time
         # One sighting gives a point's place for the next frame only.
-        fresh = is_first | (missed & (np.isnan(self._velocity[:, 0]) | (gone > LONGEST_MEMORY)))
+        fresh = is_first | (missed & (np.isnan(self._velocity[:, 0]) | (gone > POINT_MEMORY)))
         dt = np.where(fresh, 0.0, gone)
         leap = np.linalg.norm(places - self._place - np.nan_to_num(self._velocity) * dt[:, None], axis=1)
-        unknown = np.where(np.isnan(self._velocity[:, 0]), FASTEST * dt, 0.0)
+        unknown = np.where(np.isnan(self._velocity[:, 0]), FASTEST_POINT * dt, 0.0)
         whipped = 0.5 * HARDEST_WHIP * dt * (dt + self._interval)
         follows = seen & ~fresh & (leap <= 4.0 * np.linalg.norm(sd, axis=1) + whipped + unknown)
         moved, begins = follows & (dt > 0), seen & fresh

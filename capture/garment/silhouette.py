@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-BORDER = 12  # px kept around the garment: what lies there says whether it ends or goes on behind something
+CROP_BORDER = 12  # px kept around the garment: what lies there says whether it ends or goes on behind something
 SQUARE_3, SQUARE_5 = np.ones((3, 3), np.uint8), np.ones((5, 5), np.uint8)
 EDGE_BAND = 12  # px below the held edge in which the garment must be present
 
@@ -92,7 +92,7 @@ def cut_out(
 
 
 def _around(start: int, length: int, limit: int) -> slice:
-    return slice(max(0, start - BORDER), min(limit, start + length + BORDER))
+    return slice(max(0, start - CROP_BORDER), min(limit, start + length + CROP_BORDER))
 
 
 def _before_jumps(patch: NDArray[np.uint16], jump: int) -> NDArray[np.uint8]:

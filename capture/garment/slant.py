@@ -34,7 +34,7 @@ class Slant(NamedTuple):
     across: float
 
 
-LEVEL = Slant(0.0, 0.0)
+UPRIGHT = Slant(0.0, 0.0)
 
 
 def rim_slant(silhouette: Silhouette, pixel: Floats, depth: float, sensor: Sensor) -> Slant:
@@ -53,7 +53,7 @@ def rim_slant(silhouette: Silhouette, pixel: Floats, depth: float, sensor: Senso
         across[known], down[known], z[known], focal_length=sensor.fx, spread=SPREAD, correlated_pixels=1.0
     )
     if surface is None:
-        return LEVEL
+        return UPRIGHT
     out = -np.array([across.mean(), down.mean()])
     out /= max(float(np.linalg.norm(out)), 1e-9)
     slope = surface.slope * sensor.fx / depth

@@ -26,7 +26,7 @@ SMOOTHING = 5  # px to every side: 1.6 mm of noise are left at 1.6 m
 FEWEST_CLOTH = 0.04  # of the pixels that are averaged: a right corner whose rim is left out fills a tenth
 RIM_KERNEL = np.ones((5, 5), np.uint8)  # pixels nearer to the rim may be mixed with the background
 NEIGHBOURS = np.ones((3, 3), np.uint8)
-CORNER_REACH = 12.0  # px: a bar that ends 20 mm beyond the cloth at 1.2 m
+CORNER_REACH_PIXELS = 12.0  # px: a bar that ends 20 mm beyond the cloth at 1.2 m
 CONTOUR_SMOOTHING = 7  # outline pixels: a ragged edge is longer than the hem
 
 
@@ -88,7 +88,7 @@ def _patch(outline: Floats, corners: Floats, grid: int) -> Floats:
 
 def _side(way: Floats, start: Floats, end: Floats) -> Floats:
     """Return a side from corner to corner without what is rounded off, or the bar's end, beside these."""
-    far = np.minimum(np.hypot(*(way - start).T), np.hypot(*(way - end).T)) > CORNER_REACH
+    far = np.minimum(np.hypot(*(way - start).T), np.hypot(*(way - end).T)) > CORNER_REACH_PIXELS
     return np.vstack([start, way[far], end])
 
 

@@ -23,7 +23,7 @@ from capture.garment.placing import Placer, project
 from capture.garment.plausibility import MotionGate
 from capture.garment.sight import FINDERS, GarmentSight, GarmentTracker, frame_quality, nothing_found
 from capture.garment.silhouette import Silhouette, Window, cut_out
-from capture.garment.slant import LEVEL, rim_slant
+from capture.garment.slant import UPRIGHT, rim_slant
 from capture.garment.surface_scan import scan_surface
 from formats.garment import Garment
 from formats.rig import Rig, Sensor
@@ -32,11 +32,11 @@ from formats.surface import SurfaceScan
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
-SLACK = 1.08  # of the garment's reach from the held edge: stretch and the markers' tolerance
+REACH_FACTOR = 1.08  # of the garment's reach from the held edge: stretch and the markers' tolerance
 GROWTH = 3.0  # m/s, how fast the hem may leave the window of the frame before
 LONGEST_TRUST = 0.2  # s, after which the window of the last sighting says nothing
 SMALLEST_SHARE = 0.25  # of the flat garment's area in view; a smaller piece is not the garment
-LARGEST_SHARE = 1.5  # of its area: 1.02 at most on the development sets, 3 to 5 in one piece with a wall behind
+LARGEST_AREA_SHARE = 1.5  # of its area: 1.02 at most on the development sets, 3 to 5 in one piece with a wall behind
 JUMP, JUMP_NOISE = 0.03, 6.0  # m and pixel noises in depth between neighbours that are two surfaces
 NEAREST_HANGER = 0.1  # m; nearer is no place of a hanger but an error
 HELD_MATCH = 0.03  # m, a held corner this far from the held edge's end is not that corner
@@ -47,7 +47,7 @@ CELL = 0.028  # m, of the grid for geodesics
 CORNER_SLACK = 0.02  # of a distance between corners: it is no worse measured than that
 CORNER_SHARE = 0.5  # of what is beyond, for each of the two: z is then 1 on the development set
 CENTRE_SHARE = 0.3  # of what the distances between the corners are off by (rms): the development set's z is then 1
-CENTRE_SD = 0.1  # grid steps across the view: rms 1.7 mm against a drawn skirt, with corners off by as much
+GARMENT_CENTRE_SD = 0.1  # grid steps across the view: rms 1.7 mm against a drawn skirt, with corners off by as much
 
 
 def garment_tracker(garment: Garment, rig: Rig, correlation: CorrelationMeter | None = None) -> GarmentTracker:
@@ -168,7 +168,7 @@ class SilhouetteTracker:
         missing, place = float(beyond.by_all[i]), beyond.places[i]
         nearest = peeking(beyond.pixels[i]) if np.isfinite(beyond.pixels[i, 0]) else 0.0
         outline = peeking(pixel) if np.isfinite(pixel[0]) else nearest
-        slant = LEVEL
+        slant = UPRIGHT
         if np.isfinite(place[0]):
             slant = rim_slant(silhouette, project(place, self.sensor), float(place[2]), self.sensor)
         return traces(float(beyond.by_ends[i]), outline, nearest, slant, is_tip=i in self.finder.tips)
@@ -232,7 +232,7 @@ class SilhouetteTracker:
         middle = float(held[:, 2].mean())
         window = self._window(depth.shape, held, middle)
         near = self._recent_window(window, middle, time)
-        reach = SLACK * self.flat.reach
+        reach = REACH_FACTOR * self.flat.reach
         limits = {"nearest": middle - reach, "farthest": middle + reach, "jump": self._jump(middle)}
         held_px = project(held, self.sensor)
         found = cut_out(depth, near, held_px, **limits) if near is not None else None
@@ -243,14 +243,14 @@ class SilhouetteTracker:
         pixel = 1.0 / (self.sensor.fx * self.sensor.fy)
         area = float(np.count_nonzero(found.mask)) * middle**2 * pixel
         across = cv2.norm(found.depth, cv2.NORM_L2SQR) * pixel  # what the seen surface would be if it faced the sensor
-        is_garment = area > SMALLEST_SHARE * self.flat.area and across < LARGEST_SHARE * self.flat.area
+        is_garment = area > SMALLEST_SHARE * self.flat.area and across < LARGEST_AREA_SHARE * self.flat.area
         return found if is_garment else None
 
     def _window(self, shape: tuple[int, ...], held: Floats, middle: float) -> Window:
         """Return the window that the garment cannot leave, however it swings."""
         ends = project(held, self.sensor)
         low, high = ends.min(0), ends.max(0)
-        reach = SLACK * self.flat.reach
+        reach = REACH_FACTOR * self.flat.reach
         pixels = reach * self.sensor.fx / max(middle - 0.7 * reach, 0.3)
         return Window(
             max(0, int(low[0] - pixels)),
@@ -296,4 +296,4 @@ class SilhouetteTracker:
         row, column = place
         window = silhouette.window
         pixel = np.array([window.left + (column + 0.5) * cell - 0.5, window.top + (row + 0.5) * cell - 0.5])
-        return pixel, CENTRE_SD * cell
+        return pixel, GARMENT_CENTRE_SD * cell

@@ -22,8 +22,8 @@ HUES = 12  # directions of hue; each takes in a sixth of the circle, so that no 
 AREAS = (0.55, 1.6)  # of the disc that is expected: blur at the rim, and a hue's share of it
 LONGEST_BOX = 1.7  # long over short side: blurred by less than its own size
 FILLS = (0.6, 0.98)  # of its box
-DISTANCE = 0.08  # of the hanger's: depth at a small dot is good to a centimetre
-ALIKE = 28.0  # of a*b*, between a dot and the colour that it should have
+DISTANCE_TOLERANCE = 0.08  # of the hanger's: depth at a small dot is good to a centimetre
+LARGEST_COLOUR_DISTANCE = 28.0  # of a*b*, between a dot and the colour that it should have
 CLEARLY = 2.0  # times better than the next pair
 
 
@@ -58,11 +58,14 @@ def find_pair(
         for other in candidates[i + 1 :]:
             left, right = (one, other) if one.dot.centre[0] <= other.dot.centre[0] else (other, one)
             tints = (left.tint, right.tint)
-            if any(w is not None and np.linalg.norm(t - w) > ALIKE for t, w in zip(tints, wanted, strict=True)):
+            if any(
+                w is not None and np.linalg.norm(t - w) > LARGEST_COLOUR_DISTANCE
+                for t, w in zip(tints, wanted, strict=True)
+            ):
                 continue
             apart = float(np.linalg.norm(right.place - left.place)) / hanger.marker_distance_m - 1.0
-            if abs(apart) <= DISTANCE:
-                fault = left.fault + right.fault + abs(apart) / DISTANCE
+            if abs(apart) <= DISTANCE_TOLERANCE:
+                fault = left.fault + right.fault + abs(apart) / DISTANCE_TOLERANCE
                 pairs.append((fault, left.dot, right.dot))
     pairs.sort(key=lambda pair: pair[0])
     if not pairs or (len(pairs) > 1 and pairs[1][0] < CLEARLY * pairs[0][0]):

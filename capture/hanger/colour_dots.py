@@ -28,7 +28,7 @@ from formats.rig import Calibration, Rig
 Floats = NDArray[np.float64]
 
 AREA_TOLERANCE = 0.3  # of the dot's area: a quarter of a dot covered moves its centre by a tenth of its diameter
-PIECE = 0.25  # share of the dot's colour from which a pixel belongs to the piece that is the dot
+LEAST_COLOUR_SHARE = 0.25  # share of the dot's colour from which a pixel belongs to the piece that is the dot
 FAINTEST = 40.0  # of 255, distance between the colours of dot and background: 20 noises of a pixel
 INNER = 0.8  # of the diameter: depth pixels farther out may be mixed with what is behind
 CIRCLE = 0.5 * np.stack([np.cos(np.arange(12) * np.pi / 6), np.sin(np.arange(12) * np.pi / 6)], 1)
@@ -156,7 +156,9 @@ def dot_near(colour: NDArray[np.uint8], centre: Floats, reach: float, diameter: 
     # Another colour may also lie that way from the background: what is off the line between both is not a mixture.
     off = np.linalg.norm(window - behind - share[..., None] * toward, axis=2)
     share = np.where(off < 0.5 * length, np.clip(share, 0.0, 1.0), 0.0)
-    count, labels, stats, middles = cv2.connectedComponentsWithStats((share > PIECE).astype(np.uint8), connectivity=4)
+    count, labels, stats, middles = cv2.connectedComponentsWithStats(
+        (share > LEAST_COLOUR_SHARE).astype(np.uint8), connectivity=4
+    )
     large = np.flatnonzero(stats[1:count, cv2.CC_STAT_AREA] >= 0.2 * diameter**2) + 1
     if large.size == 0:
         return None

@@ -29,14 +29,16 @@ Floats = NDArray[np.float64]
 Picture = NDArray[np.float32]
 
 LONGEST_FOLLOWED = 0.5  # s since the id was read; in it a hand turns a hanger by some degrees, which a picture survives
-MARGIN = 0.15  # of the marker's side, kept around it: its white rim
+RIM_MARGIN = 0.15  # of the marker's side, kept around it: its white rim
 BLURS = (0.0, 0.125, 0.25, 0.5, 0.75)  # of the way per frame: exposures of up to 25 ms at 30 frames a second
 SURE = 0.8  # correlation from which a marker is whole and in its place
 POINTS = 7  # a side, of the grid that is followed
 BACK = 0.5  # px, how exactly a point must come back
-FEWEST = 12  # points of 49 that must agree: a quarter of the marker
+FEWEST_AGREEING = 12  # points of 49 that must agree: a quarter of the marker
 AGREE = 0.7  # px
-ALIKE = 0.6  # correlation of the part in view with the picture: a hand's plain skin has points that agree, but not this
+LEAST_PICTURE_CORRELATION = (
+    0.6  # correlation of the part in view with the picture: a hand's plain skin has points that agree, but not this
+)
 LEAST_IN_VIEW = 0.15  # of the marker's area, spanned by points that agree
 FLOW: dict[str, Any] = {"winSize": (9, 9), "maxLevel": 1, "flags": cv2.OPTFLOW_USE_INITIAL_FLOW}
 TURNED, SCALED = 0.25, 0.12  # rad and share; more is not what happens in half a second
@@ -75,7 +77,7 @@ class Keepsake:
 
 def keep(colour: NDArray[np.uint8], corners: Floats, time: float) -> Keepsake | None:
     """Return what to remember of a marker with corners [px], (4, 2), or None where the picture cuts it off."""
-    margin = MARGIN * quad_side(corners)
+    margin = RIM_MARGIN * quad_side(corners)
     left, top = np.floor(corners.min(0) - margin).astype(int)
     right, bottom = np.ceil(corners.max(0) + margin).astype(int) + 1
     height, width = colour.shape[:2]
@@ -153,12 +155,12 @@ def _follow_points(
         laid[int(y) : int(y) + height, int(x) : int(x) + width] = picture
         source = grid - kept.origin + [x, y]
         target, true = _there_and_back(laid, window, source)
-        if np.count_nonzero(true) < FEWEST:
+        if np.count_nonzero(true) < FEWEST_AGREEING:
             continue
         turn, agreed = cv2.estimateAffinePartial2D(
             grid[true], target[true] + origin, method=cv2.RANSAC, ransacReprojThreshold=AGREE
         )
-        if turn is None or np.count_nonzero(agreed) < FEWEST:
+        if turn is None or np.count_nonzero(agreed) < FEWEST_AGREEING:
             continue
         scale, angle = float(np.hypot(turn[0, 0], turn[1, 0])), float(np.arctan2(turn[1, 0], turn[0, 0]))
         if abs(scale - 1.0) > SCALED or abs(angle) > TURNED:
@@ -167,7 +169,7 @@ def _follow_points(
         hull = cv2.convexHull(in_view.astype(np.float32))[:, 0].astype(np.float64)
         if cv2.contourArea(hull.astype(np.float32)) < LEAST_IN_VIEW * side**2:
             continue
-        if _likeness(window, picture, turn, kept.origin, origin, hull) >= ALIKE:
+        if _likeness(window, picture, turn, kept.origin, origin, hull) >= LEAST_PICTURE_CORRELATION:
             return Followed(kept.corners @ turn[:, :2].T + turn[:, 2], hull, COVERED_SD)
     return None
 

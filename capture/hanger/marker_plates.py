@@ -28,7 +28,7 @@ from formats.rig import Sensor
 
 Floats = NDArray[np.float64]
 
-CENTRE_SD = 0.08  # px, rms of the centre against drawn markers of 17 px with noise and 8 ms blur: 0.04-0.08
+MARKER_CENTRE_SD = 0.08  # px, rms of the centre against drawn markers of 17 px with noise and 8 ms blur: 0.04-0.08
 CORNER_BIAS = 0.5  # px, a small blurred marker looks smaller by up to this at either side
 
 
@@ -74,7 +74,7 @@ class PlatePlacer:
 
     def place(
         self, quad: Floats, at: Floats, depth: NDArray[np.uint16], *, in_view: Floats | None = None,
-        centre_sd: float = CENTRE_SD,
+        centre_sd: float = MARKER_CENTRE_SD,
     ) -> Placed:  # fmt: skip
         """Return where a place `at` [px] on the plate of a marker is, and how the plate slopes.
 
@@ -94,7 +94,7 @@ class PlatePlacer:
         position, sd = self.on_ray(at, plate, centre_sd)
         return Placed(position, sd, plate.slope)
 
-    def on_ray(self, at: Floats, plate: Plate, centre_sd: float = CENTRE_SD) -> tuple[Floats, Floats]:
+    def on_ray(self, at: Floats, plate: Plate, centre_sd: float = MARKER_CENTRE_SD) -> tuple[Floats, Floats]:
         """Return position and sd [m], (3,) each, of a place `at` [px] at a depth."""
         s, z = self.sensor, plate.depth
         ray = np.array([(at[0] - s.cx) / s.fx, (at[1] - s.cy) / s.fy, 1.0])

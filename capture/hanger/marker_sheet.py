@@ -20,7 +20,7 @@ from formats.errors import OutputError
 from formats.outputs import write_text
 
 PAGE = (210.0, 297.0)  # mm, A4
-MARGIN = 15.0  # mm that no printer reaches
+PRINTER_MARGIN = 15.0  # mm that no printer reaches
 SCALE_BAR = 100.0  # mm
 GAP = 12.0  # mm between markers, with their labels
 
@@ -62,15 +62,15 @@ def draw_sheet(dictionary: str, ids: list[int], size_m: float) -> str:
         f"Print at 100 %, not fitted to the page; both bars must measure {SCALE_BAR:g} mm.",
     )
     lines = "".join(
-        f'<text x="{MARGIN:g}" y="{PAGE[1] - MARGIN - 11 + 5 * k:g}" font-family="sans-serif" '
+        f'<text x="{PRINTER_MARGIN:g}" y="{PAGE[1] - PRINTER_MARGIN - 11 + 5 * k:g}" font-family="sans-serif" '
         f'font-size="3.6">{note}</text>'
         for k, note in enumerate(notes)
     )
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{PAGE[0]:g}mm" height="{PAGE[1]:g}mm" '
         f'viewBox="0 0 {PAGE[0]:g} {PAGE[1]:g}"><rect width="100%" height="100%" fill="#fff"/>{marks}'
-        f"{_bar(MARGIN, PAGE[1] - MARGIN, horizontal=True)}"
-        f"{_bar(PAGE[0] - MARGIN, PAGE[1] - MARGIN - SCALE_BAR, horizontal=False)}"
+        f"{_bar(PRINTER_MARGIN, PAGE[1] - PRINTER_MARGIN, horizontal=True)}"
+        f"{_bar(PAGE[0] - PRINTER_MARGIN, PAGE[1] - PRINTER_MARGIN - SCALE_BAR, horizontal=False)}"
         f"{lines}"
         "</svg>\n"
     )
@@ -93,8 +93,8 @@ def write_sheet(path: Path, dictionary: str, ids: list[int], size_m: float) -> P
 def _place(ids: list[int], side: float, quiet: float) -> list[Placed]:
     """Rows from the upper left, quiet zones and labels between."""
     step = side + 2 * quiet + GAP
-    wide = int((PAGE[0] - 2 * MARGIN - 8 + GAP) // step)
-    high = int((PAGE[1] - 2 * MARGIN - 12 + GAP) // step)
+    wide = int((PAGE[0] - 2 * PRINTER_MARGIN - 8 + GAP) // step)
+    high = int((PAGE[1] - 2 * PRINTER_MARGIN - 12 + GAP) // step)
     if wide * high < len(ids):
         raise UntrackableError(
             f"{len(ids)} markers of {side:g} mm do not fit on a page",
@@ -102,7 +102,7 @@ def _place(ids: list[int], side: float, quiet: float) -> list[Placed]:
             advice="print fewer at a time, or smaller ones: 0.03 to 0.08 m suits 1 to 2.5 m of distance",
         )
     return [
-        Placed(marker, MARGIN + quiet + (k % wide) * step, MARGIN + quiet + (k // wide) * step)
+        Placed(marker, PRINTER_MARGIN + quiet + (k % wide) * step, PRINTER_MARGIN + quiet + (k // wide) * step)
         for k, marker in enumerate(ids)
     ]
 

@@ -58,7 +58,7 @@ class Condition(Enum):
     GOOD = Saying("hanger and garment are seen", "", Lamp.STEADY)
 
 
-ORDER = (
+CONDITIONS_BY_STATE = (
     (FrameState.WRONG_SIZE, Condition.WRONG_SIZE),
     (FrameState.DEPTH_MISSING, Condition.NO_DEPTH),
     (FrameState.COLOUR_MISSING, Condition.NO_COLOUR),
@@ -76,7 +76,7 @@ def condition_of(state: int, *, are_read: bool = False) -> Condition:
 
     are_read: both markers are in the picture, whether they can be placed or not
     """
-    found = next((condition for bit, condition in ORDER if state & bit), Condition.GOOD)
+    found = next((condition for bit, condition in CONDITIONS_BY_STATE if state & bit), Condition.GOOD)
     return Condition.MISFIT if found is Condition.NO_MARKERS and are_read else found
 
 

@@ -24,8 +24,8 @@ SMALLEST_MARKER = {"fiducial": 12.0, "dot": 5.0}  # px: two a bit of 4 x 4 and a
 IN_FRONT_OF_HANGER = 0.3  # m nearer than the hanger was: more than a hand swings it between two sightings
 IN_FRONT_OF_GARMENT = 0.5  # m nearer than the held edge: beyond the hem of a garment that swings up
 COVERED_HANGER, COVERED_GARMENT = 0.5, 0.25  # share of the pixels there
-LONGEST_MEMORY = 3.0  # s after which the hanger may be anywhere, unless something stands before it
-STRIDE = 8  # pixels along both axes between samples of the whole view
+HANGER_MEMORY = 3.0  # s after which the hanger may be anywhere, unless something stands before it
+VIEW_STRIDE = 8  # pixels along both axes between samples of the whole view
 
 
 def picture_faults(frame: SensorFrame, camera: Sensor) -> int:
@@ -71,7 +71,7 @@ class HangerWatch:
     def _is_blocked(self, sight: HangerSight, depth: NDArray[np.uint16], time: float) -> bool:
         blocked = False
         for row, last in enumerate(self._last):
-            if last is None or sight.valid[row] or time - last.time > LONGEST_MEMORY:
+            if last is None or sight.valid[row] or time - last.time > HANGER_MEMORY:
                 continue
             reach = 0.5 * last.side
             patch = _window(depth, last.centre - reach, last.centre + reach)
@@ -84,7 +84,7 @@ class HangerWatch:
 
 def view_faults(depth: NDArray[np.uint16]) -> int:
     """Return whether most of a view without markers is too near, or nearly all of it too far."""
-    seen = depth[::STRIDE, ::STRIDE]
+    seen = depth[::VIEW_STRIDE, ::VIEW_STRIDE]
     seen = seen[seen > 0]
     if seen.size == 0:
         return 0

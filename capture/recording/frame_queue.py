@@ -26,7 +26,7 @@ from firmware_host.depth_sensor import STALL_TIMEOUT, DepthSensor, SensorFrame, 
 
 ROOM = 30_000_000  # bytes that may wait: 40 frames of 640 x 480 with noise of 3 of 255 in colour, at least 27
 UNPACKED = 2  # frames; more wait only while something is wrong
-PACKING = 1  # zstd's level: higher ones pack a depth picture no smaller
+ZSTD_LEVEL = 1  # zstd's level: higher ones pack a depth picture no smaller
 NO_DEPTH = np.zeros((0, 0), np.uint16)
 
 
@@ -49,7 +49,7 @@ class QueuedSensor(DepthSensor):
         self._error: BaseException | None = None
         self._stop, self._awake = threading.Event(), threading.Event()
         self._rest_s, self._has_rested = 0.0, False
-        self._pack, self._unpack = zstandard.ZstdCompressor(level=PACKING), zstandard.ZstdDecompressor()
+        self._pack, self._unpack = zstandard.ZstdCompressor(level=ZSTD_LEVEL), zstandard.ZstdDecompressor()
         self._thread = None if run else threading.Thread(target=self._fetch, name="frames", daemon=True)
         self._begin = run or (lambda fetch: None)
         self._is_begun, self._has_finished = False, threading.Event()

@@ -12,7 +12,7 @@ import numpy as np
 from formats.arrays import Booleans, Floats
 from formats.take import LONGEST_GAP, Take
 
-SHORTEST = 2.5  # s: a shorter take is not diagnosed, see the reference of the diagnosis
+SHORTEST_DIAGNOSED = 2.5  # s: a shorter take is not diagnosed, see the reference of the diagnosis
 FEWEST_HANGERS = 10  # frames with both markers; fewer are no recording of a hanger
 HARDLY_EVER = 0.1  # of the frames
 HARDLY_MOVED = 0.03  # m that the hanger goes to and fro at most: the synthetic world's gentlest motion goes 0.14 m
@@ -73,11 +73,12 @@ def _hanger_gaps(take: Take, has_hanger: Booleans) -> list[Finding]:
 
 def _length(take: Take) -> list[Finding]:
     seconds = float(take.time[-1] - take.time[0])
-    if seconds >= SHORTEST:
+    if seconds >= SHORTEST_DIAGNOSED:
         return []
     return [
         Finding(
-            name="too_short", words=f"the take lasts {seconds:.1f} s, and none below {SHORTEST:g} s is diagnosed",
+            name="too_short",
+            words=f"the take lasts {seconds:.1f} s, and none below {SHORTEST_DIAGNOSED:g} s is diagnosed",
             advice="swing for five seconds or more, then hold still until the cloth hangs",
         )
     ]  # fmt: skip

@@ -17,7 +17,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import IO, Any
 
-from capture.appliance.receipts import CHECKSUM, READ_BACK, Receipt, write_receipt
+from capture.appliance.receipts import READ_BACK, STORE_CHECKSUM, Receipt, write_receipt
 from capture.appliance.spool import KeptTake
 from capture.errors import SyncError
 from capture.sync.encryption import encrypt
@@ -127,7 +127,7 @@ def _verified(server: Server, key: str, sums: Sums, tag: str | None, stem: str) 
         found = read_back(server, key)
     except ReadRefusedError as refused:
         if tag is not None and tag.lower() == sums.tag:
-            return CHECKSUM
+            return STORE_CHECKSUM
         raise ServerError(
             f"{refused.what}, and the store gives no checksum that can be compared", kind="person",
             advice="allow the keys of this device to read what it wrote: nothing is verified without",

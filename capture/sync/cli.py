@@ -15,7 +15,7 @@ SpoolFolder = Annotated[
     Path | None,
     typer.Option("--spool", metavar="DIR", help="The folder of takes.", show_default="the configuration's"),
 ]
-CONFIG = Path("/etc/hangtime/appliance.toml")
+CONFIG_FILE = Path("/etc/hangtime/appliance.toml")
 
 
 def add_commands(app: typer.Typer) -> None:
@@ -30,7 +30,7 @@ def add_commands(app: typer.Typer) -> None:
     group_of(app, "takes").command("prune")(prune_takes)
 
 
-def run_sync(config: Config = CONFIG, spool: SpoolFolder = None) -> None:
+def run_sync(config: Config = CONFIG_FILE, spool: SpoolFolder = None) -> None:
     """Bring takes to the server until none waits; a server that fails is tried again, ever more rarely.
 
     Exit code 0: all takes are safe; 2: settings, credentials or disk; 75: only a person can mend what is in the way.
@@ -38,7 +38,7 @@ def run_sync(config: Config = CONFIG, spool: SpoolFolder = None) -> None:
     _start("run", config, spool)
 
 
-def sync_now(config: Config = CONFIG, spool: SpoolFolder = None) -> None:
+def sync_now(config: Config = CONFIG_FILE, spool: SpoolFolder = None) -> None:
     """Bring takes to the server once, without waiting for a server that fails.
 
     Exit code 0: all takes are safe; 2: settings, credentials or disk; 75: the server did not take them.
@@ -46,7 +46,7 @@ def sync_now(config: Config = CONFIG, spool: SpoolFolder = None) -> None:
     _start("now", config, spool)
 
 
-def prove_sync(config: Config = CONFIG, spool: SpoolFolder = None) -> None:
+def prove_sync(config: Config = CONFIG_FILE, spool: SpoolFolder = None) -> None:
     """Fetch one take at random from the server, hash it and open it.
 
     Exit code 0: what was fetched is right; 2: it is damaged or missing; 75: the server cannot be asked.
@@ -55,7 +55,7 @@ def prove_sync(config: Config = CONFIG, spool: SpoolFolder = None) -> None:
 
 
 def show_sync(
-    config: Config = CONFIG,
+    config: Config = CONFIG_FILE,
     spool: SpoolFolder = None,
     json: Annotated[bool, typer.Option("--json", rich_help_panel=TOLD, help="Print JSON instead of words.")] = False,
 ) -> None:
@@ -76,7 +76,7 @@ def show_sync(
 
 
 def prune_takes(
-    config: Config = CONFIG,
+    config: Config = CONFIG_FILE,
     spool: SpoolFolder = None,
     keep_days: Annotated[
         float | None,

@@ -14,7 +14,7 @@ from formats.errors import HangtimeError
 from formats.terminal import say
 
 SAFE, REFUSED, LATER = 0, 2, 75  # 75: EX_TEMPFAIL of sysexits.h, what starts the command may try again
-ENDINGS = "Exit code 0: all takes are safe; 2: settings, credentials or disk; 75: the server did not take them."
+EXIT_CODES = "Exit code 0: all takes are safe; 2: settings, credentials or disk; 75: the server did not take them."
 LEVELS = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3}  # of sd-daemon(3)
 
 

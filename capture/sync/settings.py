@@ -20,7 +20,7 @@ from formats.store_address import folder_of
 DEFAULT_FILE = Path("/etc/hangtime/appliance.toml")
 DEFAULT_SPOOL = Path("/var/lib/hangtime/takes")
 PROOF_DAYS = 7.0
-ADVICE = "mend it in [sync]; docs/how-to/sync.md explains every setting"
+SETTINGS_ADVICE = "mend it in [sync]; docs/how-to/sync.md explains every setting"
 
 
 class SyncSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -108,7 +108,7 @@ def settings_of(table: Any, *, where: object = None) -> SyncSettings:
         settings = msgspec.convert(table, SyncSettings, dec_hook=_path)
         folder_of(settings.url)
     except msgspec.ValidationError as error:
-        raise SyncError(f"[sync] does not hold: {error}", where=where, advice=ADVICE) from error
+        raise SyncError(f"[sync] does not hold: {error}", where=where, advice=SETTINGS_ADVICE) from error
     except AddressError as error:
         raise SyncError(f"url: {error.what}", where=where, advice=error.advice) from error
     return settings

@@ -15,7 +15,7 @@ from firmware_host.openni2_sensor import OpenNI2Sensor
 from firmware_host.usb_control.devices import UsbDevice
 
 LIVE_SENSOR = "openni2:"
-WATCHED = 5.0  # s of frames that are looked at
+WATCHED_SECONDS = 5.0  # s of frames that are looked at
 WARM_UP = 10  # frames of a live sensor left out: exposure settles, and the first ones may come late
 HIGHEST_RATE = 1.5  # of the nominal rate; more frames than that never come, so it is the clock that lags
 LOWEST_RATE = 0.95  # of the nominal rate; the device's clock is far better than this, so less means lost frames
@@ -56,8 +56,8 @@ def rate_and_drops(examination: Examination) -> Finding:
         for _ in range(WARM_UP):
             sensor.read()
         sample = examination.sample = StreamSample(info=sample.info)
-    most = MOST_FRAMES * WATCHED * sample.info.fps
-    while sample.duration < WATCHED and len(sample.times) < most and (frame := sensor.read()) is not None:
+    most = MOST_FRAMES * WATCHED_SECONDS * sample.info.fps
+    while sample.duration < WATCHED_SECONDS and len(sample.times) < most and (frame := sensor.read()) is not None:
         sample.add(frame)
     return judge_rate(sample)
 

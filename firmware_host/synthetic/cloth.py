@@ -32,7 +32,7 @@ GRAVITY = 9.80665  # m/s^2 along +y
 AIR_DENSITY = 1.204  # kg/m^3 at 20 degC
 ROWS, COLUMNS = 18, 17
 SETTLE_TIME, SETTLE_DAMPING = 1.5, 6.0  # s, 1/s
-SAFETY = 0.6  # of the stable step
+STEP_SHARE = 0.6  # of the stable step
 HEM_SHARE = 0.8  # of the weight at most: the lighter the rest, the shorter the stable step
 
 
@@ -185,7 +185,7 @@ class _Cloth:
             total[a] += k
             total[b] += 4 * k
             total[c] += k
-        return float(SAFETY * 2 / np.sqrt((2 * total / self.mass[..., 0]).max()))
+        return float(STEP_SHARE * 2 / np.sqrt((2 * total / self.mass[..., 0]).max()))
 
     def hang(self, ends: Floats) -> None:
         """Hang flat and straight down from the ends, (2, 3)."""

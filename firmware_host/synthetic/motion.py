@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 START, RAMP = 1.0, 0.5  # s
 STOP_SHARE, STOP_TIME = 0.65, 0.3  # of the recording; s
-JITTER = 1e-3  # m, root mean square
+HAND_JITTER = 1e-3  # m, root mean square
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class HangerPose:
     roll: Floats
 
 
-MOTIONS: dict[str, tuple[Sine, ...]] = {
+HANGER_MOTIONS: dict[str, tuple[Sine, ...]] = {
     "swing": (Sine("z", 0.6, 0.05, 0.0, 0.55), Sine("z", 0.85, 0.09, 0.45, 1.0)),
     "mixed": (
         Sine("z", 0.5, 0.10), Sine("z", 1.1, 0.03, 0.3, 1.0), Sine("x", 0.7, 0.03), Sine("yaw", 0.4, np.radians(5.0)),
@@ -59,12 +59,14 @@ def hanger_pose(motion: str, time: Floats, seed: int, seconds: float) -> HangerP
     Raises:
         SensorAddressError: there is no such motion.
     """
-    if motion not in MOTIONS:
-        raise SensorAddressError(f"there is no motion {motion!r}", advice=f"choose of {', '.join(sorted(MOTIONS))}")
+    if motion not in HANGER_MOTIONS:
+        raise SensorAddressError(
+            f"there is no motion {motion!r}", advice=f"choose of {', '.join(sorted(HANGER_MOTIONS))}"
+        )
     stop = STOP_SHARE * seconds
     moving = stop - START
     parts = {axis: np.zeros_like(time) for axis in ("x", "y", "z", "yaw", "roll")}
-    for sine in MOTIONS[motion]:
+    for sine in HANGER_MOTIONS[motion]:
         begin, end = START + sine.first * moving, START + sine.last * moving
         parts[sine.axis] += sine.amplitude * np.sin(2 * np.pi * sine.hertz * (time - begin)) * _window(time, begin, end)
     rng = np.random.default_rng([seed, 77])
@@ -72,7 +74,7 @@ def hanger_pose(motion: str, time: Floats, seed: int, seconds: float) -> HangerP
         for _ in range(3):
             hertz, phase = rng.uniform(2, 4), rng.uniform(0, 2 * np.pi)
             wave = np.sin(2 * np.pi * hertz * time + phase)
-            parts[axis] += JITTER * np.sqrt(2 / 9) * wave * _window(time, START, stop)
+            parts[axis] += HAND_JITTER * np.sqrt(2 / 9) * wave * _window(time, START, stop)
     return HangerPose(np.stack([parts["x"], parts["y"], parts["z"]], 1), parts["yaw"], parts["roll"])
 
 

@@ -18,10 +18,10 @@ from firmware_host.synthetic.surroundings import Panel, Surroundings, draw_panel
 
 Floats = NDArray[np.float64]
 
-SAMPLES = 3  # a side, per pixel of plates and bar
-SPACING = 1.3e-3  # m between drawn points of the cloth: half a pixel at 1.5 m, so that no pixel stays empty
+SAMPLES_A_SIDE = 3  # a side, per pixel of plates and bar
+DRAWN_SPACING = 1.3e-3  # m between drawn points of the cloth: half a pixel at 1.5 m, so that no pixel stays empty
 WALL, BAR, CLOTH, WHITE, BLACK = 128.0, 60.0, (176.0, 74.0, 82.0), 235.0, 22.0
-LIGHT = np.array([0.3, -0.5, -0.8]) / np.linalg.norm([0.3, -0.5, -0.8])
+LIGHT_DIRECTION = np.array([0.3, -0.5, -0.8]) / np.linalg.norm([0.3, -0.5, -0.8])
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,9 @@ class View:
 class Renderer:
     """Draws one pose after the other; keeps what does not change."""
 
-    def __init__(self, pattern: Pattern, surroundings: Surroundings | None = None, spacing: float = SPACING) -> None:
+    def __init__(
+        self, pattern: Pattern, surroundings: Surroundings | None = None, spacing: float = DRAWN_SPACING
+    ) -> None:
         rows, columns, _ = pattern.rest.shape
         height = float(np.abs(np.diff(pattern.rest[..., 1], axis=0)).max(1).sum())
         width = float(np.abs(np.diff(pattern.rest[..., 0], axis=1)).max(0).sum())
@@ -119,7 +121,7 @@ class Renderer:
         along, down = np.gradient(nodes, axis=1), np.gradient(nodes, axis=0)
         normal = np.cross(along, down)
         normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-12)
-        shade = 0.35 + 0.65 * np.abs(normal @ LIGHT)
+        shade = 0.35 + 0.65 * np.abs(normal @ LIGHT_DIRECTION)
         shade = self._down @ shade @ self._across.T
         pixel, z, which = self._projected(self._fine(nodes))
         depth.reshape(-1)[pixel] = z
@@ -156,7 +158,7 @@ def _draw_rectangle(
     top, bottom = max(int(v.min()) - 1, 0), min(int(v.max()) + 2, CAMERA.height)
     if left >= right or top >= bottom:
         return
-    fraction = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
+    fraction = (np.arange(SAMPLES_A_SIDE) + 0.5) / SAMPLES_A_SIDE - 0.5
     us = (np.arange(left, right)[:, None] + fraction).ravel()
     vs = (np.arange(top, bottom)[:, None] + fraction).ravel()
     ray = np.stack(
@@ -167,7 +169,7 @@ def _draw_rectangle(
     local = (ray * z[..., None] - at) @ rotation
     inside = (np.abs(local[..., 0]) <= size[0] / 2) & (np.abs(local[..., 1]) <= size[1] / 2)
     value = np.full(inside.shape, BAR) if marker is None else _marker_pattern(local, marker)
-    shape = (bottom - top, SAMPLES, right - left, SAMPLES)
+    shape = (bottom - top, SAMPLES_A_SIDE, right - left, SAMPLES_A_SIDE)
     covered = inside.reshape(shape).mean((1, 3))
     painted = (value * inside).reshape(shape).sum((1, 3)) / np.maximum(inside.reshape(shape).sum((1, 3)), 1)
     patch, behind = depth[top:bottom, left:right], colour[top:bottom, left:right]

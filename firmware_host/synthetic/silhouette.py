@@ -37,14 +37,14 @@ from formats.outputs import check_stem, make_output_folder, refuse_to_replace, w
 Floats = NDArray[np.float64]
 
 SIDE, GRID = 0.3, 8  # m, and points along it, as in the recordings
-NODES = 9  # of the cloth along its side
+NODES_ALONG = 9  # of the cloth along its side
 DENSITY = 0.197  # kg/m^2, median of 618 fabrics, ClothDrapeTester (SIGGRAPH Asia 2022)
-PHYSICS = ClothPhysics(linear_damping=1.5)
+SILHOUETTE_PHYSICS = ClothPhysics(linear_damping=1.5)
 RATE, UNEVEN = 9.0, 0.3  # frames a second, and the spread of their intervals, as in the recordings
 AWAY, HERTZ, REST = 0.1, 0.7, 1.5  # m and Hz of the swing, and s of rest at either end
 CAMERA = np.array([0.0, -1.5, 0.0])  # m, where depths begin
-FINE = 100.0  # instants a second at which the true cloth is kept
-LONGEST = 120.0  # s
+TRUTH_RATE = 100.0  # instants a second at which the true cloth is kept
+LONGEST_RECORDING = 120.0  # s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,10 +105,10 @@ def swung_cloth(seconds: float, progress: Callable[[float], None] = lambda share
         outline_m=((-half, 0.0), (half, 0.0), (half, -SIDE), (-half, -SIDE)),
         points=(TrackedPoint(name="middle", at_m=(0.0, -half)),),
     )  # fmt: skip
-    fine = np.arange(0.0, seconds, 1 / FINE)
+    fine = np.arange(0.0, seconds, 1 / TRUTH_RATE)
     nodes = simulate(
-        garment, lambda t: held_path(t) @ TO_SENSOR.T, fine, physics=PHYSICS, effects={}, rows=NODES, columns=NODES,
-        progress=progress,
+        garment, lambda t: held_path(t) @ TO_SENSOR.T, fine, physics=SILHOUETTE_PHYSICS, effects={},
+        rows=NODES_ALONG, columns=NODES_ALONG, progress=progress,
     )  # fmt: skip
     return fine, np.asarray(nodes @ TO_SENSOR)
 
@@ -229,7 +229,9 @@ def _check(faults: CameraFaults, seconds: float, seed: int) -> None:
             raise SensorAddressError(
                 f"{name} cannot be {getattr(faults, name):g}", advice=f"choose {low:g} to {high:g}"
             )
-    if not 4.0 <= seconds <= LONGEST:
-        raise SensorAddressError(f"{seconds:g} s is no length of a recording", advice=f"choose 4 to {LONGEST:g} s")
+    if not 4.0 <= seconds <= LONGEST_RECORDING:
+        raise SensorAddressError(
+            f"{seconds:g} s is no length of a recording", advice=f"choose 4 to {LONGEST_RECORDING:g} s"
+        )
     if seed < 0:
         raise SensorAddressError(f"the seed {seed} is below 0", advice="give 0 or more")

@@ -23,12 +23,12 @@ from formats.descriptions import dump_description
 from formats.garment import Garment
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
 from formats.outputs import make_output_folder, refuse_to_replace, write_bytes, write_text
-from formats.swatch import MARKERS, SIDE, swatch
+from formats.swatch import MARKERS, SWATCH_SIDE, swatch
 
 Floats = NDArray[np.float64]
 
 FPS, FRAMES = 120.0, 500  # section 2
-CELLS = 3  # of the cloth's grid between two markers
+CELLS_BETWEEN_MARKERS = 3  # of the cloth's grid between two markers
 HELD_APART = 0.92  # of the swatch's width: fingers do not stretch it
 UNEVENNESS = 5e-3  # m: no cloth hangs perfectly flat, and a flat one would never fold
 MARKER_NOISE = 2e-4  # m per axis; optical systems keep 0.1 to 0.5 mm
@@ -46,7 +46,7 @@ class TrueFabric:
     physics: ClothPhysics
 
 
-FABRICS = {
+TRUE_FABRICS = {
     "silk": TrueFabric(
         density=0.075,
         physics=ClothPhysics(stretch_stiffness=130.0, shear_stiffness=16.0, bending_stiffness=5e-6, linear_damping=1.9),
@@ -70,7 +70,7 @@ FABRICS = {
         ),
     ),
 }
-MOTIONS = {  # Hz, m, phase
+SWATCH_MOTIONS = {  # Hz, m, phase
     "swing": ((0.7, 0.10, 0.0), (1.3, 0.02, 1.0)),
     "other": ((0.5, 0.09, 0.4), (1.0, 0.06, 0.0)),
     "slow": ((0.35, 0.15, 0.0), (1.1, 0.03, 0.6)),
@@ -88,14 +88,14 @@ def make_swatch_take(
         OutputError: the folder cannot be made or written to, or one of the files is there with something else in it and
             they are not to be overwritten.
     """
-    if fabric not in FABRICS:
-        raise SensorAddressError(f"there is no fabric {fabric!r}", advice=f"choose of {', '.join(FABRICS)}")
+    if fabric not in TRUE_FABRICS:
+        raise SensorAddressError(f"there is no fabric {fabric!r}", advice=f"choose of {', '.join(TRUE_FABRICS)}")
     if not np.isfinite(air_drag):
         raise SensorAddressError(f"the air drag {air_drag:g} is no coefficient", advice="give a finite number")
     if seed < 0:
         raise SensorAddressError(f"the seed {seed} is below 0", advice="give 0 or more")
-    true = FABRICS[fabric]
-    garment = swatch(round(true.density * SIDE**2, 6), name=fabric)
+    true = TRUE_FABRICS[fabric]
+    garment = swatch(round(true.density * SWATCH_SIDE**2, 6), name=fabric)
     stem, described = f"{fabric}-{motion}", dump_description(garment)
     marks, truth, description = paths = [out / f"{stem}.csv", out / f"{stem}.truth.npz", out / f"{fabric}.toml"]
     if not overwrite:
@@ -118,7 +118,8 @@ def make_swatch_take(
 
 
 def swung_markers(
-    garment: Garment, time: Floats, motion: str, true: TrueFabric, *, air_drag: float = 0.0, cells: int = CELLS,
+    garment: Garment, time: Floats, motion: str, true: TrueFabric, *, air_drag: float = 0.0,
+    cells: int = CELLS_BETWEEN_MARKERS,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Floats:  # fmt: skip
     """Return the markers' true places [m], (frames, 81, 3), z up, of a swatch swung back and forth by its corners.
@@ -126,14 +127,14 @@ def swung_markers(
     Raises:
         SensorAddressError: there is no such motion.
     """
-    if motion not in MOTIONS:
-        raise SensorAddressError(f"there is no motion {motion!r}", advice=f"choose of {', '.join(MOTIONS)}")
-    half = 0.5 * HELD_APART * SIDE
+    if motion not in SWATCH_MOTIONS:
+        raise SensorAddressError(f"there is no motion {motion!r}", advice=f"choose of {', '.join(SWATCH_MOTIONS)}")
+    half = 0.5 * HELD_APART * SWATCH_SIDE
 
     def ends(instants: Floats) -> Floats:
         ramp = np.clip(instants / 0.5, 0.0, 1.0)
         ramp = ramp**3 * (10 - 15 * ramp + 6 * ramp**2)
-        swung = sum(a * (np.sin(2 * np.pi * f * instants + p) - np.sin(p)) for f, a, p in MOTIONS[motion]) * ramp
+        swung = sum(a * (np.sin(2 * np.pi * f * instants + p) - np.sin(p)) for f, a, p in SWATCH_MOTIONS[motion]) * ramp
         place = np.zeros((len(instants), 2, 3))
         place[:, 0, 0], place[:, 1, 0] = -half, half
         place[:, :, 2] = np.asarray(swung)[:, None]

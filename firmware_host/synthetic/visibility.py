@@ -39,8 +39,8 @@ Floats = NDArray[np.float64]
 
 NEIGHBOURHOOD = 0.020  # m along the cloth
 CLEAR_SHARE = 0.25  # of what the neighbourhood would show if it faced the camera
-MARGIN = 4  # px, five deviations of the lateral noise
-_STEPS = np.arange(-MARGIN, MARGIN + 1)
+NOISE_MARGIN = 4  # px, five deviations of the lateral noise
+_STEPS = np.arange(-NOISE_MARGIN, NOISE_MARGIN + 1)
 _WEIGHTS = np.exp(-0.5 * (_STEPS / LATERAL_PX) ** 2) / np.exp(-0.5 * (_STEPS / LATERAL_PX) ** 2).sum()
 
 
@@ -99,7 +99,7 @@ def _as_noise_shows(is_near: NDArray[np.bool_]) -> Floats:
     """Return in what share of its looks each pixel around the marked ones shows one of these."""
     rows, columns = np.nonzero(is_near)
     part = is_near[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
-    seen = np.pad(part.astype(float), MARGIN)
+    seen = np.pad(part.astype(float), NOISE_MARGIN)
     for axis in (0, 1):
         seen = np.apply_along_axis(np.convolve, axis, seen, _WEIGHTS, mode="same")
     return seen

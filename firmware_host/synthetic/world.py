@@ -31,7 +31,7 @@ Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 TYPICAL = {"none": 0.0, "air_drag": 1.2, "hem": 0.02, "time_offset": 0.03}
-SHORTEST = 1.0  # s: until then nothing moves
+SHORTEST_RECORDING = 1.0  # s: until then nothing moves
 EXPOSURE = 0.008  # s
 PIXEL_NOISE = 2.0  # of 255
 FIRST_STAMP = 0.001  # s: OpenNI ignores a frame at time 0
@@ -42,7 +42,7 @@ FABRICS = {
     "plain": ClothPhysics(),
     "felt": ClothPhysics(stretch_stiffness=90.0, shear_stiffness=14.0, bending_stiffness=1.6e-4, linear_damping=3.5),
 }
-PHYSICS = {"t-shirt": ClothPhysics(bending_stiffness=1e-3, shear_stiffness=120.0)}
+GARMENT_PHYSICS = {"t-shirt": ClothPhysics(bending_stiffness=1e-3, shear_stiffness=120.0)}
 HIDING_STEP = 6e-3  # m by which a surface must be nearer to hide a point: a folded corner lies 10 mm behind
 NEAREST_SWING = 0.35  # m towards the sensor, for how densely the cloth must be drawn
 
@@ -150,9 +150,9 @@ def make_world(
             f"the synthetic world has no effect {effect!r}", advice=f"choose of {', '.join(TYPICAL)}"
         )
     size = TYPICAL[effect] if amplitude is None else amplitude
-    if not (np.isfinite(seconds) and seconds >= SHORTEST):
+    if not (np.isfinite(seconds) and seconds >= SHORTEST_RECORDING):
         raise SensorAddressError(
-            f"the synthetic world cannot last for {seconds:g} seconds", advice=f"give {SHORTEST:g} or more"
+            f"the synthetic world cannot last for {seconds:g} seconds", advice=f"give {SHORTEST_RECORDING:g} or more"
         )
     if not np.isfinite(size):
         raise SensorAddressError(f"the amplitude {size:g} is no size of an effect", advice="give a finite number")
@@ -168,7 +168,7 @@ def make_world(
 
     seen = np.maximum(time - size, 0.0) if effect == "time_offset" else time
     effects = {effect: size} if effect in {"air_drag", "hem"} else {}
-    physics = PHYSICS.get(garment.kind, FABRICS[fabric])
+    physics = GARMENT_PHYSICS.get(garment.kind, FABRICS[fabric])
     nodes = simulate(
         garment, lambda times: placed(times).held, seen, physics=physics, effects=effects,
         progress=lambda share: progress("cloth", share), rows=rows, columns=columns,

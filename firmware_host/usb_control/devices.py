@@ -23,7 +23,7 @@ SPEEDS = {  # libusb.h, enum libusb_speed: name and Mbit/s
 }
 SELF_POWERED = 0x40  # bit of bmAttributes (USB 2.0, table 9-10)
 UNPOWERED_PORT = 100  # mA that a port of a hub without its own supply gives (USB 2.0, section 7.2.1.1)
-NO_SENSOR = "no depth sensor on the USB bus"
+NO_SENSOR_FOUND = "no depth sensor on the USB bus"
 PLUG_IN = "plug it in, with its own power supply if it has one"
 
 
@@ -133,7 +133,7 @@ def choose(
         if not devices:
             raise SensorUnavailableError(f"no depth sensor at USB {place}", advice="see `hangtime sensor list`")
     if not devices:
-        raise SensorUnavailableError(NO_SENSOR, advice=PLUG_IN)
+        raise SensorUnavailableError(NO_SENSOR_FOUND, advice=PLUG_IN)
     chosen = [device for device in devices if device.model.protocol in protocols]
     if not chosen:
         raise FirmwareUnsupportedError(

@@ -30,7 +30,9 @@ COUNTS_PER_G = 819.0  # FREENECT_COUNTS_PER_G
 GRAVITY = 9.80665  # m/s^2, standard
 LARGEST_TILT = 31.0  # degrees, MAX_TILT_ANGLE
 UNKNOWN_TILT = -128  # what the tilt reads while the motor moves
-STILL = 0.15  # of g; farther from 1 g, the sensor is being moved or a zero point is off (data sheet: 0.25 g at most)
+STILL_TOLERANCE = (
+    0.15  # of g; farther from 1 g, the sensor is being moved or a zero point is off (data sheet: 0.25 g at most)
+)
 
 
 class Led(IntEnum):
@@ -72,7 +74,7 @@ class MotorState:
     @property
     def is_still(self) -> bool:
         """Return whether what is measured can be gravity alone."""
-        return abs(self.size_g - 1) <= STILL
+        return abs(self.size_g - 1) <= STILL_TOLERANCE
 
     def gravity(self) -> tuple[float, float, float]:
         """Return the unit vector of gravity in the sensor frame (x right, y down, z away), as a rig.toml wants it.

@@ -19,7 +19,7 @@ from firmware_host.errors import FirmwareRefusalError, FirmwareReplyError
 REQUEST_MAGIC = 0x4D47  # XN_HOST_MAGIC_26
 REPLY_MAGIC = 0x4252  # XN_FW_MAGIC_26
 OLD_REPLY_MAGIC = 0x5350  # XN_FW_MAGIC_25: firmware before 1.2, with a checksum in the header
-HEADER = struct.Struct("<HHHH")  # XnHostProtocolHeaderV26
+MESSAGE_HEADER = struct.Struct("<HHHH")  # XnHostProtocolHeaderV26
 ERROR = struct.Struct("<H")  # XnHostProtocolReplyHeader
 LARGEST_PACKET = 512  # bytes, XN_PROTOCOL_MAX_PACKET_SIZE_V5_0
 NOT_READY = 13  # NACK_NOT_READY
@@ -76,14 +76,16 @@ class StaleReplyError(FirmwareReplyError):
 
 def encode_request(opcode: Opcode, request_id: int, arguments: bytes = b"") -> bytes:
     """Return the bytes of a request; `arguments` are whole 16-bit words."""
-    if len(arguments) % 2 or HEADER.size + len(arguments) > LARGEST_PACKET:
+    if len(arguments) % 2 or MESSAGE_HEADER.size + len(arguments) > LARGEST_PACKET:
         raise ValueError(f"{len(arguments)} bytes of arguments are no whole words or do not fit a packet")
-    return HEADER.pack(REQUEST_MAGIC, len(arguments) // 2, opcode, request_id) + arguments
+    return MESSAGE_HEADER.pack(REQUEST_MAGIC, len(arguments) // 2, opcode, request_id) + arguments
 
 
 def reply_length(start: bytes) -> int:
     """Return how long [bytes] the reply that starts like this says it is, header included; 0 where it is too short."""
-    return HEADER.size + 2 * int(HEADER.unpack_from(start)[1]) if len(start) >= HEADER.size else 0
+    return (
+        MESSAGE_HEADER.size + 2 * int(MESSAGE_HEADER.unpack_from(start)[1]) if len(start) >= MESSAGE_HEADER.size else 0
+    )
 
 
 def decode_reply(reply: bytes, opcode: Opcode, request_id: int, where: str) -> bytes:
@@ -94,9 +96,9 @@ def decode_reply(reply: bytes, opcode: Opcode, request_id: int, where: str) -> b
         FirmwareRefusalError: the firmware says no.
     """
     advice = "unplug the sensor and plug it in again"
-    if len(reply) < HEADER.size:
+    if len(reply) < MESSAGE_HEADER.size:
         raise FirmwareReplyError(f"the answer has {len(reply)} bytes and no header", where=where, advice=advice)
-    magic, words, answered, answered_id = HEADER.unpack_from(reply)
+    magic, words, answered, answered_id = MESSAGE_HEADER.unpack_from(reply)
     if magic == OLD_REPLY_MAGIC:
         raise FirmwareReplyError(
             "its firmware is older than 3.0 and speaks another protocol", where=where, advice="update it"
@@ -110,12 +112,14 @@ def decode_reply(reply: bytes, opcode: Opcode, request_id: int, where: str) -> b
     whole = reply_length(reply)
     if words < 1 or len(reply) < whole:
         raise FirmwareReplyError(
-            f"the answer has {len(reply)} of {max(whole, HEADER.size + ERROR.size)} bytes", where=where, advice=advice
+            f"the answer has {len(reply)} of {max(whole, MESSAGE_HEADER.size + ERROR.size)} bytes",
+            where=where,
+            advice=advice,
         )
-    (code,) = ERROR.unpack_from(reply, HEADER.size)
+    (code,) = ERROR.unpack_from(reply, MESSAGE_HEADER.size)
     if code:
         meaning = REFUSALS.get(code, "an error that is not documented")
         raise FirmwareRefusalError(
             f"the firmware refuses command {opcode.name}: {meaning} (error {code})", code=code, where=where
         )
-    return reply[HEADER.size + ERROR.size : whole]
+    return reply[MESSAGE_HEADER.size + ERROR.size : whole]

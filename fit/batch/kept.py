@@ -17,7 +17,7 @@ from formats.results import diagnosis_from, fit_result_from
 
 Kept = TypeVar("Kept")
 
-CHECKSUM = ".sha256"  # after the name of what it is of
+CHECKSUM_SUFFIX = ".sha256"  # after the name of what it is of
 
 
 def keep(results: Store, name: str, content: bytes) -> None:
@@ -27,7 +27,7 @@ def keep(results: Store, name: str, content: bytes) -> None:
         BatchError, UnreachableError: one of the two cannot be written.
     """
     base = name.rsplit("/", 1)[-1]
-    results.write(name + CHECKSUM, f"{digest_of(content)}  {base}\n".encode())
+    results.write(name + CHECKSUM_SUFFIX, f"{digest_of(content)}  {base}\n".encode())
     results.write(name, content)
 
 
@@ -39,8 +39,8 @@ def sound(results: Store, name: str) -> bytes:
         UnreachableError: the results cannot be reached now.
     """
     content = results.read(name)
-    if results.has(name + CHECKSUM):
-        stated = results.read(name + CHECKSUM).split()[:1]
+    if results.has(name + CHECKSUM_SUFFIX):
+        stated = results.read(name + CHECKSUM_SUFFIX).split()[:1]
         if stated != [digest_of(content).encode()]:
             raise BatchError(
                 "is damaged: its checksum does not fit", where=f"{results.url}/{name}",

@@ -13,7 +13,7 @@ from fit.batch.kept import kept
 from fit.batch.pages import render_page
 from fit.batch.runner import Survey
 from fit.batch.store import Store
-from fit.batch.summary import WORDS, Row, sentence_of
+from fit.batch.summary import STATE_WORDS, Row, sentence_of
 from fit.errors import BatchError, UnreachableError
 from fit.identification.calibrate import TOO_SHORT
 from formats.diagnosis_records import Diagnosis
@@ -98,7 +98,9 @@ def morning_of(
     """
     findings = [_finding(one, diagnoses, results) for one in every]
     by_take = {seen.name: (one, seen) for one in every for seen in one.takes}
-    verdicts = {finding.garment: finding.verdict or WORDS.get(finding.state, finding.state) for finding in findings}
+    verdicts = {
+        finding.garment: finding.verdict or STATE_WORDS.get(finding.state, finding.state) for finding in findings
+    }
     lines = []
     for row in rows:
         one, seen = by_take.get(row.take, (None, None))
@@ -106,7 +108,7 @@ def morning_of(
         error = row.result.error if row.result else None
         lines.append(
             TakeLine(
-                take=short_name(row.take), garment=garment, motion=motion, state=WORDS[row.state],
+                take=short_name(row.take), garment=garment, motion=motion, state=STATE_WORDS[row.state],
                 before=f"{1e3 * error.train_before.mean_m:.1f}" if error else "",
                 after=f"{1e3 * error.train_after.mean_m:.1f}" if error else "",
                 verdict=verdicts.get(garment, ""), link=result_name(row.key) if row.result else "",

@@ -29,7 +29,7 @@ from fit.provenance import physics_version
 POLL = 0.25  # s
 FRUITLESS = 10  # connections in a row without a single outcome, after which something else is wrong
 GATHER = 60.0  # s for a finished job's word to arrive
-LOOK = 5.0  # s between looks for workers
+WORKER_INTERVAL = 5.0  # s between looks for workers
 ARRIVAL = 60.0  # s: workers may take so long to start or restart, even if the patience is shorter
 SILENCE = 300.0  # s; what reaches no bucket says so after 180 s at the latest (obstore's retry_timeout)
 THIS_MACHINE = "this machine"
@@ -210,7 +210,7 @@ class _Round:
 
     def _look_for_workers(self) -> None:
         now = time.monotonic()
-        if now - self.last_look < LOOK:
+        if now - self.last_look < WORKER_INTERVAL:
             return
         self.last_look = now
         if has_workers(self.client):

@@ -22,19 +22,25 @@ from formats.fit_records import FitParameter, FitResult
 from formats.results import fit_result_from
 from formats.rows import csv_text
 
-WORDS = {
+STATE_WORDS = {
     "fitted": "fitted",
     "known": "fitted before",
     "failed": "failed",
     "refused": "not fitted",
     "waiting": "waiting",
 }
-TONES = {"fitted": "good", "known": "plain", "failed": "bad", "refused": "bad", "waiting": "warn"}  # of `WORDS`
+STATE_TONES = {
+    "fitted": "good",
+    "known": "plain",
+    "failed": "bad",
+    "refused": "bad",
+    "waiting": "warn",
+}  # of `STATE_WORDS`
 
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One take of the table; state is a key of `WORDS`."""
+    """One take of the table; state is a key of `STATE_WORDS`."""
 
     take: str
     key: str
@@ -76,7 +82,7 @@ def write_summary(rows: Sequence[Row], results: Store, plan: Plan) -> None:
 def sentence_of(rows: Sequence[Row]) -> str:
     """Say in one sentence how many takes came out how."""
     counts = Counter(row.state for row in rows)
-    parts = [f"{counts[state]} {word}" for state, word in WORDS.items() if counts[state]]
+    parts = [f"{counts[state]} {word}" for state, word in STATE_WORDS.items() if counts[state]]
     return f"{len(rows)} take{'s' if len(rows) != 1 else ''}: {', '.join(parts)}."
 
 
@@ -150,7 +156,8 @@ def _has_short_intervals(rows: Sequence[Row], plan: Plan) -> bool:
 def _line(row: Row, names: list[str]) -> dict[str, object]:
     """Return the texts of a take's line; without a result its sentence alone."""
     line: dict[str, object] = {
-        "take": row.take, "tone": TONES[row.state], "state": WORDS[row.state], "sentence": row.sentence, "cells": None,
+        "take": row.take, "tone": STATE_TONES[row.state], "state": STATE_WORDS[row.state], "sentence": row.sentence,
+        "cells": None,
     }  # fmt: skip
     result = row.result
     if result is None:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fit.blind.engine import SAMPLES
+from fit.blind.engine import SAMPLES_A_SECOND
 from fit.blind.hands import course, step
 from fit.blind.plants import Planted
 from formats.arrays import Floats
@@ -39,12 +39,12 @@ def real_ends(ends: Floats, planted: tuple[Planted, ...], take: int) -> Floats:
 def acceleration(ends: Floats) -> Floats:
     """Acceleration of the middle of the bar [m/s^2], (samples, 3)."""
     middle = (ends[:, :3] + ends[:, 3:]) / 2
-    return np.asarray(np.gradient(np.gradient(middle, axis=0), axis=0) * SAMPLES**2)
+    return np.asarray(np.gradient(np.gradient(middle, axis=0), axis=0) * SAMPLES_A_SECOND**2)
 
 
 def _compliance(ends: Floats, planted: Planted, take: int) -> Floats:
     finer, omega = 10, 1 / np.sqrt(planted.amplitude)
-    dt = 1 / (finer * SAMPLES)
+    dt = 1 / (finer * SAMPLES_A_SECOND)
     pushes = -acceleration(ends)
     pushes[:, 2] = 0.0
     bent, speed = np.zeros(3), np.zeros(3)
@@ -62,7 +62,7 @@ def _compliance(ends: Floats, planted: Planted, take: int) -> Floats:
 
 def _rotation(ends: Floats, planted: Planted, take: int) -> Floats:
     rng = np.random.default_rng([planted.seed, take])
-    still_at_first = step(np.arange(len(ends)) / SAMPLES, 0.1, 0.5)[:, None]
+    still_at_first = step(np.arange(len(ends)) / SAMPLES_A_SECOND, 0.1, 0.5)[:, None]
     turns = still_at_first * np.stack([course(rng, len(ends), ROTATION_BAND) for _ in range(2)], 1)
     turns /= np.sqrt((turns**2).mean(0))
     yaw, roll = planted.components["yaw"] * turns[:, 0], planted.components["roll"] * turns[:, 1]
@@ -96,7 +96,7 @@ def _offset(ends: Floats, planted: Planted, take: int) -> Floats:
 
 def _slip(ends: Floats, planted: Planted, take: int) -> Floats:
     at = int(np.argmax(np.linalg.norm(acceleration(ends), axis=1)))
-    since = np.maximum(np.arange(len(ends)) - at, 0) / SAMPLES
+    since = np.maximum(np.arange(len(ends)) - at, 0) / SAMPLES_A_SECOND
     ends = ends.copy()
     for column, side in ((2, "left"), (5, "right")):
         ends[:, column] -= planted.components[side] * (1 - np.exp(-since / SLIP_TIME))

@@ -17,8 +17,8 @@ import msgspec
 import numpy as np
 
 from fit.blind.boundary import real_ends
-from fit.blind.engine import SAMPLES, Cloth
-from fit.blind.foreign.engines import OWN, Generator
+from fit.blind.engine import SAMPLES_A_SECOND, Cloth
+from fit.blind.foreign.engines import OWN_GENERATOR, Generator
 from fit.blind.hands import HELD_OUT, TRAINING, move
 from fit.blind.plants import UNKNOWNS, Plant, Planted, with_plants
 from fit.blind.sensing import (
@@ -43,7 +43,7 @@ Kind = Literal["single", "null", "pair", "unknown"]
 FILES = tuple(f"take-{k + 1}.mcap" for k in range(len(TRAINING))) + tuple(
     f"held-out-{k + 1}.mcap" for k in range(len(HELD_OUT))
 )
-NO_SENSOR: Mapping[str, float] = {}
+PERFECT_SENSOR: Mapping[str, float] = {}
 CREATED = "2000-01-01T00:00:00Z"  # of every take: a time stamp would tell the order of making
 
 
@@ -92,7 +92,11 @@ class Truth(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 
 def draw_truth(
-    case_id: str, kind: Kind, plants: tuple[Plant, ...], seed: tuple[int, ...], sensor: Mapping[str, float] = NO_SENSOR
+    case_id: str,
+    kind: Kind,
+    plants: tuple[Plant, ...],
+    seed: tuple[int, ...],
+    sensor: Mapping[str, float] = PERFECT_SENSOR,
 ) -> Truth:
     """Draw one case.
 
@@ -138,7 +142,7 @@ def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
 
 def plan(
     numbers: dict[Kind, int], plants: tuple[Plant, ...], seed: int, unknowns: tuple[Plant, ...] = UNKNOWNS,
-    sensor: Mapping[str, float] = NO_SENSOR,
+    sensor: Mapping[str, float] = PERFECT_SENSOR,
 ) -> list[Truth]:  # fmt: skip
     """Draw all cases of a set in random order: every effect equally often, pairs of two different ones.
 
@@ -178,7 +182,9 @@ def rounds(rng: np.random.Generator, plants: tuple[Plant, ...], count: int) -> l
     return drawn[:count]
 
 
-def write_case(folder: Path, truth: Truth, *, side: float | None = None, generator: Generator = OWN) -> list[Path]:
+def write_case(
+    folder: Path, truth: Truth, *, side: float | None = None, generator: Generator = OWN_GENERATOR
+) -> list[Path]:
     """Simulate a case and write its takes; the folder appears whole or not at all.
 
     Raises:
@@ -202,17 +208,17 @@ def whole_case(folder: Path) -> Iterator[Path]:
     partial.replace(folder)
 
 
-def make_takes(truth: Truth, *, side: float | None = None, generator: Generator = OWN) -> list[Take]:
+def make_takes(truth: Truth, *, side: float | None = None, generator: Generator = OWN_GENERATOR) -> list[Take]:
     """Simulate a case and return its takes, three for training and two held out; side [m]: the generator's own."""
     look, rng = truth.look, np.random.default_rng(truth.seed)
     cloth = _cloth(truth)
     garment = _garment(look)
     flat = np.array([p.at_m for p in garment.points])
     measured = [move(rng, k, look.duration, look.width, look.height, truth.damping) for k in TRAINING + HELD_OUT]
-    after = round(SPARE * SAMPLES)
+    after = round(SPARE * SAMPLES_A_SECOND)
     driven = [real_ends(ends, truth.planted, k) for k, ends in enumerate(measured)]
     driven = [np.concatenate([ends, np.repeat(ends[-1:], after, 0)]) for ends in driven]
-    length = (len(driven[0]) - 1) / SAMPLES
+    length = (len(driven[0]) - 1) / SAMPLES_A_SECOND
     for share in (1.0, 0.5, 0.25):
         try:
             points = generator.points(cloth, np.stack(driven), length, flat, side=side or generator.side, share=share)
@@ -260,7 +266,7 @@ def _take(truth: Truth, garment: Garment, name: str, ends: Floats, points: Float
     time = time[time <= look.duration]
     flat = np.array([p.at_m for p in garment.points])
     seen = reported_points(points, time, flat, truth.planted)
-    held = np.stack([np.interp(time, np.arange(len(ends)) / SAMPLES, column) for column in ends.T], 1)
+    held = np.stack([np.interp(time, np.arange(len(ends)) / SAMPLES_A_SECOND, column) for column in ends.T], 1)
     rotation, away = sensor_frame(look.tilt), np.array([0.0, -look.height / 2, look.distance])
     seen, held = seen @ rotation.T + away, held.reshape(-1, 2, 3) @ rotation.T + away
     for one in truth.planted:

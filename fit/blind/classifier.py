@@ -20,7 +20,7 @@ import numpy as np
 from formats.diagnosis_records import Diagnosis
 
 RIDGE = 10.0  # of standardised features: a few cases of each label cannot teach fifty of them
-LARGEST_RATIO = 20.0  # of gap to noise
+LARGEST_GAP_RATIO = 20.0  # of gap to noise
 
 
 def features_of(said: Diagnosis) -> dict[str, float]:
@@ -31,7 +31,7 @@ def features_of(said: Diagnosis) -> dict[str, float]:
         for kind in ("space", "time", "frequency", "term")
         for one in getattr(where, kind)
     }
-    found["gap"] = min(said.gap.base_mm.value / max(said.gap.floor_mm.value, 1e-3), LARGEST_RATIO)
+    found["gap"] = min(said.gap.base_mm.value / max(said.gap.floor_mm.value, 1e-3), LARGEST_GAP_RATIO)
     if force is not None:
         found |= {"normal": force.normal_share, "odd": force.odd_share, "even": force.even_share}
         found |= {f"force {name}": share for name, share in force.spatial_share.items()}

@@ -20,8 +20,8 @@ from fit.blind.sheet import Sheet, bending_rate, make_sheet, membrane_rate, plac
 from fit.errors import BlowUpError, FitError
 from formats.arrays import Floats
 
-SIDE = 0.016  # m, mean edge of its triangles: two thirds of the fitter's finest
-SAMPLES = 200  # kept per second: swung cloth moves below 10 Hz
+TRIANGLE_SIDE = 0.016  # m, mean edge of its triangles: two thirds of the fitter's finest
+SAMPLES_A_SECOND = 200  # kept per second: swung cloth moves below 10 Hz
 SAFETY = 0.7  # of the linear limit: the bound is of the flat sheet
 SETTLE_TIME = 2.0  # s that the sheet hangs still before a take
 SETTLE_DAMPING = 6.0  # 1/s during that time: critical for the slowest swing
@@ -117,7 +117,7 @@ class Engine:
     """Simulate one cloth, held along its top edge, in several takes."""
 
     def __init__(
-        self, cloth: Cloth, *, side: float = SIDE, step_share: float = 1.0,
+        self, cloth: Cloth, *, side: float = TRIANGLE_SIDE, step_share: float = 1.0,
         mesh: Callable[[float, float, float], Sheet] = make_sheet,
     ) -> None:  # fmt: skip
         if not 0 < side <= min(cloth.width, cloth.height) / 2:
@@ -162,9 +162,9 @@ class Engine:
         from fit.blind import kernel
 
         sheet, takes, nodes = self.sheet, len(ends), len(self.sheet.rest)
-        every = int(np.ceil(1 / (SAMPLES * self.step_share * self.stable_step)))
-        dt = 1 / (SAMPLES * every)
-        samples = round(duration * SAMPLES) + 1
+        every = int(np.ceil(1 / (SAMPLES_A_SECOND * self.step_share * self.stable_step)))
+        dt = 1 / (SAMPLES_A_SECOND * every)
+        samples = round(duration * SAMPLES_A_SECOND) + 1
         steps = (samples - 1) * every
         path = resample(ends, duration, np.linspace(0.0, steps * dt, steps + 1))
         x = runtime.jittered(hung(path[:, 0], sheet))
@@ -172,7 +172,7 @@ class Engine:
         bob = np.zeros((takes, 2, 3))
         bob[:, 0] = x[:, int(numbers["bob_node"])] - [0.0, 0.0, self.cloth.bob_length]
         carried, weights = place_on(sheet, np.asarray(places, float))
-        groups = -(-takes // kernel.LANES)
+        groups = -(-takes // kernel.TAKE_LANES)
         seen = _rows(groups, samples, 3 * len(carried))
         kept = _rows(groups, samples, 6 * nodes) if shapes else _rows(1, 1, 6)
         with runtime.vectors_kept():
@@ -182,10 +182,10 @@ class Engine:
                 _in_lanes(bob.reshape(takes, -1)), sheet.triangles.ravel(), sheet.inverse.ravel(), sheet.area,
                 sheet.hinges.ravel(), sheet.hinge_cotangents.ravel(), sheet.hinge_area, self.hinge_bending,
                 self.hinge_curl, self.node_mass, _air_mass(sheet), magnet_spot(sheet), sheet.held,
-                held_fraction(sheet), _in_lanes(path.reshape(takes, -1)).reshape(-1, 6, kernel.LANES),
-                _in_lanes(self.poles(x)).reshape(groups, -1, kernel.LANES),
-                np.array([numbers[name] for name in kernel.NAMES]), dt, round(settle / dt), SETTLE_DAMPING, every,
-                carried, weights, seen, kept, int(shapes),
+                held_fraction(sheet), _in_lanes(path.reshape(takes, -1)).reshape(-1, 6, kernel.TAKE_LANES),
+                _in_lanes(self.poles(x)).reshape(groups, -1, kernel.TAKE_LANES),
+                np.array([numbers[name] for name in kernel.NUMBER_NAMES]), dt, round(settle / dt), SETTLE_DAMPING,
+                every, carried, weights, seen, kept, int(shapes),
             )  # fmt: skip
         points = _from_lanes(seen, takes).reshape(takes, samples, -1, 3)
         states = _from_lanes(kept, takes).reshape(takes, samples, nodes, 6) if shapes else None
@@ -193,7 +193,7 @@ class Engine:
             raise BlowUpError(
                 "the generator's cloth flew apart", where=f"step {dt:.2e} s", advice="make the case with another seed"
             )
-        return Motion(np.arange(samples) / SAMPLES, points, states, steps + round(settle / dt))
+        return Motion(np.arange(samples) / SAMPLES_A_SECOND, points, states, steps + round(settle / dt))
 
     def numbers(self) -> dict[str, float]:
         """Return every number of the physics [SI] that all takes share."""
@@ -293,17 +293,17 @@ def resample(ends: Floats, duration: float, instants: Floats) -> Floats:
 
 def _rows(*shape: int) -> Floats:
     """Zeros, one vector of takes each."""
-    from fit.blind.kernel import LANES
+    from fit.blind.kernel import TAKE_LANES
 
-    return runtime.aligned_zeros((*shape, LANES), np.float64)
+    return runtime.aligned_zeros((*shape, TAKE_LANES), np.float64)
 
 
 def _in_lanes(values: Floats) -> Floats:
     """(takes, n) -> (groups x n, lanes); what is left of the last group's lanes repeats the last take."""
-    from fit.blind.kernel import LANES
+    from fit.blind.kernel import TAKE_LANES
 
-    groups = -(-len(values) // LANES)
-    chosen = values[np.minimum(np.arange(groups * LANES), len(values) - 1)].reshape(groups, LANES, -1)
+    groups = -(-len(values) // TAKE_LANES)
+    chosen = values[np.minimum(np.arange(groups * TAKE_LANES), len(values) - 1)].reshape(groups, TAKE_LANES, -1)
     placed = _rows(groups * values.shape[1])
     placed[...] = np.swapaxes(chosen, 1, 2).reshape(placed.shape)
     return placed

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fit.blind.engine import GRAVITY, SAMPLES
+from fit.blind.engine import GRAVITY, SAMPLES_A_SECOND
 from formats.arrays import Floats
 
 TRAINING = ("chirp", "sideways", "twist")
@@ -27,7 +27,7 @@ MOST_ACCELERATION = 3.0  # m/s^2, a third of gravity, so that the cloth stays ta
 
 def course(rng: np.random.Generator, samples: int, band: tuple[float, float]) -> Floats:
     """A smooth random course of mean 0 and rms 1, (samples,), of eight sines within a band [Hz]."""
-    time = np.arange(samples) / SAMPLES
+    time = np.arange(samples) / SAMPLES_A_SECOND
     hertz, phase = rng.uniform(*band, 8), rng.uniform(0, 2 * np.pi, 8)
     wave = np.sin(2 * np.pi * hertz * time[:, None] + phase).sum(1)
     wave -= wave.mean()
@@ -42,8 +42,8 @@ def step(time: Floats, start: float, length: float) -> Floats:
 
 def swing_angle(displacement: Floats, height: float, damping: float) -> float:
     """Largest angle [rad] that the first mode of a hanging sheet is predicted to reach."""
-    omega2, dt = 1.2024**2 * GRAVITY / height, 1 / SAMPLES
-    push = -1.602 * np.gradient(np.gradient(displacement)) * SAMPLES**2
+    omega2, dt = 1.2024**2 * GRAVITY / height, 1 / SAMPLES_A_SECOND
+    push = -1.602 * np.gradient(np.gradient(displacement)) * SAMPLES_A_SECOND**2
     q, speed, most = 0.0, 0.0, 0.0
     for a in push.tolist():
         speed = (speed + dt * (a - omega2 * q)) / (1 + damping * dt)
@@ -54,8 +54,8 @@ def swing_angle(displacement: Floats, height: float, damping: float) -> float:
 
 def move(rng: np.random.Generator, kind: str, duration: float, width: float, height: float, damping: float) -> Floats:
     """Return the ends of the held edge [m], (samples, 6), world frame: x along the bar, y away, z up."""
-    samples = round(duration * SAMPLES) + 1
-    time = np.arange(samples) / SAMPLES
+    samples = round(duration * SAMPLES_A_SECOND) + 1
+    time = np.arange(samples) / SAMPLES_A_SECOND
     start, stop = rng.uniform(0.25, 0.4), duration - rng.uniform(0.5, 0.8)
     window = step(time, start, 0.5) * (1 - step(time, stop - 0.4, 0.4))
     x, y, z, yaw = _shape(rng, kind, time, start, stop)
@@ -65,7 +65,7 @@ def move(rng: np.random.Generator, kind: str, duration: float, width: float, hei
     y = y * np.tan(angle) / max(np.tan(swing_angle(y, height, damping)), 1e-6)
     place = np.stack([x * window, y, z * window], 1)
     for axis in range(3):
-        most = np.abs(np.gradient(np.gradient(place[:, axis])) * SAMPLES**2).max()
+        most = np.abs(np.gradient(np.gradient(place[:, axis])) * SAMPLES_A_SECOND**2).max()
         limit = MOST_ACCELERATION * (0.5, 1.0, 0.5)[axis]
         place[:, axis] *= min(1.0, limit / max(most, 1e-9))
     place += tremor[:, :3] * rng.uniform(0.002, 0.004, 3)

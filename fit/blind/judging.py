@@ -36,7 +36,7 @@ from formats.errors import ResultError
 from formats.results import load_diagnosis
 
 BINS = ("below 0.5", "0.5 to 1", "1 to 2", "2 to 4", "above 4", "not known")  # times the minimum detectable
-EDGES = (0.5, 1.0, 2.0, 4.0)
+BIN_EDGES = (0.5, 1.0, 2.0, 4.0)
 CONFIDENT = 0.8
 NAMING = frozenset({"effect", "ambiguous", "several"})
 
@@ -195,7 +195,7 @@ def conditions_of(look: Look) -> dict[str, str]:
 
 def bin_of(ratio: float | None) -> str:
     """Return the bin of an amplitude over the minimum detectable one."""
-    return BINS[-1] if ratio is None else BINS[sum(ratio >= edge for edge in EDGES)]
+    return BINS[-1] if ratio is None else BINS[sum(ratio >= edge for edge in BIN_EDGES)]
 
 
 def _ratio(amplitude: float, finding: EffectFinding | None) -> float | None:

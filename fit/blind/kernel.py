@@ -25,13 +25,13 @@ dimensions at every access.
 
 import taichi as ti
 
-LANES = 8  # takes side by side; a case has five
+TAKE_LANES = 8  # takes side by side; a case has five
 TASK = 512  # Taichi hands out loops in tasks of at least 512 iterations; one task per group of takes
 AIR_DENSITY = 1.2041  # kg/m^3, dry air at 20 degC and 101.325 kPa
 SKIN_FRICTION = 0.02  # of the normal coefficient, along the cloth
 
 # Entries of `numbers`, the same for every take of a cloth.
-NAMES = (
+NUMBER_NAMES = (
     "gravity_x", "gravity_y", "gravity_z", "damping", "mu", "lam", "fibre_warp", "fibre_weft", "stiffening",
     "stretch_time", "bend_viscosity", "friction", "drag", "lift", "wind_x", "wind_y", "wind_z", "gust_phase", "wake",
     "wake_time", "added_mass", "bob_mass", "bob_length", "bob_node", "thread", "thread_node", "thread_length",
@@ -40,13 +40,13 @@ NAMES = (
 (
     GX, GY, GZ, DAMPING, MU, LAM, WARP, WEFT, STIFFENING, STRETCH_TIME, VISCOSITY, FRICTION, DRAG, LIFT, WX, WY, WZ,
     GUST, WAKE, WAKE_TIME, ADDED, BOB, BOB_LENGTH, BOB_NODE, THREAD, THREAD_NODE, THREAD_LENGTH, MAGNET, REACH,
-) = range(len(NAMES))  # fmt: skip
+) = range(len(NUMBER_NAMES))  # fmt: skip
 TIED, POLE = 0, 3  # rows of `poles` [m], of which every take has its own: where a thread is tied, where a magnet is
 FIRST_YIELD, SECOND_YIELD = 4.0, 16.0  # 1/m of hinge curvature at which the two friction elements slide
 HINGE_SHARE = 2.25  # friction moment of a hinge per moment of the sheet, mean of bending about warp and weft
 BOB_STIFFNESS = 25.0  # N/m of the string that a corner weight hangs on
 
-vec = ti.types.vector(LANES, ti.f64)
+vec = ti.types.vector(TAKE_LANES, ti.f64)
 v1 = ti.types.ndarray(dtype=vec, ndim=1)
 v2 = ti.types.ndarray(dtype=vec, ndim=2)
 v3 = ti.types.ndarray(dtype=vec, ndim=3)
@@ -276,7 +276,7 @@ def rollout(
     - `bob`, (groups x 6,): place and speed
     - `path`, (groups x (steps + 1), 6)
     - `poles`, (groups, 6)
-    - `p`: `NAMES`
+    - `p`: `NUMBER_NAMES`
     - `seen`, (groups, samples, points x 3)
     - `shapes`, (groups, samples, nodes x 6)
     """

@@ -17,8 +17,8 @@ from pathlib import Path
 import msgspec
 
 from fit import runtime
-from fit.blind.cases import FILES, NO_SENSOR, Kind, Truth, plan, write_case
-from fit.blind.foreign.engines import OWN, Generator, find_generator
+from fit.blind.cases import FILES, PERFECT_SENSOR, Kind, Truth, plan, write_case
+from fit.blind.foreign.engines import OWN_GENERATOR, Generator, find_generator
 from fit.blind.plants import Plant
 from fit.blind.real import RealTruth, find_takes, plan_real, write_real_case
 from fit.blind.seal import load_key, seal, sha256_of, unseal
@@ -62,7 +62,7 @@ Made = tuple[str, dict[str, str]]  # a case and the SHA-256 of its files
 
 def make_set(
     folder: Path, numbers: dict[Kind, int], plants: tuple[Plant, ...], seed: int, *, workers: int = 1,
-    side: float | None = None, generator: Generator = OWN, sensor: Mapping[str, float] = NO_SENSOR,
+    side: float | None = None, generator: Generator = OWN_GENERATOR, sensor: Mapping[str, float] = PERFECT_SENSOR,
     progress: Progress = lambda done, total: None,
 ) -> Manifest:  # fmt: skip
     """Make a set or continue one; files with the right hash are not made again.

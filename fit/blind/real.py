@@ -37,9 +37,9 @@ from formats.arrays import Booleans, Floats
 from formats.rig import Rig
 from formats.take import Take
 
-MARGIN = 0.1  # s at both ends of every take: more than any offset in time
+TIME_MARGIN = 0.1  # s at both ends of every take: more than any offset in time
 TURNS = (0.08, 0.03)  # rad, the largest pitch and roll of a case's sensor
-FEWEST = len(FILES)
+FEWEST_TAKES = len(FILES)
 
 
 class RealTruth(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -69,9 +69,9 @@ def find_takes(folder: Path) -> dict[str, Path]:
         FitError: there are too few.
     """
     takes = {path.stem: path for path in sorted(folder.glob("*.mcap"))}
-    if len(takes) < FEWEST:
+    if len(takes) < FEWEST_TAKES:
         raise FitError(
-            f"holds {len(takes)} takes, a case needs {FEWEST}", where=folder,
+            f"holds {len(takes)} takes, a case needs {FEWEST_TAKES}", where=folder,
             advice="give a folder of takes (.mcap); `hangtime import` makes them of other people's recordings",
         )  # fmt: skip
     return takes
@@ -95,7 +95,7 @@ def plan_real(takes: list[str], numbers: dict[Kind, int], plants: tuple[Plant, .
     total = numbers["null"] + numbers["single"]
     names = drawn_names(rng, total)
     cloth = Cloth(width=0.3, height=0.3)  # only a hem's amplitude would depend on it
-    chosen = [tuple(rng.choice(takes, FEWEST, replace=False).tolist()) for _ in range(numbers["null"])]
+    chosen = [tuple(rng.choice(takes, FEWEST_TAKES, replace=False).tolist()) for _ in range(numbers["null"])]
     truths = [
         RealTruth(id=names[k], kind="null", planted=(), takes=chosen[k], reference=names[k], turn=_turn(rng))
         for k in range(numbers["null"])
@@ -167,17 +167,17 @@ def without_ends(take: Take) -> Take:
     Raises:
         FitError: nothing is left.
     """
-    take = _only(take, (take.time >= take.time[0] + MARGIN) & (take.time <= take.time[-1] - MARGIN))
+    take = _only(take, (take.time >= take.time[0] + TIME_MARGIN) & (take.time <= take.time[-1] - TIME_MARGIN))
     return replace(take, time=take.time - take.time[0])
 
 
 def _only(take: Take, kept: Booleans) -> Take:
     if kept.sum() < 2:
         raise FitError("the take is too short to plant anything in it", where=take.take_id, advice="leave it out")
-    return replace(take, **{name: value[kept] for name in FRAMES if (value := getattr(take, name)) is not None})
+    return replace(take, **{name: value[kept] for name in FRAME_ARRAYS if (value := getattr(take, name)) is not None})
 
 
-FRAMES = (
+FRAME_ARRAYS = (
     "time", "held", "held_valid", "held_sd", "points", "points_valid", "points_sd", "state", "markers", "pitch",
     "pitch_sd", "points_hidden", "quality",
 )  # fmt: skip

@@ -22,7 +22,7 @@ from fit.folders import alone, make_folder
 from formats.whole_files import write_whole
 
 LIMIT = 3600.0  # s for one case: thirty times the usual time
-PATIENCE = 10.0  # s until a diagnosis that the terminal's Ctrl-C did not reach is interrupted too
+INTERRUPT_PATIENCE = 10.0  # s until a diagnosis that the terminal's Ctrl-C did not reach is interrupted too
 DIAGNOSIS, FAILURE, LOG = "diagnosis.json", "failure.txt", "output.txt"
 KEPT, REFUSED = "diagnosis.partial", 2  # fits that an interrupted diagnosis keeps; exit code of a bad request
 Progress = Callable[[int, int, int], None]
@@ -165,6 +165,6 @@ class _Diagnoses:
         """Interrupt the running processes, after a time to stop alone."""
         for process in list(self._running):
             try:
-                process.wait(PATIENCE)
+                process.wait(INTERRUPT_PATIENCE)
             except subprocess.TimeoutExpired:
                 process.send_signal(signal.SIGINT)

@@ -19,14 +19,14 @@ from cryptography.hazmat.primitives.ciphers.aead import ChaCha20Poly1305
 
 from fit.errors import FitError
 
-MAGIC = b"hangtime-seal/2\n"
+SEAL_MAGIC = b"hangtime-seal/2\n"
 NONCE, TAG, KEY = 12, 16, 32  # bytes
 
 
 def seal(text: bytes, key: bytes) -> bytes:
     """Return the sealed text."""
     nonce = secrets.token_bytes(NONCE)
-    return MAGIC + nonce + ChaCha20Poly1305(key).encrypt(nonce, text, MAGIC)
+    return SEAL_MAGIC + nonce + ChaCha20Poly1305(key).encrypt(nonce, text, SEAL_MAGIC)
 
 
 def unseal(sealed: bytes, key: bytes, *, where: object = None) -> bytes:
@@ -35,11 +35,11 @@ def unseal(sealed: bytes, key: bytes, *, where: object = None) -> bytes:
     Raises:
         FitError: not a seal, the wrong key, or sealed bytes that were changed.
     """
-    if not sealed.startswith(MAGIC) or len(sealed) < len(MAGIC) + NONCE + TAG:
+    if not sealed.startswith(SEAL_MAGIC) or len(sealed) < len(SEAL_MAGIC) + NONCE + TAG:
         raise FitError("is not a seal of this version", where=where, advice="give a folder that `blind make` wrote")
-    nonce, body = sealed[len(MAGIC) : len(MAGIC) + NONCE], sealed[len(MAGIC) + NONCE :]
+    nonce, body = sealed[len(SEAL_MAGIC) : len(SEAL_MAGIC) + NONCE], sealed[len(SEAL_MAGIC) + NONCE :]
     try:
-        return ChaCha20Poly1305(key).decrypt(nonce, body, MAGIC)
+        return ChaCha20Poly1305(key).decrypt(nonce, body, SEAL_MAGIC)
     except InvalidTag as error:
         raise FitError(
             "the seal is broken: the labels or the key were changed", where=where,

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from fit.blind.engine import SAMPLES
+from fit.blind.engine import SAMPLES_A_SECOND
 from fit.blind.plants import Planted
 from formats.arrays import Booleans, Floats
 
@@ -41,8 +41,8 @@ def reported_points(points: Floats, instants: Floats, flat: Floats, planted: tup
         instants = instants - faults["time_offset"].components[""]
     if "clock_drift" in faults:
         instants = instants * (1 - faults["clock_drift"].components[""])
-    last = (len(points) - 1) / SAMPLES
-    seen = CubicSpline(np.arange(len(points)) / SAMPLES, points)(np.clip(instants, 0.0, last))
+    last = (len(points) - 1) / SAMPLES_A_SECOND
+    seen = CubicSpline(np.arange(len(points)) / SAMPLES_A_SECOND, points)(np.clip(instants, 0.0, last))
     if "tracker_smoothing" in faults:
         seen = seen + faults["tracker_smoothing"].amplitude * (np.einsum("pq,fqc->fpc", ironing(flat), seen) - seen)
     if "corner_erosion" in faults:
@@ -55,8 +55,8 @@ def lagged(points: Floats, delay: float) -> Floats:
 
     Exact for points that move straight between samples.
     """
-    kept = np.exp(-2 / (SAMPLES * delay))
-    late = (1 - kept) * SAMPLES * delay / 2
+    kept = np.exp(-2 / (SAMPLES_A_SECOND * delay))
+    late = (1 - kept) * SAMPLES_A_SECOND * delay / 2
     columns = points.reshape(len(points), -1)
     for _ in range(2):
         columns = columns[0] + lfilter([1 - late, late - kept], [1.0, -kept], columns - columns[0], axis=0)

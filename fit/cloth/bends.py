@@ -27,8 +27,10 @@ from formats.arrays import Floats
 Nodes = NDArray[np.int64]
 
 ROW_BEND, COLUMN_BEND, TWIST = range(3)  # second derivatives across, down, and mixed
-PIECE = 16  # nodes: longer stencils are filled up to whole pieces, so that the kernel need not know every length
-BEND_NODES = (4, 7, PIECE)  # lengths of the stencils of second derivatives, the last one and its multiples
+STENCIL_NODES = (
+    16  # nodes: longer stencils are filled up to whole pieces, so that the kernel need not know every length
+)
+BEND_NODES = (4, 7, STENCIL_NODES)  # lengths of the stencils of second derivatives, the last one and its multiples
 RIMS = (range(4), range(12, 16), range(0, 16, 4), range(3, 16, 4))  # of an element's nodes: top, bottom, left, right
 
 
@@ -64,13 +66,13 @@ def bends_of(grid: Grid) -> Bends:
     found: list[tuple[int, int, Nodes, Floats]] = []
     for kind, lines in ((ROW_BEND, index), (COLUMN_BEND, index.T)):
         for line in lines:
-            lengths = np.linalg.norm(np.diff(grid.rest[line[:: spectral.ORDER]], axis=0), axis=1)
+            lengths = np.linalg.norm(np.diff(grid.rest[line[:: spectral.POLYNOMIAL_ORDER]], axis=0), axis=1)
             second = spectral.second_difference(lengths)
             for i in range(1, len(line) - 1):
                 used = np.flatnonzero(np.abs(second[i]) > 1e-9 * np.abs(second[i]).max())
                 found.append((kind, line[i], line[used], np.sqrt(grid.node_area[line[i]]) * second[i, used, None]))
     found.sort(key=lambda bend: (len(bend[2]), bend[2].min(), bend[0]))  # the two within a line of an element together
-    at, share = spectral.gauss(spectral.ORDER)
+    at, share = spectral.gauss(spectral.POLYNOMIAL_ORDER)
     weights, areas, centres = [], [], []
     for g, xi in enumerate(at):
         for h, eta in enumerate(at):
@@ -133,7 +135,7 @@ def free_bends(grid: Elements, layers: Nodes) -> Bends:
 
 def _counts(lengths: list[int]) -> Integers:
     """Return how many stencils have each length of `BEND_NODES`."""
-    kinds = [BEND_NODES.index(min(length, PIECE)) for length in lengths]
+    kinds = [BEND_NODES.index(min(length, STENCIL_NODES)) for length in lengths]
     return np.bincount(kinds, minlength=len(BEND_NODES)).astype(np.int32)
 
 
@@ -149,7 +151,9 @@ def _add(stencil: dict[int, Floats], nodes: Nodes, weights: Floats) -> None:
 
 def _filled_up(nodes: Nodes, weights: Floats) -> tuple[Nodes, Floats]:
     """Return a stencil, filled up with zero weights to a length of `BEND_NODES`, or whole pieces."""
-    missing = next((n for n in BEND_NODES if n >= len(nodes)), -(-len(nodes) // PIECE) * PIECE) - len(nodes)
+    missing = next((n for n in BEND_NODES if n >= len(nodes)), -(-len(nodes) // STENCIL_NODES) * STENCIL_NODES) - len(
+        nodes
+    )
     return np.append(nodes, np.repeat(nodes[:1], missing)), np.concatenate([weights, np.zeros((missing, 1))])
 
 
@@ -178,7 +182,7 @@ def _add_kinks(
     for k, at in enumerate(rim):
         node = nodes[at]
         other_at = next(i for i in other_rim if other_nodes[i] == node)
-        share = spectral.WEIGHTS[k] * length / 2
+        share = spectral.LOBATTO_WEIGHTS[k] * length / 2
         for sign, element, place in ((-1.0, cell, at), (1.0, other, other_at)):
             slope = n @ grid.gradient(*LOCAL_NODES[place])[0][element]
             _add(entries[node], grid.cells[element], sign * share * slope[:, None] * outer)

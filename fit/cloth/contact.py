@@ -65,7 +65,7 @@ CONTACT_DAMPING = 0.3  # of the critical: layers come apart at about half of the
 FEWEST_QUADS = 4  # quads along an element, one more than its order: fewer would need a shorter step
 NEAREST_ALONG = 2.0  # mean quad diagonals along the cloth within which pieces do not meet
 WINDOW = 0.75  # of a quad's sides from its centre where it still meets samples
-BORDER = 0.25  # of its sides that a quad's window is wider where the cloth ends: whole up to the border
+WINDOW_BORDER = 0.25  # of its sides that a quad's window is wider where the cloth ends: whole up to the border
 STRETCHED = 1.15  # by which a quad may grow and still meet all that it should
 LAYERS = 2  # that a layer touches at most
 
@@ -167,7 +167,7 @@ def surface_of(mesh: ClothMesh, spacing: float) -> Surface:
     diagonal = np.maximum(
         *(np.linalg.norm(places[quads[:, p]] - places[quads[:, q]], axis=1) for p, q in ((0, 3), (1, 2)))
     )
-    windows = np.asarray(WINDOW + BORDER * _at_border(quads), float)
+    windows = np.asarray(WINDOW + WINDOW_BORDER * _at_border(quads), float)
     return Surface(
         samples=samples,
         area=area,
@@ -220,7 +220,7 @@ def _areas(corners: Floats, local: Floats) -> Floats:
     rule = np.full(len(local), 2.0 / (len(local) - 1))
     rule[[0, -1]] /= 2
     along = spectral.values(local).T
-    rule += np.linalg.pinv(along) @ (spectral.WEIGHTS - along @ rule)
+    rule += np.linalg.pinv(along) @ (spectral.LOBATTO_WEIGHTS - along @ rule)
     places = np.stack([np.tile(local, len(local)), np.repeat(local, len(local))], 1)
     jacobian = 0.5 * np.einsum("sac,pcb->psab", bilinear_slopes((places + 1) / 2), corners)
     size = np.abs(np.linalg.det(jacobian)).reshape(len(corners), len(local), len(local))

@@ -30,8 +30,19 @@ from fit.cloth import spectral
 from formats.arrays import Floats
 
 Integers = NDArray[np.int32]
-LOCAL_NODES = np.stack([np.tile(spectral.NODES, spectral.WIDTH), np.repeat(spectral.NODES, spectral.WIDTH)], 1)
-CORNERS = [0, spectral.ORDER, spectral.WIDTH * spectral.ORDER, spectral.WIDTH**2 - 1]  # of an element's nodes
+LOCAL_NODES = np.stack(
+    [
+        np.tile(spectral.LOBATTO_NODES, spectral.NODES_ALONG_ELEMENT),
+        np.repeat(spectral.LOBATTO_NODES, spectral.NODES_ALONG_ELEMENT),
+    ],
+    1,
+)
+CORNERS = [
+    0,
+    spectral.POLYNOMIAL_ORDER,
+    spectral.NODES_ALONG_ELEMENT * spectral.POLYNOMIAL_ORDER,
+    spectral.NODES_ALONG_ELEMENT**2 - 1,
+]  # of an element's nodes
 
 
 @dataclass(frozen=True)
@@ -80,7 +91,7 @@ class Elements:
     def __init__(self, rest: Floats, cells: NDArray[np.int64], corners: Floats, grain: float = 0.0) -> None:
         self.rest, self.cells, self.corners = rest, cells, corners
         self.threads = np.array([[np.cos(grain), np.sin(grain)], [-np.sin(grain), np.cos(grain)]])
-        weights = np.outer(spectral.WEIGHTS, spectral.WEIGHTS).ravel()
+        weights = np.outer(spectral.LOBATTO_WEIGHTS, spectral.LOBATTO_WEIGHTS).ravel()
         self.cell_area = np.stack(
             [w * self.size(xi, eta) for w, (xi, eta) in zip(weights, LOCAL_NODES, strict=True)], 1
         )
@@ -137,7 +148,7 @@ class Grid(Elements):
 
     def __init__(self, outline: Floats, wide: int, high: int, grain: float = 0.0) -> None:
         self.wide, self.high = wide, high
-        self.rows, self.columns = spectral.ORDER * high + 1, spectral.ORDER * wide + 1
+        self.rows, self.columns = spectral.POLYNOMIAL_ORDER * high + 1, spectral.POLYNOMIAL_ORDER * wide + 1
         down, across = np.meshgrid(spectral.places(high), spectral.places(wide), indexing="ij")
         rest = bilinear(np.stack([across.ravel(), down.ravel()], 1)) @ outline[[0, 1, 3, 2]]
         index = np.arange(self.rows * self.columns).reshape(self.rows, self.columns)
@@ -153,7 +164,7 @@ def quad_elements(places: Floats, quads: NDArray[np.int64], grain: float = 0.0) 
     """
     count = len(places)
     sides: dict[tuple[int, int], list[int]] = {}
-    cells = np.zeros((len(quads), spectral.WIDTH, spectral.WIDTH), int)
+    cells = np.zeros((len(quads), spectral.NODES_ALONG_ELEMENT, spectral.NODES_ALONG_ELEMENT), int)
     rims = ((0, 1, np.s_[0, :]), (3, 2, np.s_[3, :]), (0, 3, np.s_[:, 0]), (1, 2, np.s_[:, 3]))
     for cell, quad in zip(cells, quads.tolist(), strict=True):
         for a, b, rim in rims:
@@ -205,19 +216,25 @@ class Lines:
         self.nodes: list[NDArray[np.int64]] = []
         self.slopes: list[Floats] = []
         self.areas: list[float] = []
-        self.of = np.zeros((len(grid.cells), spectral.ORDER, spectral.WIDTH), np.int32)
+        self.of = np.zeros((len(grid.cells), spectral.POLYNOMIAL_ORDER, spectral.NODES_ALONG_ELEMENT), np.int32)
         known: dict[tuple[int, ...], int] = {}
-        at, weights = spectral.gauss(spectral.ORDER)
-        parts = [[grid.gradient(*((g, line) if axis == 0 else (line, g))) for line in spectral.NODES] for g in at]
+        at, weights = spectral.gauss(spectral.POLYNOMIAL_ORDER)
+        parts = [
+            [grid.gradient(*((g, line) if axis == 0 else (line, g))) for line in spectral.LOBATTO_NODES] for g in at
+        ]
         # On a grid askew to the fibres every node of the element enters each sample.
         most = max(int((gradient[:, axis] != 0).sum(1).max()) for line in parts for gradient, _ in line)
-        self.width = spectral.WIDTH if most <= spectral.WIDTH else spectral.WIDTH**2
+        self.width = (
+            spectral.NODES_ALONG_ELEMENT if most <= spectral.NODES_ALONG_ELEMENT else spectral.NODES_ALONG_ELEMENT**2
+        )
         for cell, corners in enumerate(grid.cells):
-            for line, share in enumerate(spectral.WEIGHTS):
+            for line, share in enumerate(spectral.LOBATTO_WEIGHTS):
                 for g, weight in enumerate(weights):
                     gradient, area = parts[g][line]
                     slope = gradient[cell, axis]
-                    used = np.flatnonzero(slope) if self.width == spectral.WIDTH else np.arange(self.width)
+                    used = (
+                        np.flatnonzero(slope) if self.width == spectral.NODES_ALONG_ELEMENT else np.arange(self.width)
+                    )
                     key = (*corners[used].tolist(), *np.round(1e6 * slope[used] / np.abs(slope).max()).astype(int))
                     if key not in known:
                         known[key] = len(self.areas)
@@ -230,7 +247,7 @@ class Lines:
 
 def shear_samples(grid: Elements, across: Lines, down: Lines) -> tuple[Integers, Integers, Floats, Floats]:
     """Return samples, weights and areas of shear at three by three Gauss points of every element."""
-    at, weights = spectral.gauss(spectral.ORDER)
+    at, weights = spectral.gauss(spectral.POLYNOMIAL_ORDER)
     between = spectral.values(at)
     of_across, of_down, both, areas = [], [], [], []
     for g, xi in enumerate(at):

@@ -54,7 +54,7 @@ def stencil_bundle(mesh: ClothMesh) -> Stencils:
 
 def facing_bases(mesh: ClothMesh) -> tuple[Integers, Singles]:
     """Return the nodes of the elements, three times their numbers, and slopes and weights of the shape functions."""
-    return 3 * mesh.cells, single(np.vstack([spectral.slopes(spectral.NODES), spectral.WEIGHTS]))
+    return 3 * mesh.cells, single(np.vstack([spectral.slopes(spectral.LOBATTO_NODES), spectral.LOBATTO_WEIGHTS]))
 
 
 def contact_bundle(surface: Surface, contact: Contact, thickness: Floats, nodes: int) -> Touch:

@@ -26,8 +26,8 @@ IN_LINES = 0  # in the place of the number of nodes: samples or bends go by line
 LINE_ENTRIES = 5  # of a line in the arrays of weights and of nodes; the last one of nodes means nothing
 SAME = 1e-6  # of the largest weight: by so much weights may differ by rounding
 
-D, B = (of(spectral.gauss(spectral.ORDER)[0]) for of in (spectral.slopes, spectral.values))
-C = spectral.curvatures(spectral.NODES[1:3])
+D, B = (of(spectral.gauss(spectral.POLYNOMIAL_ORDER)[0]) for of in (spectral.slopes, spectral.values))
+C = spectral.curvatures(spectral.LOBATTO_NODES[1:3])
 ENDS, BEGINS = [3, 2], [0, 1]  # outer and inner node
 UNIT_SLOPES = tuple(map(float, (*D[1, ENDS], *(D[0, ENDS] + D[2, ENDS]) / 2, (D[2, 0] - D[0, 0]) / 2)))
 VALUES = tuple(map(float, (*B[1, BEGINS], *(B[0, BEGINS] + B[2, BEGINS]) / 2, *(B[2, ENDS] - B[0, ENDS]) / 2)))
@@ -41,8 +41,8 @@ def fibre_family(mesh: ClothMesh, family: int) -> tuple[int, Integers, Singles]:
     chosen = slice(None, mesh.fibres_across) if family == 0 else slice(mesh.fibres_across, None)
     at = stencils.first[:-1][chosen, None] + np.arange(count)
     nodes, weights = stencils.nodes[at], stencils.weights[at, 0]
-    if count == spectral.WIDTH and len(nodes) % spectral.ORDER == 0:
-        lines = nodes.reshape(-1, spectral.ORDER, count)
+    if count == spectral.NODES_ALONG_ELEMENT and len(nodes) % spectral.POLYNOMIAL_ORDER == 0:
+        lines = nodes.reshape(-1, spectral.POLYNOMIAL_ORDER, count)
         slopes = weights.reshape(lines.shape)
         scale = slopes[:, :1, :1] / D[0, 0]
         if (lines == lines[:, :1]).all() and (np.abs(slopes - scale * D) < SAME * np.abs(scale)).all():
@@ -53,7 +53,7 @@ def fibre_family(mesh: ClothMesh, family: int) -> tuple[int, Integers, Singles]:
 
 def twist_scales(mesh: ClothMesh) -> Singles:
     """Return each twist's weights over the unit slopes at its place in the element, (twists,)."""
-    weights = mesh.bends.twist_weights.reshape(-1, spectral.ORDER, spectral.WIDTH)
+    weights = mesh.bends.twist_weights.reshape(-1, spectral.POLYNOMIAL_ORDER, spectral.NODES_ALONG_ELEMENT)
     return np.asarray(weights[:, :, 0] / D[:, 0], np.float32).ravel()
 
 
@@ -65,9 +65,12 @@ def bends_by_line(mesh: ClothMesh) -> tuple[tuple[int, ...], Singles]:
     """
     bends, weights = mesh.bends, mesh.bends.stencils.weights[:, 0].copy()
     count = int(bends.counts[0])
-    pairs = np.s_[: count * spectral.WIDTH]
+    pairs = np.s_[: count * spectral.NODES_ALONG_ELEMENT]
     if count and count % 2 == 0:
-        nodes, kind = bends.stencils.nodes[pairs].reshape(-1, 2, spectral.WIDTH), bends.kind[:count].reshape(-1, 2)
+        nodes, kind = (
+            bends.stencils.nodes[pairs].reshape(-1, 2, spectral.NODES_ALONG_ELEMENT),
+            bends.kind[:count].reshape(-1, 2),
+        )
         curved = weights[pairs].reshape(nodes.shape)
         scale = curved[:, :, :1] / C[:, :1]
         fits = (np.abs(curved - scale * C) < SAME * np.abs(scale)).all()

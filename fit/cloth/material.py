@@ -50,13 +50,13 @@ class Material:
     gravity_log: float = 0.0
 
 
-NAMES = tuple(f.name for f in fields(Material))
+MATERIAL_NAMES = tuple(f.name for f in fields(Material))
 (
     DENSITY, STRETCH, SHEAR, BENDING, MEMBRANE_TIME, BENDING_TIME, VELOCITY,
     STRETCH_RATIO, BENDING_RATIO, STIFFENING, TILT_X, TILT_Y, VISCOSITY, GRAVITY_LOG,
-) = range(len(NAMES))  # fmt: skip
+) = range(len(MATERIAL_NAMES))  # fmt: skip
 
 
 def as_rows(materials: list[Material]) -> NDArray[np.float64]:
-    """Return the materials as rows, (candidates, parameters), columns in the order of `NAMES`."""
+    """Return the materials as rows, (candidates, parameters), columns in the order of `MATERIAL_NAMES`."""
     return np.array([astuple(m) for m in materials], float)

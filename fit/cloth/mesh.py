@@ -30,7 +30,7 @@ from formats.garment import Garment
 
 LARGEST_BULGE = 0.02  # m by which the layers of a garment start apart
 STEEPEST_BULGE = 0.1  # of the distance to the nearest seam
-MOST_NODES = 250_000  # a second of motion of so many takes a minute or more, and memory grows with them
+MOST_MESH_NODES = 250_000  # a second of motion of so many takes a minute or more, and memory grows with them
 LOWEST_SHARE = 0.25  # of the garment's height, where its bottom edge is
 
 
@@ -83,7 +83,7 @@ class ClothMesh:
     @property
     def is_crossed(self) -> bool:
         """Return whether threads of both families cross the elements askew: all nodes then enter every strain."""
-        return min(self.fibre_nodes) > spectral.WIDTH
+        return min(self.fibre_nodes) > spectral.NODES_ALONG_ELEMENT
 
     @property
     def area(self) -> float:
@@ -111,7 +111,7 @@ def build_mesh(garment: Garment, spacing: float) -> ClothMesh:
     """
     outline = np.asarray(garment.outline_m, float)
     width, height = _sides(outline)
-    finest = np.sqrt(width * height / MOST_NODES)
+    finest = np.sqrt(width * height / MOST_MESH_NODES)
     if not finest <= spacing <= min(width, height) / 2:
         raise FitError(
             f"mesh spacing {spacing} m does not fit a garment of {width:.3f} m x {height:.3f} m",
@@ -149,7 +149,7 @@ def build_mesh(garment: Garment, spacing: float) -> ClothMesh:
         pull_points=pull_points,
         pull_weights=pull_weights,
         hem_length=_hem(outline, grid),
-        spacing=float(np.sqrt(grid.node_area.sum() / (spectral.ORDER**2 * len(grid.cells)))),
+        spacing=float(np.sqrt(grid.node_area.sum() / (spectral.POLYNOMIAL_ORDER**2 * len(grid.cells)))),
     )
 
 
@@ -164,7 +164,7 @@ def _sides(outline: Floats) -> tuple[float, float]:
 
 def _panel(garment: Garment, outline: Floats, spacing: float) -> _Laid:
     """Return a four-cornered garment as one grid."""
-    wide, high = (max(1, round(side / (spectral.ORDER * spacing))) for side in _sides(outline))
+    wide, high = (max(1, round(side / (spectral.POLYNOMIAL_ORDER * spacing))) for side in _sides(outline))
     grid = Grid(outline, wide, high, np.radians(garment.grain_degrees))
     if garment.is_panel:
         return _Laid(grid, bends_of(grid), np.arange(len(grid.rest))[None])
@@ -174,7 +174,7 @@ def _panel(garment: Garment, outline: Floats, spacing: float) -> _Laid:
 def _pattern(garment: Garment, spacing: float) -> _Laid:
     """Return any other garment as quadrilaterals that follow its outline."""
     loops = [np.asarray(loop, float) for loop in (garment.outline_m, *garment.holes_m)]
-    places, quads = quadrilaterals(loops, spectral.ORDER * spacing, name=garment.name)
+    places, quads = quadrilaterals(loops, spectral.POLYNOMIAL_ORDER * spacing, name=garment.name)
     return _sewn(garment, quad_elements(places, quads, np.radians(garment.grain_degrees)))
 
 
@@ -188,7 +188,7 @@ def _sewn(garment: Garment, front: Elements) -> _Laid:
         on_seam |= place_along(front.rest, np.asarray([garment.outline_m[a], garment.outline_m[b]]))[1]
     back = np.where(on_seam, own, len(own) + np.cumsum(~on_seam) - 1)
     layers = np.stack([own, back])
-    mirrored = np.arange(spectral.WIDTH**2).reshape(spectral.WIDTH, -1)[:, ::-1].ravel()
+    mirrored = np.arange(spectral.NODES_ALONG_ELEMENT**2).reshape(spectral.NODES_ALONG_ELEMENT, -1)[:, ::-1].ravel()
     elements = Elements(
         np.concatenate([front.rest, front.rest[~on_seam]]),
         np.concatenate([front.cells, back[front.cells[:, mirrored]]]),
@@ -221,11 +221,13 @@ def _bulge(garment: Garment, rest: Floats, layers: NDArray[np.int64]) -> Floats:
 def _hem(outline: Floats, grid: Elements) -> Floats:
     """Share of the bottom edge that belongs to each node [m], (nodes,)."""
     length = np.zeros(len(grid.rest))
-    nodes = grid.cells[:, RIMS].reshape(-1, spectral.WIDTH)
+    nodes = grid.cells[:, RIMS].reshape(-1, spectral.NODES_ALONG_ELEMENT)
     for side in _bottom_sides(outline):
         is_on = place_along(grid.rest, side)[1][nodes].all(1)
         for element in nodes[is_on]:
-            length[element] += spectral.WEIGHTS * np.linalg.norm(grid.rest[element[-1]] - grid.rest[element[0]]) / 2
+            length[element] += (
+                spectral.LOBATTO_WEIGHTS * np.linalg.norm(grid.rest[element[-1]] - grid.rest[element[0]]) / 2
+            )
     return length
 
 
@@ -244,7 +246,7 @@ def _bottom_sides(outline: Floats) -> list[Floats]:
 
 def _triangles(cells: NDArray[np.int64]) -> Integers:
     """Return two triangles between every four nodes of an element, turned to the front like the elements."""
-    index = cells.reshape(-1, spectral.WIDTH, spectral.WIDTH).astype(np.int32)
+    index = cells.reshape(-1, spectral.NODES_ALONG_ELEMENT, spectral.NODES_ALONG_ELEMENT).astype(np.int32)
     a, b, c, d = (i.reshape(-1) for i in (index[:, :-1, :-1], index[:, :-1, 1:], index[:, 1:, :-1], index[:, 1:, 1:]))
     return np.stack([np.stack([a, c, d], 1), np.stack([a, d, b], 1)], 1).reshape(-1, 3)
 

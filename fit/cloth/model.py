@@ -100,8 +100,8 @@ class Group:
 class ClothModel:
     """One recording and its cloth, ready to be simulated for any number of candidates; never runs itself.
 
-    A candidate is a row of material parameters (`fit.cloth.material.NAMES`) and a row of the effects' amplitudes, their
-    components one after the other (`columns`).
+    A candidate is a row of material parameters (`fit.cloth.material.MATERIAL_NAMES`) and a row of the effects'
+    amplitudes, their components one after the other (`columns`).
     Its result does not depend on its company in the batch.
     """
 
@@ -152,7 +152,7 @@ class ClothModel:
         count, width = len(materials), self.columns[-1].stop if self.columns else 0
         if amplitudes is None:
             amplitudes = np.zeros((count, width))
-        if amplitudes.shape != (count, width) or materials.shape[1] != len(mat.NAMES):
+        if amplitudes.shape != (count, width) or materials.shape[1] != len(mat.MATERIAL_NAMES):
             raise FitError(f"candidates of shape {materials.shape} and {amplitudes.shape} do not fit together")
         frames, points = self.recording.points.shape[:2]
         candidates = Candidates(

@@ -11,7 +11,7 @@ kappa + tau dkappa/dt. Friction needs the rates themselves; `ahead` then holds v
 
 import taichi as ti
 
-from fit.cloth.bends import PIECE, ROW_BEND, TWIST
+from fit.cloth.bends import ROW_BEND, STENCIL_NODES, TWIST
 from fit.cloth.lanes import decay, magnitude, within
 from fit.cloth.lines import IN_LINES
 from fit.cloth.material import REFERENCE_CURVATURE
@@ -69,8 +69,8 @@ def long_sum(
     """Return the weighted sum of a field over a stencil of whole pieces, summed up at `total[place]`."""
     for c in ti.static(range(3)):
         total[place + c] = 0.0 * y[home + c]
-    for piece in range((end - begin) // PIECE):
-        at, w = stencil(home, within(begin + piece * PIECE), nodes, weights, PIECE)
+    for piece in range((end - begin) // STENCIL_NODES):
+        at, w = stencil(home, within(begin + piece * STENCIL_NODES), nodes, weights, STENCIL_NODES)
         s0, s1, s2 = weighted(y, at, w)
         total[place] = total[place] + s0
         total[place + 1] = total[place + 1] + s1
@@ -146,8 +146,8 @@ def bending(
                 )
                 begin, after = within(stencils.bend_first[e]), stencils.bend_first[e + 1]
                 some_nodes, weights = ti.static(stencils.bend_nodes, stencils.bend_weights)
-                at, w = stencil(place.home, begin, some_nodes, weights, 0 if length == PIECE else length)
-                is_long = ti.static(length == PIECE)
+                at, w = stencil(place.home, begin, some_nodes, weights, 0 if length == STENCIL_NODES else length)
+                is_long = ti.static(length == STENCIL_NODES)
                 m0, m1, m2 = second(
                     nodes.ahead, at, w, is_long, place.home, begin, after, some_nodes, weights, sums, place.first_slope
                 )
@@ -161,11 +161,11 @@ def bending(
                     )  # fmt: skip
                 else:
                     m0, m1, m2 = modulus * m0, modulus * m1, modulus * m2
-                if ti.static(length < PIECE):
+                if ti.static(length < STENCIL_NODES):
                     push(nodes.f, m0, m1, m2, at, w)
                 else:
-                    for piece in range((after - begin) // PIECE):
+                    for piece in range((after - begin) // STENCIL_NODES):
                         some, g = stencil(
-                            place.home, within(begin + piece * PIECE), some_nodes, weights, PIECE
+                            place.home, within(begin + piece * STENCIL_NODES), some_nodes, weights, STENCIL_NODES
                         )  # fmt: skip
                         push(nodes.f, m0, m1, m2, some, g)

@@ -1,10 +1,11 @@
 """List pairs that are near each other, for candidates side by side, and lay out the memory of contact.
 
-Pairs are of a sample and a quad that may meet, or of a sample and a body. Pairs within `WATCHED` of contact in any lane
-are watched, and of these, pairs within `NEAR` are computed. A list holds until a node has moved so far that an unlisted
-pair could touch. A sample moves by `Surface.carried` times the node's way at most. So with the margin m
+Pairs are of a sample and a quad that may meet, or of a sample and a body. Pairs within `SEARCH_DISTANCE` of contact in
+any lane are watched, and of these, pairs within `PAIR_DISTANCE` are computed. A list holds until a node has moved so
+far that an unlisted pair could touch. A sample moves by `Surface.carried` times the node's way at most. So with the
+margin m
 
-    2 carried max |x - x_then| <= m,   m = NEAR, or WATCHED where nothing is watched
+    2 carried max |x - x_then| <= m,   m = PAIR_DISTANCE, or SEARCH_DISTANCE where nothing is watched
 
 (L. Verlet, Phys. Rev. 159 (1967), section II). Every pair that touches is computed, and every other pair adds exactly
 nothing. So a candidate's result does not depend on the other lanes. Bodies that move (`fit.cloth.driven`) may go m / 2
@@ -31,9 +32,9 @@ import taichi as ti
 
 from fit.cloth.lanes import magnitude, within
 
-WATCHED = 0.05  # m beyond contact; pairs are sought anew when a sample has moved by half of it
-NEAR = 0.005  # m beyond contact; pairs are chosen anew when a sample has moved by half of it
-MOVED = 2.5  # times `NEAR` that a sample may have moved against the plane of a quad, or along it, see `beside`
+SEARCH_DISTANCE = 0.05  # m beyond contact; pairs are sought anew when a sample has moved by half of it
+PAIR_DISTANCE = 0.005  # m beyond contact; pairs are chosen anew when a sample has moved by half of it
+MOVED = 2.5  # times `PAIR_DISTANCE` that a sample may have moved against the plane of a quad, or along it, see `beside`
 SPOT, PANEL, BODY = 9, 30, 29  # numbers of a sample, a quad and a body: `Body.row`, then the rates of its pose
 RADIUS, TAPER, RATE = 15, 16, 17  # of a body's numbers
 CARRIED, FRICTION, CLEARANCE, INSTANT, THICKNESS = range(5)  # of the numbers behind those of the quads
@@ -42,7 +43,7 @@ POSE = 12  # numbers of a pose
 CENTRE, NORMAL, FIRST, SECOND, SPEED, SPEED_1, SPEED_2, FORCE = 0, 3, 6, 9, 12, 15, 18, 21  # of a quad's numbers
 MARKED, WATCHING, PAIRS, SPOTS, PANELS, BODIES = range(6)  # of the counts; MARKED: whether there are lists
 LIST_COUNTS = 6  # how many of them
-HEADER = 6  # sizes at the front of `whole`
+HEADER_SIZES = 6  # sizes at the front of `whole`
 WORD = 32  # bits
 TINY = 1e-20  # m^4 or m: added so that nothing is divided by zero
 
@@ -80,10 +81,10 @@ def remember(home, nodes, x: ti.template(), then, memory: ti.template()):
 @ti.func
 def carry(home, at, s, y: ti.template(), whole: ti.template(), alone: ti.template(), memory: ti.template()):
     """Carry a field of the nodes to a sample, from the 16 nodes of its element."""
-    i, h = within(home + whole[HEADER + 16 * s]), alone[16 * s]
+    i, h = within(home + whole[HEADER_SIZES + 16 * s]), alone[16 * s]
     s0, s1, s2 = h * y[i], h * y[i + 1], h * y[i + 2]
     for n in ti.static(range(1, 16)):
-        w, j = alone[16 * s + n], within(home + whole[HEADER + 16 * s + n])
+        w, j = alone[16 * s + n], within(home + whole[HEADER_SIZES + 16 * s + n])
         s0, s1, s2 = s0 + w * y[j], s1 + w * y[j + 1], s2 + w * y[j + 2]
     memory[at], memory[at + 1], memory[at + 2] = s0, s1, s2
 
@@ -91,7 +92,7 @@ def carry(home, at, s, y: ti.template(), whole: ti.template(), alone: ti.templat
 @ti.func
 def corners(q, first, samples, whole: ti.template()):
     """Return where the four corners of a quad are."""
-    at = HEADER + 16 * samples + 4 * q
+    at = HEADER_SIZES + 16 * samples + 4 * q
     return (
         within(first + whole[at]), within(first + whole[at + 1]), within(first + whole[at + 2]),
         within(first + whole[at + 3]),
@@ -131,7 +132,7 @@ def beside(at, facing, windows, memory: ti.template(), alone: ti.template(), thi
     below the sample moves by 5/4 of NEAR, and the sample by 1/2. The plane turns by NEAR over a side.
     """
     gap, one, two, _ = located(at, facing, memory)
-    more = MOVED * NEAR
+    more = MOVED * PAIR_DISTANCE
     first, second = more * length(facing + FIRST, memory), more * length(facing + SECOND, memory)
     out = ti.max(one - alone[windows + 2], 0.0 - one - alone[windows + 3]) - first
     out = ti.max(out, ti.max(two - alone[windows], 0.0 - two - alone[windows + 1]) - second)
@@ -210,27 +211,27 @@ def watch(
     mine, first, front, gauge, watched, standing, whole: ti.template(), memory: ti.template(),
     alone: ti.template(), thickness, clearance, lanes: ti.template(),
 ):  # fmt: skip
-    """List pairs within `WATCHED` of contact: sample times quads plus quad, and after all of these with bodies."""
+    """List pairs within `SEARCH_DISTANCE` of contact: sample times quads plus quad, after these those with bodies."""
     samples, count, bodies = whole[0], whole[1], whole[2]
     found = 0
     if thickness > 0.0:
         for s in range(samples):
             at = within(first + SPOT * s)
             for part in range((count + WORD - 1) // WORD):
-                word = whole[HEADER + 16 * samples + 4 * count + s * ((count + WORD - 1) // WORD) + part]
+                word = whole[HEADER_SIZES + 16 * samples + 4 * count + s * ((count + WORD - 1) // WORD) + part]
                 end = ti.min(WORD, count - WORD * part)
                 memory[gauge] = 0.0 * memory[at] + 1.0
                 for n in range(end):
                     if (word >> n) & 1 == 1:
                         q = WORD * part + n
-                        reach = alone[17 * samples + q] + thickness + WATCHED
+                        reach = alone[17 * samples + q] + thickness + SEARCH_DISTANCE
                         memory[gauge] = ti.min(memory[gauge], apart(at, within(front + PANEL * q), memory, reach))
                 # The test of each pair pays only if one of them is near in any lane.
                 if least(alone, gauge * lanes, lanes) < 0.0:
                     for n in range(end):
                         if (word >> n) & 1 == 1:
                             q = WORD * part + n
-                            reach = alone[17 * samples + q] + thickness + WATCHED
+                            reach = alone[17 * samples + q] + thickness + SEARCH_DISTANCE
                             memory[gauge] = apart(at, within(front + PANEL * q), memory, reach)
                             if least(alone, gauge * lanes, lanes) < 0.0:
                                 whole[mine + watched + found] = s * count + q
@@ -240,7 +241,7 @@ def watch(
             at_body = standing + BODY * body
             p0, p1, p2 = in_body(within(first + SPOT * s), at_body, memory, alone)
             far, _n0, _n1, _n2 = body_distance(p0, p1, p2, at_body, alone)
-            memory[gauge] = far - (clearance + WATCHED)
+            memory[gauge] = far - (clearance + SEARCH_DISTANCE)
             if least(alone, gauge * lanes, lanes) < 0.0:
                 whole[mine + watched + found] = samples * count + s * bodies + body
                 found += 1
@@ -252,7 +253,7 @@ def choose(
     mine, first, front, gauge, watched, standing, whole: ti.template(), memory: ti.template(),
     alone: ti.template(), thickness, clearance, lanes: ti.template(),
 ):  # fmt: skip
-    """List those watched that are within `NEAR` of contact, and who takes part in them."""
+    """List those watched that are within `PAIR_DISTANCE` of contact, and who takes part in them."""
     samples, count, bodies, most = whole[0], whole[1], whole[2], whole[3]
     listed, pairs = LIST_COUNTS + samples + count, LIST_COUNTS + 2 * (samples + count)
     found, with_bodies, in_pairs, facing = 0, 0, 0, 0
@@ -266,7 +267,7 @@ def choose(
             at_body = standing + BODY * body
             p0, p1, p2 = in_body(within(first + SPOT * s), at_body, memory, alone)
             far, _n0, _n1, _n2 = body_distance(p0, p1, p2, at_body, alone)
-            memory[gauge] = far - (clearance + NEAR)
+            memory[gauge] = far - (clearance + PAIR_DISTANCE)
         else:
             at, windows = within(first + SPOT * s), 17 * samples + count + 4 * q
             memory[gauge] = beside(at, within(front + PANEL * q), windows, memory, alone, thickness)
@@ -277,7 +278,7 @@ def choose(
                 found += 1
                 whole[mine + LIST_COUNTS + samples + q] = 1
                 for k in range(4):
-                    whole[mine + LIST_COUNTS + whole[HEADER + 16 * samples + 4 * q + k] // SPOT] = 1
+                    whole[mine + LIST_COUNTS + whole[HEADER_SIZES + 16 * samples + 4 * q + k] // SPOT] = 1
             else:
                 with_bodies += 1
                 whole[mine + pairs + most - with_bodies] = s * bodies + body
@@ -334,9 +335,9 @@ def find_pairs(
     carried, clearance = alone[numbers + CARRIED], alone[numbers + CLEARANCE]
     thickness = alone[numbers + THICKNESS + b]
     before, watched = then + 3 * nodes * groups, LIST_COUNTS + 2 * (samples + count) + most
-    margin = NEAR
+    margin = PAIR_DISTANCE
     if whole[mine + WATCHING] == 0:
-        margin = WATCHED
+        margin = SEARCH_DISTANCE
     is_new = whole[mine + MARKED] == 0
     ways = ways_at(samples, count, groups, bodies, b)
     way = alone[ways + WAY_NOW]
@@ -345,9 +346,9 @@ def find_pairs(
     if is_new or has_moved(home, nodes, x, then, gauge, memory, alone, margin / (2.0 * carried), lanes):
         alone[ways + WAY_CHOSEN] = way
         find_places(home, first, front, samples, count, x, whole, alone, memory)
-        far = (WATCHED - NEAR) / (2.0 * carried)
+        far = (SEARCH_DISTANCE - PAIR_DISTANCE) / (2.0 * carried)
         is_new = whole[mine + MARKED] == 0
-        if way - alone[ways + WAY_WATCHED] > 0.5 * (WATCHED - NEAR):
+        if way - alone[ways + WAY_WATCHED] > 0.5 * (SEARCH_DISTANCE - PAIR_DISTANCE):
             is_new = True
         if is_new or has_moved(home, nodes, x, before, gauge, memory, alone, far, lanes):
             alone[ways + WAY_WATCHED] = way

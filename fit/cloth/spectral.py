@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from formats.arrays import Floats
 
-ORDER = 3  # polynomials in an element
-WIDTH = ORDER + 1  # nodes along an element
-NODES = np.array([-1.0, -1.0 / np.sqrt(5.0), 1.0 / np.sqrt(5.0), 1.0])  # of [-1, 1]: Gauss-Lobatto
-WEIGHTS = np.array([1.0, 5.0, 5.0, 1.0]) / 6.0  # of [-1, 1]; they sum to 2
+POLYNOMIAL_ORDER = 3  # polynomials in an element
+NODES_ALONG_ELEMENT = POLYNOMIAL_ORDER + 1  # nodes along an element
+LOBATTO_NODES = np.array([-1.0, -1.0 / np.sqrt(5.0), 1.0 / np.sqrt(5.0), 1.0])  # of [-1, 1]: Gauss-Lobatto
+LOBATTO_WEIGHTS = np.array([1.0, 5.0, 5.0, 1.0]) / 6.0  # of [-1, 1]; they sum to 2
 
 
 def gauss(count: int) -> tuple[Floats, Floats]:
@@ -29,42 +29,42 @@ def gauss(count: int) -> tuple[Floats, Floats]:
 def values(at: Floats) -> Floats:
     """Return the values of the four shape functions, (..., 4), at places `at` of [-1, 1]."""
     at = np.asarray(at, float)[..., None]
-    found = np.ones((*at.shape[:-1], WIDTH))
-    for i in range(WIDTH):
-        for j in set(range(WIDTH)) - {i}:
-            found[..., i] *= (at[..., 0] - NODES[j]) / (NODES[i] - NODES[j])
+    found = np.ones((*at.shape[:-1], NODES_ALONG_ELEMENT))
+    for i in range(NODES_ALONG_ELEMENT):
+        for j in set(range(NODES_ALONG_ELEMENT)) - {i}:
+            found[..., i] *= (at[..., 0] - LOBATTO_NODES[j]) / (LOBATTO_NODES[i] - LOBATTO_NODES[j])
     return found
 
 
 def slopes(at: Floats) -> Floats:
     """Return the slopes of the four shape functions, (..., 4), at places `at` of [-1, 1]."""
     at = np.asarray(at, float)
-    found = np.zeros((*at.shape, WIDTH))
-    for i in range(WIDTH):
-        others = [j for j in range(WIDTH) if j != i]
-        scale = np.prod(NODES[i] - NODES[others])
+    found = np.zeros((*at.shape, NODES_ALONG_ELEMENT))
+    for i in range(NODES_ALONG_ELEMENT):
+        others = [j for j in range(NODES_ALONG_ELEMENT) if j != i]
+        scale = np.prod(LOBATTO_NODES[i] - LOBATTO_NODES[others])
         for left_out in others:
             kept = [j for j in others if j != left_out]
-            found[..., i] += np.prod(at[..., None] - NODES[kept], axis=-1) / scale
+            found[..., i] += np.prod(at[..., None] - LOBATTO_NODES[kept], axis=-1) / scale
     return found
 
 
 def curvatures(at: Floats) -> Floats:
     """Return second derivatives of the four shape functions, (..., 4), at places `at` of [-1, 1]."""
-    scale = np.array([np.prod(node - np.delete(NODES, i)) for i, node in enumerate(NODES)])
+    scale = np.array([np.prod(node - np.delete(LOBATTO_NODES, i)) for i, node in enumerate(LOBATTO_NODES)])
     # 2 (3 x - sum of the other nodes), and all of them add up to zero.
-    return np.asarray(2 * (3 * np.asarray(at, float)[..., None] + NODES) / scale)
+    return np.asarray(2 * (3 * np.asarray(at, float)[..., None] + LOBATTO_NODES) / scale)
 
 
 def places(elements: int) -> Floats:
     """Return the places of the nodes of a row of equal elements, (3 elements + 1,), from 0 to 1."""
-    inner = (np.arange(elements)[:, None] + (NODES[:-1] + 1) / 2) / elements
+    inner = (np.arange(elements)[:, None] + (LOBATTO_NODES[:-1] + 1) / 2) / elements
     return np.append(inner.ravel(), 1.0)
 
 
 def line_nodes(elements: int) -> NDArray[np.int64]:
     """Return the nodes of each element of a row, (elements, 4)."""
-    return np.asarray(ORDER * np.arange(elements)[:, None] + np.arange(WIDTH))
+    return np.asarray(POLYNOMIAL_ORDER * np.arange(elements)[:, None] + np.arange(NODES_ALONG_ELEMENT))
 
 
 def second_difference(lengths: Floats) -> Floats:
@@ -74,11 +74,11 @@ def second_difference(lengths: Floats) -> Floats:
     polynomial's own second derivative; between two it adds the kink, spread over the node's mass. The rows of the two
     ends hold the slope there and are of no use.
     """
-    count = ORDER * len(lengths) + 1
-    at, weights = gauss(ORDER)
+    count = POLYNOMIAL_ORDER * len(lengths) + 1
+    at, weights = gauss(POLYNOMIAL_ORDER)
     local = np.einsum("g,ga,gb->ab", weights, slopes(at), slopes(at))
     stiffness, mass = np.zeros((count, count)), np.zeros(count)
     for element, length in zip(line_nodes(len(lengths)), lengths, strict=True):
         stiffness[np.ix_(element, element)] += local * 2.0 / length
-        mass[element] += WEIGHTS * length / 2.0
+        mass[element] += LOBATTO_WEIGHTS * length / 2.0
     return np.asarray(-stiffness / mass[:, None])

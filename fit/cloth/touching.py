@@ -16,7 +16,7 @@ from fit.cloth.nearby import (
     CLEARANCE,
     FORCE,
     FRICTION,
-    HEADER,
+    HEADER_SIZES,
     LIST_COUNTS,
     NORMAL,
     PAIRS,
@@ -131,7 +131,7 @@ def give_nodes(
     """Share a sample's force among the nodes that carry it."""
     f0, f1, f2 = memory[at + 6], memory[at + 7], memory[at + 8]
     for n in ti.static(range(16)):
-        w, i = alone[16 * s + n], within(home + whole[HEADER + 16 * s + n])
+        w, i = alone[16 * s + n], within(home + whole[HEADER_SIZES + 16 * s + n])
         f[i], f[i + 1], f[i + 2] = f[i] + w * f0, f[i + 1] + w * f1, f[i + 2] + w * f2
 
 
@@ -147,7 +147,7 @@ def touching(
     front = whole[4] + SPOT * samples * groups + PANEL * count * b
     then = whole[4] + (SPOT * samples + PANEL * count) * groups + 3 * nodes * b
     gauge = whole[4] + (SPOT * samples + PANEL * count + 6 * nodes) * groups + b
-    mine = HEADER + 16 * samples + 4 * count + samples * ((count + WORD - 1) // WORD)
+    mine = HEADER_SIZES + 16 * samples + 4 * count + samples * ((count + WORD - 1) // WORD)
     mine += b * (LIST_COUNTS + 2 * (samples + count + most))
     if whole[5] > 0:
         drive(b, groups, time, moving, whole, alone)

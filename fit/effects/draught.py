@@ -28,14 +28,14 @@ from fit.effects.air_drag import AIR_DENSITY
 PLATE = 1.2  # 1, drag coefficient of a plate across the flow
 
 
-STILL = 1e-12  # m^2/s^2: still air presses on nothing
+STILL_AIR = 1e-12  # m^2/s^2: still air presses on nothing
 
 
 @ti.func
 def _pressure(ux, uy, uz, nx, ny, nz):
     along = ux * nx + uy * ny + uz * nz
     square = ux * ux + uy * uy + uz * uz
-    return 2.0 * ti.sqrt(square) * along * square / (square + along * along + STILL)
+    return 2.0 * ti.sqrt(square) * along * square / (square + along * along + STILL_AIR)
 
 
 @ti.func

@@ -20,7 +20,7 @@ from fit.cloth.effect import Effect
 from fit.cloth.mesh import ClothMesh
 from formats.arrays import Floats
 
-LARGEST_SHARE = 0.8  # of the garment's mass that may sit in the hem, so that every node keeps some mass
+LARGEST_MASS_SHARE = 0.8  # of the garment's mass that may sit in the hem, so that every node keeps some mass
 
 
 @dataclass(frozen=True)
@@ -45,5 +45,5 @@ class Hem(Effect):
         if amplitude[0] == 0.0:
             return mass
         total, length = float(mass.sum()), float(mesh.hem_length.sum())
-        in_hem = min(float(amplitude[0]) * length, LARGEST_SHARE * total)
+        in_hem = min(float(amplitude[0]) * length, LARGEST_MASS_SHARE * total)
         return mass * (1.0 - in_hem / total) + mesh.hem_length * (in_hem / length)

@@ -8,8 +8,8 @@ from fit.errors import FitError
 
 __all__ = ["ENGINES", "OWN", "BlenderEngine", "Engine", "EngineMaker", "OwnEngine", "find_engine"]
 
-OWN = "own"
-ENGINES: dict[str, EngineMaker] = {OWN: OwnEngine, "blender": BlenderEngine}
+OWN_ENGINE = "own"
+ENGINES: dict[str, EngineMaker] = {OWN_ENGINE: OwnEngine, "blender": BlenderEngine}
 
 
 def find_engine(name: str) -> EngineMaker:

@@ -33,7 +33,7 @@ from formats.arrays import Floats
 # Frames a second that Blender simulates; the recording's instants are interpolated. Blender's cloth advances by 1/30 s
 # a frame at every frame rate of the scene (24 to 60 tried). So no other rate keeps time. Measured with 5.0.1, tested
 # with 5.2.3.
-FPS = 30
+BLENDER_FPS = 30
 LEAD, SETTLE = 0.5, 1.5  # s to reach the first held ends, and to come to rest
 SHEAR_OF_TENSION = 0.1  # 1, as in `fit.methods.kinect_skirt`
 MOST_AIR = 10.0  # Blender's largest air_damping
@@ -72,11 +72,11 @@ class BlenderEngine:
     def points(self, vectors: Floats) -> Floats:
         """Simulate one candidate after the other in Blender."""
         nodes = self._worker.answer(
-            quads=self.grid.quads, pinned=self.grid.held_nodes, fps=np.array(FPS), path=self._path,
+            quads=self.grid.quads, pinned=self.grid.held_nodes, fps=np.array(BLENDER_FPS), path=self._path,
             settings=blender_settings(vectors),
         )["nodes"].astype(float)  # fmt: skip
         points = np.einsum("pw,cfpwx->cfpx", self.grid.point_weights, nodes[:, :, self.grid.point_nodes])
-        instants = (self._recording.time + LEAD + SETTLE) * FPS
+        instants = (self._recording.time + LEAD + SETTLE) * BLENDER_FPS
         before = np.minimum(instants.astype(int), points.shape[1] - 2)
         share = (instants - before)[:, None, None]
         return np.asarray((1 - share) * points[:, before] + share * points[:, before + 1])
@@ -93,8 +93,8 @@ def blender_settings(vectors: Floats) -> Floats:
 
 def _driven_path(recording: Recording, grid: PlainGrid) -> Floats:
     """Return places [m], (frames, nodes, 3): flat first; of later frames only the held nodes' count."""
-    frames = int(np.ceil((recording.duration + LEAD + SETTLE) * FPS)) + 2
-    instants = np.arange(frames) / FPS - LEAD - SETTLE
+    frames = int(np.ceil((recording.duration + LEAD + SETTLE) * BLENDER_FPS)) + 2
+    instants = np.arange(frames) / BLENDER_FPS - LEAD - SETTLE
     ends = recording.held(np.maximum(instants, 0.0)).reshape(frames, 2, 3)
     share = grid.held_fraction[None, :, None]
     held = (1 - share) * ends[:, None, 0] + share * ends[:, None, 1]

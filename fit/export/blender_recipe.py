@@ -17,14 +17,21 @@ from typing import Any
 
 import numpy as np
 
-from fit.engines.blender import AIR_RATE, FPS, NEEDED, blender_settings
+from fit.engines.blender import AIR_RATE, BLENDER_FPS, NEEDED, blender_settings
 from fit.errors import FitError
 from fit.export.about import caution_lines, origin_lines
 from fit.export.fabric import Fabric, why_no_fabric
 from fit.export.sheet import Sheet
 from formats.fit_records import FitResult
 
-SETTINGS = ("mass", "tension_stiffness", "bending_stiffness", "tension_damping", "air_damping", "shear_stiffness")
+BLENDER_SETTINGS = (
+    "mass",
+    "tension_stiffness",
+    "bending_stiffness",
+    "tension_damping",
+    "air_damping",
+    "shear_stiffness",
+)
 
 
 def blender_script(result: FitResult, fabric: Fabric | None, sheet: Sheet) -> bytes:
@@ -33,7 +40,7 @@ def blender_script(result: FitResult, fabric: Fabric | None, sheet: Sheet) -> by
     Raises:
         FitError: the fit has neither Blender's settings nor a fabric.
     """
-    values = dict(zip(SETTINGS, blender_settings(_six(result, fabric)[None])[0].tolist(), strict=True))
+    values = dict(zip(BLENDER_SETTINGS, blender_settings(_six(result, fabric)[None])[0].tolist(), strict=True))
     held, mesh = sheet.held.tolist(), {"points": sheet.start.round(6).tolist(), "faces": sheet.triangles.tolist()}
     told = [
         *origin_lines(result),
@@ -43,7 +50,7 @@ def blender_script(result: FitResult, fabric: Fabric | None, sheet: Sheet) -> by
     lines = "\n".join(f"# {line}" for line in told)
     return SCRIPT.format(
         lines=lines, name=repr(sheet.name), settings=json.dumps(values, indent=4), held=json.dumps(held),
-        mesh=json.dumps(mesh), fps=FPS,
+        mesh=json.dumps(mesh), fps=BLENDER_FPS,
     ).encode()  # fmt: skip
 
 

@@ -25,7 +25,7 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is al
 
 
 class ExportKind(StrEnum):
-    """The command `hangtime export`; `fit.export.kinds.KINDS` does the work."""
+    """The command `hangtime export`; `fit.export.kinds.EXPORT_KINDS` does the work."""
 
     CSV = "csv"
     PARQUET = "parquet"
@@ -87,7 +87,7 @@ def export_command(
     Every file says which numbers the takes do not identify. A fit of kinect-skirt or mocap-swatch fits the weight, so
     that it has no SI values. It can be written as csv and in motion, and that of kinect-skirt for Blender too.
     """
-    from fit.export.kinds import KINDS, Order, default_path, export
+    from fit.export.kinds import EXPORT_KINDS, Order, default_path, export
     from fit.folders import read_fit
     from formats.archive import read_take
     from formats.outputs import check_is_no_input
@@ -98,7 +98,7 @@ def export_command(
         result=result, take=read_take(take) if take is not None else None, thickness=thickness, spacing=spacing
     )
     if to is ExportKind.TABLE and out is None:
-        made = KINDS[to.value].make(order)
+        made = EXPORT_KINDS[to.value].make(order)
         sheet = next(iter(made.values())).decode()
         tell(sheet.removesuffix("\n"), table=sheet)
         return

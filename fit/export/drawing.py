@@ -23,12 +23,12 @@ from formats.arrays import Floats
 SIDE, ABOVE = np.radians(28.0), np.radians(10.0)  # rad, where the camera stands
 BESIDE = np.radians(52.0)  # rad, the same where it follows a figure: a stride is seen from the side
 ASIDE = np.radians(70.0)  # rad that the light stands farther to the left of a camera that follows a figure
-DISTANCE = 3.2  # times the size of the motion, from which perspective looks natural
+CAMERA_DISTANCE = 3.2  # times the size of the motion, from which perspective looks natural
 FILLED = 0.84  # of the picture's smaller side
 OUTSIDE_FIRST = 0.01  # m by which the outside of cloth is drawn as nearer: layers that touch may cross by as much
 SMOOTHEST_EDGE = 0.5  # cosine between a node's and a triangle's normal, below which they meet at a seam
 AMBIENT = 0.42  # share of the light that comes from everywhere
-LIGHT = np.array([0.45, -0.75, 0.6])  # towards the light, world frame
+TOWARDS_LIGHT = np.array([0.45, -0.75, 0.6])  # towards the light, world frame
 FRONT, BACK = np.array([74, 119, 176]), np.array([206, 156, 96])  # RGB
 SKIN = np.array([196, 188, 180])
 SKY = (244, 245, 247)
@@ -81,12 +81,18 @@ class Stage:
         low, high = every.min(0), every.max(0)
         self._middle = 0.5 * (low + high)
         extent = float(np.linalg.norm(high - low))
-        self._distance = DISTANCE * extent
+        self._distance = CAMERA_DISTANCE * extent
         reach = np.abs(self._project(every, np.zeros(3), 1.0, (0, 0))[..., :2]).max(0)
         self._scale = FILLED * float(np.min(0.5 * np.array(size) / reach))
         turn = 0.0 if moving.figure is None else BESIDE - SIDE - ASIDE
         cos, sin = np.cos(turn), np.sin(turn)
-        light = np.array([cos * LIGHT[0] - sin * LIGHT[1], sin * LIGHT[0] + cos * LIGHT[1], LIGHT[2]])
+        light = np.array(
+            [
+                cos * TOWARDS_LIGHT[0] - sin * TOWARDS_LIGHT[1],
+                sin * TOWARDS_LIGHT[0] + cos * TOWARDS_LIGHT[1],
+                TOWARDS_LIGHT[2],
+            ]
+        )
         self._light = light / np.linalg.norm(light)
 
     def _project(self, places: Floats, followed: Floats, scale: float, centre: tuple[float, float]) -> Floats:

@@ -21,7 +21,7 @@ import numpy as np
 from fit.cloth import material as mat
 from fit.cloth.effect import Effect, parameter_names
 from fit.effects import LIBRARY
-from fit.engines import OWN
+from fit.engines import OWN_ENGINE
 from fit.errors import FitError
 from fit.methods import Parameterisation, find_method
 from formats.arrays import Floats
@@ -88,11 +88,12 @@ class Fabric:
         if self.layers == 1:
             return self
         return Fabric(
-            quantities=tuple(_times(q, self.layers) if q.name in SHARED else q for q in self.quantities), layers=1
+            quantities=tuple(_times(q, self.layers) if q.name in SHARED_NUMBERS else q for q in self.quantities),
+            layers=1,
         )
 
 
-SHARED = (
+SHARED_NUMBERS = (
     "areal_density", "stretch_warp", "stretch_weft", "shear", "bending_warp", "bending_weft", "bending_friction",
     "added_mass",
 )  # fmt: skip
@@ -129,7 +130,7 @@ def fabric_of(result: FitResult) -> Fabric:
     """
     if reason := why_no_fabric(result):
         kinds = [k for k in WITHOUT_FABRIC if k != "blender" or result.method == "kinect-skirt"]
-        if result.engine != OWN:  # its cloth keeps no shapes
+        if result.engine != OWN_ENGINE:  # its cloth keeps no shapes
             kinds = [k for k in kinds if k in ("csv", "parquet", "blender")]
         raise FitError(reason, advice=f"this fit can be exported as {', '.join(kinds)}")
     method, effects = find_method(result.method), effects_of(result)
@@ -153,7 +154,9 @@ def fabric_of(result: FitResult) -> Fabric:
                 )
             )  # fmt: skip
     share = 1 / result.layers
-    return Fabric(quantities=tuple(_times(q, share) if q.name in SHARED else q for q in found), layers=result.layers)
+    return Fabric(
+        quantities=tuple(_times(q, share) if q.name in SHARED_NUMBERS else q for q in found), layers=result.layers
+    )
 
 
 def _check_belongs_together(result: FitResult, method: Parameterisation) -> None:
@@ -174,7 +177,7 @@ def why_no_fabric(result: FitResult) -> str:
     Raises:
         FitError: the method is not known.
     """
-    if result.engine != OWN:
+    if result.engine != OWN_ENGINE:
         return f"the fit is of {result.engine}'s cloth, whose numbers have no SI values"
     names = {p.name for p in result.parameters}
     if fitted := sorted(names & {"mass", "density"}):
@@ -182,7 +185,7 @@ def why_no_fabric(result: FitResult) -> str:
             f"the method {result.method} fits the {fitted[0]}, which motion does not tell, so that none of its numbers "
             f"has an SI value; fit with si or {result.method}-weighed for those"
         )
-    if not set(mat.NAMES) <= result.material.keys():
+    if not set(mat.MATERIAL_NAMES) <= result.material.keys():
         return "the fit does not hold its material; it is from an older version"
     find_method(result.method)
     return ""
@@ -194,8 +197,8 @@ class _Rows:
     def __init__(self, result: FitResult, method: Parameterisation, effects: tuple[Effect, ...]) -> None:
         self.parameters = result.parameters
         self._method, self._effects = method, effects
-        self._density = result.material[mat.NAMES[mat.DENSITY]]
-        self.fitted = np.array([result.material[name] for name in mat.NAMES])
+        self._density = result.material[mat.MATERIAL_NAMES[mat.DENSITY]]
+        self.fitted = np.array([result.material[name] for name in mat.MATERIAL_NAMES])
         self._values = np.array([p.fitted for p in result.parameters])
         self._names = [p.name for p in result.parameters]
 

@@ -17,7 +17,7 @@ from fit.export.blender_recipe import blender_script
 from fit.export.fabric import Fabric, fabric_of, why_no_fabric
 from fit.export.moving import Moving, moving_cloth
 from fit.export.parquet import parquet
-from fit.export.sheet import SWATCH_SIDE, SWATCH_SPACING, Sheet, check_spacing, check_strip, garment_sheet, strip
+from fit.export.sheet import EXPORTED_SIDE, SWATCH_SPACING, Sheet, check_spacing, check_strip, garment_sheet, strip
 from fit.export.u3m import u3m
 from fit.export.usd_physics import THICKNESS, usd_physics
 from fit.methods import find_method
@@ -68,7 +68,7 @@ class Order:
     def sheet(self) -> Sheet:
         """Return the garment of the take, a swatch where there is none."""
         if self.take is None:
-            return strip(SWATCH_SIDE, SWATCH_SIDE, self.spacing or SWATCH_SPACING)
+            return strip(EXPORTED_SIDE, EXPORTED_SIDE, self.spacing or SWATCH_SPACING)
         return garment_sheet(self.take.garment, self.spacing or find_method(self.result.method).spacing)
 
     @property
@@ -79,7 +79,7 @@ class Order:
             FitError: no swatch has such a grid.
         """
         spacing = self.spacing or SWATCH_SPACING
-        check_strip(SWATCH_SIDE, SWATCH_SIDE, spacing)
+        check_strip(EXPORTED_SIDE, EXPORTED_SIDE, spacing)
         return spacing
 
     @property
@@ -120,7 +120,7 @@ def _pc2(order: Order) -> dict[str, bytes]:
     return {".pc2": caches.pc2(even), ".obj": caches.obj(order.result, order.fabric_if_any, even)}
 
 
-KINDS: dict[str, Kind] = {
+EXPORT_KINDS: dict[str, Kind] = {
     "csv": Kind(suffix=".csv", make=_csv, beside=(".motion.csv",)),
     "parquet": Kind(suffix=".parquet", make=_parquet, beside=(".motion.parquet",)),
     "table": _one(".fabric.txt", lambda o: tables.software_table(o.result, o.fabric).encode()),
@@ -143,14 +143,14 @@ def export(order: Order, kind: str, path: Path, *, overwrite: bool = False) -> l
         FitError: an unknown kind; a fit that holds no such thing; a take that is missing or does not belong to it.
         OutputError: a file is there already, or cannot be written.
     """
-    if kind not in KINDS:
-        raise FitError(f"there is no export named {kind!r}", advice=f"known exports: {', '.join(KINDS)}")
+    if kind not in EXPORT_KINDS:
+        raise FitError(f"there is no export named {kind!r}", advice=f"known exports: {', '.join(EXPORT_KINDS)}")
     if not LEAST_THICKNESS <= order.thickness <= MOST_THICKNESS:
         raise FitError(
             f"no fabric is {1e3 * order.thickness:g} mm thick", where="--thickness", advice="give metres, as in 0.0005"
         )
     check_spacing(order.spacing)
-    chosen = KINDS[kind]
+    chosen = EXPORT_KINDS[kind]
     check_name(path)
     beside = chosen.beside if order.take is not None else ()
     if path.suffix in beside:
@@ -173,4 +173,4 @@ def export(order: Order, kind: str, path: Path, *, overwrite: bool = False) -> l
 
 def default_path(fit_file: Path, kind: str) -> Path:
     """Return the name of an export beside its fit."""
-    return fit_file.with_name(fit_file.stem + KINDS[kind].suffix)
+    return fit_file.with_name(fit_file.stem + EXPORT_KINDS[kind].suffix)

@@ -12,7 +12,7 @@ from fit.cloth.launch import Progress
 from fit.cloth.model import Resolution
 from fit.cloth.simulator import Simulator
 from fit.effects import find_effects
-from fit.engines import OWN
+from fit.engines import OWN_ENGINE
 from fit.errors import BlowUpError, FitError
 from fit.export.fabric import effects_of
 from fit.export.solids import Solids
@@ -125,7 +125,7 @@ def check_engine(result: FitResult) -> None:
     Raises:
         FitError: the fit is of another engine.
     """
-    if result.engine != OWN:
+    if result.engine != OWN_ENGINE:
         raise FitError(
             f"the fit is of {result.engine}'s cloth, which keeps no shapes", advice="fit with the engine own"
         )

@@ -20,19 +20,19 @@ from formats.rig import Rig
 from formats.swatch import swatch
 from formats.take import Take
 
-WAYS = ("sideways", "face-on", "up-and-down", "twist", "mixed")
+NEW_MOTIONS = ("sideways", "face-on", "up-and-down", "twist", "mixed")
 RAMP, REST = 0.6, 1.0  # s
 SHORTEST, LONGEST = 2.0, 60.0  # s
 AMPLITUDE = {"sideways": 0.10, "face-on": 0.10, "up-and-down": 0.05}  # m, swings of a hand
 TURN = np.radians(40.0)  # of a twist
 RATE = {"sideways": 0.9, "face-on": 0.8, "up-and-down": 1.3, "twist": 0.7}  # 1/s
-FPS = 30.0  # frames a second of a new motion
-SWATCH_SIDE = 0.4  # m, of a fabric that hangs without a take
+MOTION_FPS = 30.0  # frames a second of a new motion
+HUNG_SIDE = 0.4  # m, of a fabric that hangs without a take
 
 
 def displaced(ends: Floats, way: str, instants: Floats, seconds: float) -> Floats:
     """Return the held ends [m], (n, 6), at instants [s] of a motion that starts from `ends`, (2, 3)."""
-    ways = WAYS[:4] if way == "mixed" else (way,)
+    ways = NEW_MOTIONS[:4] if way == "mixed" else (way,)
     share = 0.6 if way == "mixed" else 1.0
     middle, half = ends.mean(0), 0.5 * (ends[1] - ends[0])
     along = half * np.array([1.0, 1.0, 0.0])
@@ -63,14 +63,14 @@ def new_motion(recording: Recording, way: str, seconds: float) -> Recording:
     Raises:
         FitError: an unknown way, or a length that cannot be simulated in reasonable time.
     """
-    if way not in WAYS:
-        raise FitError(f"there is no motion named {way!r}", where="--motion", advice=f"known: {', '.join(WAYS)}")
+    if way not in NEW_MOTIONS:
+        raise FitError(f"there is no motion named {way!r}", where="--motion", advice=f"known: {', '.join(NEW_MOTIONS)}")
     if not SHORTEST <= seconds <= LONGEST:
         raise FitError(
             f"{seconds:g} s is no length for a motion", where="--seconds", advice=f"{SHORTEST:g} to {LONGEST:g} s"
         )
     ends = recording.held(np.zeros(1)).reshape(2, 3)
-    time = np.arange(round(seconds * FPS) + 1) / FPS
+    time = np.arange(round(seconds * MOTION_FPS) + 1) / MOTION_FPS
     count = recording.points.shape[1]
     return replace(
         recording, time=time, held=lambda instants: displaced(ends, way, instants, seconds),
@@ -82,14 +82,14 @@ def new_motion(recording: Recording, way: str, seconds: float) -> Recording:
 
 def hung_swatch(fabric: Fabric) -> Recording:
     """Return a swatch of the fabric that hangs still from its top corners, as if it had been recorded."""
-    garment = swatch(fabric["areal_density"].value * SWATCH_SIDE**2, side=SWATCH_SIDE, markers=5)
+    garment = swatch(fabric["areal_density"].value * HUNG_SIDE**2, side=HUNG_SIDE, markers=5)
     # The corners come 8 % nearer to each other, as a hand holds cloth; a straight edge between them hardly folds.
     return hung_still(garment, "swatch", 0.92)
 
 
 def hung_still(garment: Garment, name: str, wide: float = 1.0) -> Recording:
     """Return a garment that hangs still from its held edge, as if it had been recorded; wide: times its width."""
-    time = np.arange(0, 1, 1 / FPS)
+    time = np.arange(0, 1, 1 / MOTION_FPS)
     top = garment.outline_m[:2]
     held = np.tile([[wide * top[0][0], 0.0, 0.0], [wide * top[1][0], 0.0, 0.0]], (len(time), 1, 1))
     points = np.tile([[wide * p.at_m[0], 0.0, p.at_m[1]] for p in garment.points], (len(time), 1, 1))

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.cloth.mesh import MOST_NODES, build_mesh
+from fit.cloth.mesh import MOST_MESH_NODES, build_mesh
 from fit.errors import FitError
 from formats.arrays import Floats
 from formats.garment import Garment
 
-SWATCH_SIDE = 0.3  # m
+EXPORTED_SIDE = 0.3  # m
 SWATCH_SPACING = 0.02  # m: folds of cloth that hangs by itself are several times wider
 
 
@@ -63,7 +63,7 @@ def check_strip(width: float, height: float, spacing: float) -> None:
     Raises:
         FitError: the spacing is too fine or too coarse.
     """
-    finest, coarsest = np.sqrt(width * height / MOST_NODES), min(width, height)
+    finest, coarsest = np.sqrt(width * height / MOST_MESH_NODES), min(width, height)
     if not finest <= spacing <= coarsest:
         raise FitError(
             f"a spacing of {spacing:g} m does not fit a swatch of {width:g} m x {height:g} m", where="--spacing",

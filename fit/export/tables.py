@@ -23,7 +23,7 @@ from formats.fit_records import FitResult
 from formats.rows import aligned, csv_text
 
 STRIP_WIDTH, STRIP_STRAIN = 0.05, 0.05  # m, 1: a strip 5 cm wide at 5 %, small enough for a straight law
-WIDTH = 100  # characters of a line of text
+LINE_WIDTH = 100  # characters of a line of text
 
 
 PARAMETER_HEADS = (
@@ -102,13 +102,13 @@ def software_table(result: FitResult, fabric: Fabric) -> str:
     heads = ("quantity", "value", "90 % interval", "unit", "how sure, and what to do with it")
     lines = ["Fabric for CLO, Marvelous Designer and Browzwear", "", *origin_lines(result), ""]
     lines += aligned([heads, *rows], right=(1,))
-    lines += ["", *_wrapped(WORDS)]
+    lines += ["", *_wrapped(UNIT_WORDS)]
     if cautions := caution_lines(result, fabric):
         lines += ["", "Not measured, or not told by these takes:", *_wrapped(cautions)]
     return "\n".join(lines) + "\n"
 
 
-WORDS = (
+UNIT_WORDS = (
     "CLO and Marvelous Designer show stretch, shear and bending as numbers without a unit. Their scale is not "
     "published, so no formula here would be honest.",
     "In CLO and Marvelous Designer, enter weight and thickness, then use the emulator of the fabric window: it takes "
@@ -136,5 +136,5 @@ def _wrapped(paragraphs: Iterable[str]) -> list[str]:
     return [
         line
         for text in paragraphs
-        for line in textwrap.wrap(text, WIDTH, initial_indent="- ", subsequent_indent="  ", break_long_words=False)
+        for line in textwrap.wrap(text, LINE_WIDTH, initial_indent="- ", subsequent_indent="  ", break_long_words=False)
     ]

@@ -21,7 +21,7 @@ from fit.cloth.simulator import Simulator
 from fit.errors import BlowUpError, FitError
 from fit.export.fabric import fabric_of
 from fit.export.moving import CONTACT, Moving, check_engine, known_effects, material_rows
-from fit.export.new_motion import FPS, SHORTEST, hung_still
+from fit.export.new_motion import MOTION_FPS, SHORTEST, hung_still
 from fit.export.solids import Solids
 from fit.figure.bvh import read_bvh
 from fit.figure.dressmaking import plain_skirt, sewn_skirt
@@ -88,9 +88,9 @@ def worn(
     flat = plain_skirt(fabric_of(result)["areal_density"].value) if garment is None else garment
     sewn, share = sewn_skirt(flat)
     skeleton = order.skeleton(seconds)
-    seconds = min(seconds, np.floor(skeleton.seconds * FPS) / FPS)
+    seconds = min(seconds, np.floor(skeleton.seconds * MOTION_FPS) / MOTION_FPS)
     figure = figure_in(sewn, skeleton)
-    dressed = wear(hung_still(sewn, flat.name), figure, seconds, FPS)
+    dressed = wear(hung_still(sewn, flat.name), figure, seconds, MOTION_FPS)
     effects = tuple(e for e in known_effects(result) if e.acts_on in ("cloth", "air") and e != CONTACT)
     simulator = Simulator(
         dressed.recording, effects, resolution=Resolution(spacing=spacing or SPACING), support=dressed.support,
@@ -111,7 +111,7 @@ def worn(
             f"the figure walks through the cloth with its {TOUCHING[part].replace('_', ' ')} in frame {frame}, at "
             f"{time[frame]:.2f} s", where=flat.name, advice="let it move slower, or give a wider skirt",
         )  # fmt: skip
-    crossed = [crossings(simulator.surface, nodes.astype(float)) for nodes in shapes[:: int(FPS / 10)]]
+    crossed = [crossings(simulator.surface, nodes.astype(float)) for nodes in shapes[:: int(MOTION_FPS / 10)]]
     samples, quads = divided(simulator.mesh, DRAWN_SPACING)
     triangles = np.concatenate([quads[:, [0, 2, 3]], quads[:, [0, 3, 1]]]).astype(np.int64)
     return Moving(

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from fit.errors import FitError
 
 WORKER_FOLDER = Path(__file__).with_name("workers")
-READY = "ready "
+READY_LINE = "ready "
 CLOSING_TIME = 10.0  # s that a program may take to end after its last job
 
 
@@ -86,10 +86,10 @@ class ForeignProcess:
             raise foreign.absent() from error
         assert self._process.stdout is not None
         # Lines that a library prints while it is imported come before.
-        first = next((line for line in self._process.stdout if line.startswith(READY)), "")
+        first = next((line for line in self._process.stdout if line.startswith(READY_LINE)), "")
         if not first:
             raise foreign.absent()
-        self.version = first.removeprefix(READY).strip()
+        self.version = first.removeprefix(READY_LINE).strip()
 
     def answer(self, **job: NDArray[np.generic]) -> dict[str, NDArray[np.generic]]:
         """Return the arrays that the program answers a job with.

@@ -33,16 +33,16 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from fit.gap.correlation import DIRECTIONS, correlation_of, effective_count
+from fit.gap.correlation import FREE_DIRECTIONS, correlation_of, effective_count
 from fit.observer.edge import EdgeErrors
 from fit.observer.residuals import Observer
 from formats.arrays import Floats
 
-REPLICAS = 1000
+INTERVAL_REPLICAS = 1000
 SIGNIFICANT_GAP = 1.2  # base error over floor, squared: below, there is nothing to explain
 SMALLEST_GAP = 0.05  # of the squared floor; below, closure is not defined
 TINY = 1e-6  # of the gap, that is left of it without a block
-FEWEST = 3.0  # least count of independent blocks: two degrees of freedom; the spread of fewer is unknown
+FEWEST_BLOCKS = 3.0  # least count of independent blocks: two degrees of freedom; the spread of fewer is unknown
 
 
 @dataclass(frozen=True)
@@ -103,10 +103,10 @@ def block_errors(observer: Observer, residual: Floats) -> BlockErrors:
 def resample(errors: BlockErrors, rng: np.random.Generator) -> Resampling:
     """Draw blocks, as correlated as a model's errors show."""
     blocks = len(errors.sums)
-    effective = max(effective_count(errors.between_blocks, np.ones(blocks)), FEWEST)
+    effective = max(effective_count(errors.between_blocks, np.ones(blocks)), FEWEST_BLOCKS)
     wider = float(student.ppf(0.95, effective - 1) / norm.ppf(0.95))
     spread = wider * float(np.sqrt(blocks / max(blocks - 1, 1) * max(blocks / effective, 1.0)))
-    return Resampling(rng.integers(0, blocks, size=(REPLICAS, blocks)), spread)
+    return Resampling(rng.integers(0, blocks, size=(INTERVAL_REPLICAS, blocks)), spread)
 
 
 def solver_draws(errors: list[BlockErrors], numerics_mm: float, replicas: int) -> Floats:
@@ -121,7 +121,7 @@ def solver_draws(errors: list[BlockErrors], numerics_mm: float, replicas: int) -
     values, vectors = np.linalg.eigh(gram)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     normal = np.random.default_rng(0).standard_normal((replicas, len(errors)))
-    return np.asarray(2.0 * numerics_mm / np.sqrt(DIRECTIONS) * normal @ root.T)
+    return np.asarray(2.0 * numerics_mm / np.sqrt(FREE_DIRECTIONS) * normal @ root.T)
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ def share_of(before: BlockErrors, after: BlockErrors, known: float) -> Share:
     value = float(gains.sum() / gaps.sum())
     whole, blocks, weights = float(gaps.sum()), len(gaps), np.maximum(gaps, 0.0)
     alike = max(effective_count(np.eye(blocks), weights), 1.0)
-    effective = max(effective_count(before.between_blocks, weights), FEWEST)
+    effective = max(effective_count(before.between_blocks, weights), FEWEST_BLOCKS)
     rest = np.maximum(whole - weights, TINY * whole)
     squares = float((((gains - value * gaps) / rest) ** 2).sum()) * max(blocks - 1, 1) / blocks
     return Share(value, float(np.sqrt(squares * max(alike / effective, 1.0))), effective - 1)

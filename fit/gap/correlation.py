@@ -22,14 +22,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fit.observer.residuals import BLOCK, Layout, Observer
+from fit.observer.residuals import BLOCK_SECONDS, Layout, Observer
 from formats.arrays import Floats
 
-DIRECTIONS = 9  # degrees of freedom in space of a smooth error; fits to takes without any effect say so
+FREE_DIRECTIONS = 9  # degrees of freedom in space of a smooth error; fits to takes without any effect say so
 LONGEST_LAG = 3.0  # s: a take of a few seconds shows no autocorrelation beyond this lag
 DECAYS = np.geomspace(0.1, 4.0, 24)  # s, of the oscillations tried
-SAMPLES = 12  # instants of a block at which the correlation is summed
-FREQUENCIES = np.arange(0.0, 3.01, 0.1)  # Hz, of the oscillations tried: hanging cloth swings below 2 Hz
+SAMPLES_A_BLOCK = 12  # instants of a block at which the correlation is summed
+TRIED_FREQUENCIES = np.arange(0.0, 3.01, 0.1)  # Hz, of the oscillations tried: hanging cloth swings below 2 Hz
 
 
 @dataclass(frozen=True)
@@ -42,13 +42,13 @@ class Ringing:
 
     def between_blocks(self, count: int) -> Floats:
         """Correlation of the sums over blocks 0, 1, 2, ... of one take with the first one's, (count,)."""
-        within = (np.arange(SAMPLES) + 0.5) * BLOCK / SAMPLES
-        apart = BLOCK * np.arange(count)[:, None, None] + within[:, None] - within
+        within = (np.arange(SAMPLES_A_BLOCK) + 0.5) * BLOCK_SECONDS / SAMPLES_A_BLOCK
+        apart = BLOCK_SECONDS * np.arange(count)[:, None, None] + within[:, None] - within
         summed = (np.exp(-2 * np.abs(apart) / self.decay) * np.cos(2 * np.pi * self.hertz * apart) ** 2).sum((1, 2))
         return np.append(1.0, self.share * summed[1:] / summed[0])
 
 
-SILENT = Ringing(decay=float(DECAYS[0]), hertz=0.0, share=0.0)
+NO_RINGING = Ringing(decay=float(DECAYS[0]), hertz=0.0, share=0.0)
 
 
 def autocorrelation(grids: list[Floats], lags: int) -> Floats:
@@ -74,17 +74,17 @@ def ringing_of(grids: list[Floats], rate: float) -> Ringing:
     longest = max(len(grid) for grid in grids) // 2
     lags = min(int(LONGEST_LAG * rate), longest) + 1
     if lags < 3:
-        return SILENT
+        return NO_RINGING
     seen = autocorrelation(grids, lags)[1:]
     time = np.arange(1, lags) / rate
-    curves = np.exp(-time / DECAYS[:, None, None]) * np.cos(2 * np.pi * FREQUENCIES[:, None] * time)
+    curves = np.exp(-time / DECAYS[:, None, None]) * np.cos(2 * np.pi * TRIED_FREQUENCIES[:, None] * time)
     size = np.clip((curves @ seen) / (curves**2).sum(-1), 0.0, 1.0)
     misfit = ((seen - size[..., None] * curves) ** 2).sum(-1)
     best = np.unravel_index(int(misfit.argmin()), misfit.shape)
-    decay, hertz, coherent = float(DECAYS[best[0]]), float(FREQUENCIES[best[1]]), float(size[best])
+    decay, hertz, coherent = float(DECAYS[best[0]]), float(TRIED_FREQUENCIES[best[1]]), float(size[best])
     lasting = decay / 2 * (1 + 1 / (1 + (2 * np.pi * hertz * decay) ** 2))  # s, the integral of (rho / a)^2
     numbers = np.mean([np.isfinite(grid).sum() / len(grid) for grid in grids])
-    weight = coherent**2 * max(float(numbers) / DIRECTIONS, 1.0) * max(lasting * rate, 1.0)
+    weight = coherent**2 * max(float(numbers) / FREE_DIRECTIONS, 1.0) * max(lasting * rate, 1.0)
     return Ringing(decay, hertz, share=weight / (weight + 1.0 - coherent**2))
 
 

@@ -19,7 +19,7 @@ from formats.arrays import Floats
 # Share of the squared error of mesh and solver that an effect must remove. Effects by which sound solvers differ must
 # remove more than all of it.
 MESH_SHARE, SOLVER_SHARE = 0.5, 3.0
-LISTED = 4  # components that a sentence names
+LISTED_COMPONENTS = 4  # components that a sentence names
 
 
 def mesh_share(effect: Effect) -> float:

@@ -45,7 +45,7 @@ from formats.take import Take
 Progress = Callable[[str, float], None]
 Deciding = Literal["rules", "evidence"]
 
-CELLS = 9  # across the smaller side of the garment
+CELLS_ACROSS = 9  # across the smaller side of the garment
 FINEST, COARSEST = 0.02, 0.06  # m, of the mesh that is chosen by itself
 
 
@@ -232,7 +232,7 @@ def fine_enough(recording: Recording) -> Resolution:
     (`docs/reference/blind-check.md`).
     """
     side = float(np.ptp(np.array(recording.garment.outline_m), axis=0).min())
-    return Resolution(spacing=float(np.clip(round(side / CELLS, 3), FINEST, COARSEST)))
+    return Resolution(spacing=float(np.clip(round(side / CELLS_ACROSS, 3), FINEST, COARSEST)))
 
 
 def _key(takes: Ready, added: tuple[str, ...], observer: Observer, seed: int, by: str = "rules") -> Key:

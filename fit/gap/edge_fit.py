@@ -24,7 +24,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fit.gap.correlation import DIRECTIONS
+from fit.gap.correlation import FREE_DIRECTIONS
 from fit.gap.fitting import PRIOR_AMPLITUDE, Fitted, Pinned, Problem
 from fit.gap.screening import Screened
 from fit.observer.edge import is_seen_on_edge
@@ -34,7 +34,9 @@ from formats.arrays import Floats
 SLOW = 4.0  # scores of slow noise, a third of the white one and lasting a third of a second, over those of white noise
 DISPUTED = 2.0  # deviations
 LEADS = 2  # effects that are refitted because they would put the held edge right
-LARGEST = 1e3  # typical sizes, from which an effect that moves the edge by a solver's last digits does not move it
+LARGEST_AMPLITUDE = (
+    1e3  # typical sizes, from which an effect that moves the edge by a solver's last digits does not move it
+)
 
 
 def trust_in_edge(observer: Observer, numerics_mm: float) -> float:
@@ -42,7 +44,7 @@ def trust_in_edge(observer: Observer, numerics_mm: float) -> float:
     layout = observer.layout
     noise = float((layout.sd[layout.is_judged] ** 2).mean())
     wrong = (1e-3 * numerics_mm) ** 2 / 3.0
-    return 1.0 + float(layout.is_judged.sum()) * wrong / (DIRECTIONS * noise)
+    return 1.0 + float(layout.is_judged.sum()) * wrong / (FREE_DIRECTIONS * noise)
 
 
 def disputed(observer: Observer, without: Floats, fitted: Fitted, trust: float) -> Pinned | None:
@@ -121,7 +123,7 @@ def detectable_on_edge(observer: Observer, judge: Observer, screened: Screened) 
             errors = [observer.edge_errors(row) for row in signature.raw]
             least = min(replace(e, moving=e.moving * judged_on / frames).shown for e in errors)
             size = signature.typical / float(np.sqrt(max(least, 1e-12)))
-            found[name] = size if size < LARGEST * signature.typical else float("inf")
+            found[name] = size if size < LARGEST_AMPLITUDE * signature.typical else float("inf")
     return found
 
 

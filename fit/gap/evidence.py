@@ -17,9 +17,9 @@ from fit.gap.closure import (
     gain_p_value,
     solver_draws,
 )
-from fit.gap.correlation import DIRECTIONS
+from fit.gap.correlation import FREE_DIRECTIONS
 from fit.gap.fitting import NORMAL_95, Fitted, amplitude_of
-from fit.gap.floor import REPLICAS as FLOOR_REPLICAS
+from fit.gap.floor import NOISE_REPLICAS as FLOOR_REPLICAS
 from fit.gap.hypotheses import Hypothesis
 from fit.gap.screening import GROUP_COSINE, Screened, Signature, cosine
 from fit.observer.edge import LEAST_BY_LAW, is_edge_explained, is_seen_on_edge, is_told_by_edge
@@ -134,7 +134,7 @@ def per_millimetre(observer: Observer, signature: Signature) -> float:
 
 def wrong_by_mesh(numerics_mm: float, size_per_millimetre: float) -> float:
     """Half of the 90 % interval of what mesh and solver, wrong by so many mm, add to a size, in its own unit."""
-    return NORMAL_95 * numerics_mm * size_per_millimetre / float(np.sqrt(DIRECTIONS))
+    return NORMAL_95 * numerics_mm * size_per_millimetre / float(np.sqrt(FREE_DIRECTIONS))
 
 
 def size_within(observer: Observer, fitted: Fitted, effect: str, wrong: float) -> tuple[float, tuple[float, float]]:

@@ -18,7 +18,7 @@ from formats.diagnosis_records import EffectFinding, Figure, Gap
 from formats.fit_records import FitParameter
 
 AT_BOUND = 0.01  # of a base parameter's range: a fit that ends nearer to its end was stopped by it
-LISTED = 3  # effects that were left out, in a sentence
+LISTED_EFFECTS = 3  # effects that were left out, in a sentence
 PROBABILITIES = {
     "rules": "Probabilities are shares of draws, of held-out half-seconds and of what mesh and solver may be wrong by, "
     "in which an effect is best and worth naming; docs/reference/blind-check.md says how far they hold.",
@@ -173,8 +173,8 @@ def at_bounds(model: Parameterisation, fitted: Fitted) -> str:
 def left_out(effects: tuple[Effect, ...], library: tuple[Effect, ...]) -> str:
     """Return a sentence that says which effects of the library were not looked for, if any."""
     absent = [effect.title for effect in library if effect not in effects]
-    more = f" and {len(absent) - LISTED} more" if len(absent) > LISTED else ""
-    return f" Not looked for, as asked: {', '.join(absent[:LISTED])}{more}." if absent else ""
+    more = f" and {len(absent) - LISTED_EFFECTS} more" if len(absent) > LISTED_EFFECTS else ""
+    return f" Not looked for, as asked: {', '.join(absent[:LISTED_EFFECTS])}{more}." if absent else ""
 
 
 def notes(

@@ -33,7 +33,7 @@ PRIOR_LOG = 1.5  # standard deviation of log parameters about their initial valu
 PRIOR_AMPLITUDE = 5.0  # of amplitudes, in typical sizes, about zero
 NORMAL_95 = 1.645  # two-sided 90 %
 COST_TOLERANCE = 2e-3  # relative fall of the cost at which a fit ends
-LANES = 12  # candidates that cost hardly more than one
+CANDIDATE_LANES = 12  # candidates that cost hardly more than one
 FEWEST_RUNGS, MOST_RUNGS = 3, 4  # steps that one fit tries at once
 
 
@@ -153,7 +153,7 @@ class Task:
 def fit(observer: Observer, tasks: Sequence[Task]) -> list[Fitted]:
     """Fit side by side: what all fits ask next is simulated in one batch, and each tries as many steps as fit in it."""
     problems = [Problem(observer, task.active, task.pinned) for task in tasks]
-    width = int(np.clip(LANES // len(tasks), FEWEST_RUNGS, MOST_RUNGS))
+    width = int(np.clip(CANDIDATE_LANES // len(tasks), FEWEST_RUNGS, MOST_RUNGS))
     searches = [
         search(
             problem.pack(task.vector, task.amplitudes),

@@ -35,8 +35,8 @@ from fit.recordings.noise import held_noise, point_noise, white_noise
 from fit.recordings.recording import Recording
 from formats.arrays import Floats
 
-REPLICAS = 3
-LARGEST_RATIO = 1.5  # of noise of any colour over white noise
+NOISE_REPLICAS = 3
+LARGEST_COLOUR_RATIO = 1.5  # of noise of any colour over white noise
 FEWEST_NEIGHBOURS = 9  # points with opposite neighbours below which nothing is said
 CONTRADICTED = 1.25  # times smaller or larger, from which a stated noise is contradicted by what is measured
 
@@ -61,14 +61,14 @@ def noise_floor(observer: Observer, vector: Floats, amplitudes: Floats, rng: np.
     residual = observer.residuals(vector[None], amplitudes[None])[0]
     noise = measured_noise(observer, residual)
     given = list(zip(observer.recordings, noise, strict=True))
-    every = [observer.of([noisier(*one, rng) for one in given]) for _ in range(REPLICAS)]
+    every = [observer.of([noisier(*one, rng) for one in given]) for _ in range(NOISE_REPLICAS)]
     found = [r[0] for r in residuals_together([(o, vector[None], amplitudes[None]) for o in every])]
     grown = np.array([float(o.in_mm(r)) ** 2 for o, r in zip(every, found, strict=True)])
     # If a model explains little of the motion, chance may lower an error by noise. The points' own noise stays.
     own = own_noise_mm(observer, noise)
     floors = np.sqrt(np.maximum(grown - float(observer.in_mm(residual)) ** 2, own**2) + row_off_mm(observer) ** 2)
     stated = own_noise_mm(observer, [recording.point_sd for recording in observer.recordings])
-    return Floor(float(floors.mean()), float(floors.std(ddof=1) / np.sqrt(REPLICAS)), own, stated)
+    return Floor(float(floors.mean()), float(floors.std(ddof=1) / np.sqrt(NOISE_REPLICAS)), own, stated)
 
 
 def measured_noise(observer: Observer, residual: Floats) -> list[Floats]:
@@ -80,7 +80,7 @@ def measured_noise(observer: Observer, residual: Floats) -> list[Floats]:
         if white is None or independent is None:
             found.append(point_noise(recording))
         else:
-            most = np.maximum(LARGEST_RATIO * white, recording.point_sd)
+            most = np.maximum(LARGEST_COLOUR_RATIO * white, recording.point_sd)
             found.append(np.maximum(white, np.minimum(independent, most)))
     return found
 

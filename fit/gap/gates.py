@@ -14,16 +14,16 @@ from fit.recordings.recording import Recording
 from formats.arrays import Floats
 from formats.diagnosis_records import Gate
 
-SHORTEST = 2.5  # s of motion: five blocks a take, below which no statistic holds
+SHORTEST_MOTION = 2.5  # s of motion: five blocks a take, below which no statistic holds
 MOST_REPEATED = 0.1  # of the frames
 SMALLEST_SWING = 0.03  # m of travel of the hanger
 LEAST_OWN_MOTION = 2.0  # times the noise: a board on the hanger would move by the noise alone
 LARGEST_NUMERICS = 0.4  # of the gap that a finer mesh and step may remove
 SHARE_OF_EFFECT = 0.5  # of the logarithm of the cost that the best effect saves
 CONVERGED = 0.15  # relative difference in cost between the best fits
-FREQUENCIES = (0.0, 0.5, 1.0, 2.0, 3.0, 4.5, 6.0)  # Hz, of the observer's pull
+PULL_FREQUENCIES = (0.0, 0.5, 1.0, 2.0, 3.0, 4.5, 6.0)  # Hz, of the observer's pull
 NUDGE = 1e-3  # relative change of a parameter that a predictable take forgets
-FORGOTTEN = 0.2  # of the sensor's noise
+FORGOTTEN_SHARE = 0.2  # of the sensor's noise
 
 
 def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gate]:
@@ -48,8 +48,9 @@ def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gat
              sentence=_measured(imported) if guessed == 0 else
              f"The rig of {guessed} takes was never measured, so that a wrong number in it would pass for an effect: "
              "run `hangtime calibrate` and record with the rig that it writes."),
-        Gate(name="length", passed=shortest >= SHORTEST, figure=shortest, limit=SHORTEST, unit="s",
-             sentence=f"The shortest take lasts {shortest:.1f} s; at least {SHORTEST:g} s are needed: record longer."),
+        Gate(name="length", passed=shortest >= SHORTEST_MOTION, figure=shortest, limit=SHORTEST_MOTION, unit="s",
+             sentence=f"The shortest take lasts {shortest:.1f} s; at least {SHORTEST_MOTION:g} s are "
+                      "needed: record longer."),
         Gate(name="motion", passed=swing >= SMALLEST_SWING, figure=1e3 * swing, limit=1e3 * SMALLEST_SWING, unit="mm",
              sentence=f"The hanger travels {1e3 * swing:.0f} mm in the liveliest take; at least "
              f"{1e3 * SMALLEST_SWING:.0f} mm are needed: swing it wider."),
@@ -111,8 +112,8 @@ def choose_frequency(observer: Observer, vector: Floats) -> tuple[float, Gate]:
     cloth.
     """
     tried: list[tuple[float, float]] = []
-    most = FORGOTTEN * _mean_noise(observer)
-    for frequency in FREQUENCIES:
+    most = FORGOTTEN_SHARE * _mean_noise(observer)
+    for frequency in PULL_FREQUENCIES:
         tried.append((_apart(observer.with_frequency(frequency), vector, observer.off), frequency))
         if tried[-1][0] <= most:
             break

@@ -22,10 +22,10 @@ from fit.observer.residuals import Observer
 from formats.arrays import Floats
 
 SHORTLIST = 5  # effects that are refitted
-ITERATIONS = 5  # of each refit, along chords
+REFIT_ITERATIONS = 5  # of each refit, along chords
 POLISHING = 8  # iterations of the best refits with Jacobians of their own
-SHARES = (0.3, 0.6, 1.0, 1.5)  # of the linear guess of an amplitude that are tried as starts
-ALIKE = 0.9  # cosine above which an effect is refitted because its twin is
+AMPLITUDE_STARTS = (0.3, 0.6, 1.0, 1.5)  # of the linear guess of an amplitude that are tried as starts
+TWIN_COSINE = 0.9  # cosine above which an effect is refitted because its twin is
 LEAST_SHARE = 0.05  # of the best predicted saving; effects that save less are not refitted
 # A constant offset weighs little in the cost beside hundreds of frames of noise, and may be most of the error in mm.
 MOST_SEEN, SEEN_SHARE = 2, 0.5  # effects refitted for the mm^2 that they save; share of the largest saving
@@ -47,7 +47,9 @@ def shortlist(screened: Screened) -> list[str]:
     chosen = _not_trifling(screened, order[:SHORTLIST])
     chosen += _seen_most(screened, chosen)
     for leader in (best, max(screened, key=lambda name: screened[name].predicted_mm2)):
-        twins = [name for name in order if name not in chosen and abs(cosine(screened[leader], screened[name])) > ALIKE]
+        twins = [
+            name for name in order if name not in chosen and abs(cosine(screened[leader], screened[name])) > TWIN_COSINE
+        ]
         chosen += twins[:2] if leader in chosen else []
     return chosen
 
@@ -88,7 +90,7 @@ def refits(observer: Observer, start: Fitted, screened: Screened, names: list[st
         best = int(np.argmin(cost))
         tasks.append(
             Task(
-                own[best], amplitudes[best], problem.active, iterations=ITERATIONS, jacobian=joint,
+                own[best], amplitudes[best], problem.active, iterations=REFIT_ITERATIONS, jacobian=joint,
                 pinned=problem.pinned,
             )
         )  # fmt: skip
@@ -116,7 +118,7 @@ def _tries(
     guess = np.clip(signature.amplitude, 0.9 * kind.low, 0.9 * kind.high)
     if not np.abs(guess).max() > 0.1 * kind.typical:
         guess = np.full(len(guess), 0.3 * kind.typical)
-    rows = [with_amplitude(start.amplitudes, columns, share * guess) for share in SHARES]
+    rows = [with_amplitude(start.amplitudes, columns, share * guess) for share in AMPLITUDE_STARTS]
     if pinned is not None:
         rows = [np.where(np.isfinite(pinned.sd), pinned.amplitudes, row) for row in rows]
     return problem, [problem.pack(vector, row) for vector in (moved, start.vector) for row in rows], joint

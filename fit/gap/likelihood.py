@@ -49,8 +49,8 @@ from formats.arrays import Booleans, Floats
 
 SLOW_SHARE, SLOW_LASTS = 1 / 3, 1 / 3  # of the white noise; s: slow noise, as `fit.observer.edge` has it
 ACROSS, DOWN = 3, 3  # shapes of a hanging sheet: straight, tilted and bent across; three swings down
-KEPT = 0.97  # of the variance of K_time
-FASTEST = 4.0  # Hz, of the modes of K_time: cloth that hangs swings below 2 Hz, and its second swing below 4
+KEPT_VARIANCE = 0.97  # of the variance of K_time
+FASTEST_MODE = 4.0  # Hz, of the modes of K_time: cloth that hangs swings below 2 Hz, and its second swing below 4
 MOST_ENTRIES = 3e7  # of the square root of K for a take: 240 MB
 FREE = 1e6  # standard deviations: an offset that nothing is known of
 
@@ -301,8 +301,8 @@ def _root(recording: Recording, ringing: Ringing) -> Floats:
     apart = np.abs(time[:, None] - time)
     values, vectors = np.linalg.eigh(np.exp(-apart / ringing.decay) * np.cos(2 * np.pi * ringing.hertz * apart))
     values, vectors = np.maximum(values[::-1], 0.0), vectors[:, ::-1]
-    enough = int(np.searchsorted(np.cumsum(values) / values.sum(), KEPT)) + 1
-    most = int(min(MOST_ENTRIES / (len(time) * shapes.size), 2 * FASTEST * float(np.ptp(time)))) + 1
+    enough = int(np.searchsorted(np.cumsum(values) / values.sum(), KEPT_VARIANCE)) + 1
+    most = int(min(MOST_ENTRIES / (len(time) * shapes.size), 2 * FASTEST_MODE * float(np.ptp(time)))) + 1
     swings = (vectors * np.sqrt(values))[:, : min(enough, most)]
     root = shapes[:, None, :, None] * swings[None, :, None, :] / np.sqrt(3.0)
     return np.asarray(root.reshape(len(shapes), len(time), -1))

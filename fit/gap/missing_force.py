@@ -31,7 +31,9 @@ from formats.diagnosis_records import ForceAt, MissingForce
 FREQUENCY = 3.0  # Hz: strong enough that the observer's states are those of the data
 LOW_PASS = 2.0  # Hz
 VISIBLE = 0.2  # share of the pull that features must explain before its shape is described
-WITHIN = 0.2  # share along the normal below which a force acts within the cloth; of a random direction it is a third
+WITHIN_CLOTH = (
+    0.2  # share along the normal below which a force acts within the cloth; of a random direction it is a third
+)
 EXPONENTS = np.arange(0.0, 3.01, 0.25)
 
 
@@ -136,7 +138,7 @@ def sentence_of(
         "mostly along"
         if normal > 0.6
         else "within the cloth and hardly along"
-        if normal < WITHIN
+        if normal < WITHIN_CLOTH
         else "in all directions, also along"
     )
     with_velocity = "opposes motion" if power < 0 else "drives motion, which the base model damps too much,"

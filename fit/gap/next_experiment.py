@@ -29,7 +29,7 @@ from formats.arrays import Floats
 from formats.diagnosis_records import NextExperiment
 
 SECONDS, RATE = 4.0, 30.0
-STEP = 0.01  # of the box, for the Jacobian
+JACOBIAN_STEP = 0.01  # of the box, for the Jacobian
 MOST_ALIVE = 4
 WORTH_IT = 1.0  # standard deviations that a recording must add
 
@@ -207,7 +207,7 @@ def _imagined(
     """
     problem = Problem(observer)
     unit = problem.space.to_unit(base.vector)
-    steps = np.where(unit + STEP <= 1, STEP, -STEP)
+    steps = np.where(unit + JACOBIAN_STEP <= 1, JACOBIAN_STEP, -JACOBIAN_STEP)
     aside = problem.space.from_unit(unit + np.diag(steps))
     vectors = np.concatenate([base.vector[None], aside, np.tile(base.vector, (len(alive), 1))])
     asked = [

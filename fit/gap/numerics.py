@@ -26,9 +26,9 @@ from fit.observer.residuals import Observer
 
 REFINEMENT = 1.5  # of the mesh spacing, as asked for
 LEAST_REFINEMENT = 1.3  # as it is: where whole elements make it less, a finer mesh is asked for
-FINER = 1.1  # by so much, again and again
+REFINING_FACTOR = 1.1  # by so much, again and again
 SOLVER_SHARE = 0.015  # of the motion by which sound solvers of the same cloth differ: constitutive law, scheme, weave
-STEPS = (0.0, 0.5, 1.0)  # of the refit's linear step
+TRIED_STEPS = (0.0, 0.5, 1.0)  # of the refit's linear step
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ def refine(observer: Observer, judge: Observer, base: Fitted) -> Refined:
     old = observer.resolution
     resolution = Resolution(spacing=old.spacing / REFINEMENT, step_share=old.step_share)
     while (fine := observer.at_resolution(resolution)).mesh.spacing * LEAST_REFINEMENT > observer.mesh.spacing:
-        resolution = Resolution(spacing=resolution.spacing / FINER, step_share=old.step_share)
+        resolution = Resolution(spacing=resolution.spacing / REFINING_FACTOR, step_share=old.step_share)
     ratio = observer.mesh.spacing / fine.mesh.spacing
     fine_judge = fine if judge is observer else judge.at_resolution(resolution)
     problem = Problem(fine)
@@ -66,7 +66,7 @@ def refine(observer: Observer, judge: Observer, base: Fitted) -> Refined:
                 problem.space.minimum,
                 problem.space.maximum,
             )
-            for share in STEPS
+            for share in TRIED_STEPS
         ]
     )
     costs = (problem.residuals(tries) ** 2).sum(1)

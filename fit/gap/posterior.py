@@ -32,7 +32,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import logsumexp
 
-from fit.gap.correlation import DIRECTIONS
+from fit.gap.correlation import FREE_DIRECTIONS
 from fit.gap.evidence import LAW_DEVIATIONS
 from fit.gap.fitting import COST_TOLERANCE, Fitted, Problem, Task
 from fit.gap.hypotheses import polishing
@@ -57,13 +57,15 @@ from formats.arrays import Floats
 Subset = tuple[str, ...]
 
 SCALES = np.geomspace(1e-4, 0.1, 48)  # m: the discrepancies that are summed over, each a seventh larger
-WIDTH = 0.5  # of the known size's logarithm: on nulls of a development set it came out at 0.5 to 1.4 times M
-WIDEST = 30.0  # times M: an unknown cause may be as large as the motion
+SIZE_LOG_SD = 0.5  # of the known size's logarithm: on nulls of a development set it came out at 0.5 to 1.4 times M
+WIDEST_UNKNOWN = 30.0  # times M: an unknown cause may be as large as the motion
 UNKNOWN = 1 / 6  # odds of a cause that the library does not hold
 DOZEN = 12  # subsets that are refitted in one round at most
-WITHIN = 2.5  # of the best log mass: a subset farther behind is not refitted; one that gains nothing is 3.2 behind
-ITERATIONS = 6  # of a joint refit, along chords
-SHARES = (0.3, 0.7, 1.0)  # of the joint linear solution, from which refits begin
+REFITTED_WITHIN = (
+    2.5  # of the best log mass: a subset farther behind is not refitted; one that gains nothing is 3.2 behind
+)
+JOINT_ITERATIONS = 6  # of a joint refit, along chords
+JOINT_STARTS = (0.3, 0.7, 1.0)  # of the joint linear solution, from which refits begin
 LEAST_KEPT = 0.25  # of a promised size: a fit that keeps less found another valley
 TRIED = 3  # effects that are refitted, however unlikely, where the base model needs an unknown cause
 LEAST_MOTION = 1e-3  # mm: what moves the points less does not move them
@@ -125,7 +127,7 @@ class Linear:
         self.motion = np.array([max(float(observer.in_mm(row)), LEAST_MOTION) for row in self.seen])
         on_cloth = np.where(observer.layout.is_edge, 0.0, signatures)
         sums = likelihood.of(np.vstack([self.residual, self.jacobian.T, on_cloth, signatures]))
-        imitated = (1e3 * likelihood.scales[:, None] / np.sqrt(DIRECTIONS) / self.motion) ** -2
+        imitated = (1e3 * likelihood.scales[:, None] / np.sqrt(FREE_DIRECTIONS) / self.motion) ** -2
         precision = np.concatenate([np.tile(self.precision, (len(imitated), 1)), imitated], 1)
         self.reduced: Reduced = reduced(sums, precision, np.concatenate([self.offset, np.zeros(len(self.motion))]))
         self.scales = likelihood.scales
@@ -144,9 +146,9 @@ class Linear:
                 middle[n] = np.hypot(known_mm, float(np.sqrt(((law[at] * size * self.motion[at]) ** 2).sum())))
         prior = np.array([log_prior(len(subset)) for subset in among])
         logs = np.log(1e3 * self.scales)
-        known = summed_out(evidence, logs, middle, WIDTH)
+        known = summed_out(evidence, logs, middle, SIZE_LOG_SD)
         apart = logs - np.log(middle)[:, None]
-        within = np.where((apart >= 0) & (apart <= np.log(WIDEST)), 0.0, -np.inf)
+        within = np.where((apart >= 0) & (apart <= np.log(WIDEST_UNKNOWN)), 0.0, -np.inf)
         wide = logsumexp(evidence + within, axis=1) - logsumexp(within, axis=1)
         sharp = evidence[:, int(np.abs(logs - np.log(known_mm)).argmin())]
         return Mass(list(among), known + prior, wide + prior + float(np.log(UNKNOWN)), sharp + prior)
@@ -192,7 +194,7 @@ class Linear:
         count, logs = len(self.fitted.vector), self.observer.parameterisation.is_log
         normal = self.jacobian.T @ self.jacobian + np.diag(self.precision)
         places = []
-        for share in SHARES:
+        for share in JOINT_STARTS:
             left = self.residual + share * size @ self.signatures[at]
             step = -np.linalg.solve(normal, self.jacobian.T @ left)
             moved = np.where(
@@ -316,7 +318,7 @@ class Search:
         costs = (self.observer.residuals(vectors, amplitudes) ** 2).sum(1).reshape(len(wanted), -1)
         return [
             Task(
-                own[int(np.argmin(cost))], sizes[int(np.argmin(cost))], subset, ITERATIONS, renewals=0,
+                own[int(np.argmin(cost))], sizes[int(np.argmin(cost))], subset, JOINT_ITERATIONS, renewals=0,
                 jacobian=linear.joint(subset), is_rough=True,
             )
             for subset, (own, sizes), cost in zip(wanted, starts, costs, strict=True)
@@ -333,7 +335,7 @@ def _wanted(found: Found, turn: int) -> list[Subset]:
     assert found.mass is not None
     mass, total = found.mass, found.mass.total
     order = np.argsort(-total)
-    likely = [mass.among[n] for n in order[:DOZEN] if total[n] > total[order[0]] - WITHIN]
+    likely = [mass.among[n] for n in order[:DOZEN] if total[n] > total[order[0]] - REFITTED_WITHIN]
     chosen = [one for one in likely if len(one) <= turn + 1] or likely[:TRIED]
     # Where the base model needs an unknown cause the linear model says little of where a refit ends.
     base = mass.among.index(())

@@ -32,7 +32,7 @@ from fit.gap.floor import Floor
 from fit.gap.hypotheses import POLISHING, Hypothesis, further, judged, polishing, refits, shortlist
 from fit.gap.numerics import Refined
 from fit.gap.screening import GROUP_COSINE, Screened, cosine, ended_at, screen, with_amplitude
-from fit.gap.verdict import LEVEL, Verdict, is_brought, may_be_added
+from fit.gap.verdict import FAMILY_WISE_LEVEL, Verdict, is_brought, may_be_added
 from fit.observer.edge import is_edge_explained, is_told_by_edge
 from fit.observer.residuals import Observer
 from formats.diagnosis_records import Gate
@@ -218,7 +218,7 @@ class Rounds:
 
     def _is_hopeful(self, joint: Hypothesis, p_value: float) -> bool:
         """Whether the last of several effects shows, however ill a few steps have fitted it, and is in its range."""
-        return p_value < LEVEL and not is_at_bound(self.observer, joint)
+        return p_value < FAMILY_WISE_LEVEL and not is_at_bound(self.observer, joint)
 
     def _polished(self, joint: Hypothesis) -> Hypothesis:
         """Return several effects as they fit with a Jacobian of their own."""

@@ -37,7 +37,7 @@ DETECTION = 1.645 + 0.842  # one-sided 5 % and power 80 %
 GROUP_COSINE = 0.9  # signatures with a larger cosine are collinear: they form a group
 RENEWED = 8  # effects whose signatures are taken anew where those of a fit nearby are known
 AT_TOP = 0.02  # of a base parameter's largest value: nearer to it a fit was stopped by it
-NEAR = (0.5, 1.6)  # of the amplitude of a probe: the range in which its secant is used
+SECANT_RANGE = (0.5, 1.6)  # of the amplitude of a probe: the range in which its secant is used
 
 
 def ended_at(observer: Observer, vector: Floats, effect: str) -> int | None:
@@ -123,7 +123,7 @@ class Secant:
 
     def holds(self, amplitude: Floats) -> bool:
         """Return whether this secant is valid for an amplitude, (components,)."""
-        low, high = NEAR
+        low, high = SECANT_RANGE
         return self.at == 0.0 or low <= float(amplitude[0]) / self.at <= high
 
 

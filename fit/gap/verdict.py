@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from fit.gap.closure import gain_p_value
-from fit.gap.detectable import LISTED, mesh_share, smallest_detectable, unseen
+from fit.gap.detectable import LISTED_COMPONENTS, mesh_share, smallest_detectable, unseen
 from fit.gap.evidence import (
     NEAR,
     NEAR_TWIN,
@@ -25,7 +25,7 @@ from fit.observer.edge import is_edge_explained
 from fit.observer.residuals import Observer
 from formats.diagnosis_records import Figure, place_of
 
-LEVEL = 0.05  # family-wise
+FAMILY_WISE_LEVEL = 0.05  # family-wise
 CLEAR_WIN = 0.8  # share of bootstrap draws in which the winner beats every other effect
 SURELY_CLOSED = 0.5  # of the gap, at the lower end of its interval, by effects of which none passes alone
 MOSTLY_MESH = 0.5  # of an unexplained gap: with a larger error of mesh and solver the verdict is `numerics`
@@ -35,7 +35,7 @@ LIKELY, SURE = 0.5, 0.8  # probabilities, from which the sentence says `probably
 def may_be_added(observer: Observer, hypothesis: Hypothesis, p_value: float) -> bool:
     """Whether the effect that a hypothesis adds last is significant, surely not nothing, and in its physical range."""
     _, (low, high) = amplitude_of(hypothesis.fitted, observer, hypothesis.effects[-1])
-    is_sure = p_value < LEVEL and low * high > 0 and not is_at_bound(observer, hypothesis)
+    is_sure = p_value < FAMILY_WISE_LEVEL and low * high > 0 and not is_at_bound(observer, hypothesis)
     return is_sure and not any(is_brought(observer, hypothesis.fitted, k) for k in hypothesis.effects)
 
 
@@ -140,10 +140,10 @@ def no_gap(evidence: Evidence, *, has_gap: bool) -> Verdict:
     hidden = f" Mesh and solver may be wrong by {wrong}." if has_gap else ""
     pull = evidence.observer.frequency
     if pull and (missed := unseen(evidence.observer.library, smallest_detectable(evidence))):
-        more = f" and {len(missed) - LISTED} more" if len(missed) > LISTED else ""
+        more = f" and {len(missed) - LISTED_COMPONENTS} more" if len(missed) > LISTED_COMPONENTS else ""
         said = (
             f"No gap shows, but a pull of {pull:g} Hz, which these takes need to be predictable, hides small effects. "
-            f"These could not have been seen: {', '.join(missed[:LISTED])}{more}. {numbers}{hidden}"
+            f"These could not have been seen: {', '.join(missed[:LISTED_COMPONENTS])}{more}. {numbers}{hidden}"
         )
         return Verdict("inconclusive", [], said + edge_is_off(evidence))
     none = f"No gap: the base model explains the motion down to noise and mesh. {numbers}{hidden}"
@@ -218,7 +218,7 @@ def passing_effects(evidence: Evidence) -> list[str]:
         _, (low, high) = evidence.amplitude(k, any_law=False)
         gain = evidence.base.errors.squared_mm - hypothesis.errors.squared_mm
         is_resolved = gain > mesh_share(evidence.observer.library[k]) * evidence.numerics_mm**2
-        is_certain = evidence.p_value(k) < LEVEL
+        is_certain = evidence.p_value(k) < FAMILY_WISE_LEVEL
         if is_certain and is_resolved and closed.value >= SMALLEST_CLOSURE and low * high > 0:
             passing.append((closed.value, k))
     return told_effects(evidence) + [k for _, k in sorted(passing, reverse=True)]
@@ -258,10 +258,10 @@ def _several(evidence: Evidence, passing: list[str]) -> Hypothesis | None:
         is_resolved = saved > mesh_share(added) * evidence.numerics_mm**2
         is_seen = puts_edge_right(evidence.observer, evidence.base, before, hypothesis)
         # An effect that the held edge shows may close nothing of the gap, but must not surely widen the gap.
-        is_shown = is_seen and gain_p_value(hypothesis.errors, before.errors, evidence.floor_mm) >= LEVEL
+        is_shown = is_seen and gain_p_value(hypothesis.errors, before.errors, evidence.floor_mm) >= FAMILY_WISE_LEVEL
         # As of the first effect: noise, mesh and solver together must not make its size.
         _, (low, high) = evidence.amplitude(hypothesis.effects[-1], beside=hypothesis, any_law=False)
-        is_certain = gain_p_value(before.errors, hypothesis.errors, evidence.floor_mm) < LEVEL
+        is_certain = gain_p_value(before.errors, hypothesis.errors, evidence.floor_mm) < FAMILY_WISE_LEVEL
         closes = is_certain and is_enough and is_resolved and low * high > 0
         closes = closes and not evidence.is_law_of(before, hypothesis)
         is_needed = (closes or is_shown) and _adds_to_told(evidence, hypothesis, gap)

@@ -12,7 +12,7 @@ from formats.diagnosis_records import VertexResidual, Where, WhereBin
 STILL_SPEED = 0.03  # m/s of the hanger: below, the hand rests
 RING_DOWN = 0.3  # s of rest after which motion is the cloth's own
 BANDS = ((0.0, 0.3), (0.3, 0.7), (0.7, 1.5), (1.5, 3.0), (3.0, np.inf))  # Hz
-DIRECTIONS = ("sideways (x)", "to and from the sensor (y)", "vertical (z)")
+DIRECTION_NAMES = ("sideways (x)", "to and from the sensor (y)", "vertical (z)")
 
 
 def find_where(observer: Observer, residual: Floats) -> Where:
@@ -37,7 +37,7 @@ def find_where(observer: Observer, residual: Floats) -> Where:
         [_phases(r)[layout.moving(layout.frame)[take == k]] for k, r in enumerate(observer.recordings)]
     )
     time = [_bin(str(n), squared[phases == n], squared) for n in sorted(set(phases))]
-    term = [_bin(name, squared[axis_of == axis], squared) for axis, name in enumerate(DIRECTIONS)]
+    term = [_bin(name, squared[axis_of == axis], squared) for axis, name in enumerate(DIRECTION_NAMES)]
     return Where(
         space=sorted(space, key=lambda b: -b.value_mm),
         vertices=[

@@ -22,8 +22,8 @@ import msgspec
 import numpy as np
 
 from fit.cloth.effect import columns_of
-from fit.cloth.material import NAMES
-from fit.engines import OWN, find_engine
+from fit.cloth.material import MATERIAL_NAMES
+from fit.engines import OWN_ENGINE, find_engine
 from fit.errors import BlowUpError
 from fit.identification.combinations import describe_combinations
 from fit.identification.free_intervals import blocks_of, free_intervals
@@ -32,7 +32,7 @@ from fit.identification.request import Request
 from fit.identification.saved_search import SavedSearch
 from fit.identification.trivial import describe_trivial, trivial_figures
 from fit.methods import distance as objective
-from fit.observer.residuals import BLOCK
+from fit.observer.residuals import BLOCK_SECONDS
 from fit.provenance import physics_version
 from fit.recordings.camera_findings import describe_camera
 from fit.recordings.geometry import check_geometry
@@ -86,7 +86,7 @@ class Model:
 
     def material(self, vector: Floats) -> dict[str, float]:
         """SI material of one vector, at the mean weighed density, with the effects that change the cloth."""
-        return dict(zip(NAMES, self.material_rows(vector[None])[0].tolist(), strict=True))
+        return dict(zip(MATERIAL_NAMES, self.material_rows(vector[None])[0].tolist(), strict=True))
 
     def material_rows(self, vectors: Floats) -> Floats:
         """The same for many vectors, (candidates, parameters), as rows in the order of `NAMES`."""
@@ -218,7 +218,7 @@ class _Found:
 
 
 def _ask_and_tell(model: Model, request: Request, saved: SavedSearch, progress: Progress) -> _Found:
-    blocks = sum(r.duration for r in model.recordings) / BLOCK
+    blocks = sum(r.duration for r in model.recordings) / BLOCK_SECONDS
     initial = np.array([p.initial for p in request.parameters])
     steps = np.array([p.interval for p in request.parameters])
     task = Task(
@@ -317,7 +317,7 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
         )
         for k, p in enumerate(request.parameters)
     ]  # fmt: skip
-    is_own = request.engine == OWN
+    is_own = request.engine == OWN_ENGINE
     notes = [request.method.not_identified] if request.method.not_identified else []
     notes += [o.remark for o in model.objectives if o.remark]
     if impossible := max(r.impossible for r in [*model.recordings, *(judge.recordings if judge else [])]):

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.observer.residuals import BLOCK
+from fit.observer.residuals import BLOCK_SECONDS
 from fit.recordings.recording import Recording
 from fit.search.intervals import Intervals, LinearModel, block_intervals
 from fit.search.least_squares import DIFFERENCE, BoundedSpace
@@ -50,7 +50,7 @@ def blocks_of(recordings: Sequence[Recording]) -> list[NDArray[np.int64]]:
     """Return for each recording the half second to which each of its numbers belongs; recordings share none."""
     found, first = [], 0
     for recording in recordings:
-        half_second = (recording.time / BLOCK).astype(np.int64) + first
+        half_second = (recording.time / BLOCK_SECONDS).astype(np.int64) + first
         found.append(np.repeat(half_second[np.nonzero(recording.valid)[0]], 3))
         first = int(half_second[-1]) + 1
     return found

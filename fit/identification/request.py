@@ -12,7 +12,7 @@ import numpy as np
 from fit.cloth.effect import Effect, parameter_names
 from fit.cloth.model import Resolution
 from fit.effects import find_effects
-from fit.engines import OWN, find_engine
+from fit.engines import OWN_ENGINE, find_engine
 from fit.errors import FitError
 from fit.methods import Parameter, Parameterisation, find_method
 from fit.methods.fabrics import find_fabric
@@ -34,7 +34,7 @@ class Request:
     seed: int = 0
     width: int = SIDE_BY_SIDE
     resolution: Resolution = field(default_factory=Resolution)
-    engine: str = OWN  # the simulator, `fit.engines`
+    engine: str = OWN_ENGINE  # the simulator, `fit.engines`
     bounds: tuple[tuple[str, float, float], ...] = ()  # name, low, high: narrower than the parameter's own
 
     @property
@@ -87,7 +87,7 @@ class Plan:
     spacing: float | None = None  # m; the method's own where None
     seed: int = 0
     fabric: str | None = None
-    engine: str = OWN
+    engine: str = OWN_ENGINE
 
     def __post_init__(self) -> None:
         """Choose the search, so that plans are equal if they do the same.
@@ -96,7 +96,7 @@ class Plan:
             FitError: an unknown method.
         """
         if not self.search:
-            chosen = find_method(self.method).search if self.engine == OWN else "annealing"
+            chosen = find_method(self.method).search if self.engine == OWN_ENGINE else "annealing"
             object.__setattr__(self, "search", chosen)
 
     def request(self) -> Request:
@@ -157,7 +157,7 @@ def request_of(
     spacing: float,
     gamma: float | None = None,
     bounds: list[str] | None = None,
-    engine: str = OWN,
+    engine: str = OWN_ENGINE,
     search: str = "annealing",
 ) -> Request:
     """Gather a request from plain values; bounds as NAME=LOW:HIGH.
@@ -170,7 +170,7 @@ def request_of(
     """
     _check_count(iterations, "iterations", least=1)
     _check_count(seed, "seed", least=0)
-    if check_search(search) in OBSERVED and engine != OWN:
+    if check_search(search) in OBSERVED and engine != OWN_ENGINE:
         raise FitError(
             f"{search} simulates with our own cloth only, not with {engine}", where="--search",
             advice="choose another search or leave out --engine",
@@ -189,7 +189,7 @@ def request_of(
         seed=seed,
         resolution=Resolution(spacing=spacing),
         engine=engine,
-        width=SIDE_BY_SIDE if engine == OWN else 1,  # speculation pays only where candidates share a batch
+        width=SIDE_BY_SIDE if engine == OWN_ENGINE else 1,  # speculation pays only where candidates share a batch
     )
     find_engine(engine)
     _check_effects(method, request.effects)

@@ -38,8 +38,8 @@ RIPPLE_TIME = 2.0  # s that a ripple lasts, which descents end in
 ROUNDS = 3  # times at most that one looks across valleys
 WORTH = 0.005  # of the cost, by which that must lower it to go on, and within which two trials agree
 NEXT_SEED = 7919  # added for another trial: far from the seeds that a user would count up
-COARSE = LeastSquaresSettings(is_chord=True, renewals=0, cost_tolerance=2e-3, step_tolerance=1e-3)
-FINE = LeastSquaresSettings(
+FIRST_SETTINGS = LeastSquaresSettings(is_chord=True, renewals=0, cost_tolerance=2e-3, step_tolerance=1e-3)
+LAST_SETTINGS = LeastSquaresSettings(
     is_chord=True, renewals=1, cost_tolerance=1e-4, step_tolerance=1e-3, step=0.02, max_iterations=8
 )
 
@@ -130,8 +130,8 @@ class Run:
             self.first = len(self.units)
             ends += self._try()
         end, best = min(ends, key=lambda pair: pair[0].cost)
-        manner = FINE if self.settings.looks else COARSE
-        if manner is FINE:
+        manner = LAST_SETTINGS if self.settings.looks else FIRST_SETTINGS
+        if manner is LAST_SETTINGS:
             end, best = self._descend(self.settings.pulls[-1], end.vector, manner)
             ends.append((end, best))
         best = best or self._again(end, manner)
@@ -210,7 +210,7 @@ class Run:
         """Look across the valleys about an end, and go down from the best places there."""
         space, pull = self.search.space, self.settings.pulls[-1]
         known = self.waiting.pop(0) if self.waiting else None
-        found = found or self._again(step, COARSE)
+        found = found or self._again(step, FIRST_SETTINGS)
         judged: list[Floats] = []
 
         def judge(units: Floats) -> Floats:
@@ -252,7 +252,9 @@ class Run:
             return known, None
         found = None
         with suppress(BlowUpError):
-            found = self._minimise(pull, start, manner or replace(COARSE, max_iterations=self.settings.iterations))
+            found = self._minimise(
+                pull, start, manner or replace(FIRST_SETTINGS, max_iterations=self.settings.iterations)
+            )
         step = Step(
             is_look=False, vector=found.parameters if found else start, cost=found.cost if found else np.inf,
             vectors=np.zeros((0, len(start))), simulations=self._simulations(), distances=tuple(self.distances),

@@ -24,7 +24,7 @@ from formats.arrays import Floats
 from formats.fit_records import ErrorFigure, TrivialFigure
 
 GRAVITY = 9.80665  # m/s^2
-STEP = 0.005  # s of the pendulum: a two-hundredth of its period
+TIME_STEP = 0.005  # s of the pendulum: a two-hundredth of its period
 LENGTHS = np.round(np.arange(0.1, 1.01, 0.05), 2)  # m, from a handkerchief to a curtain
 DAMPINGS = np.array([0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0])  # 1/s: a real hanging cloth had 2 x 1.25
 HARDLY = 0.1  # of the trivial predictor's error: a fit that removes less of it hardly beats it
@@ -98,18 +98,18 @@ def fitted_pendulum(recordings: Sequence[Recording]) -> tuple[float, float]:
 
 def swing(recording: Recording, lengths: Floats, dampings: Floats) -> Floats:
     """Return the angles of pendulums at the frames [rad], (pendulums, frames), at rest in the beginning."""
-    instants = np.arange(0.0, recording.duration + STEP, STEP)
+    instants = np.arange(0.0, recording.duration + TIME_STEP, TIME_STEP)
     ends = recording.held(instants)
     middle = ends.reshape(-1, 2, 3).mean(1)
-    acceleration = np.gradient(np.gradient(middle, STEP, axis=0), STEP, axis=0)
+    acceleration = np.gradient(np.gradient(middle, TIME_STEP, axis=0), TIME_STEP, axis=0)
     across, up = (acceleration * level_normal(ends)).sum(1), acceleration[:, 2]
     angle, rate = np.zeros(len(lengths)), np.zeros(len(lengths))
     found = np.empty((len(instants), len(lengths)))
     for k in range(len(instants)):
         found[k] = angle
         pull = -((GRAVITY + up[k]) * np.sin(angle) + across[k] * np.cos(angle)) / lengths
-        rate = rate + (pull - dampings * rate) * STEP
-        angle = angle + rate * STEP
+        rate = rate + (pull - dampings * rate) * TIME_STEP
+        angle = angle + rate * TIME_STEP
     return np.stack([np.interp(recording.time, instants, one) for one in found.T])
 
 

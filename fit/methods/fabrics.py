@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 from fit.errors import FitError
 
-PACKING = 0.35  # share of a fabric's volume that is fibre, stated by us
+FIBRE_VOLUME_SHARE = 0.35  # share of a fabric's volume that is fibre, stated by us
 MANUAL_DAMPING = 1.0  # 1/s, stated by us
 
 
@@ -42,7 +42,7 @@ class Fabric:
     @property
     def thickness(self) -> float:
         """Nominal thickness [m] from the packing of its fibres."""
-        return self.density / (PACKING * self.fibre_density)
+        return self.density / (FIBRE_VOLUME_SHARE * self.fibre_density)
 
     @property
     def start(self) -> dict[str, float]:

@@ -33,7 +33,7 @@ from formats.arrays import Floats
 def _kinect_materials(vectors: Floats, weighed_density: float) -> Floats:
     mass, struct, bend, spring, air, velocity = vectors.T
     density = mass * weighed_density
-    rows = np.zeros((len(vectors), len(mat.NAMES)))
+    rows = np.zeros((len(vectors), len(mat.MATERIAL_NAMES)))
     rows[:, mat.DENSITY] = density
     rows[:, mat.STRETCH] = 10.0 * struct
     rows[:, mat.SHEAR] = struct

@@ -31,13 +31,15 @@ from formats.arrays import Floats
 
 MEMBRANE_DAMPING_TIME = 2e-5  # s, as in `si`: settles ringing threads, far below what markers see
 BENDING_DAMPING_TIME = 1e-4  # s, as in `lean`
-SPACING = 0.0208  # m, a third of the markers' distance: one element between two; coarser cloth folds as the mesh likes
+NODE_SPACING = (
+    0.0208  # m, a third of the markers' distance: one element between two; coarser cloth folds as the mesh likes
+)
 SHEAR_SHARE = 0.1  # of the stretch stiffness, as in the kinect skirt's map
 
 
 def _materials(vectors: Floats, weighed_density: float) -> Floats:
     stretching, bending, damping, density, thickness = vectors.T
-    rows = np.zeros((len(vectors), len(mat.NAMES)))
+    rows = np.zeros((len(vectors), len(mat.MATERIAL_NAMES)))
     rows[:, mat.DENSITY] = density * thickness
     rows[:, mat.STRETCH] = stretching * thickness
     rows[:, mat.SHEAR] = SHEAR_SHARE * stretching * thickness
@@ -73,7 +75,7 @@ MOCAP_SWATCH = Parameterisation(
     objective=SwatchError,
     gamma=1e4,
     is_in_metres=False,
-    spacing=SPACING,
+    spacing=NODE_SPACING,
 )  # fmt: skip
 
 

@@ -27,7 +27,7 @@ from formats.arrays import Floats
 
 def _si_materials(vectors: Floats, weighed_density: float) -> Floats:
     stretch, shear, bending, bending_time, velocity = vectors.T
-    rows = np.zeros((len(vectors), len(mat.NAMES)))
+    rows = np.zeros((len(vectors), len(mat.MATERIAL_NAMES)))
     rows[:, mat.DENSITY] = weighed_density
     rows[:, mat.STRETCH] = stretch
     rows[:, mat.SHEAR] = shear
@@ -77,7 +77,7 @@ SI_SEWN = replace(
 
 def _lean_materials(vectors: Floats, weighed_density: float) -> Floats:
     stretch, bending, velocity = vectors.T
-    rows = np.zeros((len(vectors), len(mat.NAMES)))
+    rows = np.zeros((len(vectors), len(mat.MATERIAL_NAMES)))
     rows[:, mat.DENSITY] = weighed_density
     rows[:, mat.STRETCH] = stretch
     rows[:, mat.SHEAR] = 1e-3 * stretch

@@ -42,9 +42,9 @@ from fit.recordings.noise import held_noise, point_noise
 from fit.recordings.recording import Recording
 from formats.arrays import Floats
 
-KEPT = 5 * np.pi / 9  # of the variance of white noise, per cut-off over rate
+KEPT_NOISE = 5 * np.pi / 9  # of the variance of white noise, per cut-off over rate
 FROM_ROW = 1e-3  # m: error of a held edge that is taken from its row at rest, some 30 frames with 3 mm
-FEWEST_POINTS = 2  # for one stretch
+FEWEST_STRETCH_POINTS = 2  # for one stretch
 NUMBERS = 4  # of a frame: three of the middle, one of the stretch
 MOVING_CERTAIN, RESTING_CERTAIN = (
     60.0,
@@ -136,7 +136,7 @@ class EdgeResiduals:
         count, first, second = weight.sum(1), weight @ arm, weight @ arm**2
         determinant = count * second - first**2
         spread = float((arm**2).sum())
-        self.frame = np.flatnonzero((count >= FEWEST_POINTS) & (determinant > 0.1 * count * spread))
+        self.frame = np.flatnonzero((count >= FEWEST_STRETCH_POINTS) & (determinant > 0.1 * count * spread))
         weight, determinant = weight[self.frame], determinant[self.frame, None]
         self._points = on_edge
         self._middle = weight * (second[self.frame, None] - first[self.frame, None] * arm) / determinant
@@ -147,7 +147,7 @@ class EdgeResiduals:
         self._bar /= np.linalg.norm(self._bar, axis=1, keepdims=True)
         self._measured = np.nan_to_num(recording.points[self.frame][:, on_edge])
         rate = (len(recording.time) - 1) / recording.duration
-        path = float(np.sqrt((held_noise(recording) ** 2).mean() * KEPT * recording.held_cut_off / rate / 2))
+        path = float(np.sqrt((held_noise(recording) ** 2).mean() * KEPT_NOISE * recording.held_cut_off / rate / 2))
         path = float(np.hypot(path, recording.camera.row_off))
         squared = point_noise(recording)[on_edge] ** 2
         weights = np.stack([*[self._middle] * 3, self._arm * self._slope], 1)

@@ -35,8 +35,8 @@ from fit.observer.edge import NUMBERS, EdgeErrors, EdgeResiduals, edge_errors
 from fit.recordings.recording import Recording
 from formats.arrays import Booleans, Floats
 
-BLOCK = 0.5  # s: residuals further apart than half a swing count as independent
-LOST = 1e3  # standard deviations that a candidate is charged per number when it blew up
+BLOCK_SECONDS = 0.5  # s: residuals further apart than half a swing count as independent
+BLOWN_UP_CHARGE = 1e3  # standard deviations that a candidate is charged per number when it blew up
 
 
 @dataclass(frozen=True)
@@ -162,7 +162,7 @@ class Observer:
                 static.append(known[:, chosen].reshape(candidates, -1))
         edges = [part for k, edge in self._edges.items() for part in edge.of(points[k])]
         whole = np.concatenate([*moving, *static, *edges], axis=1)
-        return np.where(np.isfinite(whole), np.clip(whole, -LOST, LOST), LOST)
+        return np.where(np.isfinite(whole), np.clip(whole, -BLOWN_UP_CHARGE, BLOWN_UP_CHARGE), BLOWN_UP_CHARGE)
 
     def sound_residuals_of(self, points: list[Floats]) -> Floats:
         """The same, not finite where a simulation blew up."""
@@ -245,7 +245,7 @@ def _layout(recordings: list[Recording], edges: dict[int, EdgeResiduals]) -> Lay
         seen = recording.counted
         frame, point = np.nonzero(seen)
         frame, point = np.repeat(frame, 3), np.repeat(point, 3)
-        block = (recording.time[frame] / BLOCK).astype(np.int64) + first_block
+        block = (recording.time[frame] / BLOCK_SECONDS).astype(np.int64) + first_block
         first.append(first_block)
         first_block = int(block.max(initial=first_block)) + 1
         axis = np.tile(np.arange(3), len(frame) // 3)
@@ -289,8 +289,8 @@ def _edge_rows(
     """Return the origin of one held edge's numbers, in the order of `Layout`, and their deviations [m]."""
     frame = np.repeat(edge.frame, NUMBERS)
     means = len(edge.static_sd)
-    last = first_block + int(recording.time[recording.counted.any(1)].max(initial=0.0) / BLOCK)
-    block = np.minimum((recording.time[frame] / BLOCK).astype(np.int64) + first_block, last)
+    last = first_block + int(recording.time[recording.counted.any(1)].max(initial=0.0) / BLOCK_SECONDS)
+    block = np.minimum((recording.time[frame] / BLOCK_SECONDS).astype(np.int64) + first_block, last)
     count = len(frame) + means
     nowhere = np.full(count, -1)
     rows = [

@@ -30,9 +30,9 @@ from formats.arrays import Booleans, Floats
 from formats.garment import Garment
 
 LATEST_LEFT = 0.08  # s: a larger offset could end at the bound of 0.1 s of the effect `time_offset`
-STILL = 0.03  # m/s of the hanger
+STILL_SPEED = 0.03  # m/s of the hanger
 TOP_ROW = 0.02  # of the grid's height, within which of the held edge its first row lies on it
-FEWEST_STILL = 5  # frames
+FEWEST_RESTING_FRAMES = 5  # frames
 NARROWEST = 0.85  # of the flat held edge; ends nearer to each other are no eaten corners but something else
 
 
@@ -162,7 +162,7 @@ def edge_shown(seen: Seen, path: Curve, garment: Garment) -> Edge | None:
         return None
     row = row_middle(seen.points[:, grid.at[0]], grid.across - grid.across.mean())
     still = _is_still(seen.time, path) & np.isfinite(row).all(1)
-    if still.sum() < FEWEST_STILL:
+    if still.sum() < FEWEST_RESTING_FRAMES:
         return Edge(0.0, 0.0, width)
     local = in_hanger_frame(row, ends)[still]
     _, down, out = np.median(local, axis=0)  # along the bar both corners are eaten alike
@@ -191,7 +191,7 @@ def examined(seen: Seen, held: Curve, garment: Garment) -> Camera:
 def _is_still(time: Floats, path: Curve) -> Booleans:
     """Return the frames in which the hanger stands still, (frames,)."""
     speed = np.linalg.norm(path(time + CLOSEST) - path(time - CLOSEST), axis=1) / (2 * CLOSEST * np.sqrt(2))
-    return np.asarray(speed < STILL)
+    return np.asarray(speed < STILL_SPEED)
 
 
 def _grid_of_silhouette(garment: Garment) -> Grid | None:

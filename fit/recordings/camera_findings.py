@@ -14,7 +14,7 @@ import numpy as np
 from fit.recordings.grids import SKEWED
 from fit.recordings.point_kind import describe_contradiction
 from fit.recordings.recording import Recording
-from fit.recordings.timing import FARTHEST, FOLLOWED, Timing, is_sure
+from fit.recordings.timing import LARGEST_SHIFT, LEAST_EXPLAINED, Timing, is_sure
 from formats.fit_records import CameraFinding, Interval
 
 CERTAIN_LEFT = 0.02  # s that material points trail, from which it is said though it is left to the diagnosis
@@ -92,8 +92,8 @@ def foreign_clock(recordings: Sequence[Recording]) -> CameraFinding | None:
         name="clocks", take_ids=[r.take_id for r, _ in lost], figure=timing.explained, unit="1", is_fault=True,
         sentence=(
             f"The clock of the points cannot be the hanger's in {_listed([r for r, _ in lost])}: at no shift "
-            f"within {FARTHEST:g} s does the hanger's path explain {100 * FOLLOWED:.0f} % of how the held row of "
-            f"{recording.take_id} moves (at best {100 * max(timing.explained, 0.0):.0f} %). Check that path and "
+            f"within {LARGEST_SHIFT:g} s does the hanger's path explain {100 * LEAST_EXPLAINED:.0f} % of how the held "
+            f"row of {recording.take_id} moves (at best {100 * max(timing.explained, 0.0):.0f} %). Check that path and "
             "points are of the same take and which clock each has."),
     )  # fmt: skip
 

@@ -12,9 +12,11 @@ import numpy as np
 from fit.errors import FitError
 from fit.recordings.impossible_points import LONGEST_STRETCH
 from fit.recordings.recording import Recording
-from fit.recordings.timing import FARTHEST, FOLLOWED
+from fit.recordings.timing import LARGEST_SHIFT, LEAST_EXPLAINED
 
-SLACK = 0.06  # m, held ends and points are measured by different means: 26 mm in the median on the worst real takes
+LENGTH_TOLERANCE = (
+    0.06  # m, held ends and points are measured by different means: 26 mm in the median on the worst real takes
+)
 SHORTEST_EDGE = 0.25  # of the held edge: held ends closer than that are a wrong unit, not slack
 
 
@@ -27,8 +29,9 @@ def _refuse_a_foreign_clock(recording: Recording) -> None:
     timing = recording.camera.timing
     if timing is not None and not timing.is_of_hanger:
         raise FitError(
-            f"the points' clock cannot be the hanger's: at no shift within {FARTHEST:g} s does its path explain "
-            f"{100 * FOLLOWED:.0f} % of how the held row moves (at best {100 * max(timing.explained, 0.0):.0f} %)",
+            f"the points' clock cannot be the hanger's: at no shift within {LARGEST_SHIFT:g} s does its path explain "
+            f"{100 * LEAST_EXPLAINED:.0f} % of how the held row moves "
+            f"(at best {100 * max(timing.explained, 0.0):.0f} %)",
             where=recording.take_id, advice="check that path and points are of one take, and which clock each has",
         )  # fmt: skip
 
@@ -44,7 +47,7 @@ def check_geometry(recording: Recording) -> None:
     held = recording.held(recording.time).reshape(-1, 2, 3)
     edge = float(np.linalg.norm(outline[1] - outline[0]))
     apart = float(np.median(np.linalg.norm(held[:, 1] - held[:, 0], axis=1)))
-    if not SHORTEST_EDGE * edge <= apart <= LONGEST_STRETCH * edge + SLACK:
+    if not SHORTEST_EDGE * edge <= apart <= LONGEST_STRETCH * edge + LENGTH_TOLERANCE:
         raise FitError(
             f"the held ends are {1e3 * apart:.0f} mm apart, the garment's held edge is {1e3 * edge:.0f} mm long",
             where=recording.take_id,
@@ -55,7 +58,7 @@ def check_geometry(recording: Recording) -> None:
         for end in range(2):
             flat = float(np.linalg.norm(np.asarray(point.at_m) - outline[end]))
             away = np.linalg.norm(recording.points[seen, k] - held[seen, end], axis=1)
-            if seen.any() and np.median(away) > LONGEST_STRETCH * flat + SLACK:
+            if seen.any() and np.median(away) > LONGEST_STRETCH * flat + LENGTH_TOLERANCE:
                 _refuse_a_foreign_clock(recording)
                 raise FitError(
                     f"the point {point.name!r} is {1e3 * np.median(away):.0f} mm from the {('left', 'right')[end]} "

@@ -31,7 +31,7 @@ from formats.garment import Garment
 
 SKEWED = 4.0  # degrees: three deviations of a grid at rest that lies straight
 FEWEST_LINES = 4  # rows, and columns
-SAME_LINE = 0.02  # of the cloth's extent, within which places are of one row or column
+SAME_LINE_SHARE = 0.02  # of the cloth's extent, within which places are of one row or column
 FEWEST_IN_COLUMN = 3
 FEWEST_PLACED = 12
 
@@ -55,8 +55,8 @@ def grid_of(garment: Garment) -> Grid | None:
     if len(places) < FEWEST_LINES**2 or abs(ends[1, 1] - ends[0, 1]) > 1e-6:
         return None
     extent = float(np.ptp(places, axis=0).max())
-    column, across = _lines(places[:, 0] - ends[0, 0], SAME_LINE * extent)
-    row, down = _lines(ends[0, 1] - places[:, 1], SAME_LINE * extent)
+    column, across = _lines(places[:, 0] - ends[0, 0], SAME_LINE_SHARE * extent)
+    row, down = _lines(ends[0, 1] - places[:, 1], SAME_LINE_SHARE * extent)
     if min(len(across), len(down)) < FEWEST_LINES or len(across) * len(down) != len(places):
         return None
     at = np.full((len(down), len(across)), -1)

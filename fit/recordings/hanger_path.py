@@ -15,7 +15,7 @@ import numpy as np
 
 from fit.errors import DriveError
 from fit.recordings.held_edge import FEWEST_FRAMES
-from fit.recordings.intact import FORGOTTEN
+from fit.recordings.intact import SETTLING_TIME
 from fit.recordings.smoothing import steady_spline
 from formats.arrays import Booleans, Floats
 from formats.take import LONGEST_GAP
@@ -90,7 +90,7 @@ def is_known(instants: Floats, gaps: list[tuple[float, float]]) -> Booleans:
     """Return when what the cloth does follows from a path that was seen, (n,): not in gaps, nor soon after them."""
     known = np.ones(len(instants), bool)
     for begin, end in gaps:
-        known &= ~((instants > begin) & (instants < end + FORGOTTEN))
+        known &= ~((instants > begin) & (instants < end + SETTLING_TIME))
     return known
 
 

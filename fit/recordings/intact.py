@@ -17,10 +17,12 @@ import numpy as np
 from formats.missing import missing_words
 from formats.take import LONGEST_GAP, Take
 
-FORGOTTEN = 2.5  # s after which 4 % are left of a swing that decays with 1.25 /s, as a real hanging cloth did
-STILL = 0.004  # m that the held ends move, root mean square, in a take that begins at rest: sensors' noise is 1 to 3 mm
-LOOKED_AT = 0.5  # s of a stretch that show whether it begins at rest
-FRAMES = (
+SETTLING_TIME = 2.5  # s after which 4 % are left of a swing that decays with 1.25 /s, as a real hanging cloth did
+STILL_MOTION = (
+    0.004  # m that the held ends move, root mean square, in a take that begins at rest: sensors' noise is 1 to 3 mm
+)
+REST_WINDOW = 0.5  # s of a stretch that show whether it begins at rest
+FRAME_FIELDS = (
     "time", "held", "held_valid", "held_sd", "points", "points_valid", "points_sd", "state", "markers", "pitch",
     "pitch_sd", "points_hidden", "quality",
 )  # fmt: skip
@@ -42,19 +44,19 @@ def longest_intact(take: Take) -> Take:
     if len(found) < 2:
         return take
     longest = max(found, key=lambda part: take.time[part.stop - 1] - take.time[part.start])
-    kept = {name: values[longest] for name in FRAMES if (values := getattr(take, name)) is not None}
+    kept = {name: values[longest] for name in FRAME_FIELDS if (values := getattr(take, name)) is not None}
     if longest.start and not _begins_at_rest(take, longest):
         valid = kept["points_valid"].copy()
-        valid[kept["time"] < kept["time"][0] + FORGOTTEN] = False
+        valid[kept["time"] < kept["time"][0] + SETTLING_TIME] = False
         kept["points_valid"] = valid
     return replace(take, **kept)
 
 
 def _begins_at_rest(take: Take, part: slice) -> bool:
     time = take.time[part]
-    held = take.held[part][time < time[0] + LOOKED_AT]
+    held = take.held[part][time < time[0] + REST_WINDOW]
     held = held[np.isfinite(held).all((1, 2))]
-    return len(held) > 1 and float(np.sqrt(held.var(0).sum(1)).max()) < STILL
+    return len(held) > 1 and float(np.sqrt(held.var(0).sum(1)).max()) < STILL_MOTION
 
 
 def describe_missing(takes: Sequence[Take]) -> list[str]:

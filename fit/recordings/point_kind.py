@@ -26,10 +26,10 @@ from fit.recordings.recording import Recording
 from formats.arrays import Booleans, Floats
 from formats.garment import Garment
 
-SLIDES = 0.016  # of the flat length; silhouettes change by 0.022 and more
+LEAST_SLIDING = 0.016  # of the flat length; silhouettes change by 0.022 and more
 STAYS = 0.010  # of the flat length; material points change by 0.009 at most
 FEWEST_PAIRS = 12  # in a direction: fewer fold together
-NEAR = 0.25  # of the cloth's extent that neighbours are apart at most: longer pairs fold
+NEIGHBOUR_SHARE = 0.25  # of the cloth's extent that neighbours are apart at most: longer pairs fold
 ALONG = 0.94  # cosine of 20 degrees between a pair and the direction it counts for
 FEWEST_FRAMES = 20
 
@@ -41,7 +41,7 @@ def neighbours(places: Floats, axis: int) -> tuple[NDArray[np.int64], Floats]:
     for k, place in enumerate(places):
         way = places - place
         length = np.linalg.norm(way, axis=1)
-        ahead = (way[:, axis] > ALONG * np.maximum(length, 1e-9)) & (length > 0) & (length < NEAR * extent)
+        ahead = (way[:, axis] > ALONG * np.maximum(length, 1e-9)) & (length > 0) & (length < NEIGHBOUR_SHARE * extent)
         if ahead.any():
             pairs.append((k, int(np.where(ahead, length, np.inf).argmin())))
     found = np.array(pairs, dtype=np.int64).reshape(-1, 2)
@@ -81,9 +81,9 @@ def kind_shown(recording: Recording) -> tuple[str, float] | None:
         warnings.simplefilter("ignore", RuntimeWarning)
         change = common_change(recording.seen_points, np.asarray(np.isfinite(recording.seen_points).all(2)), places,
                                float(np.sqrt(np.mean(recording.point_sd**2))))  # fmt: skip
-    if change is None or STAYS <= change <= SLIDES:
+    if change is None or STAYS <= change <= LEAST_SLIDING:
         return None
-    return ("silhouette" if change > SLIDES else "material"), change
+    return ("silhouette" if change > LEAST_SLIDING else "material"), change
 
 
 def describe_contradiction(garment: Garment, recordings: Sequence[Recording]) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from fit.errors import FitError
 from formats.diagnosis_records import Diagnosis
 from formats.fit_records import FitResult
-from formats.motion import KINDS, kind_of
+from formats.motion import MOTION_KINDS, kind_of
 from formats.take import Take
 
 
@@ -62,14 +62,16 @@ def check_together(training: list[Take], held_out: list[Take]) -> list[str]:
 
 
 def split_by_motion(takes: list[Take], kinds: Collection[str]) -> tuple[list[Take], list[Take]]:
-    """Return the takes to fit to and those of the given kinds of motion (`formats.motion.KINDS`), in their order.
+    """Return the takes to fit to and those of the given kinds of motion, in their order.
 
     Raises:
         FitError: an unknown kind, a kind that no take is of, or nothing left to fit to.
     """
     for kind in kinds:
-        if kind not in KINDS:
-            raise FitError(f"there is no kind of motion named {kind!r}", advice=f"choose among {', '.join(KINDS)}")
+        if kind not in MOTION_KINDS:
+            raise FitError(
+                f"there is no kind of motion named {kind!r}", advice=f"choose among {', '.join(MOTION_KINDS)}"
+            )
     by_take = [kind_of(take) for take in takes]
     there = ", ".join(f"{take.take_id} {kind}" for take, kind in zip(takes, by_take, strict=True))
     for kind in kinds:

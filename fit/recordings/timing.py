@@ -34,21 +34,23 @@ from fit.recordings.hanger_path import Curve, hanger_axes, in_hanger_frame
 from fit.recordings.robust_line import interval_of, robust_line
 from formats.arrays import Booleans, Floats
 
-FARTHEST = 0.5  # s either way: live cameras are late by 0.05 to 0.35 s
-COARSE = 0.02  # s of the scan: a swing of 2 Hz turns by 14 degrees
-SHARES = np.round(np.arange(-0.6, 1.61, 0.2), 1)  # of the preceding interval, looked at
+LARGEST_SHIFT = 0.5  # s either way: live cameras are late by 0.05 to 0.35 s
+SCAN_STEP = 0.02  # s of the scan: a swing of 2 Hz turns by 14 degrees
+INTERVAL_SHARES = np.round(np.arange(-0.6, 1.61, 0.2), 1)  # of the preceding interval, looked at
 UNEVEN = 0.1  # of the median interval, the spread from which shares of it show
 OUTLIER = 3.0  # times the median distance
-BLOCK = 0.5  # s, half a swing
+HALF_SWING = 0.5  # s, half a swing
 FEWEST_BLOCKS = 5
 SHORTEST_PART = 0.25  # of the take that the scan's reach is at most
-FOLLOWED = 0.7  # of the row's squared motion that the hanger's path must explain; real silhouettes have 0.91 to 0.99
+LEAST_EXPLAINED = (
+    0.7  # of the row's squared motion that the hanger's path must explain; real silhouettes have 0.91 to 0.99
+)
 LEAST_TRAVEL = 0.02  # m, standard deviation of the hanger's way across the cloth, from which a scale is told
 MOVING, STILL = 0.1, 0.03  # m/s of the row, above which time shows, and below which noise does
 LEAST_NOISE = 5e-4  # m of an axis
-FEWEST_STILL = 8  # frames from which noise is taken
+FEWEST_NOISE_FRAMES = 8  # frames from which noise is taken
 MEDIAN_TELLS = 0.37  # of what a mean square would tell of a deviation, a median absolute deviation does
-WIDEST = 0.05  # s of half an interval: wider, the hanger hardly moved
+WIDEST_INTERVAL = 0.05  # s of half an interval: wider, the hanger hardly moved
 SURELY = 1.8  # halves of a 90 % interval: three standard errors, so that of six findings hardly one in fifty is false
 CERTAIN = 2.5  # standard errors of the frames' own deviation
 NEXT = 1e-3  # s, a difference for slopes
@@ -97,7 +99,7 @@ class Timing:
     @property
     def follows(self) -> bool:
         """Whether the row follows the hanger at any shift."""
-        return self.explained >= FOLLOWED
+        return self.explained >= LEAST_EXPLAINED
 
     @property
     def is_of_hanger(self) -> bool:
@@ -107,7 +109,7 @@ class Timing:
     @property
     def is_at_end(self) -> bool:
         """Whether the latency is as large as what was looked at."""
-        return abs(self.latency) >= FARTHEST - COARSE
+        return abs(self.latency) >= LARGEST_SHIFT - SCAN_STEP
 
 
 def is_sure(interval: tuple[float, float]) -> bool:
@@ -125,14 +127,14 @@ def find_timing(time: Floats, row: Floats, path: Curve, *, is_per_frame: bool = 
     - `is_per_frame`: whether each frame may have a shift of its own
     """
     seen = np.isfinite(row).all(1)
-    reach = min(FARTHEST, SHORTEST_PART * float(time[-1] - time[0]))
+    reach = min(LARGEST_SHIFT, SHORTEST_PART * float(time[-1] - time[0]))
     step = uneven_intervals(time)
     inside = (time > time[0] + reach) & (time < time[-1] - reach)
     scan = _Scan(time, row, step, path, seen & inside)
-    if scan.blocks < FEWEST_BLOCKS or reach < COARSE:
+    if scan.blocks < FEWEST_BLOCKS or reach < SCAN_STEP:
         return None
     is_uneven = float(np.std(step)) > UNEVEN * float(np.median(np.diff(time)))
-    shares = SHARES if is_uneven else np.zeros(1)
+    shares = INTERVAL_SHARES if is_uneven else np.zeros(1)
     for _ in range(2):
         latency, share = scan.best(reach, shares)
         scan = scan.without_outliers(latency, share).by_noise(latency, share)
@@ -148,7 +150,7 @@ def find_timing(time: Floats, row: Floats, path: Curve, *, is_per_frame: bool = 
         before=scan.rms(0.0, 0.0), after=float(np.sqrt((left[scan.used] ** 2).sum(1).mean())),
         explained=1 - float((left[scan.used] ** 2).sum() / max(scan.motion, 1e-12)), shifts=latency + share * step,
     )  # fmt: skip
-    if half[0] > WIDEST:  # the hanger tells no time, or it is another one's
+    if half[0] > WIDEST_INTERVAL:  # the hanger tells no time, or it is another one's
         return None if timing.is_of_hanger else timing
     timing = scan.with_scale(timing)
     return scan.with_own_shifts(timing) if is_per_frame else timing
@@ -168,7 +170,7 @@ class _Scan:
 
     @property
     def block(self) -> NDArray[np.int64]:
-        return np.asarray((self.time - self.time[0]) // BLOCK, np.int64)
+        return np.asarray((self.time - self.time[0]) // HALF_SWING, np.int64)
 
     @property
     def blocks(self) -> int:
@@ -212,7 +214,7 @@ class _Scan:
     def by_noise(self, latency: float, share: float) -> _Scan:
         """Return the scan with the noise that each axis has in frames in which the hanger stands still."""
         still = self.used & (np.linalg.norm(self.velocity(latency, share), axis=1) < STILL)
-        if still.sum() < FEWEST_STILL:
+        if still.sum() < FEWEST_NOISE_FRAMES:
             return self
         local = self.local(latency, share)[still]
         spread = 1.4826 * np.median(np.abs(local - np.median(local, axis=0)), axis=0)
@@ -220,12 +222,12 @@ class _Scan:
 
     def best(self, reach: float, shares: Floats) -> tuple[float, float]:
         """Return the latency and share of the smallest residual on the grid."""
-        count = 2 * int(np.floor(reach / COARSE)) + 1
-        latencies = COARSE * (np.arange(count) - count // 2)
+        count = 2 * int(np.floor(reach / SCAN_STEP)) + 1
+        latencies = SCAN_STEP * (np.arange(count) - count // 2)
         coarse = min((self.whitened(t, 0.0), t, 0.0) for t in latencies)
         if len(shares) == 1:
             return float(coarse[1]), 0.0
-        near = latencies[np.abs(latencies - coarse[1]) < 2.5 * COARSE]
+        near = latencies[np.abs(latencies - coarse[1]) < 2.5 * SCAN_STEP]
         found = min((self.whitened(t, s), t, s) for t in near for s in shares)
         return float(found[1]), float(found[2])
 
@@ -249,7 +251,7 @@ class _Scan:
             design = design.reshape(-1, design.shape[2])
             whole, side = design.T @ design, design.T @ base.ravel()
             change = -np.linalg.lstsq(whole, side, rcond=None)[0][: len(slopes)]
-            found[: len(slopes)] += np.clip(change, -COARSE, COARSE)
+            found[: len(slopes)] += np.clip(change, -SCAN_STEP, SCAN_STEP)
         without = []
         for block in range(len(names)):
             part = design[place == block]

@@ -13,7 +13,7 @@ from fit.report.text import interval, millimetres, number, percent, tenths, tent
 from formats.diagnosis_records import Diagnosis
 from formats.fit_records import FitResult
 
-TONES = {"none": "good", "effect": "good", "ambiguous": "warn", "several": "good", "unknown": "warn"}
+VERDICT_TONES = {"none": "good", "effect": "good", "ambiguous": "warn", "several": "good", "unknown": "warn"}
 VERDICT_WORDS = {
     "none": "no gap",
     "effect": "one missing effect",
@@ -30,7 +30,7 @@ def verdict(fit: FitResult | None, diagnosis: Diagnosis | None, motions: Sequenc
     tone, tag = "plain", "fit"
     if diagnosis is not None:
         sentence = diagnosis.sentence
-        tone, tag = TONES.get(diagnosis.verdict, "bad"), VERDICT_WORDS.get(diagnosis.verdict, diagnosis.verdict)
+        tone, tag = VERDICT_TONES.get(diagnosis.verdict, "bad"), VERDICT_WORDS.get(diagnosis.verdict, diagnosis.verdict)
         figures = _gap_figures(diagnosis) + _fit_beside(fit, motions)
     else:
         sentence = _fit_sentence(fit, motions)

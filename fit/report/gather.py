@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fit.cloth.effect import amplitudes_of, parameter_names
 from fit.cloth.simulator import Simulator
-from fit.engines import OWN, find_engine
+from fit.engines import OWN_ENGINE, find_engine
 from fit.engines.plain_grid import plain_grid
 from fit.gap.diagnosis import Findings
 from fit.identification.request import Request
@@ -39,7 +39,7 @@ def write_fit_report(
     names, vectors = ("before", "after"), np.stack([initial, fitted])
     motions = []
     for recording, is_held_out in _both(*prepare_together(training, held_out)):
-        if request.engine != OWN:
+        if request.engine != OWN_ENGINE:
             motions.append(_motion_of_engine(recording, is_held_out, request, vectors))
             continue
         simulator = Simulator(recording, request.effects, resolution=request.resolution)
@@ -78,7 +78,7 @@ def write_diagnosis_report(
             rows.append(findings.model.to_materials(best.vector[None], density))
             amplitudes.append(best.amplitudes)
             names.append("with_effect")
-        if fitted is not None and fitted.engine == OWN:
+        if fitted is not None and fitted.engine == OWN_ENGINE:
             method = find_method(fitted.method)
             values = np.array([[p.fitted for p in fitted.parameters]])
             rows.append(method.to_materials(values[:, : len(method.parameters)], density))

@@ -280,7 +280,7 @@ def next_experiment(diagnosis: Diagnosis | None) -> Markup:
     return Markup("<p>{}</p>").format(found.sentence) + pairs(figures)
 
 
-READING = {
+HOW_TO_READ = {
     "Gap": "The error of the simulation on motion that was not used to fit it, as far as it is larger than the "
     "sensor's noise. Below the noise floor nothing can be seen and nothing is claimed.",
     "Gap closed": "How much of the gap disappears once an effect is modelled and everything is fitted again, on motion "
@@ -296,7 +296,7 @@ READING = {
 
 def reading() -> Markup:
     """Return how to read the page."""
-    return piece("parts.html", "reading", READING)
+    return piece("parts.html", "reading", HOW_TO_READ)
 
 
 def origin(found: Origin | None) -> Markup:

@@ -43,7 +43,7 @@ from fit.search import bounds
 from fit.search.speculation import Branch, grow
 from formats.arrays import Floats
 
-MEMORY = 64  # proposals from whose outcome the next acceptances are guessed; changes speed only, never the chain
+OUTCOMES_KEPT = 64  # proposals from whose outcome the next acceptances are guessed; changes speed only, never the chain
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -294,7 +294,7 @@ class Annealing:
             is_accepted = bool(draws[-1] <= probability)
         else:
             is_accepted = False
-        self._changes = [*self._changes, -change if math.isfinite(change) else math.inf][-MEMORY:]
+        self._changes = [*self._changes, -change if math.isfinite(change) else math.inf][-OUTCOMES_KEPT:]
         self._draws.pop(0)
         self.iteration += 1
         self._temperature = temperature

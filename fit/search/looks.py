@@ -24,7 +24,7 @@ SCATTERED = 16  # places with the start: a batch that costs little more than one
 CAUTIONS = (1.0, 0.0)
 NEAREST = 0.01  # share of the box: two places differ by as much in one parameter at least
 NEAR_BLOW_UP = 0.1  # the same about a place whose simulation blew up
-MOST_PLACES = 60  # the emulator uses so many of the best places: its work grows with their third power
+MOST_EMULATED = 60  # the emulator uses so many of the best places: its work grows with their third power
 DRAWN, WIDTHS = (200, 100, 50), (0.1, 0.03)  # places drawn over the box, and about the best with these deviations
 DESCENTS = 3  # of them from which the least is sought
 
@@ -78,7 +78,7 @@ def propose(units: Floats, residuals: Floats, start: Floats, seed: int) -> Float
     if len(sound) <= fewest(len(start)):
         return units[:0]
     told = residuals[is_sound]
-    order = np.argsort((told**2).sum(1) + prior_cost(sound, start), kind="stable")[:MOST_PLACES]
+    order = np.argsort((told**2).sum(1) + prior_cost(sound, start), kind="stable")[:MOST_EMULATED]
     emulator = Emulator(sound[order], told[order] @ told[order].T)
     random = np.random.default_rng([seed, len(units)])
     chosen: list[Floats] = []

@@ -25,7 +25,7 @@ from formats.arrays import Floats
 
 WALKERS, SWEEPS = 64, 300
 FORGOTTEN_SWEEPS = 100  # first steps
-JITTER = 1e-3  # share of the box, e above
+BOX_JITTER = 1e-3  # share of the box, e above
 FIRST_JITTER = 3e-3  # about the places that walkers begin at
 LEAP_EVERY = 5
 
@@ -47,7 +47,7 @@ def draw(cost: Callable[[Floats], Floats], places: Floats, pieces: float, seed: 
         for half in (0, 1):
             moved, still = np.arange(half, WALKERS, 2), np.arange(1 - half, WALKERS, 2)
             apart = walkers[random.choice(still, len(moved))] - walkers[random.choice(still, len(moved))]
-            tries = walkers[moved] + gamma * apart + JITTER * random.normal(size=apart.shape)
+            tries = walkers[moved] + gamma * apart + BOX_JITTER * random.normal(size=apart.shape)
             is_inside = ((tries >= 0) & (tries <= 1)).all(1)
             tried = np.where(is_inside, -0.5 * pieces * np.log(cost(np.clip(tries, 0, 1))), -np.inf)
             is_taken = np.log(random.random(len(moved))) < tried - height[moved]

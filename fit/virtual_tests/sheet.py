@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from fit.cloth.material import NAMES
-from fit.engines import OWN
+from fit.cloth.material import MATERIAL_NAMES
+from fit.engines import OWN_ENGINE
 from fit.errors import FitError
 from fit.virtual_tests.fabric_ranges import QUANTILES, TEN, range_of_ten, share_below
 from fit.virtual_tests.kes import Sheet, make_sheet
 from formats.fit_records import FitResult
 
 FRICTION = "bending_hysteresis"  # the effect that brings friction into bending
-SHARED = ("areal_density", "stretch_stiffness", "shear_stiffness", "bending_stiffness")  # by layers that slide
+LAYER_NUMBERS = ("areal_density", "stretch_stiffness", "shear_stiffness", "bending_stiffness")  # by layers that slide
 
 
 def tests_of(result: FitResult) -> Sheet:
@@ -19,14 +19,16 @@ def tests_of(result: FitResult) -> Sheet:
     Raises:
         FitError: the result does not hold its material, or is of another engine.
     """
-    if result.engine != OWN:
+    if result.engine != OWN_ENGINE:
         raise FitError(
             f"this fit is of {result.engine}'s cloth, whose numbers are not properties of a fabric",
             advice="fit with the engine own",
         )
-    if not set(NAMES) <= result.material.keys():
+    if not set(MATERIAL_NAMES) <= result.material.keys():
         raise FitError("the fit result does not hold its material", advice="it is from an older version: fit again")
-    material = {name: value / (result.layers if name in SHARED else 1) for name, value in result.material.items()}
+    material = {
+        name: value / (result.layers if name in LAYER_NUMBERS else 1) for name, value in result.material.items()
+    }
     return make_sheet(material, result.effects.get(FRICTION, 0.0) / result.layers)
 
 

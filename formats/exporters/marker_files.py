@@ -22,7 +22,7 @@ from formats.take import Take
 HELD = ("held_left", "held_right")
 ON_POINT = 1e-9  # m within which a held end is a tracked point
 LATE = 0.25  # of an interval that a frame may lie off its place in a file of one rate
-LONGEST = 65535  # frames that a C3D file's header can state
+MOST_C3D_FRAMES = 65535  # frames that a C3D file's header can state
 
 
 def marker_tracks(take: Take) -> MarkerTracks:
@@ -88,9 +88,9 @@ def at_one_rate(tracks: MarkerTracks, where: str) -> tuple[float, Floats]:
         interval = float(np.polyfit(number, tracks.time, 1)[0])
         number = np.rint((tracks.time - tracks.time[0]) / interval).astype(int)
     off = np.abs(tracks.time - tracks.time[0] - number * interval)
-    if number[-1] >= LONGEST:
+    if number[-1] >= MOST_C3D_FRAMES:
         raise TakeError(
-            f"has {number[-1] + 1} frames, a C3D file {LONGEST} at most", where=where, advice="export it as CSV"
+            f"has {number[-1] + 1} frames, a C3D file {MOST_C3D_FRAMES} at most", where=where, advice="export it as CSV"
         )
     if (off > LATE * interval).any() or (np.diff(number) < 1).any():
         raise TakeError(

@@ -33,10 +33,10 @@ from formats.importers.c3d_process import REFUSED
 from formats.importers.marker_tracks import MarkerTracks, as_seen
 from formats.importers.units import metres_of
 
-BLOCK = 512  # bytes
-KEY = 0x50  # second byte of every C3D file
+BLOCK_BYTES = 512  # bytes
+C3D_KEY = 0x50  # second byte of every C3D file
 INTEL, DEC, SGI = 84, 85, 86
-LARGEST = 1 << 30  # bytes
+LARGEST_C3D = 1 << 30  # bytes
 LONGEST_RATE = 10_000.0  # frames a second
 MOST_FRAMES = 65535  # that the header can state
 
@@ -49,7 +49,7 @@ def read_c3d(path: Path, unit: str | None) -> MarkerTracks:
             installed.
     """
     size = path.stat().st_size
-    if size > LARGEST:
+    if size > LARGEST_C3D:
         raise TakeError(f"has {size / 1e9:.1f} GB, which no C3D file has", where=path, advice="check the path")
     header = _refuse_a_short_file(path, size)
     content = _read_apart(path, size, header.processor)
@@ -96,11 +96,11 @@ class _Header:
 def _refuse_a_short_file(path: Path, size: int) -> _Header:
     """Refuse a file that ends before the last frame that its header states; return what its header says."""
     with path.open("rb") as file:
-        head = file.read(BLOCK)
-        if len(head) < BLOCK or head[1] != KEY or not head[0]:
+        head = file.read(BLOCK_BYTES)
+        if len(head) < BLOCK_BYTES or head[1] != C3D_KEY or not head[0]:
             raise TakeError("is no C3D file that can be read (its first block is none)", where=path,
                             advice="export it again")  # fmt: skip
-        file.seek(BLOCK * (head[0] - 1) + 3)
+        file.seek(BLOCK_BYTES * (head[0] - 1) + 3)
         processor = (file.read(1) or b"\0")[0]
     order = ">" if processor == SGI else "<"
     points, analogue, first, last = struct.unpack_from(f"{order}HHHH", head, 2)
@@ -109,7 +109,7 @@ def _refuse_a_short_file(path: Path, size: int) -> _Header:
     is_float = bool(head[12 + {SGI: 0, DEC: 1}.get(processor, 3)] & 0x80)
     width = (4 * points + analogue) * (4 if is_float else 2)
     frames = last - first + 1
-    held = (size - BLOCK * (start - 1)) // width if width and start > 1 else 0
+    held = (size - BLOCK_BYTES * (start - 1)) // width if width and start > 1 else 0
     if width and frames > 0 and start > 1 and held < frames and last < MOST_FRAMES:
         raise _cut_off(max(held, 0), frames, "its header states", path)
     if processor == DEC:
@@ -128,7 +128,7 @@ def _refuse_a_long_file(read: int, stated: int, header: _Header, path: Path) -> 
         return
     if read < (stated or MOST_FRAMES):
         raise _cut_off(read, stated or MOST_FRAMES, f"its {'parameters state' if stated else 'header states'}", path)
-    if header.held > read + BLOCK // 8:  # the last block's rest may look like frames, of a 16-bit point each
+    if header.held > read + BLOCK_BYTES // 8:  # the last block's rest may look like frames, of a 16-bit point each
         raise TakeError(
             f"has room for {header.held} frames and states {read}: its header counts no further", where=path,
             advice="export it in shorter parts, or as text",
@@ -176,7 +176,7 @@ def _in_intel_order(raw: bytes) -> bytes:
             part = np.frombuffer(bytes(out[begin:end]), f">u{width}")
             out[begin:end] = part.astype(f"<u{width}").tobytes()
 
-    parameters = BLOCK * (raw[0] - 1)
+    parameters = BLOCK_BYTES * (raw[0] - 1)
     start, is_float = struct.unpack_from(">H", raw, 16)[0], bool(raw[12] & 0x80)
     for begin, end, width in ((2, 12, 2), (12, 16, 4), (16, 20, 2), (20, 24, 4)):
         turn(begin, end, width)
@@ -201,5 +201,5 @@ def _in_intel_order(raw: bytes) -> bytes:
         if not offset:
             break
         at = offset_at + offset
-    turn(BLOCK * (start - 1), len(out), 4 if is_float else 2)
+    turn(BLOCK_BYTES * (start - 1), len(out), 4 if is_float else 2)
     return bytes(out)

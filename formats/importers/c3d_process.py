@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-MEMORY = 1 << 30  # bytes, and some for each of the file's
+BASE_MEMORY = 1 << 30  # bytes, and some for each of the file's
 PER_BYTE = 64
 CPU_SECONDS = 60
 REFUSED = 3  # exit code
@@ -22,7 +22,7 @@ REFUSED = 3  # exit code
 def main() -> None:
     """Read the file named on the command line."""
     path, size = sys.argv[1], int(sys.argv[2])
-    limit = MEMORY + PER_BYTE * size
+    limit = BASE_MEMORY + PER_BYTE * size
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     resource.setrlimit(resource.RLIMIT_CPU, (CPU_SECONDS, CPU_SECONDS))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

@@ -11,7 +11,7 @@ from formats.importers.c3d_file import read_c3d
 from formats.importers.marker_text import read_marker_text
 from formats.importers.marker_tracks import MarkerTracks
 
-ENDINGS = (".c3d", ".trc", ".csv", ".tsv", ".txt")
+FILE_ENDINGS = (".c3d", ".trc", ".csv", ".tsv", ".txt")
 
 
 def read_marker_tracks(path: Path, unit: str | None = None) -> MarkerTracks:
@@ -23,10 +23,10 @@ def read_marker_tracks(path: Path, unit: str | None = None) -> MarkerTracks:
     if not path.is_file():
         raise TakeError("cannot be read (no such file)", where=path, advice="check the path")
     kind = path.suffix.lower()
-    if kind not in ENDINGS:
+    if kind not in FILE_ENDINGS:
         raise TakeError(
             f"{kind or 'a file without ending'} is not a marker file", where=path,
-            advice=f"give {', '.join(ENDINGS)}",
+            advice=f"give {', '.join(FILE_ENDINGS)}",
         )  # fmt: skip
     tracks = read_c3d(path, unit) if kind == ".c3d" else read_marker_text(path, unit)
     if not np.isfinite(tracks.positions).any():

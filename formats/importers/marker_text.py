@@ -23,7 +23,7 @@ from formats.errors import TakeError
 from formats.importers.marker_tracks import MarkerTracks, as_seen
 from formats.importers.units import AXES, metres_of
 
-LARGEST = 1 << 28  # bytes
+LARGEST_TEXT = 1 << 28  # bytes
 MARKS = ((b"\xff\xfe\0\0", "utf-32"), (b"\0\0\xfe\xff", "utf-32"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"),
          (b"\xef\xbb\xbf", "utf-8-sig"))  # fmt: skip
 CAN_BE_READ = "markers can be read from .c3d, .trc, .csv and .tsv, swung cloth from .npz"
@@ -32,7 +32,7 @@ NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.AS
 LONGEST_SHOWN = 40  # characters of a cell in a message
 LONGEST_HEAD = 1000  # lines above the first frame: Qualisys writes one for each event
 # Of programs, spreadsheets (#N/A), R (NA), and the C libraries of Windows (-nan(ind), 1.#QNAN).
-NOT_SEEN = {
+GAP_WORDS = {
     "", "-", "--", "nan", "null", "none", "n/a", "na", "#n/a", "#n/v", "nan(ind)", "1.#ind", "1.#qnan", "1.#nan",
 }  # fmt: skip
 
@@ -94,7 +94,7 @@ def read_marker_text(path: Path, unit: str | None) -> MarkerTracks:
 
 def _rows(path: Path) -> Rows:
     """Return the lines that are not empty."""
-    if (size := path.stat().st_size) > LARGEST:
+    if (size := path.stat().st_size) > LARGEST_TEXT:
         raise TakeError(f"has {size / 1e9:.1f} GB of text", where=path, advice="export fewer frames at once")
     try:
         raw = path.read_bytes().rstrip(b"\x1a")  # Ctrl-Z, with which programs of DOS end a text
@@ -166,7 +166,7 @@ def _number(cell: str) -> float:
         ValueError: it holds anything else, and names that.
     """
     word = cell.strip().lower()
-    if word.lstrip("+-") in NOT_SEEN or word in NOT_SEEN:
+    if word.lstrip("+-") in GAP_WORDS or word in GAP_WORDS:
         return np.nan
     plain = word.replace(",", ".") if DECIMAL_COMMA.match(word) else word
     # No place is infinite, as 1e999 is: to read it as a gap would hide a fault.

@@ -23,7 +23,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.blocks import FARTHEST
+from formats.blocks import FARTHEST_PLACE
 from formats.errors import TakeError
 from formats.garment import Garment, TrackedPoint
 from formats.plausible import check_plausible_times
@@ -36,13 +36,13 @@ SHAPES: dict[str, tuple[int, ...]] = {
     "t": (FRAMES,), "points": (FRAMES, POINTS, 3), "valid": (FRAMES, POINTS), "hanger_corners": (FRAMES, 2, 3),
     "rest": (POINTS, 2),
 }  # fmt: skip
-FEWEST_POINTS = 9  # of a grid
-SAME_LINE = 1e-3  # m within which places are of one row or column
+FEWEST_GRID_POINTS = 9  # of a grid
+SAME_LINE_METRES = 1e-3  # m within which places are of one row or column
 MEDIAN_DENSITY = 0.197  # kg/m^2, median of 618 fabrics, ClothDrapeTester (SIGGRAPH Asia 2022)
 MASS_NOTE = "not recorded; the garment's weight is that of the median of 618 fabrics"
 DESCRIBED_WITHIN = 2e-3  # m between a described point and its place in the grid
 POINT_SD = (0.0028, 0.0019, 0.0028)  # m, static noise measured on these recordings
-HELD_SD = 0.002  # m, stated by us: the robot's pose is better than the fitted offset to the corners
+STATED_HELD_SD = 0.002  # m, stated by us: the robot's pose is better than the fitted offset to the corners
 WHAT_TO_GIVE = "give marker paths (.c3d, .trc, .csv, .tsv) or a swung-cloth .npz, see docs/reference/file-formats.md"
 
 
@@ -92,7 +92,7 @@ def import_swung_cloth(path: Path, described: Garment | None = None, *, anyway: 
         time=time - time[0],
         held=held,
         held_valid=held_valid,
-        held_sd=np.full(held.shape, HELD_SD),
+        held_sd=np.full(held.shape, STATED_HELD_SD),
         points=np.where(valid[..., None], points, np.nan),
         points_valid=valid,
         points_sd=np.broadcast_to(np.array(POINT_SD), points.shape).copy(),
@@ -141,7 +141,7 @@ def _line(values: NDArray[Any]) -> list[int]:
     """Number the lines that values lie on, the smallest first."""
     order = np.argsort(values, kind="stable")
     number = np.empty(len(values), int)
-    number[order] = np.cumsum(np.diff(values[order], prepend=values[order][:1]) > SAME_LINE)
+    number[order] = np.cumsum(np.diff(values[order], prepend=values[order][:1]) > SAME_LINE_METRES)
     return [int(n) for n in number]
 
 
@@ -208,16 +208,16 @@ def _check_arrays(data: dict[str, NDArray[Any]], path: Path) -> None:
         raise TakeError("a place on the flat cloth ('rest') is not a number", where=path, advice="export it again")
     for name in ("points", "hanger_corners", "rest"):
         places = data[name].astype(float)
-        if np.abs(places[np.isfinite(places)]).max(initial=0.0) > FARTHEST:
+        if np.abs(places[np.isfinite(places)]).max(initial=0.0) > FARTHEST_PLACE:
             raise TakeError(
-                f"the array {name!r} has places beyond {FARTHEST:g} m", where=path, advice="export it in metres"
+                f"the array {name!r} has places beyond {FARTHEST_PLACE:g} m", where=path, advice="export it in metres"
             )
     lines = [_line(data["rest"][:, axis].astype(float)) for axis in (1, 0)]
     size = int(np.prod([max(line, default=-1) + 1 for line in lines]))
-    if not len(set(zip(*lines, strict=True))) == size == counts[POINTS] >= FEWEST_POINTS:
+    if not len(set(zip(*lines, strict=True))) == size == counts[POINTS] >= FEWEST_GRID_POINTS:
         raise TakeError(
             f"its {counts[POINTS]} places on the flat cloth ('rest') are no whole grid", where=path,
-            advice=f"give every place once, {FEWEST_POINTS} or more of them, rows and columns along x and y",
+            advice=f"give every place once, {FEWEST_GRID_POINTS} or more of them, rows and columns along x and y",
         )  # fmt: skip
     time = data["t"].astype(float)
     wrong = np.flatnonzero(~np.isfinite(time) | ~np.concatenate([[True], time[1:] > time[:-1]]))

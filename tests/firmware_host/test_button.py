@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from firmware_host import button
-from firmware_host.button import DOWN, EVENT, KEY, STUCK, UP, Presses, open_contact
+from firmware_host.button import DOWN, EVENT, KEY_EVENT, STUCK, UP, Presses, open_contact
 from firmware_host.errors import ButtonError
 
 ROOT = Path(__file__).parents[2]
@@ -66,7 +66,7 @@ def test_a_button_that_is_held_while_the_appliance_starts_is_no_press_but_may_be
 def test_events_of_a_pipe_are_read_whole_even_where_they_are_written_in_pieces(tmp_path):
     os.mkfifo(tmp_path / "button")
     contact = open_contact(str(tmp_path / "button"))
-    down, up = (EVENT.pack(9, 0, KEY, 0x100, value) for value in (DOWN, UP))
+    down, up = (EVENT.pack(9, 0, KEY_EVENT, 0x100, value) for value in (DOWN, UP))
     other = EVENT.pack(9, 0, 0, 0, 0)  # EV_SYN
     with (tmp_path / "button").open("wb", buffering=0) as writer:
         writer.write(down + other + up[:10])

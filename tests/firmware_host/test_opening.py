@@ -80,7 +80,7 @@ def test_without_the_native_library_the_advice_is_the_apt_command(monkeypatch: p
     binding = pytest.importorskip("openni._openni2")
     monkeypatch.setattr(binding, "_the_dll", None)
     monkeypatch.setattr(openni2_library, "_loaded", {})
-    monkeypatch.setattr(openni2_library, "LIBRARY", "libNotThere.so.0")
+    monkeypatch.setattr(openni2_library, "LIBRARY_NAME", "libNotThere.so.0")
     with pytest.raises(SensorUnavailableError, match="apt-get install libopenni2-0"):
         openni2_library.load()
     assert not openni2_library.is_available()

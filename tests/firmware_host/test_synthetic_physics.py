@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from firmware_host.synthetic.cloth import ClothPhysics, simulate
-from firmware_host.synthetic.motion import MOTIONS, hanger_pose
+from firmware_host.synthetic.motion import HANGER_MOTIONS, hanger_pose
 from firmware_host.synthetic.world import make_world
 from formats.garment import Garment
 
@@ -106,7 +106,7 @@ def test_a_heavy_hem_swings_more_slowly(small_swing: np.ndarray) -> None:
     assert 0.83 * light < heavy < 0.985 * light
 
 
-@pytest.mark.parametrize("motion", sorted(MOTIONS))
+@pytest.mark.parametrize("motion", sorted(HANGER_MOTIONS))
 def test_a_motion_starts_and_ends_at_rest_and_stays_within_a_hands_speed(motion: str) -> None:
     time = np.arange(0, 8, 1 / 500)
     pose = hanger_pose(motion, time, seed=3, seconds=8.0)

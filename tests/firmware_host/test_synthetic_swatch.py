@@ -8,10 +8,10 @@ import pytest
 from firmware_host.errors import SensorAddressError
 from firmware_host.synthetic import swatch as synthetic
 from firmware_host.synthetic.swatch import (
-    FABRICS,
     HELD_APART,
     MARKER_NOISE,
-    MOTIONS,
+    SWATCH_MOTIONS,
+    TRUE_FABRICS,
     make_swatch_take,
     measured,
     swung_markers,
@@ -19,7 +19,7 @@ from firmware_host.synthetic.swatch import (
 from formats.descriptions import load_garment
 from formats.errors import OutputError
 from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
-from formats.swatch import SIDE, swatch
+from formats.swatch import SWATCH_SIDE, swatch
 from tests.formats.full_disk import no_file_beyond
 
 TIME = np.arange(60) / 120
@@ -27,13 +27,13 @@ TIME = np.arange(60) / 120
 
 @pytest.fixture(scope="module")
 def markers():
-    return swung_markers(swatch(0.055), TIME, "swing", FABRICS["polyester-rayon"], cells=1)
+    return swung_markers(swatch(0.055), TIME, "swing", TRUE_FABRICS["polyester-rayon"], cells=1)
 
 
 def test_only_the_two_top_corners_are_held(markers):
     """They are 0.92 x 0.5 m apart throughout; the middle of the top edge sags below them."""
     corners = markers[:, [0, 8]]
-    assert np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1) == pytest.approx(HELD_APART * SIDE)
+    assert np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1) == pytest.approx(HELD_APART * SWATCH_SIDE)
     assert (markers[:, 4, 2] < corners[:, :, 2].min(1) - 0.01).all()
 
 
@@ -46,7 +46,9 @@ def test_gravity_pulls_towards_minus_z_and_the_swing_goes_through_the_cloth(mark
 def test_every_motion_begins_at_rest_at_one_place_and_is_another_swing_of_a_hand():
     """Corners of the same cloth: in the first 8 ms by under a tenth of a millimetre, up to 1 m/s later."""
     time = np.arange(240) / 120
-    corners = [swung_markers(swatch(0.055), time, m, FABRICS["polyester-rayon"], cells=1)[:, 0, 1] for m in MOTIONS]
+    corners = [
+        swung_markers(swatch(0.055), time, m, TRUE_FABRICS["polyester-rayon"], cells=1)[:, 0, 1] for m in SWATCH_MOTIONS
+    ]
     for one in corners:
         assert one[0] == pytest.approx(corners[0][0])
         assert abs(one[1] - one[0]) < 1e-4
@@ -58,7 +60,7 @@ def test_every_motion_begins_at_rest_at_one_place_and_is_another_swing_of_a_hand
 def test_markers_are_hardly_further_apart_than_on_the_flat_swatch(markers):
     grid = markers.reshape(len(TIME), 9, 9, 3)
     for axis in (1, 2):
-        assert np.linalg.norm(np.diff(grid, axis=axis), axis=3).max() < 1.1 * SIDE / 8
+        assert np.linalg.norm(np.diff(grid, axis=axis), axis=3).max() < 1.1 * SWATCH_SIDE / 8
 
 
 def test_measured_markers_have_the_stated_noise_and_gaps():

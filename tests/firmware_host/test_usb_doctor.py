@@ -168,7 +168,7 @@ def test_the_folder_of_drivers_is_the_one_that_openni_is_told_to_use(
 ) -> None:
     settings = tmp_path / "OpenNI.ini"
     settings.write_text(f"[Drivers]\nRepository={tmp_path}\n")
-    monkeypatch.setattr(openni2_library, "SETTINGS", settings)
+    monkeypatch.setattr(openni2_library, "SETTINGS_FILE", settings)
     assert openni2_library.find_driver("PS1080") is None
     (tmp_path / "libPS1080.so.0").touch()
     assert openni2_library.find_driver("PS1080") == tmp_path / "libPS1080.so.0"

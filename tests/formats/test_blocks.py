@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from formats.blocks import (
-    FARTHEST,
+    FARTHEST_PLACE,
     MOST_ROWS,
-    STEPS,
+    PLACE_STEPS,
     Frame,
     check_columns,
     cut_into_blocks,
@@ -54,7 +54,7 @@ def come_back(**given):
 @pytest.mark.parametrize(
     ("name", "good", "bad", "words"),
     [
-        ("points", FARTHEST, 1000.1, "point 0 lies 1000.1 m away"),
+        ("points", FARTHEST_PLACE, 1000.1, "point 0 lies 1000.1 m away"),
         ("points", -1000.0, -1000.1, "point 0 lies 1000.1 m away"),
         ("held", 999.0, np.inf, "held end 0 is marked valid but is not a number"),
         ("markers", np.nan, 2000.0, "marker 0 lies 2000 m away"),
@@ -136,7 +136,7 @@ def test_a_block_keeps_places_in_the_coarsest_step_of_a_tenth_of_every_valid_dev
     valid[4, 1] = False
     (block,) = encode_blocks(columns_of(points_sd=deviations, points_valid=valid), np.array([FRAMES]), 0)
     assert block["steps"] == [0, 0]
-    assert STEPS.tolist() == [1e-4, 2e-5, 1e-6]
+    assert PLACE_STEPS.tolist() == [1e-4, 2e-5, 1e-6]
 
 
 def test_a_deviation_comes_back_to_half_a_thirty_second_of_an_octave():

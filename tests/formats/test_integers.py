@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from formats.integers import ESCAPE, LARGEST, decode_tables, encode_tables
+from formats.integers import ESCAPE, LARGEST_INTEGER, decode_tables, encode_tables
 from tests.formats.tiny_reader import table
 
 
@@ -59,7 +59,7 @@ def test_a_value_that_leaps_is_an_exception():
 def test_any_table_comes_back_from_ours_and_from_the_tiny_reader(data):
     rows = data.draw(st.lists(st.integers(1, 12), min_size=1, max_size=4))
     columns = data.draw(st.integers(1, 4))
-    size = data.draw(st.sampled_from([1, 30, 10_000, LARGEST]))
+    size = data.draw(st.sampled_from([1, 30, 10_000, LARGEST_INTEGER]))
     numbers = st.integers(-size, size)
     values = np.array(
         data.draw(
@@ -83,7 +83,8 @@ def test_a_long_table_comes_back_from_ours_and_from_the_tiny_reader(kind):
     values = {
         "noise": noise, "drift": noise + 40 * np.arange(rows)[:, None],
         "walk": np.cumsum(noise, axis=0), "glide": np.cumsum(np.cumsum(noise // 60, axis=0), axis=0),
-        "leaps": np.where(rng.random((rows, 3)) < 0.01, LARGEST, np.cumsum(noise, axis=0)), "still": 0 * noise - 7,
+        "leaps": np.where(rng.random((rows, 3)) < 0.01, LARGEST_INTEGER, np.cumsum(noise, axis=0)),
+        "still": 0 * noise - 7,
     }[kind]  # fmt: skip
     coded = one(values)
     back, sound = decode_tables([coded], np.array([rows]), 3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from formats.errors import TakeError
-from formats.plain_text import LONGEST, plain
+from formats.plain_text import LONGEST_TEXT, plain
 
 
 @pytest.mark.parametrize(
@@ -16,7 +16,7 @@ from formats.plain_text import LONGEST, plain
         ("a\nb\tc", "a\\nb\\tc"),
         ("\x9b\u202e\u2066", "\\x9b\\u202e\\u2066"),
         ("\udcff\udc9b", "\udcff\\udc9b"),
-        ("a" * (LONGEST + 1), "a" * LONGEST + " ..."),
+        ("a" * (LONGEST_TEXT + 1), "a" * LONGEST_TEXT + " ..."),
     ],
 )
 def test_what_is_no_letter_is_shown_by_its_code(text, shown):

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fit.blind.engine import SIDE, Cloth, Engine
+from fit.blind.engine import TRIANGLE_SIDE, Cloth, Engine
 from fit.blind.foreign.jobs import make_job, points_on
 from fit.blind.plants import PLANTS, UNKNOWNS, Plant, choose_plants
 from fit.blind.sheet import make_grid
@@ -20,7 +20,7 @@ from fit.foreign.process import Foreign, ForeignProcess
 from formats.arrays import Floats
 
 WORKERS = Path(__file__).with_name("workers")
-FARTHEST = 100.0  # m: far outside any room
+FARTHEST_NODE = 100.0  # m: far outside any room
 # Every engine can be driven along another path, seen by a faulty tracker, and hung in a tilted field.
 ANYWHERE = (*(p.id for p in PLANTS if p.acts_on in {"boundary", "measurement"}),)
 OUTSIDE = ("air_drag", "draught", "air_lift")  # forces at the nodes
@@ -69,7 +69,7 @@ class Generator:
             nodes = process.answer(**job.arrays)["nodes"].astype(float)
         finally:
             process.close()
-        if not (np.abs(nodes) < FARTHEST).all():
+        if not (np.abs(nodes) < FARTHEST_NODE).all():
             raise BlowUpError(
                 f"{self.foreign.name}'s cloth flew apart",
                 where=f"side {side} m",
@@ -88,8 +88,8 @@ NEWTON = Generator(
     tuple(p.id for p in UNKNOWNS),
     Foreign("Newton", "newton", "newton", "HANGTIME_NEWTON_PYTHON", WORKERS / "newton_worker.py"),
 )  # fmt: skip
-OWN = Generator("own", SIDE, tuple(p.id for p in PLANTS), tuple(p.id for p in UNKNOWNS))
-GENERATORS: tuple[Generator, ...] = (OWN, MUJOCO, NEWTON)
+OWN_GENERATOR = Generator("own", TRIANGLE_SIDE, tuple(p.id for p in PLANTS), tuple(p.id for p in UNKNOWNS))
+GENERATORS: tuple[Generator, ...] = (OWN_GENERATOR, MUJOCO, NEWTON)
 
 
 def find_generator(name: str) -> Generator:

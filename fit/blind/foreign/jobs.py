@@ -21,7 +21,7 @@ from fit.blind.engine import (
     HEM_BENDING,
     HEM_WIDTH,
     POLES,
-    SAMPLES,
+    SAMPLES_A_SECOND,
     SETTLE_DAMPING,
     SETTLE_TIME,
     Engine,
@@ -50,9 +50,9 @@ def make_job(engine: Engine, ends: Floats, duration: float, *, step: float, sett
     - `step` [s]: the largest that the engine may take
     """
     sheet, cloth = engine.sheet, engine.cloth
-    every = int(np.ceil(1 / (SAMPLES * step)))
-    dt = 1 / (SAMPLES * every)
-    steps = round(duration * SAMPLES) * every
+    every = int(np.ceil(1 / (SAMPLES_A_SECOND * step)))
+    dt = 1 / (SAMPLES_A_SECOND * every)
+    steps = round(duration * SAMPLES_A_SECOND) * every
     path = resample(ends, duration, np.linspace(0.0, steps * dt, steps + 1))
     start = hung(path[:, 0], sheet)
     bending = {
@@ -68,7 +68,7 @@ def make_job(engine: Engine, ends: Floats, duration: float, *, step: float, sett
             "rest": sheet.rest, "triangles": sheet.triangles, "mass": engine.node_mass, "start": start,
             "held": sheet.held, "fraction": held_fraction(sheet), "spot": magnet_spot(sheet), "path": path,
             "dt": np.array(dt), "every": np.array(every), "settle_steps": np.array(round(settle / dt)),
-            "settle_damping": np.array(SETTLE_DAMPING), "rate": np.array(float(SAMPLES)),
+            "settle_damping": np.array(SETTLE_DAMPING), "rate": np.array(float(SAMPLES_A_SECOND)),
             "names": np.array(list(rows[0])), "numbers": np.array([list(row.values()) for row in rows]),
         },
         sheet,

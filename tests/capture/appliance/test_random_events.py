@@ -26,7 +26,7 @@ from capture.appliance.disk import Disk
 from capture.appliance.retention import Retention
 from capture.appliance.spool import Spool
 from capture.appliance.states import TRANSITIONS, State
-from firmware_host.button import DOWN, EVENT, KEY, UP
+from firmware_host.button import DOWN, EVENT, KEY_EVENT, UP
 from firmware_host.depth_sensor import SensorFrame, SensorInfo
 from firmware_host.errors import SensorStalledError
 from formats.archive import verify_take
@@ -162,7 +162,7 @@ class RandomEvents(RuleBasedStateMachine):
     @rule(changes=st.lists(st.sampled_from([DOWN, UP]), min_size=1, max_size=6), later=st.sampled_from([0.07, 0.6]))
     def button_changes(self, changes, later):
         with self.button.open("wb", buffering=0) as button:
-            button.write(b"".join(EVENT.pack(0, 0, KEY, 0x100, change) for change in changes))
+            button.write(b"".join(EVENT.pack(0, 0, KEY_EVENT, 0x100, change) for change in changes))
         self.step(2, later)
 
     @rule()

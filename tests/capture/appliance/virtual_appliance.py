@@ -17,7 +17,7 @@ import numpy as np
 
 from capture.appliance.control import ask
 from capture.errors import ControlError
-from firmware_host.button import DOWN, EVENT, KEY, UP
+from firmware_host.button import DOWN, EVENT, KEY_EVENT, UP
 from firmware_host.oni_writer import OniWriter
 from formats.descriptions import dump_description
 from formats.rig import Rig, Sensor
@@ -119,7 +119,7 @@ class VirtualAppliance:
     def press(self, changes: tuple[int, ...] = (DOWN, UP)) -> None:
         """Press the button: events of a key that goes down and up."""
         with self.button.open("wb", buffering=0) as button:
-            button.write(b"".join(EVENT.pack(0, 0, KEY, BTN_0, change) for change in changes))
+            button.write(b"".join(EVENT.pack(0, 0, KEY_EVENT, BTN_0, change) for change in changes))
 
     @property
     def lamp(self) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ from capture.calibration.measures import (
     place_of_frames,
 )
 from capture.errors import CalibrationError
-from capture.hanger.marker_plates import CENTRE_SD, PlatePlacer
+from capture.hanger.marker_plates import MARKER_CENTRE_SD, PlatePlacer
 from firmware_host.usb_control.kinect_motor import MotorState
 from formats.rig import Rig, Sensor
 
@@ -64,7 +64,7 @@ def test_the_place_of_a_marker_keeps_what_averaging_does_not_remove():
     found = place_of_frames(np.tile([0.5, -1.0, 2.0], (9, 1)), CAMERA)
     assert found.value.tolist() == [0.5, -1.0, 2.0]
     rounding = 4.0 / 300.0 / math.sqrt(12.0)
-    across = [2.0 * CENTRE_SD / 500.0, 2.0 * CENTRE_SD / 400.0]
+    across = [2.0 * MARKER_CENTRE_SD / 500.0, 2.0 * MARKER_CENTRE_SD / 400.0]
     expected = [math.hypot(across[0], 0.25 * rounding), math.hypot(across[1], 0.5 * rounding), rounding]
     assert found.sd == pytest.approx(expected)
     noisy = place_of_frames(np.array([0.5, -1.0, 2.0]) + np.array([-1, 3, -2, 1, 0.0])[:, None] * 1e-3, CAMERA)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from capture.garment.corners import CURL_SD, HARRIS_SD, HELD_SD, PanelCorners, ShirtCorners
+from capture.garment.corners import CORNER_SD, CURL_SD, HARRIS_SD, PanelCorners, ShirtCorners
 from tests.capture.garment.flat_cloth import LEFT, LEFT_TOP, RECTANGLE, WHOLE, rectangle, silhouette
 
 SIDES = np.full((4, 2), 120.0)
@@ -24,7 +24,7 @@ def test_corners_of_a_rectangle_lie_at_the_rims_of_its_outermost_pixels():
     assert found.pixels == pytest.approx(expected, abs=1e-6)
     # A side of up to 45 px from 3 px on is 43 pixels: 2 x 0.8 px / sqrt 43 and 0.5 px of curl.
     side = math.hypot(1.6 / math.sqrt(43), CURL_SD)
-    assert found.sd == pytest.approx(np.array([[side, HELD_SD]] * 2 + [[side, side]] * 2), rel=1e-6)
+    assert found.sd == pytest.approx(np.array([[side, CORNER_SD]] * 2 + [[side, side]] * 2), rel=1e-6)
 
 
 def test_a_shorter_side_gives_a_shorter_line():
@@ -47,7 +47,7 @@ def test_a_held_edge_far_from_the_corners_leaves_them_as_they_were_found():
     """A crossing more than 10 px away is none."""
     for above, refined in ((9, True), (11, False)):
         found = PanelCorners().find(silhouette(WHOLE), window_held([20, 20 - above], [179, 20 - above]), SIDES)
-        assert (found.sd[0, 1] == HELD_SD) == refined
+        assert (found.sd[0, 1] == CORNER_SD) == refined
         assert (found.sd[0, 0] == HARRIS_SD) != refined
 
 

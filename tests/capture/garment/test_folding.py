@@ -11,7 +11,7 @@ from benchmarks.hidden_corners import Examples, depth_frames, examples, fit, fit
 from benchmarks.tracking_scenes import Scene
 from capture.garment.folding import FITTED, FORGETTING, PLACED, REST, THRESHOLD, TRACES, Belief, Weights, traces
 from capture.garment.peeking import peeking_area
-from capture.garment.slant import AROUND, LEVEL, Slant, rim_slant
+from capture.garment.slant import AROUND, UPRIGHT, Slant, rim_slant
 from capture.garment.tracker import garment_tracker
 from firmware_host.synthetic.garments import GARMENTS
 from firmware_host.synthetic.scene import RIG
@@ -100,9 +100,9 @@ def test_a_rim_whose_depth_is_missing_is_taken_for_level():
     tracker = garment_tracker(world.garment, RIG)
     silhouette = tracker._silhouette(depth, world.hanger.held[0], 0.0)
     nowhere = np.array([silhouette.window.left - 2 * AROUND * 575.8 / 1.6, 270.0])
-    assert rim_slant(silhouette, nowhere, 1.6, RIG.sensor) == LEVEL
+    assert rim_slant(silhouette, nowhere, 1.6, RIG.sensor) == UPRIGHT
     silhouette.depth[:] = 0.0
-    assert rim_slant(silhouette, np.array([319.0, 270.0]), 1.6, RIG.sensor) == LEVEL
+    assert rim_slant(silhouette, np.array([319.0, 270.0]), 1.6, RIG.sensor) == UPRIGHT
 
 
 def probability(*corners):

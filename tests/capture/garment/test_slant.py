@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from capture.garment.slant import AROUND, LEVEL, rim_slant
+from capture.garment.slant import AROUND, UPRIGHT, rim_slant
 from tests.capture.garment.flat_cloth import LEFT, PIXEL, SQUARE, TOP, WHOLE, rectangle, silhouette
 
 
@@ -30,7 +30,7 @@ def test_cloth_farther_than_fifty_millimetres_does_not_tell_the_slant():
     depth = np.where(away <= far, 1.6, 1.6 + 0.5 * PIXEL * (away - far))
     pixel = np.array([LEFT + 119.0, TOP + 89.0])
     slant = rim_slant(silhouette(rectangle(20, 20, 119, 139), depth), pixel, 1.6, SQUARE)
-    assert slant == pytest.approx(LEVEL, abs=1e-5)
+    assert slant == pytest.approx(UPRIGHT, abs=1e-5)
 
 
 def test_half_the_distance_doubles_the_pixels_that_tell_the_slant():

@@ -9,7 +9,7 @@ from datetime import datetime, timedelta
 
 import pytest
 
-from capture.appliance.receipts import CHECKSUM, READ_BACK, receipts
+from capture.appliance.receipts import READ_BACK, STORE_CHECKSUM, receipts
 from capture.appliance.retention import Retention
 from capture.appliance.spool import Spool
 from capture.appliance.sync_status import is_syncing, only_sync, read_status, sentences
@@ -112,7 +112,7 @@ def test_keys_that_may_only_write_are_enough_and_the_status_says_so(far, spool, 
     server, proxy, authority = far
     proxy.fault = lambda method, path: "" if method == "PUT" else "403"
     assert sync_of(told_of(spool.folder, proxy, authority))[0].once() is None
-    assert {one.verified for one in receipts(spool.folder)} == {CHECKSUM}
+    assert {one.verified for one in receipts(spool.folder)} == {STORE_CHECKSUM}
     told = sentences(read_status(spool.folder), NOW)
     assert "may only write: takes are verified by the store's checksum" in " ".join(told)
     assert "Last proved: today at 12:00, not possible, the keys of this device may not read." in told

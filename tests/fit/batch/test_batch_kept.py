@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from fit.batch.jobs import diagnosis_name, failure_name, report_name, result_name
-from fit.batch.kept import CHECKSUM, has_diagnosis, has_fit, keep
+from fit.batch.kept import CHECKSUM_SUFFIX, has_diagnosis, has_fit, keep
 from fit.batch.runner import survey
 from fit.batch.store import open_store
 from fit.batch.summary import as_csv, as_html, rows_of
@@ -48,8 +48,8 @@ def state_of(night):
         (lambda path: path.write_bytes(path.read_bytes()[:-40]), "waiting"),
         (lambda path: path.write_bytes(b""), "waiting"),
         (lambda path: path.unlink(), "waiting"),
-        (lambda path: path.with_name(path.name + CHECKSUM).unlink(), "known"),
-        (lambda path: path.with_name(path.name + CHECKSUM).write_bytes(b""), "waiting"),
+        (lambda path: path.with_name(path.name + CHECKSUM_SUFFIX).unlink(), "known"),
+        (lambda path: path.with_name(path.name + CHECKSUM_SUFFIX).write_bytes(b""), "waiting"),
     ],
     ids=["untouched", "one digit", "cut", "empty", "lost", "of an earlier version", "empty checksum"],
 )
@@ -67,7 +67,9 @@ def test_a_checksum_is_one_that_sha256sum_checks(night):
     _, results = night
     keep(results, "fits/k.json", b"{}")
     folder = results.path("fits")
-    done = subprocess.run(["sha256sum", "--check", f"k.json{CHECKSUM}"], cwd=folder, capture_output=True, text=True)
+    done = subprocess.run(
+        ["sha256sum", "--check", f"k.json{CHECKSUM_SUFFIX}"], cwd=folder, capture_output=True, text=True
+    )
     assert done.stdout == "k.json: OK\n"
 
 

@@ -44,7 +44,7 @@ def takes(tmp_path_factory):
 def test_a_scheduler_that_has_no_workers_is_not_waited_for_without_end(takes, tmp_path, monkeypatch):
     """One second of patience, and none for workers to start."""
     monkeypatch.setattr(runner, "ARRIVAL", 0.0)
-    monkeypatch.setattr(runner, "LOOK", 0.2)
+    monkeypatch.setattr(runner, "WORKER_INTERVAL", 0.2)
     port = free_port()
     found = survey(open_store(str(takes)), open_store(str(tmp_path)), Plan())
     with running(*scheduler_at(port)):

@@ -20,7 +20,7 @@ from fit.batch.runner import Survey
 from fit.batch.store import open_store
 from fit.batch.summary import Row
 from formats.archive import write_take
-from formats.motion import KINDS
+from formats.motion import MOTION_KINDS
 from formats.results import load_diagnosis, save_diagnosis
 from tests.fit.batch.night import SHORT, make_takes, said, start, wait_for
 from tests.fit.report.report_scene import diagnosis, fit_result
@@ -69,7 +69,7 @@ def test_of_two_kinds_with_as_many_takes_the_one_that_bends_the_cloth_more_is_fi
 
 
 def test_every_kind_of_motion_has_a_place_in_that_order():
-    assert sorted(JUDGED_FIRST) == sorted(set(KINDS) - {"still"})
+    assert sorted(JUDGED_FIRST) == sorted(set(MOTION_KINDS) - {"still"})
 
 
 def test_takes_that_stand_still_or_were_never_calibrated_are_neither_fitted_to_nor_judged_on():

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from fit.blind.foreign.engines import OWN
+from fit.blind.foreign.engines import OWN_GENERATOR
 from fit.blind.making import open_labels
 from formats.diagnosis_records import Cost, Diagnosis, EffectFinding, Figure, Gap, Where, WhereBin
 from formats.results import save_diagnosis
 
 COARSE = 0.1  # m of a triangle: a case in half a second
 NUMBERS = {"single": 2, "null": 1, "pair": 1, "unknown": 1}
-PLANTED = OWN.plants(["hem", "time_offset"])
+PLANTED = OWN_GENERATOR.plants(["hem", "time_offset"])
 
 
 def finding(name, amplitude=1.0, least=1.0, closure=0.5, **changes):

@@ -10,8 +10,8 @@ from msgspec.structs import replace
 
 from fit.blind import boundary, hands, sensing
 from fit.blind.cases import FILES, draw_truth, make_takes, plan, write_case
-from fit.blind.engine import SAMPLES, Cloth
-from fit.blind.foreign.engines import OWN
+from fit.blind.engine import SAMPLES_A_SECOND, Cloth
+from fit.blind.foreign.engines import OWN_GENERATOR
 from fit.blind.plants import PLANTS, UNKNOWNS, Planted, with_plants
 from fit.errors import FitError
 from fit.recordings.recording import prepare
@@ -52,7 +52,7 @@ def test_the_plants_are_the_librarys_effects_without_shear_and_self_contact():
 
 def test_a_time_offset_of_30_ms_shows_every_point_as_it_was_30_ms_before():
     """Points of a ramp of 1 m/s are 30 mm behind."""
-    time = np.arange(401) / SAMPLES
+    time = np.arange(401) / SAMPLES_A_SECOND
     points = np.zeros((401, 1, 3))
     points[:, 0, 0] = time
     frames = np.array([0.5, 1.0, 1.5])
@@ -78,7 +78,7 @@ def test_a_planted_time_offset_of_50_ms_shows_the_cloth_of_three_frames_before_a
 def test_a_lag_of_two_low_passes_delays_a_ramp_by_its_whole_delay():
     """Long after the start a ramp of 1 m/s is 40 mm behind."""
     points = np.zeros((801, 1, 3))
-    points[:, 0, 2] = np.arange(801) / SAMPLES
+    points[:, 0, 2] = np.arange(801) / SAMPLES_A_SECOND
     behind = points - sensing.lagged(points, 0.04)
     assert behind[-1, 0, 2] == pytest.approx(0.04, abs=1e-6)
     assert behind[0, 0, 2] == 0.0
@@ -87,7 +87,7 @@ def test_a_lag_of_two_low_passes_delays_a_ramp_by_its_whole_delay():
 def test_clock_drift_grows_with_time():
     """1 % after 2 s is 20 ms: a ramp of 1 m/s is 20 mm behind."""
     points = np.zeros((401, 1, 3))
-    points[:, 0, 0] = np.arange(401) / SAMPLES
+    points[:, 0, 0] = np.arange(401) / SAMPLES_A_SECOND
     seen = sensing.reported_points(points, np.array([1.0, 2.0]), np.zeros((1, 2)), (planted("clock_drift", 0.01),))
     assert seen[:, 0, 0] == pytest.approx([0.99, 1.98], abs=1e-9)
 
@@ -151,21 +151,21 @@ def test_faults_of_the_boundary_move_the_ends(one, left, right):
 def test_a_compliant_rod_lags_by_c_times_a_in_slow_motion():
     """A steady 1 m/s^2 along y bends a rod of 7e-4 s^2 by 0.7 mm backwards; vertical motion does not bend it."""
     ends = still_bar(801)
-    time = np.arange(801) / SAMPLES
+    time = np.arange(801) / SAMPLES_A_SECOND
     # the jerk is switched on over 2 s so that the rod does not ring
     rise = np.clip(time / 2, 0, 1)
-    speed = np.cumsum(rise**3 * (10 - 15 * rise + 6 * rise**2)) / SAMPLES
-    ends[:, [1, 4]] += (np.cumsum(speed) / SAMPLES)[:, None]
+    speed = np.cumsum(rise**3 * (10 - 15 * rise + 6 * rise**2)) / SAMPLES_A_SECOND
+    ends[:, [1, 4]] += (np.cumsum(speed) / SAMPLES_A_SECOND)[:, None]
     bent = boundary.real_ends(ends, (planted("hanger_compliance", 7e-4),), 0) - ends
     assert bent[700, 1] == pytest.approx(-7e-4, rel=0.03)
     lifted = still_bar(801)
-    lifted[:, [2, 5]] += (np.cumsum(speed) / SAMPLES)[:, None]
+    lifted[:, [2, 5]] += (np.cumsum(speed) / SAMPLES_A_SECOND)[:, None]
     assert np.abs(boundary.real_ends(lifted, (planted("hanger_compliance", 7e-4),), 0) - lifted).max() < 1e-12
 
 
 def test_a_clip_slips_once_at_the_hardest_jerk_and_stays():
     ends = still_bar(801)
-    ends[:, [1, 4]] += (0.1 * hands.step(np.arange(801) / SAMPLES, 2.0, 0.3))[:, None]
+    ends[:, [1, 4]] += (0.1 * hands.step(np.arange(801) / SAMPLES_A_SECOND, 2.0, 0.3))[:, None]
     moved = boundary.real_ends(ends, (planted("clip_slip", 0.005, left=0.005, right=0.0),), 0) - ends
     assert moved[399, 2] == 0.0
     assert moved[-1, 2] == pytest.approx(-0.005, rel=1e-3)
@@ -240,7 +240,7 @@ def test_effects_are_planted_equally_often_in_random_order():
 def test_motions_start_and_end_at_rest_and_stay_gentle(kind):
     for seed in range(5):
         ends = hands.move(np.random.default_rng(seed), kind, 3.5, 0.4, 0.4, 0.5)
-        speed = np.abs(np.diff(ends, axis=0)) * SAMPLES
+        speed = np.abs(np.diff(ends, axis=0)) * SAMPLES_A_SECOND
         assert speed[:40].max() < 0.01
         assert speed[-20:].max() < 0.01
         assert np.ptp(ends, axis=0).max() > 0.03
@@ -249,7 +249,7 @@ def test_motions_start_and_end_at_rest_and_stay_gentle(kind):
 
 
 def test_a_case_is_five_sound_takes_that_the_tool_can_read(tmp_path):
-    truth = a_truth(OWN.plants(["draught"])[0])
+    truth = a_truth(OWN_GENERATOR.plants(["draught"])[0])
     paths = write_case(tmp_path / "case", truth, side=COARSE)
     assert [p.name for p in paths] == list(FILES)
     for path in paths:
@@ -265,7 +265,7 @@ def test_a_case_is_five_sound_takes_that_the_tool_can_read(tmp_path):
 
 def test_effects_that_cannot_be_planted_are_refused():
     with pytest.raises(FitError, match="no effect named 'self_contact' can be planted"):
-        OWN.plants(["self_contact"])
+        OWN_GENERATOR.plants(["self_contact"])
 
 
 def test_looks_tell_nothing_of_the_label():
@@ -306,10 +306,10 @@ def guessed(features, labels, folds=10):
 
 def test_the_swing_is_what_the_first_mode_predicts():
     """A slow push of 1 m/s^2 leans the sheet by 1.602 / 1.2024^2 x 0.4 / g: 6.45 degrees for the first mode alone."""
-    time = np.arange(1601) / SAMPLES
+    time = np.arange(1601) / SAMPLES_A_SECOND
     rise = np.clip(time / 4, 0, 1)
-    speed = np.cumsum(rise**3 * (10 - 15 * rise + 6 * rise**2)) / SAMPLES
-    angle = hands.swing_angle(np.cumsum(speed) / SAMPLES, 0.4, 2.0)
+    speed = np.cumsum(rise**3 * (10 - 15 * rise + 6 * rise**2)) / SAMPLES_A_SECOND
+    angle = hands.swing_angle(np.cumsum(speed) / SAMPLES_A_SECOND, 0.4, 2.0)
     assert np.degrees(angle) == pytest.approx(np.degrees(np.arctan(1.602 / 1.2024**2 / 9.80665)), rel=0.03)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fit.blind.engine import SAMPLES, Cloth, Engine
+from fit.blind.engine import SAMPLES_A_SECOND, Cloth, Engine
 from fit.blind.sheet import make_sheet, membrane_rate
 from fit.errors import FitError
 
@@ -22,7 +22,7 @@ def bar(width, displacement):
 
 def nudged(duration, size=0.002, axis=1):
     """A small smooth step of the bar within 0.3 s, then rest."""
-    time = np.linspace(0, duration, round(duration * SAMPLES) + 1)
+    time = np.linspace(0, duration, round(duration * SAMPLES_A_SECOND) + 1)
     s = np.clip(time / 0.3, 0, 1)
     moved = np.zeros((len(time), 3))
     moved[:, axis] = size * s**3 * (10 - 15 * s + 6 * s**2)
@@ -40,10 +40,10 @@ def test_a_hanging_sheet_swings_at_the_first_zero_of_the_bessel_function():
     length = 0.3130
     engine = Engine(Cloth(width=0.1, height=length, bending=1e-7, damping=0.0))
     motion = engine.run(bar(0.1, nudged(4.3)), 4.3, np.array([[0.0, -length]]), settle=1.0)
-    swing = motion.points[0, round(0.3 * SAMPLES) :, 0, 1] - 0.002
+    swing = motion.points[0, round(0.3 * SAMPLES_A_SECOND) :, 0, 1] - 0.002
     swing = swing - swing.mean()
     # Higher modes ride on the first one: a least-squares sinusoid, not zero crossings.
-    time = np.arange(len(swing)) / SAMPLES
+    time = np.arange(len(swing)) / SAMPLES_A_SECOND
     trial = np.linspace(0.9, 1.25, 701)
     left = []
     for f in trial:
@@ -87,7 +87,7 @@ def test_energy_neither_grows_nor_leaks():
     engine = Engine(cloth)
     moved = nudged(3.0, size=0.05)
     motion = engine.run(bar(0.2, moved), 3.0, np.array([[0.0, -0.3]]), shapes=True)
-    after = motion.shapes[0, round(0.35 * SAMPLES) :]
+    after = motion.shapes[0, round(0.35 * SAMPLES_A_SECOND) :]
     kinetic = 0.5 * (engine.node_mass[:, None] * after[..., 3:] ** 2).sum((1, 2))
     height = GRAVITY * (engine.node_mass * after[..., 2]).sum(1)
     u, w = deformation(engine.sheet, after[..., :3])
@@ -127,7 +127,7 @@ def test_drag_lets_the_sheet_hang_back_at_the_angle_of_balance():
     moved[:, 1] = np.concatenate([[0], np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(time))])
     engine = Engine(Cloth(width=0.15, height=0.3, drag=1.0, damping=0.0, bending=1e-4), side=0.05)
     motion = engine.run(bar(0.15, moved), duration, np.array([[0.0, -0.3]]), settle=0.5)
-    last = motion.points[0, -2 * SAMPLES :, 0] - moved[:, [0, 1, 2]][-2 * SAMPLES :]
+    last = motion.points[0, -2 * SAMPLES_A_SECOND :, 0] - moved[:, [0, 1, 2]][-2 * SAMPLES_A_SECOND :]
     seen = np.arctan2(-last[:, 1], -last[:, 2]).mean()
     assert seen == pytest.approx(angle, rel=0.06)
 
@@ -191,7 +191,7 @@ def test_a_sheet_carried_along_with_the_draught_feels_only_less_drag():
     def lean(**air):
         cloth = Cloth(width=0.15, height=0.3, damping=3.0, bending=1e-4, **air)
         motion = Engine(cloth, side=0.05).run(bar(0.15, moved), duration, np.array([[0.0, -0.3]]), settle=0.5)
-        return (motion.points[0, -SAMPLES:, 0, 1] - moved[-SAMPLES:, 1]).mean()
+        return (motion.points[0, -SAMPLES_A_SECOND:, 0, 1] - moved[-SAMPLES_A_SECOND:, 1]).mean()
 
     plain = lean()
     assert lean(drag=1.2, wind=(0.0, 1.0, 0.0)) - plain == pytest.approx(0.0, abs=0.02)

@@ -14,8 +14,8 @@ from scipy.optimize import least_squares
 from scipy.special import j0
 
 from fit.blind.cases import FILES, draw_truth, make_takes, plan
-from fit.blind.engine import POLES, SAMPLES, Cloth, Engine
-from fit.blind.foreign.engines import ANYWHERE, GENERATORS, OUTSIDE, OWN, WORKERS, find_generator
+from fit.blind.engine import POLES, SAMPLES_A_SECOND, Cloth, Engine
+from fit.blind.foreign.engines import ANYWHERE, GENERATORS, OUTSIDE, OWN_GENERATOR, WORKERS, find_generator
 from fit.blind.foreign.jobs import make_job, points_on
 from fit.blind.making import LABELS, MANIFEST, SEALED_KEY, make_set, open_labels
 from fit.blind.plants import with_plants
@@ -71,8 +71,8 @@ def ringing(generator, damping, bending=1e-7):
     sheet = make_grid(0.1, LENGTH, 0.02)
     moved = nudged(6.0) - [0.0, 0.002, 0.0]
     points = points_of(generator, cloth, bar(0.1, moved), 6.0, sheet.rest, side=0.02)
-    course = first_mode(sheet, points)[round(0.3 * SAMPLES) :]
-    time = np.arange(len(course)) / SAMPLES
+    course = first_mode(sheet, points)[round(0.3 * SAMPLES_A_SECOND) :]
+    time = np.arange(len(course)) / SAMPLES_A_SECOND
 
     def left(p):
         return p[0] * np.exp(-p[1] * time) * np.cos(2 * np.pi * p[2] * time + p[3]) + p[4] - course
@@ -122,7 +122,7 @@ def test_a_bouncing_sheet_loses_what_its_viscosity_takes(generator, relaxation):
     shape = np.sin(-np.pi / 2 * job.sheet.rest[:, 1] / 0.3)
     weights = shape * job.sheet.node_area
     course = (nodes[:, :, 2] - job.sheet.rest[:, 1]) @ weights / (shape @ weights)
-    time, omega = np.arange(161) / SAMPLES, np.pi / 2 * np.sqrt(300 / 0.2) / 0.3
+    time, omega = np.arange(161) / SAMPLES_A_SECOND, np.pi / 2 * np.sqrt(300 / 0.2) / 0.3
     decay = relaxation * omega**2 / 2
 
     def left(p):
@@ -163,7 +163,7 @@ def test_a_draught_leans_the_sheet_as_the_plates_law_says(generator):
 
 def swung_with(generator, *plants):
     """Six points of a swung sheet with what is planted."""
-    time = np.arange(241) / SAMPLES
+    time = np.arange(241) / SAMPLES_A_SECOND
     moved = np.zeros((241, 3))
     moved[:, 1] = 0.06 * np.sin(2 * np.pi * 1.0 * time) * np.clip(time / 0.4, 0, 1) ** 3
     places = [(x, y) for x in (-0.1, 0.0, 0.1) for y in (-0.15, -0.3)]
@@ -279,7 +279,7 @@ def test_nothing_acts_from_outside_on_a_null():
 
 def test_every_generator_says_what_it_can_plant_and_refuses_the_rest():
     for generator in FOREIGN:
-        assert set(ANYWHERE) <= set(generator.effects) <= set(OWN.effects)
+        assert set(ANYWHERE) <= set(generator.effects) <= set(OWN_GENERATOR.effects)
         assert generator.unknown_plants()
         assert {p.id for p in generator.plants([])} == set(generator.effects)
     assert set(OUTSIDE) <= set(MUJOCO.effects) & set(NEWTON.effects)
@@ -369,7 +369,7 @@ def test_a_job_holds_the_weight_the_path_and_the_take():
 
 def test_labels_keep_who_made_the_set_and_old_labels_read_as_own(tmp_path):
     numbers = {"single": 0, "null": 1, "pair": 0, "unknown": 0}
-    make_set(tmp_path / "set", numbers, OWN.plants([]), 1, side=0.1)
+    make_set(tmp_path / "set", numbers, OWN_GENERATOR.plants([]), 1, side=0.1)
     labels = open_labels(tmp_path / "set")
     assert labels.generator == "own"
     path, key = tmp_path / "set" / LABELS, load_key(tmp_path / "set" / SEALED_KEY)
@@ -380,7 +380,7 @@ def test_labels_keep_who_made_the_set_and_old_labels_read_as_own(tmp_path):
     (tmp_path / "set" / MANIFEST).write_text(json.dumps({**manifest, "sealed": sha256_of(path)}))
     assert open_labels(tmp_path / "set") == labels
     with pytest.raises(FitError, match="another set of cases"):
-        make_set(tmp_path / "set", numbers, OWN.plants([]), 1, side=0.05)
+        make_set(tmp_path / "set", numbers, OWN_GENERATOR.plants([]), 1, side=0.05)
 
 
 def test_blenders_program_is_the_one_that_fits_use():

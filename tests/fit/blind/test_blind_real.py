@@ -13,8 +13,8 @@ from fit.blind.engine import Cloth
 from fit.blind.making import make_real_set, open_labels
 from fit.blind.plants import PLANTS, Planted
 from fit.blind.real import (
-    MARGIN,
     PLANTING,
+    TIME_MARGIN,
     RealTruth,
     case_take,
     plan_real,
@@ -141,7 +141,7 @@ def test_a_turned_take_is_the_same_scene(untouched):
 def test_the_ends_are_left_out_of_every_take(untouched):
     kept = without_ends(untouched)
     assert kept.time[0] == 0.0
-    assert untouched.time[-1] - kept.time[-1] == pytest.approx(2 * MARGIN, abs=2 / 30)
+    assert untouched.time[-1] - kept.time[-1] == pytest.approx(2 * TIME_MARGIN, abs=2 / 30)
 
 
 def test_frames_and_gravity_tell_nothing_of_the_label(untouched):

@@ -249,7 +249,7 @@ def test_a_seed_of_jitter_moves_a_simulation_by_more_than_nothing_and_less_than_
 def test_no_candidates_are_no_trouble():
     garment, time = sheet(), np.arange(0, 1, 1 / 30)
     simulator = Simulator(prepare(take_of(garment, time, swing(time), hung(garment, time))))
-    assert simulator.run(np.zeros((0, len(mat.NAMES)))).points.shape == (0, 30, 5, 3)
+    assert simulator.run(np.zeros((0, len(mat.MATERIAL_NAMES)))).points.shape == (0, 30, 5, 3)
 
 
 def test_more_mass_with_everything_in_proportion_changes_nothing():

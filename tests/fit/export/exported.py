@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fit.cloth.material import NAMES
+from fit.cloth.material import MATERIAL_NAMES
 from fit.effects import find_effects
 from fit.methods import find_method
 from formats.fit_records import ErrorFigure, FitError, FitParameter, FitResult
@@ -45,6 +45,6 @@ def a_fit(method="si", *, values=None, unknown=(), effects=None, density=0.2, la
         format="hangtime-fit/1", created="2026-03-01T12:00:00+00:00", take_ids=["swing-01"], held_out_ids=[],
         method=method, search="least-squares", seed=0, parameters=parameters,
         error=FitError(train_before=error, train_after=error), effects=dict(effects), history=[0.01, 0.008],
-        simulations=10, seconds=1.0, notes=[], material=dict(zip(NAMES, row.tolist(), strict=True)), engine=engine,
-        take_contents=["ab" * 32], layers=layers,
+        simulations=10, seconds=1.0, notes=[], material=dict(zip(MATERIAL_NAMES, row.tolist(), strict=True)),
+        engine=engine, take_contents=["ab" * 32], layers=layers,
     )  # fmt: skip

@@ -16,7 +16,7 @@ import pytest
 from fit.errors import FitError
 from fit.export.cli import ExportKind
 from fit.export.fabric import fabric_of
-from fit.export.kinds import KINDS, Order, export
+from fit.export.kinds import EXPORT_KINDS, Order, export
 from fit.export.sheet import garment_sheet, strip
 from fit.folders import read_fit
 from formats import command
@@ -33,7 +33,7 @@ OF_FABRIC = ("table", "usd-physics", "newton", "mujoco", "u3m")
 def text_of(kind, result, **order):
     if kind == "usd-physics":
         pytest.importorskip("pxr", reason="usd-core is not installed")
-    made = KINDS[kind].make(Order(result=result, **order))
+    made = EXPORT_KINDS[kind].make(Order(result=result, **order))
     return next(iter(made.values())).decode()
 
 
@@ -61,7 +61,7 @@ def test_usd_holds_the_proposals_quantities_one_to_one():
     from pxr import Usd, UsdGeom, UsdShade
 
     assert pxr
-    made = KINDS["usd-physics"].make(Order(result=a_fit(unknown=("shear_stiffness",)), thickness=5e-4))
+    made = EXPORT_KINDS["usd-physics"].make(Order(result=a_fit(unknown=("shear_stiffness",)), thickness=5e-4))
     stage = Usd.Stage.CreateInMemory(".usda")
     stage.GetRootLayer().ImportFromString(made[".physics.usda"].decode())
     cloth = stage.GetPrimAtPath("/Garment/cloth")
@@ -108,7 +108,7 @@ def test_mujocos_sheet_by_hand():
 
 
 def test_the_command_offers_every_kind_that_there_is():
-    assert [kind.value for kind in ExportKind] == list(KINDS)
+    assert [kind.value for kind in ExportKind] == list(EXPORT_KINDS)
 
 
 @pytest.mark.parametrize("kind", ["csv", "blender", *OF_FABRIC])

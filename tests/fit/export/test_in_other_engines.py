@@ -16,7 +16,7 @@ import pytest
 from fit.blind.foreign.engines import find_generator
 from fit.cloth.support import GRAVITY
 from fit.export.fabric import fabric_of
-from fit.export.kinds import KINDS, Order, export
+from fit.export.kinds import EXPORT_KINDS, Order, export
 from fit.export.presets import mujoco_flex, newton_preset
 from fit.export.sheet import strip
 from fit.export.usd_physics import usd_physics
@@ -118,7 +118,7 @@ def test_blender_opens_the_motion_and_moves_every_node_to_a_tenth_of_a_millimetr
 )
 def test_blenders_script_hangs_the_cloth_from_its_held_edge(tmp_path):
     """After two seconds the held edge is where it was, and the hem within a tenth of the length from its start."""
-    script = KINDS["blender"].make(Order(result=a_fit(), spacing=0.03))[".blender.py"].decode()
+    script = EXPORT_KINDS["blender"].make(Order(result=a_fit(), spacing=0.03))[".blender.py"].decode()
     look = """
 import json
 scene = bpy.context.scene

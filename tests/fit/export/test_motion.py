@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fit.errors import FitError
-from fit.export.kinds import KINDS, Order, export
+from fit.export.kinds import EXPORT_KINDS, Order, export
 from fit.export.moving import Moving, moving_cloth
 from formats.archive import write_take
 from formats.results import save_fit_result
@@ -31,7 +31,7 @@ def order():
 
 
 def files_of(kind, order):
-    return KINDS[kind].make(order)
+    return EXPORT_KINDS[kind].make(order)
 
 
 def test_the_motion_follows_the_hanger_and_moves(order):

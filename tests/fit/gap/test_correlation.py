@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from fit.gap.correlation import (
-    DIRECTIONS,
-    SILENT,
+    FREE_DIRECTIONS,
+    NO_RINGING,
     Ringing,
     autocorrelation,
     block_correlation,
@@ -18,7 +18,7 @@ from fit.gap.correlation import (
     ringing_of,
 )
 from fit.methods import SI
-from fit.observer.residuals import BLOCK, Observer
+from fit.observer.residuals import BLOCK_SECONDS, Observer
 from tests.fit.gap.oscillation import POINTS, RATE, oscillation
 from tests.fit.gap.test_gap_statistics import a_still_take
 
@@ -27,8 +27,8 @@ from tests.fit.gap.test_gap_statistics import a_still_take
 def test_sums_of_a_decaying_square_are_correlated_as_its_integral_says(decay):
     """Without a swing k(0) = T B - T^2/2 (1 - e^(-2B/T)), k(m) = T^2/4 e^(-2mB/T) (e^(2B/T) - 1) (1 - e^(-2B/T))."""
     found = Ringing(decay, 0.0, share=0.8).between_blocks(4)
-    fall = np.exp(-2 * BLOCK / decay)
-    own = decay * BLOCK - decay**2 / 2 * (1 - fall)
+    fall = np.exp(-2 * BLOCK_SECONDS / decay)
+    own = decay * BLOCK_SECONDS - decay**2 / 2 * (1 - fall)
     others = decay**2 / 4 * fall ** np.arange(1, 4) * (1 / fall - 1) * (1 - fall)
     assert found[0] == 1.0
     assert found[1:] == pytest.approx(0.8 * others / own, rel=0.02)  # twelve instants a block
@@ -42,10 +42,10 @@ def test_a_swing_of_half_the_block_rate_is_correlated_as_the_mean_of_its_square(
 @pytest.mark.parametrize(("decay", "hertz"), [(0.5, 0.7), (1.5, 1.1)])
 def test_sums_of_a_swinging_square_are_correlated_as_its_double_integral_says(decay, hertz):
     """k(m) of instants a hundredth of a block apart, summed one by one."""
-    instants = (np.arange(100) + 0.5) * BLOCK / 100
+    instants = (np.arange(100) + 0.5) * BLOCK_SECONDS / 100
     sums = []
     for block in range(4):
-        apart = block * BLOCK + instants - instants[:, None]
+        apart = block * BLOCK_SECONDS + instants - instants[:, None]
         sums.append((np.exp(-np.abs(apart) / decay) * np.cos(2 * np.pi * hertz * apart)) ** 2)
     expected = [0.7 * part.sum() / sums[0].sum() for part in sums[1:]]
     assert Ringing(decay, hertz, share=0.7).between_blocks(4)[1:] == pytest.approx(expected, rel=0.03)
@@ -110,8 +110,8 @@ def test_the_decay_and_the_frequency_of_an_oscillation_are_found_in_its_residual
 def test_white_noise_leaves_blocks_independent():
     rng = np.random.default_rng(5)
     assert ringing_of([rng.normal(size=(200, 25, 3)) for _ in range(3)], RATE).share < 0.05
-    assert ringing_of([rng.normal(size=(3, 25, 3))], RATE) == SILENT
-    assert SILENT.between_blocks(3) == pytest.approx([1.0, 0.0, 0.0])
+    assert ringing_of([rng.normal(size=(3, 25, 3))], RATE) == NO_RINGING
+    assert NO_RINGING.between_blocks(3) == pytest.approx([1.0, 0.0, 0.0])
 
 
 def test_the_oscillations_share_of_block_sums_grows_with_the_points_that_share_it():
@@ -126,7 +126,7 @@ def test_the_oscillations_share_of_block_sums_grows_with_the_points_that_share_i
         found = ringing_of([grid], RATE)
         expected = weight / (weight + 0.75)
         assert found.share == pytest.approx(expected, abs=0.05)
-    assert DIRECTIONS == 9
+    assert FREE_DIRECTIONS == 9
 
 
 def test_gaps_in_a_residual_do_not_count():
@@ -152,7 +152,7 @@ def test_lags_at_which_nothing_is_seen_and_residuals_of_nothing_are_uncorrelated
 def test_the_rate_of_an_observers_frames_is_the_median_of_its_takes(monkeypatch):
     """30, 30 and 60 frames a second, from the intervals between frames."""
     asked = []
-    monkeypatch.setattr("fit.gap.correlation.ringing_of", lambda grids, rate: asked.append(rate) or SILENT)
+    monkeypatch.setattr("fit.gap.correlation.ringing_of", lambda grids, rate: asked.append(rate) or NO_RINGING)
     takes = [SimpleNamespace(time=np.arange(61) / rate, duration=60 / rate) for rate in (30, 30, 60)]
     layout = SimpleNamespace(block=np.arange(2), take=np.zeros(2, int), is_judged=np.ones(2, bool))
     observer = SimpleNamespace(recordings=takes, layout=layout, by_place=lambda values: [values])

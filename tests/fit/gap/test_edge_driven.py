@@ -12,7 +12,7 @@ from fit.cloth.model import Resolution
 from fit.effects import LIBRARY, find_effects
 from fit.gap.diagnosis import diagnose
 from fit.gap.edge_driven import driven_by_edge, sentence
-from fit.gap.findings import LISTED
+from fit.gap.findings import LISTED_EFFECTS
 from fit.recordings.recording import prepare
 from fit.report import answer, charts
 from tests.fit.gap.verdict_scene import evidence_of, hypothesis
@@ -89,7 +89,7 @@ def test_a_hanger_that_is_said_to_be_elsewhere_is_told_as_such():
     assert found.gap.closure_held_by_edge.value > 0.95
     assert "of the gap [" in found.sentence
     assert "lies between hanger and edge. Not looked for, as asked: shear stiffness, " in found.sentence
-    assert found.sentence.endswith(f" and {len(LIBRARY) - 2 - LISTED} more.")
+    assert found.sentence.endswith(f" and {len(LIBRARY) - 2 - LISTED_EFFECTS} more.")
 
 
 @pytest.mark.parametrize(("left", "said"), [

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fit.gap.gates import (
-    FREQUENCIES,
+    PULL_FREQUENCIES,
     choose_frequency,
     convergence_gate,
     data_gates,
@@ -53,7 +53,7 @@ class Chaotic(LinearObserver):
 def test_the_weakest_pull_is_chosen_under_which_a_nudge_is_forgotten(apart, frequency, passed):
     found, gate = choose_frequency(Chaotic(apart), SI.initial)
     assert (found, gate.passed) == (frequency, passed)
-    assert found in FREQUENCIES
+    assert found in PULL_FREQUENCIES
     assert gate.limit == pytest.approx(np.sqrt(3.0))
     assert gate.figure == pytest.approx(apart(frequency), rel=1e-6)
     assert ("free rollout" in gate.sentence) == (frequency == 0.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fit.gap.fitting import Fitted
-from fit.gap.hypotheses import ITERATIONS, POLISHING, further, polishing, refits, shortlist
+from fit.gap.hypotheses import POLISHING, REFIT_ITERATIONS, further, polishing, refits, shortlist
 from fit.gap.screening import screen
 from fit.methods import KINECT_SKIRT, SI
 from tests.fit.gap.linear_scene import LinearObserver, layout_of
@@ -29,7 +29,7 @@ def test_a_refit_begins_at_the_joint_linear_solution_of_parameters_and_amplitude
     assert task.active == ("hem",)
     assert task.amplitudes[observer.columns["hem"]] == pytest.approx(size * typical, rel=1e-6)
     assert task.vector == pytest.approx(SI.initial)
-    assert task.iterations == ITERATIONS
+    assert task.iterations == REFIT_ITERATIONS
     assert task.jacobian.shape == (NUMBERS, len(SI.initial) + 1)
     # What explains nothing begins at three tenths of its size, of which the least share costs least, or the same.
     assert other.amplitudes[observer.columns["air_drag"]] == pytest.approx(0.09 * KINDS["air_drag"].typical)

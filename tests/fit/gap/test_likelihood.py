@@ -37,8 +37,8 @@ def seen():
 @pytest.fixture
 def exact(seen, monkeypatch):
     """The likelihood with all modes of K, and a stated ringing."""
-    monkeypatch.setattr(likelihood, "KEPT", 1.0 - 1e-12)
-    monkeypatch.setattr(likelihood, "FASTEST", 30.0)
+    monkeypatch.setattr(likelihood, "KEPT_VARIANCE", 1.0 - 1e-12)
+    monkeypatch.setattr(likelihood, "FASTEST_MODE", 30.0)
     monkeypatch.setattr(likelihood, "ringing_of", lambda *_: RINGING)
     noise = [np.full(9, 0.8 * NOISE), np.full(9, 1.2 * NOISE)]
     residual = np.zeros(len(seen.layout.take))

@@ -13,7 +13,7 @@ from fit.effects import LIBRARY, find_effects
 from fit.gap.closure import BlockErrors
 from fit.gap.probabilities import LEFT, LEFT_WIDTH, ODDS, probabilities
 from fit.gap.rounds import Rounds
-from fit.gap.verdict import LEVEL, decide
+from fit.gap.verdict import FAMILY_WISE_LEVEL, decide
 from tests.fit.gap.verdict_scene import BLOCKS, COARSE, STILL, evidence_of, hypothesis
 
 
@@ -114,7 +114,7 @@ def test_what_acts_in_few_half_seconds_is_named_if_enough_of_them_hold_the_gap(b
         evidence, base=dataclasses.replace(evidence.base, errors=before),
         singles={"air_lift": dataclasses.replace(lift, errors=after)},
     )  # fmt: skip
-    assert (evidence.p_value("air_lift") < LEVEL) == (verdict == "effect")
+    assert (evidence.p_value("air_lift") < FAMILY_WISE_LEVEL) == (verdict == "effect")
     assert decide(evidence).verdict == verdict
 
 

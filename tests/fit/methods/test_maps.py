@@ -25,11 +25,11 @@ from tests.fit.scenes import sheet
 
 
 def row(method, vector, density=0.2):
-    return dict(zip(mat.NAMES, method.to_materials(np.array([vector]), density)[0], strict=True))
+    return dict(zip(mat.MATERIAL_NAMES, method.to_materials(np.array([vector]), density)[0], strict=True))
 
 
 def columns(found, *names):
-    return [found[mat.NAMES[name]] for name in names]
+    return [found[mat.MATERIAL_NAMES[name]] for name in names]
 
 
 def test_every_number_of_blenders_cloth_goes_to_its_own_term():

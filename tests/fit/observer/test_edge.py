@@ -15,7 +15,7 @@ from fit.gap.floor import Floor
 from fit.gap.gates import predictability_gate
 from fit.methods import SI
 from fit.observer.edge import (
-    KEPT,
+    KEPT_NOISE,
     NUMBERS,
     EdgeErrors,
     EdgeResiduals,
@@ -24,7 +24,7 @@ from fit.observer.edge import (
     is_seen_on_edge,
     is_told_by_edge,
 )
-from fit.observer.residuals import BLOCK, Observer
+from fit.observer.residuals import BLOCK_SECONDS, Observer
 from fit.recordings.noise import held_noise
 from fit.recordings.recording import MARKER_OFFSET, SILHOUETTE_OFFSET, prepare
 from fit.recordings.smoothing import steady_spline
@@ -55,7 +55,7 @@ def test_a_steady_spline_keeps_the_share_of_white_noise_that_the_edge_counts_on(
     time = np.arange(len(noise)) / RATE
     for cut_off in (3.0, 5.0):
         left = steady_spline(time, noise, cut_off)(time).var()
-        assert left == pytest.approx(KEPT * cut_off / RATE, rel=0.05)
+        assert left == pytest.approx(KEPT_NOISE * cut_off / RATE, rel=0.05)
 
 
 @pytest.mark.parametrize("grid", [None, 5])
@@ -163,7 +163,7 @@ def test_the_edge_is_evidence_beside_the_judged_points_and_never_an_error_of_the
     aside[count:] += 100.0
     assert observers[1].in_mm(aside) == observers[1].in_mm(beside) == pytest.approx(observers[0].in_mm(alone))
     layout = observers[1].layout
-    assert (layout.block[count:-NUMBERS] == np.repeat((TIME / BLOCK).astype(int), NUMBERS)).all()
+    assert (layout.block[count:-NUMBERS] == np.repeat((TIME / BLOCK_SECONDS).astype(int), NUMBERS)).all()
     assert layout.block[-NUMBERS:].min() > layout.block[:-NUMBERS].max()
     errors = block_errors(observers[1], beside)
     moving, still = beside[count:-NUMBERS], beside[-NUMBERS:]

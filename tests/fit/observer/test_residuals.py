@@ -10,7 +10,7 @@ import pytest
 
 from fit.errors import FitError
 from fit.methods import SI
-from fit.observer.residuals import LOST, Observer, trajectories_together
+from fit.observer.residuals import BLOWN_UP_CHARGE, Observer, trajectories_together
 from fit.recordings.recording import MARKER_OFFSET
 from tests.fit.gap.test_gap_statistics import a_still_take
 
@@ -97,7 +97,7 @@ def test_what_blew_up_is_charged_a_thousand_deviations_a_number(still):
     found = observer.residuals_of([points])
     assert not found[0].any()
     assert np.isfinite(found).all()
-    assert np.abs(found[1:]).max(1).tolist() == [LOST, LOST] == [1e3, 1e3]
+    assert np.abs(found[1:]).max(1).tolist() == [BLOWN_UP_CHARGE, BLOWN_UP_CHARGE] == [1e3, 1e3]
     sound = observer.sound_residuals_of([points])
     assert np.isnan(sound).all(1).tolist() == [False, True, False]
     assert sound[2] == pytest.approx(found[2])

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fit.recordings.intact import FORGOTTEN, describe_missing, longest_intact
+from fit.recordings.intact import SETTLING_TIME, describe_missing, longest_intact
 from tests.formats.test_archive import a_take
 
 
@@ -27,7 +27,7 @@ def test_the_longer_part_is_used_from_its_own_beginning_and_what_went_before_is_
     """Frames 0 to 149 and 181 to 599: the second has 419, of which the first 2.5 s, 75 frames, are not judged."""
     take = longest_intact(with_a_hole(150, 180))
     assert len(take.time) == 419
-    assert not take.points_valid[: round(30 * FORGOTTEN)].any()
+    assert not take.points_valid[: round(30 * SETTLING_TIME)].any()
     assert take.points_valid[80:].mean() > 0.9
 
 

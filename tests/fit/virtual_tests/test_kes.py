@@ -32,7 +32,7 @@ from fit.virtual_tests.sheet import sheet_of
 from tests.fit.report.report_scene import fit_result
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 
-MEDIAN = dict(zip(mat.NAMES, mat.as_rows([mat.Material()])[0].tolist(), strict=True))
+MEDIAN = dict(zip(mat.MATERIAL_NAMES, mat.as_rows([mat.Material()])[0].tolist(), strict=True))
 
 
 def test_units_by_hand():

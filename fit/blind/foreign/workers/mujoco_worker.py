@@ -23,7 +23,7 @@ from every_take import answer_takes
 from outside_forces import OutsideForces
 
 THICKNESS = 1e-3  # m, of which only E t^3 matters here
-EDGES = ((1, 2), (2, 0), (0, 1))  # MuJoCo's order within a triangle
+TRIANGLE_EDGES = ((1, 2), (2, 0), (0, 1))  # MuJoCo's order within a triangle
 SLIDES = "".join(f'<joint type="slide" axis="{axis}"/>' for axis in ("1 0 0", "0 1 0", "0 0 1"))
 
 
@@ -59,7 +59,7 @@ def membrane(corners, numbers):
         [lam + 2 * mu + numbers["fibre_weft"], lam, 0.0], [lam, lam + 2 * mu + numbers["fibre_warp"], 0.0],
         [0.0, 0.0, 4 * mu],
     ])  # fmt: skip
-    e = np.stack([corners[:, b] - corners[:, a] for a, b in EDGES], 1)
+    e = np.stack([corners[:, b] - corners[:, a] for a, b in TRIANGLE_EDGES], 1)
     area = 0.5 * np.abs(e[:, 0, 0] * e[:, 1, 1] - e[:, 0, 1] * e[:, 1, 0])
     t = np.linalg.inv(np.stack([2 * e[..., 0] ** 2, 2 * e[..., 1] ** 2, 4 * e[..., 0] * e[..., 1]], 2))
     metric = 2 * area[:, None, None] * np.einsum("fki,kl,flj->fij", t, c, t)

@@ -35,7 +35,7 @@ from firmware_host.synthetic.swatch import (
     swung_markers,
 )
 from firmware_host.synthetic.world import GARMENT_PHYSICS
-from firmware_host.synthetic.world import TRUE_FABRICS as SKIRTS
+from firmware_host.synthetic.world import FABRICS as SKIRTS
 from fit.cloth import material as mat
 from fit.cloth.model import Resolution
 from fit.cloth.simulator import Simulator

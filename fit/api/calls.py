@@ -231,7 +231,7 @@ def export(
     """Write a fit for other programs, as `hangtime export` does, and return the files that were written.
 
     - `outcome`: a fit, or the path of its `fit.json`
-    - `to`: the kind, `fit.export.kinds.KINDS`
+    - `to`: the kind, `fit.export.kinds.EXPORT_KINDS`
     - `take`: gives garment and motion
     - `thickness`: the fabric's [m], which motion does not identify
     - `spacing`: of the mesh [m]

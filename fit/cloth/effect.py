@@ -65,7 +65,7 @@ class Effect:
     no_size: ClassVar[float] = 0.0  # an amplitude too small to do anything but shorten the step, if it does that
 
     def material(self, row: Floats, amplitude: Floats) -> Floats:
-        """Return the material row (`fit.cloth.material.NAMES`) with this effect."""
+        """Return the material row (`fit.cloth.material.MATERIAL_NAMES`) with this effect."""
         return row
 
     def node_mass(self, mass: Floats, mesh: ClothMesh, amplitude: Floats) -> Floats:

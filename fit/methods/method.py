@@ -33,7 +33,7 @@ class Parameterisation:
     """A named parameter vector, its map to material rows, and the objective of its fit.
 
     - `to_materials`: maps vectors, (candidates, parameters), and the weighed density [kg/m^2] to rows of
-      `fit.cloth.material.NAMES`
+      `fit.cloth.material.MATERIAL_NAMES`
     - `degenerate`: parameters that are not identifiable, only their ratios
     - `gamma`: the annealing's factor per unit of the objective
     - `search`: the one that finds its parameters by default; a published method has the one of its paper

@@ -85,7 +85,7 @@ def shear_test(stiffness: float) -> float:
 
 
 def make_sheet(material: dict[str, float], friction_moment: float = 0.0) -> Sheet:
-    """Return the sheet of a material (`fit.cloth.material.NAMES` by name) with a friction in bending [N]."""
+    """Return the sheet of a material (`fit.cloth.material.MATERIAL_NAMES` by name) with a friction in bending [N]."""
     halves = {"warp": 0.5, "weft": -0.5}
     loop = 2 * friction_moment * (1 - np.exp(-BENDING_CURVATURE / REFERENCE_CURVATURE))
     directions = {}

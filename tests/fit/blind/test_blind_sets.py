@@ -256,7 +256,7 @@ def test_an_interrupted_run_interrupts_its_diagnoses(a_set, tmp_path, monkeypatc
     """Ctrl-C in a terminal reaches them by itself; a signal to this process alone does not."""
     program = tmp_path / "diagnose.py"
     program.write_text(SLEEPING)
-    monkeypatch.setattr("fit.blind.running.PATIENCE", 0.2)
+    monkeypatch.setattr("fit.blind.running.INTERRUPT_PATIENCE", 0.2)
     # What a shell starts in the background ignores Ctrl-C; a terminal's programs do not.
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
 

@@ -34,8 +34,8 @@ from firmware_host.synthetic.swatch import (
     measured,
     swung_markers,
 )
-from firmware_host.synthetic.world import GARMENT_PHYSICS
 from firmware_host.synthetic.world import FABRICS as SKIRTS
+from firmware_host.synthetic.world import GARMENT_PHYSICS
 from fit.cloth import material as mat
 from fit.cloth.model import Resolution
 from fit.cloth.simulator import Simulator

@@ -89,6 +89,7 @@ def test_the_held_edge_follows_the_bar_exactly(small_swing: np.ndarray) -> None:
     np.testing.assert_allclose(small_swing[:, 0, -1], ends[:, 1], atol=1e-5)
 
 
+@pytest.mark.slow
 def test_air_drag_takes_more_than_a_tenth_of_the_swing() -> None:
     free, dragged = first_mode(swing(0.08, {}), 0.08), first_mode(swing(0.08, {"air_drag": 1.2}), 0.08)
     after = TIME > 1.5

@@ -64,6 +64,7 @@ def job_of(take, results, plan=PLAN, **changes):
     return Job(**{**values, **changes})
 
 
+@pytest.mark.slow  # the faults one by one are quick tests of their own
 def test_a_night_with_a_killed_worker_and_two_poisoned_takes(takes, tmp_path):
     """Three sound takes, one cut off in its header, one of random bytes; the only worker is killed once."""
     night = tmp_path / "takes"

@@ -91,6 +91,7 @@ def test_a_method_asks_nothing_of_takes_that_are_only_judged_on():
     assert calibrate([long], [short], asked(method="mocap-swatch")).error.held_out_after is not None
 
 
+@pytest.mark.slow
 def test_an_interruption_of_the_report_keeps_the_search(monkeypatch, tmp_path):
     write_take(tmp_path / "a.mcap", a_take())
     out = tmp_path / "out"

@@ -165,7 +165,7 @@ def at_bounds(model: Parameterisation, fitted: Fitted) -> str:
     listed = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
     is_one = len(names) == 1
     return (
-        f" The base fit ends at the bound of {listed}: {'its value says' if is_one else 'their values say'} more of "
+        f" The base fit ends at the bound of {listed}. {'This value says' if is_one else 'These values say'} more of "
         "the range than of the cloth."
     )
 

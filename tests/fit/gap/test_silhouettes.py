@@ -27,7 +27,7 @@ def test_a_parameter_at_its_bound_has_its_whole_range_and_is_named():
     assert first.note.endswith("stopped by its bound")
     assert second.interval_high < SI.parameters[1].maximum
     assert at_bounds(SI, fitted) == (
-        " The base fit ends at the bound of stretch stiffness (30 N/m): its value says more of the range than of the "
+        " The base fit ends at the bound of stretch stiffness (30 N/m). This value says more of the range than of the "
         "cloth."
     )
     assert at_bounds(SI, hypothesis((), 5.0).fitted) == ""

@@ -26,6 +26,8 @@ LEAD = 2.0  # s
 ON_FLOOR = 0.2  # share of the frames in which the lower foot may seem to be in the floor: captured feet tremble
 LARGEST = 50_000_000  # bytes
 MOST_JOINTS = 1000
+MOST_CHANNELS = 6  # three places and three turns
+CHANNEL = re.compile("[XYZ](position|rotation)", re.IGNORECASE)
 # The names of joints, without sides, prefixes and signs; the first that a file has is taken.
 PARTS = {
     "hip": ("upleg", "thigh", "hip", "upperleg", "femur"),
@@ -36,6 +38,10 @@ PARTS = {
     "elbow": ("forearm", "lowerarm", "lowarm", "elbow", "radius"),
     "wrist": ("hand", "wrist"),
 }
+SUGGESTED = {
+    "hip": "UpLeg", "knee": "Leg", "ankle": "Foot", "shoulder": "Arm", "elbow": "ForeArm", "wrist": "Hand",
+}  # fmt: skip
+BONES = (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist"))
 NEEDED = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
 
 
@@ -61,6 +67,7 @@ def read_bvh(path: Path, height: float, seconds: float | None = None) -> Skeleto
         for end, before in (("toe", "ankle"), ("finger", "wrist")):
             if f"{side}_{end}" not in found:
                 found[f"{side}_{end}"] = _end_of(joints, places, index[f"{side}_{before}"])
+    _check_bones(path, found)
     found = _upright(found, height)
     return _led_in(found, times, float(last), height)
 
@@ -75,12 +82,12 @@ def _places(path: Path) -> tuple[list[_Joint], Floats, Floats]:
         raise FitError(f"cannot be read: {error.strerror}", where=path) from error
     head, _, tail = text.partition("MOTION")
     joints = _hierarchy(path, head.split())
-    found = re.match(r"\s*Frames:\s*(\d+)\s*Frame Time:\s*([0-9.eE+-]+)\s*(.*)", tail, re.DOTALL)
+    found = re.match(r"\s*Frames:\s*(\d{1,9})\s*Frame Time:\s*(\S+)\s*(.*)", tail, re.DOTALL)
     width = sum(len(j.channels) for j in joints)
     if not joints or found is None:
         raise FitError("is no BVH file", where=path, advice="export the motion as BVH, with HIERARCHY and MOTION")
-    frames, step = int(found[1]), float(found[2])
     try:
+        frames, step = int(found[1]), float(found[2])
         numbers = np.array(found[3].split(), float)
     except ValueError:
         raise FitError("holds something else than numbers after MOTION", where=path) from None
@@ -110,10 +117,14 @@ def _hierarchy(path: Path, words: list[str]) -> list[_Joint]:
                 at += 1
             elif word == "OFFSET":
                 joints[open_[-1]].offset = np.array([float(w) for w in words[at + 1 : at + 4]])
+                if joints[open_[-1]].offset.shape != (3,) or not np.isfinite(joints[open_[-1]].offset).all():
+                    raise ValueError
                 at += 4
             elif word == "CHANNELS":
                 count = int(words[at + 1])
                 joints[open_[-1]].channels = words[at + 2 : at + 2 + count]
+                if not 0 <= count <= MOST_CHANNELS or not all(map(CHANNEL.fullmatch, joints[open_[-1]].channels)):
+                    raise ValueError
                 at += 2 + count
             else:
                 at += 1
@@ -178,7 +189,7 @@ def _named(path: Path, joints: list[_Joint]) -> dict[str, int]:
             elif part in NEEDED:
                 raise FitError(
                     f"has no joint that is a {side} {part}", where=path,
-                    advice=f"name it {side.capitalize()}{names[0].capitalize()}; it has {', '.join(_few(joints))}",
+                    advice=f"name it {side.capitalize()}{SUGGESTED[part]}; it has {', '.join(_few(joints))}",
                 )  # fmt: skip
     for ours, names in (("neck", ("neck",)), ("head", ("head",))):
         match = next((plain.index(n) for n in names if n in plain), None)
@@ -198,6 +209,23 @@ def _end_of(joints: list[_Joint], places: Floats, joint: int) -> Floats:
     if child is not None:
         return places[:, child]
     return places[:, joint] + 0.4 * (places[:, joint] - places[:, joints[joint].parent])
+
+
+def _check_bones(path: Path, found: dict[str, Floats]) -> None:
+    """Refuse a figure without length in a limb or width in its hips, which no scale makes a person.
+
+    Raises:
+        FitError: two joints of a limb, or the two hips, are in one place, or further off than numbers tell.
+    """
+    bones = [(f"{s}_{a}", f"{s}_{b}") for s in SIDES for a, b in BONES] + [("left_hip", "right_hip")]
+    for one, two in bones:
+        with np.errstate(over="ignore", invalid="ignore"):
+            length = np.linalg.norm(found[one] - found[two], axis=1)
+        if not np.isfinite(length).all() or not length.min() > 0:
+            raise FitError(
+                f"its {one.replace('_', ' ')} and {two.replace('_', ' ')} are not two places apart", where=path,
+                advice="export it with the offsets of its joints",
+            )  # fmt: skip
 
 
 def _upright(found: dict[str, Floats], height: float) -> dict[str, Floats]:

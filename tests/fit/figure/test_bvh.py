@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -70,14 +72,27 @@ def test_twice_as_tall_a_figure_is_twice_as_large(tmp_path):
     ("text", "reason"),
     [
         ("nothing", "is no BVH file"),
-        (TWO_BONES, "has no joint that is a left hip; name it LeftUpleg; it has Hips, Arm"),
+        (TWO_BONES, "has no joint that is a left hip; name it LeftUpLeg; it has Hips, Arm"),
         (TWO_BONES.replace("Frames: 2", "Frames: 3"), "says 3 frames of 9 numbers"),
         (TWO_BONES.replace("90 0 0 0 90", "90 0 nine 0 90"), "something else than numbers"),
         (TWO_BONES.replace("OFFSET 0 10 0", "OFFSET 0 ten 0"), "has a damaged hierarchy"),
+        (TWO_BONES.replace("OFFSET 0 10 0", "OFFSET nan 10 0"), "has a damaged hierarchy"),
+        (TWO_BONES.replace("CHANNELS 3 Z", "CHANNELS -3 Z"), "has a damaged hierarchy"),
+        (TWO_BONES.replace("CHANNELS 3 Z", "CHANNELS 3 Q"), "has a damaged hierarchy"),
+        (TWO_BONES.replace("0.033333", "0.0.3"), "something else than numbers"),
+        (TWO_BONES.replace("Frames: 2", f"Frames: {'9' * 5000}"), "is no BVH file"),
     ],
 )
 def test_files_that_hold_no_person_are_refused(text, reason, tmp_path):
     path = tmp_path / "wrong.bvh"
     path.write_text(text)
     with pytest.raises(FitError, match=reason):
+        read_bvh(path, 1.7)
+
+
+def test_a_figure_whose_joints_are_all_in_one_place_is_refused(tmp_path):
+    head, step, rows = re.split(r"(Frame Time:.*\n)", bvh_of(walk(3.0)))
+    path = tmp_path / "point.bvh"
+    path.write_text(re.sub(r"OFFSET .*", "OFFSET 0 0 0", head) + step + re.sub(r"\S+", "0", rows))
+    with pytest.raises(FitError, match="left hip and left knee are not two places apart"):
         read_bvh(path, 1.7)

@@ -25,6 +25,8 @@ from formats.fit_records import FitResult
 from formats.outputs import check_name, make_output_folder, refuse_to_replace, write_bytes
 from formats.take import Take
 
+# Programs open these by the end of their name alone: OpenUSD reads no text in .usdc; .gltf is JSON, .glb is not.
+BY_END = {".usd", ".usda", ".usdc", ".usdz", ".glb", ".gltf", ".abc", ".pc2"}
 LEAST_THICKNESS, MOST_THICKNESS = 1e-5, 0.02  # m, from the thinnest foil to quilted wadding
 
 
@@ -153,6 +155,13 @@ def export(order: Order, kind: str, path: Path, *, overwrite: bool = False) -> l
     chosen = EXPORT_KINDS[kind]
     check_name(path)
     beside = chosen.beside if order.take is not None else ()
+    end = path.with_suffix(chosen.suffix).suffix
+    if path.suffix.lower() in BY_END and path.suffix.lower() not in {end, ".usd" if end.startswith(".usd") else end}:
+        raise FitError(
+            f"--to {kind} writes no {path.suffix}, and programs go by the end of the name",
+            where=path,
+            advice=f"give a name that ends in {end}",
+        )
     if path.suffix in beside:
         raise FitError(
             f"{path.suffix} is the end of the file beside it",

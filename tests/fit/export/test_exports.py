@@ -269,6 +269,23 @@ def test_a_point_cache_is_not_lost_under_its_obj(tmp_path):
         export(Order(result=a_fit(), take=garments_take("sheet")), "pc2", tmp_path / "x.obj")
 
 
+@pytest.mark.parametrize(
+    ("kind", "name", "end"),
+    [("usd-physics", "x.usdc", "usda"), ("usd", "x.usda", "usdc"), ("gltf", "x.gltf", "glb"), ("csv", "x.usd", "csv")],
+)
+def test_an_end_by_which_programs_take_the_file_for_another_kind_is_refused(kind, name, end, tmp_path):
+    with pytest.raises(FitError, match=rf"--to {kind} writes no \.\w+, .*; give a name that ends in \.{end}"):
+        export(Order(result=a_fit(), take=garments_take("sheet")), kind, tmp_path / name)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_usd_file_of_either_kind_may_end_in_usd(tmp_path):
+    from pxr import Usd
+
+    export(Order(result=a_fit()), "usd-physics", tmp_path / "x.usd")
+    assert Usd.Stage.Open(str(tmp_path / "x.usd"))
+
+
 def test_a_file_beside_is_refused_before_the_work_and_only_where_it_is_written(tmp_path):
     (tmp_path / "x.motion.csv").write_text("mine")
     with pytest.raises(OutputError, match="already there"):

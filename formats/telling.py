@@ -12,7 +12,6 @@ import sys
 from typing import Any
 
 from formats import terminal
-from formats.plain_text import is_harmless
 
 
 class _Mode:
@@ -76,10 +75,11 @@ def _print(text: str) -> None:
 def as_json(value: Any) -> str:
     """Return plain values as JSON; a number that is not finite, which JSON does not have, becomes null.
 
-    Control characters and those that turn the direction of writing are escaped, for a terminal may show it.
+    Control characters and those that turn the direction of writing are escaped, for a terminal may show it. So is a
+    byte of a file's name that is no UTF-8, as its surrogate: JSON is UTF-8, and `os.fsencode` gives the byte again.
     """
     text = json.dumps(_finite(value), indent=2, allow_nan=False, ensure_ascii=False)
-    return "".join(letter if letter == "\n" or is_harmless(letter) else json.dumps(letter)[1:-1] for letter in text)
+    return "".join(letter if letter == "\n" or letter.isprintable() else json.dumps(letter)[1:-1] for letter in text)
 
 
 def _finite(value: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import io
 import os
 import sys
@@ -53,7 +54,23 @@ def take_streams() -> None:
     sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115 - open as long as the process
     sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="surrogateescape")
+        codecs.register_error("hangtime", _in_bytes)
+        sys.stdout.reconfigure(errors="hangtime")
+
+
+def _in_bytes(error: UnicodeError) -> tuple[bytes, int]:
+    """Return a name's byte as it is, and the code of a sign that the terminal's encoding lacks, as in \\xb2.
+
+    Raises:
+        UnicodeError: it is not of encoding.
+    """
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    letter = error.object[error.start]
+    is_byte = "\udc80" <= letter <= "\udcff"
+    return letter.encode("utf-8" if is_byte else "ascii", "surrogateescape" if is_byte else "backslashreplace"), (
+        error.start + 1
+    )
 
 
 class ProgressLine:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import sys
 from collections.abc import Sequence
@@ -29,8 +30,11 @@ class Origin(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def command_line() -> str:
-    """Return the command that runs, as a shell would read it."""
-    return shlex.join(["hangtime", *sys.argv[1:]])
+    """Return the command that runs, as a shell would read it.
+
+    A byte of a file's name that is no UTF-8 is shown by its code, as in \\xff: the page and its motion are UTF-8.
+    """
+    return os.fsencode(shlex.join(["hangtime", *sys.argv[1:]])).decode("utf-8", "backslashreplace")
 
 
 def origin_of(

@@ -298,6 +298,23 @@ def test_nothing_from_a_file_reaches_the_terminal_as_an_escape_sequence(tmp_path
         assert "\\x1b" in done.stdout
 
 
+def test_a_name_that_is_no_utf8_is_shown_byte_for_byte_and_its_json_is_utf8(tmp_path):
+    path = write_take(tmp_path / "a.mcap", a_take()).rename(tmp_path / "a\udcff.mcap")
+    command = [sys.executable, "-m", "formats.command", "takes", "verify", path]
+    assert b"a\xff.mcap" in subprocess.run(command, capture_output=True, check=True).stdout
+    told = json.loads(subprocess.run([*command, "--json"], capture_output=True, check=True).stdout.decode())
+    assert any(str(path) in entry.values() for entries in told.values() for entry in entries)
+
+
+def test_a_sign_that_the_terminals_encoding_lacks_is_shown_by_its_code(tmp_path):
+    take = replace(a_take(), garment=msgspec.structs.replace(a_take().garment, name="10\u00b2"))
+    path = write_take(tmp_path / "b.mcap", take)
+    command = [sys.executable, "-m", "formats.command", "takes", "show", path]
+    done = subprocess.run(command, capture_output=True, env={**os.environ, "PYTHONIOENCODING": "ascii"}, check=False)
+    assert done.returncode == 0, done.stderr
+    assert rb"10\xb2" in done.stdout
+
+
 @pytest.mark.parametrize(
     ("shell", "code", "said"),
     [

@@ -18,7 +18,7 @@ from fit.report import sections
 from fit.report.gather import _motion as motion_of
 from fit.report.kept import load_motions, place_beside, save_motions
 from fit.report.motion import Run, rms_of
-from fit.report.origin import Origin, origin_of
+from fit.report.origin import Origin, command_line, origin_of
 from tests.fit.report.report_scene import fit_result, motion
 from tests.fit.scenes import sheet, swing, take_of
 
@@ -132,3 +132,9 @@ def test_an_origin_names_garment_mass_sensor_and_the_digest_of_every_take():
     assert facts["command"] == "hangtime fit a.mcap"
     assert found.takes == [("a", "fitted to", content_of(take)), ("b", "held out", content_of(other))]
     assert len(facts["simulation and libraries"].removeprefix("sha256 ")) == 2 * hashlib.sha256().digest_size
+
+
+def test_a_command_that_names_a_file_in_no_utf8_is_kept_with_its_motion(monkeypatch, tmp_path):
+    monkeypatch.setattr("sys.argv", ["hangtime", "fit", "a\udcff.mcap"])
+    assert command_line() == r"hangtime fit 'a\xff.mcap'"
+    save_motions(tmp_path / "report.html", [], Origin(facts=[("command", command_line())]), "")

@@ -45,16 +45,16 @@ FITTED = ("range30_rep1", "range60_rep4", "range90_rep2", "range120_rep1")  # on
 DRAWN = "range90_rep3"  # the held-out take of the pictures
 SPACING = 0.033  # m, a ninth of the cloth: the diagnosis' own mesh
 FINE = 10  # places between neighbours of the grid, at which the simulated surface is sampled: 4 mm
-RAW = CameraSteps(stamps=False, shifts=False, skew=False, edge=False, places=False)
-PLACED = CameraSteps(stamps=False, shifts=False, skew=False)
-TIMED = CameraSteps(shifts=False)
+RAW = CameraSteps(stamps=False, skew=False, edge=False, frames=False, places=False)
+PLACED = CameraSteps(stamps=False, skew=False, frames=False)
+TIMED = CameraSteps(frames=False)
 ROWS: tuple[tuple[str, CameraSteps, tuple[str, ...]], ...] = (
     ("fitted cloth", RAW, ()),
     ("+ points in their material place, edge from the points", PLACED, ()),
     ("+ stamps, without skewed grids", TIMED, ()),
     ("+ added mass", TIMED, ("added_mass",)),
     ("+ a constant lean", TIMED, ("added_mass", "gravity_tilt")),
-    ("+ a shift of each frame", CameraSteps(), ("added_mass", "gravity_tilt")),
+    ("+ frames moved back by their held row", CameraSteps(), ("added_mass", "gravity_tilt")),
     ("+ drag", CameraSteps(), ("added_mass", "gravity_tilt", "air_drag")),
 )
 

@@ -76,8 +76,8 @@ class ObjectiveFigure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
 class CameraFinding(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A fault that a camera left in some takes, found before anything was fitted.
 
-    - `name`: latency, publish_time, frame_shifts, clocks, skewed_grids, held_edge, sliding_points, eaten_border,
-      eaten_by_pose, depth_scale, lean, hanger_gap or points_are
+    - `name`: latency, publish_time, frame_shifts, frame_offsets, clocks, skewed_grids, held_edge, sliding_points,
+      eaten_border, eaten_by_pose, depth_scale, lean, hanger_gap or points_are
     - `figure`, `interval`: its size in `unit`, and the 90 % interval
     - `is_fault`: whether the takes or the garment file must be mended
     - `is_left`: whether the fault was left in; all others were taken out

@@ -9,8 +9,9 @@ The amplitude is a_x and a_y; positive turns gravity towards the axis.
 Believe it when cloth at rest leans by the same angle in every take and for every weight of cloth. A plumb line settles
 the question.
 
-Source: geometry. Hand-levelled sensors are off by 0.2 to 3 degrees (0.0035 to 0.05 rad). The bounds are little wider. A
-fitted tilt of 5 degrees is a draught or an unmodelled force.
+Source: geometry. Hand-levelled sensors are off by 0.2 to 3 degrees (0.0035 to 0.05 rad). The bounds are twice as wide,
+for a fit that passes through a wrong size must not stop there. A fitted tilt of 5 degrees is a draught or an unmodelled
+force.
 """
 
 from dataclasses import dataclass
@@ -31,8 +32,8 @@ class GravityTilt(Effect):
     title: ClassVar[str] = "tilted gravity"
     acts_on: ClassVar[str] = "measurement"
     unit: ClassVar[str] = "rad"
-    low: ClassVar[float] = -0.06
-    high: ClassVar[float] = 0.06
+    low: ClassVar[float] = -0.1
+    high: ClassVar[float] = 0.1
     typical: ClassVar[float] = 0.03
     law_spread: ClassVar[float] = 0.0
     components: ClassVar[tuple[str, ...]] = ("x", "y")

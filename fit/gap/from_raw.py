@@ -28,7 +28,7 @@ from fit.recordings.recording import Recording, prepare
 from formats.diagnosis_records import Gap
 from formats.take import Take
 
-NOTHING = CameraSteps(stamps=False, shifts=False, skew=False, edge=False, places=False)
+NOTHING = CameraSteps(stamps=False, skew=False, edge=False, frames=False, places=False)
 
 
 def raw_recordings(takes: Sequence[Take]) -> list[Recording]:

@@ -6,6 +6,7 @@ None of it needs a cloth. The steps are taken in this order:
   material points beyond `LATEST_LEFT`. Up to there the effect `time_offset` is sound.
 - skew: frames of a silhouette whose grid lies askew are left out (`fit.recordings.grids`)
 - edge: a clamped edge is as long as on the flat cloth. It lies at the middle of a silhouette's top row at rest.
+- frames: what the held row of a silhouette is off by is taken out of the whole frame (`fit.recordings.frame_offsets`)
 - places: points of a silhouette's grid get the material place of their way from the held edge
 
 Then it is said how far the outline is eaten (`fit.recordings.outline`), how the held row still errs, and how the cloth
@@ -21,6 +22,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fit.recordings.frame_offsets import FrameOffsets, find_frame_offsets
 from fit.recordings.grids import SKEWED, Grid, grid_of, length_seen, placed, skew_degrees
 from fit.recordings.hanger_path import Curve, hanger_axes, in_hanger_frame
 from fit.recordings.outline import Outline, find_outline
@@ -40,13 +42,13 @@ NARROWEST = 0.85  # of the flat held edge; ends nearer to each other are no eate
 class CameraSteps:
     """Which of a camera's faults are taken out: all, but for whoever wants to know what each of them is worth.
 
-    stamps: a constant latency and a share of the interval before; shifts: of each frame by itself, beside them
+    stamps: a constant latency and a share of the interval before; frames: offsets of whole frames
     """
 
     stamps: bool = True
-    shifts: bool = True
     skew: bool = True
     edge: bool = True
+    frames: bool = True
     places: bool = True
 
 
@@ -85,6 +87,7 @@ class Camera:
     - `outline`: how far it is eaten; None of other points than a silhouette's grid
     - `row_off` [m]: error of the held row across the cloth when all of this is taken out, root mean square
     - `lean`: of the cloth while the hanger stands still; None where that is not seen
+    - `offsets`: of whole frames, taken out; None if none shows
     """
 
     timing: Timing | None = None
@@ -96,6 +99,7 @@ class Camera:
     outline: Outline | None = None
     row_off: float = 0.0
     lean: Lean | None = None
+    offsets: FrameOffsets | None = None
 
 
 @dataclass(frozen=True)
@@ -108,14 +112,13 @@ class Seen:
 
 
 def retimed(
-    time: Floats, points: Floats, path: Curve, garment: Garment, on_edge: Booleans, *, is_per_frame: bool
+    time: Floats, points: Floats, path: Curve, garment: Garment, on_edge: Booleans
 ) -> Seen:  # fmt: skip
     """Return frames at the times at which the camera saw them, on the clock of the path of the held ends.
 
     - `time` [s], (frames,)
     - `points` [m], (frames, points, 3), NaN where not seen
     - `on_edge`, (points,): the held row
-    - `is_per_frame`: whether frames of a silhouette get shifts of their own
     """
     if on_edge.sum() < 2:
         return Seen(time, points)
@@ -124,7 +127,7 @@ def retimed(
     row = row_middle(points[:, on_edge], across - across.mean())
     if (grid := _grid_of_silhouette(garment)) is not None:
         row[~_is_straight(points, grid)] = np.nan
-    timing = find_timing(time, row, path, is_per_frame=is_per_frame and is_silhouette)
+    timing = find_timing(time, row, path, is_per_frame=is_silhouette)
     if timing is None or not timing.is_of_hanger:
         return Seen(time, points, Camera(timing=timing))
     if not (is_silhouette and timing.is_off) and abs(timing.latency) <= LATEST_LEFT:
@@ -169,6 +172,18 @@ def edge_shown(seen: Seen, path: Curve, garment: Garment) -> Edge | None:
     return Edge(float(down), float(out), width)
 
 
+def steadied(seen: Seen, held: Curve, garment: Garment) -> Seen:
+    """Return frames of a silhouette moved back by what their held row is off by, and say by how much."""
+    grid = _grid_of_silhouette(garment)
+    if grid is None or garment.held != "edge" or grid.down[0] > TOP_ROW * grid.down[-1]:
+        return seen
+    row = row_middle(seen.points[:, grid.at[0]], grid.across - grid.across.mean())
+    offsets = find_frame_offsets(seen.time, row, held)
+    if offsets is None:
+        return seen
+    return replace(seen, points=seen.points - offsets.moved[:, None], camera=replace(seen.camera, offsets=offsets))
+
+
 def in_place(seen: Seen, held: Curve, garment: Garment) -> Floats | None:
     """Return the points of a silhouette's grid at their material places [m], (frames, points, 3); None of others."""
     grid = _grid_of_silhouette(garment)
@@ -183,6 +198,8 @@ def examined(seen: Seen, held: Curve, garment: Garment) -> Camera:
     ends = held(seen.time)
     outline = find_outline(seen.time, seen.points, ends, length_seen(seen.points, ends, grid), grid)
     off = 0.0 if grid.down[0] > TOP_ROW * grid.down[-1] else row_off(seen.points, ends, grid)
+    if seen.camera.offsets is not None:
+        off = float(np.hypot(off, seen.camera.offsets.left))
     still = _is_still(seen.time, held)
     lean = find_lean(seen.time[still], seen.points[still], ends[still], grid)
     return replace(seen.camera, is_placed=True, outline=outline, row_off=off, lean=lean)

@@ -14,7 +14,7 @@ import numpy as np
 from fit.recordings.grids import SKEWED
 from fit.recordings.point_kind import describe_contradiction
 from fit.recordings.recording import Recording
-from fit.recordings.timing import LARGEST_SHIFT, LEAST_EXPLAINED, Timing, is_sure
+from fit.recordings.timing import LARGEST_SHIFT, LEAST_EXPLAINED, is_sure
 from formats.fit_records import CameraFinding, Interval
 
 CERTAIN_LEFT = 0.02  # s that material points trail, from which it is said though it is left to the diagnosis
@@ -31,7 +31,7 @@ def describe_camera(recordings: Sequence[Recording]) -> list[CameraFinding]:
     found = [*_gaps(recordings), *_clocks(recordings), *_skewed(recordings)]
     # Where points and path do not belong together, nothing more follows from both.
     sound = [r for r in recordings if (t := r.camera.timing) is None or t.is_of_hanger]
-    for more in (_edge, _placed, _eaten, _scaled, _leaning):
+    for more in (_edge, _offset, _placed, _eaten, _scaled, _leaning):
         found += more(sound)
     contradiction = describe_contradiction(recordings[0].garment, recordings) if recordings else ""
     if contradiction:
@@ -56,7 +56,7 @@ def _short(one: CameraFinding) -> str:
         return f"stamps {_late(one.figure)} [{low:.3f} to {high:.3f} s]"
     return {
         "publish_time": f"stamps of when frames were published, {one.figure:.2f} of the interval before them",
-        "frame_shifts": f"a shift of each frame, {1e3 * one.figure:.0f} ms rms",
+        "frame_offsets": f"whole frames that are off by {1e3 * one.figure:.0f} mm rms",
         "skewed_grids": f"{100 * one.figure:.0f} % skewed grids",
         "held_edge": f"a held edge {1e3 * one.figure:.0f} mm from where the path has it",
         "sliding_points": f"points that slide over the cloth, by {1e3 * one.figure:.0f} mm rms",
@@ -124,11 +124,11 @@ def _clocks(recordings: Sequence[Recording]) -> list[CameraFinding]:
     own = [(r, t) for r, t in mended if t.deviation > 0]
     if own:
         deviation = float(np.sqrt(np.mean([t.deviation**2 for _, t in own])))
-        before, after = (1e3 * float(np.sqrt(np.mean(values))) for values in zip(*_rows(own), strict=True))
         found.append(CameraFinding(
-            name="frame_shifts", take_ids=[r.take_id for r, _ in own], figure=deviation, unit="s", sentence=(
-                f"Each frame is off by a shift of its own, {1e3 * deviation:.0f} ms rms, at most a frame's interval: "
-                f"with it the held row is {after:.0f} mm from where the hanger has it, {before:.0f} mm before."),
+            name="frame_shifts", take_ids=[r.take_id for r, _ in own], figure=deviation, unit="s",
+            is_left=True, sentence=(
+                f"The held row is off in each frame as if its stamp were, by {1e3 * deviation:.0f} ms rms of its own. "
+                "Stamps are not changed for it; frames are moved back across the cloth where that is certain."),
         ))  # fmt: skip
     left = [
         (r, t)
@@ -144,10 +144,6 @@ def _clocks(recordings: Sequence[Recording]) -> list[CameraFinding]:
                 "path. This was left in: it may be a clock, a tracker that lags, or the hanger."),
         ))  # fmt: skip
     return found
-
-
-def _rows(timed: list[tuple[Recording, Timing]]) -> list[tuple[float, float]]:
-    return [(t.before**2, t.after**2) for _, t in timed]
 
 
 def _skewed(recordings: Sequence[Recording]) -> list[CameraFinding]:
@@ -180,6 +176,18 @@ def _edge(recordings: Sequence[Recording]) -> list[CameraFinding]:
         sentence=(
             f"The held edge is taken from the top row of the points at rest: {where} than the hanger's path has it, "
             "and as long as on the flat cloth."),
+    )]  # fmt: skip
+
+
+def _offset(recordings: Sequence[Recording]) -> list[CameraFinding]:
+    moved = [(r, r.camera.offsets) for r in recordings if r.camera.offsets is not None]
+    if not moved:
+        return []
+    rms = float(np.sqrt(np.mean([o.rms**2 for _, o in moved])))
+    return [CameraFinding(
+        name="frame_offsets", take_ids=[r.take_id for r, _ in moved], figure=rms, unit="m", sentence=(
+            f"While the hanger moves, whole frames are off across the cloth by {1e3 * rms:.0f} mm rms, as the held row "
+            "shows, on which no physics acts. They are moved back by it."),
     )]  # fmt: skip
 
 

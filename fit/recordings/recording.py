@@ -26,6 +26,7 @@ from fit.recordings.camera import (
     examined,
     in_place,
     retimed,
+    steadied,
     straightened,
 )
 from fit.recordings.grids import Grid, grid_of, length_seen
@@ -241,13 +242,17 @@ def prepare(take: Take, steps: CameraSteps = EVERY_STEP) -> Recording:
     path = held_curve(clock, held_seen, cut_off)
     frames = Seen(clock, np.where(valid[..., None], points, np.nan))
     if steps.stamps and take.rig.hanger is None:  # else points and hanger were seen in the same pictures
-        frames = retimed(clock, frames.points, path, take.garment, on_edge, is_per_frame=steps.shifts)
+        frames = retimed(clock, frames.points, path, take.garment, on_edge)
     if steps.skew:
         frames = straightened(frames, take.garment)
     camera = frames.camera
     if steps.edge and (edge := edge_shown(frames, path, take.garment)) is not None:
         held_seen, camera = edge.of(held_seen), replace(camera, edge=edge)
         path = held_curve(clock, held_seen, cut_off)
+    raw_points = frames.points
+    if steps.frames and take.rig.hanger is None:  # else the row's error is the hanger's
+        frames = steadied(replace(frames, camera=camera), path, take.garment)
+        camera = frames.camera
     at_place = in_place(frames, path, take.garment) if steps.places else None
     if at_place is not None:
         camera = examined(replace(frames, camera=camera), path, take.garment)
@@ -279,7 +284,7 @@ def prepare(take: Take, steps: CameraSteps = EVERY_STEP) -> Recording:
         bodies=_bodies(take, rotation, held_seen[held_valid]), held_time=held_time,
         viewpoint=_world(rotation, take.rig.viewpoint),
         camera=camera,
-        raw_points=None if at_place is None else frames.points, gaps=tuple(gaps),
+        raw_points=None if at_place is None else raw_points, gaps=tuple(gaps),
     )  # fmt: skip
 
 

@@ -14,13 +14,13 @@ tau is scanned over half a second each way, together with s for uneven frames. G
 times as far off as the median are left out. Each axis counts by its noise sigma while the hanger stands still.
 Intervals are jackknives over half seconds.
 
-The rest, delta_f, is a shift of each frame, at most a frame's interval. With the row's velocity v and the residual r,
-both over sigma,
+The rest, delta_f, is a shift of each frame. Only its deviation is found here. With the row's velocity v and the
+residual r, both over sigma,
 
-    a_f = -(r . v) / v^2,   deviation^2 = sum (a_f^2 v^2 - 1) / sum v^2,   delta_f = a_f v^2 / (v^2 + 1 / deviation^2)
+    a_f = -(r . v) / v^2,   deviation^2 = sum (a_f^2 v^2 - 1) / sum v^2
 
-Source: least squares with variable projection, G. H. Golub & V. Pereyra, SIAM J. Numer. Anal. 10 (1973). The shrinkage
-of delta is the mean of a normal number with a normal prior.
+The frames themselves are moved back across the cloth, and not in time (`fit.recordings.frame_offsets`).
+Source: least squares with variable projection, G. H. Golub & V. Pereyra, SIAM J. Numer. Anal. 10 (1973).
 """
 
 from __future__ import annotations
@@ -65,9 +65,8 @@ class Timing:
     - `share`: of the interval to the frame before, on top of the latency
     - `latency_interval`, `share_interval`: 90 %; the latter is None for even frames
     - `deviation` [s]: of each frame's own shift; 0 if none shows
-    - `before`, `after` [m]: rms distance of the row from its place by the hanger, without and with the shifts
     - `explained`: share of the row's squared motion that the hanger's path explains, at best
-    - `shifts` [s], (frames,): the whole lateness of each stamp
+    - `shifts` [s], (frames,): the lateness of each stamp by latency and share
     - `scale`: share by which the row travels farther across the cloth than the path
     - `scale_interval`: 90 %; None where the hanger hardly travels that way
     """
@@ -77,8 +76,6 @@ class Timing:
     share: float
     share_interval: tuple[float, float] | None
     deviation: float
-    before: float
-    after: float
     explained: float
     shifts: Floats
     scale: float = 0.0
@@ -124,7 +121,7 @@ def find_timing(time: Floats, row: Floats, path: Curve, *, is_per_frame: bool = 
     - `time` [s], (frames,)
     - `row` [m], (frames, 3): its middle, NaN where not seen
     - `path`: of the held ends, on the same clock
-    - `is_per_frame`: whether each frame may have a shift of its own
+    - `is_per_frame`: whether it is asked if each frame has a shift of its own
     """
     seen = np.isfinite(row).all(1)
     reach = min(LARGEST_SHIFT, SHORTEST_PART * float(time[-1] - time[0]))
@@ -147,13 +144,12 @@ def find_timing(time: Floats, row: Floats, path: Curve, *, is_per_frame: bool = 
     timing = Timing(
         latency=latency, latency_interval=(latency - half[0], latency + half[0]), share=share,
         share_interval=(share - half[1], share + half[1]) if is_uneven else None, deviation=0.0,
-        before=scan.rms(0.0, 0.0), after=float(np.sqrt((left[scan.used] ** 2).sum(1).mean())),
         explained=1 - float((left[scan.used] ** 2).sum() / max(scan.motion, 1e-12)), shifts=latency + share * step,
     )  # fmt: skip
     if half[0] > WIDEST_INTERVAL:  # the hanger tells no time, or it is another one's
         return None if timing.is_of_hanger else timing
     timing = scan.with_scale(timing)
-    return scan.with_own_shifts(timing) if is_per_frame else timing
+    return scan.with_deviation(timing) if is_per_frame else timing
 
 
 @dataclass(frozen=True)
@@ -197,10 +193,6 @@ class _Scan:
         """The same about its mean over the frames that count."""
         local = self.local(latency, share)
         return np.asarray(local - local[self.used].mean(0))
-
-    def rms(self, latency: float, share: float) -> float:
-        """Root mean square of the residual over the frames that count [m]."""
-        return float(np.sqrt((self.residual(latency, share)[self.used] ** 2).sum(1).mean()))
 
     def whitened(self, latency: float, share: float) -> float:
         """Root mean square of the residual over the noise of its axes."""
@@ -281,8 +273,8 @@ class _Scan:
         line, half = robust_line(design, out, block)
         return replace(timing, scale=float(line[1]), scale_interval=interval_of(line[1], half[1]))
 
-    def with_own_shifts(self, timing: Timing) -> Timing:
-        """Return a timing with each frame's own shift, where such shifts show."""
+    def with_deviation(self, timing: Timing) -> Timing:
+        """Return a timing with the deviation of each frame's own shift, where such shifts show."""
         velocity = self.velocity(timing.latency, timing.share)
         moving = self.used & (np.linalg.norm(velocity, axis=1) > MOVING)
         left, velocity = self.residual(timing.latency, timing.share) / self.noise, velocity / self.noise
@@ -298,16 +290,7 @@ class _Scan:
         parts = np.array([(excess - variance * weighed)[block == b].sum() for b in np.unique(block)]) / weighed.sum()
         if len(parts) < FEWEST_BLOCKS or not variance > CERTAIN * float(np.sqrt((parts**2).sum())):
             return timing
-        interval = float(np.median(np.diff(self.time)))
-        own = own * weight / (weight + 1 / variance)
-        own = np.where(np.isfinite(own), np.clip(own, -interval, interval), 0.0)
-        shifts = timing.shifts + own
-        after = self._rms_of(shifts)
-        return replace(timing, deviation=float(np.sqrt(variance)), shifts=shifts, after=after)
-
-    def _rms_of(self, shifts: Floats) -> float:
-        local = in_hanger_frame(self.row, self.path(self.time - shifts))[self.used]
-        return float(np.sqrt(((local - local.mean(0)) ** 2).sum(1).mean()))
+        return replace(timing, deviation=float(np.sqrt(variance)))
 
 
 def uneven_intervals(time: Floats) -> Floats:

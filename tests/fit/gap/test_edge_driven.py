@@ -89,7 +89,7 @@ def test_a_hanger_that_is_said_to_be_elsewhere_is_told_as_such():
     assert found.gap.closure_held_by_edge.value > 0.95
     assert "of the gap [" in found.sentence
     assert "lies between hanger and edge. Not looked for, as asked: shear stiffness, " in found.sentence
-    assert found.sentence.endswith(f" and {len(LIBRARY) - 2 - LISTED_EFFECTS} more.")
+    assert f" and {len(LIBRARY) - 2 - LISTED_EFFECTS} more." in found.sentence
 
 
 @pytest.mark.parametrize(("left", "said"), [

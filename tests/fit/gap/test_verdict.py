@@ -88,11 +88,11 @@ def test_takes_are_predictable_where_the_model_with_an_effect_is(monkeypatch):
 
 
 def test_what_is_stopped_by_the_end_of_its_range_is_no_rival():
-    """A tilt of 0.06 rad, which no rig has, closes 91 %; a draught that closes 76 % is named all the same."""
+    """A tilt of 0.1 rad, which no rig has, closes 91 %; a draught that closes 76 % is named all the same."""
     evidence = evidence_of({"gravity_tilt": 6.0, "draught": 7.3})
     tilt = "gravity_tilt"
     stopped = dataclasses.replace(
-        evidence.singles[tilt].fitted, amplitudes=amplitudes_of(LIBRARY, gravity_tilt=(0.06, 0.0))
+        evidence.singles[tilt].fitted, amplitudes=amplitudes_of(LIBRARY, gravity_tilt=(0.1, 0.0))
     )
     singles = {**evidence.singles, tilt: dataclasses.replace(evidence.singles[tilt], fitted=stopped)}
     evidence = dataclasses.replace(evidence, singles=singles)

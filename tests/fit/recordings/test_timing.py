@@ -59,17 +59,13 @@ def test_stamps_of_publishing_are_late_by_a_share_of_the_interval_before():
     assert found.shifts[1:] == pytest.approx((0.2 + 0.9 * step)[1:], abs=0.02)
 
 
-def test_each_frame_gets_its_own_shift_within_a_frames_interval():
-    """Shifts of 30 ms rms are found while the hanger moves; at rest nothing tells them and they stay as they were."""
+def test_the_deviation_of_frames_own_shifts_is_found():
+    """Shifts of 30 ms rms show while the hanger moves; the stamps stay as they are."""
     time = np.arange(0, 12, 1 / 9)
     own = 0.03 * np.random.default_rng(5).standard_normal(len(time)).clip(-2, 2)
     found = timing_of(time, time - own)
-    moving = (time > 2.5) & (time < 9.5)
     assert found.deviation == pytest.approx(0.03, rel=0.35)
-    assert np.abs(found.shifts).max() <= 1 / 9 + abs(found.latency)
-    left = found.shifts - own
-    assert np.sqrt((left[moving] ** 2).mean()) < 0.6 * np.sqrt((own[moving] ** 2).mean())
-    assert found.after < 0.75 * timing_of(time, time - own, is_per_frame=False).after
+    assert found.shifts == pytest.approx(found.latency)
 
 
 def test_frames_without_shifts_get_none():

@@ -16,6 +16,7 @@ from typer.main import get_command
 from formats import help_pages, telling
 from formats.completion import choose_shell
 from formats.errors import HangtimeError
+from formats.interrupts import hold_while_importing
 from formats.terminal import say, take_streams
 
 # Sums that are split over threads are rounded differently: what a command finds must not depend on how many processors
@@ -81,6 +82,7 @@ def whole() -> Any:
 def main() -> None:
     """Run the command line; an error that a user can act on becomes one sentence on stderr and its exit code."""
     try:
+        hold_while_importing()
         take_streams()
         telling.begin()
         command = whole()
@@ -92,8 +94,11 @@ def main() -> None:
     except HangtimeError as error:
         _refuse(error)
     except KeyboardInterrupt:
+        say("Interrupted.")
         sys.exit(INTERRUPTED)
     except SystemExit as end:  # Typer's own, 1, where a reader of stdout went away
+        if end.__context__ is not None and isinstance(end.__context__.__cause__, KeyboardInterrupt):
+            say("Interrupted.")  # no command caught it and said more
         sys.exit(CUT_OFF if isinstance(end.__context__, BrokenPipeError) else end.code)
     except BrokenPipeError:  # a reader of the JSON document went away
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - open as long as the process

@@ -116,5 +116,7 @@ class FitResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     engine: str = "own"  # who simulated
     take_contents: list[str] = []  # sha256 of what each take fitted to held
     layers: int = 1  # of fabric, one on the other, that were fitted as one
+    garment: str = ""  # its name; empty in results that are so old that they do not say
+    garment_content: str = ""  # sha256 of its description
     camera: list[CameraFinding] = []
     trivial: list[TrivialFigure] = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from formats.descriptions import check_garment, check_rig, dump_description, load_garment, load_rig
@@ -79,6 +79,24 @@ def make_output_folder(folder: Path) -> None:
         raise OutputError(
             f"cannot be made or written to ({error.strerror})", where=folder, advice="choose another folder"
         ) from error
+
+
+@contextlib.contextmanager
+def output_folder(folder: Path) -> Iterator[None]:
+    """Make a folder for the work inside, as `make_output_folder` does; work that fails leaves no empty one behind.
+
+    Raises:
+        OutputError: it cannot be made or written to.
+    """
+    missing = [one for one in (folder, *folder.parents) if not one.exists()]
+    try:
+        make_output_folder(folder)
+        yield
+    except BaseException:
+        with contextlib.suppress(OSError):  # it holds something, or was never made
+            for made in missing:
+                made.rmdir()
+        raise
 
 
 def write_text(path: Path, text: str) -> None:

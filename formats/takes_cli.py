@@ -177,7 +177,7 @@ def export_takes(
     from formats.exporters.arrays import write_npz, write_parquet
     from formats.exporters.marker_files import write_c3d, write_csv
     from formats.exporters.rerun_file import write_rrd
-    from formats.outputs import make_output_folder, refuse_to_replace
+    from formats.outputs import output_folder, refuse_to_replace
     from formats.plain_text import plain
 
     writers = {
@@ -193,8 +193,8 @@ def export_takes(
         write_parquet(out, [read_take(path) for path in paths])
         tell(f"{plain(out)}: {len(paths)} takes", files=[str(out)], takes=len(paths))
         return
-    make_output_folder(out)
-    for path, target in zip(paths, targets, strict=True):
-        take = read_take(path)
-        writers[to](target, take)
-        tell_entry("files", f"{plain(target)}: {len(take.time)} frames", file=str(target), frames=len(take.time))
+    with output_folder(out):
+        for path, target in zip(paths, targets, strict=True):
+            take = read_take(path)
+            writers[to](target, take)
+            tell_entry("files", f"{plain(target)}: {len(take.time)} frames", file=str(target), frames=len(take.time))

@@ -15,7 +15,7 @@ from firmware_host.synthetic.garments import GARMENTS
 from firmware_host.synthetic.scene import CAMERA, FPS, RIG
 from firmware_host.synthetic.world import FIRST_STAMP, TYPICAL, Progress, World, make_world
 from formats.descriptions import dump_description
-from formats.outputs import check_stem, make_output_folder, refuse_to_replace, unwritable, write_bytes, write_text
+from formats.outputs import check_stem, output_folder, refuse_to_replace, unwritable, write_bytes, write_text
 
 
 def make_recording(
@@ -44,33 +44,33 @@ def make_recording(
     if not overwrite:
         for path in paths:
             refuse_to_replace(path, described.get(path))
-    make_output_folder(out)
-    world = make_world(
-        motion=motion, effect=effect, amplitude=amplitude, seconds=seconds, seed=seed, garment=worn, fabric=fabric,
-        progress=lambda stage, share: progress(stage, 0.3 * share),
-    )  # fmt: skip
-    partial = recording.with_name(recording.name + ".partial")
-    meta = {
-        "motion": motion,
-        "effect": effect,
-        "amplitude": TYPICAL[effect] if amplitude is None else amplitude,
-        "seconds": seconds,
-        "seed": seed,
-        "garment": garment,
-        "fabric": fabric,
-    }
-    try:
-        _write_frames(partial, world, progress)
-        write_bytes(truth, _truth(world, meta))
-        for path, text in described.items():
-            write_text(path, text)
-        partial.replace(recording)
-    except BaseException as error:
-        with contextlib.suppress(OSError):  # the first error is reported
-            partial.unlink(missing_ok=True)
-        if isinstance(error, OSError):
-            raise unwritable(recording, error) from error
-        raise
+    with output_folder(out):
+        world = make_world(
+            motion=motion, effect=effect, amplitude=amplitude, seconds=seconds, seed=seed, garment=worn, fabric=fabric,
+            progress=lambda stage, share: progress(stage, 0.3 * share),
+        )  # fmt: skip
+        partial = recording.with_name(recording.name + ".partial")
+        meta = {
+            "motion": motion,
+            "effect": effect,
+            "amplitude": TYPICAL[effect] if amplitude is None else amplitude,
+            "seconds": seconds,
+            "seed": seed,
+            "garment": garment,
+            "fabric": fabric,
+        }
+        try:
+            _write_frames(partial, world, progress)
+            write_bytes(truth, _truth(world, meta))
+            for path, text in described.items():
+                write_text(path, text)
+            partial.replace(recording)
+        except BaseException as error:
+            with contextlib.suppress(OSError):  # the first error is reported
+                partial.unlink(missing_ok=True)
+            if isinstance(error, OSError):
+                raise unwritable(recording, error) from error
+            raise
     return paths
 
 

@@ -32,7 +32,7 @@ from firmware_host.errors import SensorAddressError
 from firmware_host.synthetic.cloth import ClothPhysics, simulate
 from firmware_host.synthetic.swatch import TO_SENSOR
 from formats.garment import Garment, TrackedPoint
-from formats.outputs import check_stem, make_output_folder, refuse_to_replace, write_bytes
+from formats.outputs import check_stem, output_folder, refuse_to_replace, write_bytes
 
 Floats = NDArray[np.float64]
 
@@ -152,13 +152,19 @@ def make_silhouette_take(
         OutputError: no name that files can have; the folder cannot be made or written to, or a file is there and is not
             to be overwritten.
     """
+    _check(faults, seconds, seed)
     check_stem(name)
     paths = [out / f"{name}.npz", out / f"{name}.truth.npz"]
     if not overwrite:
         for path in paths:
             refuse_to_replace(path)
-    make_output_folder(out)
-    made = seen_silhouette(faults, seconds=seconds, seed=seed, progress=progress)
+    with output_folder(out):
+        made = seen_silhouette(faults, seconds=seconds, seed=seed, progress=progress)
+        _write(paths, faults, made)
+    return paths
+
+
+def _write(paths: list[Path], faults: CameraFaults, made: Silhouette) -> None:
     across, up = np.meshgrid(np.linspace(0, SIDE, GRID), np.linspace(0, SIDE, GRID))
     arrays = {
         "t": made.stamps, "points": made.points, "valid": made.valid, "hanger_corners": made.ends,
@@ -172,7 +178,6 @@ def make_silhouette_take(
         file = io.BytesIO()
         np.savez(file, **content)
         write_bytes(path, file.getvalue())
-    return paths
 
 
 def _laid(
@@ -227,11 +232,17 @@ def _check(faults: CameraFaults, seconds: float, seed: int) -> None:
     for name, (low, high) in limits.items():
         if not low <= getattr(faults, name) <= high:
             raise SensorAddressError(
-                f"{name} cannot be {getattr(faults, name):g}", advice=f"choose {low:g} to {high:g}"
+                f"cannot be {getattr(faults, name):g}", where=option_of(name), advice=f"choose {low:g} to {high:g}"
             )
     if not 4.0 <= seconds <= LONGEST_RECORDING:
         raise SensorAddressError(
-            f"{seconds:g} s is no length of a recording", advice=f"choose 4 to {LONGEST_RECORDING:g} s"
-        )
+            f"{seconds:g} s is no length of a recording", where="--seconds",
+            advice=f"choose 4 to {LONGEST_RECORDING:g} s",
+        )  # fmt: skip
     if seed < 0:
-        raise SensorAddressError(f"the seed {seed} is below 0", advice="give 0 or more")
+        raise SensorAddressError(f"the seed {seed} is below 0", where="--seed", advice="give 0 or more")
+
+
+def option_of(fault: str) -> str:
+    """Return the option of `hangtime sensor synthesise-silhouette` that sets a fault."""
+    return {"skewed_share": "--skewed", "eroded_border": "--eroded"}.get(fault, f"--{fault.replace('_', '-')}")

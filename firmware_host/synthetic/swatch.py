@@ -22,7 +22,7 @@ from firmware_host.synthetic.cloth import ClothPhysics, simulate
 from formats.descriptions import dump_description
 from formats.garment import Garment
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
-from formats.outputs import make_output_folder, refuse_to_replace, write_bytes, write_text
+from formats.outputs import output_folder, refuse_to_replace, write_bytes, write_text
 from formats.swatch import MARKERS, SWATCH_SIDE, swatch
 
 Floats = NDArray[np.float64]
@@ -101,19 +101,19 @@ def make_swatch_take(
     if not overwrite:
         for path in paths:
             refuse_to_replace(path, described if path == description else None)
-    make_output_folder(out)
-    time = np.arange(FRAMES) / FPS
-    nodes = swung_markers(garment, time, motion, true, air_drag=air_drag, progress=progress)
-    seen = measured(nodes, np.random.default_rng([seed, 81]))
-    tracks = MarkerTracks(garment.point_names, time, seen)
-    content = io.BytesIO()
-    np.savez(
-        content, time=time, markers=nodes, density=true.density, air_drag=air_drag,
-        **{name: getattr(true.physics, name) for name in ClothPhysics.__dataclass_fields__},
-    )  # fmt: skip
-    write_bytes(truth, content.getvalue())
-    write_text(description, described)
-    write_marker_csv(marks, tracks)
+    with output_folder(out):
+        time = np.arange(FRAMES) / FPS
+        nodes = swung_markers(garment, time, motion, true, air_drag=air_drag, progress=progress)
+        seen = measured(nodes, np.random.default_rng([seed, 81]))
+        tracks = MarkerTracks(garment.point_names, time, seen)
+        content = io.BytesIO()
+        np.savez(
+            content, time=time, markers=nodes, density=true.density, air_drag=air_drag,
+            **{name: getattr(true.physics, name) for name in ClothPhysics.__dataclass_fields__},
+        )  # fmt: skip
+        write_bytes(truth, content.getvalue())
+        write_text(description, described)
+        write_marker_csv(marks, tracks)
     return paths
 
 

@@ -6,8 +6,12 @@ from importlib import metadata
 from typing import Any
 
 from fit.export.fabric import MEANING_OF_STATUS, Fabric, Quantity, status_of
+from fit.recordings.selection import content_of, content_of_garment
 from formats.fit_records import FitResult
 from formats.plain_text import plain
+from formats.take import Take
+
+SAME_WEIGHT = 0.01  # relative: scales tell more, and fits to several takes keep their mean
 
 
 def provenance(result: FitResult) -> dict[str, Any]:
@@ -68,6 +72,25 @@ def caution_lines(result: FitResult, fabric: Fabric | None) -> list[str]:
             ends = _ends(p.interval_low, p.interval_high)
             lines.append(plain(f"{p.name} = {short(p.fitted)} {p.unit}{ends}: {MEANING_OF_STATUS[status_of([p])]}."))
     return lines
+
+
+def other_garment(result: FitResult, take: Take) -> str:
+    """Say that a take is of another garment than the fit; nothing where it is not, or where an old fit cannot tell."""
+    garment = take.garment
+    if result.garment_content:
+        is_other = content_of_garment(garment) != result.garment_content
+    else:
+        fitted = result.material.get("areal_density", garment.areal_density)
+        is_other = content_of(take) not in result.take_contents and (
+            garment.layers != result.layers or abs(garment.areal_density / fitted - 1) > SAME_WEIGHT
+        )
+    if not is_other:
+        return ""
+    whose = f" ({result.garment})" if result.garment else ""
+    return plain(
+        f"The take {take.take_id} is of another garment ({garment.name}) than the fit{whose}: its cut "
+        f"and weight, {1e3 * garment.areal_density:.0f} g/m2, go with the stiffness that was fitted to the other."
+    )
 
 
 def interval_words(quantity: Quantity) -> str:

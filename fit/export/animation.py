@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,19 +11,21 @@ from pathlib import Path
 from fit.cloth.launch import Progress
 from fit.errors import FitError
 from fit.export import caches
+from fit.export.about import other_garment
 from fit.export.fabric import fabric_of, why_no_fabric
-from fit.export.moving import Moving, motion_of
-from fit.export.new_motion import hung_swatch, new_motion
+from fit.export.moving import Moving, check_engine, motion_of
+from fit.export.new_motion import check_motion, hung_swatch, new_motion
 from fit.export.sheet import SWATCH_SPACING, check_spacing
 from fit.export.video import CODECS, DEFAULT_SIZE, film
 from fit.export.worn import FigureOrder, worn
 from fit.recordings.recording import prepare
 from formats.fit_records import FitResult
-from formats.outputs import check_name, make_output_folder, refuse_to_replace, write_bytes
+from formats.outputs import check_name, output_folder, refuse_to_replace, write_bytes
 from formats.take import Take
 
 FILMS = (*CODECS, ".gif")
 SUFFIXES = (*FILMS, ".usdc", ".glb")
+LIBRARIES = {".mp4": ("PIL", "av"), ".webm": ("PIL", "av"), ".gif": ("PIL",), ".usdc": ("pxr",)}
 SMALLEST, LARGEST = 64, 4096  # px
 LAYERS_APART = 2e-3  # m, of sewn garments: a thick fabric (KES, at 0.05 kPa: 0.2 to 2 mm)
 
@@ -51,29 +55,71 @@ class Scene:
     spacing: float | None = None  # m
     figure: FigureOrder | None = None
 
-    def moving(self, progress: Progress | None = None) -> Moving:
-        """Simulate it; progress is told the share that is done.
+    def check(self, *, has_take: bool | None = None) -> None:
+        """Refuse what can be refused without a simulation; has_take: whether one is to come where there is none yet.
 
         Raises:
-            FitError: neither take nor motion, a fit without a fabric and without a take, or an unknown motion. With a
-                figure, what `fit.export.worn` refuses.
+            FitError: neither take nor motion, a fit without a fabric and without a take, a motion that is not known, or
+                a figure that cannot move so.
         """
+        check_spacing(self.spacing)
+        has_take = self.take is not None if has_take is None else has_take
         if self.figure is not None:
             if self.motion:
                 raise FitError("a figure moves by itself", where="--motion", advice="leave out --motion or --figure")
-            garment = self.take.garment if self.take is not None else None
-            return worn(self.result, garment, self.figure, self.seconds, spacing=self.spacing, progress=progress)
-        if self.take is None and not self.motion:
+            self.figure.check(self.seconds)
+        elif self.motion:
+            check_motion(self.motion, self.seconds)
+        elif not has_take:
             raise FitError(
                 "a fit alone holds no motion", where="--take",
                 advice="name a take, or a --motion for a swatch of the fabric",
             )  # fmt: skip
+        check_engine(self.result)
+        if not has_take:
+            fabric_of(self.result)
+
+    def moving(self, progress: Progress | None = None) -> Moving:
+        """Simulate it; progress is told the share that is done.
+
+        Raises:
+            FitError: what `check` and, with a figure, `fit.export.worn` refuse.
+        """
+        self.check()
+        if self.figure is not None:
+            garment = self.take.garment if self.take is not None else None
+            return worn(self.result, garment, self.figure, self.seconds, spacing=self.spacing, progress=progress)
         recording = prepare(self.take) if self.take is not None else hung_swatch(fabric_of(self.result))
         if self.motion:
             recording = new_motion(recording, self.motion, self.seconds)
         spacing = SWATCH_SPACING if self.spacing is None and self.take is None else self.spacing
         apart = LAYERS_APART if recording.garment.seams else 0.0
         return motion_of(self.result, recording, spacing, layers_apart=apart, progress=progress)
+
+
+def check_film(path: Path, size: tuple[int, int] = DEFAULT_SIZE, *, overwrite: bool = False) -> None:
+    """Refuse a file that cannot be made, before anything is simulated.
+
+    Raises:
+        FitError: an unknown format, or a size that no film has.
+        OutputError: the file is there already and is not to be overwritten.
+        ModuleNotFoundError: a library that writes it is not installed.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise FitError(
+            f"{suffix or 'no ending'} is no format for motion", where=path, advice=f"use {', '.join(SUFFIXES)}"
+        )
+    if not all(SMALLEST <= n <= LARGEST and n % 2 == 0 for n in size):
+        raise FitError(
+            f"no film is {size[0]} x {size[1]} pixels large", where="--size",
+            advice=f"give even numbers from {SMALLEST} to {LARGEST}, as in 960x720",
+        )  # fmt: skip
+    check_name(path)
+    if not overwrite:
+        refuse_to_replace(path)
+    for library in LIBRARIES.get(suffix, ()):
+        importlib.import_module(library)
 
 
 def animate(
@@ -86,23 +132,18 @@ def animate(
         FitError: an unknown format, a size that no film has, or a scene that cannot be simulated.
         OutputError: the file is there already and is not to be overwritten, or cannot be written.
     """
+    check_film(path, size, overwrite=overwrite)
+    scene.check()
+    with output_folder(path.parent):
+        return _animated(scene, path, size, show)
+
+
+def _animated(scene: Scene, path: Path, size: tuple[int, int], show: Show) -> Animated:
     suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise FitError(
-            f"{suffix or 'no ending'} is no format for motion", where=path, advice=f"use {', '.join(SUFFIXES)}"
-        )
-    if not all(SMALLEST <= n <= LARGEST and n % 2 == 0 for n in size):
-        raise FitError(
-            f"no film is {size[0]} x {size[1]} pixels large", where="--size",
-            advice=f"give even numbers from {SMALLEST} to {LARGEST}, as in 960x720",
-        )  # fmt: skip
-    check_spacing(scene.spacing)
-    check_name(path)
-    if not overwrite:
-        refuse_to_replace(path)
-    make_output_folder(path.parent)
     is_film = suffix in FILMS
     moving = scene.moving(_part(show, "simulating", 0.0, SIMULATED if is_film else 1.0))
+    if scene.take is not None and (other := other_garment(scene.result, scene.take)):
+        moving = dataclasses.replace(moving, remarks=(other, *moving.remarks))
     fabric = None if why_no_fabric(scene.result) else fabric_of(scene.result)
     if suffix == ".usdc":
         raw = caches.usd_cache(scene.result, fabric, moving)

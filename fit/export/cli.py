@@ -72,13 +72,14 @@ def export_command(
         ),
     ] = None,
     thickness: Annotated[
-        float,
+        float | None,
         typer.Option(
             "--thickness",
             metavar="METRES",
             help="The fabric's thickness, which no motion tells. It turns weight into density in usd-physics.",
+            show_default="0.001",
         ),
-    ] = 1e-3,
+    ] = None,
     spacing: Spacing = None,
     overwrite: Overwrite = False,
 ) -> None:
@@ -87,16 +88,25 @@ def export_command(
     Every file says which numbers the takes do not identify. A fit of kinect-skirt or mocap-swatch fits the weight, so
     that it has no SI values. It can be written as csv and in motion, and that of kinect-skirt for Blender too.
     """
-    from fit.export.kinds import EXPORT_KINDS, Order, default_path, export
+    from fit.export.about import other_garment
+    from fit.export.kinds import EXPORT_KINDS, WITH_THICKNESS, Order, default_path, export
+    from fit.export.usd_physics import THICKNESS
     from fit.folders import read_fit
     from formats.archive import read_take
     from formats.outputs import check_is_no_input
     from formats.plain_text import plain
+    from formats.terminal import say
 
+    _refuse_unused(
+        "--thickness", thickness, f"{to.value} holds none", "--to usd-physics", is_used=to.value in WITH_THICKNESS
+    )
     result, file = read_fit(fit_file)
     order = Order(
-        result=result, take=read_take(take) if take is not None else None, thickness=thickness, spacing=spacing
-    )
+        result=result, take=read_take(take) if take is not None else None,
+        thickness=THICKNESS if thickness is None else thickness, spacing=spacing,
+    )  # fmt: skip
+    if order.take is not None and (other := other_garment(result, order.take)):
+        say(other)
     if to is ExportKind.TABLE and out is None:
         made = EXPORT_KINDS[to.value].make(order)
         sheet = next(iter(made.values())).decode()
@@ -142,10 +152,22 @@ def animate_command(
         Path | None,
         typer.Option("--bvh", metavar="FILE", help="The figure moves as this BVH file says, after two seconds' lead."),
     ] = None,
-    speed: Annotated[float, typer.Option("--speed", help="Speed of a walk by rule [m/s].")] = 1.2,
-    height: Annotated[float, typer.Option("--height", help="Height of the figure [m].")] = 1.7,
-    seconds: Annotated[float, typer.Option("--seconds", help="Length of a new motion or of a walk [s].")] = 6.0,
-    size: Annotated[str, typer.Option("--size", metavar="WxH", help="Pixels of a film.")] = "960x720",
+    speed: Annotated[
+        float | None, typer.Option("--speed", help="Speed of a walk by rule [m/s].", show_default="1.2")
+    ] = None,
+    height: Annotated[
+        float | None, typer.Option("--height", help="Height of the figure [m].", show_default="1.7")
+    ] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option("--seconds", help="Length of a new motion or of a walk [s].", show_default="6"),
+    ] = None,
+    size: Annotated[
+        str | None,
+        typer.Option(
+            "--size", metavar="WxH", help="Pixels of a film: even numbers, 64 to 4096.", show_default="960x720"
+        ),
+    ] = None,
     spacing: Spacing = None,
     overwrite: Overwrite = False,
 ) -> None:
@@ -155,27 +177,38 @@ def animate_command(
     the cloth is refused, with the frame. The film's comment says where the fit comes from
     and which numbers the takes do not identify. Interrupt it with Ctrl-C at any time: nothing is left behind.
     """
-    from fit.errors import FitError
-    from fit.export.animation import Scene, animate
+    from dataclasses import replace
+
+    from fit.export.animation import FILMS, Scene, animate, check_film
+    from fit.export.video import DEFAULT_SIZE
     from fit.export.worn import FigureOrder
     from fit.folders import read_fit
     from formats.archive import read_take
     from formats.plain_text import plain
     from formats.terminal import ProgressLine, say
 
-    try:
-        wide, high = (int(part) for part in size.lower().split("x"))
-    except ValueError:
-        raise FitError(f"{size!r} is not WxH", where="--size", advice="for example 960x720") from None
-    result, _ = read_fit(fit_file)
-    walking = FigureOrder(kind=figure or "walk", bvh=bvh, speed=speed, height=height) if figure or bvh else None
+    is_worn = bool(figure or bvh)
+    _refuse_unused("--speed", speed, "a walk by rule has a speed", "--figure walk", is_used=is_worn and bvh is None)
+    _refuse_unused("--height", height, "a figure has a height", "--figure walk", is_used=is_worn)
+    _refuse_unused(
+        "--seconds", seconds, "a take lasts as long as it does", "--motion or --figure", is_used=is_worn or bool(motion)
+    )
+    is_film = out.suffix.lower() in FILMS
+    _refuse_unused("--size", size, "a mesh has no pixels", "a film to --out", is_used=is_film or not out.suffix)
+    pixels = _pixels(size) if size is not None else DEFAULT_SIZE
+    check_film(out, pixels, overwrite=overwrite)
+    given = {"speed": speed, "height": height}
+    order = FigureOrder(kind=figure or "walk", bvh=bvh, **{k: v for k, v in given.items() if v is not None})
     scene = Scene(
-        result=result, take=read_take(take) if take is not None else None, motion=motion, seconds=seconds,
-        spacing=spacing, figure=walking,
+        result=read_fit(fit_file)[0], motion=motion, seconds=6.0 if seconds is None else seconds, spacing=spacing,
+        figure=order if is_worn else None,
     )  # fmt: skip
+    scene.check(has_take=take is not None)
+    if take is not None:
+        scene = replace(scene, take=read_take(take))
     progress = ProgressLine("animate")
     try:
-        written = animate(scene, out, size=(wide, high), overwrite=overwrite, show=progress.show)
+        written = animate(scene, out, size=pixels, overwrite=overwrite, show=progress.show)
     except KeyboardInterrupt:
         progress.end()
         say("Interrupted; nothing is kept.")
@@ -184,3 +217,30 @@ def animate_command(
     for remark in written.remarks:
         say(remark)
     tell(plain(written.path), file=str(written.path), remarks=list(written.remarks))
+
+
+def _refuse_unused(option: str, given: object, why: str, with_what: str, *, is_used: bool) -> None:
+    """Refuse an option that would change nothing.
+
+    Raises:
+        FitError: it is given, and is not used.
+    """
+    from fit.errors import FitError
+
+    if given is not None and not is_used:
+        raise FitError(f"changes nothing here: {why}", where=option, advice=f"leave it out, or give {with_what}")
+
+
+def _pixels(size: str) -> tuple[int, int]:
+    """Return width and height of a film [px].
+
+    Raises:
+        FitError: it is not WxH.
+    """
+    from fit.errors import FitError
+
+    try:
+        wide, high = (int(part) for part in size.lower().split("x"))
+    except ValueError:
+        raise FitError(f"{size!r} is not WxH", where="--size", advice="for example 960x720") from None
+    return wide, high

@@ -3,7 +3,8 @@
 A camera in the distance d looks at the middle of the motion, or follows a figure. A point at right r, up u and depth w
 from there is drawn at f r / (d + w), f u / (d + w). Light falls off as the cosine of its angle with the surface
 (Lambert). A part of the light comes from everywhere. Between nodes their normals are interpolated. Front and back have
-two colours. A figure walks on a floor with a line every half metre, on which it casts a shadow from straight above.
+two colours. The words above the cloth never lie on it. A figure walks on a floor with a line every half metre, on which
+it casts a shadow from straight above.
 
 Source: J. F. Hughes et al., "Computer Graphics: Principles and Practice" (3rd edition 2013): section 6.3, projection.
 """
@@ -34,6 +35,9 @@ SKIN = np.array([196, 188, 180])
 SKY = (244, 245, 247)
 LINE, SHADOW = np.array([222, 224, 228]), np.array([208, 210, 215])
 BAR, WORDS = (70, 74, 80), (60, 64, 70)
+TITLE = 30  # px at the top that are kept for the words
+LEAST_TITLED = 200  # px of height, below which the cloth needs all of the picture
+MARGIN = 12  # px beside the words
 END_SIZE = 4  # px, of the ends of the bar that holds the cloth
 PIECES = 24  # of a line on the floor
 FLOOR_LINES, LINE_WIDTH, FLOOR_WIDTH = 0.5, 0.012, 3.0  # m: between lines, of a line, from end to end
@@ -83,7 +87,9 @@ class Stage:
         extent = float(np.linalg.norm(high - low))
         self._distance = CAMERA_DISTANCE * extent
         reach = np.abs(self._project(every, np.zeros(3), 1.0, (0, 0))[..., :2]).max(0)
-        self._scale = FILLED * float(np.min(0.5 * np.array(size) / reach))
+        self._title = TITLE if size[1] >= LEAST_TITLED else 0
+        free = np.array([size[0], size[1] - self._title])
+        self._scale = FILLED * float(np.min(0.5 * free / reach))
         turn = 0.0 if moving.figure is None else BESIDE - SIDE - ASIDE
         cos, sin = np.cos(turn), np.sin(turn)
         light = np.array(
@@ -114,7 +120,7 @@ class Stage:
         moving, followed = self.moving, self._followed[frame]
 
         def seen(places: Floats) -> Floats:
-            return self._project(places, followed, FINER * self._scale, (wide / 2, high / 2))
+            return self._project(places, followed, FINER * self._scale, (wide / 2, (high + FINER * self._title) / 2))
 
         places, triangles = moving.places[frame].astype(float), moving.triangles
         corners = seen(places)[triangles]
@@ -131,7 +137,11 @@ class Stage:
             faces.append(self._bar(seen(moving.held[frame])))
         picture = drawn(Faces.together(*faces), self.size, np.array(SKY), self._light, AMBIENT)
         image = Image.fromarray(picture)
-        ImageDraw.Draw(image).text((12, 10), f"{moving.name}   {moving.time[frame]:.2f} s", fill=WORDS)
+        if self._title:
+            drawing, words = ImageDraw.Draw(image), f"{moving.time[frame]:.2f} s"
+            whole = f"{moving.name}   {words}"
+            fits = drawing.textlength(whole) <= self.size[0] - 2 * MARGIN
+            drawing.text((MARGIN, 10), whole if fits else words, fill=WORDS)
         return image
 
     @staticmethod

@@ -22,7 +22,7 @@ from fit.export.u3m import u3m
 from fit.export.usd_physics import THICKNESS, usd_physics
 from fit.methods import find_method
 from formats.fit_records import FitResult
-from formats.outputs import check_name, make_output_folder, refuse_to_replace, write_bytes
+from formats.outputs import check_name, output_folder, refuse_to_replace, write_bytes
 from formats.take import Take
 
 # Programs open these by the end of their name alone: OpenUSD reads no text in .usdc; .gltf is JSON, .glb is not.
@@ -122,6 +122,11 @@ def _pc2(order: Order) -> dict[str, bytes]:
     return {".pc2": caches.pc2(even), ".obj": caches.obj(order.result, order.fabric_if_any, even)}
 
 
+WITHOUT_TAKE = {"table", "newton", "u3m"}  # the fabric alone
+WITHOUT_MESH = {"table", "u3m"}
+MESH_OF_TAKE = {"csv", "parquet"}  # they have a mesh where they hold a motion
+WITH_THICKNESS = {"usd-physics"}
+
 EXPORT_KINDS: dict[str, Kind] = {
     "csv": Kind(suffix=".csv", make=_csv, beside=(".motion.csv",)),
     "parquet": Kind(suffix=".parquet", make=_parquet, beside=(".motion.parquet",)),
@@ -152,6 +157,7 @@ def export(order: Order, kind: str, path: Path, *, overwrite: bool = False) -> l
             f"no fabric is {1e3 * order.thickness:g} mm thick", where="--thickness", advice="give metres, as in 0.0005"
         )
     check_spacing(order.spacing)
+    _check_used(order, kind)
     chosen = EXPORT_KINDS[kind]
     check_name(path)
     beside = chosen.beside if order.take is not None else ()
@@ -174,10 +180,25 @@ def export(order: Order, kind: str, path: Path, *, overwrite: bool = False) -> l
             refuse_to_replace(file)
     made = chosen.make(order)
     files = {names[suffix]: raw for suffix, raw in made.items()}
-    make_output_folder(path.parent)
-    for file, raw in files.items():
-        write_bytes(file, raw)
+    with output_folder(path.parent):
+        for file, raw in files.items():
+            write_bytes(file, raw)
     return list(files)
+
+
+def _check_used(order: Order, kind: str) -> None:
+    """Refuse what would change nothing in an export of a kind.
+
+    Raises:
+        FitError: a take or a spacing that is not used.
+    """
+    if order.take is not None and kind in WITHOUT_TAKE:
+        raise FitError(
+            f"{kind} holds the fabric alone, and no garment", where="--take",
+            advice="leave it out, or choose another --to",
+        )  # fmt: skip
+    if order.spacing is not None and (kind in WITHOUT_MESH or (kind in MESH_OF_TAKE and order.take is None)):
+        raise FitError(f"{kind} holds no mesh here", where="--spacing", advice="leave it out, or choose another --to")
 
 
 def default_path(fit_file: Path, kind: str) -> Path:

@@ -57,11 +57,11 @@ def _smooth(share: Floats) -> Floats:
     return np.asarray(u**3 * (10 - 15 * u + 6 * u**2))
 
 
-def new_motion(recording: Recording, way: str, seconds: float) -> Recording:
-    """Return the recording's garment on a hanger that moves in another way, seen by nobody.
+def check_motion(way: str, seconds: float) -> None:
+    """Refuse an unknown way, or a length that cannot be simulated in reasonable time.
 
     Raises:
-        FitError: an unknown way, or a length that cannot be simulated in reasonable time.
+        FitError: it is one.
     """
     if way not in NEW_MOTIONS:
         raise FitError(f"there is no motion named {way!r}", where="--motion", advice=f"known: {', '.join(NEW_MOTIONS)}")
@@ -69,6 +69,15 @@ def new_motion(recording: Recording, way: str, seconds: float) -> Recording:
         raise FitError(
             f"{seconds:g} s is no length for a motion", where="--seconds", advice=f"{SHORTEST:g} to {LONGEST:g} s"
         )
+
+
+def new_motion(recording: Recording, way: str, seconds: float) -> Recording:
+    """Return the recording's garment on a hanger that moves in another way, seen by nobody.
+
+    Raises:
+        FitError: an unknown way, or a length that cannot be simulated in reasonable time.
+    """
+    check_motion(way, seconds)
     ends = recording.held(np.zeros(1)).reshape(2, 3)
     time = np.arange(round(seconds * MOTION_FPS) + 1) / MOTION_FPS
     count = recording.points.shape[1]

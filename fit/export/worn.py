@@ -25,7 +25,7 @@ from fit.export.new_motion import MOTION_FPS, SHORTEST, hung_still
 from fit.export.solids import Solids
 from fit.figure.bvh import read_bvh
 from fit.figure.dressmaking import plain_skirt, sewn_skirt
-from fit.figure.gait import NORMAL, walk
+from fit.figure.gait import NORMAL, check_speed, walk
 from fit.figure.parts import TOUCHING, figure_in
 from fit.figure.skeleton import STANDARD_HEIGHT, SkeletonMotion
 from fit.figure.wearing import looked_at, wear
@@ -51,11 +51,11 @@ class FigureOrder:
     speed: float = NORMAL  # m/s
     height: float = STANDARD_HEIGHT  # m
 
-    def skeleton(self, seconds: float) -> SkeletonMotion:
-        """Return the figure's joints.
+    def check(self, seconds: float) -> None:
+        """Refuse what no figure does.
 
         Raises:
-            FitError: an unknown kind, a speed, a height or a length that no walk has, or no BVH file.
+            FitError: an unknown kind, or a speed, a height or a length that no walk has.
         """
         if self.kind not in KINDS:
             raise FitError(f"no figure moves by {self.kind!r}", where="--figure", advice=f"known: {', '.join(KINDS)}")
@@ -69,6 +69,12 @@ class FigureOrder:
                 f"{seconds:g} s is no length for a figure's walk", where="--seconds",
                 advice=f"{SHORTEST:g} to {LONGEST:g} s",
             )  # fmt: skip
+        if self.bvh is None:
+            check_speed(self.speed)
+
+    def skeleton(self, seconds: float) -> SkeletonMotion:
+        """Return the figure's joints; raises what `check` and `read_bvh` raise."""
+        self.check(seconds)
         if self.bvh is not None:
             return read_bvh(self.bvh, self.height, seconds)
         return walk(seconds, self.speed, self.height)
@@ -88,7 +94,7 @@ def worn(
     flat = plain_skirt(fabric_of(result)["areal_density"].value) if garment is None else garment
     sewn, share = sewn_skirt(flat)
     skeleton = order.skeleton(seconds)
-    seconds = min(seconds, np.floor(skeleton.seconds * MOTION_FPS) / MOTION_FPS)
+    asked, seconds = seconds, min(seconds, np.floor(skeleton.seconds * MOTION_FPS) / MOTION_FPS)
     figure = figure_in(sewn, skeleton)
     dressed = wear(hung_still(sewn, flat.name), figure, seconds, MOTION_FPS)
     effects = tuple(e for e in known_effects(result) if e.acts_on in ("cloth", "air") and e != CONTACT)
@@ -119,8 +125,18 @@ def worn(
         triangles=triangles, rest=samples.apply(simulator.mesh.rest), points=done.points[0],
         point_names=sewn.point_names, held=dressed.recording.held(time).reshape(-1, 2, 3),
         figure=Solids(figure.names, figure.bodies, figure.motion),
-        remarks=_remarks(crossed, float(trouble.depths.max()), _stretched(simulator, shapes)),
+        remarks=(
+            *_shortened(order, asked, float(seconds)),
+            *_remarks(crossed, float(trouble.depths.max()), _stretched(simulator, shapes)),
+        ),
     )  # fmt: skip
+
+
+def _shortened(order: FigureOrder, asked: float, seconds: float) -> tuple[str, ...]:
+    """Return that a motion ends before the length that was asked for [s]; nothing where it does not."""
+    if order.bvh is None or seconds > asked - 1 / MOTION_FPS:
+        return ()
+    return (f"{order.bvh.name} ends early: the motion lasts {seconds:.1f} s, its lead included, and not {asked:g} s.",)
 
 
 def _stretched(simulator: Simulator, shapes: Singles) -> float:

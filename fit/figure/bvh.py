@@ -25,6 +25,10 @@ from formats.arrays import Floats
 LEAD = 2.0  # s
 ON_FLOOR = 0.2  # share of the frames in which the lower foot may seem to be in the floor: captured feet tremble
 LARGEST = 50_000_000  # bytes
+SHORTEST_STEP, LONGEST_STEP = 1e-3, 0.2  # s between frames: 5 to 1000 a second
+LARGEST_NUMBER = 1e7  # ten kilometres in millimetres; no walk turns 28,000 times
+FASTEST_JOINT = 60.0  # m/s: a golfer's or pitcher's hand reaches 25 to 45
+SHORTEST_MOTION = 1.0  # s
 MOST_JOINTS = 1000
 MOST_CHANNELS = 6  # three places and three turns
 CHANNEL = re.compile("[XYZ](position|rotation)", re.IGNORECASE)
@@ -61,6 +65,11 @@ def read_bvh(path: Path, height: float, seconds: float | None = None) -> Skeleto
     """
     joints, times, places = _places(path)
     index = _named(path, joints)
+    if times[-1] < SHORTEST_MOTION:
+        raise FitError(
+            f"lasts {times[-1]:.2f} s; at least {SHORTEST_MOTION:g} s are needed", where=path,
+            advice="give a longer motion",
+        )  # fmt: skip
     last = min(times[-1], seconds - LEAD / 2) if seconds is not None else times[-1]
     found = {name: places[:, k] for name, k in index.items()}
     for side in SIDES:
@@ -69,6 +78,7 @@ def read_bvh(path: Path, height: float, seconds: float | None = None) -> Skeleto
                 found[f"{side}_{end}"] = _end_of(joints, places, index[f"{side}_{before}"])
     _check_bones(path, found)
     found = _upright(found, height)
+    _check_speeds(path, found, float(times[1] - times[0]))
     return _led_in(found, times, float(last), height)
 
 
@@ -91,10 +101,21 @@ def _places(path: Path) -> tuple[list[_Joint], Floats, Floats]:
         numbers = np.array(found[3].split(), float)
     except ValueError:
         raise FitError("holds something else than numbers after MOTION", where=path) from None
-    if frames < 2 or len(numbers) != frames * width or not 0 < step < 1 or not np.isfinite(numbers).all():
+    if frames < 2 or len(numbers) != frames * width or not np.isfinite(numbers).all():
         raise FitError(
             f"says {frames} frames of {width} numbers, {step:g} s apart, and holds {len(numbers)} numbers", where=path,
             advice="export it again",
+        )  # fmt: skip
+    if not SHORTEST_STEP <= step <= LONGEST_STEP:
+        raise FitError(
+            f"says that its frames are {step:g} s apart, as no camera or program makes them", where=path,
+            advice="write its Frame Time in seconds, as in 0.0333333",
+        )  # fmt: skip
+    wild = np.flatnonzero(np.abs(numbers) > LARGEST_NUMBER)
+    if len(wild):
+        raise FitError(
+            f"holds {numbers[wild[0]]:g} in frame {wild[0] // width}, which is no place and no angle", where=path,
+            advice="mend that frame, or export it again",
         )  # fmt: skip
     return joints, np.asarray(np.arange(frames) * step, float), _forward(joints, numbers.reshape(frames, width))
 
@@ -226,6 +247,24 @@ def _check_bones(path: Path, found: dict[str, Floats]) -> None:
                 f"its {one.replace('_', ' ')} and {two.replace('_', ' ')} are not two places apart", where=path,
                 advice="export it with the offsets of its joints",
             )  # fmt: skip
+
+
+def _check_speeds(path: Path, found: dict[str, Floats], step: float) -> None:
+    """Refuse a joint that leaps, which no cloth can follow; found: places [m] of joints at frames, `step` [s] apart.
+
+    Raises:
+        FitError: one moves faster than any person does.
+    """
+    fastest = 0.0, "", 0
+    for name, places in found.items():
+        speeds = np.linalg.norm(np.diff(places, axis=0), axis=1) / step
+        fastest = max(fastest, (float(speeds.max()), name, int(speeds.argmax()) + 1))
+    speed, name, frame = fastest
+    if speed > FASTEST_JOINT:
+        raise FitError(
+            f"its {name.replace('_', ' ')} leaps by {speed * step:.3g} m from frame {frame - 1} to frame {frame}",
+            where=path, advice="mend these frames, cut the file there, or export it again",
+        )  # fmt: skip
 
 
 def _upright(found: dict[str, Floats], height: float) -> dict[str, Floats]:

@@ -74,14 +74,23 @@ def step_length(speed: float) -> float:
     return float(np.sqrt(60 * speed * WALK_RATIO))
 
 
+def check_speed(speed: float) -> None:
+    """Refuse a speed [m/s] at which nobody walks.
+
+    Raises:
+        FitError: it is one.
+    """
+    if not SLOWEST <= speed <= FASTEST:
+        raise FitError(f"nobody walks at {speed:g} m/s", where="--speed", advice=f"give {SLOWEST:g} to {FASTEST:g} m/s")
+
+
 def walk(seconds: float, speed: float = NORMAL, height: float = STANDARD_HEIGHT) -> SkeletonMotion:
     """Return a figure of a height [m] that stands, and then walks towards -y at a speed [m/s].
 
     Raises:
         FitError: nobody walks at such a speed.
     """
-    if not SLOWEST <= speed <= FASTEST:
-        raise FitError(f"nobody walks at {speed:g} m/s", where="--speed", advice=f"give {SLOWEST:g} to {FASTEST:g} m/s")
+    check_speed(speed)
     time: Floats = np.asarray(np.arange(int(np.ceil(seconds / SPACING)) + 2) * SPACING, float)
     step = step_length(speed)
     share = np.clip(time / RAMP, 0.0, 1.0)

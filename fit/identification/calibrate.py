@@ -39,7 +39,7 @@ from fit.recordings.geometry import check_geometry
 from fit.recordings.impossible_points import describe_impossible
 from fit.recordings.intact import describe_missing
 from fit.recordings.recording import Recording, prepare_together
-from fit.recordings.selection import check_together
+from fit.recordings.selection import check_together, content_of_garment
 from fit.runtime import one_thread_of_algebra
 from fit.search.choice import OBSERVED, Task, begin, has_short_intervals
 from fit.search.intervals import Intervals, check_blocks, draw_intervals
@@ -368,6 +368,8 @@ def _result(model: Model, judge: Model | None, found: _Found, *, contents: list[
         notes=notes,
         material=model.material(best) if is_own else {},
         layers=garment.layers,
+        garment=garment.name,
+        garment_content=content_of_garment(garment),
         objective=model.objective_figure(initial, best),
         combinations=(describe_combinations(model.material_rows, initial, best, reach, intervals) if is_own else []),
     )

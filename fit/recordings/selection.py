@@ -11,6 +11,7 @@ import numpy as np
 from fit.errors import FitError
 from formats.diagnosis_records import Diagnosis
 from formats.fit_records import FitResult
+from formats.garment import Garment
 from formats.motion import MOTION_KINDS, kind_of
 from formats.take import Take
 
@@ -22,6 +23,11 @@ def content_of(take: Take) -> str:
     for array in arrays:
         whole.update(np.ascontiguousarray(array).tobytes())
     return whole.hexdigest()
+
+
+def content_of_garment(garment: Garment) -> str:
+    """Return the sha256, in hexadecimal, of a garment's description."""
+    return hashlib.sha256(msgspec.json.encode(garment)).hexdigest()
 
 
 def is_of(result: FitResult | Diagnosis, takes: list[Take]) -> bool:

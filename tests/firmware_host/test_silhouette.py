@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from functools import cache
+from inspect import signature
 
 import numpy as np
 import pytest
 
+from firmware_host.cli import synthesise_silhouette
 from firmware_host.errors import SensorAddressError
 from firmware_host.synthetic import silhouette
 from firmware_host.synthetic.silhouette import SIDE, CameraFaults, held_path, make_silhouette_take, seen_silhouette
@@ -80,7 +83,19 @@ def test_a_place_that_cannot_be_written_is_told_before_the_cloth_is_simulated(
         make_silhouette_take(tmp_path / folder, name, CameraFaults())
 
 
-@pytest.mark.parametrize(("fault", "value"), [("latency", 0.6), ("noise", float("nan")), ("skewed_share", -0.1)])
-def test_a_fault_that_no_camera_has_is_refused(fault, value):
-    with pytest.raises(SensorAddressError, match=f"{fault} cannot be"):
-        seen_silhouette(CameraFaults(**{fault: value}))
+@pytest.mark.parametrize(
+    ("fault", "value", "option"),
+    [("latency", 0.6, "--latency"), ("noise", float("nan"), "--noise"), ("skewed_share", -0.1, "--skewed")],
+)
+def test_a_fault_that_no_camera_has_is_refused_by_the_name_of_its_option_and_leaves_no_folder(
+    fault, value, option, tmp_path
+):
+    with pytest.raises(SensorAddressError, match=f"^{option}: cannot be"):
+        make_silhouette_take(tmp_path / "new", "a", CameraFaults(**{fault: value}))
+    assert not (tmp_path / "new").exists()
+
+
+def test_every_fault_is_named_by_an_option_that_there_is():
+    given = signature(synthesise_silhouette, eval_str=True).parameters.values()
+    options = {getattr(one.annotation, "__metadata__", [None])[0].default for one in given}
+    assert {silhouette.option_of(one.name) for one in fields(CameraFaults)} - {"--skew"} <= options

@@ -11,11 +11,12 @@ import pytest
 
 from fit.errors import FitError
 from fit.export.animation import Scene, animate
-from fit.export.drawing import SKY, Stage, node_normals
+from fit.export.drawing import SKY, TITLE, Stage, node_normals
 from fit.export.fabric import fabric_of
 from fit.export.moving import Moving, motion_of
 from fit.export.new_motion import AMPLITUDE, displaced, hung_swatch, new_motion
 from fit.recordings.recording import prepare
+from fit.recordings.selection import content_of_garment
 from formats.archive import write_take
 from formats.errors import OutputError
 from formats.motion import reach_of
@@ -102,6 +103,19 @@ def test_a_picture_shows_the_front_blue_the_back_brown_and_fills_most_of_its_hei
     assert tuple(front[-1, -1]) == SKY
 
 
+@pytest.mark.parametrize("size", [(960, 720), (320, 240), (64, 640), (160, 120)])
+def test_words_never_lie_on_the_cloth_and_leave_a_small_picture_to_it(size):
+    pytest.importorskip("PIL", reason="Pillow is not installed")
+    picture = np.asarray(Stage(square(0.0), size).picture(0)).astype(int)
+    is_cloth = picture[..., 2] > picture[..., 0] + 20
+    is_word = (picture[:TITLE] < 150).all(2) & ~is_cloth[:TITLE]
+    if size[1] < 200:
+        assert np.flatnonzero(is_cloth.any(1))[0] < TITLE
+    else:
+        assert not is_cloth[:TITLE].any()
+        assert is_word.any()
+
+
 @pytest.mark.parametrize(("suffix", "name"), [(".mp4", "h264"), (".webm", "vp9")])
 def test_a_film_decodes_to_as_many_pictures_at_the_takes_rate(scene, suffix, name, tmp_path):
     av = pytest.importorskip("av", reason="PyAV is not installed")
@@ -181,6 +195,45 @@ def test_the_command_writes_a_gif(tmp_path):
     assert (tmp_path / "a.gif").read_bytes().startswith(b"GIF89a")
     wrong = hangtime_here(*words[:6], "--size", "wide", folder=tmp_path)
     assert wrong.returncode == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--motion", "twist", "--speed", "1.0"], "--speed: changes nothing here: a walk by rule has a speed"),
+        (["--motion", "twist", "--height", "1.6"], "--height: changes nothing here: a figure has a height"),
+        (["--bvh", "a.bvh", "--speed", "1.0"], "--speed: changes nothing here"),
+        (["--seconds", "3"], "--seconds: changes nothing here: a take lasts as long as it does"),
+        (["--motion", "dance"], "--motion: there is no motion named 'dance'"),
+        (["--motion", "twist", "--seconds", "900"], "--seconds: 900 s is no length"),
+        (["--figure", "dance"], "--figure: no figure moves by 'dance'"),
+        (["--figure", "walk", "--speed", "9"], "--speed: nobody walks at 9 m/s"),
+        (["--motion", "twist", "--size", "63x64"], "--size: no film is 63 x 64 pixels"),
+        (["--motion", "twist", "--spacing", "-1"], "--spacing"),
+        (["--motion", "twist", "--out", "a.glb", "--size", "64x64"], "--size: changes nothing here: a mesh has no pix"),
+    ],
+)
+def test_options_are_looked_at_before_the_take_is_read(words, says, tmp_path):
+    """The take is none, which is said where nothing else is wrong."""
+    save_fit_result(tmp_path / "fit.json", a_fit())
+    order = ["animate", ".", "--take", "none.mcap", "--out", "new/a.gif", *words]
+    done = hangtime_here(*order, folder=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"hangtime: {says}")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["fit.json"]
+
+
+def test_a_film_of_another_garments_take_says_so(scene, tmp_path):
+    pytest.importorskip("trimesh", reason="trimesh is not installed")
+    own = msgspec.structs.replace(a_fit(), garment="sheet", garment_content=content_of_garment(scene.take.garment))
+    other = msgspec.structs.replace(own, garment="grey skirt", garment_content="ab")
+    old = a_fit(density=2 * scene.take.garment.areal_density)
+    said = [animate(dataclasses.replace(scene, result=fit), tmp_path / "a.glb", overwrite=True).remarks
+            for fit in (own, other, old)]  # fmt: skip
+    assert said[0] == ()
+    assert "is of another garment (" in said[1][0]
+    assert "than the fit (grey skirt)" in said[1][0]
+    assert "is of another garment" in said[2][0]
 
 
 @pytest.mark.slow

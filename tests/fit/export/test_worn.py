@@ -152,3 +152,13 @@ def test_a_take_of_a_skirt_lends_its_cut_and_a_bvh_file_its_motion(tmp_path):
     moving = worn(a_fit(), skirt, FigureOrder(bvh=path), 3.0, spacing=0.05)
     assert moving.name == "grey skirt"
     assert len(moving.time) == 91
+    assert "ends early" not in moving.remarks[0]
+
+
+@pytest.mark.slow
+def test_a_bvh_file_that_is_shorter_than_the_film_says_so(tmp_path):
+    path = tmp_path / "walk.bvh"
+    path.write_text(bvh_of(walk(1.2, 1.0)))
+    moving = worn(a_fit(), None, FigureOrder(bvh=path), 3.0, spacing=0.05)
+    assert moving.remarks[0] == "walk.bvh ends early: the motion lasts 2.2 s, its lead included, and not 3 s."
+    assert moving.time[-1] == pytest.approx(2.2, abs=0.05)

@@ -79,6 +79,9 @@ def test_twice_as_tall_a_figure_is_twice_as_large(tmp_path):
         (TWO_BONES.replace("OFFSET 0 10 0", "OFFSET nan 10 0"), "has a damaged hierarchy"),
         (TWO_BONES.replace("CHANNELS 3 Z", "CHANNELS -3 Z"), "has a damaged hierarchy"),
         (TWO_BONES.replace("CHANNELS 3 Z", "CHANNELS 3 Q"), "has a damaged hierarchy"),
+        (TWO_BONES.replace("0.033333", "1e-9"), "its frames are 1e-09 s apart.*write its Frame Time in seconds"),
+        (TWO_BONES.replace("0.033333", "33"), "its frames are 33 s apart"),
+        (TWO_BONES.replace("90 0 0 0 90", "90 0 0 0 1e200"), "holds 1e[+]200 in frame 1, which is no place and no"),
         (TWO_BONES.replace("0.033333", "0.0.3"), "something else than numbers"),
         (TWO_BONES.replace("Frames: 2", f"Frames: {'9' * 5000}"), "is no BVH file"),
     ],
@@ -87,6 +90,24 @@ def test_files_that_hold_no_person_are_refused(text, reason, tmp_path):
     path = tmp_path / "wrong.bvh"
     path.write_text(text)
     with pytest.raises(FitError, match=reason):
+        read_bvh(path, 1.7)
+
+
+def test_a_joint_that_leaps_is_refused_with_its_frames(tmp_path):
+    """Everything 3 m farther from one frame on: 94 m/s at 32 ms."""
+    source = walk(3.0)
+    for places in source.joints.values():
+        places[16 * 20 :] += [3.0, 0.0, 0.0]
+    path = tmp_path / "leap.bvh"
+    path.write_text(bvh_of(source))
+    with pytest.raises(FitError, match=r"leaps by [23].* m from frame 19 to frame 20; mend these frames"):
+        read_bvh(path, 1.7)
+
+
+def test_a_moment_is_no_motion(tmp_path):
+    path = tmp_path / "short.bvh"
+    path.write_text(bvh_of(walk(0.5)))
+    with pytest.raises(FitError, match=r"lasts 0\.\d+ s; at least 1 s are needed"):
         read_bvh(path, 1.7)
 
 

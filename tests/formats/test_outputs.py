@@ -1,0 +1,38 @@
+"""Folders that a command makes for its files: gone again where the work fails before there is one."""
+
+from __future__ import annotations
+
+import pytest
+
+from formats.errors import OutputError
+from formats.outputs import output_folder
+
+
+def interrupted(folder, *made):
+    """Begin work that is to fill a folder, make some files, and end it."""
+
+    def work():
+        with output_folder(folder):
+            for file in made:
+                file.touch()
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+
+
+def test_a_folder_that_was_made_for_nothing_goes_and_one_that_was_there_or_holds_something_stays(tmp_path):
+    (tmp_path / "old").mkdir()
+    for folder in (tmp_path / "new/deep", tmp_path / "old"):
+        interrupted(folder)
+    assert [path.name for path in tmp_path.iterdir()] == ["old"]
+    interrupted(tmp_path / "new/deep", tmp_path / "new/kept")
+    assert (tmp_path / "new/kept").exists()
+    assert not (tmp_path / "new/deep").exists()
+
+
+def test_a_folder_that_cannot_be_made_leaves_nothing(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError):
+        interrupted(tmp_path / "file/new")
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]

@@ -164,8 +164,13 @@ def synthesise_silhouette(
     skewed: Annotated[float, typer.Option("--skewed", help="Share of the frames with a skewed grid.")] = 0.0,
     eroded: Annotated[float, typer.Option("--eroded", metavar="METRES", help="Border that is not seen.")] = 0.0,
     eaten: Annotated[
-        float, typer.Option("--eaten-by-pose", metavar="METRES", help="Loss of the bottom border per unit of lean.")
-    ] = 0.0,
+        float,
+        typer.Option(
+            "--eaten-by-pose",
+            metavar="METRES",
+            help="Loss of the bottom border per unit of lean; at 0 the points stay on the cloth, as markers do.",
+        ),
+    ] = 0.03,
     noise: Annotated[float, typer.Option("--noise", metavar="METRES", help="White noise per axis.")] = 0.002,
     seconds: Annotated[float, typer.Option("--seconds", help="Length of the recording.")] = 12.0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of intervals, skew and noise.")] = 1,
@@ -174,6 +179,8 @@ def synthesise_silhouette(
     ] = False,
 ) -> None:
     """Make a re-gridded silhouette of swung cloth, with a camera's faults switched on one by one.
+
+    Its outline depends on pose, unless you ask otherwise, so that the grid slides over the cloth as real ones do.
 
     Writes DIR/NAME.npz, which `hangtime import` reads, and its truth DIR/NAME.truth.npz.
     """

@@ -46,12 +46,13 @@ def diagnosis_tables(diagnosis: Diagnosis, added: tuple[str, ...] = ()) -> list[
     if diagnosis.next_experiment is not None:
         remarks.append(diagnosis.next_experiment.sentence)
     remarks += [note for note in diagnosis.notes if note.startswith("Warning:")]
-    return [*camera_table(diagnosis), Table(remarks=tuple(remarks))]
+    return [*camera_table(diagnosis, told=diagnosis.sentence), Table(remarks=tuple(remarks))]
 
 
-def camera_table(result: FitResult | Diagnosis) -> list[Table]:
-    """Return what a camera made of the takes, as sentences; nothing where it made nothing of them."""
-    return [Table(remarks=tuple(f"Camera: {found.sentence}" for found in result.camera))] if result.camera else []
+def camera_table(result: FitResult | Diagnosis, told: str = "") -> list[Table]:
+    """Return what a camera made of the takes, as sentences that are not `told` already; nothing where there is none."""
+    left = tuple(f"Camera: {found.sentence}" for found in result.camera if found.sentence not in told)
+    return [Table(remarks=left)] if left else []
 
 
 def effect_table(diagnosis: Diagnosis) -> Table:

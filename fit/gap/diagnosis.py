@@ -177,7 +177,7 @@ def diagnose(
         + edge_driven.sentence(evidence, by_edge)
         + described.left_out(effects, LIBRARY)
         + described.at_bounds(model, base)
-        + camera_clause(camera)
+        + camera_clause(camera, verdict.sentence)
         + from_raw.sentence(gap),
         named=verdict.named,
         gap=gap,

@@ -6,6 +6,9 @@ Covariance of the estimate, robust against correlation inside blocks of half a s
 
     V = H^-1 (sum_b s_b s_b^T) H^-1,    H = J^T J + prior,   s_b = J_b^T r_b
 
+A base parameter that the data do not move stays at its prior, where this covariance is zero. Its deviation also holds
+the prior's own share, H^-1 P H^-1 with the prior's precision P, as intervals of fits do (`fit.search.intervals`).
+
 Source: K.-Y. Liang & S. L. Zeger, Biometrika 73 (1986), eq. 7 (cluster-robust covariance).
 """
 
@@ -180,6 +183,8 @@ def fit(observer: Observer, tasks: Sequence[Task]) -> list[Fitted]:
 def _fitted(observer: Observer, problem: Problem, task: Task, found: LeastSquaresResult) -> Fitted:
     vectors, amplitudes = problem.unpack(found.parameters[None])
     deviation = sandwich(found.jacobian, found.residuals, observer.layout.block, problem.prior_sd)
+    own = np.arange(len(deviation)) < len(task.vector)
+    deviation = np.where(own, np.hypot(deviation, from_prior(found.jacobian, problem.prior_sd)), deviation)
     if task.pinned is not None:
         known = task.pinned.sd[problem.columns] / problem.typical
         deviation[len(task.vector) :] = np.where(np.isfinite(known), known, deviation[len(task.vector) :])
@@ -187,6 +192,12 @@ def _fitted(observer: Observer, problem: Problem, task: Task, found: LeastSquare
         vectors[0], amplitudes[0], task.active, found.residuals, found.jacobian, deviation, found.is_converged,
         pinned=task.pinned,
     )  # fmt: skip
+
+
+def from_prior(jacobian: Floats, prior_sd: Floats) -> Floats:
+    """Return the part of the deviations, (parameters,), that the prior alone supplies."""
+    inverse = np.linalg.inv(jacobian.T @ jacobian + np.diag(prior_sd**-2))
+    return np.asarray(np.sqrt(((inverse / prior_sd) ** 2).sum(1)))
 
 
 def sandwich(jacobian: Floats, residual: Floats, block: NDArray[np.int64], prior_sd: Floats) -> Floats:

@@ -30,6 +30,8 @@ from formats.take import Take
 
 NOTHING = CameraSteps(stamps=False, skew=False, edge=False, frames=False, places=False)
 
+LEAST_GAP = 0.1  # of the squared floor, which is itself known to some percent
+
 
 def raw_recordings(takes: Sequence[Take]) -> list[Recording]:
     """Return recordings of takes from which none of a camera's faults was taken out."""
@@ -56,12 +58,16 @@ def raw_error_mm(
 
 
 def with_raw(gap: Gap, raw_mm: float | None) -> Gap:
-    """Return a gap with what the base model misses the raw points by, and the share closed on the way from there."""
+    """Return a gap with what the base model misses the raw points by, and the share closed on the way from there.
+
+    Raw points that hardly miss by more than the floor leave no gap to close a share of.
+    """
     if raw_mm is None:
         return gap
     after, floor = (gap.with_effect_mm or gap.base_mm).value, gap.floor_mm.value
     whole = raw_mm**2 - floor**2
-    return changed(gap, raw_mm=raw_mm, closure_from_raw=(raw_mm**2 - after**2) / whole if whole > 0 else None)
+    closure = min((raw_mm**2 - after**2) / whole, 1.0) if whole > LEAST_GAP * floor**2 else None
+    return changed(gap, raw_mm=raw_mm, closure_from_raw=closure)
 
 
 def sentence(gap: Gap) -> str:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fit.recordings.grids import SKEWED
-from fit.recordings.point_kind import describe_contradiction
+from fit.recordings.point_kind import describe_contradiction, describe_steady
 from fit.recordings.recording import Recording
 from fit.recordings.timing import LARGEST_SHIFT, LEAST_EXPLAINED, is_sure
 from formats.fit_records import CameraFinding, Interval
@@ -33,18 +33,23 @@ def describe_camera(recordings: Sequence[Recording]) -> list[CameraFinding]:
     sound = [r for r in recordings if (t := r.camera.timing) is None or t.is_of_hanger]
     for more in (_edge, _offset, _placed, _eaten, _scaled, _leaning):
         found += more(sound)
-    contradiction = describe_contradiction(recordings[0].garment, recordings) if recordings else ""
-    if contradiction:
-        takes = [r.take_id for r in recordings]
-        found.append(CameraFinding(name="points_are", take_ids=takes, unit="1", sentence=contradiction, is_fault=True))
+    for describe, is_fault in ((describe_contradiction, True), (describe_steady, False)):
+        if recordings and (sentence := describe(recordings[0].garment, recordings)):
+            takes = [r.take_id for r in recordings]
+            found.append(
+                CameraFinding(name="points_are", take_ids=takes, unit="1", sentence=sentence, is_fault=is_fault)
+            )
     return found
 
 
-def camera_clause(found: Sequence[CameraFinding]) -> str:
-    """Return one sentence on what was taken out before the fit, with sizes, and the faults; nothing of none."""
+def camera_clause(found: Sequence[CameraFinding], told: str = "") -> str:
+    """Return one sentence on what was taken out before the fit, with sizes, and the faults; nothing of none.
+
+    told: the verdict so far, whose reason may be such a fault
+    """
     words = [text for one in found if not one.is_fault and (text := _short(one))]
     taken = f" Taken out before anything was fitted: {'; '.join(words)}." if words else ""
-    return taken + "".join(f" {one.sentence}" for one in found if one.is_fault)
+    return taken + "".join(f" {one.sentence}" for one in found if one.is_fault and one.sentence not in told)
 
 
 def _short(one: CameraFinding) -> str:

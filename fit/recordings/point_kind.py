@@ -87,22 +87,55 @@ def kind_shown(recording: Recording) -> tuple[str, float] | None:
 
 
 def describe_contradiction(garment: Garment, recordings: Sequence[Recording]) -> str:
-    """Say that the points are not what the garment file says, and why; nothing where they are, or nobody can tell."""
+    """Say that stated material points slide, and what to do; nothing where they do not, or nobody can tell."""
+    found = _against(garment, recordings)
+    if found is None or found[0] != "silhouette":
+        return ""
+    _, of, change = found
+    return (
+        f"The garment file {_stated(garment)} material points, but {of} the lengths between neighbours shrink and "
+        f"stretch together, by up to {100 * change:.1f} %: a silhouette's points do so, which slide over the cloth. "
+        f"{_advice('silhouette', recordings)}"
+    )
+
+
+def describe_steady(garment: Garment, recordings: Sequence[Recording]) -> str:
+    """Say that the points of a stated silhouette stay on the cloth; nothing where they do not, or nobody can tell.
+
+    It is no contradiction: a camera that sees all of the cloth lays the same grid over it in every frame. Markers that
+    were described as a silhouette look alike, and lose what their own lengths tell.
+    """
+    found = _against(garment, recordings)
+    if found is None or found[0] != "material":
+        return ""
+    _, of, change = found
+    return (
+        f"The garment file {_stated(garment)} points of a silhouette, and {of} neighbours keep their distance, to "
+        f"{100 * change:.1f} %: nothing slides. If they are markers, the fit could use their lengths too. "
+        f"{_advice('material', recordings)}"
+    )
+
+
+def _stated(garment: Garment) -> str:
+    return "states" if garment.points_are else "means"
+
+
+def _advice(kind: str, recordings: Sequence[Recording]) -> str:
+    """Say how to state a kind of points: a take keeps the description that it was made with."""
+    again = "import" if any(r.is_imported for r in recordings) else "record"
+    how = " with --garment" if again == "import" else ""
+    return (
+        f'State points_are = "{kind}" in the garment file and {again} the takes again{how}: a take keeps the '
+        "description that it was made with."
+    )
+
+
+def _against(garment: Garment, recordings: Sequence[Recording]) -> tuple[str, str, float] | None:
+    """Return what most recordings show against the garment file: the kind, in which of them, and the common change."""
     shown = [(r.take_id, *found) for r in recordings if (found := kind_shown(r)) is not None]
     against = [(take, kind, change) for take, kind, change in shown if kind != garment.point_kind]
     if 2 * len(against) <= len(shown):
-        return ""
+        return None
     take, kind, change = max(against, key=lambda one: one[2] if one[1] == "silhouette" else -one[2])
     of = f"in {len(against)} of {len(recordings)} takes" if len(recordings) > 1 else f"in {take}"
-    stated = "states" if garment.points_are else "means"
-    if kind == "silhouette":
-        return (
-            f"The garment file {stated} material points, but {of} the lengths between neighbours shrink and stretch "
-            f"together, by up to {100 * change:.1f} %: a silhouette's points do so, which slide over the cloth. State "
-            'points_are = "silhouette" in the garment file.'
-        )
-    return (
-        f"The garment file {stated} points of a silhouette, but {of} neighbours keep their distance, to "
-        f'{100 * change:.1f} %: markers do so, which stay on the cloth. State points_are = "material" in the garment '
-        "file, and no point is taken to slide."
-    )
+    return kind, of, change

@@ -14,15 +14,17 @@ from fit.report.plot import draw_plot
 from formats.diagnosis_records import Diagnosis
 from formats.errors import HangtimeError
 from formats.fit_records import FitResult
+from formats.plain_text import plain
 from formats.results import load_diagnosis, load_fit_result
 
 
 @dataclass(frozen=True)
 class Results:
-    """The results of a folder; a fit of other takes than the diagnosis' is left out."""
+    """The results of a folder; a fit of other takes than the diagnosis' is left out, as `left_out` says."""
 
     fit: FitResult | None
     diagnosis: Diagnosis | None
+    left_out: str = ""
 
 
 def results_in(folder: Path) -> Results:
@@ -42,8 +44,13 @@ def results_in(folder: Path) -> Results:
             advice="`hangtime fit` and `hangtime diagnose` write them",
         )  # fmt: skip
     if fit is not None and diagnosis is not None and not _is_together(fit, diagnosis):
-        fit = None
+        return Results(None, diagnosis, _foreign(fit_file, fit.take_ids, "diagnosis", diagnosis.take_ids))
     return Results(fit, diagnosis)
+
+
+def _foreign(file: Path, its: list[str], whose: str, others: list[str]) -> str:
+    named = f"{', '.join(its)}; the {whose} is of {', '.join(others)}" if its != others else "under the same names"
+    return plain(f"{file} is of other takes than the {whose} ({named}): it is left out.")
 
 
 def write_again(folder: Path, out: Path | None = None) -> tuple[Path, Results, list[ReportMotion]]:
@@ -58,7 +65,10 @@ def write_again(folder: Path, out: Path | None = None) -> tuple[Path, Results, l
     found = results_in(folder)
     motions, origin = load_motions(folder / "report.html", created_of(found.fit, found.diagnosis))
     if not motions and found.diagnosis is not None and (folder / "fit.json").exists():
-        later = Results(load_fit_result(folder / "fit.json"), None)
+        fit = load_fit_result(folder / "fit.json")
+        is_foreign = not _is_together(fit, found.diagnosis)
+        other = folder / "diagnosis.json", found.diagnosis.take_ids, "fit", fit.take_ids
+        later = Results(fit, None, _foreign(*other) if is_foreign else "")
         motions, origin = load_motions(folder / "report.html", created_of(later.fit, None))
         found = later if motions else found
     path = out or folder / "report.html"

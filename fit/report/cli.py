@@ -51,6 +51,8 @@ def report_command(
         if path is not None and not overwrite:
             refuse_to_replace(path)
     report, found, motions = write_again(folder, out)
+    if found.left_out:
+        say(found.left_out)
     if not motions:
         say("No motion of these results is kept in the folder, so the page has no player.")
     if plot is not None:
@@ -80,6 +82,8 @@ def compare_command(
     if out is not None and not overwrite:
         refuse_to_replace(out)
     found = compare(paths)
+    for remark in found.remarks:
+        say(remark)
     know(kind=found.kind, compared=list(found.records))
     tell("\n".join(aligned([("", *found.heads), *found.rows], ())))
     if out is not None:

@@ -11,7 +11,7 @@ import msgspec
 from markupsafe import Markup
 
 from fit.errors import FitError
-from fit.report.again import one_of
+from fit.report.again import one_of, results_in
 from fit.report.page import packaged
 from fit.report.tables import row_of, table
 from fit.report.templating import piece, render
@@ -34,6 +34,7 @@ class SideBySide:
     heads: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     records: tuple[dict[str, Any], ...]
+    remarks: tuple[str, ...] = ()
 
     def page(self) -> str:
         """Return the comparison as an HTML page that needs nothing else."""
@@ -55,7 +56,7 @@ def read_all(paths: Sequence[Path]) -> list[Compared]:
     """
     if len(paths) < 2:
         raise FitError("one thing has nothing to be compared with", where=paths[0], advice="name two or more")
-    found: list[Compared] = [read_take(p) if p.suffix in (".mcap", ".partial") else one_of(p) for p in paths]
+    found: list[Compared] = [read_take(p) if _is_take(p) else one_of(p) for p in paths]
     for path, other in zip(paths, found, strict=True):
         if type(other) is not type(found[0]):
             raise FitError(
@@ -63,6 +64,10 @@ def read_all(paths: Sequence[Path]) -> list[Compared]:
                 advice="compare things of one kind",
             )  # fmt: skip
     return found
+
+
+def _is_take(path: Path) -> bool:
+    return path.suffix in (".mcap", ".partial")
 
 
 def compare(paths: Sequence[Path]) -> SideBySide:
@@ -84,7 +89,9 @@ def compare(paths: Sequence[Path]) -> SideBySide:
         {"file": str(path)} | (summarise(one) if isinstance(one, Take) else msgspec.to_builtins(one))
         for path, one in zip(paths, found, strict=True)
     )
-    return SideBySide(f"{kind}s" if kind != "diagnosis" else "diagnoses", tuple(names), tuple(rows), records)
+    left_out = [text for path in paths if path.is_dir() and (text := results_in(path).left_out)]
+    kinds = f"{kind}s" if kind != "diagnosis" else "diagnoses"
+    return SideBySide(kinds, tuple(names), tuple(rows), records, tuple(left_out))
 
 
 def _short(paths: Sequence[Path]) -> list[str]:

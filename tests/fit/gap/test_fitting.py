@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fit.gap.fitting import Pinned, Problem, Task, amplitude_of, fit, sandwich
+from fit.gap.fitting import Pinned, Problem, Task, amplitude_of, fit, from_prior, sandwich
 from fit.methods import KINECT_SKIRT, SI
 from tests.fit.gap.linear_scene import LinearObserver, layout_of
 from tests.fit.gap.verdict_scene import KINDS
@@ -49,7 +49,14 @@ def test_an_amplitude_is_fitted_to_where_data_and_prior_meet():
     jacobian = np.concatenate([np.zeros((NUMBERS, PARAMETERS)), 40.0 * row[:, None]], 1)
     sd = np.append(np.full(PARAMETERS, 1.5), 5.0)
     told = sandwich(jacobian, found[0].residual, observer.layout.block, sd)
-    assert found[0].deviation == pytest.approx(told, rel=1e-3)
+    assert found[0].deviation[-1] == pytest.approx(told[-1], rel=1e-3)
+    assert found[0].deviation[:-1] == pytest.approx(1.5)  # data that say nothing leave the prior
+
+
+def test_what_the_prior_supplies_by_hand():
+    """Data of 3 and a prior of 0.5: H = 9 + 4, and 0.5^-2 / 13^2 = (2 / 13)^2; without data it is the prior."""
+    assert from_prior(np.array([[3.0]]), np.array([0.5])) == pytest.approx(2 / 13)
+    assert from_prior(np.zeros((1, 2)), np.array([1.5, 5.0])) == pytest.approx([1.5, 5.0])
 
 
 def test_an_amplitude_that_is_known_from_elsewhere_is_weighed_by_how_well_and_by_trust():

@@ -42,6 +42,10 @@ def test_the_way_from_the_raw_points_is_said_with_its_share():
     assert "misses by 40.0 mm, to 12.0 mm 92 % of the gap is closed." in sentence(whole)
     assert sentence(given) == ""
     assert with_raw(given, None) is given
+    assert with_raw(replace(given, with_effect_mm=None, base_mm=replace(gap.base_mm, value=2.3)), 40.0) == replace(
+        given, with_effect_mm=None, base_mm=replace(gap.base_mm, value=2.3), raw_mm=40.0, closure_from_raw=1.0
+    )
+    assert sentence(with_raw(given, 5.01)) == ""  # no gap to begin with: a share of it would be of nothing
 
 
 def test_of_a_silhouette_a_cause_is_named_that_leaves_less_than_half_and_the_rest_is_said():

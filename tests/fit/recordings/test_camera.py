@@ -15,6 +15,7 @@ from fit.recordings.point_kind import kind_shown
 from fit.recordings.recording import prepare, prepare_together
 from formats.importers.swung_cloth import import_swung_cloth
 from formats.rig import Hanger
+from tests.fit.here import hangtime_here
 from tests.fit.recordings.silhouettes import path, silhouette_sheet, swung, uneven
 from tests.shared_data import SHARED_DATA
 
@@ -87,7 +88,8 @@ def test_sliding_points_get_their_material_places():
     assert found_of(slides)["sliding_points"].figure > 0.01
 
 
-def test_material_points_declared_as_a_silhouette_and_the_other_way_round_are_told():
+def test_points_that_slide_though_they_are_said_to_stay_are_a_fault_and_the_other_way_round_is_none():
+    """A camera that sees all of the cloth lays the same grid over it in every frame."""
     time = uneven()
     share = 0.9 + 0.08 * np.sin(2 * np.pi * 0.9 * time)
     slides = swung(silhouette_sheet("material"), time, time, seen_length=share, noise=0.002)
@@ -96,9 +98,38 @@ def test_material_points_declared_as_a_silhouette_and_the_other_way_round_are_to
     assert wrong.is_fault
     assert "states material points" in wrong.sentence
     assert 'State points_are = "silhouette"' in wrong.sentence
-    assert 'State points_are = "material"' in found_of(stays)["points_are"].sentence
+    steady = found_of(stays)["points_are"]
+    assert not steady.is_fault
+    assert "neighbours keep their distance" in steady.sentence
+    assert 'State points_are = "material"' in steady.sentence
     right = [swung(silhouette_sheet(), time, time, seen_length=share), swung(silhouette_sheet("material"), time, time)]
     assert not any("points_are" in found_of(take) for take in right)
+
+
+def test_advice_on_a_description_is_to_make_the_take_again_and_is_given_once():
+    """A take keeps the description that it was made with: a changed garment file alone changes nothing."""
+    time = uneven()
+    share = 0.9 + 0.08 * np.sin(2 * np.pi * 0.9 * time)
+    take = swung(silhouette_sheet("material"), time, time, seen_length=share)
+    recording = prepare(take)
+    imported = dataclasses.replace(recording, is_imported=True)
+    (wrong,) = [f for f in describe_camera([imported]) if f.name == "points_are"]
+    assert "in the garment file and import the takes again with --garment" in wrong.sentence
+    (wrong,) = [f for f in describe_camera([dataclasses.replace(recording, is_imported=False)]) if f.is_fault]
+    assert "in the garment file and record the takes again: a take keeps" in wrong.sentence
+    assert wrong.sentence in camera_clause([wrong])
+    assert wrong.sentence not in camera_clause([wrong], f"No diagnosis: {wrong.sentence}")
+
+
+def test_the_command_makes_a_silhouette_that_slides_as_recordings_do(tmp_path):
+    """From 2.2 % on; and one whose outline is never lost is no fault, for it is a silhouette as well."""
+    made = hangtime_here("sensor", "synthesise-silhouette", ".", folder=tmp_path)
+    assert made.returncode == 0, made.stderr
+    recording = prepare(import_swung_cloth(tmp_path / "silhouette.npz"))
+    kind, change = kind_shown(recording)
+    assert kind == "silhouette"
+    assert change > 0.022
+    assert not any(found.name == "points_are" for found in describe_camera([recording]))
 
 
 def test_noise_is_not_taken_for_sliding():

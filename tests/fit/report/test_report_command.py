@@ -70,8 +70,16 @@ def test_a_folder_without_results_is_refused_in_one_sentence(tmp_path):
 
 def test_a_fit_of_other_takes_than_the_diagnosis_is_left_out(folder, tmp_path):
     save_fit_result(folder / "fit.json", msgspec.structs.replace(fit_result(), take_ids=["elsewhere"]))
-    hangtime_here("report", "out", folder=tmp_path)
+    done = hangtime_here("report", "out", folder=tmp_path)
+    assert "out/fit.json is of other takes than the diagnosis (elsewhere; the diagnosis is of " in done.stderr
+    assert done.stderr.splitlines()[0].endswith("it is left out.")
     assert "kinect-skirt" not in words_of((folder / "report.html").read_text())
+
+
+def test_comparing_folders_says_whose_fit_is_left_out(folder, tmp_path):
+    save_fit_result(folder / "fit.json", msgspec.structs.replace(fit_result(), take_ids=["elsewhere"]))
+    done = hangtime_here("compare", "out", "out/diagnosis.json", folder=tmp_path)
+    assert done.stderr.startswith("out/fit.json is of other takes than the diagnosis")
 
 
 def test_a_fit_made_after_the_diagnosis_has_its_own_page_again(folder, tmp_path):
@@ -80,6 +88,7 @@ def test_a_fit_made_after_the_diagnosis_has_its_own_page_again(folder, tmp_path)
     save_motions(folder / "report.html", [motion("elsewhere", names=("before", "after"))], ORIGIN, later.created)
     done = hangtime_here("report", "out", "--json", folder=tmp_path)
     assert json.loads(done.stdout)["takes"] == ["elsewhere"]
+    assert done.stderr.startswith("out/diagnosis.json is of other takes than the fit (")
     assert "air drag" not in words_of((folder / "report.html").read_text())
 
 

@@ -19,6 +19,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from firmware_host.errors import RecordingError
+from formats.whole_files import check_ends
 
 FILE_MAGIC = b"NI10"
 FILE_VERSION = (1, 0, 1, 0)
@@ -111,6 +112,7 @@ def read_records(path: Path) -> Iterator[Record]:
     """
     try:
         size = path.stat().st_size
+        check_ends(path)
         file = path.open("rb")
     except OSError as error:
         raise RecordingError(

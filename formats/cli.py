@@ -89,8 +89,11 @@ def import_recordings(
         except OSError as error:
             raise OutputError(f"cannot be written ({error.strerror})", where=out, advice="check the folder") from error
         length = float(take.time[-1])
-        words = f"{target}: {len(take.time)} frames, {length:.1f} s"
-        tell_entry("takes", words, file=str(target), frames=len(take.time), duration_s=length)
+        front = take.notes.get("front")
+        words = f"{target}: {len(take.time)} frames, {length:.1f} s" + (
+            f", its front looks along {front}" * bool(front)
+        )
+        tell_entry("takes", words, file=str(target), frames=len(take.time), duration_s=length, front=front)
 
 
 def describe_swatch(

@@ -16,6 +16,7 @@ from formats.errors import DescriptionError
 from formats.garment import Garment, signed_area
 from formats.plausible import check_plausible_garment, check_plausible_rig
 from formats.rig import Rig
+from formats.whole_files import check_ends
 
 Description = TypeVar("Description", Garment, Rig)
 
@@ -94,6 +95,7 @@ def _toml(value: Any) -> str:
 
 def _load(path: Path, kind: type[Description]) -> Description:
     try:
+        check_ends(path)
         with path.open(encoding="utf-8-sig") as file:  # editors of other systems put a mark before the first letter
             text = file.read(LONGEST_TEXT + 1)
         if len(text) > LONGEST_TEXT:

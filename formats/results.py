@@ -12,7 +12,7 @@ import msgspec
 from formats.diagnosis_records import Diagnosis
 from formats.errors import ResultError
 from formats.fit_records import FitResult
-from formats.whole_files import write_whole
+from formats.whole_files import check_ends, write_whole
 
 POSITIVE = ("areal_density", "stretch_stiffness", "bending_stiffness")  # of every material: others are divided by them
 LARGEST_NUMBER = 1e100  # SI: products of three such numbers are still finite in double precision
@@ -93,6 +93,7 @@ def result_bytes(record: FitResult | Diagnosis, path: Path) -> bytes:
 
 def _load(path: Path, kind: type[Result]) -> Result:
     try:
+        check_ends(path)
         raw = path.read_bytes()
     except OSError as error:
         raise ResultError(f"cannot be read ({error.strerror})", where=path, advice="check the path") from error

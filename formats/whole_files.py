@@ -49,6 +49,17 @@ def _refuse_device(path: Path) -> None:
             raise OSError(errno.EINVAL, "a device, a pipe or a socket is no place for a file")
 
 
+def check_ends(path: Path) -> None:
+    """Refuse a pipe, a socket or a device, which may have no end or no beginning, before it is opened.
+
+    Raises:
+        OSError: it is one, or is not there.
+    """
+    kind = path.stat().st_mode
+    if not (stat.S_ISREG(kind) or stat.S_ISDIR(kind)):
+        raise OSError(errno.EINVAL, "it is a pipe or a device, and no file", str(path))
+
+
 def make_folders(folder: Path) -> None:
     """Make a folder and those above it that are missing, so that their names outlast a power cut.
 

@@ -21,6 +21,7 @@ from fit.errors import FitError
 from fit.figure.gait import SPACING, standing
 from fit.figure.skeleton import FOOT_RADIUS, SHANK, SIDES, THIGH, SkeletonMotion, unit
 from formats.arrays import Floats
+from formats.whole_files import check_ends
 
 LEAD = 2.0  # s
 ON_FLOOR = 0.2  # share of the frames in which the lower foot may seem to be in the floor: captured feet tremble
@@ -85,6 +86,7 @@ def read_bvh(path: Path, height: float, seconds: float | None = None) -> Skeleto
 def _places(path: Path) -> tuple[list[_Joint], Floats, Floats]:
     """Return the joints of a file, its times [s], and the joints' places in its units, (frames, joints, 3)."""
     try:
+        check_ends(path)
         if path.stat().st_size > LARGEST:
             raise FitError("the file is too large for a BVH file", where=path, advice="give a shorter motion")
         text = path.read_text(encoding="utf-8", errors="replace")

@@ -1,8 +1,7 @@
 """Marker paths of C3D files (https://www.c3d.org), of Intel, DEC and SGI byte order.
 
-ezc3d (https://github.com/pyomeca/ezc3d) reads them, in a process of its own: damaged files make it crash. A point with
-a negative residual was not seen. The header tells the file's least length, which ezc3d does not check. Words of the
-header, counted from 1:
+A frame has four numbers for each point, of 16 bits or floats. Three are the place; the fourth is negative where the
+point was not seen. The frame's analogue values follow, and are skipped. Words of the header, counted from 1:
 
 - 2 and 3: numbers of points and of analogue values a frame
 - 4 and 5: first and last frame
@@ -13,63 +12,114 @@ header, counted from 1:
 
 from __future__ import annotations
 
-import importlib.util
-import io
-import os
 import struct
-import subprocess
-import sys
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from formats.arrays import Floats
 from formats.errors import TakeError
-from formats.importers.c3d_process import REFUSED
+from formats.importers.c3d_parameters import DEC, FLOAT, SGI, SHORT, NoParametersError, Parameters, numbers_of
 from formats.importers.marker_tracks import MarkerTracks, as_seen
 from formats.importers.units import metres_of
 
 BLOCK_BYTES = 512  # bytes
 C3D_KEY = 0x50  # second byte of every C3D file
-INTEL, DEC, SGI = 84, 85, 86
 LARGEST_C3D = 1 << 30  # bytes
 LONGEST_RATE = 10_000.0  # frames a second
 MOST_FRAMES = 65535  # that the header can state
+PIECE = 1 << 22  # bytes of the data that are turned into places at once
+LARGEST_SECTION = 1 << 24  # bytes of parameters
+LABELS = ("LABELS", *(f"LABELS{k}" for k in range(2, 10)))
 
 
 def read_c3d(path: Path, unit: str | None) -> MarkerTracks:
     """Read the marker paths of a C3D file; unit: where it states none.
 
     Raises:
-        TakeError: the file is malformed, shorter than its header says, or holds no marker paths; ezc3d is not
-            installed.
+        TakeError: the file is malformed, shorter than its header says, or holds no marker paths.
     """
     size = path.stat().st_size
     if size > LARGEST_C3D:
         raise TakeError(f"has {size / 1e9:.1f} GB, which no C3D file has", where=path, advice="check the path")
     header = _refuse_a_short_file(path, size)
-    content = _read_apart(path, size, header.processor)
-    labels = [str(label) for label in content["labels"]]
-    positions, rate = content["positions"], float(content["rate"])
-    points = positions.shape[1]
-    if not points or not len(positions):
+    told = _parameters(path, header.data_at)
+    labels, points = [label for name in LABELS for label in told.texts("POINT", name)], header.points
+    rate, stated = _first(told.numbers("POINT", "RATE")), _stated_frames(told)
+    frames = min(header.held, max(header.frames, stated) if header.is_at_its_most else header.frames)
+    if not points or frames <= 0:
         raise TakeError(
-            f"has no marker paths ({points} points, {len(positions)} frames)", where=path,
+            f"has no marker paths ({points} points, {max(frames, 0)} frames)", where=path,
             advice="export trajectories, not only analogue data",
         )  # fmt: skip
     if not 0 < rate <= LONGEST_RATE:
         raise TakeError(f"states {rate:g} frames a second", where=path, advice="export it again with its frame rate")
-    _refuse_a_long_file(len(positions), int(content["stated"]), header, path)
+    _refuse_a_long_file(frames, stated, header, path)
     # Labels beyond the points name nothing; points beyond the labels have no name.
     labels = [*labels[:points], *(f"unlabelled_{k}" for k in range(len(labels), points))]
-    scale = _scale(content["units"].tolist(), points, unit, path)
-    positions = as_seen(positions * scale[:, None], content["residuals"] < 0)
-    time = np.asarray(np.arange(len(positions)) / rate, float)
-    return MarkerTracks(tuple(labels), time, positions, header.rate)
+    scale = _scale(told.texts("POINT", "UNITS"), points, unit, path)
+    time = np.asarray(np.arange(frames) / rate, float)
+    return MarkerTracks(tuple(labels), time, _places(path, header, frames, scale), header.rate)
+
+
+def _places(path: Path, header: _Header, frames: int, scale: Floats) -> Floats:
+    """Return the points' places [m], (frames, points, 3), NaN where not seen; read piece by piece.
+
+    scale: metres of each point's unit, (points,)
+    """
+    places = np.empty((frames, header.points, 3))
+    at_once = max(PIECE // header.width, 1)
+    kind = FLOAT if header.is_float else SHORT
+    with path.open("rb") as file:
+        file.seek(header.data_at)
+        for first in range(0, frames, at_once):
+            piece = places[first : first + at_once]
+            raw = file.read(len(piece) * header.width)
+            rows = numbers_of(raw, kind, header.processor).reshape(len(piece), -1)[:, : 4 * header.points]
+            rows = rows.reshape(len(piece), -1, 4)
+            unit = scale if header.is_float else scale * abs(header.scale)
+            piece[:] = as_seen(rows[..., :3] * unit[:, None], rows[..., 3] < 0)
+    return places
+
+
+def _parameters(path: Path, data_at: int) -> Parameters:
+    """Return what the parameters of a file say, whose data begin at a byte; the section may be longer than it states.
+
+    Raises:
+        TakeError: they do not hold together.
+    """
+    with path.open("rb") as file:
+        begin = BLOCK_BYTES * (file.read(1)[0] - 1)
+        file.seek(begin + 2)
+        blocks = (file.read(1) or b"\0")[0]
+        file.seek(begin)
+        section = file.read(min(max(BLOCK_BYTES * blocks, data_at - begin, 0), LARGEST_SECTION))
+    try:
+        return Parameters(section)
+    except NoParametersError as error:
+        raise TakeError(
+            "is no C3D file that can be read (its parameters do not hold together)", where=path,
+            advice="export it again",
+        ) from error  # fmt: skip
+
+
+def _stated_frames(told: Parameters) -> int:
+    """Return the number of frames by parameters that count further than the header's 16 bits, 0 where there are none.
+
+    TRIAL:ACTUAL_START_FIELD and ACTUAL_END_FIELD hold two words of 16 bits, the lower first; POINT:LONG_FRAMES is a
+    float. Source: the C3D file format, user guide.
+    """
+    begin, end = (told.numbers("TRIAL", f"ACTUAL_{which}_FIELD") for which in ("START", "END"))
+    if len(begin) == len(end) == 2:
+        first, last = (int(low) % 65536 + 65536 * (int(high) % 65536) for low, high in (begin, end))
+        return max(last - first + 1, 0)
+    return max(int(_first(told.numbers("POINT", "LONG_FRAMES"))), 0)
+
+
+def _first(numbers: Floats) -> float:
+    """Return the first finite number, 0 where there is none."""
+    return next((float(number) for number in numbers if np.isfinite(number)), 0.0)
 
 
 def _scale(units: list[str], points: int, unit: str | None, path: Path) -> Floats:
@@ -82,12 +132,23 @@ def _scale(units: list[str], points: int, unit: str | None, path: Path) -> Float
 
 @dataclass(frozen=True)
 class _Header:
-    """The processor's number; frames that the file has room for; rate [1/s], None where the header states none.
+    """The header of a file.
 
-    is_at_its_most: whether the header counts as many frames as it can
+    - `processor`: its number
+    - `points`, `frames`, `width` [bytes]: of a frame; `data_at` [bytes]: where the first one is
+    - `is_float`, `scale`: how places are written
+    - `held`: frames that the file has room for
+    - `is_at_its_most`: whether it counts as many frames as it can
+    - `rate` [1/s], None where it states none
     """
 
     processor: int
+    points: int
+    frames: int
+    width: int
+    data_at: int
+    is_float: bool
+    scale: float
     held: int
     is_at_its_most: bool
     rate: float | None
@@ -112,11 +173,11 @@ def _refuse_a_short_file(path: Path, size: int) -> _Header:
     held = (size - BLOCK_BYTES * (start - 1)) // width if width and start > 1 else 0
     if width and frames > 0 and start > 1 and held < frames and last < MOST_FRAMES:
         raise _cut_off(max(held, 0), frames, "its header states", path)
-    if processor == DEC:
-        rate = struct.unpack("<f", head[22:24] + head[20:22])[0] / 4
-    else:
-        rate = struct.unpack_from(f"{order}f", head, 20)[0]
-    return _Header(processor, held, last == MOST_FRAMES and first <= 1, rate if 0 < rate < LONGEST_RATE else None)
+    scale, rate = (float(numbers_of(head[at : at + 4], FLOAT, processor)[0]) for at in (12, 20))
+    return _Header(
+        processor, points, frames, width, BLOCK_BYTES * (start - 1), is_float, scale, held,
+        last == MOST_FRAMES and first <= 1, rate if 0 < rate < LONGEST_RATE else None,
+    )  # fmt: skip
 
 
 def _refuse_a_long_file(read: int, stated: int, header: _Header, path: Path) -> None:
@@ -140,66 +201,3 @@ def _cut_off(found: int, stated: int, what: str, path: Path) -> TakeError:
         f"holds {found} of the {stated} frames that {what}", where=path,
         advice="it is cut off: copy or export it again",
     )  # fmt: skip
-
-
-def _read_apart(path: Path, size: int, processor: int) -> dict[str, NDArray[Any]]:
-    """Return what ezc3d finds in a file; it reads it in a process of its own, through a link of an ASCII name."""
-    if importlib.util.find_spec("ezc3d") is None:
-        raise TakeError(
-            "C3D files need ezc3d, which is not installed", where=path,
-            advice="in Hangtime's checkout: pip install -e '.[mocap]'",
-        )  # fmt: skip
-    with tempfile.TemporaryDirectory(prefix="hangtime-") as folder:
-        link = Path(folder) / "file.c3d"
-        if processor == SGI:  # ezc3d reads the two other byte orders
-            link.write_bytes(_in_intel_order(path.read_bytes()))
-        else:
-            link.symlink_to(path.resolve())
-        words = [sys.executable, "-m", "formats.importers.c3d_process", os.fspath(link), str(size)]
-        root = os.fspath(Path(__file__).parents[2])
-        environment = os.environ | {"PYTHONPATH": os.pathsep.join([root, os.environ.get("PYTHONPATH", "")])}
-        done = subprocess.run(words, capture_output=True, env=environment, check=False)
-    if done.returncode == 0:
-        with np.load(io.BytesIO(done.stdout), allow_pickle=False) as archive:
-            return dict(archive)
-    told = "its content does not hold together" if done.returncode == REFUSED else "the library that reads it crashed"
-    raise TakeError(f"is no C3D file that can be read ({told})", where=path, advice="export it again")
-
-
-def _in_intel_order(raw: bytes) -> bytes:
-    """Return a C3D file of SGI byte order with its numbers turned round; what does not hold stays as it is."""
-    out = bytearray(raw)
-
-    def turn(begin: int, end: int, width: int) -> None:
-        end = begin + (min(end, len(out)) - begin) // width * width
-        if 0 <= begin < end:
-            part = np.frombuffer(bytes(out[begin:end]), f">u{width}")
-            out[begin:end] = part.astype(f"<u{width}").tobytes()
-
-    parameters = BLOCK_BYTES * (raw[0] - 1)
-    start, is_float = struct.unpack_from(">H", raw, 16)[0], bool(raw[12] & 0x80)
-    for begin, end, width in ((2, 12, 2), (12, 16, 4), (16, 20, 2), (20, 24, 4)):
-        turn(begin, end, width)
-    out[parameters + 3 : parameters + 4] = bytes([INTEL])
-    at = parameters + 4
-    while at + 4 < len(raw) and raw[at]:  # each: length of its name, group, name, offset of the next, and its data
-        name, group = (
-            abs(int.from_bytes(raw[at : at + 1], signed=True)),
-            int.from_bytes(raw[at + 1 : at + 2], signed=True),
-        )
-        offset_at = at + 2 + name
-        if offset_at + 4 > len(raw):
-            break
-        offset = struct.unpack_from(">H", raw, offset_at)[0]
-        turn(offset_at, offset_at + 2, 2)
-        if group > 0:
-            kind, count = int.from_bytes(raw[offset_at + 2 : offset_at + 3], signed=True), raw[offset_at + 3]
-            data = offset_at + 4 + count
-            size = abs(kind) * int(np.prod([int(side) for side in raw[offset_at + 4 : data]], dtype=object))
-            if kind in (2, 4):
-                turn(data, min(data + size, len(raw)), kind)
-        if not offset:
-            break
-        at = offset_at + offset
-    turn(BLOCK_BYTES * (start - 1), len(out), 4 if is_float else 2)
-    return bytes(out)

@@ -84,8 +84,23 @@ def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | No
         garment=garment, time=time - time[0], held=held, held_valid=held_seen,
         held_sd=np.full(held.shape, MARKER_SD), points=positions, points_valid=seen,
         points_sd=np.full(positions.shape, MARKER_SD), state=state, markers=held, source=path.name,
-        notes={"markers": f"{len(garment.points)} of the {len(tracks.labels)} markers in the file"},
+        notes={
+            "markers": f"{len(garment.points)} of the {len(tracks.labels)} markers in the file",
+            "front": facing(held, up),
+        },
     )  # fmt: skip
+
+
+def facing(held: Floats, up: str) -> str:
+    """Return the axis that the garment's front looks along, by its held corners [m], (frames, 2, 3): left, right.
+
+    Flat cloth seen from behind is its own mirror image. So exchanged sides or left-handed axes cannot be refused. Only
+    somebody who was there knows which way the front looked.
+    """
+    across = np.nanmean(held[:, 1] - held[:, 0], axis=0)
+    front = np.cross(across, -np.array(DOWN[up]))
+    axis = int(np.argmax(np.abs(front)))
+    return f"{'-' if front[axis] < 0 else ''}{'xyz'[axis]}"
 
 
 def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, options: MarkerOptions) -> tuple[Floats, Floats]:

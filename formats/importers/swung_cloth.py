@@ -29,6 +29,7 @@ from formats.garment import Garment, TrackedPoint
 from formats.plausible import check_plausible_times
 from formats.rig import Rig
 from formats.take import Take
+from formats.whole_files import check_ends
 
 MOST_BYTES = 1 << 28  # of all arrays: twenty hours at 9 frames a second are half of it
 FRAMES, POINTS = -1, -2  # as many as there are times, and places on the flat cloth
@@ -158,6 +159,7 @@ def _left_first(held: NDArray[Any], points: NDArray[Any], valid: NDArray[Any], r
 def _load(path: Path) -> dict[str, NDArray[Any]]:
     """Return the arrays that are needed, of the right shapes and kinds."""
     try:
+        check_ends(path)
         with path.open("rb") as file:
             if not zipfile.is_zipfile(file):
                 raise TakeError(

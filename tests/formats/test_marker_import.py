@@ -208,7 +208,6 @@ def test_a_byte_order_mark_is_no_part_of_the_first_column(tmp_path):
 
 
 def test_bytes_that_are_no_c3d_are_refused(tmp_path):
-    pytest.importorskip("ezc3d")
     (tmp_path / "a.c3d").write_bytes(b"nothing of the kind" * 100)
     with pytest.raises(TakeError, match="no C3D file that can be read"):
         read_marker_tracks(tmp_path / "a.c3d")
@@ -267,3 +266,14 @@ def test_a_text_file_takes_a_few_times_its_own_size_of_memory(tmp_path):
         tracemalloc.stop()
     assert tracks.positions.shape == (1700, 40, 3)
     assert most < 6 * len(text)
+
+
+@pytest.mark.parametrize(("turn", "front"), [([1, 1], "-y"), ([-1, 1], "y")])
+def test_the_import_says_which_way_the_front_looks_as_a_mirror_image_looks_like_a_back(tmp_path, turn, front):
+    """Left to right along x with z up: the front looks along -y, and of the mirrored file along y."""
+    tracks = hanging_tracks()
+    tracks.positions[..., 0] *= turn[0]
+    write_marker_csv(tmp_path / "a.csv", tracks)
+    (tmp_path / "g.toml").write_text(dump_description(GARMENT))
+    done = hangtime_here("import", "a.csv", "--garment", "g.toml", folder=tmp_path)
+    assert done.stdout.endswith(f" s, its front looks along {front}\n")

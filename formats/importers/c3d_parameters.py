@@ -1,0 +1,125 @@
+"""The parameters of a C3D file (https://www.c3d.org, user guide), and its numbers and texts in their byte orders.
+
+The section begins with four bytes: two that say nothing, the number of its blocks, and the processor. Then come groups
+and parameters, each as
+
+    length of the name (negative: locked), number of the group (negative: the group itself), name,
+    bytes from here to the next (0: it is the last), and of a parameter: kind (-1: text, 1, 2 and 4: bytes of a number),
+    number of its dimensions, the dimensions, the values with the first dimension fastest, a description
+
+Text has no stated encoding: it is taken as UTF-8, and as that of western Windows where it is none.
+"""
+
+from __future__ import annotations
+
+import math
+import unicodedata
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formats.arrays import Floats
+
+INTEL, DEC, SGI = 84, 85, 86
+SECTION_HEAD = 4  # bytes
+TEXT, BYTE, SHORT, FLOAT = -1, 1, 2, 4  # kinds
+USED = {"POINT", "TRIAL"}  # groups whose parameters must be right; others may be as they like
+
+
+class NoParametersError(ValueError):
+    """The section does not hold together."""
+
+
+def numbers_of(raw: bytes, kind: int, processor: int) -> NDArray[np.float32]:
+    """Return the numbers of a kind in bytes, whole ones alone.
+
+    A DEC float is four times the IEEE one, and its 16-bit halves are exchanged.
+    """
+    order = ">" if processor == SGI else "<"
+    whole = raw[: len(raw) // abs(kind) * abs(kind)]
+    if kind == FLOAT and processor == DEC:
+        halves = np.frombuffer(whole, "<u2").reshape(-1, 2)[:, ::-1]
+        quadrupled: NDArray[np.float32] = np.ascontiguousarray(halves).view("<f4").ravel()
+        return quadrupled * np.float32(0.25)
+    dtype = {FLOAT: f"{order}f4", SHORT: f"{order}i2", BYTE: "u1"}[kind]
+    return np.frombuffer(whole, dtype).astype(np.float32)
+
+
+def text_of(raw: bytes) -> str:
+    """Return a text without the spaces and zeros that fill its place; a byte of no known sign by its code."""
+    for encoding in ("utf-8", "cp1252"):
+        try:
+            text = raw.decode(encoding)
+            break
+        except UnicodeDecodeError:
+            continue
+    else:
+        text = raw.decode("ascii", "backslashreplace")
+    return unicodedata.normalize("NFC", text.strip(" \0\t\r\n"))
+
+
+class Parameters:
+    """Parameters by group and name, both in capitals."""
+
+    def __init__(self, section: bytes) -> None:
+        """Read a section, (bytes,), from its head on.
+
+        Raises:
+            NoParametersError: it does not hold together, or a parameter of marker paths does not.
+        """
+        self.processor = section[3] if len(section) >= SECTION_HEAD else 0
+        self._order = ">" if self.processor == SGI else "<"
+        groups: dict[int, str] = {}
+        found: dict[tuple[int, str], tuple[int, list[int], bytes] | None] = {}
+        at = SECTION_HEAD
+        while at + 2 <= len(section) and section[at]:
+            length, group = abs(_signed(section[at])), _signed(section[at + 1])
+            name, offset_at = text_of(section[at + 2 : at + 2 + length]).upper(), at + 2 + length
+            offset = self._whole(section, offset_at)
+            if group < 0:
+                groups[-group] = name
+            elif group > 0:
+                found[group, name] = _parameter(section, offset_at + 2)
+            if not offset:
+                break
+            at = offset_at + offset
+        self._found = {}
+        for (group, name), value in found.items():
+            if value is not None:
+                self._found[groups.get(group, ""), name] = value
+            elif groups.get(group) in USED:
+                raise NoParametersError
+
+    def _whole(self, section: bytes, at: int) -> int:
+        if at + 2 > len(section):
+            raise NoParametersError
+        return int.from_bytes(section[at : at + 2], "big" if self._order == ">" else "little")
+
+    def numbers(self, group: str, name: str) -> Floats:
+        """Return the numbers of a parameter, none where there is no such one."""
+        kind, _, raw = self._found.get((group, name), (BYTE, [], b""))
+        return np.zeros(0) if kind == TEXT else numbers_of(raw, kind, self.processor).astype(float)
+
+    def texts(self, group: str, name: str) -> list[str]:
+        """Return the texts of a parameter, none where there is no such one."""
+        kind, sides, raw = self._found.get((group, name), (BYTE, [], b""))
+        if kind != TEXT or not raw:
+            return []
+        width = sides[0] if sides else 1
+        return [text_of(raw[at : at + width]) for at in range(0, len(raw), width)]
+
+
+def _parameter(section: bytes, at: int) -> tuple[int, list[int], bytes] | None:
+    """Return kind, dimensions and bytes of the parameter whose kind is at a place of a section; None of a wrong one."""
+    if at + 2 > len(section):
+        return None
+    kind, count = _signed(section[at]), section[at + 1]
+    sides, begin = list(section[at + 2 : at + 2 + count]), at + 2 + count
+    size = abs(kind) * math.prod(sides)
+    if kind not in (TEXT, BYTE, SHORT, FLOAT) or begin + size > len(section):
+        return None
+    return kind, sides, section[begin : begin + size]
+
+
+def _signed(byte: int) -> int:
+    return byte - 256 if byte > 127 else byte

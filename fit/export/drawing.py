@@ -35,9 +35,9 @@ SKIN = np.array([196, 188, 180])
 SKY = (244, 245, 247)
 LINE, SHADOW = np.array([222, 224, 228]), np.array([208, 210, 215])
 BAR, WORDS = (70, 74, 80), (60, 64, 70)
-TITLE = 30  # px at the top that are kept for the words
+LETTER_SHARE, SMALLEST_LETTER = 1 / 45, 10.0  # of the picture's height, and px: what is read at arm's length
+TITLE_LINES = 3.0  # times the letters' size: at the top, kept for the words
 LEAST_TITLED = 200  # px of height, below which the cloth needs all of the picture
-MARGIN = 12  # px beside the words
 END_SIZE = 4  # px, of the ends of the bar that holds the cloth
 PIECES = 24  # of a line on the floor
 FLOOR_LINES, LINE_WIDTH, FLOOR_WIDTH = 0.5, 0.012, 3.0  # m: between lines, of a line, from end to end
@@ -87,7 +87,8 @@ class Stage:
         extent = float(np.linalg.norm(high - low))
         self._distance = CAMERA_DISTANCE * extent
         reach = np.abs(self._project(every, np.zeros(3), 1.0, (0, 0))[..., :2]).max(0)
-        self._title = TITLE if size[1] >= LEAST_TITLED else 0
+        self._letter = max(LETTER_SHARE * size[1], SMALLEST_LETTER)
+        self._title = round(TITLE_LINES * self._letter) if size[1] >= LEAST_TITLED else 0
         free = np.array([size[0], size[1] - self._title])
         self._scale = FILLED * float(np.min(0.5 * free / reach))
         turn = 0.0 if moving.figure is None else BESIDE - SIDE - ASIDE
@@ -114,7 +115,7 @@ class Stage:
         Raises:
             ModuleNotFoundError: Pillow is not installed.
         """
-        from PIL import Image, ImageDraw
+        from PIL import Image, ImageDraw, ImageFont
 
         wide, high = (FINER * n for n in self.size)
         moving, followed = self.moving, self._followed[frame]
@@ -140,8 +141,9 @@ class Stage:
         if self._title:
             drawing, words = ImageDraw.Draw(image), f"{moving.time[frame]:.2f} s"
             whole = f"{moving.name}   {words}"
-            fits = drawing.textlength(whole) <= self.size[0] - 2 * MARGIN
-            drawing.text((MARGIN, 10), whole if fits else words, fill=WORDS)
+            font = ImageFont.load_default(self._letter)
+            fits = drawing.textlength(whole, font) <= self.size[0] - 2 * self._letter
+            drawing.text((self._letter, self._letter), whole if fits else words, fill=WORDS, font=font)
         return image
 
     @staticmethod

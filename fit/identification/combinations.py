@@ -8,7 +8,8 @@ d(combination)/d(theta) comes from central differences along the method's own ma
 
 The interval is built as a parameter's (`fit.search.intervals`). A combination is identified under two conditions. The
 data shrink its deviation to at most half of the ranges' own. Its 90 % interval ends above 0, for no combination can be
-negative.
+negative. A combination that hangs on one parameter is not identified where that parameter is not. Its interval then
+reaches as far as that parameter's, for the slope at a bound tells too little.
 
 Source: P. R. Bevington, D. K. Robinson, "Data Reduction and Error Analysis for the Physical Sciences", section 3.2
 (propagation of error).
@@ -19,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fit.cloth import material as mat
 from fit.search.intervals import Intervals
@@ -26,6 +28,7 @@ from formats.arrays import Floats
 from formats.fit_records import Combination
 
 NEARBY = 1e-3  # of the range, for the differences
+HANGS_ON = 0.9  # of the ranges' own variance of a combination, that one parameter supplies
 # Name, unit, column, whether it is divided by the density.
 COMBINATIONS = (
     ("stretch stiffness / density", "m2/s2", mat.STRETCH, True),
@@ -56,6 +59,8 @@ def describe_combinations(
     ahead, behind = combine(materials(fitted + step)), combine(materials(fitted - step))
     slopes = (ahead - behind) / (2 * NEARBY * reach)[:, None]
     before, after = combine(materials(np.stack([initial, fitted])))
+    unknown = np.flatnonzero(~intervals.is_identified)
+    at_ends = _at_ends(materials, fitted, intervals, unknown)
     found = []
     for k, (name, unit, _, _) in enumerate(COMBINATIONS):
         slope = slopes[:, k]
@@ -65,10 +70,27 @@ def describe_combinations(
         deviation = float(np.sqrt(slope @ intervals.covariance @ slope))
         half = float(np.hypot(intervals.spread * deviation, slope @ intervals.way))
         low, high = float(after[k]) - half, float(after[k]) + half
+        share = (slope * reach) ** 2 / 12 / prior**2
+        hangs_on_unknown = bool((share[~intervals.is_identified] > HANGS_ON).any())
+        is_identified = deviation < 0.5 * prior and low > 0.0 and not hangs_on_unknown
+        if not is_identified and len(unknown):
+            reached = at_ends[..., k][:, slope[unknown] != 0]
+            low, high = float(np.min(reached, initial=low)), float(np.max(reached, initial=high))
         found.append(
             Combination(
                 name=name, unit=unit, initial=float(before[k]), fitted=float(after[k]),
-                interval_low=max(low, 0.0), interval_high=high, is_identified=deviation < 0.5 * prior and low > 0.0,
+                interval_low=max(low, 0.0), interval_high=high, is_identified=is_identified,
             )
         )  # fmt: skip
     return found
+
+
+def _at_ends(
+    materials: Callable[[Floats], Floats], fitted: Floats, intervals: Intervals, unknown: NDArray[np.int64]
+) -> Floats:
+    """Return the combinations, (2, unknown, combinations), with one unknown parameter at either end of its interval."""
+    vectors = np.tile(fitted, (2, len(unknown), 1))
+    for end in range(2):
+        vectors[end, np.arange(len(unknown)), unknown] = intervals.ends[unknown, end]
+    flat = vectors.reshape(-1, len(fitted))
+    return combine(materials(flat)).reshape(2, len(unknown), -1) if len(flat) else np.zeros((2, 0, len(COMBINATIONS)))

@@ -11,7 +11,7 @@ import pytest
 
 from fit.errors import FitError
 from fit.export.animation import Scene, animate
-from fit.export.drawing import SKY, TITLE, Stage, node_normals
+from fit.export.drawing import SKY, TITLE_LINES, Stage, node_normals
 from fit.export.fabric import fabric_of
 from fit.export.moving import Moving, motion_of
 from fit.export.new_motion import AMPLITUDE, displaced, hung_swatch, new_motion
@@ -108,11 +108,12 @@ def test_words_never_lie_on_the_cloth_and_leave_a_small_picture_to_it(size):
     pytest.importorskip("PIL", reason="Pillow is not installed")
     picture = np.asarray(Stage(square(0.0), size).picture(0)).astype(int)
     is_cloth = picture[..., 2] > picture[..., 0] + 20
-    is_word = (picture[:TITLE] < 150).all(2) & ~is_cloth[:TITLE]
+    kept = round(TITLE_LINES * max(size[1] / 45, 10))
+    is_word = (picture[:kept] < 150).all(2) & ~is_cloth[:kept]
     if size[1] < 200:
-        assert np.flatnonzero(is_cloth.any(1))[0] < TITLE
+        assert np.flatnonzero(is_cloth.any(1))[0] < kept
     else:
-        assert not is_cloth[:TITLE].any()
+        assert not is_cloth[:kept].any()
         assert is_word.any()
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -64,3 +66,19 @@ def test_stretching_and_density_that_err_together_leave_their_ratio_known():
     deviation = (stretch.interval_high - stretch.interval_low) / 2 / 1.645
     assert deviation / stretch.fitted == pytest.approx(0.01 * np.sqrt(2), rel=1e-3)
     assert stretch.is_identified
+
+
+def test_a_combination_of_a_parameter_that_is_not_identified_reaches_as_far_as_that_one():
+    """Bending held at 1e-6 by its bound: the slope there would end at 1.3e-5 of the 1e-3 that 2e-4 N m have."""
+    fitted, ends = np.array([200.0, 1e-6, 1.0]), np.array([[180.0, 220.0], [1e-6, 2e-4], [0.9, 1.1]])
+    covariance = np.diag([12.0, 1e-6, 0.06]) ** 2
+    known = Intervals(ends, np.array([True, False, True]), covariance, np.zeros(3), 1.645)
+    found = describe_combinations(lambda v: LEAN.to_materials(v, 0.2), LEAN.initial, fitted, REACH, known)
+    bending = next(c for c in found if c.name == "bending stiffness / density")
+    assert bending.interval_high == pytest.approx(1e-3)
+    assert not bending.is_identified
+    stretch = next(c for c in found if c.name == "stretch stiffness / density")
+    assert (stretch.interval_low, stretch.interval_high) == pytest.approx((1000 - 98.7, 1000 + 98.7))
+    sharp = replace(known, covariance=np.diag([12.0, 1e-8, 0.06]) ** 2)  # tight, as a slope at a bound may be
+    found = describe_combinations(lambda v: LEAN.to_materials(v, 0.2), LEAN.initial, fitted, REACH, sharp)
+    assert not next(c for c in found if c.name == "bending stiffness / density").is_identified

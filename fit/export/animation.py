@@ -18,6 +18,7 @@ from fit.export.new_motion import check_motion, hung_swatch, new_motion
 from fit.export.sheet import SWATCH_SPACING, check_spacing
 from fit.export.video import CODECS, DEFAULT_SIZE, film
 from fit.export.worn import FigureOrder, worn
+from fit.figure.dressmaking import sewn_skirt
 from fit.recordings.recording import prepare
 from formats.fit_records import FitResult
 from formats.outputs import check_name, output_folder, refuse_to_replace, write_bytes
@@ -68,6 +69,8 @@ class Scene:
             if self.motion:
                 raise FitError("a figure moves by itself", where="--motion", advice="leave out --motion or --figure")
             self.figure.check(self.seconds)
+            if self.take is not None:
+                sewn_skirt(self.take.garment)  # it refuses what is no skirt
         elif self.motion:
             check_motion(self.motion, self.seconds)
         elif not has_take:

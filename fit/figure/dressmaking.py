@@ -37,7 +37,8 @@ def sewn_skirt(garment: Garment) -> tuple[Garment, float]:
     if garment.kind != "skirt":
         raise FitError(
             f"the figure wears skirts, and {garment.name} is a {garment.kind}", where="--take",
-            advice="leave out --take: the figure then wears a skirt of the fabric",
+            advice="leave out --take, and the figure wears a skirt of the fabric; or leave out the figure and give a "
+            "--motion",
         )  # fmt: skip
     if garment.seams:
         return msgspec.structs.replace(garment, held="edge"), 1.0

@@ -137,5 +137,5 @@ def _against(garment: Garment, recordings: Sequence[Recording]) -> tuple[str, st
     if 2 * len(against) <= len(shown):
         return None
     take, kind, change = max(against, key=lambda one: one[2] if one[1] == "silhouette" else -one[2])
-    of = f"in {len(against)} of {len(recordings)} takes" if len(recordings) > 1 else f"in {take}"
+    of = f"in {len(against)} of {len(recordings)} takes" if len(recordings) > 1 else f"in the take {take}"
     return kind, of, change

@@ -15,6 +15,7 @@ from fit.export.drawing import SKY, TITLE_LINES, Stage, node_normals
 from fit.export.fabric import fabric_of
 from fit.export.moving import Moving, motion_of
 from fit.export.new_motion import AMPLITUDE, displaced, hung_swatch, new_motion
+from fit.export.worn import FigureOrder
 from fit.recordings.recording import prepare
 from fit.recordings.selection import content_of_garment
 from formats.archive import write_take
@@ -169,6 +170,10 @@ def test_an_animation_as_gltf_is_the_motion(scene, moving, tmp_path):
         ({"path": "swing.avi"}, "avi is no format for motion"),
         ({"size": (161, 120)}, "no film is 161 x 120 pixels"),
         ({"scene": Scene(result=a_fit())}, "a fit alone holds no motion"),
+        (
+            {"scene": Scene(result=a_fit(), take=a_take(), figure=FigureOrder())},
+            "the figure wears skirts, and sheet is",
+        ),
         ({"scene": Scene(result=a_fit("kinect-skirt"), motion="twist")}, "none of its numbers has an SI value"),
     ],
 )

@@ -32,7 +32,7 @@ def takes(tmp_path_factory):
     """A folder `demo` with three takes of a swatch: face-on, faster, and with a sideways swing."""
     folder = tmp_path_factory.mktemp("api") / "demo"
     folder.mkdir()
-    time, garment = np.arange(0, 2.5, 1 / 30), sheet()
+    time, garment = np.arange(0, 2.6, 1 / 30), sheet()
     for name, hz, sideways in (("gentle", 0.7, 0.0), ("mixed", 0.9, 0.02), ("swing", 0.8, 0.05)):
         path = swing(time, amplitude=0.06, hz=hz, sideways=sideways)
         row = material(garment, velocity_damping=3.0)
@@ -136,10 +136,10 @@ def test_a_result_is_the_same_after_its_file(fitted, tmp_path):
 
 
 def test_places_of_a_simulation_are_written_point_by_point(takes, fitted, tmp_path):
-    """75 frames of five points; the first row is the first frame's first point."""
+    """78 frames of five points; the first row is the first frame's first point."""
     simulation = hangtime.simulate(takes / "swing.mcap", fitted)
     rows = list(csv.DictReader(io.StringIO(simulation.to_csv(tmp_path / "places.csv"))))
-    assert len(rows) == 75 * 5
+    assert len(rows) == 78 * 5
     assert [float(rows[0][axis]) for axis in "xyz"] == simulation.takes[0].simulated[0, 0].tolist()
     assert (tmp_path / "places.csv").read_text() == simulation.to_csv()
 

@@ -37,6 +37,7 @@ def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gat
     swing = min(max(float(np.ptp(r.held(r.time), axis=0).max()) for r in group) for group in groups)
     own, noise = min(max((_own_motion(r), _noise(r)) for r in group) for group in groups)
     least = LEAST_OWN_MOTION * noise
+    lasts = np.floor(10 * shortest + 1e-6) / 10  # s: what is too short is not rounded up to what is long enough
     repeated = max(_repeated(r) for r in every)
     impossible = max(r.impossible for r in every)
     guessed = sum(not r.is_calibrated for r in every)
@@ -49,7 +50,7 @@ def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gat
              f"The rig of {guessed} takes was never measured, so that a wrong number in it would pass for an effect: "
              "run `hangtime calibrate` and record with the rig that it writes."),
         Gate(name="length", passed=shortest >= SHORTEST_MOTION, figure=shortest, limit=SHORTEST_MOTION, unit="s",
-             sentence=f"The shortest take lasts {shortest:.1f} s; at least {SHORTEST_MOTION:g} s are "
+             sentence=f"The shortest take lasts {lasts:.1f} s; at least {SHORTEST_MOTION:g} s are "
                       "needed: record longer."),
         Gate(name="motion", passed=swing >= SMALLEST_SWING, figure=1e3 * swing, limit=1e3 * SMALLEST_SWING, unit="mm",
              sentence=f"The hanger travels {1e3 * swing:.0f} mm in the liveliest take; at least "

@@ -150,6 +150,8 @@ def test_every_take_is_long_enough():
     assert gate_of("length", [recorded(seconds=2.5)]).passed
     short = gate_of("length", [recorded()], [recorded(seconds=2.4), recorded(seconds=3.0)])
     assert (short.passed, short.figure, short.limit) == (False, pytest.approx(2.4), 2.5)
+    nearly = gate_of("length", [recorded(seconds=2.467)])
+    assert nearly.sentence.startswith("The shortest take lasts 2.4 s; at least 2.5 s are needed")
 
 
 @pytest.mark.parametrize(("travel", "passed"), [(0.029, False), (0.031, True)])

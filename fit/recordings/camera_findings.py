@@ -66,7 +66,7 @@ def _short(one: CameraFinding) -> str:
         "held_edge": f"a held edge {1e3 * one.figure:.0f} mm from where the path has it",
         "sliding_points": f"points that slide over the cloth, by {1e3 * one.figure:.0f} mm rms",
         "eaten_border": f"a border eaten by {1e3 * one.figure:.1f} mm",
-        "eaten_by_pose": f"an outline eaten by pose, {1e3 * one.figure:.0f} mm per unit of lean",
+        "eaten_by_pose": f"an outline that depends on pose, by {1e3 * abs(one.figure):.0f} mm per unit of lean",
     }.get(one.name, "")
 
 
@@ -237,11 +237,13 @@ def _eaten(recordings: Sequence[Recording]) -> list[CameraFinding]:
     if leaning:
         figure, span = _together([(value, interval) for _, (value, interval) in leaning])
         if abs(figure) > LEAST_BY_POSE and is_sure(span):
+            least, most = sorted(abs(value) for value in span)
             found.append(CameraFinding(
                 name="eaten_by_pose", take_ids=[r.take_id for r, _ in leaning], figure=figure, interval=span, unit="m",
                 sentence=(
-                    f"The silhouette's length depends on pose: it loses {1e3 * figure:.0f} mm [{1e3 * span[0]:.0f} to "
-                    f"{1e3 * span[1]:.0f}] per unit of lean. Places beyond it count as unseen."),
+                    f"The silhouette's length depends on pose: it {'loses' if figure > 0 else 'gains'} "
+                    f"{1e3 * abs(figure):.0f} mm per unit of lean [{1e3 * least:.0f} to {1e3 * most:.0f}]. Places "
+                    "beyond it count as unseen."),
             ))  # fmt: skip
     return found
 

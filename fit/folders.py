@@ -6,7 +6,7 @@ import fcntl
 import itertools
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from fit.errors import FitError
@@ -40,6 +40,8 @@ def make_folder(folder: Path, *files: str) -> Path:
 def alone(folder: Path, command: str) -> Iterator[None]:
     """Hold a folder for one command; the kernel lets go of it when the process ends, however it does.
 
+    Work that fails or is interrupted before it has written anything leaves no empty folder behind.
+
     Raises:
         FitError: another process holds it.
     """
@@ -55,6 +57,10 @@ def alone(folder: Path, command: str) -> Iterator[None]:
         except OSError:  # a network's file system locks no folders
             pass
         yield
+    except BaseException:
+        with suppress(OSError):  # it holds something
+            folder.rmdir()
+        raise
     finally:
         os.close(handle)
 

@@ -16,7 +16,7 @@ from typer.main import get_command
 from formats import help_pages, telling
 from formats.completion import choose_shell
 from formats.errors import HangtimeError
-from formats.interrupts import hold_while_importing
+from formats.interrupts import hold_while_importing, remember_interruptions
 from formats.terminal import say, take_streams
 
 # Sums that are split over threads are rounded differently: what a command finds must not depend on how many processors
@@ -84,6 +84,7 @@ def main() -> None:
     try:
         hold_while_importing()
         take_streams()
+        remember_interruptions()
         telling.begin()
         command = whole()
         choose_shell()

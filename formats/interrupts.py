@@ -1,6 +1,8 @@
-"""Ctrl-C while libraries load: it is noted, and obeyed as soon as the outermost import is done.
+"""Ctrl-C where libraries swallow it: while they load, and while they compile.
 
-The start of a native library takes seconds. It swallows an interruption, or takes it for a broken installation.
+The start of a native library takes seconds. It swallows an interruption, or takes it for a broken installation: the
+interruption waits until the outermost import is done. One that was swallowed otherwise is remembered, and raised again
+where the work shows its progress.
 """
 
 from __future__ import annotations
@@ -14,6 +16,33 @@ from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder
 from types import FrameType, ModuleType
 from typing import Any
+
+
+class _Interruption:
+    is_met = False
+
+
+def remember_interruptions() -> None:
+    """Remember a Ctrl-C from here on, for `raise_swallowed`; forget those before. Only where Python's own handler is."""
+    _Interruption.is_met = False
+    is_main = threading.current_thread() is threading.main_thread()
+    if is_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupt)
+
+
+def raise_swallowed() -> None:
+    """Interrupt the work where a Ctrl-C was met, and something went on all the same, as Taichi does in a compilation.
+
+    Raises:
+        KeyboardInterrupt: there was one.
+    """
+    if _Interruption.is_met:
+        raise KeyboardInterrupt
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    _Interruption.is_met = True
+    signal.default_int_handler(number, frame)
 
 
 class _Imports(MetaPathFinder):

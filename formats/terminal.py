@@ -9,6 +9,8 @@ import sys
 import time as clock
 from collections.abc import Callable
 
+from formats.interrupts import raise_swallowed
+
 BAR = 24  # characters of a progress bar
 SURE_AFTER, SURE_SHARE = 3.0, 0.02  # s, and share done, from which the time that is left can be told
 
@@ -87,7 +89,12 @@ class ProgressLine:
         self._begun: tuple[float, float] | None = None  # when, and at which share
 
     def show(self, share: float, text: str) -> None:
-        """Show the share done, 0 to 1, and a few words."""
+        """Show the share done, 0 to 1, and a few words.
+
+        Raises:
+            KeyboardInterrupt: the work was interrupted, and something went on all the same (`formats.interrupts`).
+        """
+        raise_swallowed()
         left = self._left(share)
         if self._is_terminal:
             filled = round(BAR * share)

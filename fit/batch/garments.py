@@ -1,13 +1,19 @@
 """Sort the takes of a night by garment, and say which garments can be diagnosed and what the others lack.
 
-A diagnosis fits to some motions and judges on another one, so it needs takes of two kinds of motion of one garment
-(`formats.motion`). The kind with the fewest takes is held out, so that as many as possible are fitted to. Takes whose
-hanger stands still show nothing to fit, and a sensor whose rig was never calibrated cannot be diagnosed.
+A diagnosis fits to some motions and judges on another one of the same garment. Two ways of choosing that one are known:
+
+- Of a kind of motion (`formats.motion`) at three strengths or more, the middle strength is judged on. A fit to one
+  strength cannot tell drag, which grows with the square of speed, from linear damping. So both ends are fitted to.
+- Else the takes need two kinds. The one that shows least of the cloth is judged on. A kind counts by its seconds, times
+  the share of the error that a fit to this kind removes (`SHOWN`).
+
+Takes whose hanger stands still show nothing to fit, and a sensor whose rig was never calibrated cannot be diagnosed.
 """
 
 from __future__ import annotations
 
-from collections import Counter
+import math
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -19,22 +25,34 @@ from fit.batch.summary import Row
 from fit.provenance import physics_version
 from formats.archive import take_of
 from formats.garment import Garment
-from formats.motion import kind_of
+from formats.motion import kind_of, reach_of
 
-# Of kinds with as few takes: cloth that is swung face-on is bent and slowed most, so such takes are fitted to.
-JUDGED_FIRST = ("sideways", "up-and-down", "twist", "mixed", "face-on")
+# Share of the mean error on motion of each kind that fits of the skirt remove (`benchmarks/skirt.py`: swings 72 to 85 %,
+# mixed motion 60 %, twists 10 to 40 %). The two other kinds were not measured. They bend the cloth as little as twists.
+# Of kinds that count alike, the first one is judged on.
+SHOWN = {"sideways": 0.25, "up-and-down": 0.25, "twist": 0.25, "mixed": 0.6, "face-on": 0.8}
+STRONGER = 1.3  # times as far, from which a motion is of another strength; hands repeat a swing to a fifth or so
+FEWEST_STRENGTHS = 3  # of one kind: a middle one to judge on, and one on either side to fit to
 OTHER_MOTION = (
-    "record another kind of motion: swing it sideways, face-on, up and down, or twist it, at two strengths each"
+    "swing it face-on gently, widely, and in between; or record another kind of motion, such as sideways or a twist"
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Seen:
-    """A take of the night: its name, the sha256 of its bytes, its kind of motion, whether its rig was calibrated."""
+    """A take of the night.
+
+    - `name`, and `digest`: the sha256 of its bytes
+    - `kind` of motion, and `reach` [m]: root mean square of the hanger's motion in all ways
+    - `seconds` [s]: its length
+    - `is_calibrated`: whether its rig was
+    """
 
     name: str
     digest: str
     kind: str
+    reach: float
+    seconds: float
     is_calibrated: bool
 
 
@@ -54,22 +72,39 @@ def wardrobe_of(name: str, takes: Sequence[Seen]) -> Wardrobe:
     every = tuple(takes)
     calibrated = [take for take in every if take.is_calibrated]
     moving = [take for take in calibrated if take.kind != "still"]
-    kinds = Counter(take.kind for take in moving)
+    kinds: defaultdict[str, float] = defaultdict(float)
+    for take in moving:
+        kinds[take.kind] += take.seconds
     if not calibrated:
         lack = "its rig was never calibrated; run `hangtime calibrate`, then record again with the calibrated rig"
         return Wardrobe(name=name, takes=every, missing=lack)
     if not moving:
         return Wardrobe(name=name, takes=every, missing=f"in no take does its hanger move; {OTHER_MOTION}")
-    if len(kinds) == 1:
+    middle = _middle_strength(moving)
+    if len(kinds) == 1 and not middle:
         (kind,) = kinds
         count = f"its {len(moving)} takes all move" if len(moving) > 1 else "its only take moves"
-        return Wardrobe(name=name, takes=every, missing=f"{count} {kind}, and none is left to judge on; {OTHER_MOTION}")
-    judged = min(kinds, key=lambda kind: (kinds[kind], JUDGED_FIRST.index(kind)))
+        lack = f"{count} {kind}, and none is left to judge on; {OTHER_MOTION}"
+        return Wardrobe(name=name, takes=every, missing=lack)
+    judged = min(kinds, key=lambda kind: (SHOWN[kind] * kinds[kind], list(SHOWN).index(kind)))
+    held_out = middle or [take for take in moving if take.kind == judged]
     return Wardrobe(
-        name=name, takes=every,
-        training=tuple(take for take in moving if take.kind != judged),
-        held_out=tuple(take for take in moving if take.kind == judged),
+        name=name, takes=every, training=tuple(take for take in moving if take not in held_out),
+        held_out=tuple(held_out),
     )  # fmt: skip
+
+
+def _middle_strength(takes: Sequence[Seen]) -> list[Seen]:
+    """Return the takes of the middle strength of the kind that shows most, of those with enough strengths."""
+    for kind in sorted({take.kind for take in takes}, key=list(SHOWN).index, reverse=True):
+        strengths: list[list[Seen]] = []
+        for take in sorted((take for take in takes if take.kind == kind), key=lambda take: take.reach):
+            if not strengths or take.reach > STRONGER * strengths[-1][0].reach:
+                strengths.append([])
+            strengths[-1].append(take)
+        if len(strengths) >= FEWEST_STRENGTHS:
+            return strengths[len(strengths) // 2]
+    return []
 
 
 def wardrobes(rows: Sequence[Row], found: Survey, takes: Store) -> list[Wardrobe]:
@@ -87,7 +122,11 @@ def wardrobes(rows: Sequence[Row], found: Survey, takes: Store) -> list[Wardrobe
         digests.add(digest)
         take = take_of(takes.read(row.take), row.take)
         is_calibrated = take.rig.sensor is None or take.rig.calibration is not None
-        seen = Seen(name=row.take, digest=digest, kind=kind_of(take), is_calibrated=is_calibrated)
+        seconds = float(take.time[-1] - take.time[0]) if len(take.time) else 0.0
+        seen = Seen(
+            name=row.take, digest=digest, kind=kind_of(take), reach=math.hypot(*reach_of(take).values()),
+            seconds=seconds, is_calibrated=is_calibrated,
+        )  # fmt: skip
         same = next((others for garment, others in by_garment if garment == take.garment), None)
         if same is None:
             by_garment.append((take.garment, [seen]))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 from fit.cloth.launch import Progress
@@ -122,7 +122,8 @@ def check_film(path: Path, size: tuple[int, int] = DEFAULT_SIZE, *, overwrite: b
     if not overwrite:
         refuse_to_replace(path)
     for library in LIBRARIES.get(suffix, ()):
-        importlib.import_module(library)
+        if find_spec(library) is None:
+            raise ModuleNotFoundError(f"No module named {library!r}", name=library)
 
 
 def animate(

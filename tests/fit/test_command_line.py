@@ -225,7 +225,7 @@ def test_a_fit_is_tested_as_a_fabric_and_warns_of_intervals_that_are_too_short(t
 
 def test_a_diagnosis_says_before_it_simulates_that_the_takes_are_too_short(tmp_path, monkeypatch):
     """Two seconds of the 2.5 that are needed; it is interrupted where the simulations would begin."""
-    write_take(tmp_path / "a.mcap", a_swung_take(seconds=2.0))
+    write_take(tmp_path / "a.mcap", a_swung_take(seconds=2.05))
 
     def interrupted(*_takes, **_options):
         raise KeyboardInterrupt
@@ -362,3 +362,15 @@ def test_a_fit_that_nobody_reads_is_finished_all_the_same(tmp_path, where, code)
     assert done.returncode == code
     assert "Traceback" not in done.stderr
     assert load_fit_result(tmp_path / "fitted/fit.json").take_ids == ["a"]
+
+
+def test_work_that_ends_before_it_wrote_anything_leaves_no_empty_folder(tmp_path):
+    empty, used = tmp_path / "empty", tmp_path / "used"
+    for folder in (empty, used):
+        folder.mkdir()
+        with pytest.raises(KeyboardInterrupt), alone(folder, "fit"):
+            if folder == used:
+                (folder / "fit.partial.json").write_text("{}")
+            raise KeyboardInterrupt
+    assert not empty.exists()
+    assert (used / "fit.partial.json").exists()

@@ -69,3 +69,30 @@ def test_a_hushed_process_says_its_errors_alone(capsys):
         hush(is_quiet=False)
     say("again")
     assert capsys.readouterr().err == "hangtime: gone\nagain\n"
+
+
+SWALLOWED = """
+import os, signal
+from formats import interrupts, terminal
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
+interrupts.remember_interruptions()
+line = terminal.ProgressLine("fit")
+line.show(0.1, "before")
+try:
+    os.kill(os.getpid(), signal.SIGINT)
+    while True:
+        pass
+except BaseException:  # as a library does that calls Python and forgets its errors
+    print("swallowed", flush=True)
+try:
+    line.show(0.5, "after")
+    print("went on")
+except KeyboardInterrupt:
+    print("ended")
+"""
+
+
+def test_progress_ends_work_whose_interruption_a_library_swallowed():
+    made = subprocess.run([sys.executable, "-c", SWALLOWED], capture_output=True, text=True, check=True)
+    assert made.stdout.split() == ["swallowed", "ended"]

@@ -13,7 +13,7 @@ import pytest
 
 from fit.batch.cli import SOME_NOT_FITTED
 from fit.batch.diagnosing import run_diagnosis
-from fit.batch.garments import JUDGED_FIRST, Seen, diagnoses_of, wardrobe_of, wardrobes
+from fit.batch.garments import SHOWN, Seen, diagnoses_of, wardrobe_of, wardrobes
 from fit.batch.jobs import Outcome, diagnosis_name, failure_name, report_name, unfinished_diagnosis
 from fit.batch.morning import as_html, as_text, morning_of
 from fit.batch.runner import Survey
@@ -27,8 +27,10 @@ from tests.fit.report.report_scene import diagnosis, fit_result
 from tests.fit.scenes import hung, material, sheet, simulate_take, swing, take_of
 
 
-def seen(name, kind="face-on", *, is_calibrated=True):
-    return Seen(name=name, digest=f"sha of {name}", kind=kind, is_calibrated=is_calibrated)
+def seen(name, kind="face-on", *, reach=0.03, seconds=8.0, is_calibrated=True):
+    return Seen(
+        name=name, digest=f"sha of {name}", kind=kind, reach=reach, seconds=seconds, is_calibrated=is_calibrated
+    )
 
 
 def a_take(name, garment=None, *, sideways=0.0, amplitude=0.06):
@@ -53,7 +55,7 @@ def night_of(folder, takes):
 # --- which garments can be diagnosed --------------------------------------------------------------
 
 
-def test_the_kind_of_motion_with_the_fewest_takes_is_judged_on():
+def test_the_kind_of_motion_that_shows_least_is_judged_on():
     """Three face-on and one sideways: fitted to three, judged on one."""
     takes = [seen("a"), seen("b", "sideways"), seen("c"), seen("d")]
     skirt = wardrobe_of("skirt", takes)
@@ -68,8 +70,42 @@ def test_of_two_kinds_with_as_many_takes_the_one_that_bends_the_cloth_more_is_fi
         assert [take.name for take in wardrobe_of("skirt", takes).held_out] == ["a"]
 
 
+@pytest.mark.parametrize(
+    ("takes", "judged"),
+    [
+        # Two twists, one of them cut off, tell less than one swing.
+        ([("a", "twist", 8.0), ("b", "twist", 4.1), ("c", "face-on", 8.0)], ["a", "b"]),
+        # Half a minute of twists tells more than a fragment of a swing.
+        ([("a", "twist", 30.0), ("c", "face-on", 4.1)], ["c"]),
+        ([("a", "mixed", 8.0), ("b", "mixed", 8.0), ("c", "face-on", 8.0)], ["c"]),
+        ([("a", "mixed", 8.0), ("b", "mixed", 2.0), ("c", "face-on", 8.0)], ["a", "b"]),
+    ],
+)
+def test_kinds_count_by_their_seconds_and_by_what_they_show(takes, judged):
+    skirt = wardrobe_of("skirt", [seen(name, kind, seconds=seconds) for name, kind, seconds in takes])
+    assert [take.name for take in skirt.held_out] == judged
+    assert {take.kind for take in skirt.held_out}.isdisjoint(take.kind for take in skirt.training)
+
+
+@pytest.mark.parametrize(
+    ("takes", "judged"),
+    [
+        ([("a", "face-on", 0.021), ("b", "face-on", 0.036), ("c", "face-on", 0.056), ("d", "face-on", 0.020)], ["b"]),
+        # The middle strength of the kind that shows most; the twist is fitted to as well.
+        ([("a", "face-on", 0.02), ("b", "face-on", 0.03), ("c", "face-on", 0.05), ("t", "twist", 0.03)], ["b"]),
+        # Two takes of one strength are judged on together, and two strengths are too few.
+        ([("a", "face-on", 0.02), ("b", "face-on", 0.03), ("c", "face-on", 0.033), ("d", "face-on", 0.05)], ["b", "c"]),
+        ([("a", "face-on", 0.02), ("b", "face-on", 0.03), ("t", "twist", 0.03)], ["t"]),
+    ],
+)
+def test_of_three_strengths_of_one_kind_the_middle_one_is_judged_on(takes, judged):
+    skirt = wardrobe_of("skirt", [seen(name, kind, reach=reach) for name, kind, reach in takes])
+    assert [take.name for take in skirt.held_out] == judged
+    assert len(skirt.training) == len(takes) - len(judged)
+
+
 def test_every_kind_of_motion_has_a_place_in_that_order():
-    assert sorted(JUDGED_FIRST) == sorted(set(MOTION_KINDS) - {"still"})
+    assert sorted(SHOWN) == sorted(set(MOTION_KINDS) - {"still"})
 
 
 def test_takes_that_stand_still_or_were_never_calibrated_are_neither_fitted_to_nor_judged_on():
@@ -82,9 +118,9 @@ def test_takes_that_stand_still_or_were_never_calibrated_are_neither_fitted_to_n
 @pytest.mark.parametrize(
     ("takes", "sentence"),
     [
-        ([seen("a")], "its only take moves face-on, and none is left to judge on; record another kind of motion"),
-        ([seen("a"), seen("b")], "its 2 takes all move face-on, and none is left to judge on; record another"),
-        ([seen("a", "still")], "in no take does its hanger move; record another kind of motion"),
+        ([seen("a")], "its only take moves face-on, and none is left to judge on; swing it face-on gently"),
+        ([seen("a"), seen("b")], "its 2 takes all move face-on, and none is left to judge on; swing it face-on gently, widely"),
+        ([seen("a", "still")], "in no take does its hanger move; swing it face-on gently"),
         ([seen("a", is_calibrated=False)], "its rig was never calibrated; run `hangtime calibrate`"),
     ],
 )

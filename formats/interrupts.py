@@ -23,7 +23,7 @@ class _Interruption:
 
 
 def remember_interruptions() -> None:
-    """Remember a Ctrl-C from here on, for `raise_swallowed`; forget those before. Only where Python's own handler is."""
+    """Remember a Ctrl-C from here on, for `raise_swallowed`; where Python's own handler stands, in the main thread."""
     _Interruption.is_met = False
     is_main = threading.current_thread() is threading.main_thread()
     if is_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler:

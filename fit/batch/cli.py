@@ -128,9 +128,10 @@ def batch_command(
     A second run fits only what is new. A worker that dies, a take that cannot be fitted and a scheduler that is lost
     cost time and nothing else. The command writes fits/KEY.json, summary.csv and summary.html.
 
-    With --diagnose it then sorts the takes by garment. It diagnoses each garment that has takes of one motion at three
-    strengths, and judges on the middle one; or takes of two kinds of motion, and judges on the kind that shows least.
-    It fits to the others. It writes diagnoses/KEY.json and KEY.html. It ends with morning.html and morning.txt: every take, its fit, the verdict, and what needs a person.
+    With --diagnose it then sorts the takes by garment. Of one motion at three strengths the middle one is judged on.
+    Else a garment needs two kinds of motion, and the kind that shows least is judged on. The others are fitted. The
+    command writes diagnoses/KEY.json and KEY.html. It ends with morning.html and morning.txt: every take, its fit, the
+    verdict, and what needs a person.
 
     The exit status is 0 when everything is fitted and diagnosed, and 3 when something is not. It is 75 when bucket,
     scheduler or workers cannot be reached: try again later. Within the last quarter of an hour before --until, 3 stands

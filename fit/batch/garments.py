@@ -27,9 +27,9 @@ from formats.archive import take_of
 from formats.garment import Garment
 from formats.motion import kind_of, reach_of
 
-# Share of the mean error on motion of each kind that fits of the skirt remove (`benchmarks/skirt.py`: swings 72 to 85 %,
-# mixed motion 60 %, twists 10 to 40 %). The two other kinds were not measured. They bend the cloth as little as twists.
-# Of kinds that count alike, the first one is judged on.
+# Fits of the skirt remove this share of the mean error on motion of each kind. Source: `benchmarks/skirt.py`, with
+# 72 to 85 % on swings, 60 % on mixed motion, and 10 to 40 % on twists. The two other kinds were not measured; they bend
+# cloth as little as twists. Of kinds that count alike, the first one is judged on.
 SHOWN = {"sideways": 0.25, "up-and-down": 0.25, "twist": 0.25, "mixed": 0.6, "face-on": 0.8}
 STRONGER = 1.3  # times as far, from which a motion is of another strength; hands repeat a swing to a fifth or so
 FEWEST_STRENGTHS = 3  # of one kind: a middle one to judge on, and one on either side to fit to

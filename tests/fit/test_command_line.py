@@ -364,13 +364,17 @@ def test_a_fit_that_nobody_reads_is_finished_all_the_same(tmp_path, where, code)
     assert load_fit_result(tmp_path / "fitted/fit.json").take_ids == ["a"]
 
 
+def interrupted_after(path):
+    if path:
+        path.write_text("{}")
+    raise KeyboardInterrupt
+
+
 def test_work_that_ends_before_it_wrote_anything_leaves_no_empty_folder(tmp_path):
     empty, used = tmp_path / "empty", tmp_path / "used"
     for folder in (empty, used):
         folder.mkdir()
         with pytest.raises(KeyboardInterrupt), alone(folder, "fit"):
-            if folder == used:
-                (folder / "fit.partial.json").write_text("{}")
-            raise KeyboardInterrupt
+            interrupted_after(folder / "fit.partial.json" if folder == used else None)
     assert not empty.exists()
     assert (used / "fit.partial.json").exists()

@@ -119,7 +119,10 @@ def test_takes_that_stand_still_or_were_never_calibrated_are_neither_fitted_to_n
     ("takes", "sentence"),
     [
         ([seen("a")], "its only take moves face-on, and none is left to judge on; swing it face-on gently"),
-        ([seen("a"), seen("b")], "its 2 takes all move face-on, and none is left to judge on; swing it face-on gently, widely"),
+        (
+            [seen("a"), seen("b")],
+            "its 2 takes all move face-on, and none is left to judge on; swing it face-on gently, widely",
+        ),
         ([seen("a", "still")], "in no take does its hanger move; swing it face-on gently"),
         ([seen("a", is_calibrated=False)], "its rig was never calibrated; run `hangtime calibrate`"),
     ],

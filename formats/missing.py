@@ -18,12 +18,26 @@ def missing_words(take: Take, spans: Sequence[Span] | None = None) -> str:
     Seconds count from the take's first frame, or from the first one that is left where the beginning is not known.
     """
     found = take.missing if spans is None else spans
-    known = [begin for begin, _ in found if math.isfinite(begin)]
-    origin = min([*known, float(take.time[0])])
+    origin = origin_of(take, found)
     words = [_span(begin - origin, end - origin) for begin, end in found]
     if len(words) > MOST_SPANS:
         words = [*words[: MOST_SPANS - 1], f"{len(words) - MOST_SPANS + 1} more spans"]
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+def origin_of(take: Take, spans: Sequence[Span] = ()) -> float:
+    """Return when a take began, or what is left of it where the beginning is not known [s of the sensor's clock].
+
+    spans: missing ones besides its own
+    """
+    return min([*(begin for begin, _ in (*take.missing, *spans) if math.isfinite(begin)), float(take.time[0])])
+
+
+def incomplete_words(take: Take) -> str:
+    """Return `is incomplete; missing: 2.03 to 3.10 s`; nothing of a complete take."""
+    if take.is_complete:
+        return ""
+    return f"is incomplete; missing: {missing_words(take) or 'its end was never written'}"
 
 
 def _span(begin: float, end: float) -> str:

@@ -61,7 +61,7 @@ def summarise(take: Take) -> dict[str, Any]:
         "missing_s": [list(span) for span in take.missing],
         "frames": frames,
         "duration_s": round(duration, 3),
-        "rate_hz": round((frames - 1) / duration, 2) if duration else None,
+        "rate_hz": _rate(take),
         "rig": take.rig.name,
         "calibration": None if take.rig.calibration is None else msgspec.to_builtins(take.rig.calibration),
         "garment": take.garment.name,
@@ -78,6 +78,15 @@ def summarise(take: Take) -> dict[str, Any]:
         "source": take.source,
         "notes": take.notes,
     }
+
+
+def _rate(take: Take) -> float | None:
+    """Return frames a second, of the time in which none is lost; None of a single frame."""
+    steps = np.diff(take.time)
+    is_hole = np.zeros(len(steps), bool)
+    for begin, end in take.missing:
+        is_hole |= (take.time[:-1] <= begin) & (end <= take.time[1:])
+    return round(1 / float(steps[~is_hole].mean()), 2) if (~is_hole).any() else None
 
 
 def describe(summary: dict[str, Any]) -> str:

@@ -38,6 +38,7 @@ def list_takes(
     """List takes, finished and unfinished, with length, motion and garment. Exit code 2: one cannot be read."""
     from formats.archive import read_with_report
     from formats.errors import TakeError
+    from formats.missing import missing_words
     from formats.motion import kind_of
     from formats.plain_text import plain
 
@@ -55,13 +56,13 @@ def list_takes(
             all_read = False
             continue
         length = float(take.time[-1] - take.time[0])
-        state = _word(report.is_sound, report.damaged_blocks)
+        state, lost = _word(report.is_sound, report.damaged_blocks), missing_words(take)
         tell_entry(
             "takes",
             f"{state:<11} {plain(path.relative_to(folder))}: {length:.1f} s, {kind_of(take)}, "
-            f"{plain(take.garment.name)}, {plain(take.created)}",
+            f"{plain(take.garment.name)}, {plain(take.created)}" + (f"; missing: {lost}" if lost else ""),
             file=str(path), state=state, duration_s=length, motion=kind_of(take), garment=take.garment.name,
-            created=take.created,
+            created=take.created, is_complete=take.is_complete, missing=lost,
         )  # fmt: skip
     if not all_read:
         raise typer.Exit(2)
@@ -122,7 +123,7 @@ def verify_takes(paths: Takes) -> None:
             "takes", f"{word:<11} {plain(path)}: {report.frames} frames in {report.blocks} blocks{rest}",
             file=str(path), state=word, frames=report.frames, blocks=report.blocks,
             damaged_blocks=report.damaged_blocks, missing_frames=report.missing_frames,
-            missing_scans=report.missing_scans,
+            missing_scans=report.missing_scans, is_complete=take.is_complete, missing=missing_words(take),
         )  # fmt: skip
         all_sound &= report.is_sound
     if not all_sound:
@@ -177,6 +178,7 @@ def export_takes(
     from formats.exporters.arrays import write_npz, write_parquet
     from formats.exporters.marker_files import write_c3d, write_csv
     from formats.exporters.rerun_file import write_rrd
+    from formats.missing import incomplete_words, missing_words
     from formats.outputs import output_folder, refuse_to_replace
     from formats.plain_text import plain
 
@@ -190,11 +192,20 @@ def export_takes(
         if not overwrite:
             refuse_to_replace(target)
     if to is ExportKind.PARQUET:
-        write_parquet(out, [read_take(path) for path in paths])
-        tell(f"{plain(out)}: {len(paths)} takes", files=[str(out)], takes=len(paths))
+        takes = [read_take(path) for path in paths]
+        write_parquet(out, takes)
+        lacking = {
+            str(path): words for path, take in zip(paths, takes, strict=True) if (words := incomplete_words(take))
+        }
+        told = "".join(f"\n{plain(path)} {words}" for path, words in lacking.items())
+        tell(f"{plain(out)}: {len(paths)} takes{told}", files=[str(out)], takes=len(paths), incomplete=lacking)
         return
     with output_folder(out):
         for path, target in zip(paths, targets, strict=True):
             take = read_take(path)
             writers[to](target, take)
-            tell_entry("files", f"{plain(target)}: {len(take.time)} frames", file=str(target), frames=len(take.time))
+            told = f"; the take {words}" if (words := incomplete_words(take)) else ""
+            tell_entry(
+                "files", f"{plain(target)}: {len(take.time)} frames{told}", file=str(target), frames=len(take.time),
+                is_complete=take.is_complete, missing=missing_words(take),
+            )  # fmt: skip

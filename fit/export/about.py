@@ -6,6 +6,7 @@ from importlib import metadata
 from typing import Any
 
 from fit.export.fabric import MEANING_OF_STATUS, Fabric, Quantity, status_of
+from fit.recordings.intact import describe_missing, incomplete_notes
 from fit.recordings.selection import content_of, content_of_garment
 from formats.fit_records import FitResult
 from formats.plain_text import plain
@@ -27,6 +28,7 @@ def provenance(result: FitResult) -> dict[str, Any]:
         "take_sha256": list(result.take_contents),
         "held_out_takes": list(result.held_out_ids),
         "mean_error_m": error.mean_m,
+        "incomplete_takes": incomplete_notes(result.notes),
         "error_is_held_out": result.error.held_out_after is not None,
     }
 
@@ -58,8 +60,8 @@ def origin_lines(result: FitResult) -> list[str]:
 
 
 def caution_lines(result: FitResult, fabric: Fabric | None) -> list[str]:
-    """Return a sentence for each number that is not what it looks like; nothing where all are identified."""
-    lines = []
+    """Return a sentence for each incomplete take, and for each number that is not what it looks like."""
+    lines = [plain(note) for note in incomplete_notes(result.notes)]
     if fabric is not None:
         for q in fabric.quantities:
             if not q.is_told:
@@ -72,6 +74,14 @@ def caution_lines(result: FitResult, fabric: Fabric | None) -> list[str]:
             ends = _ends(p.interval_low, p.interval_high)
             lines.append(plain(f"{p.name} = {short(p.fitted)} {p.unit}{ends}: {MEANING_OF_STATUS[status_of([p])]}."))
     return lines
+
+
+def remarks_on_take(result: FitResult, take: Take | None) -> list[str]:
+    """Say what is odd about a take whose garment moves: it is of another garment, or incomplete."""
+    if take is None:
+        return []
+    other = other_garment(result, take)
+    return ([other] if other else []) + [plain(note) for note in describe_missing([take])]
 
 
 def other_garment(result: FitResult, take: Take) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 from fit.cloth.launch import Progress
 from fit.errors import FitError
 from fit.export import caches
-from fit.export.about import other_garment
+from fit.export.about import remarks_on_take
 from fit.export.fabric import fabric_of, why_no_fabric
 from fit.export.moving import Moving, check_engine, motion_of
 from fit.export.new_motion import check_motion, hung_swatch, new_motion
@@ -146,8 +146,7 @@ def _animated(scene: Scene, path: Path, size: tuple[int, int], show: Show) -> An
     suffix = path.suffix.lower()
     is_film = suffix in FILMS
     moving = scene.moving(_part(show, "simulating", 0.0, SIMULATED if is_film else 1.0))
-    if scene.take is not None and (other := other_garment(scene.result, scene.take)):
-        moving = dataclasses.replace(moving, remarks=(other, *moving.remarks))
+    moving = dataclasses.replace(moving, remarks=(*remarks_on_take(scene.result, scene.take), *moving.remarks))
     fabric = None if why_no_fabric(scene.result) else fabric_of(scene.result)
     if suffix == ".usdc":
         raw = caches.usd_cache(scene.result, fabric, moving)

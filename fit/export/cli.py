@@ -88,7 +88,7 @@ def export_command(
     Every file says which numbers the takes do not identify. A fit of kinect-skirt or mocap-swatch fits the weight, so
     that it has no SI values. It can be written as csv and in motion, and that of kinect-skirt for Blender too.
     """
-    from fit.export.about import other_garment
+    from fit.export.about import remarks_on_take
     from fit.export.kinds import EXPORT_KINDS, WITH_THICKNESS, Order, default_path, export
     from fit.export.usd_physics import THICKNESS
     from fit.folders import read_fit
@@ -105,8 +105,8 @@ def export_command(
         result=result, take=read_take(take) if take is not None else None,
         thickness=THICKNESS if thickness is None else thickness, spacing=spacing,
     )  # fmt: skip
-    if order.take is not None and (other := other_garment(result, order.take)):
-        say(other)
+    for remark in remarks_on_take(result, order.take):
+        say(remark)
     if to is ExportKind.TABLE and out is None:
         made = EXPORT_KINDS[to.value].make(order)
         sheet = next(iter(made.values())).decode()

@@ -11,6 +11,7 @@ import msgspec
 from markupsafe import Markup
 
 from fit.errors import FitError
+from fit.recordings.intact import incomplete_notes
 from fit.report.again import one_of, results_in
 from fit.report.page import packaged
 from fit.report.tables import row_of, table
@@ -40,6 +41,8 @@ class SideBySide:
         """Return the comparison as an HTML page that needs nothing else."""
         rows = [row_of(row[0], row[1:]) for row in self.rows]
         body = table("Side by side", ("", *self.heads), rows, range(1, len(self.heads) + 1))
+        if self.remarks:
+            body += piece("parts.html", "notes", self.remarks)
         title = f"{len(self.records)} {self.kind} side by side"
         style = Markup(packaged("page.css"))
         return render(
@@ -89,9 +92,10 @@ def compare(paths: Sequence[Path]) -> SideBySide:
         {"file": str(path)} | (summarise(one) if isinstance(one, Take) else msgspec.to_builtins(one))
         for path, one in zip(paths, found, strict=True)
     )
+    remarks = [note for one in found if isinstance(one, FitResult | Diagnosis) for note in incomplete_notes(one.notes)]
     left_out = [text for path in paths if path.is_dir() and (text := results_in(path).left_out)]
     kinds = f"{kind}s" if kind != "diagnosis" else "diagnoses"
-    return SideBySide(kinds, tuple(names), tuple(rows), records, tuple(left_out))
+    return SideBySide(kinds, tuple(names), tuple(rows), records, (*dict.fromkeys(remarks), *left_out))
 
 
 def _short(paths: Sequence[Path]) -> list[str]:
@@ -149,6 +153,7 @@ def _take_rows(take: object) -> dict[str, str]:
     known = summarise(take)
     rate = f", {known['rate_hz']:g} a second" if known["rate_hz"] is not None else ""
     rows = {
+        "missing": known["missing"] or ("nothing" if known["is_complete"] else "its end"),
         "garment": f"{known['garment']}, {1e3 * known['mass_kg']:.1f} g",
         "length": f"{known['duration_s']:g} s, {known['frames']} frames{rate}",
         "motion": known["motion"],

@@ -5,6 +5,7 @@ from __future__ import annotations
 from fit.cloth.material import MATERIAL_NAMES
 from fit.engines import OWN_ENGINE
 from fit.errors import FitError
+from fit.recordings.intact import incomplete_notes
 from fit.virtual_tests.fabric_ranges import QUANTILES, TEN, range_of_ten, share_below
 from fit.virtual_tests.kes import Sheet, make_sheet
 from formats.fit_records import FitResult
@@ -87,4 +88,4 @@ def _remarks(result: FitResult) -> list[str]:
     for c in result.combinations:
         if not c.is_identified:
             remarks.append(f"The takes did not tell {c.name}: what depends on it is only the start or the range.")
-    return remarks
+    return remarks + incomplete_notes(result.notes)

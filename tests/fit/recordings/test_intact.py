@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fit.recordings.intact import SETTLING_TIME, describe_missing, longest_intact
+from fit.recordings.intact import FRAME_FIELDS, SETTLING_TIME, describe_missing, longest_intact
 from tests.formats.test_archive import a_take
 
 
@@ -35,6 +35,32 @@ def test_the_first_part_begins_at_the_takes_own_beginning_and_forgets_nothing():
     take = longest_intact(with_a_hole(400, 430))
     assert len(take.time) == 400
     assert take.points_valid[:30].mean() > 0.9
+
+
+def test_of_two_parts_the_one_that_is_judged_for_longer_is_used():
+    """Frames 0 to 99 are 3.3 s, 131 to 249 are 3.9 s, of which 1.4 s are judged; from rest all of them."""
+    take = with_a_hole(100, 130, frames=250)
+    assert longest_intact(take).time[0] == take.time[0]
+    take.held[100:] = 0.0
+    assert longest_intact(take).time[0] == take.time[100]
+
+
+def test_a_take_whose_first_frames_are_lost_begins_with_cloth_of_unknown_state():
+    """The first 30 frames, one second: the next 2.5 s, 75 frames, are not judged unless they begin at rest."""
+    whole = a_take(frames=300)
+    kept = slice(30, None)
+    arrays = {name: values[kept] for name in FRAME_FIELDS if (values := getattr(whole, name)) is not None}
+    for begin in (float(whole.time[0]), -np.inf):
+        lost = replace(whole, **arrays, missing=((begin, float(whole.time[30])),), is_complete=False)
+        used = longest_intact(lost)
+        assert len(used.time) == 270
+        assert not used.points_valid[:75].any()
+        assert used.points_valid[80:].mean() > 0.9
+        assert describe_missing([lost])[0].endswith(
+            "; its first 2.5 s are not judged, as how the cloth hung there is lost."
+        )
+        still = replace(lost, held=np.zeros_like(lost.held))
+        assert longest_intact(still).points_valid[:75].mean() > 0.9
 
 
 def test_a_part_that_begins_at_rest_forgets_nothing():
@@ -73,7 +99,7 @@ def test_what_is_missing_and_what_is_used_is_said():
     (note,) = describe_missing([a_take(), with_a_hole(150, 180)])
     assert note == (
         "Warning: the take a is incomplete (569 frames are left; missing: 4.97 to 6.03 s); "
-        "used: 6.03 to 19.97 s after its first frame."
+        "used: 6.03 to 19.97 s; its first 2.5 s are not judged, as how the cloth hung there is lost."
     )
 
 

@@ -1,0 +1,92 @@
+"""What is made of a damaged take says so, whichever command makes it."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+
+from fit.export.about import remarks_on_take
+from fit.export.kinds import EXPORT_KINDS, Order
+from fit.recordings.intact import FRAME_FIELDS, describe_missing
+from fit.virtual_tests.sheet import sheet_of
+from formats.archive import write_take
+from formats.results import save_fit_result
+from tests.fit.export.exported import a_fit
+from tests.fit.here import hangtime_here
+from tests.formats.test_archive import a_take
+
+LACKS = "is incomplete (119 frames are left; missing: 2.03 to 3.10 s)"
+
+
+def with_a_hole():
+    """Five seconds at 30 frames a second without frames 62 to 92: from 2.03 s, frame 61, to 3.10 s, frame 93."""
+    whole = a_take()
+    kept = np.r_[0:62, 93:150]
+    arrays = {name: values[kept] for name in FRAME_FIELDS if (values := getattr(whole, name)) is not None}
+    missing = ((float(whole.time[61]), float(whole.time[93])),)
+    return replace(whole, **arrays, is_complete=False, missing=missing)
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    return msgspec.structs.replace(a_fit(), notes=["Another.", *describe_missing([with_a_hole()])])
+
+
+@pytest.mark.parametrize("kind", ["csv", "table", "newton", "mujoco", "u3m", "blender", "usd-physics"])
+def test_every_export_of_a_fit_to_a_damaged_take_says_so(kind, fitted):
+    if kind == "usd-physics":
+        pytest.importorskip("pxr", reason="usd-core is not installed")
+    made = EXPORT_KINDS[kind].make(Order(result=fitted))
+    assert LACKS in re.sub(r"[\s#*/]+", " ", next(iter(made.values())).decode())
+    sound = EXPORT_KINDS[kind].make(Order(result=a_fit()))
+    assert "is incomplete" not in next(iter(sound.values())).decode()
+
+
+def test_the_fabric_of_a_fit_to_a_damaged_take_says_so(fitted):
+    assert sheet_of(fitted).count(LACKS) == 1
+    assert "incomplete" not in sheet_of(a_fit())
+
+
+def test_motion_under_a_damaged_take_says_so():
+    take = with_a_hole()
+    of_other = msgspec.structs.replace(a_fit(), garment_content="", take_contents=[])
+    assert any(LACKS in remark for remark in remarks_on_take(of_other, take))
+    assert not any("incomplete" in remark for remark in remarks_on_take(of_other, a_take()))
+
+
+def test_fits_and_takes_side_by_side_say_which_is_damaged(fitted, tmp_path):
+    save_fit_result(tmp_path / "a.json", fitted)
+    save_fit_result(tmp_path / "b.json", a_fit())
+    done = hangtime_here("compare", "a.json", "b.json", "--out", "page.html", folder=tmp_path)
+    assert done.stderr.count(LACKS) == 1
+    assert (tmp_path / "page.html").read_text().count(LACKS) == 1
+    write_take(tmp_path / "a.mcap", with_a_hole())
+    write_take(tmp_path / "b.mcap", a_take())
+    shown = hangtime_here("compare", "a.mcap", "b.mcap", folder=tmp_path).stdout
+    assert re.search(r"^missing +2\.03 to 3\.10 s +nothing$", shown, re.MULTILINE)
+    assert re.search(r"^length .* 119 frames, 30 a second .* 150 frames, 30 a second$", shown, re.MULTILINE)
+
+
+def test_takes_list_and_export_say_which_seconds_are_missing(tmp_path):
+    write_take(tmp_path / "a.mcap", with_a_hole())
+    write_take(tmp_path / "b.mcap", replace(a_take(), take_id="b"))
+    first, second = hangtime_here("takes", "list", ".", folder=tmp_path).stdout.splitlines()
+    assert first.endswith("; missing: 2.03 to 3.10 s")
+    assert "missing" not in second
+    listed = json.loads(hangtime_here("takes", "list", ".", "--json", folder=tmp_path).stdout)["takes"]
+    assert [(one["is_complete"], one["missing"]) for one in listed] == [(False, "2.03 to 3.10 s"), (True, "")]
+    exported = ("takes", "export", "a.mcap", "b.mcap", "--overwrite", "--to")
+    done = hangtime_here(*exported, "csv", "--out", "out", folder=tmp_path)
+    assert done.stdout.splitlines() == [
+        "out/a.csv: 119 frames; the take is incomplete; missing: 2.03 to 3.10 s", "out/b.csv: 150 frames"
+    ]  # fmt: skip
+    told = json.loads(hangtime_here(*exported, "csv", "--out", "out", "--json", folder=tmp_path).stdout)
+    assert [(one["is_complete"], one["missing"]) for one in told["files"]] == [(False, "2.03 to 3.10 s"), (True, "")]
+    pytest.importorskip("pyarrow")
+    done = hangtime_here(*exported, "parquet", "--out", "all.parquet", folder=tmp_path)
+    assert done.stdout == "all.parquet: 2 takes\na.mcap is incomplete; missing: 2.03 to 3.10 s\n"

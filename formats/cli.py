@@ -46,6 +46,10 @@ def import_recordings(
     subject: Annotated[
         str, typer.Option("--subject", help="Whose markers, where several have the same names (motion capture).")
     ] = "",
+    hanger: Annotated[
+        Path | None,
+        typer.Option("--hanger", metavar="PATH", help="Path of the hanger on a clock of its own (.npz): file or folder.")
+    ] = None,
     anyway: Anyway = False,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the takes; made if absent.")] = Path(
         "takes"
@@ -60,6 +64,7 @@ def import_recordings(
     from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
     from formats.importers.swung_cloth import import_swung_cloth
     from formats.outputs import check_name, refuse_to_replace, write_description
+    from formats.two_clocks import shows_hanger, shows_points
 
     described = load_garment(garment, anyway=anyway) if garment is not None else None
     options = MarkerOptions(up=up, frames=frames, unit=unit, subject=subject, anyway=anyway)
@@ -78,9 +83,14 @@ def import_recordings(
                     "motion capture needs to know the garment", where=path,
                     advice="give --garment FILE; `hangtime swatch` writes one",
                 )  # fmt: skip
+            if hanger is not None:
+                raise TakeError(
+                    "motion capture holds its hanger: the markers on the two top corners", where="--hanger",
+                    advice="leave out --hanger",
+                )
             takes.append(import_marker_take(path, described, options))
         else:
-            takes.append(import_swung_cloth(path, described, anyway=anyway))
+            takes.append(import_swung_cloth(path, described, hanger=hanger, anyway=anyway))
     for take in takes:
         write_description(out / "rig.toml", take.rig, overwrite=overwrite)
         write_description(out / "garment.toml", take.garment, overwrite=overwrite)
@@ -93,6 +103,8 @@ def import_recordings(
         words = f"{target}: {len(take.time)} frames, {length:.1f} s" + (
             f", its front looks along {front}" * bool(front)
         )
+        if not shows_points(take).all():
+            words += f", {shows_points(take).sum()} with the points and {shows_hanger(take).sum()} with the hanger"
         tell_entry("takes", words, file=str(target), frames=len(take.time), duration_s=length, front=front)
 
 

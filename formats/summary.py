@@ -14,6 +14,7 @@ from formats.motion import kind_of
 from formats.plain_text import plain
 from formats.rig import Calibration
 from formats.take import FrameState, Take
+from formats.two_clocks import shows_hanger, shows_points
 
 STATE_NAMES = {
     FrameState.MARKER_LOST: "marker lost",
@@ -27,6 +28,8 @@ STATE_NAMES = {
     FrameState.TOO_FAR: "too far",
     FrameState.VIEW_BLOCKED: "view blocked",
     FrameState.WRONG_SIZE: "wrong picture size",
+    FrameState.HANGER_ALONE: "hanger alone, on a clock of its own",
+    FrameState.POINTS_ALONE: "points alone, on a clock of their own",
 }
 POINT_WORDS: dict[PointKind, str] = {
     "material": "material points, which stay on the cloth",
@@ -38,7 +41,8 @@ def summarise(take: Take) -> dict[str, Any]:
     """Return a take's figures as plain numbers and text."""
     frames = len(take.time)
     duration = float(take.time[-1] - take.time[0])
-    seen = take.points_valid.mean(0)
+    pictures, sights = shows_points(take), shows_hanger(take)
+    seen = take.points_valid[pictures].mean(0) if pictures.any() else np.zeros(take.points_valid.shape[1])
     hidden = take.points_hidden.mean(0) if take.points_hidden is not None else np.zeros(len(seen))
     quality = take.quality[np.isfinite(take.quality)] if take.quality is not None else np.empty(0)
     points = []
@@ -66,7 +70,7 @@ def summarise(take: Take) -> dict[str, Any]:
         "calibration": None if take.rig.calibration is None else msgspec.to_builtins(take.rig.calibration),
         "garment": take.garment.name,
         "mass_kg": take.garment.mass_kg,
-        "hanger_seen_percent": round(100 * float(take.held_valid.all(1).mean()), 1),
+        "hanger_seen_percent": round(100 * float(take.held_valid.all(1)[sights].mean()), 1) if sights.any() else 0.0,
         "motion": kind_of(take),
         "hanger_travel_mm": [round(1e3 * float(s), 1) for s in swing],
         "pitch_seen_percent": 0.0 if take.pitch is None else round(100 * float(np.isfinite(take.pitch).mean()), 1),
@@ -82,10 +86,11 @@ def summarise(take: Take) -> dict[str, Any]:
 
 def _rate(take: Take) -> float | None:
     """Return frames a second, of the time in which none is lost; None of a single frame."""
-    steps = np.diff(take.time)
+    time = take.time[shows_points(take)]
+    steps = np.diff(time)
     is_hole = np.zeros(len(steps), bool)
     for begin, end in take.missing:
-        is_hole |= (take.time[:-1] <= begin) & (end <= take.time[1:])
+        is_hole |= (time[:-1] <= begin) & (end <= time[1:])
     return round(1 / float(steps[~is_hole].mean()), 2) if (~is_hole).any() else None
 
 

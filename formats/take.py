@@ -65,7 +65,11 @@ class Take:
 
 
 class FrameState:
-    """Bits of `Take.state`: what went wrong in a frame. `MARKER_LOST` says that both markers are not there together."""
+    """Bits of `Take.state`: what went wrong in a frame. `MARKER_LOST` says that both markers are not there together.
+
+    `HANGER_ALONE` and `POINTS_ALONE` say that the other was not looked at then: hanger and points have clocks of their
+    own (`formats.two_clocks`).
+    """
 
     MARKER_LOST = 1
     GARMENT_LOST = 2
@@ -78,3 +82,5 @@ class FrameState:
     TOO_FAR = 256
     VIEW_BLOCKED = 512
     WRONG_SIZE = 1024
+    HANGER_ALONE = 2048
+    POINTS_ALONE = 4096

@@ -39,6 +39,7 @@ from formats.arrays import Booleans, Floats
 from formats.garment import Garment
 from formats.rig import Rig, Vector
 from formats.take import Take
+from formats.two_clocks import shows_points
 
 Curve = Callable[[Floats], Floats]
 
@@ -223,15 +224,17 @@ def prepare(take: Take, steps: CameraSteps = EVERY_STEP) -> Recording:
     kept = _within_sight(held_valid)
     clock, held_valid, held_seen = take.time[kept] - take.time[kept][0], held_valid[kept], held_seen[kept]
     gaps = gaps_of(clock[held_valid])
-    points = take.points[kept] @ rotation.T
-    valid = take.points_valid[kept] & np.isfinite(take.points[kept]).all(2)
+    pictures = np.arange(len(take.time))[kept][shows_points(take)[kept]]
+    points = take.points[pictures] @ rotation.T
+    valid = take.points_valid[pictures] & np.isfinite(take.points[pictures]).all(2)
     places = np.array([p.at_m for p in take.garment.points])
-    cannot_be = find_impossible(points, valid, take.points_sd[kept], places)
+    cannot_be = find_impossible(points, valid, take.points_sd[pictures], places)
     impossible = float(cannot_be.sum() / max(valid.sum(), 1))
     if impossible <= MOST_LEFT_OUT:
         valid &= ~cannot_be
-    seen_sd = np.where(valid[..., None], take.points_sd[kept], np.nan)
-    valid &= is_known(clock, gaps)[:, None]
+    seen_sd = np.where(valid[..., None], take.points_sd[pictures], np.nan)
+    at_pictures = take.time[pictures] - take.time[kept][0]
+    valid &= is_known(at_pictures, gaps)[:, None]
     on_edge = _is_held(take.garment, places)
     judged = ~on_edge if (~on_edge).sum() >= 3 else np.ones(len(places), bool)
     with np.errstate(invalid="ignore"):
@@ -240,9 +243,9 @@ def prepare(take: Take, steps: CameraSteps = EVERY_STEP) -> Recording:
     held_sd = float(np.sqrt(np.mean(take.held_sd[kept][held_valid] ** 2)))
     cut_off = best_cut_off(*led_across(clock[held_valid], held_seen[held_valid]))
     path = held_curve(clock, held_seen, cut_off)
-    frames = Seen(clock, np.where(valid[..., None], points, np.nan))
+    frames = Seen(at_pictures, np.where(valid[..., None], points, np.nan))
     if steps.stamps and take.rig.hanger is None:  # else points and hanger were seen in the same pictures
-        frames = retimed(clock, frames.points, path, take.garment, on_edge)
+        frames = retimed(at_pictures, frames.points, path, take.garment, on_edge)
     if steps.skew:
         frames = straightened(frames, take.garment)
     camera = frames.camera

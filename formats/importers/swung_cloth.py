@@ -27,8 +27,10 @@ from formats.blocks import FARTHEST_PLACE
 from formats.errors import TakeError
 from formats.garment import Garment, TrackedPoint
 from formats.plausible import check_plausible_times
+from formats.importers.arm_path import path_beside, read_arm_path
 from formats.rig import Rig
 from formats.take import Take
+from formats.two_clocks import at_times, with_hanger
 from formats.whole_files import check_ends
 
 MOST_BYTES = 1 << 28  # of all arrays: twenty hours at 9 frames a second are half of it
@@ -47,16 +49,21 @@ STATED_HELD_SD = 0.002  # m, stated by us: the robot's pose is better than the f
 WHAT_TO_GIVE = "give marker paths (.c3d, .trc, .csv, .tsv) or a swung-cloth .npz, see docs/reference/file-formats.md"
 
 
-def import_swung_cloth(path: Path, described: Garment | None = None, *, anyway: bool | None = None) -> Take:
+def import_swung_cloth(
+    path: Path, described: Garment | None = None, *, hanger: Path | None = None, anyway: bool | None = None
+) -> Take:
     """Return the take in one `.npz` file.
 
     described: a garment of known weight and name, with the outline and the tracked places of the file in any order and
     from any origin
 
+    hanger: the hanger's path on a clock of its own (`formats.importers.arm_path`), in place of `hanger_corners`: a file,
+    or a folder with a file of the same name
+
     anyway: accept times that no camera has; None: refuse them, and name no option for it
 
     Raises:
-        TakeError: the file is missing or is no such recording, its time does not increase or is not in
+        TakeError: a file is missing or is no such recording, its time does not increase or is not in
             seconds, or it is of another garment than the described one.
     """
     data = _load(path)
@@ -68,7 +75,17 @@ def import_swung_cloth(path: Path, described: Garment | None = None, *, anyway: 
     width, height = (round(float(size), 6) for size in np.ptp(rest, axis=0))
     rest = np.round(rest - [rest[:, 0].min() + width / 2, rest[:, 1].max()], 6)
     valid = data["valid"].astype(bool) & np.isfinite(points).all(2)
-    held = _left_first(data["hanger_corners"].astype(float), points, valid, rest)
+    held, own = data["hanger_corners"].astype(float), None
+    if hanger is not None:
+        own = read_arm_path(path_beside(hanger, path), anyway=anyway)
+        held = at_times(time, *own)
+        if not np.isfinite(held).any():
+            raise TakeError(
+                "its times are none of the recording's", where=path_beside(hanger, path),
+                advice="give the path of the same take, on a clock of the same zero",
+            )  # fmt: skip
+    is_crossed = _is_crossed(held, points, valid, rest)
+    held = held[:, ::-1] if is_crossed else held
     held_valid = np.isfinite(held).all(2)
     half = width / 2
     order = np.arange(len(rest))
@@ -85,7 +102,7 @@ def import_swung_cloth(path: Path, described: Garment | None = None, *, anyway: 
         if described.points_are is None:
             garment = msgspec.structs.replace(described, format="hangtime-garment/2", points_are="silhouette")
     points, valid = points[:, order], valid[:, order]
-    return Take(
+    take = Take(
         take_id=path.stem,
         created=datetime.fromtimestamp(path.stat().st_mtime, UTC).isoformat(timespec="seconds"),
         rig=Rig(format="hangtime-rig/1", name="robot arm, robot base frame", gravity=(0.0, 0.0, -1.0)),
@@ -105,6 +122,10 @@ def import_swung_cloth(path: Path, described: Garment | None = None, *, anyway: 
             "points": "a re-gridded silhouette, not material markers: edges are eaten, corners jump",
         },
     )
+    if own is None:
+        return take
+    sights, corners = own
+    return with_hanger(take, sights - time[0], corners[:, ::-1] if is_crossed else corners, STATED_HELD_SD)
 
 
 def _places_of(garment: Garment, rest: NDArray[Any], path: Path) -> NDArray[Any]:
@@ -146,14 +167,14 @@ def _line(values: NDArray[Any]) -> list[int]:
     return [int(n) for n in number]
 
 
-def _left_first(held: NDArray[Any], points: NDArray[Any], valid: NDArray[Any], rest: NDArray[Any]) -> NDArray[Any]:
-    """Order the held corners so that the first is the one at the smaller x of the flat cloth."""
+def _is_crossed(held: NDArray[Any], points: NDArray[Any], valid: NDArray[Any], rest: NDArray[Any]) -> bool:
+    """Whether the first held corner is not the one at the smaller x of the flat cloth."""
     top = np.flatnonzero(np.isclose(rest[:, 1], rest[:, 1].max()))
     left, right = top[np.argmin(rest[top, 0])], top[np.argmax(rest[top, 0])]
     seen = valid[:, left] & valid[:, right] & np.isfinite(held).all((1, 2))
     straight = np.linalg.norm(held[seen] - points[seen][:, [left, right]], axis=2).sum()
     crossed = np.linalg.norm(held[seen] - points[seen][:, [right, left]], axis=2).sum()
-    return held if straight <= crossed else held[:, ::-1]
+    return bool(straight > crossed)
 
 
 def _load(path: Path) -> dict[str, NDArray[Any]]:

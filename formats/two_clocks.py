@@ -1,0 +1,77 @@
+"""A take whose hanger was measured on a clock of its own: its frames are the moments of both.
+
+A frame then holds the hanger alone (`FrameState.HANGER_ALONE`), the points alone (`FrameState.POINTS_ALONE`), or both
+where they were measured at the same time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from formats.arrays import Booleans, Floats
+from formats.integers import Integers
+from formats.take import FrameState, Take
+
+SAME_TIME = 1e-3  # s: what is nearer in time is one frame; a hanger at 2 m/s goes 2 mm
+
+
+def with_hanger(take: Take, time: Floats, held: Floats, sd: float) -> Take:
+    """Return an imported take whose hanger was measured at other times than its points.
+
+    - `time` [s], (sights,): increasing, on the clock of `take.time`
+    - `held` [m], (sights, 2, 3): the two ends of the held edge, left first
+    - `sd` [m]: their deviation per axis
+    """
+    sight, picture = _nearest(time, take.time), _nearest(take.time, time)
+    shared = np.flatnonzero(np.abs(time[sight] - take.time) < SAME_TIME)  # pictures at which the hanger was seen too
+    is_alone = np.abs(take.time[picture] - time) >= SAME_TIME
+    every = np.concatenate([take.time, time[is_alone]])
+    order = np.argsort(every, kind="stable")
+    place = np.argsort(order)
+    pictures, alone = place[: len(take.time)], place[len(take.time) :]
+
+    def spread(values: Floats | Booleans, empty: float | bool) -> Floats:
+        full = np.full((len(every), *values.shape[1:]), empty, values.dtype)
+        full[pictures] = values
+        return full
+
+    both = np.full((len(every), 2, 3), np.nan)
+    both[alone], both[pictures[shared]] = held[is_alone], held[sight[shared]]
+    state = spread(take.state | FrameState.POINTS_ALONE, FrameState.HANGER_ALONE)
+    state[pictures[shared]] &= ~np.uint16(FrameState.POINTS_ALONE)
+    hidden = take.points_hidden
+    return replace(
+        take, time=every[order], held=both, held_valid=np.isfinite(both).all(2),
+        held_sd=np.full(both.shape, sd), markers=both, points=spread(take.points, np.nan),
+        points_valid=spread(take.points_valid, False), points_sd=spread(take.points_sd, np.nan), state=state,
+        points_hidden=None if hidden is None else spread(hidden, False),
+        quality=None if take.quality is None else spread(take.quality, np.nan),
+    )  # fmt: skip
+
+
+def _nearest(among: Floats, instants: Floats) -> Integers:
+    """Return which of increasing times, (k,), is nearest to each of the instants, (n,)."""
+    after = np.searchsorted(among, instants)
+    before, after = np.clip(after - 1, 0, None), np.clip(after, None, len(among) - 1)
+    return np.where(np.abs(among[before] - instants) <= np.abs(among[after] - instants), before, after)
+
+
+def at_times(wanted: Floats, time: Floats, held: Floats) -> Floats:
+    """Return the held ends [m], (n, 2, 3), at the wanted instants [s], (n,), NaN outside of the path: straight lines.
+
+    time [s], (sights,); held [m], (sights, 2, 3)
+    """
+    columns = [np.interp(wanted, time, column, np.nan, np.nan) for column in held.reshape(len(time), 6).T]
+    return np.stack(columns, axis=1).reshape(len(wanted), 2, 3)
+
+
+def shows_points(take: Take) -> Booleans:
+    """Return the frames in which points could be seen, (frames,)."""
+    return (take.state & FrameState.HANGER_ALONE) == 0
+
+
+def shows_hanger(take: Take) -> Booleans:
+    """Return the frames in which the hanger could be seen, (frames,)."""
+    return (take.state & FrameState.POINTS_ALONE) == 0

@@ -1,0 +1,120 @@
+"""A hanger with a clock of its own: its sights and the pictures of the points are frames of one take."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fit.recordings.recording import prepare
+from formats.archive import read_take, write_take
+from formats.errors import ImplausibleError, TakeError
+from formats.importers.arm_path import read_arm_path
+from formats.importers.swung_cloth import import_swung_cloth
+from formats.summary import summarise
+from formats.take import FrameState
+from formats.two_clocks import shows_hanger, shows_points, with_hanger
+from tests.formats.test_command_line import hangtime, swung_cloth
+
+FAST, HIGH = 1.6, 0.05  # Hz and m: between pictures at 9 Hz the arm's path bends by centimetres
+QUARTER = np.array([0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)])  # a quarter turn about z
+
+
+def arm_moves(time):
+    """Place of the tool [m], (n, 3)."""
+    return np.stack([0 * time, HIGH * np.sin(2 * np.pi * FAST * time), 0 * time], 1)
+
+
+def recorded(folder, **changes):
+    """A recording of 40 pictures, and an arm's path of 20 poses a second beside it, in `arm`."""
+    swung_cloth(folder / "a.npz")
+    with np.load(folder / "a.npz") as archive:
+        data = dict(archive)
+    moves = arm_moves(data["t"])[:, None]
+    corners = data["hanger_corners"][0]
+    np.savez(folder / "a.npz", **{**data, **{k: data[k] + moves for k in ("points", "hanger_corners")}})
+    time = np.arange(-0.6, 4.2, 0.05)
+    to_corner = corners[:, [1, 0, 2]] * [1, -1, 1]  # seen from the turned tool
+    path = {
+        "tcp_t": time, "tcp_pose": np.column_stack([arm_moves(time), np.tile(QUARTER, (len(time), 1))]),
+        "tcp_to_corner_m": to_corner,
+    }  # fmt: skip
+    (folder / "arm").mkdir()
+    np.savez(folder / "arm/a.npz", **{**path, **changes})
+    return corners
+
+
+def test_the_path_of_an_arm_gives_the_corners_after_its_turn(tmp_path):
+    corners = recorded(tmp_path)
+    time, held = read_arm_path(tmp_path / "arm/a.npz")
+    np.testing.assert_allclose(held, corners + arm_moves(time)[:, None], atol=1e-12)
+
+
+def test_a_take_keeps_the_sights_of_both_clocks(tmp_path):
+    """40 pictures, and 96 poses. A picture and a pose at the same time are one frame."""
+    recorded(tmp_path)
+    take = import_swung_cloth(tmp_path / "a.npz", hanger=tmp_path / "arm")
+    take = read_take(write_take(tmp_path / "a.mcap", take))
+    both = shows_points(take) & shows_hanger(take)
+    pictures, poses = np.arange(40) * 0.11 - 0.34, np.arange(-0.6, 4.2, 0.05)
+    assert both.sum() == (np.abs(pictures[:, None] - poses).min(1) < 1e-3).sum() == 8
+    assert (shows_points(take).sum(), shows_hanger(take).sum()) == (40, len(poses))
+    assert np.array_equal(take.held_valid.all(1), shows_hanger(take))
+    assert np.array_equal(take.points_valid.any(1), shows_points(take))
+    np.testing.assert_allclose(take.time[shows_points(take)], pictures + 0.34, atol=1e-6)
+    summary = summarise(take)
+    assert (summary["hanger_seen_percent"], summary["points"][0]["seen_percent"]) == (100.0, 100.0)
+    assert summary["rate_hz"] == pytest.approx(1 / 0.11, abs=0.01)
+
+
+def test_a_simulation_is_driven_along_the_hangers_own_clock(tmp_path):
+    """Through the corners at the pictures alone the path misses a bend of 1.6 Hz by 6 mm; on its own clock by a tenth."""
+    corners = recorded(tmp_path)
+    instants = np.linspace(0.2, 4.0, 400)
+    truth = arm_moves(instants - 0.34)[:, 1]
+    missed = []
+    for hanger in (None, tmp_path / "arm/a.npz"):
+        recording = prepare(import_swung_cloth(tmp_path / "a.npz", hanger=hanger))
+        found = recording.held(instants)[:, [0, 1, 2]] - corners[0]
+        missed.append(np.sqrt(((found[:, 1] - truth) ** 2).mean()))
+        assert len(recording.time) == 40
+        assert recording.valid[:, recording.judged].all()
+    assert missed[1] < 0.1 * missed[0]
+
+
+def test_marks_of_frames_say_what_was_measured_in_them(tmp_path):
+    recorded(tmp_path)
+    take = import_swung_cloth(tmp_path / "a.npz")
+    at = take.time[3] + np.array([-5e-4, 4e-4, 0.03])  # the second is the nearer one of two at one picture
+    found = with_hanger(take, at, np.zeros((3, 2, 3)), 0.002)
+    alone = found.state == FrameState.HANGER_ALONE
+    assert found.time[alone].tolist() == [at[2]]
+    assert np.flatnonzero(found.state == 0).tolist() == [3]
+    assert (found.state == FrameState.POINTS_ALONE).sum() == 39
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"tcp_t": np.zeros(96)}, "its time does not increase from pose to pose"),
+        ({"tcp_pose": np.zeros((96, 6))}, r"the array 'tcp_pose' has shape \(96, 6\) of float64, not \(96, 7\) numbers"),
+        ({"tcp_pose": np.ones((96, 7))}, "a rotation in 'tcp_pose' is no unit quaternion"),
+        ({"tcp_to_corner_m": np.full((2, 3), np.nan)}, "the array 'tcp_to_corner_m' holds what is no number"),
+        ({"tcp_t": np.arange(96) + 900.0}, "its frames are 1 s apart in the median"),
+        ({"tcp_t": np.arange(96) * 0.05 + 900.0}, "its times are none of the recording's"),
+    ],
+)
+def test_a_file_that_is_no_path_of_the_take_is_refused(tmp_path, changes, sentence):
+    recorded(tmp_path, **changes)
+    with pytest.raises((TakeError, ImplausibleError), match=sentence):
+        import_swung_cloth(tmp_path / "a.npz", hanger=tmp_path / "arm")
+
+
+def test_the_command_imports_both_and_names_a_path_that_is_not_there(tmp_path):
+    recorded(tmp_path)
+    done = hangtime("import", tmp_path / "a.npz", "--hanger", tmp_path / "arm", "--out", tmp_path / "takes")
+    assert done.returncode == 0, done.stderr
+    assert "40 with the points and 96 with the hanger" in done.stdout
+    (tmp_path / "arm/a.npz").unlink()
+    done = hangtime("import", tmp_path / "a.npz", "--hanger", tmp_path / "arm", "--out", tmp_path / "others")
+    assert (done.returncode, (tmp_path / "others").exists()) == (2, False)
+    assert "arm/a.npz: cannot be read (No such file or directory)" in done.stderr

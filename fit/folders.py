@@ -56,11 +56,12 @@ def alone(folder: Path, command: str) -> Iterator[None]:
             ) from error  # fmt: skip
         except OSError:  # a network's file system locks no folders
             pass
-        yield
-    except BaseException:
-        with suppress(OSError):  # it holds something
-            folder.rmdir()
-        raise
+        try:
+            yield
+        except BaseException:
+            with suppress(OSError):  # it holds something
+                folder.rmdir()
+            raise
     finally:
         os.close(handle)
 

@@ -48,7 +48,7 @@ def import_recordings(
     ] = "",
     hanger: Annotated[
         Path | None,
-        typer.Option("--hanger", metavar="PATH", help="Path of the hanger on a clock of its own (.npz): file or folder.")
+        typer.Option("--hanger", metavar="PATH", help="The hanger's path on its own clock (.npz): file or folder.")
     ] = None,
     anyway: Anyway = False,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the takes; made if absent.")] = Path(
@@ -85,7 +85,8 @@ def import_recordings(
                 )  # fmt: skip
             if hanger is not None:
                 raise TakeError(
-                    "motion capture holds its hanger: the markers on the two top corners", where="--hanger",
+                    "motion capture holds its hanger: the markers on the two top corners",
+                    where="--hanger",
                     advice="leave out --hanger",
                 )
             takes.append(import_marker_take(path, described, options))

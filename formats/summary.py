@@ -70,7 +70,7 @@ def summarise(take: Take) -> dict[str, Any]:
         "calibration": None if take.rig.calibration is None else msgspec.to_builtins(take.rig.calibration),
         "garment": take.garment.name,
         "mass_kg": take.garment.mass_kg,
-        "hanger_seen_percent": round(100 * float(take.held_valid.all(1)[sights].mean()), 1) if sights.any() else 0.0,
+        "hanger_seen_percent": round(100 * float(take.held_valid[sights].all(1).mean()), 1) if sights.any() else 0.0,
         "motion": kind_of(take),
         "hanger_travel_mm": [round(1e3 * float(s), 1) for s in swing],
         "pitch_seen_percent": 0.0 if take.pitch is None else round(100 * float(np.isfinite(take.pitch).mean()), 1),

@@ -7,8 +7,10 @@ where they were measured at the same time.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from formats.arrays import Booleans, Floats
 from formats.integers import Integers
@@ -32,7 +34,7 @@ def with_hanger(take: Take, time: Floats, held: Floats, sd: float) -> Take:
     place = np.argsort(order)
     pictures, alone = place[: len(take.time)], place[len(take.time) :]
 
-    def spread(values: Floats | Booleans, empty: float | bool) -> Floats:
+    def spread(values: NDArray[Any], empty: float | bool) -> NDArray[Any]:
         full = np.full((len(every), *values.shape[1:]), empty, values.dtype)
         full[pictures] = values
         return full
@@ -69,9 +71,9 @@ def at_times(wanted: Floats, time: Floats, held: Floats) -> Floats:
 
 def shows_points(take: Take) -> Booleans:
     """Return the frames in which points could be seen, (frames,)."""
-    return (take.state & FrameState.HANGER_ALONE) == 0
+    return np.asarray((take.state & FrameState.HANGER_ALONE) == 0)
 
 
 def shows_hanger(take: Take) -> Booleans:
     """Return the frames in which the hanger could be seen, (frames,)."""
-    return (take.state & FrameState.POINTS_ALONE) == 0
+    return np.asarray((take.state & FrameState.POINTS_ALONE) == 0)

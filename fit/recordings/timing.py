@@ -19,6 +19,11 @@ residual r, both over sigma,
 
     a_f = -(r . v) / v^2,   deviation^2 = sum (a_f^2 v^2 - 1) / sum v^2
 
+It counts where it is certain: three of its half seconds' standard errors beyond the noise. Few frames at rest tell
+little of that, so sigma is one for the three axes here. Median absolute deviations of m frames tell as much as a mean
+square of n = 3 * 0.37 m numbers. Then sigma^2 may be n / q times what was measured, with q the chi-squared number of n
+degrees of freedom at 1 in 740.
+
 The frames themselves are moved back across the cloth, and not in time (`fit.recordings.frame_offsets`).
 Source: least squares with variable projection, G. H. Golub & V. Pereyra, SIAM J. Numer. Anal. 10 (1973).
 """
@@ -52,7 +57,7 @@ FEWEST_NOISE_FRAMES = 8  # frames from which noise is taken
 MEDIAN_TELLS = 0.37  # of what a mean square would tell of a deviation, a median absolute deviation does
 WIDEST_INTERVAL = 0.05  # s of half an interval: wider, the hanger hardly moved
 SURELY = 1.8  # halves of a 90 % interval: three standard errors, so that of six findings hardly one in fifty is false
-CERTAIN = 2.5  # standard errors of the frames' own deviation
+CERTAIN = 3.0  # standard errors of the frames' own deviation
 NEXT = 1e-3  # s, a difference for slopes
 CLOSEST = 4e-3  # s between frames: nearer ones are one moment
 
@@ -277,20 +282,27 @@ class _Scan:
         """Return a timing with the deviation of each frame's own shift, where such shifts show."""
         velocity = self.velocity(timing.latency, timing.share)
         moving = self.used & (np.linalg.norm(velocity, axis=1) > MOVING)
-        left, velocity = self.residual(timing.latency, timing.share) / self.noise, velocity / self.noise
+        noise = float(np.sqrt((self.noise**2).mean()))
+        left, velocity = self.residual(timing.latency, timing.share) / noise, velocity / noise
         weight = (velocity**2).sum(1)
         if moving.sum() < 2 * FEWEST_BLOCKS or not self.still:
             return timing
         own = -(left * velocity).sum(1) / np.maximum(weight, 1e-9)
-        # The noise is known to 1 / sqrt(2 * 0.37 n) of itself: so much of it, twice, may be more than was measured.
-        most = (1 + 2 / np.sqrt(2 * MEDIAN_TELLS * self.still)) ** 2
-        excess, weighed = own[moving] ** 2 * weight[moving] - most, weight[moving]
-        variance = float(excess.sum() / weighed.sum())
-        block = self.block[moving]
-        parts = np.array([(excess - variance * weighed)[block == b].sum() for b in np.unique(block)]) / weighed.sum()
-        if len(parts) < FEWEST_BLOCKS or not variance > CERTAIN * float(np.sqrt((parts**2).sum())):
+        square, weighed, block = own[moving] ** 2 * weight[moving], weight[moving], self.block[moving]
+        sure = (square - _most_noise(self.still)).sum() / weighed.sum()
+        variance = float((square - 1).sum() / weighed.sum())
+        parts = np.array([(square - variance * weighed - 1)[block == b].sum() for b in np.unique(block)])
+        if len(parts) < FEWEST_BLOCKS or not sure > CERTAIN * float(np.sqrt((parts**2).sum())) / weighed.sum():
             return timing
         return replace(timing, deviation=float(np.sqrt(variance)))
+
+
+def _most_noise(still: int) -> float:
+    """Return how many times its estimate from three axes of still frames a noise's variance can be, at `CERTAIN`."""
+    from scipy.stats import chi2, norm
+
+    freedom = 3 * MEDIAN_TELLS * still
+    return float(freedom / chi2.ppf(norm.sf(CERTAIN), freedom))
 
 
 def uneven_intervals(time: Floats) -> Floats:

@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from formats.blocks import FARTHEST_PLACE
 from formats.errors import TakeError
 from formats.garment import Garment, TrackedPoint
-from formats.plausible import check_plausible_times
 from formats.importers.arm_path import path_beside, read_arm_path
+from formats.plausible import check_plausible_times
 from formats.rig import Rig
 from formats.take import Take
 from formats.two_clocks import at_times, with_hanger
@@ -57,8 +57,8 @@ def import_swung_cloth(
     described: a garment of known weight and name, with the outline and the tracked places of the file in any order and
     from any origin
 
-    hanger: the hanger's path on a clock of its own (`formats.importers.arm_path`), in place of `hanger_corners`: a file,
-    or a folder with a file of the same name
+    hanger: the hanger's path on its own clock (`formats.importers.arm_path`), in place of `hanger_corners`: a file, or
+    a folder with a file of the same name
 
     anyway: accept times that no camera has; None: refuse them, and name no option for it
 

@@ -241,15 +241,19 @@ def test_a_diagnosis_says_before_it_simulates_that_the_takes_are_too_short(tmp_p
 def test_takes_that_cannot_decide_end_with_a_code_of_their_own_and_with_a_report(tmp_path):
     """Two seconds of the 2.5 that are needed, with one effect in the library."""
     pytest.importorskip("PIL")
+    from PIL import Image
+
     write_take(tmp_path / "a.mcap", a_swung_take(seconds=2.0))
     without = [word for e in LIBRARY if e.name != "hem" for word in ("--without", e.name)]
     words = ["diagnose", "a.mcap", "--model", "lean", "--spacing", 0.2, "--plot", "e.png", "--json", *without]
-    done = hangtime_here(*words, folder=tmp_path)
+    done = hangtime_here(*words, "--arrows", "left.png", folder=tmp_path)
     assert done.returncode == INCONCLUSIVE == 4
     told = json.loads(done.stdout)
     assert told["diagnosis"]["verdict"] == "inconclusive"
     assert (tmp_path / told["report"]).exists()
     assert (tmp_path / "e.png").read_bytes().startswith(b"\x89PNG")
+    with Image.open(tmp_path / "left.png") as left:
+        assert len(left.convert("RGB").getcolors(1 << 20)) > 3  # paper, and ink of simulated, tracked and missed
     page = (tmp_path / told["report"]).read_text()
     assert "hangtime diagnose a.mcap --model lean" in page  # the origin
 

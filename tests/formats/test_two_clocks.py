@@ -67,7 +67,7 @@ def test_a_take_keeps_the_sights_of_both_clocks(tmp_path):
 
 
 def test_a_simulation_is_driven_along_the_hangers_own_clock(tmp_path):
-    """Through the corners at the pictures alone the path misses a bend of 1.6 Hz by 6 mm; on its own clock by a tenth."""
+    """Through the corners at the pictures alone the path misses a bend of 1.6 Hz ten times as far."""
     corners = recorded(tmp_path)
     instants = np.linspace(0.2, 4.0, 400)
     truth = arm_moves(instants - 0.34)[:, 1]
@@ -96,7 +96,10 @@ def test_marks_of_frames_say_what_was_measured_in_them(tmp_path):
     ("changes", "sentence"),
     [
         ({"tcp_t": np.zeros(96)}, "its time does not increase from pose to pose"),
-        ({"tcp_pose": np.zeros((96, 6))}, r"the array 'tcp_pose' has shape \(96, 6\) of float64, not \(96, 7\) numbers"),
+        (
+            {"tcp_pose": np.zeros((96, 6))},
+            r"the array 'tcp_pose' has shape \(96, 6\) of float64, not \(96, 7\) numbers",
+        ),
         ({"tcp_pose": np.ones((96, 7))}, "a rotation in 'tcp_pose' is no unit quaternion"),
         ({"tcp_to_corner_m": np.full((2, 3), np.nan)}, "the array 'tcp_to_corner_m' holds what is no number"),
         ({"tcp_t": np.arange(96) + 900.0}, "its frames are 1 s apart in the median"),

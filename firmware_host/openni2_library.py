@@ -58,15 +58,6 @@ def load() -> Any:
     return openni2
 
 
-def is_available() -> bool:
-    """Return whether OpenNI2 can be used here."""
-    try:
-        load()
-    except SensorUnavailableError:
-        return False
-    return True
-
-
 def live_uris() -> list[str]:
     """Return OpenNI2's names of the connected devices; a PS1080's is like `1d27/0600@1/4`, bus and address at its end.
 

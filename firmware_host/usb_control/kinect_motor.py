@@ -19,16 +19,14 @@ import struct
 from dataclasses import dataclass
 from enum import IntEnum
 
-from firmware_host.errors import FirmwareReplyError, FirmwareUnsupportedError
+from firmware_host.errors import FirmwareReplyError
 from firmware_host.usb_control.link import UsbLink
 
 SET_LED = 0x06  # freenect_set_led
-SET_TILT = 0x31  # freenect_set_tilt_degs
 GET_STATE = 0x32  # freenect_update_tilt_state
 STATE = struct.Struct(">xxhhhbB")  # ten bytes: two unused, x, y, z, twice the tilt, motor state
 COUNTS_PER_G = 819.0  # FREENECT_COUNTS_PER_G
 GRAVITY = 9.80665  # m/s^2, standard
-LARGEST_TILT = 31.0  # degrees, MAX_TILT_ANGLE
 UNKNOWN_TILT = -128  # what the tilt reads while the motor moves
 STILL_TOLERANCE = (
     0.15  # of g; farther from 1 g, the sensor is being moved or a zero point is off (data sheet: 0.25 g at most)
@@ -116,16 +114,3 @@ class KinectMotor:
     def set_led(self, led: Led) -> None:
         """Switch the lamp."""
         self._link.send(SET_LED, led)
-
-    def tilt_to(self, degrees: float) -> None:
-        """Start moving to this angle from the horizon [degrees], up is positive; it takes seconds.
-
-        Raises:
-            FirmwareUnsupportedError: beyond what the motor can do.
-        """
-        if not abs(degrees) <= LARGEST_TILT:
-            raise FirmwareUnsupportedError(
-                f"a tilt of {degrees:g} degrees is out of reach", where=self._where,
-                advice=f"stay between -{LARGEST_TILT:g} and {LARGEST_TILT:g}",
-            )  # fmt: skip
-        self._link.send(SET_TILT, round(2 * degrees))

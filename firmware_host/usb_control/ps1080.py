@@ -37,7 +37,6 @@ STREAMS = (5, 6, 7)  # PARAM_GENERAL_STREAM0_MODE to STREAM2_MODE; 0 is off (XnP
 SERIAL_SINCE = (5, 4, 0)  # XnHostProtocolInitFWParams, like the next four
 PLATFORM_SINCE = (5, 7, 0)
 LED_SINCE = (5, 8, 0)
-EMITTER_SINCE = (5, 8, 15)
 RESET_STOPS_STREAMS_SINCE = (5, 2, 0)  # XnHostProtocolReset
 
 
@@ -105,11 +104,6 @@ class Ps1080:
         """Switch a lamp."""
         self._require(LED_SINCE, "a lamp that can be switched")
         self._ask(Opcode.SET_LED_STATE, struct.pack("<HH", led, is_on))
-
-    def set_emitter(self, is_on: bool) -> None:
-        """Switch the infrared emitter; without it there is no depth."""
-        self._require(EMITTER_SINCE, "an emitter that can be switched")
-        self._ask(Opcode.ENABLE_EMITTER, struct.pack("<H", is_on))
 
     def soft_reset(self) -> None:
         """Stop all streams and set the firmware back to its start."""

@@ -152,12 +152,6 @@ class Annealing:
         """Best distance so far [m], (iterations + 1,), the start first."""
         return np.array([step.best for step in self.steps])
 
-    @property
-    def acceptance_rate(self) -> float:
-        """Share of the iterations so far that were accepted."""
-        taken = [step.is_accepted for step in self.steps[1:]]
-        return float(np.mean(taken)) if taken else math.nan
-
     def ask(self, width: int = 1) -> Floats:
         """Return the next 1 to `width` proposals, (candidates, parameters); none when finished."""
         if width < 1:

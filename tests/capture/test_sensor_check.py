@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 from capture.sensor_check import markers_visible
-from firmware_host import openni2_library
 from firmware_host.depth_sensor import SensorFrame, SensorInfo
 from firmware_host.doctor.checks import Examination, StreamSample, Verdict
 from firmware_host.oni_writer import OniWriter
 from formats.command import app, gather_commands
 from formats.rig import Hanger, Rig, Sensor
+from tests import openni2
 from tests.capture.hanger.test_colour_dots import RIG as DOT_RIG
 from tests.capture.hanger.test_colour_dots import dots as drawn_dots
 from tests.capture.stage import CAMERA, pictures
@@ -93,7 +93,7 @@ def test_without_colour_there_is_nothing_to_look_at() -> None:
 
 @pytest.mark.openni
 def test_a_good_recording_passes_every_line_and_the_doctor_exits_with_0(tmp_path: Path) -> None:
-    if not openni2_library.is_available():
+    if not openni2.is_available():
         pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
     with OniWriter(tmp_path / "a.oni", SENSOR) as writer:
         for number in range(20):

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from firmware_host.errors import RecordingError
-from firmware_host.oni_depth_codec import decode_depth
 from firmware_host.oni_records import RecordType, read_records
 from firmware_host.oni_writer import OniWriter
 from firmware_host.openni2_sensor import OpenNI2Sensor
+from tests.firmware_host.oni_depth import decode_depth
 from tests.firmware_host.scenes import PERIOD_US, SMALL, picture, write_recording
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from firmware_host.oni_depth_codec import decode_depth, encode_depth
+from firmware_host.oni_depth_codec import encode_depth
+from tests.firmware_host.oni_depth import decode_depth
 
 
 def test_two_small_steps_share_one_byte() -> None:

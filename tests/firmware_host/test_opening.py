@@ -13,6 +13,7 @@ from firmware_host.errors import RecordingError, SensorAddressError, SensorError
 from firmware_host.opening import open_sensor
 from firmware_host.synthetic.swatch import make_swatch_take
 from formats.command import app, gather_commands
+from tests import openni2
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
@@ -83,4 +84,4 @@ def test_without_the_native_library_the_advice_is_the_apt_command(monkeypatch: p
     monkeypatch.setattr(openni2_library, "LIBRARY_NAME", "libNotThere.so.0")
     with pytest.raises(SensorUnavailableError, match="apt-get install libopenni2-0"):
         openni2_library.load()
-    assert not openni2_library.is_available()
+    assert not openni2.is_available()

@@ -7,7 +7,6 @@ import pytest
 from firmware_host.errors import (
     FirmwareError,
     FirmwareReplyError,
-    FirmwareUnsupportedError,
     UsbStallError,
     UsbTimeoutError,
     UsbUnpluggedError,
@@ -62,20 +61,10 @@ def test_an_acceleration_of_twice_g_is_not_gravity_alone_and_zero_has_no_directi
         motor.state().gravity()
 
 
-def test_lamp_and_tilt_reach_the_device() -> None:
+def test_the_lamp_reaches_the_device() -> None:
     motor, model = foot()
     motor.set_led(Led.BLINK_RED_YELLOW)
-    motor.tilt_to(-10.4)
-    assert (model.led, model.tilt) == (6, -21)
-    assert motor.state().tilt_degrees == -10.5
-
-
-@pytest.mark.parametrize("degrees", [31.5, -40.0, float("nan")])
-def test_a_tilt_out_of_reach_is_refused_before_the_motor_is_asked(degrees: float) -> None:
-    motor, model = foot()
-    with pytest.raises(FirmwareUnsupportedError, match="out of reach; stay between -31 and 31"):
-        motor.tilt_to(degrees)
-    assert model.tilt == 60
+    assert model.led == 6
 
 
 @pytest.mark.parametrize(

@@ -74,13 +74,12 @@ def test_processor_times_are_seconds() -> None:
     assert [(t.runs, t.seconds) for t in times] == [(10, 2.0), (30, 0.5)]
 
 
-def test_lamp_emitter_keep_alive_and_resets_reach_the_device() -> None:
+def test_lamp_keep_alive_and_resets_reach_the_device() -> None:
     ps1080, model, _ = sensor()
     ps1080.keep_alive()
     ps1080.set_led(True)
-    ps1080.set_emitter(False)
     ps1080.soft_reset()
-    assert (model.led, model.emitter, model.mode) == ((0, 1), 0, 3)
+    assert (model.led, model.mode) == ((0, 1), 3)
     ps1080.reboot()
     assert model.mode == 4
 

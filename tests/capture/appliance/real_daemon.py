@@ -7,12 +7,12 @@ from contextlib import contextmanager
 
 import pytest
 
-from firmware_host import openni2_library
+from tests import openni2
 
 FPS = 15  # of the recording that stands for the sensor
 
 needs_openni = [
-    pytest.mark.openni, pytest.mark.skipif(not openni2_library.is_available(), reason="libopenni2 is not here"),
+    pytest.mark.openni, pytest.mark.skipif(not openni2.is_available(), reason="libopenni2 is not here"),
 ]  # fmt: skip
 
 

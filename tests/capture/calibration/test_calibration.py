@@ -20,7 +20,6 @@ from capture.depth.scale import DepthScale, depth_rig
 from capture.errors import CalibrationError, UntrackableError
 from capture.hanger.fiducial_tracker import MarkerTracker
 from capture.hanger.marker_detection import MarkerDetector
-from firmware_host import openni2_library
 from firmware_host.errors import UsbTimeoutError
 from firmware_host.oni_writer import OniWriter
 from firmware_host.usb_control.kinect_motor import KinectMotor
@@ -30,6 +29,7 @@ from formats.descriptions import dump_description, load_rig
 from formats.errors import OutputError
 from formats.rig import Calibration, Hanger, Rig
 from formats.summary import describe, summarise
+from tests import openni2
 from tests.capture.stage import CAMERA, LEVEL, StageSensor, camera_rotation, marker_plate, pictures, plain_plate
 from tests.firmware_host.usb_stage.in_process import ModelLink
 from tests.firmware_host.usb_stage.models import KinectMotorModel
@@ -342,7 +342,7 @@ def test_a_take_carries_the_calibration_and_shows_it(measured, tmp_path):
 
 @pytest.mark.openni
 def test_the_command_writes_a_rig_from_a_recording_and_replaces_none_unasked(frames, tmp_path):
-    if not openni2_library.is_available():
+    if not openni2.is_available():
         pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
     with OniWriter(tmp_path / "a.oni", CAMERA) as writer:
         for number, (depth, colour) in enumerate(frames):

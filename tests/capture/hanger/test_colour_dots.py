@@ -12,13 +12,13 @@ from capture.hanger.choice import hanger_tracker
 from capture.hanger.colour_dots import DotTracker, dot_near
 from capture.hanger.fiducial_tracker import MarkerTracker
 from capture.recording.session import record
-from firmware_host import openni2_library
 from firmware_host.oni_writer import OniWriter
 from formats.archive import read_take
 from formats.command import app, gather_commands
 from formats.descriptions import dump_description, load_rig
 from formats.errors import DescriptionError
 from formats.rig import Hanger, Rig
+from tests import openni2
 from tests.capture.recording.test_conditions import GARMENT
 from tests.capture.stage import CAMERA, StageSensor, dot_plate, marker_plate, pictures, plain_plate
 
@@ -203,7 +203,7 @@ def test_apriltags_are_found_like_aruco_markers():
 
 @pytest.mark.openni
 def test_pick_takes_two_pairs_of_numbers_on_the_command_line(tmp_path):
-    if not openni2_library.is_available():
+    if not openni2.is_available():
         pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
     shown, truth = swung((RED, GREEN), frames=12)
     with OniWriter(tmp_path / "a.oni", CAMERA) as writer:

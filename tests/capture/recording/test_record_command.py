@@ -18,7 +18,6 @@ from typer.testing import CliRunner
 from capture.recording.condition import HOLD
 from capture.recording.condition_lamp import show_condition
 from capture.recording.stop_signals import stopped_like_ctrl_c
-from firmware_host import openni2_library
 from firmware_host.lamp import StatusLamp
 from firmware_host.oni_writer import OniWriter
 from formats.archive import read_take
@@ -27,6 +26,7 @@ from formats.descriptions import dump_description
 from formats.errors import OutputError
 from formats.rig import Sensor
 from formats.take import FrameState
+from tests import openni2
 from tests.capture.garment.towel import GARMENT
 from tests.capture.garment.towel_scenes import BODY, RIG, hung, scenes
 from tests.capture.stage import CAMERA
@@ -78,7 +78,7 @@ LED = {"brightness": "0", "max_brightness": "1", "trigger": "[none] timer", "del
 @pytest.mark.parametrize("name", [pytest.param(one, marks=[] if one in QUICK else pytest.mark.slow) for one in CASES])
 def test_what_goes_wrong_is_said_shown_on_the_lamp_and_kept_in_the_take(good, tmp_path, monkeypatch, name):
     """The command on a recording, a second and more: twelve good frames, twenty bad ones; the lamp is real files."""
-    if not openni2_library.is_available():
+    if not openni2.is_available():
         pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
     case, lamp = CASES[name], make_lamp(tmp_path)
     write_descriptions(tmp_path)
@@ -161,7 +161,7 @@ def test_the_surface_is_scanned_as_often_and_as_finely_as_the_command_is_told(go
 
 @pytest.mark.openni
 def test_a_recording_of_another_size_than_the_rigs_is_refused_and_leaves_nothing(tmp_path):
-    if not openni2_library.is_available():
+    if not openni2.is_available():
         pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
     write_descriptions(tmp_path)
     half = Sensor(width=320, height=240, fx=287.9, fy=287.9, cx=159.5, cy=119.5)
@@ -287,7 +287,7 @@ def test_of_two_signals_the_second_is_let_pass_and_what_was_ignored_stays_so():
 
 def write_swing(folder, pictures):
     """Write the command's files, with these pictures as the recording."""
-    if not openni2_library.is_available():
+    if not openni2.is_available():
         pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
     write_descriptions(folder)
     with OniWriter(folder / "a.oni", CAMERA) as writer:

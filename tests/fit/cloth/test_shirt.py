@@ -8,7 +8,6 @@ import sys
 import numpy as np
 import pytest
 
-from firmware_host import openni2_library
 from firmware_host.synthetic.garments import shirt
 from fit.cloth.model import Resolution
 from fit.cloth.simulator import Simulator
@@ -19,6 +18,7 @@ from fit.methods.distance import per_frame
 from fit.recordings.recording import prepare
 from formats.archive import read_take
 from formats.results import load_fit_result
+from tests import openni2
 from tests.fit.scenes import material, sheet, simulate_take, swing
 
 MESH = 0.1  # m
@@ -64,7 +64,7 @@ def test_a_shirt_is_diagnosed_with_a_model_that_knows_layers_and_a_swatch_is_not
 @pytest.mark.openni
 @pytest.mark.processor_time(900)
 def test_a_shirt_goes_all_the_way_from_the_camera_to_a_fit(tmp_path):
-    if not openni2_library.is_available():
+    if not openni2.is_available():
         pytest.skip("libopenni2 is not installed (apt-get install libopenni2-0)")
 
     def hangtime(*words):

@@ -36,6 +36,7 @@ PACKAGES = {
     "pxr": "usd-core",
     "rerun": "rerun-sdk",
 }  # those that are not named as what they bring
+PANIC = "PanicException"  # of libraries written in Rust: no Exception, and its class cannot be imported
 
 app = typer.Typer(
     name="hangtime",
@@ -116,6 +117,13 @@ def main() -> None:
         where = error.filename or "output"  # what stdout raises names nothing
         advice = MAKE_ROOM if error.errno in UNWRITABLE else "check the path"
         _refuse(HangtimeError(f"{what} ({error.strerror})", where=where, advice=advice))
+    except BaseException as error:
+        if type(error).__name__ != PANIC:
+            raise
+        cause = str(error).partition("\n")[0]
+        _refuse(
+            HangtimeError(f"a library failed ({cause})", advice="check the addresses, keys and settings it was given")
+        )
 
 
 def _how_to_get(library: str) -> str:

@@ -10,14 +10,18 @@ import re
 from collections.abc import Mapping
 from datetime import timedelta
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 from urllib.parse import unquote, urlsplit
 
 from formats.errors import AddressError
 
 BUCKETS = ("s3", "s3a", "gs", "az", "abfs", "abfss")
+BY_ACCOUNT = ("abfs", "abfss")  # their addresses are CONTAINER@ACCOUNT
 ENDPOINTS = ("AWS_ENDPOINT_URL", "AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT")
 SERVERS_REASON = re.compile(r"<Code>([^<]+)</Code>\s*(?:<Message>([^<]*)</Message>)?")  # of S3's error documents
+REQUEST = re.compile(r"Error performing [A-Z]+ ([a-z]+://[^\s/?]+)")  # of obstore's errors
+CAUSE = re.compile(r"(?:message: \"|failed to lookup address information: )([^\"]+)\"")
+KEYS_BEGIN = ("AWS_", "AZURE_")  # names of what becomes headers of requests; Google's keys are JSON of several lines
 LONGEST_REASON = 200  # characters of an error that are passed on
 
 
@@ -31,6 +35,10 @@ def folder_of(url: str) -> Path | None:
         raise AddressError("no folder or bucket was given", advice="give a path or an address; is a variable empty?")
     parts = urlsplit(url)
     if "://" not in url:
+        if parts.scheme in BUCKETS:
+            raise AddressError(
+                f"{url!r} lacks a // behind {parts.scheme}:", advice=f"write {parts.scheme}://BUCKET/NAME"
+            )
         return Path(url)
     if parts.scheme == "file":
         return Path(unquote(parts.path))
@@ -88,24 +96,52 @@ def open_bucket(
 
 
 def _refuse_what_is_misread(url: str, config: Mapping[str, str]) -> None:
-    """Refuse what the library would leave out of an address without a word, or end at.
+    """Refuse what the library would leave out of an address without a word, change, or end at.
 
     Raises:
-        AddressError: a # in the address, or a server's address without http:// or https://.
+        AddressError: the address has a part that no bucket's address has, a server's address is none, or a key or
+            another setting holds a line break.
     """
-    if "#" in url:
-        raise AddressError(
-            "has a # in it, and what follows that is no part of an address", where=without_secrets(url),
-            advice="choose a name without #",
-        )  # fmt: skip
+    parts = urlsplit(url)
+
+    def refuse(what: str, advice: str) -> NoReturn:
+        raise AddressError(what, where=without_secrets(url), advice=advice)
+
+    for sign in "#?":
+        if sign in url:
+            refuse(
+                f"has a {sign} in it, and what follows that is no part of an address", f"choose a name without {sign}"
+            )
+    if not url.isprintable():
+        refuse("has a line break or another control character in it", "write the address again")
+    if found := re.search("%[0-9A-Fa-f]{2}", url):
+        refuse(f"has {found[0]} in it, which would be another sign in the bucket", f"choose a name without {found[0]}")
+    if {".", ".."} & set(parts.path.split("/")):
+        refuse("has . or .. as a part of its path, which a bucket does not have", "write the whole name")
+    if parts.scheme not in BY_ACCOUNT and re.search("[@:]", parts.netloc):
+        refuse("has a port, a user or a password before the bucket's name", f"write {parts.scheme}://BUCKET/NAME")
     stated = {name: os.environ.get(name, "") for name in ENDPOINTS}
     stated |= {name: value for name, value in config.items() if "endpoint" in name.lower()}
     for name, value in stated.items():
         if value and not value.startswith(("http://", "https://")):
-            raise AddressError(
-                f"{name} lacks http:// or https:// (it is {without_secrets(value)})", where=without_secrets(url),
-                advice="write the server's whole address",
-            )  # fmt: skip
+            refuse(
+                f"{name} lacks http:// or https:// (it is {without_secrets(value)})", "write the server's whole address"
+            )
+        if value and not _is_servers_address(value):
+            refuse(f"{name} is no server's address (it is {without_secrets(value)!r})", "write http(s)://NAME:PORT")
+    settings = {name: value for name, value in os.environ.items() if name.startswith(KEYS_BEGIN)} | dict(config)
+    for name, value in settings.items():
+        if re.search(r"[\x00-\x1f\x7f]", value):
+            refuse(f"{name} holds a line break or another control character", "set it again, without what follows it")
+
+
+def _is_servers_address(text: str) -> bool:
+    """Return whether a text is http(s)://NAME, with a port and a path or without."""
+    try:
+        parts = urlsplit(text)
+        return bool(parts.hostname) and parts.port != 0 and text.isascii() and text.isprintable() and " " not in text
+    except ValueError:  # a port that is none, a bracket that is not closed
+        return False
 
 
 def advice_on(error: Exception) -> str:
@@ -128,6 +164,9 @@ def first_line(error: Exception) -> str:
         told = f"{reason[1]}: {reason[2]}" if reason[2] else reason[1]
         return without_secrets(f"the server says {told}")[:LONGEST_REASON]
     text = (str(error).splitlines() or [type(error).__name__])[0].strip()
+    if "HTTP error" in text and (request := REQUEST.search(text)):
+        cause = CAUSE.search(str(error))
+        text = f"{request[1]} does not answer" + (f": {cause[1]}" if cause else "")
     return without_secrets(text)[:LONGEST_REASON]
 
 

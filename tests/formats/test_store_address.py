@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import socket
+
 import pytest
 
+from formats import command
 from formats.errors import AddressError
-from formats.store_address import advice_on, first_line, open_bucket
+from formats.store_address import advice_on, first_line, folder_of, open_bucket
+from tests.fit.here import hangtime_here
 
 SKEWED = (
     "Generic S3 error: Server returned non-2xx status code: 403 Forbidden: <?xml version='1.0'?>\n<Error>"
@@ -25,6 +29,86 @@ def test_a_servers_address_without_its_scheme_is_named(monkeypatch, name):
     monkeypatch.setenv(name, "127.0.0.1:9")
     with pytest.raises(AddressError, match=rf"{name} lacks http:// or https:// \(it is 127\.0\.0\.1:9\)"):
         open_bucket("s3://bkt/takes", extra="batch")
+
+
+@pytest.mark.parametrize(
+    "address",
+    ["http://", "http://127.0.0.1:9 ", "http://127.0.0.1:port", "http://127.0.0.1:99999", "http://[::1",
+     "http://\u00fc.example", "https://:9", "http://a b"],
+)  # fmt: skip
+def test_a_servers_address_that_ends_in_a_panic_of_the_library_is_refused(monkeypatch, address):
+    monkeypatch.setenv("AWS_ENDPOINT_URL", address)
+    with pytest.raises(AddressError, match="AWS_ENDPOINT_URL is no server's address"):
+        open_bucket("s3://bkt/takes", extra="batch")
+
+
+@pytest.mark.parametrize("address", ["http://127.0.0.1:9", "https://s3.example.org/below", "http://[::1]:9000"])
+def test_servers_addresses_with_port_path_and_six_byte_groups_are_taken(monkeypatch, address):
+    pytest.importorskip("obstore")
+    monkeypatch.setenv("AWS_ENDPOINT_URL", address)
+    open_bucket("s3://bkt/takes", extra="batch", client={"allow_http": True})
+
+
+@pytest.mark.parametrize("name", ["AWS_ACCESS_KEY_ID", "AWS_SESSION_TOKEN"])
+def test_a_key_with_a_line_break_is_named_and_not_shown(monkeypatch, name):
+    monkeypatch.setenv(name, "secret\n")
+    with pytest.raises(AddressError, match=f"{name} holds a line break") as caught:
+        open_bucket("s3://bkt/takes", extra="batch")
+    assert "secret" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("url", "words"),
+    [
+        ("s3://bkt/run?x=1", "has a [?] in it"),
+        ("s3://bkt/run%231", "has %23 in it, which would be another sign"),
+        ("s3://bkt/../run", "has . or .. as a part"),
+        ("s3://bkt/./run", "has . or .. as a part"),
+        ("s3://bkt:80/run", "has a port, a user or a password"),
+        ("gs://user:hidden@bkt/run", "has a port, a user or a password"),
+        ("s3://bkt/ru\nn", "has a line break"),
+    ],
+)
+def test_what_the_library_would_leave_out_or_change_is_refused(url, words):
+    """It writes to `run`, `run#1`, `run` of the bucket itself; a password would be shown in errors."""
+    with pytest.raises(AddressError, match=words) as caught:
+        open_bucket(url, extra="batch")
+    assert "hidden" not in str(caught.value)
+
+
+def test_per_cent_and_an_account_stay_where_they_mean_themselves():
+    pytest.importorskip("obstore")
+    open_bucket("s3://bkt/100 %", extra="batch")
+    open_bucket("abfs://box@account.dfs.core.windows.net/run", extra="batch", config={"account_key": "AAAA"})
+
+
+def test_a_bucket_with_one_slash_is_no_folder():
+    with pytest.raises(AddressError, match="'s3:/bkt/run' lacks a // behind s3:; write s3://BUCKET/NAME"):
+        folder_of("s3:/bkt/run")
+    assert str(folder_of("./s3:/bkt")) == "s3:/bkt"
+
+
+def test_a_server_that_does_not_answer_is_named_with_the_cause():
+    obstore = pytest.importorskip("obstore")
+    with socket.socket() as held:  # bound and not listening: nobody answers there
+        held.bind(("127.0.0.1", 0))
+        address = f"http://127.0.0.1:{held.getsockname()[1]}"
+        config = {"endpoint": address, "region": "r", "access_key_id": "a", "secret_access_key": "b"}
+        store = open_bucket("s3://bkt/x", extra="batch", config=config, client={"allow_http": True}, retries=0)
+        with pytest.raises(obstore.exceptions.GenericError) as caught:
+            list(obstore.list(store))
+    assert first_line(caught.value) == f"{address} does not answer: Connection refused"
+
+
+def test_a_panic_of_a_library_is_one_sentence(monkeypatch, tmp_path):
+    """The real one, which `open_bucket` keeps from happening."""
+    obstore = pytest.importorskip("obstore")
+    store = pytest.importorskip("obstore.store").S3Store("b", endpoint="http://", region="r", skip_signature=True)
+    monkeypatch.setattr(command, "whole", lambda: lambda: list(obstore.list(store)))
+    done = hangtime_here("batch", folder=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith("hangtime: a library failed (request ")
+    assert len(done.stderr.splitlines()) == 1
 
 
 def test_a_setting_of_a_servers_address_is_looked_at_as_well():

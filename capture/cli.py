@@ -273,6 +273,8 @@ def record_command(
             if names_live_sensor(sensor):
                 opened.enter_context(precedence)
             source = opened.enter_context(open_sensor(sensor, anyway=anyway))
+            for note in source.info.notes:
+                tell_entry("notes", f"note: {note}", words=note)
             if source.info.is_live:
                 source = opened.enter_context(QueuedSensor(source))
                 precedence.begin_tracking()

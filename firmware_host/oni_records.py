@@ -94,6 +94,7 @@ class OniSummary:
     """The result of a walk over a recording: frames per stream, and a mark for proper closing.
 
     - `interval_us`: between depth frames that follow each other by their numbers, the median; None of a single frame
+    - `beyond`: depth frames whose number is above the count of depth frames, which the player leaves out
     - `mirrored`: streams that the recording says are seen as in a mirror
     """
 
@@ -102,6 +103,7 @@ class OniSummary:
     is_complete: bool
     interval_us: float | None = None
     mirrored: frozenset[int] = frozenset()
+    beyond: int = 0
 
 
 def read_records(path: Path) -> Iterator[Record]:
@@ -202,6 +204,7 @@ def summarise(path: Path) -> OniSummary:
         counts[NodeType.DEPTH], counts[NodeType.IMAGE], is_complete,
         interval_us=float(apart[len(apart) // 2]) if apart else None,
         mirrored=frozenset(kinds[node] for node in mirrored if node in kinds),
+        beyond=sum(number > counts[NodeType.DEPTH] for _, number in stamps),
     )  # fmt: skip
 
 

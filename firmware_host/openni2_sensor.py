@@ -165,6 +165,9 @@ class OpenNI2Sensor(DepthSensor):
             notes.append(f"field of view unknown; focal length taken as {fx:.1f} px, as for PS1080 and Kinect v1")
         if self._summary is not None and not self._summary.is_complete:
             notes.append("the recording was interrupted; its last frame is left out")
+        if self._summary is not None and self._summary.beyond:
+            left_out, of = self._summary.beyond, self._summary.depth_frames
+            notes.append(f"{left_out} of its {of} depth frames have numbers above {of} and are left out")
         if self._summary is not None and self._summary.mirrored:
             notes.append("the recording says that its pictures are mirrored; they are turned round")
         if self._summary is not None and self._summary.interval_us is not None:

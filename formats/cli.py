@@ -12,6 +12,8 @@ from formats.command_groups import TAKES, group_of
 from formats.takes_cli import add_takes_commands
 from formats.telling import tell, tell_entry
 
+MOST_NAMES = 5  # of markers in one sentence
+
 
 def add_commands(app: typer.Typer) -> None:
     """Add this package's commands to the `hangtime` command."""
@@ -106,7 +108,12 @@ def import_recordings(
         )
         if not shows_points(take).all():
             words += f", {shows_points(take).sum()} with the points and {shows_hanger(take).sum()} with the hanger"
-        tell_entry("takes", words, file=str(target), frames=len(take.time), duration_s=length, front=front)
+        unseen = [p.name for k, p in enumerate(take.garment.points) if not take.points_valid[:, k].any()]
+        if unseen:
+            words += f"; never seen: {', '.join(unseen[:MOST_NAMES])}" + " and more" * (len(unseen) > MOST_NAMES)
+        tell_entry(
+            "takes", words, file=str(target), frames=len(take.time), duration_s=length, front=front, never_seen=unseen
+        )
 
 
 def describe_swatch(

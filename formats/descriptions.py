@@ -14,6 +14,7 @@ import numpy as np
 
 from formats.errors import DescriptionError
 from formats.garment import Garment, signed_area
+from formats.plain_text import encoding_of
 from formats.plausible import check_plausible_garment, check_plausible_rig
 from formats.rig import Rig
 from formats.whole_files import check_ends
@@ -96,14 +97,18 @@ def _toml(value: Any) -> str:
 def _load(path: Path, kind: type[Description]) -> Description:
     try:
         check_ends(path)
-        with path.open(encoding="utf-8-sig") as file:  # editors of other systems put a mark before the first letter
+        with path.open("rb") as raw:
+            encoding = encoding_of(raw.read(4))
+        with path.open(encoding=encoding) as file:
             text = file.read(LONGEST_TEXT + 1)
         if len(text) > LONGEST_TEXT:
             raise DescriptionError(
                 f"has more than {LONGEST_TEXT} letters, which no description has", where=path, advice="check the path"
             )
     except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not a text file"
+        reason = getattr(error, "strerror", None)
+        if reason is None:
+            raise DescriptionError("is no text in UTF-8", where=path, advice="save it as UTF-8 text") from error
         raise DescriptionError(f"cannot be read ({reason})", where=path, advice="check the path") from error
     try:
         plain = tomllib.loads(text)

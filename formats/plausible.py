@@ -19,6 +19,7 @@ LIGHTEST, HEAVIEST = 0.02, 1.5  # kg/m^2, each layer
 SHORTEST, LONGEST = 0.1, 3.0  # m, the longer side of the flat garment
 SMALLEST_MARKER, LARGEST_MARKER = 0.005, 0.5  # m
 SHORTEST_BAR, LONGEST_BAR = 0.03, 3.0  # m between the markers, and to the held ends
+NARROWEST, WIDEST = 10.0, 150.0  # degrees that a depth sensor's picture spans: those of rooms have 40 to 90
 SLOWEST, FASTEST = 5.0, 1000.0  # frames a second
 RATE_WITHIN = 1.2  # times: so far may stamps and a stated frame rate disagree
 CLOCKS = (("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9))
@@ -67,11 +68,20 @@ def check_plausible_garment(garment: Garment, where: object, *, offers_anyway: b
 
 
 def check_plausible_rig(rig: Rig, where: object, *, offers_anyway: bool = False) -> None:
-    """Refuse a hanger of a size that none has, and say which unit was probably meant.
+    """Refuse a hanger of a size that none has, say which unit was probably meant, and a focal length of no sensor.
 
     Raises:
         ImplausibleError: names the number, its range and the unit that fits.
     """
+    if rig.sensor is not None:
+        for name, focal, pixels in (("fx", rig.sensor.fx, rig.sensor.width), ("fy", rig.sensor.fy, rig.sensor.height)):
+            span = float(np.degrees(2 * np.arctan(pixels / (2 * focal))))
+            if not NARROWEST <= span <= WIDEST:
+                raise ImplausibleError(
+                    f"sensor.{name} = {focal:g} px lets {pixels} pixels span {span:.3g} degrees, a sensor's picture "
+                    f"{NARROWEST:g} to {WIDEST:g}", where=where,
+                    advice=_advice("give the focal length in pixels; `hangtime sensor play` tells it", offers_anyway),
+                )  # fmt: skip
     if rig.hanger is None:
         return
     reach = float(np.abs(np.array(rig.hanger.held_m)).max())

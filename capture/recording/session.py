@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from capture.errors import CaptureError, HangerGapError, NoMarkersError, UnfitTakeError, UntrackableError
 from capture.garment.sight import GarmentSight
 from capture.hanger.fiducial_tracker import HangerSight
+from capture.hanger.seen_otherwise import seen_otherwise
 from capture.recording.condition import Condition
 from capture.recording.frame_reader import FrameReader, ScanPlan
 from capture.recording.judgement import FEWEST_HANGERS, Finding, judge
@@ -157,7 +158,8 @@ def record(
             raise
         if tally.with_hanger < FEWEST_HANGERS:
             writer.discard()
-            raise failure or _no_markers(sensor.info.uri, rig, tally)
+            picture = reader.frame.colour if reader.frame is not None else None
+            raise failure or _no_markers(sensor.info.uri, rig, tally, picture=picture)
         _finish(writer, tally.with_hanger)
     findings = judge(read_take(out))
     return RecordingReport(
@@ -222,7 +224,9 @@ def _broken_off(writer: TakeWriter, with_hanger: int, what: str) -> OutputError:
     )
 
 
-def _no_markers(where: object, rig: Rig, tally: Tally, *, kept: bool = False) -> NoMarkersError:
+def _no_markers(
+    where: object, rig: Rig, tally: Tally, *, kept: bool = False, picture: NDArray[np.uint8] | None = None
+) -> NoMarkersError:
     worst = tally.conditions.worst
     what = f"both hanger markers were seen together in {tally.with_hanger} of {tally.frames} frames; "
     what += "the take was kept, but hardly any motion can be fitted to it" if kept else "no take was kept"
@@ -231,6 +235,8 @@ def _no_markers(where: object, rig: Rig, tally: Tally, *, kept: bool = False) ->
         advice = f"record it again: {advice}"
     if worst in (Condition.NO_MARKERS, Condition.ONE_MARKER, Condition.MISFIT) and rig.hanger is not None:
         advice += f" (the rig says {_markers_of(rig.hanger)})"
+        if worst is Condition.NO_MARKERS and (how := seen_otherwise(picture, rig.hanger)):
+            advice += f"; {how}"
     elif worst is not Condition.GOOD:
         what += f", mostly because: {worst.value.words}"
     return NoMarkersError(what, where=where, advice=advice)

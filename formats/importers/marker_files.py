@@ -20,6 +20,8 @@ def read_marker_tracks(path: Path, unit: str | None = None) -> MarkerTracks:
     Raises:
         TakeError: the file is missing, malformed, of another kind, or shorter than it says; a library is not installed.
     """
+    if path.is_dir():
+        raise TakeError("is a folder", where=path, advice="give the files in it")
     if not path.is_file():
         raise TakeError("cannot be read (no such file)", where=path, advice="check the path")
     kind = path.suffix.lower()

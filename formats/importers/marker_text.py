@@ -22,10 +22,9 @@ from formats.arrays import Floats
 from formats.errors import TakeError
 from formats.importers.marker_tracks import MarkerTracks, as_seen
 from formats.importers.units import AXES, metres_of
+from formats.plain_text import encoding_of
 
 LARGEST_TEXT = 1 << 28  # bytes
-MARKS = ((b"\xff\xfe\0\0", "utf-32"), (b"\0\0\xfe\xff", "utf-32"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"),
-         (b"\xef\xbb\xbf", "utf-8-sig"))  # fmt: skip
 CAN_BE_READ = "markers can be read from .c3d, .trc, .csv and .tsv, swung cloth from .npz"
 DECIMAL_COMMA = re.compile(r"^\s*-?\d+,\d+(e[+-]?\d+)?\s*$", re.IGNORECASE)
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)  # `float` takes 1_0 as well
@@ -100,7 +99,7 @@ def _rows(path: Path) -> Rows:
         raw = path.read_bytes().rstrip(b"\x1a")  # Ctrl-Z, with which programs of DOS end a text
         if not raw.strip(b"\0\r\n\t "):
             raise TakeError("is empty", where=path, advice=f"export it again; {CAN_BE_READ}")
-        encoding = next((name for mark, name in MARKS if raw.startswith(mark)), "utf-8")
+        encoding = encoding_of(raw[:4])
         if encoding == "utf-8" and b"\0" in raw[:200]:  # without a mark: every other byte of plain text is zero
             encoding = "utf-16-le" if raw[1:2] == b"\0" else "utf-16-be"
         text = _decoded(raw, encoding)

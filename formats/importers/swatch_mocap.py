@@ -22,6 +22,7 @@ from formats.errors import TakeError
 from formats.garment import Garment
 from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import MarkerTracks
+from formats.importers.units import other_unit
 from formats.plausible import check_plausible_times, check_stated_rate
 from formats.rig import Rig, Vector
 from formats.take import FrameState, Take
@@ -108,6 +109,13 @@ def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, options: Mar
     frames = options.frames
     found = {name: tracks.columns_named(name, options.subject) for name in garment.point_names}
     absent = [name for name in garment.point_names if not found[name]]
+    subjects = sorted({label.rpartition(":")[0] for label in tracks.labels} - {""})
+    if absent and options.subject and options.subject not in subjects:
+        raise TakeError(
+            f"has no subject {options.subject!r}", where=path,
+            advice=f"give --subject, one of {', '.join(subjects)}" if subjects
+            else "leave out --subject: its markers' names have no subject before a colon",
+        )  # fmt: skip
     if absent:
         raise TakeError(
             f"{len(absent)} of the garment's {len(garment.points)} markers are not in the file, first {absent[0]!r} "
@@ -117,11 +125,11 @@ def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, options: Mar
         )
     for name, columns in found.items():
         if len(columns) > 1:
-            subjects = sorted({tracks.labels[k].rpartition(":")[0] for k in columns})
+            owners = sorted({tracks.labels[k].rpartition(":")[0] for k in columns})
             raise TakeError(
                 f"the marker {name!r} comes {len(columns)} times",
                 where=path,
-                advice=f"give --subject, one of {', '.join(subjects)}" if len(subjects) > 1
+                advice=f"give --subject, one of {', '.join(owners)}" if len(owners) > 1
                 else "rename one and export again",
             )  # fmt: skip
     time = tracks.time[:frames]
@@ -189,7 +197,7 @@ def _check_distances(positions: Floats, garment: Garment, held: tuple[int, int],
             names = garment.points[first].name, garment.points[second].name
             raise TakeError(
                 f"markers {names[0]!r} and {names[1]!r} are {1e3 * found:.0f} mm apart, "
-                f"on the flat garment {1e3 * distance:.0f} mm",
+                f"on the flat garment {1e3 * distance:.0f} mm{other_unit(found / distance)}",
                 where=path,
                 advice="check the unit, the garment's size and the names of the markers",
             )
@@ -197,7 +205,7 @@ def _check_distances(positions: Floats, garment: Garment, held: tuple[int, int],
     if shares and np.median(shares) < LEAST_WIDTH:
         raise TakeError(
             f"neighbouring markers are {np.median(shares):.2g} of their distance on the flat garment apart in the "
-            "median",
+            f"median{other_unit(float(np.median(shares)))}",
             where=path, advice="check the unit and the garment's size",
         )  # fmt: skip
 

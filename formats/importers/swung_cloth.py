@@ -48,6 +48,13 @@ POINT_SD = (0.0028, 0.0019, 0.0028)  # m, static noise measured on these recordi
 STATED_HELD_SD = 0.002  # m, stated by us: the robot's pose is better than the fitted offset to the corners
 WHAT_TO_GIVE = "give marker paths (.c3d, .trc, .csv, .tsv) or a swung-cloth .npz, see docs/reference/file-formats.md"
 
+OTHER_DOORS = {
+    ".mcap": "a take needs no import: `hangtime fit` reads it",
+    ".partial": "`hangtime takes recover` makes a take of it",
+    ".oni": "`hangtime record --sensor FILE` makes a take of a sensor's recording",
+    ".bvh": "`hangtime animate --bvh FILE` lets a figure move as it says",
+}
+
 
 def import_swung_cloth(
     path: Path, described: Garment | None = None, *, hanger: Path | None = None, anyway: bool | None = None
@@ -181,6 +188,14 @@ def _load(path: Path) -> dict[str, NDArray[Any]]:
     """Return the arrays that are needed, of the right shapes and kinds."""
     try:
         check_ends(path)
+        if path.is_dir():
+            raise TakeError("is a folder", where=path, advice="give the files in it")
+        if path.suffix.lower() != ".npz" and path.is_file():
+            ends = f"ends in {path.suffix}" if path.suffix else "has no ending"
+            raise TakeError(
+                f"{ends}, which is no kind of file that can be imported", where=path,
+                advice=OTHER_DOORS.get(path.suffix.lower(), WHAT_TO_GIVE),
+            )  # fmt: skip
         with path.open("rb") as file:
             if not zipfile.is_zipfile(file):
                 raise TakeError(

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import re
 import unicodedata
 
 from formats.errors import TakeError
 
 METRES = {"m": 1.0, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
+USUAL = ("m", "cm", "mm", "in")  # units that are taken for one another
+UNIT_WITHIN = 0.2  # natural logarithm of a ratio of lengths: inches and decimetres differ by 1.4, folds take less
 SPELLINGS = {
     "metre": "m", "meter": "m", "decimetre": "dm", "decimeter": "dm", "centimetre": "cm", "centimeter": "cm",
     "millimetre": "mm", "millimeter": "mm", "micrometre": "um", "micrometer": "um", "micron": "um", "\u03bcm": "um",
@@ -39,6 +42,15 @@ def metres_of(stated: str, given: str | None, where: object) -> float:
             f"states its lengths in {word}, not {given}", where=where, advice="leave out --unit, or export it again"
         )
     return METRES[word]
+
+
+def other_unit(times: float) -> str:
+    """Return a question for a wrong unit, of lengths that are so many times too long; nothing where no unit fits."""
+    for taken in USUAL:
+        for meant in USUAL:
+            if meant != taken and times > 0 and abs(math.log(times * METRES[meant] / METRES[taken])) < UNIT_WITHIN:
+                return f"; are these {meant} that were taken for {taken}?"
+    return ""
 
 
 def _short(unit: str) -> str:

@@ -48,6 +48,14 @@ def test_numbers_that_begin_anew_while_the_clock_goes_on_are_further_frames(tmp_
         assert [frame.index for frame in sensor.frames()] == list(range(12))
 
 
+def test_frames_whose_numbers_are_above_their_count_are_said_to_be_left_out(tmp_path):
+    """Numbers 1, 4, ... 34 of twelve frames: 1 to 10 are played, four frames."""
+    path = restamped(write_recording(tmp_path / "a.oni", 12), lambda k: 33_333 * (k + 1), lambda k: 3 * k + 1)
+    with OpenNI2Sensor(path) as sensor:
+        assert "8 of its 12 depth frames have numbers above 12 and are left out" in sensor.info.notes
+        assert len(list(sensor.frames())) == 4
+
+
 def test_stamps_of_32_bits_that_begin_anew_go_on(tmp_path):
     """4294.967 s are followed by 0.01 s."""
     path = restamped(write_recording(tmp_path / "a.oni", 8), lambda k: (2**32 - 100_000 + 33_333 * k) % 2**32)

@@ -238,6 +238,29 @@ def test_a_rig_with_another_size_than_the_markers_is_told_from_markers_that_are_
     assert said == [Condition.MISFIT]
 
 
+@pytest.mark.parametrize(
+    ("seen", "hint"),
+    [
+        (lambda picture: picture[:, ::-1], "mirror image: switch the sensor's mirror off"),
+        (lambda picture: 255 - picture, "white on black: print them black on white"),
+        (lambda picture: np.full_like(picture, 90), "apart)"),
+    ],
+)
+def test_markers_that_are_never_seen_are_looked_for_in_other_ways(good, tmp_path, seen, hint):
+    otherwise = [(depth, np.ascontiguousarray(seen(colour))) for depth, colour in good * 2]
+    with pytest.raises(NoMarkersError) as caught:
+        record(StageSensor(otherwise), RIG, GARMENT, tmp_path / "t.mcap", take_id="t", created="now")
+    assert str(caught.value).endswith(hint)
+
+
+def test_markers_of_another_dictionary_are_named(good, tmp_path):
+    rig = msgspec.structs.replace(RIG, hanger=msgspec.structs.replace(HANGER, dictionary="DICT_6X6_50"))
+    with pytest.raises(
+        NoMarkersError, match=r"markers 0 and 1 of DICT_4X4_50 are seen: set the rig's hanger\.dictionary$"
+    ):
+        record(StageSensor(good * 2), rig, GARMENT, tmp_path / "t.mcap", take_id="t", created="now")
+
+
 def test_a_recording_of_a_bad_view_says_why_there_is_no_take(good, tmp_path):
     near = scenes(*hung((0, -0.1, 0.5))) * 3
     sensor = Spoilt(near, {number: {"depth": np.where(near[0][0] < 700, 0, near[0][0])} for number in range(6)})

@@ -1,0 +1,38 @@
+"""Look for a hanger's fiducial markers where they were never seen: mirrored, white on black, or of another dictionary.
+
+A mirrored marker is none of its dictionary, so a mirrored picture shows no marker at all.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.hanger.marker_detection import MarkerDetector
+from formats.rig import Hanger
+
+OTHERS = (
+    "DICT_4X4_50", "DICT_5X5_50", "DICT_6X6_50", "DICT_7X7_50", "DICT_ARUCO_ORIGINAL", "DICT_APRILTAG_25h9",
+    "DICT_APRILTAG_36h11",
+)  # fmt: skip  # printed most; a larger set of one size begins with the same markers
+
+
+def seen_otherwise(colour: NDArray[np.uint8] | None, hanger: Hanger) -> str:
+    """Return how both markers are seen after all in an RGB picture, (H, W, 3), and what to do; nothing if they are not.
+
+    Dots have no mirror image.
+    """
+    if colour is None or hanger.marker == "dot":
+        return ""
+    if _finds(np.ascontiguousarray(colour[:, ::-1]), hanger, hanger.dictionary):
+        return "both are seen in the picture's mirror image: switch the sensor's mirror off"
+    if _finds(255 - colour, hanger, hanger.dictionary):
+        return "both are seen white on black: print them black on white"
+    for name in OTHERS:
+        if name != hanger.dictionary and _finds(colour, hanger, name):
+            return f"markers {hanger.ids[0]} and {hanger.ids[1]} of {name} are seen: set the rig's hanger.dictionary"
+    return ""
+
+
+def _finds(colour: NDArray[np.uint8], hanger: Hanger, dictionary: str) -> bool:
+    return bool(np.isfinite(MarkerDetector(dictionary, hanger.ids).in_picture(colour)).all())

@@ -1,0 +1,123 @@
+"""What cannot be imported, or was meant otherwise, is named for what it is."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+
+from formats.descriptions import dump_description, load_garment, load_rig
+from formats.errors import DescriptionError, ImplausibleError, TakeError
+from formats.importers.marker_tracks import write_marker_csv
+from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
+from formats.importers.units import other_unit
+from formats.plausible import check_plausible_rig
+from formats.rig import Sensor
+from tests.fit.here import hangtime_here
+from tests.formats.test_archive import RIG
+from tests.formats.test_marker_oddities import GARMENT, hanging
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("a.oni", "ends in .oni, which is no kind of file that can be imported; `hangtime record --sensor FILE`"),
+        ("a.mcap", "ends in .mcap, which is no kind of file that can be imported; a take needs no import"),
+        ("a.BVH", "ends in .BVH, which is no kind of file that can be imported; `hangtime animate --bvh FILE`"),
+        ("a.xlsx", "ends in .xlsx, which is no kind of file that can be imported; give marker paths (.c3d, .trc"),
+        ("a", "has no ending, which is no kind of file that can be imported; give marker paths"),
+        ("a.npz", "is no .npz archive; give marker paths"),
+    ],
+)
+def test_a_file_of_another_kind_is_sent_to_its_own_door(tmp_path, name, words):
+    (tmp_path / name).write_bytes(b"something")
+    done = hangtime_here("import", name, folder=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"hangtime: {name}: {words}")
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.npz", "a"])
+def test_a_folder_is_no_missing_file(tmp_path, name):
+    (tmp_path / name).mkdir()
+    (tmp_path / "swatch.toml").write_text(dump_description(GARMENT))
+    done = hangtime_here("import", name, "--garment", "swatch.toml", folder=tmp_path)
+    assert done.stderr == f"hangtime: {name}: is a folder; give the files in it\n"
+
+
+def test_an_unknown_subject_is_named_with_those_that_are_there(tmp_path):
+    two = hanging()
+    labels = tuple(f"{who}:{label}" for who in "BA" for label in two.labels)
+    both = replace(two, labels=labels, positions=np.concatenate([two.positions, two.positions + 1.0], axis=1))
+    path = write_marker_csv(tmp_path / "a.csv", both)
+    with pytest.raises(TakeError, match=r"has no subject 'C'; give --subject, one of A, B$"):
+        import_marker_take(path, GARMENT, MarkerOptions(subject="C"))
+    assert import_marker_take(path, GARMENT, MarkerOptions(subject="A")).points[0, 0, 0] > 0.5
+    plain = write_marker_csv(tmp_path / "b.csv", two)
+    with pytest.raises(TakeError, match=r"has no subject 'C'; leave out --subject"):
+        import_marker_take(plain, GARMENT, MarkerOptions(subject="C"))
+
+
+@pytest.mark.parametrize(
+    ("times", "words"),
+    [(1000.0, "mm that were taken for m?"), (100.0, "cm that were taken for m?"), (10.0, "mm that were taken for cm?"),
+     (0.001, "m that were taken for mm?"), (1 / 25.4, "in that were taken for mm?"), (1.4, ""), (5.0, ""), (0.0, "")],
+)  # fmt: skip
+def test_a_wrong_unit_is_guessed_from_how_far_off_lengths_are(times, words):
+    assert other_unit(times).endswith(words)
+    assert bool(other_unit(times)) == bool(words)
+
+
+@pytest.mark.parametrize(("times", "words"), [(1000.0, "mm that were taken for m"), (0.01, "m that were taken for cm")])
+def test_markers_in_another_unit_than_stated_bring_the_question(tmp_path, times, words):
+    tracks = hanging()
+    path = write_marker_csv(tmp_path / "a.csv", replace(tracks, positions=times * tracks.positions))
+    with pytest.raises(TakeError, match=rf"; are these {words}\?"):
+        import_marker_take(path, GARMENT)
+
+
+def test_markers_that_were_never_seen_are_named(tmp_path):
+    tracks = hanging()
+    places = tracks.positions.copy()
+    places[:, [5, 9]] = np.nan
+    write_marker_csv(tmp_path / "a.csv", replace(tracks, positions=places))
+    write_marker_csv(tmp_path / "b.csv", tracks)
+    (tmp_path / "swatch.toml").write_text(dump_description(GARMENT))
+    words = ("import", "a.csv", "b.csv", "--garment", "swatch.toml", "--overwrite")
+    first, second = hangtime_here(*words, folder=tmp_path).stdout.splitlines()
+    assert first.endswith("; never seen: row2_column2, row3_column2")
+    assert "never" not in second
+    told = json.loads(hangtime_here(*words, "--json", folder=tmp_path).stdout)["takes"]
+    assert [one["never_seen"] for one in told] == [["row2_column2", "row3_column2"], []]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32"])
+def test_a_description_is_read_in_every_encoding_that_its_first_bytes_show(tmp_path, encoding):
+    path = tmp_path / "a.toml"
+    named = dump_description(GARMENT).replace('"swatch"', '"Stück"', 1)
+    path.write_bytes(named.replace("\n", "\r\n").encode(encoding))
+    assert load_garment(path) == load_garment(_written(tmp_path / "b.toml", named))
+
+
+def _written(path, text):
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_description_in_another_encoding_is_told_so(tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_bytes('name = "Stück"'.encode("cp1252"))
+    with pytest.raises(DescriptionError, match="is no text in UTF-8; save it as UTF-8 text"):
+        load_rig(path)
+
+
+@pytest.mark.parametrize(("name", "focal"), [("fx", 57580.0), ("fy", 5.758), ("fx", 0.5758)])
+def test_a_focal_length_of_no_sensor_is_refused_with_what_its_picture_would_span(name, focal):
+    sensor = Sensor(width=640, height=480, fx=575.8, fy=575.8, cx=319.5, cy=239.5)
+    check_plausible_rig(msgspec.structs.replace(RIG, sensor=sensor), "rig.toml")
+    wrong = msgspec.structs.replace(RIG, sensor=msgspec.structs.replace(sensor, **{name: focal}))
+    with pytest.raises(ImplausibleError, match=rf"sensor\.{name} = {re.escape(f'{focal:g}')} px lets \d+ pixels span"):
+        check_plausible_rig(wrong, "rig.toml")

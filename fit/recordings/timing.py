@@ -56,8 +56,8 @@ LEAST_NOISE = 5e-4  # m of an axis
 FEWEST_NOISE_FRAMES = 8  # frames from which noise is taken
 MEDIAN_TELLS = 0.37  # of what a mean square would tell of a deviation, a median absolute deviation does
 WIDEST_INTERVAL = 0.05  # s of half an interval: wider, the hanger hardly moved
-# Halves of a 90 % interval: 3.5 standard errors. So far a t number of 15 degrees of freedom, as of a take of 8 s, goes 1
-# time in 300. Then of six findings hardly one in fifty is false.
+# Halves of a 90 % interval: 3.5 standard errors. A t number of 15 degrees of freedom, as of a take of 8 s, is so far
+# off 1 time in 300. Then of six findings hardly one in fifty is false.
 SURELY = 2.0
 CERTAIN = 3.0  # standard errors of the frames' own deviation
 NEXT = 1e-3  # s, a difference for slopes

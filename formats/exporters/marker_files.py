@@ -22,6 +22,7 @@ from formats.take import Take
 HELD = ("held_left", "held_right")
 ON_POINT = 1e-9  # m within which a held end is a tracked point
 LATE = 0.25  # of an interval that a frame may lie off its place in a file of one rate
+LONGEST_LABEL = 127  # bytes of UTF-8: ezc3d writes nothing of a longer one
 MOST_C3D_FRAMES = 65535  # frames that a C3D file's header can state
 
 
@@ -51,7 +52,7 @@ def write_c3d(path: Path, take: Take) -> None:
     """Write the marker paths of a take as C3D, in millimetres.
 
     Raises:
-        TakeError: its frames come at no steady rate.
+        TakeError: its frames come at no steady rate, or a name is longer than such a file can hold.
         ModuleNotFoundError: ezc3d is not installed.
         OutputError: it cannot be written.
     """
@@ -59,10 +60,16 @@ def write_c3d(path: Path, take: Take) -> None:
 
     tracks = marker_tracks(take)
     rate, positions = at_one_rate(tracks, take.take_id)
+    for label in tracks.labels:
+        if len(label.encode()) > LONGEST_LABEL:
+            raise TakeError(
+                f"the name {label[:20]!r}... has {len(label.encode())} bytes, a C3D file holds {LONGEST_LABEL}",
+                where=take.take_id, advice="export it as CSV",
+            )  # fmt: skip
     file = ezc3d.c3d()
     points = file["parameters"]["POINT"]
     points["UNITS"]["value"], points["RATE"]["value"] = ["mm"], [rate]
-    points["LABELS"]["value"] = [label.encode("ascii", "replace").decode() for label in tracks.labels]
+    points["LABELS"]["value"] = list(tracks.labels)
     seen = np.asarray(np.isfinite(positions).all(2))
     values = np.ones((4, positions.shape[1], len(positions)))
     values[:3] = 1e3 * np.moveaxis(np.where(seen[..., None], positions, 0.0), (0, 1, 2), (2, 1, 0))

@@ -20,7 +20,7 @@ import numpy as np
 
 from formats.arrays import Floats
 from formats.errors import TakeError
-from formats.importers.c3d_parameters import DEC, FLOAT, SGI, SHORT, NoParametersError, Parameters, numbers_of
+from formats.importers.c3d_parameters import FLOAT, SGI, SHORT, NoParametersError, Parameters, numbers_of
 from formats.importers.marker_tracks import MarkerTracks, as_seen
 from formats.importers.units import metres_of
 
@@ -31,6 +31,7 @@ LONGEST_RATE = 10_000.0  # frames a second
 MOST_FRAMES = 65535  # that the header can state
 PIECE = 1 << 22  # bytes of the data that are turned into places at once
 LARGEST_SECTION = 1 << 24  # bytes of parameters
+SAME_SCALE = 1e-3  # relative: a copy has the same digits
 LABELS = ("LABELS", *(f"LABELS{k}" for k in range(2, 10)))
 
 
@@ -46,7 +47,7 @@ def read_c3d(path: Path, unit: str | None) -> MarkerTracks:
     header = _refuse_a_short_file(path, size)
     told = _parameters(path, header.data_at)
     labels, points = [label for name in LABELS for label in told.texts("POINT", name)], header.points
-    rate, stated = _first(told.numbers("POINT", "RATE")), _stated_frames(told)
+    rate, stated = _rate(told, header), _stated_frames(told)
     frames = min(header.held, max(header.frames, stated) if header.is_at_its_most else header.frames)
     if not points or frames <= 0:
         raise TakeError(
@@ -55,6 +56,7 @@ def read_c3d(path: Path, unit: str | None) -> MarkerTracks:
         )  # fmt: skip
     if not 0 < rate <= LONGEST_RATE:
         raise TakeError(f"states {rate:g} frames a second", where=path, advice="export it again with its frame rate")
+    _refuse_two_scales(_first(told.numbers("POINT", "SCALE")), header, path)
     _refuse_a_long_file(frames, stated, header, path)
     # Labels beyond the points name nothing; points beyond the labels have no name.
     labels = [*labels[:points], *(f"unlabelled_{k}" for k in range(len(labels), points))]
@@ -117,6 +119,25 @@ def _stated_frames(told: Parameters) -> int:
     return max(int(_first(told.numbers("POINT", "LONG_FRAMES"))), 0)
 
 
+def _rate(told: Parameters, header: _Header) -> float:
+    """Return frames a second: POINT:RATE, of which the header has a copy; else that of the cameras; 0 where none is."""
+    rates = _first(told.numbers("POINT", "RATE")), header.rate or 0.0, _first(told.numbers("TRIAL", "CAMERA_RATE"))
+    return next((rate for rate in rates if rate > 0), rates[0])
+
+
+def _refuse_two_scales(scale: float, header: _Header, path: Path) -> None:
+    """Refuse a file whose header and parameter contradict each other: which one its numbers are of nobody knows.
+
+    scale: POINT:SCALE, 0 where there is none; of floats the sign alone counts
+    """
+    is_one = header.is_float if scale < 0 else not header.is_float and abs(scale / header.scale - 1) < SAME_SCALE
+    if scale and not is_one:
+        raise TakeError(
+            f"its header states a scale of {header.scale:g}, its parameter POINT:SCALE {scale:g}", where=path,
+            advice="export it again",
+        )  # fmt: skip
+
+
 def _first(numbers: Floats) -> float:
     """Return the first finite number, 0 where there is none."""
     return next((float(number) for number in numbers if np.isfinite(number)), 0.0)
@@ -166,14 +187,17 @@ def _refuse_a_short_file(path: Path, size: int) -> _Header:
     order = ">" if processor == SGI else "<"
     points, analogue, first, last = struct.unpack_from(f"{order}HHHH", head, 2)
     start = struct.unpack_from(f"{order}H", head, 16)[0]
-    # The sign: the first byte of a big-endian float, the last of a little-endian one, the second of DEC's.
-    is_float = bool(head[12 + {SGI: 0, DEC: 1}.get(processor, 3)] & 0x80)
+    scale, rate = (float(numbers_of(head[at : at + 4], FLOAT, processor)[0]) for at in (12, 20))
+    if not start or not np.isfinite(scale) or scale == 0.0:  # the header has copies of parameters
+        told = _parameters(path, BLOCK_BYTES * (start - 1))
+        start = start or int(_first(told.numbers("POINT", "DATA_START")))
+        scale = scale if scale and np.isfinite(scale) else _first(told.numbers("POINT", "SCALE")) or -1.0
+    is_float = scale < 0
     width = (4 * points + analogue) * (4 if is_float else 2)
     frames = last - first + 1
     held = (size - BLOCK_BYTES * (start - 1)) // width if width and start > 1 else 0
     if width and frames > 0 and start > 1 and held < frames and last < MOST_FRAMES:
         raise _cut_off(max(held, 0), frames, "its header states", path)
-    scale, rate = (float(numbers_of(head[at : at + 4], FLOAT, processor)[0]) for at in (12, 20))
     return _Header(
         processor, points, frames, width, BLOCK_BYTES * (start - 1), is_float, scale, held,
         last == MOST_FRAMES and first <= 1, rate if 0 < rate < LONGEST_RATE else None,

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -17,6 +18,7 @@ from formats.errors import TakeError
 from formats.exporters.arrays import write_npz, write_parquet
 from formats.exporters.marker_files import at_one_rate, marker_tracks, write_c3d, write_csv
 from formats.exporters.rerun_file import write_rrd
+from formats.garment import TrackedPoint
 from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import MarkerTracks
 from tests.formats.test_archive import a_scan, a_take
@@ -62,6 +64,44 @@ def test_c3d_comes_back_to_a_32_bit_float(tmp_path, take):
     tracks = read_marker_tracks(tmp_path / "a.c3d")
     same(tracks, take, 1e-7)
     np.testing.assert_allclose(tracks.time, take.time - take.time[0], rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "names", [("\u00c4rmel", "\u00d6rmel", "\u65e5\u672c", "a,b"), ("x" * 127, "y" * 126, "\u00e4" * 63, "z")]
+)
+@pytest.mark.parametrize("write", [write_csv, write_c3d])
+def test_names_beyond_ascii_and_long_ones_come_back(tmp_path, write, names):
+    if write is write_c3d:
+        pytest.importorskip("ezc3d")
+    path = tmp_path / f"a.{write.__name__[-3:]}"
+    write(path, _named(names))
+    assert read_marker_tracks(path).labels[:4] == names
+
+
+def test_a_name_that_c3d_cannot_hold_is_refused_and_more_points_than_one_parameter_names_are_kept(tmp_path):
+    pytest.importorskip("ezc3d")
+    with pytest.raises(TakeError, match="has 128 bytes, a C3D file holds 127; export it as CSV"):
+        write_c3d(tmp_path / "a.c3d", _named(("\u00e4" * 64, "b", "c", "d")))
+    assert not (tmp_path / "a.c3d").exists()
+    take = a_take(20)
+    flat = tuple(TrackedPoint(name=f"point {k}", at_m=(1e-3 * k - 0.15, -0.1)) for k in range(300))
+    places = np.random.default_rng(0).normal(size=(20, 300, 3))
+    many = replace(
+        take, garment=msgspec.structs.replace(take.garment, points=flat), points=places,
+        points_valid=np.ones((20, 300), bool), points_sd=np.ones((20, 300, 3)), points_hidden=None,
+    )  # fmt: skip
+    write_c3d(tmp_path / "b.c3d", many)
+    back = read_marker_tracks(tmp_path / "b.c3d")
+    assert back.labels[:300] == many.garment.point_names
+    np.testing.assert_allclose(back.positions[:, :300], places, atol=1e-6)
+
+
+def _named(names):
+    take = a_take(20)
+    points = tuple(
+        msgspec.structs.replace(point, name=name) for point, name in zip(take.garment.points, names, strict=True)
+    )
+    return replace(take, garment=msgspec.structs.replace(take.garment, points=points))
 
 
 def test_a_dropped_frame_is_a_gap_in_c3d_and_an_unsteady_clock_is_refused():

@@ -1,0 +1,83 @@
+"""C3D files of the traits that programs write, in any mixture: the same paths come out, or a true sentence."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from formats.errors import TakeError
+from formats.importers.c3d_file import read_c3d
+from tests.formats.c3d_by_hand import PROCESSORS, c3d_bytes
+
+MIXTURES = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+def paths(points=5, frames=12):
+    """Places within 2 m [mm], each point lost for a while."""
+    rng = np.random.default_rng(points)
+    places = rng.uniform(-2000, 2000, (frames, points, 3))
+    places[rng.uniform(size=(frames, points)) < 0.2] = np.nan
+    return places
+
+
+def read(tmp_path, raw):
+    (tmp_path / "a.c3d").write_bytes(raw)
+    return read_c3d(tmp_path / "a.c3d", None)
+
+
+@given(
+    processor=st.sampled_from(sorted(PROCESSORS)), scale=st.sampled_from([-1.0, -0.1, 0.0625, 0.1, 1.0]),
+    analogue=st.sampled_from([0, 1, 17]), first=st.sampled_from([1, 51, 40_000]), points=st.sampled_from([1, 5, 300]),
+    is_locked=st.booleans(), has_lower_names=st.booleans(), is_group_last=st.booleans(),
+    lost=st.sets(st.sampled_from(["scale", "start", "rate"])),
+)  # fmt: skip
+@MIXTURES
+def test_traits_in_any_mixture_give_the_same_paths(
+    tmp_path, processor, scale, analogue, first, points, is_locked, has_lower_names, is_group_last, lost
+):
+    """`lost`: copies in the header that are zero. More than 255 points have their labels in LABELS2."""
+    wanted, labels = paths(points), tuple(f"marker {k}" for k in range(points))
+    raw = c3d_bytes(
+        wanted, labels, processor=processor, scale=scale, analogue=analogue, is_locked=is_locked,
+        has_lower_names=has_lower_names, is_group_last=is_group_last,
+        header={"first": first} | dict.fromkeys(lost, 0),
+    )  # fmt: skip
+    tracks = read(tmp_path, raw)
+    assert tracks.labels == labels
+    np.testing.assert_allclose(tracks.time, np.arange(12) / 100, atol=1e-9)
+    step = scale / 2 if scale > 0 else 1e-3
+    np.testing.assert_allclose(1e3 * tracks.positions, wanted, atol=1.01 * step, equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("rate", "copy", "camera", "found"),
+    [(100.0, 100.0, 50.0, 100.0), (None, 100.0, 50.0, 100.0), (0.0, 0.0, 59.94, 59.94), (None, 0.0, 120.0, 120.0)],
+)
+def test_a_rate_is_that_of_the_points_its_copy_or_that_of_the_cameras(tmp_path, rate, copy, camera, found):
+    raw = c3d_bytes(paths(), list("abcde"), rate=rate, header={"rate": copy}, camera_rate=camera)
+    assert 1 / np.diff(read(tmp_path, raw).time)[0] == pytest.approx(found)
+
+
+def test_a_file_without_any_rate_is_refused(tmp_path):
+    with pytest.raises(TakeError, match="states 0 frames a second"):
+        read(tmp_path, c3d_bytes(paths(), list("abcde"), rate=None, header={"rate": 0.0}))
+
+
+@pytest.mark.parametrize(("scale", "copy"), [(0.05, 0.1), (-1.0, 1.0)])
+def test_a_scale_and_its_copy_that_contradict_each_other_are_refused(tmp_path, scale, copy):
+    """Integers times the wrong one are twice as far off; floats that are taken for integers are noise."""
+    raw = c3d_bytes(0.1 * paths(), list("abcde"), scale=scale, header={"scale": copy}) + bytes(4096)
+    with pytest.raises(TakeError, match=rf"its header states a scale of {copy:g}, its parameter POINT:SCALE {scale:g}"):
+        read(tmp_path, raw)
+
+
+def test_of_floats_only_the_sign_of_the_scale_counts(tmp_path):
+    raw = c3d_bytes(paths(), list("abcde"), scale=-0.1, header={"scale": -1.0})
+    np.testing.assert_allclose(1e3 * read(tmp_path, raw).positions, paths(), rtol=1e-6, equal_nan=True)
+
+
+def test_a_file_of_analogue_values_alone_has_no_marker_paths(tmp_path):
+    with pytest.raises(TakeError, match=r"has no marker paths .0 points, 12 frames."):
+        read(tmp_path, c3d_bytes(np.zeros((12, 0, 3)), [], analogue=6))

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from formats.telling import tell, tell_entry
+
+if TYPE_CHECKING:  # reading takes needs numpy, and --help does not
+    from formats.take import Take
+    from formats.take_reader import TakeReport
 
 Takes = Annotated[list[Path], typer.Argument(metavar="TAKE", help="Take archives (.mcap).")]
 
@@ -56,7 +60,8 @@ def list_takes(
             all_read = False
             continue
         length = float(take.time[-1] - take.time[0])
-        state, lost = _word(report.is_sound, report.damaged_blocks), missing_words(take)
+        state = _word(report.is_sound, report.damaged_blocks)
+        lost = " and ".join(filter(None, [missing_words(take), _lost_scans(report) if report.missing_scans else ""]))
         tell_entry(
             "takes",
             f"{state:<11} {plain(path.relative_to(folder))}: {length:.1f} s, {kind_of(take)}, "
@@ -77,14 +82,15 @@ def show_take(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")] = False,
 ) -> None:
     """Show what a take holds: length, rate, garment, how often each point was seen and how noisy it is."""
-    from formats.archive import read_take
+    from formats.archive import read_with_report
     from formats.outputs import refuse_to_replace
     from formats.summary import describe, summarise
     from formats.take_picture import draw_in_letters, draw_png
 
-    take = read_take(path)
+    take, report = read_with_report(path)
     summary = summarise(take)
-    tell(f"{describe(summary)}\n\n{draw_in_letters(take)}", **summary)
+    lost = f"\nlost      {_lost_scans(report)}" if report.missing_scans else ""
+    tell(f"{describe(summary)}{lost}\n\n{draw_in_letters(take)}", **summary, missing_scans=report.missing_scans)
     if plot is not None:
         if not overwrite:
             refuse_to_replace(plot)
@@ -113,7 +119,7 @@ def verify_takes(paths: Takes) -> None:
             frames = f" ({report.missing_frames} frames)" if report.missing_frames else ""
             rest += f"; missing: {missing_words(take, report.spans)}{frames}"
         if report.missing_scans:
-            rest += f"; missing: {report.missing_scans} scans of the surface"
+            rest += f"; missing: {_lost_scans(report)}"
         if not report.is_sound:
             rest += "; `hangtime takes recover` makes a sound file"
         elif take.missing:
@@ -128,6 +134,10 @@ def verify_takes(paths: Takes) -> None:
         all_sound &= report.is_sound
     if not all_sound:
         raise typer.Exit(2)
+
+
+def _lost_scans(report: TakeReport) -> str:
+    return f"{report.missing_scans} scan{'s' if report.missing_scans > 1 else ''} of the surface"
 
 
 def _word(is_sound: bool, damaged: int) -> str:
@@ -153,7 +163,7 @@ def recover_takes(
         target = write_take((out or path.parent) / f"{name}.recovered.mcap", take, overwrite=overwrite)
         lost = missing_words(take)
         told = f"missing: {lost}" if lost else "nothing is missing"
-        scans = f", {report.missing_scans} scans of the surface are lost" if report.missing_scans else ""
+        scans = f"; lost: {_lost_scans(report)}" if report.missing_scans else ""
         words = f"{plain(target)}: {len(take.time)} frames, {told}{scans}"
         tell_entry(
             "takes", words, file=str(target), frames=len(take.time), missing=lost, lost_scans=report.missing_scans
@@ -173,12 +183,12 @@ def export_takes(
     Marker paths become CSV or C3D, arrays NPZ. All takes become one Parquet table. The viewer Rerun plays RRD. C3D
     needs the extra `mocap`, Parquet the extra `parquet`, RRD the extra `rerun`.
     """
-    from formats.archive import read_take
+    from formats.archive import read_with_report
     from formats.errors import OutputError
     from formats.exporters.arrays import write_npz, write_parquet
     from formats.exporters.marker_files import write_c3d, write_csv
     from formats.exporters.rerun_file import write_rrd
-    from formats.missing import incomplete_words, missing_words
+    from formats.missing import missing_words
     from formats.outputs import output_folder, refuse_to_replace
     from formats.plain_text import plain
 
@@ -192,20 +202,26 @@ def export_takes(
         if not overwrite:
             refuse_to_replace(target)
     if to is ExportKind.PARQUET:
-        takes = [read_take(path) for path in paths]
-        write_parquet(out, takes)
-        lacking = {
-            str(path): words for path, take in zip(paths, takes, strict=True) if (words := incomplete_words(take))
-        }
+        read = [read_with_report(path) for path in paths]
+        write_parquet(out, [take for take, _ in read])
+        lacking = {str(path): words for path, one in zip(paths, read, strict=True) if (words := _lacks(*one))}
         told = "".join(f"\n{plain(path)} {words}" for path, words in lacking.items())
         tell(f"{plain(out)}: {len(paths)} takes{told}", files=[str(out)], takes=len(paths), incomplete=lacking)
         return
     with output_folder(out):
         for path, target in zip(paths, targets, strict=True):
-            take = read_take(path)
+            take, report = read_with_report(path)
             writers[to](target, take)
-            told = f"; the take {words}" if (words := incomplete_words(take)) else ""
+            told = f"; the take {words}" if (words := _lacks(take, report)) else ""
             tell_entry(
                 "files", f"{plain(target)}: {len(take.time)} frames{told}", file=str(target), frames=len(take.time),
-                is_complete=take.is_complete, missing=missing_words(take),
+                is_complete=take.is_complete, missing=missing_words(take), missing_scans=report.missing_scans,
             )  # fmt: skip
+
+
+def _lacks(take: Take, report: TakeReport) -> str:
+    """Return what a take lacks, as what is said of it; nothing of a whole one."""
+    from formats.missing import incomplete_words
+
+    scans = f"lacks {_lost_scans(report)}" if report.missing_scans else ""
+    return " and ".join(filter(None, [incomplete_words(take), scans]))

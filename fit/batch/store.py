@@ -69,9 +69,13 @@ class Folder:
         self.url = str(self.root)
 
     def names(self, below: str, suffix: str) -> list[str]:
-        """Return the names below this one that end in the suffix, sorted; links to folders are not followed."""
+        """Return the names below this one that end in the suffix, sorted; links to folders are not followed.
+
+        A link that leads nowhere is among them, so that it is said and not left out.
+        """
         top = self.root / below
-        found = [p for p in top.rglob(f"*{suffix}") if p.is_file()] if top.is_dir() else []
+        named = top.rglob(f"*{suffix}") if top.is_dir() else ()
+        found = [p for p in named if p.is_file() or (p.is_symlink() and not p.exists())]
         return sorted(p.relative_to(self.root).as_posix() for p in found)
 
     def has(self, name: str) -> bool:

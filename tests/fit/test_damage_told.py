@@ -18,7 +18,8 @@ from formats.archive import write_take
 from formats.results import save_fit_result
 from tests.fit.export.exported import a_fit
 from tests.fit.here import hangtime_here
-from tests.formats.test_archive import a_take
+from tests.formats.damage import chunks_of
+from tests.formats.test_archive import a_scan, a_take
 
 LACKS = "is incomplete (119 frames are left; missing: 2.03 to 3.10 s)"
 
@@ -90,3 +91,16 @@ def test_takes_list_and_export_say_which_seconds_are_missing(tmp_path):
     pytest.importorskip("pyarrow")
     done = hangtime_here(*exported, "parquet", "--out", "all.parquet", folder=tmp_path)
     assert done.stdout == "all.parquet: 2 takes\na.mcap is incomplete; missing: 2.03 to 3.10 s\n"
+
+
+def test_lost_scans_are_told_by_every_command_of_takes(tmp_path):
+    """Two scans, of which the first is lost; no frame is."""
+    path = write_take(tmp_path / "a.mcap", replace(a_take(), scans=(a_scan(0.4, 1), a_scan(2.6, 2))))
+    raw = path.read_bytes()
+    begin, end, _ = next(chunk for chunk in chunks_of(raw) if "surface" in chunk[2])
+    path.write_bytes(raw[:begin] + raw[end:])
+    for words in (
+        ("show", "a.mcap"), ("verify", "a.mcap"), ("list", "."), ("recover", "a.mcap"),
+        ("export", "a.mcap", "--to", "npz", "--out", "."),
+    ):  # fmt: skip
+        assert "1 scan of the surface" in hangtime_here("takes", *words, folder=tmp_path).stdout, words

@@ -122,6 +122,14 @@ def test_a_file_larger_than_any_take_is_refused_unread_and_the_others_wait(night
     assert "has 300.0 GB, and a take 1.1 GB at most" in found.outcomes[found.keys["huge.mcap"]].sentence
 
 
+def test_a_link_that_leads_nowhere_is_refused_and_not_left_out(night):
+    takes, _ = night
+    takes.path("gone.mcap").symlink_to(takes.path("nowhere.mcap"))
+    found = survey(*night, PLAN)
+    assert [job.take for job in found.jobs] == ["a.mcap"]
+    assert "cannot be read (No such file or directory)" in found.outcomes[found.keys["gone.mcap"]].sentence
+
+
 def test_the_smallest_take_is_fitted_first(night):
     takes, _ = night
     write_take(takes.path("0-long.mcap"), replace(a_take(600), take_id="long"))

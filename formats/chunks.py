@@ -56,8 +56,9 @@ def profile_of(raw: bytes) -> str | None:
 def messages_in(raw: bytes, findings: Findings) -> Iterator[bytes]:
     """Yield the data of every message in every sound chunk, in the order of the file; go on after damage.
 
-    The time is linear in the file's length and in its unpacked length. A file that unpacks to more than any take of
-    its size, or to more records, is read up to that limit.
+    A record that holds no frames is skipped by its length. Where a chunk seems to begin within it, that length is
+    damaged. The time is linear in the file's length and in its unpacked length. A file that unpacks to more than any
+    take of its size, or to more records, is read up to that limit.
     """
     at = len(MCAP_MAGIC) if raw.startswith(MCAP_MAGIC) else 0
     findings.damaged += at == 0
@@ -74,7 +75,7 @@ def messages_in(raw: bytes, findings: Findings) -> Iterator[bytes]:
         if records is not None:
             was_sound = True
             yield from _message_data(records, findings, most_records)
-        elif opcode in KNOWN and is_within and end - at <= LONGEST_RECORD:
+        elif opcode in KNOWN and is_within and end - at <= LONGEST_RECORD and starts.next_at(at + 1) >= end:
             if opcode == Opcode.FOOTER and raw[end:] == MCAP_MAGIC:
                 findings.is_whole = True
                 return

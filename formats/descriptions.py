@@ -32,6 +32,8 @@ HEIGHT_TOLERANCE = (
     0.01  # m by which another side may lie wholly higher than the held edge's lower end: flat cloth is laid by hand
 )
 CONTROL = re.compile(r"[\x00-\x1f\x7f]")  # what a TOML string may not hold as it is, https://toml.io/en/v1.0.0#string
+# Parts of a key, each with its dot: Python reads them in the square of their number, gigabytes for 200,000 of them.
+LONG_KEY = re.compile(r"""(?:(?:(?<![\w-])[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){20}""")
 UNMEASURED = "calibration.depth_offset_sd_px", math.inf  # along an axis that was never measured
 LARGEST_NUMBER = 1e9  # in any unit: squares and products of larger ones may overflow
 TOUCHING = 1e-5  # m within which corners and sides are in one place: no mesh fits between
@@ -110,6 +112,8 @@ def _load(path: Path, kind: type[Description]) -> Description:
         if reason is None:
             raise DescriptionError("is no text in UTF-8", where=path, advice="save it as UTF-8 text") from error
         raise DescriptionError(f"cannot be read ({reason})", where=path, advice="check the path") from error
+    if LONG_KEY.search(text):
+        raise DescriptionError("has a key of twenty parts or more", where=path, advice="mend it")
     try:
         plain = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

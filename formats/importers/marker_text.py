@@ -28,6 +28,7 @@ LARGEST_TEXT = 1 << 28  # bytes
 CAN_BE_READ = "markers can be read from .c3d, .trc, .csv and .tsv, swung cloth from .npz"
 DECIMAL_COMMA = re.compile(r"^\s*-?\d+,\d+(e[+-]?\d+)?\s*$", re.IGNORECASE)
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)  # `float` takes 1_0 as well
+MOST_CELLS = 100_000  # of a line: three for each of 30,000 markers, and some
 LONGEST_SHOWN = 40  # characters of a cell in a message
 LONGEST_HEAD = 1000  # lines above the first frame: Qualisys writes one for each event
 # Of programs, spreadsheets (#N/A), R (NA), and the C libraries of Windows (-nan(ind), 1.#QNAN).
@@ -40,7 +41,7 @@ class Rows(Sequence[list[str]]):
     """The cells of the lines that hold any. They are split when they are looked at: all at once take 30 times the text.
 
     Raises:
-        TakeError: a cell is longer than any number or name.
+        TakeError: a cell is longer than any number or name, or a line has more cells than any file of markers.
     """
 
     def __init__(self, lines: list[str], separator: str, path: Path, *, is_cut: bool = False) -> None:
@@ -64,12 +65,21 @@ class Rows(Sequence[list[str]]):
     def __iter__(self) -> Iterator[list[str]]:
         """Yield the cells of each line."""
         try:
-            yield from csv.reader(self._lines, delimiter=self._separator)
+            yield from csv.reader(self._narrow(), delimiter=self._separator)
         except csv.Error as error:
             raise TakeError(
                 f"has a cell of more than {csv.field_size_limit()} characters", where=self._path,
                 advice="export it again",
             ) from error  # fmt: skip
+
+    def _narrow(self) -> Iterator[str]:
+        """Yield the lines, each of which costs no more memory as cells than any marker file needs."""
+        for line in self._lines:
+            if len(line) > MOST_CELLS and line.count(self._separator) > MOST_CELLS:
+                raise TakeError(
+                    f"has a line of more than {MOST_CELLS} cells", where=self._path, advice="export fewer markers"
+                )
+            yield line
 
 
 def read_marker_text(path: Path, unit: str | None) -> MarkerTracks:

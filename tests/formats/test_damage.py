@@ -63,6 +63,20 @@ def test_a_bit_of_a_chunks_own_lengths_costs_that_chunk_only(raw):
         assert np.isin(take.time, sound.time).all()
 
 
+def test_a_bit_of_a_length_between_the_chunks_costs_nothing(raw):
+    """Each bit of every length of a record that holds no frames: the reader does not jump over a block by it."""
+    found, at = [], 8
+    while raw[at] != 0x0F:
+        found += [at + 1] if raw[at] != 6 else []
+        at += 9 + struct.unpack_from("<Q", raw, at + 1)[0]
+    assert found
+    for place in found:
+        for bit in range(32):
+            broken = bytearray(raw)
+            broken[place + bit // 8] ^= 1 << bit % 8
+            assert len(take_of(bytes(broken), "broken").time) == 150, (place, bit)
+
+
 @pytest.mark.parametrize("zeroed", [slice(0, 200), slice(0, PAGE), slice(PAGE, 2 * PAGE), slice(8, 9)])
 def test_a_lost_page_costs_what_it_held(long, zeroed):
     """The first page holds the specification, the header and the first blocks; the header comes again and again."""

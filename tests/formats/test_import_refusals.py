@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import time
 from dataclasses import replace
 
 import msgspec
@@ -12,6 +13,7 @@ import pytest
 
 from formats.descriptions import dump_description, load_garment, load_rig
 from formats.errors import DescriptionError, ImplausibleError, TakeError
+from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import write_marker_csv
 from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
 from formats.importers.units import other_unit
@@ -121,3 +123,31 @@ def test_a_focal_length_of_no_sensor_is_refused_with_what_its_picture_would_span
     wrong = msgspec.structs.replace(RIG, sensor=msgspec.structs.replace(sensor, **{name: focal}))
     with pytest.raises(ImplausibleError, match=rf"sensor\.{name} = {re.escape(f'{focal:g}')} px lets \d+ pixels span"):
         check_plausible_rig(wrong, "rig.toml")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        ".".join("a" * 200_000) + " = 1",
+        "[" + " . ".join(["'b c'"] * 100_000) + "]",
+        'x = {"y".' + "z." * 50_000 + "w = 1}",
+    ],
+)
+def test_a_key_of_very_many_parts_is_refused_before_it_is_read(tmp_path, text):
+    """Python needs minutes and gigabytes for the first."""
+    path = tmp_path / "a.toml"
+    path.write_text(text)
+    start = time.process_time()
+    with pytest.raises(DescriptionError, match="has a key of twenty parts or more"):
+        load_garment(path)
+    assert time.process_time() - start < 1
+
+
+def test_a_line_of_millions_of_cells_is_refused_before_it_is_split(tmp_path):
+    """Ten megabytes of commas become a gigabyte of cells."""
+    path = tmp_path / "a.csv"
+    path.write_bytes(b"time_s" + 10_000_000 * b"," + b"\n")
+    start = time.process_time()
+    with pytest.raises(TakeError, match="has a line of more than 100000 cells; export fewer markers"):
+        read_marker_tracks(path)
+    assert time.process_time() - start < 1

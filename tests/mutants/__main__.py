@@ -12,10 +12,12 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import random
 import subprocess
 import sys
 import tomllib
 from dataclasses import dataclass, field
+from fnmatch import fnmatch
 from hashlib import sha256
 from pathlib import Path
 
@@ -23,16 +25,21 @@ ROOT = Path(__file__).parents[2]
 COPIES = ROOT / "build/mutants"
 SURVIVORS = Path(__file__).with_name("survivors.toml")
 COPIED = ("formats", "firmware_host", "capture", "fit", "hangtime", "benchmarks", "tests", "docs", "scripts", "systemd")
+NO_MUTANT, MATCHES_NOTHING = "no.mutant.*", "nothing matches"  # mutmut makes all mutants, and then says so
 WANTED = 0.9  # share of the mutants that tests must notice
 KILLED = {"killed", "timeout", "segfault", "caught by type check"}
 
 
 @dataclass
 class Tally:
-    """What became of the mutants of one folder: how many died, and the text of those that live, by function."""
+    """What became of the mutants of one folder: how many died, and the text of those that live, by function.
+
+    Those of the wording of a text do not count.
+    """
 
     killed: int = 0
     listed: int = 0
+    wording: int = 0
     alive: list[tuple[str, str]] = field(default_factory=list)
 
     @property
@@ -48,6 +55,8 @@ def main() -> int:
     parser.add_argument("path", nargs="*", help=f"folder or module; by default all of {', '.join(areas)}")
     parser.add_argument("--processes", type=int, default=os.cpu_count() or 1, help="mutants tested side by side")
     parser.add_argument("--report", action="store_true", help="show the results that are kept, test nothing")
+    parser.add_argument("--sample", type=int, metavar="N", help="test N mutants of each folder, drawn at random")
+    parser.add_argument("--seed", type=int, default=0, help="of the sample")
     asked = parser.parse_args()
     reasons = {(s["function"], s["change"].strip()): s["reason"] for s in known_survivors()}
     is_well = True
@@ -58,6 +67,8 @@ def main() -> int:
         if not paths:
             continue
         patterns = [path.removesuffix(".py").replace("/", ".") + ".*" for path in paths]
+        if asked.sample is not None:
+            patterns = drawn(area, tests, patterns, asked.sample, asked.seed)
         if not asked.report:
             test_mutants(area, tests, patterns, asked.processes)
         is_well &= show(area, tally(area, patterns, reasons))
@@ -90,10 +101,26 @@ def test_mutants(area: str, tests: list[str], patterns: list[str], processes: in
     (copy / "setup.cfg").write_text(f"[mutmut]\n{written}")
     forget_what_changed(copy, tests)
     words = [sys.executable, "-m", "mutmut", "run", "--max-children", str(processes), *patterns]
-    done = subprocess.run(words, cwd=copy, env={**os.environ, "PYTHONPATH": ""}, check=False, stdout=subprocess.PIPE)
-    if done.returncode:
-        sys.stderr.write(done.stdout.decode(errors="replace")[-4000:])
+    done = subprocess.run(
+        words, cwd=copy, env={**os.environ, "PYTHONPATH": ""}, check=False, stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+    )  # fmt: skip
+    said = done.stdout.decode(errors="replace")
+    if done.returncode and not (patterns == [NO_MUTANT] and MATCHES_NOTHING in said):
+        sys.stderr.write(said[-4000:])
         raise SystemExit(f"mutants: {area}: mutmut ended with {done.returncode}; its last words are above")
+
+
+def drawn(area: str, tests: list[str], patterns: list[str], count: int, seed: int) -> list[str]:
+    """Return the names of mutants of a folder that match, drawn at random without replacement."""
+    test_mutants(area, tests, [NO_MUTANT], 1)  # makes them, and learns which tests reach which function
+    names = sorted(
+        name
+        for meta in (copy_of(area) / "mutants" / area).rglob("*.py.meta")
+        for name in json.loads(meta.read_text())["exit_code_by_key"]
+        if any(fnmatch(name, pattern) for pattern in patterns)
+    )
+    return random.Random(seed).sample(names, min(count, len(names)))
 
 
 def forget_what_changed(copy: Path, tests: list[str]) -> None:
@@ -110,8 +137,6 @@ def forget_what_changed(copy: Path, tests: list[str]) -> None:
 
 def tally(area: str, patterns: list[str], reasons: dict[tuple[str, str], str]) -> Tally:
     """Count what is kept of the mutants of a folder whose names match."""
-    from fnmatch import fnmatch
-
     copy, found = copy_of(area), Tally()
     os.chdir(copy)  # mutmut finds its files from the working directory
     from mutmut.mutation.diff_apply import get_diff_for_mutant
@@ -122,11 +147,15 @@ def tally(area: str, patterns: list[str], reasons: dict[tuple[str, str], str]) -
         for name, code in json.loads(meta.read_text())["exit_code_by_key"].items():
             if code is None or not any(fnmatch(name, pattern) for pattern in patterns):
                 continue
-            if status_by_exit_code[code] in KILLED:
-                found.killed += 1
-                continue
+            is_killed = status_by_exit_code[code] in KILLED
             function = name.rsplit("__mutmut_", 1)[0].replace("x_", "").replace("xǁ", "").replace("ǁ", ".")
             lines = get_diff_for_mutant(name, path=source).splitlines()[2:]
+            if is_wording(lines):
+                found.wording += 1
+                continue
+            if is_killed:
+                found.killed += 1
+                continue
             change = "\n".join(f"{line[0]} {line[1:].strip()}" for line in lines if line[:1] in "+-" and line.strip())
             if (function, change) in reasons:
                 found.listed += 1
@@ -135,13 +164,25 @@ def tally(area: str, patterns: list[str], reasons: dict[tuple[str, str], str]) -
     return found
 
 
+def is_wording(lines: list[str]) -> bool:
+    """Whether a change, the lines of a diff, only puts XX about a text, or turns its case.
+
+    Tests of a sentence ask for its gist, and not for its capitals.
+    """
+    removed, added = ("\n".join(line[1:] for line in lines if line[:1] == sign) for sign in "-+")
+    return removed != added and removed.lower() == added.replace("XX", "").lower()
+
+
 def show(area: str, found: Tally) -> bool:
     """Print a folder's figures and its unlisted survivors; return whether they are well."""
     for function, change in found.alive:
         print(f"\n{function}\n{change}")
     share = found.killed / found.total if found.total else 0.0
     died = f"{found.killed} of {found.total} mutants die ({100 * share:.1f} %)"
-    print(f"\n{area}: {died}, {found.listed} live for a listed reason, {len(found.alive)} live unlisted")
+    print(
+        f"\n{area}: {died}, {found.listed} live for a listed reason, {len(found.alive)} live unlisted; "
+        f"{found.wording} of wording do not count"
+    )
     return share >= WANTED and not found.alive
 
 

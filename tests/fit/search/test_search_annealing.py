@@ -153,26 +153,82 @@ def test_a_saved_chain_goes_on_bit_identically_after_a_trip_through_json():
     second = chain_of(seed=99, iterations=120)
     second.restore(saved)
     assert 0 < second.iteration < 120
+    assert second.state() == saved
     run(second, 16)
     assert second.steps == whole.steps
     assert np.array_equal(second.best, whole.best)
 
 
 def test_a_state_of_other_settings_is_refused():
-    with pytest.raises(FitError, match="other settings"):
+    with pytest.raises(FitError) as refused:
         chain_of(gamma=1.0).restore(chain_of().state())
+    assert str(refused.value) == (
+        "annealing: the saved search has other settings; start anew or use the settings it was saved with"
+    )
 
 
 def test_a_start_outside_the_bounds_is_refused():
-    with pytest.raises(FitError, match="outside the bounds"):
+    with pytest.raises(FitError) as refused:
         Annealing(KINECT_SKIRT.maximum + 1, BOX, AnnealingSettings(), np.random.default_rng(0))
+    assert str(refused.value) == "annealing: the start of the search lies outside the bounds; move it inside"
+    for corner in (BOX.minimum, BOX.maximum):
+        assert Annealing(corner, BOX, AnnealingSettings(), np.random.default_rng(0)).current.tolist() == corner.tolist()
 
 
 def test_distances_for_other_candidates_are_refused():
     chain = chain_of()
+    with pytest.raises(ValueError, match=r"^a batch needs at least one candidate$"):
+        chain.ask(0)
+    assert len(chain.ask()) == 1
     candidates = chain.ask(4)
-    with pytest.raises(ValueError, match="unchanged"):
+    with pytest.raises(ValueError, match=r"wants the candidates of the last ask.., unchanged and in order$"):
         chain.tell(candidates + 1, np.zeros(4))
+    for told, distances in ((candidates, np.zeros(3)), (candidates[:3], np.zeros(4)), (candidates[:3], np.zeros(3))):
+        with pytest.raises(ValueError, match=r"wants one distance for each candidate of the last ask..$"):
+            chain.tell(told, distances)
+
+
+def test_a_chain_counts_what_was_tried_and_is_done_when_all_is():
+    chain, done = chain_of(iterations=20), []
+    while not chain.is_finished:
+        candidates = chain.ask(4)
+        done.append((len(candidates), chain.tell(candidates, annealing_gamma.smooth(candidates))))
+    assert chain.evaluations == sum(tried for tried, _ in done)
+    assert chain.iteration == sum(stepped for _, stepped in done) == len(chain.steps) - 1 == 20
+    assert (chain.steps[0].iteration, chain.steps[0].is_accepted, chain.non_finite) == (0, True, 0)
+    assert chain.best_history.tolist() == [step.best for step in chain.steps]
+    assert chain.ask(4).shape == (0, len(BOX.minimum))
+    assert chain.tell(np.empty((0, len(BOX.minimum))), np.empty(0)) == 0
+
+
+def test_the_guess_of_an_acceptance_is_laplaces_share_of_recent_rises_that_would_pass():
+    """Of the rises 0, 1 and 3 mm two pass where the largest that may is 2 mm: (2 + 1) / (3 + 2).."""
+    chain = chain_of()
+    assert chain._guess_acceptance(0) == 0.5
+    draws, temperature = chain._ahead(0)
+    most = -temperature / chain.settings.gamma * math.log(draws[-1])
+    chain._changes = [0.0, most, 1.5 * most]
+    assert chain._guess_acceptance(0) == (2 + 1) / (3 + 2)
+
+
+def test_clipped_steps_end_on_the_bound_that_they_would_pass():
+    chain = chain_of(beyond_bounds="clip")
+    draws, temperature = chain._ahead(0)
+    spread = BOX.interval * chain.settings.mu * temperature**chain.settings.sigma
+    moved = BOX.maximum + np.tan(np.pi * (draws[:-1] - 0.5)) * spread
+    assert (moved > BOX.maximum).any()
+    assert chain._propose(BOX.maximum, 0) == pytest.approx(np.clip(moved, BOX.minimum, BOX.maximum))
+    redrawn = chain_of(beyond_bounds="redraw")._propose(BOX.maximum, 0)
+    assert redrawn == pytest.approx(bounds.redraw(BOX.maximum, draws[:-1], spread, BOX.minimum, BOX.maximum))
+
+
+@pytest.mark.parametrize("iterations", [1, 2, 9])
+def test_a_short_schedule_that_begins_at_t0_cools_as_far_too(iterations):
+    settings = AnnealingSettings(first_temperature="T0")
+    shorter = settings.lasting(iterations)
+    wanted = settings.temperature(settings.iterations)
+    # The only iteration is at T0 itself and cannot be colder.
+    assert shorter.temperature(iterations) == pytest.approx(1000.0 if iterations == 1 else wanted)
 
 
 @pytest.mark.parametrize("iterations", [50, 1000])
@@ -228,5 +284,12 @@ def test_gamma_table_still_runs_and_the_default_beats_a_hundredth_of_it():
 
 
 def test_a_box_without_room_is_refused():
-    with pytest.raises(FitError, match="lower bound"):
+    with pytest.raises(FitError) as refused:
         SearchBox(np.zeros(2), np.zeros(2), np.ones(2))
+    assert str(refused.value) == (
+        "search box: a lower bound is not below its upper bound; check minimum, maximum, interval"
+    )
+    with pytest.raises(FitError, match="lower bound"):
+        SearchBox(np.zeros(2), np.ones(2), np.array([1.0, np.inf]))
+    with pytest.raises(FitError, match=r"^search box: bounds and intervals differ in number$"):
+        SearchBox(np.zeros(2), np.ones(2), np.ones(3))

@@ -13,10 +13,10 @@ import msgspec
 import numpy as np
 
 from formats.errors import DescriptionError
-from formats.garment import Garment, signed_area
+from formats.garment import Garment, TrackedPoint, signed_area
 from formats.plain_text import encoding_of
 from formats.plausible import check_plausible_garment, check_plausible_rig
-from formats.rig import Rig
+from formats.rig import Calibration, Hanger, Rig, RigBody, Sensor
 from formats.whole_files import check_ends
 
 Description = TypeVar("Description", Garment, Rig)
@@ -130,6 +130,9 @@ def _load(path: Path, kind: type[Description]) -> Description:
         ) from error
 
 
+PARTS: dict[Any, tuple[Any, ...]] = {Garment: (TrackedPoint,), Rig: (RigBody, Hanger, Sensor, Calibration)}
+
+
 def _named(message: str, plain: dict[str, Any], kind: type[Garment] | type[Rig]) -> str:
     """Put the field before msgspec's message, and name the closest known field for an unknown one."""
     unknown = re.search(r"unknown field `(.+?)`", message)
@@ -137,16 +140,7 @@ def _named(message: str, plain: dict[str, Any], kind: type[Garment] | type[Rig])
     field = place.group(1) if place else ""
     words = re.sub(r" - at `.*?`", "", message)
     if unknown:
-        known = [f.name for f in msgspec.structs.fields(kind)] + [
-            "name",
-            "at_m",
-            "dictionary",
-            "ids",
-            "held_m",
-            "to_m",
-            "radius_m",
-            "normal",
-        ]
+        known = [f.name for part in (kind, *PARTS[kind]) for f in msgspec.structs.fields(part)]
         import difflib  # here: no right file needs it
 
         close = difflib.get_close_matches(unknown.group(1), known, 1)

@@ -316,3 +316,17 @@ def test_numbers_that_overflow_are_refused_before_anything_is_computed_with_them
     (tmp_path / "g.toml").write_text(text.replace(line, f"outline_m = {corners}"))
     with pytest.raises(DescriptionError, match=sentence):
         load_garment(tmp_path / "g.toml")
+
+
+@pytest.mark.parametrize("field", ["radius_m", "to_m", "at_m", "normal", "kind"])
+def test_a_slip_in_a_field_of_a_part_is_named_with_the_field_that_was_meant(tmp_path, field):
+    body = f'format = "hangtime-rig/2"\nname = "rig"\ngravity = [0.0, 1.0, 0.0]\n[[bodies]]\n{field}x = 1\n'
+    (tmp_path / "rig.toml").write_text(body)
+    with pytest.raises(DescriptionError, match=f"unknown field `{field}x`.*; did you mean `{field}`"):
+        load_rig(tmp_path / "rig.toml")
+
+
+def test_a_slip_in_the_hangers_part_is_named_too(tmp_path):
+    (tmp_path / "rig.toml").write_text('format = "hangtime-rig/1"\nname = "rig"\n[hanger]\nmarker_sizem = 0.05\n')
+    with pytest.raises(DescriptionError, match=r"unknown field `marker_sizem`.*; did you mean `marker_size_m`"):
+        load_rig(tmp_path / "rig.toml")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from formats.errors import OutputError
-from formats.outputs import output_folder
+from formats.outputs import check_stem, output_folder
 
 
 def interrupted(folder, *made):
@@ -36,3 +36,12 @@ def test_a_folder_that_cannot_be_made_leaves_nothing(tmp_path):
     with pytest.raises(OutputError):
         interrupted(tmp_path / "file/new")
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_stem_of_names_is_not_empty_and_has_no_slash():
+    for name in ("", "a/b", "/"):
+        with pytest.raises(OutputError) as refused:
+            check_stem(name)
+        assert str(refused.value) == f"--name: the name {name!r} is none that a file can have; give one without a slash"
+    for name in ("swing", ".", "a b"):
+        check_stem(name)

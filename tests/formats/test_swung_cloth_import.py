@@ -41,6 +41,7 @@ def with_value(place, value):
         ({"t": with_value(slice(38, 40), np.inf)}, "first at frame 38, at inf s"),
         ({"t": lambda t: 1e3 * t}, "its frames are 110 s apart in the median; are these milliseconds"),
         ({"t": lambda t: 1e9 * t}, "its frames are 1.1e[+]08 s apart in the median; are these nanoseconds"),
+        ({"t": np.arange(40.0)}, "1 s apart in the median; these are frame numbers, or milliseconds at 1000 frames"),
         ({"t": with_value(7, 0.1)}, "first at frame 7, at 0.1 s"),
         ({"t": lambda t: t[:-1]}, r"the array 'points' has shape \(40, 64, 3\), not \(39, 64, 3\)"),
         ({"valid": lambda valid: valid[:-1]}, r"the array 'valid' has shape \(39, 64\), not \(40, 64\)"),

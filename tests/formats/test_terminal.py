@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import os
 import subprocess
 import sys
 
 import pytest
 
-from formats.terminal import ProgressLine, hush, in_words, say
+from formats.terminal import ProgressLine, hush, in_words, say, take_streams
 
 
 def test_a_message_and_the_end_of_its_line_are_written_in_one_piece():
@@ -96,3 +97,11 @@ except KeyboardInterrupt:
 def test_progress_ends_work_whose_interruption_a_library_swallowed():
     made = subprocess.run([sys.executable, "-c", SWALLOWED], capture_output=True, text=True, check=True)
     assert made.stdout.split() == ["swallowed", "ended"]
+
+
+def test_names_are_printed_byte_for_byte_and_signs_that_the_terminal_lacks_by_their_code(monkeypatch):
+    printed = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(printed, encoding="ascii"))
+    take_streams()
+    print("m\u00b2", os.fsdecode(b"\xffname"), flush=True)
+    assert printed.getvalue() == b"m\\xb2 \xffname\n"

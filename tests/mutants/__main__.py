@@ -86,7 +86,11 @@ def copy_of(area: str) -> Path:
 
 
 def test_mutants(area: str, tests: list[str], patterns: list[str], processes: int) -> None:
-    """Bring the copy up to date and test the mutants whose names match."""
+    """Bring the copy up to date and test the mutants whose names match.
+
+    Each mutant's process is forked from one that has run no test. From another one it would lack Taichi's threads, and
+    wait for them.
+    """
     copy = copy_of(area)
     copy.mkdir(parents=True, exist_ok=True)
     subprocess.run(["cp", "-ru", *(ROOT / name for name in (*COPIED, "README.md", "pyproject.toml")), copy], check=True)
@@ -98,12 +102,13 @@ def test_mutants(area: str, tests: list[str], patterns: list[str], processes: in
         "also_copy": [name for name in (*COPIED, "README.md") if name not in (area.split("/")[0], "tests")],
     }
     written = "".join(f"{name}=\n" + "".join(f"    {value}\n" for value in values) for name, values in lists.items())
-    (copy / "setup.cfg").write_text(f"[mutmut]\n{written}")
+    settings = f"[mutmut]\nprocess_isolation=forkserver\n{written}"
+    (copy / "setup.cfg").write_text(settings)
     forget_what_changed(copy, tests)
     words = [sys.executable, "-m", "mutmut", "run", "--max-children", str(processes), *patterns]
     done = subprocess.run(
-        words, cwd=copy, env={**os.environ, "PYTHONPATH": ""}, check=False, stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
+        words, cwd=copy, env={**os.environ, "PYTHONPATH": "", "OPENBLAS_NUM_THREADS": "1"}, check=False,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
     )  # fmt: skip
     said = done.stdout.decode(errors="replace")
     if done.returncode and not (patterns == [NO_MUTANT] and MATCHES_NOTHING in said):

@@ -25,7 +25,11 @@ class HangtimeError(Exception):
     def __init__(self, what: str, *, where: object = None, advice: str = "") -> None:
         self.what, self.where, self.advice = what, where, advice
         place = f"{where}: " if where is not None else ""
-        super().__init__(plain(f"{place}{what}" + (f"; {advice}" if advice else "")))
+        if advice and what.endswith("?"):
+            advice = f" {advice[0].upper()}{advice[1:]}"
+        elif advice:
+            advice = f"; {advice}"
+        super().__init__(plain(f"{place}{what}{advice}"))
 
 
 class DescriptionError(HangtimeError):

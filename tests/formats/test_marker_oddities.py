@@ -180,7 +180,7 @@ def test_two_exchanged_markers_are_found_whichever_they_are(tmp_path, one, other
 def test_inches_taken_for_centimetres_are_refused(tmp_path):
     tracks = hanging()
     path = write_marker_csv(tmp_path / "a.csv", replace(tracks, positions=tracks.positions / 2.54))
-    with pytest.raises(TakeError, match=r"neighbouring markers are 0\.39 of their distance .*; check the unit"):
+    with pytest.raises(TakeError, match=r"neighbouring markers are 0\.39 of their distance .*\? Check the unit"):
         import_marker_take(path, GARMENT)
     folded = tracks.positions * [0.7, 1, 1]
     import_marker_take(write_marker_csv(tmp_path / "b.csv", replace(tracks, positions=folded)), GARMENT)

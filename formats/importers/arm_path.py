@@ -9,19 +9,17 @@ Each take has one `.npz` file with these arrays. Their clock has the zero of the
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from pathlib import Path
 
 import numpy as np
 
 from formats.arrays import Floats
 from formats.errors import TakeError
+from formats.importers.npz import load_arrays
 from formats.plausible import check_plausible_times
-from formats.whole_files import check_ends
 
 SHAPES = {"tcp_t": (None,), "tcp_pose": (None, 7), "tcp_to_corner_m": (2, 3)}
-MOST_BYTES = 1 << 26  # of the file: ten hours at 20 poses a second are half of it
+MOST_BYTES = 1 << 26  # of all arrays: ten hours at 20 poses a second are half of it
 UNIT_WITHIN = 1e-2  # of a quaternion's length: printed with two decimals it still passes
 WHAT_TO_GIVE = "give a .npz with tcp_t, tcp_pose and tcp_to_corner_m, see docs/reference/file-formats.md"
 
@@ -39,26 +37,7 @@ def read_arm_path(path: Path, *, anyway: bool | None = None) -> tuple[Floats, Fl
     Raises:
         TakeError: the file is missing, or holds no such path.
     """
-    try:
-        check_ends(path)
-        if path.stat().st_size > MOST_BYTES:
-            raise TakeError(f"has {path.stat().st_size / 1e6:.0f} MB", where=path, advice="import shorter recordings")
-        if not zipfile.is_zipfile(path):
-            raise TakeError("is no .npz archive", where=path, advice=WHAT_TO_GIVE)
-        with zipfile.ZipFile(path) as parts:
-            if sum(part.file_size for part in parts.infolist()) > MOST_BYTES:
-                raise TakeError("its arrays are too large", where=path, advice="import shorter recordings")
-        with np.load(path, allow_pickle=False) as archive:
-            absent = [name for name in SHAPES if name not in archive]
-            if absent:
-                raise TakeError(f"has no array {absent[0]!r}", where=path, advice=WHAT_TO_GIVE)
-            data = {name: np.asarray(archive[name]) for name in SHAPES}
-    except OSError as error:
-        raise TakeError(f"cannot be read ({error.strerror or error})", where=path, advice="check the path") from error
-    except (ValueError, EOFError, RuntimeError, MemoryError, SyntaxError, zipfile.BadZipFile, zlib.error) as error:
-        raise TakeError(
-            "is an .npz archive that is damaged or holds objects", where=path, advice=WHAT_TO_GIVE
-        ) from error
+    data = load_arrays(path, SHAPES, most_bytes=MOST_BYTES, advice=WHAT_TO_GIVE)
     poses = data["tcp_t"].size
     for name, shape in SHAPES.items():
         needed = tuple(poses if size is None else size for size in shape)

@@ -13,11 +13,9 @@ The points are those of a silhouette, which slide over the cloth.
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -27,11 +25,11 @@ from formats.blocks import FARTHEST_PLACE
 from formats.errors import TakeError
 from formats.garment import Garment, TrackedPoint
 from formats.importers.arm_path import path_beside, read_arm_path
+from formats.importers.npz import load_arrays
 from formats.plausible import check_plausible_times
 from formats.rig import Rig
 from formats.take import Take
 from formats.two_clocks import at_times, with_hanger
-from formats.whole_files import check_ends
 
 MOST_BYTES = 1 << 28  # of all arrays: twenty hours at 9 frames a second are half of it
 FRAMES, POINTS = -1, -2  # as many as there are times, and places on the flat cloth
@@ -186,45 +184,17 @@ def _is_crossed(held: NDArray[Any], points: NDArray[Any], valid: NDArray[Any], r
 
 def _load(path: Path) -> dict[str, NDArray[Any]]:
     """Return the arrays that are needed, of the right shapes and kinds."""
-    try:
-        check_ends(path)
-        if path.is_dir():
-            raise TakeError("is a folder", where=path, advice="give the files in it")
-        if path.suffix.lower() != ".npz" and path.is_file():
-            ends = f"ends in {path.suffix}" if path.suffix else "has no ending"
-            raise TakeError(
-                f"{ends}, which is no kind of file that can be imported", where=path,
-                advice=OTHER_DOORS.get(path.suffix.lower(), WHAT_TO_GIVE),
-            )  # fmt: skip
-        with path.open("rb") as file:
-            if not zipfile.is_zipfile(file):
-                raise TakeError(
-                    "is empty" if not path.stat().st_size else "is no .npz archive", where=path, advice=WHAT_TO_GIVE
-                )
-            _refuse_a_bomb(file, path)
-            file.seek(0)
-            archive = np.load(file, allow_pickle=False)
-            absent = [name for name in SHAPES if name not in archive]
-            if absent:
-                raise TakeError(f"has no array {absent[0]!r}", where=path, advice=WHAT_TO_GIVE)
-            data = {name: np.asarray(archive[name]) for name in SHAPES}
-    except OSError as error:
-        raise TakeError(f"cannot be read ({error.strerror or error})", where=path, advice="check the path") from error
-    except (ValueError, EOFError, RuntimeError, MemoryError, SyntaxError, zipfile.BadZipFile, zlib.error) as error:
+    if path.is_dir():
+        raise TakeError("is a folder", where=path, advice="give the files in it")
+    if path.suffix.lower() != ".npz" and path.is_file():
+        ends = f"ends in {path.suffix}" if path.suffix else "has no ending"
         raise TakeError(
-            "is an .npz archive that is damaged or holds objects", where=path, advice=WHAT_TO_GIVE
-        ) from error
+            f"{ends}, which is no kind of file that can be imported", where=path,
+            advice=OTHER_DOORS.get(path.suffix.lower(), WHAT_TO_GIVE),
+        )  # fmt: skip
+    data = load_arrays(path, SHAPES, most_bytes=MOST_BYTES, advice=WHAT_TO_GIVE)
     _check_arrays(data, path)
     return data
-
-
-def _refuse_a_bomb(file: BinaryIO, path: Path) -> None:
-    """Refuse an archive whose arrays would take far more memory than any recording."""
-    with zipfile.ZipFile(file) as archive:
-        wanted = [part for part in archive.infolist() if part.filename.removesuffix(".npy") in SHAPES]
-    size = sum(part.file_size for part in wanted)
-    if size > MOST_BYTES:
-        raise TakeError(f"its arrays have {size / 1e9:.1f} GB", where=path, advice="import shorter recordings")
 
 
 def _check_arrays(data: dict[str, NDArray[Any]], path: Path) -> None:

@@ -8,6 +8,7 @@ import pytest
 from fit.recordings.recording import prepare
 from formats.archive import read_take, write_take
 from formats.errors import ImplausibleError, TakeError
+from formats.importers import arm_path
 from formats.importers.arm_path import read_arm_path
 from formats.importers.swung_cloth import import_swung_cloth
 from formats.summary import summarise
@@ -110,6 +111,17 @@ def test_a_file_that_is_no_path_of_the_take_is_refused(tmp_path, changes, senten
     recorded(tmp_path, **changes)
     with pytest.raises((TakeError, ImplausibleError), match=sentence):
         import_swung_cloth(tmp_path / "a.npz", hanger=tmp_path / "arm")
+
+
+def test_a_path_that_is_no_archive_or_holds_too_much_is_refused(tmp_path, monkeypatch):
+    recorded(tmp_path)
+    monkeypatch.setattr(arm_path, "MOST_BYTES", 1000)
+    with pytest.raises(TakeError, match=r"its arrays have 0.0 GB; import shorter recordings"):
+        read_arm_path(tmp_path / "arm/a.npz")
+    for content, sentence in ((b"", "is empty"), (b"PK" * 99, "is no .npz archive")):
+        (tmp_path / "arm/a.npz").write_bytes(content)
+        with pytest.raises(TakeError, match=f"{sentence}; give a .npz with tcp_t, tcp_pose and tcp_to_corner_m"):
+            read_arm_path(tmp_path / "arm/a.npz")
 
 
 def test_the_command_imports_both_and_names_a_path_that_is_not_there(tmp_path):

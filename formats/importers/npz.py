@@ -1,0 +1,53 @@
+"""Read the arrays that an importer needs of an `.npz` archive, and refuse what is none."""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formats.errors import TakeError
+from formats.whole_files import check_ends
+
+
+def load_arrays(path: Path, names: Collection[str], *, most_bytes: int, advice: str) -> dict[str, NDArray[Any]]:
+    """Return the named arrays; others in the archive are not read.
+
+    - `most_bytes`: of these arrays together, unpacked
+    - `advice`: what to give instead of another file
+
+    Raises:
+        TakeError: the file is missing, is no such archive, lacks an array, or its arrays are too large.
+    """
+    try:
+        check_ends(path)
+        with path.open("rb") as file:
+            if not zipfile.is_zipfile(file):
+                raise TakeError(
+                    "is empty" if not path.stat().st_size else "is no .npz archive", where=path, advice=advice
+                )
+            _refuse_a_bomb(file, path, names, most_bytes)
+            file.seek(0)
+            archive = np.load(file, allow_pickle=False)
+            absent = [name for name in names if name not in archive]
+            if absent:
+                raise TakeError(f"has no array {absent[0]!r}", where=path, advice=advice)
+            return {name: np.asarray(archive[name]) for name in names}
+    except OSError as error:
+        raise TakeError(f"cannot be read ({error.strerror or error})", where=path, advice="check the path") from error
+    except (ValueError, EOFError, RuntimeError, MemoryError, SyntaxError, zipfile.BadZipFile, zlib.error) as error:
+        raise TakeError("is an .npz archive that is damaged or holds objects", where=path, advice=advice) from error
+
+
+def _refuse_a_bomb(file: BinaryIO, path: Path, names: Collection[str], most_bytes: int) -> None:
+    """Refuse an archive whose arrays would take far more memory than any recording."""
+    with zipfile.ZipFile(file) as archive:
+        wanted = [part for part in archive.infolist() if part.filename.removesuffix(".npy") in names]
+    size = sum(part.file_size for part in wanted)
+    if size > most_bytes:
+        raise TakeError(f"its arrays have {size / 1e9:.1f} GB", where=path, advice="import shorter recordings")

@@ -170,12 +170,15 @@ def tally(area: str, patterns: list[str], reasons: dict[tuple[str, str], str]) -
 
 
 def is_wording(lines: list[str]) -> bool:
-    """Whether a change, the lines of a diff, only puts XX about a text, or turns its case.
+    """Whether a change, the lines of a diff, only puts XX about a sentence, or turns its case.
 
-    Tests of a sentence ask for its gist, and not for its capitals.
+    Tests of a sentence ask for its gist, and not for its capitals. A text without a space is a name, which counts.
     """
     removed, added = ("\n".join(line[1:] for line in lines if line[:1] == sign) for sign in "-+")
-    return removed != added and removed.lower() == added.replace("XX", "").lower()
+    if removed == added or removed.lower() != added.replace("XX", "").lower():
+        return False
+    changed = [a for a, b in zip(removed.split('"'), added.split('"'), strict=True) if a != b]
+    return bool(changed) and all(" " in text.strip() for text in changed)
 
 
 def show(area: str, found: Tally) -> bool:

@@ -18,16 +18,14 @@ from collections import Counter
 from pathlib import Path
 
 MOTIONS = ("mixed", "gentle", "swing")
-ROOT = Path(__file__).parents[1]
 
 
-def hangtime(folder: Path, *words: object) -> str:
-    """Run one command in a folder and return what it prints; exit code 4 says that takes cannot decide."""
+def hangtime(folder: Path, *words: object) -> None:
+    """Run one command in a folder; exit code 4 says that takes cannot decide."""
     command = [sys.executable, "-m", "hangtime", *map(str, words)]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, env=None, check=False)
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode not in (0, 4):
         raise SystemExit(done.stderr)
-    return done.stdout
 
 
 def record(folder: Path, number: int) -> None:

@@ -13,7 +13,6 @@ from fit.cloth.effect import amplitudes_of
 from fit.cloth.model import Resolution
 from fit.effects import LIBRARY, find_effects
 from fit.errors import FitError
-from fit.gap import gates
 from fit.gap.base_fit import fit_base, scattered
 from fit.gap.checkpoint import Checkpoint
 from fit.gap.diagnosis import diagnose, fine_enough
@@ -383,19 +382,3 @@ def test_the_lean_model_leaves_shear_to_the_library():
     assert row[2] == pytest.approx(0.3)  # N/m: a thousandth of the stretch stiffness
     names = {p.name for p in LEAN.parameters}
     assert not {e.in_base for e in LIBRARY if e.in_base} & names
-
-
-@pytest.mark.parametrize("hidden", ["nothing", "one point", "a tenth"])
-@pytest.mark.parametrize("times", [1, 3])
-def test_frames_that_repeat_are_found_whatever_is_hidden(hidden, times):
-    take = a_take(grid=5)
-    valid = take.points_valid.copy()
-    if hidden == "one point":
-        valid[:, 12] = False
-    if hidden == "a tenth":
-        valid &= np.random.default_rng(0).uniform(size=valid.shape) > 0.1
-    first = np.arange(len(take.time)) // times * times  # which frame each one shows
-    held = dataclasses.replace(take, points=take.points[first], points_valid=valid)
-    gate = next(g for g in gates.data_gates([prepare(held)], []) if g.name == "repeated frames")
-    assert gate.passed == (times == 1)
-    assert gate.figure == pytest.approx(100 * (1 - 1 / times), abs=1.0)

@@ -18,7 +18,9 @@ from fit.gap.gates import (
     predictability_gate,
 )
 from fit.methods import SI
+from fit.recordings.recording import prepare
 from tests.fit.gap.linear_scene import LinearObserver, layout_of
+from tests.fit.gap.test_diagnosis_parts import a_take
 from tests.fit.recordings.silhouettes import silhouette_sheet, swung, uneven
 from tests.fit.scenes import recording_of, sheet
 
@@ -212,3 +214,19 @@ def test_points_that_slide_though_they_are_said_to_stay_fail_a_gate():
     assert not gate.passed
     assert 'State points_are = "silhouette"' in gate.sentence
     assert gate_of("kind of points", [recorded()]).passed
+
+
+@pytest.mark.parametrize("hidden", ["nothing", "one point", "a tenth"])
+@pytest.mark.parametrize("times", [1, 3])
+def test_frames_that_repeat_are_found_whatever_is_hidden(hidden, times):
+    take = a_take(grid=5)
+    valid = take.points_valid.copy()
+    if hidden == "one point":
+        valid[:, 12] = False
+    if hidden == "a tenth":
+        valid &= np.random.default_rng(0).uniform(size=valid.shape) > 0.1
+    first = np.arange(len(take.time)) // times * times  # which frame each one shows
+    held = dataclasses.replace(take, points=take.points[first], points_valid=valid)
+    gate = gate_of("repeated frames", [prepare(held)])
+    assert gate.passed == (times == 1)
+    assert gate.figure == pytest.approx(100 * (1 - 1 / times), abs=1.0)

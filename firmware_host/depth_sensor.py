@@ -46,6 +46,7 @@ class SensorFrame:
     - `host_time_s` [s]: the host's monotonic clock when the frame was handed over, of a recording when it was played
     - `depth` [mm], (height, width), uint16, 0 where nothing was measured
     - `colour`, RGB, (height, width, 3), uint8, registered to depth; None where no colour frame is near in time
+    - `colour_late_s` [s]: the device took the colour so much later than the depth, up to half a frame either way
     - `dropped_before`: frames that the device counted and nobody received since the frame before
     """
 
@@ -55,6 +56,7 @@ class SensorFrame:
     depth: NDArray[np.uint16]
     colour: NDArray[np.uint8] | None
     dropped_before: int = 0
+    colour_late_s: float = 0.0
 
 
 class DepthSensor(ABC):

@@ -231,6 +231,7 @@ class OpenNI2Sensor(DepthSensor):
         held: tuple[int, np.ndarray[Any, Any]] | None = None
         read: tuple[int, int, np.ndarray[Any, Any] | None] | None = None
         colour: np.ndarray[Any, Any] | None
+        late = 0  # us
         while self._info.frame_count is None or given < self._info.frame_count:
             found = self._read(self._depth, np.uint16)
             if found is None:
@@ -244,7 +245,7 @@ class OpenNI2Sensor(DepthSensor):
             if depth is None:
                 broken, given = broken + 1, given + 1
                 continue
-            colour = None
+            colour, late = None, 0
             for _ in range(MOST_COLOURS if self._colour is not None else 0):
                 if held is None:
                     if colours_left == 0:
@@ -264,7 +265,7 @@ class OpenNI2Sensor(DepthSensor):
                     held = None  # of no use for this frame and all that follow
                     continue
                 if held[0] <= stamp + half:
-                    colour, held = held[1], None
+                    late, colour, held = held[0] - stamp, held[1], None
                 break
             dropped = max(index - last_index - 1, 0) if last_index else broken
             last_index, last_stamp, given, broken, whole = index, stamp, given + 1, 0, whole + 1
@@ -273,7 +274,7 @@ class OpenNI2Sensor(DepthSensor):
             found = depth = read = colour = None  # what waits here for the next call holds no pictures
             yield SensorFrame(
                 index=index - 1, time_s=stamp * 1e-6, host_time_s=time.clock_gettime(CLOCK), depth=depths.pop(),
-                colour=colours.pop(), dropped_before=dropped,
+                colour=colours.pop(), dropped_before=dropped, colour_late_s=late * 1e-6,
             )  # fmt: skip
         if broken and not whole:
             raise RecordingError("every depth frame is damaged", where=self._info.uri, advice=COPY_AGAIN)

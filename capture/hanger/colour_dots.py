@@ -48,12 +48,15 @@ class DotTracker:
         self._colours: list[Floats | None] = [None, None] if known is None else [np.array(c, float) for c in known]
         self._tracks: list[ImageTrack | None] = [None, None]
 
-    def track(self, colour: NDArray[np.uint8], depth: NDArray[np.uint16], time: float) -> HangerSight:
+    def track(
+        self, colour: NDArray[np.uint8], depth: NDArray[np.uint16], time: float, colour_late: float = 0.0
+    ) -> HangerSight:
         """Find both dots in one frame; see `capture.hanger.fiducial_tracker.HangerTracker.track`.
 
         Raises:
             UntrackableError: in the first frame, no dot is where it was picked.
         """
+        time += colour_late
         is_picked, before = self._picks is not None, (list(self._tracks), list(self._colours))
         dots = self._dots(colour, depth, time)
         centres, sides = np.full((2, 2), np.nan), np.full(2, np.nan)
@@ -61,12 +64,14 @@ class DotTracker:
         for row, dot in enumerate(dots):
             if dot is None:
                 continue
-            plate = self._placer.plate_depth(dot.centre + INNER * dot.diameter * CIRCLE, dot.centre, depth)
+            track = ImageTrack.after(self._tracks[row], time, dot.centre, dot.diameter)
+            place = dot.centre - colour_late * track.velocity  # px, where the dot was when the depth was taken
+            plate = self._placer.plate_depth(place + INNER * dot.diameter * CIRCLE, place, depth)
             if plate is None or not self._is_whole(dot.diameter, plate.depth):
                 continue
             centres[row], sides[row] = dot.centre, dot.diameter
-            positions[row], sd[row] = self._placer.on_ray(dot.centre, plate)
-            self._tracks[row] = ImageTrack.after(self._tracks[row], time, dot.centre, dot.diameter)
+            positions[row], sd[row] = self._placer.on_ray(place, plate)
+            self._tracks[row] = track
             self._colours[row] = dot.colour if self._colours[row] is None else self._colours[row]
         distance = check_distance(positions, sd, self.hanger)
         if np.isfinite(distance) and np.isnan(positions).any() and not is_picked:

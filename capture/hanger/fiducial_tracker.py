@@ -67,10 +67,15 @@ class HangerTracker(Protocol):
 
     correlation: CorrelationMeter
 
-    def track(self, colour: NDArray[np.uint8], depth: NDArray[np.uint16], time: float) -> HangerSight:
-        """Find both markers in one frame.
+    def track(
+        self, colour: NDArray[np.uint8], depth: NDArray[np.uint16], time: float, colour_late: float = 0.0
+    ) -> HangerSight:
+        """Find both markers in one frame, and place them where they were when its depth was taken.
 
-        colour RGB, (H, W, 3); depth [mm], (H, W), registered to colour, 0 where missing; time [s], increasing.
+        - `colour` RGB, (H, W, 3)
+        - `depth` [mm], (H, W), registered to colour, 0 where missing
+        - `time` [s], of the depth, increasing
+        - `colour_late` [s]: the colour was taken so much after the depth
         """
         ...
 
@@ -118,12 +123,11 @@ class MarkerTracker:
         self._tracks: list[ImageTrack | None] = [None, None]
         self._kept: list[Keepsake | None] = [None, None]
 
-    def track(self, colour: NDArray[np.uint8], depth: NDArray[np.uint16], time: float) -> HangerSight:
-        """Find both markers in one frame.
-
-        colour RGB, (H, W, 3); depth [mm], (H, W), registered to colour, 0 where missing;
-        time [s], increasing.
-        """
+    def track(
+        self, colour: NDArray[np.uint8], depth: NDArray[np.uint16], time: float, colour_late: float = 0.0
+    ) -> HangerSight:
+        """Find both markers in one frame: see `HangerTracker.track`."""
+        time += colour_late
         corners = self._find_corners(colour, time)
         followed: list[Followed | None] = [None, None]
         slopes: list[PlateSlope | None] = [None, None]
@@ -140,19 +144,22 @@ class MarkerTracker:
             if not np.isfinite(centres[row, 0]):
                 continue
             part = followed[row]
+            track = ImageTrack.after(self._tracks[row], time, centres[row], quad_side(corners[row]))
+            moved = -colour_late * track.velocity  # px, from the colour's instant to the depth's
             if part is None:
-                placed = self._placer.place(corners[row], centres[row], depth)
+                placed = self._placer.place(corners[row] + moved, centres[row] + moved, depth)
             else:
                 placed = self._placer.place(
-                    corners[row], centres[row], depth, in_view=part.in_view, centre_sd=part.centre_sd
-                )
+                    corners[row] + moved, centres[row] + moved, depth, in_view=part.in_view + moved,
+                    centre_sd=part.centre_sd,
+                )  # fmt: skip
             positions[row], sd[row], slopes[row] = placed
             if part is not None and np.isnan(
                 positions[row, 0]
             ):  # no marker of this size can be where it was followed to
                 corners[row] = centres[row] = np.nan
                 continue
-            self._tracks[row] = ImageTrack.after(self._tracks[row], time, centres[row], quad_side(corners[row]))
+            self._tracks[row] = track
         sides = np.array([quad_side(quad) for quad in corners])
         ranges = np.array([self._placer.range_by_size(side) for side in sides])
         distance = check_distance(

@@ -60,7 +60,7 @@ class FrameTracker:
         if state & (FrameState.WRONG_SIZE | FrameState.DEPTH_MISSING) or frame.colour is None:
             return Tracked(hanger, cloth, state | lost, held)
         depth = self._scaled(frame.depth)
-        hanger = self._hanger.track(frame.colour, depth, time)
+        hanger = self._hanger.track(frame.colour, depth, time, frame.colour_late_s)
         state |= self._watch.faults(hanger, depth, time)
         if hanger.is_found:
             held = held_ends(hanger.positions, self.rig)

@@ -167,6 +167,7 @@ def test_colour_twelve_milliseconds_late_is_paired_with_its_own_depth(tmp_path: 
     with OpenNI2Sensor(write_recording(tmp_path / "a.oni", 5, colour_delay_us=11_700)) as sensor:
         for number, frame in enumerate(sensor.frames()):
             np.testing.assert_array_equal(frame.colour, picture(number)[1])
+            assert frame.colour_late_s == pytest.approx(0.0117, abs=1e-9)
 
 
 @pytest.mark.openni

@@ -7,7 +7,7 @@ own noise:
     floor^2 = max(E^2(one more) - E^2(0), mean of 3 sigma_p^2)
 
 The noise sigma_p of each point is measured on the takes judged on. White noise w shows in sixth differences of the
-frames. On a grid of points, noise of any colour shows. Noise is independent from point to point, while the error of a
+frames, and of slow takes in the points at rest. On a grid of points, noise of any colour shows. Noise is independent from point to point, while the error of a
 model is smooth over the cloth. With the residual r and the mean of opposite neighbours M r,
 
     s^2 = median_p  mean (r - M r)_p^2 / (1 + sum_q M_pq^2),   sigma = max(w, min(s, max(LARGEST_RATIO w, stated)))
@@ -72,16 +72,21 @@ def noise_floor(observer: Observer, vector: Floats, amplitudes: Floats, rng: np.
 
 
 def measured_noise(observer: Observer, residual: Floats) -> list[Floats]:
-    """Standard deviation per axis of the noise of each point [m], (points,) a take."""
+    """Standard deviation per axis of the noise of each point [m], (points,) a take.
+
+    Slow takes show noise only at rest. Where a take has no rest, its noise is that of the other takes.
+    """
     any_colour = neighbour_noise(observer, residual)
+    every_white = [white_noise(recording) for recording in observer.recordings]
+    shown = [white for white in every_white if white is not None]
     found = []
-    for recording, independent in zip(observer.recordings, any_colour, strict=True):
-        white = white_noise(recording)
-        if white is None or independent is None:
+    for recording, white, independent in zip(observer.recordings, every_white, any_colour, strict=True):
+        if independent is None or not shown:
             found.append(point_noise(recording))
-        else:
-            most = np.maximum(LARGEST_COLOUR_RATIO * white, recording.point_sd)
-            found.append(np.maximum(white, np.minimum(independent, most)))
+            continue
+        least = np.full(len(recording.point_sd), np.median(np.concatenate(shown))) if white is None else white
+        most = np.maximum(LARGEST_COLOUR_RATIO * least, recording.point_sd)
+        found.append(np.maximum(least, np.minimum(independent, most)))
     return found
 
 

@@ -164,7 +164,7 @@ def edge_shown(seen: Seen, path: Curve, garment: Garment) -> Edge | None:
     if not NARROWEST * width <= apart <= width / NARROWEST:
         return None
     row = row_middle(seen.points[:, grid.at[0]], grid.across - grid.across.mean())
-    still = _is_still(seen.time, path) & np.isfinite(row).all(1)
+    still = is_still(seen.time, path) & np.isfinite(row).all(1)
     if still.sum() < FEWEST_RESTING_FRAMES:
         return Edge(0.0, 0.0, width)
     local = in_hanger_frame(row, ends)[still]
@@ -200,12 +200,12 @@ def examined(seen: Seen, held: Curve, garment: Garment) -> Camera:
     off = 0.0 if grid.down[0] > TOP_ROW * grid.down[-1] else row_off(seen.points, ends, grid)
     if seen.camera.offsets is not None:
         off = float(np.hypot(off, seen.camera.offsets.left))
-    still = _is_still(seen.time, held)
+    still = is_still(seen.time, held)
     lean = find_lean(seen.time[still], seen.points[still], ends[still], grid)
     return replace(seen.camera, is_placed=True, outline=outline, row_off=off, lean=lean)
 
 
-def _is_still(time: Floats, path: Curve) -> Booleans:
+def is_still(time: Floats, path: Curve) -> Booleans:
     """Return the frames in which the hanger stands still, (frames,)."""
     speed = np.linalg.norm(path(time + CLOSEST) - path(time - CLOSEST), axis=1) / (2 * CLOSEST * np.sqrt(2))
     return np.asarray(speed < STILL_SPEED)

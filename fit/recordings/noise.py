@@ -1,14 +1,21 @@
-"""White noise of a recording: of its points and of its hanger's path, the larger of what is stated and what shows."""
+"""White noise of a recording: of its points and of its hanger's path, the larger of what is stated and what shows.
+
+Sixth differences of the frames show it. Below 20 frames a second swings show in them as well. There noise is the
+deviation of what hangs at rest, before the hanger first moves.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
+from fit.recordings.camera import is_still
 from fit.recordings.recording import Recording
 from fit.recordings.smoothing import noise_of
 from formats.arrays import Floats
 
 SLOWEST_RATE = 20.0  # frames/s: below, swings themselves show in sixth differences
+FEWEST_FRAMES = 11  # five sixth differences
+FEWEST_AT_REST = 5  # frames: the deviation of five has a relative error of a third
 
 
 def point_noise(recording: Recording) -> Floats:
@@ -18,27 +25,46 @@ def point_noise(recording: Recording) -> Floats:
 
 
 def white_noise(recording: Recording) -> Floats | None:
-    """White noise that sixth differences of each point show, per axis [m], (points,); None of too slow a take."""
-    if _is_slow(recording):
+    """Noise of each point per axis [m], (points,); None of a slow take that does not begin at rest."""
+    if _is_fast(recording):
+        return np.array([_white(recording.points[recording.valid[:, k], k]) for k in range(recording.points.shape[1])])
+    count = _at_rest(recording, recording.time)
+    points = np.where(recording.valid[:count, :, None], recording.points[:count], np.nan)
+    known = np.isfinite(points[..., 0]).sum(0) >= FEWEST_AT_REST
+    if not known.any():
         return None
-    return np.array([_white(recording.points[recording.valid[:, k], k]) for k in range(recording.points.shape[1])])
+    found = np.sqrt(np.nanvar(points[:, known], axis=0, ddof=1).mean(1))
+    noise = np.full(len(known), np.median(found))  # of points that are not seen at rest
+    noise[known] = found
+    return noise
 
 
 def held_noise(recording: Recording) -> Floats:
     """Standard deviation of each coordinate of the held edge's ends [m], (6,): depth is noisier than the rest."""
-    if _is_slow(recording):
+    if _is_fast(recording):
+        seen = recording.held_seen[np.isfinite(recording.held_seen[:, 0])]
+        return np.array([_white(column[:, None]) for column in seen.T])
+    count = _at_rest(recording, recording.time if recording.held_time is None else recording.held_time)
+    seen = recording.held_seen[:count]
+    seen = seen[np.isfinite(seen[:, 0])]
+    if len(seen) < FEWEST_AT_REST:
         return np.full(6, recording.held_sd)
-    seen = recording.held_seen[np.isfinite(recording.held_seen[:, 0])]
-    return np.array([_white(column[:, None]) for column in seen.T])
+    return np.asarray(seen.std(0, ddof=1))
 
 
-def _is_slow(recording: Recording) -> bool:
-    """Return whether motion shows in the frames' sixth differences, because frames are too far apart."""
-    return (len(recording.time) - 1) / recording.duration < SLOWEST_RATE
+def _is_fast(recording: Recording) -> bool:
+    """Return whether frames are so near in time that motion does not show in their sixth differences."""
+    return (len(recording.time) - 1) / recording.duration >= SLOWEST_RATE
+
+
+def _at_rest(recording: Recording, time: Floats) -> int:
+    """Return how many of some instants [s] pass before the hanger first moves."""
+    moves = np.flatnonzero(~is_still(time, recording.held))
+    return int(moves[0]) if len(moves) else len(time)
 
 
 def _white(columns: Floats) -> float:
     """Deviation of white noise in columns, (frames, n), root mean square; 0 where there are too few frames."""
-    if len(columns) <= 10:
+    if len(columns) < FEWEST_FRAMES:
         return 0.0
     return float(np.sqrt(np.mean([noise_of(column) ** 2 for column in columns.T])))

@@ -151,6 +151,17 @@ def test_the_noise_of_a_point_lies_between_its_white_noise_and_half_as_much_agai
     assert measured_noise(observer, np.zeros(3))[0] == pytest.approx(expected)
 
 
+def test_a_take_that_shows_no_noise_has_that_of_the_others(monkeypatch):
+    """Two slow takes, one of which does not begin at rest: the median of the other, and what neighbours show."""
+    white = {"rests": np.array([1.0, 2.0, 3.0]), "moves": None}
+    monkeypatch.setattr("fit.gap.floor.white_noise", lambda recording: white[recording.take_id])
+    monkeypatch.setattr("fit.gap.floor.neighbour_noise", lambda observer, residual: [2.5, 2.5])
+    takes = [SimpleNamespace(take_id=name, point_sd=np.full(3, 0.5)) for name in white]
+    found = measured_noise(SimpleNamespace(recordings=takes), np.zeros(3))
+    assert found[0] == pytest.approx([1.5, 2.5, 3.0])
+    assert found[1] == pytest.approx([2.5, 2.5, 2.5])
+
+
 def test_the_points_own_noise_is_weighed_by_how_often_each_was_seen():
     """1 mm in 10 sightings, 2 in 30 and 3 in 20 of another take: sqrt(3 (10 + 120 + 180) / 60) mm."""
     first = np.stack([np.arange(30) < 10, np.ones(30, bool)], 1)

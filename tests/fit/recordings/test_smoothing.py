@@ -194,14 +194,12 @@ def frames_of(rate, count, noise, *, stated=1e-9):
     return SimpleNamespace(
         time=time, duration=float(np.ptp(time)), points=noise * rng.normal(size=(count, 2, 3)),
         valid=np.ones((count, 2), bool), held_seen=noise * rng.normal(size=(count, 6)), held_sd=stated,
-        point_sd=np.full(2, stated),
+        point_sd=np.full(2, stated), held_time=None, held=lambda instants: np.zeros((len(instants), 6)),
     )  # fmt: skip
 
 
 def test_noise_is_measured_from_twenty_frames_a_second_and_eleven_frames_on():
-    assert white_noise(frames_of(19.8, 14, 0.002)) is None  # 13 intervals
-    assert white_noise(frames_of(20.2, 14, 0.002)) is not None
-    slow, fast = (frames_of(rate, 900, 0.002, stated=0.001) for rate in (19.9, 20.1))
+    slow, fast = (moving_from(0.1, frames_of(rate, 900, 0.002, stated=0.001)) for rate in (19.9, 20.1))  # at 2 frames
     assert white_noise(slow) is None
     assert point_noise(slow) == pytest.approx([0.001, 0.001])
     assert held_noise(slow) == pytest.approx(np.full(6, 0.001))
@@ -209,6 +207,34 @@ def test_noise_is_measured_from_twenty_frames_a_second_and_eleven_frames_on():
     assert held_noise(fast) == pytest.approx(np.full(6, 0.002), rel=0.15)
     assert white_noise(frames_of(30, 10, 0.002)) == pytest.approx([0.0, 0.0])
     assert white_noise(frames_of(30, 11, 0.002)).min() > 0.0
+
+
+def moving_from(start, recording):
+    """The same where the hanger moves on at 0.1 m/s from an instant [s] on, and takes the points with it."""
+    recording.held = lambda instants: np.repeat(0.1 * np.maximum(instants - start, 0.0)[:, None], 6, 1)
+    away = recording.held(recording.time)
+    recording.held_seen += away
+    recording.points += away[:, None, :3]
+    return recording
+
+
+def test_a_slow_take_shows_its_noise_at_rest():
+    """At 10 frames a second, 4 s at rest and 6 s of motion: 40 frames of 2 mm."""
+    slow = moving_from(4.0, frames_of(10, 100, 0.002, stated=0.001))
+    assert white_noise(slow) == pytest.approx([0.002, 0.002], rel=0.15)
+    assert np.sqrt((held_noise(slow) ** 2).mean()) == pytest.approx(0.002, rel=0.15)
+    slow.valid[:, 1] = False  # a point that is not seen at rest is as noisy as the others
+    slow.points[:, 1] = np.nan
+    assert white_noise(slow)[1] == white_noise(slow)[0]
+
+
+@pytest.mark.parametrize(("seen", "is_measured"), [(4, False), (5, True)])
+def test_noise_at_rest_takes_five_frames(seen, is_measured):
+    slow = moving_from(4.0, frames_of(10, 100, 0.002, stated=0.001))
+    slow.valid[seen:40] = False
+    slow.held_seen[seen:40] = np.nan
+    assert (white_noise(slow) is not None) == is_measured
+    assert (held_noise(slow)[0] != 0.001) == is_measured
 
 
 def test_a_points_noise_is_no_less_than_stated_and_that_of_its_axes_together():

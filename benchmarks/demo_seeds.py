@@ -7,8 +7,8 @@ and noise. Each is diagnosed SEEDS times (10 unless given) by `hangtime diagnose
 named effects, the drag with its 90 % interval, and the closure; 1.2 is planted. Verdicts are right where air drag is
 named. They are wrong and sure where another effect is named without "may" or "probably".
 
-The planted coefficient falls with the angle of attack, and the fitter's does not. So each set of recordings tells first
-which constant coefficient pushes its cloth most alike: over faces of area A with speeds v_n along their normals,
+The planted coefficient falls with the angle of attack, and the fitter's does not. So a constant coefficient that pushes
+the recorded cloth most alike is printed first. Over faces of area A with speeds v_n along their normals it is
 
     c = sum(A v_n^4 C(a)) / sum(A v_n^4)
 """

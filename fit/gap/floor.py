@@ -7,8 +7,9 @@ own noise:
     floor^2 = max(E^2(one more) - E^2(0), mean of 3 sigma_p^2)
 
 The noise sigma_p of each point is measured on the takes judged on. White noise w shows in sixth differences of the
-frames, and of slow takes in the points at rest. On a grid of points, noise of any colour shows. Noise is independent from point to point, while the error of a
-model is smooth over the cloth. With the residual r and the mean of opposite neighbours M r,
+frames, and of slow takes in the points at rest. On a grid of points, noise of any colour shows. Noise is independent
+from point to point, while the error of a model is smooth over the cloth. With the residual r and the mean of opposite
+neighbours M r,
 
     s^2 = median_p  mean (r - M r)_p^2 / (1 + sum_q M_pq^2),   sigma = max(w, min(s, max(LARGEST_RATIO w, stated)))
 

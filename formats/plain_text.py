@@ -28,6 +28,11 @@ def plain(text: object) -> str:
     return shown if len(letters) <= LONGEST_TEXT else shown + " ..."
 
 
+def counted(number: int, word: str) -> str:
+    """Return "1 take" or "2 takes" of the word "take"."""
+    return f"{number} {word}{'' if number == 1 else 's'}"
+
+
 def is_harmless(letter: str) -> bool:
     """Return whether a terminal shows a letter and does nothing else."""
     # Surrogates stand for bytes of a name; those from 0x80 to 0x9F are control characters to some terminals.

@@ -190,7 +190,7 @@ def export_takes(
     from formats.exporters.rerun_file import write_rrd
     from formats.missing import missing_words
     from formats.outputs import output_folder, refuse_to_replace
-    from formats.plain_text import plain
+    from formats.plain_text import counted, plain
 
     writers = {
         ExportKind.CSV: write_csv, ExportKind.C3D: write_c3d, ExportKind.NPZ: write_npz, ExportKind.RRD: write_rrd,
@@ -206,7 +206,9 @@ def export_takes(
         write_parquet(out, [take for take, _ in read])
         lacking = {str(path): words for path, one in zip(paths, read, strict=True) if (words := _lacks(*one))}
         told = "".join(f"\n{plain(path)} {words}" for path, words in lacking.items())
-        tell(f"{plain(out)}: {len(paths)} takes{told}", files=[str(out)], takes=len(paths), incomplete=lacking)
+        tell(
+            f"{plain(out)}: {counted(len(paths), 'take')}{told}", files=[str(out)], takes=len(paths), incomplete=lacking
+        )
         return
     with output_folder(out):
         for path, target in zip(paths, targets, strict=True):

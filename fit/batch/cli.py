@@ -11,6 +11,7 @@ import typer
 from fit.errors import UnreachableError
 from formats.anyway import Anyway
 from formats.command_groups import FIT
+from formats.plain_text import counted
 from formats.telling import tell
 from formats.terminal import say
 
@@ -159,7 +160,9 @@ def batch_command(
 
         def show(done: int, total: int, text: str) -> None:
             failed = sum(o.state in ("failed", "refused") for o in found.outcomes.values())
-            progress.show(done / total, f"{done}/{total} {what}{f', {failed} failed' if failed else ''}, {text}")
+            progress.show(
+                done / total, f"{done}/{total} {what}{f', {failed} failed' if failed else ''}{text and f', {text}'}"
+            )
 
         try:
             run(found, cluster, progress=show, say=say, ending=ending)
@@ -172,7 +175,7 @@ def batch_command(
     with _none_after(ending):
         takes, results = open_store(url), open_store(out)
         found = survey(takes, results, plan, retry_failed=retry_failed, anyway=anyway)
-        say(f"{len(found.keys)} takes, {len(found.jobs)} to fit.")
+        say(f"{counted(len(found.keys), 'take')}, {len(found.jobs)} to fit.")
         try:
             is_interrupted = work(found, "takes")
         finally:
@@ -212,7 +215,7 @@ def _diagnose(
 
     every = wardrobes(rows, found, takes)
     diagnoses = diagnoses_of(every, takes, results, seed, retry_failed=retry_failed, anyway=anyway)
-    say(f"{len(every)} garments, {len(diagnoses.jobs)} to diagnose.")
+    say(f"{counted(len(every), 'garment')}, {len(diagnoses.jobs)} to diagnose.")
     try:
         is_interrupted = work(diagnoses, "garments")
     finally:

@@ -144,15 +144,14 @@ class _Round:
         self.pending: dict[Any, Task] = {}
         self.later: list[tuple[float, Task]] = []  # to be handed out again, and when [s]
         self.attempts: Counter[str] = Counter()
-        self.begun, self.done_before = time.monotonic(), len(found.jobs) - len(found.waiting)
-        self.last_seen = self.last_look = self.begun  # when there were workers, and when they were looked for [s]
+        self.last_seen = self.last_look = time.monotonic()  # when there were workers, and when they were looked for [s]
         self.outage = Outage()
 
     def run(self, ending: Ending) -> bool:
         """Hand out what is waiting and collect until nothing is left; true when the scheduler was lost."""
         for job in self.found.waiting:
             self._hand_out(job)
-        self.progress(self.done_before, len(self.found.jobs), "handed out")
+        self.progress(len(self.found.jobs) - len(self.found.waiting), len(self.found.jobs), "handed out")
         while self.pending or self.later:
             if ending.is_over:
                 with contextlib.suppress(Exception):
@@ -196,7 +195,7 @@ class _Round:
         self.found.outcomes[job.key] = outcome
         total = len(self.found.jobs)
         done = total - len(self.found.waiting)
-        self.progress(done, total, _left(done - self.done_before, total - done, time.monotonic() - self.begun))
+        self.progress(done, total, "" if done < total else "all done")
         return True
 
     def _wait_for_store(self, error: UnreachableError, job: Task) -> None:
@@ -262,12 +261,6 @@ def _outcome_of(future: Any, job: Task) -> Outcome | UnreachableError | None:
     except Exception:
         return None
     return found if isinstance(found, Outcome) else None
-
-
-def _left(done: int, left: int, seconds: float) -> str:
-    """Say how much longer it will take, from the pace so far."""
-    minutes = seconds / max(done, 1) * left / 60
-    return f"about {minutes:.0f} min left" if left else "all done"
 
 
 def kept_sentence(results: Store, key: str) -> str | None:

@@ -5,21 +5,30 @@ Each take has one `.npz` file with these arrays. Their clock has the zero of the
 - `tcp_t` [s], (poses,)
 - `tcp_pose`, (poses, 7): place [m] and rotation, a quaternion x y z w, of the tool in the frame of the points
 - `tcp_to_corner_m` [m], (2, 3): from the tool to both held corners, in the tool's frame
+
+The recording has the corners too, in its pictures. A path may be far from them at every small shift in time. Then the
+path is of another take, in another unit, or has its quaternions in another order. The import refuses the path, and
+names the unit or order that would bring it there.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from formats.arrays import Floats
+from formats.blocks import FARTHEST_PLACE
 from formats.errors import TakeError
 from formats.importers.npz import load_arrays
 from formats.plausible import check_plausible_times
+from formats.two_clocks import at_times
 
 SHAPES = {"tcp_t": (None,), "tcp_pose": (None, 7), "tcp_to_corner_m": (2, 3)}
 MOST_BYTES = 1 << 26  # of all arrays: ten hours at 20 poses a second are half of it
+FARTHEST = 0.03  # m from the pictures' corners, median: the public recordings' are 2 mm off, another take's 100 mm
+LARGEST_SHIFT, SHIFT_STEP = 0.5, 0.02  # s between both clocks: what a diagnosis looks for; 10 mm at 0.5 m/s
 UNIT_WITHIN = 1e-2  # of a quaternion's length: printed with two decimals it still passes
 WHAT_TO_GIVE = "give a .npz with tcp_t, tcp_pose and tcp_to_corner_m, see docs/reference/file-formats.md"
 
@@ -29,8 +38,31 @@ def path_beside(hanger: Path, recording: Path) -> Path:
     return hanger / recording.name if hanger.is_dir() else hanger
 
 
-def read_arm_path(path: Path, *, anyway: bool | None = None) -> tuple[Floats, Floats]:
-    """Return when the hanger was measured [s], (poses,), and where the held corners were [m], (poses, 2, 3).
+@dataclass(frozen=True)
+class ArmPath:
+    """The path of a tool that holds a cloth.
+
+    - `file`: it was read from
+    - `time` [s], (poses,)
+    - `place` [m], (poses, 1, 3), of the tool
+    - `turn`, (poses, 4): unit quaternions x y z w
+    - `tool` [m], (2, 3): from the tool to both corners
+    """
+
+    file: Path
+    time: Floats
+    place: Floats
+    turn: Floats
+    tool: Floats
+
+    @property
+    def held(self) -> Floats:
+        """Return where the held corners were [m], (poses, 2, 3)."""
+        return self.place + _turned(self.tool, self.turn)
+
+
+def read_arm_path(path: Path, *, anyway: bool | None = None) -> ArmPath:
+    """Return the path in a file.
 
     anyway: accept times that no robot has; None: refuse them, and name no option for it
 
@@ -53,12 +85,73 @@ def read_arm_path(path: Path, *, anyway: bool | None = None) -> tuple[Floats, Fl
         raise TakeError("its time does not increase from pose to pose", where=path, advice="mend 'tcp_t'")
     if not anyway:
         check_plausible_times(time, path, offers_anyway=anyway is not None)
-    length = np.linalg.norm(pose[:, 3:], axis=1)
+    farthest = max(np.abs(pose[:, :3]).max(), np.abs(data["tcp_to_corner_m"]).max())
+    if farthest > FARTHEST_PLACE:
+        raise TakeError(
+            f"a place lies {farthest:g} m away", where=path, advice=f"give metres, at most {FARTHEST_PLACE:g}"
+        )  # fmt: skip
+    length = np.linalg.norm(np.clip(pose[:, 3:], -2.0, 2.0), axis=1)
     if np.abs(length - 1).max() > UNIT_WITHIN:
         raise TakeError(
             "a rotation in 'tcp_pose' is no unit quaternion x y z w", where=path, advice="export it again"
         )  # fmt: skip
-    return time, pose[:, None, :3] + _turned(data["tcp_to_corner_m"].astype(float), pose[:, 3:] / length[:, None])
+    return ArmPath(path, time, pose[:, None, :3], pose[:, 3:] / length[:, None], data["tcp_to_corner_m"].astype(float))
+
+
+def check_arm_path(arm: ArmPath, time: Floats, corners: Floats) -> None:
+    """Refuse a path that is not where a recording's pictures have the held corners.
+
+    time [s], (frames,); corners [m], (frames, 2, 3), NaN where not seen; without any, nothing is checked
+
+    Raises:
+        TakeError: it is elsewhere.
+    """
+    if not np.isfinite(corners).any():
+        return
+    away = _apart(arm, time, corners)
+    if away <= FARTHEST:
+        return
+    advice = "give the path of the same take, in metres, in the frame of its points, on a clock of the same zero"
+    for other, found in (
+        (
+            replace(arm, place=1e-3 * arm.place),
+            "give the places of 'tcp_pose' in metres: they seem to be millimetres",
+        ),
+        (
+            replace(arm, place=1e-3 * arm.place, tool=1e-3 * arm.tool),
+            "give 'tcp_pose' and 'tcp_to_corner_m' in metres: they seem to be millimetres",
+        ),
+        (
+            replace(arm, turn=arm.turn[:, [1, 2, 3, 0]]),
+            "give the quaternions as x y z w: they seem to be w x y z",
+        ),
+        (
+            replace(arm, turn=arm.turn * [-1, -1, -1, 1]),
+            "give rotations from the tool's frame: they seem to be their inverses",
+        ),
+    ):
+        if _apart(other, time, corners) <= FARTHEST:
+            advice = found
+            break
+    raise TakeError(
+        f"its held corners are {away:.3g} m from those of the recording's pictures, in the median and at any shift up "
+        f"to {LARGEST_SHIFT:g} s", where=arm.file, advice=advice,
+    )  # fmt: skip
+
+
+def _apart(arm: ArmPath, time: Floats, corners: Floats) -> float:
+    """Return the least median distance [m] of a path from corners over small shifts in time, infinite if never both.
+
+    time [s], (frames,); corners [m], (frames, 2, 3), in either order
+    """
+    least, held = np.inf, arm.held
+    for shift in np.arange(-LARGEST_SHIFT, LARGEST_SHIFT + SHIFT_STEP / 2, SHIFT_STEP):
+        found = at_times(time + shift, arm.time, held)
+        for order in (corners, corners[:, ::-1]):
+            away = np.linalg.norm(found - order, axis=2)
+            if np.isfinite(away).any():
+                least = min(least, float(np.nanmedian(away)))
+    return least
 
 
 def _turned(places: Floats, turns: Floats) -> Floats:

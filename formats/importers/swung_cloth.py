@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from formats.blocks import FARTHEST_PLACE
 from formats.errors import TakeError
 from formats.garment import Garment, TrackedPoint
-from formats.importers.arm_path import path_beside, read_arm_path
+from formats.importers.arm_path import check_arm_path, path_beside, read_arm_path
 from formats.importers.npz import load_arrays
 from formats.plausible import check_plausible_times
 from formats.rig import Rig
@@ -83,12 +83,13 @@ def import_swung_cloth(
     held, own = data["hanger_corners"].astype(float), None
     if hanger is not None:
         own = read_arm_path(path_beside(hanger, path), anyway=anyway)
-        held = at_times(time, *own)
+        pictures, held = held, at_times(time, own.time, own.held)
         if not np.isfinite(held).any():
             raise TakeError(
-                "its times are none of the recording's", where=path_beside(hanger, path),
+                "its times are none of the recording's", where=own.file,
                 advice="give the path of the same take, on a clock of the same zero",
             )  # fmt: skip
+        check_arm_path(own, time, pictures)
     is_crossed = _is_crossed(held, points, valid, rest)
     held = held[:, ::-1] if is_crossed else held
     held_valid = np.isfinite(held).all(2)
@@ -129,8 +130,8 @@ def import_swung_cloth(
     )
     if own is None:
         return take
-    sights, corners = own
-    return with_hanger(take, sights - time[0], corners[:, ::-1] if is_crossed else corners, STATED_HELD_SD)
+    corners = own.held[:, ::-1] if is_crossed else own.held
+    return with_hanger(take, own.time - time[0], corners, STATED_HELD_SD)
 
 
 def _places_of(garment: Garment, rest: NDArray[Any], path: Path) -> NDArray[Any]:

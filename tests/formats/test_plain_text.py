@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from formats.errors import TakeError
-from formats.plain_text import LONGEST_TEXT, plain
+from formats.plain_text import LONGEST_TEXT, counted, plain
 
 
 @pytest.mark.parametrize(
@@ -26,3 +26,7 @@ def test_what_is_no_letter_is_shown_by_its_code(text, shown):
 
 def test_an_error_shows_a_files_text_by_its_code():
     assert str(TakeError("is \x1b[2J", where="a\x07b")) == "a\\x07b: is \\x1b[2J"
+
+
+def test_one_is_told_without_the_letter_of_many():
+    assert [counted(n, "take") for n in (0, 1, 2)] == ["0 takes", "1 take", "2 takes"]

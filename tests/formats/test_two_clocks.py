@@ -46,8 +46,8 @@ def recorded(folder, **changes):
 
 def test_the_path_of_an_arm_gives_the_corners_after_its_turn(tmp_path):
     corners = recorded(tmp_path)
-    time, held = read_arm_path(tmp_path / "arm/a.npz")
-    np.testing.assert_allclose(held, corners + arm_moves(time)[:, None], atol=1e-12)
+    arm = read_arm_path(tmp_path / "arm/a.npz")
+    np.testing.assert_allclose(arm.held, corners + arm_moves(arm.time)[:, None], atol=1e-12)
 
 
 def test_a_take_keeps_the_sights_of_both_clocks(tmp_path):
@@ -101,6 +101,9 @@ def test_marks_of_frames_say_what_was_measured_in_them(tmp_path):
             {"tcp_pose": np.zeros((96, 6))},
             r"the array 'tcp_pose' has shape \(96, 6\) of float64, not \(96, 7\) numbers",
         ),
+        ({"tcp_pose": np.full((96, 7), 1e300)}, r"a place lies 1e\+300 m away; give metres, at most 1000"),
+        ({"tcp_pose": np.full((96, 7), 1e300) * [0, 0, 0, 1, 1, 1, 1]}, "a rotation in 'tcp_pose' is no unit quat"),
+        ({"tcp_to_corner_m": np.full((2, 3), 1001)}, "a place lies 1001 m away"),
         ({"tcp_pose": np.ones((96, 7))}, "a rotation in 'tcp_pose' is no unit quaternion"),
         ({"tcp_to_corner_m": np.full((2, 3), np.nan)}, "the array 'tcp_to_corner_m' holds what is no number"),
         ({"tcp_t": np.arange(96) + 900.0}, "its frames are 1 s apart in the median"),
@@ -111,6 +114,59 @@ def test_a_file_that_is_no_path_of_the_take_is_refused(tmp_path, changes, senten
     recorded(tmp_path, **changes)
     with pytest.raises((TakeError, ImplausibleError), match=sentence):
         import_swung_cloth(tmp_path / "a.npz", hanger=tmp_path / "arm")
+
+
+def times(*factors):
+    return lambda values: values * np.array(factors)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "advice"),
+    [
+        ("tcp_pose", lambda pose: pose + np.array([0.0, 0.04, 0.0, 0, 0, 0, 0]), "give the path of the same take"),
+        ("tcp_pose", times(1e3, 1e3, 1e3, 1, 1, 1, 1), "the places of 'tcp_pose' in metres: they seem to be milli"),
+        ("both", lambda values: values, "give 'tcp_pose' and 'tcp_to_corner_m' in metres: they seem to be millimetres"),
+        ("tcp_pose", lambda pose: pose[:, [0, 1, 2, 6, 3, 4, 5]], "as x y z w: they seem to be w x y z"),
+        ("tcp_pose", times(1, 1, 1, -1, -1, -1, 1), "they seem to be their inverses"),
+    ],
+)
+def test_a_path_that_is_not_where_the_pictures_have_the_corners_is_refused(tmp_path, name, change, advice):
+    recorded(tmp_path)
+    path = tmp_path / "arm/a.npz"
+    with np.load(path) as archive:
+        data = dict(archive)
+    data["tcp_pose"][:, :3] += 0.5  # so that millimetres are far away
+    with np.load(tmp_path / "a.npz") as archive:
+        recording = dict(archive)
+    shifted = {k: recording[k] + 0.5 for k in ("points", "hanger_corners")}
+    np.savez(tmp_path / "a.npz", **{**recording, **shifted})
+    np.savez(path, **data)
+    assert import_swung_cloth(tmp_path / "a.npz", hanger=path).held_valid.any()
+    if name == "both":
+        data["tcp_pose"][:, :3] *= 1e3
+        data["tcp_to_corner_m"] *= 1e3
+    else:
+        data[name] = change(data[name])
+    np.savez(path, **data)
+    with pytest.raises(TakeError, match=rf"held corners are .* m from those of the recording's pictures.*{advice}"):
+        import_swung_cloth(tmp_path / "a.npz", hanger=path)
+
+
+@pytest.mark.parametrize("shift", [-0.3, 0.5])
+def test_a_path_on_a_late_clock_is_imported_for_the_diagnosis_to_tell(tmp_path, shift):
+    recorded(tmp_path)
+    with np.load(tmp_path / "arm/a.npz") as archive:
+        data = dict(archive)
+    np.savez(tmp_path / "arm/a.npz", **{**data, "tcp_t": data["tcp_t"] + shift})
+    assert import_swung_cloth(tmp_path / "a.npz", hanger=tmp_path / "arm").held_valid.any()
+
+
+def test_a_recording_without_corners_takes_any_path(tmp_path):
+    recorded(tmp_path)
+    with np.load(tmp_path / "a.npz") as archive:
+        data = dict(archive)
+    np.savez(tmp_path / "a.npz", **{**data, "hanger_corners": np.full(data["hanger_corners"].shape, np.nan)})
+    assert import_swung_cloth(tmp_path / "a.npz", hanger=tmp_path / "arm").held_valid.any()
 
 
 def test_a_path_that_is_no_archive_or_holds_too_much_is_refused(tmp_path, monkeypatch):

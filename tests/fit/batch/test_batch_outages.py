@@ -126,7 +126,7 @@ def test_a_bucket_that_workers_lose_is_waited_for_and_costs_no_take(tmp_path, is
     patience = 10 if is_back else 0.05
     with serving(root, port):
         process = start(*words, "--patience", patience, folder=tmp_path, **keys_for(port))
-        wait_for(lambda: "1 takes, 1 to fit." in said(tmp_path))
+        wait_for(lambda: "1 take, 1 to fit." in said(tmp_path))
     wait_for(lambda: "Waiting for it to come back." in said(tmp_path))
     with serving(root, port) if is_back else contextlib.nullcontext():
         assert process.wait(HANGS) == (0 if is_back else 75), said(tmp_path)

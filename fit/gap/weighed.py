@@ -38,8 +38,7 @@ def weigh(rounds: Rounds, noise: Floor, refined: Refined, added: tuple[str, ...]
     base = rounds.base.fitted
     rounds.screened = screen(rounds.observer, base, rounds.tested)
     rows = {name: one.raw for name, one in rounds.screened.items()}
-    shaken = max(noise.mm**2 - noise.measured_mm**2, 0.0)
-    known = float(np.sqrt(refined.numerics_mm**2 + shaken))
+    known = known_error_mm(noise, refined)
     made: dict[str, int] = {}
 
     def refit(wanted: list[Subset], tasks: list[Task]) -> list[Fitted]:
@@ -67,6 +66,12 @@ def weigh(rounds: Rounds, noise: Floor, refined: Refined, added: tuple[str, ...]
     rounds.singles = {h.effects[0]: h for h in opened if len(h.effects) == 1}
     rounds.joint = [(h, 0.0) for h in opened if len(h.effects) > 1]
     return found
+
+
+def known_error_mm(noise: Floor, refined: Refined) -> float:
+    """Error [mm] that mesh and solver make, and that the hanger's noise shakes beyond the points' own noise."""
+    shaken = max(noise.mm**2 - noise.measured_mm**2, 0.0)
+    return float(np.sqrt(refined.numerics_mm**2 + shaken))
 
 
 def inclusion(found: Found) -> dict[str, float]:

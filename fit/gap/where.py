@@ -57,8 +57,9 @@ def _means(values: Floats, index: NDArray[np.int64], count: int) -> Floats:
 
 
 def _bin(name: str, part: Floats, whole: Floats) -> WhereBin:
-    value = float(np.sqrt(3 * part.mean())) if len(part) else 0.0
-    return WhereBin(name=name, value_mm=value, share=float(part.sum() / max(whole.sum(), 1e-12)))
+    return WhereBin(
+        name=name, value_mm=float(np.sqrt(3 * part.mean())), share=float(part.sum() / max(whole.sum(), 1e-12))
+    )
 
 
 def _phases(recording) -> NDArray[np.str_]:  # type: ignore[no-untyped-def]

@@ -90,7 +90,7 @@ def at_one_rate(tracks: MarkerTracks, where: str) -> tuple[float, Floats]:
     if len(tracks.time) < 2:
         raise TakeError("has one frame, and so no rate", where=where, advice="export it as CSV")
     interval = float(np.median(np.diff(tracks.time)))
-    number = np.rint(tracks.time / interval).astype(int)
+    number = np.concatenate([[0], np.cumsum(np.rint(np.diff(tracks.time) / interval))]).astype(int)
     if len(number) > 2:
         interval = float(np.polyfit(number, tracks.time, 1)[0])
         number = np.rint((tracks.time - tracks.time[0]) / interval).astype(int)

@@ -1,0 +1,212 @@
+"""Numbers that no cloth, hanger, sensor or camera has, on both sides of each bound."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+
+from formats.errors import ImplausibleError
+from formats.garment import Garment, TrackedPoint
+from formats.plausible import (
+    check_plausible_garment,
+    check_plausible_rig,
+    check_plausible_take,
+    check_plausible_times,
+    check_stated_rate,
+)
+from formats.rig import Hanger, Sensor
+from formats.table_memory import TableMemory
+from tests.formats.test_archive import RIG, a_take
+
+
+def panel(width, height, mass, layers=1):
+    half = width / 2
+    return Garment(
+        format="hangtime-garment/1", name="panel", kind="swatch", mass_kg=mass, layers=layers, held="edge",
+        outline_m=((-half, 0.0), (half, 0.0), (half, -height), (-half, -height)),
+        points=(TrackedPoint(name="centre", at_m=(0.0, -height / 2)),),
+    )  # fmt: skip
+
+
+def refused(check, *given, **named):
+    with pytest.raises(ImplausibleError) as error:
+        check(*given, "a file", **named)
+    return str(error.value)
+
+
+@pytest.mark.parametrize("side", [0.1, 3.0])
+def test_a_garments_longer_side_is_a_decimetre_to_three_metres(side):
+    """Of 0.2 kg/m2, in either direction."""
+    for width, height in ((side, 0.1), (0.1, side)):
+        check_plausible_garment(panel(width, height, 0.2 * width * height), "a file")
+
+
+@pytest.mark.parametrize(
+    ("side", "words"),
+    [
+        (0.099, "outline_m is 0.099 m long, a garment 0.1 to 3 m; give metres"),
+        (3.01, "outline_m is 3.01 m long, a garment 0.1 to 3 m; give metres"),
+        (45.0, "; were centimetres or inches meant? Give metres"),
+        (11.0, "; were centimetres or inches meant? Give metres"),
+        (150.0, "; were millimetres or centimetres meant? Give metres"),
+        (450.0, "; were millimetres meant? Give metres"),
+        (9000.0, "a garment 0.1 to 3 m; give metres"),
+    ],
+)
+def test_a_garment_of_another_size_is_refused_with_the_units_that_fit(side, words):
+    assert words in refused(check_plausible_garment, panel(side, side / 2, 1.0))
+
+
+@pytest.mark.parametrize(("density", "is_cloth"), [(0.0199, False), (0.0201, True), (1.499, True), (1.501, False)])
+@pytest.mark.parametrize("layers", [1, 2])
+def test_each_layer_of_cloth_weighs_twenty_grams_to_one_and_a_half_kilograms(density, is_cloth, layers):
+    garment = panel(0.5, 0.4, density * 0.2 * layers, layers)
+    if is_cloth:
+        check_plausible_garment(garment, "a file")
+    else:
+        assert f"makes {density:.3g} kg/m2, fabric has 0.02 to 1.5" in refused(check_plausible_garment, garment)
+
+
+def test_grams_in_the_place_of_kilograms_are_named_with_the_number_that_was_meant():
+    words = refused(check_plausible_garment, panel(0.5, 0.4, 40.0))
+    assert "mass_kg = 40 makes 200 kg/m2" in words
+    assert "were 40 grams meant, mass_kg = 0.04 (0.2 kg/m2)?" in words
+    assert words.endswith("Weigh it and give kilograms")
+    assert "grams" not in refused(check_plausible_garment, panel(0.5, 0.4, 1.0)).replace("kilograms", "")
+    assert refused(check_plausible_garment, panel(0.5, 0.4, 40.0), offers_anyway=True).endswith(
+        "give kilograms, or --anyway to accept it"
+    )
+
+
+HANGER = Hanger(marker_size_m=0.05, marker_distance_m=0.3, held_m=((-0.2, 0.02, 0.0), (0.2, 0.02, 0.0)))
+
+
+def hanger(**changes):
+    return msgspec.structs.replace(RIG, sensor=None, hanger=msgspec.structs.replace(HANGER, **changes))
+
+
+@pytest.mark.parametrize(("field", "least", "most"), [("marker_size_m", 0.005, 0.5), ("marker_distance_m", 0.03, 3.0)])
+def test_a_hangers_markers_are_as_large_and_as_far_apart_as_some_are(field, least, most):
+    for value in (least, most):
+        check_plausible_rig(hanger(**{field: value}), "a file")
+    for value in (0.99 * least, 1.01 * most):
+        said = refused(check_plausible_rig, hanger(**{field: value}))
+        assert f"hanger.{field} is {value:g} m, a hanger has {least:g} to {most:g} m" in said
+
+
+def test_a_hangers_held_ends_are_a_centimetre_to_three_metres_away():
+    ends = np.array(HANGER.held_m)
+    for reach, is_one in ((0.009, False), (0.0101, True), (2.99, True), (3.01, False)):
+        scaled = tuple(tuple(float(v) for v in end) for end in ends * reach / np.abs(ends).max())
+        if is_one:
+            check_plausible_rig(hanger(held_m=scaled), "a file")
+        else:
+            assert "hanger.held_m is" in refused(check_plausible_rig, hanger(held_m=scaled))
+    assert "were millimetres or centimetres meant?" in refused(
+        check_plausible_rig, hanger(marker_distance_m=200.0), offers_anyway=True
+    )
+    check_plausible_rig(msgspec.structs.replace(RIG, sensor=None, hanger=None), "a file")
+
+
+def sensor(fx=500.0, fy=500.0):
+    kept = Sensor(width=640, height=480, fx=fx, fy=fy, cx=319.5, cy=239.5)
+    return msgspec.structs.replace(RIG, sensor=kept, hanger=None)
+
+
+def focal(pixels, degrees):
+    return pixels / 2 / np.tan(np.radians(degrees / 2))
+
+
+@pytest.mark.parametrize(("degrees", "is_one"), [(9.9, False), (10.1, True), (149.9, True), (150.1, False)])
+def test_a_sensors_picture_spans_ten_to_a_hundred_and_fifty_degrees_both_ways(degrees, is_one):
+    for name, rig in (("fx", sensor(fx=focal(640, degrees))), ("fy", sensor(fy=focal(480, degrees)))):
+        if is_one:
+            check_plausible_rig(rig, "a file")
+        else:
+            pixels = 640 if name == "fx" else 480
+            said = refused(check_plausible_rig, rig)
+            assert f"sensor.{name} = " in said
+            assert f"lets {pixels} pixels span {degrees:.3g} degrees" in said
+
+
+def at_steps(seconds, frames=10):
+    return seconds * np.arange(frames)
+
+
+@pytest.mark.parametrize("step", [0.2, 0.001, 1 / 30])
+def test_cameras_deliver_five_to_a_thousand_frames_a_second(step):
+    check_plausible_times(at_steps(step), "a file")
+    check_plausible_times(at_steps(step)[:1], "a file")
+
+
+@pytest.mark.parametrize(
+    ("step", "words"),
+    [
+        (0.201, "0.201 s apart in the median; is its time in seconds?"),
+        (0.5, "0.5 s apart in the median; is its time in seconds?"),
+        (1.5, "1.5 s apart in the median; are these milliseconds?"),
+        (1.0, "these are frame numbers, or milliseconds at 1000 frames a second"),
+        (33.3, "are these milliseconds?"),
+        (200.0, "are these milliseconds?"),
+        (33300.0, "are these microseconds?"),
+        (3.33e7, "are these nanoseconds?"),
+        (1e9, "is its time in seconds?"),
+        (0.000998, "its frames are 998 µs apart in the median, 1002 a second; cameras deliver 5 to 1000"),
+    ],
+)
+def test_times_of_no_camera_are_refused_with_the_unit_that_fits(step, words):
+    said = refused(check_plausible_times, at_steps(step))
+    assert words in said
+    assert "--anyway" not in said
+    assert refused(check_plausible_times, at_steps(step), offers_anyway=True).endswith(", or --anyway to accept it")
+
+
+def test_a_single_gap_is_no_frame_rate():
+    time = at_steps(1 / 30)
+    time[5:] += 60.0
+    check_plausible_times(time, "a file")
+
+
+@pytest.mark.parametrize(("rate", "is_one"), [(24.9, False), (25.1, True), (35.9, True), (36.1, False)])
+def test_times_and_a_stated_rate_agree_to_a_fifth(rate, is_one):
+    """30 frames a second: 1.2 times 25, and 36."""
+    if is_one:
+        check_stated_rate(at_steps(1 / 30), rate, "a file")
+    else:
+        said = refused(check_stated_rate, at_steps(1 / 30), rate)
+        assert f"its times come at 30 frames a second, and it states {rate:.4g}" in said
+    check_stated_rate(at_steps(1 / 30), None, "a file")
+    check_stated_rate(at_steps(1 / 30)[:1], rate, "a file")
+    two = refused(check_stated_rate, at_steps(1.0, 2), 30.0, offers_anyway=True)
+    assert re.search("at 1 frames a second.*--anyway", two)
+
+
+def test_a_take_is_judged_by_its_garment_its_rig_and_its_times():
+    take = a_take()
+    check_plausible_take(take, "a file")
+    for changes in (
+        {"garment": msgspec.structs.replace(take.garment, mass_kg=900.0)},
+        {"rig": hanger(marker_size_m=5.0)},
+        {"time": np.arange(len(take.time)) * 33.0},
+    ):
+        said = refused(check_plausible_take, replace(take, **changes), offers_anyway=True)
+        assert said.endswith("--anyway to accept it")
+        assert "--anyway" not in refused(check_plausible_take, replace(take, **changes))
+
+
+def test_tables_of_a_file_may_take_so_much_memory_and_no_more():
+    """64 MiB and 160 bytes for each of the file's; a still table's first 128 KiB cost nothing."""
+    memory = TableMemory.of(1000)
+    assert memory.left == (1 << 26) + 160_000
+    assert memory.fits((1 << 17) // 24)
+    assert memory.left == (1 << 26) + 160_000
+    numbers = 1_000_000
+    assert memory.fits(numbers)
+    assert memory.left == (1 << 26) + 160_000 - (24 * numbers - (1 << 17))
+    memory.left = 24
+    assert not memory.fits((1 << 17) // 24 + 2)
+    assert memory.left <= 0

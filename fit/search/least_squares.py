@@ -67,7 +67,8 @@ class BoundedSpace:
     def from_unit(self, unit: Floats) -> Floats:
         """Return theta(u), exactly within the bounds, (..., parameters)."""
         working = self.to_working(self.minimum) + unit * self.scale
-        parameters = np.where(self.is_log, np.exp(np.where(self.is_log, working, 0.0)), working)
+        with np.errstate(over="ignore"):  # an interval's end far outside of the box becomes its bound
+            parameters = np.where(self.is_log, np.exp(np.where(self.is_log, working, 0.0)), working)
         return np.clip(parameters, self.minimum, self.maximum)
 
     def slope(self, parameters: Floats) -> Floats:

@@ -58,6 +58,12 @@ def test_an_interval_ends_at_the_bounds_of_the_box():
     assert of_three(line(), 1 - near).ends[0, 0] == pytest.approx(1 - near - REACH * DEVIATION, rel=1e-5)
 
 
+def test_an_interval_far_wider_than_a_logarithmic_box_is_all_of_the_box_and_warns_of_no_overflow():
+    """A deviation of 200 boxes of two decades each: e to the power of 2700 is no number."""
+    found = of_three(line(1.0, 100.0, is_log=True), 10.0, between=np.array([[200.0**2]]))
+    assert found.ends[0] == pytest.approx([1.0, 100.0], rel=1e-12)
+
+
 @pytest.mark.parametrize(("at", "beyond"), [(0.0, -1), (1.0, 1), (0.995, 1)])
 def test_a_parameter_that_its_bound_holds_is_not_identified_and_has_no_tight_interval(at, beyond):
     """The least squares lie 0.02 beyond the box; half a width at the limit is 2.92 x 0.5 / sqrt(12) = 0.42."""

@@ -1,0 +1,186 @@
+"""What searches ask for, step by step, against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fit.errors import FitError
+from fit.search.annealing import AnnealingSettings, SearchBox
+from fit.search.chains import ParallelChains
+from fit.search.least_squares import BoundedSpace, LeastSquaresSettings, Prior, minimise, search
+from tests.fit.search.test_search_family import SPACE, TOLD, begun, bowl
+from tests.fit.search.test_search_least_squares import box
+
+
+@pytest.mark.parametrize("name", [name for name in TOLD if hasattr(begun(name), "space")])
+def test_a_search_asks_for_one_place_unless_more_are_wanted(name):
+    """The start comes first, alone; then so many as are asked for at most."""
+    one = begun(name)
+    first = one.ask()
+    assert first == pytest.approx(SPACE.from_unit(SPACE.to_unit(first)))
+    one.tell(first, bowl(first))
+    assert len(one.ask()) == 1
+    with pytest.raises(ValueError, match="at least one candidate"):
+        one.ask(0)
+
+
+def chains(count=3, iterations=9, *, is_split=False):
+    space = SearchBox(minimum=np.zeros(2), maximum=np.ones(2), interval=np.full(2, 0.1))
+    starts = np.linspace(0.2, 0.8, 2 * count).reshape(count, 2)
+    settings = AnnealingSettings(iterations=iterations)
+    return starts, ParallelChains(starts, space, settings, np.random.default_rng(1), is_split=is_split)
+
+
+def test_chains_share_a_batch_and_the_first_have_what_is_left_over():
+    starts, several = chains()
+    assert not several.is_started
+    assert several.ask(2).tolist() == starts[:2].tolist()
+    asked = several.ask(8)
+    assert [count for _, count in several._asked] == [3, 3, 2]
+    assert asked[[0, 3, 6]].tolist() == starts.tolist()
+    asked = several.ask(3)
+    several.tell(asked, np.array([3.0, 1.0, 2.0]))
+    assert several.is_started
+    assert (several.best_distance, several.best.tolist()) == (1.0, starts[1].tolist())
+    assert several.winner is several.chains[1]
+    assert several.evaluations == 3
+    assert not several.is_finished
+
+
+def test_chains_want_the_distances_of_what_they_asked():
+    _, several = chains()
+    with pytest.raises(ValueError, match="one distance for each candidate"):
+        several.tell(np.zeros((1, 2)), np.zeros(1))
+    asked = several.ask(3)
+    with pytest.raises(ValueError, match="one distance for each candidate"):
+        several.tell(asked, np.zeros(2))
+    with pytest.raises(ValueError, match="one distance for each candidate"):
+        several.tell(asked[:2], np.zeros(2))
+    several.tell(asked, np.zeros(3))
+    with pytest.raises(ValueError, match="one distance for each candidate"):
+        several.tell(asked, np.zeros(3))
+
+
+def test_a_saved_number_of_chains_is_the_same():
+    _, several = chains()
+    _, fewer = chains(2)
+    with pytest.raises(FitError, match="has 3 chains, not 2"):
+        fewer.restore(several.state())
+
+
+def test_the_best_history_of_chains_is_the_least_of_them_and_the_last_goes_on():
+    _, several = chains(2)
+    several.chains[0].tell(several.chains[0].ask(1), np.array([3.0]))
+    several.chains[1].tell(several.chains[1].ask(1), np.array([5.0]))
+    assert several.best_history.tolist() == [3.0]
+    while not several.chains[1].is_finished:
+        own = several.chains[1].ask(1)
+        several.chains[1].tell(own, np.full(len(own), 2.0))
+    history = several.best_history
+    assert len(history) == len(several.chains[1].steps)
+    assert history[0] == 3.0
+    assert history[-1] == 2.0
+    assert (np.diff(history) <= 0).all()
+
+
+def asked_of(width, *, known, start=0.5, answers=1.0, prior=None, **settings):
+    """Everything that a search asks which is told that nothing ever changes, (lanes, 1) a batch."""
+    one = search(
+        np.array([start]), box(0.0, 1.0), prior=prior, jacobian=known,
+        settings=LeastSquaresSettings(width=width, is_exact=False, renewals=0, **settings),
+    )  # fmt: skip
+    batches, batch = [], next(one)
+    while True:
+        batches.append(batch[:, 0])
+        try:
+            batch = one.send(np.full((len(batch), 1), answers))
+        except StopIteration as stop:
+            return batches, stop.value
+
+
+def trial(damping, slope, normal=4.0, start=0.5):
+    return np.clip(start - slope / (normal * (1 + damping) + 1e-9 * normal), 0.0, 1.0)
+
+
+def test_steps_are_those_of_marquardts_formula_over_three_ladders():
+    """J = 2 and r = 1: 4 (1 + lambda) s = -2, lambda from 0.01 / 30 to 0.01 x 30, and a thousand times on."""
+    batches, found = asked_of(4, known=np.array([[2.0]]))
+    assert [len(batch) for batch in batches] == [1, 4, 4, 4]
+    for k in range(3):
+        expected = [trial(0.01 * 1e3**k * 10.0**x, 2.0) for x in (-1.5, -0.5, 0.5, 1.5)]
+        assert batches[1 + k] == pytest.approx(expected, rel=1e-9)
+    assert (found.reason, found.is_converged) == ("no step lowers the cost", True)
+    assert (found.simulations, found.batches) == (13, 4)
+    assert found.parameters == pytest.approx([0.5])
+
+
+def test_one_lane_tries_a_tenth_of_the_damping_and_ten_times_more_twelve_times():
+    batches, found = asked_of(1, known=np.array([[2.0]]))
+    assert len(batches) == 13
+    assert np.concatenate(batches[1:]) == pytest.approx([trial(0.001 * 10.0**k, 2.0) for k in range(12)], rel=1e-9)
+    assert found.simulations == found.batches == 13
+
+
+def test_a_prior_pulls_a_step_towards_its_mean():
+    """A precision of 3 about 0.9 at 0.5: the slope is 2 - 3 x 0.4, the curvature 4 + 3."""
+    prior = Prior(mean=np.array([0.9]), precision=np.array([[3.0]]))
+    batches, found = asked_of(1, known=np.array([[2.0]]), prior=prior)
+    assert batches[1] == pytest.approx([0.5 - 0.8 / (7 * 1.001)], rel=1e-7)
+    assert found.cost == pytest.approx(1 + 3 * 0.16)
+    assert found.precision == pytest.approx(np.array([[7.0]]))
+    assert found.covariance(2.0) == pytest.approx(np.array([[2 / 7]]))
+
+
+@pytest.mark.parametrize(("at", "slope", "is_held"), [(0.0, 1.0, True), (1.0, -1.0, True), (0.0, 0.0, False),
+                                                      (1.0, 0.0, False), (0.5, 1.0, False)])  # fmt: skip
+def test_a_bound_holds_a_parameter_that_would_go_on(at, slope, is_held):
+    _, found = asked_of(4, known=np.array([[slope]]), start=at)
+    assert found.at_bound.tolist() == [is_held]
+    assert found.reason == ("no slope is left within the bounds" if is_held or not slope else "no step lowers the cost")
+    assert found.is_converged
+
+
+@pytest.mark.parametrize(("size", "cost", "weight"), [(1.0, 1.0, 1.0), (2.0, 4.0, 1.0), (5.0, 16.0, 0.4)])
+def test_hubers_loss_grows_straight_beyond_its_limit(size, cost, weight):
+    """2 k |r| - k^2 = 20 - 4 for k = 2 and r = 5."""
+    _, found = asked_of(4, known=np.array([[0.0]]), answers=-size, huber=2.0)
+    assert (found.cost, found.weights.tolist()) == (cost, [weight])
+
+
+def test_a_box_is_measured_on_its_scale():
+    """From 1 to 100 on a log scale the middle is 10, and a share of the box ln 100 times the parameter."""
+    space = BoundedSpace(minimum=np.array([1.0, -2.0]), maximum=np.array([100.0, 2.0]), is_log=np.array([True, False]))
+    assert space.from_unit(np.array([0.5, 0.25])) == pytest.approx([10.0, -1.0])
+    assert space.to_unit(np.array([10.0, -1.0])) == pytest.approx([0.5, 0.25])
+    assert space.to_unit(np.array([1e4, -9.0])).tolist() == [1.0, 0.0]
+    assert space.from_unit(np.array([1e9, -1e9])).tolist() == [100.0, -2.0]
+    assert space.slope(np.array([10.0, -1.0])) == pytest.approx([10 * np.log(100), 4.0])
+    for low, high, is_log in ((1.0, 1.0, False), (0.0, 1.0, True), (-1.0, 1.0, True)):
+        with pytest.raises(FitError):
+            box(low, high, is_log)
+
+
+def test_differences_are_taken_inwards_and_from_the_other_side_where_one_blows_up():
+    """r = u^2: from 0.5 by 0.05 the slope is 1.05, from 1 downwards 1.95, and backwards from 0.5 0.95."""
+
+    def squares(candidates):
+        return candidates**2
+
+    for start, slope in ((0.5, 1.05), (1.0, 1.95), (0.96, 1.87)):
+        found = minimise(squares, np.array([start]), box(0.0, 1.0), settings=LeastSquaresSettings(max_iterations=0))
+        assert found.jacobian == pytest.approx(np.array([[slope]]))
+    central = LeastSquaresSettings(max_iterations=0, is_central=True)
+    assert minimise(squares, np.array([0.5]), box(0, 1), settings=central).jacobian == pytest.approx(np.array([[1.0]]))
+    assert minimise(squares, np.array([1.0]), box(0, 1), settings=central).jacobian == pytest.approx(np.array([[1.95]]))
+
+    def broken(candidates):
+        return np.where(candidates > 0.52, np.nan, candidates**2)
+
+    none = LeastSquaresSettings(max_iterations=0)
+    assert minimise(broken, np.array([0.5]), box(0, 1), settings=none).jacobian == pytest.approx(np.array([[0.95]]))
+
+    def alone(candidates):
+        return np.where(candidates != 0.5, np.nan, candidates)
+
+    assert minimise(alone, np.array([0.5]), box(0, 1), settings=none).jacobian.tolist() == [[0.0]]

@@ -151,7 +151,7 @@ def imagine(like: Recording, motion: Motion) -> Recording:
         angle = motion.yaw(instants)
         turned = np.stack(
             [np.cos(angle) * arm[0] - np.sin(angle) * arm[1], np.sin(angle) * arm[0] + np.cos(angle) * arm[1],
-             arm[2] + 0 * angle], 1,
+             np.full(len(angle), arm[2])], 1,
         )  # fmt: skip
         return np.concatenate([moved - turned, moved + turned], 1)
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from fit.gap import from_raw
 from fit.gap import rounds as module
 from fit.gap.checkpoint import Checkpoint
 from fit.gap.correlation import FREE_DIRECTIONS
@@ -158,6 +160,12 @@ def test_sizes_that_the_held_edge_disputes_are_fitted_again_and_the_others_are_k
     assert kept.effects == ("filter_lag",)
 
 
+def test_effects_that_the_edge_leads_to_come_after_the_promising_ones_and_once(world, monkeypatch):
+    search, _ = rounds_of(world)
+    monkeypatch.setattr(module, "leads", lambda observer, screened, residual: ["hem", "draught"])
+    assert search._and_leads(["air_drag", "hem"], {}, search.base.fitted) == ["air_drag", "hem", "draught"]
+
+
 @pytest.mark.parametrize(("measured", "known"), [(3.0, 4.123), (5.0, 1.0), (6.0, 1.0)])
 def test_a_floor_above_the_points_own_noise_is_what_the_hanger_shakes(measured, known):
     """Of a floor of 5 mm points of 3 mm leave 4, beside 1 mm of mesh and solver; points of 5 or 6 mm leave none."""
@@ -180,3 +188,20 @@ def test_weighing_refits_what_may_win_and_judges_each_fit_once(world):
     assert search.fits[0].cost == min(f.cost for f in search.fits)
     assert told
     assert {share for _, share in told} == {0.5}
+
+
+def test_raw_points_are_judged_by_a_base_model_that_is_fitted_to_them(world, monkeypatch):
+    """Raw points of one kind are fitted to, those of another judged; without held-out takes the first ones are both."""
+    raw, other = LinearTakes(7), LinearTakes(8)
+    for made in (raw, other):
+        made.missed = made.noisy() + made.moved(4e-3)
+    monkeypatch.setattr(from_raw, "raw_recordings", lambda takes: takes)
+    monkeypatch.setattr(world, "of", lambda takes: {"train": raw, "test": other}[takes], raising=False)
+    kept = Checkpoint(None, {})
+    assert from_raw.raw_error_mm(world, world, "train", "test", world.base(), kept) is None
+    world.recordings = [replace(r, camera=replace(r.camera, is_placed=True)) for r in world.recordings]
+    best = raw.base()
+    for held_out, judge in (("test", other), ("", raw)):
+        found = from_raw.raw_error_mm(world, world, "train", held_out, world.base(), kept)
+        residual = judge.residuals(best.vector[None], judge.off[None])[0]
+        assert found == pytest.approx(float(judge.in_mm(residual)), rel=0.02)

@@ -78,6 +78,43 @@ def test_gates_come_first():
     assert decide_by_mass(weaker, shares).verdict == "numerics"
 
 
+MISSES = "The base model misses by 12.0 mm on motion not used for fitting; the sensor's noise alone is 5.0 mm."
+
+
+def test_every_verdict_says_what_the_base_model_misses_by():
+    drag = {(): (0.1, 0.0), ("air_drag",): (0.9, 0.0)}
+    for evidence, shares, verdict in (
+        (evidence_of({"air_drag": 5.5}, gate_list=[CHAOTIC]), drag, "inconclusive"),
+        (evidence_of({"air_drag": 9.2}, gate_list=[COARSE]), drag, "numerics"),
+        (evidence_of({"air_drag": 5.5}), drag, "effect"),
+        (evidence_of({"air_drag": 11.0}), drag, "unknown"),
+        (evidence_of({"air_drag": 5.5}), {(): (0.0, 0.9), ("air_drag",): (0.1, 0.0)}, "unknown"),
+        (evidence_of({"air_drag": 5.5}), {(): (0.9, 0.0), ("air_drag",): (0.1, 0.0)}, "none"),
+    ):
+        found = decide_by_mass(evidence, found_of(shares))
+        assert found.verdict == verdict
+        assert MISSES in found.sentence
+
+
+@pytest.mark.parametrize(("more", "verdict"), [(0.01, "numerics"), (-0.3, "effect")])
+def test_a_finer_mesh_that_closes_as_much_as_the_effect_comes_first(more, verdict):
+    """Drag closes (144 - 6^2) / (144 - 5^2) of the gap, 90.8 %."""
+    coarse = COARSE.__class__(
+        name="mesh and step", passed=False, figure=100 * 108 / 119 + more, limit=40.0, unit="%", sentence="coarse"
+    )
+    shares = found_of({(): (0.1, 0.0), ("air_drag",): (0.9, 0.0)})
+    assert decide_by_mass(evidence_of({"air_drag": 6.0}, gate_list=[coarse]), shares).verdict == verdict
+
+
+@pytest.mark.parametrize(("share", "words"), [(0.79, "probably lacks"), (0.81, "The model lacks"), (0.49, "may lack")])
+def test_a_cause_is_named_as_surely_as_its_mass(share, words):
+    """Most of what is left is no other subset that is larger."""
+    rest = (1 - share) / 3
+    masses = {(): (rest, 0.0), ("air_drag",): (share, 0.0), ("hem",): (0.0, rest), ("draught",): (0.0, rest)}
+    said = decide_by_mass(evidence_of({"air_drag": 5.5, "hem": 11.0}), found_of(masses)).sentence
+    assert words in said
+
+
 def test_what_decides_nothing_is_refused_with_what_does():
     assert deciding("evidence") == "evidence"
     with pytest.raises(FitError, match="tea leaves decides nothing") as refused:

@@ -66,7 +66,7 @@ def import_recordings(
     from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
     from formats.importers.swung_cloth import import_swung_cloth
     from formats.outputs import check_name, refuse_to_replace, write_description
-    from formats.two_clocks import shows_hanger, shows_points
+    from formats.two_clocks import hanger_gap, shows_hanger, shows_points
 
     described = load_garment(garment, anyway=anyway) if garment is not None else None
     options = MarkerOptions(up=up, frames=frames, unit=unit, subject=subject, anyway=anyway)
@@ -108,6 +108,7 @@ def import_recordings(
         )
         if not shows_points(take).all():
             words += f", {shows_points(take).sum()} with the points and {shows_hanger(take).sum()} with the hanger"
+            words += hanger_gap(take)
         unseen = [p.name for k, p in enumerate(take.garment.points) if not take.points_valid[:, k].any()]
         if unseen:
             words += f"; never seen: {', '.join(unseen[:MOST_NAMES])}" + " and more" * (len(unseen) > MOST_NAMES)

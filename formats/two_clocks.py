@@ -16,6 +16,7 @@ from formats.arrays import Booleans, Floats
 from formats.integers import Integers
 from formats.take import FrameState, Take
 
+MOST_OF_THE_TIME = 0.9  # of the pictures' time: the public recordings' paths cover 0.96 of it and more
 SAME_TIME = 1e-3  # s: what is nearer in time is one frame; a hanger at 2 m/s goes 2 mm
 
 
@@ -67,6 +68,17 @@ def at_times(wanted: Floats, time: Floats, held: Floats) -> Floats:
     """
     columns = [np.interp(wanted, time, column, np.nan, np.nan) for column in held.reshape(len(time), 6).T]
     return np.stack(columns, axis=1).reshape(len(wanted), 2, 3)
+
+
+def hanger_gap(take: Take) -> str:
+    """Return in words where the hanger's clock ran, if in less than nine tenths of the pictures' time, else ''."""
+    of_hanger, of_points = take.time[shows_hanger(take)], take.time[shows_points(take)]
+    if not len(of_hanger) or not len(of_points):
+        return ""
+    first, last = max(of_hanger[0], of_points[0]), min(of_hanger[-1], of_points[-1])
+    if last - first >= MOST_OF_THE_TIME * (of_points[-1] - of_points[0]):
+        return ""
+    return f", from {of_hanger[0]:.1f} to {of_hanger[-1]:.1f} s only"
 
 
 def shows_points(take: Take) -> Booleans:

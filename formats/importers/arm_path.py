@@ -8,11 +8,12 @@ Each take has one `.npz` file with these arrays. Their clock has the zero of the
 
 The recording has the corners too, in its pictures. A path may be far from them at every small shift in time. Then the
 path is of another take, in another unit, or has its quaternions in another order. The import refuses the path, and
-names the unit or order that would bring it there.
+names the unit or order that would bring it there. It also refuses a path that leaves them for a second, and says when.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -28,6 +29,9 @@ from formats.two_clocks import at_times
 SHAPES = {"tcp_t": (None,), "tcp_pose": (None, 7), "tcp_to_corner_m": (2, 3)}
 MOST_BYTES = 1 << 26  # of all arrays: ten hours at 20 poses a second are half of it
 FARTHEST = 0.03  # m from the pictures' corners, median: the public recordings' are 2 mm off, another take's 100 mm
+FARTHEST_FOR_A_WHILE = 0.1  # m, median over as many pictures: the corners that a camera saw are up to 60 mm off
+LONGEST_STEP = 0.2  # s between poses that a straight line is taken to join: four of the public paths' steps
+WHILE = 9  # pictures: a second of the public recordings
 LARGEST_SHIFT, SHIFT_STEP = 0.5, 0.02  # s between both clocks: what a diagnosis looks for; 10 mm at 0.5 m/s
 UNIT_WITHIN = 1e-2  # of a quaternion's length: printed with two decimals it still passes
 WHAT_TO_GIVE = "give a .npz with tcp_t, tcp_pose and tcp_to_corner_m, see docs/reference/file-formats.md"
@@ -106,52 +110,80 @@ def check_arm_path(arm: ArmPath, time: Floats, corners: Floats) -> None:
     Raises:
         TakeError: it is elsewhere.
     """
-    if not np.isfinite(corners).any():
-        return
     away = _apart(arm, time, corners)
-    if away <= FARTHEST:
+    if not np.isfinite(away).any():
+        return
+    best = float(np.nanmedian(away))
+    if best <= FARTHEST:
+        _refuse_a_stray(arm, time, away)
         return
     advice = "give the path of the same take, in metres, in the frame of its points, on a clock of the same zero"
-    for other, found in (
-        (
-            replace(arm, place=1e-3 * arm.place),
-            "give the places of 'tcp_pose' in metres: they seem to be millimetres",
-        ),
-        (
-            replace(arm, place=1e-3 * arm.place, tool=1e-3 * arm.tool),
-            "give 'tcp_pose' and 'tcp_to_corner_m' in metres: they seem to be millimetres",
-        ),
-        (
-            replace(arm, turn=arm.turn[:, [1, 2, 3, 0]]),
-            "give the quaternions as x y z w: they seem to be w x y z",
-        ),
-        (
-            replace(arm, turn=arm.turn * [-1, -1, -1, 1]),
-            "give rotations from the tool's frame: they seem to be their inverses",
-        ),
-    ):
-        if _apart(other, time, corners) <= FARTHEST:
+    for other, found in _mistakes(arm):
+        if np.nanmedian(_apart(other, time, corners)) <= FARTHEST:
             advice = found
             break
     raise TakeError(
-        f"its held corners are {away:.3g} m from those of the recording's pictures, in the median and at any shift up "
+        f"its held corners are {best:.3g} m from those of the recording's pictures, in the median and at any shift up "
         f"to {LARGEST_SHIFT:g} s", where=arm.file, advice=advice,
     )  # fmt: skip
 
 
-def _apart(arm: ArmPath, time: Floats, corners: Floats) -> float:
-    """Return the least median distance [m] of a path from corners over small shifts in time, infinite if never both.
+def _refuse_a_stray(arm: ArmPath, time: Floats, away: Floats) -> None:
+    """Refuse a path that is elsewhere for a while, as of another take from some moment on.
+
+    time [s], (frames,); away [m], (frames, 2): of the path from the corners, NaN where unknown
+    """
+    seen = np.flatnonzero(np.isfinite(away).any(1))
+    if len(seen) < WHILE:
+        return
+    for_a_while = np.nanmedian(np.lib.stride_tricks.sliding_window_view(away[seen], WHILE, axis=0), axis=(1, 2))
+    if for_a_while.max() > FARTHEST_FOR_A_WHILE:
+        worst = int(for_a_while.argmax())
+        first, last = time[seen[worst]] - time[0], time[seen[worst + WHILE - 1]] - time[0]
+        raise TakeError(
+            f"its held corners leave those of the recording's pictures: they are {for_a_while.max():.3g} m apart from "
+            f"{first:.1f} to {last:.1f} s", where=arm.file,
+            advice="give the path of the whole take, or cut both files before that",
+        )  # fmt: skip
+
+
+def _mistakes(arm: ArmPath) -> Iterator[tuple[ArmPath, str]]:
+    """Yield the path as it would be without a common mistake, and what to do about that mistake."""
+    for name, unit in (("millimetres", 1e-3), ("centimetres", 1e-2), ("inches", 0.0254)):
+        place, tool = unit * arm.place, unit * arm.tool
+        yield replace(arm, place=place), f"give the places of 'tcp_pose' in metres: they seem to be {name}"
+        yield replace(arm, tool=tool), f"give 'tcp_to_corner_m' in metres: they seem to be {name}"
+        yield (
+            replace(arm, place=place, tool=tool),
+            f"give 'tcp_pose' and 'tcp_to_corner_m' in metres: they seem to be {name}",
+        )
+    yield (
+        replace(arm, turn=arm.turn[:, [1, 2, 3, 0]]),
+        "give the quaternions as x y z w: they seem to be w x y z",
+    )
+    yield (
+        replace(arm, turn=arm.turn * [-1, -1, -1, 1]),
+        "give rotations from the tool's frame: they seem to be their inverses",
+    )
+
+
+def _apart(arm: ArmPath, time: Floats, corners: Floats) -> Floats:
+    """Return the distances [m] of a path from corners, (frames, 2), at the small shift in time with the least median.
+
+    A distance is NaN where it is unknown.
 
     time [s], (frames,); corners [m], (frames, 2, 3), in either order
     """
-    least, held = np.inf, arm.held
+    least, nearest, held = np.inf, np.full((len(time), 2), np.nan), arm.held
     for shift in np.arange(-LARGEST_SHIFT, LARGEST_SHIFT + SHIFT_STEP / 2, SHIFT_STEP):
         found = at_times(time + shift, arm.time, held)
+        after = np.searchsorted(arm.time, time + shift).clip(1, len(arm.time) - 1)
+        found[arm.time[after] - arm.time[after - 1] > LONGEST_STEP] = np.nan
         for order in (corners, corners[:, ::-1]):
             away = np.linalg.norm(found - order, axis=2)
-            if np.isfinite(away).any():
-                least = min(least, float(np.nanmedian(away)))
-    return least
+            if np.isfinite(away).any() and (median := float(np.nanmedian(away))) < least:
+                least, nearest = median, away
+    return nearest
 
 
 def _turned(places: Floats, turns: Floats) -> Floats:

@@ -125,6 +125,8 @@ def times(*factors):
     [
         ("tcp_pose", lambda pose: pose + np.array([0.0, 0.04, 0.0, 0, 0, 0, 0]), "give the path of the same take"),
         ("tcp_pose", times(1e3, 1e3, 1e3, 1, 1, 1, 1), "the places of 'tcp_pose' in metres: they seem to be milli"),
+        ("tcp_pose", times(1e2, 1e2, 1e2, 1, 1, 1, 1), "the places of 'tcp_pose' in metres: they seem to be centi"),
+        ("tcp_to_corner_m", times(1e3, 1e3, 1e3), "give 'tcp_to_corner_m' in metres: they seem to be millimetres"),
         ("both", lambda values: values, "give 'tcp_pose' and 'tcp_to_corner_m' in metres: they seem to be millimetres"),
         ("tcp_pose", lambda pose: pose[:, [0, 1, 2, 6, 3, 4, 5]], "as x y z w: they seem to be w x y z"),
         ("tcp_pose", times(1, 1, 1, -1, -1, -1, 1), "they seem to be their inverses"),
@@ -161,6 +163,35 @@ def test_a_path_on_a_late_clock_is_imported_for_the_diagnosis_to_tell(tmp_path, 
     assert import_swung_cloth(tmp_path / "a.npz", hanger=tmp_path / "arm").held_valid.any()
 
 
+def test_a_path_that_leaves_the_corners_for_the_last_second_is_refused_and_a_corner_that_jumps_is_not(tmp_path):
+    """The last 12 of 40 pictures are at odds; before, one of both corners jumped in 4 of any 9.
+
+    What a path does not tell in a hole is not compared.
+    """
+    recorded(tmp_path)
+    with np.load(tmp_path / "arm/a.npz") as archive:
+        path = dict(archive)
+    with np.load(tmp_path / "a.npz") as archive:
+        recording = dict(archive)
+    time, corners = recording["t"], recording["hanger_corners"]
+    corners[(np.arange(len(time)) % 9 < 4), 1] += 0.5
+    np.savez(tmp_path / "a.npz", **recording)
+    assert import_swung_cloth(tmp_path / "a.npz", hanger=tmp_path / "arm").held_valid.any()
+    hole = (path["tcp_t"] < 0.8) | (path["tcp_t"] > 2.4)
+    holed = {name: path[name][hole] for name in ("tcp_t", "tcp_pose")}
+    np.savez(tmp_path / "arm/a.npz", **{**path, **holed})
+    corners[(time > 1.0) & (time < 2.2)] += 0.2
+    np.savez(tmp_path / "a.npz", **recording)
+    assert import_swung_cloth(tmp_path / "a.npz", hanger=tmp_path / "arm").held_valid.any()
+    corners[(time > 1.0) & (time < 2.2)] -= 0.2
+    np.savez(tmp_path / "a.npz", **recording)
+    path["tcp_pose"][path["tcp_t"] > time[28] - 1e-9, 0] += 0.2
+    np.savez(tmp_path / "arm/a.npz", **path)
+    sentence = r"leave those of .*: they are 0\.2 m apart from 2\.\d to 3\.\d s; give the path of the whole take"
+    with pytest.raises(TakeError, match=sentence):
+        import_swung_cloth(tmp_path / "a.npz", hanger=tmp_path / "arm")
+
+
 def test_a_recording_without_corners_takes_any_path(tmp_path):
     recorded(tmp_path)
     with np.load(tmp_path / "a.npz") as archive:
@@ -185,6 +216,13 @@ def test_the_command_imports_both_and_names_a_path_that_is_not_there(tmp_path):
     done = hangtime("import", tmp_path / "a.npz", "--hanger", tmp_path / "arm", "--out", tmp_path / "takes")
     assert done.returncode == 0, done.stderr
     assert "40 with the points and 96 with the hanger" in done.stdout
+    assert "only" not in done.stdout
+    with np.load(tmp_path / "arm/a.npz") as archive:
+        path = dict(archive)
+    short = {name: path[name][30:60] for name in ("tcp_t", "tcp_pose")}
+    np.savez(tmp_path / "arm/a.npz", **{**path, **short})
+    done = hangtime("import", tmp_path / "a.npz", "--hanger", tmp_path / "arm", "--out", tmp_path / "short")
+    assert "40 with the points and 30 with the hanger, from 1.2 to 2.7 s only" in done.stdout
     (tmp_path / "arm/a.npz").unlink()
     done = hangtime("import", tmp_path / "a.npz", "--hanger", tmp_path / "arm", "--out", tmp_path / "others")
     assert (done.returncode, (tmp_path / "others").exists()) == (2, False)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
 import msgspec
+import numpy as np
 
 from formats.diagnosis_records import Diagnosis
 from formats.errors import ResultError
@@ -86,7 +87,7 @@ def result_bytes(record: FitResult | Diagnosis, path: Path) -> bytes:
         ResultError: a number in it is not finite.
     """
     _check(record, path)
-    raw = msgspec.json.format(msgspec.json.encode(record), indent=2)
+    raw = msgspec.json.format(msgspec.json.encode(record, enc_hook=_plain), indent=2)
     msgspec.json.decode(raw, type=type(record))
     return raw + b"\n"
 
@@ -124,13 +125,20 @@ def _refuse_other_version(raw: bytes, kind: type[Result], where: object) -> None
         )  # fmt: skip
 
 
+def _plain(value: Any) -> Any:
+    """Return a number of numpy as one of Python."""
+    if isinstance(value, np.generic):
+        return value.item()
+    raise NotImplementedError(f"a result holds a {type(value).__name__}")
+
+
 class _Named(msgspec.Struct):
     format: str
 
 
 def _check(record: FitResult | Diagnosis, where: object) -> None:
     """Check what a schema cannot say: finite numbers, and that named effects were tested."""
-    _check_finite(msgspec.to_builtins(record), where, "")
+    _check_finite(msgspec.to_builtins(record, enc_hook=_plain), where, "")
     if isinstance(record, FitResult):
         _check_fit(record, where)
     if isinstance(record, Diagnosis):

@@ -75,7 +75,7 @@ def _gaps(recordings: Sequence[Recording]) -> list[CameraFinding]:
     for recording in recordings:
         if not recording.gaps:
             continue
-        longest = max(end - begin for begin, end in recording.gaps)
+        longest = max(float(end - begin) for begin, end in recording.gaps)
         begin = min(begin for begin, _ in recording.gaps)
         times = "once" if len(recording.gaps) == 1 else f"{len(recording.gaps)} times"
         found.append(CameraFinding(

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import jsonschema
 import msgspec
+import numpy as np
 import pytest
 
 import formats
@@ -31,6 +32,13 @@ def test_results_come_back_and_match_their_schemas(tmp_path):
     assert load_diagnosis(tmp_path / "diagnosis.json") == found
     jsonschema.validate(json.loads((tmp_path / "fit.json").read_text()), schema_of(SCHEMAS["fit-result.json"]))
     jsonschema.validate(json.loads((tmp_path / "diagnosis.json").read_text()), schema_of(SCHEMAS["diagnosis.json"]))
+
+
+def test_a_number_of_numpy_is_written_as_one_of_python(tmp_path):
+    save_fit_result(tmp_path / "fit.json", msgspec.structs.replace(fit_result(), seconds=np.float64(1.5)))
+    assert load_fit_result(tmp_path / "fit.json").seconds == 1.5
+    with pytest.raises(ResultError, match="seconds is not a finite number"):
+        save_fit_result(tmp_path / "bad.json", msgspec.structs.replace(fit_result(), seconds=np.float64("nan")))
 
 
 def test_a_number_that_is_not_finite_is_refused_and_nothing_is_left(tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import msgspec
 import numpy as np
 import pytest
 from msgspec.structs import replace
@@ -21,7 +22,9 @@ from tests.shared_data import SHARED_DATA
 
 
 def found_of(*takes):
-    return {one.name: one for one in describe_camera(prepare_together(takes)[0])}
+    found = describe_camera(prepare_together(takes)[0])
+    msgspec.to_builtins(found)  # holds no number of numpy, which no file of results takes
+    return {one.name: one for one in found}
 
 
 @pytest.mark.parametrize("late", [0.05, 0.1, 0.2, 0.33])

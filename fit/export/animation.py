@@ -17,8 +17,7 @@ from fit.export.moving import Moving, check_engine, motion_of
 from fit.export.new_motion import check_motion, hung_swatch, new_motion
 from fit.export.sheet import SWATCH_SPACING, check_spacing
 from fit.export.video import CODECS, DEFAULT_SIZE, film
-from fit.export.worn import FigureOrder, worn
-from fit.figure.dressmaking import sewn_skirt
+from fit.export.worn import FigureOrder, sewn, worn
 from fit.recordings.recording import prepare
 from formats.fit_records import FitResult
 from formats.outputs import check_name, output_folder, refuse_to_replace, write_bytes
@@ -46,7 +45,7 @@ class Animated:
 class Scene:
     """A garment and its motion: the take's own where `motion` is empty; without a take, a swatch of the fabric.
 
-    With a `figure`, a skirt that it wears: the take's, or one of the fabric.
+    With a `figure`, a skirt or T-shirt that it wears: the take's, or one of the fabric.
     """
 
     result: FitResult
@@ -70,7 +69,7 @@ class Scene:
                 raise FitError("a figure moves by itself", where="--motion", advice="leave out --motion or --figure")
             self.figure.check(self.seconds)
             if self.take is not None:
-                sewn_skirt(self.take.garment)  # it refuses what is no skirt
+                sewn(self.take.garment)  # it refuses what no figure wears
         elif self.motion:
             check_motion(self.motion, self.seconds)
         elif not has_take:

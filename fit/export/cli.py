@@ -144,10 +144,18 @@ def animate_command(
         typer.Option(
             "--figure",
             metavar="KIND",
-            help="Let a figure wear the skirt, closed front and back: walk. Without --take, a plain skirt of the "
-            "fabric.",
+            help="Let a figure wear the skirt or T-shirt of the take, closed front and back: walk.",
         ),
     ] = "",
+    wear: Annotated[
+        str | None,
+        typer.Option(
+            "--wear",
+            metavar="GARMENT",
+            help="Plain garment of the fabric that the figure wears without --take: skirt or t-shirt.",
+            show_default="skirt",
+        ),
+    ] = None,
     bvh: Annotated[
         Path | None,
         typer.Option("--bvh", metavar="FILE", help="The figure moves as this BVH file says, after two seconds' lead."),
@@ -188,6 +196,8 @@ def animate_command(
     from formats.terminal import ProgressLine, say
 
     is_worn = bool(figure or bvh)
+    _refuse_unused("--wear", wear, "only a figure wears a garment", "--figure walk", is_used=is_worn)
+    _refuse_unused("--wear", wear, "the take has a garment", "no --take", is_used=take is None)
     _refuse_unused("--speed", speed, "a walk by rule has a speed", "--figure walk", is_used=is_worn and bvh is None)
     _refuse_unused("--height", height, "a figure has a height", "--figure walk", is_used=is_worn)
     _refuse_unused(
@@ -198,7 +208,9 @@ def animate_command(
     pixels = _pixels(size) if size is not None else DEFAULT_SIZE
     check_film(out, pixels, overwrite=overwrite)
     given = {"speed": speed, "height": height}
-    order = FigureOrder(kind=figure or "walk", bvh=bvh, **{k: v for k, v in given.items() if v is not None})
+    order = FigureOrder(
+        kind=figure or "walk", wear=wear or "skirt", bvh=bvh, **{k: v for k, v in given.items() if v is not None}
+    )
     scene = Scene(
         result=read_fit(fit_file)[0], motion=motion, seconds=6.0 if seconds is None else seconds, spacing=spacing,
         figure=order if is_worn else None,

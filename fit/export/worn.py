@@ -1,4 +1,4 @@
-"""A fitted skirt on a walking figure: simulated, checked against body and itself, and made fine enough to be drawn.
+"""A fitted skirt or T-shirt on a walking figure: simulated, checked against body and itself, and made fine to be drawn.
 
 The cloth is drawn with smaller pieces than its elements, on their own cubic surface. Effects on the hanger and on the
 measurement are left out, because there is neither.
@@ -25,8 +25,9 @@ from fit.export.new_motion import MOTION_FPS, SHORTEST, hung_still
 from fit.export.solids import Solids
 from fit.figure.bvh import read_bvh
 from fit.figure.dressmaking import plain_skirt, sewn_skirt
-from fit.figure.gait import NORMAL, check_speed, walk
-from fit.figure.parts import TOUCHING, figure_in
+from fit.figure.gait import ARM_OUT, NORMAL, check_speed, walk
+from fit.figure.parts import figure_in, figure_in_shirt
+from fit.figure.shirt import arms_out, plain_shirt, sewn_shirt
 from fit.figure.skeleton import STANDARD_HEIGHT, SkeletonMotion
 from fit.figure.wearing import looked_at, wear
 from formats.arrays import Singles
@@ -34,19 +35,25 @@ from formats.fit_records import FitResult
 from formats.garment import Garment
 
 KINDS = ("walk",)
+PLAIN = {"skirt": plain_skirt, "t-shirt": plain_shirt}  # of an areal density
+GARMENTS = tuple(PLAIN)
+NAMES = {"skirt": "skirt", "t-shirt": "T-shirt"}
 SPACING = 0.03  # m between nodes: folds of a skirt are several times wider
 DRAWN_SPACING = 0.012  # m between the corners of what is drawn
 LONGEST = 20.0  # s: single precision tells micrometres as far as a figure walks in them
 SHORTEST_FIGURE, TALLEST_FIGURE = 0.8, 2.3  # m
 MOST_STRETCHED = 0.15  # woven cloth gives way by some percent, on the bias by more
+# s, of a T-shirt's bending. The slanted pieces of its sleeves would need ten times shorter steps for 20 ms.
+MOST_BENDING_TIME = 2e-3
 SHARED = (mat.DENSITY, mat.STRETCH, mat.SHEAR, mat.BENDING)  # by layers that slide on one another
 
 
 @dataclass(frozen=True, kw_only=True)
 class FigureOrder:
-    """How the figure moves: by rule, or as a BVH file says."""
+    """How the figure moves: by rule, or as a BVH file says; and its garment, where no take has one."""
 
     kind: str = "walk"
+    wear: str = "skirt"
     bvh: Path | None = None
     speed: float = NORMAL  # m/s
     height: float = STANDARD_HEIGHT  # m
@@ -55,10 +62,12 @@ class FigureOrder:
         """Refuse what no figure does.
 
         Raises:
-            FitError: an unknown kind, or a speed, a height or a length that no walk has.
+            FitError: an unknown kind or garment, or a speed, a height or a length that no walk has.
         """
         if self.kind not in KINDS:
             raise FitError(f"no figure moves by {self.kind!r}", where="--figure", advice=f"known: {', '.join(KINDS)}")
+        if self.wear not in GARMENTS:
+            raise FitError(f"no figure wears {self.wear!r}", where="--wear", advice=f"known: {', '.join(GARMENTS)}")
         if not SHORTEST_FIGURE <= self.height <= TALLEST_FIGURE:
             raise FitError(
                 f"nobody is {self.height:g} m tall", where="--height",
@@ -72,50 +81,66 @@ class FigureOrder:
         if self.bvh is None:
             check_speed(self.speed)
 
-    def skeleton(self, seconds: float) -> SkeletonMotion:
-        """Return the figure's joints; raises what `check` and `read_bvh` raise."""
+    def skeleton(self, seconds: float, arms: float = ARM_OUT) -> SkeletonMotion:
+        """Return the figure's joints, with its arms so far out at first [rad]; raises as `check` and `read_bvh`."""
         self.check(seconds)
         if self.bvh is not None:
-            return read_bvh(self.bvh, self.height, seconds)
-        return walk(seconds, self.speed, self.height)
+            return read_bvh(self.bvh, self.height, seconds, arms)
+        return walk(seconds, self.speed, self.height, arms)
+
+
+def sewn(garment: Garment) -> tuple[Garment, float]:
+    """Return a garment for a figure with its back, and the share of the flat sheet's weight and stiffness of each.
+
+    Raises:
+        FitError: no figure can wear it.
+    """
+    return sewn_shirt(garment) if garment.kind == "t-shirt" else sewn_skirt(garment)
 
 
 def worn(
     result: FitResult, garment: Garment | None, order: FigureOrder, seconds: float, *, spacing: float | None = None,
     progress: Progress | None = None,
 ) -> Moving:  # fmt: skip
-    """Return a skirt on a walking figure; without a garment, a plain one of the fitted fabric.
+    """Return a skirt or T-shirt on a walking figure; without a garment, a plain one of the fitted fabric.
 
     Raises:
         FitError: what no figure can wear or do, or a figure that walks through the cloth.
         BlowUpError: the simulation did not stay finite.
     """
     check_engine(result)
-    flat = plain_skirt(fabric_of(result)["areal_density"].value) if garment is None else garment
-    sewn, share = sewn_skirt(flat)
-    skeleton = order.skeleton(seconds)
+    flat = PLAIN[order.wear](fabric_of(result)["areal_density"].value) if garment is None else garment
+    closed, share = sewn(flat)
+    is_shirt = closed.kind == "t-shirt"
+    skeleton = order.skeleton(seconds, arms_out(closed)) if is_shirt else order.skeleton(seconds)
     asked, seconds = seconds, min(seconds, np.floor(skeleton.seconds * MOTION_FPS) / MOTION_FPS)
-    figure = figure_in(sewn, skeleton)
-    dressed = wear(hung_still(sewn, flat.name), figure, seconds, MOTION_FPS)
+    figure = figure_in_shirt(closed, skeleton) if is_shirt else figure_in(closed, skeleton)
+    dressed = wear(hung_still(closed, flat.name), figure, seconds, MOTION_FPS)
     effects = tuple(e for e in known_effects(result) if e.acts_on in ("cloth", "air") and e != CONTACT)
     simulator = Simulator(
         dressed.recording, effects, resolution=Resolution(spacing=spacing or SPACING), support=dressed.support,
         contact=dressed.contact,
     )  # fmt: skip
-    row = material_rows(result, sewn.mass_kg / float(simulator.mesh.area) / share)
+    row = material_rows(result, closed.mass_kg / float(simulator.mesh.area) / share)
     row[:, SHARED] *= share
+    damped = float(row[0, mat.BENDING_TIME])
+    if is_shirt:
+        row[:, mat.BENDING_TIME] = min(damped, MOST_BENDING_TIME)
     amplitudes = np.array([[result.effects[name] for e in effects for name in parameter_names(e)]])
     done = simulator.run(row, amplitudes, shapes=True, progress=progress)
     if done.shapes is None or not np.isfinite(done.shapes).all():
-        raise BlowUpError("the skirt on the figure blew up", where=flat.name, advice="use a coarser mesh (--spacing)")
+        raise BlowUpError(
+            f"the {NAMES[closed.kind]} on the figure blew up", where=flat.name, advice="use a coarser mesh (--spacing)"
+        )
     shapes, time = done.shapes[0], dressed.recording.time
-    bodies, motion = figure.only(TOUCHING)
+    bodies, motion = figure.only(figure.touching)
     trouble = looked_at(simulator.surface, shapes, time, bodies, motion)
     if (found := trouble.first()) is not None:
         frame, part = found
         raise FitError(
-            f"the figure walks through the cloth with its {TOUCHING[part].replace('_', ' ')} in frame {frame}, at "
-            f"{time[frame]:.2f} s", where=flat.name, advice="let it move slower, or give a wider skirt",
+            f"the figure walks through the cloth with its {figure.touching[part].replace('_', ' ')} in frame {frame}, "
+            f"at {time[frame]:.2f} s", where=flat.name,
+            advice=f"let it move slower, or give a wider {NAMES[closed.kind]}",
         )  # fmt: skip
     crossed = [crossings(simulator.surface, nodes.astype(float)) for nodes in shapes[:: int(MOTION_FPS / 10)]]
     samples, quads = divided(simulator.mesh, DRAWN_SPACING)
@@ -123,11 +148,12 @@ def worn(
     return Moving(
         name=flat.name, time=time, places=np.stack([samples.apply(n.astype(float)).astype(np.float32) for n in shapes]),
         triangles=triangles, rest=samples.apply(simulator.mesh.rest), points=done.points[0],
-        point_names=sewn.point_names, held=dressed.recording.held(time).reshape(-1, 2, 3),
+        point_names=closed.point_names, held=dressed.recording.held(time).reshape(-1, 2, 3),
         figure=Solids(figure.names, figure.bodies, figure.motion),
         remarks=(
             *_shortened(order, asked, float(seconds)),
-            *_remarks(crossed, float(trouble.depths.max()), _stretched(simulator, shapes)),
+            *_less_damped(damped, float(row[0, mat.BENDING_TIME])),
+            *_remarks(NAMES[closed.kind], crossed, float(trouble.depths.max()), _stretched(simulator, shapes)),
         ),
     )  # fmt: skip
 
@@ -137,6 +163,15 @@ def _shortened(order: FigureOrder, asked: float, seconds: float) -> tuple[str, .
     if order.bvh is None or seconds > asked - 1 / MOTION_FPS:
         return ()
     return (f"{order.bvh.name} ends early: the motion lasts {seconds:.1f} s, its lead included, and not {asked:g} s.",)
+
+
+def _less_damped(fitted: float, used: float) -> tuple[str, ...]:
+    """Return that bending is damped less than in the fit, by damping times [s]; nothing where it is not."""
+    if used >= fitted:
+        return ()
+    return (
+        f"Bending damps over {1e3 * used:g} ms here and over {1e3 * fitted:.3g} ms in the fit: its steps are longer.",
+    )
 
 
 def _stretched(simulator: Simulator, shapes: Singles) -> float:
@@ -152,12 +187,13 @@ def _stretched(simulator: Simulator, shapes: Singles) -> float:
     return most - 1
 
 
-def _remarks(crossed: list[int], deepest: float, stretched: float) -> tuple[str, ...]:
+def _remarks(kind: str, crossed: list[int], deepest: float, stretched: float) -> tuple[str, ...]:
     """Return what is to be said on crossings, on the body, and on cloth that is pulled too far."""
     pictures = sum(1 for count in crossed if count)
     itself = (
-        f"The skirt never crosses itself, in {len(crossed)} pictures looked at." if not pictures else
-        f"The skirt crosses itself in {pictures} of {len(crossed)} pictures looked at, at {sum(crossed)} places in all."
+        f"The {kind} never crosses itself, in {len(crossed)} pictures looked at." if not pictures else
+        f"The {kind} crosses itself in {pictures} of {len(crossed)} pictures looked at, at {sum(crossed)} places in "
+        "all."
     )  # fmt: skip
     body = (
         f"Cloth and body overlap by up to {1e3 * deepest:.1f} mm." if deepest > 0 else
@@ -166,6 +202,6 @@ def _remarks(crossed: list[int], deepest: float, stretched: float) -> tuple[str,
     if stretched <= MOST_STRETCHED:
         return itself, body
     far = (
-        f"The skirt is stretched by up to {100 * stretched:.0f} %: it is tight for these steps, or its fabric is soft."
+        f"The {kind} is stretched by up to {100 * stretched:.0f} %: it is tight for these steps, or its fabric is soft."
     )
     return itself, body, far

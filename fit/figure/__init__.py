@@ -1,1 +1,1 @@
-"""A walking figure that wears a fitted skirt."""
+"""A walking figure that wears a fitted skirt or T-shirt."""

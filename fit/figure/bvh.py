@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from fit.errors import FitError
-from fit.figure.gait import SPACING, standing
+from fit.figure.gait import ARM_OUT, SPACING, standing
 from fit.figure.skeleton import FOOT_RADIUS, SHANK, SIDES, THIGH, SkeletonMotion, unit
 from formats.arrays import Floats
 from formats.whole_files import check_ends
@@ -58,8 +58,10 @@ class _Joint:
     channels: list[str] = field(default_factory=list)
 
 
-def read_bvh(path: Path, height: float, seconds: float | None = None) -> SkeletonMotion:
+def read_bvh(path: Path, height: float, seconds: float | None = None, arms_out: float = ARM_OUT) -> SkeletonMotion:
     """Return the motion of a BVH file on a figure of a height [m], for so many seconds, or to its end.
+
+    arms_out [rad]: how far its arms stand off to the side at first
 
     Raises:
         FitError: no BVH file, or one without a person's legs and arms.
@@ -80,7 +82,7 @@ def read_bvh(path: Path, height: float, seconds: float | None = None) -> Skeleto
     _check_bones(path, found)
     found = _upright(found, height)
     _check_speeds(path, found, float(times[1] - times[0]))
-    return _led_in(found, times, float(last), height)
+    return _led_in(found, times, float(last), height, arms_out)
 
 
 def _places(path: Path) -> tuple[list[_Joint], Floats, Floats]:
@@ -298,8 +300,8 @@ def _upright(found: dict[str, Floats], height: float) -> dict[str, Floats]:
     return turned | {"pelvis": middle, "chest": chest, "neck": neck, "head": neck + 0.13 * height * unit(head - chest)}
 
 
-def _led_in(found: dict[str, Floats], times: Floats, last: float, height: float) -> SkeletonMotion:
-    """Return the motion at even instants, from standing on, up to `last` [s] of the file."""
+def _led_in(found: dict[str, Floats], times: Floats, last: float, height: float, arms_out: float) -> SkeletonMotion:
+    """Return the motion at even instants, from standing on, up to `last` [s] of the file; arms_out as of `read_bvh`."""
     from scipy.interpolate import CubicSpline
 
     clock = np.arange(int((last + LEAD / 2) / SPACING) + 1) * SPACING
@@ -308,7 +310,7 @@ def _led_in(found: dict[str, Floats], times: Floats, last: float, height: float)
     # The file's clock starts from rest: the integral of the share, LEAD / 2 late in the end.
     at = np.where(u < 1, LEAD * (2.5 * u**4 - 3 * u**5 + u**6), clock - LEAD / 2)
     at = np.minimum(at, times[-1])
-    still = standing(height)
+    still = standing(height, arms_out)
     moving = {name: CubicSpline(times, places)(at) for name, places in found.items()}
     floor = moving["pelvis"] * [1.0, 1.0, 0.0]
     left = unit((moving["left_hip"] - moving["right_hip"]) * [1.0, 1.0, 0.0])

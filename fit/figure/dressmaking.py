@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 
 from fit.errors import FitError
+from fit.figure.skeleton import STANDARD_HEIGHT
 from formats.arrays import Floats
 from formats.garment import Garment, TrackedPoint
 
@@ -28,6 +29,15 @@ def plain_skirt(density: float) -> Garment:
     )  # fmt: skip
 
 
+def usual_skirt(height: float) -> Garment:
+    """Return front and back of a skirt whose wearer, so tall [m], is as wide as usual."""
+    plain = plain_skirt(1.0)
+    scale = height / STANDARD_HEIGHT
+    wider = tuple((scale * x, scale * y) for x, y in plain.outline_m)
+    points = tuple(TrackedPoint(name=p.name, at_m=(scale * p.at_m[0], scale * p.at_m[1])) for p in plain.points)
+    return sewn_skirt(msgspec.structs.replace(plain, outline_m=wider, points=points))[0]
+
+
 def sewn_skirt(garment: Garment) -> tuple[Garment, float]:
     """Return a skirt with its back, and the share of the flat sheet's weight and stiffness that front and back have.
 
@@ -36,7 +46,7 @@ def sewn_skirt(garment: Garment) -> tuple[Garment, float]:
     """
     if garment.kind != "skirt":
         raise FitError(
-            f"the figure wears skirts, and {garment.name} is a {garment.kind}", where="--take",
+            f"the figure wears skirts and T-shirts, and {garment.name} is a {garment.kind}", where="--take",
             advice="leave out --take, and the figure wears a skirt of the fabric; or leave out the figure and give a "
             "--motion",
         )  # fmt: skip
@@ -45,7 +55,7 @@ def sewn_skirt(garment: Garment) -> tuple[Garment, float]:
     share = 1.0 if garment.layers == 1 else 0.5
     outline = garment.outline_m
     sides = [(k, (k + 1) % len(outline)) for k in range(len(outline))]
-    seams = tuple(side for side in sides[1:] if not _is_hem(outline, side))
+    seams = tuple(side for side in sides[1:] if not is_hem(outline, side))
     sewn = msgspec.structs.replace(
         garment, format="hangtime-garment/2", held="edge", seams=seams, layers=1,
         mass_kg=garment.mass_kg * 2 * share, points_are=garment.point_kind,
@@ -53,7 +63,7 @@ def sewn_skirt(garment: Garment) -> tuple[Garment, float]:
     return sewn, share
 
 
-def _is_hem(outline: tuple[tuple[float, float], ...], side: tuple[int, int]) -> bool:
+def is_hem(outline: tuple[tuple[float, float], ...], side: tuple[int, int]) -> bool:
     """Return whether a side of an outline is part of the bottom edge."""
     one, other = (np.array(outline[k]) for k in side)
     heights = np.array(outline)[:, 1]

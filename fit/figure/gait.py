@@ -59,6 +59,7 @@ RISE, SHIFT = 0.046 / 2, 0.044 / 2  # m to either side
 TURN, DROP = np.radians(4.0), np.radians(5.0)  # rad to either side
 ARM, ARM_BACK, ELBOW = np.radians(16.0), np.radians(6.0), np.radians(20.0)  # rad: swing to either side, mean, bend
 ARM_OUT = np.radians(12.0)  # rad to the side, past the skirt
+LOWERED = 0.38  # of how far arms stand off at first: sleeves that lie flat with arms raised fold under lowered ones
 # Phase, and how far the toe points up [rad].
 FOOT_PHASE = np.array([0.0, 0.10, 0.36, 0.45, 0.52, 0.62, 0.68, 0.84, 0.94, 1.0])
 FOOT_PITCH = np.radians([18.0, 0.0, 0.0, -6.0, -18.0, -52.0, -55.0, -4.0, 18.0, 18.0])
@@ -84,8 +85,12 @@ def check_speed(speed: float) -> None:
         raise FitError(f"nobody walks at {speed:g} m/s", where="--speed", advice=f"give {SLOWEST:g} to {FASTEST:g} m/s")
 
 
-def walk(seconds: float, speed: float = NORMAL, height: float = STANDARD_HEIGHT) -> SkeletonMotion:
+def walk(
+    seconds: float, speed: float = NORMAL, height: float = STANDARD_HEIGHT, arms_out: float = ARM_OUT
+) -> SkeletonMotion:
     """Return a figure of a height [m] that stands, and then walks towards -y at a speed [m/s].
+
+    arms_out [rad]: how far its arms stand off to the side at first; it lowers them as its steps grow
 
     Raises:
         FitError: nobody walks at such a speed.
@@ -122,7 +127,9 @@ def walk(seconds: float, speed: float = NORMAL, height: float = STANDARD_HEIGHT)
         far = height * np.hypot(ANKLE_HEIGHT - FOOT_RADIUS, BALL)
         toe = ankle + far * np.stack([0 * tilt, -np.cos(tilt), np.sin(tilt)], 1)
         joints |= {f"{side}_hip": hip, f"{side}_knee": knee, f"{side}_ankle": ankle, f"{side}_toe": toe}
-    joints |= _upper(middle, size, gone, height)
+    down = max(ARM_OUT, LOWERED * arms_out)
+    out = down + (1 - share) * (arms_out - down)
+    joints |= _upper(middle, size, gone, height, out)
     return SkeletonMotion(SPACING, height, joints, pelvis)
 
 
@@ -180,8 +187,11 @@ def _highest(phase: dict[str, Floats], step: float, height: float) -> float:
     return float((high - rise - drop)[one <= STANCE].min())
 
 
-def _upper(middle: Floats, size: Floats, gone: Floats, height: float) -> dict[str, Floats]:
-    """Return chest, neck, head and arms: the shoulders turn against the pelvis, and the arms against the legs."""
+def _upper(middle: Floats, size: Floats, gone: Floats, height: float, aside: Floats) -> dict[str, Floats]:
+    """Return chest, neck, head and arms: the shoulders turn against the pelvis, and the arms against the legs.
+
+    aside [rad], (instants,): of the arms
+    """
     trunk = _turned(-size * TURN * np.cos(gone), 0 * gone)
     up = np.array([0.0, 0.0, 1.0])
     steady = middle * [0.6, 1.0, 1.0]
@@ -192,20 +202,21 @@ def _upper(middle: Floats, size: Floats, gone: Floats, height: float) -> dict[st
         swing = -sign * size * ARM * np.cos(gone) - ARM_BACK * size
         bend = swing + ELBOW
 
-        def hanging(angle: Floats, out: float) -> Floats:
-            return np.stack([out * np.ones(len(angle)), -np.sin(angle) * np.cos(out), -np.cos(angle) * np.cos(out)], 1)
+        def hanging(angle: Floats, out: Floats) -> Floats:
+            return np.stack([np.sin(out), -np.sin(angle) * np.cos(out), -np.cos(angle) * np.cos(out)], 1)
 
-        out = sign * np.sin(ARM_OUT)
-        elbow = shoulder + height * UPPER_ARM * hanging(swing, out)
-        wrist = elbow + height * FOREARM * hanging(bend, 0.6 * out)
-        finger = wrist + height * HAND * hanging(bend, 0.2 * out)
+        # Lowered arms have forearms and hands that hang nearer to the body.
+        nearer = np.minimum(np.abs(aside) / ARM_OUT - 1, 1.0)
+        elbow = shoulder + height * UPPER_ARM * hanging(swing, sign * aside)
+        wrist = elbow + height * FOREARM * hanging(bend, sign * aside * (0.6 + 0.4 * nearer))
+        finger = wrist + height * HAND * hanging(bend, sign * aside * (0.2 + 0.8 * nearer))
         joints |= {
             f"{side}_shoulder": shoulder, f"{side}_elbow": elbow, f"{side}_wrist": wrist, f"{side}_finger": finger
         }  # fmt: skip
     return joints
 
 
-def standing(height: float) -> dict[str, Floats]:
-    """Return the joints of a figure that stands still [m], (3,) each."""
-    motion = walk(SPACING, NORMAL, height)
+def standing(height: float, arms_out: float = ARM_OUT) -> dict[str, Floats]:
+    """Return the joints of a figure that stands still [m], (3,) each, with its arms so far out [rad]."""
+    motion = walk(SPACING, NORMAL, height, arms_out)
     return {name: places[0] for name, places in motion.joints.items()}

@@ -1,21 +1,25 @@
-"""The body of a figure: rounded boxes and tapering capsules between its joints, as wide as the skirt allows.
+"""The body of a figure: rounded boxes and tapering capsules between its joints, as wide as its garment allows.
 
 Hips and thighs lie side by side in a cross-section of two half circles of radius r and two straight sides of 2 a. Its
 girth is G = 4 a + 2 pi r. The skirt's band is such a curve, with the half width a + r and the depth r in the ratio
 DEPTH. The hips fill the band but for the cloth's clearance. Further down the skirt widens, and hips and thighs widen by
 SHARE of it. Other widths are shares of the height, and those of the legs follow the thighs.
 
+In a T-shirt the hips are those of a figure in a plain skirt. The collar is such a curve too, round the neck and lower
+in front. Arms are as thick as the sleeves allow.
+
 Source: A. R. Tilley, Henry Dreyfuss Associates, "The Measure of Man and Woman" (2002): widths in round numbers.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fit.errors import FitError
-from fit.figure.dressmaking import girth
+from fit.figure.dressmaking import girth, usual_skirt
+from fit.figure.shirt import chest_at, cuff_girth
 from fit.figure.skeleton import FOOT_RADIUS, HEEL_BEHIND, SIDES, SkeletonMotion, unit
 from fit.recordings.bodies import Body, BodyMotion
 from formats.arrays import Floats
@@ -29,8 +33,17 @@ THIGH_RADIUS, KNEE_RADIUS, CALF_RADIUS, ANKLE_RADIUS = 0.050, 0.033, 0.032, 0.02
 THINNEST, WIDEST = 0.6, 1.5  # times the usual thigh, of a figure that still looks like one
 WAIST, CHEST = 0.92, 1.12  # times the radius at the band
 NECK_RADIUS, HEAD_RADIUS = 0.030, 0.047
+TRAPEZIUS_RADIUS = 0.020
 SHOULDER_RADIUS, ELBOW_RADIUS, WRIST_RADIUS, FINGER_RADIUS = 0.028, 0.022, 0.016, 0.012
+COLLAR_APART, COLLAR_HEIGHT = 0.007, 0.036  # m from the neck; of the height, above the shoulders' joints
+COLLAR_TILT = np.radians(19.0)  # rad, lower in front
+LEAST_EASE = 1.02  # times the chest's girth that a shirt has at least
+ELBOW_AT = 0.6  # of the upper arm's widths, counted from the shoulder, at a short sleeve's end
 TOUCHING = ("hips", *(f"{s}_{part}" for s in SIDES for part in ("thigh", "shank", "foot", "forearm", "hand")))
+TOUCHING_SHIRTS = (
+    "hips", "belly", "trunk", "shoulders", "neck",
+    *(f"{s}_{part}" for s in SIDES for part in ("thigh", "shoulder", "upper_arm", "forearm", "hand")),
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +52,9 @@ class Figure:
 
     - `names`, `bodies`: its parts as they stand at the first instant
     - `motion` of the parts
-    - `band`: (n,) instants' centre of the skirt's band and its axes, as poses, (instants, 12)
-    - `half_side` [m]: a of the band's curve; `clearance` [m] that the cloth keeps
+    - `band`: (n,) instants' centre of the skirt's band or the shirt's collar and its axes, as poses, (instants, 12)
+    - `half_side` [m]: a of that curve
+    - `touching`: names of the parts that the garment may touch
     """
 
     names: tuple[str, ...]
@@ -48,6 +62,7 @@ class Figure:
     motion: BodyMotion
     band: Floats
     half_side: float
+    touching: tuple[str, ...] = TOUCHING
 
     def only(self, names: tuple[str, ...]) -> tuple[tuple[Body, ...], BodyMotion]:
         """Return some of the parts and their motion."""
@@ -60,8 +75,44 @@ def round_of(girths: Floats, half_side: float) -> Floats:
     return np.asarray((girths - 4 * half_side) / (2 * np.pi))
 
 
-def figure_in(garment: Garment, skeleton: SkeletonMotion) -> Figure:
-    """Return a body on a skeleton that a sewn skirt fits.
+def figure_in_shirt(garment: Garment, skeleton: SkeletonMotion) -> Figure:
+    """Return a body on a skeleton that a sewn T-shirt fits.
+
+    Raises:
+        FitError: the T-shirt is too narrow for the neck, the chest or the arms of such a figure.
+    """
+    height, joints = skeleton.height, skeleton.joints
+    usual = 2 * np.pi * height * (SHOULDER_RADIUS + ELBOW_AT * (ELBOW_RADIUS - SHOULDER_RADIUS))
+    arms = min(1.0, (cuff_girth(garment) / LEAST_EASE - 2 * np.pi * CLEARANCE) / usual)
+    figure = figure_in(usual_skirt(height), skeleton, arms)
+    trunk = figure.bodies[figure.names.index("trunk")]
+    chest = 4 * figure.half_side + 2 * np.pi * (trunk.radius + abs(trunk.taper) * trunk.half_size[2])
+    there = float(girth(garment, np.array([chest_at(garment)]))[0])
+    collar = float(girth(garment, np.zeros(1))[0])
+    radius = NECK_RADIUS * height + COLLAR_APART
+    half_side = (collar - 2 * np.pi * radius) / 4
+    faults = [
+        (f"a T-shirt {there:.2f} m round its chest", there < LEAST_EASE * chest + 2 * np.pi * CLEARANCE),
+        (f"a T-shirt with sleeves {cuff_girth(garment):.2f} m round", arms < THINNEST),
+        (f"a T-shirt {collar:.2f} m round its neck", half_side < 0),
+    ]
+    for what, is_narrow in faults:
+        if is_narrow:
+            raise FitError(
+                f"{what} fits no figure {height:.2f} m tall", where=garment.name,
+                advice="give a --height that goes with it, or leave out --take for a T-shirt of the fabric",
+            )  # fmt: skip
+    up = np.array([0.0, 0.0, 1.0])
+    left = unit(joints["left_shoulder"] - joints["right_shoulder"])
+    back = np.cos(COLLAR_TILT) * unit(np.cross(up, left)) + np.sin(COLLAR_TILT) * up
+    axes = np.stack([left, back, np.cross(left, back)], 1)
+    centre = joints["chest"] + COLLAR_HEIGHT * height * up
+    band = np.concatenate([centre, axes.reshape(-1, 9)], 1)
+    return replace(figure, band=band, half_side=float(half_side), touching=TOUCHING_SHIRTS)
+
+
+def figure_in(garment: Garment, skeleton: SkeletonMotion, arms: float = 1.0) -> Figure:
+    """Return a body on a skeleton that a sewn skirt fits, with arms so many times as thick as usual.
 
     Raises:
         FitError: the skirt fits no grown figure.
@@ -95,6 +146,7 @@ def figure_in(garment: Garment, skeleton: SkeletonMotion) -> Figure:
     boxed("hips", pelvis, pelvis + band * up, half_side, (hips, top), axes[:, 0])
     waist, chest = pelvis + 0.11 * height * up, joints["chest"] - np.array([0, 0, 0.07 * height])
     boxed("belly", pelvis + band * up, waist, half_side, (top, WAIST * top), axes[:, 0])
+    up_of_trunk = np.array([0.0, 0.0, 1.0])
     shoulders = joints["left_shoulder"] - joints["right_shoulder"]
     boxed("trunk", waist, chest, half_side, (WAIST * top, CHEST * top), shoulders)
     boxed("shoulders", joints["chest"] - [0, 0, 0.035 * height], joints["chest"] - [0, 0, 0.03 * height],
@@ -119,9 +171,18 @@ def figure_in(garment: Garment, skeleton: SkeletonMotion) -> Figure:
         boxed(
             f"{side}_foot", heel, toe, 0.012 * height, (1.05 * FOOT_RADIUS * height, 0.7 * FOOT_RADIUS * height), across
         )
+        slope = joints["chest"] + 0.012 * height * up_of_trunk + sign * 0.025 * height * unit(shoulders)
+        boxed(
+            f"{side}_shoulder",
+            slope,
+            shoulder,
+            0.0,
+            (TRAPEZIUS_RADIUS * height, arms * SHOULDER_RADIUS * height),
+            across,
+        )
         boxed(f"{side}_upper_arm", shoulder - 0.03 * height * unit(shoulder - elbow), elbow, 0.0,
-              (SHOULDER_RADIUS * height, ELBOW_RADIUS * height), across)  # fmt: skip
-        boxed(f"{side}_forearm", elbow, wrist, 0.0, (ELBOW_RADIUS * height, WRIST_RADIUS * height), across)
+              (arms * SHOULDER_RADIUS * height, arms * ELBOW_RADIUS * height), across)  # fmt: skip
+        boxed(f"{side}_forearm", elbow, wrist, 0.0, (arms * ELBOW_RADIUS * height, WRIST_RADIUS * height), across)
         boxed(f"{side}_hand", wrist, wrist + 0.7 * (finger - wrist), 0.0,
               (0.018 * height, FINGER_RADIUS * height), across)  # fmt: skip
     names = tuple(parts)

@@ -1,7 +1,8 @@
-"""A skirt on a figure: its band moves with the hips, and the rest of it hangs free and touches the body.
+"""A garment on a figure: a skirt's band or a T-shirt's collar moves with the body; the rest hangs free and touches it.
 
 The skirt begins round the figure that stands. Down its length it is the curve of its own girth (`fit.figure.parts`),
-and it settles from there. The band is held as it goes round the hips, without slip.
+and it settles from there. The band is held as it goes round the hips, without slip. A T-shirt begins where
+`fit.figure.dressing` puts it. Its collar is held round the neck, and its shoulders rest on the body's by contact alone.
 """
 
 from __future__ import annotations
@@ -15,13 +16,15 @@ from fit.cloth.crossings import pierces
 from fit.cloth.mesh import ClothMesh
 from fit.cloth.support import FIRST_SWING, GRAVITY, Support, Supporting
 from fit.errors import FitError
+from fit.figure.dressing import dressed
 from fit.figure.dressmaking import ends_at, girth
-from fit.figure.parts import CLEARANCE, TOUCHING, Figure, round_of
+from fit.figure.parts import CLEARANCE, Figure, round_of
 from fit.recordings.bodies import Body, BodyMotion, placed
 from fit.recordings.recording import Curve, Recording
 from formats.arrays import Booleans, Floats
 from formats.garment import Garment
 
+BEGINS_APART = CLEARANCE + 3e-3  # m of a T-shirt's nodes from the body: between them cloth is nearer
 FRICTION = 0.3  # 1: smooth woven fabric on skin or tights, which slide
 LAYERS_APART = 2e-3  # m: a thick fabric (KES, at 0.05 kPa: 0.2 to 2 mm)
 SAMPLES_APART = 0.025  # m
@@ -32,7 +35,7 @@ DEEPEST = (
 
 @dataclass(frozen=True, eq=False)
 class Worn:
-    """A skirt on a figure, ready to be simulated."""
+    """A garment on a figure, ready to be simulated."""
 
     recording: Recording
     support: Supporting
@@ -43,7 +46,7 @@ def wear(recording: Recording, figure: Figure, seconds: float, fps: float) -> Wo
     """Return a recording's sewn garment on a figure, seen by nobody, with frames of `fps` a second."""
     time = np.arange(round(seconds * fps) + 1) / fps
     count = recording.points.shape[1]
-    bodies, motion = figure.only(TOUCHING)
+    bodies, motion = figure.only(figure.touching)
     worn = replace(
         recording, time=time, points=np.full((len(time), count, 3), np.nan), valid=np.zeros((len(time), count), bool),
         windows=None, bodies=(), held=lambda instants: _ends(recording.garment, figure, instants),
@@ -58,14 +61,19 @@ def wear(recording: Recording, figure: Figure, seconds: float, fps: float) -> Wo
 
 
 def held_by(garment: Garment, figure: Figure) -> Supporting:
-    """Return what holds a sewn skirt: the band on the hips."""
+    """Return what holds a sewn garment: a skirt's band on the hips, or a T-shirt's collar round the neck."""
 
     def support(mesh: ClothMesh) -> Support:
-        places = around(garment, mesh, figure.half_side)
         held = mesh.held_nodes
         path = _band_path(figure)
         frame = figure.band[0, 3:].reshape(3, 3)
-        start = figure.band[0, :3] + places @ frame
+        if garment.kind == "t-shirt":
+            places = np.zeros((len(mesh.rest), 3))
+            places[held] = _round(garment, mesh, figure.half_side)[held]
+            start = _dressed(garment, mesh, figure, figure.band[0, :3] + places[held] @ frame)
+        else:
+            places = around(garment, mesh, figure.half_side)
+            start = figure.band[0, :3] + places @ frame
         return Support(
             nodes=held,
             shares=np.column_stack([np.ones(len(held)), places[held, :2]]),
@@ -79,24 +87,45 @@ def held_by(garment: Garment, figure: Figure) -> Supporting:
 
 def around(garment: Garment, mesh: ClothMesh, half_side: float) -> Floats:
     """Return where the nodes of a sewn skirt begin [m], (nodes, 3): to the left, to the back and up from the band."""
+    below = mesh.rest[:, 1].max() - mesh.rest[:, 1]
+    if round_of(girth(garment, below), half_side).min() <= 0:
+        raise FitError("the skirt is too narrow to go round a figure", where=garment.name)
+    places = _round(garment, mesh, half_side)
+    heights = np.linspace(0, below.max(), 101)
+    radii = round_of(girth(garment, heights), half_side)
+    fall = np.sqrt(np.clip(1 - (np.diff(radii) / np.diff(heights)) ** 2, 0.25, 1.0))
+    places[:, 2] = -np.interp(below, heights, np.concatenate([[0.0], np.cumsum(fall * np.diff(heights))]))
+    return places
+
+
+def _is_back(mesh: ClothMesh) -> Booleans:
+    """Return which nodes of two layers are the back's alone, (nodes,)."""
     is_back = np.ones(len(mesh.rest), bool)
     is_back[mesh.cells[: len(mesh.cells) // 2]] = False
+    return is_back
+
+
+def _dressed(garment: Garment, mesh: ClothMesh, figure: Figure, collar: Floats) -> Floats:
+    """Return where the nodes of a sewn T-shirt begin [m], (nodes, 3), world frame; collar [m]: its held nodes."""
+    names = [name for name in figure.names if name in figure.touching]
+    bodies, motion = figure.only(tuple(names))
+    standing = tuple(placed(body, pose) for body, pose in zip(bodies, motion.poses[0], strict=True))
+    origin = figure.band[0, :3] - [0, 0, max(y for _, y in garment.outline_m)]
+    return dressed(mesh, _is_back(mesh), collar, origin, standing, BEGINS_APART)
+
+
+def _round(garment: Garment, mesh: ClothMesh, half_side: float) -> Floats:
+    """Return places on curves of the garment's girth [m], (nodes, 3): to the left and to the back, 0 up."""
     below = mesh.rest[:, 1].max() - mesh.rest[:, 1]
     left, right = ends_at(garment, below)
     u = np.clip((mesh.rest[:, 0] - left) / (right - left), 0, 1)
     radius = round_of(girth(garment, below), half_side)
-    if radius.min() <= 0:
-        raise FitError("the skirt is too narrow to go round a figure", where=garment.name)
     quarter = np.pi * radius / 2
     way = u * (2 * quarter + 2 * half_side)
     first, last = np.clip(way / radius, 0, np.pi / 2), np.clip((way - quarter - 2 * half_side) / radius, 0, np.pi / 2)
     across = -half_side - radius * np.cos(first) + np.clip(way - quarter, 0, 2 * half_side) + radius * np.sin(last)
     depth = radius * (np.sin(first) - 1 + np.cos(last))
-    heights = np.linspace(0, below.max(), 101)
-    radii = round_of(girth(garment, heights), half_side)
-    fall = np.sqrt(np.clip(1 - (np.diff(radii) / np.diff(heights)) ** 2, 0.25, 1.0))
-    down = np.interp(below, heights, np.concatenate([[0.0], np.cumsum(fall * np.diff(heights))]))
-    return np.stack([across, np.where(is_back, depth, -depth), -down], 1)
+    return np.stack([across, np.where(_is_back(mesh), depth, -depth), 0 * depth], 1)
 
 
 def _band_path(figure: Figure) -> Curve:

@@ -172,7 +172,7 @@ def test_an_animation_as_gltf_is_the_motion(scene, moving, tmp_path):
         ({"scene": Scene(result=a_fit())}, "a fit alone holds no motion"),
         (
             {"scene": Scene(result=a_fit(), take=a_take(), figure=FigureOrder())},
-            "the figure wears skirts, and sheet is",
+            "the figure wears skirts and T-shirts, and sheet is",
         ),
         ({"scene": Scene(result=a_fit("kinect-skirt"), motion="twist")}, "none of its numbers has an SI value"),
     ],
@@ -213,6 +213,8 @@ def test_the_command_writes_a_gif(tmp_path):
         (["--motion", "dance"], "--motion: there is no motion named 'dance'"),
         (["--motion", "twist", "--seconds", "900"], "--seconds: 900 s is no length"),
         (["--figure", "dance"], "--figure: no figure moves by 'dance'"),
+        (["--motion", "twist", "--wear", "t-shirt"], "--wear: changes nothing here: only a figure wears a garment"),
+        (["--figure", "walk", "--wear", "t-shirt"], "--wear: changes nothing here: the take has a garment"),
         (["--figure", "walk", "--speed", "9"], "--speed: nobody walks at 9 m/s"),
         (["--motion", "twist", "--size", "63x64"], "--size: no film is 63 x 64 pixels"),
         (["--motion", "twist", "--spacing", "-1"], "--spacing"),

@@ -41,7 +41,7 @@ def test_a_hem_of_several_pieces_is_left_open():
 
 
 def test_what_is_no_skirt_is_refused():
-    with pytest.raises(FitError, match="the figure wears skirts, and sheet is a swatch"):
+    with pytest.raises(FitError, match="the figure wears skirts and T-shirts, and sheet is a swatch"):
         sewn_skirt(sheet())
 
 

@@ -80,7 +80,7 @@ def inclusion(found: Found) -> dict[str, float]:
     for subset, (known, _) in found.shares().items():
         for name in subset:
             likely[name] = likely.get(name, 0.0) + known
-    return likely
+    return {name: min(mass, 1.0) for name, mass in likely.items()}  # sums of masses pass 1 by rounding
 
 
 def decide_by_mass(evidence: Evidence, found: Found) -> Verdict:

@@ -62,6 +62,11 @@ def test_a_wide_discrepancy_is_unknown_whatever_subset_it_is_of():
     assert inclusion(found_of(shares))["air_drag"] == pytest.approx(0.2)
 
 
+def test_masses_that_pass_one_by_rounding_are_one():
+    shares = {("air_drag",): (0.7, 0.0), ("air_drag", "hem"): (0.3 + 1e-12, 0.0)}
+    assert inclusion(found_of(shares))["air_drag"] == 1.0
+
+
 def test_an_effect_that_closes_little_on_other_motion_is_no_cause():
     verdict = decide_by_mass(evidence_of({"air_drag": 11.0}), found_of({(): (0.1, 0.0), ("air_drag",): (0.9, 0.0)}))
     assert verdict.verdict == "unknown"

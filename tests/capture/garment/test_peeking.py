@@ -79,3 +79,9 @@ def test_what_is_less_than_forty_millimetres_below_the_held_edge_is_the_hangers(
     for y, counts in ((0.078, 100.0), (0.12, 0.0)):
         lower = HELD + np.array([0.0, 0.3 + y, 0.0])
         assert peeking(scene(), held=lower) == pytest.approx(counts)
+
+
+@pytest.mark.parametrize(("right", "counts"), [(0.3, 100.0), (0.6, 0.0)])
+def test_a_held_edge_that_slopes_is_where_its_line_is(right, counts):
+    """From row 140 to 340 or 440 over 133 columns: above the patch, or through it."""
+    assert peeking(scene(), held=np.array([[-0.2, -0.3, 1.5], [0.2, right, 1.5]])) == pytest.approx(counts)

@@ -15,7 +15,7 @@ import numpy as np
 from formats.errors import DescriptionError
 from formats.garment import Garment, TrackedPoint, signed_area
 from formats.plain_text import encoding_of
-from formats.plausible import check_plausible_garment, check_plausible_rig
+from formats.plausible import LARGEST_MARKER, SMALLEST_MARKER, check_plausible_garment, check_plausible_rig, unit_of
 from formats.rig import Calibration, Hanger, Rig, RigBody, Sensor
 from formats.whole_files import check_ends
 
@@ -161,7 +161,9 @@ def check_garment(garment: Garment, where: object) -> None:
 
     _refuse_what_is_not_finite(garment, refuse)
     if not 0 < garment.mass_kg < HEAVIEST:
-        refuse(f"mass_kg must be above 0 and below {HEAVIEST:g} (got {garment.mass_kg:g})")
+        grams = garment.mass_kg / 1000
+        meant = f"; were grams meant, mass_kg = {grams:g}?" if 0 < grams < HEAVIEST else ""
+        refuse(f"mass_kg must be above 0 and below {HEAVIEST:g} (got {garment.mass_kg:g}){meant}")
     if garment.layers < 1:
         refuse(f"layers must be 1 or more (got {garment.layers})")
     outline = np.array(garment.outline_m, float)
@@ -352,7 +354,9 @@ def check_rig(rig: Rig, where: object) -> None:
             if not all(0 <= part <= 255 for part in colour):
                 refuse(f"hanger.dot_colours must be three numbers from 0 to 255 each (got {list(colour)})")
         if not 0 < hanger.marker_size_m < hanger.marker_distance_m:
-            refuse("hanger.marker_size_m must be above 0 and below hanger.marker_distance_m")
+            marker = rig.hanger.marker_size_m
+            meant = unit_of(marker, SMALLEST_MARKER, LARGEST_MARKER) if marker > LARGEST_MARKER else ""
+            refuse(f"hanger.marker_size_m must be above 0 and below hanger.marker_distance_m (got {marker:g}){meant}")
         if not np.linalg.norm(np.subtract(*hanger.held_m)) > 0.01:
             refuse("hanger.held_m: the two ends of the held edge are at the same place")
     _check_bodies(rig, refuse)

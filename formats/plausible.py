@@ -48,7 +48,7 @@ def check_plausible_garment(garment: Garment, where: object, *, offers_anyway: b
     corners = np.array(garment.outline_m, float)
     side = float(np.ptp(corners, axis=0).max())
     if not SHORTEST <= side <= LONGEST:
-        meant = _unit_of(side, SHORTEST, LONGEST)
+        meant = unit_of(side, SHORTEST, LONGEST)
         raise ImplausibleError(
             f"outline_m is {side:g} m long, a garment {SHORTEST:g} to {LONGEST:g} m{meant}", where=where,
             advice=_advice("give metres", offers_anyway),
@@ -92,7 +92,7 @@ def check_plausible_rig(rig: Rig, where: object, *, offers_anyway: bool = False)
     ):
         if not least <= value <= most:
             raise ImplausibleError(
-                f"hanger.{name} is {value:g} m, a hanger has {least:g} to {most:g} m{_unit_of(value, least, most)}",
+                f"hanger.{name} is {value:g} m, a hanger has {least:g} to {most:g} m{unit_of(value, least, most)}",
                 where=where, advice=_advice("give metres", offers_anyway),
             )  # fmt: skip
 
@@ -101,7 +101,7 @@ def _advice(what: str, offers_anyway: bool) -> str:
     return f"{what}, or --anyway to accept it" if offers_anyway else what
 
 
-def _unit_of(value: float, least: float, most: float) -> str:
+def unit_of(value: float, least: float, most: float) -> str:
     """Return a question for the unit in which a length would fit, nothing where none does."""
     fitting = [name for name, metres in UNITS if least <= value * metres <= most]
     return f"; were {' or '.join(fitting)} meant?" if fitting else ""

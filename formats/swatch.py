@@ -7,9 +7,12 @@ by nine markers from edge to edge are 62.5 mm apart; this module reconciles the 
 
 from __future__ import annotations
 
-from formats.descriptions import check_garment
+import math
+
+from formats.descriptions import MOST_POINTS, check_garment
 from formats.errors import DescriptionError
 from formats.garment import Garment, TrackedPoint
+from formats.plausible import LONGEST, SHORTEST, unit_of
 
 SWATCH_SIDE = 0.5  # m, section 2
 MARKERS = 9  # along each side, section 2: 81 in all
@@ -22,14 +25,22 @@ def swatch(mass: float, *, side: float = SWATCH_SIDE, markers: int = MARKERS, na
     Markers are named `row1_column1` (top left as the sensor sees it) to `row9_column9` (bottom right).
 
     Raises:
-        DescriptionError: too few markers, or a size or mass that no swatch has.
+        DescriptionError: too few or too many markers, or a size or mass that no swatch has.
     """
     if markers < FEWEST_MARKERS:
         raise DescriptionError(
             f"a swatch needs {FEWEST_MARKERS} markers or more along each side (got {markers})", where=name
         )
     if not (0 < side < 10 and mass > 0):
-        raise DescriptionError(f"no swatch has a side of {side:g} m and a mass of {mass:g} kg", where=name)
+        raise DescriptionError(
+            f"no swatch has a side of {side:g} m and a mass of {mass:g} kg{unit_of(side, SHORTEST, LONGEST)}",
+            where=name, advice="give metres and kilograms",
+        )  # fmt: skip
+    if markers**2 > MOST_POINTS:
+        raise DescriptionError(
+            f"{markers} markers along each side are more than the {MOST_POINTS} that a take holds", where=name,
+            advice=f"give {math.isqrt(MOST_POINTS)} at most",
+        )  # fmt: skip
     half, pitch = side / 2, side / (markers - 1)
     garment = Garment(
         format="hangtime-garment/1", name=name, kind="swatch", mass_kg=mass,

@@ -152,7 +152,7 @@ def _read(raw: bytes, path: object) -> tuple[Take, TakeReport]:
     columns, kept, lost = _decoded(blocks, len(garment.points), version, memory)
     columns, kept, out_of_order = _increasing(columns, kept) if kept else (columns, kept, 0)
     if not kept:
-        raise TakeError("holds no frame", where=path, advice="the recording ended before its first second")
+        raise _no_frame(ends, damaged + lost, path)
     scans, lost_scans = _scans(contents.scans, ours, version, memory)
     damaged += lost + lost_scans + out_of_order
     end = ends[-1] if ends else None
@@ -172,6 +172,15 @@ def _read(raw: bytes, path: object) -> tuple[Take, TakeReport]:
         frames=len(take.time), blocks=len(kept), scans=len(scans), damaged_blocks=damaged, is_complete=end is not None,
         missing_frames=missing_frames, missing_scans=lacks_scans, spans=spans,
     )  # fmt: skip
+
+
+def _no_frame(ends: list[dict[str, Any]], damaged: int, path: object) -> TakeError:
+    if damaged or (ends and ends[-1]["frames"]):
+        told = f"none of the {ends[-1]['frames']} frames that it had" if ends else "no frame that is sound"
+        return TakeError(f"holds {told}", where=path, advice="copy it again from where it was recorded")
+    return TakeError(
+        "holds no frame", where=path, advice="it ended in its first second" + " or is cut off" * (not ends)
+    )
 
 
 def _no_header(raw: bytes, findings: Findings, path: object) -> TakeError:

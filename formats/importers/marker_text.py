@@ -98,7 +98,7 @@ def read_marker_text(path: Path, unit: str | None) -> MarkerTracks:
         return _qualisys(rows, unit, path)
     if any(row and row[0].strip().lower() == "trajectories" for row in rows[:100_000]):
         return _vicon(rows, unit, path)
-    return _own(rows, path)
+    return _own(rows, unit, path)
 
 
 def _rows(path: Path) -> Rows:
@@ -231,7 +231,7 @@ def _refuse_fewer(found: int, stated: int, path: Path) -> None:
         )  # fmt: skip
 
 
-def _own(rows: Rows, path: Path) -> MarkerTracks:
+def _own(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     head = [cell.strip() for cell in rows[0]] if rows else []
     labels = [name.removesuffix(AXES[0]) for name in head[1::3]]
     if not labels or head != ["time_s", *(label + axis for label in labels for axis in AXES)]:
@@ -241,7 +241,7 @@ def _own(rows: Rows, path: Path) -> MarkerTracks:
             "exports are read as they are",
         )  # fmt: skip
     values = _numbers(rows[1:], len(head), path, first_line=2, is_exact=True)
-    return _tracks(labels, values[:, 0], values[:, 1:], 1.0, path)
+    return _tracks(labels, values[:, 0], values[:, 1:], metres_of("m", unit, path), path)
 
 
 def _trc(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:

@@ -9,7 +9,12 @@ import unicodedata
 from formats.errors import TakeError
 
 METRES = {"m": 1.0, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
-USUAL = ("m", "cm", "mm", "in")  # units that are taken for one another
+USUAL = {
+    "m": "metres",
+    "cm": "centimetres",
+    "mm": "millimetres",
+    "in": "inches",
+}  # units that are taken for one another
 UNIT_WITHIN = 0.2  # natural logarithm of a ratio of lengths: inches and decimetres differ by 1.4, folds take less
 SPELLINGS = {
     "metre": "m", "meter": "m", "decimetre": "dm", "decimeter": "dm", "centimetre": "cm", "centimeter": "cm",
@@ -46,10 +51,10 @@ def metres_of(stated: str, given: str | None, where: object) -> float:
 
 def other_unit(times: float) -> str:
     """Return a question for a wrong unit, of lengths that are so many times too long; nothing where no unit fits."""
-    for taken in USUAL:
-        for meant in USUAL:
+    for taken, its_name in USUAL.items():
+        for meant, name in USUAL.items():
             if meant != taken and times > 0 and abs(math.log(times * METRES[meant] / METRES[taken])) < UNIT_WITHIN:
-                return f"; are these {meant} that were taken for {taken}?"
+                return f"; are these {name} that were taken for {its_name}?"
     return ""
 
 

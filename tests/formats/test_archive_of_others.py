@@ -117,7 +117,7 @@ def test_a_message_of_no_kind_is_damage_and_the_rest_is_read(messages, tmp_path,
 
 def test_a_take_whose_blocks_hold_no_frame_is_one_sentence(messages, tmp_path):
     path = archive_of(tmp_path / "a.mcap", [m if "first" not in m else {**m, "frames": 0} for m in messages])
-    with pytest.raises(TakeError, match="holds no frame"):
+    with pytest.raises(TakeError, match="holds none of the 100 frames that it had"):
         read_take(path)
 
 

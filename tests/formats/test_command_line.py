@@ -94,6 +94,22 @@ def test_a_swatch_has_as_many_markers_as_the_command_is_told(tmp_path):
     assert points[1].at_m[0] - points[0].at_m[0] == pytest.approx(0.1)
 
 
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("--side", 50), "a side of 50 m and a mass of 0.05 kg; were centimetres or inches meant? Give metres"),
+        (("--side", 500), "a side of 500 m and a mass of 0.05 kg; were millimetres meant? Give metres"),
+        (("--markers", 100_000), "100000 markers along each side are more than the 2000 that a take holds; give 44"),
+        (("--mass", 210), "(got 210); were grams meant, mass_kg = 0.21?"),
+    ],
+)
+def test_a_swatch_in_other_units_is_refused_at_once_with_the_unit_that_was_meant(tmp_path, words, sentence):
+    done = hangtime("swatch", tmp_path / "s.toml", "--mass", 0.05, *words)
+    assert done.returncode == 2
+    assert sentence in done.stderr
+    assert not (tmp_path / "s.toml").exists()
+
+
 @pytest.mark.parametrize("words", [("takes", "show", "gone.mcap"), ("import", "gone.npz", "--out", "takes")])
 def test_a_missing_file_gives_one_sentence_and_exit_code_2(tmp_path, words):
     done = subprocess.run(

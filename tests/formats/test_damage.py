@@ -288,6 +288,17 @@ def test_a_scan_has_the_places_of_its_grid_and_those_around_it():
             places_of({"grid_size": size, "contour_size": count})
 
 
+def test_a_take_that_lost_all_of_its_blocks_is_not_said_to_have_ended_early(raw):
+    begin, end = chunks_of(raw)[1][0], chunks_of(raw)[-1][0]
+    for broken, sentence in (
+        (raw[:begin] + bytes(end - begin) + raw[end:], "holds none of the 150 frames that it had; copy it again"),
+        (raw[:begin] + bytes(len(raw) - begin), "holds no frame that is sound; copy it again"),
+        (raw[: begin + 200], "holds no frame; it ended in its first second or is cut off"),
+    ):
+        with pytest.raises(TakeError, match=sentence):
+            take_of(broken, "lost")
+
+
 def test_a_take_whose_time_stands_still_in_every_block_is_one_sentence(raw):
     blocks = [content for _, _, content in chunks_of(raw) if "table" in content]
     still = chunk_of(blocks[0] | {"table": bytes(5 * (28 + 8 * 4) + 4)})

@@ -65,6 +65,7 @@ def test_a_name_of_any_characters_comes_back_from_its_file(tmp_path, name):
     ("description", "words"),
     [
         (msgspec.structs.replace(RIG, gravity=(0.0, np.nan, 0.0)), r"a\.toml: gravity has a number .* \(got nan"),
+        (msgspec.structs.replace(GARMENT, mass_kg=210.0), r"got 210\); were grams meant, mass_kg = 0\.21\?"),
         (msgspec.structs.replace(GARMENT, mass_kg=50.0), r"a\.toml: mass_kg must be above 0 and below 50 \(got 50"),
     ],
 )
@@ -210,7 +211,8 @@ def test_a_wrong_line_is_named(tmp_path, old, new, words):
     [
         ({"gravity": (0.0, 2.0, 0.0)}, "gravity must be a unit vector"),
         ({"hanger": msgspec.structs.replace(HANGER, ids=(3, 3))}, "hanger.ids must differ"),
-        ({"hanger": msgspec.structs.replace(HANGER, marker_size_m=0.4)}, "hanger.marker_size_m"),
+        ({"hanger": msgspec.structs.replace(HANGER, marker_size_m=0.4)}, r"hanger.marker_size_m.* \(got 0.4\);"),
+        ({"hanger": msgspec.structs.replace(HANGER, marker_size_m=60.0)}, r"got 60\); were millimetres meant\?"),
         ({"sensor": msgspec.structs.replace(RIG.sensor, cx=np.nan)}, r"sensor\.cx has a number that is not finite"),
         ({"sensor": msgspec.structs.replace(RIG.sensor, cy=500.0)}, r"sensor\.cy must lie in the picture, .* 480"),
         ({"sensor": msgspec.structs.replace(RIG.sensor, width=10**9)}, r"sensor\.width must be .* below 100000"),

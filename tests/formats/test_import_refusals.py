@@ -65,20 +65,30 @@ def test_an_unknown_subject_is_named_with_those_that_are_there(tmp_path):
 
 @pytest.mark.parametrize(
     ("times", "words"),
-    [(1000.0, "mm that were taken for m?"), (100.0, "cm that were taken for m?"), (10.0, "mm that were taken for cm?"),
-     (0.001, "m that were taken for mm?"), (1 / 25.4, "in that were taken for mm?"), (1.4, ""), (5.0, ""), (0.0, "")],
+    [(1000.0, "millimetres that were taken for metres?"), (100.0, "centimetres that were taken for metres?"),
+     (10.0, "millimetres that were taken for centimetres?"), (0.001, "metres that were taken for millimetres?"),
+     (1 / 25.4, "inches that were taken for millimetres?"), (1.4, ""), (5.0, ""), (0.0, "")],
 )  # fmt: skip
 def test_a_wrong_unit_is_guessed_from_how_far_off_lengths_are(times, words):
     assert other_unit(times).endswith(words)
     assert bool(other_unit(times)) == bool(words)
 
 
-@pytest.mark.parametrize(("times", "words"), [(1000.0, "mm that were taken for m"), (0.01, "m that were taken for cm")])
+@pytest.mark.parametrize(
+    ("times", "words"), [(1000.0, "millimetres that were taken for m"), (0.01, "metres that were taken for c")]
+)
 def test_markers_in_another_unit_than_stated_bring_the_question(tmp_path, times, words):
     tracks = hanging()
     path = write_marker_csv(tmp_path / "a.csv", replace(tracks, positions=times * tracks.positions))
-    with pytest.raises(TakeError, match=rf"; are these {words}\?"):
+    with pytest.raises(TakeError, match=rf"; are these {words}[a-z]*\?"):
         import_marker_take(path, GARMENT)
+
+
+def test_a_unit_that_contradicts_the_names_of_the_columns_is_refused(tmp_path):
+    path = write_marker_csv(tmp_path / "a.csv", hanging())
+    with pytest.raises(TakeError, match="states its lengths in m, not mm; leave out --unit"):
+        import_marker_take(path, GARMENT, MarkerOptions(unit="mm"))
+    assert len(import_marker_take(path, GARMENT, MarkerOptions(unit="m")).time) > 20
 
 
 def test_markers_that_were_never_seen_are_named(tmp_path):

@@ -283,9 +283,10 @@ def test_a_unit_that_is_unknown_lacking_or_contradicted_is_refused():
 
 @pytest.mark.parametrize(
     ("times", "words"),
-    [(1000.0, "mm that were taken for m"), (1e-3, "m that were taken for mm"), (10.0, "mm that were taken for cm"),
-     (25.4, "mm that were taken for in"), (39.4, "in that were taken for m"), (1210.0, "mm that were taken for m"),
-     (0.01, "m that were taken for cm")],
+    [(1000.0, "millimetres that were taken for metres"), (1e-3, "metres that were taken for millimetres"),
+     (10.0, "millimetres that were taken for centimetres"), (25.4, "millimetres that were taken for inches"),
+     (39.4, "inches that were taken for metres"), (1210.0, "millimetres that were taken for metres"),
+     (0.01, "metres that were taken for centimetres")],
 )  # fmt: skip
 def test_lengths_that_are_so_many_times_too_long_were_taken_for_another_unit(times, words):
     assert other_unit(times) == f"; are these {words}?"

@@ -141,7 +141,7 @@ def is_syncing(spool: Path) -> bool:
 def sentences(status: SyncStatus | None, now: datetime) -> list[str]:
     """Return how sync stands in sentences, the most urgent first; now: the wall clock with its offset."""
     if status is None:
-        return ["Sync has not run yet. Next: set url in [sync], then `hangtime sync now`."]
+        return ["Sync has not run yet. Next: `hangtime sync now`, or wait for its timer."]
     told = []
     if status.fault is not None:
         told.append(f"Sync fails: {status.fault.sentence}. Next: {status.fault.advice}.")

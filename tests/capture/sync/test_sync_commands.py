@@ -55,7 +55,7 @@ def test_prune_makes_no_folder_where_no_takes_are(tmp_path):
 def test_the_commands_say_what_stands_and_prune_lets_only_verified_takes_go(tmp_path, spool, three):
     config = tmp_path / "appliance.toml"
     config.write_text(f'[spool]\nfolder = "spool"\n[sync]\nurl = "file://{tmp_path}/server"\ndevice = "box"\n')
-    assert "Sync has not run yet. Next: set url in [sync]" in hangtime("sync", "status", "--config", config).stdout
+    assert "Sync has not run yet. Next: `hangtime sync now`" in hangtime("sync", "status", "--config", config).stdout
     pruned = hangtime("takes", "prune", "--config", config, "--quota-mb", 0)
     assert "0 left" in pruned.stdout
     assert "3 takes are not safe on the server and stay" in pruned.stdout

@@ -16,6 +16,7 @@ import msgspec
 
 from capture.appliance.receipts import STORE_CHECKSUM
 from capture.errors import SyncError
+from formats.plain_text import counted
 from formats.whole_files import write_whole
 
 FILE, LOCK = "sync-status.json", "sync.lock"
@@ -56,7 +57,8 @@ class SyncStatus(msgspec.Struct, frozen=True, kw_only=True):
 
     - `at`: when this was written, as all times here: wall clock, ISO 8601 with its offset
     - `waiting`, `waiting_bytes`: takes without a receipt
-    - `safe`: takes with a receipt, those that left the device too
+    - `safe`: takes with a receipt of this address, those that left the device too
+    - `elsewhere`: takes whose receipt is of another address
     - `last_sync`: when a take was last verified on the server
     - `verified`: how the last one was: READ_BACK or CHECKSUM of `capture.appliance.receipts`
     - `fault`: what keeps takes from the server; None where nothing does
@@ -71,6 +73,7 @@ class SyncStatus(msgspec.Struct, frozen=True, kw_only=True):
     waiting_bytes: int
     safe: int
     is_encrypted: bool
+    elsewhere: int = 0
     last_sync: str | None = None
     verified: str | None = None
     fault: Fault | None = None
@@ -156,6 +159,8 @@ def sentences(status: SyncStatus | None, now: datetime) -> list[str]:
     count = f"{status.waiting} {'take waits' if status.waiting == 1 else 'takes wait'}"
     last = f"last sync: {day_of(status.last_sync, now)}" if status.last_sync else "nothing was synced yet"
     told.append(f"{count}, {status.safe} safe on the server, {last}.")
+    if status.elsewhere:
+        told.append(f"{counted(status.elsewhere, 'take')} went to another address before, and counted there as safe.")
     told.append(f"Last proved: {proved(status.proof, now)}.")
     if status.verified == STORE_CHECKSUM:
         told.append(

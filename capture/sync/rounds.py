@@ -214,13 +214,14 @@ class Sync:
 
     def _write(self) -> None:
         self._written_at = time.monotonic()
-        waiting = self.spool.waiting(self.target.url)
+        waiting, kept = self.spool.waiting(self.target.url), receipts(self.folder)
+        here = sum(receipt.url == without_secrets(self.target.url) for receipt in kept)
         write_status(
             self.folder,
             SyncStatus(
                 at=self.clock().isoformat(timespec="seconds"), url=without_secrets(self.target.url),
                 device=self.target.device, waiting=len(waiting), waiting_bytes=sum(take.size for take in waiting),
-                safe=len(receipts(self.folder)), is_encrypted=bool(self.target.recipients),
+                safe=here, elsewhere=len(kept) - here, is_encrypted=bool(self.target.recipients),
                 last_sync=self.standing.last_sync, verified=self.standing.verified, fault=self.standing.fault,
                 proof=self.standing.proof, damaged=self.standing.damaged, notes=self._notes(),
             ),

@@ -249,7 +249,9 @@ def test_takes_go_to_a_new_server_when_the_address_changes_and_stay_until_they_a
     (tmp_path / "second").write_text("no folder")
     sync, _ = sync_of(second)
     assert sync.once() is not None
-    assert read_status(spool.folder).waiting == 3
+    stands = read_status(spool.folder)
+    assert (stands.waiting, stands.safe, stands.elsewhere) == (3, 0, 3)
+    assert "3 takes went to another address before" in " ".join(sentences(stands, NOW))
     assert [take.sequence for take in spool.takes()] == [1, 2, 3]
     (tmp_path / "second").unlink()
     assert sync.once() is None
@@ -259,6 +261,8 @@ def test_takes_go_to_a_new_server_when_the_address_changes_and_stay_until_they_a
     check_server(objects, three)
     assert spool.takes() == []
     assert {one.url for one in receipts(spool.folder)} == {second.settings.url}
+    stands = read_status(spool.folder)
+    assert (stands.safe, stands.elsewhere) == (3, 0)
 
 
 def test_a_take_of_another_device_under_a_number_with_a_receipt_is_sent_and_not_taken_for_safe(tmp_path, spool, three):

@@ -81,7 +81,8 @@ def _places(path: Path, header: _Header, frames: int, scale: Floats) -> Floats:
             rows = numbers_of(raw, kind, header.processor).reshape(len(piece), -1)[:, : 4 * header.points]
             rows = rows.reshape(len(piece), -1, 4)
             unit = scale if header.is_float else scale * abs(header.scale)
-            piece[:] = as_seen(rows[..., :3] * unit[:, None], rows[..., 3] < 0)
+            with np.errstate(invalid="ignore", over="ignore"):  # a damaged number is a gap
+                piece[:] = as_seen(rows[..., :3] * unit[:, None], rows[..., 3] < 0)
     return places
 
 
@@ -191,7 +192,10 @@ def _refuse_a_short_file(path: Path, size: int) -> _Header:
     if not start or not np.isfinite(scale) or scale == 0.0:  # the header has copies of parameters
         told = _parameters(path, BLOCK_BYTES * (start - 1))
         start = start or int(_first(told.numbers("POINT", "DATA_START")))
-        scale = scale if scale and np.isfinite(scale) else _first(told.numbers("POINT", "SCALE")) or -1.0
+        copy = _first(told.numbers("POINT", "SCALE"))
+        if not np.isfinite(scale) and not copy:
+            raise TakeError(f"states a scale of {scale:g}", where=path, advice="export it again")
+        scale = scale if scale and np.isfinite(scale) else copy or -1.0
     is_float = scale < 0
     width = (4 * points + analogue) * (4 if is_float else 2)
     frames = last - first + 1

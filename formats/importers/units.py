@@ -22,6 +22,7 @@ SPELLINGS = {
     "inch": "in", "inche": "in", "foot": "ft", "feet": "ft",
 }  # fmt: skip
 SYMBOL_BEHIND = re.compile(r"(\w+) ?[(\[](\w+)")  # metre (m), its last bracket stripped
+LONGEST_UNIT = 20  # letters of an unknown unit that are told: a damaged file may state thousands
 AXES = ("_x_m", "_y_m", "_z_m")
 
 
@@ -40,7 +41,9 @@ def metres_of(stated: str, given: str | None, where: object) -> float:
         return METRES[_short(given)]
     if word not in METRES:
         raise TakeError(
-            f"the unit of its points is {stated.strip()!r}", where=where, advice=f"export in {', '.join(METRES)}"
+            f"the unit of its points is {stated.strip()[:LONGEST_UNIT]!r}",
+            where=where,
+            advice=f"export in {', '.join(METRES)}",
         )
     if given is not None and _short(given) != word:
         raise TakeError(

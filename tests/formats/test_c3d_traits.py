@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -71,6 +73,29 @@ def test_a_scale_and_its_copy_that_contradict_each_other_are_refused(tmp_path, s
     raw = c3d_bytes(0.1 * paths(), list("abcde"), scale=scale, header={"scale": copy}) + bytes(4096)
     with pytest.raises(TakeError, match=rf"its header states a scale of {copy:g}, its parameter POINT:SCALE {scale:g}"):
         read(tmp_path, raw)
+
+
+def test_a_scale_that_is_no_number_is_refused(tmp_path):
+    raw = c3d_bytes(0.1 * paths(), list("abcde"), scale=0.0625)
+    for value in (np.inf, np.nan):
+        broken = raw.replace(struct.pack("<f", 0.0625), struct.pack("<f", value))
+        with pytest.raises(TakeError, match=f"states a scale of {value:g}"):
+            read(tmp_path, broken)
+
+
+def test_a_damaged_number_is_a_gap_and_brings_no_warning(tmp_path):
+    """A signalling NaN, of which every sum and product warns."""
+    places = np.nan_to_num(paths(), nan=7.0)
+    raw = bytearray(c3d_bytes(places, list("abcde")))
+    at = raw.index(struct.pack("<f", places[4, 1, 2]))
+    raw[at : at + 4] = bytes.fromhex("0100807f")
+    found = read(tmp_path, bytes(raw)).positions
+    assert np.argwhere(np.isnan(found)).tolist() == [[4, 1, 0], [4, 1, 1], [4, 1, 2]]
+
+
+def test_of_a_unit_that_nobody_knows_twenty_letters_are_told(tmp_path):
+    with pytest.raises(TakeError, match=r"the unit of its points is 'e{20}'; export in m"):
+        read(tmp_path, c3d_bytes(paths(), list("abcde"), units=("e" * 200,)))
 
 
 def test_of_floats_only_the_sign_of_the_scale_counts(tmp_path):

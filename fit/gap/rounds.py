@@ -82,8 +82,7 @@ class Rounds:
         if not chosen:
             return
         self.progress(f"refitting with {len(chosen)} effects, one each", 0.4)
-        for hypothesis in self._refit(self.base.fitted, self.screened, chosen):
-            self.singles[hypothesis.effects[-1]] = hypothesis
+        self.refit_alone(chosen)
         self.progress("refitting the best across valleys", 0.62)
         by_cost = sorted(self.singles, key=lambda k: self.singles[k].fitted.cost)
         nearest = min(self.singles, key=lambda k: self.singles[k].errors.squared_mm)
@@ -353,6 +352,11 @@ class Rounds:
 
         added = [(*start.active, name) for name in names]
         return judged(self.judge, self.kept.recall([kept_as(active) + kind for active in added], go))
+
+    def refit_alone(self, names: list[str]) -> None:
+        """Refit each effect beside the base model and show it as one of those that were tried."""
+        for hypothesis in self._refit(self.base.fitted, self.screened, names) if names else []:
+            self.singles[hypothesis.effects[-1]] = hypothesis
 
     def alive(self, evidence: Evidence, verdict: Verdict) -> tuple[list[Hypothesis], list[float]]:
         """Return the hypotheses that a further recording should separate, and the weight of each."""

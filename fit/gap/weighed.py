@@ -64,6 +64,7 @@ def weigh(rounds: Rounds, noise: Floor, refined: Refined, added: tuple[str, ...]
     several = [best] if len(best.active) > 1 else []
     opened = judged(rounds.judge, singles + several)
     rounds.singles = {h.effects[0]: h for h in opened if len(h.effects) == 1}
+    rounds.refit_alone([name for name in rounds.screened if name in added and name not in rounds.singles])
     rounds.joint = [(h, 0.0) for h in opened if len(h.effects) > 1]
     return found
 

@@ -190,6 +190,15 @@ def test_weighing_refits_what_may_win_and_judges_each_fit_once(world):
     assert {share for _, share in told} == {0.5}
 
 
+def test_weighing_also_refits_what_was_asked_for_by_name(world):
+    world.missed = world.missed - world.rows["air_drag"][0]
+    search, _ = rounds_of(world)
+    own = np.sqrt(3) * 1e3 * NOISE
+    found = weigh(search, Floor(own, 0.02, own, own), SimpleNamespace(numerics_mm=MESH), ("draught",))
+    assert ("draught",) not in found.fits
+    assert search.singles["draught"].effects == ("draught",)
+
+
 def test_raw_points_are_judged_by_a_base_model_that_is_fitted_to_them(world, monkeypatch):
     """Raw points of one kind are fitted to, those of another judged; without held-out takes the first ones are both."""
     raw, other = LinearTakes(7), LinearTakes(8)

@@ -21,12 +21,14 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.arrays import Booleans, Floats
 from formats.blocks import FARTHEST_PLACE
 from formats.errors import TakeError
 from formats.garment import Garment, TrackedPoint
 from formats.importers.arm_path import check_arm_path, path_beside, read_arm_path
 from formats.importers.npz import load_arrays
-from formats.plausible import check_plausible_times
+from formats.importers.units import other_unit
+from formats.plausible import LONGEST, SHORTEST, check_plausible_times, unit_of
 from formats.rig import Rig
 from formats.take import Take
 from formats.two_clocks import at_times, with_hanger
@@ -42,6 +44,9 @@ SAME_LINE_METRES = 1e-3  # m within which places are of one row or column
 MEDIAN_DENSITY = 0.197  # kg/m^2, median of 618 fabrics, ClothDrapeTester (SIGGRAPH Asia 2022)
 MASS_NOTE = "not recorded; the garment's weight is that of the median of 618 fabrics"
 DESCRIBED_WITHIN = 2e-3  # m between a described point and its place in the grid
+LEAST_WIDE, MOST_WIDE = 0.4, 1.6  # of the flat distances, median over neighbours: the public recordings' are 0.98
+FARTHEST_HELD = 0.5  # of the cloth's side, corners from the held row, median: the public recordings' are below 0.1
+ON_TOP = 1e-3  # of the side: so near to the top a place is of the held row
 POINT_SD = (0.0028, 0.0019, 0.0028)  # m, static noise measured on these recordings
 STATED_HELD_SD = 0.002  # m, stated by us: the robot's pose is better than the fitted offset to the corners
 WHAT_TO_GIVE = "give marker paths (.c3d, .trc, .csv, .tsv) or a swung-cloth .npz, see docs/reference/file-formats.md"
@@ -81,6 +86,8 @@ def import_swung_cloth(
     rest = np.round(rest - [rest[:, 0].min() + width / 2, rest[:, 1].max()], 6)
     valid = data["valid"].astype(bool) & np.isfinite(points).all(2)
     held, own = data["hanger_corners"].astype(float), None
+    if not anyway:
+        _check_places(points, valid, held, rest, path)
     if hanger is not None:
         own = read_arm_path(path_beside(hanger, path), anyway=anyway)
         pictures, held = held, at_times(time, own.time, own.held)
@@ -132,6 +139,44 @@ def import_swung_cloth(
         return take
     corners = own.held[:, ::-1] if is_crossed else own.held
     return with_hanger(take, own.time - time[0], corners, STATED_HELD_SD)
+
+
+def _check_places(points: Floats, valid: Booleans, held: Floats, rest: Floats, path: Path) -> None:
+    """Refuse places of another unit than the flat cloth's, corners that are elsewhere, and cloth that hangs upwards.
+
+    - `points` [m], (frames, points, 3), where `valid`, (frames, points)
+    - `held` [m], (frames, 2, 3); `rest` [m], (points, 2)
+
+    Raises:
+        TakeError: names what disagrees.
+    """
+    side = float(np.ptp(rest, axis=0).max())
+    if not SHORTEST <= side <= LONGEST:
+        raise TakeError(
+            f"its cloth is {side:g} m long in 'rest', a garment {SHORTEST:g} to {LONGEST:g} m"
+            f"{unit_of(side, SHORTEST, LONGEST)}", where=path, advice="give metres",
+        )  # fmt: skip
+    seen = np.where(valid[..., None], points, np.nan)
+    flat = np.linalg.norm(np.diff(rest, axis=0), axis=1)
+    apart = np.linalg.norm(np.diff(seen, axis=1), axis=2)[:, flat > 0] / flat[flat > 0]
+    if np.isfinite(apart).any() and not LEAST_WIDE <= (times := float(np.nanmedian(apart))) <= MOST_WIDE:
+        raise TakeError(
+            f"its points are {times:.3g} times as far apart as in 'rest'{other_unit(times)}", where=path,
+            advice="give 'points', 'hanger_corners' and 'rest' in metres",
+        )  # fmt: skip
+    top = rest[:, 1] > rest[:, 1].max() - ON_TOP * side
+    away = np.linalg.norm(seen[:, top, None] - held[:, None], axis=3)
+    nearest = np.nanmin(np.where(np.isfinite(away), away, np.inf), axis=1)
+    if np.isfinite(nearest).any() and (far := float(np.median(nearest[np.isfinite(nearest)]))) > FARTHEST_HELD * side:
+        raise TakeError(
+            f"its hanger_corners are {far:.3g} m from the held row of its points, in the median", where=path,
+            advice="give both in metres, in one frame and at the same times",
+        )  # fmt: skip
+    below = held[..., 2].mean(1)[:, None] - seen[:, ~top, 2]
+    if np.isfinite(below).any() and float(np.nanmedian(below)) <= 0:
+        raise TakeError(
+            "its points lie above its hanger_corners, in the median", where=path, advice="turn both so that z points up"
+        )
 
 
 def _places_of(garment: Garment, rest: NDArray[Any], path: Path) -> NDArray[Any]:

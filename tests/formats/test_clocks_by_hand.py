@@ -100,9 +100,9 @@ def an_arm(tmp_path, shift=0.0):
 @pytest.mark.parametrize("shift", [0.0, 0.4, -0.4])
 def test_a_path_on_a_late_clock_is_near_at_some_shift_and_in_either_order(tmp_path, shift):
     arm, time, corners = an_arm(tmp_path, shift)
-    assert _apart(arm, time, corners) < 2e-3
-    assert _apart(arm, time, corners[:, ::-1]) < 2e-3
-    assert _apart(arm, time + 100.0, corners) == np.inf
+    assert np.nanmedian(_apart(arm, time, corners)) < 2e-3
+    assert np.nanmedian(_apart(arm, time, corners[:, ::-1])) < 2e-3
+    assert not np.isfinite(_apart(arm, time + 100.0, corners)).any()
     check_arm_path(arm, time, corners)
     check_arm_path(arm, time, np.full_like(corners, np.nan))
 

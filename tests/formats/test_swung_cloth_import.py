@@ -189,3 +189,22 @@ def test_a_described_point_that_the_file_has_not_is_refused_by_name(tmp_path):
     astray = replace(garment, points=(replace(garment.points[0], name="pocket", at_m=(1.01, 1.9)), *garment.points[1:]))
     with pytest.raises(TakeError, match="it has no point where the described garment has 'pocket'"):
         import_swung_cloth(tmp_path / "whole.npz", astray)
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"rest": 1e3}, "m long in 'rest', a garment 0.1 to 3 m; were millimetres or centimetres meant"),
+        ({"points": 1e3, "hanger_corners": 1e3}, "times as far apart as in 'rest'; are these millimetres that were"),
+        ({"points": 1e2}, "times as far apart as in 'rest'; are these centimetres that were taken for metres"),
+        ({"hanger_corners": 1e2}, "m from the held row of its points, in the median"),
+        ({"points": [1, 1, -1], "hanger_corners": [1, 1, -1]}, "its points lie above its hanger_corners"),
+    ],
+)
+def test_places_that_contradict_each_other_are_refused(tmp_path, change, sentence):
+    swung_cloth(tmp_path / "a.npz")
+    with np.load(tmp_path / "a.npz") as archive:
+        data = dict(archive)
+    np.savez(tmp_path / "a.npz", **{**data, **{name: data[name] * np.array(by) for name, by in change.items()}})
+    with pytest.raises(TakeError, match=sentence):
+        import_swung_cloth(tmp_path / "a.npz")

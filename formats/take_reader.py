@@ -99,10 +99,8 @@ def _bytes_of(path: Path) -> bytes:
             profile = profile_of(raw)
             if size > LARGEST_FILE:
                 told = f" and its profile says {profile}" if profile and not _is_ours(profile) else ""
-                raise TakeError(
-                    f"is no take: it has {size / 1e9:.1f} GB{told}", where=path,
-                    advice=f"a take has {LARGEST_FILE / 1e9:.1f} GB at most",
-                )  # fmt: skip
+                most = f"a take has {LARGEST_FILE / 1e9:.1f} GB at most"
+                raise TakeError(f"is no take: it has {size / 1e9:.1f} GB{told}", where=path, advice=most)
             is_foreign = profile is not None and not _is_ours(profile)
             return raw if is_foreign and not _has_header(raw) else raw + file.read()
     except OSError as error:
@@ -178,9 +176,8 @@ def _no_frame(ends: list[dict[str, Any]], damaged: int, path: object) -> TakeErr
     if damaged or (ends and ends[-1]["frames"]):
         told = f"none of the {ends[-1]['frames']} frames that it had" if ends else "no frame that is sound"
         return TakeError(f"holds {told}", where=path, advice="copy it again from where it was recorded")
-    return TakeError(
-        "holds no frame", where=path, advice="it ended in its first second" + " or is cut off" * (not ends)
-    )
+    why = "it ended in its first second" + " or is cut off" * (not ends)
+    return TakeError("holds no frame", where=path, advice=why)
 
 
 def _no_header(raw: bytes, findings: Findings, path: object) -> TakeError:

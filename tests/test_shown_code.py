@@ -49,9 +49,12 @@ def options_of(part: typer.core.TyperCommand | typer.core.TyperGroup) -> set[str
 
 
 def options_of_program(path: Path) -> set[str]:
-    """Long options that a script's `case` or a benchmark's parser names; those of another script that it hands on."""
+    """Long options that a script's `case` or a program's parser names, or that of the program that it hands them to."""
     if path == ROOT / ".ci/run":
         return options_of_program(ROOT / "scripts/test")
+    handed = re.search(r'-m tests\.(\w+) "\$@"', path.read_text())
+    if handed:
+        return options_of_program(next(ROOT.glob(f"tests/{handed[1]}/__main__.py")))
     found = re.findall(r'"(--[a-z][\w-]*)"|^ +(?:-\w \| )?(--[a-z][\w-]*)\)', path.read_text(), re.MULTILINE)
     return {"--help"}.union(*found) - {""}
 

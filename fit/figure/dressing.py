@@ -30,23 +30,30 @@ ROUNDS = 6  # of the sides in each step
 THREAD = 0.02  # of a body's size, at first
 HALF_APART = 0.004  # m of either layer from the middle, at first
 SINKING = 1e-5  # m in each round: loose hems fall instead of folding
+SMALL = 1e-5  # m, of the differences that make a gradient
 PUSH = 1.2  # of the mean correction: over-relaxation
 
 
 def dressed(
-    mesh: ClothMesh, is_back: Booleans, collar: Floats, origin: Floats, bodies: tuple[Body, ...], gap: float
+    mesh: ClothMesh,
+    is_back: Booleans,
+    held: Integers,
+    collar: Floats,
+    origin: Floats,
+    bodies: tuple[Body, ...],
+    gap: float,
 ) -> Floats:
     """Return where the nodes of a garment begin [m], (nodes, 3), world frame: the figure faces -y.
 
     - `is_back`, (nodes,)
-    - `collar` [m], (held, 3): the places of the mesh's held nodes
+    - `held`, (held,): nodes of the collar, and their places `collar` [m], (held, 3)
     - `origin` [m], (3,): the place of the flat garment's origin
     - `gap` [m] of nodes from the bodies
     """
     places = origin + np.column_stack(
         [mesh.rest[:, 0], np.where(is_back, HALF_APART, -HALF_APART), mesh.rest[:, 1]]
     )  # fmt: skip
-    held, sides, length = mesh.held_nodes, *_sides(mesh)
+    sides, length = _sides(mesh)
     front = np.setdiff1d(np.flatnonzero(~is_back), mesh.cells[len(mesh.cells) // 2 :])
     behind = np.flatnonzero(is_back)
     front_most, back_most = origin[1] - HALF_APART, origin[1] + HALF_APART
@@ -92,17 +99,15 @@ def _sized(body: Body, size: float) -> Body:
 
 def _push_out(places: Floats, body: Body, gap: float) -> None:
     """Move places within a gap [m] of a body to that distance, in place."""
-    distance = body.distance(places)
-    near = distance < gap
-    if not near.any():
+    reach = np.linalg.norm(body.half_size) + body.radius + abs(body.taper) * body.half_size[2] + gap
+    near = np.flatnonzero(((places - np.array(body.centre)) ** 2).sum(1) < reach**2)
+    distance = body.distance(places[near])
+    near, distance = near[distance < gap], distance[distance < gap]
+    if not len(near):
         return
-    small = 1e-5
-    slope = np.stack(
-        [
-            (body.distance(places[near] + small * axis) - body.distance(places[near] - small * axis))
-            for axis in np.eye(3)
-        ],
-        axis=1,
+    ahead, behind = body.distance(places[near] + SMALL * np.concatenate([np.eye(3), -np.eye(3)])[:, None]).reshape(
+        2, 3, -1
     )
+    slope = (ahead - behind).T
     out = slope / np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-12)
-    places[near] += (gap - distance[near])[:, None] * out
+    places[near] += (gap - distance)[:, None] * out

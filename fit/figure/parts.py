@@ -5,8 +5,7 @@ girth is G = 4 a + 2 pi r. The skirt's band is such a curve, with the half width
 DEPTH. The hips fill the band but for the cloth's clearance. Further down the skirt widens, and hips and thighs widen by
 SHARE of it. Other widths are shares of the height, and those of the legs follow the thighs.
 
-In a T-shirt the hips are those of a figure in a plain skirt. The collar is such a curve too, round the neck and lower
-in front. Arms are as thick as the sleeves allow.
+In a T-shirt the hips are those of a figure in a plain skirt. Arms are as thick as the sleeves allow.
 
 Source: A. R. Tilley, Henry Dreyfuss Associates, "The Measure of Man and Woman" (2002): widths in round numbers.
 """
@@ -18,8 +17,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fit.errors import FitError
+from fit.figure import collar as neckline
 from fit.figure.dressmaking import girth, usual_skirt
-from fit.figure.shirt import chest_at, cuff_girth
+from fit.figure.shirt import chest_at, collar_girth, cuff_girth
 from fit.figure.skeleton import FOOT_RADIUS, HEEL_BEHIND, SIDES, SkeletonMotion, unit
 from fit.recordings.bodies import Body, BodyMotion
 from formats.arrays import Floats
@@ -33,10 +33,9 @@ THIGH_RADIUS, KNEE_RADIUS, CALF_RADIUS, ANKLE_RADIUS = 0.050, 0.033, 0.032, 0.02
 THINNEST, WIDEST = 0.6, 1.5  # times the usual thigh, of a figure that still looks like one
 WAIST, CHEST = 0.92, 1.12  # times the radius at the band
 NECK_RADIUS, HEAD_RADIUS = 0.030, 0.047
-TRAPEZIUS_RADIUS = 0.020
+TRAPEZIUS_RADIUS, SLOPE_RADIUS = 0.020, 0.022
+SLOPE_HIGH, SLOPE_LOW = 0.016, 0.008  # above and below the shoulders' joints: shoulders fall by 14 degrees
 SHOULDER_RADIUS, ELBOW_RADIUS, WRIST_RADIUS, FINGER_RADIUS = 0.028, 0.022, 0.016, 0.012
-COLLAR_APART, COLLAR_HEIGHT = 0.007, 0.036  # m from the neck; of the height, above the shoulders' joints
-COLLAR_TILT = np.radians(19.0)  # rad, lower in front
 LEAST_EASE = 1.02  # times the chest's girth that a shirt has at least
 ELBOW_AT = 0.6  # of the upper arm's widths, counted from the shoulder, at a short sleeve's end
 TOUCHING = ("hips", *(f"{s}_{part}" for s in SIDES for part in ("thigh", "shank", "foot", "forearm", "hand")))
@@ -88,9 +87,8 @@ def figure_in_shirt(garment: Garment, skeleton: SkeletonMotion) -> Figure:
     trunk = figure.bodies[figure.names.index("trunk")]
     chest = 4 * figure.half_side + 2 * np.pi * (trunk.radius + abs(trunk.taper) * trunk.half_size[2])
     there = float(girth(garment, np.array([chest_at(garment)]))[0])
-    collar = float(girth(garment, np.zeros(1))[0])
-    radius = NECK_RADIUS * height + COLLAR_APART
-    half_side = (collar - 2 * np.pi * radius) / 4
+    collar = collar_girth(garment)
+    half_side = neckline.half_side(garment, NECK_RADIUS * height + neckline.APART)
     faults = [
         (f"a T-shirt {there:.2f} m round its chest", there < LEAST_EASE * chest + 2 * np.pi * CLEARANCE),
         (f"a T-shirt with sleeves {cuff_girth(garment):.2f} m round", arms < THINNEST),
@@ -104,11 +102,11 @@ def figure_in_shirt(garment: Garment, skeleton: SkeletonMotion) -> Figure:
             )  # fmt: skip
     up = np.array([0.0, 0.0, 1.0])
     left = unit(joints["left_shoulder"] - joints["right_shoulder"])
-    back = np.cos(COLLAR_TILT) * unit(np.cross(up, left)) + np.sin(COLLAR_TILT) * up
+    back = np.cos(neckline.TILT) * unit(np.cross(up, left)) + np.sin(neckline.TILT) * up
     axes = np.stack([left, back, np.cross(left, back)], 1)
-    centre = joints["chest"] + COLLAR_HEIGHT * height * up
+    centre = joints["chest"] + neckline.HEIGHT * height * up
     band = np.concatenate([centre, axes.reshape(-1, 9)], 1)
-    return replace(figure, band=band, half_side=float(half_side), touching=TOUCHING_SHIRTS)
+    return replace(figure, band=band, half_side=half_side, touching=TOUCHING_SHIRTS)
 
 
 def figure_in(garment: Garment, skeleton: SkeletonMotion, arms: float = 1.0) -> Figure:
@@ -171,13 +169,13 @@ def figure_in(garment: Garment, skeleton: SkeletonMotion, arms: float = 1.0) -> 
         boxed(
             f"{side}_foot", heel, toe, 0.012 * height, (1.05 * FOOT_RADIUS * height, 0.7 * FOOT_RADIUS * height), across
         )
-        slope = joints["chest"] + 0.012 * height * up_of_trunk + sign * 0.025 * height * unit(shoulders)
+        slope = joints["chest"] + SLOPE_HIGH * height * up_of_trunk + sign * 0.025 * height * unit(shoulders)
         boxed(
             f"{side}_shoulder",
             slope,
-            shoulder,
+            shoulder - SLOPE_LOW * height * up_of_trunk,
             0.0,
-            (TRAPEZIUS_RADIUS * height, arms * SHOULDER_RADIUS * height),
+            (TRAPEZIUS_RADIUS * height, SLOPE_RADIUS * height),
             across,
         )
         boxed(f"{side}_upper_arm", shoulder - 0.03 * height * unit(shoulder - elbow), elbow, 0.0,

@@ -1,7 +1,8 @@
 """A T-shirt's pattern, with its back sewn on and its neck open.
 
-A T-shirt that is described by its front alone has a back of the same shape. Its neck is the middle of its top, and its
-hem is its bottom. Its cuffs lead down from the tips of its sleeves. All other sides are sewn.
+A T-shirt that is described by its front alone has a back of the same shape. Its neck is cut out of the middle of its
+top, in front and behind alike, and its hem is its bottom. Its cuffs lead down from the tips of its sleeves. All other
+sides are sewn.
 """
 
 from __future__ import annotations
@@ -11,12 +12,17 @@ import numpy as np
 
 from fit.errors import FitError
 from fit.figure.dressmaking import is_hem
-from formats.garment import Garment, TrackedPoint
+from formats.arrays import Floats
+from formats.garment import Garment, TrackedPoint, polygon_area
 
 NECK = 0.22  # m, front of the neck: twice this goes over a neck and not over shoulders
 NECK_SHARE = 0.55  # of the top, where that is less
+# Of the neck's width: how deep it is cut, and its level bottom. A men's M is cut 9 cm in front and 2 cm behind.
+NECK_DEPTH, NECK_BOTTOM = 0.25, 0.55
+NECK_SIDES = 3  # of a sewn T-shirt's outline, its first ones
 # m, right half of the front below its neck: shoulder, tip and cuff of the sleeve, underarm, hem. About a men's M.
 SHOULDER, TIP, CUFF, UNDERARM, HEM = (0.235, -0.045), (0.403, -0.134), (0.319, -0.293), (0.265, -0.235), (0.265, -0.68)
+FEWEST_CORNERS = 12  # with the neck's four: tip, cuff, underarm and hem of either side
 LEAST_OUT, MOST_OUT = 20.0, 80.0  # degrees from the vertical, of arms in sleeves that lie flat
 
 
@@ -38,22 +44,34 @@ def plain_shirt(density: float) -> Garment:
 def sewn_shirt(garment: Garment) -> tuple[Garment, float]:
     """Return a T-shirt with its back, and the share of the flat sheet's weight and stiffness of front and back.
 
-    Its first side is the neck.
+    Its first `NECK_SIDES` sides are the neck. It weighs less by what is cut out there.
 
     Raises:
         FitError: its outline has no sleeves, or its top is narrower than a neck.
     """
     outline = _with_neck(garment)
     cuffs = _cuffs(garment, outline)
-    sides = [(k, (k + 1) % len(outline)) for k in range(1, len(outline))]
+    sides = [(k, (k + 1) % len(outline)) for k in range(NECK_SIDES, len(outline))]
     seams = tuple(side for side in sides if side not in cuffs and not is_hem(outline, side))
     is_whole = bool(garment.seams)
     share = 0.5 if garment.layers == 2 and not is_whole else 1.0
+    left = polygon_area(outline) / polygon_area(garment.outline_m)
     sewn = msgspec.structs.replace(
         garment, format="hangtime-garment/2", held="edge", outline_m=outline, seams=seams, layers=1,
-        mass_kg=garment.mass_kg * (1.0 if is_whole else 2 * share), points_are=garment.point_kind,
+        mass_kg=garment.mass_kg * left * (1.0 if is_whole else 2 * share), points_are=garment.point_kind,
     )  # fmt: skip
     return sewn, share
+
+
+def neck_sides(garment: Garment) -> Floats:
+    """Return the ends of the neck's sides on the front of a sewn T-shirt [m], (`NECK_SIDES`, 2, 2), from its left."""
+    corners = np.array(garment.outline_m[: NECK_SIDES + 1])
+    return np.stack([corners[:-1], corners[1:]], 1)
+
+
+def collar_girth(garment: Garment) -> float:
+    """Return how far it is round the neck of a sewn T-shirt [m]."""
+    return float(2 * np.linalg.norm(np.diff(neck_sides(garment), axis=1), axis=2).sum())
 
 
 def arms_out(garment: Garment) -> float:
@@ -79,7 +97,7 @@ def chest_at(garment: Garment) -> float:
 
 
 def _with_neck(garment: Garment) -> tuple[tuple[float, float], ...]:
-    """Return the outline with the neck as its first side."""
+    """Return the outline with the neck cut out, its sides first."""
     outline = garment.outline_m
     (left, top), (right, other) = outline[:2]
     wide = min(NECK, NECK_SHARE * (right - left))
@@ -90,10 +108,11 @@ def _with_neck(garment: Garment) -> tuple[tuple[float, float], ...]:
             f"the top of {garment.name} is {right - left:.2f} m wide, which goes over no head", where="--take",
             advice="give a T-shirt whose outline begins with its top, left end first",
         )  # fmt: skip
-    middle = (left + right) / 2
-    neck = ((middle - wide / 2, (top + other) / 2), (middle + wide / 2, (top + other) / 2))
+    middle, level, half = (left + right) / 2, (top + other) / 2, wide / 2
+    across = (-half, -NECK_BOTTOM * half, NECK_BOTTOM * half, half)
+    neck = tuple((middle + x, level - drop * NECK_DEPTH * wide) for x, drop in zip(across, (0, 1, 1, 0), strict=True))
     if wide == right - left:
-        return outline
+        return (outline[0], *neck[1:3], *outline[1:])
     return (*neck, *outline[1:], outline[0])
 
 
@@ -109,7 +128,7 @@ def _cuffs(garment: Garment, outline: tuple[tuple[float, float], ...]) -> tuple[
     cuffs = ((right, (right + 1) % count), ((left - 1) % count, left))
     under = (around[(right + 2) % count], around[(left - 2) % count])
     lowest = around[:, 1].min() + 0.25 * np.ptp(around[:, 1])
-    if count < 10 or min(corner[1] for corner in under) < lowest:
+    if count < FEWEST_CORNERS or min(corner[1] for corner in under) < lowest:
         raise FitError(
             f"the outline of {garment.name} has no sleeves", where="--take",
             advice="describe sleeve tips, cuffs and underarms, or leave out --take for a T-shirt of the fabric",

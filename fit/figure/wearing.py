@@ -13,9 +13,11 @@ import numpy as np
 
 from fit.cloth.contact import Contact, Surface
 from fit.cloth.crossings import pierces
+from fit.cloth.elements import Integers
 from fit.cloth.mesh import ClothMesh
 from fit.cloth.support import FIRST_SWING, GRAVITY, Support, Supporting
 from fit.errors import FitError
+from fit.figure.collar import APART, collar_nodes, collar_places
 from fit.figure.dressing import dressed
 from fit.figure.dressmaking import ends_at, girth
 from fit.figure.parts import CLEARANCE, Figure, round_of
@@ -64,19 +66,18 @@ def held_by(garment: Garment, figure: Figure) -> Supporting:
     """Return what holds a sewn garment: a skirt's band on the hips, or a T-shirt's collar round the neck."""
 
     def support(mesh: ClothMesh) -> Support:
-        held = mesh.held_nodes
         path = _band_path(figure)
         frame = figure.band[0, 3:].reshape(3, 3)
         if garment.kind == "t-shirt":
-            places = np.zeros((len(mesh.rest), 3))
-            places[held] = _round(garment, mesh, figure.half_side)[held]
-            start = _dressed(garment, mesh, figure, figure.band[0, :3] + places[held] @ frame)
+            held, way = collar_nodes(garment, mesh)
+            places = collar_places(way, _is_back(mesh)[held], _collar_radius(figure), figure.half_side)
+            start = _dressed(garment, mesh, figure, held, figure.band[0, :3] + places @ frame)
         else:
-            places = around(garment, mesh, figure.half_side)
-            start = figure.band[0, :3] + places @ frame
+            held, skirt = mesh.held_nodes, around(garment, mesh, figure.half_side)
+            places, start = skirt[held], figure.band[0, :3] + skirt @ frame
         return Support(
             nodes=held,
-            shares=np.column_stack([np.ones(len(held)), places[held, :2]]),
+            shares=np.column_stack([np.ones(len(held)), places]),
             path=path,
             start=lambda handles: np.repeat(start[None], len(handles), 0),
             settle_damping=float(2 * FIRST_SWING * np.sqrt(GRAVITY / np.ptp(mesh.rest[:, 1]))),
@@ -98,6 +99,11 @@ def around(garment: Garment, mesh: ClothMesh, half_side: float) -> Floats:
     return places
 
 
+def _collar_radius(figure: Figure) -> float:
+    """Return the radius of a T-shirt's collar [m]."""
+    return figure.bodies[figure.names.index("neck")].radius + APART
+
+
 def _is_back(mesh: ClothMesh) -> Booleans:
     """Return which nodes of two layers are the back's alone, (nodes,)."""
     is_back = np.ones(len(mesh.rest), bool)
@@ -105,42 +111,54 @@ def _is_back(mesh: ClothMesh) -> Booleans:
     return is_back
 
 
-def _dressed(garment: Garment, mesh: ClothMesh, figure: Figure, collar: Floats) -> Floats:
-    """Return where the nodes of a sewn T-shirt begin [m], (nodes, 3), world frame; collar [m]: its held nodes."""
+def _dressed(garment: Garment, mesh: ClothMesh, figure: Figure, held: Integers, places: Floats) -> Floats:
+    """Return where the nodes of a sewn T-shirt begin [m], (nodes, 3), world frame; places [m] of its held nodes."""
     names = [name for name in figure.names if name in figure.touching]
     bodies, motion = figure.only(tuple(names))
     standing = tuple(placed(body, pose) for body, pose in zip(bodies, motion.poses[0], strict=True))
     origin = figure.band[0, :3] - [0, 0, max(y for _, y in garment.outline_m)]
-    return dressed(mesh, _is_back(mesh), collar, origin, standing, BEGINS_APART)
+    return dressed(mesh, _is_back(mesh), held, places, origin, standing, BEGINS_APART)
 
 
 def _round(garment: Garment, mesh: ClothMesh, half_side: float) -> Floats:
-    """Return places on curves of the garment's girth [m], (nodes, 3): to the left and to the back, 0 up."""
+    """Return places on curves of a skirt's girth [m], (nodes, 3): to the left and to the back, 0 up."""
     below = mesh.rest[:, 1].max() - mesh.rest[:, 1]
     left, right = ends_at(garment, below)
     u = np.clip((mesh.rest[:, 0] - left) / (right - left), 0, 1)
     radius = round_of(girth(garment, below), half_side)
+    return _curve(u * (np.pi * radius + 2 * half_side), radius, half_side, _is_back(mesh))
+
+
+def _curve(way: Floats, radius: Floats, half_side: float, is_back: Booleans) -> Floats:
+    """Return places on curves of two half circles and two straight sides [m], (n, 3): to the left, to the back, 0 up.
+
+    way [m], (n,), along either layer from the right end
+    """
     quarter = np.pi * radius / 2
-    way = u * (2 * quarter + 2 * half_side)
     first, last = np.clip(way / radius, 0, np.pi / 2), np.clip((way - quarter - 2 * half_side) / radius, 0, np.pi / 2)
     across = -half_side - radius * np.cos(first) + np.clip(way - quarter, 0, 2 * half_side) + radius * np.sin(last)
     depth = radius * (np.sin(first) - 1 + np.cos(last))
-    return np.stack([across, np.where(_is_back(mesh), depth, -depth), 0 * depth], 1)
+    return np.stack([across, np.where(is_back, depth, -depth), 0 * depth], 1)
 
 
 def _band_path(figure: Figure) -> Curve:
-    """Return the centre of the band and its first two axes at instants [s], (n,) -> (n, 9)."""
+    """Return the centre of the band and its axes at instants [s], (n,) -> (n, 12)."""
     from scipy.interpolate import CubicSpline
 
     last = figure.motion.spacing * (len(figure.band) - 1)
-    curve = CubicSpline(np.linspace(0, last, len(figure.band)), figure.band[:, :9])
+    curve = CubicSpline(np.linspace(0, last, len(figure.band)), figure.band)
     return lambda instants: np.asarray(curve(np.clip(instants, 0, last)))
 
 
 def _ends(garment: Garment, figure: Figure, instants: Floats) -> Floats:
     """Return the two seams' ends at the band [m], (n, 6)."""
     pose = _band_path(figure)(instants)
-    half = figure.half_side + float(round_of(girth(garment, np.zeros(1)), figure.half_side)[0])
+    radius = (
+        _collar_radius(figure)
+        if garment.kind == "t-shirt"
+        else float(round_of(girth(garment, np.zeros(1)), figure.half_side)[0])
+    )
+    half = figure.half_side + radius
     return np.concatenate([pose[:, :3] - half * pose[:, 3:6], pose[:, :3] + half * pose[:, 3:6]], 1)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -12,25 +12,37 @@ from firmware_host.synthetic.garments import shirt
 from fit.cloth.contact import surface_of
 from fit.cloth.crossings import crossings
 from fit.cloth.mesh import build_mesh
+from fit.cloth.model import Resolution
+from fit.cloth.simulator import Simulator
 from fit.errors import FitError
+from fit.export.moving import material_rows
+from fit.export.new_motion import hung_still
 from fit.export.worn import sewn as sewn_for_a_figure
+from fit.figure.collar import APART, DIP, collar_nodes, collar_places, half_side
 from fit.figure.dressing import _push_out, _sized
-from fit.figure.dressmaking import girth
 from fit.figure.gait import ARM_OUT, LOWERED, walk
 from fit.figure.parts import CLEARANCE, figure_in_shirt
-from fit.figure.shirt import arms_out, chest_at, cuff_girth, plain_shirt, sewn_shirt
-from fit.figure.wearing import BEGINS_APART, SAMPLES_APART, _is_back, _round, held_by
+from fit.figure.shirt import arms_out, chest_at, collar_girth, cuff_girth, neck_sides, plain_shirt, sewn_shirt
+from fit.figure.wearing import BEGINS_APART, SAMPLES_APART, _is_back, held_by, looked_at, wear
 from fit.recordings.bodies import capsule, placed
+from fit.recordings.held_edge import place_along
+from tests.fit.export.exported import a_fit
 from tests.fit.scenes import sheet
+
+COARSE = 0.09  # m between nodes: a fifth of the work of films
 
 
 def test_neck_cuffs_and_hem_of_a_t_shirt_stay_open():
     sewn, share = sewn_shirt(plain_shirt(0.2))
     corners = len(sewn.outline_m)
     open_sides = {(k, (k + 1) % corners) for k in range(corners)} - set(sewn.seams)
-    assert open_sides == {(0, 1), (3, 4), (6, 7), (9, 10)}
-    assert girth(sewn, np.zeros(1)) == pytest.approx(0.44)
-    assert (share, sewn.mass_kg) == (1.0, pytest.approx(2 * plain_shirt(0.2).mass_kg))
+    assert open_sides == {(0, 1), (1, 2), (2, 3), (5, 6), (8, 9), (11, 12)}
+    # Across 0.55 of 0.22 m, and from there 49.5 mm aside and 55 mm up, in front and behind.
+    assert collar_girth(sewn) == pytest.approx(2 * (0.121 + 2 * np.hypot(0.0495, 0.055)))
+    # Without the necks, of 0.055 m times the mean of 0.22 and 0.121 m: cloth of 0.2 kg/m^2.
+    assert share == 1.0
+    assert sewn.mass_kg == pytest.approx(2 * (plain_shirt(0.2).mass_kg - 0.2 * 0.055 * 0.1705))
+    assert sewn.areal_density == pytest.approx(0.2)
     assert cuff_girth(sewn) == pytest.approx(2 * np.hypot(0.084, 0.159))
     assert chest_at(sewn) == pytest.approx(0.235)
 
@@ -38,14 +50,17 @@ def test_neck_cuffs_and_hem_of_a_t_shirt_stay_open():
 def test_a_sheet_that_is_both_layers_gets_a_neck_and_is_taken_apart():
     flat = msgspec.structs.replace(shirt(), layers=2)
     sewn, share = sewn_shirt(flat)
-    assert sewn.outline_m[:3] == ((-0.11, 0.0), (0.11, 0.0), (0.2, 0.0))
+    neck = np.array(sewn.outline_m[:5])
+    assert neck == pytest.approx(np.array([(-0.11, 0), (-0.0605, -0.055), (0.0605, -0.055), (0.11, 0), (0.2, 0)]))
     assert sewn.outline_m[-1] == (-0.2, 0.0)
-    assert (share, sewn.mass_kg, sewn.layers) == (0.5, pytest.approx(flat.mass_kg), 1)
+    assert (share, sewn.layers) == (0.5, 1)
+    assert sewn.areal_density == pytest.approx(flat.areal_density / 2)
 
 
 def test_the_first_sides_length_is_a_neck_where_it_is_no_longer():
     plain = plain_shirt(0.2)
-    assert sewn_shirt(plain)[0].outline_m == plain.outline_m
+    corners = sewn_shirt(plain)[0].outline_m
+    assert (corners[0], *corners[3:]) == plain.outline_m
 
 
 @pytest.mark.parametrize(
@@ -113,12 +128,19 @@ def test_places_near_a_body_move_to_its_surface_and_others_stay():
     assert _sized(body, 0.5).half_size[2] == body.half_size[2]
 
 
-def test_a_t_shirt_begins_round_the_body_and_hardly_strained():
-    """The body's own curves are no flat pattern: a twentieth of the sides is strained by more than a tenth."""
+@pytest.fixture(scope="module")
+def put_on():
+    """A figure that stands, in a coarse T-shirt that has not settled: figure, mesh, what holds it, where it begins."""
     sewn = sewn_shirt(plain_shirt(0.2))[0]
-    figure = figure_in_shirt(sewn, walk(0.1, arms_out=arms_out(sewn)))
-    mesh = build_mesh(sewn, 0.06)
-    start = held_by(sewn, figure)(mesh).start(np.zeros((1, 9)))[0]
+    figure = figure_in_shirt(sewn, walk(0.3, arms_out=arms_out(sewn)))
+    mesh = build_mesh(sewn, COARSE)
+    support = held_by(sewn, figure)(mesh)
+    return sewn, figure, mesh, support, support.start(np.zeros((1, 12)))[0]
+
+
+def test_a_t_shirt_begins_round_the_body_and_hardly_strained(put_on):
+    """The body's own curves are no flat pattern: a twentieth of the sides is strained by more than a tenth."""
+    _, figure, mesh, _, start = put_on
     bodies, motion = figure.only(figure.touching)
     apart = [placed(b, p).distance(start).min() for b, p in zip(bodies, motion.poses[0], strict=True)]
     assert BEGINS_APART > CLEARANCE
@@ -138,20 +160,68 @@ def test_a_t_shirt_begins_round_the_body_and_hardly_strained():
     assert crossings(surface_of(mesh, SAMPLES_APART), start) == 0
 
 
+def test_front_and_back_share_the_nodes_on_their_seams_and_no_others(put_on):
+    """So seams have no gap, at any time."""
+    sewn, _, mesh, _, _ = put_on
+    front, back = np.split(mesh.cells, 2)
+    shared = np.intersect1d(front, back)
+    sides = [np.array([sewn.outline_m[a], sewn.outline_m[b]]) for a, b in sewn.seams]
+    on_seam = np.any([place_along(mesh.rest, side)[1] for side in sides], axis=0)
+    assert set(shared) == set(np.flatnonzero(on_seam))
+    both = np.concatenate([mesh.rest[np.setdiff1d(front, back)], mesh.rest[np.setdiff1d(back, front)]])
+    assert len(np.unique(both.round(6), axis=0)) == len(both) // 2
+
+
+def test_shoulders_and_arms_carry_a_t_shirt_by_contact(put_on):
+    """Cloth that falls freely for 0.3 s is 0.4 m lower."""
+    sewn, figure, mesh, support, start = put_on
+    dressed = wear(hung_still(sewn, sewn.name), figure, 0.1, 30)
+    simulator = Simulator(
+        dressed.recording, (), resolution=Resolution(spacing=COARSE),
+        support=lambda _: replace(support, start=lambda _: start[None], settle_time=0.2, settle_damping=1.0),
+        contact=dressed.contact,
+    )  # fmt: skip
+    soft = {"stretch_stiffness": 40.0, "shear_stiffness": 15.0, "bending_damping_time": 2e-4}
+    done = simulator.run(material_rows(a_fit(values=soft), 0.2), np.zeros((1, 0)), shapes=True)
+    bodies, motion = figure.only(figure.touching)
+    trouble = looked_at(simulator.surface, done.shapes[0], dressed.recording.time, bodies, motion)
+    assert trouble.first() is None
+    assert trouble.depths.max() < 0
+    assert crossings(simulator.surface, done.shapes[0, -1].astype(float)) == 0
+    carrying = [placed(b, p) for b, p, n in zip(bodies, motion.poses[-1], figure.touching, strict=True)
+                if n.endswith(("shoulder", "shoulders", "upper_arm"))]  # fmt: skip
+    on_top = (np.abs(mesh.rest[:, 0]) > 0.14) & (
+        mesh.rest[:, 1] > -0.05 - (np.abs(mesh.rest[:, 0]) - 0.235).clip(0) / 2
+    )
+    assert on_top.sum() > 10
+    apart = np.min([body.distance(done.shapes[0, -1, on_top].astype(float)) for body in carrying], axis=0)
+    assert np.median(apart) < 0.02
+
+
 def test_the_collar_goes_round_the_neck_with_its_own_length():
     sewn = sewn_shirt(plain_shirt(0.2))[0]
     figure = figure_in_shirt(sewn, walk(0.1, arms_out=arms_out(sewn)))
-    mesh = SimpleNamespace(
-        rest=np.column_stack([np.tile(np.linspace(-0.11, 0.11, 41), 2), np.zeros(82)]),
-        cells=np.array([np.arange(41), np.arange(41, 82)]),
-    )
-    ring = _round(sewn, mesh, figure.half_side)
-    front = ring[:41]
-    assert np.linalg.norm(np.diff(front, axis=0), axis=1).sum() == pytest.approx(0.22, rel=5e-3)
     neck = figure.bodies[figure.names.index("neck")]
-    assert np.linalg.norm(ring[:, :2], axis=1).min() > neck.radius + CLEARANCE
-    assert (ring[:41, 1] <= 1e-9).all()
-    assert (ring[41:, 1] >= -1e-9).all()
+    radius = neck.radius + APART
+    assert figure.half_side == pytest.approx(half_side(sewn, radius))
+    way = np.linspace(0, collar_girth(sewn) / 2, 401)
+    front, back = (collar_places(way, np.full(401, is_back), radius, figure.half_side) for is_back in (False, True))
+    assert np.linalg.norm(np.diff(front, axis=0), axis=1).sum() == pytest.approx(collar_girth(sewn) / 2, rel=1e-3)
+    assert front[[0, -1]] == pytest.approx(back[[0, -1]], abs=1e-9)
+    assert np.linalg.norm(front[:, :2], axis=1).min() > neck.radius + CLEARANCE
+    assert front[200] == pytest.approx([0.0, -radius, -DIP], abs=1e-9)
+    assert back[200] == pytest.approx([0.0, radius, -DIP], abs=1e-9)
+
+
+def test_the_collars_nodes_are_those_of_the_neck_in_order(put_on):
+    sewn, _, mesh, support, _ = put_on
+    nodes, way = collar_nodes(sewn, mesh)
+    assert (support.nodes == nodes).all()
+    left = np.argmin(way)
+    assert mesh.rest[nodes[left]] == pytest.approx(neck_sides(sewn)[0, 0])
+    middle = np.abs(way - collar_girth(sewn) / 4) < 0.03
+    assert mesh.rest[nodes[middle], 1] == pytest.approx(-0.055)
+    assert way.max() == pytest.approx(collar_girth(sewn) / 2)
 
 
 def test_a_swatch_is_still_refused():

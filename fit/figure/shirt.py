@@ -18,7 +18,7 @@ from formats.garment import Garment, TrackedPoint, polygon_area
 NECK = 0.22  # m, front of the neck: twice this goes over a neck and not over shoulders
 NECK_SHARE = 0.55  # of the top, where that is less
 # Of the neck's width: how deep it is cut, and its level bottom. A men's M is cut 9 cm in front and 2 cm behind.
-NECK_DEPTH, NECK_BOTTOM = 0.25, 0.55
+NECK_DEPTH, NECK_BOTTOM = 0.27, 0.5
 NECK_SIDES = 3  # of a sewn T-shirt's outline, its first ones
 # m, right half of the front below its neck: shoulder, tip and cuff of the sleeve, underarm, hem. About a men's M.
 SHOULDER, TIP, CUFF, UNDERARM, HEM = (0.235, -0.045), (0.403, -0.134), (0.319, -0.293), (0.265, -0.235), (0.265, -0.68)

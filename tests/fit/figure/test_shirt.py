@@ -37,11 +37,11 @@ def test_neck_cuffs_and_hem_of_a_t_shirt_stay_open():
     corners = len(sewn.outline_m)
     open_sides = {(k, (k + 1) % corners) for k in range(corners)} - set(sewn.seams)
     assert open_sides == {(0, 1), (1, 2), (2, 3), (5, 6), (8, 9), (11, 12)}
-    # Across 0.55 of 0.22 m, and from there 49.5 mm aside and 55 mm up, in front and behind.
-    assert collar_girth(sewn) == pytest.approx(2 * (0.121 + 2 * np.hypot(0.0495, 0.055)))
-    # Without the necks, of 0.055 m times the mean of 0.22 and 0.121 m: cloth of 0.2 kg/m^2.
+    # Across half of 0.22 m, and from there 55 mm aside and 59.4 mm up, in front and behind.
+    assert collar_girth(sewn) == pytest.approx(2 * (0.11 + 2 * np.hypot(0.055, 0.0594)))
+    # Without the necks, of 59.4 mm times the mean of 0.22 and 0.11 m: cloth of 0.2 kg/m^2.
     assert share == 1.0
-    assert sewn.mass_kg == pytest.approx(2 * (plain_shirt(0.2).mass_kg - 0.2 * 0.055 * 0.1705))
+    assert sewn.mass_kg == pytest.approx(2 * (plain_shirt(0.2).mass_kg - 0.2 * 0.0594 * 0.165))
     assert sewn.areal_density == pytest.approx(0.2)
     assert cuff_girth(sewn) == pytest.approx(2 * np.hypot(0.084, 0.159))
     assert chest_at(sewn) == pytest.approx(0.235)
@@ -51,7 +51,7 @@ def test_a_sheet_that_is_both_layers_gets_a_neck_and_is_taken_apart():
     flat = msgspec.structs.replace(shirt(), layers=2)
     sewn, share = sewn_shirt(flat)
     neck = np.array(sewn.outline_m[:5])
-    assert neck == pytest.approx(np.array([(-0.11, 0), (-0.0605, -0.055), (0.0605, -0.055), (0.11, 0), (0.2, 0)]))
+    assert neck == pytest.approx(np.array([(-0.11, 0), (-0.055, -0.0594), (0.055, -0.0594), (0.11, 0), (0.2, 0)]))
     assert sewn.outline_m[-1] == (-0.2, 0.0)
     assert (share, sewn.layers) == (0.5, 1)
     assert sewn.areal_density == pytest.approx(flat.areal_density / 2)
@@ -220,7 +220,7 @@ def test_the_collars_nodes_are_those_of_the_neck_in_order(put_on):
     left = np.argmin(way)
     assert mesh.rest[nodes[left]] == pytest.approx(neck_sides(sewn)[0, 0])
     middle = np.abs(way - collar_girth(sewn) / 4) < 0.03
-    assert mesh.rest[nodes[middle], 1] == pytest.approx(-0.055)
+    assert mesh.rest[nodes[middle], 1] == pytest.approx(-0.0594)
     assert way.max() == pytest.approx(collar_girth(sewn) / 2)
 
 

@@ -73,7 +73,7 @@ def check_columns(columns: Columns, *, points: int, take_id: str, first: int, af
     """
     time = columns["time"]
 
-    def refuse(row: int, what: str, advice: str = "") -> None:
+    def refuse(row: int, what: str, advice: str) -> None:
         raise TakeError(what, where=f"{take_id}, frame {first + row}", advice=advice)
 
     shapes = {
@@ -83,7 +83,7 @@ def check_columns(columns: Columns, *, points: int, take_id: str, first: int, af
     }  # fmt: skip
     for name, shape in shapes.items():
         if columns[name].shape != (len(time), *shape):
-            refuse(0, f"{name} have shape {columns[name].shape[1:]}, not {shape}")
+            refuse(0, f"{name} have shape {columns[name].shape[1:]}, not {shape}", "give one row a frame in that shape")
     before = np.concatenate([[after], time[:-1]])
     if len(wrong := np.flatnonzero(~(time > before))):
         row = int(wrong[0])
@@ -104,7 +104,7 @@ def check_columns(columns: Columns, *, points: int, take_id: str, first: int, af
         valid = columns[f"{name}_valid"] if name != "markers" else finite
         if (bad := valid & ~finite).any():
             row, place = (int(at[0]) for at in np.nonzero(bad))
-            refuse(row, f"{thing} {place} is marked valid but is not a number")
+            refuse(row, f"{thing} {place} is marked valid but is not a number", "mark it invalid, or give its place")
         far = valid & (np.abs(np.where(finite[..., None], values, 0.0)).max(2, initial=0.0) > FARTHEST_PLACE)
         if far.any():
             row, place = (int(at[0]) for at in np.nonzero(far))
@@ -124,7 +124,7 @@ def check_columns(columns: Columns, *, points: int, take_id: str, first: int, af
         outside = (columns[name] < least) | (columns[name] > most)
         if outside.any():
             row = int(np.argmax(outside))
-            refuse(row, f"{name} is {columns[name][row]:g}, not between {least:g} and {most:g}")
+            refuse(row, f"{name} is {columns[name][row]:g}, not between {least:g} and {most:g}", "give one of these")
 
 
 def cut_into_blocks(time: Floats, seconds: float) -> Integers:

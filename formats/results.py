@@ -142,12 +142,14 @@ def _check(record: FitResult | Diagnosis, where: object) -> None:
     if isinstance(record, FitResult):
         _check_fit(record, where)
     if isinstance(record, Diagnosis):
-        known = {finding.id for finding in record.effects}
+        again, known = "diagnose again", {finding.id for finding in record.effects}
         for name in [*record.named, *record.alternatives, *itertools.chain(*record.alternatives.values())]:
             if name not in known:
-                raise ResultError(f"names the effect {name!r}, which is not among its findings", where=where)
+                raise ResultError(
+                    f"names the effect {name!r}, which is not among its findings", where=where, advice=again
+                )
         if record.verdict == "effect" and len(record.named) != 1:
-            raise ResultError("the verdict `effect` names exactly one effect", where=where)
+            raise ResultError("the verdict `effect` names exactly one effect", where=where, advice=again)
 
 
 def _check_fit(result: FitResult, where: object) -> None:
@@ -166,7 +168,7 @@ def _check_fit(result: FitResult, where: object) -> None:
 
 def _check_finite(value: Any, where: object, at: str) -> None:
     if isinstance(value, float) and not math.isfinite(value):
-        raise ResultError(f"{at or 'value'} is not a finite number", where=where)
+        raise ResultError(f"{at or 'value'} is not a finite number", where=where, advice="make it again")
     if isinstance(value, dict):
         for key, inner in value.items():
             _check_finite(inner, where, f"{at}.{key}" if at else str(key))

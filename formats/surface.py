@@ -44,7 +44,10 @@ def encode_scan(scan: SurfaceScan) -> dict[str, Any]:
     size, count = len(scan.grid), len(scan.contour)
     where = f"scan at {scan.time:g} s"
     if size > LARGEST_GRID or count > MOST_OUTLINE_PLACES or scan.grid.shape[:2] != (size, size):
-        raise TakeError(f"has {scan.grid.shape[:2]} places and {count} around them", where=where)
+        raise TakeError(
+            f"has {scan.grid.shape[:2]} places and {count} around them", where=where,
+            advice=f"give a square of at most {LARGEST_GRID} a side and at most {MOST_OUTLINE_PLACES} around it",
+        )  # fmt: skip
     if not abs(scan.time) <= LATEST / TICKS:
         raise TakeError("lies centuries away", where=where, advice="give its time in seconds")
     return {

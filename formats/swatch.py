@@ -29,8 +29,9 @@ def swatch(mass: float, *, side: float = SWATCH_SIDE, markers: int = MARKERS, na
     """
     if markers < FEWEST_MARKERS:
         raise DescriptionError(
-            f"a swatch needs {FEWEST_MARKERS} markers or more along each side (got {markers})", where=name
-        )
+            f"a swatch has too few markers along each side (got {markers})", where=name,
+            advice=f"give {FEWEST_MARKERS} or more",
+        )  # fmt: skip
     if not (0 < side < 10 and mass > 0):
         raise DescriptionError(
             f"no swatch has a side of {side:g} m and a mass of {mass:g} kg{unit_of(side, SHORTEST, LONGEST)}",

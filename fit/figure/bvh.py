@@ -93,7 +93,7 @@ def _places(path: Path) -> tuple[list[_Joint], Floats, Floats]:
             raise FitError("the file is too large for a BVH file", where=path, advice="give a shorter motion")
         text = path.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
-        raise FitError(f"cannot be read: {error.strerror}", where=path) from error
+        raise FitError(f"cannot be read ({error.strerror})", where=path, advice="check the path") from error
     head, _, tail = text.partition("MOTION")
     joints = _hierarchy(path, head.split())
     found = re.match(r"\s*Frames:\s*(\d{1,9})\s*Frame Time:\s*(\S+)\s*(.*)", tail, re.DOTALL)
@@ -104,7 +104,7 @@ def _places(path: Path) -> tuple[list[_Joint], Floats, Floats]:
         frames, step = int(found[1]), float(found[2])
         numbers = np.array(found[3].split(), float)
     except ValueError:
-        raise FitError("holds something else than numbers after MOTION", where=path) from None
+        raise FitError("holds something else than numbers after MOTION", where=path, advice="export it again") from None
     if frames < 2 or len(numbers) != frames * width or not np.isfinite(numbers).all():
         raise FitError(
             f"says {frames} frames of {width} numbers, {step:g} s apart, and holds {len(numbers)} numbers", where=path,
@@ -154,7 +154,7 @@ def _hierarchy(path: Path, words: list[str]) -> list[_Joint]:
             else:
                 at += 1
             if len(joints) > MOST_JOINTS:
-                raise FitError(f"has more than {MOST_JOINTS} joints", where=path)
+                raise FitError(f"has more than {MOST_JOINTS} joints", where=path, advice="export fewer joints")
     except (IndexError, ValueError) as error:
         raise FitError("has a damaged hierarchy", where=path, advice="export it again") from error
     return joints

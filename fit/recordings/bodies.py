@@ -32,11 +32,16 @@ class Body:
         sizes = (*self.half_size, self.radius)
         axes = np.array(self.axes, float)
         if not (np.isfinite((*self.centre, *sizes)).all() and min(sizes) >= 0 and max(sizes) > 0):
-            raise FitError(f"a body of half sizes {self.half_size} m and radius {self.radius} m has no inside")
+            raise FitError(
+                f"a body of half sizes {self.half_size} m and radius {self.radius} m has no inside",
+                advice="give finite sizes, one of them above 0",
+            )
         if axes.shape != (3, 3) or not np.allclose(axes @ axes.T, np.eye(3), atol=1e-6):
-            raise FitError("a body's axes are not three unit vectors square to each other")
+            raise FitError("a body's axes are not three unit vectors square to each other", advice="give such axes")
         if not abs(self.taper) * self.half_size[2] < max(self.radius, 1e-12):
-            raise FitError(f"a body of radius {self.radius} m that tapers by {self.taper} has no end")
+            raise FitError(
+                f"a body of radius {self.radius} m that tapers by {self.taper} has no end", advice="let it taper less"
+            )
 
     def row(self) -> Floats:
         """Return centre, axes, half sizes, radius and taper, (17,)."""
@@ -123,7 +128,7 @@ def half_space(place: tuple[float, float, float], normal: tuple[float, float, fl
     """
     length = float(np.linalg.norm(normal))
     if not length > 0:
-        raise FitError(f"a plane's normal {normal} has no direction")
+        raise FitError(f"a plane's normal {normal} has no direction", advice="give one with a length")
     unit = np.array(normal) / length
     half = HALF_SPACE
     return Body(centre=_triple(np.array(place) - half * unit), axes=_square_to(unit), half_size=(half, half, half))

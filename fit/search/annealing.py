@@ -108,7 +108,9 @@ class SearchBox:
 
     def __post_init__(self) -> None:
         if not (self.minimum.shape == self.maximum.shape == self.interval.shape):
-            raise FitError("bounds and intervals differ in number", where="search box")
+            raise FitError(
+                "bounds and intervals differ in number", where="search box", advice="give each parameter all three"
+            )
         if not (np.isfinite(self.interval).all() and (self.minimum < self.maximum).all()):
             raise FitError(
                 "a lower bound is not below its upper bound",

@@ -46,9 +46,14 @@ class BoundedSpace:
 
     def __post_init__(self) -> None:
         if not (self.minimum < self.maximum).all():
-            raise FitError("a lower bound is not below its upper bound", where="least squares")
+            raise FitError(
+                "a lower bound is not below its upper bound", where="least squares", advice="check minimum, maximum"
+            )
         if (self.is_log & (self.minimum <= 0)).any():
-            raise FitError("a parameter on a log scale needs a lower bound above zero", where="least squares")
+            raise FitError(
+                "a parameter on a log scale needs a lower bound above zero", where="least squares",
+                advice="raise its minimum, or search it on a linear scale",
+            )  # fmt: skip
 
     @property
     def scale(self) -> Floats:

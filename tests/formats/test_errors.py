@@ -5,6 +5,12 @@ from __future__ import annotations
 import pytest
 
 from formats.errors import HangtimeError
+from tests.whole_errors import missing_of
+
+
+@pytest.fixture
+def whole_errors():
+    """The errors here lack parts on purpose."""
 
 
 @pytest.mark.parametrize(
@@ -22,3 +28,17 @@ def test_an_error_says_where_what_and_what_to_do_next(words, sentence):
     assert str(error) == sentence
     assert (error.what, error.where, error.advice) == (words["what"], words.get("where"), words.get("advice", ""))
     assert error.exit_code == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "missing"),
+    [
+        ({"what": "is empty", "where": "a.mcap", "advice": "record again"}, []),
+        ({"what": "is empty", "where": "", "advice": "record again"}, ["where"]),
+        ({"what": "is empty", "where": "a.mcap"}, ["advice"]),
+        ({"what": "there is no search named 'a'", "advice": "give another"}, []),
+        ({"what": ""}, ["what", "where", "advice"]),
+    ],
+)
+def test_an_error_that_lacks_a_part_fails_the_test_that_meets_it(words, missing):
+    assert missing_of(HangtimeError(**words)) == missing

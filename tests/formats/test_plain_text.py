@@ -25,7 +25,7 @@ def test_what_is_no_letter_is_shown_by_its_code(text, shown):
 
 
 def test_an_error_shows_a_files_text_by_its_code():
-    assert str(TakeError("is \x1b[2J", where="a\x07b")) == "a\\x07b: is \\x1b[2J"
+    assert str(TakeError("is \x1b[2J", where="a\x07b", advice="\0")) == "a\\x07b: is \\x1b[2J; \\x00"
 
 
 def test_one_is_told_without_the_letter_of_many():

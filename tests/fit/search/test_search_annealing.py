@@ -291,5 +291,7 @@ def test_a_box_without_room_is_refused():
     )
     with pytest.raises(FitError, match="lower bound"):
         SearchBox(np.zeros(2), np.ones(2), np.array([1.0, np.inf]))
-    with pytest.raises(FitError, match=r"^search box: bounds and intervals differ in number$"):
+    with pytest.raises(
+        FitError, match=r"^search box: bounds and intervals differ in number; give each parameter all three$"
+    ):
         SearchBox(np.zeros(2), np.ones(2), np.ones(3))

@@ -1,0 +1,204 @@
+"""What `--json` tells of takes is the whole document: a program finds every fact under its name."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+
+from formats.archive import read_take, write_take
+from formats.descriptions import dump_description
+from formats.importers.marker_tracks import write_marker_csv
+from formats.importers.swatch_mocap import MARKER_SD, import_marker_take
+from formats.rig import Rig
+from formats.take import FrameState
+from tests.fit.here import hangtime_here
+from tests.formats.damage import chunks_of, without_end
+from tests.formats.test_archive import a_scan, a_take
+from tests.formats.test_command_line import swung_cloth
+from tests.formats.test_marker_oddities import GARMENT as SWATCH
+from tests.formats.test_marker_oddities import hanging
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory):
+    """Takes that are whole, cut off after 4.97 s, without a block of 31 frames, and without one of two scans; no take.
+
+    Two recordings of others lie beside them: one of 30 frames in 0.29 s, of which marker 5 was never seen, and one
+    whose hanger and points have clocks of their own.
+    """
+    folder = tmp_path_factory.mktemp("desk")
+    raw = write_take(folder / "takes/a.mcap", a_take()).read_bytes()
+    (folder / "takes/b.mcap.partial").write_bytes(without_end(raw))
+    damaged, third = bytearray(raw), next(at for at, _, told in chunks_of(raw) if told.get("first") == 62)
+    damaged[third + 200] ^= 1
+    (folder / "takes/c.mcap").write_bytes(damaged)
+    scanned = write_take(folder / "takes/d.mcap", replace(a_take(), scans=(a_scan(0.4, 1), a_scan(0.6, 2))))
+    damaged = bytearray(scanned.read_bytes())
+    damaged[next(at for at, _, told in chunks_of(bytes(damaged)) if "surface" in told) + 200] ^= 1
+    scanned.write_bytes(damaged)
+    (folder / "takes/e.mcap").write_bytes(b"no take")
+    write_take(folder / "mended.mcap", read_take(folder / "takes/c.mcap"))
+    places = hanging().positions.copy()
+    places[:, 5] = np.nan
+    write_marker_csv(folder / "m.csv", replace(hanging(), positions=places))
+    (folder / "swatch.toml").write_text(dump_description(SWATCH))
+    swung_cloth(folder / "r.npz")
+    return folder
+
+
+AFTER, WITHIN = "from 4.97 s on", "2.03 to 3.10 s"
+LIST = {"motion": "mixed", "garment": "sheet", "created": "2026-01-01T00:00:00Z"}
+SOUND = {"state": "sound", "missing": "", "is_complete": True}
+LOST = {"state": "lost", "error": ""}
+VERIFY = {"frames": 150, "blocks": 5, "damaged_blocks": 0, "missing_frames": 0, "missing_scans": 0}
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "entries"),
+    [
+        ("takes list takes", 2, {"takes": [
+            {"file": "takes/a.mcap", "duration_s": 149 / 30, **LIST, **SOUND},
+            {"file": "takes/b.mcap.partial", "duration_s": 149 / 30, **LIST, "state": "incomplete", "missing": AFTER,
+             "is_complete": False},
+            {"file": "takes/c.mcap", "duration_s": 149 / 30, **LIST, "state": "damaged", "missing": WITHIN,
+             "is_complete": False},
+            {"file": "takes/d.mcap", "duration_s": 149 / 30, **LIST, "state": "damaged",
+             "missing": "1 scan of the surface", "is_complete": True},
+            {"file": "takes/e.mcap", **LOST},
+        ]}),
+        ("takes verify takes/a.mcap takes/b.mcap.partial takes/c.mcap takes/d.mcap takes/e.mcap", 2, {"takes": [
+            {"file": "takes/a.mcap", **VERIFY, **SOUND},
+            {"file": "takes/b.mcap.partial", **VERIFY, "missing_frames": None, "state": "incomplete", "missing": AFTER,
+             "is_complete": False},
+            {"file": "takes/c.mcap", **VERIFY, "blocks": 4, "frames": 119, "damaged_blocks": 1, "missing_frames": 31,
+             "state": "damaged", "missing": WITHIN, "is_complete": False},
+            {"file": "takes/d.mcap", **VERIFY, "damaged_blocks": 1, "missing_scans": 1, "state": "damaged",
+             "missing": "", "is_complete": True},
+            {"file": "takes/e.mcap", **LOST},
+        ]}),
+        ("takes verify takes/a.mcap", 0, {"takes": [{"file": "takes/a.mcap", **VERIFY, **SOUND}]}),
+        ("takes recover takes/c.mcap takes/d.mcap --out sound", 0, {"takes": [
+            {"file": "sound/c.recovered.mcap", "frames": 119, "missing": WITHIN, "lost_scans": 0},
+            {"file": "sound/d.recovered.mcap", "frames": 150, "missing": "", "lost_scans": 1},
+        ]}),
+        ("takes export takes/a.mcap takes/c.mcap takes/d.mcap --to csv --out files", 0, {"files": [
+            {"file": "files/a.csv", "frames": 150, "is_complete": True, "missing": "", "missing_scans": 0},
+            {"file": "files/c.csv", "frames": 119, "is_complete": False, "missing": WITHIN, "missing_scans": 0},
+            {"file": "files/d.csv", "frames": 150, "is_complete": True, "missing": "", "missing_scans": 1},
+        ]}),
+        ("takes export takes/a.mcap takes/c.mcap takes/d.mcap --to parquet --out all.parquet", 0, {
+            "files": ["all.parquet"], "takes": 3, "incomplete": {
+                "takes/c.mcap": f"is incomplete; missing: {WITHIN}", "takes/d.mcap": "lacks 1 scan of the surface"},
+        }),
+        ("import m.csv --garment swatch.toml --out in", 0, {"takes": [
+            {"file": "in/m.mcap", "frames": 30, "duration_s": 0.29, "front": "-y", "never_seen": ["row2_column2"]},
+        ]}),
+        ("import r.npz --out own", 0, {"takes": [
+            {"file": "own/r.mcap", "frames": 40, "duration_s": 4.29, "front": None, "never_seen": []},
+        ]}),
+        ("swatch s.toml --mass 0.05 --side 0.4 --markers 5", 0,
+         {"file": "s.toml", "markers": 25, "apart_mm": 100.0}),
+    ],
+    ids=lambda words: words[:20] if isinstance(words, str) else None,
+)  # fmt: skip
+def test_json_tells_every_fact_of_a_command(desk, words, code, entries):
+    done = hangtime_here(*words.split(), "--json", folder=desk)
+    assert (done.returncode, done.stderr) == (code, "")
+    told = json.loads(done.stdout)
+    for entry in told.get("takes", []) if code else []:
+        if entry["state"] == "lost":
+            assert entry["error"].startswith(f"{entry['file']}: ")
+            entry["error"] = ""
+    assert _rounded(told) == _rounded(entries)
+
+
+def _rounded(value):
+    """Numbers to five places: times are kept to half a microsecond."""
+    if isinstance(value, dict):
+        return {name: _rounded(inner) for name, inner in value.items()}
+    if isinstance(value, list):
+        return [_rounded(inner) for inner in value]
+    return round(value, 5) if isinstance(value, float) else value
+
+
+HINT = "; `hangtime takes recover` makes a sound file"
+
+
+@pytest.mark.parametrize(
+    ("words", "lines"),
+    [
+        ("takes list takes", [
+            "sound       a.mcap: 5.0 s, mixed, sheet, 2026-01-01T00:00:00Z",
+            f"incomplete  b.mcap.partial: 5.0 s, mixed, sheet, 2026-01-01T00:00:00Z; missing: {AFTER}",
+            f"damaged     c.mcap: 5.0 s, mixed, sheet, 2026-01-01T00:00:00Z; missing: {WITHIN}",
+            "damaged     d.mcap: 5.0 s, mixed, sheet, 2026-01-01T00:00:00Z; missing: 1 scan of the surface",
+            "lost        takes/e.mcap: is not a take archive; ",
+        ]),
+        ("takes verify takes/a.mcap takes/d.mcap takes/e.mcap", [
+            "sound       takes/a.mcap: 150 frames in 5 blocks",
+            f"damaged     takes/d.mcap: 150 frames in 5 blocks, 1 damaged; missing: 1 scan of the surface{HINT}",
+            "lost        takes/e.mcap: is not a take archive; ",
+        ]),
+        ("takes recover takes/c.mcap takes/d.mcap --out told", [
+            f"told/c.recovered.mcap: 119 frames, missing: {WITHIN}",
+            "told/d.recovered.mcap: 150 frames, nothing is missing; lost: 1 scan of the surface",
+        ]),
+        ("takes verify mended.mcap", [
+            f"sound       mended.mcap: 119 frames in 4 blocks; an earlier file had lost {WITHIN}",
+        ]),
+        ("takes export takes/a.mcap takes/d.mcap --to npz --out npz", [
+            "npz/a.npz: 150 frames", "npz/d.npz: 150 frames; the take lacks 1 scan of the surface",
+        ]),
+        ("takes export takes/c.mcap --to parquet --out one.parquet", [
+            "one.parquet: 1 take", f"takes/c.mcap is incomplete; missing: {WITHIN}",
+        ]),
+        ("import m.csv --garment swatch.toml --out words", [
+            "words/m.mcap: 30 frames, 0.3 s, its front looks along -y; never seen: row2_column2",
+        ]),
+    ],
+    ids=lambda words: words[:20] if isinstance(words, str) else None,
+)  # fmt: skip
+def test_the_same_facts_are_told_in_words(desk, words, lines):
+    told = hangtime_here(*words.split(), folder=desk).stdout.splitlines()
+    assert len(told) == len(lines)
+    for line, wanted in zip(told, lines, strict=True):
+        assert line == wanted or (wanted.startswith("lost") and line.startswith(wanted))
+
+
+def test_an_imported_take_has_everything_that_the_file_and_its_day_tell(desk):
+    path = desk / "m.csv"
+    os.utime(path, (1.75e9, 1.75e9))
+    take = import_marker_take(path, SWATCH)
+    assert (take.take_id, take.source, take.garment) == ("m", "m.csv", SWATCH)
+    assert take.created == datetime.fromtimestamp(1.75e9, UTC).isoformat()
+    assert take.rig == Rig(format="hangtime-rig/1", name="motion capture, z up", gravity=(0.0, 0.0, -1.0))
+    assert take.notes == {"markers": "16 of the 16 markers in the file", "front": "-y"}
+    np.testing.assert_array_equal(take.held, take.points[:, [0, 3]])
+    np.testing.assert_array_equal(take.markers, take.held)
+    np.testing.assert_array_equal(take.points_valid, np.arange(16) != np.full((30, 1), 5))
+    for sd in (take.points_sd, take.held_sd):
+        np.testing.assert_array_equal(sd, MARKER_SD)
+    assert (take.state == 0).all()
+
+
+def test_a_frame_without_a_held_marker_says_so(tmp_path):
+    places = hanging().positions.copy()
+    places[4, 3] = np.nan
+    write_marker_csv(tmp_path / "m.csv", replace(hanging(), positions=places))
+    take = import_marker_take(tmp_path / "m.csv", SWATCH)
+    assert [int(k) for k in np.flatnonzero(take.state)] == [4]
+    assert take.state[4] == FrameState.MARKER_LOST
+    np.testing.assert_array_equal(take.held_valid, ~np.isnan(places[:, [0, 3]]).any(2))
+
+
+def test_what_is_recovered_holds_what_the_damaged_take_held(desk):
+    hangtime_here("takes", "recover", "takes/c.mcap", "--out", "again", folder=desk)
+    left, found = read_take(desk / "takes/c.mcap"), read_take(desk / "again/c.recovered.mcap")
+    assert (found.take_id, found.source, found.created, found.notes) == ("a", "test", left.created, {"who": "me"})
+    np.testing.assert_array_equal(found.points, left.points)
+    assert found.missing == left.missing

@@ -3,10 +3,11 @@
     python benchmarks/export.py [--film SECONDS] [--walk SECONDS] [--only strips|film|walk]
 
 A strip of 6 cm x 50 cm and 100 N/m hangs and swings in each simulator whose Python is named: HANGTIME_NEWTON_PYTHON,
-HANGTIME_MUJOCO_PYTHON. The film is of a skirt with front and back, 0.4 m x 0.5 m, that hangs from its top edge. The
-skirt moves in four ways at once. Seconds of the film, of the clock and of the processor are printed. Then a figure
-walks in a plain skirt and in a plain T-shirt. Crossings, the distance from the body and the largest stretch are printed
-besides.
+HANGTIME_MUJOCO_PYTHON. A strip of 3 cm x 10 cm and 3.2 mN m, clamped at its end, sags there.
+
+The film is of a skirt with front and back, 0.4 m x 0.5 m, that hangs from its top edge. The skirt moves in four ways at
+once. Seconds of the film, of the clock and of the processor are printed. Then a figure walks in a plain skirt
+and in a plain T-shirt. Crossings, the distance from the body and the largest stretch are printed besides.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from fit.export.presets import mujoco_flex, newton_preset
 from fit.export.sheet import strip
 from fit.export.usd_physics import usd_physics
 from fit.export.worn import GARMENTS, FigureOrder
+from tests.fit.export import test_in_other_engines as strip_tests
 from tests.fit.export.exported import a_fit
 from tests.fit.export.test_in_other_engines import HERTZ, LENGTH, SPACING, STRETCH, answer
 from tests.fit.scenes import hung, sheet, take_of
@@ -56,6 +58,31 @@ def strips() -> None:
                 continue
             found = answer(foreign, script, *words)
             print(f"{title} {found['version']}: {1e3 * found['stretch']:.3f} mm, {found['hertz']:.4f} Hz")
+
+
+def sags() -> None:
+    """Print how far a clamped strip sags in each simulator."""
+    cell = strip_tests.CELL
+    result = a_fit(values={"bending_stiffness": strip_tests.RIGID, "velocity_damping": 0.02})
+    fabric, cloth = fabric_of(result), strip(0.03, strip_tests.CLAMPED + cell, cell)
+    print(f"right: {1e3 * strip_tests.SAG:.3f} mm")
+    newton, mujoco = (find_generator(name).foreign for name in ("newton", "mujoco"))
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "strip.json").write_bytes(newton_preset(result, fabric, cell))
+        (folder / "strip.xml").write_bytes(mujoco_flex(result, fabric, cloth))
+        runs = [("MuJoCo flex", mujoco, "mujoco_cantilever.py", [folder / "strip.xml", str(cell)])]
+        if newton.is_installed():
+            (folder / "strip.usda").write_bytes(usd_physics(result, fabric, cloth, 5e-4))
+            files = [folder / "strip.usda", folder / "strip.json"]
+            solvers = ("SolverStyle3D", "SolverVBD", "SolverSemiImplicit")
+            runs += [(f"Newton {s}", newton, "newton_cantilever.py", [*files, s]) for s in solvers]
+        for title, foreign, script, words in runs:
+            if not foreign.is_installed():
+                print(f"{title}: {foreign.variable} names no Python that has it")
+                continue
+            found = answer(foreign, script, *words)
+            print(f"{title} {found['version']}: {1e3 * found['sag']:.3f} mm")
 
 
 def film(seconds: float) -> None:
@@ -93,6 +120,7 @@ if __name__ == "__main__":
     chosen = parser.parse_args()
     if chosen.only in (None, "strips"):
         strips()
+        sags()
     if chosen.only in (None, "film"):
         film(chosen.film)
     if chosen.only in (None, "walk"):

@@ -7,6 +7,7 @@ command that tells something.
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
@@ -27,6 +28,8 @@ HEADINGS = {
     "Files written": ("--out", "--plot", "--arrows", "--preview", "--overwrite"),
 }
 HEADING_OF = {option: heading for heading, options in HEADINGS.items() for option in options}
+# Words for values without a name of their own; an option that takes no value has none.
+WORDS = {bool: "", int: "N", float: "NUMBER", str: "NAME"}
 # Commands that tell nothing when they end. They run on, or are services.
 WITHOUT_QUIET = ("daemon", "watch", "sync run")
 WITHOUT_JSON = ("daemon", "sync run")
@@ -34,6 +37,10 @@ WITHOUT_JSON = ("daemon", "sync run")
 
 class Contents(TyperGroup):
     """A list of commands under the headings that their panels name."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the parameters, each with a word for its value."""
+        return [_worded(parameter) for parameter in super().get_params(ctx)]
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the commands of each panel under its heading, in their order."""
@@ -49,6 +56,14 @@ class Contents(TyperGroup):
 
 class Page(TyperCommand):
     """A command's options under the headings that their panels name."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the parameters, each with a word for its value."""
+        return [_worded(parameter) for parameter in super().get_params(ctx)]
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """Return the parts of the line of usage; an argument that must be given stands without braces."""
+        return [re.sub(r"^\{([^|]*)\}", r"\1", piece) for piece in super().collect_usage_pieces(ctx)]
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write arguments first, then the options of each panel under its heading."""
@@ -84,6 +99,7 @@ def finish(root: Any) -> None:
         if getattr(command, "commands", None) is not None:
             continue
         for parameter in command.params:
+            _worded(parameter)
             heading = next((HEADING_OF[option] for option in parameter.opts if option in HEADING_OF), None)
             if heading is not None and parameter.rich_help_panel is None:
                 parameter.rich_help_panel = heading
@@ -127,6 +143,18 @@ def _told_options() -> dict[str, Any]:
         """Tell."""
 
     return {parameter.name or "": parameter for parameter in get_command(donor).params}
+
+
+def _worded(parameter: Any) -> Any:
+    """Return a parameter whose page names its value by a word of `WORDS`, where it would show a type of Python."""
+    described = getattr(parameter, "type_descriptor", None)  # of Typer from 0.27 on; before, it showed TEXT
+    if described is None:
+        return parameter
+    if parameter.param_type_name == "argument":
+        parameter.display_type_rich = lambda ctx: ""  # its name says what to give
+    elif parameter.metavar is None and not described.is_choice:
+        parameter.metavar = WORDS.get(described.annotation)
+    return parameter
 
 
 def _panel_of(part: Any, otherwise: str) -> str:

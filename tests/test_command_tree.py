@@ -56,6 +56,14 @@ def test_a_page_shows_every_option_under_a_heading(name):
     assert headings == [heading for heading in known if heading in headings]
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_a_page_names_values_in_words_and_not_as_types_of_python(name):
+    context = typer.Context(COMMANDS[name], info_name=name, help_option_names=["-h", "--help"], terminal_width=100)
+    assert not re.findall(
+        r"<(?:list\[)?(?:bool|int|float|str|path|directory|file)\b|\{[^|}]*\}", COMMANDS[name].get_help(context)
+    )
+
+
 @pytest.mark.parametrize("words", [["takes"], ["takes", "show"], ["fit"], ["sync", "now"]])
 def test_both_ways_to_ask_for_help_work_at_every_depth(words, tmp_path):
     short = hangtime_here(*words, "-h", folder=tmp_path)
@@ -163,6 +171,8 @@ def test_a_terminal_gets_boxes_and_colours_unless_it_wants_none(tmp_path):
     colour = re.compile(r"\x1b\[[0-9;]*3[0-9]")
     drawn = on_a_terminal("compare", "-h")
     assert "╭─" in drawn
+    assert "<bool>" not in drawn
+    assert "hangtime compare [OPTIONS] A B..." in re.sub(r"\x1b\[[0-9;]*m", "", drawn)
     assert colour.search(drawn)
     assert not colour.search(on_a_terminal("compare", "-h", NO_COLOR="1"))
     plain = hangtime_here("compare", "-h", folder=tmp_path).stdout  # not a terminal

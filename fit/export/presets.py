@@ -8,24 +8,35 @@ Of Newton 1.8, with its energies per rest area read from the source and the stri
                         strain and the shear mu: tri_ke = stretch / 2, tri_ka = 0. Shear cannot be chosen
     SolverSemiImplicit  mu and k = lambda + mu: tri_ke = tri_ka = stretch / 2
 
-Bending on edges of length L between triangles of areas A0 and A1, heights a, that meet at the angle theta. Cloth that
-bends to a cylinder of curvature kappa has the energy B kappa^2 / 2 per area. An even grid bent along one side has theta
-= kappa L and L^2 = A0 + A1. On equilateral triangles the three directions of edges have the same sum for every
-direction of the bend. Hence
+Bending on edges of length L between triangles of areas A0 and A1, heights a, that meet at the angle theta:
 
-    Style3D             3 k L^2 theta^2 / (2 (A0 + A1)):  k = B / 3
-    VBD                 k L theta^2 / 2:                  k = B L / (A0 + A1),  B / h on a grid of spacing h
-    SemiImplicit        as k L^2 a theta^2 / 2:           k = B / ((A0 + A1) a),  B / h^3
+    Style3D             3 k L^2 theta^2 / (2 (A0 + A1))
+    VBD                 k L theta^2 / 2
+    SemiImplicit        k L^2 a theta^2 / 2
 
-Cells of a real mesh do not stay plane: a bend is shared with the diagonals, which makes the mesh softer. Of a strip
-0.1 m long, clamped at one end on a grid of 1 cm, the tip sags by 7.9 mm in SolverSemiImplicit. With plane cells it
-would sag by 6.5 mm, so that the bending comes out a fifth too soft. SolverStyle3D had sagged by 7.1 mm after 2 s and
-went on. SolverVBD sagged by 11.6 mm, which nothing here explains: its bending is not verified.
+An even grid of spacing h has diagonals that alternate (`fit.export.sheet.strip`). Its edges have the energies K_s
+theta^2 / 2 and, along diagonals, K_d theta^2 / 2. Bent to a cylinder of curvature kappa its nodes move out of the
+cylinder, in turns to either side, until the energy is least. This energy per area is D kappa^2 / 2 with
 
-MuJoCo's flex is isotropic: membrane E t and bending E t^3 / 12 at Poisson's ratio 0. Both are right with t = sqrt(12 B
-/ k) and E = k / t. These are no thickness and no modulus of the fabric. Its shear is then k / 2. MuJoCo 4.0 refuses
-damping at the slides of a flex's nodes in a file, so that linear damping is one line to add after loading. Neither
-engine has quadratic drag of cloth along its normal as a material: it stays a number beside.
+    D = K_s (K_s + 2 K_d) / (2 (K_s + K_d))             for a cylinder along the grid
+    D = (K_s K_d / (K_s + K_d) + K_d) / 2               along its diagonals
+
+Both are the fabric's B where K_s = K_d = 4 B / 3. Hence
+
+    Style3D             k = 4 B / 9 along the grid, 5 B / 24 for its third number
+    VBD                 k = 4 B / (3 L)
+    SemiImplicit        k = 4 B / (3 L^2 a)
+
+Style3D takes cos^12 and sin^12 of the edge's angle as shares of the first two numbers, and four times (sin cos)^2 of
+the third. One number for all edges gives K_d = sqrt(2) K_s in VBD and SemiImplicit. Then K_s = 2 B / (3 - sqrt 2) is
+right along the grid, and cylinders along diagonals are 26 % too stiff. `benchmarks/export.py` bends a clamped strip.
+SolverVBD begins each step where the cloth would fall freely to, and too few iterations leave a part of this fall.
+
+MuJoCo's flex is isotropic: membrane E t and bending E t^3 / 12 at Poisson's ratio 0. Its edges have Style3D's energy at
+k = B / 3, so that K_d = 2 K_s and D = 5 B / 6. The file asks for 6 B / 5. Membrane and bending are then right with t =
+sqrt(12 x 6 B / (5 k)) and E = k / t. These are no thickness and no modulus of the fabric. Its shear is then k / 2.
+MuJoCo 4.0 refuses damping at the slides of a flex's nodes in a file, so that linear damping is one line to add after
+loading. Neither engine has quadratic drag of cloth along its normal as a material: it stays a number beside.
 """
 
 from __future__ import annotations
@@ -45,7 +56,14 @@ from fit.export.sheet import SWATCH_SPACING, Sheet
 from formats.fit_records import FitResult
 
 SLIDES = "".join(f'<joint type="slide" axis="{axis}"/>' for axis in ("1 0 0", "0 1 0", "0 0 1"))
+EDGE_SHARE = 4 / 3  # of B: every edge of an even grid, K_s = K_d
+ONE_NUMBER_SHARE = 2 / (3 - np.sqrt(2))  # of B: K_s where K_d = sqrt(2) K_s
+FLEX_SHARE = 6 / 5  # of B: where K_d = 2 K_s
 FEWEST_STEPS = 4.0  # steps a period of the fastest node, for MuJoCo's semi-implicit Euler
+BY_EDGE = (
+    "edge_ke is right for bends along the grid, and a quarter too stiff along its diagonals. edge_ke_by_edge, set in "
+    "ModelBuilder.edge_bending_properties, is right along both."
+)
 
 
 def newton_preset(result: FitResult, fabric: Fabric, spacing: float = SWATCH_SPACING) -> bytes:
@@ -53,7 +71,8 @@ def newton_preset(result: FitResult, fabric: Fabric, spacing: float = SWATCH_SPA
     stretch, bending = fabric.mean_of_ways("stretch"), fabric.mean_of_ways("bending")
     density = fabric["areal_density"].value
     ways = [fabric["stretch_weft"].value, fabric["stretch_warp"].value, fabric["shear"].value]
-    bends = [fabric["bending_weft"].value / 3, fabric["bending_warp"].value / 3, bending / 3]
+    bends = [fabric["bending_weft"].value * 4 / 9, fabric["bending_warp"].value * 4 / 9, bending * 5 / 24]
+    one, straight, diagonal = ONE_NUMBER_SHARE * bending, EDGE_SHARE * bending, EDGE_SHARE * bending / np.sqrt(2)
     damping = fabric["bending_damping_time"].value
     drag = AIR_DENSITY * fabric.get("drag_coefficient") / 6
     record: dict[str, Any] = {
@@ -66,26 +85,30 @@ def newton_preset(result: FitResult, fabric: Fabric, spacing: float = SWATCH_SPA
             "call": "newton.solvers.style3d.add_cloth_mesh",
             "density": density, "tri_aniso_ke": ways, "edge_aniso_ke": bends,
             "note": "Panel x is the weft, panel y the warp. Nothing else of Newton keeps shear and warp apart. Bending "
-            "of a triangle mesh comes out about a fifth too soft.",
+            "is right on an even grid whose diagonals alternate.",
         },
         "SolverVBD": {
             "call": "ModelBuilder.add_cloth_mesh",
             "density": density, "tri_ke": stretch / 2, "tri_ka": 0.0, "tri_kd": 0.0,
-            "edge_ke": bending / spacing, "edge_kd": bending / spacing * damping,
-            "note": "Shear is half of the stretch stiffness, whatever the fabric's is. A clamped strip sagged by 1.8 "
-            "times what it should: the bending is not verified.",
+            "edge_ke": one / spacing, "edge_kd": one / spacing * damping,
+            "edge_ke_by_edge": {"straight": straight / spacing, "diagonal": diagonal / spacing},
+            "note": "Shear is half of the stretch stiffness, whatever the fabric's is. " + BY_EDGE + " Few iterations "
+            "let cloth sag: with steps of 1 ms, 20 of them nearly doubled the sag of a clamped strip. Halve the step "
+            "until the sag stays.",
         },
         "SolverSemiImplicit": {
             "call": "ModelBuilder.add_cloth_mesh",
             "density": density, "tri_ke": stretch / 2, "tri_ka": stretch / 2, "tri_kd": 0.0, "tri_drag": drag,
-            "edge_ke": bending / spacing**3, "edge_kd": bending / spacing**3 * damping,
-            "note": "Shear is half of the stretch stiffness. Its drag acts at three corners: air density x drag / 6.",
+            "edge_ke": one / spacing**3, "edge_kd": one / spacing**3 * damping,
+            "edge_ke_by_edge": {"straight": straight / spacing**3, "diagonal": diagonal / spacing**3},
+            "note": "Shear is half of the stretch stiffness. Its drag acts at three corners: air density x drag / 6. "
+            + BY_EDGE,
         },
         "ModelBuilder.add_usd": {
             "note": "Newton 1.8 takes the USD file's stretch as tri_ke and its bending as edge_ke. A strip is then "
             "twice as stiff in SolverVBD, and bends too easily: multiply tri_ke by tri_ke_factor, and each edge_ke by "
-            "its length over the area of its two triangles.",
-            "tri_ke_factor": 0.5, "edge_ke_factor": 1 / spacing,
+            "4 / 3 over its length, or all by edge_ke_factor.",
+            "tri_ke_factor": 0.5, "edge_ke_factor": ONE_NUMBER_SHARE / spacing,
         },
         "velocity_damping": {
             "value_per_s": fabric["velocity_damping"].value,
@@ -98,7 +121,7 @@ def newton_preset(result: FitResult, fabric: Fabric, spacing: float = SWATCH_SPA
 def mujoco_flex(result: FitResult, fabric: Fabric, sheet: Sheet) -> bytes:
     """Return a sheet of MuJoCo's flex as MJCF that hangs from its held edge."""
     stretch, bending = fabric.mean_of_ways("stretch"), fabric.mean_of_ways("bending")
-    thickness = float(np.sqrt(12 * bending / stretch))
+    thickness = float(np.sqrt(12 * FLEX_SHARE * bending / stretch))
     masses = fabric["areal_density"].value * sheet.node_areas
     held = set(sheet.held.tolist())
     bodies = []

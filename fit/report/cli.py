@@ -63,9 +63,7 @@ def report_command(
 def compare_command(
     paths: Annotated[
         list[Path],
-        typer.Argument(
-            metavar="A B...", help="Folders of results, fit.json or diagnosis.json files, or takes (.mcap)."
-        ),
+        typer.Argument(metavar="A B", help="Folders of results, fit.json or diagnosis.json files, or takes (.mcap)."),
     ],
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE.html", help="Also write them as a page.")] = None,
     overwrite: Overwrite = False,

@@ -4,7 +4,10 @@ The mutation tester mutmut makes the mutants and runs, for each, the tests that 
 tested with which tests stands in pyproject.toml, `[tool.hangtime.mutants]`. Each folder gets a copy of the checkout in
 `build/mutants/`, which keeps the results: a second run tests again where code or tests have changed.
 
-A mutant that no test notices either asks for a test, or is listed in `survivors.toml` with a reason.
+A mutant that no test notices either asks for a test, or is listed in `survivors.toml` with a reason. A rule there lists
+all mutants of one kind at once: those whose two sides are the same without what its pattern matches outside its group.
+
+Where a library is not installed, the tests of what needs it skip. Mutants of that are neither drawn nor counted.
 """
 
 from __future__ import annotations
@@ -13,12 +16,15 @@ import argparse
 import json
 import os
 import random
+import re
 import subprocess
 import sys
 import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from fnmatch import fnmatch
 from hashlib import sha256
+from importlib.util import find_spec
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -26,6 +32,7 @@ COPIES = ROOT / "build/mutants"
 SURVIVORS = Path(__file__).with_name("survivors.toml")
 COPIED = ("formats", "firmware_host", "capture", "fit", "hangtime", "benchmarks", "tests", "docs", "scripts", "systemd")
 NO_MUTANT, MATCHES_NOTHING = "no.mutant.*", "nothing matches"  # mutmut makes all mutants, and then says so
+NEEDS = {"formats.exporters.rerun_file": "rerun"}  # library without which all tests of a module skip
 WANTED = 0.9  # share of the mutants that tests must notice
 KILLED = {"killed", "timeout", "segfault", "caught by type check"}
 
@@ -58,7 +65,10 @@ def main() -> int:
     parser.add_argument("--sample", type=int, metavar="N", help="test N mutants of each folder, drawn at random")
     parser.add_argument("--seed", type=int, default=0, help="of the sample")
     asked = parser.parse_args()
-    reasons = {(s["function"], s["change"].strip()): s["reason"] for s in known_survivors()}
+    listed, untested = (
+        is_listed(SURVIVORS.read_text()),
+        [name for name, needed in NEEDS.items() if not find_spec(needed)],
+    )
     is_well = True
     for area, tests in areas.items():
         paths = (
@@ -68,16 +78,33 @@ def main() -> int:
             continue
         patterns = [path.removesuffix(".py").replace("/", ".") + ".*" for path in paths]
         if asked.sample is not None:
-            patterns = drawn(area, tests, patterns, asked.sample, asked.seed)
+            patterns = drawn(area, tests, patterns, untested, asked.sample, asked.seed)
         if not asked.report:
             test_mutants(area, tests, patterns, asked.processes)
-        is_well &= show(area, tally(area, patterns, reasons))
+        is_well &= show(area, tally(area, patterns, untested, listed))
+        for name in untested:
+            if name.startswith(area.replace("/", ".")):
+                print(f"{name} is left out: {NEEDS[name]} is not installed, and its tests skip")
     return 0 if is_well else 1
 
 
-def known_survivors() -> list[dict[str, str]]:
-    """The mutants that may live, each with its function, its change and the reason."""
-    return list(tomllib.loads(SURVIVORS.read_text()).get("survivor", []))
+def is_listed(text: str) -> Callable[[str, str], bool]:
+    """Return whether a function's change may live, by the entries and the rules of a text such as `survivors.toml`."""
+    read = tomllib.loads(text)
+    entries = {(one["function"], one["change"].strip()) for one in read.get("survivor", [])}
+    rules = [(one["functions"], re.compile(one["pattern"])) for one in read.get("rule", [])]
+
+    def listed(function: str, change: str) -> bool:
+        if (function, change) in entries:
+            return True
+        sides = ["\n".join(line[2:] for line in change.splitlines() if line[0] == sign) for sign in "-+"]
+        for functions, pattern in rules:
+            removed, added = (pattern.sub(lambda found: "".join(found.groups()), side) for side in sides)
+            if fnmatch(function, functions) and removed == added:
+                return True
+        return False
+
+    return listed
 
 
 def copy_of(area: str) -> Path:
@@ -116,16 +143,21 @@ def test_mutants(area: str, tests: list[str], patterns: list[str], processes: in
         raise SystemExit(f"mutants: {area}: mutmut ended with {done.returncode}; its last words are above")
 
 
-def drawn(area: str, tests: list[str], patterns: list[str], count: int, seed: int) -> list[str]:
+def drawn(area: str, tests: list[str], patterns: list[str], untested: list[str], count: int, seed: int) -> list[str]:
     """Return the names of mutants of a folder that match, drawn at random without replacement."""
     test_mutants(area, tests, [NO_MUTANT], 1)  # makes them, and learns which tests reach which function
     names = sorted(
         name
         for meta in (copy_of(area) / "mutants" / area).rglob("*.py.meta")
         for name in json.loads(meta.read_text())["exit_code_by_key"]
-        if any(fnmatch(name, pattern) for pattern in patterns)
+        if any(fnmatch(name, pattern) for pattern in patterns) and not is_of(name, untested)
     )
     return random.Random(seed).sample(names, min(count, len(names)))
+
+
+def is_of(name: str, modules: list[str]) -> bool:
+    """Whether a mutant, by its name, is of one of these modules."""
+    return any(name.startswith(f"{module}.") for module in modules)
 
 
 def forget_what_changed(copy: Path, tests: list[str]) -> None:
@@ -140,7 +172,7 @@ def forget_what_changed(copy: Path, tests: list[str]) -> None:
     stamp.write_text(seen)
 
 
-def tally(area: str, patterns: list[str], reasons: dict[tuple[str, str], str]) -> Tally:
+def tally(area: str, patterns: list[str], untested: list[str], listed: Callable[[str, str], bool]) -> Tally:
     """Count what is kept of the mutants of a folder whose names match."""
     copy, found = copy_of(area), Tally()
     os.chdir(copy)  # mutmut finds its files from the working directory
@@ -150,7 +182,7 @@ def tally(area: str, patterns: list[str], reasons: dict[tuple[str, str], str]) -
     for meta in sorted((copy / "mutants" / area).rglob("*.py.meta")):
         source = str(meta.relative_to(copy / "mutants")).removesuffix(".meta")
         for name, code in json.loads(meta.read_text())["exit_code_by_key"].items():
-            if code is None or not any(fnmatch(name, pattern) for pattern in patterns):
+            if code is None or is_of(name, untested) or not any(fnmatch(name, pattern) for pattern in patterns):
                 continue
             is_killed = status_by_exit_code[code] in KILLED
             function = name.rsplit("__mutmut_", 1)[0].replace("x_", "").replace("xǁ", "").replace("ǁ", ".")
@@ -162,7 +194,7 @@ def tally(area: str, patterns: list[str], reasons: dict[tuple[str, str], str]) -
                 found.killed += 1
                 continue
             change = "\n".join(f"{line[0]} {line[1:].strip()}" for line in lines if line[:1] in "+-" and line.strip())
-            if (function, change) in reasons:
+            if listed(function, change):
                 found.listed += 1
             else:
                 found.alive.append((function, change))

@@ -120,7 +120,6 @@ def _ways(laid: Floats, ends: Floats) -> tuple[Floats, Floats]:
     bar = ends[1] - ends[0]
     bar = bar / np.linalg.norm(bar)
     across = (laid - ends[0]) @ bar
-    feet = ends[0] + across[..., None] * bar
     square = laid - across[..., None] * bar
     down = np.full(laid.shape[:2], np.nan)
     for column in range(laid.shape[1]):
@@ -129,7 +128,7 @@ def _ways(laid: Floats, ends: Floats) -> tuple[Floats, Floats]:
             continue
         path = square[seen, column]
         way = path[-1] - path[0]
-        first = (laid[seen[0], column] - feet[seen[0], column]) @ way / max(float(np.linalg.norm(way)), 1e-9)
+        first = (laid[seen[0], column] - ends[0]) @ way / max(float(np.linalg.norm(way)), 1e-9)  # square to the bar
         down[seen, column] = first + np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     return across, down
 

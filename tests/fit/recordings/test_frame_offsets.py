@@ -9,9 +9,11 @@ import pytest
 
 from fit.recordings.camera import CameraSteps
 from fit.recordings.camera_findings import describe_camera
-from fit.recordings.frame_offsets import find_frame_offsets
+from fit.recordings.frame_offsets import LOST, find_frame_offsets
 from fit.recordings.hanger_path import held_curve
 from fit.recordings.recording import prepare
+from fit.recordings.robust_line import robust_line, seconds_apart
+from fit.recordings.timing import STILL
 from tests.fit.recordings.silhouettes import path, silhouette_sheet, swung, uneven
 
 TIME = np.arange(0, 12, 1 / 9)
@@ -75,3 +77,29 @@ def test_frames_of_a_take_are_moved_back_and_named():
     assert named["frame_offsets"].figure == pytest.approx(np.sqrt((off[going > 0.03] ** 2).mean()), rel=0.15)
     assert "whole frames are off across the cloth by" in named["frame_offsets"].sentence
     assert "frame_offsets" not in {one.name for one in describe_camera([whole])}
+
+
+def test_offsets_are_by_the_equations_of_their_module():
+    """Each number by hand, of the error beside the line: k^2, the gain of each frame, and what is left."""
+    along = held()
+    true = LATE * speed() * np.random.default_rng(105).standard_normal(len(TIME))
+    found = found_of(true, 5)
+    row = path(TIME) + np.array([0.004, 0.003, -0.012]) + true[:, None] * np.array([0.0, 1.0, 0.0])
+    row = row + NOISE * np.random.default_rng(5).standard_normal(row.shape)
+    middle = along(TIME).reshape(-1, 2, 3).mean(1)
+    across = row[:, 1] - middle[:, 1]
+    line = np.column_stack([np.ones(len(TIME)), middle - middle.mean(0)])
+    error = across - line @ robust_line(line, across, seconds_apart(TIME))[0]
+    step = 1e-4
+    fast = np.linalg.norm((along(TIME + step) - along(TIME - step))[:, :3], axis=1) / (2 * step)
+    rests = fast < STILL
+    noise = 1.4826 * np.median(np.abs(error[rests] - np.median(error[rests])))
+    usual = np.hypot(noise, 1.4826 * np.median(np.abs(error[~rests]) / fast[~rests]) * fast)
+    kept = np.abs(error) <= LOST * usual
+    used = kept & ~rests
+    own = (error[used] ** 2 - noise**2).sum() / (fast[used] ** 2).sum() * fast**2
+    gain = np.where(kept, own / (own + noise**2), 0.0)
+    assert np.abs(found.moved[:, 1]) == pytest.approx(np.abs(gain * error), rel=0.02, abs=1e-6)
+    assert found.rms == pytest.approx(np.sqrt(((gain * error)[used] ** 2).mean()), rel=0.01)
+    of_line = (1.4826 * np.median(np.abs(error[used]))) ** 2 * 4 / used.sum()
+    assert found.left == pytest.approx(np.sqrt(noise**2 * gain[kept].mean() + of_line), rel=0.01)

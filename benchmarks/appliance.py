@@ -77,6 +77,7 @@ def measure(seconds: float, folder: Path) -> dict[str, float]:
             took = time.monotonic() - begun
             kind = "recording" if has_hanger else "ready"
             found[f"memory, {kind}"] = most
+            found[f"memory, {kind}, at the end"] = resident(process)
             found[f"processor, {kind}"] = 100 * (after - before) / took
             found[f"of this the player, {kind}"] = 100 * (fetched_after - fetched) / took
             if has_hanger:

@@ -8,6 +8,7 @@ HangtimeError
         +-- UnfitTakeError      a recording to which nothing can be fitted for another reason
         +-- CalibrationError    the rig cannot be measured from what the sensor saw
         +-- ControlError        the daemon cannot be asked, or cannot listen
+        |     +-- AnotherDaemonError  another daemon listens already
         +-- SpoolError          the appliance's folder of takes cannot be used as asked
         +-- SyncError           takes cannot be brought to the server as asked
 """
@@ -43,6 +44,10 @@ class CalibrationError(CaptureError):
 
 class ControlError(CaptureError):
     """A daemon that is not there, may not be asked, does not answer or cannot listen."""
+
+
+class AnotherDaemonError(ControlError):
+    """A daemon that listens already where this one was to listen."""
 
 
 class SpoolError(CaptureError):

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import ctypes
 import os
 import signal
 import sys
 import threading
-from contextlib import ExitStack, suppress
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from types import FrameType
 
@@ -18,21 +18,22 @@ import cv2
 import msgspec
 import sdnotify
 
-from capture.appliance.config import DEFAULT, Config, load_or_last_good
+from capture.appliance.config import DEFAULT, Config, InForce
 from capture.appliance.control import ControlServer
 from capture.appliance.daemon import Appliance
 from capture.appliance.disk import Disk
+from capture.appliance.last_good import keep, last_good, load_or_last_good
 from capture.appliance.log import LOG, log_to_stderr
+from capture.appliance.memory import StartingMemory, share_one_heap
+from capture.appliance.receipts import DEFAULT_URL
 from capture.appliance.retention import Retention
 from capture.appliance.sensor_keeper import SensorKeeper
 from capture.appliance.states import State
 from capture.appliance.wall_clock import monotonic
+from capture.errors import AnotherDaemonError, ControlError
 from capture.recording.stop_signals import STOPPING
 from firmware_host.opening import open_sensor
 from formats.errors import HangtimeError
-
-M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8  # `man 3 mallopt`
-PICTURE = 256 * 1024  # bytes; larger pieces of memory go back to the system when they are freed
 
 
 def main() -> None:
@@ -55,9 +56,6 @@ def run(path: Path) -> None:
         HangtimeError: there is no configuration, old or new, or another daemon is running.
     """
     in_force = load_or_last_good(path)
-    if in_force.refused is not None:
-        LOG.error("%s; the last configuration that held stays in force", in_force.refused)
-    config = in_force.config
     stop = threading.Event()
 
     def ask_to_stop(number: int, frame: FrameType | None) -> None:
@@ -66,10 +64,14 @@ def run(path: Path) -> None:
     for number in STOPPING:
         signal.signal(number, ask_to_stop)
     cv2.setNumThreads(1)
-    _give_memory_back()
+    share_one_heap()
+    starting_memory = StartingMemory()
     with ExitStack() as opened:
-        control = ControlServer(config.control.socket, config.control.group)
+        control, in_force = _listen(in_force, path)
         opened.callback(control.close)
+        config = in_force.config
+        if in_force.refused is not None:
+            LOG.error("%s; the last configuration that held stays in force", in_force.refused)
         disk = Disk(
             config.spool.folder,
             least_free=config.spool.least_free_mb * 1_000_000,
@@ -82,8 +84,33 @@ def run(path: Path) -> None:
         keeper = SensorKeeper(lambda: open_sensor(config.sensor.address), in_force.rig, monotonic)
         opened.callback(keeper.close)
         appliance = Appliance(in_force, keeper=keeper, disk=disk, control=control, clock=monotonic)
-        _loop(appliance, stop)
+        _loop(appliance, stop, starting_memory, lambda: _keep_if_new(in_force, path))
         LOG.info("stopped")
+
+
+def _listen(in_force: InForce, path: Path) -> tuple[ControlServer, InForce]:
+    """Listen as the configuration says; where this cannot be, as the last good one says, which is then in force.
+
+    Raises:
+        HangtimeError: another daemon is running, or there is no last good configuration with another socket.
+    """
+    part = in_force.config.control
+    try:
+        return ControlServer(part.socket, part.group), in_force
+    except AnotherDaemonError:
+        raise
+    except ControlError as error:
+        before = last_good(path, error)
+        part_before = before.config.control
+        if in_force.refused is not None or part_before == part:
+            raise
+        return ControlServer(part_before.socket, part_before.group), before
+
+
+def _keep_if_new(in_force: InForce, path: Path) -> None:
+    """Keep a configuration with which the recorder became ready, without the loop waiting for the disk."""
+    if in_force.refused is None:
+        threading.Thread(target=keep, args=(in_force, path), name="keep", daemon=True).start()
 
 
 def _retention(config: Config) -> Retention:
@@ -97,32 +124,20 @@ def _retention(config: Config) -> Retention:
         return Retention(quota_bytes=sys.maxsize, days=None)
 
 
-def _server(config: Config) -> str | None:
-    """Return the address of the server, which is sync's to judge; None where none is named."""
-    url = config.sync.get("url")
-    return url if isinstance(url, str) else None
+def _server(config: Config) -> str:
+    """Return the address of the server, which is sync's to judge; one of no server where it is no text."""
+    url = config.sync.get("url", DEFAULT_URL)
+    return url if isinstance(url, str) else ""
 
 
-def _give_memory_back() -> None:
-    """Let freed pictures go back to the system, and all threads share one heap: it is what pictures leave holes in."""
-    with suppress(OSError, AttributeError):  # another C library
-        library = ctypes.CDLL(None)
-        library.mallopt(M_ARENA_MAX, 1)
-        library.mallopt(M_MMAP_THRESHOLD, PICTURE)
-
-
-def _let_go_of_the_heap() -> None:
-    """Give back what loading the modules left free in the heap."""
-    with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).malloc_trim(0)
-
-
-def _loop(appliance: Appliance, stop: threading.Event) -> None:
+def _loop(
+    appliance: Appliance, stop: threading.Event, starting_memory: StartingMemory, once_ready: Callable[[], None],
+) -> None:  # fmt: skip
     """Go round until asked to stop; tell systemd how it goes, and that the loop still goes round."""
     systemd = sdnotify.SystemdNotifier()
     limit = float(os.environ.get("WATCHDOG_USEC", "0")) * 1e-6
     fed = told = -float("inf")
-    was_started = False
+    was_started = was_ready = False
     was: State | None = None
     while not stop.is_set():
         appliance.step()
@@ -132,8 +147,11 @@ def _loop(appliance: Appliance, stop: threading.Event) -> None:
             systemd.notify("WATCHDOG=1")
         if appliance.is_started and not was_started:
             was_started = True
-            _let_go_of_the_heap()
             systemd.notify("READY=1")
+        if not was_ready and appliance.machine.may_record:
+            was_ready = True
+            once_ready()
+        starting_memory.let_go(now, is_started=was_started)
         if appliance.machine.state is not was and now - told >= 0.2:
             was, told = appliance.machine.state, now
             systemd.notify(f"STATUS={was.value}")

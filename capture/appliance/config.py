@@ -1,12 +1,8 @@
-"""The appliance's configuration: one TOML file, and the last valid one.
-
-A configuration is the file, the rig and the garment that it names. A valid configuration is copied beside the spool. An
-invalid one leaves this copy in force, and `hangtime status` says why.
-"""
+"""The appliance's configuration: one TOML file, and the rig and the garment that it names."""
 
 from __future__ import annotations
 
-import re
+import os
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,15 +11,13 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta
 
-from formats.descriptions import check_garment, check_rig, load_garment, load_rig
+from formats.descriptions import load_garment, load_rig
 from formats.errors import DescriptionError, HangtimeError
 from formats.garment import Garment
 from formats.rig import Rig
-from formats.whole_files import make_folders, write_whole
 
 DEFAULT = Path("/etc/hangtime/appliance.toml")
 CONTOUR = 8  # places around the silhouette for each place along a side
-LAST_GOOD = "last-good.json"  # in the spool
 
 
 class Part(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -140,7 +134,7 @@ def load(path: Path) -> InForce:
     """Read a configuration, its rig and its garment.
 
     Raises:
-        DescriptionError: one of the three is missing or does not hold.
+        DescriptionError: one of the three is missing or does not hold, or the spool's folder is none.
     """
     try:
         plain = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -150,72 +144,33 @@ def load(path: Path) -> InForce:
     except (ValueError, RecursionError) as error:  # also of numbers with thousands of digits
         raise DescriptionError(f"is not valid TOML: {error}", where=path, advice="mend that line") from error
     try:
-        config = _converted(plain, path.absolute().parent)
+        config = converted(plain, path.absolute().parent)
     except msgspec.ValidationError as error:
         raise DescriptionError(str(error), where=path, advice="see docs/reference/appliance.md") from error
+    _check_spool(config.spool.folder, path)
     return InForce(config, load_rig(config.sensor.rig), load_garment(config.sensor.garment))
 
 
-def load_or_last_good(path: Path) -> InForce:
-    """Read a configuration and keep it as the last good one; where it does not hold, return the last good one.
+def _check_spool(folder: Path, path: Path) -> None:
+    """Check that nothing but a folder has the spool's name; a disk that is not mounted yet is no fault of the file."""
+    there = next(one for one in (folder, *folder.parents) if os.path.lexists(one))
+    if not there.is_dir():
+        raise DescriptionError(
+            f"spool.folder is {folder}, but {there} is no folder", where=path,
+            advice="give another folder, or remove what has this name",
+        )  # fmt: skip
+
+
+def converted(plain: object, folder: Path) -> Config:
+    """Return the configuration that a file's tables hold; folder: where relative paths start.
 
     Raises:
-        DescriptionError: the file does not hold and there is no earlier one.
+        msgspec.ValidationError: they do not hold.
     """
-    try:
-        found = load(path)
-    except DescriptionError as refused:
-        return _last_good(refused, _told_spool(path))
-    _keep(found)
-    return found
 
-
-def _converted(plain: object, folder: Path) -> Config:
     def path_from(kind: type, value: object) -> object:
         if kind is not Path or not isinstance(value, str) or not value or "\0" in value:
             raise ValueError("a path must be a text that is not empty")
         return folder / value
 
     return msgspec.convert(plain, Config, dec_hook=path_from)
-
-
-def _keep(found: InForce) -> None:
-    """Copy what holds beside the takes; a disk that is full keeps the copy before."""
-    file = found.config.spool.folder / LAST_GOOD
-    content = msgspec.json.encode(
-        {"config": found.config, "rig": found.rig, "garment": found.garment}, enc_hook=lambda path: str(path)
-    )
-    try:
-        if not file.is_file() or file.read_bytes() != content:
-            make_folders(file.parent)
-            write_whole(file, content)
-    except OSError:
-        return
-
-
-def _last_good(refused: DescriptionError, spools: list[Path]) -> InForce:
-    for spool in spools:
-        file = spool / LAST_GOOD
-        try:
-            whole = msgspec.json.decode(file.read_bytes(), type=dict[str, Any])
-            config = _converted(whole["config"], file.parent)
-            rig, garment = msgspec.convert(whole["rig"], Rig), msgspec.convert(whole["garment"], Garment)
-            check_rig(rig, file)
-            check_garment(garment, file)
-        except (OSError, msgspec.MsgspecError, KeyError, RecursionError, DescriptionError):
-            continue
-        return InForce(config, rig, garment, refused)
-    raise refused
-
-
-def _told_spool(path: Path) -> list[Path]:
-    """Return where the last good configuration may lie: in the spool that the file names, or in the usual one.
-
-    A file that is no TOML is searched for the line.
-    """
-    usual = SpoolPart().folder
-    try:
-        told = re.search(r"^\s*folder\s*=\s*(?:\"([^\"\0]+)\"|'([^'\0]+)')", path.read_text(), re.MULTILINE)
-    except (OSError, ValueError):
-        return [usual]
-    return [path.absolute().parent / (told[1] or told[2]), usual] if told else [usual]

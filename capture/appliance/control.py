@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from capture.errors import ControlError
+from capture.errors import AnotherDaemonError, ControlError
 
 LONGEST_QUESTION = 4096  # bytes
 MOST_ASKERS = 16  # at once; one more, and the daemon hangs up on whoever has been silent for longest
@@ -56,7 +56,9 @@ class ControlServer:
             raise
         except KeyError as error:
             self.close()
-            raise ControlError(f"there is no group {group!r}", where=path, advice="see systemd/README.md") from error
+            raise ControlError(
+                f"there is no group {group!r}", where=path, advice="give an existing one as control.group"
+            ) from error
         except OSError as error:
             self._socket.close()
             reason = error.strerror or str(error)
@@ -237,6 +239,6 @@ def _remove_left_over(path: Path) -> None:
             return
         except BlockingIOError:
             pass  # somebody listens, and is too busy to answer
-    raise ControlError(
+    raise AnotherDaemonError(
         "another daemon listens here", where=path, advice="stop it first: `systemctl stop hangtime-capture`"
     )

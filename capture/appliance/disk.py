@@ -182,7 +182,10 @@ class Disk:
         if os.statvfs(self._folder).f_flag & os.ST_RDONLY:
             raise OutputError("the disk is read-only", where=self._folder, advice="replace the card: it is worn out")
         if usage.free < self._least_free and self._take is None:
-            room = self._spool.make_room(self._retention, now=datetime.now(UTC), need=self._least_free, url=self._url)
+            with self._reading():
+                room = self._spool.make_room(
+                    self._retention, now=datetime.now(UTC), need=self._least_free, url=self._url
+                )
             usage = shutil.disk_usage(self._folder)
             if room.left and usage.free >= self._least_free:
                 self._news.put(DiskNews(room=usage.free))

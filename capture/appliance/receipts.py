@@ -13,6 +13,7 @@ import msgspec
 
 from formats.whole_files import make_folders, write_whole
 
+DEFAULT_URL = "file:///var/lib/hangtime/server"  # where `[sync]` names no server
 READ_BACK = "read back"  # the object was fetched and its SHA-256 is that of what was sent
 STORE_CHECKSUM = "store's checksum"  # the store answered with the checksum of what was sent; the device may not read
 

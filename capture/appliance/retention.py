@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import datetime
 from typing import Protocol, TypeVar
 
 import msgspec
@@ -40,6 +40,7 @@ class Room:
 
     - `left`: stems of the takes that left
     - `used`, `free`: bytes of all takes, bytes free on the file system; both afterwards
+    - `changed`: stems of those that stay because the disk holds something else than the server verified
     - `is_enough`: whether quota and least free space hold, with what was asked for on top
     """
 
@@ -47,6 +48,7 @@ class Room:
     used: int
     free: int
     is_enough: bool
+    changed: tuple[str, ...] = ()
 
 
 class Kept(Protocol):
@@ -66,10 +68,15 @@ class Kept(Protocol):
 One = TypeVar("One", bound=Kept)
 
 
-def takes_to_leave(takes: Sequence[One], retention: Retention, *, free: int, need: int, now: datetime) -> list[One]:
+def takes_to_leave(
+    takes: Sequence[One], retention: Retention, *, free: int, need: int, now: datetime,
+    is_safe: Callable[[One], bool] = lambda take: True,
+) -> list[One]:  # fmt: skip
     """Return which takes leave, given in the order of their sequence; never one without a receipt.
 
-    free: bytes free on the file system; need: bytes that are wanted on top of what is there
+    - `free`: bytes free on the file system
+    - `need`: bytes that are wanted on top of what is there
+    - `is_safe`: asked of each take that would leave, whether it is what its receipt says
     """
     leaving: list[One] = []
     over = sum(take.size for take in takes) + need - retention.quota_bytes
@@ -77,7 +84,7 @@ def takes_to_leave(takes: Sequence[One], retention: Retention, *, free: int, nee
     for take in takes:
         if take.receipt is None:
             continue
-        if max(over, short) > 0 or _is_past(take.receipt, retention.days, now):
+        if (max(over, short) > 0 or _is_past(take.receipt, retention.days, now)) and is_safe(take):
             leaving.append(take)
             over -= take.size
             short -= take.size
@@ -88,6 +95,6 @@ def _is_past(receipt: Receipt, days: float | None, now: datetime) -> bool:
     if days is None:
         return False
     try:
-        return now - datetime.fromisoformat(receipt.at) > timedelta(days=days)
+        return (now - datetime.fromisoformat(receipt.at)).total_seconds() > days * 86_400.0
     except (ValueError, TypeError):  # no date, or one without an offset: nobody knows how old it is
         return False

@@ -190,6 +190,8 @@ class Spool:
     def make_room(self, retention: Retention, *, now: datetime, need: int = 0, url: str | None = None) -> Room:
         """Let verified takes leave, the oldest first, until quota and free space hold; an unsynced one never leaves.
 
+        Each take that would leave is read and compared with what the server verified.
+
         need: bytes that are wanted on top; now: the wall clock, with its offset; url: as of `takes`
 
         Raises:
@@ -198,7 +200,17 @@ class Spool:
         make_folders(self.folder)
         takes = self.takes(url)
         free = shutil.disk_usage(self.folder).free
-        leaving = takes_to_leave(takes, retention, free=free, need=need, now=now)
+        changed: list[str] = []
+
+        def is_safe(take: KeptTake) -> bool:  # now: a proof that failed may have taken the receipt back meanwhile
+            told = read_receipt(self.folder, take.stem)
+            if told is None or told != take.receipt or (content := _content_of(take.path)) is None:
+                return False
+            if content != told.sha256:
+                changed.append(take.stem)
+            return content == told.sha256
+
+        leaving = takes_to_leave(takes, retention, free=free, need=need, now=now, is_safe=is_safe)
         used = sum(take.size for take in takes) - sum(take.size for take in leaving)
         for take in leaving:
             take.path.unlink(missing_ok=True)
@@ -208,7 +220,8 @@ class Spool:
                 self._file(take.sequence, "json").unlink(missing_ok=True)
         free = shutil.disk_usage(self.folder).free
         is_enough = used + need <= retention.quota_bytes and free - need >= retention.least_free_bytes
-        return Room(left=tuple(take.stem for take in leaving), used=used, free=free, is_enough=is_enough)
+        left = tuple(take.stem for take in leaving)
+        return Room(left=left, used=used, free=free, is_enough=is_enough, changed=tuple(changed))
 
     # --- the one that records -----------------------------------------------------------------------
 
@@ -355,6 +368,14 @@ def sha256_of(path: Path) -> str:
         while piece := file.read(PIECE):
             total.update(piece)
     return total.hexdigest()
+
+
+def _content_of(path: Path) -> str | None:
+    """Return the SHA-256 of a take that is here, None where it left meanwhile or the disk does not show it."""
+    try:
+        return sha256_of(path)
+    except OSError:
+        return None
 
 
 def _raise_what_the_disk_said(error: TakeError) -> None:

@@ -102,14 +102,25 @@ def prune_takes(
         raise SyncError("is no folder, so that no take is in it", where=told.spool, advice="check the path")
     retention = told.settings.retention
     if keep_days is not None:
+        if keep_days != keep_days:
+            raise typer.BadParameter("nan is no number of days", param_hint="'--keep-days'")
         retention = msgspec.structs.replace(retention, days=keep_days)
     if quota_mb is not None:
         retention = msgspec.structs.replace(retention, quota_bytes=quota_mb * 1_000_000)
     room = Spool(told.spool).make_room(retention, now=now_here(), url=told.settings.url)
     for stem in room.left:
         tell(f"{stem} left; its receipt says where it is")
+    for stem in room.changed:
+        tell(f"{stem} stays: it is not what the server verified any more; replace this device's disk")
     unsafe = sum(1 for _ in Spool(told.spool).waiting(told.settings.url))
-    know(left=list(room.left), used_bytes=room.used, free_bytes=room.free, is_enough=room.is_enough, unsafe=unsafe)
+    know(
+        left=list(room.left),
+        changed=list(room.changed),
+        used_bytes=room.used,
+        free_bytes=room.free,
+        is_enough=room.is_enough,
+        unsafe=unsafe,
+    )
     tell(f"{len(room.left)} left, {room.used / 1e6:.1f} MB of takes stay, {room.free / 1e9:.1f} GB are free")
     if not room.is_enough:
         tell(f"that is more than the configuration allows: {unsafe} takes are not safe on the server and stay")

@@ -6,10 +6,16 @@ import logging
 import os
 from pathlib import Path
 
+import msgspec
+
+from capture.appliance.config import SpoolPart
+from capture.appliance.last_good import told_spools
+from capture.appliance.spool import Spool
+from capture.appliance.sync_status import Fault, SyncStatus, read_status, write_status
 from capture.errors import SyncError
 from capture.sync.credentials import Credentials, find_credentials, leave_no_core_dump
-from capture.sync.rounds import Sync
-from capture.sync.settings import Told, load_settings
+from capture.sync.rounds import Sync, now_here
+from capture.sync.settings import DEFAULT_FILE, Told, load_settings
 from formats.errors import HangtimeError
 from formats.terminal import say
 
@@ -35,19 +41,52 @@ def start(command: str, config: Path, spool: Path | None) -> int:
     """Run `run`, `now` or `prove`; every error becomes one sentence and an exit code."""
     leave_no_core_dump()
     credentials = Credentials()
+    sync: Sync | None = None
     try:
         told = load_settings(config, spool)
         file = told.settings.credentials
         credentials = find_credentials(None if file is None else told.base / file)
         listen(credentials)
-        return work(command, Sync(told, credentials), told)
+        sync = Sync(told, credentials)
+        return work(command, sync, told)
     except HangtimeError as error:
         say(credentials.hide(f"hangtime sync: {error}"), is_error=True)
+        if sync is None and command == "run":
+            note_refusal(spool or _spool_of(config), error, credentials)
         return REFUSED
     except OSError as error:
         where = error.filename or "the folder of takes"
         say(f"hangtime sync: {where}: cannot be used ({error.strerror}); check the disk of this device", is_error=True)
         return REFUSED
+
+
+def note_refusal(spool: Path | None, error: HangtimeError, credentials: Credentials) -> None:
+    """Let the appliance's `status` say why nothing is sent: settings or credentials that do not hold."""
+    if spool is None or not spool.is_dir():
+        return
+    now = now_here().isoformat(timespec="seconds")
+    stands = read_status(spool)
+    if stands is None:
+        stands = SyncStatus(at=now, url="", device="", waiting=0, waiting_bytes=0, safe=0, is_encrypted=False)
+    before = stands.fault
+    sentence = error.what if error.where is None else f"{error.where}: {error.what}"
+    fault = Fault(
+        sentence=credentials.hide(sentence), advice=credentials.hide(error.advice),
+        since=before.since if before else now, tries=before.tries + 1 if before else 1,
+    )  # fmt: skip
+    waiting = Spool(spool).waiting()
+    write_status(
+        spool,
+        msgspec.structs.replace(
+            stands, at=now, fault=fault, waiting=len(waiting), waiting_bytes=sum(take.size for take in waiting)
+        ),
+    )
+
+
+def _spool_of(config: Path) -> Path | None:
+    """Return the spool of a file that does not hold; the usual one is of the usual file alone."""
+    usual = SpoolPart().folder
+    return next((one for one in told_spools(config) if one != usual or config == DEFAULT_FILE), None)
 
 
 def listen(credentials: Credentials) -> None:

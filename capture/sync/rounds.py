@@ -14,7 +14,7 @@ from capture.appliance.receipts import receipt_path, receipts
 from capture.appliance.spool import KeptTake, Spool
 from capture.appliance.sync_status import Fault, Proof, SyncStatus, only_sync, read_status, write_status
 from capture.errors import SyncError
-from capture.sync.bringing import Target, bring, has_changed
+from capture.sync.bringing import Target, bring, has_changed, read_back
 from capture.sync.credentials import Credentials
 from capture.sync.encryption import recipients_of
 from capture.sync.faults import ServerError
@@ -169,19 +169,31 @@ class Sync:
             "take-%06d was fetched from the server: %s", proof.sequence, proof.outcome,
         )  # fmt: skip
         if proof.is_bad:
-            self._send_again(proof.sequence)
+            self._doubt_all()
         return proof
 
-    def _send_again(self, sequence: int) -> None:
-        """Take the receipt from a take that is still here, so that the next round sends it."""
-        for take in self.spool.takes():
-            if take.sequence == sequence:
+    def _doubt_all(self) -> None:
+        """Look at the server for every take that is still here, and take the receipt from each that it does not have.
+
+        A server that lost one take may have lost others. Without a receipt none leaves, and the next round sends it.
+        """
+        is_asked = True
+        for take in self.spool.takes(self.target.url):
+            if take.receipt is None:
+                continue
+            try:
+                found = read_back(self.target.server, take.receipt.key) if is_asked else None
+            except ServerError:
+                found, is_asked = None, False
+            if found is None or found.sha256 != take.receipt.stored_sha256:
                 receipt_path(self.folder, take.stem).unlink(missing_ok=True)
 
     def _leave(self) -> None:
         room = self.spool.make_room(self.told.settings.retention, now=self.clock(), url=self.target.url)
         for stem in room.left:
             LOG.info("%s: left this device; it is safe on the server", stem)
+        for stem in room.changed:
+            LOG.warning("%s: stays; it is not what the server verified any more: replace this device's disk", stem)
 
     def _tidy(self) -> None:
         """Remove what an earlier process of sync was writing when it was ended."""

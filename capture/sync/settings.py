@@ -12,6 +12,7 @@ from typing import Any
 
 import msgspec
 
+from capture.appliance.receipts import DEFAULT_URL
 from capture.appliance.retention import Retention
 from capture.errors import SyncError
 from formats.errors import AddressError
@@ -39,7 +40,7 @@ class SyncSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     - `retention`: how long takes stay on the device
     """
 
-    url: str = "file:///var/lib/hangtime/server"
+    url: str = DEFAULT_URL
     device: str = ""
     endpoint: str | None = None
     region: str | None = None

@@ -7,7 +7,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from capture.appliance.config import Config, load, load_or_last_good
+from capture.appliance.config import Config, load
+from capture.appliance.last_good import copy_of, keep, last_good, load_or_last_good
 from formats.descriptions import dump_description
 from formats.errors import DescriptionError
 from tests.capture.appliance.virtual_appliance import RIG
@@ -102,8 +103,60 @@ def test_without_an_earlier_configuration_a_bad_one_is_an_error(file):
 
 def test_a_last_good_copy_that_was_spoilt_is_not_taken(file):
     load_or_last_good(file)
-    kept = file.parent / "takes/last-good.json"
+    kept = copy_of(file)
     kept.write_bytes(kept.read_bytes()[:-30])
     file.write_text(GOOD + "[buton]\n")
     with pytest.raises(DescriptionError, match="buton"):
         load_or_last_good(file)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[spool]\nfolder = 5\n", "a path must be a text that is not empty"),
+        ('[spool]\nfolder = ""\n', "a path must be a text that is not empty"),
+        ('[spool]\nfolder = "elsewhere"\nleast_free = 3\n', "unknown field `least_free`"),
+        ('[spool]\nfolder = "rig.toml"\n', "rig.toml is no folder"),
+        ('[spool]\nfolder = "rig.toml/takes"\n', "rig.toml is no folder"),
+        ("", "missing required field `sensor`"),
+        ("\0{{{", "is not valid TOML"),
+        (None, "cannot be read (No such file or directory)"),
+    ],
+    ids=["number", "empty", "other-and-typo", "file", "below-a-file", "nothing", "garbage", "gone"],
+)  # fmt: skip
+def test_the_last_good_one_is_found_without_the_spool_that_the_file_should_name(file, text, said):
+    good = load_or_last_good(file)
+    if text is None:
+        file.unlink()
+    else:
+        file.write_text(text and GOOD.partition("[spool]")[0] + text)
+    found = load_or_last_good(file)
+    assert said in str(found.refused)
+    assert (found.config, found.rig, found.garment) == (good.config, good.rig, good.garment)
+
+
+def test_the_copy_lies_in_the_units_folder_of_state(file, monkeypatch, tmp_path):
+    monkeypatch.setenv("STATE_DIRECTORY", f"{tmp_path / 'state'}:/var/lib/other")
+    load_or_last_good(file)
+    assert [path.name for path in (tmp_path / "state").iterdir()] == ["appliance.last-good.json"]
+    file.unlink()
+    assert load_or_last_good(file).config.spool.folder == file.parent / "takes"
+
+
+def test_where_nothing_can_be_written_beside_the_file_the_copy_is_in_the_spool(file, monkeypatch):
+    monkeypatch.setenv("STATE_DIRECTORY", str(file))  # a file: no folder can be made of it
+    load_or_last_good(file)
+    assert (file.parent / "takes/last-good.json").is_file()
+    file.write_text(GOOD + "[buton]\n")
+    assert load_or_last_good(file).refused is not None
+
+
+def test_a_configuration_replaces_the_copy_only_once_the_recorder_is_ready_with_it(file):
+    first = load_or_last_good(file)
+    file.write_text(GOOD + "[recording]\npre_roll_s = 3.0\n")
+    second = load_or_last_good(file)
+    file.write_text("")
+    assert load_or_last_good(file).config == first.config
+    keep(second, file)
+    assert load_or_last_good(file).config == second.config
+    assert last_good(file, DescriptionError("why")).refused.what == "why"

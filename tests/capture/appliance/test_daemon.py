@@ -181,6 +181,32 @@ def test_a_bad_configuration_at_the_start_is_shown_and_the_last_good_one_records
     assert recorded(appliance)["takes"] == 1
 
 
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ('[control]\ngroup = "no-such-group"\n', "there is no group 'no-such-group'"),
+        ('[control]\nsocket = "rig.toml"\n', "something else has this name"),
+        (f'[control]\nsocket = "{"x" * 200}"\n', "AF_UNIX path too long"),
+    ],
+    ids=["group", "file", "long"],
+)  # fmt: skip
+def test_a_socket_that_cannot_be_made_leaves_the_last_good_configuration_in_force(appliance, line, said):
+    appliance.start()
+    appliance.wait_for("armed")
+    appliance.kill(signal.SIGTERM)
+    good = appliance.config.read_text()
+    appliance.config.write_text(good.replace("[control]\n", line if "group" in line else "[control]\n"))
+    if "socket" in line:
+        appliance.config.write_text(good.replace('[control]\nsocket = "control.sock"\n', line))
+    for _ in range(2):  # the second start finds the copy that the first one left alone
+        appliance.start()
+        told = appliance.wait_for("armed")
+        (fault,) = told["faults"]
+        assert (fault["name"], fault["blocks"]) == ("config", False)
+        assert said in fault["sentence"]
+        appliance.kill(signal.SIGTERM)
+
+
 def test_a_take_in_which_the_hanger_was_hardly_seen_is_not_kept_and_says_why(tmp_path):
     wall = tmp_path / "wall.oni"
     draw_recording(wall, fps=5, seconds=2.0, has_hanger=False)

@@ -19,10 +19,10 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from capture.appliance import daemon
-from capture.appliance.config import load_or_last_good
 from capture.appliance.control import ControlServer
 from capture.appliance.daemon import Appliance
 from capture.appliance.disk import Disk
+from capture.appliance.last_good import load_or_last_good
 from capture.appliance.retention import Retention
 from capture.appliance.spool import Spool
 from capture.appliance.states import TRANSITIONS, State

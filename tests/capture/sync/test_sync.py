@@ -217,6 +217,32 @@ def test_a_proof_that_finds_damage_says_so_and_the_take_is_sent_again(tmp_path, 
     assert sync.prove().outcome == "sound"
 
 
+@pytest.mark.parametrize("is_encrypted", [False, True])
+def test_a_server_that_lost_takes_between_two_proofs_gets_them_again_and_none_leaves_meanwhile(
+    tmp_path, spool, is_encrypted
+):
+    """The proof draws one take of six; the five others must not leave for the receipts that they still have."""
+    import pyrage
+
+    takes = [record(spool, 40 + k, seed=k) for k in range(6)]
+    recipients = (str(pyrage.x25519.Identity.generate().to_public()),) if is_encrypted else ()
+    told = folder_of(tmp_path, spool, encrypt_to=recipients, retention=Retention(least_free_bytes=0))
+    assert sync_of(told)[0].once() is None
+    (there,) = (tmp_path / "server/box/2026-11-20").glob("000004-*")
+    for path in (tmp_path / "server").rglob("*.mcap*"):
+        if path != there:
+            path.unlink()
+    sync = sync_of(told)[0]
+    while not sync.prove().is_bad:
+        pass
+    assert [take.sequence for take in spool.waiting()] == [1, 2, 3, 5, 6]
+    assert spool.make_room(Retention(quota_bytes=0, least_free_bytes=0), now=NOW).left == ("take-000004",)
+    before = there.stat().st_mtime_ns
+    assert sync_of(told)[0].once() is None
+    assert len(on_server(tmp_path)) == len(takes)
+    assert there.stat().st_mtime_ns == before
+
+
 def test_verified_takes_leave_the_device_and_are_still_proved(tmp_path, spool, three):
     told = folder_of(tmp_path, spool, retention=Retention(quota_bytes=0, least_free_bytes=0))
     sync, _ = sync_of(told)

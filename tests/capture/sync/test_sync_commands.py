@@ -8,6 +8,8 @@ import msgspec
 import pytest
 
 from capture.appliance.retention import Retention
+from capture.appliance.sync_news import SyncNews
+from capture.appliance.sync_status import read_status
 from capture.errors import SyncError
 from capture.sync.settings import SyncSettings
 from tests.fit.here import hangtime_here
@@ -83,3 +85,53 @@ def test_a_configuration_that_does_not_hold_is_one_sentence_and_exit_code_2(tmp_
     done = hangtime("sync", "now", "--config", config)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert words in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("[sync", "appliance.toml: is not valid TOML"), ("[sync]\nurl = 1\n", "[sync] does not hold"),
+        ('[sync]\ncredentials = "gone.toml"\n', "gone.toml: the credentials cannot be read"),
+        ('[sync]\nurl = "ftp://x"\n', "neither a folder nor a bucket"),
+    ],
+    ids=["no-toml", "wrong-type", "no-credentials", "no-store"],
+)  # fmt: skip
+def test_the_appliances_status_says_why_the_unit_cannot_even_begin(tmp_path, spool, three, content, words):
+    """The unit runs `run`; a command that a person tries by hand tells the person alone."""
+    config = tmp_path / "appliance.toml"
+    config.write_text('[spool]\nfolder = "spool"\n' + content)
+    assert hangtime("sync", "now", "--config", config).returncode == 2
+    assert read_status(spool.folder) is None
+    for tries in (1, 2):
+        assert hangtime("sync", "run", "--config", config).returncode == 2
+        status = read_status(spool.folder)
+        assert (status.fault.tries, status.waiting) == (tries, 3)
+    news = SyncNews(spool.folder)
+    news.look()
+    assert "takes are not sent" in news.error.what
+    assert words in news.error.what
+    config.write_text(f'[spool]\nfolder = "spool"\n[sync]\nurl = "file://{tmp_path}/server"\n')
+    assert hangtime("sync", "run", "--config", config).returncode == 0
+    assert read_status(spool.folder).fault is None
+
+
+@pytest.mark.parametrize("days", ["inf", "1e300", "1000000000"])
+def test_any_number_of_days_is_one_and_nan_is_none(tmp_path, spool, three, days):
+    config = tmp_path / "appliance.toml"
+    config.write_text(f'[spool]\nfolder = "spool"\n[sync]\nurl = "file://{tmp_path}/server"\nretention.days = {days}\n')
+    assert hangtime("sync", "run", "--config", config).returncode == 0
+    assert "0 left" in hangtime("takes", "prune", "--config", config, "--keep-days", days).stdout
+    assert hangtime("takes", "prune", "--config", config, "--keep-days", "nan").returncode == 2
+    assert len(spool.takes()) == 3
+
+
+def test_a_take_that_is_not_what_the_server_verified_any_more_stays_and_is_named(tmp_path, spool, three):
+    config = tmp_path / "appliance.toml"
+    config.write_text(f'[spool]\nfolder = "spool"\n[sync]\nurl = "file://{tmp_path}/server"\n')
+    assert hangtime("sync", "run", "--config", config).returncode == 0
+    content = bytearray(three[1].path.read_bytes())
+    content[100] ^= 1
+    three[1].path.write_bytes(content)
+    told = hangtime("takes", "prune", "--config", config, "--quota-mb", 0).stdout
+    assert "take-000002 stays: it is not what the server verified any more; replace this device's disk" in told
+    assert [take.sequence for take in spool.takes()] == [2]

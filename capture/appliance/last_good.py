@@ -1,0 +1,100 @@
+"""The last configuration that held: its copy stays in force where the file, the rig or the garment does not hold.
+
+The copy lies in the folder of state that systemd gives the unit (`man 5 systemd.exec`, StateDirectory=), else beside
+the file. The file that does not hold is not needed to find it. Where this place cannot be written, the copy lies in the
+spool; older versions put every copy there.
+
+A configuration replaces the copy once the recorder is ready with it: sensor, spool and socket are then what the file
+says. The first one is copied at once.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from capture.appliance.config import InForce, SpoolPart, converted, load
+from formats.descriptions import check_garment, check_rig
+from formats.errors import DescriptionError, HangtimeError
+from formats.garment import Garment
+from formats.rig import Rig
+from formats.whole_files import make_folders, write_whole
+
+IN_SPOOL = "last-good.json"
+
+
+def load_or_last_good(path: Path) -> InForce:
+    """Read a configuration; where it does not hold, return the last good one.
+
+    Raises:
+        DescriptionError: the file does not hold and there is no earlier one.
+    """
+    try:
+        found = load(path)
+    except DescriptionError as refused:
+        return last_good(path, refused)
+    if _read(copy_of(path), DescriptionError("")) is None:
+        keep(found, path)
+    return found
+
+
+def last_good(path: Path, refused: HangtimeError) -> InForce:
+    """Return the last good configuration; refused: why the file is not taken.
+
+    Raises:
+        HangtimeError: `refused`, where there is no earlier configuration.
+    """
+    for copy in (copy_of(path), *(spool / IN_SPOOL for spool in told_spools(path))):
+        if (found := _read(copy, refused)) is not None:
+            return found
+    raise refused
+
+
+def keep(found: InForce, path: Path) -> None:
+    """Copy a configuration that holds; a disk that is full keeps the copy before."""
+    content = msgspec.json.encode(
+        {"config": found.config, "rig": found.rig, "garment": found.garment}, enc_hook=lambda path: str(path)
+    )
+    for copy in (copy_of(path), found.config.spool.folder / IN_SPOOL):
+        with contextlib.suppress(OSError):
+            if not copy.is_file() or copy.read_bytes() != content:
+                make_folders(copy.parent)
+                write_whole(copy, content)
+            return
+
+
+def copy_of(path: Path) -> Path:
+    """Return where the copy of a configuration file lies."""
+    state = os.environ.get("STATE_DIRECTORY", "").split(":")[0]  # several are separated by colons
+    return (Path(state) if state else path.absolute().parent) / f"{path.stem}.last-good.json"
+
+
+def told_spools(path: Path) -> list[Path]:
+    """Return where the spool may be, likeliest first: where the file says, then the usual one.
+
+    A file that is no TOML is searched for the line.
+    """
+    usual = SpoolPart().folder
+    try:
+        told = re.search(r"^\s*folder\s*=\s*(?:\"([^\"\0]+)\"|'([^'\0]+)')", path.read_text(), re.MULTILINE)
+    except (OSError, ValueError):
+        return [usual]
+    return [path.absolute().parent / (told[1] or told[2]), usual] if told else [usual]
+
+
+def _read(copy: Path, refused: HangtimeError) -> InForce | None:
+    """Return the configuration of a copy, None where there is none or it was spoilt."""
+    try:
+        whole = msgspec.json.decode(copy.read_bytes(), type=dict[str, Any])
+        config = converted(whole["config"], copy.parent)
+        rig, garment = msgspec.convert(whole["rig"], Rig), msgspec.convert(whole["garment"], Garment)
+        check_rig(rig, copy)
+        check_garment(garment, copy)
+    except (OSError, msgspec.MsgspecError, KeyError, RecursionError, DescriptionError):
+        return None
+    return InForce(config, rig, garment, refused)

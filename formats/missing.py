@@ -19,7 +19,11 @@ def missing_words(take: Take, spans: Sequence[Span] | None = None) -> str:
     """
     found = take.missing if spans is None else spans
     origin = origin_of(take, found)
-    words = [_span(begin - origin, end - origin) for begin, end in found]
+    return listed([_span(begin - origin, end - origin) for begin, end in found])
+
+
+def listed(words: list[str]) -> str:
+    """Return `a, b and c`; of many spans only the first, and how many more there are."""
     if len(words) > MOST_SPANS:
         words = [*words[: MOST_SPANS - 1], f"{len(words) - MOST_SPANS + 1} more spans"]
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

@@ -80,8 +80,9 @@ def _gaps(recordings: Sequence[Recording]) -> list[CameraFinding]:
         times = "once" if len(recording.gaps) == 1 else f"{len(recording.gaps)} times"
         found.append(CameraFinding(
             name="hanger_gap", take_ids=[recording.take_id], figure=longest, unit="s", sentence=(
-                f"In {recording.take_id} the hanger is lost {times}, up to {longest:.2f} s, first at {begin:.2f} s: "
-                "both sides are used, and the cloth is not judged until it has forgotten what nobody saw."),
+                f"In {recording.take_id} the hanger's path is lost {times}, up to {longest:.2f} s, "
+                f"first at {begin:.2f} s: both sides are used, and the cloth is not judged until it has forgotten "
+                "what nobody saw."),
         ))  # fmt: skip
     return found
 

@@ -1,10 +1,11 @@
-"""Choose the used part of a damaged take: the stretch without a hole that is judged for longest.
+"""Choose the used part of a damaged take: the stretches between its holes that are worth their simulation.
 
-A take whose first frames are lost has one stretch, and its beginning is as unknown as after a hole.
+The hanger's path is led across a hole of more than `LONGEST_GAP` seconds, as `fit.recordings.hanger_path` does where
+the hanger was not seen. The cloth is not judged there, nor in the `SETTLING_TIME` after it. Hence a hole is bridged
+only where the stretch beyond it is judged for longer than the hole lasts.
 
-The hanger's path is unknown across a hole of more than `LONGEST_GAP` seconds, so nothing bridges such a hole. A stretch
-that begins in the middle of a swing begins with cloth of unknown state. The first seconds of this stretch drive the
-simulation and are not judged.
+A take whose first frames are lost begins with cloth of unknown state, and so does one whose used part begins at a
+hole. Its first seconds drive the simulation and are not judged, unless the hanger rests there.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from formats.missing import missing_words, origin_of
+from formats.missing import listed, missing_words, origin_of
 from formats.take import LONGEST_GAP, Take
 
 SETTLING_TIME = 2.5  # s after which 4 % are left of a swing that decays with 1.25 /s, as a real hanging cloth did
@@ -40,20 +41,44 @@ def stretches(take: Take) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(edges) if b > a]
 
 
-def longest_intact(take: Take) -> Take:
-    """Return the stretch of a take without a hole that is judged for longest; the whole take where it has none."""
+def intact_part(take: Take) -> Take:
+    """Return the used stretches of a take, in one; the whole take where nothing is left out and its beginning is known.
+
+    Points that are seen before the state of the cloth follows from the path of its held ends are not valid.
+    """
     found = stretches(take)
     if len(found) < 2 and not _is_unknown(take, found[0]):
         return take
-    longest = max(found, key=lambda part: take.time[part.stop - 1] - _judged_from(take, part))
-    kept = {name: values[longest] for name in FRAME_FIELDS if (values := getattr(take, name)) is not None}
+    used = _worth_their_holes(take, found)
+    begin, rows = _judged_from(take, used[0]), slice(used[0].start, used[-1].stop)
+    kept = {name: values[rows] for name in FRAME_FIELDS if (values := getattr(take, name)) is not None}
     valid = kept["points_valid"].copy()
-    valid[kept["time"] < _judged_from(take, longest)] = False
+    valid[kept["time"] < begin] = False
     return replace(take, **{**kept, "points_valid": valid})
 
 
+def _worth_their_holes(take: Take, found: list[slice]) -> list[slice]:
+    """Return the neighbouring stretches whose judged time less the time of the holes between them is largest.
+
+    Source: Kadane's algorithm, J. Bentley, "Programming pearls", Commun. ACM 27 (1984) 865.
+    """
+    best, here, begin, chosen = -math.inf, -math.inf, 0, slice(0, 1)
+    for k, part in enumerate(found):
+        end = float(take.time[part.stop - 1])
+        alone = end - _judged_from(take, part)
+        hole = float(take.time[part.start] - take.time[part.start - 1]) if k else 0.0
+        joined = here + max(end - float(take.time[part.start]) - SETTLING_TIME, 0.0) - hole
+        if k and joined > alone:
+            here = joined
+        else:
+            here, begin = alone, k
+        if here > best:
+            best, chosen = here, slice(begin, k + 1)
+    return found[chosen]
+
+
 def _judged_from(take: Take, part: slice) -> float:
-    """Return from when on [s of the sensor's clock] what the cloth does follows from the path of its held ends."""
+    """Return from when on [s of the sensor's clock] the cloth is judged in a used part that begins with a stretch."""
     begin = float(take.time[part.start])
     return begin + SETTLING_TIME if _is_unknown(take, part) and not _begins_at_rest(take, part) else begin
 
@@ -76,14 +101,17 @@ def describe_missing(takes: Sequence[Take]) -> list[str]:
     for take in takes:
         if take.is_complete:
             continue
-        used = longest_intact(take)
+        used = intact_part(take)
         words = missing_words(take) or "its end was never written"
         note = f"Warning: the take {take.take_id} {IS_INCOMPLETE}{len(take.time)} frames are left; missing: {words})"
-        if len(used.time) < len(take.time):
-            origin = origin_of(take)
-            note += f"; used: {used.time[0] - origin:.2f} to {used.time[-1] - origin:.2f} s"
+        parts, origin = stretches(used), origin_of(take)
+        if len(parts) > 1 or len(used.time) < len(take.time):
+            spans = [f"{used.time[p.start] - origin:.2f} to {used.time[p.stop - 1] - origin:.2f} s" for p in parts]
+            note += f"; used: {listed(spans)}"
         if np.count_nonzero(used.points_valid) < np.count_nonzero(take.points_valid[_rows_of(used, take)]):
             note += f"; its first {SETTLING_TIME:g} s are not judged, as how the cloth hung there is lost"
+        if len(parts) > 1:
+            note += f"; {SETTLING_TIME:g} s after a hole are not judged, as how the hanger moved there is lost"
         found.append(note + ".")
     return found
 

@@ -33,7 +33,7 @@ from fit.recordings.grids import Grid, grid_of, length_seen
 from fit.recordings.hanger_path import check_path, gaps_of, held_curve, is_known, led_across
 from fit.recordings.held_edge import FEWEST_FRAMES, HeldEdge, place_along
 from fit.recordings.impossible_points import MOST_LEFT_OUT, find_impossible
-from fit.recordings.intact import longest_intact
+from fit.recordings.intact import intact_part
 from fit.recordings.smoothing import best_cut_off, smoothing_spline
 from formats.arrays import Booleans, Floats
 from formats.garment import Garment
@@ -202,15 +202,15 @@ def world_from_sensor(gravity: tuple[float, float, float]) -> Floats:
 def prepare(take: Take, steps: CameraSteps = EVERY_STEP) -> Recording:
     """Turn a take into a recording that can be simulated, from the first to the last sight of the hanger.
 
-    Of a take with holes only the longest intact stretch is used. Both sides of a gap in the hanger's path are
-    used, and the cloth is not judged until it has forgotten the gap. The camera's faults are taken out
-    (`fit.recordings.camera`).
+    Both sides of a gap in the hanger's path are used, and the cloth is not judged until it has forgotten the gap. Of
+    a take with holes only the stretches that are worth it are used (`fit.recordings.intact`). The camera's faults are
+    taken out (`fit.recordings.camera`).
 
     Raises:
         DriveError: the hanger's path has a jump, or is hardly seen.
         FitError: too few frames or points, or a body of the rig that the held edge passes through.
     """
-    take = longest_intact(take)
+    take = intact_part(take)
     if len(take.time) < FEWEST_FRAMES:
         raise FitError(
             f"the take has {len(take.time)} frames, at least {FEWEST_FRAMES} are needed",

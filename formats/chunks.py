@@ -38,6 +38,7 @@ class Findings:
 
     damaged: int = 0
     is_whole: bool = False  # it ends as MCAP files do
+    trailing: int = 0  # bytes behind that end
     other_compressions: set[str] = field(default_factory=set)
     unpacked: int = 0  # bytes
     records: int = 0  # within chunks
@@ -57,7 +58,8 @@ def messages_in(raw: bytes, findings: Findings) -> Iterator[bytes]:
     """Yield the data of every message in every sound chunk, in the order of the file; go on after damage.
 
     A record that holds no frames is skipped by its length. Where a chunk seems to begin within it, that length is
-    damaged. The time is linear in the file's length and in its unpacked length. A file that unpacks to more than any
+    damaged. Behind the end of the file sound chunks are found too, and everything else there is no damage: it is
+    trailing. The time is linear in the file's length and in its unpacked length. A file that unpacks to more than any
     take of its size, or to more records, is read up to that limit.
     """
     at = len(MCAP_MAGIC) if raw.startswith(MCAP_MAGIC) else 0
@@ -76,11 +78,11 @@ def messages_in(raw: bytes, findings: Findings) -> Iterator[bytes]:
             was_sound = True
             yield from _message_data(records, findings, most_records)
         elif opcode in KNOWN and is_within and end - at <= LONGEST_RECORD and starts.next_at(at + 1) >= end:
-            if opcode == Opcode.FOOTER and raw[end:] == MCAP_MAGIC:
-                findings.is_whole = True
-                return
+            if opcode == Opcode.FOOTER and raw.startswith(MCAP_MAGIC, end):
+                end += len(MCAP_MAGIC)
+                findings.is_whole, findings.trailing = True, findings.trailing or len(raw) - end
         else:
-            findings.damaged += was_sound and is_within
+            findings.damaged += was_sound and is_within and not findings.trailing
             was_sound = False
             at = starts.next_at(at + 1)
             continue

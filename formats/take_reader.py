@@ -22,35 +22,13 @@ from formats.rig import Rig
 from formats.surface import SurfaceScan, decode_scan, places_of
 from formats.table_memory import TableMemory
 from formats.take import Span, Take
+from formats.take_report import TakeReport
 from formats.take_writer import MOST_HEADER_BYTES, PROFILE, VERSION, binding_of
 
 LARGEST_FILE = 1 << 30  # bytes: ten hours of 81 markers at 120 frames a second are half of it
 SEARCHED_BYTES = 1 << 22  # bytes of a file of another profile: a take's header comes again and again
 MOST_CONTAINERS = 20_000  # maps and lists of a message: a garment of 2000 points has a third of them
 NO_TAKE = "give a file that `hangtime record` or `hangtime import` wrote"
-
-
-@dataclass(frozen=True, kw_only=True)
-class TakeReport:
-    """The findings of `verify_take`: numbers of what is there, damaged and missing.
-
-    - `missing_frames`: None where the end of the take is not known
-    - `spans`: as `formats.take.Take.missing`, without those that an earlier file of this take had lost
-    """
-
-    frames: int
-    blocks: int
-    scans: int
-    damaged_blocks: int
-    is_complete: bool
-    missing_frames: int | None
-    missing_scans: int
-    spans: tuple[Span, ...]
-
-    @property
-    def is_sound(self) -> bool:
-        """True for a finished take without damage or missing parts."""
-        return self.is_complete and not (self.damaged_blocks or self.missing_frames or self.missing_scans)
 
 
 def read_take(path: Path) -> Take:
@@ -168,7 +146,7 @@ def _read(raw: bytes, path: object) -> tuple[Take, TakeReport]:
     )  # fmt: skip
     return take, TakeReport(
         frames=len(take.time), blocks=len(kept), scans=len(scans), damaged_blocks=damaged, is_complete=end is not None,
-        missing_frames=missing_frames, missing_scans=lacks_scans, spans=spans,
+        missing_frames=missing_frames, missing_scans=lacks_scans, spans=spans, trailing_bytes=findings.trailing,
     )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from formats.telling import tell, tell_entry
 
 if TYPE_CHECKING:  # reading takes needs numpy, and --help does not
     from formats.take import Take
-    from formats.take_reader import TakeReport
+    from formats.take_report import TakeReport
 
 Takes = Annotated[list[Path], typer.Argument(metavar="TAKE", help="Take archives (.mcap).")]
 
@@ -60,7 +60,7 @@ def list_takes(
             all_read = False
             continue
         length = float(take.time[-1] - take.time[0])
-        state = _word(report.is_sound, report.damaged_blocks)
+        state = _word(report)
         lost = " and ".join(filter(None, [missing_words(take), _lost_scans(report) if report.missing_scans else ""]))
         tell_entry(
             "takes",
@@ -102,7 +102,7 @@ def verify_takes(paths: Takes) -> None:
     from formats.archive import read_with_report
     from formats.errors import TakeError
     from formats.missing import missing_words
-    from formats.plain_text import plain
+    from formats.plain_text import counted, plain
 
     all_sound = True
     for path in paths:
@@ -120,16 +120,19 @@ def verify_takes(paths: Takes) -> None:
             rest += f"; missing: {missing_words(take, report.spans)}{frames}"
         if report.missing_scans:
             rest += f"; missing: {_lost_scans(report)}"
+        if report.trailing_bytes:
+            rest += f"; {counted(report.trailing_bytes, 'byte')} follow{'s' * (report.trailing_bytes == 1)} its end"
         if not report.is_sound:
             rest += "; `hangtime takes recover` makes a sound file"
         elif take.missing:
             rest = f"; an earlier file had lost {missing_words(take)}"
-        word = _word(report.is_sound, report.damaged_blocks)
+        word = _word(report)
         tell_entry(
             "takes", f"{word:<11} {plain(path)}: {report.frames} frames in {report.blocks} blocks{rest}",
             file=str(path), state=word, frames=report.frames, blocks=report.blocks,
             damaged_blocks=report.damaged_blocks, missing_frames=report.missing_frames,
-            missing_scans=report.missing_scans, is_complete=take.is_complete, missing=missing_words(take),
+            missing_scans=report.missing_scans, trailing_bytes=report.trailing_bytes, is_complete=take.is_complete,
+            missing=missing_words(take),
         )  # fmt: skip
         all_sound &= report.is_sound
     if not all_sound:
@@ -140,8 +143,8 @@ def _lost_scans(report: TakeReport) -> str:
     return f"{report.missing_scans} scan{'s' if report.missing_scans > 1 else ''} of the surface"
 
 
-def _word(is_sound: bool, damaged: int) -> str:
-    return "sound" if is_sound else "damaged" if damaged else "incomplete"
+def _word(report: TakeReport) -> str:
+    return "sound" if report.is_sound else "damaged" if report.is_damaged else "incomplete"
 
 
 def recover_takes(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import struct
 import time
 import tracemalloc
@@ -14,10 +15,11 @@ import numpy as np
 import pytest
 import zstandard
 
-from formats.archive import read_take, take_of, verify_take, write_take
+from formats.archive import read_take, read_with_report, take_of, verify_take, write_take
 from formats.chunks import Findings, messages_in
 from formats.errors import TakeError
 from formats.surface import places_of
+from tests.fit.here import hangtime_here
 from tests.formats.damage import PAGE, chunks_of, damaged, is_wrong
 from tests.formats.test_archive import a_scan, a_take
 
@@ -158,6 +160,37 @@ def test_a_file_that_is_cut_behind_its_last_message_lacks_nothing_and_is_not_sou
     report = verify_take(path)
     assert (report.frames, report.missing_frames, report.damaged_blocks, report.is_sound) == (150, 0, 1, False)
     assert read_take(path).is_complete
+
+
+@pytest.mark.parametrize("kind", ["itself", "itself twice", "zeros", "noise", "a byte", "another take"])
+def test_what_follows_the_end_of_a_take_is_counted_and_no_frame_is_lost(kind, raw, tmp_path):
+    """All 150 frames are there once, whatever comes behind them."""
+    other = write_take(tmp_path / "b.mcap", replace(a_take(frames=60), take_id="b")).read_bytes()
+    noise = np.random.default_rng(1).bytes(5000)
+    behind = {
+        "itself": raw, "itself twice": raw + raw, "zeros": bytes(4096), "noise": noise, "a byte": b"x",
+        "another take": other,
+    }[kind]  # fmt: skip
+    path = tmp_path / "a.mcap"
+    path.write_bytes(raw + behind)
+    take, report = read_with_report(path)
+    assert np.array_equal(take.time, take_of(raw, path).time)
+    assert take.is_complete
+    assert (report.frames, report.trailing_bytes, report.is_sound) == (150, len(behind), False)
+    assert report.damaged_blocks == (3 if kind == "another take" else 0)  # two blocks and the end of the other
+    said = hangtime_here("takes", "verify", "a.mcap", folder=tmp_path)
+    assert said.returncode == 2
+    assert re.search(
+        rf"^damaged +a.mcap: 150 frames in 5 blocks.*; {len(behind)} bytes? follows? its end; ", said.stdout
+    )
+
+
+def test_frames_that_were_lost_are_taken_from_a_copy_behind_the_end(raw, tmp_path):
+    begin, end, _ = [chunk for chunk in chunks_of(raw) if "table" in chunk[2]][1]
+    path = tmp_path / "a.mcap"
+    path.write_bytes(raw[: begin + 60] + bytes(end - begin - 60) + raw[end:] + raw)
+    report = verify_take(path)
+    assert (report.frames, report.missing_frames, report.trailing_bytes) == (150, 0, len(raw))
 
 
 def test_a_chunk_without_a_checksum_is_not_believed(raw):

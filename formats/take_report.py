@@ -1,0 +1,37 @@
+"""Report how much of a take archive is there, damaged and missing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from formats.take import Span
+
+
+@dataclass(frozen=True, kw_only=True)
+class TakeReport:
+    """The findings of `formats.archive.verify_take`: numbers of what is there, damaged and missing.
+
+    - `missing_frames`: None where the end of the take is not known
+    - `spans`: as `formats.take.Take.missing`, without those that an earlier file of this take had lost
+    - `trailing_bytes`: that follow the end of the archive, and belong to something else or come twice
+    """
+
+    frames: int
+    blocks: int
+    scans: int
+    damaged_blocks: int
+    is_complete: bool
+    missing_frames: int | None
+    missing_scans: int
+    spans: tuple[Span, ...]
+    trailing_bytes: int
+
+    @property
+    def is_sound(self) -> bool:
+        """True for a finished take without damage or missing parts, behind which nothing follows."""
+        return self.is_complete and not (self.is_damaged or self.missing_frames or self.missing_scans)
+
+    @property
+    def is_damaged(self) -> bool:
+        """True where a block does not hold, or where something follows the end of the archive."""
+        return self.damaged_blocks > 0 or self.trailing_bytes > 0

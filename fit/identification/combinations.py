@@ -10,6 +10,7 @@ The interval is built as a parameter's (`fit.search.intervals`). A combination i
 data shrink its deviation to at most half of the ranges' own. Its 90 % interval ends above 0, for no combination can be
 negative. A combination that hangs on one parameter is not identified where that parameter is not. Its interval then
 reaches as far as that parameter's, for the slope at a bound tells too little.
+A combination that is such a parameter itself has this parameter's own interval.
 
 Source: P. R. Bevington, D. K. Robinson, "Data Reduction and Error Analysis for the Physical Sciences", section 3.2
 (propagation of error).
@@ -76,10 +77,13 @@ def describe_combinations(
         if not is_identified and len(unknown):
             reached = at_ends[..., k][:, slope[unknown] != 0]
             low, high = float(np.min(reached, initial=low)), float(np.max(reached, initial=high))
+        alone = np.flatnonzero(slope)
+        if len(alone) == 1 and np.isclose(slope[alone[0]], 1.0) and hangs_on_unknown:  # it is that parameter
+            low, high = intervals.ends[alone[0]]
         found.append(
             Combination(
                 name=name, unit=unit, initial=float(before[k]), fitted=float(after[k]),
-                interval_low=max(low, 0.0), interval_high=high, is_identified=is_identified,
+                interval_low=max(float(low), 0.0), interval_high=float(high), is_identified=is_identified,
             )
         )  # fmt: skip
     return found

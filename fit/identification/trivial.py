@@ -66,7 +66,7 @@ def describe_trivial(after: float, figures: Sequence[TrivialFigure], *, is_held_
         return ""
     least, name = min(errors)
     where = "held out" if is_held_out else "on the takes it was fitted to"
-    words = f"{1e3 * after:.1f} mm {where}, a rigid sheet ({name}) {1e3 * least:.1f} mm"
+    words = f"{1e3 * after:.1f} mm {where}, a rigid sheet ({name}) {1e3 * least:.1f} mm (mean distance of all points)"
     if after > least:
         return f"Warning: the fit does not beat a trivial predictor: {words}. Its parameters tell nothing of the cloth."
     if after > (1 - HARDLY) * least:

@@ -114,12 +114,13 @@ def _fit_rows(fit: object) -> dict[str, str]:
     rows["takes held out"] = ", ".join(fit.held_out_ids) or "none"
     for parameter in fit.parameters:
         unit = "" if parameter.unit in ("", "1") else f" [{parameter.unit}]"
-        rows[f"{parameter.name}{unit}"] = _value(parameter.fitted, _ends(parameter), parameter.is_identified)
+        rows[f"{_words(parameter.name)}{unit}"] = _value(parameter.fitted, _ends(parameter), parameter.is_identified)
     for c in fit.combinations:
-        rows[f"{c.name} [{c.unit}]"] = _value(c.fitted, (c.interval_low, c.interval_high), c.is_identified)
+        one = _value(c.fitted, (c.interval_low, c.interval_high), c.is_identified)
+        rows.setdefault(f"{c.name} [{c.unit}]", one)  # a damping is a parameter of `si` too
     for name, before, after in (
-        ("mean error, takes fitted to", fit.error.train_before, fit.error.train_after),
-        ("mean error, takes held out", fit.error.held_out_before, fit.error.held_out_after),
+        ("mean distance of all points, takes fitted to", fit.error.train_before, fit.error.train_after),
+        ("mean distance of all points, takes held out", fit.error.held_out_before, fit.error.held_out_after),
     ):
         rows[name] = _change(before, after)
     rows["simulations"] = f"{fit.simulations} in {fit.seconds:.0f} s"
@@ -185,6 +186,10 @@ def _value(value: float, ends: tuple[float, float] | None, is_identified: bool |
     return f"{number(value)} ({interval(ends)})" if ends else number(value)
 
 
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
 def _change(before: ErrorFigure | None, after: ErrorFigure | None) -> str:
     if before is None or after is None:
         return NONE
@@ -196,9 +201,10 @@ def _agree(label: str, fits: Sequence[Compared]) -> str:
     found = []
     for fit in fits:
         assert isinstance(fit, FitResult)
-        every = [(p.name, p.unit, _ends(p)) for p in fit.parameters]
-        every += [(c.name, c.unit, (c.interval_low, c.interval_high)) for c in fit.combinations]
-        found += [ends for name, unit, ends in every if label in (name, f"{name} [{unit}]") and ends is not None]
+        every = [(c.name, c.unit, (c.interval_low, c.interval_high)) for c in fit.combinations]
+        every += [(_words(p.name), p.unit, ends) for p in fit.parameters if (ends := _ends(p)) is not None]
+        named = {label: ends for name, unit, ends in every for label in (name, f"{name} [{unit}]")}
+        found += [named[label]] if label in named else []
     if len(found) < len(fits):
         return ""
     return "yes" if max(low for low, _ in found) <= min(high for _, high in found) else "no"

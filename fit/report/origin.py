@@ -84,5 +84,6 @@ def _calibration(rig: Rig) -> str:
     found = rig.calibration
     if found is None:
         return "none" if rig.sensor is not None else "as the imported file states"
-    scale = "not measured" if found.depth_scale_sd is None else f"± {100 * found.depth_scale_sd:.1f} %"
-    return f"gravity from {found.gravity_from or 'nothing'}; depth scale {found.depth_scale:.4f} ({scale})"
+    scale = "not measured" if found.depth_scale_sd is None else f"± {100 * found.depth_scale_sd:.2g} %"
+    gravity = f"from the {found.gravity_from}" if found.gravity_from else "as the rig's file states"
+    return f"gravity {gravity}; depth scale {found.depth_scale:.4f} ({scale})"

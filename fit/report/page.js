@@ -15,7 +15,7 @@
 
   function readColours() {
     const style = getComputedStyle(document.documentElement), get = (name) => style.getPropertyValue(name).trim();
-    for (const name of ["ink", "soft", "line", "real", "before", "after", "effect", "fit", "cloth", "cloth-back", "low", "high", "unknown"]) colours[name] = get(`--${name}`);
+    for (const name of ["ink", "soft", "line", "real", "before", "after", "effect", "fit", "cloth", "cloth-back", "low", "high", "unknown", "faint"]) colours[name] = get(`--${name}`);
     colours.with_effect = colours.effect; colours.base = colours.after;
   }
 
@@ -110,6 +110,7 @@
     if (state.cloth !== "error" || !motion.points[state.run] || !motion.meshes[state.run]) return;
     const long = 110, left = width - long - 18, shade = ink.createLinearGradient(left, 0, left + long, 0);
     shade.addColorStop(0, colours.low); shade.addColorStop(1, colours.high);
+    ink.fillStyle = colours.faint; ink.globalAlpha = 0.8; ink.fillRect(left - 6, height - 44, long + 12, 36); ink.globalAlpha = 1;
     ink.fillStyle = shade; ink.fillRect(left, height - 22, long, 8);
     ink.strokeStyle = colours.soft; ink.lineWidth = 0.8; ink.strokeRect(left, height - 22, long, 8);
     ink.fillStyle = colours.soft; ink.font = "12px system-ui, sans-serif";

@@ -16,6 +16,7 @@ from fit.report.motion import ReportMotion
 from fit.report.origin import Origin
 from fit.report.packing import pack_motions
 from fit.report.templating import render
+from fit.report.text import instant
 from formats.diagnosis_records import Diagnosis
 from formats.fit_records import FitResult
 from formats.whole_files import write_whole
@@ -89,11 +90,11 @@ def _page(
         "next": sections.next_experiment(diagnosis),
         "gates": sections.gates(diagnosis),
         "cost": sections.cost(fit, diagnosis),
-        "reading": sections.reading(),
+        "reading": sections.reading(diagnosis),
         "origin": sections.origin(origin),
     }
     takes = _takes(fit, diagnosis, motions)
-    created = next((record.created for record in (diagnosis, fit) if record is not None), "")
+    created = next((instant(record.created) for record in (diagnosis, fit) if record is not None), "")
     data = json.dumps(packed, allow_nan=False, separators=(",", ":"))
     return render(
         "page.html",

@@ -28,7 +28,7 @@ from fit.report.motion import RUNS, ReportMotion, rms_of
 from fit.report.origin import Origin
 from fit.report.tables import effect_table, parameter_table
 from fit.report.templating import NOTHING, piece
-from fit.report.text import MISSING, duration, number, percent, words
+from fit.report.text import MISSING, duration, instant, number, percent, words
 from formats.arrays import Floats
 from formats.diagnosis_records import Diagnosis, Gate, MissingForce
 from formats.fit_records import ErrorFigure, FitResult
@@ -150,11 +150,12 @@ def parameters(fit: FitResult | None, diagnosis: Diagnosis | None) -> Markup:
 
 
 def _meanings(fit: FitResult) -> dict[str, str]:
-    """Return what the parameters of a fit's method mean, by name; nothing for a method that is not known."""
+    """Return what a fit's parameters mean, by name; for a method that is not known, those of effects alone."""
+    sizes = {p.name: meaning_of(p.name.partition(".")[0], p.fitted) for p in fit.parameters}
     try:
-        return {p.name: p.meaning for p in find_method(fit.method).parameters}
+        return sizes | {p.name: p.meaning for p in find_method(fit.method).parameters}
     except FitError:
-        return {}
+        return sizes
 
 
 def _size(name: str, amplitude: float) -> str:
@@ -262,8 +263,11 @@ def cost(fit: FitResult | None, diagnosis: Diagnosis | None) -> Markup:
     for name, record in both:
         figures.append((f"takes of the {name}", ", ".join(record.take_ids) or MISSING))
         figures.append((f"held-out takes of the {name}", ", ".join(record.held_out_ids) or "none"))
-        figures.append((f"{name} made", record.created))
+        figures.append((f"{name} made", instant(record.created)))
         notes += [note for note in record.notes if note not in notes]
+    names = [p.name for p in (fit.parameters if fit is not None else [])]
+    for name in sorted(names, key=len, reverse=True):
+        notes = [note.replace(name, name.replace("_", " ")) for note in notes]
     return pairs(figures) + (piece("parts.html", "notes", notes) if notes else NOTHING)
 
 
@@ -280,7 +284,7 @@ def next_experiment(diagnosis: Diagnosis | None) -> Markup:
     return Markup("<p>{}</p>").format(found.sentence) + pairs(figures)
 
 
-HOW_TO_READ = {
+OF_A_DIAGNOSIS = {
     "Gap": "The error of the simulation on motion that was not used to fit it, as far as it is larger than the "
     "sensor's noise. Below the noise floor nothing can be seen and nothing is claimed.",
     "Gap closed": "How much of the gap disappears once an effect is modelled and everything is fitted again, on motion "
@@ -290,13 +294,18 @@ HOW_TO_READ = {
     "p": "How often data without the effect would look this much like it.",
     "Smallest that would show": "The weakest amplitude that this recording could have revealed. An effect that was not "
     "found may still be there below this.",
+}
+OF_PARAMETERS = {
+    "90 % interval": "Values that follow the takes about as well as the fitted one; the cloth's own lies there with a "
+    "probability of 90 %.",
+    "Held out": "Motion that no fit has seen. An error on motion used to fit flatters.",
     "Not identified": "Other parameters can make up for this one in this recording; its value says little.",
 }
 
 
-def reading() -> Markup:
-    """Return how to read the page."""
-    return piece("parts.html", "reading", HOW_TO_READ)
+def reading(diagnosis: Diagnosis | None) -> Markup:
+    """Return how to read the page: its words, and no others."""
+    return piece("parts.html", "reading", (OF_A_DIAGNOSIS if diagnosis is not None else {}) | OF_PARAMETERS)
 
 
 def origin(found: Origin | None) -> Markup:

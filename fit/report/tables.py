@@ -62,9 +62,10 @@ def _parameter_row(row: FitParameter, meaning: str) -> Markup:
             low, high, at = math.log(low), math.log(high), math.log(at)
         return 100 * (at - low) / (high - low) if high > low else 50.0
 
-    parts = [
-        meaning if meaning not in row.note else "", "not identified" if row.is_identified is False else "", row.note
-    ]  # fmt: skip
+    said = (
+        "" if meaning and row.note.lower().rstrip(".") == words(row.name) else row.note
+    )  # an effect's title is its name
+    parts = [meaning if meaning not in said else "", "not identified" if row.is_identified is False else "", said]
     about = ". ".join(part[0].upper() + part[1:].rstrip(".") for part in parts if part)
     within = None
     if ends is not None:

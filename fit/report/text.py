@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from datetime import UTC, datetime
 
 from markupsafe import Markup, escape
 
@@ -32,6 +33,15 @@ def number(value: float | None, digits: int = 3) -> str:
         return (text.rstrip("0").rstrip(".") if "." in text else text).replace("-", "−")
     mantissa, power = f"{value:.{digits - 1}e}".split("e")
     return f"{mantissa.rstrip('0').rstrip('.')} × 10{str(int(power)).translate(SUPERSCRIPTS)}".replace("-", "−")
+
+
+def instant(written: str) -> str:
+    """Return an ISO 8601 instant as day and minute in UTC; what is none stays as it is."""
+    try:
+        found = datetime.fromisoformat(written)
+    except ValueError:
+        return written
+    return f"{found.astimezone(UTC):%Y-%m-%d %H:%M} UTC" if found.tzinfo is not None else written
 
 
 def millimetres(metres: float | None) -> str:

@@ -52,6 +52,16 @@ def test_an_interval_down_to_zero_is_not_identified_however_wide_the_range():
     assert not damping.is_identified
 
 
+def test_a_combination_that_is_a_parameter_which_is_not_identified_has_its_interval():
+    """A damping of 1 /s within 0.7 to 3 by the search, wider by the linear model alone."""
+    covariance, fitted = np.diag([20.0, 2e-6, 2.0]) ** 2, np.array([200.0, 2e-5, 1.0])
+    ends = np.array([[180.0, 220.0], [1.8e-5, 2.2e-5], [0.7, 3.0]])
+    known = Intervals(ends, np.array([True, True, False]), covariance, np.zeros(3), 1.645)
+    found = describe_combinations(lambda v: LEAN.to_materials(v, 0.2), LEAN.initial, fitted, REACH, known)
+    damping = next(c for c in found if c.name == "velocity damping")
+    assert (damping.interval_low, damping.interval_high, damping.is_identified) == (0.7, 3.0, False)
+
+
 def test_what_a_method_holds_fixed_is_left_out():
     """`lean` has no bending viscosity of its own."""
     assert "bending damping time" not in described(np.diag(REACH**2))

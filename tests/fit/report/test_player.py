@@ -19,6 +19,7 @@ from fit.report.page import render_report, write_report
 from tests.fit.report.report_scene import diagnosis, fit_result, motion
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+PDFTOTEXT = shutil.which("pdftotext")  # poppler-utils
 LOST = slice(100, 110)  # frames in which no free point of the second take is seen
 # The page tells the frame that it is in how wide it is laid out, and what its player shows, once that is ready. Before
 # that it is made ready for paper, and counts what stays folded away.
@@ -163,3 +164,22 @@ def test_on_a_phone_nothing_scrolls_sideways_and_cloth_without_a_seen_point_is_g
     assert 'data-grey="1.00"' in page
     assert 'data-run="fit" aria-pressed="true"' in page
     assert int(re.search(r'data-wide="(\d+)"', page)[1]) <= 390
+
+
+@pytest.mark.skipif(CHROMIUM is None or PDFTOTEXT is None, reason="chromium or pdftotext is not installed")
+def test_on_paper_no_heading_and_no_first_words_of_a_part_end_a_page(report, tmp_path):
+    paper = tmp_path / "report.pdf"
+    subprocess.run(
+        [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--no-pdf-header-footer",
+         f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=5000", f"--print-to-pdf={paper}",
+         report.as_uri()],
+        capture_output=True, timeout=600, check=True,
+    )  # fmt: skip
+    text = subprocess.run([PDFTOTEXT, "-layout", paper, "-"], capture_output=True, text=True, check=True).stdout
+    pages = [[" ".join(line.split()) for line in page.splitlines() if line.strip()] for page in text.split("\f")]
+    pages = [lines for lines in pages if lines]
+    assert 4 <= len(pages) <= 8
+    found = re.findall(r'<p class="lead">(.*?)</p>|<h[23][^>]*>(.*?)</h[23]>', report.read_text(), re.DOTALL)
+    first = [" ".join(re.sub("<[^>]*>", "", lead or title).split()) for lead, title in found]
+    ends = [lines[-1] for lines in pages]
+    assert [end for end in ends if any(end in words for words in first)] == []

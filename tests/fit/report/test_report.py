@@ -18,11 +18,13 @@ from fit.recordings.recording import prepare
 from fit.report import charts, sections
 from fit.report.effects import meaning_of, sentence_of, sketch_of
 from fit.report.motion import Run
-from fit.report.origin import Origin
+from fit.report.origin import Origin, _calibration
 from fit.report.page import render_report, write_report
 from fit.report.tables import effect_table, parameter_table
-from fit.report.text import interval, number, percent, probability
+from fit.report.text import instant, interval, number, percent, probability
+from formats.fit_records import FitParameter
 from formats.results import load_diagnosis, save_diagnosis, save_fit_result
+from formats.rig import Calibration
 from tests.fit.report.report_scene import diagnosis, fit_result, motion
 from tests.fit.scenes import hung, sheet, swing, take_of
 from tests.sentences import words_of
@@ -87,7 +89,7 @@ def test_the_figures_of_the_records_are_on_the_page(report):
         "1.09 times that of a flat plate", "61.2", "5 to 80", "Not identified", "1.02 to 1.6", "−0.006 to 0.002",
         "0.012 kg/m: extra mass per length of the bottom edge", "16.2 mm", "0.7 to 1.5 Hz", "83 %", "✗ failed",
         "912 simulations in 1.7 min", "Swing twice as fast", "8.4 standard deviations, against 2.1 now",
-        "best distance so far", "Errors before and after", "Share of velocity kept per frame.",
+        "best mean distance of all points so far", "Errors before and after", "Share of velocity kept per frame.",
         "Mass of the cloth material. Not identified. Only ratios to the density are.",
     ):  # fmt: skip
         assert figure in text, figure
@@ -193,6 +195,38 @@ def test_the_page_closes_with_where_it_comes_from():
     page = render_report(fit=fit_result(), diagnosis=None, origin=origin)
     assert page.rindex("hangtime fit a.mcap") > page.rindex('id="reading"')
     assert "sha256 f00d" in page
+
+
+def test_a_page_explains_its_own_words_and_no_others():
+    """A fit has no gap and no p; a diagnosis has."""
+    fitted, diagnosed = render_report(fit=fit_result(), diagnosis=None), render_report(fit=None, diagnosis=diagnosis())
+    assert "<dt>Gap closed</dt>" not in fitted
+    assert "<dt>90 % interval</dt>" in fitted
+    assert "<dt>Gap closed</dt>" in diagnosed
+
+
+def test_a_page_says_when_it_was_made_to_the_minute():
+    assert "2026-03-01 12:00 UTC" in render_report(fit=fit_result(), diagnosis=None)
+    assert instant("2026-03-01T14:05:59+02:00") == "2026-03-01 12:05 UTC"
+    assert instant("once") == "once"
+
+
+def test_an_effect_that_is_fitted_too_says_what_its_number_means():
+    drag = FitParameter(name="air_drag", unit="1", initial=0.0, fitted=1.2, minimum=0.0, maximum=3.0, note="Air drag.")
+    page = render_report(fit=msgspec.structs.replace(fit_result(), parameters=[drag]), diagnosis=None)
+    assert "Drag coefficient in still air, 1 times that of a flat plate (1.2)." in page
+    assert "Air drag." not in page
+
+
+def test_a_rig_says_where_its_gravity_comes_from():
+    """A rig without a calibrated gravity is believed; depth to a fifth of a thousandth is not exact."""
+    known = Calibration(depth_scale=1.0, depth_scale_sd=2e-4)
+    instants = np.arange(0, 1, 1 / 30)
+    rig = take_of(sheet(), instants, np.zeros((30, 3)), hung(sheet(), instants)).rig
+    rig = msgspec.structs.replace(rig, calibration=known)
+    assert _calibration(rig) == "gravity as the rig's file states; depth scale 1.0000 (± 0.02 %)"
+    by_plumb = msgspec.structs.replace(known, gravity_from="plumb line")
+    assert _calibration(msgspec.structs.replace(rig, calibration=by_plumb)).startswith("gravity from the plumb line;")
 
 
 def test_names_from_outside_cannot_become_markup():

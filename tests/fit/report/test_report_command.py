@@ -15,7 +15,9 @@ from fit.report.origin import Origin
 from fit.report.page import write_report
 from fit.report.plot import COLOURS, draw_plot
 from formats.archive import write_take
+from formats.fit_records import Combination
 from formats.results import save_diagnosis, save_fit_result
+from tests.fit.export.exported import a_fit
 from tests.fit.here import hangtime_here
 from tests.fit.report.report_scene import diagnosis, fit_result, motion
 from tests.fit.scenes import hung, sheet, swing, take_of
@@ -108,6 +110,20 @@ def test_a_plot_draws_each_run_in_its_colour_and_nothing_where_no_free_point_is_
     assert drawn[84 : 84 + 360].mean() > 0.9
 
 
+def test_a_parameter_that_motion_identifies_as_it_is_stands_once_in_a_comparison(tmp_path):
+    """Of `si`, whose two dampings are combinations too; the parameter's interval is the one that is shown."""
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        twin = Combination(
+            name="velocity damping", unit="1/s", initial=1.0, fitted=0.5, interval_low=0.0, interval_high=9.0,
+            is_identified=True,
+        )  # fmt: skip
+        save_fit_result(tmp_path / name / "fit.json", msgspec.structs.replace(a_fit(), combinations=[twin]))
+    told = hangtime_here("compare", "one", "two", folder=tmp_path).stdout.splitlines()
+    (row,) = [line for line in told if line.startswith("velocity damping")]
+    assert row.split() == ["velocity", "damping", "[1/s]", *["0.5", "(0.4", "to", "0.625)"] * 2, "yes"]
+
+
 def test_fits_side_by_side_say_whether_their_intervals_overlap(folder, tmp_path):
     """Struct 49 to 73.4 against 20 to 30 has nothing in common; bend is the same in both."""
     other = tmp_path / "other"
@@ -124,6 +140,7 @@ def test_fits_side_by_side_say_whether_their_intervals_overlap(folder, tmp_path)
     assert re.search(r"61\.2 \(49 to 73\.4\) +25 \(20 to 30\) +no$", rows["struct [Blender]"])
     assert rows["bend [Blender]"].endswith("yes")
     assert "not identified (1.36 to 2.04)" in rows["mass [Blender]"]
+    assert "mean distance of all points, takes fitted to" in rows
     page = (tmp_path / "both.html").read_text()
     assert "2 fits side by side" in page
     assert "25 (20 to 30)" in page

@@ -90,7 +90,7 @@ def _error_table(result: FitResult) -> Table:
         error = one.held_out or one.train
         where = "held out" if one.held_out else "training"
         rows.append((f"mean, {where}, {TRIVIAL_NAMES[one.name]}", "", millimetres(error.mean_m)))
-    return Table(heads=("error", "before", "after"), rows=tuple(rows))
+    return Table(heads=("mean distance of all points", "before", "after"), rows=tuple(rows))
 
 
 def error_row(name: str, error: ErrorFigure) -> tuple[str, str, str]:

@@ -32,7 +32,7 @@ Status = Literal["measured", "not identified", "no interval", "weighed", "tied t
 
 MEANING_OF_STATUS: dict[Status, str] = {
     "measured": "the takes identify it; 90 % interval",
-    "not identified": "the takes do not identify it: any value of the interval follows them as well, the value is one",
+    "not identified": "the takes do not identify it: its value is one of many in the interval that follow them",
     "no interval": "fitted, and nobody computed how sure it is",
     "weighed": "from the garment's weight and area, not from its motion",
     "tied to stretch": "the method ties it to the stretch stiffness; it was not measured by itself",

@@ -20,12 +20,12 @@ MOST_LINES = 12  # tracked points that are drawn
 
 
 def paths_of(take: Take) -> tuple[str, list[str], Floats]:
-    """Return the way in which most is moved, names, and paths in that way [m], (frames, paths).
+    """Return the way in which most is moved, names in words, and paths in that way [m], (frames, paths).
 
     The paths are those of the held edge's middle and of each tracked point, less their own means; NaN where not seen.
     The way is `sideways`, `face-on` or `up-and-down` (`formats.motion`).
     """
-    names = ["held edge", *take.garment.point_names]
+    names = ["held edge", *(name.replace("_", " ") for name in take.garment.point_names)]
     places = np.concatenate([take.held.mean(1, keepdims=True), take.points], axis=1)
     apart = places - _mean(places)
     found = {way: apart @ axis for way, axis in axes_of(take).items()}

@@ -1,7 +1,7 @@
 """Marker paths of text files: TRC, CSV of Vicon Nexus and of OptiTrack Motive, TSV of Qualisys, and our own CSV.
 
-Cells may be parted by commas, semicolons or tabs, decimals by a comma where cells are not. A file's first lines
-show which program wrote it.
+Cells may be parted by commas, semicolons or tabs, decimals by a comma where cells are not. The header shows which
+program wrote a file. Titles and comments may stand above the header.
 
 Sources: OpenSim, "Marker (.trc) Files"; Vicon Nexus, "ASCII (.csv) export"; OptiTrack, "Data Export: CSV";
 Qualisys Track Manager, "TSV export".
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import csv
 import re
+from array import array
 from collections.abc import Iterator, Sequence
 from itertools import takewhile
 from pathlib import Path
@@ -28,9 +29,16 @@ LARGEST_TEXT = 1 << 28  # bytes
 CAN_BE_READ = "markers can be read from .c3d, .trc, .csv and .tsv, swung cloth from .npz"
 DECIMAL_COMMA = re.compile(r"^\s*-?\d+,\d+(e[+-]?\d+)?\s*$", re.IGNORECASE)
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)  # `float` takes 1_0 as well
+MOST_LINES = 5_000_000  # 80 minutes at 1000 frames a second
+COMMENT = "#%"
+MOST_TITLES = 100  # lines above the header
+HEADER = re.compile(
+    r"""[\s"'#%]*(time_s|pathfiletype|format version|no_of_frames)["']?\s*([,;\t]|$)""", re.IGNORECASE
+)  # of the first cell
 MOST_CELLS = 100_000  # of a line: three for each of 30,000 markers, and some
 LONGEST_SHOWN = 40  # characters of a cell in a message
 LONGEST_HEAD = 1000  # lines above the first frame: Qualisys writes one for each event
+COLUMNS = "time_s,NAME_x_m,NAME_y_m,NAME_z_m,... with three columns for each marker"
 # Of programs, spreadsheets (#N/A), R (NA), and the C libraries of Windows (-nan(ind), 1.#QNAN).
 GAP_WORDS = {
     "", "-", "--", "nan", "null", "none", "n/a", "na", "#n/a", "#n/v", "nan(ind)", "1.#ind", "1.#qnan", "1.#nan",
@@ -44,9 +52,15 @@ class Rows(Sequence[list[str]]):
         TakeError: a cell is longer than any number or name, or a line has more cells than any file of markers.
     """
 
-    def __init__(self, lines: list[str], separator: str, path: Path, *, is_cut: bool = False) -> None:
-        """Hold lines; is_cut: the last one has no end, so that it may be the part of one that was being written."""
-        self._lines, self._separator, self._path, self.is_cut = lines, separator, path, is_cut
+    def __init__(
+        self, lines: list[str], numbers: Sequence[int], separator: str, path: Path, *, is_cut: bool = False
+    ) -> None:
+        """Hold lines.
+
+        - `numbers`: of the lines in the file, from 1
+        - `is_cut`: the last one has no end, so that it may be the part of one that was being written
+        """
+        self._lines, self.numbers, self._separator, self._path, self.is_cut = lines, numbers, separator, path, is_cut
 
     def __len__(self) -> int:
         return len(self._lines)
@@ -59,8 +73,9 @@ class Rows(Sequence[list[str]]):
         """Return the cells of one line, or some of the lines."""
         if isinstance(place, slice):
             has_last = range(len(self._lines))[place][-1:] == range(len(self._lines))[-1:]
-            return Rows(self._lines[place], self._separator, self._path, is_cut=self.is_cut and has_last)
-        return next(iter(Rows([self._lines[place]], self._separator, self._path)))
+            is_cut = self.is_cut and has_last
+            return Rows(self._lines[place], self.numbers[place], self._separator, self._path, is_cut=is_cut)
+        return next(iter(Rows([self._lines[place]], [self.numbers[place]], self._separator, self._path)))
 
     def __iter__(self) -> Iterator[list[str]]:
         """Yield the cells of each line."""
@@ -89,7 +104,7 @@ def read_marker_text(path: Path, unit: str | None) -> MarkerTracks:
         TakeError: the file is of none of the known kinds, malformed, or has fewer frames than it states.
     """
     rows = _rows(path)
-    first = rows[0][0].strip().lstrip("#").lower() if rows and rows[0] else ""
+    first = rows[0][0].strip(f"{COMMENT} ").lower() if rows and rows[0] else ""
     if first == "pathfiletype":
         return _trc(rows, unit, path)
     if first == "format version":
@@ -114,13 +129,17 @@ def _rows(path: Path) -> Rows:
             encoding = "utf-16-le" if raw[1:2] == b"\0" else "utf-16-be"
         text = _decoded(raw, encoding)
         lines = text.splitlines()
-        head = "\n".join(lines[:50])
+        if len(lines) > MOST_LINES:
+            raise TakeError(f"has {len(lines)} lines", where=path, advice="export fewer frames at once")
+        begin = next((k for k, line in enumerate(lines[:MOST_TITLES]) if HEADER.match(line)), 0)
+        head = "\n".join(lines[begin : begin + 50])
         # A comma also parts decimals: it parts cells only where nothing else does.
         separator = "\t" if head.count("\t") else ";" if head.count(";") else ","
         # In Qualisys' table a line of separators is a frame in which no marker was seen.
         dropped = " " if head.lower().startswith("no_of_frames") else f'{separator}" \t'
         is_cut = not text.endswith(("\n", "\r"))
-        return Rows([line for line in lines if line.strip(dropped)], separator, path, is_cut=is_cut)
+        numbers = array("L", (n for n, line in enumerate(lines[begin:], begin + 1) if line.strip(dropped)))
+        return Rows([lines[n - 1] for n in numbers], numbers, separator, path, is_cut=is_cut)
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
         raise TakeError(f"cannot be read ({reason})", where=path, advice="export it as text again") from error
@@ -140,29 +159,29 @@ def _decoded(raw: bytes, encoding: str) -> str:
         return raw.decode("cp1252", errors="replace")
 
 
-def _numbers(rows: Rows, width: int, path: Path, *, first_line: int, is_exact: bool = False) -> Floats:
+def _numbers(rows: Rows, width: int, path: Path, *, is_exact: bool = False) -> Floats:
     """Return rows of numbers, (rows, width), NaN for a cell that says that nothing was seen.
 
     is_exact: whether a line must have as many cells as the first one has. Without it, ends of lines may be left out,
     but not of a last line that has no end itself.
     """
     values = np.full((len(rows), width), np.nan)
-    for number, row in enumerate(rows):
-        if rows.is_cut and number == len(rows) - 1 and len(row) < width:
+    for k, row in enumerate(rows):
+        if rows.is_cut and k == len(rows) - 1 and len(row) < width:
             raise TakeError(
-                f"ends within line {first_line + number}, after {len(row)} of its {width} cells", where=path,
+                f"ends within line {rows.numbers[k]}, after {len(row)} of its {width} cells", where=path,
                 advice="it is cut off: copy or export it again",
             )  # fmt: skip
         cells = row if is_exact else [*row[:width], *[""] * (width - len(row))]
         if len(cells) != width:
             raise TakeError(
-                f"line {first_line + number} has {len(cells)} columns, not {width}", where=path, advice="mend that line"
+                f"line {rows.numbers[k]} has {len(cells)} columns, not {width}", where=path, advice="mend that line"
             )
         try:
-            values[number] = [_number(cell) for cell in cells]
+            values[k] = [_number(cell) for cell in cells]
         except ValueError as error:
             raise TakeError(
-                f"line {first_line + number} holds {error}, which is no number", where=path,
+                f"line {rows.numbers[k]} holds {error}, which is no number", where=path,
                 advice="mend that line",
             ) from error  # fmt: skip
     return values
@@ -232,15 +251,21 @@ def _refuse_fewer(found: int, stated: int, path: Path) -> None:
 
 
 def _own(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
-    head = [cell.strip() for cell in rows[0]] if rows else []
-    labels = [name.removesuffix(AXES[0]) for name in head[1::3]]
-    if not labels or head != ["time_s", *(label + axis for label in labels for axis in AXES)]:
+    line, head = (rows.numbers[0], [cell.strip() for cell in rows[0]]) if rows else (1, [""])
+    if head[0].strip(f"{COMMENT} ") != "time_s":
         raise TakeError(
-            "the first line does not name the columns", where=path,
-            advice="it must be time_s,NAME_x_m,NAME_y_m,NAME_z_m,... for each marker; TRC, Vicon, Motive and Qualisys "
-            "exports are read as they are",
+            f"no line names the columns; line {line} begins with {head[0][:LONGEST_SHOWN]!r}", where=path,
+            advice=f"put above the frames {COLUMNS}; TRC, Vicon, Motive and Qualisys exports are read as they are",
         )  # fmt: skip
-    values = _numbers(rows[1:], len(head), path, first_line=2, is_exact=True)
+    labels = [name.removesuffix(AXES[0]) for name in head[1::3]]
+    for k, name in enumerate((label + axis for label in labels for axis in AXES), 1):
+        if k >= len(head) or head[k] != name:
+            there = f"is {head[k][:LONGEST_SHOWN]!r}" if k < len(head) else "is missing"
+            raise TakeError(
+                f"column {k + 1} of line {line} {there}, not {name[:LONGEST_SHOWN]!r}", where=path,
+                advice=f"that line must be {COLUMNS}",
+            )  # fmt: skip
+    values = _numbers(rows[1:], len(head), path, is_exact=True)
     return _tracks(labels, values[:, 0], values[:, 1:], metres_of("m", unit, path), path)
 
 
@@ -256,7 +281,7 @@ def _trc(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     body = rows[5:]
     metres = metres_of(stated.get("units", ""), unit, path)
     _refuse_fewer(len(body), _whole(stated.get("numframes", ""), "number of frames", path), path)
-    values = _numbers(body, 2 + 3 * count, path, first_line=6)
+    values = _numbers(body, 2 + 3 * count, path)
     rate = _rate_beside_times(stated.get("datarate", ""))
     return _tracks(names, values[:, 1], values[:, 2:], metres, path, rate)
 
@@ -277,7 +302,7 @@ def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     metres = metres_of(next(iter(stated), ""), unit, path)
     count = sum(1 for _ in takewhile(lambda row: row[0].strip().lstrip("-").isdigit(), section[4:]))
     body = section[4 : 4 + count]
-    values = _numbers(body, len(kinds), path, first_line=begin + 6)
+    values = _numbers(body, len(kinds), path)
     return _tracks(labels, values[:, 0] / rate, values[:, [k + axis for k in at for axis in range(3)]], metres, path)
 
 
@@ -299,7 +324,7 @@ def _motive(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     total = stated.get("total exported frames", "")
     if total.strip():
         _refuse_fewer(len(body), _whole(total, "number of frames", path), path)
-    values = _numbers(body, len(axes), path, first_line=begin + 2)
+    values = _numbers(body, len(axes), path)
     metres = metres_of(stated.get("length units", ""), unit, path)
     columns = [k + axis for k in at for axis in range(3)]
     labels = [names[k] if k < len(names) else "" for k in at]
@@ -328,6 +353,6 @@ def _qualisys(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
         end -= 1
     body = body[:end]
     _refuse_fewer(end, count_of_frames, path)
-    values = _numbers(body, 3 * count + 2 * has_clock, path, first_line=begin + 1 + has_clock)
+    values = _numbers(body, 3 * count + 2 * has_clock, path)
     time = values[:, 1] if has_clock else np.arange(len(values)) / rate
     return _tracks(names, time, values[:, 2 * has_clock :], metres_of("mm", unit, path), path, rate)

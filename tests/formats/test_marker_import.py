@@ -187,7 +187,7 @@ def test_a_garment_without_markers_on_its_corners_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("time_s,a_x_m,a_y_m\n0,1,2\n", "does not name the columns"),
+        ("time_s,a_x_m,a_y_m\n0,1,2\n", "column 4 of line 1 is missing, not 'a_z_m'"),
         ("time_s,a_x_m,a_y_m,a_z_m\n0,1,2\n", "line 2 has 3 columns, not 4"),
         ("", "is empty"),
         ("time_s,a_x_m,a_y_m,a_z_m\n0,1,2,1e999\n", "line 2 holds '1e999', which is no number"),

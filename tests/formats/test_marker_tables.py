@@ -99,16 +99,17 @@ def test_a_cell_that_holds_anything_else_is_named(cell):
 
 
 def test_the_last_of_some_rows_is_cut_where_the_last_of_all_is(tmp_path):
-    rows = Rows(["a,b", "c,d", "e"], ",", tmp_path, is_cut=True)
+    rows = Rows(["a,b", "c,d", "e"], [2, 4, 5], ",", tmp_path, is_cut=True)
     assert [len(rows), rows[1], list(rows[1:])] == [3, ["c", "d"], [["c", "d"], ["e"]]]
     assert rows[1:].is_cut
+    assert list(rows[1:].numbers) == [4, 5]
     assert rows[:3].is_cut
     assert not rows[:2].is_cut
-    assert not Rows(["a", "b"], ",", tmp_path)[:].is_cut
-    wide = Rows(["," * 100_001], ",", tmp_path)
+    assert not Rows(["a", "b"], [1, 2], ",", tmp_path)[:].is_cut
+    wide = Rows(["," * 100_001], [1], ",", tmp_path)
     with pytest.raises(TakeError, match="has a line of more than 100000 cells"):
         wide[0]
-    assert len(Rows(["," * 100_000], ",", tmp_path)[0]) == 100_001
+    assert len(Rows(["," * 100_000], [1], ",", tmp_path)[0]) == 100_001
 
 
 def read(tmp_path, text, unit=None, name="a.csv"):
@@ -135,13 +136,42 @@ def test_our_own_table_is_read_with_its_gaps_in_any_separator(tmp_path):
 
 
 @pytest.mark.parametrize(
+    "titles",
+    ["# made by hand\n", "% a;b;c\n# d\te\n", "sep=,\n", 'Swing 3; Monday\n\n"said, quoted"\n', "# t\n" * 99, "# "],
+)
+def test_titles_and_comments_above_the_header_are_passed_over(tmp_path, titles):
+    """Whatever parts their words; and the header may be a comment itself, as NumPy writes it."""
+    found = read(tmp_path, titles + OWN + "0.5,1,2,3,4,5,6\n")
+    assert found.labels == ("a", "b")
+    assert found.positions.tolist() == [[[1, 2, 3], [4, 5, 6]]]
+
+
+@pytest.mark.parametrize(("name", "kind"), [("a.trc", "TRC"), ("a.tsv", "QTM")])
+def test_titles_above_the_files_of_programs_are_passed_over(tmp_path, name, kind):
+    text = {"TRC": TRC, "QTM": QTM}[kind]
+    alone, titled = read(tmp_path, text, name=name), read(tmp_path, "exported; by\n# me\n" + text, name=name)
+    assert titled.labels == alone.labels
+    assert np.array_equal(titled.positions, alone.positions, equal_nan=True)
+
+
+def test_a_text_of_nothing_but_lines_costs_no_memory(tmp_path):
+    with pytest.raises(TakeError, match="has 5000001 lines"):
+        read(tmp_path, OWN + "\n" * 5_000_000)
+
+
+@pytest.mark.parametrize(
     ("text", "words"),
     [
         (OWN + "0,1,2,3,4,5,6\n1,2,3\n", "line 3 has 3 columns, not 7"),
         (OWN + "0,1,2,3,4,5,6\n1,2,3,4,5,6,x\n", "line 3 holds 'x', which is no number"),
         (OWN + "0,1,2,3,4,5,6\n1,2,3", "ends within line 3, after 3 of its 7 cells"),
-        (OWN.replace("a_y_m", "a_z_m"), "the first line does not name the columns"),
-        ("time_s\n0\n", "the first line does not name the columns"),
+        (OWN.replace("a_y_m", "a_z_m"), "column 3 of line 1 is 'a_z_m', not 'a_y_m'"),
+        ("# a\n" + OWN.replace(",b_z_m", ""), "column 7 of line 2 is missing, not 'b_z_m'"),
+        ("# a\n\n# b\n" + OWN + "\n0,1,2,3,4,5,6\n\n1,2,3,4,5,6,x\n", "line 8 holds 'x', which is no number"),
+        (OWN + "0,1,2,3,4,5,6\n# pause\n", "line 3 has 1 columns, not 7"),
+        ("time_s\n0\n", "names no markers"),
+        ("\nTime [s],x,y,z\n0,1,2,3\n", r"no line names the columns; line 2 begins with 'Time \[s\]'; put above"),
+        (";;\n", "no line names the columns; line 1 begins with ''"),
         ("\n\n", "is empty"),
     ],
 )

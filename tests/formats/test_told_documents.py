@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
+from formats import telling
 from formats.archive import read_take, write_take
 from formats.descriptions import dump_description
 from formats.importers.marker_tracks import write_marker_csv
@@ -203,3 +204,32 @@ def test_what_is_recovered_holds_what_the_damaged_take_held(desk):
     assert (found.take_id, found.source, found.created, found.notes) == ("a", "test", left.created, {"who": "me"})
     np.testing.assert_array_equal(found.points, left.points)
     assert found.missing == left.missing
+
+
+def test_facts_of_several_calls_make_one_document_and_words_none(capsys):
+    """What is known without words counts; a number that is not finite is null; the next command begins anew."""
+    telling.begin()
+    telling.ask_json(False)
+    assert not telling.is_json()
+    telling.ask_json(True)
+    telling.ask_json(False)  # another option's default does not take it back
+    telling.tell("words", name="a\u202e", share=float("inf"))
+    telling.know(parts={"low": (1.5, float("nan"))})
+    telling.tell_entry("takes", "words", file="b")
+    telling.tell_entry("takes", "words", file="c")
+    telling.end()
+    told = capsys.readouterr().out
+    assert json.loads(told) == {
+        "name": "a\u202e", "share": None, "parts": {"low": [1.5, None]}, "takes": [{"file": "b"}, {"file": "c"}],
+    }  # fmt: skip
+    assert "\\u202e" in told
+    telling.end()
+    telling.begin()
+    telling.tell("in words", name="a")
+    telling.tell_entry("takes", "of one", file="b")
+    telling.ask_quiet(True)
+    telling.tell("in silence")
+    telling.begin()
+    telling.ask_quiet(False)
+    telling.tell("and again")
+    assert capsys.readouterr().out.splitlines() == ["in words", "of one", "and again"]

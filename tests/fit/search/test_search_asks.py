@@ -184,3 +184,67 @@ def test_differences_are_taken_inwards_and_from_the_other_side_where_one_blows_u
         return np.where(candidates != 0.5, np.nan, candidates)
 
     assert minimise(alone, np.array([0.5]), box(0, 1), settings=none).jacobian.tolist() == [[0.0]]
+
+
+def ended_of(residual, *, start=(0.5, 0.25), known=None, low=(0.0, 0.0), high=(2.0, 4.0), **changes):
+    space = BoundedSpace(minimum=np.array(low), maximum=np.array(high), is_log=np.zeros(2, bool))
+    return minimise(residual, np.array(start), space, settings=LeastSquaresSettings(**changes), jacobian=known)
+
+
+MATRIX, TARGET = np.array([[1.0, 0.5], [0.0, 2.0], [1.0, -1.0]]), np.array([1.5, 1.0, 0.25])
+
+
+def linear(candidates):
+    return candidates @ MATRIX.T - TARGET
+
+
+def curved(candidates):
+    return np.concatenate([linear(candidates), 0.3 * candidates[:, :1] ** 2], 1)
+
+
+@pytest.mark.parametrize(
+    ("residual", "changes", "reason", "is_converged", "steps"),
+    [
+        (linear, {"max_iterations": 1, "cost_tolerance": 0.0, "step_tolerance": 0.0}, "stopped after 1 iterations",
+         False, 1),
+        (linear, {"max_iterations": 1}, "stopped after 1 iterations", False, 1),
+        (linear, {"cost_tolerance": 1.0}, "the cost has stopped falling", True, 1),
+        (curved, {"cost_tolerance": 0.0, "step_tolerance": 1.0}, "the steps have become short", True, 1),
+        (curved, {"max_iterations": 2, "cost_tolerance": 0.0, "step_tolerance": 0.0, "is_exact": False},
+         "stopped after 2 iterations", False, 2),
+        (linear, {"known_cost": 1e-6, "cost_tolerance": 1e-9, "step_tolerance": 0.0, "max_iterations": 4},
+         "it will hardly come below what is known", False, 2),
+    ],
+)  # fmt: skip
+def test_a_search_says_why_it_ended(residual, changes, reason, is_converged, steps):
+    found = ended_of(residual, **changes)
+    assert (found.reason, found.is_converged) == (reason, is_converged)
+    assert len(found.cost_history) == 1 + steps
+    assert found.cost_history[-1] == found.cost == pytest.approx(float((residual(found.parameters[None]) ** 2).sum()))
+
+
+def test_the_end_of_a_linear_search_is_that_of_the_normal_equations_with_all_that_belongs_to_it():
+    """One step of almost no damping; places in a box of 2 by 4, slopes in own units, whose box is no logarithm."""
+    found = ended_of(linear, damping=1e-9, cost_tolerance=1e-3)
+    best = np.linalg.lstsq(MATRIX, TARGET, rcond=None)[0]
+    assert found.parameters == pytest.approx(best, rel=1e-4)
+    assert found.residuals == pytest.approx(linear(best[None])[0], abs=1e-4)
+    assert found.jacobian == pytest.approx(MATRIX, rel=1e-6)
+    assert found.slopes_at == pytest.approx(found.parameters, rel=1e-6)
+    assert found.weights.tolist() == [1.0, 1.0, 1.0]
+    assert found.prior_precision.tolist() == np.zeros((2, 2)).tolist()
+    assert found.precision == pytest.approx(MATRIX.T @ MATRIX, rel=1e-6)
+    assert found.covariance(4.0) == pytest.approx(4.0 * np.linalg.inv(MATRIX.T @ MATRIX), rel=1e-6)
+    assert not found.at_bound.any()
+    assert found.cost_history[0] == pytest.approx(float((linear(np.array([[0.5, 0.25]])) ** 2).sum()))
+
+
+def test_a_known_jacobian_is_returned_updated_and_costs_no_differences():
+    """The start, a ladder of eight and one of another eight."""
+    found = ended_of(curved, known=np.concatenate([MATRIX, [[0.4, 0.0]]]), is_chord=True, max_iterations=1,
+                     cost_tolerance=0.0, step_tolerance=0.0)  # fmt: skip
+    assert (found.simulations, found.batches) == (9, 2)
+    assert found.slopes_at == pytest.approx([0.5, 0.25])
+    moved = found.parameters - [0.5, 0.25]
+    change = curved(found.parameters[None])[0] - curved(np.array([[0.5, 0.25]]))[0]
+    assert found.jacobian @ moved == pytest.approx(change)  # Broyden's update

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from formats.motion import axes_of
-from formats.take_picture import draw_in_letters, paths_of
+from formats.take_picture import COLOURS, MOST_LINES, draw_in_letters, draw_png, paths_of
+from tests.formats.test_archive import a_take
 from tests.formats.test_motion import TIME, moved, turned
 
 
@@ -27,3 +30,81 @@ def test_axes_are_unit_vectors_square_to_each_other_with_gravity_down():
     axes = np.stack(list(axes_of(turned(0 * TIME)).values()))
     assert axes @ axes.T == pytest.approx(np.eye(3))
     assert axes == pytest.approx(np.eye(3))
+
+
+LEFT, RIGHT, TOP, BOTTOM = 80, 800, 56, 484  # px of the frame in a picture of 960 x 540
+GREY = (0xDD, 0xDD, 0xDD)
+
+
+def coloured(name):
+    return tuple(int(name[k : k + 2], 16) for k in (1, 3, 5))
+
+
+def swaying(frames=73):
+    """The held edge sways by 50 mm once in 2.4 s, p0 the other way, p1 is seen in the last quarter, p2 never."""
+    take = a_take(frames)
+    wave = 0.05 * np.sin(2 * np.pi * np.arange(frames) / (frames - 1))
+    points = np.zeros((frames, 4, 3))
+    points[:, 0, 0], points[:, 1, 0] = -wave, 0.02
+    points[: 3 * frames // 4, 1] = points[:, 2] = np.nan
+    points[-1, 1, 0], points[:, 3, 0] = -0.02, np.linspace(-0.03, 0.03, frames)
+    held = np.zeros((frames, 2, 3))
+    held[..., 0] = wave[:, None] + [-0.2, 0.2]
+    return replace(take, time=np.arange(frames) / 30 + 5.0, held=held, points=points,
+                   points_valid=np.isfinite(points).all(2))  # fmt: skip
+
+
+def test_a_png_has_its_grid_its_paths_and_their_names_where_they_belong(tmp_path):
+    image = pytest.importorskip("PIL.Image")
+    take = swaying()
+    way, _, paths = paths_of(take)
+    assert way == "sideways"
+    draw_png(take, tmp_path / "a.png")
+    with image.open(tmp_path / "a.png") as file:
+        assert (file.size, file.mode, file.format) == ((960, 540), "RGB", "PNG")
+        seen = np.asarray(file).astype(int)
+    assert {tuple(place) for place in seen[[0, -1]].reshape(-1, 3)} == {(255, 255, 255)}
+    is_grey = (seen == GREY).all(2)
+    rows, columns = is_grey[:, LEFT + 5 : RIGHT - 5].mean(1), is_grey[TOP + 5 : BOTTOM - 5].mean(0)
+    assert np.flatnonzero(rows > 0.8).tolist() == [TOP, 163, 270, 377, BOTTOM]
+    assert np.flatnonzero(columns > 0.8).tolist() == [LEFT, 260, 440, 620, RIGHT]
+    # After a quarter of the time the edge is at its height, and p0 at its depth, 50 mm either way of the middle.
+    reach = np.nanmax(np.abs(paths))
+    for path, colour in ((paths[:, 0], COLOURS[0]), (paths[:, 1], COLOURS[1])):
+        for frame in (9, 18, 54, 63):
+            x, y = LEFT + 720 * frame / 72, 270 - 214 * path[frame] / reach
+            near = seen[round(y) - 2 : round(y) + 3, round(x) - 2 : round(x) + 3].reshape(-1, 3)
+            assert (near == coloured(colour)).all(1).any()
+    late = (seen[TOP:BOTTOM, LEFT:RIGHT] == coloured(COLOURS[2])).all(2).any(0)
+    assert np.flatnonzero(late)[0] == pytest.approx(720 * 54 / 72, abs=2)
+    assert not (seen[TOP:BOTTOM, LEFT:RIGHT] == coloured(COLOURS[3])).all(2).any()
+    for number in range(5):  # names stand beside the frame, one below the other, each in its path's colour
+        beside = seen[TOP + 18 * number : TOP + 18 * number + 14, RIGHT + 12 :].reshape(-1, 3)
+        ink = beside[beside.sum(1).argmin()]
+        assert ink.sum() < 600
+        assert min(COLOURS, key=lambda colour: np.abs(ink - coloured(colour)).sum()) == COLOURS[number]
+    is_black = (seen < 60).all(2)
+    for y in (TOP, 163, 270, 377, BOTTOM):
+        assert is_black[y - 8 : y + 8, 8 : LEFT - 8].any()
+    for x in (LEFT, 260, 440, 620, RIGHT):
+        assert is_black[BOTTOM + 8 : BOTTOM + 22, x - 12 : x + 20].any()
+    assert is_black[14:30, LEFT : LEFT + 150].any()
+    assert is_black[:TOP].sum() == is_black[12:32, LEFT:].sum() + is_black[12:TOP, :LEFT].sum()
+
+
+def test_a_picture_of_nothing_that_moves_and_of_many_points_is_drawn(tmp_path):
+    """A dozen paths at most, and colours go round."""
+    image = pytest.importorskip("PIL.Image")
+    for frames in (2, 1):
+        still = {"held": np.zeros((frames, 2, 3)), "points": np.zeros((frames, 4, 3))}
+        take = replace(a_take(frames), points_valid=np.ones((frames, 4), bool), **still)
+        draw_png(take, tmp_path / "still.png")
+        assert "+1 mm" in draw_in_letters(take)
+    assert "over 1.0 s" in draw_in_letters(take)
+    many = moved([1, 0, 0.3])
+    wanted = min(1 + many.points.shape[1], MOST_LINES)
+    draw_png(many, tmp_path / "many.png")
+    with image.open(tmp_path / "many.png") as file:
+        beside = np.asarray(file)[:, RIGHT + 12 :].astype(int)
+    last = np.flatnonzero((beside != 255).any((1, 2)))[-1]
+    assert (last - TOP) // 18 == wanted - 1

@@ -9,6 +9,7 @@ import sys
 
 import pytest
 
+from formats import terminal
 from formats.terminal import ProgressLine, hush, in_words, say, take_streams
 
 
@@ -105,3 +106,59 @@ def test_names_are_printed_byte_for_byte_and_signs_that_the_terminal_lacks_by_th
     take_streams()
     print("m\u00b2", os.fsdecode(b"\xffname"), flush=True)
     assert printed.getvalue() == b"m\\xb2 \xffname\n"
+
+
+def test_progress_on_a_terminal_is_one_line_that_is_written_over(capsys, monkeypatch):
+    """24 signs of a bar, a share of four places, and what is left of 80 columns, but 20 at least, for the words."""
+    monkeypatch.setattr(terminal, "is_watched", lambda: True)
+    columns = {"are": 80}
+    monkeypatch.setattr(terminal, "_columns", lambda: columns["are"])
+    clock = Clock()
+    line = ProgressLine("annealing", clock)
+    line.show(0.25, "88/350")
+    clock.now += 10.0
+    line.show(0.5, "a word that is far longer than its place")
+    columns["are"] = 30
+    line.show(1.0, "done, and this is longer than twenty letters")
+    line.end()
+    bars = ["#" * filled + "." * (24 - filled) for filled in (6, 12, 24)]
+    assert capsys.readouterr().err == (
+        f"\rannealing [{bars[0]}]  25 %  {'88/350':<35}"
+        f"\rannealing [{bars[1]}]  50 %  {'a word that is far longer than its place'[:35]}"
+        f"\rannealing [{bars[2]}] 100 %  {'done, and this is lo':<20}\n"
+    )
+    columns["are"] = 500
+    ProgressLine("fit", clock).show(0.0, "x")
+    assert len(capsys.readouterr().err) == len("\rfit [] ") + 24 + len("  0 %  ") + 100 - 3 - 24 - 12
+
+
+def test_progress_elsewhere_is_a_whole_line_for_every_tenth(capsys, monkeypatch):
+    monkeypatch.setattr(terminal, "is_watched", lambda: False)
+    line = ProgressLine("fit", Clock())
+    for share in (0.0, 0.05, 0.11, 0.2, 0.22, 1.0):
+        line.show(share, "step")
+    line.end()
+    assert capsys.readouterr().err.splitlines() == [f"fit: {share} %, step" for share in (0, 11, 22, 100)]
+
+
+def test_the_width_of_no_terminal_is_eighty_columns(monkeypatch):
+    def gone(handle):
+        raise OSError
+
+    monkeypatch.setattr(os, "get_terminal_size", gone)
+    assert terminal._columns() == 80
+    monkeypatch.setattr(os, "get_terminal_size", lambda handle: os.terminal_size((61 + handle, 20)))
+    assert terminal._columns() == 63  # of stderr
+
+
+@pytest.mark.parametrize(
+    ("after", "share", "words"),
+    [(2.9, 0.5, ""), (3.0, 0.5, "about 3 s left"), (9.0, 0.019, ""), (9.0, 0.02, "about 7 min left"), (9.0, 1.0, "")],
+)
+def test_the_time_that_is_left_is_told_after_three_seconds_and_a_fiftieth_of_the_work(after, share, words):
+    clock = Clock()
+    line = ProgressLine("fit", clock)
+    assert line._left(0.0) == ""
+    clock.now += after
+    assert line._left(share) == words
+    assert line._left(0.0) == ""  # another work begins

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ from formats.importers.arm_path import read_arm_path
 from formats.importers.swung_cloth import import_swung_cloth
 from formats.summary import summarise
 from formats.take import FrameState
-from formats.two_clocks import shows_hanger, shows_points, with_hanger
+from formats.two_clocks import at_times, hanger_gap, shows_hanger, shows_points, with_hanger
 from tests.formats.test_command_line import hangtime, swung_cloth
 
 FAST, HIGH = 1.6, 0.05  # Hz and m: between pictures at 9 Hz the arm's path bends by centimetres
@@ -227,3 +229,42 @@ def test_the_command_imports_both_and_names_a_path_that_is_not_there(tmp_path):
     done = hangtime("import", tmp_path / "a.npz", "--hanger", tmp_path / "arm", "--out", tmp_path / "others")
     assert (done.returncode, (tmp_path / "others").exists()) == (2, False)
     assert "arm/a.npz: cannot be read (No such file or directory)" in done.stderr
+
+
+@pytest.mark.parametrize(("first", "last", "is_told"), [(0, 38, False), (1, 37, False), (0, 34, True), (5, 39, True)])
+def test_a_path_over_less_than_nine_tenths_of_the_pictures_says_so(tmp_path, first, last, is_told):
+    """40 pictures: 39 intervals, of which 36 are enough."""
+    recorded(tmp_path)
+    take = import_swung_cloth(tmp_path / "a.npz")
+    at = take.time[first : last + 1]
+    found = with_hanger(take, at, np.zeros((len(at), 2, 3)), 0.002)
+    assert hanger_gap(found) == (f", from {at[0]:.1f} to {at[-1]:.1f} s only" if is_told else "")
+    for alone in (FrameState.HANGER_ALONE, FrameState.POINTS_ALONE):
+        assert hanger_gap(replace(found, state=np.full(len(found.time), alone, np.uint16))) == ""
+
+
+def test_ends_between_sights_are_on_straight_lines_and_beyond_them_unknown():
+    held = np.arange(18.0).reshape(3, 2, 3)
+    found = at_times(np.array([-0.1, 0.0, 0.5, 3.0, 3.1]), np.array([0.0, 1.0, 3.0]), held)
+    assert np.isnan(found[[0, 4]]).all()
+    assert found[1:4].tolist() == [held[0].tolist(), (held[0] + 3.0).tolist(), held[2].tolist()]
+
+
+@pytest.mark.parametrize("changed", [("a.npz", "arm/a.npz"), ("arm/a.npz",)])
+def test_times_that_no_robot_has_are_taken_where_they_are_to_be_taken_anyway(tmp_path, changed):
+    """In milliseconds: refused, by the command with the name of the option, which takes them."""
+    recorded(tmp_path)
+    for name in changed:
+        with np.load(tmp_path / name) as archive:
+            data = dict(archive)
+        np.savez(tmp_path / name, **{k: 1e3 * v if k in ("t", "tcp_t") else v for k, v in data.items()})
+    with pytest.raises(ImplausibleError) as caught:
+        import_swung_cloth(tmp_path / "a.npz", hanger=tmp_path / "arm")
+    assert "--anyway" not in str(caught.value)
+    words = ("import", tmp_path / "a.npz", "--hanger", tmp_path / "arm", "--out", tmp_path / "takes")
+    refused = hangtime(*words)
+    assert refused.returncode == 2
+    assert "--anyway" in refused.stderr
+    taken = hangtime(*words, "--anyway")
+    assert taken.returncode == 0
+    assert "--anyway" not in taken.stderr

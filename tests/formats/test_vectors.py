@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import formats
 from formats.archive import read_take, verify_take, write_take
 from tests.formats.tiny_reader import read
 from tests.formats.vectors.make import a_take_with_everything, plain
@@ -60,9 +61,19 @@ def test_the_writer_writes_what_it_wrote(tmp_path):
 
 
 def test_the_schema_of_the_messages_is_the_specification(tmp_path):
+    """In the file that was kept, and in one that is written now."""
     from mcap.reader import make_reader
 
-    with (HERE / "version-2.mcap").open("rb") as file:
-        (schema,) = {schema.id: schema for schema, _, _ in make_reader(file).iter_messages()}.values()
-    assert schema.encoding == "text/markdown"
-    assert schema.data.startswith(b"# Take archives, version 2\n")
+    written = write_take(tmp_path / "a.mcap", a_take_with_everything())
+    for path in (HERE / "version-2.mcap", written):
+        with path.open("rb") as file:
+            reader = make_reader(file)
+            met = [(schema, channel) for schema, channel, _ in reader.iter_messages()]
+            assert (reader.get_header().profile, reader.get_header().library) == ("hangtime-take/2", "hangtime")
+        assert {(channel.topic, channel.message_encoding) for _, channel in met} == {
+            (topic, "msgpack") for topic in ("/header", "/block", "/surface", "/end")
+        }
+        (schema,) = {schema.id: schema for schema, _ in met}.values()
+        assert (schema.name, schema.encoding) == ("hangtime-take", "text/markdown")
+        assert schema.data.startswith(b"# Take archives, version 2\n")
+    assert schema.data == (Path(formats.__file__).parent / "SPEC.md").read_bytes()

@@ -9,9 +9,10 @@ import msgspec
 import numpy as np
 import pytest
 
+from fit.errors import FitError
 from fit.gap import edge_driven, next_experiment
 from fit.gap.checkpoint import Checkpoint
-from fit.gap.diagnosis import _key
+from fit.gap.diagnosis import _key, ready
 from fit.gap.edge_driven import driven_by_edge, held_by_edge
 from fit.gap.fitting import Problem
 from fit.gap.floor import Floor, row_off_mm
@@ -20,6 +21,7 @@ from fit.gap.next_experiment import JACOBIAN_STEP, MENU, _imagined
 from fit.gap.rounds import Rounds
 from fit.methods import SI
 from fit.provenance import physics_version
+from fit.recordings.selection import content_of
 from tests.fit.gap.linear_takes import LinearTakes
 from tests.fit.gap.test_diagnosis_parts import a_take
 from tests.fit.gap.verdict_scene import hypothesis
@@ -167,3 +169,17 @@ def test_raw_recordings_are_of_material_points_from_which_no_camera_was_taken_ou
     assert raw.garment.point_kind == "material"
     assert not raw.camera.is_placed
     np.testing.assert_array_equal(raw.points, raw_recordings([take])[0].points)
+
+
+def test_takes_are_ready_in_their_order_with_what_they_hold():
+    takes = [replace(a_take(seed=seed), take_id=f"take{seed}") for seed in range(3)]
+    found = ready(takes[:2], takes[2:])
+    assert [one.take_id for one in found.training] == ["take0", "take1"]
+    assert [one.take_id for one in found.held_out] == ["take2"]
+    assert [*found.contents, *found.held_out_contents] == [content_of(take) for take in takes]
+    assert len(found.contents) == 2
+    wide = replace(takes[2], points=takes[2].points + 2.0)
+    with pytest.raises(FitError, match=r"^take2: the point .* mm from the left held end, on the flat garment"):
+        ready(takes[:2], [wide])
+    with pytest.raises(FitError, match=r"^take2: the point "):
+        ready([wide], takes[:1])

@@ -134,3 +134,19 @@ def test_what_a_garment_file_leaves_out_it_means(monkeypatch, stated, word):
         '"silhouette" in the garment file and import the takes again with --garment: a take keeps the description that '
         "it was made with."
     )
+
+
+def test_other_ends_were_measured_when_the_takes_own_were_unless_it_is_said_when():
+    """The take's own at 45 instants; moved by 0.1 m, and every second one of them half a second later."""
+    found = prepare(a_take(frames=45))
+    aside = found.held_seen + 0.1
+    moved = found.with_held(aside)
+    np.testing.assert_array_equal(moved.held_time, found.held_time)
+    assert moved.held(found.held_time) == pytest.approx(found.held(found.held_time) + 0.1, abs=1e-9)
+    later = found.with_held(aside[::2], found.held_time[::2] + 0.5)
+    np.testing.assert_array_equal(later.held_time, found.held_time[::2] + 0.5)
+    np.testing.assert_array_equal(later.held_seen, aside[::2])
+    assert later.held(found.held_time[2:40] + 0.5) == pytest.approx(moved.held(found.held_time[2:40]), abs=2e-3)
+    bare = dataclasses.replace(found, held_time=None)  # of a recording that was made of frames alone
+    assert bare.with_held(aside).held_time is None
+    assert bare.with_held(aside).held(found.time) == pytest.approx(moved.held(found.time), abs=1e-9)

@@ -192,3 +192,62 @@ def test_the_command_exports_every_kind_and_replaces_nothing(tmp_path):
     again = export("csv", tmp_path / "out")
     assert (again.returncode, len(again.stderr.splitlines())) == (2, 1)
     assert "is already there" in again.stderr
+
+
+def whole_take():
+    """A take in which nothing is left out: pitch, what is hidden, quality, a gap, two scans."""
+    rng = np.random.default_rng(3)
+    return replace(
+        a_take(frames=12), pitch=rng.normal(size=12), pitch_sd=np.full(12, 0.01), quality=rng.random(12),
+        points_hidden=rng.random((12, 4)) > 0.7, missing=((1.5, 2.25), (9.0, np.inf)), is_complete=False,
+        scans=(a_scan(0.4), a_scan(0.6, 2)),
+    )  # fmt: skip
+
+
+def test_npz_holds_everything_under_the_names_of_a_take(tmp_path):
+    take = whole_take()
+    write_npz(tmp_path / "a.npz", take)
+    names = (
+        "time", "held", "held_valid", "held_sd", "points", "points_valid", "points_sd", "state", "markers", "pitch",
+        "pitch_sd", "points_hidden", "quality",
+    )  # fmt: skip
+    scans = [f"scan{k}_{part}" for k in (0, 1) for part in ("time", "grid", "contour")]
+    with np.load(tmp_path / "a.npz", allow_pickle=False) as arrays:
+        assert set(arrays.files) == {"about", *names, *scans}
+        for name in names:
+            np.testing.assert_array_equal(arrays[name], getattr(take, name))
+        for k, scan in enumerate(take.scans):
+            assert arrays[f"scan{k}_time"] == scan.time
+            np.testing.assert_array_equal(arrays[f"scan{k}_contour"], scan.contour)
+        about = json.loads(str(arrays["about"]))
+    assert about == {
+        "take_id": "a", "created": "2026-01-01T00:00:00Z", "source": "test", "notes": {"who": "me"},
+        "is_complete": False, "missing_s": [["1.5", "2.25"], ["9.0", "inf"]],
+        "rig": json.loads(msgspec.json.encode(take.rig)), "garment": json.loads(msgspec.json.encode(take.garment)),
+    }  # fmt: skip
+    bare = replace(take, pitch=None, pitch_sd=None, points_hidden=None, quality=None, scans=())
+    write_npz(tmp_path / "b.npz", bare)
+    with np.load(tmp_path / "b.npz") as arrays:
+        assert set(arrays.files) == {"about", *names[:9]}
+
+
+def test_parquet_has_each_place_of_each_frame_whole(tmp_path):
+    """Two held ends and four points; the ends are never hidden."""
+    pq = pytest.importorskip("pyarrow.parquet")
+    take = whole_take()
+    write_parquet(tmp_path / "a.parquet", [take])
+    rows = pq.read_table(tmp_path / "a.parquet").to_pylist()
+    places = ["held_left", "held_right", "p0", "p1", "p2", "p3"]
+    assert [(row["frame"], row["place"]) for row in rows] == [(k, place) for k in range(12) for place in places]
+    assert {row["take_id"] for row in rows} == {"a"}
+    assert [row["state"] for row in rows[::6]] == take.state.tolist()
+    for k, row in enumerate(rows):
+        frame, at = divmod(k, 6)
+        where, sd = (
+            (take.held[frame, at], take.held_sd[frame, at]) if at < 2
+            else (take.points[frame, at - 2], take.points_sd[frame, at - 2])
+        )  # fmt: skip
+        assert [row["x_m"], row["y_m"], row["z_m"]] == [None if np.isnan(value) else value for value in where]
+        assert [row["sd_x_m"], row["sd_y_m"], row["sd_z_m"]] == sd.tolist()
+        assert row["is_hidden"] == (at >= 2 and bool(take.points_hidden[frame, at - 2]))
+        assert row["time_s"] == take.time[frame]

@@ -24,3 +24,10 @@ def test_numbers_keep_every_digit_nothing_is_an_empty_cell_and_text_is_quoted():
 
 def test_columns_stand_two_spaces_apart_and_numbers_to_the_right():
     assert aligned([("name", "mm"), ("a", "12.5")], right=(1,)) == ["name    mm", "a     12.5"]
+
+
+def test_columns_are_as_wide_as_their_widest_cell_and_no_line_ends_in_blanks():
+    rows = [("a", "bb", "c"), ("dddd", "e", "")]
+    assert aligned(rows) == ["a     bb  c", "dddd  e"]
+    assert aligned(rows, right=(0, 2)) == ["   a  bb  c", "dddd  e"]
+    assert aligned([]) == []

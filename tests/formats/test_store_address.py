@@ -122,3 +122,23 @@ def test_the_servers_own_reason_and_what_follows_from_it():
     assert "set this computer's clock" in advice_on(error)
     assert "check the address" in advice_on(OSError("no route"))
     assert first_line(OSError("<Code>AccessDenied</Code>")) == "the server says AccessDenied"
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "OSError"),
+        ("  first \nsecond", "first"),
+        ("<Code>Busy</Code> <Message>Slow down: https://u:p@h/x?sig=abc</Message>", "the server says Busy: Slow down: "
+         "https://h/x"),
+        ("Generic S3 error: Error performing GET https://h:9/x?list in 3s - HTTP error: error sending request",
+         "https://h:9 does not answer"),
+        ('Error performing PUT http://u:p@h/x - HTTP error\nsource: "failed to lookup address information: Name or '
+         'service not known"', "http://h does not answer: Name or service not known"),
+        ("HTTP error without an address", "HTTP error without an address"),
+        ("x" * 201, "x" * 200),
+        ("s3://key:secret@bucket/run?token=1#part: gone", "s3://bucket/run: gone"),
+    ],
+)  # fmt: skip
+def test_an_error_of_a_library_is_its_first_line_without_secrets(text, told):
+    assert first_line(OSError(text)) == told

@@ -150,3 +150,21 @@ def test_other_ends_were_measured_when_the_takes_own_were_unless_it_is_said_when
     bare = dataclasses.replace(found, held_time=None)  # of a recording that was made of frames alone
     assert bare.with_held(aside).held_time is None
     assert bare.with_held(aside).held(found.time) == pytest.approx(moved.held(found.time), abs=1e-9)
+
+
+def test_targets_go_from_the_first_sight_to_the_last_and_stay_there():
+    """A sheet that moves by 0.3 m/s along its bar: 10 mm a frame, of which a point's last one counts."""
+    garment = sheet(grid=5)
+    time = TIME[:40]
+    path = 0.3 * time[:, None] * np.array([1.0, 0.0, 0.0])
+    points = hung(garment, time) + path[:, None]
+    points[:4, 12] = points[-6:, 12] = np.nan
+    found = prepare(take_of(garment, time, path, points))
+    instants = np.array([-1.0, 0.0, time[3], time[20], time[-7], time[-1], 9.0])
+    wanted, trust = found.targets(instants)
+    ends = np.clip(instants, time[0], time[-1])
+    assert wanted[:, 7, 0] == pytest.approx(found.points[0, 7, 0] + 0.3 * ends, abs=1e-3)
+    assert wanted[1:-1, 7, 3] == pytest.approx(np.full(5, 0.3), abs=0.02)
+    assert wanted[:, 12, 0] == pytest.approx(found.points[20, 12, 0] + 0.3 * (np.clip(instants, time[4], time[-7])
+                                                                             - time[20]), abs=1e-3)  # fmt: skip
+    assert trust[:, 7].tolist() == [0, 1, 1, 1, 1, 1, 0]

@@ -248,3 +248,21 @@ def test_a_known_jacobian_is_returned_updated_and_costs_no_differences():
     moved = found.parameters - [0.5, 0.25]
     change = curved(found.parameters[None])[0] - curved(np.array([[0.5, 0.25]]))[0]
     assert found.jacobian @ moved == pytest.approx(change)  # Broyden's update
+
+
+def test_a_slope_is_nothing_where_both_sides_of_a_place_on_its_bound_say_nothing():
+    """From 1 downwards it blows up, and there is no other side: no difference of nothing over nothing is warned of."""
+
+    def alone(candidates):
+        return np.where(candidates < 1.0, np.nan, candidates)
+
+    found = minimise(alone, np.array([1.0]), box(0.0, 1.0), settings=LeastSquaresSettings(max_iterations=0))
+    assert found.jacobian.tolist() == [[0.0]]
+
+
+@pytest.mark.parametrize("name", TOLD)
+def test_a_search_that_has_not_begun_is_not_finished(name):
+    """In a saved state as well, which other programs read: true and false, and never nothing."""
+    one = begun(name)
+    assert one.is_finished is False
+    assert all(value is not None for key, value in one.state().items() if key.startswith("is_"))

@@ -111,6 +111,37 @@ def test_nothing_is_proposed_where_hardly_anything_can_be_simulated():
     assert looks.propose(units, residuals, units[0], 5).shape == (0, 3)
 
 
+def test_the_emulator_is_told_the_best_sixty_of_the_sound_places_and_proposals_begin_at_the_best(monkeypatch):
+    """By the sum of squares and the prior: of 70 places two blew up, and the eight that cost most are left out."""
+    rng, start, told = np.random.default_rng(8), np.full(3, 0.2), {}
+    units = rng.random((70, 3))
+    residuals = rng.normal(size=(70, 5)) * rng.uniform(0.1, 4.0, (70, 1))
+    residuals[[3, 40], 2] = np.inf
+
+    class Told(Emulator):
+        def __init__(self, places, products):
+            told.update(places=places, products=products)
+            super().__init__(places, products)
+
+    def least(emulator, caution, best, start, random):
+        told.setdefault("begun", []).append((caution, best.tolist()))
+        return [best, best + 0.02, best - 0.02]
+
+    monkeypatch.setattr(looks, "Emulator", Told)
+    monkeypatch.setattr(looks, "_least", least)
+    found = looks.propose(units, residuals, start, 5)
+    sound = [k for k in range(70) if k not in (3, 40)]
+    costs = [(residuals[k] ** 2).sum() + ((units[k] - start) ** 2).sum() / PRIOR_SD**2 for k in sound]
+    order = [sound[k] for k in np.argsort(costs)][: looks.MOST_EMULATED]
+    assert len(order) == 60
+    np.testing.assert_array_equal(told["places"], units[order])
+    np.testing.assert_allclose(told["products"], residuals[order] @ residuals[order].T)
+    best = units[order[0]]
+    assert told["begun"] == [(caution, best.tolist()) for caution in looks.CAUTIONS]
+    # The best place was looked at already, and each other is far enough from all before it.
+    assert found == pytest.approx(np.array([best + 0.02, best - 0.02]))
+
+
 def test_the_prior_is_the_spread_of_the_box_about_the_start():
     assert looks.prior_cost(np.array([[0.5, 0.2 + PRIOR_SD]]), np.array([0.5, 0.2])) == pytest.approx([1.0])
 

@@ -105,6 +105,7 @@ def test_a_size_that_the_edge_agrees_with_or_cannot_mend_stays():
     observer = an_observer()
     without = stretched(observer, 10.0)
     assert disputed(observer, without, fitted_to(observer, 1.9, slope=-4.0), 7.0) is None  # within two deviations
+    assert disputed(observer, without, fitted_to(observer, 2.1, slope=-4.0), 7.0) is not None
     moved = fitted_to(observer, 8.0, slope=-4.0)
     elsewhere = np.where(observer.layout.frame < 0, 0.0, 30.0) * observer.layout.is_edge
     moved = dataclasses.replace(moved, residual=moved.residual + elsewhere)

@@ -55,7 +55,8 @@ class Meshed(LinearObserver):
         elements = int(np.ceil(0.4 / spacing - 1e-9))
         super().__init__(shape * (0.4 / elements) ** 2, jacobian, {})
         self.shape, self.travel = shape, travel
-        self.resolution, self.mesh = Resolution(spacing=spacing), SimpleNamespace(spacing=0.4 / elements)
+        self.resolution = Resolution(spacing=spacing, step_share=0.7)
+        self.mesh = SimpleNamespace(spacing=0.4 / elements)
         self.layout = MetricLayout(self.layout)
         time = np.arange(60) / 30
         points = travel * np.tile([1.0, -1.0], 30)[:, None, None] * np.ones((60, 6, 3)) / np.sqrt(3)

@@ -41,9 +41,12 @@ def test_one_effect_is_named_for_little_more_than_one_refit(world):
 
 def test_two_effects_are_named_together(world):
     world.missed = world.missed - world.rows["air_drag"][0] - 0.8 * world.rows["hem"][0]
-    search, _ = world.search()
+    search, asked = world.search()
     found = search.go()
     assert found.best() == ("air_drag", "hem")
+    # The best set is fitted on, and the base model from where that ends, once.
+    assert asked[-2:] == [("air_drag", "hem"), ()]
+    assert asked.count(()) == 1
     assert found.shares()[("air_drag", "hem")][0] > 0.7
 
 

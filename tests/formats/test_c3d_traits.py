@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from formats.errors import TakeError
-from formats.importers.c3d_file import read_c3d
+from formats.importers.c3d_file import _scale, read_c3d
 from tests.formats.c3d_by_hand import PROCESSORS, c3d_bytes
 
 MIXTURES = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -106,3 +106,14 @@ def test_of_floats_only_the_sign_of_the_scale_counts(tmp_path):
 def test_a_file_of_analogue_values_alone_has_no_marker_paths(tmp_path):
     with pytest.raises(TakeError, match=r"has no marker paths .0 points, 12 frames."):
         read(tmp_path, c3d_bytes(np.zeros((12, 0, 3)), [], analogue=6))
+
+
+@pytest.mark.parametrize(
+    ("units", "unit", "metres"),
+    [
+        (["mm"], None, [1e-3] * 3), (["mm", "m", "cm"], None, [1e-3, 1.0, 1e-2]), (["mm", "m"], None, [1e-3] * 3),
+        (["", "mm", "mm"], None, [1e-3] * 3), (["mm", "mm", "mm", "m"], None, [1e-3] * 3), ([], "cm", [1e-2] * 3),
+    ],
+)  # fmt: skip
+def test_a_file_has_one_unit_for_all_points_or_one_for_each(units, unit, metres):
+    assert _scale(units, 3, unit, "a.c3d").tolist() == metres

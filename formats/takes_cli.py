@@ -155,13 +155,23 @@ def recover_takes(
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what is already there.")] = False,
 ) -> None:
-    """Make a sound file, NAME.recovered.mcap, of every frame that a damaged or interrupted take still holds."""
+    """Make a sound file, NAME.recovered.mcap, of every frame that a damaged or interrupted take still holds.
+
+    Exit code 2: nothing can be read from at least one; the others are recovered all the same.
+    """
     from formats.archive import read_with_report, write_take
+    from formats.errors import TakeError
     from formats.missing import missing_words
     from formats.plain_text import plain
 
+    all_read = True
     for path in paths:
-        take, report = read_with_report(path)
+        try:
+            take, report = read_with_report(path)
+        except TakeError as error:
+            tell_entry("takes", f"lost: {error}", file=None, frames=0, missing="", lost_scans=0, error=str(error))
+            all_read = False
+            continue
         name = path.name.removesuffix(".partial").removesuffix(".mcap")
         target = write_take((out or path.parent) / f"{name}.recovered.mcap", take, overwrite=overwrite)
         lost = missing_words(take)
@@ -171,6 +181,8 @@ def recover_takes(
         tell_entry(
             "takes", words, file=str(target), frames=len(take.time), missing=lost, lost_scans=report.missing_scans
         )
+    if not all_read:
+        raise typer.Exit(2)
 
 
 def export_takes(

@@ -13,6 +13,7 @@ import json
 import os
 import shutil
 import socket
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,8 @@ from capture.errors import AnotherDaemonError, ControlError
 
 LONGEST_QUESTION = 4096  # bytes
 MOST_ASKERS = 16  # at once; one more, and the daemon hangs up on whoever has been silent for longest
+MOST_CALLERS = 128  # that the kernel holds until the daemon's next round
+MOST_WATCHERS = 64  # one more, and the daemon hangs up on the oldest
 ANSWER_PATIENCE = 10.0  # s that an asker waits for an answer: a daemon that records answers within one frame
 MODE = 0o660
 UNIT = "hangtime-capture"
@@ -50,7 +53,7 @@ class ControlServer:
                 os.umask(before)
             if group:
                 shutil.chown(path, group=grp.getgrnam(group).gr_gid)
-            self._socket.listen(MOST_ASKERS)
+            self._socket.listen(MOST_CALLERS)
         except ControlError:
             self._socket.close()
             raise
@@ -128,6 +131,8 @@ class ControlServer:
         if question.get("do") == "watch":
             if _send(asker, answer({"do": "status"})):
                 self._watchers.append(asker)
+                if len(self._watchers) > MOST_WATCHERS:
+                    self._watchers.pop(0).close()
                 return
         else:
             _send(asker, answer(question))
@@ -192,12 +197,22 @@ def picture_in(answer: dict[str, Any]) -> bytes:
 def _connected(path: Path) -> socket.socket:
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     connection.settimeout(ANSWER_PATIENCE)
+    until = time.monotonic() + ANSWER_PATIENCE
     try:
-        connection.connect(str(path))
+        while True:
+            try:
+                connection.connect(str(path))
+                break
+            except BlockingIOError:  # as many as the kernel holds are waiting for the daemon
+                if time.monotonic() > until:
+                    raise
+                time.sleep(0.02)
     except OSError as error:
         connection.close()
         if isinstance(error, PermissionError):
             what, advice = "this user may not speak to the daemon", "join the group of the socket and log in again"
+        elif isinstance(error, BlockingIOError):
+            what, advice = f"the daemon has let nobody in for {ANSWER_PATIENCE:g} s", SEE_UNIT
         else:
             what, advice = (
                 "no daemon listens here",

@@ -65,6 +65,8 @@ def keep(found: InForce, path: Path) -> None:
             if not copy.is_file() or copy.read_bytes() != content:
                 make_folders(copy.parent)
                 write_whole(copy, content)
+            for litter in copy.parent.glob(f"{copy.name}*.partial"):  # what a power cut left of an earlier copy
+                litter.unlink(missing_ok=True)
             return
 
 

@@ -50,6 +50,7 @@ from formats.unfinished import unfinished_name
 from formats.whole_files import make_folders, sync_folder, write_whole
 
 NAME = re.compile(r"take-([0-9]{6,12})\.")
+LAST_NUMBER = 10**12 - 1  # a name has at most 12 digits; nobody would find a take with more
 PIECE = 1 << 20  # bytes read at once while hashing
 
 CRASHED = "the recorder ended without finishing this take: a power cut or a crash; up to its last second is missing"
@@ -116,11 +117,11 @@ class Spool:
         """Give a number to a take that is about to be recorded. The number is on the disk when this returns.
 
         Raises:
-            SpoolError: another process records here.
+            SpoolError: another process records here, or a spoilt file says that the numbers are used up.
             OSError: the folder cannot be written.
         """
         self._become_recorder()
-        number = self._last_number() + 1
+        number = self._next_number()
         write_whole(self.folder / "sequence", f"{number}\n".encode())
         return RunningTake(sequence=number, partial=self._file(number, "recording.mcap"))
 
@@ -150,7 +151,7 @@ class Spool:
         """Keep what a crash left, and remove what it left over; returns the takes that were kept by this.
 
         Raises:
-            SpoolError: another process records here.
+            SpoolError: another process records here, or no number is left, after what was found is kept.
             OSError: the disk fails or is full; nothing is lost, and the next call goes on.
         """
         self._become_recorder()
@@ -168,6 +169,7 @@ class Spool:
             for litter in self.folder.glob(pattern):
                 litter.unlink(missing_ok=True)
         sync_folder(self.folder)
+        self._next_number()  # a spool without one is not sound
         return kept
 
     # --- looking ------------------------------------------------------------------------------------
@@ -328,6 +330,15 @@ class Spool:
             for entry in entries:
                 if found := NAME.match(entry.name):
                     yield int(found[1]), entry
+
+    def _next_number(self) -> int:
+        number = self._last_number() + 1
+        if number > LAST_NUMBER:
+            raise SpoolError(
+                f"the numbers of takes are used up: {number - 1} was given", where=self.folder / "sequence",
+                advice="remove what bears this number, and write the true last number into this file",
+            )  # fmt: skip
+        return number
 
     def _last_number(self) -> int:
         """Return the last number that was given: the file says so, and no take or receipt may have a higher one."""

@@ -15,6 +15,7 @@ SpoolFolder = Annotated[
     Path | None,
     typer.Option("--spool", metavar="DIR", help="The folder of takes.", show_default="the configuration's"),
 ]
+NO_FOLDER = "is no folder, so that no take is in it"
 CONFIG_FILE = Path("/etc/hangtime/appliance.toml")
 
 
@@ -61,10 +62,13 @@ def show_sync(
 ) -> None:
     """Say how sync stands: what waits, what is safe, what is in the way, when it was last proved."""
     from capture.appliance.sync_status import FILE, is_syncing, read_status, sentences
+    from capture.errors import SyncError
     from capture.sync.rounds import now_here
     from capture.sync.settings import load_settings
 
     folder = spool or load_settings(config).spool
+    if not folder.is_dir():
+        raise SyncError(NO_FOLDER, where=folder, advice="check the path")
     status = read_status(folder)
     if json:
         typer.echo("null" if status is None else (folder / FILE).read_text().strip())
@@ -99,7 +103,7 @@ def prune_takes(
 
     told = load_settings(config, spool) if spool is None or config.exists() else Told(settings_of({}), spool)
     if not told.spool.is_dir():
-        raise SyncError("is no folder, so that no take is in it", where=told.spool, advice="check the path")
+        raise SyncError(NO_FOLDER, where=told.spool, advice="check the path")
     retention = told.settings.retention
     if keep_days is not None:
         if keep_days != keep_days:

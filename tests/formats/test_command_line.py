@@ -259,6 +259,16 @@ def test_recover_makes_a_sound_file_and_names_the_missing_seconds(tmp_path):
     assert hangtime("takes", "recover", path).returncode == 2, "what is there stays"
 
 
+def test_recover_goes_on_after_a_file_of_which_nothing_can_be_read(tmp_path):
+    empty, path = tmp_path / "empty.mcap", write_take(tmp_path / "a.mcap", a_take())
+    empty.touch()
+    done = hangtime("takes", "recover", empty, path)
+    assert done.returncode == 2
+    assert done.stdout.splitlines() == [
+        f"lost: {empty}: is empty; give a take archive", f"{tmp_path}/a.recovered.mcap: 150 frames, nothing is missing"
+    ]  # fmt: skip
+
+
 def test_recover_makes_a_sound_file_of_what_an_interrupted_recording_left(tmp_path):
     raw = write_take(tmp_path / "a.mcap", a_take()).read_bytes()
     (tmp_path / "b.mcap.partial").write_bytes(without_end(raw))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -11,6 +12,7 @@ from capture.appliance.config import Config, load
 from capture.appliance.last_good import copy_of, keep, last_good, load_or_last_good
 from formats.descriptions import dump_description
 from formats.errors import DescriptionError
+from tests.capture.appliance.power_cut import Disk
 from tests.capture.appliance.virtual_appliance import RIG
 from tests.capture.garment.towel import GARMENT
 
@@ -160,3 +162,38 @@ def test_a_configuration_replaces_the_copy_only_once_the_recorder_is_ready_with_
     keep(second, file)
     assert load_or_last_good(file).config == second.config
     assert last_good(file, DescriptionError("why")).refused.what == "why"
+
+
+def pre_roll_in_force(file):
+    try:
+        return load_or_last_good(file).config.recording.pre_roll_s
+    except DescriptionError:
+        return 0.0
+
+
+def test_every_power_cut_leaves_the_copy_of_before_or_the_new_one_and_no_litter_stays(file, tmp_path, monkeypatch):
+    held = load_or_last_good(file)
+    copy_of(file).unlink()
+    file.write_text("")  # so that only a copy can be in force
+    state = tmp_path / "state"
+    state.mkdir()
+    monkeypatch.setenv("STATE_DIRECTORY", str(state))
+
+    def with_pre_roll(seconds):
+        recording = msgspec.structs.replace(held.config.recording, pre_roll_s=seconds)
+        return replace(held, config=msgspec.structs.replace(held.config, recording=recording))
+
+    disk = Disk(state)
+    with disk.recording(monkeypatch):
+        for seconds in (1.0, 2.0, 3.0):
+            keep(with_pre_roll(seconds), file)
+            disk.promise(seconds)
+    cuts = [(moment, word, files) for moment in disk.moments for word, files in moment.cuts()]
+    for moment, word, files in cuts:
+        left = disk.lay(files, tmp_path / "cut")
+        monkeypatch.setenv("STATE_DIRECTORY", str(left))
+        promised = float(moment.promises)  # the last one is as long as there were promises
+        assert pre_roll_in_force(file) in (promised, promised + 1.0), word
+        keep(with_pre_roll(9.0), file)
+        assert [path.name for path in left.iterdir()] == ["appliance.last-good.json"], word
+    assert len(cuts) >= 15  # as recorded; far fewer would say that the shim no longer sees the calls

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import socket
 import threading
+import time
 
 import pytest
 
-from capture.appliance.control import LONGEST_QUESTION, MOST_ASKERS, ControlServer, ask
+from capture.appliance.control import LONGEST_QUESTION, MOST_ASKERS, MOST_CALLERS, MOST_WATCHERS, ControlServer, ask
 from capture.errors import ControlError
 
 
@@ -104,3 +106,38 @@ def test_an_answer_that_breaks_off_is_named(path):
         with pytest.raises(ControlError, match="ended in mid-answer"):
             ask(path, "status")
         thread.join()
+
+
+def test_whoever_finds_the_line_full_waits_and_is_not_told_that_no_daemon_is_there(server, path, monkeypatch):
+    """The kernel refuses a caller at once when as many wait as the daemon lets wait; once it did so after 16."""
+    monkeypatch.setattr("capture.appliance.control.ANSWER_PATIENCE", 0.3)
+    waiting = [socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK) for _ in range(300)]
+    refused = [one.connect_ex(str(path)) == errno.EAGAIN for one in waiting]
+    assert refused.index(True) > MOST_CALLERS
+    with pytest.raises(ControlError, match=r"the daemon has let nobody in for 0\.3 s"):
+        ask(path, "status")
+    monkeypatch.setattr("capture.appliance.control.ANSWER_PATIENCE", 10.0)
+    told = []
+    asker = threading.Thread(target=lambda: told.append(ask(path, "status")))
+    asker.start()
+    until = time.monotonic() + 10
+    while asker.is_alive() and time.monotonic() < until:
+        serve(server)
+    asker.join()
+    assert told == [{"ok": True, "asked": "status"}]
+    for one in waiting:
+        one.close()
+
+
+def test_a_hundred_programs_that_watch_hold_64_connections_and_the_last_one_is_told(server, path):
+    watchers = []
+    for _ in range(100):
+        watchers.append(connected(path))
+        watchers[-1].sendall(b'{"do": "watch"}\n')
+        serve(server)
+    assert len(server._watchers) == MOST_WATCHERS
+    server.tell({"news": 1})
+    with watchers[-1].makefile("rb") as said:
+        assert [json.loads(said.readline()) for _ in range(2)] == [{"ok": True, "asked": "status"}, {"news": 1}]
+    for one in watchers:
+        one.close()

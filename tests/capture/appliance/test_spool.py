@@ -228,3 +228,19 @@ def test_a_receipt_that_cannot_be_read_is_none(spool):
     path.write_text(json.dumps({"sequence": 1}))
     assert [take.sequence for take in spool.waiting()] == [1]
     assert spool.make_room(Retention(quota_bytes=0, least_free_bytes=0), now=NOW).left == ()
+
+
+@pytest.mark.parametrize("spoilt", ["sequence", "take"])
+def test_a_number_with_13_digits_is_given_to_no_take_for_nobody_would_find_it(spool, spoilt):
+    take = record(spool, 40)
+    if spoilt == "sequence":
+        (spool.folder / "sequence").write_text("9999999999999")
+    else:
+        take.path.with_name("take-999999999999.mcap").write_bytes(take.path.read_bytes())
+    for fails in (spool.begin, spool.salvage):
+        with pytest.raises(SpoolError, match=r"the numbers of takes are used up.*write the true last number"):
+            fails()
+    (spool.folder / "take-999999999999.mcap").unlink(missing_ok=True)
+    (spool.folder / "sequence").write_text("1")
+    assert spool.salvage() == []
+    assert spool.begin().sequence == 2

@@ -47,8 +47,9 @@ def hangtime(*words):
     return hangtime_here(*words, folder=".")
 
 
-def test_prune_makes_no_folder_where_no_takes_are(tmp_path):
-    done = hangtime("takes", "prune", "--spool", tmp_path / "spoool")
+@pytest.mark.parametrize("command", [("takes", "prune"), ("sync", "status")])
+def test_a_command_makes_no_folder_where_no_takes_are_and_says_so(tmp_path, command):
+    done = hangtime(*command, "--spool", tmp_path / "spoool")
     assert done.returncode == 2
     assert "spoool: is no folder, so that no take is in it; check the path" in done.stderr
     assert list(tmp_path.iterdir()) == []

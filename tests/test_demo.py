@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
+import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from firmware_host.synthetic.motion import hanger_pose
+from fit.batch.garments import STRONGER
 from tests.repository import PACKAGES, ROOT
 
 HANGTIME = """#!/bin/sh
@@ -70,3 +75,18 @@ def test_the_demo_of_felt_has_a_folder_and_a_fabric_of_its_own(demo: Path) -> No
     made = [line for line in (demo / "calls").read_text().splitlines() if line.startswith("sensor synthesise")]
     assert len(made) == 3
     assert all("--fabric felt" in line for line in made)
+
+
+def test_the_appliances_demo_shows_three_strengths_of_one_motion_wherever_its_takes_begin() -> None:
+    """A busy machine starts a take up to 5 s later; the night then found two strengths and nothing to judge on."""
+    script = (ROOT / "scripts/demo-appliance").read_text()
+    (told,) = re.findall(r"--seconds ([0-9]+) --seed", script)
+    seconds = float(told)
+    time = np.arange(0.0, seconds, 1 / 30)
+    reaches = {}
+    for motion, seed in re.findall(r"^synthesise (\w+) (\d+)$", script, re.MULTILINE):
+        moved = hanger_pose(motion, time, int(seed), seconds).displacement
+        shown = [moved[(time >= begin) & (time <= begin + 10.0)] for begin in np.arange(0.0, 5.0, 0.25)]
+        reaches[motion] = [math.hypot(*part.std(axis=0)) for part in shown]
+    for weaker, stronger in (("gentle", "swing"), ("swing", "mixed")):
+        assert min(reaches[stronger]) > STRONGER * max(reaches[weaker])

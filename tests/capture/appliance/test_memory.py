@@ -6,6 +6,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 from capture.appliance import memory
 from capture.appliance.memory import StartingMemory, unwritten_mappings
 from tests.capture.appliance.virtual_appliance import ROOT
@@ -31,7 +33,7 @@ Anonymous:             0 kB
 Anonymous:             0 kB
 """
 WORK = """
-import time, cv2, numpy as np
+import os, cv2, numpy as np
 from capture.appliance.memory import StartingMemory, share_one_heap
 cv2.setNumThreads(1), share_one_heap()
 def work():
@@ -41,7 +43,7 @@ def work():
 resident = lambda: int(open('/proc/self/statm').read().split()[1]) * 4096
 before, was = work(), resident()
 memory = StartingMemory()
-print(was - resident())
+print(len(os.listdir('/proc/self/task')), was - resident())
 memory.let_go(10.0, is_started=False), memory.let_go(10.4, is_started=True)
 assert not memory.is_over
 memory.let_go(10.5, is_started=True), memory.let_go(11.0, is_started=True)
@@ -59,7 +61,10 @@ def test_it_gives_back_10_megabytes_and_the_same_work_has_the_same_outcome():
         [sys.executable, "-c", WORK], cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"},
         capture_output=True, text=True, check=True,
     )  # fmt: skip
-    assert int(done.stdout) > 10e6  # at once, for no other thread runs
+    threads, given_back = map(int, done.stdout.split())
+    if threads > 1:
+        pytest.skip("an emulator runs threads of its own in this process")
+    assert given_back > 10e6  # at once, for no other thread runs
 
 
 def test_a_mapping_that_the_first_look_did_not_find_is_left_alone(monkeypatch, tmp_path):

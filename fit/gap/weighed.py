@@ -10,6 +10,7 @@ was chosen. Probabilities are masses: of an effect, that of all subsets which ho
 | subsets of one effect | `effect`; `ambiguous` where others hold RIVAL of the mass in its place |
 | subsets of two or three | `several`, of each cause what may stand in its place |
 
+Of what the mass prefers, the first set is named in which no size may be nothing; without one there is no name.
 An effect that closes less than SMALLEST_CLOSURE of the gap on motion that nothing was chosen on is no cause: `unknown`.
 Gates and `numerics` are those of `fit.gap.verdict`.
 """
@@ -97,12 +98,22 @@ def decide_by_mass(evidence: Evidence, found: Found) -> Verdict:
     if nothing >= max(unknown, named):
         return no_gap(evidence, has_gap=evidence.exceeds(evidence.floor_mm**2))
     coarse = next((g for g in evidence.gates if g.name == "mesh and step" and not g.passed), None)
-    best = max((s for s in found.fits if s), key=lambda s: shares.get(s, (0.0, 0.0))[0], default=())
+    order = sorted((s for s in found.fits if s), key=lambda s: -shares.get(s, (0.0, 0.0))[0])
+    likeliest = _judged(evidence, order[0]) if order else None
+    best = next((s for s in order if _is_sure(evidence, _judged(evidence, s))), ())
     hypothesis = _judged(evidence, best)
     closed = evidence.closure_of(hypothesis) if hypothesis else None
     if coarse is not None and 100 * (closed.value if closed else 0.0) <= (coarse.figure or 0.0):
         return Verdict("numerics", [], f"Refine first: {coarse.sentence} {figures}")
     gap = f"There is a gap that no effect in the library explains. {figures}"
+    if unknown < named and hypothesis is None and likeliest is not None:
+        if not evidence.exceeds(evidence.floor_mm**2):
+            return no_gap(evidence, has_gap=False)
+        sizes = ", ".join(
+            f"{evidence.observer.library[name].title} ({with_unit(evidence, name, likeliest)})"
+            for name in likeliest.effects
+        )
+        return Verdict("unknown", [], f"{gap} The likeliest is {sizes}, and its size may be nothing.")
     if unknown >= named or hypothesis is None:
         return Verdict("unknown", [], gap + edge_is_off(evidence))
     if closed is not None and closed.value < SMALLEST_CLOSURE:
@@ -117,6 +128,14 @@ def _judged(evidence: Evidence, subset: Subset) -> Hypothesis | None:
     if len(subset) == 1:
         return evidence.singles.get(subset[0])
     return next((h for h, _ in evidence.joint if set(h.effects) == set(subset)), None)
+
+
+def _is_sure(evidence: Evidence, hypothesis: Hypothesis | None) -> bool:
+    """Whether no effect of a hypothesis may be nothing, by noise, mesh and solver; an effect not judged may be."""
+    if hypothesis is None:
+        return False
+    sizes = (evidence.amplitude(name, beside=hypothesis, any_law=False) for name in hypothesis.effects)
+    return all(low * high > 0 for _, (low, high) in sizes)
 
 
 def _instead(shares: dict[Subset, tuple[float, float]], best: Subset, name: str) -> list[str]:

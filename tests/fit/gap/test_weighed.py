@@ -74,6 +74,28 @@ def test_an_effect_that_closes_little_on_other_motion_is_no_cause():
     assert "on the other one it closes 19 %" in verdict.sentence
 
 
+def test_an_effect_whose_size_may_be_nothing_is_not_named():
+    shares = found_of({(): (0.05, 0.0), ("air_drag",): (0.95, 0.0)})
+    verdict = decide_by_mass(evidence_of({"air_drag": 5.5}, sizes=0.01), shares)
+    assert (verdict.verdict, verdict.named) == ("unknown", [])
+    assert "The likeliest is air drag (" in verdict.sentence
+    assert "its size may be nothing" in verdict.sentence
+    # Where the base model is within the noise as well, there is no gap to explain.
+    assert decide_by_mass(evidence_of({"air_drag": 5.0}, base=5.2, sizes=0.01), shares).verdict == "none"
+
+
+def test_where_one_of_two_sizes_may_be_nothing_the_other_effect_is_named_alone():
+    evidence = evidence_of({"air_drag": 5.6, "hem": 11.0}, joint=[(("air_drag", "hem"), 5.4)])
+    ((pair, p_value),) = evidence.joint
+    sizes = pair.fitted.amplitudes.copy()
+    sizes[evidence.observer.columns["hem"]] *= 0.01
+    weak = dataclasses.replace(pair, fitted=dataclasses.replace(pair.fitted, amplitudes=sizes))
+    shares = found_of({(): (0.02, 0.0), ("air_drag", "hem"): (0.6, 0.0), ("air_drag",): (0.35, 0.0)})
+    named = decide_by_mass(dataclasses.replace(evidence, joint=[(weak, p_value)]), shares)
+    assert (named.verdict, named.named) == ("effect", ["air_drag"])
+    assert decide_by_mass(evidence, shares).named == ["air_drag", "hem"]
+
+
 def test_gates_come_first():
     shares = found_of({(): (0.1, 0.0), ("air_drag",): (0.9, 0.0)})
     assert decide_by_mass(evidence_of({"air_drag": 5.5}, gate_list=[CHAOTIC]), shares).verdict == "inconclusive"

@@ -79,6 +79,21 @@ def observed(name, amplitude, points):
     return effect(name).observe(points, recording, np.atleast_1d(amplitude).astype(float))
 
 
+def test_the_spread_of_drag_laws_covers_a_drag_that_goes_with_the_speed():
+    turn = np.linspace(0, 2 * np.pi, 4001)[:-1]
+
+    def left_of_linear(*speeds):
+        """Relative deviation of the best quadratic law from a linear one over swings of these largest speeds."""
+        speed = np.concatenate([largest * np.cos(turn) for largest in speeds])
+        quadratic = speed * np.abs(speed)
+        cosine = (speed @ quadratic) / np.sqrt((speed @ speed) * (quadratic @ quadratic))
+        return np.sqrt(1 - cosine**2)
+
+    assert left_of_linear(1.0) == pytest.approx(np.sqrt(1 - 512 / (54 * np.pi**2)), abs=1e-6)
+    covered = 3 * effect("air_drag").law_spread
+    assert 0.28 < left_of_linear(1.0, 3.0) < covered < 0.35
+
+
 def test_air_drag_on_a_face_at_two_metres_a_second():
     """1/2 x 1.204 x 1.2 x 0.01 m^2 x (2 m/s)^2 = 0.0289 N against the motion."""
     force = face_force("air_drag", (1.2,), (0.5, 2.0, 0.0), (0.0, 1.0, 0.0), 0.01)

@@ -8,7 +8,7 @@ attack a. At small angles the difference is an `air_lift` of 2 c.
 
 The amplitude is c, never negative: the force opposes the motion.
 
-Swayed real cloth may follow a law between v and v^2 (Mao, Xia & Wang). The best law c v |v| of one harmonic swing leaves
+Swayed real cloth may follow a law between v and v^2 (Mao, Xia & Wang). The best law c v |v| of a harmonic swing leaves
 sqrt(1 - 512 / (54 pi^2)) = 0.2 of a force that goes with v. Over swings whose speeds stand as 1 to 3 it leaves 0.29.
 Three deviations of `law_spread` cover that (`fit.gap.evidence`).
 

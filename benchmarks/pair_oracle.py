@@ -1,17 +1,17 @@
 """Pairs by what a diagnosis that knew the planted effects could have told of them.
 
-Run: python benchmarks/pair_oracle.py SET ANSWERS [ANSWERS ...] [--out FILE.json]
-SET is a scored set of the blind check, so that its seal is open; ANSWERS are folders of answers to the set.
+Run: python benchmarks/pair_oracle.py SET ANSWERS [ANSWERS ...] [--out FILE.json].
+SET is a scored set of the blind check, so that its seal is open. ANSWERS are folders of answers to the set.
 
 A planted effect of a pair may be large alone and yet change nothing that the other one does not change as well. So
 the oracle fits both effects together from their planted sizes, and each alone from where that fit ended. The held-out
-takes judge the three fits. The conditional size k is 1 where the true pair leaves so much less than the best true
-single that the rules may name the second effect:
+takes judge the three fits. The true pair leaves less than the best true single. The conditional size k compares that
+gain with the least one for which the rules may name a second effect:
 
-    k^2 = (E_single^2 - E_pair^2) / needed,   needed = max(share N^2, (1.2 - 1) F^2)
+    k^2 = (E_single^2 - E_pair^2) / needed,   needed = max(share N^2, (1.2 - 1) F^2).
 
 E are errors, F is the noise floor and N the error of mesh and solver, all in mm on held-out motion. `needed` is the
-size from which a single effect counts as detectable too (`fit.gap.detectable.resolvable`). F and N come from the first
+gain from which a single effect counts as detectable too (`fit.gap.detectable.resolvable`). F and N come from the first
 folder of answers.
 """
 

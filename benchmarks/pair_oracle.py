@@ -51,7 +51,7 @@ TRUE = ("stretch_stiffness", "shear_stiffness", "bending_stiffness", "velocity_d
 
 @dataclass(frozen=True)
 class Known:
-    """What the oracle found of one pair; errors in mm, on held-out takes."""
+    """Findings of the oracle about one pair; errors in mm, on held-out takes."""
 
     case: str
     planted: tuple[str, ...]

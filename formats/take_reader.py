@@ -80,7 +80,11 @@ def _bytes_of(path: Path) -> bytes:
                 most = f"a take has {LARGEST_FILE / 1e9:.1f} GB at most"
                 raise TakeError(f"is no take: it has {size / 1e9:.1f} GB{told}", where=path, advice=most)
             is_foreign = profile is not None and not _is_ours(profile)
-            return raw if is_foreign and not _has_header(raw) else raw + file.read()
+            if is_foreign and not _has_header(raw):
+                return raw
+            del raw
+            file.seek(0)
+            return file.read()
     except OSError as error:
         raise TakeError(f"cannot be read ({error.strerror})", where=path, advice="check the path") from error
 

@@ -22,6 +22,8 @@ def read_marker_tracks(path: Path, unit: str | None = None) -> MarkerTracks:
     """
     if path.is_dir():
         raise TakeError("is a folder", where=path, advice="give the files in it")
+    if path.exists() and not path.is_file():
+        raise TakeError("cannot be read (it is a pipe or a device, and no file)", where=path, advice="check the path")
     if not path.is_file():
         raise TakeError("cannot be read (no such file)", where=path, advice="check the path")
     kind = path.suffix.lower()

@@ -9,7 +9,9 @@ Qualisys Track Manager, "TSV export".
 
 from __future__ import annotations
 
+import contextlib
 import csv
+import math
 import re
 from array import array
 from collections.abc import Iterator, Sequence
@@ -30,11 +32,13 @@ CAN_BE_READ = "markers can be read from .c3d, .trc, .csv and .tsv, swung cloth f
 DECIMAL_COMMA = re.compile(r"^\s*-?\d+,\d+(e[+-]?\d+)?\s*$", re.IGNORECASE)
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)  # `float` takes 1_0 as well
 MOST_LINES = 5_000_000  # 80 minutes at 1000 frames a second
+LINE_ENDS = "\n\r\v\f\x1c\x1d\x1e\x85\u2028\u2029"  # of `str.splitlines`
 COMMENT = "#%"
 MOST_TITLES = 100  # lines above the header
 HEADER = re.compile(
     r"""[\s"'#%]*(time_s|pathfiletype|format version|no_of_frames)["']?\s*([,;\t]|$)""", re.IGNORECASE
 )  # of the first cell
+PLAIN = frozenset("0123456789+-.eE ")  # `float` makes of these letters what `NUMBER` knows, or refuses them
 MOST_CELLS = 100_000  # of a line: three for each of 30,000 markers, and some
 LONGEST_SHOWN = 40  # characters of a cell in a message
 LONGEST_HEAD = 1000  # lines above the first frame: Qualisys writes one for each event
@@ -121,28 +125,38 @@ def _rows(path: Path) -> Rows:
     if (size := path.stat().st_size) > LARGEST_TEXT:
         raise TakeError(f"has {size / 1e9:.1f} GB of text", where=path, advice="export fewer frames at once")
     try:
-        raw = path.read_bytes().rstrip(b"\x1a")  # Ctrl-Z, with which programs of DOS end a text
-        if not raw.strip(b"\0\r\n\t "):
-            raise TakeError("is empty", where=path, advice=f"export it again; {CAN_BE_READ}")
-        encoding = encoding_of(raw[:4])
-        if encoding == "utf-8" and b"\0" in raw[:200]:  # without a mark: every other byte of plain text is zero
-            encoding = "utf-16-le" if raw[1:2] == b"\0" else "utf-16-be"
-        text = _decoded(raw, encoding)
-        lines = text.splitlines()
-        if len(lines) > MOST_LINES:
-            raise TakeError(f"has {len(lines)} lines", where=path, advice="export fewer frames at once")
-        begin = next((k for k, line in enumerate(lines[:MOST_TITLES]) if HEADER.match(line)), 0)
-        head = "\n".join(lines[begin : begin + 50])
-        # A comma also parts decimals: it parts cells only where nothing else does.
-        separator = "\t" if head.count("\t") else ";" if head.count(";") else ","
-        # In Qualisys' table a line of separators is a frame in which no marker was seen.
-        dropped = " " if head.lower().startswith("no_of_frames") else f'{separator}" \t'
-        is_cut = not text.endswith(("\n", "\r"))
-        numbers = array("L", (n for n, line in enumerate(lines[begin:], begin + 1) if line.strip(dropped)))
-        return Rows([lines[n - 1] for n in numbers], numbers, separator, path, is_cut=is_cut)
+        text = _text(path)
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
         raise TakeError(f"cannot be read ({reason})", where=path, advice="export it as text again") from error
+    if (count := sum(map(text.count, LINE_ENDS)) - text.count("\r\n")) > MOST_LINES:
+        raise TakeError(f"has {count} lines", where=path, advice="export fewer frames at once")
+    lines = text.splitlines()
+    begin = next((k for k, line in enumerate(lines[:MOST_TITLES]) if HEADER.match(line)), 0)
+    head = "\n".join(lines[begin : begin + 50])
+    # A comma also parts decimals: it parts cells only where nothing else does.
+    separator = "\t" if head.count("\t") else ";" if head.count(";") else ","
+    # In Qualisys' table a line of separators is a frame in which no marker was seen.
+    dropped = " " if head.lower().startswith("no_of_frames") else f'{separator}" \t'
+    is_cut = not text.endswith(("\n", "\r"))
+    numbers = array("L", (n for n, line in enumerate(lines[begin:], begin + 1) if line.strip(dropped)))
+    return Rows([lines[n - 1] for n in numbers], numbers, separator, path, is_cut=is_cut)
+
+
+def _text(path: Path) -> str:
+    """Return the text of a file.
+
+    Raises:
+        TakeError: it is empty.
+        OSError, UnicodeDecodeError: it cannot be read, or is no text.
+    """
+    raw = path.read_bytes().rstrip(b"\x1a")  # Ctrl-Z, with which programs of DOS end a text
+    if not re.search(rb"[^\0\r\n\t ]", raw):
+        raise TakeError("is empty", where=path, advice=f"export it again; {CAN_BE_READ}")
+    encoding = encoding_of(raw[:4])
+    if encoding == "utf-8" and b"\0" in raw[:200]:  # without a mark: every other byte of plain text is zero
+        encoding = "utf-16-le" if raw[1:2] == b"\0" else "utf-16-be"
+    return _decoded(raw, encoding)
 
 
 def _decoded(raw: bytes, encoding: str) -> str:
@@ -178,13 +192,27 @@ def _numbers(rows: Rows, width: int, path: Path, *, is_exact: bool = False) -> F
                 f"line {rows.numbers[k]} has {len(cells)} columns, not {width}", where=path, advice="mend that line"
             )
         try:
-            values[k] = [_number(cell) for cell in cells]
+            values[k] = _row(cells)
         except ValueError as error:
             raise TakeError(
                 f"line {rows.numbers[k]} holds {error}, which is no number", where=path,
                 advice="mend that line",
             ) from error  # fmt: skip
     return values
+
+
+def _row(cells: list[str]) -> list[float]:
+    """Return the numbers of cells, as `_number` does, five times as quickly where all of them are plain.
+
+    Raises:
+        ValueError: as `_number`.
+    """
+    if PLAIN.issuperset("".join(cells)):
+        with contextlib.suppress(ValueError):
+            numbers = [float(cell) for cell in cells]
+            if not (math.inf in numbers or -math.inf in numbers):
+                return numbers
+    return [_number(cell) for cell in cells]
 
 
 def _number(cell: str) -> float:

@@ -16,7 +16,7 @@ import pytest
 import zstandard
 
 from formats.archive import read_take, read_with_report, take_of, verify_take, write_take
-from formats.chunks import Findings, messages_in
+from formats.chunks import MCAP_MAGIC, Findings, messages_in
 from formats.errors import TakeError
 from formats.surface import places_of
 from tests.fit.here import hangtime_here
@@ -348,6 +348,17 @@ def test_a_file_of_300_gigabytes_is_refused_unread(tmp_path):
     most, said = peak_of(lambda: read_take(path))
     assert "is no take: it has 300.0 GB and its profile says ros2" in said
     assert most < 32 << 20
+
+
+def test_a_file_of_nothing_is_held_once(tmp_path):
+    """128 MB of holes behind the magic: they are read once, and searched in 60 MB."""
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        file.write(MCAP_MAGIC)
+        file.truncate(1 << 27)
+    most, said = peak_of(lambda: read_take(path))
+    assert "holds no readable header" in said
+    assert most < (1 << 27) + 60e6
 
 
 def test_an_archive_of_another_profile_is_named_and_not_read_whole(tmp_path):

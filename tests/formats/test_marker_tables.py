@@ -154,9 +154,20 @@ def test_titles_above_the_files_of_programs_are_passed_over(tmp_path, name, kind
     assert np.array_equal(titled.positions, alone.positions, equal_nan=True)
 
 
-def test_a_text_of_nothing_but_lines_costs_no_memory(tmp_path):
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r", "\x0b", "\x85", "\u2028"])
+def test_a_text_of_nothing_but_lines_is_refused_before_it_is_split(tmp_path, end):
     with pytest.raises(TakeError, match="has 5000001 lines"):
-        read(tmp_path, OWN + "\n" * 5_000_000)
+        read(tmp_path, OWN + end * 5_000_000)
+
+
+def test_plain_numbers_are_read_as_all_others_are(tmp_path):
+    """The second row has cells that are not plain, so each is read by itself; both hold the same numbers."""
+    found = read(tmp_path, OWN + '-1.5,+2,.5, 3e-1 ,4.,1E2,0\n-1.5,2.0,"0,5",0.3,4,100,0\n')
+    assert found.time.tolist() == [-1.5, -1.5]
+    assert found.positions[0].tolist() == found.positions[1].tolist()
+    for cell in ("1e999", "1 2", "1e", "--1", "1.2.3"):
+        with pytest.raises(TakeError, match=f"line 2 holds '{cell}', which is no number"):
+            read(tmp_path, OWN + f"0,1,2,3,4,5,{cell}\n")
 
 
 @pytest.mark.parametrize(

@@ -47,5 +47,5 @@ def _patience():
 )  # fmt: skip
 def test_a_pipe_is_refused_at_once(read, tmp_path):
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises((HangtimeError, RecordingError), match=r"a pipe or a device|no such file"):
+    with pytest.raises((HangtimeError, RecordingError), match="a pipe or a device"):
         read(tmp_path / "pipe")

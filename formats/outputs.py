@@ -49,11 +49,15 @@ def refuse_to_replace(path: Path, text: str | None = None) -> None:
     Raises:
         OutputError: it is there.
     """
-    if path.exists() and not (text is not None and path.is_file() and path.read_bytes() == text.encode()):
+    if path.exists() and not (text is not None and _holds(path, text.encode())):
         raise already_there(path)
     partial = unfinished_name(path)
     if partial.exists() and partial.stat().st_size > 0:  # an empty one lost nothing, or its writer's lock refuses
         raise left_unfinished(partial)
+
+
+def _holds(path: Path, content: bytes) -> bool:
+    return path.is_file() and path.stat().st_size == len(content) and path.read_bytes() == content
 
 
 def check_is_no_input(out: Path, inputs: Mapping[str, str | Path]) -> None:

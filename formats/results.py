@@ -17,6 +17,7 @@ from formats.whole_files import check_ends, write_whole
 
 POSITIVE = ("areal_density", "stretch_stiffness", "bending_stiffness")  # of every material: others are divided by them
 LARGEST_NUMBER = 1e100  # SI: products of three such numbers are still finite in double precision
+LARGEST_RESULT = 1 << 25  # bytes: a diagnosis of hundreds of takes has a hundredth of them
 
 Result = TypeVar("Result", FitResult, Diagnosis)
 
@@ -95,6 +96,8 @@ def result_bytes(record: FitResult | Diagnosis, path: Path) -> bytes:
 def _load(path: Path, kind: type[Result]) -> Result:
     try:
         check_ends(path)
+        if (size := path.stat().st_size) > LARGEST_RESULT:
+            raise ResultError(f"has {size / 1e9:.1f} GB, which no result has", where=path, advice="check the path")
         raw = path.read_bytes()
     except OSError as error:
         raise ResultError(f"cannot be read ({error.strerror})", where=path, advice="check the path") from error

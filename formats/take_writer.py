@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from importlib.resources import files
+from os import SEEK_END
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, Self
@@ -33,6 +34,7 @@ HEADER, BLOCK, SURFACE, END = "/header", "/block", "/surface", "/end"
 NO_INDEX = IndexType(0)  # of chunks: 77 bytes a second, and no reader of takes skips any
 BINDING_BYTES = 8
 MOST_HEADER_BYTES = 1 << 20
+LOOKED_THROUGH = 1 << 26  # bytes of an unfinished file that is looked through: ten hours of a skirt have fewer
 
 
 def binding_of(header: bytes) -> bytes:
@@ -216,7 +218,9 @@ class TakeWriter:
 
 
 def holds_a_block(file: BinaryIO) -> bool:
-    """Return whether a file that an interrupted recording left has frames that can be read."""
+    """Return whether a file that an interrupted recording left has frames that can be read, or is too large to tell."""
+    if file.seek(0, SEEK_END) > LOOKED_THROUGH:
+        return True
     file.seek(0)
     return any(b"table" in data[:200] or b"points_valid" in data for data in messages_in(file.read(), Findings()))
 

@@ -21,6 +21,7 @@ from fit.errors import BatchError, UnreachableError
 
 CONNECT = 5.0  # s that one attempt to reach a scheduler may take
 RETRY = 2.0  # s between attempts
+LONGEST_FILE = 1 << 20  # letters of a scheduler file
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +93,10 @@ def _address_in(path: Path) -> str:
         BatchError: it is no scheduler file.
     """
     try:
-        return str(json.loads(path.read_text())["address"])
+        if not path.is_file():
+            raise ValueError("it is a pipe, a device or a folder")
+        with path.open(encoding="utf-8") as file:
+            return str(json.loads(file.read(LONGEST_FILE))["address"])
     except (ValueError, KeyError, TypeError) as error:
         raise BatchError(
             "is no scheduler file", where=path, advice="give the file that dask scheduler --scheduler-file wrote"

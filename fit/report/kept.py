@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +18,13 @@ from fit.report.origin import Origin
 from formats.arrays import Floats
 from formats.diagnosis_records import Diagnosis
 from formats.fit_records import FitResult
-from formats.whole_files import write_whole
+from formats.whole_files import check_ends, write_whole
 
 FORMAT = "hangtime-report-motion/1"
 STEP = 1e-4  # m: places are rounded to it, a tenth of the sensor's noise
 NOT_SEEN, LARGEST = np.iinfo(np.int32).min, 10**8  # 10 km: a place farther away is of cloth that blew up
 FAULT = "is no motion of a report"
+MOST_UNPACKED = 1 << 28  # bytes: hundreds of times what a page of 1.5 MB holds
 
 
 class _Head(msgspec.Struct, frozen=True, kw_only=True):
@@ -85,6 +87,10 @@ def load_motions(report: Path, created: str) -> tuple[list[ReportMotion], Origin
     if not path.exists():
         return [], None
     try:
+        check_ends(path)
+        with zipfile.ZipFile(path) as archive:
+            if sum(part.file_size for part in archive.infolist()) > MOST_UNPACKED:
+                raise FitError(FAULT, where=path, advice="remove it, or fit or diagnose the takes again")
         with np.load(path, allow_pickle=False) as arrays:
             head = msgspec.json.decode(arrays["head"].tobytes(), type=_Head)
             if head.format != FORMAT:
@@ -92,7 +98,10 @@ def load_motions(report: Path, created: str) -> tuple[list[ReportMotion], Origin
             if head.created != created:
                 return [], None
             return [_motion(number, take, arrays) for number, take in enumerate(head.takes)], head.origin
-    except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile, msgspec.MsgspecError) as error:
+    except (
+        OSError, EOFError, ValueError, KeyError, TypeError, RuntimeError, MemoryError, SyntaxError, zlib.error,
+        zipfile.BadZipFile, msgspec.MsgspecError,
+    ) as error:  # fmt: skip
         raise FitError(FAULT, where=path, advice="remove it, or fit or diagnose the takes again") from error
 
 

@@ -39,6 +39,7 @@ HEADER = re.compile(
     r"""[\s"'#%]*(time_s|pathfiletype|format version|no_of_frames)["']?\s*([,;\t]|$)""", re.IGNORECASE
 )  # of the first cell
 PLAIN = frozenset("0123456789+-.eE ")  # `float` makes of these letters what `NUMBER` knows, or refuses them
+MOST_NUMBERS = 1 << 25  # of a file: 19 minutes of 81 markers at 120 frames a second
 MOST_CELLS = 100_000  # of a line: three for each of 30,000 markers, and some
 LONGEST_SHOWN = 40  # characters of a cell in a message
 LONGEST_HEAD = 1000  # lines above the first frame: Qualisys writes one for each event
@@ -179,6 +180,10 @@ def _numbers(rows: Rows, width: int, path: Path, *, is_exact: bool = False) -> F
     is_exact: whether a line must have as many cells as the first one has. Without it, ends of lines may be left out,
     but not of a last line that has no end itself.
     """
+    if len(rows) * width > MOST_NUMBERS:
+        raise TakeError(
+            f"holds {len(rows)} frames of {width} numbers", where=path, advice="export fewer markers or frames"
+        )
     values = np.full((len(rows), width), np.nan)
     for k, row in enumerate(rows):
         if rows.is_cut and k == len(rows) - 1 and len(row) < width:

@@ -75,3 +75,10 @@ def test_a_wrong_field_is_named(tmp_path):
 )
 def test_regions_are_named_in_words(regions, words):
     assert place_of(regions) == words
+
+
+def test_a_file_of_300_gigabytes_is_no_result_and_not_read(tmp_path):
+    with (tmp_path / "fit.json").open("wb") as file:
+        file.truncate(300 << 30)
+    with pytest.raises(ResultError, match=r"has 322.1 GB, which no result has; check the path"):
+        load_fit_result(tmp_path / "fit.json")

@@ -78,6 +78,16 @@ def test_what_a_killed_recording_left_is_free_and_replaced_only_when_told_to(rec
     assert 60 < len(read_take(tmp_path / "t.left-1.mcap.partial").time) < 70
 
 
+def test_what_is_too_large_to_look_through_is_put_aside_unread(tmp_path):
+    """300 GB without a block in sight: they may be a take all the same."""
+    partial = tmp_path / "t.mcap.partial"
+    with partial.open("wb") as file:
+        file.truncate(300 << 30)
+    write_take(tmp_path / "t.mcap", a_take())
+    assert verify_take(tmp_path / "t.mcap").is_sound
+    assert (tmp_path / "t.left-1.mcap.partial").stat().st_size == 300 << 30
+
+
 def test_a_second_recording_that_was_left_is_put_aside_under_the_next_name(tmp_path):
     for count in (40, 50):
         writer = a_writer(tmp_path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -171,6 +172,13 @@ def test_an_address_that_cannot_be_is_told_at_once(takes, tmp_path, address, sen
 @pytest.mark.parametrize("text", ["what?", "[]", '{"adress": "tcp://127.0.0.1:9"}'])
 def test_a_file_that_is_no_scheduler_file_is_told_at_once(takes, tmp_path, text):
     (tmp_path / "s.json").write_text(text)
+    done = hangtime_here("batch", takes, "--out", "out", "--scheduler", "s.json", folder=tmp_path)
+    assert done.returncode == 2, done.stderr
+    assert "s.json: is no scheduler file; give the file that dask scheduler" in done.stderr
+
+
+def test_a_pipe_is_no_scheduler_file(takes, tmp_path):
+    os.mkfifo(tmp_path / "s.json")
     done = hangtime_here("batch", takes, "--out", "out", "--scheduler", "s.json", folder=tmp_path)
     assert done.returncode == 2, done.stderr
     assert "s.json: is no scheduler file; give the file that dask scheduler" in done.stderr

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import zipfile
 
 import msgspec
 import numpy as np
@@ -61,6 +63,32 @@ def test_a_folder_without_kept_motion_makes_a_page_that_says_so(folder, tmp_path
     assert json.loads(done.stdout) == {"report": "again.html", "takes": []}
     assert 'id="player"' not in (tmp_path / "again.html").read_text()
     assert hangtime_here("report", "out", "--out", "again.html", folder=tmp_path).returncode == 2  # it is there
+
+
+def a_bomb(file, size):
+    """An archive of an array of zeros, a thousandth as large as what it unpacks to."""
+    head = b"{'descr': '|u1', 'fortran_order': False, 'shape': (%d,), }" % size
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("head.npy", "w") as part:
+        part.write(b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head)
+        for _ in range(size >> 20):
+            part.write(bytes(1 << 20))
+
+
+@pytest.mark.parametrize("kind", ["bomb", "pipe", "holes"])
+def test_hostile_motion_beside_a_report_is_refused_in_one_sentence(kind, folder, tmp_path):
+    """300 MB unpacked, a pipe that nobody writes to, and 300 GB of holes."""
+    kept = folder / "report.motion.npz"
+    kept.unlink()
+    if kind == "bomb":
+        a_bomb(kept, 300 << 20)
+    elif kind == "pipe":
+        os.mkfifo(kept)
+    else:
+        with kept.open("wb") as file:
+            file.truncate(300 << 30)
+    done = hangtime_here("report", "out", folder=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith("hangtime: out/report.motion.npz: is no motion of a report; remove it, or ")
 
 
 def test_a_folder_without_results_is_refused_in_one_sentence(tmp_path):

@@ -9,6 +9,10 @@ Each take has one `.npz` file with these arrays. Their clock has the zero of the
 The recording has the corners too, in its pictures. A path may be far from them at every small shift in time. Then the
 path is of another take, in another unit, or has its quaternions in another order. The import refuses the path, and
 names the unit or order that would bring it there. It also refuses a path that leaves them for a second, and says when.
+
+A path on another clock is looked for at shifts up to `FARTHEST_SHIFT`. It is refused where the shift that brings it
+nearest is larger than what a fit finds by itself. A motion that repeats itself is as near after each period, and then
+the import says nothing.
 """
 
 from __future__ import annotations
@@ -33,6 +37,11 @@ FARTHEST_FOR_A_WHILE = 0.1  # m, median over as many pictures: the corners that 
 LONGEST_STEP = 0.2  # s between poses that a straight line is taken to join: four of the public paths' steps
 WHILE = 9  # pictures: a second of the public recordings
 LARGEST_SHIFT, SHIFT_STEP = 0.5, 0.02  # s between both clocks: what a diagnosis looks for; 10 mm at 0.5 m/s
+FARTHEST_SHIFT = 5.0  # s between both clocks that is told
+CLEARLY_NEARER = 1.15  # times: clocks that are 0.6 s apart bring the public paths 1.2 to thousands of times nearer
+LEAST_NEARER = 3e-3  # m: less is noise, and a hanger that hardly moves tells no time
+SEEN_AT_ALL = 0.5  # of the corners that a shift must leave beside the path
+MOST_LOOKED_AT = 2000  # pictures
 UNIT_WITHIN = 1e-2  # of a quaternion's length: printed with two decimals it still passes
 WHAT_TO_GIVE = "give a .npz with tcp_t, tcp_pose and tcp_to_corner_m, see docs/reference/file-formats.md"
 
@@ -114,6 +123,7 @@ def check_arm_path(arm: ArmPath, time: Floats, corners: Floats) -> None:
     if not np.isfinite(away).any():
         return
     best = float(np.nanmedian(away))
+    _refuse_another_clock(arm, time, corners, best)
     if best <= FARTHEST:
         _refuse_a_stray(arm, time, away)
         return
@@ -126,6 +136,32 @@ def check_arm_path(arm: ArmPath, time: Floats, corners: Floats) -> None:
         f"its held corners are {best:.3g} m from those of the recording's pictures, in the median and at any shift up "
         f"to {LARGEST_SHIFT:g} s", where=arm.file, advice=advice,
     )  # fmt: skip
+
+
+def _refuse_another_clock(arm: ArmPath, time: Floats, corners: Floats, best: float) -> None:
+    """Refuse a path that is much nearer at a large shift in time than, at `best` [m], at any small one."""
+    some = slice(None, None, -(-len(time) // MOST_LOOKED_AT))
+    shifts = SHIFT_STEP * np.arange(-round(FARTHEST_SHIFT / SHIFT_STEP), round(FARTHEST_SHIFT / SHIFT_STEP) + 1)
+    far = shifts[np.abs(shifts) > LARGEST_SHIFT + SHIFT_STEP / 2]
+    apart = [_median_apart(arm, time[some] + shift, corners[some]) for shift in far]
+    least, shift = min(apart), float(far[int(np.argmin(apart))])
+    if least <= FARTHEST and best > CLEARLY_NEARER * least and best - least > LEAST_NEARER:
+        raise TakeError(
+            f"its clock is {abs(shift):.2f} s {'ahead of' if shift > 0 else 'behind'} the recording's: its held "
+            f"corners are {1e3 * least:.0f} mm from those of the pictures at that shift, {1e3 * best:.0f} mm at any up "
+            f"to {LARGEST_SHIFT:g} s", where=arm.file,
+            advice=f"{'subtract' if shift > 0 else 'add'} {abs(shift):.2f} s {'from' if shift > 0 else 'to'} 'tcp_t'",
+        )  # fmt: skip
+
+
+def _median_apart(arm: ArmPath, instants: Floats, corners: Floats) -> float:
+    """Return the median distance [m] of a path from corners in the nearer order, infinite where few are known."""
+    found = at_times(instants, arm.time, arm.held)
+    known = np.isfinite(corners).all(2).sum()
+    away = [np.linalg.norm(found - order, axis=2) for order in (corners, corners[:, ::-1])]
+    if np.isfinite(away[0]).sum() < SEEN_AT_ALL * known:
+        return float("inf")
+    return min(float(np.nanmedian(one)) for one in away)
 
 
 def _refuse_a_stray(arm: ArmPath, time: Floats, away: Floats) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from fit.recordings.recording import prepare
 from formats.archive import read_take, write_take
 from formats.errors import ImplausibleError, TakeError
 from formats.importers import arm_path
-from formats.importers.arm_path import read_arm_path
+from formats.importers.arm_path import ArmPath, check_arm_path, read_arm_path
 from formats.importers.swung_cloth import import_swung_cloth
 from formats.summary import summarise
 from formats.take import FrameState
@@ -163,6 +164,52 @@ def test_a_path_on_a_late_clock_is_imported_for_the_diagnosis_to_tell(tmp_path, 
         data = dict(archive)
     np.savez(tmp_path / "arm/a.npz", **{**data, "tcp_t": data["tcp_t"] + shift})
     assert import_swung_cloth(tmp_path / "a.npz", hanger=tmp_path / "arm").held_valid.any()
+
+
+def swept(time):
+    """Corners [m], (n, 2, 3), that swing ever faster, from 0.3 to 1.5 Hz by 10 cm: no shift brings them back."""
+    y = 0.1 * np.sin(2 * np.pi * (0.3 * time + 0.06 * time**2))
+    return np.stack([np.stack([x + 0 * time, y, 0 * time], 1) for x in (-0.2, 0.2)], 1)
+
+
+def swept_arm(moves=swept, shift=0.0):
+    time = np.arange(-3, 13, 0.05)
+    place = moves(time).mean(1)[:, None]
+    turn = np.tile([0.0, 0.0, 0.0, 1.0], (len(time), 1))
+    return ArmPath(Path("arm.npz"), time + shift, place, turn, np.array([[-0.2, 0, 0], [0.2, 0, 0]]))
+
+
+@pytest.mark.parametrize(
+    ("shift", "words", "advice"),
+    [
+        (0.6, "its clock is 0.60 s ahead of the recording's", "subtract 0.60 s from 'tcp_t'"),
+        (-0.6, "its clock is 0.60 s behind the recording's", "add 0.60 s to 'tcp_t'"),
+        (2.0, "its clock is 2.00 s ahead of the recording's", "subtract 2.00 s from 'tcp_t'"),
+    ],
+)
+def test_a_path_on_a_clock_that_is_too_far_off_is_refused_with_the_offset(shift, words, advice):
+    """Corners with the 10 mm of noise that a camera has: the offset is found to its step of 20 ms."""
+    time = np.arange(0, 10, 0.11)
+    noise = np.random.default_rng(1).normal(0, 0.01, (len(time), 2, 3))
+    with pytest.raises(TakeError, match=words) as caught:
+        check_arm_path(swept_arm(shift=shift), time, swept(time) + noise)
+    assert str(caught.value).endswith(advice)
+
+
+@pytest.mark.parametrize("kind", ["nearly half a second", "still", "a swing that repeats itself", "covered in part"])
+def test_an_offset_that_the_corners_do_not_tell_is_not_invented(kind):
+    """A fit finds half a second by itself; at rest no shift is nearer; a swing of 0.8 s is as near after each."""
+    time = np.arange(0, 10, 0.11)
+    if kind == "nearly half a second":
+        arm, corners = swept_arm(shift=0.48), swept(time)
+    elif kind == "still":
+        arm, corners = swept_arm(lambda t: swept(0 * t), 0.6), swept(0 * time)
+    elif kind == "covered in part":  # a second of it fits anywhere
+        arm, corners = swept_arm(), np.where((time < 1.0)[:, None, None], swept(time), np.nan)
+    else:
+        arm = swept_arm(lambda t: swept(0.3 * np.sin(2 * np.pi * t / 0.8)), 0.6)
+        corners = swept(0.3 * np.sin(2 * np.pi * time / 0.8))
+    check_arm_path(arm, time, corners)
 
 
 def test_a_path_that_leaves_the_corners_for_the_last_second_is_refused_and_a_corner_that_jumps_is_not(tmp_path):

@@ -31,8 +31,8 @@ def test_everything_that_a_camera_made_is_told_whole_and_in_the_order_in_which_i
     left = late(0.03, is_retimed=False, name="b")
     border = np.hypot(1, 2) / 3e3
     expected = [
-        ("hanger_gap", 0.5, None, "s", False, "In a the hanger is lost once, up to 0.50 s, first at 1.00 s: both sides "
-         "are used, and the cloth is not judged until it has forgotten what nobody saw."),
+        ("hanger_gap", 0.5, None, "s", False, "In a the hanger's path is lost once, up to 0.50 s, first at 1.00 s: "
+         "both sides are used, and the cloth is not judged until it has forgotten what nobody saw."),
         ("latency", 0.05, (0.04, 0.06), "s", False, "The points' stamps are 0.050 s late [0.040 to 0.060 s] in a, as "
          "the held row shows against the hanger's path. Taken out."),
         ("publish_time", 0.8, (0.7, 0.9), "1", False, "Stamps say when a frame was published: they are late by 0.80 "

@@ -90,7 +90,7 @@ def main() -> None:
         command = whole()
         choose_shell()
         try:
-            command()
+            command(prog_name="hangtime")  # also as `python -m hangtime`, of which no shell completes anything
         finally:  # a command that failed at a part of its work has told the rest
             telling.end()
     except HangtimeError as error:

@@ -341,6 +341,15 @@ def test_a_sign_that_the_terminals_encoding_lacks_is_shown_by_its_code(tmp_path)
     assert rb"10\xb2" in done.stdout
 
 
+def test_as_a_module_the_command_has_its_own_name():
+    """A shell completes `hangtime`, and none completes `python -m hangtime`."""
+    words = [sys.executable, "-m", "hangtime"]
+    shown = subprocess.run([*words, "--show-completion", "bash"], capture_output=True, text=True, check=True).stdout
+    assert shown.splitlines()[-1].endswith(" hangtime")
+    told = subprocess.run([*words, "takes", "--help"], capture_output=True, text=True, check=True).stdout
+    assert told.startswith("Usage: hangtime takes ")
+
+
 @pytest.mark.parametrize(
     ("shell", "code", "said"),
     [

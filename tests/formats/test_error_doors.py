@@ -263,7 +263,7 @@ def test_an_address_is_refused_without_its_secrets(url, sentence):
 
 
 def _fails_with(error):
-    def run():
+    def run(**_):
         raise error
 
     return run

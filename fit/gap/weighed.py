@@ -61,8 +61,7 @@ def weigh(rounds: Rounds, noise: Floor, refined: Refined, added: tuple[str, ...]
         (rounds.base,) = judged(rounds.judge, [found.fits[()]])
         rounds.fits = sorted([*rounds.fits, found.fits[()]], key=lambda one: one.cost)
     singles = [one for one in found.fits.values() if len(one.active) == 1]
-    best = found.fits[found.best()]
-    several = [best] if len(best.active) > 1 else []
+    several = [one for one in found.fits.values() if len(one.active) > 1]
     opened = judged(rounds.judge, singles + several)
     rounds.singles = {h.effects[0]: h for h in opened if len(h.effects) == 1}
     rounds.refit_alone([name for name in rounds.screened if name in added and name not in rounds.singles])

@@ -162,22 +162,25 @@ def test_a_file_that_is_cut_behind_its_last_message_lacks_nothing_and_is_not_sou
     assert read_take(path).is_complete
 
 
-@pytest.mark.parametrize("kind", ["itself", "itself twice", "zeros", "noise", "a byte", "another take"])
+OTHERS = {"another take": 60, "another take as long": 150, "a longer take": 240}  # frames, thirty of them a block
+
+
+@pytest.mark.parametrize("kind", ["itself", "itself twice", "zeros", "noise", "a byte", *OTHERS])
 def test_what_follows_the_end_of_a_take_is_counted_and_no_frame_is_lost(kind, raw, tmp_path):
     """All 150 frames are there once, whatever comes behind them."""
-    other = write_take(tmp_path / "b.mcap", replace(a_take(frames=60), take_id="b")).read_bytes()
+    other = write_take(tmp_path / "b.mcap", replace(a_take(frames=OTHERS.get(kind, 1)), take_id="b")).read_bytes()
     noise = np.random.default_rng(1).bytes(5000)
     behind = {
         "itself": raw, "itself twice": raw + raw, "zeros": bytes(4096), "noise": noise, "a byte": b"x",
-        "another take": other,
-    }[kind]  # fmt: skip
+    }.get(kind, other)  # fmt: skip
     path = tmp_path / "a.mcap"
     path.write_bytes(raw + behind)
     take, report = read_with_report(path)
     assert np.array_equal(take.time, take_of(raw, path).time)
     assert take.is_complete
+    assert take.take_id == take_of(raw, path).take_id != "b"
     assert (report.frames, report.trailing_bytes, report.is_sound) == (150, len(behind), False)
-    assert report.damaged_blocks == (3 if kind == "another take" else 0)  # two blocks and the end of the other
+    assert report.damaged_blocks == (OTHERS[kind] // 30 + 1 if kind in OTHERS else 0)  # the other's blocks and end
     said = hangtime_here("takes", "verify", "a.mcap", folder=tmp_path)
     assert said.returncode == 2
     assert re.search(

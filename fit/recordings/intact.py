@@ -5,7 +5,8 @@ the hanger was not seen. The cloth is not judged there, nor in the `SETTLING_TIM
 only where the stretch beyond it is judged for longer than the hole lasts.
 
 A take whose first frames are lost begins with cloth of unknown state, and so does one whose used part begins at a
-hole. Its first seconds drive the simulation and are not judged, unless the hanger rests there.
+hole. Its first seconds drive the simulation and are not judged, unless hanger and cloth rest there. Cloth that swings
+under a hanger at rest is no cloth at rest.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from formats.arrays import Floats
 from formats.missing import listed, missing_words, origin_of
 from formats.take import LONGEST_GAP, Take
 
@@ -89,10 +91,21 @@ def _is_unknown(take: Take, part: slice) -> bool:
 
 
 def _begins_at_rest(take: Take, part: slice) -> bool:
+    """Return whether the held ends stay where they are, and at least half of the points that are seen."""
     time = take.time[part]
-    held = take.held[part][time < time[0] + REST_WINDOW]
+    first = time < time[0] + REST_WINDOW
+    held = take.held[part][first]
     held = held[np.isfinite(held).all((1, 2))]
-    return len(held) > 1 and float(np.sqrt(held.var(0).sum(1)).max()) < STILL_MOTION
+    places = np.where(take.points_valid[part][first][..., None], take.points[part][first], np.nan)
+    moved = [_motion(one[np.isfinite(one).all(1)]) for one in np.swapaxes(places, 0, 1)]
+    seen = [one for one in moved if np.isfinite(one)]
+    rests = len(held) > 1 and float(np.sqrt(held.var(0).sum(1)).max()) < STILL_MOTION
+    return bool(rests and seen and np.median(seen) < STILL_MOTION)
+
+
+def _motion(places: Floats) -> float:
+    """Root mean square distance [m] of places, (frames, 3), from their mean; nan of fewer than two."""
+    return float(np.sqrt(places.var(0).sum())) if len(places) > 1 else math.nan
 
 
 def describe_missing(takes: Sequence[Take]) -> list[str]:

@@ -112,7 +112,7 @@ def test_a_take_whose_first_frames_are_lost_begins_with_cloth_of_unknown_state()
         assert describe_missing([lost])[0].endswith(
             "; its first 2.5 s are not judged, as how the cloth hung there is lost."
         )
-        still = replace(lost, held=np.zeros_like(lost.held))
+        still = replace(lost, held=np.zeros_like(lost.held), points=np.ones_like(lost.points))
         assert intact_part(still).points_valid[:75].mean() > 0.9
 
 
@@ -126,15 +126,31 @@ def first_part_lost():
 
 def test_a_part_that_begins_at_rest_forgets_nothing():
     take = first_part_lost()
-    take.held[:] = 0.0
+    take.held[:], take.points[:] = 0.0, 1.0
     assert intact_part(take).points_valid[:30].mean() > 0.9
+
+
+@pytest.mark.parametrize(("swings", "is_judged"), [(1, True), (3, False)])
+def test_cloth_that_swings_under_a_resting_hanger_is_not_at_rest(swings, is_judged):
+    """Of four points one may be tracked badly; where most of them swing by 4 cm, the cloth does."""
+    take = first_part_lost()
+    take.held[:], take.points[:] = 0.0, 1.0
+    take.points[:, :swings, 1] += 0.04 * np.sin(2 * np.pi * 0.8 * take.time)[:, None]
+    assert (intact_part(take).points_valid[:30].mean() > 0.9) == is_judged
+
+
+def test_cloth_that_nobody_sees_is_not_known_to_rest():
+    take = first_part_lost()
+    take.held[:], take.points[:] = 0.0, 1.0
+    take.points_valid[:20] = False
+    assert not intact_part(take).points_valid[20:60].any()
 
 
 @pytest.mark.parametrize(("size", "is_at_rest"), [(0.0039, True), (0.0041, False)])
 def test_ends_that_tremble_by_four_millimetres_in_half_a_second_are_not_at_rest(size, is_at_rest):
     """Fifteen frames, of which the middle one is where the ends are on average; what comes later may move."""
     take = first_part_lost()
-    take.held[:] = 0.0
+    take.held[:], take.points[:] = 0.0, 1.0
     take.held[:15, 1, 2] = size * np.sqrt(15 / 14) * np.array([1.0, -1.0] * 7 + [0.0])
     take.held[15:, 1, 2] = 1.0
     assert (intact_part(take).points_valid[:30].mean() > 0.9) == is_at_rest

@@ -221,18 +221,18 @@ def _unpacked(data: bytes) -> Any:
 
 
 def _chosen_header(contents: _Contents) -> tuple[bytes, dict[str, Any]]:
-    """Return the first header of a whole take; without one that of most blocks, the last one of as many."""
+    """Return the first header of a finished take; without one that of most blocks, the last one of as many."""
     counts = Counter(block.get("take") for block in contents.blocks if isinstance(block.get("take"), bytes))
-    whole = [key for key in contents.headers if any(_ends(end, key, counts[key]) for end in contents.ends)]
-    if whole:
-        return whole[0], contents.headers[whole[0]]
+    finished = [key for key in contents.headers if any(_finishes(end, key, counts[key]) for end in contents.ends)]
+    if finished:
+        return finished[0], contents.headers[finished[0]]
     binding = max(contents.headers, key=lambda key: (counts[key], list(contents.headers).index(key)))
     return binding, contents.headers[binding]
 
 
-def _ends(end: dict[str, Any], binding: bytes, blocks: int) -> bool:
-    """Whether an end belongs to a take and all of its blocks are there."""
-    return end.get("take") == binding and type(end.get("blocks")) is int and end["blocks"] == blocks > 0
+def _finishes(end: dict[str, Any], binding: bytes, blocks: int) -> bool:
+    """Whether an end is of a take of which most blocks are there; a stray page of another take holds few of its own."""
+    return end.get("take") == binding and type(end.get("blocks")) is int and 2 * blocks > max(end["blocks"], 0)
 
 
 class _Words(msgspec.Struct, frozen=True, kw_only=True):

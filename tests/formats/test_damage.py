@@ -188,6 +188,21 @@ def test_what_follows_the_end_of_a_take_is_counted_and_no_frame_is_lost(kind, ra
     )
 
 
+def test_a_damaged_take_with_a_whole_one_behind_it_is_the_damaged_one(raw, tmp_path):
+    other = write_take(tmp_path / "b.mcap", replace(a_take(frames=240), take_id="b")).read_bytes()
+    begin, end, block = [chunk for chunk in chunks_of(raw) if "table" in chunk[2]][1]
+    broken = raw[: begin + 60] + bytes(end - begin - 60) + raw[end:]
+    path = tmp_path / "a.mcap"
+    path.write_bytes(broken + other)
+    take, report = read_with_report(path)
+    assert take.take_id == take_of(raw, path).take_id != "b"
+    assert (report.frames, report.missing_frames, report.trailing_bytes) == (
+        150 - block["frames"],
+        block["frames"],
+        len(other),
+    )
+
+
 def test_frames_that_were_lost_are_taken_from_a_copy_behind_the_end(raw, tmp_path):
     begin, end, _ = [chunk for chunk in chunks_of(raw) if "table" in chunk[2]][1]
     path = tmp_path / "a.mcap"

@@ -16,7 +16,9 @@ import argparse
 import sys
 import tempfile
 import time
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -27,62 +29,67 @@ from fit.blind.foreign.engines import find_generator
 from fit.export.animation import Scene, animate
 from fit.export.fabric import fabric_of
 from fit.export.presets import mujoco_flex, newton_preset
-from fit.export.sheet import strip
+from fit.export.sheet import Sheet, strip
 from fit.export.usd_physics import usd_physics
 from fit.export.worn import GARMENTS, FigureOrder
-from tests.fit.export import test_in_other_engines as strip_tests
 from tests.fit.export.exported import a_fit
-from tests.fit.export.test_in_other_engines import HERTZ, LENGTH, SPACING, STRETCH, answer
+from tests.fit.export.test_in_other_engines import (
+    CELL,
+    CLAMPED,
+    HERTZ,
+    LENGTH,
+    RIGID,
+    SAG,
+    SPACING,
+    STRETCH,
+    answer,
+)
 from tests.fit.scenes import hung, sheet, take_of
 
 
 def strips() -> None:
-    """Print stretch and frequency in each simulator."""
-    result = a_fit(values={"velocity_damping": 0.02})
-    fabric, cloth = fabric_of(result), strip(0.06, LENGTH, SPACING)
+    """Print stretch and frequency of a hanging strip in each simulator."""
     print(f"right: {1e3 * STRETCH:.3f} mm, {HERTZ:.4f} Hz")
-    newton, mujoco = (find_generator(name).foreign for name in ("newton", "mujoco"))
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        (folder / "strip.json").write_bytes(newton_preset(result, fabric, SPACING))
-        (folder / "strip.xml").write_bytes(mujoco_flex(result, fabric, cloth))
-        runs = [("MuJoCo flex", mujoco, "mujoco_strip.py", [folder / "strip.xml"])]
-        if newton.is_installed():
-            (folder / "strip.usda").write_bytes(usd_physics(result, fabric, cloth, 5e-4))
-            files = [folder / "strip.usda", folder / "strip.json"]
-            solvers = ("SolverStyle3D", "SolverSemiImplicit")
-            runs += [(f"Newton {s}", newton, "newton_strip.py", [*files, s]) for s in solvers]
-        for title, foreign, script, words in runs:
-            if not foreign.is_installed():
-                print(f"{title}: {foreign.variable} names no Python that has it")
-                continue
-            found = answer(foreign, script, *words)
-            print(f"{title} {found['version']}: {1e3 * found['stretch']:.3f} mm, {found['hertz']:.4f} Hz")
+    asked = in_each_simulator(
+        "strip", SPACING, ("SolverStyle3D", "SolverSemiImplicit"), strip(0.06, LENGTH, SPACING), {}
+    )
+    for title, found in asked:
+        print(f"{title} {found['version']}: {1e3 * found['stretch']:.3f} mm, {found['hertz']:.4f} Hz")
 
 
 def sags() -> None:
     """Print how far a clamped strip sags in each simulator."""
-    cell = strip_tests.CELL
-    result = a_fit(values={"bending_stiffness": strip_tests.RIGID, "velocity_damping": 0.02})
-    fabric, cloth = fabric_of(result), strip(0.03, strip_tests.CLAMPED + cell, cell)
-    print(f"right: {1e3 * strip_tests.SAG:.3f} mm")
-    newton, mujoco = (find_generator(name).foreign for name in ("newton", "mujoco"))
+    print(f"right: {1e3 * SAG:.3f} mm")
+    solvers, cloth = ("SolverStyle3D", "SolverVBD", "SolverSemiImplicit"), strip(0.03, CLAMPED + CELL, CELL)
+    for title, found in in_each_simulator("cantilever", CELL, solvers, cloth, {"bending_stiffness": RIGID}, str(CELL)):
+        print(f"{title} {found['version']}: {1e3 * found['sag']:.3f} mm")
+
+
+def in_each_simulator(
+    trial: str, spacing: float, solvers: Sequence[str], cloth: Sheet, values: dict[str, float], *words: str
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the name of each simulator whose Python is named, and what a trial of an exported strip finds in it.
+
+    - `trial`: of the scripts newton_TRIAL.py and mujoco_TRIAL.py beside the tests
+    - `values`: parameters of the fit that are not its usual ones
+    - `words`: what MuJoCo's script is told besides its file
+    """
+    result = a_fit(values={"velocity_damping": 0.02} | values)
+    fabric, simulators = fabric_of(result), {name: find_generator(name).foreign for name in ("mujoco", "newton")}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / "strip.json").write_bytes(newton_preset(result, fabric, cell))
+        (folder / "strip.json").write_bytes(newton_preset(result, fabric, spacing))
         (folder / "strip.xml").write_bytes(mujoco_flex(result, fabric, cloth))
-        runs = [("MuJoCo flex", mujoco, "mujoco_cantilever.py", [folder / "strip.xml", str(cell)])]
-        if newton.is_installed():
+        runs = [("MuJoCo flex", "mujoco", [folder / "strip.xml", *words])]
+        if simulators["newton"].is_installed():
             (folder / "strip.usda").write_bytes(usd_physics(result, fabric, cloth, 5e-4))
-            files = [folder / "strip.usda", folder / "strip.json"]
-            solvers = ("SolverStyle3D", "SolverVBD", "SolverSemiImplicit")
-            runs += [(f"Newton {s}", newton, "newton_cantilever.py", [*files, s]) for s in solvers]
-        for title, foreign, script, words in runs:
-            if not foreign.is_installed():
+            runs += [(f"Newton {s}", "newton", [folder / "strip.usda", folder / "strip.json", s]) for s in solvers]
+        for title, simulator, told in runs:
+            foreign = simulators[simulator]
+            if foreign.is_installed():
+                yield title, answer(foreign, f"{simulator}_{trial}.py", *told)
+            else:
                 print(f"{title}: {foreign.variable} names no Python that has it")
-                continue
-            found = answer(foreign, script, *words)
-            print(f"{title} {found['version']}: {1e3 * found['sag']:.3f} mm")
 
 
 def film(seconds: float) -> None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +39,7 @@ def load_or_last_good(path: Path) -> InForce:
         found = load(path)
     except DescriptionError as refused:
         return last_good(path, refused)
-    if _read(copy_of(path), DescriptionError("")) is None:
+    if _read(copy_of(path)) is None:
         keep(found, path)
     return found
 
@@ -50,8 +51,8 @@ def last_good(path: Path, refused: HangtimeError) -> InForce:
         HangtimeError: `refused`, where there is no earlier configuration.
     """
     for copy in (copy_of(path), *(spool / IN_SPOOL for spool in told_spools(path))):
-        if (found := _read(copy, refused)) is not None:
-            return found
+        if (found := _read(copy)) is not None:
+            return replace(found, refused=refused)
     raise refused
 
 
@@ -89,7 +90,7 @@ def told_spools(path: Path) -> list[Path]:
     return [path.absolute().parent / (told[1] or told[2]), usual] if told else [usual]
 
 
-def _read(copy: Path, refused: HangtimeError) -> InForce | None:
+def _read(copy: Path) -> InForce | None:
     """Return the configuration of a copy, None where there is none or it was spoilt."""
     try:
         whole = msgspec.json.decode(copy.read_bytes(), type=dict[str, Any])
@@ -99,4 +100,4 @@ def _read(copy: Path, refused: HangtimeError) -> InForce | None:
         check_garment(garment, copy)
     except (OSError, msgspec.MsgspecError, KeyError, RecursionError, DescriptionError):
         return None
-    return InForce(config, rig, garment, refused)
+    return InForce(config, rig, garment)

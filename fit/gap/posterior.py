@@ -217,13 +217,6 @@ class Found:
     mass: Mass | None = None
     twins: set[frozenset[str]] = field(default_factory=set)
 
-    def best(self) -> Subset:
-        """Return the fitted subset of the largest mass."""
-        mass = self.mass
-        assert mass is not None
-        weights = dict(zip(mass.among, mass.total, strict=True))
-        return max(self.fits, key=lambda one: float(weights.get(one, -np.inf)))
-
     def shares(self) -> dict[Subset, tuple[float, float]]:
         """Probability of each subset with a known and with a wide discrepancy."""
         assert self.mass is not None

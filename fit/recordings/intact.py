@@ -99,7 +99,7 @@ def _begins_at_rest(take: Take, part: slice) -> bool:
     places = np.where(take.points_valid[part][first][..., None], take.points[part][first], np.nan)
     moved = [_motion(one[np.isfinite(one).all(1)]) for one in np.swapaxes(places, 0, 1)]
     seen = [one for one in moved if np.isfinite(one)]
-    rests = len(held) > 1 and float(np.sqrt(held.var(0).sum(1)).max()) < STILL_MOTION
+    rests = all(_motion(end) < STILL_MOTION for end in np.swapaxes(held, 0, 1))  # not a number is no rest
     return bool(rests and seen and np.median(seen) < STILL_MOTION)
 
 

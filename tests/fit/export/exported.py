@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from fit.cloth.material import MATERIAL_NAMES
 from fit.effects import find_effects
+from fit.export.kinds import EXPORT_KINDS, Order
 from fit.methods import find_method
 from formats.fit_records import ErrorFigure, FitError, FitParameter, FitResult
 
@@ -48,3 +50,11 @@ def a_fit(method="si", *, values=None, unknown=(), effects=None, density=0.2, la
         simulations=10, seconds=1.0, notes=[], material=dict(zip(MATERIAL_NAMES, row.tolist(), strict=True)),
         engine=engine, take_contents=["ab" * 32], layers=layers,
     )  # fmt: skip
+
+
+def text_of(kind, result, **order):
+    """The text of the first file that an export of a kind makes."""
+    if kind == "usd-physics":
+        pytest.importorskip("pxr", reason="usd-core is not installed")
+    made = EXPORT_KINDS[kind].make(Order(result=result, **order))
+    return next(iter(made.values())).decode()

@@ -32,19 +32,23 @@ HERTZ = 1.2024 * np.sqrt(GRAVITY / (LENGTH + STRETCH)) / (2 * np.pi)
 NEWTON, MUJOCO = find_generator("newton").foreign, find_generator("mujoco").foreign
 
 
-@pytest.fixture(scope="module")
-def exported(tmp_path_factory):
-    """A folder with a strip of 6 cm x 50 cm, k = 100 N/m, hardly damped, in every form."""
-    folder = tmp_path_factory.mktemp("exported")
-    result = a_fit(values={"velocity_damping": 0.02})
-    fabric, sheet = fabric_of(result), strip(0.06, LENGTH, SPACING)
-    (folder / "strip.json").write_bytes(newton_preset(result, fabric, SPACING))
+def written(folder, sheet, spacing, **values):
+    """The folder with a strip in every form; values: parameters of the fit that are not its usual ones."""
+    result = a_fit(values={"velocity_damping": 0.02} | values)
+    fabric = fabric_of(result)
+    (folder / "strip.json").write_bytes(newton_preset(result, fabric, spacing))
     (folder / "strip.xml").write_bytes(mujoco_flex(result, fabric, sheet))
     try:
         (folder / "strip.usda").write_bytes(usd_physics(result, fabric, sheet, 5e-4))
     except ModuleNotFoundError:
         pytest.skip("usd-core is not installed")
     return folder
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    """A folder with a strip of 6 cm x 50 cm, k = 100 N/m, hardly damped, in every form."""
+    return written(tmp_path_factory.mktemp("exported"), strip(0.06, LENGTH, SPACING), SPACING)
 
 
 CLAMPED, CELL, RIGID = 0.1, 0.01, 3.2e-3  # m, m, N m
@@ -64,16 +68,8 @@ def elastica(length, bending, weight):
 @pytest.fixture(scope="module")
 def clamped(tmp_path_factory):
     """A folder with a strip of 3 cm x 11 cm and bending 3.2 mN m, whose top two rows are held: the clamp is between."""
-    folder = tmp_path_factory.mktemp("clamped")
-    result = a_fit(values={"bending_stiffness": RIGID, "velocity_damping": 0.02})
-    fabric, sheet = fabric_of(result), strip(0.03, CLAMPED + CELL, CELL)
-    (folder / "strip.json").write_bytes(newton_preset(result, fabric, CELL))
-    (folder / "strip.xml").write_bytes(mujoco_flex(result, fabric, sheet))
-    try:
-        (folder / "strip.usda").write_bytes(usd_physics(result, fabric, sheet, 5e-4))
-    except ModuleNotFoundError:
-        pytest.skip("usd-core is not installed")
-    return folder
+    sheet = strip(0.03, CLAMPED + CELL, CELL)
+    return written(tmp_path_factory.mktemp("clamped"), sheet, CELL, bending_stiffness=RIGID)
 
 
 # m: 9.255 mm. A row of hinges at the second row bends half a cell to either side of it.

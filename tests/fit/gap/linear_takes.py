@@ -76,3 +76,9 @@ class LinearTakes(Observer):
         noise = [np.full(r.points.shape[1], NOISE) for r in self.recordings]
         base = self.base()
         return Search(self, noise, base, dict(self.rows), MESH, refit, lambda about: {}), asked
+
+
+def best_of(found):
+    """The fitted subset of the largest mass."""
+    weights = dict(zip(found.mass.among, found.mass.total, strict=True))
+    return max(found.fits, key=lambda one: float(weights.get(one, -np.inf)))

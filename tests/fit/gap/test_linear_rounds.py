@@ -16,7 +16,7 @@ from fit.gap.fitting import Pinned
 from fit.gap.floor import Floor
 from fit.gap.rounds import Rounds
 from fit.gap.weighed import known_error_mm, weigh
-from tests.fit.gap.linear_takes import MESH, NOISE, LinearTakes
+from tests.fit.gap.linear_takes import MESH, NOISE, LinearTakes, best_of
 
 
 @pytest.fixture
@@ -178,7 +178,7 @@ def test_weighing_refits_what_may_win_and_judges_each_fit_once(world):
     search, told = rounds_of(world)
     own = np.sqrt(3) * 1e3 * NOISE
     found = weigh(search, Floor(own, 0.02, own, own), SimpleNamespace(numerics_mm=MESH), ())
-    assert found.best() == ("air_drag", "hem")
+    assert best_of(found) == ("air_drag", "hem")
     assert set(search.screened) == set(world.library)
     assert set(search.singles) == {one[0] for one in found.fits if len(one) == 1}
     ((several, p_value),) = search.joint

@@ -7,7 +7,7 @@ import pytest
 
 from fit.gap.likelihood import Likelihood
 from fit.gap.posterior import SCALES, UNKNOWN, Linear
-from tests.fit.gap.linear_takes import MESH, NOISE, LinearTakes
+from tests.fit.gap.linear_takes import MESH, NOISE, LinearTakes, best_of
 
 
 @pytest.fixture
@@ -21,7 +21,7 @@ def world():
 def test_nothing_is_named_nor_refitted_where_noise_and_mesh_are_all(world):
     search, asked = world.search()
     found = search.go()
-    assert found.best() == ()
+    assert best_of(found) == ()
     assert asked == []
     known, wide = found.shares()[()]
     assert known > 0.8
@@ -32,7 +32,7 @@ def test_one_effect_is_named_for_little_more_than_one_refit(world):
     world.missed = world.missed - 1.5 * world.rows["air_drag"][0]
     search, asked = world.search()
     found = search.go()
-    assert found.best() == ("air_drag",)
+    assert best_of(found) == ("air_drag",)
     assert found.shares()[("air_drag",)][0] > 0.8
     assert len({one for one in asked if one}) <= 3
     size = found.fits[("air_drag",)].amplitudes[world.columns["air_drag"]][0] / world.library["air_drag"].typical
@@ -43,7 +43,7 @@ def test_two_effects_are_named_together(world):
     world.missed = world.missed - world.rows["air_drag"][0] - 0.8 * world.rows["hem"][0]
     search, asked = world.search()
     found = search.go()
-    assert found.best() == ("air_drag", "hem")
+    assert best_of(found) == ("air_drag", "hem")
     # The best set is fitted on, and the base model from where that ends, once.
     assert asked[-2:] == [("air_drag", "hem"), ()]
     assert asked.count(()) == 1
@@ -86,4 +86,4 @@ def test_what_lowers_no_cost_when_it_is_fitted_truly_is_refuted(world):
     found = search.go()
     assert ("air_drag",) in asked
     assert max(sum(found.shares().get(one, (0.0, 0.0))) for one in found.mass.among if "air_drag" in one) < 1e-9
-    assert "air_drag" not in found.best()
+    assert "air_drag" not in best_of(found)

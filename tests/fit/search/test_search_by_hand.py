@@ -135,16 +135,17 @@ def test_tempering_follows_its_printed_formulas(chains):
     assert (FIRST_STEP, HOTTEST) == (0.1, 30.0)
 
 
-def test_a_place_that_blew_up_is_never_accepted_and_shrinks_the_step():
-    """Half a hundred rejections in the settling half: 0.1 exp(-0.13 x 0.25 x 50)."""
-    search = Tempering(np.array([0.5, 0.5]), BOX, 101, 3, numbers=24.0, chains=1)
+@pytest.mark.parametrize(("rejections", "step"), [(50, 0.1 * np.exp(-0.13 * 0.25 * 50)), (250, 1e-4)])
+def test_a_place_that_blew_up_is_never_accepted_and_shrinks_the_step(rejections, step):
+    """Half a hundred rejections in the settling half, and so many that the step ends at its least share of the box."""
+    search = Tempering(np.array([0.5, 0.5]), BOX, 2 * rejections + 1, 3, numbers=24.0, chains=1)
     search.tell(search.ask(1), np.array([0.02]))
     while not search.is_finished:
         candidates = search.ask(1)
         search.tell(candidates, np.full(1, np.inf))
     assert search.places.tolist() == [[0.5, 0.5]]
-    assert search.steps[0] == pytest.approx(0.1 * np.exp(-0.13 * 0.25 * 50))
-    assert len(search.draws) == 50
+    assert search.steps[0] == pytest.approx(step)
+    assert len(search.draws) == rejections
 
 
 # --- draws from the emulated posterior ------------------------------------------------------------

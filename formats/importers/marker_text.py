@@ -1,7 +1,7 @@
 """Marker paths of text files: TRC, CSV of Vicon Nexus and of OptiTrack Motive, TSV of Qualisys, and our own CSV.
 
-Cells may be parted by commas, semicolons or tabs, decimals by a comma where cells are not. The header shows which
-program wrote a file. Titles and comments may stand above the header.
+Cells may be parted by commas, semicolons or tabs, decimals by a comma where cells are not. `marker_lines` finds the
+header, whose first word shows which program wrote a file.
 
 Sources: OpenSim, "Marker (.trc) Files"; Vicon Nexus, "ASCII (.csv) export"; OptiTrack, "Data Export: CSV";
 Qualisys Track Manager, "TSV export".
@@ -10,37 +10,23 @@ Qualisys Track Manager, "TSV export".
 from __future__ import annotations
 
 import contextlib
-import csv
 import math
 import re
-from array import array
-from collections.abc import Iterator, Sequence
 from itertools import takewhile
 from pathlib import Path
-from typing import overload
 
 import numpy as np
 
 from formats.arrays import Floats
 from formats.errors import TakeError
+from formats.importers.marker_lines import CAN_BE_READ, COMMENT, Rows, read_lines
 from formats.importers.marker_tracks import MarkerTracks, as_seen
 from formats.importers.units import AXES, metres_of
-from formats.plain_text import encoding_of
 
-LARGEST_TEXT = 1 << 28  # bytes
-CAN_BE_READ = "markers can be read from .c3d, .trc, .csv and .tsv, swung cloth from .npz"
 DECIMAL_COMMA = re.compile(r"^\s*-?\d+,\d+(e[+-]?\d+)?\s*$", re.IGNORECASE)
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)  # `float` takes 1_0 as well
-MOST_LINES = 5_000_000  # 80 minutes at 1000 frames a second
-LINE_ENDS = "\n\r\v\f\x1c\x1d\x1e\x85\u2028\u2029"  # of `str.splitlines`
-COMMENT = "#%"
-MOST_TITLES = 100  # lines above the header
-HEADER = re.compile(
-    r"""[\s"'#%]*(time_s|pathfiletype|format version|no_of_frames)["']?\s*([,;\t]|$)""", re.IGNORECASE
-)  # of the first cell
 PLAIN = frozenset("0123456789+-.eE ")  # `float` makes of these letters what `NUMBER` knows, or refuses them
 MOST_NUMBERS = 1 << 25  # of a file: 19 minutes of 81 markers at 120 frames a second
-MOST_CELLS = 100_000  # of a line: three for each of 30,000 markers, and some
 LONGEST_SHOWN = 40  # characters of a cell in a message
 LONGEST_HEAD = 1000  # lines above the first frame: Qualisys writes one for each event
 COLUMNS = "time_s,NAME_x_m,NAME_y_m,NAME_z_m,... with three columns for each marker"
@@ -50,128 +36,15 @@ GAP_WORDS = {
 }  # fmt: skip
 
 
-class Rows(Sequence[list[str]]):
-    """The cells of the lines that hold any. They are split when they are looked at: all at once take 30 times the text.
-
-    Raises:
-        TakeError: a cell is longer than any number or name, or a line has more cells than any file of markers.
-    """
-
-    def __init__(
-        self, lines: list[str], numbers: Sequence[int], separator: str, path: Path, *, is_cut: bool = False
-    ) -> None:
-        """Hold lines.
-
-        - `numbers`: of the lines in the file, from 1
-        - `is_cut`: the last one has no end, so that it may be the part of one that was being written
-        """
-        self._lines, self.numbers, self._separator, self._path, self.is_cut = lines, numbers, separator, path, is_cut
-
-    def __len__(self) -> int:
-        return len(self._lines)
-
-    @overload
-    def __getitem__(self, place: int) -> list[str]: ...
-    @overload
-    def __getitem__(self, place: slice) -> Rows: ...
-    def __getitem__(self, place: int | slice) -> list[str] | Rows:
-        """Return the cells of one line, or some of the lines."""
-        if isinstance(place, slice):
-            has_last = range(len(self._lines))[place][-1:] == range(len(self._lines))[-1:]
-            is_cut = self.is_cut and has_last
-            return Rows(self._lines[place], self.numbers[place], self._separator, self._path, is_cut=is_cut)
-        return next(iter(Rows([self._lines[place]], [self.numbers[place]], self._separator, self._path)))
-
-    def __iter__(self) -> Iterator[list[str]]:
-        """Yield the cells of each line."""
-        try:
-            yield from csv.reader(self._narrow(), delimiter=self._separator)
-        except csv.Error as error:
-            raise TakeError(
-                f"has a cell of more than {csv.field_size_limit()} characters", where=self._path,
-                advice="export it again",
-            ) from error  # fmt: skip
-
-    def _narrow(self) -> Iterator[str]:
-        """Yield the lines, each of which costs no more memory as cells than any marker file needs."""
-        for line in self._lines:
-            if len(line) > MOST_CELLS and line.count(self._separator) > MOST_CELLS:
-                raise TakeError(
-                    f"has a line of more than {MOST_CELLS} cells", where=self._path, advice="export fewer markers"
-                )
-            yield line
-
-
 def read_marker_text(path: Path, unit: str | None) -> MarkerTracks:
     """Read the marker paths of a text file; unit: of its lengths, where it states none.
 
     Raises:
         TakeError: the file is of none of the known kinds, malformed, or has fewer frames than it states.
     """
-    rows = _rows(path)
-    first = rows[0][0].strip(f"{COMMENT} ").lower() if rows and rows[0] else ""
-    if first == "pathfiletype":
-        return _trc(rows, unit, path)
-    if first == "format version":
-        return _motive(rows, unit, path)
-    if first == "no_of_frames":
-        return _qualisys(rows, unit, path)
-    if any(row and row[0].strip().lower() == "trajectories" for row in rows[:100_000]):
-        return _vicon(rows, unit, path)
-    return _own(rows, unit, path)
-
-
-def _rows(path: Path) -> Rows:
-    """Return the lines that are not empty."""
-    if (size := path.stat().st_size) > LARGEST_TEXT:
-        raise TakeError(f"has {size / 1e9:.1f} GB of text", where=path, advice="export fewer frames at once")
-    try:
-        text = _text(path)
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not a text file"
-        raise TakeError(f"cannot be read ({reason})", where=path, advice="export it as text again") from error
-    if (count := sum(map(text.count, LINE_ENDS)) - text.count("\r\n")) > MOST_LINES:
-        raise TakeError(f"has {count} lines", where=path, advice="export fewer frames at once")
-    lines = text.splitlines()
-    begin = next((k for k, line in enumerate(lines[:MOST_TITLES]) if HEADER.match(line)), 0)
-    head = "\n".join(lines[begin : begin + 50])
-    # A comma also parts decimals: it parts cells only where nothing else does.
-    separator = "\t" if head.count("\t") else ";" if head.count(";") else ","
-    # In Qualisys' table a line of separators is a frame in which no marker was seen.
-    dropped = " " if head.lower().startswith("no_of_frames") else f'{separator}" \t'
-    is_cut = not text.endswith(("\n", "\r"))
-    numbers = array("L", (n for n, line in enumerate(lines[begin:], begin + 1) if line.strip(dropped)))
-    return Rows([lines[n - 1] for n in numbers], numbers, separator, path, is_cut=is_cut)
-
-
-def _text(path: Path) -> str:
-    """Return the text of a file.
-
-    Raises:
-        TakeError: it is empty.
-        OSError, UnicodeDecodeError: it cannot be read, or is no text.
-    """
-    raw = path.read_bytes().rstrip(b"\x1a")  # Ctrl-Z, with which programs of DOS end a text
-    if not re.search(rb"[^\0\r\n\t ]", raw):
-        raise TakeError("is empty", where=path, advice=f"export it again; {CAN_BE_READ}")
-    encoding = encoding_of(raw[:4])
-    if encoding == "utf-8" and b"\0" in raw[:200]:  # without a mark: every other byte of plain text is zero
-        encoding = "utf-16-le" if raw[1:2] == b"\0" else "utf-16-be"
-    return _decoded(raw, encoding)
-
-
-def _decoded(raw: bytes, encoding: str) -> str:
-    """Return the text of bytes; what is text but no UTF-8 is of western Windows, whose µ and ä are single bytes.
-
-    Raises:
-        UnicodeDecodeError: it is no text.
-    """
-    try:
-        return raw.decode(encoding)
-    except UnicodeDecodeError:
-        if encoding != "utf-8" or any(byte < 32 and byte not in b"\t\n\r" for byte in set(raw)):
-            raise
-        return raw.decode("cp1252", errors="replace")
+    first, rows = read_lines(path)
+    programs = {"pathfiletype": _trc, "format version": _motive, "no_of_frames": _qualisys, "trajectories": _vicon}
+    return programs.get(first, _own)(rows, unit, path)
 
 
 def _numbers(rows: Rows, width: int, path: Path, *, is_exact: bool = False) -> Floats:
@@ -321,8 +194,7 @@ def _trc(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
 
 def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     """Nexus': after `Trajectories` the rate, names above X, Y and Z, their units, then frames by their number."""
-    begin = next(k for k, row in enumerate(rows) if row[0].strip().lower() == "trajectories")
-    section = rows[begin + 1 :]
+    section = rows[1:]
     if len(section) < 4:
         raise TakeError("ends within the header of its trajectories", where=path, advice="export it again")
     rate = _rate(section[0][0], path)
@@ -335,6 +207,11 @@ def _vicon(rows: Rows, unit: str | None, path: Path) -> MarkerTracks:
     metres = metres_of(next(iter(stated), ""), unit, path)
     count = sum(1 for _ in takewhile(lambda row: row[0].strip().lstrip("-").isdigit(), section[4:]))
     body = section[4 : 4 + count]
+    if (behind := next(iter(section[4 + count : 5 + count]), None)) and _cell(behind, 1).isdigit():
+        raise TakeError(  # the number of a sub frame: this is a frame, and no title of the next section
+            f"line {section.numbers[4 + count]} holds {behind[0].strip()[:LONGEST_SHOWN]!r}, which is no number",
+            where=path, advice="mend that line",
+        )  # fmt: skip
     values = _numbers(body, len(kinds), path)
     return _tracks(labels, values[:, 0] / rate, values[:, [k + axis for k in at for axis in range(3)]], metres, path)
 

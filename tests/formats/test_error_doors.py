@@ -14,7 +14,7 @@ from formats.archive import write_take
 from formats.descriptions import check_garment, check_rig, dump_description
 from formats.errors import DescriptionError, HangtimeError, TakeError
 from formats.importers.c3d_file import LARGEST_C3D
-from formats.importers.marker_text import LARGEST_TEXT
+from formats.importers.marker_lines import LARGEST_TEXT
 from formats.importers.marker_tracks import write_marker_csv
 from formats.outputs import check_is_no_input
 from formats.results import load_diagnosis, load_fit_result

@@ -7,7 +7,7 @@ import pytest
 
 from formats.errors import TakeError
 from formats.exporters.marker_files import at_one_rate
-from formats.importers.marker_text import Rows, _number, read_marker_text
+from formats.importers.marker_text import _number, read_marker_text
 from formats.importers.marker_tracks import MarkerTracks, as_seen
 from formats.importers.units import metres_of, other_unit
 
@@ -96,20 +96,6 @@ def test_a_cell_that_holds_anything_else_is_named(cell):
         _number(cell)
     with pytest.raises(ValueError, match=rf"^'{'x' * 40}'$"):
         _number("x" * 60)
-
-
-def test_the_last_of_some_rows_is_cut_where_the_last_of_all_is(tmp_path):
-    rows = Rows(["a,b", "c,d", "e"], [2, 4, 5], ",", tmp_path, is_cut=True)
-    assert [len(rows), rows[1], list(rows[1:])] == [3, ["c", "d"], [["c", "d"], ["e"]]]
-    assert rows[1:].is_cut
-    assert list(rows[1:].numbers) == [4, 5]
-    assert rows[:3].is_cut
-    assert not rows[:2].is_cut
-    assert not Rows(["a", "b"], [1, 2], ",", tmp_path)[:].is_cut
-    wide = Rows(["," * 100_001], [1], ",", tmp_path)
-    with pytest.raises(TakeError, match="has a line of more than 100000 cells"):
-        wide[0]
-    assert len(Rows(["," * 100_000], [1], ",", tmp_path)[0]) == 100_001
 
 
 def read(tmp_path, text, unit=None, name="a.csv"):

@@ -106,14 +106,24 @@ def import_recordings(
         words = f"{target}: {len(take.time)} frames, {length:.1f} s" + (
             f", its front looks along {front}" * bool(front)
         )
+        clock = take.notes.get("clock")
         if not shows_points(take).all():
             words += f", {shows_points(take).sum()} with the points and {shows_hanger(take).sum()} with the hanger"
             words += hanger_gap(take)
         unseen = [p.name for k, p in enumerate(take.garment.points) if not take.points_valid[:, k].any()]
         if unseen:
             words += f"; never seen: {', '.join(unseen[:MOST_NAMES])}" + " and more" * (len(unseen) > MOST_NAMES)
+        if clock:
+            words += f"\nWarning: {clock}"
         tell_entry(
-            "takes", words, file=str(target), frames=len(take.time), duration_s=length, front=front, never_seen=unseen
+            "takes",
+            words,
+            file=str(target),
+            frames=len(take.time),
+            duration_s=length,
+            front=front,
+            never_seen=unseen,
+            clock=clock,
         )
 
 

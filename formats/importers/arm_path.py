@@ -10,15 +10,15 @@ The recording has the corners too, in its pictures. A path may be far from them 
 path is of another take, in another unit, or has its quaternions in another order. The import refuses the path, and
 names the unit or order that would bring it there. It also refuses a path that leaves them for a second, and says when.
 
-A path on another clock is looked for at shifts up to `FARTHEST_SHIFT`. It is refused where the shift that brings it
-nearest is larger than what a fit finds by itself. A motion that repeats itself is as near after each period, and then
-the import says nothing.
+`clock_shift` finds by how much the path's clock is off. A shift that a fit finds by itself is told. A larger one is
+refused. Of the shifts of a motion that repeats itself the smallest counts, and the others are named.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +26,7 @@ import numpy as np
 from formats.arrays import Floats
 from formats.blocks import FARTHEST_PLACE
 from formats.errors import TakeError
+from formats.importers.clock_shift import LEAST_NEARER, SHIFT_STEP, find_clock_shift
 from formats.importers.npz import load_arrays
 from formats.plausible import check_plausible_times
 from formats.two_clocks import at_times
@@ -36,12 +37,9 @@ FARTHEST = 0.03  # m from the pictures' corners, median: the public recordings' 
 FARTHEST_FOR_A_WHILE = 0.1  # m, median over as many pictures: the corners that a camera saw are up to 60 mm off
 LONGEST_STEP = 0.2  # s between poses that a straight line is taken to join: four of the public paths' steps
 WHILE = 9  # pictures: a second of the public recordings
-LARGEST_SHIFT, SHIFT_STEP = 0.5, 0.02  # s between both clocks: what a diagnosis looks for; 10 mm at 0.5 m/s
-FARTHEST_SHIFT = 5.0  # s between both clocks that is told
-CLEARLY_NEARER = 1.15  # times: clocks that are 0.6 s apart bring the public paths 1.2 to thousands of times nearer
-LEAST_NEARER = 3e-3  # m: less is noise, and a hanger that hardly moves tells no time
-SEEN_AT_ALL = 0.5  # of the corners that a shift must leave beside the path
-MOST_LOOKED_AT = 2000  # pictures
+LARGEST_SHIFT = 0.5  # s between both clocks: what a fit looks for
+SMALLEST_SHOWN = 1e-3  # s of a standard error
+MOST_OTHERS = 2  # shifts that are as good, in one sentence
 UNIT_WITHIN = 1e-2  # of a quaternion's length: printed with two decimals it still passes
 WHAT_TO_GIVE = "give a .npz with tcp_t, tcp_pose and tcp_to_corner_m, see docs/reference/file-formats.md"
 
@@ -68,10 +66,17 @@ class ArmPath:
     turn: Floats
     tool: Floats
 
-    @property
+    @cached_property
     def held(self) -> Floats:
         """Return where the held corners were [m], (poses, 2, 3)."""
         return self.place + _turned(self.tool, self.turn)
+
+    def at(self, instants: Floats) -> Floats:
+        """Return where the held corners were [m], (n, 2, 3), at instants [s], (n,), NaN in holes and beyond."""
+        found = at_times(instants, self.time, self.held)
+        after = np.searchsorted(self.time, instants).clip(1, len(self.time) - 1)
+        found[self.time[after] - self.time[after - 1] > LONGEST_STEP] = np.nan
+        return found
 
 
 def read_arm_path(path: Path, *, anyway: bool | None = None) -> ArmPath:
@@ -111,22 +116,22 @@ def read_arm_path(path: Path, *, anyway: bool | None = None) -> ArmPath:
     return ArmPath(path, time, pose[:, None, :3], pose[:, 3:] / length[:, None], data["tcp_to_corner_m"].astype(float))
 
 
-def check_arm_path(arm: ArmPath, time: Floats, corners: Floats) -> None:
-    """Refuse a path that is not where a recording's pictures have the held corners.
+def check_arm_path(arm: ArmPath, time: Floats, corners: Floats) -> str:
+    """Return what to say of a path's clock, refusing a path that is not where pictures have the held corners.
 
     time [s], (frames,); corners [m], (frames, 2, 3), NaN where not seen; without any, nothing is checked
 
     Raises:
-        TakeError: it is elsewhere.
+        TakeError: it is elsewhere, or its clock is farther off than a fit finds.
     """
     away = _apart(arm, time, corners)
     if not np.isfinite(away).any():
-        return
+        return ""
     best = float(np.nanmedian(away))
-    _refuse_another_clock(arm, time, corners, best)
+    told = check_clock(arm, time, corners, best)
     if best <= FARTHEST:
         _refuse_a_stray(arm, time, away)
-        return
+        return told
     advice = "give the path of the same take, in metres, in the frame of its points, on a clock of the same zero"
     for other, found in _mistakes(arm):
         if np.nanmedian(_apart(other, time, corners)) <= FARTHEST:
@@ -138,30 +143,41 @@ def check_arm_path(arm: ArmPath, time: Floats, corners: Floats) -> None:
     )  # fmt: skip
 
 
-def _refuse_another_clock(arm: ArmPath, time: Floats, corners: Floats, best: float) -> None:
-    """Refuse a path that is much nearer at a large shift in time than, at `best` [m], at any small one."""
-    some = slice(None, None, -(-len(time) // MOST_LOOKED_AT))
-    shifts = SHIFT_STEP * np.arange(-round(FARTHEST_SHIFT / SHIFT_STEP), round(FARTHEST_SHIFT / SHIFT_STEP) + 1)
-    far = shifts[np.abs(shifts) > LARGEST_SHIFT + SHIFT_STEP / 2]
-    apart = [_median_apart(arm, time[some] + shift, corners[some]) for shift in far]
-    least, shift = min(apart), float(far[int(np.argmin(apart))])
-    if least <= FARTHEST and best > CLEARLY_NEARER * least and best - least > LEAST_NEARER:
-        raise TakeError(
-            f"its clock is {abs(shift):.2f} s {'ahead of' if shift > 0 else 'behind'} the recording's: its held "
-            f"corners are {1e3 * least:.0f} mm from those of the pictures at that shift, {1e3 * best:.0f} mm at any up "
-            f"to {LARGEST_SHIFT:g} s", where=arm.file,
-            advice=f"{'subtract' if shift > 0 else 'add'} {abs(shift):.2f} s {'from' if shift > 0 else 'to'} 'tcp_t'",
-        )  # fmt: skip
+def check_clock(arm: ArmPath, time: Floats, seen: Floats, best: float | None = None) -> str:
+    """Return what to say of a clock that is off by less than a fit finds, '' where none shows; refuse a larger shift.
 
+    - `time` [s], (frames,); `seen` [m], (frames, 2, 3): the held ends, in either order, NaN where not seen
+    - `best` [m]: from the held corners at any small shift, in the median; None where the ends are not where the hand is
 
-def _median_apart(arm: ArmPath, instants: Floats, corners: Floats) -> float:
-    """Return the median distance [m] of a path from corners in the nearer order, infinite where few are known."""
-    found = at_times(instants, arm.time, arm.held)
-    known = np.isfinite(corners).all(2).sum()
-    away = [np.linalg.norm(found - order, axis=2) for order in (corners, corners[:, ::-1])]
-    if np.isfinite(away[0]).sum() < SEEN_AT_ALL * known:
-        return float("inf")
-    return min(float(np.nanmedian(one)) for one in away)
+    Raises:
+        TakeError: the clock is farther off.
+    """
+    if not (np.isfinite(seen).all(2).any(0)).all():
+        return ""
+    directions = [np.nanmedian(ends[:, 1] - ends[:, 0], axis=0) for ends in (seen, arm.held)]
+    seen = seen[:, ::-1] if directions[0] @ directions[1] < 0 else seen
+    shift = find_clock_shift(time, seen, arm.at)
+    if shift is None or not shift.is_told:
+        return ""
+    by, is_ahead = abs(shift.seconds), shift.seconds > 0
+    how = f"its clock is {by:.2f} s {'ahead of' if is_ahead else 'behind'} the recording's"
+    others = [f"{abs(other):.2f} s {'ahead' if other > 0 else 'behind'}" for other in shift.others[:MOST_OTHERS]]
+    how += f" (or {' or '.join(others)}: the motion repeats itself)" * bool(others)
+    mend = f"{'subtract' if is_ahead else 'add'} {by:.2f} s {'from' if is_ahead else 'to'} 'tcp_t'"
+    error = f"of {shift.error:.3f}" if shift.error >= SMALLEST_SHOWN else f"below {SMALLEST_SHOWN}"
+    if by <= LARGEST_SHIFT + SHIFT_STEP / 2:
+        return f"{how}, with a standard error {error} s; {mend}, or leave the shift to fit and diagnosis"
+    if best is not None:
+        least = float(np.nanmedian(np.linalg.norm(arm.at(time + shift.seconds) - seen, axis=2)))
+        if least > FARTHEST:
+            return ""
+        if best - least < LEAST_NEARER:
+            return f"{how}, with a standard error {error} s; {mend}"
+        how += (
+            f": its held corners are {1e3 * least:.0f} mm from those of the pictures at that shift, "
+            f"{1e3 * best:.0f} mm at any up to {LARGEST_SHIFT:g} s"
+        )
+    raise TakeError(how, where=arm.file, advice=mend)
 
 
 def _refuse_a_stray(arm: ArmPath, time: Floats, away: Floats) -> None:
@@ -210,11 +226,9 @@ def _apart(arm: ArmPath, time: Floats, corners: Floats) -> Floats:
 
     time [s], (frames,); corners [m], (frames, 2, 3), in either order
     """
-    least, nearest, held = np.inf, np.full((len(time), 2), np.nan), arm.held
+    least, nearest = np.inf, np.full((len(time), 2), np.nan)
     for shift in np.arange(-LARGEST_SHIFT, LARGEST_SHIFT + SHIFT_STEP / 2, SHIFT_STEP):
-        found = at_times(time + shift, arm.time, held)
-        after = np.searchsorted(arm.time, time + shift).clip(1, len(arm.time) - 1)
-        found[arm.time[after] - arm.time[after - 1] > LONGEST_STEP] = np.nan
+        found = arm.at(time + shift)
         for order in (corners, corners[:, ::-1]):
             away = np.linalg.norm(found - order, axis=2)
             if np.isfinite(away).any() and (median := float(np.nanmedian(away))) < least:

@@ -25,7 +25,7 @@ from formats.arrays import Booleans, Floats
 from formats.blocks import FARTHEST_PLACE
 from formats.errors import TakeError
 from formats.garment import Garment, TrackedPoint
-from formats.importers.arm_path import check_arm_path, path_beside, read_arm_path
+from formats.importers.arm_path import check_arm_path, check_clock, path_beside, read_arm_path
 from formats.importers.npz import load_arrays
 from formats.importers.units import other_unit
 from formats.plausible import LONGEST, SHORTEST, check_plausible_times, unit_of
@@ -85,7 +85,7 @@ def import_swung_cloth(
     width, height = (round(float(size), 6) for size in np.ptp(rest, axis=0))
     rest = np.round(rest - [rest[:, 0].min() + width / 2, rest[:, 1].max()], 6)
     valid = data["valid"].astype(bool) & np.isfinite(points).all(2)
-    held, own = data["hanger_corners"].astype(float), None
+    held, own, clock = data["hanger_corners"].astype(float), None, ""
     if not anyway:
         _check_places(points, valid, held, rest, path)
     if hanger is not None:
@@ -96,7 +96,10 @@ def import_swung_cloth(
                 "its times are none of the recording's", where=own.file,
                 advice="give the path of the same take, on a clock of the same zero",
             )  # fmt: skip
-        check_arm_path(own, time, pictures)
+        if np.isfinite(pictures).any():
+            clock = check_arm_path(own, time, pictures)
+        else:
+            clock = check_clock(own, time, _row_ends(points, valid, rest))
     is_crossed = _is_crossed(held, points, valid, rest)
     held = held[:, ::-1] if is_crossed else held
     held_valid = np.isfinite(held).all(2)
@@ -133,6 +136,7 @@ def import_swung_cloth(
         notes={
             **({} if described is not None else {"mass": MASS_NOTE}),
             "points": "a re-gridded silhouette, not material markers: edges are eaten, corners jump",
+            **({"clock": f"{own.file.name}: {clock}"} if own is not None and clock else {}),
         },
     )
     if own is None:
@@ -177,6 +181,13 @@ def _check_places(points: Floats, valid: Booleans, held: Floats, rest: Floats, p
         raise TakeError(
             "its points lie above its hanger_corners, in the median", where=path, advice="turn both so that z points up"
         )
+
+
+def _row_ends(points: Floats, valid: Booleans, rest: Floats) -> Floats:
+    """Return the ends of the tracked held row [m], (frames, 2, 3), NaN where not seen."""
+    top = np.flatnonzero(rest[:, 1] > rest[:, 1].max() - ON_TOP * np.ptp(rest, axis=0).max())
+    ends = top[[rest[top, 0].argmin(), rest[top, 0].argmax()]]
+    return np.where(valid[:, ends, None], points[:, ends], np.nan)
 
 
 def _places_of(garment: Garment, rest: NDArray[Any], path: Path) -> NDArray[Any]:

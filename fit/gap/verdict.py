@@ -318,9 +318,17 @@ def _name_several(evidence: Evidence, several: Hypothesis) -> Verdict:
 def _lacks(evidence: Evidence, several: Hypothesis | None, *causes: tuple[str, ...]) -> str:
     """Begin the sentence that names causes, of each the effects that may be it, as sure as the least probable is."""
     likely = probabilities(evidence, several)
-    least = min(sum(likely[k] for k in cause) for cause in causes)
+    return as_sure_as(min(sum(likely[k] for k in cause) for cause in causes))
+
+
+def as_sure_as(likely: float) -> str:
+    """Begin a sentence that names a cause, as sure as its probability is."""
     return (
-        "The model lacks" if least >= SURE else "The model probably lacks" if least >= LIKELY else "The model may lack"
+        "The model lacks"
+        if likely >= SURE
+        else "The model probably lacks"
+        if likely >= LIKELY
+        else "The model may lack"
     )
 
 

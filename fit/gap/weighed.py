@@ -27,7 +27,7 @@ from fit.gap.numerics import Refined
 from fit.gap.posterior import Found, Search, Subset
 from fit.gap.rounds import Rounds, kept_as
 from fit.gap.screening import screen
-from fit.gap.verdict import LIKELY, SURE, Verdict, edge_is_off, gap_numbers, no_gap, share_closed, with_unit
+from fit.gap.verdict import Verdict, as_sure_as, edge_is_off, gap_numbers, no_gap, share_closed, with_unit
 from formats.arrays import Floats
 
 
@@ -163,16 +163,13 @@ def _named(evidence: Evidence, found: Found, best: Hypothesis, others: dict[str,
     ]
     least = min(min(likely[name] + sum(_swapped(shares, best.effects, name, n) for n in others.get(name, [])), 1.0)
                 for name in best.effects)  # fmt: skip
-    lacks = (
-        "The model lacks" if least >= SURE else "The model probably lacks" if least >= LIKELY else "The model may lack"
-    )
     sizes = ", ".join(with_unit(evidence, name, best) for name in best.effects)
     titles = " and ".join(causes)
     verdict = "effect" if len(best.effects) == 1 else "several"
     return Verdict(
         verdict, list(best.effects),
-        f"{lacks} {titles}. {gap_numbers(evidence)} With {'it' if verdict == 'effect' else 'them'} ({sizes}) it misses "
-        f"by {evidence.error_of(best).value:.1f} mm{share_closed(evidence, best)}.",
+        f"{as_sure_as(least)} {titles}. {gap_numbers(evidence)} With {'it' if verdict == 'effect' else 'them'} "
+        f"({sizes}) it misses by {evidence.error_of(best).value:.1f} mm{share_closed(evidence, best)}.",
         others,
     )  # fmt: skip
 

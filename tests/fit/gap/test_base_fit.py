@@ -11,7 +11,7 @@ from fit.cloth.model import Resolution
 from fit.gap import base_fit, gates
 from fit.gap.base_fit import MOST_STARTS, coarsened, fit_base, middle
 from fit.gap.checkpoint import Checkpoint
-from fit.gap.fitting import Problem
+from fit.gap.fitting import Pinned, Problem, Task, fit
 from fit.methods import SI
 from formats.diagnosis_records import Gate
 from tests.fit.gap.linear_takes import MESH, LinearTakes
@@ -188,3 +188,17 @@ def test_fits_across_valleys_begin_there_with_the_cost_and_the_effects_of_the_be
     ]  # fmt: skip
     assert all((t.known_cost, t.active, t.pinned) == (best.cost, (), None) for t in tasks)
     assert all(not t.amplitudes.any() for t in tasks)
+
+
+def test_fits_across_valleys_have_the_effects_of_the_best_and_what_is_known_of_them(world, monkeypatch):
+    monkeypatch.setattr(base_fit.valleys, "across", lambda unit, *_: unit[None])
+    amplitudes = world.off.copy()
+    amplitudes[world.columns["hem"]] = 0.7 * world.library["hem"].typical
+    world.missed = world.missed - world.rows["hem"][0]
+    known = Pinned(amplitudes, np.full(len(amplitudes), np.inf), 2.0)
+    (best,) = fit(world, [Task(SI.initial, amplitudes, ("hem",), iterations=1, pinned=known)])
+    (task,) = base_fit.across_valleys(world, best)
+    assert (task.active, task.known_cost, task.pinned) == (("hem",), best.cost, known)
+    assert task.vector == pytest.approx(best.vector)
+    assert task.amplitudes == pytest.approx(best.amplitudes)
+    assert task.amplitudes.any()

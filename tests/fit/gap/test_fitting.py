@@ -53,6 +53,20 @@ def test_an_amplitude_is_fitted_to_where_data_and_prior_meet():
     assert found[0].deviation[:-1] == pytest.approx(1.5)  # data that say nothing leave the prior
 
 
+@pytest.mark.parametrize(("tasks", "steps"), [(1, 4), (3, 4), (4, 3), (5, 3)])
+def test_twelve_candidates_are_shared_by_the_fits_of_which_each_tries_three_or_four_steps_at_once(
+    monkeypatch, tasks, steps
+):
+    row, other, _ = rows()
+    jacobian = np.concatenate([np.zeros((NUMBERS, PARAMETERS)), 40.0 * row[:, None]], 1)
+    observer = an_observer(-30.0 * row + 5.0 * other, hem=40.0 * row / HEM.typical)
+    asked, residuals = [], observer.residuals
+    monkeypatch.setattr(observer, "residuals", lambda v, a: asked.append(len(v)) or residuals(v, a))
+    one = Task(SI.initial, observer.off, ("hem",), iterations=1, renewals=0, jacobian=jacobian, is_rough=True)
+    fit(observer, [one] * tasks)
+    assert asked == [tasks, tasks * steps]
+
+
 def test_what_the_prior_supplies_by_hand():
     """Data of 3 and a prior of 0.5: H = 9 + 4, and 0.5^-2 / 13^2 = (2 / 13)^2; without data it is the prior."""
     assert from_prior(np.array([[3.0]]), np.array([0.5])) == pytest.approx(2 / 13)

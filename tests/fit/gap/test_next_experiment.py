@@ -87,6 +87,10 @@ def test_explanations_are_apart_by_what_parameters_and_the_other_one_cannot_imit
     weak = np.zeros((numbers, len(SI.initial)))
     weak[0, 0] = 1 / 1.5
     assert _apart(observer, weak, changes, 0, -1) == pytest.approx(np.sqrt(1.5**2 + 4**2 + 12**2), rel=1e-6)
+    # An explanation that changes nothing imitates nothing, and one of the size of its own weak prior half.
+    for size, left in ((0.0, 4.0), (1e-3, 2.0)):
+        changes[1] = np.array([0.0, size, 0.0])
+        assert _apart(observer, 0 * jacobian, changes, 0, 1) == pytest.approx(np.sqrt(3**2 + left**2 + 12**2))
     assert _pairs(1) == [(0, -1)]
     assert _pairs(3) == [(0, 1), (0, 2), (1, 2)]
 

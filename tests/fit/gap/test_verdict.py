@@ -186,6 +186,9 @@ def test_what_is_named_is_worth_naming_in_half_of_the_draws(share, verdict):
     assert decide(evidence).verdict == verdict
 
 
+LACKS = [(6.0, 0.8, 1.0, "lacks"), (8.3, 0.5, 0.8, "probably lacks"), (9.6, 0.0, 0.5, "may lack")]
+
+
 def probability_of(name, evidence, several=None):
     return probabilities(evidence, several)[name]
 
@@ -197,6 +200,13 @@ def test_an_effect_that_leaves_much_is_less_probable():
         share = 1 / (1 + np.exp((left - LEFT) / LEFT_WIDTH))
         expected = ODDS * share / (1 - share + ODDS * share)
         assert probability_of("air_lift", evidence_of({"air_lift": mm})) == pytest.approx(expected, abs=0.08)
+
+
+@pytest.mark.parametrize(("mm", "least", "most", "words"), LACKS)
+def test_the_sentence_that_names_a_cause_is_as_sure_as_it_is_probable(mm, least, most, words):
+    evidence = evidence_of({"air_lift": mm})
+    assert least < probability_of("air_lift", evidence) < most
+    assert decide(evidence).sentence.startswith(f"The model {words} ")
 
 
 def test_effects_that_together_leave_much_are_less_probable_too():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -82,6 +83,16 @@ def test_an_effect_whose_size_may_be_nothing_is_not_named():
     assert "its size may be nothing" in verdict.sentence
     # Where the base model is within the noise as well, there is no gap to explain.
     assert decide_by_mass(evidence_of({"air_drag": 5.0}, base=5.2, sizes=0.01), shares).verdict == "none"
+
+
+def test_the_likeliest_pair_whose_sizes_may_be_nothing_is_told_with_both():
+    evidence = evidence_of({}, joint=[(("air_drag", "hem"), 5.4)], sizes=0.01)
+    ((pair, p_value),) = evidence.joint
+    weak = dataclasses.replace(pair.fitted, amplitudes=0.01 * pair.fitted.amplitudes)
+    evidence = dataclasses.replace(evidence, joint=[(dataclasses.replace(pair, fitted=weak), p_value)])
+    verdict = decide_by_mass(evidence, found_of({(): (0.05, 0.0), ("air_drag", "hem"): (0.95, 0.0)}))
+    assert verdict.verdict == "unknown"
+    assert re.search(r"The likeliest is air drag \([^()]*\), a heavier hem \([^()]*\), and", verdict.sentence)
 
 
 def test_where_one_of_two_sizes_may_be_nothing_the_other_effect_is_named_alone():

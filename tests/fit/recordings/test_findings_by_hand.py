@@ -1,4 +1,4 @@
-"""What a camera made of takes, said of figures that are made up, and lines and bodies worked by hand."""
+"""What a camera made of takes, said of figures that are made up, and lines worked by hand."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from fit.errors import FitError
 from fit.recordings import camera_findings as module
-from fit.recordings.bodies import HALF_SPACE, Body, BodyMotion, box, capsule, half_space, placed, sphere
 from fit.recordings.camera_findings import _together, camera_clause, describe_camera, foreign_clock
 from fit.recordings.point_kind import common_change, neighbours
 from fit.recordings.robust_line import interval_of, robust_line, seconds_apart
@@ -224,6 +222,39 @@ def test_the_kind_of_points_is_a_fault_where_it_contradicts_and_a_hint_where_it_
     assert camera_clause([fault, hint], "No diagnosis: They slide. 3 mm.") == ""
 
 
+def test_every_finding_has_its_unit_its_takes_and_its_interval(monkeypatch):
+    monkeypatch.setattr(module, "describe_steady", lambda garment, recordings: "They stay.")
+    shown = timing(
+        latency=0.05, latency_interval=(0.04, 0.06), share=0.8, share_interval=(0.7, 0.9), deviation=0.03,
+        scale=0.02, scale_interval=(0.015, 0.025),
+    )  # fmt: skip
+    one = recording(
+        gaps=[(1.0, 1.5)], timing=shown, is_retimed=True, skewed=10, edge=SimpleNamespace(down=0.003, out=0.004),
+        offsets=SimpleNamespace(rms=0.007), is_placed=True, outline=outline(by_pose=0.03, half=0.002),
+        lean=leaning(0.02),
+    )  # fmt: skip
+    one.seen_points, one.points = np.zeros((2, 4, 3)), np.full((2, 4, 3), 0.01)
+    one.valid = np.ones((2, 4), bool)
+    border = 0.002 * np.hypot(1, 2) / 3
+    expected = [
+        ("hanger_gap", "s", False, None), ("latency", "s", False, (0.04, 0.06)),
+        ("publish_time", "1", False, (0.7, 0.9)), ("frame_shifts", "s", True, None),
+        ("skewed_grids", "1", False, None), ("held_edge", "m", False, None), ("frame_offsets", "m", False, None),
+        ("sliding_points", "m", False, None), ("eaten_border", "m", False, (0.006 - border, 0.006 + border)),
+        ("eaten_by_pose", "m", False, (0.028, 0.032)), ("depth_scale", "1", True, (0.015, 0.025)),
+        ("lean", "rad", True, (0.01, 0.03)), ("points_are", "1", False, None),
+    ]  # fmt: skip
+    told = found(one)
+    assert [(f.name, f.unit, f.is_left) for f in told] == [given[:3] for given in expected]
+    for one, (*_, interval) in zip(told, expected, strict=True):
+        assert one.interval == (interval and pytest.approx(interval)), one.name
+        assert (one.take_ids, one.is_fault) == (["a"], False)
+    left, other = late(0.03, is_retimed=False), recording("b", timing=timing(is_of_hanger=False, explained=0.2))
+    assert [(f.name, f.unit, f.is_left, f.take_ids) for f in found(left, other)[:2]] == [
+        ("clocks", "1", False, ["b"]), ("latency", "s", True, ["a"]),
+    ]  # fmt: skip
+
+
 def test_what_was_left_or_has_no_figure_is_not_in_the_clause():
     given = {"name": "frame_offsets", "take_ids": ["a"], "unit": "m", "sentence": "."}
     assert camera_clause([CameraFinding(**given, figure=None), CameraFinding(**given, figure=0.1, is_left=True)]) == ""
@@ -266,74 +297,6 @@ def test_frames_far_off_pull_a_line_by_their_share_only():
     values[::10] = 1e6
     (middle,), _ = robust_line(np.ones((100, 1)), values + 1e-3 * np.sin(np.arange(100)), np.arange(100) // 5)
     assert abs(middle) < 1e-3
-
-
-def test_bodies_are_as_far_away_as_by_hand():
-    ball = sphere((1.0, 0.0, 0.0), 0.5)
-    assert ball.distance(np.array([[3.0, 0, 0], [1, 0, 0], [1, 0.5, 0]])) == pytest.approx([1.5, -0.5, 0.0])
-    assert ball.thickness == 1.0
-    rod = capsule((0.0, 0, 0), (0.0, 0, 2.0), 0.1)
-    assert rod.distance(np.array([[0.4, 0, 1], [0, 0, 2.5], [0.3, 0, -0.4]])) == pytest.approx([0.3, 0.4, 0.4])
-    assert rod.half_size == (0.0, 0.0, 1.0)
-    plane = half_space((0.0, 0, 1.0), (0.0, 0, 2.0))
-    assert plane.distance(np.array([[5.0, 5, 3], [0, 0, 0]])) == pytest.approx([2.0, -1.0])
-    assert plane.half_size == (HALF_SPACE,) * 3
-    cube = box((0.0, 0, 0), (1.0, 2.0, 3.0), radius=0.1)
-    assert cube.distance(np.array([[2.0, 0, 0], [2, 3, 3], [0, 0, 0]])) == pytest.approx([0.9, np.sqrt(2) - 0.1, -1.1])
-    assert cube.thickness == pytest.approx(2.2)
-    cone = Body(centre=(0, 0, 0), half_size=(0, 0, 1.0), radius=0.5, taper=0.2)
-    assert cone.thickness == pytest.approx(0.6)
-    assert cone.distance(np.array([[1.0, 0, 1.0], [1, 0, 0]])) == pytest.approx(np.array([0.3, 0.5]) / np.hypot(1, 0.2))
-    assert cone.row().tolist() == [0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 1.0, 0.5, 0.2]
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [({"radius": 0.0}, "has no inside"), ({"radius": -1.0}, "has no inside"), ({"radius": np.inf}, "has no inside"),
-     ({"centre": (np.nan, 0, 0)}, "has no inside"), ({"axes": ((1, 0, 0), (0, 1, 0))}, "three unit vectors"),
-     ({"axes": ((2, 0, 0), (0, 1, 0), (0, 0, 1))}, "three unit vectors"),
-     ({"half_size": (0, 0, 1.0), "taper": 0.5}, "has no end"), ({"half_size": (0, 0, 1.0), "taper": -0.5}, "no end")],
-)  # fmt: skip
-def test_what_is_no_body_is_refused(changes, words):
-    with pytest.raises(FitError, match=words):
-        Body(**({"centre": (0, 0, 0), "radius": 0.5} | changes))
-    Body(centre=(0, 0, 0), radius=0.5, half_size=(0, 0, 1.0), taper=0.49)
-
-
-def test_a_capsule_and_a_plane_have_a_direction():
-    with pytest.raises(FitError, match="is a sphere"):
-        capsule((1.0, 1, 1), (1.0, 1, 1), 0.1)
-    with pytest.raises(FitError, match="has no direction"):
-        half_space((0.0, 0, 0), (0.0, 0, 0))
-
-
-def pose(centre, degrees=0.0):
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    return np.concatenate([centre, [c, s, 0], [-s, c, 0], [0, 0, 1]])
-
-
-def test_a_moving_body_is_on_the_straight_way_with_square_axes():
-    motion = BodyMotion(0.5, np.stack([[pose([0.0, 0, 0])], [pose([1.0, 0, 0], 60)], [pose([1.0, 2.0, 0], 60)]]))
-    found_poses = motion.at(np.array([-1.0, 0.0, 0.25, 0.5, 0.75, 1.0, 9.0]))
-    assert found_poses.shape == (7, 1, 12)
-    assert found_poses[:, 0, 0] == pytest.approx([0, 0, 0.5, 1, 1, 1, 1])
-    assert found_poses[:, 0, 1] == pytest.approx([0, 0, 0, 0, 1, 2, 2])
-    assert found_poses[2, 0] == pytest.approx(pose([0.5, 0, 0], 30))
-    assert placed(sphere((9.0, 9, 9), 0.2), found_poses[3, 0]).centre == pytest.approx((1.0, 0, 0))
-    axes = np.array(placed(box((0, 0, 0), (1, 1, 1)), found_poses[3, 0]).axes)
-    assert axes == pytest.approx(pose([0, 0, 0], 60)[3:].reshape(3, 3))
-
-
-def test_a_body_has_gone_as_far_as_its_farthest_corner():
-    """A box of 3 x 4 m turns by 90 degrees: its corners, 5 m away, go the chord of 5 sqrt 2; then all go 2 m."""
-    motion = BodyMotion(1.0, np.stack([[pose([0.0, 0, 0])], [pose([0.0, 0, 0], 90)], [pose([0.0, 0, 2.0], 90)]]))
-    flat = box((0.0, 0, 0), (3.0, 4.0, 0.0))
-    assert motion.way((flat,)) == pytest.approx([0.0, 5 * np.sqrt(2), 5 * np.sqrt(2) + 2])
-    cone = Body(centre=(0, 0, 0), half_size=(0, 0, 1.0), radius=0.5, taper=0.2)
-    assert motion.way((cone,)) == pytest.approx([0.0, 0.7 * 2, 0.7 * 2 + 2])
-    other = np.concatenate([motion.poses, motion.poses], axis=1)
-    other[1:, 1, 1] = 100.0
-    assert BodyMotion(1.0, other).way((flat, flat))[1] > 90.0
 
 
 def grid():

@@ -182,7 +182,8 @@ def test_fits_that_go_on_from_what_the_edge_decided_keep_it():
     assert found["rest_curvature"].absorbed < imitable - 1e-3  # a size that is decided imitates nothing
     (both,) = fit(observer, refits(observer, start, found, ["rest_curvature"]))
     assert both.pinned.amplitudes[columns] == pytest.approx(-0.012, rel=0.05)
-    assert both.amplitudes[columns] == pytest.approx(both.pinned.amplitudes[columns], abs=3e-4)
+    (error,) = both.pinned.sd[columns]  # beside a curl the edge knows the size to 1.3 mm
+    assert both.amplitudes[columns] == pytest.approx(both.pinned.amplitudes[columns], abs=error)
 
 
 def screened(observer, **slopes):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,14 +13,12 @@ import numpy as np
 
 from formats.errors import DescriptionError
 from formats.garment import Garment, TrackedPoint, signed_area
-from formats.plain_text import encoding_of
 from formats.plausible import LARGEST_MARKER, SMALLEST_MARKER, check_plausible_garment, check_plausible_rig, unit_of
 from formats.rig import Calibration, Hanger, Rig, RigBody, Sensor
-from formats.whole_files import check_ends
+from formats.toml_files import read_toml
 
 Description = TypeVar("Description", Garment, Rig)
 
-LONGEST_TEXT = 1 << 20  # letters of a file
 MOST_POINTS = 2000  # tracked; motion capture of cloth has some hundred
 MOST_CORNERS = 1000  # of an outline, and of all holes together
 HEAVIEST = 50.0  # kg
@@ -32,8 +29,6 @@ HEIGHT_TOLERANCE = (
     0.01  # m by which another side may lie wholly higher than the held edge's lower end: flat cloth is laid by hand
 )
 CONTROL = re.compile(r"[\x00-\x1f\x7f]")  # what a TOML string may not hold as it is, https://toml.io/en/v1.0.0#string
-# Parts of a key, each with its dot: Python reads them in the square of their number, gigabytes for 200,000 of them.
-LONG_KEY = re.compile(r"""(?:(?:(?<![\w-])[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){20}""")
 UNMEASURED = "calibration.depth_offset_sd_px", math.inf  # along an axis that was never measured
 LARGEST_NUMBER = 1e9  # in any unit: squares and products of larger ones may overflow
 TOUCHING = 1e-5  # m within which corners and sides are in one place: no mesh fits between
@@ -97,31 +92,7 @@ def _toml(value: Any) -> str:
 
 
 def _load(path: Path, kind: type[Description]) -> Description:
-    try:
-        check_ends(path)
-        with path.open("rb") as raw:
-            encoding = encoding_of(raw.read(4))
-        with path.open(encoding=encoding) as file:
-            text = file.read(LONGEST_TEXT + 1)
-        if len(text) > LONGEST_TEXT:
-            raise DescriptionError(
-                f"has more than {LONGEST_TEXT} letters, which no description has", where=path, advice="check the path"
-            )
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None)
-        if reason is None:
-            raise DescriptionError("is no text in UTF-8", where=path, advice="save it as UTF-8 text") from error
-        raise DescriptionError(f"cannot be read ({reason})", where=path, advice="check the path") from error
-    if LONG_KEY.search(text):
-        raise DescriptionError("has a key of twenty parts or more", where=path, advice="mend it")
-    try:
-        plain = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise DescriptionError(f"is not valid TOML: {error}", where=path, advice="mend that line") from error
-    except ValueError as error:  # Python reads no more than 4300 digits
-        raise DescriptionError("has a number of thousands of digits", where=path, advice="mend it") from error
-    except RecursionError as error:
-        raise DescriptionError("has too many brackets in each other", where=path, advice="mend it") from error
+    plain = read_toml(path)
     try:
         return msgspec.convert(plain, kind)
     except msgspec.ValidationError as error:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,6 +14,7 @@ from formats.descriptions import load_garment, load_rig
 from formats.errors import DescriptionError, HangtimeError
 from formats.garment import Garment
 from formats.rig import Rig
+from formats.toml_files import read_toml
 
 DEFAULT = Path("/etc/hangtime/appliance.toml")
 CONTOUR = 8  # places around the silhouette for each place along a side
@@ -136,13 +136,7 @@ def load(path: Path) -> InForce:
     Raises:
         DescriptionError: one of the three is missing or does not hold, or the spool's folder is none.
     """
-    try:
-        plain = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not a text file"
-        raise DescriptionError(f"cannot be read ({reason})", where=path, advice="check the path") from error
-    except (ValueError, RecursionError) as error:  # also of numbers with thousands of digits
-        raise DescriptionError(f"is not valid TOML: {error}", where=path, advice="mend that line") from error
+    plain = read_toml(path)
     try:
         config = converted(plain, path.absolute().parent)
     except msgspec.ValidationError as error:

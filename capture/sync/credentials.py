@@ -11,11 +11,11 @@ import ctypes
 import os
 import resource
 import stat
-import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from capture.errors import SyncError
+from formats.toml_files import parse_toml
 
 PREFIX = "store_"  # systemd names the files of `LoadCredential=store:FOLDER` so
 SHORTEST_SECRET = 6  # characters; a region or a user's name is no secret, and shorter words occur in texts
@@ -68,8 +68,8 @@ def _of_file(file: Path) -> Credentials:
     if stat.S_IMODE(about.st_mode) & 0o077:
         raise SyncError("others may read these credentials", where=file, advice=f"chmod 600 {file}")
     try:
-        found = tomllib.loads(raw.decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError):
+        found = parse_toml(raw, file, SyncError)
+    except SyncError:
         # The parser's own words may quote the line, and with it a key.
         raise SyncError(
             "the credentials are not valid TOML", where=file, advice='one key a line: secret_access_key = "..."'

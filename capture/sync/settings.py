@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import re
 import socket
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from capture.appliance.retention import Retention
 from capture.errors import SyncError
 from formats.errors import AddressError
 from formats.store_address import folder_of
+from formats.toml_files import read_toml
 
 DEFAULT_FILE = Path("/etc/hangtime/appliance.toml")
 DEFAULT_SPOOL = Path("/var/lib/hangtime/takes")
@@ -86,13 +86,7 @@ def load_settings(file: Path, spool: Path | None = None) -> Told:
     Raises:
         SyncError: the file or the table does not hold.
     """
-    try:
-        plain = tomllib.loads(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not a text file"
-        raise SyncError(f"cannot be read ({reason})", where=file, advice="check the path") from error
-    except ValueError as error:  # also of numbers with thousands of digits
-        raise SyncError(f"is not valid TOML: {error}", where=file, advice="mend that line") from error
+    plain = read_toml(file, SyncError)
     settings = settings_of(plain.get("sync", {}), where=file)
     told = plain.get("spool", {})
     folder = told.get("folder", str(DEFAULT_SPOOL)) if isinstance(told, dict) else str(DEFAULT_SPOOL)

@@ -21,6 +21,7 @@ from fit.errors import FitError
 from fit.figure.gait import ARM_OUT, SPACING, standing
 from fit.figure.skeleton import FOOT_RADIUS, SHANK, SIDES, THIGH, SkeletonMotion, unit
 from formats.arrays import Floats
+from formats.plain_text import encoding_of
 from formats.whole_files import check_ends
 
 LEAD = 2.0  # s
@@ -91,7 +92,8 @@ def _places(path: Path) -> tuple[list[_Joint], Floats, Floats]:
         check_ends(path)
         if path.stat().st_size > LARGEST:
             raise FitError("the file is too large for a BVH file", where=path, advice="give a shorter motion")
-        text = path.read_text(encoding="utf-8", errors="replace")
+        raw = path.read_bytes()
+        text = raw.decode(encoding_of(raw[:4]), errors="replace")
     except OSError as error:
         raise FitError(f"cannot be read ({error.strerror})", where=path, advice="check the path") from error
     head, _, tail = text.partition("MOTION")

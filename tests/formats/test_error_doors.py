@@ -83,7 +83,7 @@ def desk(tmp_path):
         ("import huge.c3d --garment swatch.toml", "huge.c3d: has 1.1 GB, which no C3D file has; check the path"),
         (
             "import m.csv --garment long.toml",
-            "long.toml: has more than 1048576 letters, which no description has; check the path",
+            "long.toml: has more than 1048576 bytes, which no such file has; check the path",
         ),
         ("import m.csv --garment swatch.toml --out file/in", "file/in: cannot be made (Not a directory); choose "
          "another folder"),

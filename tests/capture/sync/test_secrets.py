@@ -11,6 +11,7 @@ import pytest
 
 from capture.errors import SyncError
 from capture.sync.credentials import Credentials, find_credentials
+from capture.sync.settings import load_settings
 from formats.store_address import without_secrets
 from tests.capture.appliance.spool_takes import record
 from tests.capture.sync.servers import KEY, SECRET
@@ -37,6 +38,15 @@ def box(tmp_path, spool):
         return config
 
     return written
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_settings_and_keys_of_an_editor_of_another_system_are_read(tmp_path, encoding):
+    for name, text in (("keys.toml", f'access_key_id = "{KEY}"\n'), ("box.toml", '[sync]\nurl = "s3://b\u00fc"\n')):
+        (tmp_path / name).touch(0o600)
+        (tmp_path / name).write_bytes(text.encode(encoding))
+    assert find_credentials(tmp_path / "keys.toml").values == {"access_key_id": KEY}
+    assert load_settings(tmp_path / "box.toml").settings.url == "s3://b\u00fc"
 
 
 def run(config, command="now", **environment):

@@ -35,6 +35,15 @@ Frame Time: 0.033333
 """
 
 
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_a_motion_in_another_encoding_is_read(tmp_path, encoding):
+    path = tmp_path / "two.bvh"
+    path.write_text(TWO_BONES)
+    plain = _places(path)[2]
+    path.write_bytes(TWO_BONES.encode(encoding))
+    assert (_places(path)[2] == plain).all()
+
+
 def test_turns_follow_each_other_in_the_order_of_their_channels(tmp_path):
     """The root turns y to -x; the second bone first turns about x, y to z, and the root leaves z where it is."""
     path = tmp_path / "two.bvh"

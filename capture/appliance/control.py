@@ -24,7 +24,9 @@ LONGEST_QUESTION = 4096  # bytes
 MOST_ASKERS = 16  # at once; one more, and the daemon hangs up on whoever has been silent for longest
 MOST_CALLERS = 128  # that the kernel holds until the daemon's next round
 MOST_WATCHERS = 64  # one more, and the daemon hangs up on the oldest
-ANSWER_PATIENCE = 10.0  # s that an asker waits for an answer: a daemon that records answers within one frame
+ANSWER_PATIENCE = 10.0  # s that an asker waits for a whole answer: a daemon that records answers within one frame
+PIECE = 1 << 16  # bytes of an answer that are read at once
+LONGEST_PATH = 107  # bytes of a socket's path, Linux, unix(7): 108 with the zero behind it
 MODE = 0o660
 UNIT = "hangtime-capture"
 SEE_UNIT = f"see `systemctl status {UNIT}`"
@@ -41,6 +43,7 @@ class ControlServer:
         Raises:
             ControlError: the path cannot be used, another daemon listens there, or there is no such group.
         """
+        _check_length(path)
         self._path = path
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC)
         try:
@@ -157,28 +160,49 @@ def listen(path: Path, do: str) -> Iterator[dict[str, Any]]:
     with _connected(path) as connection:
         with contextlib.suppress(ConnectionError):  # it hung up, which the next line tells
             connection.sendall(json.dumps({"do": do}).encode() + b"\n")
-        with connection.makefile("rb") as answers:
-            connection.settimeout(ANSWER_PATIENCE)
-            count = 0
-            while True:
-                try:
-                    line = answers.readline()
-                except ConnectionError:
-                    line = b""
-                except TimeoutError:
+        count, heard = 0, bytearray()
+        while True:
+            try:
+                line = _line(connection, heard, may_be_silent=do == "watch" and count > 0)
+            except ConnectionError:
+                line = b""
+            except TimeoutError:
+                raise ControlError(
+                    f"the daemon has not answered for {ANSWER_PATIENCE:g} s", where=path,
+                    advice=SEE_UNIT,
+                ) from None  # fmt: skip
+            if not line:
+                if count == 0 or do == "watch":
                     raise ControlError(
-                        f"the daemon has not answered for {ANSWER_PATIENCE:g} s", where=path,
-                        advice=SEE_UNIT,
-                    ) from None  # fmt: skip
-                if not line:
-                    if count == 0 or do == "watch":
-                        raise ControlError(
-                            "the daemon hung up", where=path, advice="see `systemctl status hangtime-capture`"
-                        )
-                    return
-                count += 1
-                connection.settimeout(None if do == "watch" else ANSWER_PATIENCE)
-                yield _told(line, path)
+                        "the daemon hung up", where=path, advice="see `systemctl status hangtime-capture`"
+                    )
+                return
+            count += 1
+            yield _told(line, path)
+
+
+def _line(connection: socket.socket, heard: bytearray, *, may_be_silent: bool) -> bytes:
+    """Return the next line, or what came of one before the other end hung up, b"" of nothing.
+
+    - `heard`: what has come already; what follows the line stays there
+    - `may_be_silent`: wait for the line's first byte for as long as it takes
+
+    Raises:
+        TimeoutError: the whole line took longer than `ANSWER_PATIENCE`.
+    """
+    until = None if may_be_silent and not heard else time.monotonic() + ANSWER_PATIENCE
+    while (end := heard.find(b"\n") + 1) == 0:
+        if until is not None and time.monotonic() >= until:
+            raise TimeoutError
+        connection.settimeout(None if until is None else max(until - time.monotonic(), 1e-3))
+        if not (piece := connection.recv(PIECE)):
+            end = len(heard)
+            break
+        heard += piece
+        until = until or time.monotonic() + ANSWER_PATIENCE
+    line = bytes(heard[:end])
+    del heard[:end]
+    return line
 
 
 def _told(line: bytes, path: Path) -> dict[str, Any]:
@@ -194,7 +218,21 @@ def picture_in(answer: dict[str, Any]) -> bytes:
     return base64.b64decode(answer["png"])
 
 
+def _check_length(path: Path) -> None:
+    """Refuse a path that is longer than a socket's can be.
+
+    Raises:
+        ControlError: it is.
+    """
+    if (length := len(os.fsencode(path))) > LONGEST_PATH:
+        raise ControlError(
+            f"the path of the socket has {length} bytes, Linux takes {LONGEST_PATH}", where=path,
+            advice="choose a shorter folder, as control.socket and as --socket",
+        )  # fmt: skip
+
+
 def _connected(path: Path) -> socket.socket:
+    _check_length(path)
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     connection.settimeout(ANSWER_PATIENCE)
     until = time.monotonic() + ANSWER_PATIENCE

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import json
+import os
 import socket
 import threading
 import time
 
 import pytest
 
-from capture.appliance.control import LONGEST_QUESTION, MOST_ASKERS, MOST_CALLERS, MOST_WATCHERS, ControlServer, ask
+from capture.appliance.control import (
+    LONGEST_QUESTION,
+    MOST_ASKERS,
+    MOST_CALLERS,
+    MOST_WATCHERS,
+    ControlServer,
+    ask,
+    listen,
+)
 from capture.errors import ControlError
 
 
@@ -106,6 +116,65 @@ def test_an_answer_that_breaks_off_is_named(path):
         with pytest.raises(ControlError, match="ended in mid-answer"):
             ask(path, "status")
         thread.join()
+
+
+@pytest.mark.parametrize(("do", "lines"), [("status", 0), ("watch", 1)])
+def test_an_answer_that_dribbles_is_waited_for_no_longer_than_a_silent_one(path, monkeypatch, do, lines):
+    """A byte every 50 ms, and never a whole line: 0.4 s, where each byte would begin the time anew.
+
+    Between the lines of "watch" there may be any silence.
+    """
+    monkeypatch.setattr("capture.appliance.control.ANSWER_PATIENCE", 0.4)
+    is_over = threading.Event()
+
+    def answer():
+        with listener.accept()[0] as asker, contextlib.suppress(OSError):
+            asker.recv(100)
+            asker.sendall(b'{"news": 1}\n' * lines)
+            is_over.wait(0.6 * lines)
+            for _ in range(100):
+                if is_over.wait(0.05):
+                    break
+                asker.sendall(b" ")
+
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
+        listener.bind(str(path))
+        listener.listen(1)
+        thread = threading.Thread(target=answer)
+        thread.start()
+        answers, begun = listen(path, do), time.monotonic()
+        assert [next(answers) for _ in range(lines)] == [{"news": 1}] * lines
+        with pytest.raises(ControlError, match=r"the daemon has not answered for 0\.4 s"):
+            next(answers)
+        assert time.monotonic() - begun < 2
+        is_over.set()
+        thread.join()
+
+
+def test_lines_that_come_together_are_answers_of_their_own(path):
+    def answer():
+        with listener.accept()[0] as asker:
+            asker.recv(100)
+            asker.sendall(b'{"a": 1}\n{"a": 2}\n{"a"')
+            asker.sendall(b": 3}\n")
+
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
+        listener.bind(str(path))
+        listener.listen(1)
+        thread = threading.Thread(target=answer)
+        thread.start()
+        assert [one["a"] for one in listen(path, "several")] == [1, 2, 3]
+        thread.join()
+
+
+def test_a_path_that_is_too_long_for_a_socket_is_told_with_its_length(tmp_path):
+    """107 bytes are taken: `bind` and `connect` say no more than that it is too long."""
+    fits = tmp_path / ("\u00fc" * ((106 - len(os.fsencode(tmp_path))) // 2))
+    ControlServer(fits).close()
+    long = tmp_path / ("a" * (107 - len(os.fsencode(tmp_path))))
+    for use in (ControlServer, lambda path: ask(path, "status")):
+        with pytest.raises(ControlError, match=r"the path of the socket has 108 bytes, Linux takes 107; choose a"):
+            use(long)
 
 
 def test_whoever_finds_the_line_full_waits_and_is_not_told_that_no_daemon_is_there(server, path, monkeypatch):

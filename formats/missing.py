@@ -1,4 +1,8 @@
-"""Say in words which seconds of a take are missing, counted from its first frame."""
+"""Say in words which seconds of a take are missing.
+
+Wherever a sentence tells a moment of a take, seconds count from `origin_of`: the take's first frame, whether that shows
+the points, the hanger or both.
+"""
 
 from __future__ import annotations
 
@@ -47,4 +51,10 @@ def incomplete_words(take: Take) -> str:
 def _span(begin: float, end: float) -> str:
     if math.isinf(begin):
         return f"what was before {end:.2f} s"
-    return f"from {begin:.2f} s on" if math.isinf(end) else f"{begin:.2f} to {end:.2f} s"
+    return f"from {begin:.2f} s on" if math.isinf(end) else span_words(begin, end)
+
+
+def span_words(begin: float, end: float, digits: int = 2, lead: str = "") -> str:
+    """Return `2.03 to 3.10 s`, and `at 4.03 s` where both are the same in so many digits; lead: before two times."""
+    first, last = f"{begin:.{digits}f}", f"{end:.{digits}f}"
+    return f"at {first} s" if first == last else f"{lead}{first} to {last} s"

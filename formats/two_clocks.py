@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from formats.arrays import Booleans, Floats
 from formats.integers import Integers
+from formats.missing import origin_of, span_words
 from formats.take import FrameState, Take
 
 MOST_OF_THE_TIME = 0.9  # of the pictures' time: the public recordings' paths cover 0.96 of it and more
@@ -78,7 +79,8 @@ def hanger_gap(take: Take) -> str:
     first, last = max(of_hanger[0], of_points[0]), min(of_hanger[-1], of_points[-1])
     if last - first >= MOST_OF_THE_TIME * (of_points[-1] - of_points[0]):
         return ""
-    return f", from {of_hanger[0]:.1f} to {of_hanger[-1]:.1f} s only"
+    origin = origin_of(take)
+    return f", {span_words(of_hanger[0] - origin, of_hanger[-1] - origin, 1, 'from ')} only"
 
 
 def shows_points(take: Take) -> Booleans:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from formats.arrays import Booleans, Floats
+from formats.missing import origin_of
 from formats.take import LONGEST_GAP, Take
 
 SHORTEST_DIAGNOSED = 2.5  # s: a shorter take is not diagnosed, see the reference of the diagnosis
@@ -60,7 +61,7 @@ def _hanger_gaps(take: Take, has_hanger: Booleans) -> list[Finding]:
     steps = np.diff(times)
     if not len(steps) or steps.max() <= LONGEST_GAP:
         return []
-    begins, count = times[int(np.argmax(steps))] - take.time[0], int((steps > LONGEST_GAP).sum())
+    begins, count = times[int(np.argmax(steps))] - origin_of(take), int((steps > LONGEST_GAP).sum())
     others = f", in all {count} times for over {LONGEST_GAP:g} s" if count > 1 else ""
     spell = f"for {steps.max():.1f} s from {begins:.1f} s on{others}"
     return [

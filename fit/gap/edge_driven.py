@@ -81,7 +81,7 @@ def driven_by_edge(recording: Recording) -> Recording | None:
     measured = np.nan_to_num(recording.points[seen][:, on_edge])
     ends = np.linalg.solve(normal[seen], np.einsum("fp,pa,fpx->fax", weight[seen], design, measured)).reshape(-1, 6)
     try:
-        check_path(recording.take_id, recording.time[seen], ends)
+        check_path(recording.take_id, recording.begin + recording.time[seen], ends)
     except DriveError:
         return None
     first, last = recording.time[seen][[0, -1]]

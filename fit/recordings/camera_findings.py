@@ -76,7 +76,7 @@ def _gaps(recordings: Sequence[Recording]) -> list[CameraFinding]:
         if not recording.gaps:
             continue
         longest = max(float(end - begin) for begin, end in recording.gaps)
-        begin = min(begin for begin, _ in recording.gaps)
+        begin = recording.begin + min(begin for begin, _ in recording.gaps)
         times = "once" if len(recording.gaps) == 1 else f"{len(recording.gaps)} times"
         found.append(CameraFinding(
             name="hanger_gap", take_ids=[recording.take_id], figure=longest, unit="s", sentence=(

@@ -19,7 +19,7 @@ from itertools import pairwise
 import numpy as np
 
 from formats.arrays import Floats
-from formats.missing import listed, missing_words, origin_of
+from formats.missing import listed, missing_words, origin_of, span_words
 from formats.take import LONGEST_GAP, Take
 
 SETTLING_TIME = 2.5  # s after which 4 % are left of a swing that decays with 1.25 /s, as a real hanging cloth did
@@ -119,7 +119,7 @@ def describe_missing(takes: Sequence[Take]) -> list[str]:
         note = f"Warning: the take {take.take_id} {IS_INCOMPLETE}{len(take.time)} frames are left; missing: {words})"
         parts, origin = stretches(used), origin_of(take)
         if len(parts) > 1 or len(used.time) < len(take.time):
-            spans = [f"{used.time[p.start] - origin:.2f} to {used.time[p.stop - 1] - origin:.2f} s" for p in parts]
+            spans = [span_words(used.time[p.start] - origin, used.time[p.stop - 1] - origin) for p in parts]
             note += f"; used: {listed(spans)}"
         if np.count_nonzero(used.points_valid) < np.count_nonzero(take.points_valid[_rows_of(used, take)]):
             note += f"; its first {SETTLING_TIME:g} s are not judged, as how the cloth hung there is lost"

@@ -37,6 +37,7 @@ from fit.recordings.intact import intact_part
 from fit.recordings.smoothing import best_cut_off, smoothing_spline
 from formats.arrays import Booleans, Floats
 from formats.garment import Garment
+from formats.missing import origin_of
 from formats.rig import Rig, Vector
 from formats.take import Take
 from formats.two_clocks import shows_points
@@ -91,6 +92,7 @@ class Recording:
     - `viewpoint` [m], world frame: the camera, where rays of depth begin
     - `camera`: the camera's faults that were taken out (`fit.recordings.camera`)
     - `raw_points` [m], (frames, points, 3): points before they got their material places; None: `points`
+    - `begin` [s]: when `time` is 0, counted from the take's first frame (`formats.missing`)
     - `gaps` [s]: begin and end of each stretch in which the hanger was lost for too long to know its path
     """
 
@@ -121,6 +123,7 @@ class Recording:
     camera: Camera = field(default_factory=Camera)
     raw_points: Floats | None = None
     gaps: tuple[tuple[float, float], ...] = ()
+    begin: float = 0.0
 
     @property
     def has_material_points(self) -> bool:
@@ -210,6 +213,7 @@ def prepare(take: Take, steps: CameraSteps = EVERY_STEP) -> Recording:
         DriveError: the hanger's path has a jump, or is hardly seen.
         FitError: too few frames or points, or a body of the rig that the held edge passes through.
     """
+    origin = origin_of(take)
     take = intact_part(take)
     if len(take.time) < FEWEST_FRAMES:
         raise FitError(
@@ -220,7 +224,7 @@ def prepare(take: Take, steps: CameraSteps = EVERY_STEP) -> Recording:
     rotation = world_from_sensor(take.rig.gravity)
     held_valid = np.asarray(take.held_valid.all(1) & np.isfinite(take.held).all((1, 2)))
     held_seen = np.where(held_valid[:, None], (take.held @ rotation.T).reshape(len(take.time), 6), np.nan)
-    check_path(take.take_id, (take.time - take.time[0])[held_valid], held_seen[held_valid], is_whole=False)
+    check_path(take.take_id, (take.time - origin)[held_valid], held_seen[held_valid], is_whole=False)
     kept = _within_sight(held_valid)
     clock, held_valid, held_seen = take.time[kept] - take.time[kept][0], held_valid[kept], held_seen[kept]
     gaps = gaps_of(clock[held_valid])
@@ -288,6 +292,7 @@ def prepare(take: Take, steps: CameraSteps = EVERY_STEP) -> Recording:
         viewpoint=_world(rotation, take.rig.viewpoint),
         camera=camera,
         raw_points=None if at_place is None else raw_points, gaps=tuple(gaps),
+        begin=float(take.time[kept][0] - origin + first),
     )  # fmt: skip
 
 

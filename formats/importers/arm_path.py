@@ -28,6 +28,7 @@ from formats.blocks import FARTHEST_PLACE
 from formats.errors import TakeError
 from formats.importers.clock_shift import LEAST_NEARER, SHIFT_STEP, find_clock_shift
 from formats.importers.npz import load_arrays
+from formats.missing import span_words
 from formats.plausible import check_plausible_times
 from formats.two_clocks import at_times
 
@@ -193,8 +194,8 @@ def _refuse_a_stray(arm: ArmPath, time: Floats, away: Floats) -> None:
         worst = int(for_a_while.argmax())
         first, last = time[seen[worst]] - time[0], time[seen[worst + WHILE - 1]] - time[0]
         raise TakeError(
-            f"its held corners leave those of the recording's pictures: they are {for_a_while.max():.3g} m apart from "
-            f"{first:.1f} to {last:.1f} s", where=arm.file,
+            f"its held corners leave those of the recording's pictures: they are {for_a_while.max():.3g} m apart "
+            f"{span_words(first, last, 1, 'from ')}", where=arm.file,
             advice="give the path of the whole take, or cut both files before that",
         )  # fmt: skip
 

@@ -10,12 +10,14 @@ import pytest
 from msgspec.structs import replace
 
 from firmware_host.synthetic.silhouette import CameraFaults, make_silhouette_take
+from fit.errors import DriveError
 from fit.recordings.camera_findings import camera_clause, describe_camera
-from fit.recordings.intact import SETTLING_TIME
+from fit.recordings.intact import SETTLING_TIME, describe_missing
 from fit.recordings.point_kind import kind_shown
 from fit.recordings.recording import prepare, prepare_together
 from formats.importers.swung_cloth import import_swung_cloth
 from formats.rig import Hanger
+from formats.take import FrameState
 from tests.fit.here import hangtime_here
 from tests.fit.recordings.silhouettes import path, silhouette_sheet, swung, uneven
 from tests.shared_data import SHARED_DATA
@@ -169,6 +171,28 @@ def test_a_take_with_a_gap_is_used_on_both_sides_of_it(lost):
         assert min(ends) - 0.01 < across.min() <= across.max() < max(ends) + 0.01
         sentence = found_of(take)["hanger_gap"].sentence
         assert "both sides are used" in sentence
+
+
+def test_seconds_count_from_the_first_frame_whatever_is_seen_in_it():
+    """The hanger is seen from 0.5 s on, the points from 0.8 s on; the camera's finding and the warning agree."""
+    time = np.arange(0, 14, 1 / 20) + 100.0
+    whole = swung(silhouette_sheet("material"), time - 100.0, time - 100.0)
+    gap = (time > 105.0) & (time < 106.0)
+    unseen = gap | (time < 100.49)
+    take = dataclasses.replace(
+        whole,
+        time=time,
+        held_valid=whole.held_valid & ~unseen[:, None],
+        is_complete=False,
+        missing=((105.0, 105.9),),
+        state=np.where(time < 100.79, whole.state | FrameState.HANGER_ALONE, whole.state),
+    )
+    assert prepare(take).begin == pytest.approx(0.8, abs=0.01)
+    assert ", first at 5.00 s: both sides" in found_of(take)["hanger_gap"].sentence
+    assert "missing: 5.00 to 5.90 s" in describe_missing([take])[0]
+    jumping = dataclasses.replace(take, held=take.held + 5.0 * (time > 108.01)[:, None, None])
+    with pytest.raises(DriveError, match=r"the hanger jumps at 8\.0[05] s"):
+        prepare(jumping)
 
 
 REAL = sorted((SHARED_DATA / "swung-cloth").glob("*.npz"))

@@ -29,9 +29,14 @@ def timing(**changes):
     return SimpleNamespace(**(given | changes))
 
 
-def recording(name="a", *, gaps=(), **camera):
+def recording(name="a", *, gaps=(), begin=0.0, **camera):
     return SimpleNamespace(
-        take_id=name, gaps=list(gaps), camera=SimpleNamespace(**(EMPTY | camera)), garment=None, point_sd=np.zeros(4)
+        take_id=name,
+        gaps=list(gaps),
+        begin=begin,
+        camera=SimpleNamespace(**(EMPTY | camera)),
+        garment=None,
+        point_sd=np.zeros(4),
     )
 
 
@@ -52,11 +57,13 @@ def test_a_camera_without_faults_has_no_findings():
 
 
 def test_gaps_of_the_hanger_are_named_take_by_take():
-    one, two = found(recording(gaps=[(1.0, 1.5)]), recording("b"), recording("c", gaps=[(3.0, 3.2), (2.0, 2.75)]))
+    one, two = found(
+        recording(gaps=[(1.0, 1.5)]), recording("b"), recording("c", gaps=[(3.0, 3.2), (2.0, 2.75)], begin=0.5)
+    )
     assert (one.name, one.take_ids, one.figure, one.unit) == ("hanger_gap", ["a"], 0.5, "s")
     assert one.sentence.startswith("In a the hanger's path is lost once, up to 0.50 s, first at 1.00 s:")
     assert (two.take_ids, two.figure) == (["c"], 0.75)
-    assert two.sentence.startswith("In c the hanger's path is lost 2 times, up to 0.75 s, first at 2.00 s:")
+    assert two.sentence.startswith("In c the hanger's path is lost 2 times, up to 0.75 s, first at 2.50 s:")
 
 
 def test_a_foreign_clock_is_a_fault_told_of_the_take_that_explains_least_and_ends_what_follows():

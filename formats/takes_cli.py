@@ -11,6 +11,7 @@ import typer
 from formats.telling import tell, tell_entry
 
 if TYPE_CHECKING:  # reading takes needs numpy, and --help does not
+    from formats.errors import TakeError
     from formats.take import Take
     from formats.take_report import TakeReport
 
@@ -197,9 +198,11 @@ def export_takes(
 
     Marker paths become CSV or C3D, arrays NPZ. All takes become one Parquet table. The viewer Rerun plays RRD. C3D
     needs the extra `mocap`, Parquet the extra `parquet`, RRD the extra `rerun`.
+
+    Exit code 2: at least one take cannot be exported; the others are, and the end names each that is lost.
     """
     from formats.archive import read_with_report
-    from formats.errors import OutputError
+    from formats.errors import OutputError, TakeError
     from formats.exporters.arrays import write_npz, write_parquet
     from formats.exporters.marker_files import write_c3d, write_csv
     from formats.exporters.rerun_file import write_rrd
@@ -216,24 +219,53 @@ def export_takes(
             raise OutputError(f"two takes would become {target.name}", where=out, advice="export one of them elsewhere")
         if not overwrite:
             refuse_to_replace(target)
+    lost: dict[Path, TakeError] = {}
     if to is ExportKind.PARQUET:
-        read = [read_with_report(path) for path in paths]
-        write_parquet(out, [take for take, _ in read])
-        lacking = {str(path): words for path, one in zip(paths, read, strict=True) if (words := _lacks(*one))}
-        told = "".join(f"\n{plain(path)} {words}" for path, words in lacking.items())
-        tell(
-            f"{plain(out)}: {counted(len(paths), 'take')}{told}", files=[str(out)], takes=len(paths), incomplete=lacking
-        )
+        read: dict[Path, tuple[Take, TakeReport]] = {}
+        for path in paths:
+            try:
+                read[path] = read_with_report(path)
+            except TakeError as error:
+                lost[path] = error
+        if read:
+            write_parquet(out, [take for take, _ in read.values()])
+            lacking = {str(path): words for path, one in read.items() if (words := _lacks(*one))}
+            told = "".join(f"\n{plain(path)} {words}" for path, words in lacking.items())
+            tell(
+                f"{plain(out)}: {counted(len(read), 'take')}{told}", files=[str(out)], takes=len(read),
+                incomplete=lacking,
+            )  # fmt: skip
+        _end_with(lost, len(paths))
         return
     with output_folder(out):
         for path, target in zip(paths, targets, strict=True):
-            take, report = read_with_report(path)
-            writers[to](target, take)
+            try:
+                take, report = read_with_report(path)
+                writers[to](target, take)
+            except TakeError as error:
+                lost[path] = error
+                continue
             told = f"; the take {words}" if (words := _lacks(take, report)) else ""
             tell_entry(
                 "files", f"{plain(target)}: {len(take.time)} frames{told}", file=str(target), frames=len(take.time),
                 is_complete=take.is_complete, missing=missing_words(take), missing_scans=report.missing_scans,
             )  # fmt: skip
+        _end_with(lost, len(paths))
+
+
+def _end_with(lost: dict[Path, TakeError], asked: int) -> None:
+    """Name the takes that were lost of those that were asked for, and end with exit code 2 where there are any.
+
+    Raises:
+        TakeError: the only take is lost.
+        typer.Exit: some are.
+    """
+    for path, error in lost.items():
+        if asked == 1:
+            raise error
+        tell_entry("lost", f"lost: {error}", file=str(path), error=str(error))
+    if lost:
+        raise typer.Exit(2)
 
 
 def _lacks(take: Take, report: TakeReport) -> str:

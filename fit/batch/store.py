@@ -15,7 +15,7 @@ from formats.errors import AddressError
 from formats.outputs import FULL
 from formats.store_address import advice_on, first_line, folder_of, is_out_of_reach, open_bucket
 from formats.take_reader import LARGEST_FILE
-from formats.whole_files import write_whole
+from formats.whole_files import check_ends, write_whole
 
 
 class Store(Protocol):
@@ -71,12 +71,11 @@ class Folder:
     def names(self, below: str, suffix: str) -> list[str]:
         """Return the names below this one that end in the suffix, sorted; links to folders are not followed.
 
-        A link that leads nowhere is among them, so that it is said and not left out.
+        What is no file, such as a pipe or a link that leads nowhere, is among them: it is said, and not left out.
         """
         top = self.root / below
         named = top.rglob(f"*{suffix}") if top.is_dir() else ()
-        found = [p for p in named if p.is_file() or (p.is_symlink() and not p.exists())]
-        return sorted(p.relative_to(self.root).as_posix() for p in found)
+        return sorted(p.relative_to(self.root).as_posix() for p in named if not p.is_dir())
 
     def has(self, name: str) -> bool:
         """Return whether there is such a file."""
@@ -85,6 +84,7 @@ class Folder:
     def read(self, name: str) -> bytes:
         """Return a file's content."""
         try:
+            check_ends(self.root / name)
             with (self.root / name).open("rb") as file:
                 _refuse_a_huge(os.fstat(file.fileno()).st_size, self.root / name)
                 return file.read()

@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -21,6 +22,7 @@ from formats.exporters.rerun_file import write_rrd
 from formats.garment import TrackedPoint
 from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import MarkerTracks
+from tests.fit.here import hangtime_here
 from tests.formats.test_archive import a_scan, a_take
 
 MANY = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -192,6 +194,28 @@ def test_the_command_exports_every_kind_and_replaces_nothing(tmp_path):
     again = export("csv", tmp_path / "out")
     assert (again.returncode, len(again.stderr.splitlines())) == (2, 1)
     assert "is already there" in again.stderr
+
+
+@pytest.mark.parametrize("kind", ["csv", "npz", "parquet"])
+def test_takes_that_are_lost_keep_no_other_from_being_exported(tmp_path, kind):
+    """The end names them. Where nothing is exported, no folder is left behind."""
+    if kind == "parquet":
+        pytest.importorskip("pyarrow")
+    (tmp_path / "a.mcap").write_bytes(b"no take")
+    write_take(tmp_path / "b.mcap", a_take())
+    out = Path("all.parquet" if kind == "parquet" else "out")
+    words = ("takes", "export", "--to", kind, "--out", out)
+    done = hangtime_here(*words, "a.mcap", "b.mcap", "c.mcap", folder=tmp_path)
+    assert done.returncode == 2
+    first, *lost = done.stdout.splitlines()
+    assert first.startswith(f"{out}: 1 take" if kind == "parquet" else f"out/b.{kind}: ")
+    assert [line.split(":")[:2] for line in lost] == [["lost", " a.mcap"], ["lost", " c.mcap"]]
+    told = json.loads(hangtime_here(*words, "a.mcap", "c.mcap", "--json", "--overwrite", folder=tmp_path).stdout)
+    assert [one["file"] for one in told["lost"]] == ["a.mcap", "c.mcap"]
+    assert hangtime_here(*words[:-1], "none", "a.mcap", "c.mcap", folder=tmp_path).returncode == 2
+    alone = hangtime_here(*words[:-1], "none", "a.mcap", folder=tmp_path)
+    assert (alone.returncode, alone.stdout, alone.stderr.count("a.mcap: ")) == (2, "", 1)
+    assert not (tmp_path / "none").exists()
 
 
 def whole_take():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import stat
 import subprocess
 from dataclasses import replace
 
@@ -122,12 +124,22 @@ def test_a_file_larger_than_any_take_is_refused_unread_and_the_others_wait(night
     assert "has 300.0 GB, and a take 1.1 GB at most" in found.outcomes[found.keys["huge.mcap"]].sentence
 
 
-def test_a_link_that_leads_nowhere_is_refused_and_not_left_out(night):
+@pytest.mark.parametrize(
+    ("make", "why"),
+    [
+        (lambda path: path.symlink_to("nowhere.mcap"), "No such file or directory"),
+        (os.mkfifo, "it is a pipe or a device, and no file"),
+        (lambda path: path.symlink_to("/dev/zero"), "it is a pipe or a device, and no file"),
+        (lambda path: os.mknod(path, stat.S_IFSOCK | 0o600), "it is a pipe or a device, and no file"),
+    ],
+    ids=["link to nowhere", "pipe", "device", "socket"],
+)
+def test_a_name_of_a_take_that_is_no_file_is_refused_and_not_left_out(night, make, why):
     takes, _ = night
-    takes.path("gone.mcap").symlink_to(takes.path("nowhere.mcap"))
+    make(takes.path("odd.mcap"))
     found = survey(*night, PLAN)
     assert [job.take for job in found.jobs] == ["a.mcap"]
-    assert "cannot be read (No such file or directory)" in found.outcomes[found.keys["gone.mcap"]].sentence
+    assert f"odd.mcap: cannot be read ({why})" in found.outcomes[found.keys["odd.mcap"]].sentence
 
 
 def test_the_smallest_take_is_fitted_first(night):

@@ -1,7 +1,7 @@
 """Say in words which seconds of a take are missing.
 
-Wherever a sentence tells a moment of a take, seconds count from `origin_of`: the take's first frame, whether that shows
-the points, the hanger or both.
+Seconds in every sentence about a take count from `origin_of`, the take's first frame. That frame may show the points,
+the hanger or both.
 """
 
 from __future__ import annotations

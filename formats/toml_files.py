@@ -1,7 +1,7 @@
 """Read a TOML file of Hangtime's: rig, garment, the appliance's configuration, or credentials.
 
-TOML is UTF-8 (https://toml.io/en/v1.0.0). Editors of other systems put a mark before it, or save as UTF-16; the first
-bytes show which, and the file is read all the same.
+TOML is UTF-8 (https://toml.io/en/v1.0.0). Editors of other systems put a mark before it, or save as UTF-16. The first
+bytes show the encoding, and the file is read all the same.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Read the blocks and scans of takes of version 1; nothing writes them any more. See `formats/SPEC.md`, version 1."""
+"""Read the blocks and scans of takes of version 1; nothing writes them any more. See `formats/SPEC-1.md`."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ class Folder:
     def names(self, below: str, suffix: str) -> list[str]:
         """Return the names below this one that end in the suffix, sorted; links to folders are not followed.
 
-        What is no file, such as a pipe or a link that leads nowhere, is among them: it is said, and not left out.
+        A pipe, a device or a link that leads nowhere is among them, so that it is said and not left out.
         """
         top = self.root / below
         named = top.rglob(f"*{suffix}") if top.is_dir() else ()

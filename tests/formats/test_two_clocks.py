@@ -19,6 +19,7 @@ from formats.summary import summarise
 from formats.take import FrameState
 from formats.two_clocks import at_times, hanger_gap, shows_hanger, shows_points, with_hanger
 from tests.formats.test_command_line import hangtime, swung_cloth
+from tests.shared_data import SHARED_DATA
 
 FAST, HIGH = 1.6, 0.05  # Hz and m: between pictures at 9 Hz the arm's path bends by centimetres
 QUARTER = np.array([0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)])  # a quarter turn about z
@@ -255,6 +256,23 @@ def test_a_shift_is_told_from_none_where_noise_lets_it(noise, least):
             assert found.is_told == (shift > 0)
             assert abs(found.seconds - shift) < 4.5 * max(found.error, 5e-4)
             assert not found.others
+
+
+REAL = sorted((SHARED_DATA / "swung-cloth-arm").glob("*.npz"))
+
+
+@pytest.mark.shared_data
+@pytest.mark.skipif(not REAL, reason=f"no real recordings at {SHARED_DATA}")
+@pytest.mark.parametrize("shift", [0.0, -0.1, 0.55, -3.0])
+def test_a_shift_planted_in_the_path_of_a_real_arm_is_found_and_no_other(shift):
+    """Of four sizes of swing; the second of these takes repeats itself within 4 mm after 2.14 s."""
+    for file in REAL[::5]:
+        arm = read_arm_path(file)
+        with np.load(SHARED_DATA / "swung-cloth" / file.name) as recording:
+            time, corners = recording["t"], recording["hanger_corners"]
+        found = find_clock_shift(time, corners, replace(arm, time=arm.time + shift).at)
+        assert found.seconds == pytest.approx(shift, abs=1e-3), file
+        assert found.is_told == (shift != 0)
 
 
 def test_a_path_that_leaves_the_corners_for_the_last_second_is_refused_and_a_corner_that_jumps_is_not(tmp_path):

@@ -37,10 +37,10 @@ def list_sensors() -> None:
     devices = find_devices()
     for device in devices:
         tell_sensor(device.model.name, place_lines(device))
-    uris = openni2_library.load().Device.enumerate_uris()
+    uris = openni2_library.live_uris()
     for uri in uris:
-        tell(f"OpenNI2 sees {uri.decode(errors='replace')}")
-    know(openni2=[uri.decode(errors="replace") for uri in uris])
+        tell(f"OpenNI2 sees {uri}")
+    know(openni2=uris)
     if not devices and not uris:
         tell("No depth sensor is connected.")
     elif not uris:

@@ -43,7 +43,7 @@ def open_sensor(uri: str, *, anyway: bool = False) -> DepthSensor:
     if names_live_sensor(uri):
         return OpenNI2Sensor()
     if "://" in uri:
-        raise SensorUnavailableError(f"there is no sensor {uri!r}", advice=f"give {FORMS}")
+        raise SensorUnavailableError("no sensor has such an address", where=uri, advice=f"give {FORMS}")
     from firmware_host.recorded_sensor import RecordedSensor
 
     return RecordedSensor(Path(uri), anyway=anyway)

@@ -51,7 +51,11 @@ def load() -> Any:
     try:
         _openni2.oniInitialize(_openni2.ONI_API_VERSION)
     except openni2.OpenNIError as error:
-        raise SensorUnavailableError(f"OpenNI2 does not start: {reason(error)}", advice="check its drivers") from error
+        raise SensorUnavailableError(
+            f"the library does not start ({reason(error)})",
+            where="OpenNI2",
+            advice="install it again with its drivers: apt-get install --reinstall libopenni2-0",
+        ) from error
     openni2._openni2_initialized = True
     openni2.loaded_dll_directory = LIBRARY_NAME
     _loaded["module"] = openni2
@@ -71,7 +75,9 @@ def live_uris() -> list[str]:
         uris = [uri.decode(errors="replace") for uri in binding.Device.enumerate_uris()]
     except binding.OpenNIError as error:
         raise SensorUnavailableError(
-            f"OpenNI2 cannot list the devices: {reason(error)}", advice="check its drivers"
+            f"the library cannot list the devices ({reason(error)})",
+            where="OpenNI2",
+            advice="`hangtime sensor doctor` checks bus, permission and driver",
         ) from error
     return [uri for uri in uris if not uri.lower().endswith(".oni")]
 

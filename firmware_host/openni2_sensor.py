@@ -76,7 +76,7 @@ class OpenNI2Sensor(DepthSensor):
                     "OpenNI2 cannot open it", where=self._path, advice="is it a whole .oni file?"
                 ) from error
             raise SensorUnavailableError(
-                f"the sensor does not open: {openni2_library.reason(error)}", advice=REPLUG
+                f"the sensor does not open ({openni2_library.reason(error)})", where=self._uri, advice=REPLUG
             ) from error
 
     def _refused(self, what: str, advice: str = "") -> SensorError:
@@ -329,7 +329,9 @@ def _first_device() -> str:
     uris = openni2_library.live_uris()
     if not uris:
         raise SensorUnavailableError(
-            "no depth sensor is connected", advice="plug it in and check its permission with `hangtime sensor list`"
+            "no depth sensor is connected",
+            where="OpenNI2",
+            advice="plug it in; where it is, `hangtime sensor doctor` says what keeps it",
         )
     return uris[0]
 

@@ -95,9 +95,8 @@ class RecordedSensor(DepthSensor):
         if isinstance(content, tuple):
             self.close()
             is_missing, what, advice = content
-            if is_missing:
-                raise SensorUnavailableError(what, advice=advice)
-            raise RecordingError(what, where=self._path, advice=advice)
+            kind = SensorUnavailableError if is_missing else RecordingError
+            raise kind(what, where=self._path, advice=advice)
         return content
 
     def _bytes(self, size: int) -> bytes:

@@ -71,7 +71,8 @@ def jittered(places: Floats) -> Floats:
         return places
     if not told.isdecimal():
         raise FitError(
-            f"{JITTER_VARIABLE} is {told!r}, not a whole number",
+            f"{told!r} is no whole number",
+            where=JITTER_VARIABLE,
             advice=f"set it to a seed such as {JITTER_VARIABLE}=1, or unset it",
         )
     nodes = places.reshape(-1, places.shape[-2], 3)[0]

@@ -120,3 +120,8 @@ class FitResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     garment_content: str = ""  # sha256 of its description
     camera: list[CameraFinding] = []
     trivial: list[TrivialFigure] = []
+
+    @property
+    def label(self) -> str:
+        """Return words that name this fit in a message."""
+        return f"fit of {self.garment or ', '.join(self.take_ids)}"

@@ -17,6 +17,8 @@ from typing import Any
 import psutil
 import pytest
 
+from tests.whole_errors import whole_errors  # noqa: F401
+
 LIMIT = 300.0  # s of processor time: ten times what the longest of the quick tests takes
 LOOK = 2.0  # s of wall time between two looks
 STILL = 600.0  # s of wall time; a process that can run at all gets more than PROGRESS in that

@@ -106,4 +106,4 @@ def _do(socket: Path, do: str) -> None:
 
     told = ask(socket, do)
     if not told["ok"]:
-        raise ControlError(told["what"], advice=told["advice"])
+        raise ControlError(told["what"], where=socket, advice=told["advice"])

@@ -22,7 +22,6 @@ from capture.appliance.showing import Light, light_of
 from capture.appliance.states import Event, State, StateMachine
 from capture.appliance.status import Counts, report
 from capture.appliance.sync_news import SyncNews
-from capture.errors import CaptureError
 from capture.recording.condition import Condition
 from capture.recording.frame_reader import FrameReader, ScanPlan, Seen
 from capture.recording.session import LEAST_ROOM
@@ -174,8 +173,8 @@ class Appliance:
         else:
             self._start("button", now)
 
-    def _start(self, by: str, now: float) -> HangtimeError | None:
-        """Begin a take; return why none can begin, None where one has."""
+    def _start(self, by: str, now: float) -> dict[str, Any]:
+        """Begin a take, and return the answer: that it has begun, or why none can."""
         if not self.machine.may_record:
             return self._why_not()
         before = self._pre_roll.take()
@@ -191,16 +190,16 @@ class Appliance:
         for seen in before:
             self._disk.add(seen)
         LOG.info("recording, begun by %s, with %.2f s before it", by, self._take.beginning.pre_roll_s)
-        return None
+        return {"ok": True}
 
-    def _why_not(self) -> HangtimeError:
+    def _why_not(self) -> dict[str, Any]:
         state = self.machine.state
         if self.faults.blocking:
             fault = self.faults.blocking[0]
-            return CaptureError(f"nothing can be recorded: {fault.sentence}", advice=fault.advice)
+            return _no(f"nothing can be recorded: {fault.sentence}", fault.advice)
         if state is State.RECORDING:
-            return CaptureError("it is recording already", advice="`hangtime stop` ends the take")
-        return CaptureError(f"no take can begin now: {state.value}", advice="try again in a moment")
+            return _no("it is recording already", "`hangtime stop` ends the take")
+        return _no(f"no take can begin now: {state.value}", "try again in a moment")
 
     def _stop(self, ended_by: str, event: Event = Event.STOP) -> bool:
         """End the running take; return whether there was one."""
@@ -226,13 +225,14 @@ class Appliance:
     # --- what is wrong -------------------------------------------------------------------------------
 
     def _look_at_sensor(self, now: float) -> None:
-        silent = self._keeper.silent_s(now)
-        if silent is None:
+        silent, info = self._keeper.silent_s(now), self._keeper.info
+        if silent is None or info is None:
             self.faults.clear("sensor_silent")
         else:
             error = SensorStalledError(
-                f"the sensor has sent no frame for {silent:.1f} s", advice="check its cable; it is tried again"
-            )
+                f"the sensor has sent no frame for {silent:.1f} s", where=info.uri,
+                advice="check its cable; it is tried again",
+            )  # fmt: skip
             if self.faults.set("sensor_silent", self._blamed(error, now), now):
                 LOG.warning("%s", error)
         if self._keeper.error is None:
@@ -314,6 +314,7 @@ class Appliance:
         if self._power.was_low(now):
             error = OutputError(
                 "the board's voltage was too low within the last minute",
+                where="power supply",
                 advice="use a stronger power supply and a shorter cable",
             )
             if self.faults.set("power", error, now):
@@ -342,17 +343,16 @@ class Appliance:
     def _answer(self, question: dict[str, Any]) -> dict[str, Any]:
         do = question.get("do")
         if do == "start":
-            error = self._start("command", self._clock())
-            return {"ok": error is None} | ({} if error is None else {"what": error.what, "advice": error.advice})
+            return self._start("command", self._clock())
         if do == "stop":
             if self._stop("command"):
                 return {"ok": True}
-            return {"ok": False, "what": "nothing is being recorded", "advice": "`hangtime start` begins a take"}
+            return _no("nothing is being recorded", "`hangtime start` begins a take")
         if do == "status":
             return {"ok": True} | self.status()
         if do == "preview":
             return {"ok": True} | self._preview.answer()
-        return {"ok": False, "what": f"the daemon does not know {do!r}", "advice": "update Hangtime on both sides"}
+        return _no(f"the daemon does not know {do!r}", "update Hangtime on both sides")
 
     def status(self) -> dict[str, Any]:
         """Return what `hangtime status --json` prints."""
@@ -385,3 +385,8 @@ class Appliance:
             self._was = is_now
             if self._control.is_watched:
                 self._control.tell(self.status())
+
+
+def _no(what: str, advice: str) -> dict[str, Any]:
+    """Return the answer to a command that cannot be followed."""
+    return {"ok": False, "what": what, "advice": advice}

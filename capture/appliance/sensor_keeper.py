@@ -143,6 +143,8 @@ class SensorKeeper:
         except HangtimeError as error:
             self._failed = error
         except Exception as error:  # the thread lives on, and tries again
-            self._failed = SensorUnavailableError(f"the sensor does not open: {error!r}", advice="replug it")
+            self._failed = SensorUnavailableError(
+                f"the sensor does not open ({error!r})", where="[sensor]", advice="replug it"
+            )
         finally:
             self._is_tried.set()

@@ -39,14 +39,18 @@ class SyncNews:
         if status is None:
             return None
         if status.fault is not None:
-            return SyncError(f"takes are not sent: {status.fault.sentence}", advice=status.fault.advice)
+            return SyncError(
+                f"takes are not sent: {status.fault.sentence}", where=self._spool, advice=status.fault.advice
+            )
         if status.proof is not None and status.proof.is_bad:
             what = f"the server's copy of take {status.proof.sequence} is {status.proof.outcome}"
-            return SyncError(what, advice="check the server's disk; see `hangtime sync status`")
+            return SyncError(what, where=status.url, advice="check the server's disk; see `hangtime sync status`")
         if status.damaged:
             names = ", ".join(str(number) for number in status.damaged)
             return SyncError(
-                f"this device's disk changed takes after they were kept: {names}", advice="replace the disk"
+                f"this device's disk changed takes after they were kept: {names}",
+                where=self._spool,
+                advice="replace the disk",
             )
         return None
 

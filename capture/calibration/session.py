@@ -195,7 +195,8 @@ def _plumb_line(still: StillFrames, placer: PlatePlacer) -> Estimate | None:
     length = float(np.linalg.norm(lower.value - upper.value))
     if length < SHORTEST_LINE:
         raise CalibrationError(
-            f"the plumb line's markers are only {1e3 * length:.0f} mm apart",
+            f"its markers are only {1e3 * length:.0f} mm apart",
+            where="plumb line",
             advice=f"put them at least {1e3 * SHORTEST_LINE:.0f} mm apart; half a metre is good",
         )
     return gravity_of_plumb_line(upper, lower)

@@ -129,7 +129,7 @@ def _verified(server: Server, key: str, sums: Sums, tag: str | None, stem: str) 
         if tag is not None and tag.lower() == sums.tag:
             return STORE_CHECKSUM
         raise ServerError(
-            f"{refused.what}, and the store gives no checksum that can be compared", kind="person",
+            f"{refused.what}, and the store gives no checksum that can be compared", where=refused.where, kind="person",
             advice="allow the keys of this device to read what it wrote: nothing is verified without",
         ) from refused  # fmt: skip
     if found is None:

@@ -23,7 +23,9 @@ def recipients_of(texts: Sequence[str]) -> list[Any]:
         import pyrage
     except ModuleNotFoundError as error:
         raise SyncError(
-            "encryption needs the library pyrage", advice="in Hangtime's checkout: pip install -e '.[capture]'"
+            "encryption needs the library pyrage",
+            where="[sync] encrypt_to",
+            advice="in Hangtime's checkout: pip install -e '.[capture]'",
         ) from error
     found = []
     for text in texts:

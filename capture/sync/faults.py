@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import re
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 from capture.errors import SyncError
@@ -34,7 +35,7 @@ class ServerError(SyncError):
         concerns this take and not the next
     """
 
-    def __init__(self, what: str, *, advice: str, kind: Kind, where: object = None) -> None:
+    def __init__(self, what: str, *, where: object, advice: str, kind: Kind) -> None:
         super().__init__(what, where=where, advice=advice)
         self.kind = kind
 
@@ -58,16 +59,19 @@ class Answer:
         return f"{self.status} {said}".strip()[:LONGEST_WORDS]
 
 
-def fault_of(error: Exception, *, writing: bool = True) -> ServerError:
-    """Return the fault that an error of the store's library or of a server folder stands for."""
+def fault_of(error: Exception, where: str, *, writing: bool = True) -> ServerError:
+    """Return the fault that an error of the store's library or of a server folder stands for.
+
+    where: the bucket with its server, or the file that was asked for
+    """
     if isinstance(error, ServerError):
         return error
     text = str(error)
     if answer := _answer(text):
-        return _refusal(answer, writing=writing)
+        return _refusal(answer, where, writing=writing)
     if isinstance(error, OSError) and error.errno is not None:
-        return _folder_fault(error)
-    return _no_answer(error, text)
+        return _folder_fault(error, where)
+    return _no_answer(error, text, where)
 
 
 def _answer(text: str) -> Answer | None:
@@ -89,10 +93,10 @@ def _first_sentence(message: str) -> str:
     return without_secrets(re.split(r"\n|\\n|\.(?: |$)", message)[0]).rstrip(".")
 
 
-def _refusal(answer: Answer, *, writing: bool) -> ServerError:
-    status, code = answer.status, answer.code
+def _refusal(answer: Answer, where: str, *, writing: bool) -> ServerError:
+    status, code, fault = answer.status, answer.code, partial(ServerError, where=where)
     if code in CLOCK_CODES:
-        return ServerError(
+        return fault(
             f"the server refuses the clock of this device ({answer.words})", kind="person",
             advice="set the clock: connect the device to a time server, then look at `timedatectl`",
         )  # fmt: skip
@@ -101,56 +105,55 @@ def _refusal(answer: Answer, *, writing: bool) -> ServerError:
         or code in FULL_CODES
         or re.search(r"no space left|disk full|quota", answer.message, re.IGNORECASE)
     ):
-        return ServerError(
+        return fault(
             f"the server is full ({answer.words})", kind="person",
             advice="make room on the server; takes stay on this device until then",
         )  # fmt: skip
     if status == 401 or code in KEY_CODES:
-        return ServerError(
+        return fault(
             f"the server does not accept the keys of this device ({answer.words})", kind="person",
             advice="put the right keys into the credentials of sync",
         )  # fmt: skip
     if status == 403:
-        kind = ServerError if writing else ReadRefusedError
-        allowed = "write" if writing else "read"
+        kind, allowed = (ServerError, "write") if writing else (ReadRefusedError, "read")
         return kind(
-            f"the server refuses this device ({answer.words})", kind="person",
+            f"the server refuses this device ({answer.words})", where=where, kind="person",
             advice=f"allow the keys of this device to {allowed} below the address in [sync], or give other keys",
         )  # fmt: skip
     if status == 404:
-        return ServerError(
+        return fault(
             f"the server knows no such place ({answer.words})", kind="person",
             advice="make the bucket, or mend url and endpoint in [sync]",
         )  # fmt: skip
     if status == 413 or code == "EntityTooLarge":
-        return ServerError(
+        return fault(
             f"the server takes no file of this size ({answer.words})", kind="take", advice="raise the server's limit"
         )
     if status in (408, 425, 429, 503) or code == "SlowDown":
-        return ServerError(
+        return fault(
             f"the server asks to wait ({answer.words})", kind="passing", advice="nothing; sync tries again by itself"
         )
     if status >= 500:
-        return ServerError(
+        return fault(
             f"the server fails ({answer.words})", kind="passing",
             advice="sync tries again by itself; if it lasts, look into the server's log",
         )  # fmt: skip
     if status in (301, 307, 308):
-        return ServerError(
+        return fault(
             f"the server sends this device elsewhere ({answer.words})", kind="person",
             advice="mend endpoint and region in [sync]",
         )  # fmt: skip
-    return ServerError(
+    return fault(
         f"the server refuses the request ({answer.words})",
         kind="person",
         advice="mend url, endpoint and region in [sync]",
     )
 
 
-def _no_answer(error: Exception, text: str) -> ServerError:
-    again = "sync tries again by itself"
+def _no_answer(error: Exception, text: str, where: str) -> ServerError:
+    fault, again = partial(ServerError, where=where), "sync tries again by itself"
     if "dns error" in text:
-        return ServerError(
+        return fault(
             "the server's name cannot be found", kind="passing",
             advice=f"check the network of this device, and the name in [sync]; {again}",
         )  # fmt: skip
@@ -164,23 +167,23 @@ def _no_answer(error: Exception, text: str) -> ServerError:
         reason = next(
             (word for word in ("UnknownIssuer", "Expired", "NotValidYet", "NotValidForName") if word in text), ""
         )
-        return ServerError(
+        return fault(
             f"this device does not trust the server's certificate ({reason or found[0]})", kind="person", advice=advice
         )
     if "ConnectionRefused" in text or "onnection refused" in text:
-        return ServerError(
+        return fault(
             "nothing answers at the server's address",
             kind="passing",
             advice=f"start the server, or mend the address; {again}",
         )
     if re.search(r"TimedOut|kind: Timeout|timed out", text):
-        return ServerError(
+        return fault(
             "the server does not answer in time", kind="passing",
             advice=f"check the line; a slow one needs a longer timeout_s; {again}",
         )  # fmt: skip
     if re.search(r"NetworkUnreachable|HostUnreachable|unreachable", text):
-        return ServerError("there is no network", kind="passing", advice=f"check cable or Wi-Fi; {again}")
-    return ServerError(
+        return fault("there is no network", kind="passing", advice=f"check cable or Wi-Fi; {again}")
+    return fault(
         f"the connection to the server broke ({_innermost(text) or first_line(error)})", kind="passing", advice=again
     )
 
@@ -193,8 +196,8 @@ def _innermost(text: str) -> str:
     return ""
 
 
-def _folder_fault(error: OSError) -> ServerError:
-    where, reason = error.filename, (error.strerror or "fails").lower()
+def _folder_fault(error: OSError, where: str) -> ServerError:
+    where, reason = error.filename or where, (error.strerror or "fails").lower()
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return ServerError(
             f"the server's disk is full ({reason})", where=where, kind="person",

@@ -17,7 +17,7 @@ from capture.sync.credentials import Credentials
 from capture.sync.faults import ReadRefusedError, ServerError, fault_of
 from capture.sync.pace import Rate
 from capture.sync.settings import Told
-from formats.store_address import folder_of, open_bucket
+from formats.store_address import folder_of, open_bucket, without_secrets
 from formats.whole_files import make_folders, sync_folder
 
 PART = 5 << 20  # bytes: the smallest part of an upload in parts that S3 accepts
@@ -66,7 +66,9 @@ def open_server(told: Told, credentials: Credentials) -> Server:
         client["allow_http"] = True
     if settings.ca is not None:
         client["root_certificate"] = _certificate(told.base / settings.ca)
-    return BucketServer(open_bucket(settings.url, extra="capture", config=config, client=client, retries=0), rate)
+    store = open_bucket(settings.url, extra="capture", config=config, client=client, retries=0)
+    where = f"{settings.url} at {settings.endpoint}" if settings.endpoint else settings.url
+    return BucketServer(store, rate, without_secrets(where))
 
 
 def _certificate(file: Path) -> bytes:
@@ -95,7 +97,7 @@ class FolderServer:
         except FileNotFoundError:
             return None
         except OSError as error:
-            raise fault_of(error) from error
+            raise fault_of(error, str(self.root / key)) from error
 
     def send(self, key: str, content: IO[bytes], size: int) -> None:
         """Write beside, sync, rename, sync the folder."""
@@ -114,8 +116,7 @@ class FolderServer:
         except OSError as error:
             with contextlib.suppress(OSError):
                 beside.unlink(missing_ok=True)
-            error.filename = error.filename or str(path)
-            raise fault_of(error) from error
+            raise fault_of(error, str(self.root / key)) from error
 
     def fetch(self, key: str) -> Iterator[bytes]:
         """Yield a file's content, from the disk rather than from memory where the kernel lets go of it."""
@@ -127,19 +128,19 @@ class FolderServer:
         except FileNotFoundError:
             raise
         except OSError as error:
-            raise fault_of(error) from error
+            raise fault_of(error, str(self.root / key)) from error
 
 
 class BucketServer:
     """A bucket below a prefix."""
 
-    def __init__(self, store: Any, rate: Rate) -> None:
-        """Use obstore's store."""
+    def __init__(self, store: Any, rate: Rate, where: str) -> None:
+        """Use obstore's store; where: its address, for messages."""
         import obstore
 
         self._library: Any = obstore
         self._errors = (obstore.exceptions.BaseError, OSError)
-        self._store, self._rate = store, rate
+        self._store, self._rate, self._where = store, rate, where
 
     def size(self, key: str) -> int | None:
         """Return an object's bytes, None where there is none."""
@@ -148,7 +149,7 @@ class BucketServer:
         except FileNotFoundError:
             return None
         except self._errors as error:
-            raise fault_of(error, writing=False) from error
+            raise fault_of(error, self._where, writing=False) from error
 
     def send(self, key: str, content: IO[bytes], size: int) -> str | None:
         """Put an object in one request, or in parts where it is large: one part at a time is in memory."""
@@ -160,7 +161,7 @@ class BucketServer:
                 parts = self._paced(content)
                 told = self._library.put(self._store, key, parts, chunk_size=PART, max_concurrency=1)
         except self._errors as error:
-            raise fault_of(error) from error
+            raise fault_of(error, self._where) from error
         tag = told.get("e_tag")
         return None if tag is None else str(tag).strip('"')
 
@@ -172,7 +173,7 @@ class BucketServer:
         except FileNotFoundError:
             raise
         except self._errors as error:
-            raise fault_of(error, writing=False) from error
+            raise fault_of(error, self._where, writing=False) from error
 
     def _paced(self, content: IO[bytes]) -> Iterator[bytes]:
         while part := content.read(PART):

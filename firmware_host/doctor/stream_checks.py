@@ -51,7 +51,7 @@ def rate_and_drops(examination: Examination) -> Finding:
     """Watch the streams for some seconds."""
     sensor, sample = examination.sensor, _sample(examination)
     if sensor is None:
-        raise SensorUnavailableError("no sensor is open", advice="see the checks above")
+        raise SensorUnavailableError("no sensor is open", where="streams", advice="see the checks above")
     if sample.info.is_live:
         for _ in range(WARM_UP):
             sensor.read()
@@ -108,7 +108,7 @@ def _uri_of(camera: UsbDevice, devices: Sequence[UsbDevice], uris: Sequence[str]
 
 def _sample(examination: Examination) -> StreamSample:
     if examination.sample is None:
-        raise SensorUnavailableError("nothing came from the sensor", advice="see the checks above")
+        raise SensorUnavailableError("nothing came from the sensor", where="streams", advice="see the checks above")
     return examination.sample
 
 

@@ -6,7 +6,7 @@ from firmware_host import openni2_library
 from firmware_host.doctor.checks import Check, Examination, Finding, ok, problem
 from firmware_host.errors import SensorUnavailableError
 from firmware_host.usb_control import devices
-from firmware_host.usb_control.devices import NO_SENSOR_FOUND, PLUG_IN, SPEEDS, UNPOWERED_PORT, UsbDevice
+from firmware_host.usb_control.devices import NO_SENSOR_FOUND, PLUG_IN, SPEEDS, UNPOWERED_PORT, USB_BUS, UsbDevice
 from firmware_host.usb_control.models import Protocol
 from firmware_host.usb_control.ps1080 import Ps1080
 
@@ -28,7 +28,7 @@ def on_the_bus(examination: Examination) -> Finding:
             return problem(
                 f"only a part of a sensor is there: {parts}", "plug in its power supply, the camera needs it"
             )
-        return problem(NO_SENSOR_FOUND, PLUG_IN)
+        return problem(f"{USB_BUS}: {NO_SENSOR_FOUND}", PLUG_IN)
     camera = examination.camera = cameras[0]
     more = f"; {len(cameras) - 1} more, choose with --device" if len(cameras) > 1 else ""
     return ok(f"{camera.where}, {camera.vendor:04x}:{camera.product:04x}{more}")
@@ -92,7 +92,7 @@ def driver_is_there(examination: Examination) -> Finding:
 
 def _camera(examination: Examination) -> UsbDevice:
     if examination.camera is None:
-        raise SensorUnavailableError(NO_SENSOR_FOUND, advice=PLUG_IN)
+        raise SensorUnavailableError(NO_SENSOR_FOUND, where=USB_BUS, advice=PLUG_IN)
     return examination.camera
 
 

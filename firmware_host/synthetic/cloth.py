@@ -65,7 +65,7 @@ def simulate(
     """
     _check_effects(garment, effects)
     if not np.isfinite(times).all():
-        raise SensorAddressError("the cloth's frame times are not all finite", advice="give a finite time offset")
+        raise SensorAddressError("not all are finite numbers", where="frame times", advice="give a finite time offset")
     cloth = _Cloth(garment, physics, effects, rows, columns)
     step = cloth.stable_step()
     count = int(np.ceil(times[-1] / step)) + 2
@@ -98,11 +98,15 @@ def _check_effects(garment: Garment, effects: dict[str, float]) -> None:
     for name, amplitude in effects.items():
         if name not in highest:
             raise SensorAddressError(
-                f"the synthetic cloth has no effect {name!r}", advice=f"choose of {', '.join(highest)}"
+                f"the synthetic cloth has no effect {name!r}",
+                where="--effect",
+                advice=f"choose of {', '.join(highest)}",
             )
         if not (np.isfinite(amplitude) and 0.0 <= amplitude <= highest[name]):
             limits = "a finite number of at least 0" if name == "air_drag" else f"0 to {highest[name]:.3g} kg/m"
-            raise SensorAddressError(f"{name} cannot have the amplitude {amplitude:g}", advice=f"choose {limits}")
+            raise SensorAddressError(
+                f"{name} cannot have the amplitude {amplitude:g}", where="--amplitude", advice=f"choose {limits}"
+            )
 
 
 class _Cloth:

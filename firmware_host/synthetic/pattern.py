@@ -60,17 +60,16 @@ class Pattern:
         The nearest cell's bilinear weights, found by Newton's iteration from its middle.
         """
         target = np.asarray(place, float)
-        best: tuple[float, NDArray[np.int64], Floats] | None = None
-        for row, column in np.argwhere(self.is_cloth):
+
+        def in_cell(row: int, column: int) -> tuple[float, NDArray[np.int64], Floats]:
             nodes = np.array([[row, column], [row, column + 1], [row + 1, column], [row + 1, column + 1]])
             corners = self.rest[nodes[:, 0], nodes[:, 1], :2]
             weights = _bilinear_weights(corners, target)
-            apart = float(np.linalg.norm(weights @ corners - target))
-            if best is None or apart < best[0]:
-                best = apart, nodes, weights
-        if best is None:
-            raise SensorAddressError("the garment has no cloth")
-        return best[1], best[2]
+            return float(np.linalg.norm(weights @ corners - target)), nodes, weights
+
+        cells = (in_cell(row, column) for row, column in np.argwhere(self.is_cloth))
+        _, nodes, weights = min(cells, key=lambda cell: cell[0])
+        return nodes, weights
 
 
 def _bilinear_weights(corners: Floats, target: Floats) -> Floats:
@@ -100,7 +99,8 @@ def lay(garment: Garment, rows: int, columns: int) -> Pattern:
         return _shirt(outline, rows, columns)
     raise SensorAddressError(
         f"the synthetic world cannot make a {garment.kind} with {len(outline)} corners",
-        advice="panels have 4, T-shirts 10 corners",
+        where=garment.name,
+        advice=f"give a panel of 4 corners, or a T-shirt of {SHIRT_CORNERS}",
     )
 
 

@@ -34,7 +34,9 @@ def make_recording(
     check_stem(name)
     if garment not in GARMENTS:
         raise SensorAddressError(
-            f"the synthetic world has no garment {garment!r}", advice=f"choose of {', '.join(GARMENTS)}"
+            f"the synthetic world has no garment {garment!r}",
+            where="--garment",
+            advice=f"choose of {', '.join(GARMENTS)}",
         )
     worn = GARMENTS[garment]()
     recording, truth, rig, description = paths = [

@@ -11,6 +11,8 @@ from firmware_host.errors import SensorAddressError
 from firmware_host.synthetic.scene import CAMERA, FPS
 from firmware_host.synthetic.world import FIRST_STAMP, World, make_world
 
+NUMBERS = {"amplitude": "a number", "seconds": "a number", "seed": "a whole number"}  # the options that are numbers
+
 
 class SyntheticSensor(DepthSensor):
     """Frames of a synthetic world, as fast as they are asked for."""
@@ -36,15 +38,15 @@ class SyntheticSensor(DepthSensor):
                 f"unknown option {sorted(unknown)[0]!r}", where=uri,
                 advice="choose of effect, amplitude, seconds, seed, fabric",
             )  # fmt: skip
-        try:
-            amplitude = float(options["amplitude"]) if "amplitude" in options else None
-            seconds, seed = float(options.get("seconds", 8)), int(options.get("seed", 1))
-        except ValueError as error:
-            raise SensorAddressError(f"an option is not a number: {error}", where=uri) from error
+        told = {name: _number(text, name, uri) for name, text in options.items() if name in NUMBERS}
         effect, fabric = options.get("effect", "none"), options.get("fabric", "plain")
-        world = make_world(
-            motion=motion or "swing", effect=effect, amplitude=amplitude, seconds=seconds, seed=seed, fabric=fabric
-        )
+        try:
+            world = make_world(
+                motion=motion or "swing", effect=effect, amplitude=told.get("amplitude"),
+                seconds=told.get("seconds", 8.0), seed=int(told.get("seed", 1)), fabric=fabric,
+            )  # fmt: skip
+        except SensorAddressError as error:  # which names the option of a command
+            raise SensorAddressError(error.what, where=uri, advice=error.advice) from error
         return cls(world, uri)
 
     @property
@@ -70,3 +72,10 @@ class SyntheticSensor(DepthSensor):
     def close(self) -> None:
         """End the sensor."""
         self._is_closed = True
+
+
+def _number(text: str, name: str, uri: str) -> float:
+    try:
+        return int(text) if name == "seed" else float(text)
+    except ValueError as error:
+        raise SensorAddressError(f"{name} is {text!r}", where=uri, advice=f"give {NUMBERS[name]}") from error

@@ -89,11 +89,15 @@ def make_swatch_take(
             they are not to be overwritten.
     """
     if fabric not in TRUE_FABRICS:
-        raise SensorAddressError(f"there is no fabric {fabric!r}", advice=f"choose of {', '.join(TRUE_FABRICS)}")
+        raise SensorAddressError(
+            f"there is no fabric {fabric!r}", where="--fabric", advice=f"choose of {', '.join(TRUE_FABRICS)}"
+        )
     if not np.isfinite(air_drag):
-        raise SensorAddressError(f"the air drag {air_drag:g} is no coefficient", advice="give a finite number")
+        raise SensorAddressError(
+            f"{air_drag:g} is no drag coefficient", where="--air-drag", advice="give a finite number"
+        )
     if seed < 0:
-        raise SensorAddressError(f"the seed {seed} is below 0", advice="give 0 or more")
+        raise SensorAddressError(f"the seed {seed} is below 0", where="--seed", advice="give 0 or more")
     true = TRUE_FABRICS[fabric]
     garment = swatch(round(true.density * SWATCH_SIDE**2, 6), name=fabric)
     stem, described = f"{fabric}-{motion}", dump_description(garment)
@@ -128,7 +132,9 @@ def swung_markers(
         SensorAddressError: there is no such motion.
     """
     if motion not in SWATCH_MOTIONS:
-        raise SensorAddressError(f"there is no motion {motion!r}", advice=f"choose of {', '.join(SWATCH_MOTIONS)}")
+        raise SensorAddressError(
+            f"there is no motion {motion!r}", where="--motion", advice=f"choose of {', '.join(SWATCH_MOTIONS)}"
+        )
     half = 0.5 * HELD_APART * SWATCH_SIDE
 
     def ends(instants: Floats) -> Floats:

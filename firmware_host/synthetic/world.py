@@ -144,20 +144,26 @@ def make_world(
         SensorAddressError: there is no such effect, motion or fabric, or a number that no world has.
     """
     if fabric not in FABRICS:
-        raise SensorAddressError(f"there is no fabric {fabric!r}", advice=f"choose of {', '.join(FABRICS)}")
+        raise SensorAddressError(
+            f"there is no fabric {fabric!r}", where="--fabric", advice=f"choose of {', '.join(FABRICS)}"
+        )
     if effect not in TYPICAL:
         raise SensorAddressError(
-            f"the synthetic world has no effect {effect!r}", advice=f"choose of {', '.join(TYPICAL)}"
+            f"the synthetic world has no effect {effect!r}", where="--effect", advice=f"choose of {', '.join(TYPICAL)}"
         )
     size = TYPICAL[effect] if amplitude is None else amplitude
     if not (np.isfinite(seconds) and seconds >= SHORTEST_RECORDING):
         raise SensorAddressError(
-            f"the synthetic world cannot last for {seconds:g} seconds", advice=f"give {SHORTEST_RECORDING:g} or more"
+            f"the synthetic world cannot last for {seconds:g} seconds",
+            where="--seconds",
+            advice=f"give {SHORTEST_RECORDING:g} or more",
         )
     if not np.isfinite(size):
-        raise SensorAddressError(f"the amplitude {size:g} is no size of an effect", advice="give a finite number")
+        raise SensorAddressError(
+            f"{size:g} is no size of an effect", where="--amplitude", advice="give a finite number"
+        )
     if seed < 0:
-        raise SensorAddressError(f"the seed {seed} is below 0", advice="give 0 or more")
+        raise SensorAddressError(f"the seed {seed} is below 0", where="--seed", advice="give 0 or more")
     time = np.arange(round(seconds * FPS)) / FPS
     garment = garment or demo_garment()
     rows, columns = BODY.get(garment.kind, (ROWS, COLUMNS))

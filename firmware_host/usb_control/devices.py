@@ -23,7 +23,7 @@ SPEEDS = {  # libusb.h, enum libusb_speed: name and Mbit/s
 }
 SELF_POWERED = 0x40  # bit of bmAttributes (USB 2.0, table 9-10)
 UNPOWERED_PORT = 100  # mA that a port of a hub without its own supply gives (USB 2.0, section 7.2.1.1)
-NO_SENSOR_FOUND = "no depth sensor on the USB bus"
+USB_BUS, NO_SENSOR_FOUND = "USB bus", "no depth sensor is connected"
 PLUG_IN = "plug it in, with its own power supply if it has one"
 
 
@@ -98,7 +98,10 @@ def load_backend() -> Any:
         ) from error
     backend = usb.backend.libusb1.get_backend(find_library=lambda _: LIBUSB)
     if backend is None:
-        raise SensorUnavailableError("libusb does not start", advice="is /dev/bus/usb there and readable?")
+        raise SensorUnavailableError(
+            "libusb does not start", where="/dev/bus/usb",
+            advice="check that this folder is there and readable; a container has to be given it",
+        )  # fmt: skip
     return backend
 
 
@@ -131,9 +134,11 @@ def choose(
     if place is not None:
         devices = [device for device in devices if (device.bus, device.address) == parse_place(place)]
         if not devices:
-            raise SensorUnavailableError(f"no depth sensor at USB {place}", advice="see `hangtime sensor list`")
+            raise SensorUnavailableError(
+                f"no depth sensor at USB {place}", where="--device", advice="`hangtime sensor list` names the places"
+            )
     if not devices:
-        raise SensorUnavailableError(NO_SENSOR_FOUND, advice=PLUG_IN)
+        raise SensorUnavailableError(NO_SENSOR_FOUND, where=USB_BUS, advice=PLUG_IN)
     chosen = [device for device in devices if device.model.protocol in protocols]
     if not chosen:
         raise FirmwareUnsupportedError(
@@ -151,7 +156,9 @@ def parse_place(place: str) -> tuple[int, int]:
     """
     bus, colon, address = place.partition(":")
     if not (colon and bus.isdecimal() and address.isdecimal()):
-        raise SensorAddressError(f"{place!r} is no place on the USB bus", advice="give BUS:ADDRESS, for example 1:4")
+        raise SensorAddressError(
+            f"{place!r} is no place on the USB bus", where="--device", advice="give BUS:ADDRESS, for example 1:4"
+        )
     return int(bus), int(address)
 
 

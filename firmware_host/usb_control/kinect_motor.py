@@ -83,7 +83,9 @@ class MotorState:
         x, y, z = self.acceleration
         size = math.hypot(x, y, z)
         if size == 0:
-            raise FirmwareReplyError("the accelerometer reads zero in every direction", where="Kinect v1 motor")
+            raise FirmwareReplyError(
+                "the accelerometer reads zero in every direction", where="Kinect v1 motor", advice="replug the Kinect"
+            )
         return x / size, y / size, -z / size
 
 

@@ -25,6 +25,7 @@ TRANSFER_TIMEOUT = 5.0  # s; OpenNI2 `XnHostProtocol.cpp`, XN_USB_HOST_PROTOCOL_
 RULES = "systemd/udev/55-hangtime-depth-sensor.rules"
 PERMISSION_ADVICE = f"copy {RULES} to /etc/udev/rules.d/, join the group plugdev, and replug the sensor"
 REPLUG_ADVICE = "check the cable and replug the sensor"
+UPDATE_ADVICE = "update its firmware with its maker's program, or use a newer sensor"
 
 
 class UsbLink(Protocol):
@@ -86,14 +87,22 @@ class PyusbLink:
 def as_firmware_error(error: usb.core.USBError, where: str) -> FirmwareError:
     """Return the error of ours that says what pyusb's error means."""
     meanings = {
-        errno.EPIPE: (UsbStallError, "the sensor refused the transfer (a stall)", "its firmware may be too old"),
+        errno.EPIPE: (
+            UsbStallError,
+            "the sensor refused the transfer (a stall)",
+            "replug the sensor; where it refuses again, update its firmware",
+        ),
         errno.ETIMEDOUT: (UsbTimeoutError, "the sensor does not answer", REPLUG_ADVICE),
         errno.ENODEV: (UsbUnpluggedError, "the sensor was unplugged", "plug it in again"),
         errno.ENOENT: (UsbUnpluggedError, "the sensor is no longer there", "plug it in again"),
         errno.EIO: (UsbUnpluggedError, "the transfer broke off", REPLUG_ADVICE),
         errno.EACCES: (UsbAccessError, "this user may not open the sensor", PERMISSION_ADVICE),
         errno.EPERM: (UsbAccessError, "this user may not open the sensor", PERMISSION_ADVICE),
-        errno.EBUSY: (UsbAccessError, "another program or kernel driver holds the sensor", "end it and try again"),
+        errno.EBUSY: (
+            UsbAccessError,
+            "another program or kernel driver holds the sensor",
+            "end that program; `lsusb -t` names the driver, `sudo modprobe -r` removes it",
+        ),
     }
     number = error.errno if error.errno is not None else 0
     kind, what, advice = meanings.get(number, (FirmwareError, f"USB says: {error.strerror}", REPLUG_ADVICE))

@@ -22,7 +22,7 @@ from firmware_host.errors import (
 )
 from firmware_host.usb_control import ps1080_answers as answers
 from firmware_host.usb_control import ps1080_messages as messages
-from firmware_host.usb_control.link import TRANSFER_TIMEOUT, UsbLink
+from firmware_host.usb_control.link import TRANSFER_TIMEOUT, UPDATE_ADVICE, UsbLink
 from firmware_host.usb_control.ps1080_answers import FirmwareVersion, FixedParameters, TaskTime
 from firmware_host.usb_control.ps1080_messages import Mode, Opcode
 
@@ -129,8 +129,8 @@ class Ps1080:
         if version.number < since:
             raise FirmwareUnsupportedError(
                 f"firmware {version} has no such request; {what} came with {'.'.join(map(str, since))}",
-                where=self._where,
-            )
+                where=self._where, advice=UPDATE_ADVICE,
+            )  # fmt: skip
 
     def _ask(self, opcode: Opcode, arguments: bytes = b"") -> bytes:
         """Send a request and return the data of its reply; ask again while the firmware is not ready."""

@@ -13,6 +13,7 @@ import struct
 from dataclasses import dataclass
 
 from firmware_host.errors import FirmwareReplyError
+from firmware_host.usb_control.link import REPLUG_ADVICE
 
 _VERSION = struct.Struct("<BBHIHH")  # XnVersions without the host's own part; minor before major on the wire
 CHIPS = {0x00101010: "PS1000", 0x00202020: "PS1080", 0x00212020: "PS1080 A6"}  # XN_CHIP_VER_*
@@ -92,7 +93,9 @@ class FixedParameters:
 def decode_fixed_parameters(data: bytes, where: str) -> FixedParameters:
     """Read the whole block."""
     if len(data) < FIXED_PARAMETERS_SIZE:
-        raise FirmwareReplyError(f"fixed parameters have {len(data)} of {FIXED_PARAMETERS_SIZE} bytes", where=where)
+        raise FirmwareReplyError(
+            f"fixed parameters have {len(data)} of {FIXED_PARAMETERS_SIZE} bytes", where=where, advice=REPLUG_ADVICE
+        )
     serial, watchdog = _WATCHDOG.unpack_from(data)
     emitter, colour, distance, pixel = _GEOMETRY.unpack_from(data, _GEOMETRY_AT)
     return FixedParameters(
@@ -150,5 +153,7 @@ def decode_log(data: bytes) -> list[str]:
 
 def _unpack(layout: struct.Struct, data: bytes, where: str) -> tuple[int, ...]:
     if len(data) < layout.size:
-        raise FirmwareReplyError(f"the answer has {len(data)} of {layout.size} bytes of data", where=where)
+        raise FirmwareReplyError(
+            f"the answer has {len(data)} of {layout.size} bytes of data", where=where, advice=REPLUG_ADVICE
+        )
     return layout.unpack_from(data)

@@ -15,6 +15,7 @@ import struct
 from enum import IntEnum
 
 from firmware_host.errors import FirmwareRefusalError, FirmwareReplyError
+from firmware_host.usb_control.link import UPDATE_ADVICE
 
 REQUEST_MAGIC = 0x4D47  # XN_HOST_MAGIC_26
 REPLY_MAGIC = 0x4252  # XN_FW_MAGIC_26
@@ -22,7 +23,7 @@ OLD_REPLY_MAGIC = 0x5350  # XN_FW_MAGIC_25: firmware before 1.2, with a checksum
 MESSAGE_HEADER = struct.Struct("<HHHH")  # XnHostProtocolHeaderV26
 ERROR = struct.Struct("<H")  # XnHostProtocolReplyHeader
 LARGEST_PACKET = 512  # bytes, XN_PROTOCOL_MAX_PACKET_SIZE_V5_0
-NOT_READY = 13  # NACK_NOT_READY
+UNKNOWN_COMMAND, NOT_READY = 2, 13  # NACK_INVALID_COMMAND, NACK_NOT_READY
 
 
 class Opcode(IntEnum):
@@ -52,7 +53,7 @@ class Mode(IntEnum):
 
 REFUSALS = {  # XnHostProtocolNacks
     1: "an unknown error",
-    2: "it does not know the command",
+    UNKNOWN_COMMAND: "it does not know the command",
     3: "the request's checksum is wrong",
     4: "the request's size is wrong",
     5: "the parameters are wrong",
@@ -67,6 +68,12 @@ REFUSALS = {  # XnHostProtocolNacks
     14: "it ran over",
     15: "its overlay is not loaded",
     16: "its file system is locked",
+}
+
+
+REFUSAL_ADVICE = {  # where plugging in anew does not help
+    UNKNOWN_COMMAND: UPDATE_ADVICE,
+    NOT_READY: "wait for some seconds and try again",
 }
 
 
@@ -101,7 +108,9 @@ def decode_reply(reply: bytes, opcode: Opcode, request_id: int, where: str) -> b
     magic, words, answered, answered_id = MESSAGE_HEADER.unpack_from(reply)
     if magic == OLD_REPLY_MAGIC:
         raise FirmwareReplyError(
-            "its firmware is older than 3.0 and speaks another protocol", where=where, advice="update it"
+            "its firmware is older than 3.0 and speaks another protocol",
+            where=where,
+            advice=UPDATE_ADVICE,
         )
     if magic != REPLY_MAGIC:
         raise FirmwareReplyError(f"the answer starts with 0x{magic:04x}, not 0x4252", where=where, advice=advice)
@@ -120,6 +129,7 @@ def decode_reply(reply: bytes, opcode: Opcode, request_id: int, where: str) -> b
     if code:
         meaning = REFUSALS.get(code, "an error that is not documented")
         raise FirmwareRefusalError(
-            f"the firmware refuses command {opcode.name}: {meaning} (error {code})", code=code, where=where
-        )
+            f"the firmware refuses command {opcode.name}: {meaning} (error {code})", code=code, where=where,
+            advice=REFUSAL_ADVICE.get(code, advice),
+        )  # fmt: skip
     return reply[MESSAGE_HEADER.size + ERROR.size : whole]

@@ -110,6 +110,7 @@ def make_command(
     if real is not None and (generator != "own" or side is not None or sensor):
         raise FitError(
             "real takes are not simulated",
+            where="--real",
             advice="leave out --generator, --side, --noise, --missing and --rate, or --real",
         )
     with counting("making", "finished cases are kept") as show:

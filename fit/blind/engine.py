@@ -26,6 +26,7 @@ SAFETY = 0.7  # of the linear limit: the bound is of the flat sheet
 SETTLE_TIME = 2.0  # s that the sheet hangs still before a take
 SETTLE_DAMPING = 6.0  # 1/s during that time: critical for the slowest swing
 POISSON = 0.3  # of the ground
+MOST_GROUND = 0.9  # of the stretch stiffness: the rest is left for the fibres
 GRAVITY = 9.80665  # m/s^2
 HEM_WIDTH = 0.02  # m of cloth that is turned up
 HEM_BENDING = 3.0  # times the bending stiffness of the cloth
@@ -122,15 +123,19 @@ class Engine:
     ) -> None:  # fmt: skip
         if not 0 < side <= min(cloth.width, cloth.height) / 2:
             raise FitError(
-                f"a side of {side} m does not fit the sheet", advice="choose less than half its smaller side"
+                f"{side} m does not fit the sheet", where="--side", advice="choose less than half its smaller side"
             )
         self.cloth, self.step_share = cloth, step_share
         self.sheet = mesh(cloth.width, cloth.height, side)
         self.node_mass = _node_mass(cloth, self.sheet)
         self.hinge_bending, self.hinge_curl = _hinge_rows(cloth, self.sheet)
         ground = 2 * (1 + POISSON) * cloth.shear
-        if ground > 0.9 * cloth.stretch:
-            raise FitError(f"shear of {cloth.shear} N/m is too much for a stretch stiffness of {cloth.stretch} N/m")
+        if ground > MOST_GROUND * cloth.stretch:
+            highest = MOST_GROUND * cloth.stretch / (2 * (1 + POISSON))
+            raise FitError(
+                f"{cloth.shear:g} N/m is too much for a stretch stiffness of {cloth.stretch:g} N/m", where="shear",
+                advice=f"choose {highest:.3g} N/m or less",
+            )  # fmt: skip
         fibre = cloth.stretch - ground
         self.fibres = fibre * np.exp(cloth.stretch_ratio / 2), fibre * np.exp(-cloth.stretch_ratio / 2)
         self.lam = 2 * POISSON / (1 - POISSON) * cloth.shear

@@ -78,9 +78,9 @@ def make_set(
     if generator.foreign is not None and not generator.foreign.is_installed():
         raise generator.foreign.absent()
     if sum(numbers.values()) < 1 or min(numbers.values()) < 0:
-        raise FitError("there is no case to make", advice="give --cases, --nulls, --pairs or --unknowns")
+        raise FitError("there is no case to make", where=folder, advice="give --cases, --nulls, --pairs or --unknowns")
     if numbers["pair"] and len(plants) < 2:
-        raise FitError("a pair needs two effects to choose from", advice="give a second --effect")
+        raise FitError("a pair needs two effects to choose from", where="--effect", advice="give a second --effect")
     truths = plan(numbers, plants, seed, generator.unknown_plants(), sensor)
     _check_side(side, truths)
     labels = Labels(

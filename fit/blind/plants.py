@@ -180,7 +180,9 @@ def choose_plants(names: list[str], offered: Collection[str], how: str) -> tuple
     for name in names:
         if name not in known:
             raise FitError(
-                f"no effect named {name!r} can be planted {how}", advice=f"known: {', '.join(sorted(known))}"
+                f"no effect named {name!r} can be planted {how}",
+                where="--effect",
+                advice=f"known: {', '.join(sorted(known))}",
             )
     return tuple(known[name] for name in names) or tuple(known.values())
 

@@ -86,10 +86,14 @@ def plan_real(takes: list[str], numbers: dict[Kind, int], plants: tuple[Plant, .
         FitError: planted takes without untouched ones, or kinds that real takes cannot be.
     """
     if numbers["pair"] or numbers["unknown"]:
-        raise FitError("only single effects are planted in real takes", advice="leave out --pairs and --unknowns")
+        raise FitError(
+            "only single effects are planted in real takes", where="--real", advice="leave out --pairs and --unknowns"
+        )
     if numbers["null"] < 1:
         raise FitError(
-            "planted takes are held against untouched ones, and none are asked for", advice="give --nulls 1 or more"
+            "planted takes are held against untouched ones, and none are asked for",
+            where="--nulls",
+            advice="give --nulls 1 or more",
         )
     rng = np.random.default_rng([seed, 0])
     total = numbers["null"] + numbers["single"]
@@ -157,7 +161,10 @@ def planted_take(take: Take, planted: Planted) -> Take:
     """
     change = PLANTING.get(planted.id)
     if change is None:
-        raise FitError(f"{planted.id} cannot be planted in a real take", where=take.take_id)
+        raise FitError(
+            f"{planted.id} cannot be planted in a real take", where=take.take_id,
+            advice=f"plant one of {', '.join(sorted(PLANTING))}",
+        )  # fmt: skip
     return change(take, planted)
 
 

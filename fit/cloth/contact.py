@@ -95,18 +95,25 @@ class Contact:
             ("thickness", self.thickness, 0.05), ("friction", self.friction, 2.0), ("clearance", self.clearance, 0.05),
         ):  # fmt: skip
             if not 0.0 <= value <= high:
-                raise FitError(f"a contact {name} of {value} is not between 0 and {high}")
+                raise FitError(f"cannot be {value}", where=f"contact {name}", advice=f"choose 0 to {high}")
         if self.bodies and not self.clearance > 0:
-            raise FitError("bodies need a clearance above 0", advice="two millimetres cannot be seen")
+            raise FitError(
+                "bodies need a clearance above 0", where="contact clearance",
+                advice="choose 0.002 m: two millimetres cannot be seen",
+            )  # fmt: skip
         if not 0.005 <= self.spacing <= 0.1:
-            raise FitError(f"samples {self.spacing} m apart are not between 0.005 and 0.1")
+            raise FitError(f"cannot be {self.spacing} m", where="contact spacing", advice="choose 0.005 to 0.1 m")
         if self.motion is not None and self.motion.poses.shape[1] != len(self.bodies):
-            raise FitError(f"{len(self.bodies)} bodies move on {self.motion.poses.shape[1]} paths")
+            raise FitError(
+                f"{len(self.bodies)} bodies move on {self.motion.poses.shape[1]} paths", where="contact motion",
+                advice="give each body a path",
+            )  # fmt: skip
         for body in self.bodies:
             if body.thickness < self.spacing:
                 raise FitError(
                     f"a body {body.thickness:.3f} m thick slips through between samples {self.spacing:.3f} m apart",
-                    advice=f"set the contact's spacing to {body.thickness:.3f} or less, or round it by a larger radius",
+                    where="contact spacing",
+                    advice=f"set it to {body.thickness:.3f} or less, or round the body by a larger radius",
                 )
 
 

@@ -132,6 +132,7 @@ class ClothModel:
         if support is not None and moving:
             raise FitError(
                 f"the effect {moving[0]} moves a hanger's ends, and this cloth hangs from none",
+                where=recording.take_id,
                 advice="leave out the effects on the boundary and on time",
             )
         self.simulations = 0
@@ -153,7 +154,10 @@ class ClothModel:
         if amplitudes is None:
             amplitudes = np.zeros((count, width))
         if amplitudes.shape != (count, width) or materials.shape[1] != len(mat.MATERIAL_NAMES):
-            raise FitError(f"candidates of shape {materials.shape} and {amplitudes.shape} do not fit together")
+            raise FitError(
+                f"shapes {materials.shape} and {amplitudes.shape} do not fit together", where="candidates",
+                advice=f"give {len(mat.MATERIAL_NAMES)} material parameters and {width} amplitudes to each",
+            )  # fmt: skip
         frames, points = self.recording.points.shape[:2]
         candidates = Candidates(
             materials=self._with_effects(materials, amplitudes),

@@ -124,7 +124,9 @@ def clamps(
         for k, mask in enumerate(masks):
             if not mask.any():
                 raise FitError(
-                    f"clamp {k + 1} of {len(masks)} holds no node", advice="hold a wider strip, or mesh finer"
+                    "it holds no node",
+                    where=f"clamp {k + 1} of {len(masks)}",
+                    advice="hold a wider strip, or mesh finer",
                 )
         nodes = np.concatenate([np.zeros(0, int), *(np.flatnonzero(mask) for mask in masks)])
         affine = np.column_stack([np.ones(len(mesh.rest)), mesh.rest])

@@ -54,9 +54,15 @@ class BlenderEngine:
             FitError: another method than kinect-skirt, effects, bodies in the rig, or no `bpy`.
         """
         if tuple(p.name for p in method.parameters) != NEEDED:
-            raise FitError(f"Blender has no {method.name} parameters", advice="use --method kinect-skirt with it")
+            raise FitError(
+                f"Blender has no {method.name} parameters", where="--engine", advice="use --method kinect-skirt with it"
+            )
         if effects:
-            raise FitError("Blender's cloth cannot be given effects", advice="leave out --effect, or --engine blender")
+            raise FitError(
+                "Blender's cloth cannot be given effects",
+                where="--effect",
+                advice="leave out --effect, or --engine blender",
+            )
         if recording.bodies:
             raise FitError("Blender's cloth is given no bodies", where=recording.take_id, advice="leave out --engine")
         self._recording = recording

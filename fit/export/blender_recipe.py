@@ -60,7 +60,11 @@ def _six(result: FitResult, fabric: Fabric | None) -> Any:
     if set(NEEDED) <= found.keys():
         return np.array([found[name] for name in NEEDED])
     if fabric is None:
-        raise FitError(why_no_fabric(result), advice="fit with si, or with kinect-skirt for Blender's own settings")
+        raise FitError(
+            why_no_fabric(result),
+            where=result.label,
+            advice="fit with si, or with kinect-skirt for Blender's own settings",
+        )
     return np.array(
         [
             1.0, fabric.mean_of_ways("stretch") / 10, 1e6 * fabric.mean_of_ways("bending"),

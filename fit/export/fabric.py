@@ -132,7 +132,7 @@ def fabric_of(result: FitResult) -> Fabric:
         kinds = [k for k in WITHOUT_FABRIC if k != "blender" or result.method == "kinect-skirt"]
         if result.engine != OWN_ENGINE:  # its cloth keeps no shapes
             kinds = [k for k in kinds if k in ("csv", "parquet", "blender")]
-        raise FitError(reason, advice=f"this fit can be exported as {', '.join(kinds)}")
+        raise FitError(reason, where=result.label, advice=f"this fit can be exported as {', '.join(kinds)}")
     method, effects = find_method(result.method), effects_of(result)
     _check_belongs_together(result, method)
     rows = _Rows(result, method, effects)
@@ -164,7 +164,9 @@ def _check_belongs_together(result: FitResult, method: Parameterisation) -> None
     wanted = [p.name for p in method.parameters] + sorted(result.effects)
     if missing := [name for name in wanted if name not in {p.name for p in result.parameters}]:
         raise FitError(
-            f"the fit lacks {missing[0]}, a parameter of its method {method.name} or of its effects", advice="fit again"
+            f"lacks {missing[0]}, a parameter of its method {method.name} or of its effects",
+            where=result.label,
+            advice="fit again",
         )
 
 

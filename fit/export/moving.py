@@ -127,7 +127,7 @@ def check_engine(result: FitResult) -> None:
     """
     if result.engine != OWN_ENGINE:
         raise FitError(
-            f"the fit is of {result.engine}'s cloth, which keeps no shapes", advice="fit with the engine own"
+            f"is of {result.engine}'s cloth, which keeps no shapes", where=result.label, advice="fit with --engine own"
         )
 
 
@@ -140,7 +140,9 @@ def known_effects(result: FitResult) -> tuple[Effect, ...]:
     effects = effects_of(result)
     if unknown := sorted(result.effects.keys() - {name for e in effects for name in parameter_names(e)}):
         raise FitError(
-            f"this version of Hangtime knows no effect {unknown[0]}", advice="use the version that fitted it"
+            f"this version of Hangtime knows no effect {unknown[0]}",
+            where=result.label,
+            advice="use the version that fitted it",
         )
     return effects
 
@@ -154,5 +156,7 @@ def material_rows(result: FitResult, density: float) -> Floats:
     method = find_method(result.method)
     fitted = {p.name: p.fitted for p in result.parameters}
     if missing := [p.name for p in method.parameters if p.name not in fitted]:
-        raise FitError(f"the fit lacks {missing[0]}, a parameter of the method {method.name}", advice="fit again")
+        raise FitError(
+            f"lacks {missing[0]}, a parameter of the method {method.name}", where=result.label, advice="fit again"
+        )
     return method.to_materials(np.array([[fitted[p.name] for p in method.parameters]]), density)

@@ -36,7 +36,7 @@ def _av(moving: Moving, suffix: str, remark: str, size: tuple[int, int], show: P
     even = moving.even()
     codec = next((c for c in CODECS[suffix] if c in av.codecs_available), None)
     if codec is None:
-        raise FitError(f"PyAV has no encoder for {suffix}", advice="write a .gif instead")
+        raise FitError(f"PyAV has no encoder for {suffix}", where="--out", advice="write a .gif instead")
     out = io.BytesIO()
     with av.open(out, "w", format=suffix[1:]) as container:
         container.metadata["comment"] = remark

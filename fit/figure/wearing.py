@@ -90,7 +90,11 @@ def around(garment: Garment, mesh: ClothMesh, half_side: float) -> Floats:
     """Return where the nodes of a sewn skirt begin [m], (nodes, 3): to the left, to the back and up from the band."""
     below = mesh.rest[:, 1].max() - mesh.rest[:, 1]
     if round_of(girth(garment, below), half_side).min() <= 0:
-        raise FitError("the skirt is too narrow to go round a figure", where=garment.name)
+        raise FitError(
+            "the skirt is too narrow to go round a figure",
+            where=garment.name,
+            advice="give a wider one, or a smaller figure (--height)",
+        )
     places = _round(garment, mesh, half_side)
     heights = np.linspace(0, below.max(), 101)
     radii = round_of(girth(garment, heights), half_side)

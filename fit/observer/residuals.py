@@ -204,7 +204,10 @@ def trajectories_together(asked: Sequence[Asked], *, frequency: float | None = N
     """
     own = {observer.frequency for observer, _, _ in asked}
     if frequency is None and len(own) != 1:
-        raise FitError(f"observers with pulls of {sorted(own)} Hz cannot be simulated side by side")
+        raise FitError(
+            f"pulls of {sorted(own)} Hz cannot be simulated side by side", where="observers",
+            advice="give one frequency for all",
+        )  # fmt: skip
     simulators: list[Simulator] = []
     materials: list[Floats] = []
     amplitudes: list[Floats | None] = []

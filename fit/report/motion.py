@@ -58,16 +58,20 @@ class ReportMotion:
     def __post_init__(self) -> None:
         frames, points = len(self.time), len(self.point_names)
         if frames < 2:
-            raise FitError("a motion needs two frames or more", where=self.take_id)
+            raise FitError("a motion needs two frames or more", where=self.take_id, advice="record a longer take")
         tracks = {"real": self.real, **{name: run.points for name, run in self.runs.items()}}
         for name, track in tracks.items():
             if track.shape != (frames, points, 3):
-                raise FitError(f"{name} points have shape {track.shape}, not {(frames, points, 3)}", where=self.take_id)
+                raise FitError(
+                    f"{name} points have shape {track.shape}, not {(frames, points, 3)}", where=self.take_id,
+                    advice="give each frame all points",
+                )  # fmt: skip
         for name, run in self.runs.items():
             if run.mesh is not None and (run.mesh.ndim != 3 or run.mesh.shape[0] != frames or run.mesh.shape[2] != 3):
                 raise FitError(
-                    f"the mesh of {name} has shape {run.mesh.shape}, not ({frames}, vertices, 3)", where=self.take_id
-                )
+                    f"the mesh of {name} has shape {run.mesh.shape}, not ({frames}, vertices, 3)", where=self.take_id,
+                    advice="give each frame all vertices",
+                )  # fmt: skip
 
     @property
     def shown(self) -> tuple[str, ...]:

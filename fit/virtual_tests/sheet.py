@@ -22,11 +22,14 @@ def tests_of(result: FitResult) -> Sheet:
     """
     if result.engine != OWN_ENGINE:
         raise FitError(
-            f"this fit is of {result.engine}'s cloth, whose numbers are not properties of a fabric",
-            advice="fit with the engine own",
+            f"is of {result.engine}'s cloth, whose numbers are not properties of a fabric",
+            where=result.label,
+            advice="fit with --engine own",
         )
     if not set(MATERIAL_NAMES) <= result.material.keys():
-        raise FitError("the fit result does not hold its material", advice="it is from an older version: fit again")
+        raise FitError(
+            "does not hold its material", where=result.label, advice="it is from an older version: fit again"
+        )
     material = {
         name: value / (result.layers if name in LAYER_NUMBERS else 1) for name, value in result.material.items()
     }

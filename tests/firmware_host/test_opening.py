@@ -37,7 +37,7 @@ def test_a_synthetic_sensor_that_does_not_exist_lists_what_does(name: str) -> No
 
 
 def test_an_option_that_is_no_number_is_refused() -> None:
-    with pytest.raises(SensorAddressError, match="not a number"):
+    with pytest.raises(SensorAddressError, match="seconds is 'long'; give a number"):
         open_sensor("synthetic:swing?seconds=long")
 
 
@@ -49,11 +49,11 @@ def test_an_option_that_is_no_number_is_refused() -> None:
         ("seconds=nan", "cannot last for nan seconds"),
         ("seconds=inf", "cannot last for inf seconds"),
         ("seed=-1", "the seed -1 is below 0; give 0 or more"),
-        ("effect=hem&amplitude=nan", "the amplitude nan is no size of an effect"),
+        ("effect=hem&amplitude=nan", "nan is no size of an effect"),
     ],
 )
 def test_a_number_that_no_world_has_is_refused(option: str, sentence: str) -> None:
-    with pytest.raises(SensorAddressError, match=sentence):
+    with pytest.raises(SensorAddressError, match=rf"^synthetic:swing\?{option}: .*{sentence}"):
         open_sensor(f"synthetic:swing?{option}")
 
 
@@ -66,14 +66,16 @@ def test_a_seed_below_zero_is_refused_before_anything_is_made(tmp_path: Path, co
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(("number", "sentence"), [({"seed": -1}, "seed -1"), ({"air_drag": float("nan")}, "drag nan")])
+@pytest.mark.parametrize(
+    ("number", "sentence"), [({"seed": -1}, "seed -1"), ({"air_drag": float("nan")}, "nan is no drag")]
+)
 def test_a_number_that_no_swatch_has_is_refused(tmp_path: Path, number: dict[str, Any], sentence: str) -> None:
     with pytest.raises(SensorAddressError, match=sentence):
         make_swatch_take(tmp_path, fabric="silk", **number)
 
 
 def test_an_address_of_an_unknown_kind_is_refused() -> None:
-    with pytest.raises(SensorError, match="there is no sensor"):
+    with pytest.raises(SensorError, match="no sensor has such an address"):
         open_sensor("https://example.org/stream")
 
 

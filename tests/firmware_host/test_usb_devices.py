@@ -103,7 +103,7 @@ def test_a_place_is_two_numbers(place: str) -> None:
 
 
 def test_an_empty_bus_says_so() -> None:
-    with pytest.raises(SensorUnavailableError, match=r"^no depth sensor on the USB bus; plug it in"):
+    with pytest.raises(SensorUnavailableError, match=r"^USB bus: no depth sensor is connected; plug it in"):
         devices.choose([], (Protocol.PS1080,), "a log")
 
 

@@ -112,7 +112,9 @@ def test_a_healthy_ps1080_is_ok_up_to_its_driver(bus: Callable[..., None]) -> No
 
 def test_an_empty_bus_and_a_foot_without_a_camera_get_different_advice(bus: Callable[..., None]) -> None:
     bus()
-    assert says(usb_checks.on_the_bus, Examination()).startswith("problem: no depth sensor on the USB bus; plug it in")
+    assert says(usb_checks.on_the_bus, Examination()).startswith(
+        "problem: USB bus: no depth sensor is connected; plug it in"
+    )
     bus(KinectMotorModel())
     assert "the camera needs it" in says(usb_checks.on_the_bus, Examination())
 

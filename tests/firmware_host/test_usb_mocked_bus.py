@@ -182,7 +182,7 @@ def test_what_a_device_does_on_the_wire_becomes_the_answer_or_the_error_for_it(s
         pytest.param("ps1080:old", "led on", "firmware 5.3.29 has no such request", marks=IN_PROCESS),
         pytest.param("ps1080", "info --device 1:9", "no depth sensor at USB 1:9", marks=IN_PROCESS),
         ("ps1080", "info --device four", "'four' is no place on the USB bus; give BUS:ADDRESS"),
-        ("", "info", "hangtime: no depth sensor on the USB bus; plug it in"),
+        ("", "info", "hangtime: USB bus: no depth sensor is connected; plug it in"),
     ],
 )
 def test_a_command_that_fails_says_why_in_one_sentence_and_exits_with_2(stage: str, command: str, says: str) -> None:

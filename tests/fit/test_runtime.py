@@ -135,7 +135,7 @@ def test_jitter_moves_a_cloth_by_rounding_alone_and_every_candidate_alike(monkey
     monkeypatch.setenv(runtime.JITTER_VARIABLE, "8")
     assert not np.allclose(runtime.jittered(places) - places, moved, atol=1e-9)
     monkeypatch.setenv(runtime.JITTER_VARIABLE, "-1")
-    with pytest.raises(FitError, match="HANGTIME_JITTER is '-1', not a whole number"):
+    with pytest.raises(FitError, match="HANGTIME_JITTER: '-1' is no whole number"):
         runtime.jittered(places)
 
 

@@ -171,7 +171,7 @@ def test_a_configuration_replaces_the_copy_only_once_the_recorder_is_ready_with_
     assert load_or_last_good(file).config == first.config
     keep(second, file)
     assert load_or_last_good(file).config == second.config
-    assert last_good(file, DescriptionError("why")).refused.what == "why"
+    assert last_good(file, DescriptionError("why", where=file, advice="mend it")).refused.what == "why"
 
 
 def pre_roll_in_force(file):

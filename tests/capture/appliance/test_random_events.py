@@ -189,7 +189,7 @@ class RandomEvents(RuleBasedStateMachine):
     @rule()
     def sensor_fails(self):
         self.keeper.is_open, self.keeper.frames = False, []
-        self.keeper.error = SensorStalledError("no frame for 5 s", advice="replug it")
+        self.keeper.error = SensorStalledError("no frame for 5 s", where="sensor", advice="replug it")
         self.step(2)
 
     @rule(seconds=st.sampled_from([0.5, 1.5, 7.0]))

@@ -204,7 +204,7 @@ def test_frames_before_the_hanger_is_hung_up_do_not_count_as_still():
 
 def test_an_accelerometer_that_does_not_answer_stops_only_who_asked_for_it(tmp_path, monkeypatch):
     def silent():
-        raise UsbTimeoutError("no answer", where="Kinect")
+        raise UsbTimeoutError("no answer", where="Kinect", advice="replug it")
 
     sensor = StageSensor([pictures(hanger_plates(), np.random.default_rng(9))] * 15)
     live = dataclasses.replace(sensor.info, is_live=True)

@@ -270,7 +270,9 @@ def test_a_recording_of_a_bad_view_says_why_there_is_no_take(good, tmp_path):
 
 
 def test_a_sensor_that_fails_after_twelve_frames_leaves_a_finished_take(good, tmp_path):
-    report, take = recorded(tmp_path, good * 6, {12: SensorStalledError("no frame for 5 s")})
+    report, take = recorded(
+        tmp_path, good * 6, {12: SensorStalledError("no frame for 5 s", where="sensor", advice="replug it")}
+    )
     assert take.is_complete
     assert len(take.time) == 12
     assert str(report.failure) == "no frame for 5 s"
@@ -278,7 +280,7 @@ def test_a_sensor_that_fails_after_twelve_frames_leaves_a_finished_take(good, tm
 
 def test_a_sensor_that_fails_at_once_is_what_is_reported(good, tmp_path):
     with pytest.raises(SensorStalledError):
-        recorded(tmp_path, good, {2: SensorStalledError("no frame for 5 s")})
+        recorded(tmp_path, good, {2: SensorStalledError("no frame for 5 s", where="sensor", advice="replug it")})
     assert list(tmp_path.iterdir()) == []
 
 

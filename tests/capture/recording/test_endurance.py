@@ -106,7 +106,7 @@ def test_a_frame_without_colour_that_waits_comes_out_without_colour():
 
 
 def test_a_failing_sensor_fails_after_its_last_frame():
-    with QueuedSensor(Gated(2, SensorStalledError("no frame for 5 s"))) as sensor:
+    with QueuedSensor(Gated(2, SensorStalledError("no frame for 5 s", where="sensor", advice="replug it"))) as sensor:
         assert [sensor.read().index, sensor.read().index] == [0, 1]
         with pytest.raises(SensorStalledError):
             sensor.read()

@@ -253,7 +253,7 @@ def test_without_the_right_to_read_nothing_is_called_safe_on_a_store_without_com
         pytest.skip("the ETag is made up here")
 
     def forbidden(*_):
-        raise ReadRefusedError("the server does not let this device read", kind="person", advice="")
+        raise ReadRefusedError("the server does not let this device read", where="a", kind="person", advice="b")
 
     monkeypatch.setattr("capture.sync.server.BucketServer.size", forbidden)
     monkeypatch.setattr("capture.sync.server.BucketServer.fetch", forbidden)

@@ -20,6 +20,8 @@ from tests.firmware_host.usb_stage.models import (
     string_descriptor,
 )
 
+PARTS = {"where": "model", "advice": "replug it"}
+
 
 class ModelLink:
     """A `UsbLink` straight to a model."""
@@ -40,11 +42,11 @@ class ModelLink:
         try:
             return bytes(self.model.control(kind, request, value & 0xFFFF, data, length))
         except StallError:
-            raise UsbStallError("stall") from None
+            raise UsbStallError("stall", **PARTS) from None
         except SilenceError:
-            raise UsbTimeoutError("silence") from None
+            raise UsbTimeoutError("silence", **PARTS) from None
         except GoneError:
-            raise UsbUnpluggedError("gone") from None
+            raise UsbUnpluggedError("gone", **PARTS) from None
 
 
 class FakeClock:

@@ -170,7 +170,7 @@ def test_a_clamp_beside_the_cloth_is_refused():
     garment = sheet()
     recording = prepare(take_of(garment, np.arange(30) / 30, np.zeros((30, 3))))
     beside = Clamp(lambda places: places[:, 1] > 1.0, lambda instants: np.zeros((len(instants), 9)))
-    with pytest.raises(FitError, match="clamp 1 of 1 holds no node"):
+    with pytest.raises(FitError, match="clamp 1 of 1: it holds no node"):
         Simulator(recording, support=clamps(beside, start=np.eye(3).ravel()))
 
 

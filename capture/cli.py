@@ -69,7 +69,7 @@ def print_command(
         numbers = [int(part) for part in (ids or "0,1").split(",")]
     except ValueError:
         raise UntrackableError(
-            f"{ids!r} is no list of numbers", where="--ids", advice="for example --ids 0,1"
+            f"{ids!r} is no list of numbers", where="--ids", advice="give them as in --ids 0,1"
         ) from None
     if rig is not None:
         hanger = load_rig(rig, anyway=anyway).hanger
@@ -167,7 +167,7 @@ def two_numbers(text: str, option: str) -> tuple[int, int]:
     try:
         first, second = (int(part) for part in text.split(","))
     except ValueError:
-        raise UntrackableError(f"{text!r} is no pair of numbers", where=option, advice="for example 4,5") from None
+        raise UntrackableError(f"{text!r} is no pair of numbers", where=option, advice="give two, as in 4,5") from None
     return first, second
 
 

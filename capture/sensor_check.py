@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import cv2
-import numpy as np
-from numpy.typing import NDArray
-
 from capture.hanger.colour_dots import DotTracker
-from capture.hanger.marker_detection import marker_dictionary
+from capture.hanger.marker_detection import ids_in
 from firmware_host.doctor.checks import Check, Examination, Finding, ok, problem, skipped
 from formats.rig import Rig
 
 USUAL_DICTIONARY = "DICT_4X4_50"  # of the rig that `hangtime sensor synthesise` writes
 USUAL_IDS = (0, 1)
 LEAST_SEEN = 0.5  # of the frames looked at; tracking searches finer and bridges gaps, a hidden marker is hidden longer
-ENLARGEMENT = 2  # markers of 6 cm at 2 m are 17 px at 640 px; twice that is found more surely
 
 
 def markers_visible(examination: Examination) -> Finding:
@@ -31,8 +26,7 @@ def markers_visible(examination: Examination) -> Finding:
     pictures = [frame.colour for frame in frames if frame.colour is not None]
     if not pictures:
         return skipped("there is no colour picture to look at")
-    detector = cv2.aruco.ArucoDetector(marker_dictionary(dictionary))
-    seen = [_ids_in(picture, detector) for picture in pictures]
+    seen = [ids_in(picture, dictionary) for picture in pictures]
     shares = {number: sum(number in found for found in seen) / len(seen) for number in ids}
     text = f"{dictionary} " + ", ".join(
         f"marker {number} in {100 * share:.0f} %" for number, share in shares.items()
@@ -64,13 +58,6 @@ def _dots_visible(examination: Examination, rig: Rig) -> Finding:
         return ok(text)
     advice = "hang it 1.2 to 2.5 m before the sensor in even light; name dot_colours in the rig, or record with --pick"
     return problem(text, advice)
-
-
-def _ids_in(picture: NDArray[np.uint8], detector: cv2.aruco.ArucoDetector) -> set[int]:
-    grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
-    larger = cv2.resize(grey, None, fx=ENLARGEMENT, fy=ENLARGEMENT, interpolation=cv2.INTER_CUBIC)
-    _, ids, _ = detector.detectMarkers(larger)
-    return set() if ids is None else {int(number) for number in np.ravel(ids)}
 
 
 CHECK = Check(name="markers", look=markers_visible, needs=("streams",), is_for_recordings=True)

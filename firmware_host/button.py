@@ -203,8 +203,8 @@ def _named(name: str) -> Path:
         with contextlib.suppress(OSError):
             there[file.read_text().strip()] = DEVICES / file.parts[-3]
     if name not in there:
-        known = ", ".join(sorted(there)) or "none"
-        raise ButtonError(f"there is no input device {name!r}", where=DEVICES, advice=f"there are: {known}")
+        known = f"choose one of {', '.join(sorted(there))}" if there else "this machine shows none; check its overlay"
+        raise ButtonError(f"there is no input device {name!r}", where=DEVICES, advice=known)
     return there[name]
 
 

@@ -38,7 +38,7 @@ class StatusLamp:
             there = sorted(path.name for path in leds.iterdir()) if leds.is_dir() else []
             raise LampError(
                 f"there is no LED {name!r}", where=leds,
-                advice=f"choose of {', '.join(there)}" if there else "this machine shows none; leave the lamp out",
+                advice=f"choose one of {', '.join(there)}" if there else "this machine shows none; leave the lamp out",
             )  # fmt: skip
         self._brightest = self._read("max_brightness") or "1"
         triggers = self._read("trigger")

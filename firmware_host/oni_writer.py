@@ -163,7 +163,9 @@ class OniWriter:
 
     def _write_error(self, error: OSError) -> RecordingError:
         return RecordingError(
-            f"writing the recording failed ({error.strerror})", where=self.path, advice="make room on the disk"
+            f"writing the recording failed ({error.strerror})",
+            where=self.path,
+            advice="make room on the disk, or write to another one",
         )
 
     def _begin(self) -> None:

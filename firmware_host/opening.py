@@ -7,10 +7,7 @@ from pathlib import Path
 from firmware_host.depth_sensor import DepthSensor
 from firmware_host.errors import SensorUnavailableError
 
-FORMS = (
-    "a path to an .oni file, openni2: (the connected device), synthetic:MOTION?effect=NAME&seconds=8&seed=1, "
-    "or live:FILE.oni (a recording played as a live sensor, again and again)"
-)
+ADVICE = "give FILE.oni, openni2:, synthetic:MOTION or live:FILE.oni"
 PLAYED = "live:"
 CORD = "?cord="  # after a recording that is played live: a file that may say "silent" or "unplugged"
 
@@ -23,7 +20,10 @@ def names_live_sensor(uri: str) -> bool:
 
 
 def open_sensor(uri: str, *, anyway: bool = False) -> DepthSensor:
-    """Open a sensor by its name: see `FORMS`; anyway: accept a recording's stamps at any rate.
+    """Open a sensor by its address; anyway: accept a recording's stamps at any rate.
+
+    An address is a path to an .oni file, openni2: for the connected device, synthetic:MOTION?effect=NAME&seconds=8, or
+    live:FILE.oni, which plays a recording as a live sensor, again and again.
 
     Raises:
         SensorUnavailableError: no such sensor; RecordingError: no such recording.
@@ -43,7 +43,7 @@ def open_sensor(uri: str, *, anyway: bool = False) -> DepthSensor:
     if names_live_sensor(uri):
         return OpenNI2Sensor()
     if "://" in uri:
-        raise SensorUnavailableError("no sensor has such an address", where=uri, advice=f"give {FORMS}")
+        raise SensorUnavailableError("no sensor has such an address", where=uri, advice=ADVICE)
     from firmware_host.recorded_sensor import RecordedSensor
 
     return RecordedSensor(Path(uri), anyway=anyway)

@@ -72,9 +72,7 @@ class OpenNI2Sensor(DepthSensor):
             return self._openni2.Device(self._uri.encode())
         except (self._openni2.OpenNIError, AssertionError) as error:
             if self._path is not None:
-                raise RecordingError(
-                    "OpenNI2 cannot open it", where=self._path, advice="is it a whole .oni file?"
-                ) from error
+                raise RecordingError("OpenNI2 cannot open it", where=self._path, advice=COPY_AGAIN) from error
             raise SensorUnavailableError(
                 f"the sensor does not open ({openni2_library.reason(error)})", where=self._uri, advice=REPLUG
             ) from error
@@ -331,7 +329,7 @@ def _first_device() -> str:
         raise SensorUnavailableError(
             "no depth sensor is connected",
             where="OpenNI2",
-            advice="plug it in; where it is, `hangtime sensor doctor` says what keeps it",
+            advice="plug it in; if it is plugged in, see `hangtime sensor doctor`",
         )
     return uris[0]
 

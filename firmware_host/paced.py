@@ -92,7 +92,9 @@ class PacedSensor(DepthSensor):
                 self._inner = self._reopen()
                 frame = self._inner.read()
         if frame is None:
-            raise SensorUnavailableError("the recording holds no frame", where=self._uri, advice="give another one")
+            raise SensorUnavailableError(
+                "the recording holds no frame", where=self._uri, advice="give another recording"
+            )
         return frame
 
     def _said(self) -> str:

@@ -140,7 +140,9 @@ def load(path: Path) -> InForce:
     try:
         config = converted(plain, path.absolute().parent)
     except msgspec.ValidationError as error:
-        raise DescriptionError(str(error), where=path, advice="see docs/reference/appliance.md") from error
+        raise DescriptionError(
+            str(error), where=path, advice="mend that setting; docs/reference/appliance.md explains each"
+        ) from error
     _check_spool(config.spool.folder, path)
     return InForce(config, load_rig(config.sensor.rig), load_garment(config.sensor.garment))
 

@@ -174,7 +174,7 @@ def listen(path: Path, do: str) -> Iterator[dict[str, Any]]:
             if not line:
                 if count == 0 or do == "watch":
                     raise ControlError(
-                        "the daemon hung up", where=path, advice="see `systemctl status hangtime-capture`"
+                        "the daemon hung up", where=path, advice=SEE_UNIT
                     )
                 return
             count += 1

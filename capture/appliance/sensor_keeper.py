@@ -11,6 +11,7 @@ import queue
 import threading
 from collections.abc import Callable
 
+from capture.recording.condition import Condition
 from capture.recording.frame_queue import QueuedSensor
 from capture.recording.precedence import Precedence
 from firmware_host.depth_sensor import DepthSensor, SensorFrame, SensorInfo
@@ -137,7 +138,7 @@ class SensorKeeper:
                 sensor.close()
                 raise SensorUnavailableError(
                     f"the sensor gives {info.width} x {info.height} pixels, the rig says "
-                    f"{camera.width} x {camera.height}", where=self._rig.name, advice="set the rig's [sensor] to it",
+                    f"{camera.width} x {camera.height}", where=self._rig.name, advice=Condition.WRONG_SIZE.value.advice,
                 )  # fmt: skip
             self._opened, self._failed = sensor, None
         except HangtimeError as error:

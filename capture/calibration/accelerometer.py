@@ -31,7 +31,9 @@ def gravity_of_readings(readings: Sequence[MotorState]) -> Estimate:
     """
     if not all(reading.is_still for reading in readings):
         raise CalibrationError(
-            "the sensor was moved while its accelerometer was read", where="accelerometer", advice="leave it alone"
+            "the sensor was moved while its accelerometer was read",
+            where="accelerometer",
+            advice="let it stand still and calibrate again",
         )
     directions = np.array([reading.gravity() for reading in readings])
     mean = directions.mean(0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,8 +38,13 @@ class StillFrames:
         return float(np.isfinite(self.corners[:, row, 0, 0]).mean()) >= 0.5
 
 
-def watch(sensor: DepthSensor, detector: MarkerDetector, seconds: float) -> StillFrames:
+def watch(
+    sensor: DepthSensor, detector: MarkerDetector, seconds: float,
+    otherwise: Callable[[NDArray[np.uint8] | None], str] = lambda colour: "",
+) -> StillFrames:  # fmt: skip
     """Return the end of the longest still part of the next seconds [s] of a sensor.
+
+    otherwise: says of a picture without any marker how the markers are seen in it after all, and what to do
 
     Raises:
         CalibrationError: no marker was seen, or everything moved all the time.
@@ -47,6 +53,7 @@ def watch(sensor: DepthSensor, detector: MarkerDetector, seconds: float) -> Stil
     recent: deque[tuple[Floats, NDArray[np.uint16]]] = deque(maxlen=MOST_KEPT)
     best: list[tuple[Floats, NDArray[np.uint16]]] = []
     first: float | None = None
+    colour: NDArray[np.uint8] | None = None
     seen = longest = 0
     most = MOST_FRAMES * seconds * sensor.info.fps
     for number, frame in enumerate(sensor.frames()):
@@ -55,7 +62,7 @@ def watch(sensor: DepthSensor, detector: MarkerDetector, seconds: float) -> Stil
             break
         if frame.colour is None or frame.depth.shape != frame.colour.shape[:2]:
             continue
-        seen += 1
+        seen, colour = seen + 1, frame.colour
         found = detector.in_picture(frame.colour)
         if np.isnan(found[:, 0, 0]).all():
             continue  # without any marker a frame says nothing, and would pass for a still one
@@ -69,7 +76,8 @@ def watch(sensor: DepthSensor, detector: MarkerDetector, seconds: float) -> Stil
     if not recent:
         raise CalibrationError(
             f"none of the markers {', '.join(map(str, detector.ids))} was seen in {seen} frames", where=where,
-            advice="hang the hanger 1.2 to 2.5 m before the sensor, markers towards it, in even light",
+            advice=otherwise(colour)
+            or "hang the hanger 1.2 to 2.5 m before the sensor, markers towards it, in even light",
         )  # fmt: skip
     if longest < FEWEST_STILL_FRAMES:
         raise CalibrationError(

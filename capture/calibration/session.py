@@ -31,6 +31,7 @@ from capture.calibration.measures import (
 from capture.errors import CalibrationError, UntrackableError
 from capture.hanger.marker_detection import MarkerDetector, diagonal_crossing
 from capture.hanger.marker_plates import PlatePlacer
+from capture.hanger.seen_otherwise import seen_otherwise
 from firmware_host.depth_sensor import DepthSensor
 from formats.descriptions import DEPTH_SCALES
 from formats.rig import Calibration, Hanger, Rig, Sensor, Vector
@@ -85,9 +86,10 @@ def calibrate(
     if len(set(ids)) != len(ids):
         raise UntrackableError(
             f"a marker id is used twice among {', '.join(map(str, ids))}", where="--plumb-ids, --clip-ids",
-            advice="hanger, plumb line and clips need six different markers",
+            advice="give six different ones: two each to hanger, plumb line and clips",
         )  # fmt: skip
-    still = watch(sensor, MarkerDetector(hanger.dictionary, ids), seconds)
+    detector = MarkerDetector(hanger.dictionary, ids)
+    still = watch(sensor, detector, seconds, lambda colour: seen_otherwise(colour, hanger))
     before = rig.calibration or Calibration()
     offset = _offset(still, PlatePlacer(camera, hanger.marker_size_m))
     shift = before.depth_offset_px

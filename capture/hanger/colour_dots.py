@@ -122,7 +122,9 @@ class DotTracker:
         x, y = (int(part) for part in np.rint(place))
         where = f"--pick {x},{y}"
         if not (2 <= x < width - 2 and 2 <= y < height - 2):
-            raise UntrackableError("lies outside the picture", where=where, advice=f"it has {width} x {height} pixels")
+            raise UntrackableError(
+                "lies outside the picture", where=where, advice=f"pick within its {width} x {height} pixels"
+            )
         near = depth[y - 2 : y + 3, x - 2 : x + 3]
         if not near.any():
             raise UntrackableError("there is no depth", where=where, advice="pick the middle of a dot")

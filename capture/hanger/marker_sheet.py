@@ -49,10 +49,12 @@ def draw_sheet(dictionary: str, ids: list[int], size_m: float) -> str:
             )
     if len(set(ids)) != len(ids):
         raise UntrackableError(
-            "the same id is asked for twice", where="--ids", advice="two markers of one hanger need two ids"
+            "the same id is asked for twice", where="--ids", advice="give two different ids, one for each marker"
         )
     if not (math.isfinite(size_m) and size_m > 0):
-        raise UntrackableError(f"{size_m:g} m is no size of a marker", where="--size", advice="for example --size 0.06")
+        raise UntrackableError(
+            f"{size_m:g} m is no size of a marker", where="--size", advice="give metres, as in --size 0.06"
+        )
     side = 1e3 * size_m
     bits = known.markerSize + 2
     placed = _place(ids, side, side / bits)

@@ -1,4 +1,4 @@
-"""Look for a hanger's fiducial markers where they were never seen: mirrored, white on black, or of another dictionary.
+"""Look for a hanger's fiducial markers that were never seen: mirrored, inverted, of other ids, of another dictionary.
 
 A mirrored marker is none of its dictionary, so a mirrored picture shows no marker at all.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.hanger.marker_detection import MarkerDetector
+from capture.hanger.marker_detection import MarkerDetector, ids_in
 from formats.rig import Hanger
 
 OTHERS = (
@@ -28,6 +28,8 @@ def seen_otherwise(colour: NDArray[np.uint8] | None, hanger: Hanger) -> str:
         return "both are seen in the picture's mirror image: switch the sensor's mirror off"
     if _finds(255 - colour, hanger, hanger.dictionary):
         return "both are seen white on black: print them black on white"
+    if len(others := sorted(ids_in(colour, hanger.dictionary) - set(hanger.ids))) >= len(hanger.ids):
+        return f"markers {', '.join(map(str, others[:-1]))} and {others[-1]} are seen: set the rig's hanger.ids"
     for name in OTHERS:
         if name != hanger.dictionary and _finds(colour, hanger, name):
             return f"markers {hanger.ids[0]} and {hanger.ids[1]} of {name} are seen: set the rig's hanger.dictionary"

@@ -37,7 +37,11 @@ class Saying:
 class Condition(Enum):
     """The conditions, the most basic first."""
 
-    WRONG_SIZE = Saying("pictures of another size than the rig's", "set the rig's [sensor] to this sensor", Lamp.FAST)
+    WRONG_SIZE = Saying(
+        "pictures of another size than the rig's",
+        "set the rig's [sensor] to what `hangtime sensor play` says",
+        Lamp.FAST,
+    )
     CLOCK = Saying("the sensor's clock runs backwards or leaps", "unplug and replug the sensor", Lamp.FAST)
     NO_DEPTH = Saying("no depth", "uncover the sensor, keep the sun out, replug it", Lamp.FAST)
     NO_COLOUR = Saying("no colour picture", "replug the sensor; without colour no marker is found", Lamp.FAST)

@@ -234,9 +234,9 @@ def _no_markers(
     if kept:
         advice = f"record it again: {advice}"
     if worst in (Condition.NO_MARKERS, Condition.ONE_MARKER, Condition.MISFIT) and rig.hanger is not None:
-        advice += f" (the rig says {_markers_of(rig.hanger)})"
-        if worst is Condition.NO_MARKERS and (how := seen_otherwise(picture, rig.hanger)):
-            advice += f"; {how}"
+        stated = f"the rig says {_markers_of(rig.hanger)}"
+        how = seen_otherwise(picture, rig.hanger) if worst is Condition.NO_MARKERS else ""
+        advice = f"{stated}; {how}" if how else f"{advice} ({stated})"
     elif worst is not Condition.GOOD:
         what += f", mostly because: {worst.value.words}"
     return NoMarkersError(what, where=where, advice=advice)
@@ -274,5 +274,5 @@ def _check_rig(sensor: DepthSensor, rig: Rig) -> None:
             f"the sensor gives {info.width} x {info.height} pixels, the rig says "
             f"{rig.sensor.width} x {rig.sensor.height}",
             where=rig.name,
-            advice="set the rig's [sensor] to this sensor",
+            advice=Condition.WRONG_SIZE.value.advice,
         )

@@ -72,10 +72,12 @@ def _of_file(file: Path) -> Credentials:
     except SyncError:
         # The parser's own words may quote the line, and with it a key.
         raise SyncError(
-            "the credentials are not valid TOML", where=file, advice='one key a line: secret_access_key = "..."'
+            "the credentials are not valid TOML", where=file, advice='write one key a line: secret_access_key = "..."'
         ) from None
     if not all(isinstance(value, str) for value in found.values()):
-        raise SyncError("a credential is not a text", where=file, advice='one key a line: secret_access_key = "..."')
+        raise SyncError(
+            "a credential is not a text", where=file, advice='write one key a line: secret_access_key = "..."'
+        )
     return Credentials(found)
 
 

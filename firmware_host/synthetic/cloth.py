@@ -100,7 +100,7 @@ def _check_effects(garment: Garment, effects: dict[str, float]) -> None:
             raise SensorAddressError(
                 f"the synthetic cloth has no effect {name!r}",
                 where="--effect",
-                advice=f"choose of {', '.join(highest)}",
+                advice=f"choose one of {', '.join(highest)}",
             )
         if not (np.isfinite(amplitude) and 0.0 <= amplitude <= highest[name]):
             limits = "a finite number of at least 0" if name == "air_drag" else f"0 to {highest[name]:.3g} kg/m"

@@ -61,7 +61,9 @@ def hanger_pose(motion: str, time: Floats, seed: int, seconds: float) -> HangerP
     """
     if motion not in HANGER_MOTIONS:
         raise SensorAddressError(
-            f"there is no motion {motion!r}", where="--motion", advice=f"choose of {', '.join(sorted(HANGER_MOTIONS))}"
+            f"there is no motion {motion!r}",
+            where="--motion",
+            advice=f"choose one of {', '.join(sorted(HANGER_MOTIONS))}",
         )
     stop = STOP_SHARE * seconds
     moving = stop - START

@@ -36,7 +36,7 @@ def make_recording(
         raise SensorAddressError(
             f"the synthetic world has no garment {garment!r}",
             where="--garment",
-            advice=f"choose of {', '.join(GARMENTS)}",
+            advice=f"choose one of {', '.join(GARMENTS)}",
         )
     worn = GARMENTS[garment]()
     recording, truth, rig, description = paths = [

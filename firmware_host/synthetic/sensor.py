@@ -36,7 +36,7 @@ class SyntheticSensor(DepthSensor):
         if unknown:
             raise SensorAddressError(
                 f"unknown option {sorted(unknown)[0]!r}", where=uri,
-                advice="choose of effect, amplitude, seconds, seed, fabric",
+                advice="choose one of effect, amplitude, seconds, seed, fabric",
             )  # fmt: skip
         told = {name: _number(text, name, uri) for name, text in options.items() if name in NUMBERS}
         effect, fabric = options.get("effect", "none"), options.get("fabric", "plain")

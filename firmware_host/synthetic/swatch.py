@@ -90,7 +90,7 @@ def make_swatch_take(
     """
     if fabric not in TRUE_FABRICS:
         raise SensorAddressError(
-            f"there is no fabric {fabric!r}", where="--fabric", advice=f"choose of {', '.join(TRUE_FABRICS)}"
+            f"there is no fabric {fabric!r}", where="--fabric", advice=f"choose one of {', '.join(TRUE_FABRICS)}"
         )
     if not np.isfinite(air_drag):
         raise SensorAddressError(
@@ -133,7 +133,7 @@ def swung_markers(
     """
     if motion not in SWATCH_MOTIONS:
         raise SensorAddressError(
-            f"there is no motion {motion!r}", where="--motion", advice=f"choose of {', '.join(SWATCH_MOTIONS)}"
+            f"there is no motion {motion!r}", where="--motion", advice=f"choose one of {', '.join(SWATCH_MOTIONS)}"
         )
     half = 0.5 * HELD_APART * SWATCH_SIDE
 

@@ -145,11 +145,13 @@ def make_world(
     """
     if fabric not in FABRICS:
         raise SensorAddressError(
-            f"there is no fabric {fabric!r}", where="--fabric", advice=f"choose of {', '.join(FABRICS)}"
+            f"there is no fabric {fabric!r}", where="--fabric", advice=f"choose one of {', '.join(FABRICS)}"
         )
     if effect not in TYPICAL:
         raise SensorAddressError(
-            f"the synthetic world has no effect {effect!r}", where="--effect", advice=f"choose of {', '.join(TYPICAL)}"
+            f"the synthetic world has no effect {effect!r}",
+            where="--effect",
+            advice=f"choose one of {', '.join(TYPICAL)}",
         )
     size = TYPICAL[effect] if amplitude is None else amplitude
     if not (np.isfinite(seconds) and seconds >= SHORTEST_RECORDING):

@@ -102,7 +102,7 @@ def led(
     known = list(colours) if is_kinect else ["on", "off"]
     if colour not in known:
         raise SensorAddressError(
-            f"its lamp has no state {colour!r}", where=chosen.where, advice=f"choose of {', '.join(known)}"
+            f"its lamp has no state {colour!r}", where=chosen.where, advice=f"choose one of {', '.join(known)}"
         )
     with closing(chosen.open_link()) as link:
         if is_kinect:

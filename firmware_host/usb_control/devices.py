@@ -132,7 +132,8 @@ def choose(
         SensorAddressError: `place` is no place.
     """
     if place is not None:
-        devices = [device for device in devices if (device.bus, device.address) == parse_place(place)]
+        wanted = parse_place(place)
+        devices = [device for device in devices if (device.bus, device.address) == wanted]
         if not devices:
             raise SensorUnavailableError(
                 f"no depth sensor at USB {place}", where="--device", advice="`hangtime sensor list` names the places"

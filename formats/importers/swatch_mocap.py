@@ -68,7 +68,7 @@ def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | No
     options = options or MarkerOptions()
     up = options.up
     if up not in DOWN:
-        raise TakeError(f"there is no axis {up!r}", where="--up", advice=f"choose of {', '.join(DOWN)}")
+        raise TakeError(f"there is no axis {up!r}", where="--up", advice=f"choose one of {', '.join(DOWN)}")
     tracks = read_marker_tracks(path, options.unit)
     time, positions = _of_garment(tracks, garment, path, options)
     left, right = _held_markers(garment, path)

@@ -104,7 +104,7 @@ def test_a_led_that_was_lit_is_lit_again(leds):
 
 @pytest.mark.parametrize("name", ["", "..", "other", "status/../status"])
 def test_a_led_that_is_not_there_is_an_error_that_names_those_that_are(leds, name):
-    with pytest.raises(LampError, match=r"there is no LED .*choose of status"):
+    with pytest.raises(LampError, match=r"there is no LED .*choose one of status"):
         StatusLamp(name, leds)
 
 

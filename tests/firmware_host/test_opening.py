@@ -32,7 +32,7 @@ def test_a_picture_is_not_a_recording(tmp_path: Path) -> None:
     "synthetic:swing?fabric=tweed",
 ])  # fmt: skip
 def test_a_synthetic_sensor_that_does_not_exist_lists_what_does(name: str) -> None:
-    with pytest.raises(SensorAddressError, match="choose of"):
+    with pytest.raises(SensorAddressError, match="choose one of"):
         open_sensor(name)
 
 

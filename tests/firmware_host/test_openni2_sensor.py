@@ -80,7 +80,7 @@ def test_a_finished_recording_cut_by_a_broken_copy_is_refused(tmp_path: Path) ->
     path = write_recording(tmp_path / "a.oni", 6)
     last = [r for r in read_records(path) if r.type == RecordType.NEW_DATA][-2]
     path.write_bytes(path.read_bytes()[: last.payload_position + 10])
-    with pytest.raises(RecordingError, match="OpenNI2 cannot open it; is it a whole"):
+    with pytest.raises(RecordingError, match="OpenNI2 cannot open it; copy the recording again"):
         OpenNI2Sensor(path)
 
 

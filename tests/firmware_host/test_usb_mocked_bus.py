@@ -178,10 +178,14 @@ def test_what_a_device_does_on_the_wire_becomes_the_answer_or_the_error_for_it(s
         ("camera", "info", "Kinect v1 camera at USB 1:4: Hangtime cannot ask it for what it knows"),
         pytest.param("motor", "log", "Kinect v1 motor at USB 1:4: Hangtime cannot ask it for a log", marks=IN_PROCESS),
         pytest.param("motor", "reset", "Hangtime cannot ask it for a reset", marks=IN_PROCESS),
-        ("motor", "led purple", "no state 'purple'; choose of off, green, red, yellow, blink-green, blink-red-yellow"),
+        (
+            "motor",
+            "led purple",
+            "no state 'purple'; choose one of off, green, red, yellow, blink-green, blink-red-yellow",
+        ),
         pytest.param("ps1080:old", "led on", "firmware 5.3.29 has no such request", marks=IN_PROCESS),
         pytest.param("ps1080", "info --device 1:9", "no depth sensor at USB 1:9", marks=IN_PROCESS),
-        ("ps1080", "info --device four", "'four' is no place on the USB bus; give BUS:ADDRESS"),
+        ("", "info --device four", "--device: 'four' is no place on the USB bus; give BUS:ADDRESS"),
         ("", "info", "hangtime: USB bus: no depth sensor is connected; plug it in"),
     ],
 )

@@ -70,7 +70,7 @@ def desk(tmp_path):
             "import m.csv --garment swatch.toml --hanger m.csv",
             "--hanger: motion capture holds its hanger: the markers on the two top corners; leave out --hanger",
         ),
-        ("import m.csv --garment swatch.toml --up w", "--up: there is no axis 'w'; choose of x, y, z, -x, -y, -z"),
+        ("import m.csv --garment swatch.toml --up w", "--up: there is no axis 'w'; choose one of x, y, z, -x, -y, -z"),
         (
             "import unseen.csv --garment swatch.toml",
             "unseen.csv: no marker was ever seen; export the trajectories, not only their names",

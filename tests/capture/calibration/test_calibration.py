@@ -174,6 +174,9 @@ def test_a_scene_that_moves_or_has_no_markers_is_refused():
         calibrated(swung)
     with pytest.raises(CalibrationError, match="none of the markers 0, 1, 4, 5, 2, 3 was seen in 2 frames"):
         calibrated([pictures([], rng) for _ in range(2)])
+    other = msgspec.structs.replace(RIG, hanger=msgspec.structs.replace(RIG.hanger, ids=(7, 8)))
+    with pytest.raises(CalibrationError, match="was seen in 15 frames; markers 0 and 1 are seen: set the rig's hanger"):
+        calibrated(swung, other)
 
 
 def test_ids_that_are_used_twice_and_a_short_plumb_line_are_refused():

@@ -253,11 +253,16 @@ def test_markers_that_are_never_seen_are_looked_for_in_other_ways(good, tmp_path
     assert str(caught.value).endswith(hint)
 
 
-def test_markers_of_another_dictionary_are_named(good, tmp_path):
-    rig = msgspec.structs.replace(RIG, hanger=msgspec.structs.replace(HANGER, dictionary="DICT_6X6_50"))
-    with pytest.raises(
-        NoMarkersError, match=r"markers 0 and 1 of DICT_4X4_50 are seen: set the rig's hanger\.dictionary$"
-    ):
+@pytest.mark.parametrize(
+    ("wrong", "hint"),
+    [
+        ({"dictionary": "DICT_6X6_50"}, "markers 0 and 1 of DICT_4X4_50 are seen: set the rig's hanger.dictionary"),
+        ({"ids": (7, 8)}, "markers 0 and 1 are seen: set the rig's hanger.ids"),
+    ],
+)
+def test_markers_that_the_rig_does_not_describe_are_named(good, tmp_path, wrong, hint):
+    rig = msgspec.structs.replace(RIG, hanger=msgspec.structs.replace(HANGER, **wrong))
+    with pytest.raises(NoMarkersError, match=f"mm apart; {hint}$"):
         record(StageSensor(good * 2), rig, GARMENT, tmp_path / "t.mcap", take_id="t", created="now")
 
 
@@ -275,7 +280,7 @@ def test_a_sensor_that_fails_after_twelve_frames_leaves_a_finished_take(good, tm
     )
     assert take.is_complete
     assert len(take.time) == 12
-    assert str(report.failure) == "no frame for 5 s"
+    assert report.failure.what == "no frame for 5 s"
 
 
 def test_a_sensor_that_fails_at_once_is_what_is_reported(good, tmp_path):

@@ -144,7 +144,7 @@ def test_a_lamp_that_is_not_there_is_refused_before_the_recording_begins(tmp_pat
     make_lamp(tmp_path)
     monkeypatch.setattr(StatusLamp.__init__, "__defaults__", (tmp_path / "leds",))
     done = CliRunner().invoke(app, ["record", *words(tmp_path), "--lamp=gone"])
-    assert str(done.exception) == f"{tmp_path / 'leds'}: there is no LED 'gone'; choose of status"
+    assert str(done.exception) == f"{tmp_path / 'leds'}: there is no LED 'gone'; choose one of status"
     assert not list(tmp_path.glob("a.mcap*"))
 
 
@@ -171,7 +171,8 @@ def test_a_recording_of_another_size_than_the_rigs_is_refused_and_leaves_nothing
     done = CliRunner().invoke(app, ["record", *words(tmp_path)])
     assert done.exit_code != 0
     assert str(done.exception) == (
-        "bench: the sensor gives 320 x 240 pixels, the rig says 640 x 480; set the rig's [sensor] to this sensor"
+        "bench: the sensor gives 320 x 240 pixels, the rig says 640 x 480; "
+        "set the rig's [sensor] to what `hangtime sensor play` says"
     )
     assert not list(tmp_path.glob("a.mcap*"))
 

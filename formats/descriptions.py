@@ -97,21 +97,22 @@ def _load(path: Path, kind: type[Description]) -> Description:
         return msgspec.convert(plain, kind)
     except msgspec.ValidationError as error:
         raise DescriptionError(
-            _named(str(error), plain, kind), where=path, advice="see docs/reference/file-formats.md"
+            wrong_field(error, (kind, *PARTS[kind])), where=path, advice="see docs/reference/file-formats.md"
         ) from error
 
 
 PARTS: dict[Any, tuple[Any, ...]] = {Garment: (TrackedPoint,), Rig: (RigBody, Hanger, Sensor, Calibration)}
 
 
-def _named(message: str, plain: dict[str, Any], kind: type[Garment] | type[Rig]) -> str:
-    """Put the field before msgspec's message, and name the closest known field for an unknown one."""
+def wrong_field(error: msgspec.ValidationError, parts: tuple[Any, ...]) -> str:
+    """Put the field before msgspec's message, and name the closest known field of these parts for an unknown one."""
+    message = str(error)
     unknown = re.search(r"unknown field `(.+?)`", message)
     place = re.search(r" - at `\$\.?(.*?)`", message)
     field = place.group(1) if place else ""
-    words = re.sub(r" - at `.*?`", "", message)
+    words = re.sub(r" - at `.*?`", "", message).removeprefix("Object ")
     if unknown:
-        known = [f.name for part in (kind, *PARTS[kind]) for f in msgspec.structs.fields(part)]
+        known = [f.name for part in parts for f in msgspec.structs.fields(part)]
         import difflib  # here: no right file needs it
 
         close = difflib.get_close_matches(unknown.group(1), known, 1)

@@ -1,7 +1,7 @@
 """Every error that a test meets says what, where and what to do next; else the test fails.
 
-A test asks for an error's gist, and would not miss a place or an advice that is gone. So this rule holds for all tests
-of a room whose `conftest.py` imports the fixture, whether a command said the error or a reader raised it.
+A test asks for an error's gist, and would not miss a place or an advice that is gone. So this rule holds for all
+tests, through `tests/conftest.py`, whether a command said the error or a reader raised it.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from formats.errors import HangtimeError
 
 # Sentences that name their own place: the word that was given, or what was asked for as a whole.
 OWN_PLACE = re.compile(
-    "there is no .+ named |no take moves |no take was given|every take is held out|the takes are too short|a body|"
-    "a capsule|a plane|a library failed|a place would be stored|the method .+ cannot start |.+ is not installed|"
+    "there is no .+ named |no take moves |no take was given|every take is held out|the takes are too short|"
+    "a library failed|a place would be stored|the method .+ cannot start |.+ is not installed|"
     ".+ complete commands|.+ lacks a // behind |.+ is neither a folder nor a bucket|no folder or bucket was given"
 )
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta
 
-from formats.descriptions import load_garment, load_rig
+from formats.descriptions import load_garment, load_rig, wrong_field
 from formats.errors import DescriptionError, HangtimeError
 from formats.garment import Garment
 from formats.rig import Rig
@@ -141,7 +141,9 @@ def load(path: Path) -> InForce:
         config = converted(plain, path.absolute().parent)
     except msgspec.ValidationError as error:
         raise DescriptionError(
-            str(error), where=path, advice="mend that setting; docs/reference/appliance.md explains each"
+            wrong_field(error, (Config, *Part.__subclasses__())),
+            where=path,
+            advice="mend that setting; docs/reference/appliance.md explains each",
         ) from error
     _check_spool(config.spool.folder, path)
     return InForce(config, load_rig(config.sensor.rig), load_garment(config.sensor.garment))

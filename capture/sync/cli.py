@@ -16,6 +16,7 @@ SpoolFolder = Annotated[
     typer.Option("--spool", metavar="DIR", help="The folder of takes.", show_default="the configuration's"),
 ]
 NO_FOLDER = "is no folder, so that no take is in it"
+WHICH_FOLDER = "give the folder of takes with --spool, or as folder in [spool]"
 CONFIG_FILE = Path("/etc/hangtime/appliance.toml")
 
 
@@ -68,7 +69,7 @@ def show_sync(
 
     folder = spool or load_settings(config).spool
     if not folder.is_dir():
-        raise SyncError(NO_FOLDER, where=folder, advice="check the path")
+        raise SyncError(NO_FOLDER, where=folder, advice=WHICH_FOLDER)
     status = read_status(folder)
     if json:
         typer.echo("null" if status is None else (folder / FILE).read_text().strip())
@@ -103,7 +104,7 @@ def prune_takes(
 
     told = load_settings(config, spool) if spool is None or config.exists() else Told(settings_of({}), spool)
     if not told.spool.is_dir():
-        raise SyncError(NO_FOLDER, where=told.spool, advice="check the path")
+        raise SyncError(NO_FOLDER, where=told.spool, advice=WHICH_FOLDER)
     retention = told.settings.retention
     if keep_days is not None:
         if keep_days != keep_days:

@@ -14,6 +14,7 @@ import msgspec
 from capture.appliance.receipts import DEFAULT_URL
 from capture.appliance.retention import Retention
 from capture.errors import SyncError
+from formats.descriptions import wrong_field
 from formats.errors import AddressError
 from formats.store_address import folder_of
 from formats.toml_files import read_toml
@@ -103,7 +104,8 @@ def settings_of(table: Any, *, where: object = None) -> SyncSettings:
         settings = msgspec.convert(table, SyncSettings, dec_hook=_path)
         folder_of(settings.url)
     except msgspec.ValidationError as error:
-        raise SyncError(f"[sync] does not hold: {error}", where=where, advice=SETTINGS_ADVICE) from error
+        words = wrong_field(error, (SyncSettings, Retention))
+        raise SyncError(f"[sync] does not hold: {words}", where=where, advice=SETTINGS_ADVICE) from error
     except AddressError as error:
         raise SyncError(f"url: {error.what}", where=where, advice=error.advice) from error
     return settings

@@ -30,17 +30,22 @@ class Body:
     def __post_init__(self) -> None:
         """Raise FitError for what is no body."""
         sizes = (*self.half_size, self.radius)
-        axes = np.array(self.axes, float)
+        axes, place = np.array(self.axes, float), f"body at {self.centre}"
         if not (np.isfinite((*self.centre, *sizes)).all() and min(sizes) >= 0 and max(sizes) > 0):
             raise FitError(
-                f"a body of half sizes {self.half_size} m and radius {self.radius} m has no inside",
-                advice="give finite sizes, one of them above 0",
+                f"with half sizes of {self.half_size} m and a radius of {self.radius} m it has no inside",
+                where=place,
+                advice="give a finite place and sizes, one size above 0",
             )
         if axes.shape != (3, 3) or not np.allclose(axes @ axes.T, np.eye(3), atol=1e-6):
-            raise FitError("a body's axes are not three unit vectors square to each other", advice="give such axes")
+            raise FitError(
+                f"its axes are {self.axes}", where=place, advice="give three unit vectors square to each other"
+            )
         if not abs(self.taper) * self.half_size[2] < max(self.radius, 1e-12):
             raise FitError(
-                f"a body of radius {self.radius} m that tapers by {self.taper} has no end", advice="let it taper less"
+                f"with a radius of {self.radius} m that tapers by {self.taper} it has no end",
+                where=place,
+                advice="let it taper less",
             )
 
     def row(self) -> Floats:
@@ -115,7 +120,7 @@ def capsule(start: tuple[float, float, float], end: tuple[float, float, float], 
     way = np.subtract(end, start)
     length = float(np.linalg.norm(way))
     if not length > 0:
-        raise FitError("a capsule that ends where it starts is a sphere", advice="use sphere(centre, radius)")
+        raise FitError("it ends where it starts and is a sphere", where=f"capsule at {start}", advice="use sphere(centre, radius)")
     centre = np.add(start, end) / 2
     return Body(centre=_triple(centre), axes=_square_to(way / length), half_size=(0.0, 0.0, length / 2), radius=radius)
 
@@ -128,7 +133,9 @@ def half_space(place: tuple[float, float, float], normal: tuple[float, float, fl
     """
     length = float(np.linalg.norm(normal))
     if not length > 0:
-        raise FitError(f"a plane's normal {normal} has no direction", advice="give one with a length")
+        raise FitError(
+            f"its normal {normal} has no direction", where=f"plane at {place}", advice="give one with a length"
+        )
     unit = np.array(normal) / length
     half = HALF_SPACE
     return Body(centre=_triple(np.array(place) - half * unit), axes=_square_to(unit), half_size=(half, half, half))

@@ -51,7 +51,7 @@ def hangtime(*words):
 def test_a_command_makes_no_folder_where_no_takes_are_and_says_so(tmp_path, command):
     done = hangtime(*command, "--spool", tmp_path / "spoool")
     assert done.returncode == 2
-    assert "spoool: is no folder, so that no take is in it; check the path" in done.stderr
+    assert "spoool: is no folder, so that no take is in it; give the folder" in done.stderr
     assert list(tmp_path.iterdir()) == []
 
 

@@ -264,10 +264,10 @@ def test_a_body_pushes_straight_out_by_its_stiffness_times_overlap(name, cloth):
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: Contact(thickness=-0.001), "thickness of -0.001"),
-        (lambda: Contact(friction=float("nan")), "friction of nan"),
+        (lambda: Contact(thickness=-0.001), "contact thickness: cannot be -0.001; choose 0 to"),
+        (lambda: Contact(friction=float("nan")), "contact friction: cannot be nan"),
         (lambda: Contact(bodies=(sphere((0, 0, 0), 0.01),)), "slips through between samples"),
-        (lambda: Contact(spacing=1.0), "not between 0.005 and 0.1"),
+        (lambda: Contact(spacing=1.0), "contact spacing: cannot be 1.0 m; choose 0.005 to 0.1"),
         (lambda: sphere((0, 0, 0), 0.0), "has no inside"),
         (lambda: sphere((0, 0, float("inf")), 1.0), "has no inside"),
         (lambda: capsule((0, 0, 0), (0, 0, 0), 0.1), "is a sphere"),

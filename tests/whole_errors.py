@@ -40,4 +40,5 @@ def whole_errors(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
     monkeypatch.setattr(HangtimeError, "__init__", noted)
     yield
-    assert [(str(error), missing) for error in made if (missing := missing_of(error))] == []
+    lacking = [(str(error), missing) for error in made if (missing := missing_of(error))]
+    assert not lacking, lacking

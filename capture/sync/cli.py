@@ -100,9 +100,9 @@ def prune_takes(
     from capture.appliance.spool import Spool
     from capture.errors import SyncError
     from capture.sync.rounds import now_here
-    from capture.sync.settings import Told, load_settings, settings_of
+    from capture.sync.settings import SyncSettings, Told, load_settings
 
-    told = load_settings(config, spool) if spool is None or config.exists() else Told(settings_of({}), spool)
+    told = load_settings(config, spool) if spool is None or config.exists() else Told(SyncSettings(), spool)
     if not told.spool.is_dir():
         raise SyncError(NO_FOLDER, where=told.spool, advice=WHICH_FOLDER)
     retention = told.settings.retention

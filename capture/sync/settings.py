@@ -94,7 +94,7 @@ def load_settings(file: Path, spool: Path | None = None) -> Told:
     return Told(settings, spool or file.parent / str(folder), file.parent)
 
 
-def settings_of(table: Any, *, where: object = None) -> SyncSettings:
+def settings_of(table: Any, *, where: object) -> SyncSettings:
     """Return the settings that a table holds.
 
     Raises:

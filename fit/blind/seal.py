@@ -29,7 +29,7 @@ def seal(text: bytes, key: bytes) -> bytes:
     return SEAL_MAGIC + nonce + ChaCha20Poly1305(key).encrypt(nonce, text, SEAL_MAGIC)
 
 
-def unseal(sealed: bytes, key: bytes, *, where: object = None) -> bytes:
+def unseal(sealed: bytes, key: bytes, *, where: object) -> bytes:
     """Return the text.
 
     Raises:
@@ -66,9 +66,11 @@ def load_key(path: Path, *, make: bool = False) -> bytes:
     try:
         key = bytes.fromhex(path.read_text().strip())
     except (OSError, ValueError) as error:
-        raise FitError("holds no key", where=path, advice="without it the labels stay closed") from error
+        raise FitError(
+            "holds no key", where=path, advice="put the key file back: without it the labels stay closed"
+        ) from error
     if len(key) != KEY:
-        raise FitError(f"the key has {len(key)} bytes, not {KEY}", where=path, advice="restore the key file")
+        raise FitError(f"the key has {len(key)} bytes, not {KEY}", where=path, advice="put the whole key file back")
     return key
 
 

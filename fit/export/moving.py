@@ -127,7 +127,7 @@ def check_engine(result: FitResult) -> None:
     """
     if result.engine != OWN_ENGINE:
         raise FitError(
-            f"is of {result.engine}'s cloth, which keeps no shapes", where=result.label, advice="fit with --engine own"
+            f"its cloth is {result.engine}'s, which keeps no shapes", where=result.label, advice="fit with --engine own"
         )
 
 

@@ -120,7 +120,9 @@ def capsule(start: tuple[float, float, float], end: tuple[float, float, float], 
     way = np.subtract(end, start)
     length = float(np.linalg.norm(way))
     if not length > 0:
-        raise FitError("it ends where it starts and is a sphere", where=f"capsule at {start}", advice="use sphere(centre, radius)")
+        raise FitError(
+            "it ends where it starts and is a sphere", where=f"capsule at {start}", advice="use sphere(centre, radius)"
+        )
     centre = np.add(start, end) / 2
     return Body(centre=_triple(centre), axes=_square_to(way / length), half_size=(0.0, 0.0, length / 2), radius=radius)
 

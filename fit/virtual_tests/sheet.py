@@ -22,7 +22,7 @@ def tests_of(result: FitResult) -> Sheet:
     """
     if result.engine != OWN_ENGINE:
         raise FitError(
-            f"is of {result.engine}'s cloth, whose numbers are not properties of a fabric",
+            f"its cloth is {result.engine}'s, whose numbers are not properties of a fabric",
             where=result.label,
             advice="fit with --engine own",
         )

@@ -186,7 +186,7 @@ def theirs(ours):
 
 def test_a_fit_of_blenders_cloth_is_no_fabric(ours, theirs):
     assert ours.engine == "own"
-    with pytest.raises(FitError, match="this fit is of blender's cloth"):
+    with pytest.raises(FitError, match="its cloth is blender's"):
         sheet_of(theirs)
     with pytest.raises(FitError, match="does not hold its material"):
         sheet_of(msgspec.structs.replace(ours, material={"areal_density": 0.1}))

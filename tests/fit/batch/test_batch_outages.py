@@ -154,7 +154,7 @@ class GoneTwice(Folder):
     def write(self, name, content):
         self.attempts += 1
         if self.attempts <= 2:
-            raise UnreachableError("cannot be written", where=name)
+            raise UnreachableError("cannot be written", where=name, advice="make room")
         super().write(name, content)
 
 

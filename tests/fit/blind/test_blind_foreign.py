@@ -373,7 +373,7 @@ def test_labels_keep_who_made_the_set_and_old_labels_read_as_own(tmp_path):
     labels = open_labels(tmp_path / "set")
     assert labels.generator == "own"
     path, key = tmp_path / "set" / LABELS, load_key(tmp_path / "set" / SEALED_KEY)
-    raw = json.loads(unseal(path.read_bytes(), key))
+    raw = json.loads(unseal(path.read_bytes(), key, where=path))
     assert raw.pop("generator") == "own"
     path.write_bytes(seal(json.dumps(raw).encode(), key))
     manifest = json.loads((tmp_path / "set" / MANIFEST).read_text())

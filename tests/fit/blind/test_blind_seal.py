@@ -17,14 +17,14 @@ TEXT = b'{"case": "hem"}' * 20
 
 def test_a_seal_opens_with_its_key_and_hides_the_text():
     sealed = seal(TEXT, KEY)
-    assert unseal(sealed, KEY) == TEXT
+    assert unseal(sealed, KEY, where="labels") == TEXT
     assert b"hem" not in sealed
     assert seal(TEXT, KEY) != sealed  # a fresh nonce each time
 
 
 def test_a_wrong_key_does_not_open_it():
     with pytest.raises(FitError, match="the seal is broken"):
-        unseal(seal(TEXT, KEY), bytes(32))
+        unseal(seal(TEXT, KEY), bytes(32), where="labels")
 
 
 @pytest.mark.parametrize("place", [16, 27, 28, 100, -17, -1])  # nonce, text and tag, each at both ends
@@ -32,14 +32,14 @@ def test_any_changed_byte_breaks_it(place):
     sealed = bytearray(seal(TEXT, KEY))
     sealed[place] ^= 1
     with pytest.raises(FitError, match="the seal is broken"):
-        unseal(bytes(sealed), KEY)
+        unseal(bytes(sealed), KEY, where="labels")
 
 
 def test_what_is_no_seal_is_refused():
     with pytest.raises(FitError, match="is not a seal"):
-        unseal(b"hello", KEY)
+        unseal(b"hello", KEY, where="labels")
     with pytest.raises(FitError, match="is not a seal"):
-        unseal(seal(TEXT, KEY)[:40], KEY)
+        unseal(seal(TEXT, KEY)[:40], KEY, where="labels")
 
 
 def test_a_key_is_made_once_and_only_its_owner_reads_it(tmp_path):

@@ -169,7 +169,7 @@ def test_motion_needs_a_take(kind, tmp_path):
 
 
 def test_motion_of_blenders_cloth_is_refused(order):
-    with pytest.raises(FitError, match="is of blender's cloth, which keeps no shapes"):
+    with pytest.raises(FitError, match="its cloth is blender's, which keeps no shapes"):
         moving_cloth(a_fit("kinect-skirt", engine="blender"), order.take)
 
 

@@ -140,7 +140,7 @@ class Sync:
                 try:
                     self._bring(take)
                 except (SyncError, OSError) as error:
-                    fault = error if isinstance(error, SyncError) else _own_disk(error)
+                    fault = error if isinstance(error, SyncError) else _own_disk(error, self.folder)
                     first_fault = first_fault or fault
                     LOG.warning("%s: %s", take.stem, self.credentials.hide(str(fault)))
                     if isinstance(fault, ServerError) and fault.kind != "take":
@@ -248,9 +248,10 @@ class Sync:
         return (SAME_DISK,) if existing.stat().st_dev == self.folder.stat().st_dev else ()
 
 
-def _own_disk(error: OSError) -> SyncError:
+def _own_disk(error: OSError, folder: Path) -> SyncError:
     """Return the fault of this device's own disk, where receipts are written."""
     return SyncError(
-        f"this device cannot write receipts ({(error.strerror or 'its disk fails').lower()})", where=error.filename,
+        f"this device cannot write receipts ({(error.strerror or 'its disk fails').lower()})",
+        where=error.filename or folder,
         advice="make room on its disk or replace it; what is on the server already is not sent twice",
     )  # fmt: skip

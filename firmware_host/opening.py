@@ -22,8 +22,8 @@ def names_live_sensor(uri: str) -> bool:
 def open_sensor(uri: str, *, anyway: bool = False) -> DepthSensor:
     """Open a sensor by its address; anyway: accept a recording's stamps at any rate.
 
-    An address is a path to an .oni file, openni2: for the connected device, synthetic:MOTION?effect=NAME&seconds=8, or
-    live:FILE.oni, which plays a recording as a live sensor, again and again.
+    An address is a path to an .oni file, openni2: for the connected device, or synthetic:MOTION?effect=NAME&seconds=8.
+    Before a path, live: plays the recording as a live sensor, again and again.
 
     Raises:
         SensorUnavailableError: no such sensor; RecordingError: no such recording.

@@ -185,7 +185,7 @@ def test_the_share_of_mixed_pixels_gives_area_and_centre_by_hand():
 @pytest.mark.parametrize(
     ("place", "sentence"),
     [
-        ((700.0, 20.0), "lies outside the picture; it has 640 x 480"),
+        ((700.0, 20.0), "lies outside the picture; pick within its 640 x 480"),
         ((50.0, 400.0), "there is no dot of 30 mm"),
     ],
 )

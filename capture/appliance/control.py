@@ -173,9 +173,7 @@ def listen(path: Path, do: str) -> Iterator[dict[str, Any]]:
                 ) from None  # fmt: skip
             if not line:
                 if count == 0 or do == "watch":
-                    raise ControlError(
-                        "the daemon hung up", where=path, advice=SEE_UNIT
-                    )
+                    raise ControlError("the daemon hung up", where=path, advice=SEE_UNIT)
                 return
             count += 1
             yield _told(line, path)

@@ -57,7 +57,7 @@ class HeldEdge:
         apart = seen * (arm - (seen * arm).sum(1, keepdims=True) / np.maximum(seen.sum(1, keepdims=True), 1))
         spread = (apart**2).sum(1)
         usable = spread > LEAST_EDGE_SPREAD * (arm**2).sum()
-        if len(arm) < 2 or usable.sum() < FEWEST_FRAMES:
+        if usable.sum() < FEWEST_FRAMES:
             return lambda instants: np.zeros((len(instants), 2)), np.zeros(2)
         slopes = (np.nan_to_num(sides) * apart[..., None]).sum(1)[usable] / spread[usable, None]
         scale = np.maximum(np.sqrt((slopes**2).mean(0)), 1e-6)

@@ -74,6 +74,14 @@ def test_an_edge_of_which_one_side_alone_is_seen_tells_no_turn():
     assert not rms.any()
 
 
+@pytest.mark.parametrize(("across", "is_told"), [((), False), ((0.1,), False), ((-0.2, 0.2), True)])
+def test_two_points_tell_a_turn_and_one_or_none_does_not(across, is_told):
+    course, rms = edge(slip=0.02, noise=0.0, across=np.array(across)).turn()
+    assert course(np.array([1.0, 4.0])).shape == (2, 2)
+    assert bool(rms.any()) == is_told
+    assert bool(course(np.array([1.0, 4.0])).any()) == is_told
+
+
 def stepped(drop, frames=180, alternating=1e-3):
     """An edge whose points tremble by 1 mm from frame to frame, 3.12 mm of noise, and drop on the right after 3 s."""
     seen = edge(slip=drop, noise=0.0)

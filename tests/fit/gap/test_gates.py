@@ -18,6 +18,7 @@ from fit.gap.gates import (
     predictability_gate,
 )
 from fit.methods import SI
+from fit.recordings.impossible_points import describe_impossible
 from fit.recordings.recording import prepare
 from tests.fit.gap.linear_scene import LinearObserver, layout_of
 from tests.fit.gap.test_diagnosis_parts import a_take
@@ -146,6 +147,67 @@ def test_points_on_a_clock_that_is_not_the_hangers_say_nothing_of_the_cloth():
 
 def gate_of(name, training, held_out=()):
     return next(gate for gate in data_gates(list(training), list(held_out)) if gate.name == name)
+
+
+SLIPPED = recorded(travel=0.02, own=0.001, is_calibrated=False, impossible=0.2)
+CHAOS = Chaotic(lambda hz: 2.0, 2.0)
+FITS = [dataclasses.replace(CHAOS.fitted(), residual=np.array([np.sqrt(cost)])) for cost in (11.4, 10.0)]
+GATES = [
+    (
+        data_gates([SLIPPED], [recorded(seconds=2.0)]),
+        [
+            ("calibration", False, 1, 0.0, "takes", "The rig of 1 takes was never measured, so that a wrong number in "
+             "it would pass for an effect: run `hangtime calibrate` and record with the rig that it writes."),
+            ("length", False, 2.0, 2.5, "s", "The shortest take lasts 2.0 s; at least 2.5 s are needed: record "
+             "longer."),
+            ("motion", False, 20.0, 30.0, "mm", "The hanger travels 20 mm in the liveliest take; at least 30 mm are "
+             "needed: swing it wider."),
+            ("cloth motion", False, 1.0, 2e3 * np.sqrt(3e-6), "mm", "The points move by 1.0 mm against the hanger in "
+             "the liveliest take; their noise is 1.7 mm, and 2 times that are needed: swing faster, or come nearer to "
+             "the sensor."),
+            ("repeated frames", True, 0.0, 10.0, "%", "0 % of the frames repeat the one before; at most 10 % may: "
+             "record with a tracker that leaves out what it did not see."),
+            ("impossible points", False, 20.0, 5.0, "%", describe_impossible(0.2)),
+            ("clocks", True, 0, 0.0, "takes", "Points and hanger can have one clock in every take."),
+            ("kind of points", True, None, None, "", "Nothing contradicts material points."),
+        ],
+    ),
+    (
+        data_gates([recorded(timing=SimpleNamespace(is_of_hanger=False, explained=0.6))], [])[6:7],
+        [("clocks", False, 1, 0.0, "takes", None)],
+    ),
+    (
+        [predictability_gate(CHAOS, SI.initial, CHAOS.off)],
+        [("predictability", False, 2.0, np.sqrt(3), "mm", "A change of 0.001 in the parameters moves the points by "
+          "2.00 mm under a pull of 2 Hz.")],
+    ),
+    (
+        [choose_frequency(Chaotic(lambda hz: 0.1), SI.initial)[1]],
+        [("predictability", True, 0.1, np.sqrt(3), "mm", "A change of 0.001 in the parameters moves the points by "
+          "0.10 mm in a free rollout.")],
+    ),
+    (
+        [convergence_gate(FITS, 10.0)],
+        [("base fit", True, 14.0, 15.0, "%", "The best two of 2 starts of the base fit end 14.0 % apart in cost.")],
+    ),
+    (
+        [numerics_gate(0.41, 1.2, 1.5), numerics_gate(None, 1.2, 1.5)],
+        [
+            ("mesh and step", False, 41.0, 40.0, "%", "A mesh 1.5 times finer with its smaller step, refitted, removes "
+             "41 % of the gap; the mesh moves the points by about 1.2 mm."),
+            ("mesh and step", True, 0.0, 40.0, "%", "There is hardly a gap; the mesh moves the points by about 1.2 "
+             "mm."),
+        ],
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("gates", "expected"), GATES)
+def test_every_gate_says_its_name_figure_limit_and_unit(gates, expected):
+    for gate, (name, passed, figure, limit, unit, sentence) in zip(gates, expected, strict=True):
+        assert (gate.name, gate.passed, gate.unit) == (name, passed, unit)
+        assert (gate.figure, gate.limit) == (figure and pytest.approx(figure), limit and pytest.approx(limit))
+        assert sentence in (None, gate.sentence)
 
 
 def test_every_take_is_long_enough():

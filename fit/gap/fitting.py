@@ -106,9 +106,10 @@ class Problem:
         mean = np.concatenate([method.initial, np.zeros(len(effects))])
         if pinned is not None:
             known = pinned.sd[self.columns] / np.sqrt(pinned.trust) / self.typical
-            is_known = np.append(np.zeros(len(method.initial), bool), known < PRIOR_AMPLITUDE)
-            self.prior_sd[is_known] = known[known < PRIOR_AMPLITUDE]
-            mean[is_known] = (pinned.amplitudes[self.columns] / self.typical)[known < PRIOR_AMPLITUDE]
+            is_told = known < PRIOR_AMPLITUDE
+            is_known = np.append(np.zeros(len(method.initial), bool), is_told)
+            self.prior_sd[is_known] = known[is_told]
+            mean[is_known] = (pinned.amplitudes[self.columns] / self.typical)[is_told]
         self.prior = Prior(mean=mean, precision=np.diag(self.prior_sd**-2))
 
     def pack(self, vector: Floats, amplitudes: Floats) -> Floats:

@@ -318,8 +318,13 @@ def test_the_length_of_a_noisy_vector_is_not_overstated():
     assert (low, high) == pytest.approx((np.sqrt(23) - 1.645, np.sqrt(23) + 1.645))
 
 
-def test_the_mesh_is_a_ninth_of_the_smaller_side():
-    assert fine_enough(prepare(a_take())).spacing == pytest.approx(0.044)
+@pytest.mark.parametrize(("share", "spacing"), [(1.0, 0.044), (0.46, 0.02), (0.44, 0.02), (1.3, 0.058), (1.4, 0.06)])
+def test_the_mesh_is_a_ninth_of_the_smaller_side_between_two_and_six_centimetres(share, spacing):
+    """Of 0.4 m, and of sheets that are so many times as large."""
+    recording = prepare(a_take())
+    outline = tuple((share * x, share * y) for x, y in recording.garment.outline_m)
+    sized = dataclasses.replace(recording, garment=msgspec.structs.replace(recording.garment, outline_m=outline))
+    assert fine_enough(sized).spacing == pytest.approx(spacing)
 
 
 def test_motion_is_what_points_do_about_their_mean():

@@ -64,6 +64,17 @@ def test_a_further_effect_that_the_held_edge_shows_is_named_though_it_closes_lit
     assert (likely.get(both.effects[1], 0.0) > 0.5) == (verdict == "several")
 
 
+@pytest.mark.parametrize(("deviation", "is_told"), [(0.05, True), (0.58, True), (0.62, False)])
+def test_the_held_edge_identifies_a_size_that_is_something_by_the_librarys_own_law(deviation, is_told):
+    """1.645 x 0.58 and a little of mesh are less than one size; a law that is good to 20 % would add more."""
+    evidence = evidence_of({"eroded_outline": 8.0})
+    eaten = with_edge(hypothesis(("eroded_outline",), 8.0, deviation=deviation), 1150)
+    evidence = dataclasses.replace(evidence, base=with_edge(evidence.base, 2000), singles={"eroded_outline": eaten})
+    assert evidence.told_by_edge == (frozenset({"eroded_outline"}) if is_told else frozenset())
+    _, (low, _) = evidence.amplitude("eroded_outline")
+    assert (low > 0) == (deviation < 0.5)
+
+
 @pytest.mark.parametrize(("squares", "verdict"), [(1250, "effect"), (1270, "unknown")])
 def test_an_effect_that_puts_the_held_edge_surely_off_is_contradicted_by_itself(squares, verdict):
     """The edge is where it was tracked without it, to 1200; 60 more are certain."""

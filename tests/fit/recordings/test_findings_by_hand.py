@@ -68,11 +68,11 @@ def test_gaps_of_the_hanger_are_named_take_by_take():
 
 def test_a_foreign_clock_is_a_fault_told_of_the_take_that_explains_least_and_ends_what_follows():
     lost = [recording(n, timing=timing(is_of_hanger=False, explained=e), skewed=0, lean=leaning(0.1))
-            for n, e in (("a", 0.3), ("b", 0.2))]  # fmt: skip
+            for n, e in (("a", 0.66), ("b", 0.64))]  # fmt: skip
     clock = foreign_clock(lost)
-    assert (clock.name, clock.take_ids, clock.figure, clock.is_fault) == ("clocks", ["a", "b"], 0.2, True)
+    assert (clock.name, clock.take_ids, clock.figure, clock.is_fault) == ("clocks", ["a", "b"], 0.64, True)
     assert "hanger's in 2 takes:" in clock.sentence
-    assert "held row of b moves (at best 20 %)" in clock.sentence
+    assert "held row of b moves (at best 64 %)" in clock.sentence
     assert f"path explain {100 * LEAST_EXPLAINED:.0f} % of" in clock.sentence
     alone = foreign_clock([recording("c", timing=timing(is_of_hanger=False, explained=-0.4)), recording("d")])
     assert "hanger's in c:" in alone.sentence
@@ -279,8 +279,8 @@ def test_figures_of_takes_go_together_by_their_certainty():
     # The mean's deviation is half the difference, 1, with one degree of freedom.
     assert mean == pytest.approx(2.0)
     assert (high - low) / 2 == pytest.approx(student.ppf(0.95, 1) * np.sqrt(2) / np.sqrt(2))
-    # Halves of 1, 1 and 3 weigh 1/2, 1/2 and 1/10: the median's square is added to each.
-    mean, _ = _together([(0.0, (-1.0, 1.0)), (0.0, (-1.0, 1.0)), (11.0, (8.0, 14.0))])
+    # Halves of 2, 2 and 6 weigh 1/8, 1/8 and 1/40: the median's square is added to each.
+    mean, _ = _together([(0.0, (-2.0, 2.0)), (0.0, (-2.0, 2.0)), (11.0, (5.0, 17.0))])
     assert mean == pytest.approx(1.0)
 
 

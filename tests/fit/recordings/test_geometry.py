@@ -125,5 +125,11 @@ def test_points_far_from_a_path_of_another_clock_are_refused_for_that_clock():
     fine = np.linspace(time[0], time[-1], 4000)
     slower = np.stack([np.interp(0.6 * time, fine, axis) for axis in path(fine).T], 1)
     far = take.held + ((3 * slower - path(time)) * [0, 1, 0])[:, None]
+    recording = prepare(dataclasses.replace(take, held=far, markers=far))
     with pytest.raises(FitError, match="points' clock cannot be the hanger's"):
-        check_geometry(prepare(dataclasses.replace(take, held=far, markers=far)))
+        check_geometry(recording)
+    for explained, said in ((0.64, 64), (-0.2, 0)):
+        timing = dataclasses.replace(recording.camera.timing, explained=explained)
+        told = dataclasses.replace(recording, camera=dataclasses.replace(recording.camera, timing=timing))
+        with pytest.raises(FitError, match=rf"explain 70 % of how the held row moves \(at best {said} %\)"):
+            check_geometry(told)

@@ -68,6 +68,15 @@ def test_a_grid_that_is_laid_over_a_shorter_silhouette_is_put_in_its_place():
     assert length_seen(laid[None], ends(), grid)[0] == pytest.approx(0.25, abs=1e-3)
 
 
+def test_the_way_down_begins_at_the_held_edge_and_not_at_the_first_row():
+    """A grid whose first row hangs 0.02 m below the edge, 30 degrees out of the vertical."""
+    garment = silhouette_sheet()
+    grid, down = grid_of(garment), np.array([0.0, 0.5, -np.sqrt(0.75)])
+    places = np.array([p.at_m for p in garment.points])
+    points = places[:, :1] * [1.0, 0.0, 0.0] + (0.02 - places[:, 1:]) * down
+    assert length_seen(points[None], ends(), grid)[0] == pytest.approx(0.32)
+
+
 def test_columns_that_are_hardly_seen_are_not_placed():
     garment = silhouette_sheet()
     grid = grid_of(garment)

@@ -159,11 +159,25 @@ def test_a_take_tells_no_time_that_is_short_or_seen_too_little():
 
     row[:, 1] = 0.1 * np.sin(4 * (time - 0.1))
     assert find_timing(time, row, swings).latency == pytest.approx(0.1, abs=1e-3)
+    # A clock that begins a minute before or after the take is as good.
+    for ahead in (60.0, -60.0):
+        moved = find_timing(time + ahead, row, lambda instants, ahead=ahead: swings(instants - ahead))
+        assert moved.latency == pytest.approx(0.1, abs=1e-3)
     for count in (4, 30):
         assert find_timing(time[:count], row[:count], swings) is None
     hidden = np.where((np.arange(60) % 60 < 45)[:, None], np.nan, row)
     assert find_timing(time, hidden, swings) is None
     assert find_timing(time, 0 * row + 1.0, lambda instants: path(0 * instants)) is None
+
+
+@pytest.mark.parametrize(("seen", "is_known"), [((0, 1), False), ((1, 3), False), ((0, 3), True), ((1, 2, 3), True)])
+def test_a_row_has_a_middle_where_a_tenth_of_its_spread_is_seen(seen, is_known):
+    """Of points 1 apart n sum a^2 - (sum a)^2 is 1, 4, 9 and 6; a tenth of 5 times 10 is 5, and three have it."""
+    across = np.arange(5) - 2.0
+    points = np.full((1, 5, 3), np.nan)
+    points[0, list(seen)] = np.column_stack([across, 0.2 * across + 1.0, 0 * across])[list(seen)]
+    found = row_middle(points, across)[0]
+    assert found == pytest.approx([0.0, 1.0, 0.0] if is_known else [np.nan] * 3, nan_ok=True)
 
 
 def test_of_six_points_the_outermost_do_not_count_and_of_five_they_do():

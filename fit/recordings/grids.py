@@ -26,6 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fit.runtime import one_thread_of_algebra
 from formats.arrays import Floats
 from formats.garment import Garment
 
@@ -83,8 +84,9 @@ def placed(points: Floats, ends: Floats, grid: Grid) -> Floats:
     points [m], (frames, points, 3); ends [m], (frames, 6), of the held edge, as long as it is on the flat cloth
     """
     found = np.full(points.shape, np.nan)
-    for frame, laid in enumerate(points[:, grid.at]):
-        found[frame, grid.at] = _placed(laid, ends[frame].reshape(2, 3), grid)
+    with one_thread_of_algebra():  # threads would wait for each other at every triangle of a busy machine
+        for frame, laid in enumerate(points[:, grid.at]):
+            found[frame, grid.at] = _placed(laid, ends[frame].reshape(2, 3), grid)
     return found
 
 

@@ -95,6 +95,15 @@ def test_frames_that_are_early_and_late_by_turns_deviate_by_that(frames, still, 
     assert found.deviation == pytest.approx(np.sqrt(0.03**2 - 0.0025**2) if has_one else 0.0, rel=1e-6)
 
 
+@pytest.mark.parametrize(("latency", "share"), [(0.0, 0.0), (0.1, 0.5)])
+def test_a_row_moves_through_the_hangers_frame_as_the_hanger_does_and_later_stamps_put_it_ahead(latency, share):
+    """Along the bar's normal, across the cloth, whatever the stamps; 0.2 s late it is 80 mm ahead of its place."""
+    time = np.arange(9) * 0.1
+    scan = scan_of(time, 0.0)
+    assert scan.velocity(latency, share) == pytest.approx(np.tile([0.0, 0.0, SPEED], (9, 1)))
+    assert scan.local(0.2, 0.0) == pytest.approx(np.tile([0.0, 0.0, 0.2 * SPEED], (9, 1)), abs=1e-12)
+
+
 def test_frames_of_one_lag_do_not_deviate():
     time = np.arange(20) * 0.1
     assert scan_of(time, np.full(20, 0.1)).with_deviation(replace(A_TIMING, latency=0.1)).deviation == 0.0

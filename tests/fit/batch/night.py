@@ -34,13 +34,25 @@ def make_takes(folder, count):
     return folder
 
 
+STARTED: list[subprocess.Popen] = []  # by the test that runs; `conftest.py` ends them after it
+
+
 def start(*words, folder, **environment):
     """Start `hangtime` with these words; its output goes to files of the folder."""
     with (folder / "stdout").open("w") as out, (folder / "stderr").open("w") as err:
-        return subprocess.Popen(
+        process = subprocess.Popen(
             [sys.executable, "-m", "formats.command", *map(str, words)], stdout=out, stderr=err, cwd=folder,
-            env={**os.environ, **environment},
+            env={**os.environ, **environment}, start_new_session=True,
         )  # fmt: skip
+    STARTED.append(process)
+    return process
+
+
+def end(process):
+    """Kill a process that leads a session, with all its children."""
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
 
 
 def said(folder):
@@ -63,12 +75,15 @@ def wait_for(condition, seconds=HANGS):
 
 
 def worker_pids(process):
-    """Process ids of the dask workers that a batch started on this machine."""
+    """Process ids of the dask workers that a batch started on this machine.
+
+    Where setproctitle is installed, dask gives them a title in place of the words they were started with.
+    """
     found = []
     with contextlib.suppress(psutil.Error):
         for child in psutil.Process(process.pid).children(recursive=True):
             with contextlib.suppress(psutil.Error):
-                if any("spawn_main" in word for word in child.cmdline()):
+                if any("spawn_main" in word or word.startswith("dask worker") for word in child.cmdline()):
                     found.append(child.pid)
     return found
 
@@ -102,9 +117,7 @@ def running(*words, **environment):
     try:
         yield process
     finally:
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
+        end(process)
 
 
 def scheduler_at(port):

@@ -18,7 +18,7 @@ from formats.whole_files import check_ends
 def load_arrays(path: Path, names: Collection[str], *, most_bytes: int, advice: str) -> dict[str, NDArray[Any]]:
     """Return the named arrays; others in the archive are not read.
 
-    - `most_bytes`: of these arrays together, unpacked
+    - `most_bytes`: of these arrays together as 64-bit numbers, which an import makes of small ones
     - `advice`: what to give instead of another file
 
     Raises:
@@ -37,7 +37,9 @@ def load_arrays(path: Path, names: Collection[str], *, most_bytes: int, advice: 
             absent = [name for name in names if name not in archive]
             if absent:
                 raise TakeError(f"has no array {absent[0]!r}", where=path, advice=advice)
-            return {name: np.asarray(archive[name]) for name in names}
+            found = {name: np.asarray(archive[name]) for name in names}
+        _refuse_too_many(8 * sum(array.size for array in found.values()), path, most_bytes)
+        return found
     except OSError as error:
         raise TakeError(f"cannot be read ({error.strerror or error})", where=path, advice="check the path") from error
     except (ValueError, EOFError, RuntimeError, MemoryError, SyntaxError, zipfile.BadZipFile, zlib.error) as error:
@@ -48,6 +50,10 @@ def _refuse_a_bomb(file: BinaryIO, path: Path, names: Collection[str], most_byte
     """Refuse an archive whose arrays would take far more memory than any recording."""
     with zipfile.ZipFile(file) as archive:
         wanted = [part for part in archive.infolist() if part.filename.removesuffix(".npy") in names]
-    size = sum(part.file_size for part in wanted)
+    _refuse_too_many(sum(part.file_size for part in wanted), path, most_bytes)
+
+
+def _refuse_too_many(size: int, path: Path, most_bytes: int) -> None:
+    """Refuse so many bytes of numbers."""
     if size > most_bytes:
         raise TakeError(f"its arrays have {size / 1e9:.1f} GB", where=path, advice="import shorter recordings")

@@ -33,7 +33,7 @@ from formats.rig import Rig
 from formats.take import Take
 from formats.two_clocks import at_times, with_hanger
 
-MOST_BYTES = 1 << 28  # of all arrays: twenty hours at 9 frames a second are half of it
+MOST_BYTES = 1 << 27  # of all arrays: two hours of 64 points at 9 frames a second
 FRAMES, POINTS = -1, -2  # as many as there are times, and places on the flat cloth
 SHAPES: dict[str, tuple[int, ...]] = {
     "t": (FRAMES,), "points": (FRAMES, POINTS, 3), "valid": (FRAMES, POINTS), "hanger_corners": (FRAMES, 2, 3),

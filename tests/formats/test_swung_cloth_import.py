@@ -9,6 +9,7 @@ from msgspec.structs import replace
 from formats.archive import read_take
 from formats.descriptions import dump_description, load_garment
 from formats.errors import TakeError
+from formats.importers.npz import load_arrays
 from formats.importers.swung_cloth import import_swung_cloth
 from tests.formats.test_command_line import hangtime, swung_cloth
 
@@ -208,3 +209,11 @@ def test_places_that_contradict_each_other_are_refused(tmp_path, change, sentenc
     np.savez(tmp_path / "a.npz", **{**data, **{name: data[name] * np.array(by) for name, by in change.items()}})
     with pytest.raises(TakeError, match=sentence):
         import_swung_cloth(tmp_path / "a.npz")
+
+
+def test_arrays_of_small_numbers_count_as_what_an_import_makes_of_them(tmp_path):
+    """A thousand numbers of one byte are eight thousand bytes; an archive of 1.5 MB once took 8 GB."""
+    np.savez(tmp_path / "a.npz", t=np.zeros(1000, np.int8))
+    assert load_arrays(tmp_path / "a.npz", ["t"], most_bytes=8000, advice="give less")["t"].shape == (1000,)
+    with pytest.raises(TakeError, match=r"its arrays have 0.0 GB; import shorter recordings"):
+        load_arrays(tmp_path / "a.npz", ["t"], most_bytes=7999, advice="give less")

@@ -42,8 +42,9 @@ def test_what_is_no_body_is_refused(changes, words):
 
 
 def test_a_capsule_and_a_plane_have_a_direction():
-    with pytest.raises(FitError, match="is a sphere"):
+    with pytest.raises(FitError, match="is a sphere") as refused:
         capsule((1.0, 1, 1), (1.0, 1, 1), 0.1)
+    assert "use sphere(centre, radius)" in str(refused.value)
     with pytest.raises(FitError, match="has no direction"):
         half_space((0.0, 0, 0), (0.0, 0, 0))
 

@@ -49,6 +49,16 @@ def test_the_skew_of_a_sheared_grid_is_its_angle():
     assert skew[1] * skew[2] < 0
 
 
+def test_a_grid_that_has_fallen_into_a_line_is_askew_by_a_right_angle():
+    """Whichever way the line goes, and however its cosine is rounded beyond one."""
+    garment = silhouette_sheet()
+    places = np.array([p.at_m for p in garment.points])
+    ways = np.random.default_rng(0).normal(size=(200, 3))
+    for sign in (1.0, -1.0):
+        points = (places[:, 0] - sign * places[:, 1])[:, None] * ways[:, None]
+        assert skew_degrees(points, grid_of(garment)) == pytest.approx(np.full(200, 90.0 * sign), abs=1e-5)
+
+
 def test_a_grid_that_is_laid_over_a_shorter_silhouette_is_put_in_its_place():
     """On a cylinder of 0.2 m, laid down to 0.25 m of 0.3 m: places within are on the cylinder, those below unseen."""
     garment, radius = silhouette_sheet(), 0.2

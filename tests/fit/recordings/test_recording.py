@@ -205,3 +205,15 @@ def test_a_point_is_held_within_a_fiftieth_of_the_garments_height_of_the_edge():
         points[2] = msgspec.structs.replace(points[2], at_m=(points[2].at_m[0], points[2].at_m[1] - down))
         lower = msgspec.structs.replace(garment, points=tuple(points))
         assert prepare(a_take(garment=lower)).judged[2] == is_judged
+
+
+def test_a_recording_with_other_points_has_their_places_and_velocities_and_no_windows():
+    seen = dataclasses.replace(prepare(a_take()), windows=Windows(free=1.0, caught=0.5))
+    lifted = seen.points + [0.0, 0.0, 0.5] + 0.2 * seen.time[:, None, None] * [1.0, 0.0, 0.0]
+    other = seen.with_points(lifted)
+    assert other.points is lifted
+    assert (other.windows, other.held, other.take_id) == (None, seen.held, seen.take_id)
+    instants = np.array([0.4, 1.1])
+    (before, _), (after, _) = seen.targets(instants), other.targets(instants)
+    moved = np.stack([0.2 * instants, 0 * instants, 0 * instants + 0.5, *np.tile([[0.2], [0.0], [0.0]], 2)], 1)
+    assert after - before == pytest.approx(np.repeat(moved[:, None], before.shape[1], 1), abs=1e-6)
